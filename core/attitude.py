@@ -1,0 +1,115 @@
+"""Attitude at a time, or none: a ring of orientations, interpolated, never guessed.
+
+Refuses to extrapolate and to bridge a gap: an instant is covered only where samples before and
+after it lie close together.
+"""
+
+import numpy as np
+
+from core.geometry import R_from_rpy, q_from_R, q_product, rpy_from_q
+from core.jit import kernel
+from core.records import F64, Attitude
+
+KEPT = 512  # samples: 4 s and more at 120 Hz
+MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
+UNIT = 1e-3  # how far a delivered quaternion may be from unit length
+
+
+@kernel
+def _index_before(t_s: F64, start: int, count: int, at_s: float) -> int:
+    """The k-th oldest sample that is the last one at or before `at_s`, within 0..count - 2."""
+    low, high = 0, count - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if t_s[(start + middle) % t_s.size] <= at_s:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> None:
+    """Orientation at a covered instant, interpolated along the shorter arc, into `out` (4,)."""
+    k = _index_before(t_s, start, count, at_s)
+    a, b = (start + k) % t_s.size, (start + k + 1) % t_s.size
+    share = (at_s - t_s[a]) / (t_s[b] - t_s[a])
+    dot = 0.0
+    for n in range(4):
+        dot += q[a, n] * q[b, n]
+    sign = 1.0 if dot >= 0 else -1.0
+    norm = 0.0
+    for n in range(4):
+        out[n] = (1 - share) * q[a, n] + share * sign * q[b, n]
+        norm += out[n] * out[n]
+    for n in range(4):
+        out[n] /= np.sqrt(norm)
+
+
+class AttitudeRing:
+    """The newest orientations of the body: `q_earth_body` (KEPT, 4) at host times `t_s` (KEPT,)."""
+
+    def __init__(self, mount_roll_rad: float, mount_pitch_rad: float, mount_yaw_rad: float) -> None:
+        R_body_sensor = R_from_rpy(mount_roll_rad, mount_pitch_rad, mount_yaw_rad)
+        self._q_sensor_body = q_from_R(R_body_sensor.T)
+        self._R_body_sensor = R_body_sensor
+        self.t_s = np.zeros(KEPT)
+        self.q_earth_body = np.zeros((KEPT, 4))
+        self.start = self.count = 0
+        self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
+        self.rejected = 0  # samples out of order or no orientation at all
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the newest sample; -inf when there is none."""
+        last = (self.start + self.count - 1) % KEPT
+        return float(self.t_s[last]) if self.count else float("-inf")
+
+    def add(self, attitude: Attitude) -> bool:
+        """Take one sample; False (and counted) if it can't be true."""
+        q_earth_sensor = np.array(attitude.q_earth_sensor)
+        length = float(np.linalg.norm(q_earth_sensor))
+        if not (abs(length - 1) <= UNIT and attitude.t_s > self.newest_s):
+            self.rejected += 1
+            return False
+        if self.count == KEPT:
+            self.start = (self.start + 1) % KEPT
+        else:
+            self.count += 1
+        last = (self.start + self.count - 1) % KEPT
+        self.t_s[last] = attitude.t_s
+        self.q_earth_body[last] = q_product(q_earth_sensor / length, self._q_sensor_body)
+        self.rate_body_radps = self._R_body_sensor @ np.array(attitude.rate_radps)
+        return True
+
+    def covers(self, from_s: float, to_s: float) -> bool:
+        """True if every instant from..to lies between two samples that are close together."""
+        if not self.spans(from_s, to_s):
+            return False
+        first = _index_before(self.t_s, self.start, self.count, from_s)
+        last = _index_before(self.t_s, self.start, self.count, to_s) + 1
+        times_s = self.t_s[(self.start + np.arange(first, last + 1)) % KEPT]
+        return bool(np.diff(times_s).max() <= MAX_GAP_S)
+
+    def spans(self, from_s: float, to_s: float) -> bool:
+        """True if from..to lies between the oldest and the newest sample, gaps or not."""
+        return self.count > 1 and bool(self.t_s[self.start] <= from_s and to_s <= self.newest_s)
+
+    def gap_s_at(self, at_s: float) -> float:
+        """Time between the samples on either side of an instant; inf where it is not spanned."""
+        if not self.spans(at_s, at_s):
+            return float("inf")
+        k = self.start + _index_before(self.t_s, self.start, self.count, at_s)
+        return float(self.t_s[(k + 1) % KEPT] - self.t_s[k % KEPT])
+
+    def rpy_at(self, at_s: float) -> tuple[float, float, float]:
+        """(roll, pitch, yaw) of the body in the earth frame at a spanned instant."""
+        q = np.empty(4)
+        q_at(self.t_s, self.q_earth_body, self.start, self.count, at_s, q)
+        return rpy_from_q(q)
+
+    def newest_rpy(self) -> tuple[float, float, float]:
+        """(roll, pitch, yaw) of the newest sample; level while there is none."""
+        if not self.count:
+            return 0.0, 0.0, 0.0
+        return rpy_from_q(self.q_earth_body[(self.start + self.count - 1) % KEPT])

@@ -1,0 +1,117 @@
+"""What a cell's height is: the average of all heights that fell into it, and evidence against free.
+
+The average alone would hide the edge of a box or the mouth of a ditch behind the floor that shares
+its cell. So each cell also counts what contradicts "floor": returns beyond the height bounds, and
+beams that passed below the ground there before they ended lower than `h_neg`: where a beam is below
+the ground there is no ground.
+Source: the paper, section 4.2.2 (average); design, section 7.
+"""
+
+import math
+
+import numpy as np
+
+from core.grid import RingGrid
+from core.jit import kernel
+from core.records import F64, I32, I64
+
+MAX_COUNT = 1_000_000_000
+MAX_EVIDENCE = 60_000
+HOLE_STEPS = 0.25  # of a cell: how finely a beam is followed below the ground
+MAX_HOLE_CELLS = 64  # along one beam
+MAX_TOUCHED = 200_000  # cells of one scan: two echoes of 1081 beams, and what they dug
+
+
+@kernel
+def _touch(at: int, stamp: I64, serial: int, touched: I32, used: int) -> int:
+    """Note a flat cell index once per scan."""
+    if stamp[at] != serial and used < touched.size:
+        stamp[at] = serial
+        touched[used] = at
+        return used + 1
+    return used
+
+
+@kernel
+def _flat(x: float, y: float, cell_m: float, corner: tuple[int, int], size: int) -> int:
+    """Flat index of the cell of a point, -1 outside of the window."""
+    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
+    if not (0 <= i - corner[0] < size and 0 <= j - corner[1] < size):
+        return -1
+    return int((j % size) * size + i % size)
+
+
+@kernel
+def _add_points(
+    points: F64,
+    lenses: F64,
+    bounds: tuple[float, float],
+    window: tuple[int, int, int, float],
+    mean: F64,
+    count: I32,
+    beyond: I32,
+    stamp: I64,
+    serial: int,
+    touched: I32,
+) -> int:
+    """Average heights in, count contradictions, list touched cells; layers are flat views."""
+    h_pos, h_neg = bounds
+    corner, size, cell_m = (window[0], window[1]), window[2], window[3]
+    used = 0
+    for p in range(points.shape[0]):
+        x, y, z = points[p]
+        at = _flat(x, y, cell_m, corner, size)
+        if at >= 0:
+            if count[at] < MAX_COUNT:
+                count[at] += 1
+            mean[at] += (z - mean[at]) / count[at]
+            if (z >= h_pos or z <= h_neg) and beyond[at] < MAX_EVIDENCE:
+                beyond[at] += 1
+            used = _touch(at, stamp, serial, touched, used)
+        if z <= h_neg and lenses[p, 2] > 0:
+            dx, dy = x - lenses[p, 0], y - lenses[p, 1]
+            share = lenses[p, 2] / (lenses[p, 2] - z)  # where the beam met the ground's height
+            below = (1 - share) * math.hypot(dx, dy)
+            steps = min(math.ceil(below / (HOLE_STEPS * cell_m)), int(MAX_HOLE_CELLS / HOLE_STEPS))
+            last = at
+            for s in range(1, steps):
+                along = share + (1 - share) * s / steps
+                dug = _flat(
+                    lenses[p, 0] + along * dx, lenses[p, 1] + along * dy, cell_m, corner, size
+                )
+                if dug >= 0 and dug != last and dug != at and beyond[dug] < MAX_EVIDENCE:
+                    beyond[dug] += 1
+                    used = _touch(dug, stamp, serial, touched, used)
+                last = dug
+    return used
+
+
+class MeanCells:
+    """Layers of a RingGrid: `mean_m`, `count` and `beyond` (contradictions), all (size, size)."""
+
+    def __init__(self, grid: RingGrid, h_pos_m: float, h_neg_m: float) -> None:
+        self.grid, self._bounds = grid, (h_pos_m, h_neg_m)
+        self.mean_m: F64 = grid.layer(np.float64, 0.0)  # above the ground under the robot
+        self.count: I32 = grid.layer(np.int32, 0)
+        self.beyond: I32 = grid.layer(np.int32, 0)
+        self._stamp: I64 = grid.layer(np.int64, 0)
+        self._serial = 0
+        self._touched = np.zeros(min(MAX_TOUCHED, grid.size**2), dtype=np.int32)
+
+    def add(self, points: F64, lenses: F64) -> I32:
+        """Take the returns of a scan, (k, 3) map frame; the flat indices of all cells touched."""
+        self._serial += 1
+        grid = self.grid
+        used = _add_points(
+            points,
+            lenses,
+            self._bounds,
+            (grid.corner_i, grid.corner_j, grid.size, grid.cell_m),
+            self.mean_m.ravel(),
+            self.count.ravel(),
+            self.beyond.ravel(),
+            self._stamp.ravel(),
+            self._serial,
+            self._touched,
+        )
+        return self._touched[:used]

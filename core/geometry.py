@@ -1,0 +1,86 @@
+"""Rotations: angles, matrices and quaternions, in the signs of the design.
+
+Right-handed; quaternions are w x y z and unit; R = Rz(yaw) Ry(pitch) Rx(roll), so that positive
+pitch is nose down and positive roll is right side down for x forward, y left, z up.
+"""
+
+import math
+
+import numpy as np
+
+from core.jit import kernel
+from core.records import F64
+
+ORTHOGONAL = 1e-9  # how far R R' may be from the identity
+
+
+def R_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
+    """Rotation matrix (3, 3) of roll about x, then pitch about y, then yaw about z.
+
+    >>> R_from_rpy(0.0, 0.1, 0.0)[2, 0] < 0  # nose down: the x axis points below the horizon
+    True
+    """
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def check_rotation(R: F64) -> None:
+    """Raises ValueError unless R is a proper rotation matrix (3, 3)."""
+    if R.shape != (3, 3) or np.abs(R @ R.T - np.eye(3)).max() > ORTHOGONAL or np.linalg.det(R) < 0:
+        raise ValueError(f"not a rotation matrix: {R.tolist()}")
+
+
+def q_from_R(R: F64) -> F64:
+    """Quaternion (4,) of a rotation matrix; stable for every angle (largest component first)."""
+    check_rotation(R)
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    squares = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
+    k = int(np.argmax(squares))
+    if k == 0:
+        w = 0.5 * math.sqrt(1 + trace)
+        q = [w, *((np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])) / (4 * w))]
+    else:
+        a, b, c = k - 1, k % 3, (k + 1) % 3
+        big = 0.5 * math.sqrt(1 + R[a, a] - R[b, b] - R[c, c])
+        q = [0.0] * 4
+        q[0] = (R[c, b] - R[b, c]) / (4 * big)
+        q[1 + a] = big
+        q[1 + b] = (R[b, a] + R[a, b]) / (4 * big)
+        q[1 + c] = (R[c, a] + R[a, c]) / (4 * big)
+    return np.array(q)
+
+
+@kernel
+def q_product(a: F64, b: F64) -> F64:
+    """Quaternion (4,) of rotation b followed by rotation a."""
+    return np.array(
+        [
+            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+        ]
+    )
+
+
+def rpy_from_q(q: F64) -> tuple[float, float, float]:
+    """(roll, pitch, yaw) of a unit quaternion (4,)."""
+    w, x, y, z = (float(part) for part in q)
+    return (
+        math.atan2(2 * (y * z + w * x), 2 * (w * w + z * z) - 1),
+        -math.asin(max(-1.0, min(1.0, 2 * (x * z - w * y)))),
+        math.atan2(2 * (x * y + w * z), 2 * (w * w + x * x) - 1),
+    )
+
+
+def wrapped(angle_rad: float) -> float:
+    """The same direction within -pi <= angle < pi."""
+    return (angle_rad + math.pi) % (2 * math.pi) - math.pi

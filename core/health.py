@@ -1,0 +1,69 @@
+"""What the map is worth now: ages and states of the inputs to the health word of the planner link.
+
+Source: planner link, section 3 (health bits, modes); design, section 8.
+"""
+
+from dataclasses import dataclass
+
+SCAN_STALE_S = 0.15  # one of the link's time-outs; 3 scans at 25 Hz
+AHRS_STALE_S = 0.15
+WHEELS_STALE_S = 0.3  # an exchange at 9600 baud may need a second try
+MAX_SLOPE_RAD = 0.35  # steeper than 20 deg, the map can't be used
+
+SCANNER_OK, AHRS_OK, WHEELS_OK, CLOCKS_LOCKED = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+POSE_VALID, MAP_VALID, NO_OVERRUN = 1 << 4, 1 << 5, 1 << 6
+CONTAMINATED, TOO_STEEP = 1 << 8, 1 << 9
+BOOTING, RUNNING, DEGRADED, FAULT, REPLAYED = 0, 1, 2, 3, 4
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What is known of the inputs at one instant; ages in seconds, inf = never."""
+
+    age_scan_s: float  # of the newest scan in the map, its last beam
+    age_ahrs_s: float
+    age_wheels_s: float
+    clocks_locked: bool
+    pose_known: bool
+    map_begun: bool
+    overrun: bool  # within the last second
+    tilt_rad: float  # the larger of |roll| and |pitch|
+    replayed: bool
+
+
+def health_word(inputs: Inputs) -> int:
+    """The health bits of the POSE frame."""
+    word = 0
+    scanner = inputs.age_scan_s <= SCAN_STALE_S
+    ahrs = inputs.age_ahrs_s <= AHRS_STALE_S
+    wheels = inputs.age_wheels_s <= WHEELS_STALE_S
+    level = inputs.tilt_rad <= MAX_SLOPE_RAD
+    pose = ahrs and wheels and inputs.pose_known
+    for holds, bit in (
+        (scanner, SCANNER_OK),
+        (ahrs, AHRS_OK),
+        (wheels, WHEELS_OK),
+        (inputs.clocks_locked, CLOCKS_LOCKED),
+        (pose, POSE_VALID),
+        (pose and scanner and level and inputs.map_begun, MAP_VALID),
+        (not inputs.overrun, NO_OVERRUN),
+        (not level, TOO_STEEP),
+    ):
+        word |= bit if holds else 0
+    return word
+
+
+def trusted(word: int) -> bool:
+    """Whether "free" may be told at all."""
+    return bool(word & MAP_VALID)
+
+
+def mode(word: int, inputs: Inputs) -> int:
+    """The mode of the POSE frame: booting until the map begins, then running or fault."""
+    if inputs.replayed:
+        return REPLAYED
+    if not inputs.map_begun:
+        return BOOTING
+    if not word & MAP_VALID:
+        return FAULT
+    return RUNNING if word & CLOCKS_LOCKED and word & NO_OVERRUN else DEGRADED

@@ -1,0 +1,92 @@
+"""What the rooms hand to each other: SI units, host clock, no behaviour.
+
+Source: design, sections 2, 4 and 5.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+F64 = npt.NDArray[np.float64]
+I8 = npt.NDArray[np.int8]
+I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
+
+OBSTACLE, UNKNOWN, FREE = 1, 0, -1  # what a cell of the obstacle map means (int8)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """One sweep of the laser.
+
+    Beam i left at t_s + i * beam_dt_s, at bearing first_rad + i * step_rad, counter-clockwise from
+    sensor +x (straight ahead).
+    """
+
+    t_s: float  # host monotonic clock, beam 0
+    beam_dt_s: float
+    first_rad: float
+    step_rad: float
+    ranges_m: (
+        F64  # (echoes, n); NaN: no measurement. A slot of the codec's pool: copy it to keep it
+    )
+    counter: int  # the scanner's own, 0..65535
+    arrived_s: float  # host clock, when its last byte was read
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attitude:
+    """Orientation and rate of turn of the attitude sensor's case."""
+
+    t_s: float  # host monotonic clock, of the sampling instant
+    q_earth_sensor: tuple[float, float, float, float]  # w x y z, unit; earth frame has z up
+    rate_radps: tuple[float, float, float]  # about sensor x, y, z; NaN where not delivered
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WheelCounts:
+    """Encoder counters of both wheels at one common instant, since an arbitrary zero."""
+
+    t_s: float  # host monotonic clock
+    left: float  # counts (quadrature edges), forward positive; unwrapped, interpolated to t_s
+    right: float
+    restarts: int  # grows when the zero was lost: travel across such a step is not known
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObstacleWindow:
+    """The obstacle map as it stands: a ring of tri-state cells, aligned with the map frame.
+
+    World cell (i, j) covers x in [i, i + 1) * cell_m and y in [j, j + 1) * cell_m of the map frame
+    and lives at cells[j % size, i % size] while corner <= (i, j) < corner + size.
+    """
+
+    cells: I8  # (size, size): OBSTACLE, UNKNOWN or FREE
+    corner_i: int
+    corner_j: int
+    changed: (
+        I32  # (k,) flat indices (row * size + column) into cells, changed since the last link tick
+    )
+    epoch: int  # grows when the whole map was erased: nothing told before holds any more
+    trusted: (
+        bool  # False: no FREE of it may be told, for an input is stale or the pose is not known
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseReport:
+    """Pose, motion and health for the planner; frame map, SI."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float  # counter-clockwise, -pi..pi
+    pitch_rad: float  # nose down positive
+    roll_rad: float  # right side down positive
+    v_mps: float
+    w_radps: float
+    health: int  # bits of planner-link section 3
+    age_scan_s: float  # inf: never
+    age_ahrs_s: float
+    age_enc_s: float
+    mode: int  # 0 booting, 1 running, 2 degraded, 3 fault, 4 replayed

@@ -1,0 +1,1 @@
+"""Bytes: ports, protocol codecs without I/O, device sessions, the planner link."""

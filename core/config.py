@@ -76,7 +76,7 @@ class Drive(Struct, frozen=True, forbid_unknown_fields=True):
 
     driver: Literal["ax3500"]
     port: Port
-    poll_hz: Annotated[float, Meta(ge=1, le=30)]
+    poll_hz: Annotated[float, Meta(ge=5, le=30)]
     left_channel: Literal[1, 2]
     right_channel: Literal[1, 2]
     invert: list[Literal[1, 2]]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 SCAN_STALE_S = 0.15  # one of the link's time-outs; 3 scans at 25 Hz
 AHRS_STALE_S = 0.15
-WHEELS_STALE_S = 0.3  # an exchange at 9600 baud may need a second try
+WHEELS_STALE_S = 0.4  # an exchange at 9600 baud may need a second try
 MAX_SLOPE_RAD = 0.35  # steeper than 20 deg, the map can't be used
 
 SCANNER_OK, AHRS_OK, WHEELS_OK, CLOCKS_LOCKED = 1 << 0, 1 << 1, 1 << 2, 1 << 3

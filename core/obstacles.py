@@ -11,7 +11,7 @@ import numpy as np
 from core.elevation import MAX_TOUCHED, MeanCells
 from core.grid import RingGrid
 from core.jit import kernel
-from core.records import FREE, I8, I32, OBSTACLE, UNKNOWN, F64
+from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
 
 ENOUGH = 2  # contradictions that make an obstacle
 LOOKED_AGAIN = 6  # returns after which a single contradiction no longer holds a cell unknown

@@ -18,7 +18,7 @@ from core.geometry import wrapped
 from core.records import F64, WheelCounts
 
 KEPT = 128  # poses: 4 s at 30 pairs per second
-EXTRAPOLATED_S = 0.25  # longest going on at the last speed
+EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
 WAITING = 64  # pairs that may wait for an attitude to cover them
 GAP_S = 0.5  # an interval longer than this is checked for what it can hide
 HIDDEN_M = 0.1  # position error that such an interval may hide
@@ -66,6 +66,11 @@ class Odometry:
     def started(self) -> bool:
         """True once there is a position at all."""
         return self._used > 0
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the newest position that encoders vouch for; -inf when there is none."""
+        return float(self._t_s[self._used - 1]) if self._used else float("-inf")
 
     def add(self, counts: WheelCounts) -> None:
         """Take one pair of counts; it counts once the attitude at its time is known."""
@@ -139,7 +144,7 @@ class Odometry:
         return (
             self._used > 0
             and bool(self._t_s[0] <= from_s)
-            and to_s <= float(self._t_s[self._used - 1]) + EXTRAPOLATED_S
+            and to_s <= self.newest_s + EXTRAPOLATED_S
         )
 
     def xy_at(self, at_s: float) -> F64:

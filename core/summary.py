@@ -1,0 +1,81 @@
+"""The robot that the settings describe, in words, for a person to check against the real one."""
+
+import math
+
+import numpy as np
+
+from core.config import Config
+from core.geometry import R_from_rpy
+
+MAX_RANGE_M = 20.0  # LMS1xx
+BYTES_PER_CELL = 8 + 4 + 4 + 8  # elevation: mean, count, contradictions, stamp
+BYTES_PER_WINDOW_CELL = 1 + 1 + 8 + 4  # obstacle map, its change list, what the link keeps
+FRAMES_BYTES = 38 + 26  # a POSE frame and the head of a MAP frame on a serial line
+CHANGES_BYTES = 80  # operations per tick, mean of a drive (planner link, section 10)
+FULL_MAP_BYTES_PER_CELL = 0.055  # runs of a whole map, mean of a drive (same)
+PASSES_PER_S = 2.0  # rolling refresh
+
+
+def robot_in_words(config: Config, line_baud: int | None) -> str:
+    """A dozen lines: what the laser sees of the ground, map sizes, memory, link rate.
+
+    Args:
+        line_baud: of the planner's serial line; None for UDP.
+    """
+    scanner, robot, drive = config.scanner, config.robot, config.drive
+    points = round((scanner.last_deg - scanner.first_deg) / scanner.angular_step_deg) + 1
+    counts_per_m = 2 * robot.encoder_ppr * robot.gear_ratio / (math.pi * robot.wheel_radius_m)
+    cells, window = config.map.cells, config.obstacle.window_cells
+    memory_mb = (cells**2 * BYTES_PER_CELL + window**2 * BYTES_PER_WINDOW_CELL) / 1e6
+    rate_hz = config.planner.rate_hz
+    needed = rate_hz * (FRAMES_BYTES + CHANGES_BYTES)
+    needed += PASSES_PER_S * FULL_MAP_BYTES_PER_CELL * window**2
+    lines = [
+        f"scanner   {scanner.driver} at {scanner.port}: {points} beams from "
+        f"{scanner.first_deg:g} to {scanner.last_deg:g} deg, {scanner.scan_rate_hz} scans/s",
+        f"          {scanner.mount_z_m:g} m above the ground, looking "
+        f"{abs(scanner.mount_tilt_deg):g} deg {'down' if scanner.mount_tilt_deg >= 0 else 'up'}",
+        *(f"          {line}" for line in _ground_in_words(config)),
+        f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.rate_hz:g} samples/s",
+        f"drive     {drive.driver} at {drive.port}: {drive.poll_hz:g} pairs/s, "
+        f"{counts_per_m:.0f} counts per metre; motors never move",
+        f"map       method {config.map.method}, {cells} x {cells} cells of "
+        f"{config.map.cell_m:g} m = {cells * config.map.cell_m:.1f} m square, {memory_mb:.1f} MB",
+        f"obstacle  from {config.obstacle.h_pos_m:+g} m up or {config.obstacle.h_neg_m:+g} m down; "
+        f"the planner gets {window} x {window} cells",
+        f"planner   {config.planner.port}, {rate_hz:g} frames/s: needs about {needed:.0f} bytes/s"
+        + (f", the line carries {line_baud / 10 * 0.85:.0f}" if line_baud else ""),
+    ]
+    if line_baud and needed > line_baud / 10 * 0.85:
+        lines.append(
+            "          too little: cells will come late; lower planner.rate_hz or raise baud"
+        )
+    return "\n".join(lines)
+
+
+def _ground_in_words(config: Config) -> list[str]:
+    """Where the centre beam meets the ground, and how wide the seen strip of ground is."""
+    scanner = config.scanner
+    R_body_sensor = R_from_rpy(
+        math.radians(scanner.mount_roll_deg),
+        math.radians(scanner.mount_tilt_deg),
+        math.radians(scanner.mount_yaw_deg),
+    )
+    bearings_rad = np.radians(
+        np.append(np.arange(scanner.first_deg, scanner.last_deg, scanner.angular_step_deg), 90.0)
+        - 90.0
+    )
+    rays = np.stack([np.cos(bearings_rad), np.sin(bearings_rad), 0 * bearings_rad], 1)
+    rays = rays @ R_body_sensor.T
+    down = np.maximum(-rays[:, 2], 1e-9)
+    ranges_m = scanner.mount_z_m / down
+    points = rays * ranges_m[:, None] + [scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m]
+    seen = ranges_m <= MAX_RANGE_M
+    if not seen[-1]:
+        return [f"its centre beam meets no ground within {MAX_RANGE_M:g} m"]
+    across_m = points[seen, 1]
+    return [
+        f"centre beam meets the ground {points[-1, 0]:.2f} m ahead of the axle "
+        f"(range {ranges_m[-1]:.2f} m)",
+        f"width of ground seen there: {across_m.max() - across_m.min():.1f} m",
+    ]

@@ -1,0 +1,355 @@
+"""mapod: laser scanner, attitude and wheel bytes in; obstacle map out on the planner's wire.
+
+Arguments, logging, wiring, the loop, shutdown. The whole app is `App(config, ports)` with
+`step(now_s)`; it reads no clock and opens no file, so that it runs live, in a replay and in a test
+alike.
+"""
+
+import argparse
+import asyncio
+import contextlib
+import ctypes
+import gc
+import logging
+import math
+import os
+import secrets
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+import structlog
+
+from core import health
+from core.config import Config, ConfigError, load_config
+from core.mapper import Mapper
+from core.records import PoseReport
+from core.summary import robot_in_words
+from hw.ax3500_session import Ax3500
+from hw.lms111_session import Lms111
+from hw.mti_session import Mti
+from hw.planner_link import PlannerLink
+from hw.port import PortUrlError, open_port, parse_url
+from hw.session import Device, DeviceStatus, Port
+
+STATE_LOG_S = 1.0  # counters to the log this often
+FIFO_PRIORITY = 20
+MCL_CURRENT, MCL_FUTURE = 1, 2
+KEY_BYTES = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """The four wires of the app."""
+
+    scanner: Port
+    ahrs: Port
+    drive: Port
+    planner: Port
+
+    def close(self) -> None:
+        """Let go of all of them."""
+        for port in (self.scanner, self.ahrs, self.drive, self.planner):
+            port.close()
+
+
+class App:
+    """Everything that lives for the whole run, made here and nowhere else."""
+
+    def __init__(
+        self,
+        config: Config,
+        ports: Ports,
+        *,
+        session: int,
+        key: bytes | None = None,
+        replayed: bool = False,
+    ) -> None:
+        self.config, self.ports, self._replayed = config, ports, replayed
+        scanner, drive, robot = config.scanner, config.drive, config.robot
+        self.scanner = Lms111(
+            ports.scanner,
+            scan_rate_hz=scanner.scan_rate_hz,
+            angular_step_deg=scanner.angular_step_deg,
+            first_deg=scanner.first_deg,
+            last_deg=scanner.last_deg,
+            echo=scanner.echo,
+        )
+        self.ahrs = Mti(ports.ahrs, rate_hz=config.ahrs.rate_hz, baud=_baud(config.ahrs.port))
+        turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
+        self.drive = Ax3500(
+            ports.drive,
+            poll_hz=drive.poll_hz,
+            left_channel=drive.left_channel,
+            right_channel=drive.right_channel,
+            inverted_channels=tuple(drive.invert),
+            enter_rs232=drive.enter_rs232,
+            max_counts_per_s=turns_per_s * 4 * robot.encoder_ppr,
+        )
+        self.mapper = Mapper(config)
+        self._tick_s = 1.0 / config.planner.rate_hz
+        self.link = PlannerLink(
+            ports.planner,
+            size=config.obstacle.window_cells,
+            cell_mm=round(config.map.cell_m * 1000),
+            session=session,
+            tick_s=self._tick_s,
+            line_baud=_line_baud(config.planner.port),
+            key=key,
+            stale_ms=max(150, math.ceil(3000 * self._tick_s)),
+        )
+        self.log = structlog.get_logger()
+        self._linked_s = self._logged_s = float("-inf")
+        self._overrun_s = float("-inf")
+        self.ticks = self.slots_missed = 0
+        self._states: dict[str, tuple[str, str]] = {}
+
+    @property
+    def _devices(self) -> tuple[DeviceStatus, DeviceStatus, DeviceStatus]:
+        return self.scanner.status, self.ahrs.status, self.drive.status
+
+    def step(self, now_s: float) -> None:
+        """One tick: read, map, write. Never waits."""
+        self.ticks += 1
+        for attitude in self.ahrs.step(now_s):
+            self.mapper.add_attitude(attitude)
+        for counts in self.drive.step(now_s):
+            self.mapper.add_counts(counts)
+        for scan in self.scanner.step(now_s):
+            self.mapper.add_scan(scan)
+        mapped = self.mapper.settle(now_s) > 0
+        since_s = now_s - self._linked_s
+        if since_s >= self._tick_s - 1e-6 or (mapped and since_s >= self._tick_s / 2):
+            window_trusted, report = self._report(now_s)
+            self.link.step(now_s, report, self.mapper.window(window_trusted))
+            self._linked_s = now_s
+        else:
+            self.link.poll(now_s)
+        self._log(now_s)
+
+    def note_missed(self, now_s: float, slots: int) -> None:
+        """The loop came late and skipped slots."""
+        self.slots_missed += slots
+        self._overrun_s = now_s
+
+    def _report(self, now_s: float) -> tuple[bool, PoseReport]:
+        """Whether free may be told, and the pose and health for the planner."""
+        mapper = self.mapper
+        pose = mapper.maybe_pose(now_s)
+        roll_rad, pitch_rad, _ = mapper.attitudes.newest_rpy()
+        inputs = health.Inputs(
+            age_scan_s=now_s - mapper.newest_scan_s,
+            age_ahrs_s=now_s - mapper.attitudes.newest_s,
+            age_wheels_s=now_s - mapper.odometry.newest_s,
+            clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
+            pose_known=pose is not None,
+            map_begun=mapper.counts.scans_added > 0,
+            overrun=now_s - self._overrun_s < 1.0,
+            tilt_rad=max(abs(roll_rad), abs(pitch_rad)),
+            replayed=self._replayed,
+        )
+        word = health.health_word(inputs)
+        rate_z_radps = float(mapper.attitudes.rate_body_radps[2])
+        return health.trusted(word), PoseReport(
+            x_m=pose.x_m if pose else 0.0,
+            y_m=pose.y_m if pose else 0.0,
+            yaw_rad=pose.yaw_rad if pose else 0.0,
+            pitch_rad=pitch_rad,
+            roll_rad=roll_rad,
+            v_mps=mapper.odometry.v_mps if pose else 0.0,
+            w_radps=mapper.odometry.w_radps if math.isnan(rate_z_radps) else rate_z_radps,
+            health=word,
+            age_scan_s=inputs.age_scan_s,
+            age_ahrs_s=inputs.age_ahrs_s,
+            age_enc_s=inputs.age_wheels_s,
+            mode=health.mode(word, inputs),
+        )
+
+    def _log(self, now_s: float) -> None:
+        """A line for each change of a device's state; counters and rejected frames once a second."""
+        for status in self._devices:
+            if self._states.get(status.name) != (status.state, status.cause):
+                self._states[status.name] = (status.state, status.cause)
+                tell = self.log.info if status.state == "running" else self.log.warning
+                tell("device_changed", device=status.name, state=status.state, cause=status.cause)
+        if now_s - self._logged_s < STATE_LOG_S:
+            return
+        self._logged_s = now_s
+        for status in self._devices:
+            if status.rejections:
+                newest = status.rejections[-1]
+                self.log.warning(
+                    "frames_rejected",
+                    device=status.name,
+                    total=status.rejected,
+                    skipped_bytes=status.skipped_bytes,
+                    newest_reason=newest.reason,
+                )
+                status.rejections.clear()
+        counts = self.mapper.counts
+        self.log.debug(
+            "ticks_counted",
+            ticks=self.ticks,
+            slots_missed=self.slots_missed,
+            scans_added=counts.scans_added,
+            scans_dropped=counts.scans_dropped,
+            scans_early=counts.scans_early,
+            maps_erased=counts.erased,
+            frames_sent=self.link.frames_sent,
+        )
+
+
+def _baud(url: str) -> int:
+    """Bits per second of a serial line; 115200, the AHRS's own, where there is none (tcp)."""
+    return parse_url(url).baud or 115_200
+
+
+def _line_baud(url: str) -> int | None:
+    return parse_url(url).baud
+
+
+def read_key(path: str) -> bytes | None:
+    """The planner link's key: 32 bytes, or 64 hex digits; None for "".
+
+    Raises:
+        ConfigError: the file can't be read, or holds no key.
+    """
+    if not path:
+        return None
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigError(f"planner.key_file: can't read {path!r}: {error.strerror}") from None
+    if len(content) == KEY_BYTES:
+        return content
+    with contextlib.suppress(ValueError):
+        key = bytes.fromhex(content.decode("ascii", "replace").strip())
+        if len(key) == KEY_BYTES:
+            return key
+    raise ConfigError(
+        f"planner.key_file: must hold 32 bytes or 64 hex digits, {path!r} holds {len(content)} bytes"
+    )
+
+
+def open_ports(config: Config) -> Ports:
+    """The four ports, none of them connected yet.
+
+    Raises:
+        ConfigError: a URL that names no port.
+    """
+    urls = {
+        "scanner": config.scanner.port,
+        "ahrs": config.ahrs.port,
+        "drive": config.drive.port,
+        "planner": config.planner.port,
+    }
+    ports = {}
+    for section, url in urls.items():
+        try:
+            ports[section] = open_port(url)
+        except PortUrlError as error:
+            raise ConfigError(f"{section}.port: {error}") from None
+    return Ports(**ports)
+
+
+def set_up_logging(config: Config) -> None:
+    """structlog to stderr, for a person or as JSON lines."""
+    renderer = (
+        structlog.processors.JSONRenderer()
+        if config.log.format == "json"
+        else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
+    )
+    structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            renderer,
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(
+            logging.getLevelNamesMapping()[config.log.level.upper()]
+        ),
+        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
+    )
+
+
+def take_real_time(log: structlog.typing.FilteringBoundLogger) -> None:
+    """Keep the collector, the pager and other processes out of the loop, as far as permitted."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    libc = ctypes.CDLL(None, use_errno=True)
+    locked = libc.mlockall(MCL_CURRENT | MCL_FUTURE) == 0
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+        fifo = True
+    except OSError:
+        fifo = False
+    log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
+
+
+async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
+    """Step the app at a fixed rate until told to stop: no drift; missed slots skipped and counted."""
+    due_s = time.monotonic()
+    while not stop.is_set():
+        await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+        app.step(time.monotonic())
+        now_s = time.monotonic()
+        slots = max(1, math.ceil((now_s - due_s) / period_s))
+        if slots > 1:
+            app.note_missed(now_s, slots - 1)
+        due_s += period_s * slots
+
+
+async def serve(config: Config, ports: Ports, key: bytes | None) -> None:
+    """Run the app until SIGINT or SIGTERM."""
+    log = structlog.get_logger()
+    stop = asyncio.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+    warm_kernels(config)
+    app = App(config, ports, session=secrets.randbits(32), key=key)
+    take_real_time(log)
+    log.info("app_started", version=version(), planner=config.planner.port)
+    await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
+    log.info("app_stopped", ticks=app.ticks, slots_missed=app.slots_missed)
+
+
+def version() -> str:
+    """The version in pyproject.toml, as installed."""
+    try:
+        return metadata.version("mapod")
+    except metadata.PackageNotFoundError:
+        return "unknown (not installed)"
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """The command line; gives the exit status."""
+    parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
+    parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
+    parser.add_argument("--check", action="store_true", help="check the settings, tell, and end")
+    parser.add_argument("--warm", action="store_true", help="compile the kernels, and end")
+    parser.add_argument("--version", action="version", version=f"mapod {version()}")
+    options = parser.parse_args(arguments)
+    try:
+        config = load_config(Path(options.config).read_text(encoding="utf-8"))
+        key = read_key(config.planner.key_file)
+        ports = open_ports(config)
+    except (ConfigError, OSError, UnicodeDecodeError) as error:
+        print(f"{options.config}: {error}", file=sys.stderr)
+        return 2
+    with contextlib.closing(ports):
+        if options.check:
+            print(robot_in_words(config, _line_baud(config.planner.port)))
+        elif options.warm:
+            warm_kernels(config)
+        else:
+            set_up_logging(config)
+            asyncio.run(serve(config, ports, key))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -87,9 +87,11 @@ class AttitudeRing:
         if not self.spans(from_s, to_s):
             return False
         first = _index_before(self.t_s, self.start, self.count, from_s)
-        last = _index_before(self.t_s, self.start, self.count, to_s) + 1
+        last = _index_before(self.t_s, self.start, self.count, to_s)
+        if self.t_s[(self.start + last) % KEPT] < to_s:
+            last += 1
         times_s = self.t_s[(self.start + np.arange(first, last + 1)) % KEPT]
-        return bool(np.diff(times_s).max() <= MAX_GAP_S)
+        return bool(np.diff(times_s).max(initial=0.0) <= MAX_GAP_S)
 
     def spans(self, from_s: float, to_s: float) -> bool:
         """True if from..to lies between the oldest and the newest sample, gaps or not."""

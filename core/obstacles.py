@@ -8,7 +8,7 @@ Source: the paper, Definition 1; design, section 7.
 
 import numpy as np
 
-from core.elevation import MAX_TOUCHED, MeanCells
+from core.elevation import MeanCells
 from core.grid import RingGrid
 from core.jit import kernel
 from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
@@ -65,19 +65,15 @@ class ObstacleMap:
     ) -> None:
         self.grid = RingGrid(window_cells, elevation.grid.cell_m)
         self.cells: I8 = self.grid.layer(np.int8, UNKNOWN)
-        self._marked: I8 = self.grid.layer(np.int8, 0)
+        self._marked: I8 = np.zeros((window_cells, window_cells), dtype=np.int8)
         self._elevation, self._bounds = elevation, (h_pos_m, h_neg_m)
-        self._changed = np.zeros(2 * window_cells**2 + MAX_TOUCHED, dtype=np.int32)
+        self._changed = np.zeros(window_cells**2, dtype=np.int32)
         self._used = 0
         self.epoch = 0  # grows when everything was erased
 
     def decide(self, touched: I32) -> None:
         """Decide again the cells that the elevation map touched (flat indices of its window)."""
         source = self._elevation.grid
-        if self._used + touched.size > self._changed.size:
-            self._used = 0
-            self._marked[...] = 0
-            self.epoch += 1  # nobody has asked for changes for very long: let them start anew
         self._used = _decide(
             touched,
             self._elevation.mean_m.ravel(),
@@ -113,6 +109,7 @@ class ObstacleMap:
     def erase(self) -> None:
         """Everything unknown, and nothing told before holds."""
         self.grid.erase()
+        self._marked[...] = 0
         self._used = 0
         self.epoch += 1
 

@@ -83,9 +83,10 @@ class Odometry:
 
     def settle(self) -> None:
         """Lay the intervals whose attitudes have arrived by now."""
-        while self._waiting and self._attitudes.newest_s >= self._waiting[0].t_s:
+        attitudes = self._attitudes
+        while self._waiting and attitudes.count > 1 and attitudes.newest_s >= self._waiting[0].t_s:
             counts = self._waiting.popleft()
-            if self._attitudes.spans(counts.t_s, counts.t_s):
+            if attitudes.spans(counts.t_s, counts.t_s):
                 self._lay(counts)
 
     def _lay(self, counts: WheelCounts) -> None:

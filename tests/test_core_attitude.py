@@ -1,0 +1,89 @@
+"""The attitude ring: interpolation, gaps, what it refuses."""
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.attitude import KEPT, MAX_GAP_S, AttitudeRing
+from core.geometry import R_from_rpy, q_from_R
+from core.records import Attitude
+
+NO_RATE = (float("nan"),) * 3
+
+
+def attitude(t_s: float, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> Attitude:
+    """A sample of a sensor that is mounted straight."""
+    w, x, y, z = (float(part) for part in q_from_R(R_from_rpy(roll, pitch, yaw)))
+    return Attitude(t_s, (w, x, y, z), NO_RATE)
+
+
+def ring_of(*samples: Attitude, mount: tuple[float, float, float] = (0, 0, 0)) -> AttitudeRing:
+    """A ring that has taken these samples."""
+    ring = AttitudeRing(*mount)
+    for sample in samples:
+        ring.add(sample)
+    return ring
+
+
+@given(rate=st.floats(-3, 3), at=st.floats(0.0, 0.09), start=st.floats(-math.pi, math.pi))
+def test_a_steady_turn_is_interpolated_even_across_plus_minus_180_deg(
+    rate: float, at: float, start: float
+) -> None:
+    ring = ring_of(*(attitude(0.01 * k, yaw=start + rate * 0.01 * k) for k in range(11)))
+    _, _, yaw = ring.rpy_at(at)
+    assert math.isclose(math.cos(yaw - start - rate * at), 1.0, abs_tol=1e-9)
+
+
+def test_an_instant_is_covered_only_between_close_samples() -> None:
+    ring = ring_of(attitude(1.00), attitude(1.01), attitude(1.02 + MAX_GAP_S), attitude(1.10))
+    assert ring.covers(1.0, 1.01)
+    assert not ring.covers(0.999, 1.01)
+    assert not ring.covers(1.005, 1.03)
+    assert ring.covers(1.085, 1.10)
+    assert not ring.covers(1.085, 1.1001)
+    assert ring.spans(1.0, 1.1)
+    assert math.isclose(ring.gap_s_at(1.05), 0.01 + MAX_GAP_S)
+    assert ring.gap_s_at(2.0) == math.inf
+
+
+def test_an_empty_ring_and_a_single_sample_cover_nothing() -> None:
+    assert not ring_of().covers(0.0, 0.0)
+    assert not ring_of(attitude(1.0)).covers(1.0, 1.0)
+
+
+def test_samples_out_of_order_or_without_orientation_are_counted_and_left() -> None:
+    ring = ring_of(attitude(1.0))
+    assert not ring.add(attitude(1.0))
+    assert not ring.add(attitude(0.5))
+    assert not ring.add(Attitude(2.0, (0.0, 0.0, 0.0, 0.0), NO_RATE))
+    assert not ring.add(Attitude(2.0, (float("nan"), 0.0, 0.0, 1.0), NO_RATE))
+    assert not ring.add(Attitude(float("nan"), (1.0, 0.0, 0.0, 0.0), NO_RATE))
+    assert ring.rejected == 5
+    assert ring.newest_s == 1.0
+
+
+def test_the_ring_forgets_the_oldest_and_keeps_the_order() -> None:
+    ring = ring_of(*(attitude(0.01 * k, pitch=0.0001 * k) for k in range(KEPT + 100)))
+    assert not ring.covers(0.98, 1.2)
+    assert ring.covers(1.0, 0.01 * (KEPT + 99))
+    _, pitch, _ = ring.rpy_at(2.345)
+    assert math.isclose(pitch, 0.02345, abs_tol=1e-9)
+
+
+@given(
+    mount=st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+    body=st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+)
+def test_the_mount_is_taken_off_orientation_and_rate(
+    mount: tuple[float, float, float], body: tuple[float, float, float]
+) -> None:
+    R_body_sensor = R_from_rpy(*mount)
+    q = q_from_R(R_from_rpy(*body) @ R_body_sensor)
+    rate_body = np.array([0.1, -0.2, 0.3])
+    rate_sensor = R_body_sensor.T @ rate_body
+    sample = Attitude(0.0, tuple(map(float, q)), tuple(map(float, rate_sensor)))  # type: ignore[arg-type]
+    ring = ring_of(sample, mount=mount)
+    np.testing.assert_allclose(R_from_rpy(*ring.newest_rpy()), R_from_rpy(*body), atol=1e-6)
+    np.testing.assert_allclose(ring.rate_body_radps, rate_body, atol=1e-9)

@@ -1,0 +1,63 @@
+"""Health: what may be told, for every combination of inputs."""
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core import health
+from core.health import Inputs, health_word, mode, trusted
+
+GOOD = Inputs(0.05, 0.01, 0.08, True, True, True, False, 0.01, False)
+AGES = st.one_of(st.floats(0, 2), st.just(float("inf")))
+
+
+def test_a_healthy_robot_runs_and_may_tell_free() -> None:
+    word = health_word(GOOD)
+    assert word == 0x7F
+    assert trusted(word)
+    assert mode(word, GOOD) == health.RUNNING
+
+
+@given(
+    ages=st.tuples(AGES, AGES, AGES),
+    flags=st.tuples(*[st.booleans()] * 5),
+    tilt=st.floats(0, 1),
+)
+def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
+    ages: tuple[float, float, float], flags: tuple[bool, ...], tilt: float
+) -> None:
+    locked, pose, begun, overrun, replayed = flags
+    inputs = Inputs(*ages, locked, pose, begun, overrun, tilt, replayed)
+    word = health_word(inputs)
+    fresh = ages[0] <= 0.15 and ages[1] <= 0.15 and ages[2] <= 0.4
+    assert trusted(word) == (fresh and pose and begun and tilt <= health.MAX_SLOPE_RAD)
+    if mode(word, inputs) in (health.RUNNING, health.DEGRADED):
+        assert trusted(word)
+    assert (mode(word, inputs) == health.REPLAYED) == replayed
+
+
+def test_each_stale_input_clears_its_own_bit_and_the_map() -> None:
+    for change, bit in (
+        ({"age_scan_s": 0.2}, health.SCANNER_OK),
+        ({"age_ahrs_s": 0.2}, health.AHRS_OK),
+        ({"age_wheels_s": 0.5}, health.WHEELS_OK),
+    ):
+        inputs = replace(GOOD, **change)
+        word = health_word(inputs)
+        assert not word & bit
+        assert not word & health.MAP_VALID
+        assert mode(word, inputs) == health.FAULT
+
+
+def test_an_overrun_or_an_unlocked_clock_degrades_and_no_scan_yet_is_booting() -> None:
+    for inputs in (replace(GOOD, overrun=True), replace(GOOD, clocks_locked=False)):
+        assert mode(health_word(inputs), inputs) == health.DEGRADED
+    inputs = replace(GOOD, map_begun=False)
+    assert mode(health_word(inputs), inputs) == health.BOOTING
+
+
+def test_a_slope_too_steep_for_the_map_is_said() -> None:
+    word = health_word(replace(GOOD, tilt_rad=0.5))
+    assert word & health.TOO_STEEP
+    assert not trusted(word)

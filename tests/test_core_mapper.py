@@ -1,0 +1,108 @@
+"""The mapper: scans wait for what covers them, and a broken chain erases the maps."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from core.config import load_config
+from core.mapper import WAIT_S, WAITING, Mapper
+from core.records import FREE, OBSTACLE, Scan, WheelCounts
+from core.summary import robot_in_words
+from tests.test_core_attitude import attitude
+from tests.test_core_beams import scan_of
+
+CONFIG = load_config((Path(__file__).parent.parent / "mapod.toml").read_text(encoding="utf-8"))
+
+
+def wall_and_floor(t_s: float) -> Scan:
+    """What a level, standing robot sees of the floor, with a wall 5 m ahead in the middle."""
+    bearings = np.radians(np.linspace(-60, 60, 481))
+    to_floor = 1.08 / (np.cos(bearings) * math.sin(math.radians(7.5)))
+    to_wall = 5.0 / (np.cos(bearings) * math.cos(math.radians(7.5)))
+    ranges = np.where(np.abs(bearings) < 0.3, np.minimum(to_wall, to_floor), to_floor)
+    return scan_of(np.where(ranges <= 20, ranges, np.nan)[None, :], t_s)
+
+
+def standing(until_s: float, mapper: Mapper | None = None) -> Mapper:
+    """A mapper that has been told of a standing robot up to an instant."""
+    mapper = mapper or Mapper(CONFIG)
+    for k in range(round(until_s * 100) + 1):
+        mapper.add_attitude(attitude(0.01 * k))
+        if k % 5 == 0:
+            mapper.add_counts(WheelCounts(0.01 * k, 0.0, 0.0, 0))
+    return mapper
+
+
+def state(mapper: Mapper, x: float, y: float) -> int:
+    """What the planner would be told of a place."""
+    window = mapper.window(True)
+    i, j = mapper.obstacles.grid.cell_of(x, y)
+    return int(window.cells[j % 101, i % 101])
+
+
+def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
+    mapper = standing(1.0)
+    for k in range(2):
+        mapper.add_scan(wall_and_floor(0.4 + 0.04 * k))
+    assert mapper.settle(1.0) == 2
+    assert state(mapper, 5.25, 0.1) == OBSTACLE
+    assert state(mapper, 8.45, 4.0) == FREE
+    assert state(mapper, 7.0, 0.1) == 0
+    assert state(mapper, 1.0, 0.1) == 0
+
+
+def test_a_scan_waits_for_the_attitude_of_its_last_beam() -> None:
+    mapper = standing(0.40)
+    mapper.add_scan(wall_and_floor(0.395))
+    assert mapper.settle(0.40) == 0
+    mapper.add_attitude(attitude(0.41))
+    assert mapper.settle(0.41) == 1
+
+
+def test_a_scan_that_nothing_covers_is_dropped_and_counted() -> None:
+    mapper = standing(0.40)
+    mapper.add_scan(wall_and_floor(0.395))
+    scan_arrived_s = 0.395 + 0.02
+    assert mapper.settle(scan_arrived_s + WAIT_S - 0.001) == 0
+    assert mapper.counts.scans_dropped == 0
+    assert mapper.settle(scan_arrived_s + WAIT_S + 0.001) == 0
+    assert mapper.counts.scans_dropped == 1
+
+
+def test_no_more_scans_wait_than_the_codec_has_slots_for() -> None:
+    mapper = standing(0.40)
+    for k in range(WAITING + 3):
+        mapper.add_scan(wall_and_floor(0.5 + 0.01 * k))
+    assert mapper.counts.scans_dropped == 3
+
+
+def test_before_any_pose_scans_are_counted_apart() -> None:
+    mapper = Mapper(CONFIG)
+    mapper.add_scan(wall_and_floor(0.4))
+    mapper.settle(1.0)
+    assert (mapper.counts.scans_early, mapper.counts.scans_dropped) == (1, 0)
+
+
+def test_restarted_counters_erase_both_maps_and_begin_a_new_epoch() -> None:
+    mapper = standing(1.0)
+    mapper.add_scan(wall_and_floor(0.5))
+    mapper.settle(1.0)
+    epoch = mapper.window(True).epoch
+    mapper.add_counts(WheelCounts(1.05, 0.0, 0.0, 1))
+    mapper.add_attitude(attitude(1.06))
+    mapper.settle(1.06)
+    window = mapper.window(True)
+    assert window.epoch > epoch
+    assert not window.cells.any()
+    assert mapper.newest_scan_s == -math.inf
+
+
+def test_the_summary_says_where_the_papers_laser_looks() -> None:
+    text = robot_in_words(CONFIG, None)
+    assert "meets the ground 8.45 m ahead of the axle (range 8.27 m)" in text
+    assert "481 beams from 30 to 150 deg, 25 scans/s" in text
+    assert "101 x 101 cells of 0.2 m = 20.2 m square" in text
+    assert "width of ground seen there: 28.7 m" in text
+    assert "too little" not in text
+    assert "too little" in robot_in_words(CONFIG, 19_200)

@@ -1,0 +1,55 @@
+# mapod: `make run` and `make test` each set up what is missing, by themselves.
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+SECONDS ?=
+SEED ?= 1
+SCENE ?= corridor
+
+.PHONY: help setup run test check format replay view bench clean
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+
+$(VENV)/.ready: pyproject.toml
+	@echo "mapod: setting up the virtual environment in $(VENV) (once; a minute or two)"
+	@command -v $(PYTHON) >/dev/null || { echo "mapod: needs $(PYTHON): apt install python3.11 python3.11-venv"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
+	@echo "mapod: installing the libraries that pyproject.toml names"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+$(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py)
+	@echo "mapod: compiling the kernels (some 20 seconds, then cached)"
+	@$(BIN)/python main.py --warm
+	@touch $@
+
+setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels
+
+run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
+	@$(BIN)/python -m tools.run --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
+
+test: setup ## all tests, with progress
+	@echo "mapod: running the tests"
+	@$(BIN)/python -m pytest
+
+check: setup ## format, lint, strict types
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+format: setup ## put the code into form
+	@$(BIN)/ruff format .
+	@$(BIN)/ruff check --fix .
+
+replay: setup ## recorded laser bytes through the same app, and the same picture
+	@$(BIN)/python -m tools.replay
+
+view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
+	@$(BIN)/python -m tools.view --port $(or $(PORT),udp://127.0.0.1:9750)
+
+bench: setup ## what a scan costs, and how soon its map is on the wire
+	@$(BIN)/python -m tools.bench
+
+clean: ## remove all that the other targets made
+	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis mapod.egg-info build
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -61,10 +61,9 @@ def _ground_in_words(config: Config) -> list[str]:
         math.radians(scanner.mount_tilt_deg),
         math.radians(scanner.mount_yaw_deg),
     )
-    bearings_rad = np.radians(
-        np.append(np.arange(scanner.first_deg, scanner.last_deg, scanner.angular_step_deg), 90.0)
-        - 90.0
-    )
+    step_deg = scanner.angular_step_deg
+    used_deg = np.arange(scanner.first_deg, scanner.last_deg + step_deg / 2, step_deg)
+    bearings_rad = np.radians(np.append(used_deg, 90.0) - 90.0)
     rays = np.stack([np.cos(bearings_rad), np.sin(bearings_rad), 0 * bearings_rad], 1)
     rays = rays @ R_body_sensor.T
     down = np.maximum(-rays[:, 2], 1e-9)

@@ -114,7 +114,7 @@ def test_settings_are_frozen() -> None:
         config.loop.rate_hz = 100  # type: ignore[misc]
 
 
-VALUES = st.one_of(
+VALUES: st.SearchStrategy[Any] = st.one_of(
     st.integers(), st.floats(), st.booleans(), st.text(alphabet="abc", max_size=4), st.just([])
 )
 

@@ -38,12 +38,11 @@ def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
 
 
 def test_each_stale_input_clears_its_own_bit_and_the_map() -> None:
-    for change, bit in (
-        ({"age_scan_s": 0.2}, health.SCANNER_OK),
-        ({"age_ahrs_s": 0.2}, health.AHRS_OK),
-        ({"age_wheels_s": 0.5}, health.WHEELS_OK),
+    for inputs, bit in (
+        (replace(GOOD, age_scan_s=0.2), health.SCANNER_OK),
+        (replace(GOOD, age_ahrs_s=0.2), health.AHRS_OK),
+        (replace(GOOD, age_wheels_s=0.5), health.WHEELS_OK),
     ):
-        inputs = replace(GOOD, **change)
         word = health_word(inputs)
         assert not word & bit
         assert not word & health.MAP_VALID

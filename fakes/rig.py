@@ -1,0 +1,39 @@
+"""The rig: one world, the three devices of its robot, and the driver, on whatever clock steps them.
+
+It moves no bytes: the caller puts a wire on each device.
+"""
+
+from pathlib import Path
+
+from fakes.ax3500 import FakeAx3500
+from fakes.driver import Driver
+from fakes.lms111 import FakeLms111
+from fakes.mti import FakeMti
+from fakes.scene import Scene
+from fakes.world import F64, World
+
+
+class Rig:
+    """World, devices and driver; `step` first, then the wires, with the same `now_s`.
+
+    Args:
+        start_delay_s: from the first step to the driver's first command.
+    """
+
+    def __init__(self, scene: Scene | str | Path, seed: int, start_delay_s: float = 3.0) -> None:
+        self.world = World(scene, seed)
+        self.scanner = FakeLms111(self._ranges_m_at, seed)
+        self.ahrs = FakeMti(self.world.motion_at, seed + 1)
+        self.drive = FakeAx3500(self.world.wheels, seed + 2)
+        route = self.world.scene
+        self.driver = Driver(
+            self.world.pose, self.drive.command, route.waypoints, route.speed_mps, start_delay_s
+        )
+
+    def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        return self.world.ranges_m(times_s, bearings_rad)
+
+    def step(self, now_s: float) -> None:
+        """Physics and driver up to `now_s`."""
+        self.world.step_to(now_s)
+        self.driver.step(now_s)

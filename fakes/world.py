@@ -1,0 +1,205 @@
+"""The truth behind the fakes: a scene and a robot in MuJoCo, whose last second can be asked about.
+
+Instants are host times. The world begins at the first instant it is stepped to, and does not read
+a clock: real time and simulated time are the same to it. Two worlds with the same scene and seed
+that get the same commands at the same instants are the same to the bit.
+"""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from fakes import robot
+from fakes.scene import Scene, load_scene
+
+F64 = npt.NDArray[np.float64]
+mj: Any = mujoco  # compiled: it comes without types
+STEP_S = robot.STEP_S
+KEPT = 512  # physics steps, 1 s: how far back instants may lie
+SETTLING_STEPS = 500  # before the world begins, so that the robot rests on its contacts
+GROUP = 8  # beams that share one pose: 0.2 ms of a sweep
+FAR_M = 30.0  # a beam returns nothing from beyond
+MOTOR_SLEW_MPS2 = 3.0  # how fast the controller lets the wanted rim speed change
+MOTOR_SPREAD = 0.01  # 1 sigma of what makes each motor faster or slower than the command
+SCENE_ONLY = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)  # geom groups that beams hit
+
+
+class Wheels:
+    """The two motors and their encoders, as the controller is wired: 1 is left, 2 is right."""
+
+    def __init__(self, world: "World", gains: tuple[float, float]) -> None:
+        self._world, self._gains = world, gains
+        self.wanted_mps = [0.0, 0.0]
+
+    def counts(self) -> tuple[float, float]:
+        """Encoder edges (channel 1, channel 2) at the instant the world was stepped to."""
+        left_rad, right_rad = self._world.wheel_angles_rad()
+        scale = robot.COUNTS_PER_TURN / math.tau
+        return left_rad * scale, right_rad * scale
+
+    def set_power(self, one: float, two: float) -> None:
+        """Share of full power per channel, -1..1, held until the next call."""
+        for k, (power, gain) in enumerate(zip((one, two), self._gains, strict=True)):
+            self.wanted_mps[k] = max(-1.0, min(1.0, power)) * robot.MAX_SPEED_MPS * gain
+
+
+class World:
+    """Physics of one robot in one scene, and rays for its scanner.
+
+    Args:
+        scene: a scene, the name of a shipped one, or the path of a scene's file.
+        seed: spreads the strength of the two motors.
+    """
+
+    def __init__(self, scene: Scene | str | Path, seed: int) -> None:
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        self._model = mj.MjModel.from_xml_string(robot.mjcf(self.scene))
+        self._data = mj.MjData(self._model)
+        random = np.random.default_rng(seed)
+        left, right = random.normal(1.0, MOTOR_SPREAD, 2)
+        self.wheels = Wheels(self, (float(left), float(right)))
+        self._begin_s: float | None = None
+        self._now_s = 0.0
+        self._steps = 0  # taken since the begin
+        self._ctrl_mps = [0.0, 0.0]
+        self._state = np.zeros((KEPT, 9))  # x y z, qw qx qy qz, left and right wheel angle
+        self._motion = np.zeros((KEPT, 6))  # rate of turn and specific force of the attitude sensor
+        tilt = math.radians(robot.LENS_TILT_DEG)
+        self._R_body_lens = _rotation_y(tilt)
+        self._settle()
+
+    def _settle(self) -> None:
+        """Rest on the ground, then call that place the origin of the map."""
+        for _ in range(SETTLING_STEPS):
+            mj.mj_step(self._model, self._data)
+        q_pos = self._data.qpos
+        yaw = _angles(_R_from_q(q_pos[3:7]))[0]
+        turn = np.array([math.cos(yaw / 2), 0.0, 0.0, -math.sin(yaw / 2)])
+        level = np.empty(4)
+        mj.mju_mulQuat(level, turn, q_pos[3:7].copy())
+        q_pos[0:2], q_pos[3:7], q_pos[7:9] = 0.0, level, 0.0
+        self._data.qvel[:] = 0.0
+        mj.mj_forward(self._model, self._data)
+        self._record()
+
+    def _record(self) -> None:
+        k = self._steps % KEPT
+        self._state[k] = self._data.qpos[:9]
+        self._motion[k] = self._data.sensordata
+
+    def step_to(self, now_s: float) -> None:
+        """Advance physics to `now_s`, a host time that never goes back."""
+        if self._begin_s is None:
+            self._begin_s = now_s
+        self._now_s = max(self._now_s, now_s)
+        while self._begin_s + self._steps * STEP_S < now_s:
+            self._step()
+
+    def _step(self) -> None:
+        most = MOTOR_SLEW_MPS2 * STEP_S
+        for k in (0, 1):
+            change = self.wheels.wanted_mps[k] - self._ctrl_mps[k]
+            self._ctrl_mps[k] += max(-most, min(most, change))
+            self._data.ctrl[k] = self._ctrl_mps[k] / robot.WHEEL_RADIUS_M
+        mj.mj_step(self._model, self._data)
+        self._steps += 1
+        self._record()
+
+    def _at(self, ring: F64, times_s: F64) -> F64:
+        """Rows (n, m) of a ring at instants (n,), interpolated; the oldest or newest beyond it."""
+        begin_s = self._now_s if self._begin_s is None else self._begin_s
+        oldest = max(0, self._steps - KEPT + 1)
+        k = np.clip((times_s - begin_s) / STEP_S, oldest, self._steps)
+        before = np.minimum(np.floor(k).astype(np.int64), max(oldest, self._steps - 1))
+        share = (k - before)[:, None]
+        after = np.minimum(before + 1, self._steps)
+        return np.asarray((1 - share) * ring[before % KEPT] + share * ring[after % KEPT])
+
+    def _now_or(self, t_s: float | None) -> F64:
+        return np.array([self._now_s if t_s is None else t_s])
+
+    def wheel_angles_rad(self) -> tuple[float, float]:
+        """How far (left, right) have turned since the begin, forward positive."""
+        state = self._at(self._state, self._now_or(None))[0]
+        return float(state[7]), float(state[8])
+
+    def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
+        """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
+        state = self._at(self._state, self._now_or(t_s))[0]
+        yaw, pitch, roll = _angles(_R_from_q(state[3:7]))
+        return float(state[0]), float(state[1]), yaw, pitch, roll
+
+    def height_m(self, t_s: float | None = None) -> float:
+        """How high the body frame's origin lies above the map's z = 0."""
+        return float(self._at(self._state, self._now_or(t_s))[0, 2])
+
+    def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> F64:
+        """Height (n,) of the highest surface of the scene at x (n,), y (n,), map frame."""
+        return self.scene.height_at(x, y)
+
+    def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
+        """What an attitude sensor on the body, its axes along the body's, goes through.
+
+        Returns:
+            R_earth_sensor (3, 3), earth being north, west, up; rate of turn (3,) rad/s and
+            specific force (3,) m/s2, both along the sensor's axes: standing, z is +9.81.
+        """
+        at_s = np.array([t_s])
+        R_map_sensor = _R_from_q(self._at(self._state, at_s)[0, 3:7])
+        R_earth_map = _rotation_z(-self.scene.x_axis_east_of_north_rad)
+        motion = self._at(self._motion, at_s)[0]
+        return R_earth_map @ R_map_sensor, motion[:3], motion[3:]
+
+    def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
+        """What beams from the lens meet: (n,) metres, NaN where nothing is within 30 m.
+
+        Args:
+            times_s: (n,) instants of the last second, in order.
+            bearings_rad: (n,) in the scan plane, from straight ahead, counter-clockwise.
+        """
+        n = len(times_s)
+        rays = np.zeros((n, 3))
+        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
+        rays = rays @ self._R_body_lens.T
+        starts = np.arange(0, n, GROUP)
+        states = self._at(self._state, times_s[np.minimum(starts + GROUP // 2, n - 1)])
+        distances, solids = np.empty(n), np.empty(n, dtype=np.int32)
+        for start, state in zip(starts, states, strict=True):
+            some = slice(start, start + GROUP)
+            R_map_body = _R_from_q(state[3:7])
+            rays_map = np.ascontiguousarray(rays[some] @ R_map_body.T).ravel()
+            lens_map = state[:3] + R_map_body @ robot.LENS_BODY_M
+            mj.mj_multiRay(
+                self._model, self._data, lens_map, rays_map, SCENE_ONLY, 1, -1,
+                solids[some], distances[some], None, len(rays_map) // 3, FAR_M,
+            )  # fmt: skip
+        distances[distances < 0] = np.nan
+        return distances
+
+
+def _R_from_q(q: F64) -> F64:
+    """Rotation matrix (3, 3) of a quaternion (4,) w x y z, which need not be of unit length."""
+    flat, unit = np.empty(9), q / np.sqrt(q @ q)
+    mj.mju_quat2Mat(flat, unit)
+    return flat.reshape(3, 3)
+
+
+def _rotation_y(angle_rad: float) -> F64:
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def _rotation_z(angle_rad: float) -> F64:
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _angles(R: F64) -> tuple[float, float, float]:
+    """(yaw, pitch, roll) of R = Rz Ry Rx: nose down and right side down are positive."""
+    yaw = math.atan2(R[1, 0], R[0, 0])
+    pitch = -math.asin(max(-1.0, min(1.0, R[2, 0])))
+    return yaw, pitch, math.atan2(R[2, 1], R[2, 2])

@@ -1,0 +1,144 @@
+"""A device's own time to the host's monotonic clock. Pure arithmetic; reads no clock.
+
+What a device sends arrives late, never early. So of all samples in a window, the least delayed ones
+tell the offset between both clocks, and the line under them tells the drift: no arrival lies below
+it. A constant part of the delay can't be seen, and is left in.
+
+Refuses to smooth: times of successive samples may step by what a new sample has taught.
+Source: design, section 4.
+"""
+
+import math
+from collections import deque
+
+BUCKET_S = 0.5  # of arrivals; each bucket keeps its least delayed sample
+BUCKETS = 20  # the window
+SLOPE_AFTER_S = 4.0  # a shorter window's slope is mostly noise
+MAX_DRIFT = 1e-3
+LOCK_S, LOCK_SAMPLES = 1.0, 20
+UNLOCKED_S = 0.02  # uncertainty until then
+MAX_LATE_S = 2.0  # a sample later than this comes from a clock that began anew,
+MAX_EARLY_S = 0.5  # and one that much too early as well: the line follows anything less at once
+
+Sample = tuple[float, float]  # arrival (host), arrival minus device time
+
+
+class DeviceClock:
+    """Host time of a device's counter that ticks every tick_s and wraps at wrap_ticks.
+
+    Survives wraps (also unseen ones), gaps, restarts of the device, drift up to MAX_DRIFT.
+    """
+
+    def __init__(self, tick_s: float, wrap_ticks: int) -> None:
+        self.restarts = 0  # how often the device's time was found to have begun anew
+        self.samples = 0  # since it began
+        self._tick_s, self._wrap_ticks = tick_s, wrap_ticks
+        self._begin()
+
+    def _begin(self) -> None:
+        self._least: deque[Sample] = deque(maxlen=BUCKETS)
+        self._ticks = 0  # newest sample, unwrapped
+        self._arrived_s = self._began_s = -math.inf
+        self._line = (0.0, 0.0, 0.0)  # offset at an arrival time, that time, slope
+        self._uncertainty_s = math.inf
+        self.samples = 0
+
+    @property
+    def locked(self) -> bool:
+        """True once there were samples enough to trust the offset."""
+        return self.samples >= LOCK_SAMPLES and self._arrived_s - self._began_s >= LOCK_S
+
+    @property
+    def uncertainty_s(self) -> float:
+        """Typical error of a host time, beyond a constant delay; inf before the first sample."""
+        return self._uncertainty_s if self.locked or not self.samples else UNLOCKED_S
+
+    def host_s(self, ticks: int, arrived_s: float) -> float:
+        """Take in a sample that was stamped `ticks` and arrived then; the host time of its stamp."""
+        if not self._follows(ticks, arrived_s):
+            self.restarts += bool(self.samples)
+            self._begin()
+            self._ticks, self._began_s = ticks, arrived_s
+        elif arrived_s - self._arrived_s > BUCKETS * BUCKET_S:  # nothing of the window is left
+            self.samples, self._began_s = 0, arrived_s
+        self._arrived_s = arrived_s
+        self.samples += 1
+        self._learn((arrived_s, arrived_s - self._ticks * self._tick_s))
+        return self._from_device(self._ticks)
+
+    def host_s_near(self, ticks: int) -> float:
+        """Host time of another stamp of the same counter, within half a wrap of the newest."""
+        return self._from_device(self._ticks + self._signed(ticks - self._ticks))
+
+    def _signed(self, ticks: int) -> int:
+        """A difference of stamps as the smallest that it can be."""
+        half = self._wrap_ticks // 2
+        return (ticks + half) % self._wrap_ticks - half
+
+    def _follows(self, ticks: int, arrived_s: float) -> bool:
+        """Unwrap `ticks` by the time that passed; False if it can't belong to this clock."""
+        if not self.samples:
+            return False
+        passed_s = arrived_s - self._arrived_s
+        expected = round(passed_s / self._tick_s)
+        step = expected + self._signed(ticks - self._ticks - expected)
+        late_s = arrived_s - self._from_device(self._ticks + step)
+        early_s = MAX_EARLY_S + MAX_DRIFT * passed_s
+        if step < 0 or not -early_s <= late_s <= MAX_LATE_S + MAX_DRIFT * passed_s:
+            return False
+        self._ticks += step
+        return True
+
+    def _from_device(self, ticks: int) -> float:
+        device_s = ticks * self._tick_s
+        offset_s, at_s, slope = self._line
+        return device_s + offset_s + slope * (device_s + offset_s - at_s)
+
+    def _learn(self, sample: Sample) -> None:
+        """Keep the sample if it is the least delayed of its bucket, and draw the line anew."""
+        oldest_s = sample[0] - BUCKETS * BUCKET_S
+        left = len(self._least)
+        while self._least and self._least[0][0] < oldest_s:
+            self._least.popleft()
+        bucket = math.floor(sample[0] / BUCKET_S)
+        if not self._least or math.floor(self._least[-1][0] / BUCKET_S) != bucket:
+            self._least.append(sample)
+        elif sample[1] - self._line[2] * (sample[0] - self._least[-1][0]) < self._least[-1][1]:
+            self._least[-1] = sample
+        elif len(self._least) == left:
+            return
+        self._draw()
+
+    def _draw(self) -> None:
+        """The highest line under all kept samples, by its slope over the middle of the window."""
+        at_s = self._least[-1][0]
+        slope = 0.0
+        if at_s - self._least[0][0] >= SLOPE_AFTER_S:
+            slope = max(-MAX_DRIFT, min(MAX_DRIFT, _slope_under(list(self._least))))
+        heights = [offset_s - slope * (t_s - at_s) for t_s, offset_s in self._least]
+        offset_s = min(heights)
+        self._line = (offset_s, at_s, slope)
+        self._uncertainty_s = sum(heights) / len(heights) - offset_s
+
+
+def _slope_under(samples: list[Sample]) -> float:
+    """Slope of the lower hull's edge over the middle of the samples' time.
+
+    >>> _slope_under([(0.0, 0.0), (1.0, 9.0), (2.0, 1.0), (3.0, 9.0), (4.0, 2.0)])
+    0.5
+    """
+    hull: list[Sample] = []
+    for sample in samples:
+        while len(hull) >= 2 and _turns_down(hull[-2], hull[-1], sample):
+            hull.pop()
+        hull.append(sample)
+    middle_s = (samples[0][0] + samples[-1][0]) / 2
+    for left, right in zip(hull, hull[1:], strict=False):
+        if left[0] <= middle_s <= right[0]:
+            return (right[1] - left[1]) / (right[0] - left[0])
+    return 0.0
+
+
+def _turns_down(a: Sample, b: Sample, c: Sample) -> bool:
+    """True if b lies on or above the line from a to c."""
+    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

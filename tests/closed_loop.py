@@ -1,0 +1,147 @@
+"""The whole house in one process on a simulated clock: world, fakes, wires, app, planner's end."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from core.config import Config, load_config
+from core.records import FREE, OBSTACLE, UNKNOWN
+from fakes.planner import FakePlanner
+from fakes.rig import Rig
+from fakes.wire import MemoryPort, Wire
+from main import App, Ports
+
+F64 = npt.NDArray[np.float64]
+SHIPPED = Path(__file__).parent.parent / "mapod.toml"
+START_S = 1000.0
+SESSION = 0x5A17C0DE
+
+
+def settings(**changes: dict[str, Any]) -> Config:
+    """The shipped settings with some of them changed: settings(map={"cells": 401})."""
+    table = msgspec.to_builtins(load_config(SHIPPED.read_text(encoding="utf-8")))
+    for section, values in changes.items():
+        table[section].update(values)
+    return msgspec.convert(table, Config)
+
+
+class ClosedLoop:
+    """App and fakes, stepped together; faults are set on the wires and fakes between steps."""
+
+    def __init__(
+        self, config: Config | None = None, scene: str = "corridor", seed: int = 1
+    ) -> None:
+        self.config = config or settings()
+        self.rig = Rig(scene, seed)
+        self.planner = FakePlanner()
+        self.ports = {name: MemoryPort() for name in ("scanner", "ahrs", "drive")}
+        self.link_port = MemoryPort(datagrams=True)
+        self.wires = {
+            "scanner": Wire(self.rig.scanner, self.ports["scanner"], seed),
+            "ahrs": Wire(self.rig.ahrs, self.ports["ahrs"], seed + 1),
+            "drive": Wire(self.rig.drive, self.ports["drive"], seed + 2),
+        }
+        self.app = App(
+            self.config,
+            Ports(self.ports["scanner"], self.ports["ahrs"], self.ports["drive"], self.link_port),
+            session=SESSION,
+        )
+        self.now_s = START_S
+        self.ticks = 0
+        self.sent = bytearray()  # all link bytes, for comparing two runs
+        self.listening = True
+
+    def step(self) -> None:
+        """One tick of everything."""
+        self.ticks += 1
+        self.now_s = START_S + self.ticks / self.config.loop.rate_hz
+        self.rig.step(self.now_s)
+        for wire in self.wires.values():
+            wire.step(self.now_s)
+        self.app.step(self.now_s)
+        for datagram in self.link_port.take_datagrams():
+            self.sent += datagram
+            if self.listening:
+                self.planner.feed_datagram(self.now_s, datagram)
+        for answer in self.planner.poll(self.now_s) if self.listening else []:
+            self.link_port.give(answer)
+
+    def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
+        """Step for so long; `each` is called after every step."""
+        for _ in range(round(seconds * self.config.loop.rate_hz)):
+            self.step()
+            if each:
+                each()
+
+    def map_now(self) -> npt.NDArray[np.int8]:
+        """The app's obstacle window, (size, size) [j, i] from its corner."""
+        grid, cells = self.app.mapper.obstacles.grid, self.app.mapper.obstacles.cells
+        return np.roll(cells, (-grid.corner_j, -grid.corner_i), axis=(0, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A map held against the world's truth."""
+
+    seen: int  # cells decided, not within one cell of an edge of the truth
+    right: int
+    free_on_obstacle: list[tuple[float, float]]  # centres of free cells on boxes or in the ditch
+    floor_error_m: F64  # height errors of floor cells
+    wrong: list[tuple[float, float, int]]
+
+
+SAMPLES = np.linspace(0.02, 0.98, 7)
+
+
+def compare(loop: ClosedLoop) -> Comparison:
+    """The app's maps now against the world; places in the map frame, which begins at the start."""
+    mapper = loop.app.mapper
+    grid, cell_m = mapper.obstacles.grid, mapper.obstacles.grid.cell_m
+    size = grid.size
+    i = grid.corner_i - 1 + np.arange(size + 2)
+    j = grid.corner_j - 1 + np.arange(size + 2)
+    x = (i[None, :, None, None] + SAMPLES[None, None, None, :]) * cell_m
+    y = (j[:, None, None, None] + SAMPLES[None, None, :, None]) * cell_m
+    x, y = np.broadcast_arrays(x, y)
+    heights = loop.rig.world.height_at(x.ravel(), y.ravel()).reshape(x.shape)
+    flat = heights.reshape(size + 2, size + 2, -1)
+    beyond = (flat >= 0.10) | (flat <= -0.10)
+    truth = np.where(beyond.all(-1), OBSTACLE, np.where(beyond.any(-1), UNKNOWN, FREE))
+    low, high = flat.min(-1), flat.max(-1)
+    inner = np.s_[1:-1, 1:-1]
+    clear = np.ones((size, size), dtype=bool)  # all nine cells around are of one kind and height
+    for dj in range(3):
+        for di in range(3):
+            part = np.s_[dj : dj + size, di : di + size]
+            clear &= truth[part] == truth[inner]
+            clear &= (high[part] - low[inner] < 0.08) | (truth[inner] == OBSTACLE)
+    cells = loop.map_now()
+    seen = (cells != UNKNOWN) & clear & (truth[inner] != UNKNOWN)
+    right = seen & (cells == truth[inner])
+    danger = ((flat >= 0.15) | (flat <= -0.15)).any(-1)[inner]
+    centre = ((i[1:-1] + 0.5) * cell_m, (j[1:-1] + 0.5) * cell_m)
+
+    def places(mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
+        rows, columns = np.nonzero(mask)
+        return [
+            (round(float(centre[0][c]), 2), round(float(centre[1][r]), 2))
+            for r, c in zip(rows, columns, strict=True)
+        ]
+
+    floor = clear & (cells == FREE) & (np.abs(high[inner]) < 1e-3) & (np.abs(low[inner]) < 1e-3)
+    source = mapper.elevation.grid
+    mean = np.roll(mapper.elevation.mean_m, (-source.corner_j, -source.corner_i), axis=(0, 1))
+    offset_i, offset_j = grid.corner_i - source.corner_i, grid.corner_j - source.corner_j
+    mean = mean[offset_j : offset_j + size, offset_i : offset_i + size]
+    return Comparison(
+        int(seen.sum()),
+        int(right.sum()),
+        places((cells == FREE) & danger),
+        mean[floor],
+        [(*place, int(cells[0, 0])) for place in places(seen & ~right)],
+    )

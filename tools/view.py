@@ -1,0 +1,161 @@
+"""Live picture of a planner link: what the planner at its far end knows.
+
+    python -m tools.view --port udp://0.0.0.0:9750
+    python -m tools.view --port serial:///dev/planner?baud=115200
+
+It answers the sender as a planner would. Ctrl-C ends it.
+"""
+
+import argparse
+import contextlib
+import os
+import secrets
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from fakes.planner import FakePlanner
+from tools.planner_end import PlannerEnd, wire_from_url
+from tools.screen import (
+    has_screen,
+    labelled,
+    link_words,
+    map_text,
+    maybe_robot,
+    picture,
+    plain_legend,
+    plain_map,
+    status_lines,
+)
+
+PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
+WAIT_S = 0.02
+ACK_EVERY = 4  # two ticks
+
+
+class Stop:
+    """Set by Ctrl-C, a request to end, or a closed terminal."""
+
+    def __init__(self) -> None:
+        self.wanted = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.wanted = True
+
+    @contextlib.contextmanager
+    def on_signals(self) -> Iterator["Stop"]:
+        """Handles the signals for as long as it is open."""
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = [signal.signal(number, self) for number in numbers]
+        try:
+            yield self
+        finally:
+            for number, handler in zip(numbers, before, strict=True):
+                signal.signal(number, handler)
+
+
+def watch(end: PlannerEnd, console: Console, done: Callable[[float], bool]) -> None:
+    """Shows the map as it grows until `done(now_s)`; without a screen, a line now and then."""
+    if has_screen(console):
+        with Live(console=console, screen=True, auto_refresh=False) as live:
+            drawn_s = 0.0
+            while not done(now_s := end.step(WAIT_S)):
+                if now_s - drawn_s >= PICTURE_PERIOD_S:
+                    drawn_s, (columns, lines) = now_s, console.size
+                    drawn = picture(end.planner, end.meter, now_s, columns, lines)
+                    live.update(drawn, refresh=True)
+        return
+    told_s = 0.0
+    while not done(now_s := end.step(WAIT_S)):
+        if now_s - told_s >= PROGRESS_PERIOD_S:
+            told_s = now_s
+            console.print(progress_line(end, now_s), highlight=False)
+
+
+def progress_line(end: PlannerEnd, now_s: float) -> str:
+    """The state in one line, where there is no screen to draw on."""
+    planner, pose = end.planner, end.planner.pose
+    maps, _, bytes_per_s = end.meter.rates(now_s)
+    window = planner.window()
+    where = f"x {pose.x_m:+.1f} y {pose.y_m:+.1f} m, " if pose is not None else ""
+    return (
+        f"  {link_words(planner, now_s)[0]}: {where}{(window == 1).sum()} free and "
+        f"{(window == 2).sum()} obstacle cells, {maps:.0f} maps/s, {bytes_per_s / 1000:.1f} kB/s, "
+        f"scan age {end.meter.scan.quantile_ms(0.5):.1f} ms"
+    )
+
+
+def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
+    """The final map and the numbers of the run."""
+    planner = end.planner
+    if planner.geom is None or planner.blank:
+        console.print("no map has arrived")
+        return
+    window, robot = planner.window(), maybe_robot(planner)
+    if has_screen(console):
+        console.print(map_text(window, robot, max(1, -(-window.shape[0] // console.width))))
+    else:
+        print(plain_map(window, robot), plain_legend(planner.geom.cell_m), sep="\n", flush=True)
+    span_s = now_s - end.meter.first_s
+    kinds = ", ".join(
+        f"{planner.accepted[number]} {name}"
+        for number, name in ((1, "GEOM"), (2, "POSE"), (3, "MAP"), (4, "DIGEST"))
+    )
+    lines = [
+        *status_lines(planner, end.meter, now_s),
+        labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
+        labelled("", f"{planner.gaps} gaps, {planner.ignored_maps} maps of another geometry"),
+    ]
+    for line in lines:
+        console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)
+
+
+def main(arguments: list[str]) -> int:
+    """Exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tools.view", description=__doc__)
+    parser.add_argument("--port", default="udp://127.0.0.1:9750", help="udp://… or serial:///…")
+    parser.add_argument("--key-file", help="32 bytes, or 64 hex digits: take signed frames only")
+    parser.add_argument("--seconds", type=float, help="end by itself after so long")
+    options = parser.parse_args(arguments)
+    try:
+        wire = wire_from_url(options.port)
+        key = key_from_file(options.key_file) if options.key_file else None
+    except (OSError, ValueError) as error:
+        print(f"tools.view: {error}", file=sys.stderr)
+        return 2
+    seed = secrets.randbits(32)  # of the nonce
+    end = PlannerEnd(wire, FakePlanner(seed, key, ACK_EVERY))
+    console, began_s = Console(), end.step(0.0)
+    until_s = began_s + options.seconds if options.seconds else float("inf")
+    print(f"watching {options.port}; Ctrl-C ends", flush=True)
+    with contextlib.closing(wire), Stop().on_signals() as stop:
+        try:
+            watch(end, console, lambda now_s: stop.wanted or now_s >= until_s)
+        except OSError as error:
+            print(f"tools.view: {options.port}: {os.strerror(error.errno or 0)}", file=sys.stderr)
+            return 1
+        print_summary(end, console, end.step(0.0))
+    return 0
+
+
+def key_from_file(path: str) -> bytes:
+    """32 bytes, given as they are or as 64 hex digits.
+
+    Raises:
+        ValueError: neither.
+    """
+    content = Path(path).read_bytes()
+    key = content if len(content) == 32 else bytes.fromhex(content.decode("ascii", "replace"))
+    if len(key) != 32:
+        raise ValueError(f"{path}: must hold 32 bytes or 64 hex digits")
+    return key
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -21,19 +21,20 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+import numpy as np
 import structlog
 
 from core import health
 from core.config import Config, ConfigError, load_config
 from core.mapper import Mapper
-from core.records import PoseReport
+from core.records import Attitude, PoseReport, Scan, WheelCounts
 from core.summary import robot_in_words
 from hw.ax3500_session import Ax3500
 from hw.lms111_session import Lms111
 from hw.mti_session import Mti
 from hw.planner_link import PlannerLink
 from hw.port import PortUrlError, open_port, parse_url
-from hw.session import Device, DeviceStatus, Port
+from hw.session import DeviceStatus, NoPort, Port
 
 STATE_LOG_S = 1.0  # counters to the log this often
 FIFO_PRIORITY = 20
@@ -169,7 +170,7 @@ class App:
         )
 
     def _log(self, now_s: float) -> None:
-        """A line for each change of a device's state; counters and rejected frames once a second."""
+        """A line for each change of a device's state; counters once a second."""
         for status in self._devices:
             if self._states.get(status.name) != (status.state, status.cause):
                 self._states[status.name] = (status.state, status.cause)
@@ -230,7 +231,8 @@ def read_key(path: str) -> bytes | None:
         if len(key) == KEY_BYTES:
             return key
     raise ConfigError(
-        f"planner.key_file: must hold 32 bytes or 64 hex digits, {path!r} holds {len(content)} bytes"
+        "planner.key_file: must hold 32 bytes or 64 hex digits, "
+        f"{path!r} holds {len(content)} bytes"
     )
 
 
@@ -291,7 +293,7 @@ def take_real_time(log: structlog.typing.FilteringBoundLogger) -> None:
 
 
 async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
-    """Step the app at a fixed rate until told to stop: no drift; missed slots skipped and counted."""
+    """Step the app at a fixed rate until told to stop; missed slots are skipped and counted."""
     due_s = time.monotonic()
     while not stop.is_set():
         await asyncio.sleep(max(0.0, due_s - time.monotonic()))
@@ -315,6 +317,20 @@ async def serve(config: Config, ports: Ports, key: bytes | None) -> None:
     log.info("app_started", version=version(), planner=config.planner.port)
     await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
     log.info("app_stopped", ticks=app.ticks, slots_missed=app.slots_missed)
+
+
+def warm_kernels(config: Config) -> None:
+    """Run every kernel once on made-up records, so that none is compiled while a robot drives."""
+    nowhere = NoPort()
+    app = App(config, Ports(nowhere, nowhere, nowhere, nowhere), session=0)
+    level = (1.0, 0.0, 0.0, 0.0)
+    for t_s in (0.0, 0.05):
+        app.mapper.add_attitude(Attitude(t_s, level, (0.0, 0.0, 0.0)))
+        app.mapper.add_counts(WheelCounts(t_s, 0.0, 0.0, 0))
+    ranges_m = np.full((2 if config.scanner.echo == "both" else 1, 3), 1.0)
+    app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
+    for now_s in (0.05, 1.0):
+        app.step(now_s)
 
 
 def version() -> str:

@@ -56,7 +56,7 @@ def stdin_closed() -> bool:
 def serve(given: argparse.Namespace, stopped: Callable[[], bool]) -> None:
     """Build all, say where it is, and keep it in step with the host's clock."""
     from fakes.rig import Rig  # these take half a second: after the handlers of main()
-    from fakes.sockets import PtyWire, TcpWire
+    from fakes.wire import PtyWire, TcpWire
 
     rig = Rig(given.scene, given.seed, given.start_delay)
     with ExitStack() as open_wires:
@@ -97,7 +97,7 @@ def main() -> int:
     given = arguments()
     try:
         serve(given, lambda: bool(told))
-    except (FileNotFoundError, OSError) as error:
+    except (OSError, KeyError, ValueError) as error:
         print(f"fakes: {error}", file=sys.stderr)
         return 2
     return 0

@@ -25,13 +25,17 @@ WATCHDOG_S = 1.0
 TAKE_OVER = 10  # CR in a row that end R/C or analog mode
 NO_Z_S = 1.0  # after a reset: the letter would set off firmware loading
 LONGEST_LINE = 32
+APPLY_S = 0.1  # that ^FF takes
 
 STATUS, IDENTITY, LIMIT_ONE, LIMIT_TWO = 0x89, 0x8A, 0x8B, 0x8C
 FACTORY = {  # parameter -> value, section 7
     **dict.fromkeys((0x01, 0x02, 0x07, 0x08, 0x0B), 0x00),
-    **{0x03: 0x20, 0x04: 0x01},
+    0x03: 0x20,
+    0x04: 0x01,
     **dict.fromkeys((0x0C, 0x0F, 0x10, 0x11), 0x10),
-    **{0x80: 0x01, 0x81: 0x01, 0x88: 0x10},
+    0x80: 0x01,
+    0x81: 0x01,
+    0x88: 0x10,
     **dict.fromkeys(range(0x82, 0x88), 0x10),
 }
 HIGHEST = {0x00: 3, 0x01: 0xC6, 0x07: 4, 0x08: 4, **dict.fromkeys((0x0C, 0x0F, 0x10, 0x11), 63)}
@@ -215,7 +219,7 @@ class FakeAx3500:
         if character == CR:
             text = self._text.decode("ascii")
             self._text.clear()
-            delay_s = 0.1 if text == "^FF" else self.reply_delay_s
+            delay_s = APPLY_S if text.upper() == "^FF" else self.reply_delay_s
             answer = ["-"] if len(text) > LONGEST_LINE else self._answer(text, at_s)
             self._send(at_s + delay_s, "".join(f"{line}\r" for line in answer))
         elif character not in (0x00, 0x0A) and len(self._text) <= LONGEST_LINE:
@@ -229,7 +233,7 @@ class FakeAx3500:
         if text == "%rrrrrr":
             self._reset(at_s)
             return []
-        if text == "^FF":
+        if text.upper() == "^FF":
             self._motor_mode = self.parameters[0x01]
             self._change_mode(MODES[self.parameters[0x00]], at_s)
             return ["+"]

@@ -28,6 +28,8 @@ def hex_from_counter(count: int) -> str:
 class EncoderModule:
     """Counts what the wheels do. An address that it does not know hangs it, until a reset.
 
+    A new one shows the wheels' own counts; a reset begins at zero.
+
     Args:
         counts: encoder counts of channel 1 and 2 at the time of the call; any real numbers.
     """
@@ -42,7 +44,6 @@ class EncoderModule:
         self._counters, self._counted, self._destinations = [0, 0], [0, 0], [0, 0]
         self._mailbox = bytes(4)
         self._settings = {TIME_BASE[0]: 4, TIME_BASE[1]: 4, THRESHOLD: 0, DIVIDER: 0, MODE: 0}
-        self.reset(-math.inf)
 
     def sample(self, now_s: float) -> None:
         """Look at the wheels; between two samples they turn evenly."""

@@ -1,97 +1,120 @@
-"""A recorded LMS1xx session as a device: answers as the recording did, then streams its scans.
+"""A recorded LMS1xx stream as a device: answers as the recording did, then streams its scans.
 
-Takes the byte streams of both directions and an index (seconds, direction, offset, length, name) as
-they lie in tests/vectors. What the recorded host never asked gets "unknown" (sFA 2 or 3).
-Source: lms111 sheet, sections 2 and 4.
+Takes what a real device sent (CoLa-B), cut nowhere, and when it sent each scan. A command that the
+recording holds no answer to gets "unknown" (sFA 2 or 3). After the last scan it is silent.
+Source: lms111 sheet, sections 2, 4 and 5.
 """
 
 import csv
-from collections import defaultdict
+from collections import defaultdict, deque
+from itertools import accumulate
 from pathlib import Path
 
 START = b"\x02\x02\x02\x02"
-SCANS = b"sEN LMDscandata"
+MAX_PAYLOAD = 65_536
+SCAN, SUBSCRIBE = b"sSN LMDscandata", b"sEN LMDscandata"
+REQUEST_OF = {b"sRA": b"sRN", b"sWA": b"sWN", b"sAN": b"sMN", b"sEA": b"sEN"}
 UNKNOWN_METHOD, UNKNOWN_VARIABLE = 2, 3
+FREQUENCY_AT = slice(44, 48)  # of a scan's payload, 1/100 Hz
 
 
-def _frame(payload: bytes) -> bytes:
+def frame(payload: bytes) -> bytes:
+    """A whole CoLa-B telegram."""
     check = 0
     for byte in payload:
         check ^= byte
     return START + len(payload).to_bytes(4, "big") + payload + bytes([check])
 
 
-def _command(payload: bytes) -> bytes:
-    """Type and name of a command, without its arguments: b"sWN LMDscandatacfg"."""
+def take_payloads(buffer: bytearray) -> list[bytes]:
+    """The payloads of the whole telegrams at the front of a buffer, which loses them and junk."""
+    payloads = []
+    while len(buffer) >= 8:
+        end = 9 + int.from_bytes(buffer[4:8], "big")
+        if not buffer.startswith(START) or end > MAX_PAYLOAD:
+            del buffer[0]
+            continue
+        if len(buffer) < end:
+            break
+        payloads.append(bytes(buffer[8 : end - 1]))
+        del buffer[:end]
+    return payloads
+
+
+def head(payload: bytes) -> bytes:
+    """Type and name of a telegram, without its values: b"sWN LMDscandatacfg"."""
     return b" ".join(payload.split(b" ", 2)[:2])
 
 
 class RecordedLms111:
-    """One device that says what the recorded one said, at the pace at which it said it."""
+    """One device that says what the recorded one said, at the pace at which it said it.
 
-    def __init__(self, h2d: bytes, d2h: bytes, index: list[tuple[float, str, int, int]]) -> None:
-        self._answers: dict[bytes, list[bytes]] = defaultdict(list)
-        self._scans: list[tuple[float, bytes]] = []  # seconds since the subscription, telegram
-        asked, asked_s, subscribed_s = b"", 0.0, 0.0
-        for t_s, direction, offset, length in index:
-            stream = h2d if direction == "h2d" else d2h
-            telegram = stream[offset : offset + length]
-            payload = telegram[8:-1]
-            if direction == "h2d":
-                asked = _command(payload)
-                asked_s = t_s
-            elif payload.startswith(b"sSN LMDscandata"):
-                self._scans.append((t_s - subscribed_s, telegram))
-            elif not payload.startswith(b"sSN"):
-                self._answers[asked].append(telegram)
-                subscribed_s = asked_s if asked == SCANS else subscribed_s
-        self._inbox = b""
-        self._begun_s: float | None = None
+    Args:
+        d2h: the device's bytes.
+        scan_times_s: of each scan, from any zero; None: by the scan frequency that each tells.
+    """
+
+    def __init__(self, d2h: bytes, scan_times_s: list[float] | None = None) -> None:
+        self._answers: dict[bytes, deque[bytes]] = defaultdict(deque)
+        self._scans: list[bytes] = []
+        for payload in take_payloads(bytearray(d2h)):
+            kind, _, name = head(payload).partition(b" ")
+            if head(payload) == SCAN:
+                self._scans.append(payload)
+            elif kind in REQUEST_OF:
+                self._answers[REQUEST_OF[kind] + b" " + name].append(payload)
+        self._times_s = scan_times_s or self._nominal_times_s()
+        self._inbox = bytearray()
+        self._zero_s: float | None = None
         self._sent = 0
-        self.refused: list[bytes] = []  # commands that the recording does not know
+        self.unknown: list[bytes] = []  # commands that the recording holds no answer to
 
     @classmethod
-    def from_files(cls, folder: Path, name: str) -> "RecordedLms111":
-        """The session whose files begin with `name` in a folder."""
-        with (folder / f"{name}_index.csv").open(encoding="utf-8") as file:
-            index = [
-                (float(row["t_s"]), row["dir"], int(row["offset"]), int(row["length"]))
-                for row in csv.DictReader(file)
-            ]
-        h2d = (folder / f"{name}_h2d.bin").read_bytes()
-        return cls(h2d, (folder / f"{name}_d2h.bin").read_bytes(), index)
+    def from_files(cls, d2h_path: Path) -> "RecordedLms111":
+        """NAME_d2h.bin, with its times where NAME_index.csv lies beside it."""
+        index_path = d2h_path.with_name(d2h_path.name.replace("_d2h.bin", "_index.csv"))
+        times_s = None
+        if index_path != d2h_path and index_path.exists():
+            with index_path.open(encoding="utf-8", newline="") as file:
+                rows = [row for row in csv.DictReader(file) if row["name"] == SCAN.decode()]
+            times_s = [float(row["t_s"]) for row in rows]
+        return cls(d2h_path.read_bytes(), times_s)
+
+    def _nominal_times_s(self) -> list[float]:
+        periods_s = [
+            100.0 / max(1, int.from_bytes(scan[FREQUENCY_AT], "big")) for scan in self._scans
+        ]
+        return list(accumulate(periods_s))
 
     @property
     def done(self) -> bool:
         """True once the last recorded scan has been sent."""
         return self._sent == len(self._scans)
 
+    @property
+    def duration_s(self) -> float:
+        """From the first scan to the last."""
+        return self._times_s[-1] - self._times_s[0] if self._times_s else 0.0
+
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what the host wrote; give all that the device has sent up to now_s."""
         self._inbox += received
         sent = bytearray()
-        while len(self._inbox) >= 8:
-            end = 9 + int.from_bytes(self._inbox[4:8], "big")
-            if not self._inbox.startswith(START) or end > 4096:
-                self._inbox = self._inbox[1:]
-                continue
-            if len(self._inbox) < end:
+        for payload in take_payloads(self._inbox):
+            sent += frame(self._answer(now_s, payload))
+        while self._zero_s is not None and not self.done:
+            if self._times_s[self._sent] - self._times_s[0] > now_s - self._zero_s:
                 break
-            sent += self._answer(now_s, self._inbox[8 : end - 1])
-            self._inbox = self._inbox[end:]
-        if self._begun_s is not None:
-            while not self.done and self._scans[self._sent][0] <= now_s - self._begun_s:
-                sent += self._scans[self._sent][1]
-                self._sent += 1
+            sent += frame(self._scans[self._sent])
+            self._sent += 1
         return bytes(sent)
 
     def _answer(self, now_s: float, payload: bytes) -> bytes:
-        command = _command(payload)
-        answers = self._answers.get(command)
+        answers = self._answers.get(head(payload))
         if not answers:
-            self.refused.append(payload)
-            code = UNKNOWN_METHOD if command.startswith(b"sMN") else UNKNOWN_VARIABLE
-            return _frame(b"sFA" + code.to_bytes(2, "big"))
-        if command == SCANS and self._begun_s is None:
-            self._begun_s = now_s
-        return answers.pop(0) if len(answers) > 1 else answers[0]
+            self.unknown.append(payload)
+            code = UNKNOWN_METHOD if payload.startswith(b"sMN") else UNKNOWN_VARIABLE
+            return b"sFA" + code.to_bytes(2, "big")
+        if head(payload) == SUBSCRIBE and self._zero_s is None and self._scans:
+            self._zero_s = now_s + 0.07  # the first scan came 72 ms after the subscription
+        return answers.popleft() if len(answers) > 1 else answers[0]

@@ -22,7 +22,7 @@ from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
 OUTPUT_MODE = 0x0006  # calibrated data and orientation
 OUTPUT_SETTINGS = 0x0000_0005  # sample counter, Euler angles, float32, acc + gyr + mag
 TICKS_PER_S = 115200  # of the period
-MIN_PERIOD = 225
+MIN_PERIOD, MAX_PERIOD = 225, 0xFFFF
 MTDATA2_COUNTER, MTDATA2_FINE, MTDATA2_QUATERNION, MTDATA2_RATE = 0x1020, 0x1060, 0x2010, 0x8020
 ALWAYS = 0xFFFF  # the "rate" of packets that come with every message
 
@@ -30,7 +30,7 @@ CONFIG_RETRY_S = 0.25  # acknowledgements get lost among the data that is still 
 CONFIG_TRIES = 3  # before the cause says so
 ANSWER_S, TRIES, OPTIONAL_TRIES = 0.5, 3, 2
 NO_ANSWER = -1
-SILENCE_S = 0.5
+SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 PAUSE_S = 0.2  # before a new attempt
 
 LATENCY_S = 0.00255  # sampling instant to first byte, with orientation (section 7)
@@ -62,7 +62,7 @@ class MtiSession:
 
     def __init__(self, status: DeviceStatus, stream: MtStream, rate_hz: float) -> None:
         self._status, self._stream = status, stream
-        self._period = max(MIN_PERIOD, round(TICKS_PER_S / rate_hz))
+        self._period = min(MAX_PERIOD, max(MIN_PERIOD, round(TICKS_PER_S / rate_hz)))
         self._rate_hz = round(rate_hz)
         self._now_s = 0.0
         self._legacy: MtDataDecoder | None = None
@@ -165,7 +165,13 @@ class MtiSession:
         """Until it answers, however much data comes first."""
         tries = 0
         self._noise = self._frames = False
-        while (yield from self._maybe_answer(Mid.GoToConfig, b"", (0,), CONFIG_RETRY_S)) != b"":
+        while True:
+            asked_s = self._now_s
+            answer = yield from self._maybe_answer(Mid.GoToConfig, b"", (0,), CONFIG_RETRY_S)
+            if answer == b"":
+                return
+            while self._now_s - asked_s < CONFIG_RETRY_S:  # it sent an Error
+                yield from self._turn(b"")
             tries += 1
             if tries % CONFIG_TRIES == 0:
                 self._status.fall_back("starting", self._silence_in_words())
@@ -257,14 +263,15 @@ class MtiSession:
         """As long as samples with an orientation keep coming."""
         self._stream.starts += 1
         heard_s, self._counter_s = self._now_s, math.nan  # what came before is not missed
-        while self._now_s - heard_s <= SILENCE_S:
+        silence_s = max(SILENCE_S, SILENCE_SAMPLES * self._stream.period_s)
+        while self._now_s - heard_s <= silence_s:
             self._stream.samples = self._decoded((yield from self._turn(b"")))
             if any(sample.q_earth_sensor for _, sample in self._stream.samples):
                 heard_s = self._now_s
                 self._status.state, self._status.cause = "running", self._remark
                 self._failure = ""
         reason = f": {self._complaint}" if self._complaint else ""
-        raise StartAgainError(f"no orientation from the MTi for {SILENCE_S} s{reason}")
+        raise StartAgainError(f"no orientation from the MTi for {silence_s:.1f} s{reason}")
 
     def _decoded(self, frames: list[MtFrame]) -> list[tuple[int, MtSample]]:
         samples = []

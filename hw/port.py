@@ -6,26 +6,35 @@ A host's name is looked up once, in open_port, before the loop runs; nothing aft
 Time is what poll() is told. Source: Modbus sheet, section 6, for serial lines and ptys.
 """
 
+import contextlib
 import errno
 import os
 import select
 import socket
 import termios
-from typing import Protocol
+from typing import Any
 
 import serial
 
 from hw.port_url import PortUrlError, SerialUrl, SocketUrl, parse_url
 from hw.session import Port
 
+__all__ = ["PortUrlError", "open_port", "parse_url"]
+
 CONNECT_S = 3.0
 RETRY_FIRST_S, RETRY_LAST_S = 0.2, 5.0  # doubling; from the first again once bytes arrived
 READ_SIZE = 65536  # bytes a call
 DATAGRAM_SIZE, DATAGRAMS = 2048, 64  # bytes each, so many a call
-BACKLOG = 65536  # bytes not taken by the wire, beyond which the connection is given up
-KEEPALIVE = {"TCP_KEEPIDLE": 3, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 3}  # seconds, seconds, probes
-UNANSWERED_MS = 6000  # a peer that acknowledges nothing for so long is gone
+BACKLOG = 65536  # bytes not yet taken by the wire, beyond which the connection is given up
+TCP_OPTIONS = {  # commands leave at once; a peer that acknowledges nothing for 6 s is gone
+    socket.TCP_NODELAY: 1,
+    socket.TCP_KEEPIDLE: 3,
+    socket.TCP_KEEPINTVL: 1,
+    socket.TCP_KEEPCNT: 3,
+    socket.TCP_USER_TIMEOUT: 6000,
+}
 
+Address = tuple[Any, ...]
 REASONS = {
     errno.ECONNREFUSED: "connection refused by {where}",
     errno.ECONNRESET: "connection reset by {where}",
@@ -44,16 +53,6 @@ REASONS = {
 }
 
 
-class _Wire(Protocol):
-    """One opening of a port; its calls raise OSError when it is lost."""
-
-    def fileno(self) -> int:
-        """The descriptor."""
-
-    def close(self) -> None:
-        """Let go of it, at once."""
-
-
 def open_port(url: str) -> Port:
     """The port of a URL, not opened yet: polling does that.
 
@@ -69,20 +68,18 @@ def open_port(url: str) -> Port:
             return UdpPort(peer, _address(url, peer))
 
 
-def _address(url: str, peer: SocketUrl) -> tuple[int, tuple[str, int]]:
+def _address(url: str, peer: SocketUrl) -> tuple[int, Address]:
     """Family and address; only a name that is no number is looked up."""
     kind = socket.SOCK_STREAM if peer.kind == "tcp" else socket.SOCK_DGRAM
     try:
         try:
-            found = socket.getaddrinfo(
-                peer.host, peer.port, type=kind, flags=socket.AI_NUMERICHOST
-            )
+            found = socket.getaddrinfo(peer.host, peer.port, type=kind, flags=socket.AI_NUMERICHOST)
         except socket.gaierror:
             found = socket.getaddrinfo(peer.host, peer.port, type=kind)
     except (OSError, UnicodeError):
         raise PortUrlError(f"{url!r}: the host {peer.host!r} has no known address") from None
     family, _, _, _, address = found[0]
-    return family, (str(address[0]), int(address[1]))
+    return family, address
 
 
 def _in_words(error: OSError | termios.error | ValueError, where: str) -> str:
@@ -162,14 +159,13 @@ class _ReopeningPort:
         self._is_open = False
         if not self._finished:
             self.cause = cause
-        # A loss that read() finds is retried no sooner than one that poll() finds.
         self._retry_s = self._now_s + self._backoff_s
         self._backoff_s = min(2 * self._backoff_s, RETRY_LAST_S)
 
     def _flush(self) -> None:
         while self._out:
             try:
-                sent = self._send(memoryview(self._out)[:READ_SIZE])
+                sent = self._send(bytes(self._out[:READ_SIZE]))
             except BlockingIOError:
                 return
             if not sent:
@@ -184,10 +180,172 @@ class _ReopeningPort:
         """Append what has arrived; raises OSError if the wire is gone."""
         raise NotImplementedError
 
-    def _send(self, data: memoryview) -> int:
+    def _send(self, data: bytes) -> int:
         """How many bytes the wire took; raises BlockingIOError for none, OSError if it is gone."""
         raise NotImplementedError
 
     def _let_go(self) -> None:
         """Close what is open or half open."""
         raise NotImplementedError
+
+
+class TcpPort(_ReopeningPort):
+    """A TCP connection, as its client."""
+
+    def __init__(self, peer: SocketUrl, address: tuple[int, Address]) -> None:
+        super().__init__(f"{peer.host}:{peer.port}")
+        self._family, self._address = address
+        self._socket: socket.socket | None = None  # connecting, or connected
+        self._deadline_s = float("inf")
+
+    def _try_open(self) -> bool:
+        if self._socket is None:
+            self._begin()
+        assert self._socket is not None
+        if code := self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            raise OSError(code, os.strerror(code))
+        try:
+            peer = self._socket.getpeername()
+        except OSError:  # not connected yet
+            if self._now_s >= self._deadline_s:
+                self._lose(f"no answer from {self._where} within {CONNECT_S:g} s")
+            return False
+        if peer == self._socket.getsockname():
+            # Nobody listens there, and our own end happened to get the very port: TCP allows it.
+            raise OSError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED))
+        return True
+
+    def _begin(self) -> None:
+        if not self.opened and self.cause == "not opened yet":
+            self.cause = f"connecting to {self._where}"
+        self._deadline_s = self._now_s + CONNECT_S
+        self._socket = socket.socket(self._family, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in TCP_OPTIONS.items():
+            self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
+        code = self._socket.connect_ex(self._address)
+        if code not in (0, errno.EINPROGRESS):
+            raise OSError(code, os.strerror(code))
+
+    def _read_into(self, pieces: list[bytes]) -> None:
+        assert self._socket is not None
+        try:
+            data = self._socket.recv(READ_SIZE)
+        except BlockingIOError:
+            return
+        if data:
+            pieces.append(data)
+        else:
+            self._lose(REASONS[errno.EPIPE].format(where=self._where))
+
+    def _send(self, data: bytes) -> int:
+        assert self._socket is not None
+        return self._socket.send(data)
+
+    def _let_go(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class UdpPort(_ReopeningPort):
+    """Datagrams to and from one peer, who need not be there: what can't be sent is lost."""
+
+    datagrams = True
+
+    def __init__(self, peer: SocketUrl, address: tuple[int, Address]) -> None:
+        super().__init__(f"{peer.host}:{peer.port}")
+        self.refused = 0  # times that the peer's host said that nobody listens there
+        self.unsent = 0  # datagrams for which there was no room on the way out
+        self._family, self._address = address
+        self._socket: socket.socket | None = None
+
+    def write(self, data: bytes) -> None:
+        """Send one datagram, now or never."""
+        if self._socket is None or not data:
+            return
+        try:
+            try:
+                self._socket.send(data)
+            except ConnectionRefusedError:  # tells of an earlier one; this one did not leave yet
+                self.refused += 1
+                self._socket.send(data)
+        except ConnectionRefusedError:
+            self.refused += 1
+        except OSError as error:
+            self.unsent += 1
+            if not isinstance(error, BlockingIOError) and error.errno != errno.EMSGSIZE:
+                self._lose(_in_words(error, self._where))  # a new socket gets the new route
+
+    def _try_open(self) -> bool:
+        self._socket = socket.socket(self._family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.connect(self._address)  # waits for nothing: it only names the peer
+        return True
+
+    def _read_into(self, pieces: list[bytes]) -> None:
+        assert self._socket is not None
+        for _ in range(DATAGRAMS):
+            try:
+                pieces.append(self._socket.recv(DATAGRAM_SIZE))
+            except BlockingIOError:
+                return
+            except ConnectionRefusedError:
+                self.refused += 1
+
+    def _let_go(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class SerialPort(_ReopeningPort):
+    """A serial line, or a pty. pyserial opens and sets it; bytes go by its descriptor."""
+
+    def __init__(self, line: SerialUrl) -> None:
+        super().__init__(line.path)
+        self._line = line
+        self._serial: serial.Serial | None = None
+        self._fd = -1
+        self._hang_up = select.poll()
+
+    def _try_open(self) -> bool:
+        line = self._line
+        # A pty has no parity and always 8 bits: asked for others twice, it refuses (EINVAL).
+        is_pty = os.path.realpath(line.path).startswith("/dev/pts/")
+        self._serial = serial.Serial(
+            line.path,
+            baudrate=line.baud,
+            bytesize=8 if is_pty else line.bytesize,
+            parity="N" if is_pty else line.parity,
+            stopbits=1 if is_pty else line.stopbits,
+            timeout=0,
+            exclusive=True,
+        )
+        self._fd = self._serial.fileno()
+        self._hang_up = select.poll()
+        self._hang_up.register(self._fd, 0)
+        return True
+
+    def _read_into(self, pieces: list[bytes]) -> None:
+        is_gone = bool(self._hang_up.poll(0))  # asked first: what was sent before is read below
+        left = READ_SIZE
+        with contextlib.suppress(BlockingIOError):
+            while left > 0 and (data := os.read(self._fd, left)):
+                pieces.append(data)
+                left -= len(data)
+        if is_gone and left == READ_SIZE:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    def _send(self, data: bytes) -> int:
+        return os.write(self._fd, data)
+
+    def _let_go(self) -> None:
+        if self._serial is None:
+            return
+        with contextlib.suppress(termios.error, OSError):
+            termios.tcflush(self._fd, termios.TCIOFLUSH)  # else close waits until all is sent
+        with contextlib.suppress(OSError):
+            self._serial.close()
+        self._serial = None

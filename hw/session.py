@@ -33,6 +33,26 @@ class Port(Protocol):
         """Let go of the wire for good."""
 
 
+class NoPort:
+    """A wire that is open and leads nowhere: for warming up, and where a device is left out."""
+
+    datagrams, cause, opened, backlog = False, "", 1, 0
+
+    def poll(self, now_s: float) -> bool:
+        """Always open."""
+        return True
+
+    def read(self) -> list[bytes]:
+        """Nothing ever arrives."""
+        return []
+
+    def write(self, data: bytes) -> None:
+        """Gone."""
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
 @dataclass(frozen=True, slots=True)
 class BadFrame:
     """Bytes that belong to no valid frame: something to count, not an exception."""

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from hypothesis import strategies as st
 from fakes import robot
 from fakes.__main__ import MOST_S, Pace
 from fakes.driver import PERIOD_S, TURN_RADPS, Driver
+from fakes.rig import Rig
 from fakes.world import World
 
 F64 = npt.NDArray[np.float64]
@@ -142,6 +144,30 @@ def test_from_anywhere_the_driver_finds_its_waypoint(goal: tuple[float, float], 
         pose[2] += (right - left) / 0.5 * 0.02
     assert driver.reached == 1
     assert math.dist(pose[:2], goal) < 0.15
+
+
+def driven_rig(seconds: float) -> tuple[Rig, bytes]:
+    """A rig after so long in steps of 5 ms, and all that the controller answered."""
+    rig, answers = Rig("corridor", 5, start_delay_s=0.5), b""
+    for k in range(round(seconds / 0.005) + 1):
+        now_s = 20.0 + k * 0.005
+        rig.step(now_s)
+        answers += rig.drive.exchange(now_s, b"?Q0\r" if k % 20 == 0 else b"")
+    return rig, answers
+
+
+def test_the_rig_drives_through_its_motor_controller() -> None:
+    rig, answers = driven_rig(5.0)
+    x_m = rig.world.pose()[0]
+    assert x_m > 1.5
+    last = int(re.findall(rb"\?Q0\r([0-9A-F]+)\r", answers)[-1], 16)
+    assert abs(last / 2000 * math.tau * robot.WHEEL_RADIUS_M - x_m) < 0.15
+
+
+def test_two_rigs_of_one_seed_do_the_same_to_the_bit() -> None:
+    (one, answers), (two, same_answers) = driven_rig(3.0), driven_rig(3.0)
+    assert one.world.pose() == two.world.pose()
+    assert answers == same_answers
 
 
 @given(st.lists(st.floats(0.0, 3.0), max_size=40))

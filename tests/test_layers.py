@@ -18,7 +18,7 @@ MAY_IMPORT = {
 LIBRARIES = {
     "core": {"numpy", "numba", "msgspec"},
     "hw": {"numpy", "numba", "serial", "cobs"},
-    "main.py": {"structlog"},
+    "main.py": {"numpy", "structlog"},
     "fakes": {"numpy", "mujoco"},
 }
 CLOCKS_AND_FILES = {

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rich.color import Color, ColorSystem
 from rich.console import Console
 
 from fakes.planner import FakePlanner
@@ -117,6 +118,11 @@ def test_colours_are_those_of_the_paper_two_rows_a_line() -> None:
     ]
     green, red, dark = COLOURS[FREE], COLOURS[OBSTACLE], COLOURS[UNKNOWN]
     assert seen == [(red, dark), (green, red), (green, green), (green, green)]
+
+
+@pytest.mark.parametrize("system", [ColorSystem.STANDARD, ColorSystem.EIGHT_BIT])
+def test_colours_stay_apart_on_plain_terminals(system: ColorSystem) -> None:
+    assert len({Color.parse(name).downgrade(system).number for name in COLOURS.values()}) == 4
 
 
 def test_the_robot_is_an_orange_spot_with_an_arrow() -> None:

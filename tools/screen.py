@@ -20,7 +20,7 @@ from tools.planner_end import Meter
 
 U8 = npt.NDArray[np.uint8]
 ROBOT = 3  # drawn over the cells
-COLOURS = {UNKNOWN: "#1c1c24", FREE: "#1f9d4d", OBSTACLE: "#e02b2b", ROBOT: "#ff9a1f"}
+COLOURS = {UNKNOWN: "#1c1c24", FREE: "#1f9d4d", OBSTACLE: "#e02b2b", ROBOT: "#ffae00"}
 HALVES = [[Style(color=COLOURS[a], bgcolor=COLOURS[b]) for b in COLOURS] for a in COLOURS]
 ARROW_STYLE = Style(color="#000000", bgcolor=COLOURS[ROBOT], bold=True)
 GOOD, POOR, BAD, LABEL = "green", "yellow", "bold red", "bright_black"

@@ -1,0 +1,95 @@
+"""CoLa-B as a scanner hears and speaks it: commands out of a stream, answers into frames.
+
+What is damaged is ignored, as the device does. Source: lms111 sheet, section 2.
+"""
+
+import functools
+import operator
+
+START = b"\x02\x02\x02\x02"
+HEAD = 8  # start and length
+MAX_COMMAND = 256  # bytes of payload; no command is near it
+PATIENCE_S = 1.0  # for the rest of a frame: a damaged length must not swallow what follows
+
+# sFA codes
+METHOD_DENIED, UNKNOWN_METHOD, UNKNOWN_VARIABLE, CONDITION_FAILED = 0x01, 0x02, 0x03, 0x04
+TOO_LONG, TOO_SHORT, WRITE_DENIED = 0x07, 0x08, 0x0A
+UNKNOWN_COMMAND, UNKNOWN_EVENT = 0x0C, 0x0F
+
+
+class RefusedError(Exception):
+    """A command that gets an sFA with this code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"sFA {code:X}")
+        self.code = code
+
+
+def checksum(payload: bytes | bytearray) -> int:
+    """XOR of all bytes."""
+    return functools.reduce(operator.xor, payload, 0)
+
+
+def frame(payload: bytes) -> bytes:
+    """A whole telegram."""
+    return START + len(payload).to_bytes(4, "big") + payload + bytes([checksum(payload)])
+
+
+def refusal(code: int) -> bytes:
+    """The payload that says no: without a space."""
+    return b"sFA" + code.to_bytes(2, "big")
+
+
+def text(content: bytes) -> bytes:
+    """A string of a telegram: uint16 length and characters."""
+    return len(content).to_bytes(2, "big") + content
+
+
+def command(payload: bytes) -> tuple[str, str, bytes]:
+    """Kind, name and arguments of a payload; what is no command has the kind "" ."""
+    kind, space, rest = payload[:3], payload[3:4], payload[4:]
+    if payload in (b"sRI0", b"sRI 0"):
+        return "sRN", "0", b""
+    if kind not in (b"sRN", b"sWN", b"sMN", b"sEN") or space != b" ":
+        return "", "", b""
+    name, _, arguments = rest.partition(b" ")
+    return kind.decode("ascii"), name.decode("latin-1"), arguments
+
+
+class CommandReader:
+    """Takes the host's stream cut anywhere; gives the payloads of whole, undamaged frames."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._waiting_s: float | None = None  # since when the front waits for its rest
+
+    def feed(self, now_s: float, data: bytes) -> list[bytes]:
+        """The payloads that these bytes complete."""
+        self._buffer += data
+        payloads = []
+        while len(self._buffer) >= HEAD:
+            end = HEAD + int.from_bytes(self._buffer[4:HEAD], "big") + 1
+            if not self._buffer.startswith(START) or end > HEAD + MAX_COMMAND + 1:
+                self._skip()
+            elif len(self._buffer) < end:
+                if self._is_patient(now_s):
+                    break
+                self._skip()
+            elif checksum(self._buffer[HEAD:end]):
+                self._skip()
+            else:
+                payloads.append(bytes(self._buffer[HEAD : end - 1]))
+                del self._buffer[:end]
+                self._waiting_s = None
+        return payloads
+
+    def _is_patient(self, now_s: float) -> bool:
+        if self._waiting_s is None:
+            self._waiting_s = now_s
+        return now_s - self._waiting_s <= PATIENCE_S
+
+    def _skip(self) -> None:
+        """To the next byte that may begin a frame."""
+        start = self._buffer.find(START[:1], 1)
+        del self._buffer[: start if start > 0 else len(self._buffer)]
+        self._waiting_s = None

@@ -3,7 +3,8 @@
 The average alone would hide the edge of a box or the mouth of a ditch behind the floor that shares
 its cell. So each cell also counts what contradicts "floor": returns beyond the height bounds, and
 beams that passed below the ground there before they ended lower than `h_neg`: where a beam is below
-the ground there is no ground.
+the ground there is no ground. And it keeps how far any return lay off the ground, and on which
+sides of it, seen from the laser, the ground should go on.
 Source: the paper, section 4.2.2 (average); design, section 7.
 """
 
@@ -13,13 +14,13 @@ import numpy as np
 
 from core.grid import RingGrid
 from core.jit import kernel
-from core.records import F64, I32, I64
+from core.records import F64, I32, I64, U8
 
 MAX_COUNT = 1_000_000_000
 MAX_EVIDENCE = 60_000
 HOLE_STEPS = 0.25  # of a cell: how finely a beam is followed below the ground
 MAX_HOLE_CELLS = 64  # along one beam
-MAX_TOUCHED = 200_000  # cells of one scan: two echoes of 1081 beams, and what they dug
+MAX_TOUCHED = 250_000  # cells of one scan: two echoes of 1081 beams, what they dug, neighbours
 
 
 @kernel
@@ -30,6 +31,23 @@ def _touch(at: int, stamp: I64, serial: int, touched: I32, used: int) -> int:
         touched[used] = at
         return used + 1
     return used
+
+
+@kernel
+def _touch_around(at: int, size: int, stamp: I64, serial: int, touched: I32, used: int) -> int:
+    """Note a cell that is seen for the first time, and its neighbours: they wait for it."""
+    row, column = at // size, at % size
+    for dj in range(-1, 2):
+        for di in range(-1, 2):
+            near = ((row + dj) % size) * size + (column + di) % size
+            used = _touch(near, stamp, serial, touched, used)
+    return used
+
+
+@kernel
+def octant(dx: float, dy: float) -> int:
+    """Which of the eight neighbours a direction points to: 0 is +x, counter-clockwise."""
+    return round(math.atan2(dy, dx) / (math.pi / 4)) % 8
 
 
 @kernel
@@ -50,6 +68,8 @@ def _add_points(
     mean: F64,
     count: I32,
     beyond: I32,
+    extreme: F64,
+    far_sides: U8,
     stamp: I64,
     serial: int,
     touched: I32,
@@ -60,8 +80,13 @@ def _add_points(
     used = 0
     for p in range(points.shape[0]):
         x, y, z = points[p]
+        dx, dy = x - lenses[p, 0], y - lenses[p, 1]
         at = _flat(x, y, cell_m, corner, size)
         if at >= 0:
+            if count[at] == 0 and beyond[at] == 0:
+                used = _touch_around(at, size, stamp, serial, touched, used)
+            extreme[at] = max(extreme[at], abs(z))
+            far_sides[at] |= 1 << octant(dx, dy)
             if count[at] < MAX_COUNT:
                 count[at] += 1
             mean[at] += (z - mean[at]) / count[at]
@@ -69,7 +94,6 @@ def _add_points(
                 beyond[at] += 1
             used = _touch(at, stamp, serial, touched, used)
         if z <= h_neg and lenses[p, 2] > 0:
-            dx, dy = x - lenses[p, 0], y - lenses[p, 1]
             share = lenses[p, 2] / (lenses[p, 2] - z)  # where the beam met the ground's height
             below = (1 - share) * math.hypot(dx, dy)
             steps = min(math.ceil(below / (HOLE_STEPS * cell_m)), int(MAX_HOLE_CELLS / HOLE_STEPS))
@@ -80,6 +104,8 @@ def _add_points(
                     lenses[p, 0] + along * dx, lenses[p, 1] + along * dy, cell_m, corner, size
                 )
                 if dug >= 0 and dug != last and dug != at and beyond[dug] < MAX_EVIDENCE:
+                    if count[dug] == 0 and beyond[dug] == 0:
+                        used = _touch_around(dug, size, stamp, serial, touched, used)
                     beyond[dug] += 1
                     used = _touch(dug, stamp, serial, touched, used)
                 last = dug
@@ -87,13 +113,19 @@ def _add_points(
 
 
 class MeanCells:
-    """Layers of a RingGrid: `mean_m`, `count` and `beyond` (contradictions), all (size, size)."""
+    """Layers of a RingGrid, all (size, size).
+
+    `mean_m` and `count` of the heights; `beyond`: contradictions; `extreme_m`: the farthest that
+    any return lay off the ground; `far_sides`: bit k is set once a beam went on towards octant k.
+    """
 
     def __init__(self, grid: RingGrid, h_pos_m: float, h_neg_m: float) -> None:
         self.grid, self._bounds = grid, (h_pos_m, h_neg_m)
         self.mean_m: F64 = grid.layer(np.float64, 0.0)  # above the ground under the robot
         self.count: I32 = grid.layer(np.int32, 0)
         self.beyond: I32 = grid.layer(np.int32, 0)
+        self.extreme_m: F64 = grid.layer(np.float64, 0.0)
+        self.far_sides: U8 = grid.layer(np.uint8, 0)
         self._stamp: I64 = grid.layer(np.int64, 0)
         self._serial = 0
         self._touched = np.zeros(min(MAX_TOUCHED, grid.size**2), dtype=np.int32)
@@ -110,6 +142,8 @@ class MeanCells:
             self.mean_m.ravel(),
             self.count.ravel(),
             self.beyond.ravel(),
+            self.extreme_m.ravel(),
+            self.far_sides.ravel(),
             self._stamp.ravel(),
             self._serial,
             self._touched,

@@ -2,7 +2,9 @@
 
 Definition 1 of the paper on the average height, a cell at a bound counting as obstacle; and two
 contradictions make an obstacle whatever the average says, while a cell with only one is unknown
-until the laser has looked again several times. Only touched cells are decided.
+until the laser has looked again several times. Nor is a cell free before something has been seen
+behind it, or, where a return lay well off the ground, all around it: of a wall's foot, the laser
+first sees what looks like floor. Only touched cells are decided.
 Source: the paper, Definition 1; design, section 7.
 """
 
@@ -11,10 +13,31 @@ import numpy as np
 from core.elevation import MeanCells
 from core.grid import RingGrid
 from core.jit import kernel
-from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
+from core.records import F64, FREE, I8, I32, OBSTACLE, U8, UNKNOWN
 
 ENOUGH = 2  # contradictions that make an obstacle
 LOOKED_AGAIN = 6  # returns after which a single contradiction no longer holds a cell unknown
+RISING_M = 0.01  # a return so far off the ground may be the foot of something
+
+AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
+
+
+@kernel
+def _goes_on(
+    i: int, j: int, sides: int, count: I32, beyond: I32, window: tuple[int, int, int]
+) -> bool:
+    """Whether the neighbours on these sides (bits by octant) have all been seen."""
+    size = window[2]
+    for side in range(8):
+        if not sides >> side & 1:
+            continue
+        ni, nj = i + AROUND[side][0], j + AROUND[side][1]
+        if not (0 <= ni - window[0] < size and 0 <= nj - window[1] < size):
+            return False
+        at = (nj % size) * size + ni % size
+        if count[at] == 0 and beyond[at] == 0:
+            return False
+    return True
 
 
 @kernel
@@ -23,6 +46,8 @@ def _decide(
     mean: F64,
     count: I32,
     beyond: I32,
+    extreme: F64,
+    far_sides: U8,
     bounds: tuple[float, float],
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
@@ -43,7 +68,9 @@ def _decide(
             state = UNKNOWN
         elif beyond[at] >= ENOUGH or not (bounds[1] < mean[at] < bounds[0]):
             state = OBSTACLE
-        elif beyond[at] == 1 and count[at] < LOOKED_AGAIN:
+        elif (beyond[at] == 1 and count[at] < LOOKED_AGAIN) or not _goes_on(
+            i, j, 0xFF if extreme[at] > RISING_M else far_sides[at], count, beyond, from_window
+        ):
             state = UNKNOWN
         else:
             state = FREE
@@ -79,6 +106,8 @@ class ObstacleMap:
             self._elevation.mean_m.ravel(),
             self._elevation.count.ravel(),
             self._elevation.beyond.ravel(),
+            self._elevation.extreme_m.ravel(),
+            self._elevation.far_sides.ravel(),
             self._bounds,
             (source.corner_i, source.corner_j, source.size),
             (self.grid.corner_i, self.grid.corner_j, self.grid.size),

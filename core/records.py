@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 F64 = npt.NDArray[np.float64]
 I8 = npt.NDArray[np.int8]
+U8 = npt.NDArray[np.uint8]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
 

@@ -15,7 +15,7 @@ from typing import Protocol
 
 READ_SIZE = 65536
 TCP_BACKLOG = 1 << 20  # bytes kept for a client that does not read; what comes then is lost
-PTY_BACKLOG = 1024  # beyond the kernel's own 4 KiB; old news to whoever opens next, so little
+PTY_BACKLOG = 1024  # beyond the kernel's own 4 to 16 KiB; old news to whoever opens next, so little
 
 
 class Fake(Protocol):
@@ -128,10 +128,9 @@ class _Disturbed:
             tell_reconnected(self._whom, now_s)
         for sent in self._exchanged(now_s):
             left = self._thinned(self._altered(sent))
-            due_s = now_s + self.delay_s
             if left and not self.mute:
-                self._late.append((max(due_s, self._late[-1][0]) if self._late else due_s, left))
-        while self._late and self._late[0][0] <= now_s:
+                self._late.append((now_s + self.delay_s, left))
+        while self._late and self._late[0][0] <= now_s:  # the first holds up all behind it
             self._deliver(self._late.popleft()[1])
 
     def _exchanged(self, now_s: float) -> list[bytes]:

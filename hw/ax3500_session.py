@@ -141,19 +141,19 @@ class Ax3500Session:
     def _poll(self) -> Generator[bytes, Tick, None]:
         """Both counters by turns. Channel 2 comes first in a pair: channel 1 then completes it."""
         channel, heard = 0, set[int]()
-        good_s = due_s = self._now_s
+        good_s, due_s = [self._now_s, self._now_s], self._now_s
         while True:
             answer = yield from self._maybe_answer(READ_COUNTER[channel], COUNTER)
             raw = maybe_counter(answer[1]) if answer else None
             if answer is not None and raw is not None:
                 self._stream.readings.append((channel, answer[0], raw))
-                good_s = self._now_s
+                good_s[channel] = self._now_s
                 heard.add(channel)
                 if len(heard) == 2:
                     self._status.state, self._status.cause = "running", ""
             else:
                 self._status.reject(BadFrame(f"{READ_COUNTER[channel]}: {self._fault}", b""))
-                if self._now_s - good_s > LOST_S:
+                if self._now_s - min(good_s) > LOST_S:
                     raise StartAgainError(f"no counters for {LOST_S:.0f} s: {self._fault}")
                 if self._failures == FAILURES_TO_ENTER and self._may_enter:
                     yield from self._enter()

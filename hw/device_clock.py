@@ -10,6 +10,7 @@ Source: design, section 4.
 
 import math
 from collections import deque
+from itertools import pairwise
 
 BUCKET_S = 0.5  # of arrivals; each bucket keeps its least delayed sample
 BUCKETS = 20  # the window
@@ -54,7 +55,7 @@ class DeviceClock:
         return self._uncertainty_s if self.locked or not self.samples else UNLOCKED_S
 
     def host_s(self, ticks: int, arrived_s: float) -> float:
-        """Take in a sample that was stamped `ticks` and arrived then; the host time of its stamp."""
+        """Take in a sample stamped `ticks` that arrived then; the host time of its stamp."""
         if not self._follows(ticks, arrived_s):
             self.restarts += bool(self.samples)
             self._begin()
@@ -133,7 +134,7 @@ def _slope_under(samples: list[Sample]) -> float:
             hull.pop()
         hull.append(sample)
     middle_s = (samples[0][0] + samples[-1][0]) / 2
-    for left, right in zip(hull, hull[1:], strict=False):
+    for left, right in pairwise(hull):
         if left[0] <= middle_s <= right[0]:
             return (right[1] - left[1]) / (right[0] - left[0])
     return 0.0

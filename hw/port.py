@@ -16,7 +16,7 @@ from typing import Any
 
 import serial
 
-from hw.port_url import PortUrlError, SerialUrl, SocketUrl, parse_url
+from hw.port_url import PortUrl, PortUrlError, parse_url
 from hw.session import Port
 
 __all__ = ["PortUrlError", "open_port", "parse_url"]
@@ -59,16 +59,17 @@ def open_port(url: str) -> Port:
     Raises:
         PortUrlError: no such kind of port, a part missing or out of range, a host without address.
     """
-    match parse_url(url):
-        case SerialUrl() as line:
-            return SerialPort(line)
-        case SocketUrl("tcp") as peer:
-            return TcpPort(peer, _address(url, peer))
-        case peer:
-            return UdpPort(peer, _address(url, peer))
+    parts = parse_url(url)
+    match parts.kind:
+        case "serial":
+            return SerialPort(parts)
+        case "tcp":
+            return TcpPort(parts, _address(url, parts))
+        case "udp":
+            return UdpPort(parts, _address(url, parts))
 
 
-def _address(url: str, peer: SocketUrl) -> tuple[int, Address]:
+def _address(url: str, peer: PortUrl) -> tuple[int, Address]:
     """Family and address; only a name that is no number is looked up."""
     kind = socket.SOCK_STREAM if peer.kind == "tcp" else socket.SOCK_DGRAM
     try:
@@ -96,18 +97,13 @@ class _ReopeningPort:
     datagrams = False
 
     def __init__(self, where: str) -> None:
-        self.cause, self.opened = "not opened yet", 0
+        self.cause, self.opened, self.backlog = "not opened yet", 0, 0
         self._where = where
         self._out = bytearray()
         self._is_open = self._finished = False
         self._delivered = False  # bytes, since it was opened
         self._now_s = self._retry_s = float("-inf")
         self._backoff_s = RETRY_FIRST_S
-
-    @property
-    def backlog(self) -> int:
-        """Bytes accepted and not yet taken by the wire."""
-        return len(self._out)
 
     def poll(self, now_s: float) -> bool:
         """Move on with opening, or with what is still to be written; True while open."""
@@ -156,6 +152,7 @@ class _ReopeningPort:
     def _lose(self, cause: str) -> None:
         self._let_go()
         self._out.clear()
+        self.backlog = 0
         self._is_open = False
         if not self._finished:
             self.cause = cause
@@ -163,14 +160,10 @@ class _ReopeningPort:
         self._backoff_s = min(2 * self._backoff_s, RETRY_LAST_S)
 
     def _flush(self) -> None:
-        while self._out:
-            try:
-                sent = self._send(bytes(self._out[:READ_SIZE]))
-            except BlockingIOError:
-                return
-            if not sent:
-                return
-            del self._out[:sent]
+        with contextlib.suppress(BlockingIOError):
+            while self._out and (taken := self._send(bytes(self._out[:READ_SIZE]))):
+                del self._out[:taken]
+        self.backlog = len(self._out)
 
     def _try_open(self) -> bool:
         """Begin to open, or go on with it; True once open; raises OSError if that failed."""
@@ -192,7 +185,7 @@ class _ReopeningPort:
 class TcpPort(_ReopeningPort):
     """A TCP connection, as its client."""
 
-    def __init__(self, peer: SocketUrl, address: tuple[int, Address]) -> None:
+    def __init__(self, peer: PortUrl, address: tuple[int, Address]) -> None:
         super().__init__(f"{peer.host}:{peer.port}")
         self._family, self._address = address
         self._socket: socket.socket | None = None  # connecting, or connected
@@ -254,7 +247,7 @@ class UdpPort(_ReopeningPort):
 
     datagrams = True
 
-    def __init__(self, peer: SocketUrl, address: tuple[int, Address]) -> None:
+    def __init__(self, peer: PortUrl, address: tuple[int, Address]) -> None:
         super().__init__(f"{peer.host}:{peer.port}")
         self.refused = 0  # times that the peer's host said that nobody listens there
         self.unsent = 0  # datagrams for which there was no room on the way out
@@ -303,10 +296,10 @@ class UdpPort(_ReopeningPort):
 class SerialPort(_ReopeningPort):
     """A serial line, or a pty. pyserial opens and sets it; bytes go by its descriptor."""
 
-    def __init__(self, line: SerialUrl) -> None:
+    def __init__(self, line: PortUrl) -> None:
         super().__init__(line.path)
         self._line = line
-        self._serial: serial.Serial | None = None
+        self._serial: Any = None  # serial.Serial, which has no types
         self._fd = -1
         self._hang_up = select.poll()
 

@@ -19,35 +19,28 @@ class PortUrlError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class SocketUrl:
-    """The other end of a TCP connection or of UDP datagrams."""
+class PortUrl:
+    """What a URL says: host and port of tcp and udp, the rest of serial."""
 
-    kind: Literal["tcp", "udp"]
-    host: str
-    port: int
-
-
-@dataclass(frozen=True, slots=True)
-class SerialUrl:
-    """A serial line and its settings."""
-
-    path: str
-    baud: int
-    parity: str
-    bytesize: int
-    stopbits: int
-
-
-PortUrl = SocketUrl | SerialUrl
+    kind: Literal["tcp", "udp", "serial"]
+    host: str = ""
+    port: int = 0
+    path: str = ""
+    baud: int | None = None  # None: the wire has no such thing
+    parity: str = "N"
+    bytesize: int = 8
+    stopbits: int = 1
 
 
 def parse_url(url: str) -> PortUrl:
     """The parts of a port URL.
 
-    >>> parse_url("tcp://192.168.0.1:2112")
-    SocketUrl(kind='tcp', host='192.168.0.1', port=2112)
-    >>> parse_url("serial:///dev/mti?baud=115200")
-    SerialUrl(path='/dev/mti', baud=115200, parity='N', bytesize=8, stopbits=1)
+    >>> url = parse_url("tcp://192.168.0.1:2112")
+    >>> url.kind, url.host, url.port
+    ('tcp', '192.168.0.1', 2112)
+    >>> url = parse_url("serial:///dev/ax3500?baud=9600&parity=E&bytesize=7")
+    >>> url.path, url.baud, url.bytesize, url.parity, url.stopbits
+    ('/dev/ax3500', 9600, 7, 'E', 1)
 
     Raises:
         PortUrlError: no such kind of port, or a part missing, unknown or out of range.
@@ -67,17 +60,17 @@ def parse_url(url: str) -> PortUrl:
             raise PortUrlError(f"{url!r}: no such kind of port {scheme!r}; {ALLOWED}")
 
 
-def _parse_socket(url: str, kind: Literal["tcp", "udp"]) -> SocketUrl:
+def _parse_socket(url: str, kind: Literal["tcp", "udp"]) -> PortUrl:
     found = re.fullmatch(r"\w+://(\[[0-9A-Fa-f:.%]+\]|[^\[\]:/?@]+):(\d{1,5})", url, re.ASCII)
     if found is None:
         raise PortUrlError(f"{url!r}: must be {kind}://host:port")
     host, port = found[1].strip("[]"), int(found[2])
     if not 1 <= port <= 65535:
         raise PortUrlError(f"{url!r}: the port must be within 1..65535, is {port}")
-    return SocketUrl(kind, host, port)
+    return PortUrl(kind, host=host, port=port)
 
 
-def _parse_serial(url: str, netloc: str, path: str, query: str) -> SerialUrl:
+def _parse_serial(url: str, netloc: str, path: str, query: str) -> PortUrl:
     if netloc or len(path) < 2:
         raise PortUrlError(
             f"{url!r}: three slashes and a path must follow 'serial:', as in serial:///dev/ttyS0"
@@ -100,4 +93,11 @@ def _parse_serial(url: str, netloc: str, path: str, query: str) -> SerialUrl:
             allowed = " or ".join(LINE_VALUES[key])
             raise PortUrlError(f"{url!r}: {key} must be {allowed}, is {value!r}")
     line = DEFAULTS | given
-    return SerialUrl(path, int(baud), line["parity"], int(line["bytesize"]), int(line["stopbits"]))
+    return PortUrl(
+        "serial",
+        path=path,
+        baud=int(baud),
+        parity=line["parity"],
+        bytesize=int(line["bytesize"]),
+        stopbits=int(line["stopbits"]),
+    )

@@ -242,6 +242,15 @@ def test_a_counter_that_is_never_answered_is_a_loss_with_its_cause() -> None:
     assert bench.ax.status.cause == "no counters for 2 s: no value after the echo"
 
 
+def test_one_channel_alone_is_not_enough() -> None:
+    bench = Bench(Scripted(still(0, 0)))
+    bench.run(1.0)
+    bench.device.values[b"?Q1"] = b"-\r"
+    bench.run(2.5)
+    assert bench.ax.status.losses == 1
+    assert bench.ax.status.cause == "no counters for 2 s: refused"
+
+
 def test_an_impossible_jump_is_dropped_and_counted() -> None:
     bench = Bench(Scripted(still(300, 300)))
     bench.run(1.0)

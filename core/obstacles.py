@@ -2,9 +2,9 @@
 
 Definition 1 of the paper on the average height, a cell at a bound counting as obstacle; and two
 contradictions make an obstacle whatever the average says, while a cell with only one is unknown
-until the laser has looked again several times. Nor is a cell free before something has been seen
-behind it, or, where a return lay well off the ground, all around it: of a wall's foot, the laser
-first sees what looks like floor. Only touched cells are decided.
+until the laser has looked again several times. Of a wall's foot, the laser first sees what looks
+like floor. So a new cell is not free before something has been seen behind it, and one in which
+something rises not before something has been seen all around it. Only touched cells are decided.
 Source: the paper, Definition 1; design, section 7.
 """
 
@@ -17,7 +17,7 @@ from core.records import F64, FREE, I8, I32, OBSTACLE, U8, UNKNOWN
 
 ENOUGH = 2  # contradictions that make an obstacle
 LOOKED_AGAIN = 6  # returns after which a single contradiction no longer holds a cell unknown
-RISING_M = 0.01  # a return so far off the ground may be the foot of something
+NEW_LOOKS = 25  # scans that have hit a cell before it no longer counts as new: 1 s at 25 Hz
 
 AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
 
@@ -46,8 +46,9 @@ def _decide(
     mean: F64,
     count: I32,
     beyond: I32,
-    extreme: F64,
+    rising: U8,
     far_sides: U8,
+    looks: I32,
     bounds: tuple[float, float],
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
@@ -68,12 +69,16 @@ def _decide(
             state = UNKNOWN
         elif beyond[at] >= ENOUGH or not (bounds[1] < mean[at] < bounds[0]):
             state = OBSTACLE
-        elif (beyond[at] == 1 and count[at] < LOOKED_AGAIN) or not _goes_on(
-            i, j, 0xFF if extreme[at] > RISING_M else far_sides[at], count, beyond, from_window
-        ):
+        elif beyond[at] == 1 and count[at] < LOOKED_AGAIN:
             state = UNKNOWN
         else:
-            state = FREE
+            sides = 0
+            if rising[at] == 1:
+                sides = 0xFF
+            elif looks[at] < NEW_LOOKS:
+                far = int(far_sides[at])
+                sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
+            state = FREE if _goes_on(i, j, sides, count, beyond, from_window) else UNKNOWN
         to = (j % out) * out + i % out
         if cells[to] != state:
             cells[to] = state
@@ -106,8 +111,9 @@ class ObstacleMap:
             self._elevation.mean_m.ravel(),
             self._elevation.count.ravel(),
             self._elevation.beyond.ravel(),
-            self._elevation.extreme_m.ravel(),
+            self._elevation.rising.ravel(),
             self._elevation.far_sides.ravel(),
+            self._elevation.looks.ravel(),
             self._bounds,
             (source.corner_i, source.corner_j, source.size),
             (self.grid.corner_i, self.grid.corner_j, self.grid.size),

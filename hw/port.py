@@ -14,7 +14,7 @@ import socket
 import termios
 from typing import Any
 
-import serial
+from serial.serialposix import Serial
 
 from hw.port_url import PortUrl, PortUrlError, parse_url
 from hw.session import Port
@@ -34,6 +34,7 @@ TCP_OPTIONS = {  # commands leave at once; a peer that acknowledges nothing for 
     socket.TCP_USER_TIMEOUT: 6000,
 }
 
+OPEN_LINE: Any = Serial  # pyserial has no types
 Address = tuple[Any, ...]
 REASONS = {
     errno.ECONNREFUSED: "connection refused by {where}",
@@ -299,7 +300,7 @@ class SerialPort(_ReopeningPort):
     def __init__(self, line: PortUrl) -> None:
         super().__init__(line.path)
         self._line = line
-        self._serial: Any = None  # serial.Serial, which has no types
+        self._serial: Any = None  # while open
         self._fd = -1
         self._hang_up = select.poll()
 
@@ -307,7 +308,7 @@ class SerialPort(_ReopeningPort):
         line = self._line
         # A pty has no parity and always 8 bits: asked for others twice, it refuses (EINVAL).
         is_pty = os.path.realpath(line.path).startswith("/dev/pts/")
-        self._serial = serial.Serial(
+        self._serial = OPEN_LINE(
             line.path,
             baudrate=line.baud,
             bytesize=8 if is_pty else line.bytesize,

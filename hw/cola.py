@@ -16,7 +16,7 @@ Event = TypeVar("Event")
 
 START = b"\x02\x02\x02\x02"
 HEAD_SIZE = 8
-MAX_PAYLOAD = 0x5000  # eight channels of 1081 points are less
+MAX_PAYLOAD = 0x4FFF  # four 16-bit channels of 2000 points are less
 # What can be a frame's first bytes: start, a length up to MAX_PAYLOAD, the `s` of all telegrams.
 HEAD = re.compile(rb"\x02{4}\x00\x00[\x00-\x4f].s", re.DOTALL)
 HEAD_CUT = re.compile(rb"\x02(\x02(\x02(\x02(\x00(\x00([\x00-\x4f].?)?)?)?)?)?)?\Z", re.DOTALL)
@@ -24,7 +24,7 @@ INCOMPLETE_S = 0.5  # a frame that takes longer was none: its length is not to b
 REPORTED_SIZE = 4096  # junk is told at the latest when so much has come
 
 
-class Rejected(Exception):
+class PayloadError(Exception):
     """A payload that can't be what its frame says; the text says why."""
 
 
@@ -40,7 +40,7 @@ def _xor(payload: bytes | bytearray) -> int:
 class ColaParser(Generic[Event]):
     """Takes a stream cut anywhere; finds its way back after damage; keeps less than one frame.
 
-    `decode` makes an event of (now_s, payload), or raises Rejected: then, as after a wrong
+    `decode` makes an event of (now_s, payload), or raises PayloadError: then, as after a wrong
     checksum, the search goes on one byte further. All junk between two frames is one BadFrame.
     """
 
@@ -48,16 +48,19 @@ class ColaParser(Generic[Event]):
         self._decode = decode
         self._buffer = bytearray()
         self._waiting_since_s: float | None = None  # for the rest of the frame at the front
-        self._skipped, self._reason = bytearray(), ""
+        self._skipped, self._reason, self._skipped_s = bytearray(), "", 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[Event | BadFrame]:
         """The events that these bytes complete."""
         self._buffer += data
         events: list[Event | BadFrame] = []
+        if self._skipped and now_s - self._skipped_s >= INCOMPLETE_S:
+            self._report(events)
         at = 0
         while True:
             head = HEAD.search(self._buffer, at)
-            at = self._skip(at, head.start() if head else self._junk_end(at), "no telegram", events)
+            start = head.start() if head else self._junk_end(at)
+            at = self._skip(now_s, at, start, "no telegram", events)
             if head is None:
                 break
             size = int.from_bytes(self._buffer[at + 4 : at + HEAD_SIZE], "big")
@@ -65,13 +68,13 @@ class ColaParser(Generic[Event]):
             if end > len(self._buffer):
                 if not self._is_overdue(now_s):
                     break
-                at = self._skip(at, at + 1, "telegram never completed", events)
+                at = self._skip(now_s, at, at + 1, "telegram never completed", events)
                 continue
             self._waiting_since_s = None
             try:
                 event = self._event(now_s, bytes(self._buffer[at + HEAD_SIZE : end]))
-            except Rejected as rejected:
-                at = self._skip(at, at + 1, str(rejected), events)
+            except PayloadError as error:
+                at = self._skip(now_s, at, at + 1, str(error), events)
                 continue
             self._report(events)
             events.append(event)
@@ -82,7 +85,7 @@ class ColaParser(Generic[Event]):
     def _event(self, now_s: float, rest: bytes) -> Event:
         """What a frame's payload and checksum say."""
         if _xor(rest) != 0:  # the payload with its own checksum
-            raise Rejected("wrong checksum")
+            raise PayloadError("wrong checksum")
         return self._decode(now_s, rest[:-1])
 
     def _is_overdue(self, now_s: float) -> bool:
@@ -98,11 +101,13 @@ class ColaParser(Generic[Event]):
         cut = HEAD_CUT.search(self._buffer, max(at, len(self._buffer) - HEAD_SIZE))
         return cut.start() if cut else len(self._buffer)
 
-    def _skip(self, at: int, end: int, reason: str, events: list[Event | BadFrame]) -> int:
+    def _skip(
+        self, now_s: float, at: int, end: int, reason: str, events: list[Event | BadFrame]
+    ) -> int:
         """Take the bytes up to `end` as junk; returns `end`."""
         while at < end:
             if not self._skipped:
-                self._reason = reason
+                self._reason, self._skipped_s = reason, now_s
             taken = min(end - at, REPORTED_SIZE - len(self._skipped))
             self._skipped += self._buffer[at : at + taken]
             at += taken

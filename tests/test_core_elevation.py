@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.elevation import MeanCells
 from core.grid import RingGrid
-from core.obstacles import LOOKED_AGAIN, ObstacleMap
+from core.obstacles import LOOKED_AGAIN, NEW_LOOKS, ObstacleMap
 from core.records import FREE, OBSTACLE, UNKNOWN
 
 F64 = npt.NDArray[np.float64]
@@ -37,6 +37,12 @@ def state(obstacles: ObstacleMap, x: float, y: float) -> int:
     assert 0 <= i - obstacles.grid.corner_i < size
     assert 0 <= j - obstacles.grid.corner_j < size
     return int(obstacles.cells[j % size, i % size])
+
+
+def floor_around(x: float, y: float) -> list[tuple[float, float, float]]:
+    """A floor return in each of the eight cells around a place."""
+    steps = (-CELL_M, 0.0, CELL_M)
+    return [(x + dx, y + dy, 0.0) for dx in steps for dy in steps if (dx, dy) != (0.0, 0.0)]
 
 
 COORDINATE = st.floats(-4.5, 4.5)
@@ -68,9 +74,9 @@ def test_mean_count_and_contradictions_equal_a_dict_model(
 @given(z=st.floats(-0.5, 0.5))
 def test_definition_1_with_a_cell_at_a_bound_an_obstacle(z: float) -> None:
     elevation, obstacles = maps()
-    add(elevation, obstacles, (2.1, 0.1, z))
+    add(elevation, obstacles, (2.1, 0.1, z), *floor_around(2.1, 0.1))
     assert state(obstacles, 2.1, 0.1) == (FREE if -H < z < H else OBSTACLE)
-    assert state(obstacles, 2.1, 0.5) == UNKNOWN
+    assert state(obstacles, 2.1, 0.7) == UNKNOWN
 
 
 def test_a_cell_at_the_very_bound_is_an_obstacle() -> None:
@@ -88,7 +94,7 @@ def test_the_edge_of_a_box_is_not_averaged_away_by_the_floor_in_its_cell() -> No
 
 def test_a_single_stray_return_holds_a_cell_unknown_until_the_laser_has_looked_again() -> None:
     elevation, obstacles = maps()
-    add(elevation, obstacles, (2.1, 0.1, 0.0), (2.1, 0.1, 0.12))
+    add(elevation, obstacles, (2.1, 0.1, 0.0), (2.1, 0.1, 0.12), *floor_around(2.1, 0.1))
     assert state(obstacles, 2.1, 0.1) == UNKNOWN
     add(elevation, obstacles, *[(2.1, 0.1, 0.0)] * LOOKED_AGAIN)
     assert state(obstacles, 2.1, 0.1) == FREE
@@ -98,7 +104,8 @@ def test_where_a_beam_passed_below_the_ground_is_a_hole_not_floor() -> None:
     """A ditch from x = 2.03 to 3.53 m: beams that clear its near edge end on its far wall."""
     elevation, obstacles = maps()
     slope = 1.08 / 2.035  # the steepest beam that passes the near edge
-    add(elevation, obstacles, *[(1.9 + 0.01 * k, 0.1, 0.0) for k in range(13)])
+    for _ in range(NEW_LOOKS):
+        add(elevation, obstacles, *[(1.9 + 0.01 * k, 0.1, 0.0) for k in range(13)])
     assert state(obstacles, 2.01, 0.1) == FREE
     for _ in range(2):
         add(elevation, obstacles, (3.53, 0.1, 1.08 - slope * 3.53))
@@ -109,20 +116,47 @@ def test_where_a_beam_passed_below_the_ground_is_a_hole_not_floor() -> None:
 
 def test_a_return_just_below_the_ground_digs_no_hole() -> None:
     elevation, obstacles = maps()
-    add(elevation, obstacles, *[(2.1, 0.1, -0.09)] * 3)
+    add(elevation, obstacles, *[(2.1, 0.1, -0.09)] * 3, *floor_around(2.1, 0.1))
     assert int(elevation.beyond.sum()) == 0
     assert state(obstacles, 2.1, 0.1) == FREE
 
 
 def test_changes_are_told_once_and_only_when_the_meaning_changed() -> None:
     elevation, obstacles = maps()
-    add(elevation, obstacles, (2.1, 0.1, 0.0), (2.1, 0.5, 0.3))
-    assert len(obstacles.take_changed()) == 2
-    add(elevation, obstacles, (2.1, 0.1, 0.01), (2.1, 0.5, 0.3))
+    add(elevation, obstacles, (2.1, 0.1, 0.0), *floor_around(2.1, 0.1), (2.1, 1.1, 0.3))
+    assert len(obstacles.take_changed()) == 3  # with the cell in front, which is free as well
+    add(elevation, obstacles, (2.1, 0.1, 0.01), (2.1, 1.1, 0.3))
     assert len(obstacles.take_changed()) == 0
     add(elevation, obstacles, *[(2.1, 0.1, 0.5)] * 3)
     [at] = obstacles.take_changed()
     assert obstacles.cells.ravel()[at] == OBSTACLE
+
+
+def test_a_cell_that_is_hit_again_and_again_is_free_though_nothing_lies_behind_it() -> None:
+    """A robot that stands still: the laser draws one line across the floor."""
+    elevation, obstacles = maps()
+    for k in range(NEW_LOOKS):
+        assert state(obstacles, 2.1, 0.1) == UNKNOWN, k
+        add(elevation, obstacles, (2.1, 0.1, 0.0))
+    assert state(obstacles, 2.1, 0.1) == FREE
+
+
+def test_the_foot_of_a_wall_is_not_free_while_its_height_is_not_seen_yet() -> None:
+    """A wall at x = 2.07 m: as the robot comes near, beams climb it by 3 mm a scan."""
+    elevation, obstacles = maps()
+    for k in range(60):
+        wall = (2.07, 0.1, 0.003 * k)
+        add(elevation, obstacles, wall, *[(2.03, 0.1 + dy, 0.0) for dy in (-0.2, 0.0, 0.2)])
+        assert state(obstacles, 2.1, 0.1) != FREE, k
+    assert state(obstacles, 2.1, 0.1) == OBSTACLE
+
+
+def test_a_wall_alongside_is_not_free_where_the_scan_climbs_it_within_one_cell() -> None:
+    elevation, obstacles = maps()
+    climb = [(2.05 + 0.02 * k, 0.1, 0.003 * (6 - k)) for k in range(7)]
+    for _ in range(2 * NEW_LOOKS):
+        add(elevation, obstacles, *climb)
+    assert state(obstacles, 2.1, 0.1) == UNKNOWN
 
 
 @given(

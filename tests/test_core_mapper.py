@@ -7,6 +7,7 @@ import numpy as np
 
 from core.config import load_config
 from core.mapper import WAIT_S, WAITING, Mapper
+from core.obstacles import NEW_LOOKS
 from core.records import FREE, OBSTACLE, Scan, WheelCounts
 from core.summary import robot_in_words
 from tests.test_core_attitude import attitude
@@ -43,9 +44,9 @@ def state(mapper: Mapper, x: float, y: float) -> int:
 
 def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
     mapper = standing(1.0)
-    for k in range(2):
-        mapper.add_scan(wall_and_floor(0.4 + 0.04 * k))
-    assert mapper.settle(1.0) == 2
+    for k in range(NEW_LOOKS):
+        mapper.add_scan(wall_and_floor(0.3 + 0.02 * k))
+        assert mapper.settle(1.0) == 1
     assert state(mapper, 5.25, 0.1) == OBSTACLE
     assert state(mapper, 8.45, 4.0) == FREE
     assert state(mapper, 7.0, 0.1) == 0

@@ -109,8 +109,13 @@ class App:
         self._states: dict[str, tuple[str, str]] = {}
 
     @property
-    def _devices(self) -> tuple[DeviceStatus, DeviceStatus, DeviceStatus]:
-        return self.scanner.status, self.ahrs.status, self.drive.status
+    def _devices(self) -> dict[str, DeviceStatus]:
+        """By the section of mapod.toml that describes them."""
+        return {
+            "scanner": self.scanner.status,
+            "ahrs": self.ahrs.status,
+            "drive": self.drive.status,
+        }
 
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
@@ -124,7 +129,7 @@ class App:
         mapped = self.mapper.settle(now_s) > 0
         since_s = now_s - self._linked_s
         if since_s >= self._tick_s - 1e-6 or (mapped and since_s >= self._tick_s / 2):
-            window_trusted, report = self._report(now_s)
+            window_trusted, report = self.report(now_s)
             self.link.step(now_s, report, self.mapper.window(window_trusted))
             self._linked_s = now_s
         else:
@@ -136,7 +141,7 @@ class App:
         self.slots_missed += slots
         self._overrun_s = now_s
 
-    def _report(self, now_s: float) -> tuple[bool, PoseReport]:
+    def report(self, now_s: float) -> tuple[bool, PoseReport]:
         """Whether free may be told, and the pose and health for the planner."""
         mapper = self.mapper
         pose = mapper.maybe_pose(now_s)
@@ -171,20 +176,20 @@ class App:
 
     def _log(self, now_s: float) -> None:
         """A line for each change of a device's state; counters once a second."""
-        for status in self._devices:
-            if self._states.get(status.name) != (status.state, status.cause):
-                self._states[status.name] = (status.state, status.cause)
-                tell = self.log.info if status.state == "running" else self.log.warning
-                tell("device_changed", device=status.name, state=status.state, cause=status.cause)
+        for device, status in self._devices.items():
+            if self._states.get(device) != (status.state, status.cause):
+                self._states[device] = (status.state, status.cause)
+                tell = self.log.warning if status.cause else self.log.info
+                tell("device_changed", device=device, state=status.state, cause=status.cause)
         if now_s - self._logged_s < STATE_LOG_S:
             return
         self._logged_s = now_s
-        for status in self._devices:
+        for device, status in self._devices.items():
             if status.rejections:
                 newest = status.rejections[-1]
                 self.log.warning(
                     "frames_rejected",
-                    device=status.name,
+                    device=device,
                     total=status.rejected,
                     skipped_bytes=status.skipped_bytes,
                     newest_reason=newest.reason,
@@ -329,8 +334,10 @@ def warm_kernels(config: Config) -> None:
         app.mapper.add_counts(WheelCounts(t_s, 0.0, 0.0, 0))
     ranges_m = np.full((2 if config.scanner.echo == "both" else 1, 3), 1.0)
     app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
+    app.mapper.settle(0.05)
     for now_s in (0.05, 1.0):
-        app.step(now_s)
+        window_trusted, report = app.report(now_s)
+        app.link.step(now_s, report, app.mapper.window(window_trusted))
 
 
 def version() -> str:

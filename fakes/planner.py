@@ -19,6 +19,7 @@ from fakes.planner_frames import (
     DIGEST,
     DIGEST_BODY,
     GEOM,
+    HEAD,
     HELLO,
     KEEP,
     MAP,
@@ -26,6 +27,7 @@ from fakes.planner_frames import (
     MAX_FRAME,
     POSE,
     UNKNOWN,
+    VERSION,
     Deframer,
     Frame,
     Geometry,
@@ -39,6 +41,7 @@ from fakes.planner_frames import (
     maybe_runs,
     serial_from_frame,
     tag_is_right,
+    tag_of,
 )
 
 U8 = npt.NDArray[np.uint8]
@@ -78,7 +81,7 @@ class FakePlanner:
     """The receiver of sections 4 to 6. Time comes with each call; nothing here raises on bytes.
 
     Args:
-        key: 32 bytes: frames without a valid tag are dropped. None: tags are not looked at.
+        key: 32 bytes: frames without a valid tag are dropped, ACKs are signed. None: no tags.
         ack_every: accepted frames per ACK; 0 sends none (a link without a return path).
     """
 
@@ -235,7 +238,12 @@ class FakePlanner:
     def _send(self, now_s: float, frame_type: int, body: bytes) -> None:
         self._sent += 1
         t_ms = math.floor(now_s * 1000 + 1e-6)
-        self._outbox.append(bytes_from_frame(frame_type, self._sent, t_ms, body))
+        if self._key is None or self.geom is None or frame_type == HELLO:
+            self._outbox.append(bytes_from_frame(frame_type, self._sent, t_ms, body))
+            return
+        signed = HEAD.pack(VERSION << 4 | frame_type, AUTH, self._sent % 0x10000, t_ms % 2**32)
+        tag = tag_of(signed + body, self._key, self.geom.session, self.nonce)
+        self._outbox.append(bytes_from_frame(frame_type, self._sent, t_ms, body, AUTH, tag))
 
     # Section 5: which frames count
 

@@ -268,8 +268,14 @@ def ranges_m_from_channel(channel: Channel, part: slice, out: F64) -> None:
     out[(raw < LEAST_RANGE_RAW) | (out <= 0)] = math.nan
 
 
+def encode_login(level: int, password_hash: int) -> bytes:
+    """`SetAccessMode`: answered by 1, or by 0 if refused."""
+    values = struct.pack(">bI", level, password_hash)
+    return encode_frame(b"sMN SetAccessMode " + values)
+
+
 # Commands (section 3), as whole frames.
-LOGIN = encode_frame(b"sMN SetAccessMode \x03\xf4\x72\x47\x44")  # authorised client
+LOGIN = encode_login(3, 0xF4724744)  # authorised client
 READ_SCAN_CONFIG = encode_frame(b"sRN LMPscancfg")
 READ_OUTPUT_RANGE = encode_frame(b"sRN LMPoutputRange")
 START_MEASURING = encode_frame(b"sMN LMCstartmeas")
@@ -329,9 +335,3 @@ def maybe_state(values: bytes) -> int | None:
     if values[:1].isdigit() and values[1:2] in (b"", b" "):
         return int(values[:1])
     return int.from_bytes(values[:2], "big") if len(values) >= 2 else None
-
-
-def encode_login(level: int, password_hash: int) -> bytes:
-    """`SetAccessMode` as another user than LOGIN's."""
-    values = struct.pack(">bI", level, password_hash)
-    return encode_frame(b"sMN SetAccessMode " + values)

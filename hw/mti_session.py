@@ -327,6 +327,11 @@ class Mti(Device[Attitude]):
             lambda: MtiSession(status, self.stream, rate_hz).run(),
         )
 
+    @property
+    def clock_locked(self) -> bool:
+        """True once the sensor's clock is known well enough."""
+        return self._times is not None and self._times.locked
+
     def _measure(self, now_s: float, events: list[Any]) -> list[Attitude]:
         if self._times is None or self._starts != self.stream.starts:
             self._starts, self._times = self.stream.starts, _SampleTimes(self.stream.period_s)
@@ -348,6 +353,11 @@ class _SampleTimes:
         self._by_counter = DeviceClock(period_s, COUNTER_WRAP)
         self._by_stamp = DeviceClock(FINE_TICK_S, FINE_WRAP)
         self._days, self._last_ticks = 0, 0
+
+    @property
+    def locked(self) -> bool:
+        """True once one of the device's clocks is known well enough."""
+        return self._by_counter.locked or self._by_stamp.locked
 
     def t_s(self, sample: MtSample, sent_s: float) -> float:
         """When it was taken; sent_s is that instant as far as its arrival tells."""

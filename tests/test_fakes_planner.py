@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from fakes.planner import FakePlanner
 from fakes.planner_frames import (
+    ACK,
     AUTH,
     FREE,
     GEOM,
@@ -146,6 +147,16 @@ def test_what_was_sent_before_cannot_be_played_to_a_planner_with_a_key() -> None
     assert planner.geom is not None
     assert planner.geom.session == 2
     assert planner.rejected == {"tag": 1}
+
+
+def test_a_planner_with_a_key_signs_its_acknowledgements() -> None:
+    key = bytes(range(32))
+    planner = keyed(key, 5)
+    [data] = planner.poll(0.1)
+    ack = frame_from_bytes(data)
+    assert not isinstance(ack, str)
+    assert (ack.type, ack.flags) == (ACK, AUTH)
+    assert ack.tag == tag_of(ack.signed, key, SESSION, 5)
 
 
 # The map

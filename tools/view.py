@@ -75,12 +75,14 @@ def watch(end: PlannerEnd, console: Console, done: Callable[[float], bool]) -> N
     while not done(now_s := end.step(WAIT_S)):
         if now_s - told_s >= PROGRESS_PERIOD_S:
             told_s = now_s
-            console.print(progress_line(end, now_s), highlight=False)
+            console.print(progress_line(end, now_s), highlight=False, soft_wrap=True)
 
 
 def progress_line(end: PlannerEnd, now_s: float) -> str:
     """The state in one line, where there is no screen to draw on."""
     planner, pose = end.planner, end.planner.pose
+    if planner.blank:
+        return f"  {link_words(planner, now_s)[0]}"
     maps, _, bytes_per_s = end.meter.rates(now_s)
     window = planner.window()
     where = f"x {pose.x_m:+.1f} y {pose.y_m:+.1f} m, " if pose is not None else ""

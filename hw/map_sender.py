@@ -1,0 +1,340 @@
+"""What the planner has been told of each cell, and which cells to tell next.
+
+Both ends keep the window as a ring; a cell is *marked* while what the planner holds may differ from
+what is meant now: it changed, or a frame that told it got lost. Encoding clears marks; nothing is
+ever queued. The kernels walk rows that hold marks, and leave the others out.
+Source: planner link, sections 3 (operations), 4 and 7.
+"""
+
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar, cast
+
+import numba
+import numpy as np
+
+from core.records import I8, I32, U8, ObstacleWindow
+
+UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3
+CHANGED, LOST = 1, 2  # why a cell is marked, bits
+
+ALL, NEW_NEAR, NEW, GONE, NEAR, REST, REFRESH = range(7)  # which cells a pass writes
+IN_ORDER = (NEW_NEAR, NEW, GONE, NEAR, REST)
+NEAR_SHARE = 3  # near is within a third of the half-width
+OP_ROOM = 8  # bytes that one KEEP and one run may take
+
+Snapshot = tuple[U8, U8, I32, int]
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile with Numba, kept on disk beside the source."""
+    return cast(Callable[P, R], numba.njit(cache=True)(function))
+
+
+@kernel
+def _code(cell: int, trusted: bool) -> int:
+    """The state to tell for a cell of the obstacle map: 1 obstacle, 0 unknown, -1 free."""
+    if cell == 1:
+        return OBSTACLE
+    return FREE if cell == -1 and trusted else UNKNOWN
+
+
+@kernel
+def _remark(at: int, bit: int, on: bool, marks: U8, row_marks: I32, size: int) -> int:
+    """Set or clear one reason of one cell; returns the change in the number of LOST cells."""
+    old = marks[at]
+    new = old | bit if on else old & ~bit
+    marks[at] = new
+    row_marks[at // size] += int(new != 0) - int(old != 0)
+    return int(new & LOST != 0) - int(old & LOST != 0)
+
+
+@kernel
+def _note(
+    cells: I8, trusted: bool, changed: I32, told: U8, marks: U8, row_marks: I32, size: int
+) -> None:
+    """Mark those of the listed cells that are meant otherwise than told."""
+    for at in changed:
+        differs = _code(cells[at], trusted) != told[at]
+        _remark(at, CHANGED, differs, marks, row_marks, size)
+
+
+@kernel
+def _enter(
+    cells: I8,
+    trusted: bool,
+    old: tuple[int, int],
+    new: tuple[int, int],
+    told: U8,
+    marks: U8,
+    row_marks: I32,
+    size: int,
+) -> int:
+    """Cells that come in are unknown on both ends; returns the change in LOST cells."""
+    lost = 0
+    for j in range(new[1], new[1] + size):
+        row_in = not old[1] <= j < old[1] + size
+        for i in range(new[0], new[0] + size):
+            if not row_in and old[0] <= i < old[0] + size:
+                continue
+            at = (j % size) * size + i % size
+            told[at] = UNKNOWN
+            lost += _remark(at, LOST, False, marks, row_marks, size)
+            differs = _code(cells[at], trusted) != UNKNOWN
+            _remark(at, CHANGED, differs, marks, row_marks, size)
+    return lost
+
+
+@kernel
+def _wanted(kind: int, mark: int, code: int, was: int, near: bool) -> bool:
+    """Whether a pass of this kind writes a cell."""
+    if kind == REFRESH:
+        return True
+    if mark == 0:
+        return False
+    if kind == NEW_NEAR:
+        return code == OBSTACLE and near
+    if kind == NEW:
+        return code == OBSTACLE
+    if kind == GONE:
+        return was == OBSTACLE
+    return kind != NEAR or near
+
+
+@kernel
+def _put(state: int, run: int, ops: U8, used: int) -> int:
+    """Append one operation; returns the new length."""
+    if run <= 63:
+        ops[used] = state << 6 | run - 1
+        return used + 1
+    ops[used] = state << 6 | 63
+    rest, used = run - 64, used + 1
+    while rest >= 128:
+        ops[used] = rest % 128 | 128
+        rest, used = rest // 128, used + 1
+    ops[used] = rest
+    return used + 1
+
+
+@kernel
+def _encode(
+    kind: int,
+    first: int,
+    end: int,
+    room: int,
+    cells: I8,
+    trusted: bool,
+    corner: tuple[int, int],
+    told: U8,
+    marks: U8,
+    row_marks: I32,
+    size: int,
+    ops: U8,
+) -> tuple[int, int, int, int]:
+    """Write wanted cells of first..end (window raster) into `ops`, at most `room` bytes.
+
+    Returns the first cell written (-1: none), bytes, where to go on, and the change in LOST cells.
+    """
+    start, used, lost = -1, 0, 0
+    state, run, gap = KEEP, 0, 0
+    half, third = size // 2, max(1, size // 2 // NEAR_SHARE)
+    at_cell = first
+    while at_cell < end:
+        row, column = at_cell // size, at_cell % size
+        ring_row = (corner[1] + row) % size
+        if kind != REFRESH and row_marks[ring_row] == 0:
+            gap += min(end, (row + 1) * size) - at_cell
+            at_cell = (row + 1) * size
+            continue
+        at = ring_row * size + (corner[0] + column) % size
+        code = _code(cells[at], trusted)
+        near = abs(row - half) <= third and abs(column - half) <= third
+        if not _wanted(kind, marks[at], code, told[at], near):
+            gap, at_cell = gap + 1, at_cell + 1
+            continue
+        if run == 0 or gap > 0 or code != state:
+            if used + 2 * OP_ROOM > room:
+                break
+            if run > 0:
+                used = _put(state, run, ops, used)
+                if gap > 0:
+                    used = _put(KEEP, gap, ops, used)
+            else:
+                start = at_cell
+            state, run, gap = code, 0, 0
+        run += 1
+        told[at] = code
+        lost += _remark(at, LOST, False, marks, row_marks, size)
+        _remark(at, CHANGED, False, marks, row_marks, size)
+        at_cell += 1
+    if run > 0:
+        used = _put(state, run, ops, used)
+    return start, used, min(at_cell, end), lost
+
+
+@kernel
+def _mark_lost(
+    start: int,
+    ops: U8,
+    origin: tuple[int, int],
+    corner: tuple[int, int],
+    marks: U8,
+    row_marks: I32,
+    size: int,
+) -> int:
+    """Mark the cells that a lost frame wrote, where the window still covers them."""
+    lost, cursor, k = 0, start, 0
+    while k < ops.size:
+        state, run = ops[k] >> 6, int(ops[k] & 63) + 1
+        k += 1
+        if run == 64:
+            shift = 0
+            while True:
+                run += int(ops[k] & 127) << shift
+                shift, k = shift + 7, k + 1
+                if ops[k - 1] < 128:
+                    break
+        if state != KEEP:
+            for cell in range(cursor, cursor + run):
+                i, j = origin[0] + cell % size, origin[1] + cell // size
+                if 0 <= i - corner[0] < size and 0 <= j - corner[1] < size:
+                    at = (j % size) * size + i % size
+                    lost += _remark(at, LOST, True, marks, row_marks, size)
+        cursor += run
+    return lost
+
+
+@kernel
+def _mark_entered(
+    old: tuple[int, int],
+    new: tuple[int, int],
+    corner: tuple[int, int],
+    marks: U8,
+    row_marks: I32,
+    size: int,
+) -> int:
+    """Mark the cells of window `new` that are not in `old`, where the window now covers them."""
+    lost = 0
+    for j in range(max(new[1], corner[1]), min(new[1], corner[1]) + size):
+        row_in = not old[1] <= j < old[1] + size
+        for i in range(max(new[0], corner[0]), min(new[0], corner[0]) + size):
+            if row_in or not old[0] <= i < old[0] + size:
+                lost += _remark((j % size) * size + i % size, LOST, True, marks, row_marks, size)
+    return lost
+
+
+class MapSender:
+    """The sender's side of the ring: `told` and marks, (size, size) flat, [j % size, i % size]."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.told: U8 = np.zeros(size * size, dtype=np.uint8)
+        self._marks: U8 = np.zeros(size * size, dtype=np.uint8)
+        self._row_marks: I32 = np.zeros(size, dtype=np.int32)
+        self._every: I32 = np.arange(size * size, dtype=np.int32)
+        self._ops: U8 = np.zeros(512, dtype=np.uint8)
+        self._cells: I8 = np.zeros(size * size, dtype=np.int8)
+        self._trusted = False
+        self.corner: tuple[int, int] | None = None
+        self.lost = 0  # cells of lost frames, not told again yet
+
+    @property
+    def marked(self) -> int:
+        """Cells to be told."""
+        return int(self._row_marks.sum())
+
+    def update(self, window: ObstacleWindow) -> tuple[int, int] | None:
+        """Take in the map as it is meant now; the old corner if the window has moved."""
+        self._cells = window.cells.ravel()
+        corner, moved = (window.corner_i, window.corner_j), None
+        if self.corner is not None and corner != self.corner:
+            moved = self.corner
+            self.lost += _enter(
+                self._cells,
+                window.trusted,
+                moved,
+                corner,
+                self.told,
+                self._marks,
+                self._row_marks,
+                self.size,
+            )
+        listed = window.changed
+        if self.corner is None or window.trusted != self._trusted:
+            listed = self._every
+        self.corner, self._trusted = corner, window.trusted
+        self._note(listed)
+        return moved
+
+    def _note(self, listed: I32) -> None:
+        _note(
+            self._cells,
+            self._trusted,
+            listed,
+            self.told,
+            self._marks,
+            self._row_marks,
+            self.size,
+        )
+
+    def forget(self) -> None:
+        """The planner holds nothing any more: all cells unknown there."""
+        self.told[:] = UNKNOWN
+        self._marks[:] = 0
+        self._row_marks[:] = 0
+        self.lost = 0
+        self._note(self._every)
+
+    def retell(self) -> None:
+        """Nobody knows what the planner holds: tell every cell again."""
+        self._marks |= LOST
+        self._row_marks[:] = self.size
+        self.lost = self.size**2
+
+    def encode(self, kind: int, first: int, end: int, room: int) -> tuple[int, bytes, int]:
+        """Operations for the wanted cells of first..end in window raster order.
+
+        Returns the first cell addressed (-1: nothing to tell), the operations, where to go on.
+        """
+        assert self.corner is not None
+        start, used, next_cell, lost = _encode(
+            kind,
+            first,
+            end,
+            min(room, self._ops.size),
+            self._cells,
+            self._trusted,
+            self.corner,
+            self.told,
+            self._marks,
+            self._row_marks,
+            self.size,
+            self._ops,
+        )
+        self.lost += lost
+        return start, self._ops[:used].tobytes(), next_cell
+
+    def mark_lost(self, start: int, ops: bytes, origin: tuple[int, int]) -> None:
+        """A frame did not arrive: tell its cells again."""
+        if self.corner is not None:
+            written = np.frombuffer(ops, dtype=np.uint8)
+            self.lost += _mark_lost(
+                start, written, origin, self.corner, self._marks, self._row_marks, self.size
+            )
+
+    def mark_entered(self, old: tuple[int, int], new: tuple[int, int]) -> None:
+        """A frame that moved the window did not arrive: tell again what came in by it."""
+        if self.corner is not None:
+            self.lost += _mark_entered(
+                old, new, self.corner, self._marks, self._row_marks, self.size
+            )
+
+    def snapshot(self) -> Snapshot:
+        """What has been told and is still to tell, for `restore`."""
+        return self.told.copy(), self._marks.copy(), self._row_marks.copy(), self.lost
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """As if nothing had been encoded since."""
+        self.told[:], self._marks[:], self._row_marks[:] = snapshot[:3]
+        self.lost = snapshot[3]

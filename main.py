@@ -17,6 +17,7 @@ import secrets
 import signal
 import sys
 import time
+import tomllib
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -341,11 +342,11 @@ def warm_kernels(config: Config) -> None:
 
 
 def version() -> str:
-    """The version in pyproject.toml, as installed."""
-    try:
+    """The version in pyproject.toml: of the checkout, or as installed from it."""
+    path = Path(__file__).parent / "pyproject.toml"
+    if not path.exists():
         return metadata.version("mapod")
-    except metadata.PackageNotFoundError:
-        return "unknown (not installed)"
+    return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
 def run(arguments: list[str] | None = None) -> int:

@@ -1,1 +1,1 @@
-"""The other end of every wire: byte-level devices, the world, the planner. Imports nothing of hw or core."""
+"""The other end of every wire: byte-level devices, the world, the planner. Stands alone."""

@@ -1,4 +1,4 @@
-"""What all device sessions share: the port's face, their status, and the step from bytes to measurements.
+"""What all device sessions share: the port's face, their status, the step to measurements.
 
 A session is a generator: it yields the bytes to write and is sent a Tick. It never waits, reads no
 clock and logs nothing.

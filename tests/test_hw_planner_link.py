@@ -66,6 +66,12 @@ class Sky:
         return codes if self.trusted else np.where(codes == 1, 0, codes).astype(np.uint8)
 
 
+class HeldPort(MemoryPort):
+    """A wire whose far end takes bytes only when the test says so."""
+
+    backlog = 0  # type: ignore[assignment]
+
+
 class Line:
     """A sender and a receiver with a wire in between that may lose frames."""
 
@@ -79,9 +85,10 @@ class Line:
         ack_every: int = 1,
         key: bytes | None = None,
         seed: int = 0,
+        port: MemoryPort | None = None,
     ) -> None:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss
-        self.port = MemoryPort(datagrams=baud is None)
+        self.port = port or MemoryPort(datagrams=baud is None)
         self.link = PlannerLink(
             self.port,
             size=sky.size,
@@ -268,15 +275,18 @@ def test_a_planner_that_is_too_small_gets_poses_but_no_map() -> None:
 
 
 def test_while_the_line_is_behind_nothing_is_sent_and_nothing_forgotten() -> None:
-    line = Line(Sky(21, 3), baud=115_200)
+    line = Line(Sky(21, 3), baud=115_200, port=HeldPort())
     line.settle(0.2)
-    line.port.held = True  # the wire takes nothing
     line.sky.change(50)
-    line.port.write(b"x" * 100)
+    line.port.backlog = 100
     sent = line.link.frames_sent
-    line.tick()
-    if line.port.backlog:
-        assert line.link.frames_sent == sent
+    line.settle(0.2)
+    assert line.link.frames_sent == sent
+    assert line.link.ticks_held == 10
+    line.port.backlog = 0
+    line.settle(1.0)
+    assert line.holds_what_is_meant()
+    assert line.planner.missing == 0
 
 
 def test_an_authenticated_link_is_understood_with_the_key_and_not_with_another() -> None:

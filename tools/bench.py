@@ -13,6 +13,7 @@ import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -27,7 +28,7 @@ SETTLE_S, MEASURED_S = 6.0, 10.0
 FIRST_FRAME_S = 60.0
 
 
-def settings(**changes: dict[str, object]) -> Config:
+def settings(**changes: dict[str, Any]) -> Config:
     """The shipped settings, some of them changed."""
     text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
     table = msgspec.to_builtins(load_config(text))
@@ -69,15 +70,10 @@ class Costs:
 def drive(config: Config) -> Costs:
     """Drive through the corridor on a simulated clock, and time the app alone."""
     rig = Rig("corridor", 1)
-    ports = Ports(TimedPort(), MemoryPort(), MemoryPort(), TimedPort(datagrams=True))
-    assert isinstance(ports.scanner, TimedPort)
-    assert isinstance(ports.planner, TimedPort)
-    wires = [
-        Wire(rig.scanner, ports.scanner, 1),
-        Wire(rig.ahrs, ports.ahrs, 2),
-        Wire(rig.drive, ports.drive, 3),
-    ]
-    app = App(config, ports, session=1)
+    scanner, ahrs, drive = TimedPort(), MemoryPort(), MemoryPort()
+    planner = TimedPort(datagrams=True)
+    wires = [Wire(rig.scanner, scanner, 1), Wire(rig.ahrs, ahrs, 2), Wire(rig.drive, drive, 3)]
+    app = App(config, Ports(scanner, ahrs, drive, planner), session=1)
     rate_hz = config.loop.rate_hz
     costs = Costs()
     spent_s = 0.0  # since the bytes of the newest scan were read
@@ -88,16 +84,16 @@ def drive(config: Config) -> Costs:
         for wire in wires:
             wire.step(now_s)
         added = app.mapper.counts.scans_added
-        ports.scanner.read_s = None
+        scanner.read_s = None
         begun_s = time.perf_counter()
         app.step(now_s)
         ended_s = time.perf_counter()
-        ports.planner.take_datagrams()
-        if ports.scanner.read_s is not None:
-            spent_s, read_tick = begun_s - ports.scanner.read_s, tick
+        planner.take_datagrams()
+        if scanner.read_s is not None:
+            spent_s, read_tick = begun_s - scanner.read_s, tick
         measured = tick >= SETTLE_S * rate_hz
         if app.mapper.counts.scans_added > added and measured:
-            costs.scans_s.append(spent_s + max(ports.planner.written_s, begun_s) - begun_s)
+            costs.scans_s.append(spent_s + max(planner.written_s, begun_s) - begun_s)
             costs.waits_s.append((tick - read_tick) / rate_hz)
         spent_s += ended_s - begun_s
         if measured:
@@ -146,7 +142,12 @@ def report(name: str, config: Config) -> float:
 
 def main() -> int:
     """Exit status."""
-    fast = {"scan_rate_hz": 50, "angular_step_deg": 0.5, "first_deg": -45.0, "last_deg": 225.0}
+    fast: dict[str, Any] = {
+        "scan_rate_hz": 50,
+        "angular_step_deg": 0.5,
+        "first_deg": -45.0,
+        "last_deg": 225.0,
+    }
     print("mapod: measuring, about a minute")
     report("as shipped: 25 Hz, 481 beams, 101 x 101", settings())
     small = report("50 Hz, 541 beams, 101 x 101", settings(scanner=fast))

@@ -7,6 +7,7 @@ say that the data are replayed (mode 4).
 
 import argparse
 import hashlib
+import logging
 import sys
 import time
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+import structlog
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -63,19 +65,21 @@ class Replay:
 
     def __init__(self, recording: RecordedLms111, config: Config) -> None:
         self.recording, self.config = recording, config
-        self._ports = Ports(MemoryPort(), MemoryPort(), MemoryPort(), MemoryPort(datagrams=True))
+        scanner, ahrs_port, drive_port = MemoryPort(), MemoryPort(), MemoryPort()
+        self._link = MemoryPort(datagrams=True)
         level = (np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81]))
         ahrs = FakeMti(lambda t_s: level, 1)
         drive = FakeAx3500(StandingWheels(), 2)
         self._wires = [
             Wire(fake, port, 0)
             for fake, port in (
-                (recording, self._ports.scanner),
-                (ahrs, self._ports.ahrs),
-                (drive, self._ports.drive),
+                (recording, scanner),
+                (ahrs, ahrs_port),
+                (drive, drive_port),
             )
         ]
-        self.app = App(config, self._ports, session=SESSION, replayed=True)
+        ports = Ports(scanner, ahrs_port, drive_port, self._link)
+        self.app = App(config, ports, session=SESSION, replayed=True)
         self.planner = FakePlanner()
         self._ticks = 0
         self._rest_s = REST_S
@@ -99,12 +103,12 @@ class Replay:
         for wire in self._wires:
             wire.step(self.now_s)
         self.app.step(self.now_s)
-        for datagram in self._ports.planner.take_datagrams():
+        for datagram in self._link.take_datagrams():
             self._digest.update(datagram)
             self._bytes += len(datagram)
             self.planner.feed_datagram(self.now_s, datagram)
         for answer in self.planner.poll(self.now_s):
-            self._ports.planner.give(answer)
+            self._link.give(answer)
         if self.recording.done:
             self._rest_s -= 1.0 / self.config.loop.rate_hz
 
@@ -175,6 +179,7 @@ def main(arguments: list[str]) -> int:
         print(f"mapod: {error}", file=sys.stderr)
         return 2
     console = Console()
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
     replay = Replay(recording, config)
     try:
         show(replay, console)

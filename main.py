@@ -149,8 +149,9 @@ class App:
         roll_rad, pitch_rad, _ = mapper.attitudes.newest_rpy()
         inputs = health.Inputs(
             age_scan_s=now_s - mapper.newest_scan_s,
+            age_scanner_s=now_s - mapper.delivered_scan_s,
             age_ahrs_s=now_s - mapper.attitudes.newest_s,
-            age_wheels_s=now_s - mapper.odometry.newest_s,
+            age_wheels_s=now_s - mapper.delivered_counts_s,
             clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
             pose_known=pose is not None,
             map_begun=mapper.counts.scans_added > 0,

@@ -21,6 +21,7 @@ class Inputs:
     """What is known of the inputs at one instant; ages in seconds, inf = never."""
 
     age_scan_s: float  # of the newest scan in the map, its last beam
+    age_scanner_s: float  # of the newest scan that was delivered
     age_ahrs_s: float
     age_wheels_s: float
     clocks_locked: bool
@@ -34,7 +35,8 @@ class Inputs:
 def health_word(inputs: Inputs) -> int:
     """The health bits of the POSE frame."""
     word = 0
-    scanner = inputs.age_scan_s <= SCAN_STALE_S
+    scanner = inputs.age_scanner_s <= SCAN_STALE_S
+    mapped = inputs.age_scan_s <= SCAN_STALE_S
     ahrs = inputs.age_ahrs_s <= AHRS_STALE_S
     wheels = inputs.age_wheels_s <= WHEELS_STALE_S
     level = inputs.tilt_rad <= MAX_SLOPE_RAD
@@ -45,7 +47,7 @@ def health_word(inputs: Inputs) -> int:
         (wheels, WHEELS_OK),
         (inputs.clocks_locked, CLOCKS_LOCKED),
         (pose, POSE_VALID),
-        (pose and scanner and level and inputs.map_begun, MAP_VALID),
+        (pose and mapped and level and inputs.map_begun, MAP_VALID),
         (not inputs.overrun, NO_OVERRUN),
         (not level, TOO_STEEP),
     ):

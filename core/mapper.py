@@ -33,6 +33,11 @@ class MapperCounts:
     erased: int = 0
 
 
+def _last_beam_s(scan: Scan) -> float:
+    """When the last beam of a scan left."""
+    return scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
+
+
 class Mapper:
     """Attitude, odometry, elevation and obstacle map of one run, method `beams`."""
 
@@ -60,7 +65,9 @@ class Mapper:
         self.elevation = MeanCells(RingGrid(config.map.cells, config.map.cell_m), *bounds_m)
         self.obstacles = ObstacleMap(self.elevation, config.obstacle.window_cells, *bounds_m)
         self.counts = MapperCounts()
-        self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan added
+        self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
+        self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
+        self.delivered_counts_s = float("-inf")  # instant of the newest encoder counts
         self._waiting: deque[Scan] = deque()
         self._breaks = 0
 
@@ -70,10 +77,12 @@ class Mapper:
 
     def add_counts(self, counts: WheelCounts) -> None:
         """Take one pair of encoder counts."""
+        self.delivered_counts_s = max(self.delivered_counts_s, counts.t_s)
         self.odometry.add(counts)
 
     def add_scan(self, scan: Scan) -> None:
         """Take one scan; it is mapped by a later `settle`."""
+        self.delivered_scan_s = max(self.delivered_scan_s, _last_beam_s(scan))
         self._waiting.append(scan)
         if len(self._waiting) > WAITING:
             self._waiting.popleft()
@@ -88,7 +97,7 @@ class Mapper:
         added = 0
         while self._waiting:
             scan = self._waiting[0]
-            last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
+            last_s = _last_beam_s(scan)
             if self.attitudes.covers(scan.t_s, last_s) and self.odometry.covers(scan.t_s, last_s):
                 self._add(self._waiting.popleft(), last_s)
                 added += 1

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from core import health
 from core.health import Inputs, health_word, mode, trusted
 
-GOOD = Inputs(0.05, 0.01, 0.08, True, True, True, False, 0.01, False)
+GOOD = Inputs(0.05, 0.05, 0.01, 0.08, True, True, True, False, 0.01, False)
 AGES = st.one_of(st.floats(0, 2), st.just(float("inf")))
 
 
@@ -20,17 +20,17 @@ def test_a_healthy_robot_runs_and_may_tell_free() -> None:
 
 
 @given(
-    ages=st.tuples(AGES, AGES, AGES),
+    ages=st.tuples(AGES, AGES, AGES, AGES),
     flags=st.tuples(*[st.booleans()] * 5),
     tilt=st.floats(0, 1),
 )
 def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
-    ages: tuple[float, float, float], flags: tuple[bool, ...], tilt: float
+    ages: tuple[float, float, float, float], flags: tuple[bool, ...], tilt: float
 ) -> None:
     locked, pose, begun, overrun, replayed = flags
     inputs = Inputs(*ages, locked, pose, begun, overrun, tilt, replayed)
     word = health_word(inputs)
-    fresh = ages[0] <= 0.15 and ages[1] <= 0.15 and ages[2] <= 0.4
+    fresh = ages[0] <= 0.15 and ages[2] <= 0.15 and ages[3] <= 0.4
     assert trusted(word) == (fresh and pose and begun and tilt <= health.MAX_SLOPE_RAD)
     if mode(word, inputs) in (health.RUNNING, health.DEGRADED):
         assert trusted(word)
@@ -39,7 +39,7 @@ def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
 
 def test_each_stale_input_clears_its_own_bit_and_the_map() -> None:
     for inputs, bit in (
-        (replace(GOOD, age_scan_s=0.2), health.SCANNER_OK),
+        (replace(GOOD, age_scan_s=0.2, age_scanner_s=0.2), health.SCANNER_OK),
         (replace(GOOD, age_ahrs_s=0.2), health.AHRS_OK),
         (replace(GOOD, age_wheels_s=0.5), health.WHEELS_OK),
     ):

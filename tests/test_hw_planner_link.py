@@ -69,7 +69,16 @@ class Sky:
 class HeldPort(MemoryPort):
     """A wire whose far end takes bytes only when the test says so."""
 
-    backlog = 0  # type: ignore[assignment]
+    held = False
+
+    @property
+    def backlog(self) -> int:
+        """Bytes that wait."""
+        return 100 if self.held else 0
+
+    @backlog.setter
+    def backlog(self, waiting: int) -> None:
+        """The test alone decides."""
 
 
 class Line:
@@ -275,15 +284,16 @@ def test_a_planner_that_is_too_small_gets_poses_but_no_map() -> None:
 
 
 def test_while_the_line_is_behind_nothing_is_sent_and_nothing_forgotten() -> None:
-    line = Line(Sky(21, 3), baud=115_200, port=HeldPort())
+    port = HeldPort()
+    line = Line(Sky(21, 3), baud=115_200, port=port)
     line.settle(0.2)
     line.sky.change(50)
-    line.port.backlog = 100
+    port.held = True
     sent = line.link.frames_sent
     line.settle(0.2)
     assert line.link.frames_sent == sent
     assert line.link.ticks_held == 10
-    line.port.backlog = 0
+    port.held = False
     line.settle(1.0)
     assert line.holds_what_is_meant()
     assert line.planner.missing == 0

@@ -41,8 +41,8 @@ format: setup ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
 
-replay: setup ## recorded laser bytes through the same app, and the same picture
-	@$(BIN)/python -m tools.replay
+replay: setup ## recorded laser bytes through the same app, and the same picture [UPDATE=1]
+	@$(BIN)/python -m tools.replay $(if $(UPDATE),--store tests/replays/lms111_session.json)
 
 view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
 	@$(BIN)/python -m tools.view --port $(or $(PORT),udp://127.0.0.1:9750)

@@ -7,10 +7,11 @@ say that the data are replayed (mode 4).
 
 import argparse
 import hashlib
+import json
 import logging
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import msgspec
@@ -171,6 +172,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--config", type=Path, default=ROOT / "mapod.toml", help="the robot")
     parser.add_argument("--scan-rate-hz", type=int, default=50, help="of the recording")
     parser.add_argument("--step-deg", type=float, default=0.5, help="of the recording")
+    parser.add_argument("--store", type=Path, help="write the outcome here, as tests compare it")
     options = parser.parse_args(arguments)
     try:
         config = config_for_recording(options.config, options.scan_rate_hz, options.step_deg)
@@ -195,6 +197,8 @@ def main(arguments: list[str]) -> int:
         f"{outcome.free} free"
     )
     print(f"mapod: {outcome.link_bytes} bytes to the planner, sha256 {outcome.link_sha256}")
+    if options.store:
+        options.store.write_text(json.dumps(asdict(outcome), indent=1) + "\n", encoding="utf-8")
     return 0 if outcome.counts.scans_added else 1
 
 

@@ -1,0 +1,51 @@
+"""The documents are true: files, targets, settings and commands that they name exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from core.config import load_config
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_the_table_of_files_lists_the_files_there_are() -> None:
+    listed = set(re.findall(r"^\| `([\w/]+\.py)` \| .+ \|$", ARCHITECTURE, re.MULTILINE))
+    there = {
+        str(path.relative_to(ROOT))
+        for room in ("core", "hw", "fakes", "tools")
+        for path in (ROOT / room).glob("*.py")
+        if path.name != "__init__.py"
+    } | {"main.py"}
+    assert listed == there
+
+
+@pytest.mark.parametrize("text", [README, ARCHITECTURE], ids=["README", "architecture"])
+def test_files_that_the_documents_name_exist(text: str) -> None:
+    for name in re.findall(r"`((?:docs|core|hw|fakes|tools|tests)/[\w./*]+)`", text):
+        assert list(ROOT.glob(name)), name
+
+
+def test_make_targets_that_the_readme_names_exist_and_help_tells_them() -> None:
+    targets = set(re.findall(r"^([a-z]+):.*## ", MAKEFILE, re.MULTILINE))
+    assert set(re.findall(r"\bmake ([a-z]+)", README)) <= targets
+    assert {"run", "test", "check", "setup", "replay", "bench", "view"} <= targets
+
+
+def test_the_shipped_settings_load_and_each_has_a_comment_or_a_group_that_has() -> None:
+    text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+    load_config(text)
+    settings = [line for line in text.splitlines() if re.match(r"\w+ = ", line)]
+    assert len(settings) > 40
+    assert sum("#" in line for line in settings) > 0.8 * len(settings)
+
+
+def test_no_file_names_a_path_of_some_machine() -> None:
+    for path in [*ROOT.glob("*.*"), *ROOT.glob("*/*.py"), *ROOT.glob("docs/*"), ROOT / "Makefile"]:
+        if path.is_file() and path.name != "test_docs.py":
+            text = path.read_text(encoding="utf-8", errors="replace")
+            assert not re.search(r"(?<![\w/])/(?:home|root|work)/\w", text), path

@@ -15,7 +15,7 @@ $(VENV)/.ready: pyproject.toml
 	@command -v $(PYTHON) >/dev/null || { echo "mapod: needs $(PYTHON): apt install python3.11 python3.11-venv"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
 	@echo "mapod: installing the libraries that pyproject.toml names"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable '.[dev]'
 	@touch $@
 
 $(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py)

@@ -96,6 +96,14 @@ def test_a_reboot_is_noticed_at_the_first_sample_and_counted_once(new_start_s: f
     assert clock.restarts == 1
 
 
+def test_a_clock_that_goes_back_by_a_moment_has_begun_anew() -> None:
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    for k in range(50):
+        clock.host_s(k * 20_000, k * 0.02)
+    assert clock.host_s(0, 1.0) == pytest.approx(1.0)
+    assert clock.restarts == 1
+
+
 def test_a_backlog_after_a_stalled_host_is_put_where_it_belongs() -> None:
     clock = DeviceClock(MICROSECOND, WRAP_32)
     off_s = errors_s(clock, rate_hz=50, drift=0, jitter_s=0.001, seconds=10)

@@ -177,6 +177,19 @@ def test_connections_that_bring_no_bytes_make_the_pauses_grow(listener: socket.s
         until(partial(port.poll, now_s))
 
 
+def test_connections_that_bring_bytes_are_opened_again_soon(listener: socket.socket) -> None:
+    now_s = START_S
+    with contextlib.closing(tcp_port(listener)) as port:
+        for _ in range(4):
+            until(partial(port.poll, now_s))
+            with listener.accept()[0] as device:
+                device.sendall(b"x")
+            assert read_all(port, 1) == b"x"
+            until(partial(is_lost, port, now_s))
+            now_s += ports.RETRY_FIRST_S + 1e-6
+        until(partial(port.poll, now_s))
+
+
 def test_a_peer_that_takes_no_bytes_is_dropped_and_nothing_waits(listener: socket.socket) -> None:
     with contextlib.closing(tcp_port(listener)) as port, connected(listener, port):
         for _ in range(100_000):

@@ -35,7 +35,7 @@ class MapperCounts:
 
 def _last_beam_s(scan: Scan) -> float:
     """When the last beam of a scan left."""
-    return scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
+    return scan.t_s + float(scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
 
 
 class Mapper:

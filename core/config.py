@@ -154,6 +154,10 @@ def load_config(text: str) -> Config:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"not valid TOML: {error}") from None
+    return _config_from(table)
+
+
+def _config_from(table: dict[str, Any]) -> Config:
     _check_keys(table)
     try:
         config = msgspec.convert(table, Config)
@@ -163,6 +167,18 @@ def load_config(text: str) -> Config:
     _check_together(config)
     _check_built(config)
     return config
+
+
+def with_changes(config: Config, **sections: dict[str, Any]) -> Config:
+    """The same settings with some keys changed, `map={"cells": 401}`, and checked together.
+
+    Raises:
+        ConfigError: as load_config.
+    """
+    table = msgspec.to_builtins(config)
+    for section, keys in sections.items():
+        table[section] = {**table[section], **keys}
+    return _config_from(table)
 
 
 def _check_keys(table: dict[str, Any]) -> None:

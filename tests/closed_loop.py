@@ -3,9 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -22,21 +20,13 @@ START_S = 1000.0
 SESSION = 0x5A17C0DE
 
 
-def settings(**changes: dict[str, Any]) -> Config:
-    """The shipped settings with some of them changed: settings(map={"cells": 401})."""
-    table = msgspec.to_builtins(load_config(SHIPPED.read_text(encoding="utf-8")))
-    for section, values in changes.items():
-        table[section].update(values)
-    return msgspec.convert(table, Config)
-
-
 class ClosedLoop:
     """App and fakes, stepped together; faults are set on the wires and fakes between steps."""
 
     def __init__(
         self, config: Config | None = None, scene: str = "corridor", seed: int = 1
     ) -> None:
-        self.config = config or settings()
+        self.config = config or load_config(SHIPPED.read_text(encoding="utf-8"))
         self.rig = Rig(scene, seed)
         self.planner = FakePlanner()
         self.ports = {name: MemoryPort() for name in ("scanner", "ahrs", "drive")}

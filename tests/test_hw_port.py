@@ -329,9 +329,11 @@ def test_a_full_line_waits_for_nothing_then_is_given_up_and_closes_at_once(
         assert port.poll(START_S)
         port.write(bytes(60_000))
         assert 0 < port.backlog < 60_000
-        assert port.poll(START_S)
-        port.write(bytes(20_000))
-        assert not port.poll(START_S)
+        for _ in range(100):  # a kernel takes some thousand bytes, not always as many
+            if not port.poll(START_S):
+                break
+            port.write(bytes(10_000))
+            assert port.backlog <= ports.BACKLOG
         assert port.cause == f"{pty[1]} is not taking bytes"
 
 

@@ -6,6 +6,7 @@
 - From the start of the process to its first frame.
 """
 
+import logging
 import socket
 import subprocess
 import sys
@@ -15,10 +16,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
+import structlog
 
-from core.config import Config, load_config
+from core.config import Config, load_config, with_changes
 from fakes.rig import Rig
 from fakes.wire import MemoryPort, Wire
 from main import App, Ports
@@ -26,15 +27,6 @@ from main import App, Ports
 ROOT = Path(__file__).resolve().parents[1]
 SETTLE_S, MEASURED_S = 6.0, 10.0
 FIRST_FRAME_S = 60.0
-
-
-def settings(**changes: dict[str, Any]) -> Config:
-    """The shipped settings, some of them changed."""
-    text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
-    table = msgspec.to_builtins(load_config(text))
-    for section, values in changes.items():
-        table[section].update(values)
-    return msgspec.convert(table, Config)
 
 
 class TimedPort(MemoryPort):
@@ -149,11 +141,18 @@ def main() -> int:
         "last_deg": 225.0,
     }
     print("mapod: measuring, about a minute")
-    report("as shipped: 25 Hz, 481 beams, 101 x 101", settings())
-    small = report("50 Hz, 541 beams, 101 x 101", settings(scanner=fast))
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
+    small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=fast))
     large = report(
         "50 Hz, 541 beams, 401 x 401",
-        settings(scanner=fast, map={"cells": 401, "cell_m": 0.05}, obstacle={"window_cells": 401}),
+        with_changes(
+            shipped,
+            scanner=fast,
+            map={"cells": 401, "cell_m": 0.05},
+            obstacle={"window_cells": 401},
+        ),
     )
     print(f"401 x 401 cells of 0.05 m against 101 x 101 of 0.2 m: {large / small:.2f} times")
     print(f"start-up to the first frame: {start_up_s():.2f} s")

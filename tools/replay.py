@@ -14,14 +14,13 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import structlog
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from core.config import Config, ConfigError, load_config
+from core.config import Config, ConfigError, load_config, with_changes
 from core.mapper import MapperCounts
 from fakes.ax3500 import FakeAx3500
 from fakes.mti import FakeMti
@@ -127,9 +126,9 @@ class Replay:
 
 def config_for_recording(path: Path, rate_hz: int, step_deg: float) -> Config:
     """Settings for a recording: those of a file, at the recording's own rate and step."""
-    table = msgspec.to_builtins(load_config(path.read_text(encoding="utf-8")))
-    table["scanner"].update(scan_rate_hz=rate_hz, angular_step_deg=step_deg)
-    return msgspec.convert(table, Config)
+    config = load_config(path.read_text(encoding="utf-8"))
+    scanner = {"scan_rate_hz": rate_hz, "angular_step_deg": step_deg}
+    return with_changes(config, scanner=scanner)
 
 
 def picture(replay: Replay, console: Console) -> Text:
@@ -177,7 +176,7 @@ def main(arguments: list[str]) -> int:
     try:
         config = config_for_recording(options.config, options.scan_rate_hz, options.step_deg)
         recording = RecordedLms111.from_files(options.recording)
-    except (ConfigError, msgspec.ValidationError, OSError) as error:
+    except (ConfigError, OSError) as error:
         print(f"mapod: {error}", file=sys.stderr)
         return 2
     console = Console()

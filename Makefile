@@ -20,6 +20,7 @@ $(VENV)/.ready: pyproject.toml
 
 $(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py)
 	@echo "mapod: compiling the kernels (some 20 seconds, then cached)"
+	@rm -f core/__pycache__/*.nb? hw/__pycache__/*.nb?  # a cached kernel does not see that one it calls has changed
 	@$(BIN)/python main.py --warm
 	@touch $@
 

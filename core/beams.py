@@ -20,6 +20,17 @@ MAX_POINTS = 2 * 1081  # two echoes of the finest scan
 
 
 @kernel
+def _turn_to_map(q: F64, cy: float, sy: float, v: F64) -> None:
+    """Turn `v` (3,) from the body to the earth frame by `q`, then by the heading at the start."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    bx, by, bz = v[0], v[1], v[2]
+    ex = (1 - 2 * (y * y + z * z)) * bx + 2 * (x * y - w * z) * by + 2 * (x * z + w * y) * bz
+    ey = 2 * (x * y + w * z) * bx + (1 - 2 * (x * x + z * z)) * by + 2 * (y * z - w * x) * bz
+    ez = 2 * (x * z - w * y) * bx + 2 * (y * z + w * x) * by + (1 - 2 * (x * x + y * y)) * bz
+    v[0], v[1], v[2] = cy * ex - sy * ey, sy * ex + cy * ey, ez
+
+
+@kernel
 def _points_from_ranges(
     ranges_m: F64,
     bearings: tuple[float, float],
@@ -44,6 +55,7 @@ def _points_from_ranges(
     echoes, n = ranges_m.shape
     q = np.empty(4)
     cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
+    ray, arm = np.empty(3), np.empty(3)
     used = 0
     for i in range(n):
         any_return = False
@@ -52,27 +64,14 @@ def _points_from_ranges(
         if not any_return:
             continue
         q_at(attitude_t_s, q_earth_body, start, count, times[0] + i * times[1], q)
-        w, x, y, z = q[0], q[1], q[2], q[3]
         bearing = bearings[0] + i * bearings[1]
         cb, sb = math.cos(bearing), math.sin(bearing)
         share = i / (n - 1) if n > 1 else 0.0
-        ray = np.empty(3)
-        arm = np.empty(3)
         for k in range(3):
             ray[k] = R_body_sensor[k, 0] * cb + R_body_sensor[k, 1] * sb
             arm[k] = t_body_sensor[k]
-        for vector in (ray, arm):
-            bx, by, bz = vector[0], vector[1], vector[2]
-            ex = (
-                (1 - 2 * (y * y + z * z)) * bx + 2 * (x * y - w * z) * by + 2 * (x * z + w * y) * bz
-            )
-            ey = (
-                2 * (x * y + w * z) * bx + (1 - 2 * (x * x + z * z)) * by + 2 * (y * z - w * x) * bz
-            )
-            vector[2] = (
-                2 * (x * z - w * y) * bx + 2 * (y * z + w * x) * by + (1 - 2 * (x * x + y * y)) * bz
-            )
-            vector[0], vector[1] = cy * ex - sy * ey, sy * ex + cy * ey
+        _turn_to_map(q, cy, sy, ray)
+        _turn_to_map(q, cy, sy, arm)
         for e in range(echoes):
             r = ranges_m[e, i]
             if r >= MIN_RANGE_M and used < points.shape[0]:

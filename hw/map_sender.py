@@ -73,11 +73,13 @@ def _enter(
 ) -> int:
     """Cells that come in are unknown on both ends; returns the change in LOST cells."""
     lost = 0
+    end = new[0] + size
+    first_in, end_in = new[0], min(old[0], end)  # columns that come in, when moving to lower i
+    if new[0] > old[0]:
+        first_in, end_in = max(new[0], old[0] + size), end
     for j in range(new[1], new[1] + size):
         row_in = not old[1] <= j < old[1] + size
-        for i in range(new[0], new[0] + size):
-            if not row_in and old[0] <= i < old[0] + size:
-                continue
+        for i in range(new[0] if row_in else first_in, end if row_in else end_in):
             at = (j % size) * size + i % size
             told[at] = UNKNOWN
             lost += _remark(at, LOST, False, marks, row_marks, size)

@@ -47,6 +47,7 @@ SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
 PASS_S = 0.35  # one refresh pass, where bandwidth allows
 SAVED_TICKS = 3.0  # budget that may be saved up
 LEAST_SLICE_OPS = 32  # the MAP frame that every tick has
+MOST_PER_CELL = 5  # bytes of operations: its run, and a KEEP up to it
 GEOM_EVERY_S = 1.0
 ACK_WINDOW = 33  # frames that an ACK speaks of
 REMEMBERED = 512  # MAP frames without an ACK
@@ -256,6 +257,9 @@ class PlannerLink:
         if self._map.marked == 0:
             return
         budget = self._credit - self._saved
+        if self._map.marked * MOST_PER_CELL + 2 * self._cost(0) < min(budget, self._max_frame):
+            self._tell(map_sender.ALL, budget)
+            return
         before = self._map.snapshot(), self._seq, self._credit, len(self._out), len(self._sent)
         moved_from = self._moved_from
         if self._tell(map_sender.ALL, budget):

@@ -19,7 +19,7 @@ from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
 LOGIN_RETRY_S = 3.0
 START_UP_S = 120.0  # the longest that a device was seen to be silent after power on (section 6)
 ANSWER_S, OPTIONAL_S, TRIES = 2.5, 1.0, 2
-BUSY_S = 5.0  # without `STlms`, a device may say "busy" for ever though it would scan
+BUSY_S = 2.0  # without `STlms`, a device may say "busy" for ever though it would scan
 POLL_S = 0.2
 FIRST_SCAN_S, SILENCE_S = 5.0, 1.0
 PAUSE_S = 1.0  # before a new attempt

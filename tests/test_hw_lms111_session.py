@@ -155,7 +155,7 @@ def test_without_a_status_the_older_device_state_is_believed_for_a_while() -> No
     bench = Bench()
     bench.fake.answers["sRN STlms"] = UNKNOWN
     bench.fake.answers["sRN SCdevicestate"] = b"sRA SCdevicestate \x00"
-    bench.run(4.5)
+    bench.run(1.5)
     assert bench.lms.status.cause == "the scanner says that it is busy"
     bench.run(1.5)
     assert bench.state == "running"

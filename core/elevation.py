@@ -25,8 +25,8 @@ MAX_HOLE_STEPS = 256  # along one beam: 64 cells
 MAX_TOUCHED = 250_000  # cells of one scan: two echoes of 1081 beams, what they dug, neighbours
 
 
-# mean, count, beyond, rising, far sides, looks, hit scan, span, stamp: flat views
-Layers = tuple[F64, I32, I32, U8, U8, I32, I64, F64, I64]
+# mean, count, beyond, rising, far sides, looks, hit scan, span, stamp, beyond scan: flat views
+Layers = tuple[F64, I32, I32, U8, U8, I32, I64, F64, I64, I64]
 
 
 @kernel
@@ -66,9 +66,18 @@ def _flat(x: float, y: float, cell_m: float, corner: tuple[int, int], size: int)
 
 
 @kernel
+def _contradict(at: int, layers: Layers, serial: int) -> None:
+    """Something speaks against "floor" in this cell; counted once a scan: errors come together."""
+    beyond, beyond_scan = layers[2], layers[9]
+    if beyond_scan[at] != serial and beyond[at] < MAX_EVIDENCE:
+        beyond_scan[at] = serial
+        beyond[at] += 1
+
+
+@kernel
 def _fall_in(at: int, z: float, layers: Layers, bounds: tuple[float, float], serial: int) -> None:
     """One return of height z falls into the cell `at`."""
-    mean, count, beyond, rising, _, looks, hit_scan, span, _ = layers
+    mean, count, _, rising, _, looks, hit_scan, span, _, _ = layers
     if hit_scan[at] != serial:
         hit_scan[at] = serial
         looks[at] += 1
@@ -79,8 +88,8 @@ def _fall_in(at: int, z: float, layers: Layers, bounds: tuple[float, float], ser
     if count[at] < MAX_COUNT:
         count[at] += 1
     mean[at] += (z - mean[at]) / count[at]
-    if (z >= bounds[0] or z <= bounds[1]) and beyond[at] < MAX_EVIDENCE:
-        beyond[at] += 1
+    if z >= bounds[0] or z <= bounds[1]:
+        _contradict(at, layers, serial)
 
 
 @kernel
@@ -94,7 +103,7 @@ def _add_points(
     touched: I32,
 ) -> int:
     """Take the returns of one scan; fills `touched` and returns how many cells it lists."""
-    _, count, beyond, _, far_sides, _, _, _, stamp = layers
+    _, count, beyond, _, far_sides, _, _, _, stamp, _ = layers
     corner, size, cell_m = (window[0], window[1]), window[2], window[3]
     used = 0
     for p in range(points.shape[0]):
@@ -116,10 +125,10 @@ def _add_points(
         for s in range(1, steps):
             along = share + (1 - share) * s / steps
             dug = _flat(lenses[p, 0] + along * dx, lenses[p, 1] + along * dy, cell_m, corner, size)
-            if dug >= 0 and dug != last and dug != at and beyond[dug] < MAX_EVIDENCE:
+            if dug >= 0 and dug != last and dug != at:
                 if count[dug] == 0 and beyond[dug] == 0:
                     used = _touch_around(dug, size, stamp, serial, touched, used)
-                beyond[dug] += 1
+                _contradict(dug, layers, serial)
                 used = _touch(dug, stamp, serial, touched, used)
             last = dug
     return used
@@ -128,7 +137,7 @@ def _add_points(
 class MeanCells:
     """Layers of a RingGrid, all (size, size).
 
-    `mean_m` and `count` of the heights; `beyond`: contradictions; `rising`: 1 once
+    `mean_m` and `count` of the heights; `beyond`: scans that contradict "floor"; `rising`: 1 once
     something rose or fell in it; `far_sides`: bit k is set once a beam went on towards octant k;
     `looks`: scans of which a return fell in.
     """
@@ -144,6 +153,7 @@ class MeanCells:
         hit_scan: I64 = grid.layer(np.int64, 0)  # newest scan of which a return fell in,
         span_m = np.zeros((grid.size**2, 2))  # and the lowest and highest height of that scan
         stamp: I64 = grid.layer(np.int64, 0)  # newest scan that listed the cell as touched
+        beyond_scan: I64 = grid.layer(np.int64, 0)  # newest scan that contradicted "floor"
         self._layers: Layers = (
             self.mean_m.ravel(),
             self.count.ravel(),
@@ -154,6 +164,7 @@ class MeanCells:
             hit_scan.ravel(),
             span_m,
             stamp.ravel(),
+            beyond_scan.ravel(),
         )
         self.scans = 0
         self._touched = np.zeros(min(MAX_TOUCHED, grid.size**2), dtype=np.int32)

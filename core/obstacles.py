@@ -15,8 +15,8 @@ from core.grid import RingGrid
 from core.jit import kernel
 from core.records import F64, FREE, I8, I32, OBSTACLE, U8, UNKNOWN
 
-ENOUGH = 2  # contradictions that make an obstacle
-LOOKED_AGAIN = 6  # returns after which a single contradiction no longer holds a cell unknown
+ENOUGH = 2  # contradicting scans that make an obstacle
+LOOKED_AGAIN = 6  # scans after which a single contradiction no longer holds a cell unknown
 NEW_LOOKS = 25  # scans that have hit a cell before it no longer counts as new: 1 s at 25 Hz
 
 AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
@@ -69,7 +69,7 @@ def _decide(
             state = UNKNOWN
         elif beyond[at] >= ENOUGH or not (bounds[1] < mean[at] < bounds[0]):
             state = OBSTACLE
-        elif beyond[at] == 1 and count[at] < LOOKED_AGAIN:
+        elif beyond[at] == 1 and looks[at] < LOOKED_AGAIN:
             state = UNKNOWN
         else:
             sides = 0

@@ -84,7 +84,7 @@ class Comparison:
         tuple[float, float]
     ]  # centres of free cells, half of them on a box or in the ditch
     floor_error_m: F64  # height errors of floor cells
-    wrong: list[tuple[float, float, int]]
+    wrong: list[tuple[float, float, int]]  # centre, and what the map holds
 
 
 SAMPLES = np.linspace(0.02, 0.98, 7)
@@ -135,5 +135,10 @@ def compare(loop: ClosedLoop) -> Comparison:
         int(right.sum()),
         places((cells == FREE) & danger),
         mean[floor],
-        [(*place, int(cells[0, 0])) for place in places(seen & ~right)],
+        [
+            (*place, int(cell))
+            for place, cell in zip(
+                places(seen & ~right), cells[np.nonzero(seen & ~right)], strict=True
+            )
+        ],
     )

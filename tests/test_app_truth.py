@@ -84,3 +84,13 @@ def test_the_pose_stays_within_a_few_centimetres(
     assert pose is not None
     assert np.hypot(pose.x_m - x, pose.y_m - y) < 0.10
     assert abs(pose.yaw_rad - yaw) < np.radians(0.5)
+
+
+def test_with_six_times_the_attitude_noise_it_errs_to_the_side_of_obstacle() -> None:
+    loop = ClosedLoop(seed=5)
+    loop.rig.ahrs.angle_noise_rad = np.radians(0.3)
+    loop.run(15.0)
+    comparison = compare(loop)
+    assert comparison.right >= 0.92 * comparison.seen
+    assert comparison.free_on_obstacle == []
+    assert all(cell != -1 for _, _, cell in comparison.wrong)

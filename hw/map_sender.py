@@ -23,6 +23,8 @@ NEAR_SHARE = 3  # near is within a third of the half-width
 OP_ROOM = 8  # bytes that one KEEP and one run may take
 
 Snapshot = tuple[U8, U8, I32, int]
+Span = tuple[int, int, int, int]  # lowest and highest corner i, lowest and highest corner j
+NO_SPAN: Span = (0, -(2**40), 0, -(2**40))  # holds no cell
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -66,12 +68,17 @@ def _enter(
     trusted: bool,
     old: tuple[int, int],
     new: tuple[int, int],
+    span: Span,
     told: U8,
     marks: U8,
     row_marks: I32,
     size: int,
 ) -> int:
-    """Cells that come in are unknown on both ends; returns the change in LOST cells."""
+    """Cells that come in are unknown on both ends; returns the change in LOST cells.
+
+    Those that a window within `span` had are told all the same: a planner that missed the move
+    by which they left has not forgotten them.
+    """
     lost = 0
     end = new[0] + size
     first_in, end_in = new[0], min(old[0], end)  # columns that come in, when moving to lower i
@@ -79,10 +86,12 @@ def _enter(
         first_in, end_in = max(new[0], old[0] + size), end
     for j in range(new[1], new[1] + size):
         row_in = not old[1] <= j < old[1] + size
+        row_spanned = span[2] <= j < span[3] + size
         for i in range(new[0] if row_in else first_in, end if row_in else end_in):
             at = (j % size) * size + i % size
             told[at] = UNKNOWN
-            lost += _remark(at, LOST, False, marks, row_marks, size)
+            back = row_spanned and span[0] <= i < span[1] + size
+            lost += _remark(at, LOST, back, marks, row_marks, size)
             differs = _code(cells[at], trusted) != UNKNOWN
             _remark(at, CHANGED, differs, marks, row_marks, size)
     return lost
@@ -207,23 +216,9 @@ def _mark_lost(
     return lost
 
 
-@kernel
-def _mark_entered(
-    old: tuple[int, int],
-    new: tuple[int, int],
-    corner: tuple[int, int],
-    marks: U8,
-    row_marks: I32,
-    size: int,
-) -> int:
-    """Mark the cells of window `new` that are not in `old`, where the window now covers them."""
-    lost = 0
-    for j in range(max(new[1], corner[1]), min(new[1], corner[1]) + size):
-        row_in = not old[1] <= j < old[1] + size
-        for i in range(max(new[0], corner[0]), min(new[0], corner[0]) + size):
-            if row_in or not old[0] <= i < old[0] + size:
-                lost += _remark((j % size) * size + i % size, LOST, True, marks, row_marks, size)
-    return lost
+def _span_of(corners: list[tuple[int, int]]) -> Span:
+    i, j = [corner[0] for corner in corners], [corner[1] for corner in corners]
+    return min(i), max(i), min(j), max(j)
 
 
 class MapSender:
@@ -238,36 +233,58 @@ class MapSender:
         self._ops: U8 = np.zeros(512, dtype=np.uint8)
         self._cells: I8 = np.zeros(size * size, dtype=np.int8)
         self._trusted = False
+        self._span = NO_SPAN  # of the windows whose cells the planner may still hold
         self.corner: tuple[int, int] | None = None
         self.lost = 0  # cells of lost frames, not told again yet
+        self._warm()
+
+    def _warm(self) -> None:
+        """Run the kernels that only a move or a loss needs: none is compiled in the loop."""
+        self.corner = (0, 0)
+        self.mark_lost(0, b"", self.corner)
+        self._enter(self.corner, False, NO_SPAN)
+        self.corner = None
 
     @property
     def marked(self) -> int:
         """Cells to be told."""
         return int(self._row_marks.sum())
 
-    def update(self, window: ObstacleWindow) -> tuple[int, int] | None:
-        """Take in the map as it is meant now; the old corner if the window has moved."""
+    def update(self, window: ObstacleWindow, careful: bool) -> tuple[int, int] | None:
+        """Take in the map as it is meant now; the old corner if the window has moved.
+
+        `careful` tells what comes back into the window before the planner is known to have
+        forgotten it.
+        """
         self._cells = window.cells.ravel()
-        corner, moved = (window.corner_i, window.corner_j), None
-        if self.corner is not None and corner != self.corner:
-            moved = self.corner
-            self.lost += _enter(
-                self._cells,
-                window.trusted,
-                moved,
-                corner,
-                self.told,
-                self._marks,
-                self._row_marks,
-                self.size,
-            )
+        old, corner = self.corner, (window.corner_i, window.corner_j)
         listed = window.changed
-        if self.corner is None or window.trusted != self._trusted:
+        if old is None or window.trusted != self._trusted:
             listed = self._every
         self.corner, self._trusted = corner, window.trusted
+        moved = old is not None and old != corner
+        if old is None:
+            self._span = _span_of([corner])
+        elif moved:
+            self._enter(old, window.trusted, self._span if careful else NO_SPAN)
+            low_i, high_i, low_j, high_j = self._span
+            self._span = _span_of([(low_i, low_j), (high_i, high_j), corner])
         self._note(listed)
-        return moved
+        return old if moved else None
+
+    def _enter(self, old: tuple[int, int], trusted: bool, span: Span) -> None:
+        assert self.corner is not None
+        self.lost += _enter(
+            self._cells,
+            trusted,
+            old,
+            self.corner,
+            span,
+            self.told,
+            self._marks,
+            self._row_marks,
+            self.size,
+        )
 
     def _note(self, listed: I32) -> None:
         _note(
@@ -286,6 +303,7 @@ class MapSender:
         self._marks[:] = 0
         self._row_marks[:] = 0
         self.lost = 0
+        self._span = NO_SPAN if self.corner is None else _span_of([self.corner])
         self._note(self._every)
 
     def retell(self) -> None:
@@ -325,12 +343,10 @@ class MapSender:
                 start, written, origin, self.corner, self._marks, self._row_marks, self.size
             )
 
-    def mark_entered(self, old: tuple[int, int], new: tuple[int, int]) -> None:
-        """A frame that moved the window did not arrive: tell again what came in by it."""
+    def note_seen(self, seen: tuple[int, int], since: list[tuple[int, int]]) -> None:
+        """The planner has had the window at `seen`, and perhaps at those corners since."""
         if self.corner is not None:
-            self.lost += _mark_entered(
-                old, new, self.corner, self._marks, self._row_marks, self.size
-            )
+            self._span = _span_of([seen, *since, self.corner])
 
     def snapshot(self) -> Snapshot:
         """What has been told and is still to tell, for `restore`."""

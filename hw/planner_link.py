@@ -61,7 +61,6 @@ class SentMap:
     start: int
     ops: bytes
     origin: tuple[int, int]
-    moved_from: tuple[int, int] | None
 
 
 class PlannerLink:
@@ -83,22 +82,24 @@ class PlannerLink:
         self._size, self._cell_mm = size, cell_mm
         self._session, self._tick_s, self._stale_ms = session, tick_s, stale_ms
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
-        self._key, self._nonce = key, 0
+        self._key = key
+        self._nonce: int | None = None  # of the planner's newest HELLO
         self._map = MapSender(size)
         self._deframer = Deframer()
         self._max_frame = MAX_FRAME
         self.refusal = ""  # why no map is announced, in words
         self._seq = 0  # of the newest frame, unwrapped
-        self._geom_id, self._epoch = 0, -1
+        self._geom_id, self._epoch = session % 256, -1  # after a restart hardly the same number
+        self._epoch_seq = 1  # first frame of this geometry
         self._geom_due, self._geom_s = True, -math.inf
         self._credit = self._saved = 0.0  # bytes: of the line, and of the refresh's share
-        self._stepped_s, self._dt_s = -math.inf, 0.0
+        self._due_cells = 0.0  # of the refresh, by its pace
+        self._stepped_s = -math.inf
         self._repaired = self._covered = 0
-        self._forgotten = 0  # newest frame whose record was dropped without an ACK
         self._sent: deque[SentMap] = deque()
         self._pass_cell, self._pass_seq = 0, 1
-        self._moved_from: tuple[int, int] | None = None  # since the last MAP frame
-        self._answered_geom = True  # the planner is known to use our geometry, or never answered
+        self._in_step = True  # ACKs, if any come, tell of every MAP frame of this geometry
+        self._origin: tuple[int, int] | None = None  # of the newest MAP frame
         self._out: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
         self.frames_sent = self.bytes_sent = self.frames_lost = 0
         self.acks = self.answers_rejected = self.ticks_held = 0
@@ -127,7 +128,7 @@ class PlannerLink:
         return is_open
 
     def _secret(self) -> Secret | None:
-        return Secret(self._key, self._session, self._nonce) if self._key else None
+        return Secret(self._key, self._session, self._nonce or 0) if self._key else None
 
     def _take_hello(self, hello: Hello) -> None:
         """A planner has started: it holds nothing, and wants to know the geometry."""
@@ -147,19 +148,19 @@ class PlannerLink:
         self.acks += 1
         self.planner_status = ack.status
         newest = self._seq - (self._seq - ack.last_seq) % 2**16  # unwrapped
-        if newest < 0:
-            return
+        if newest < self._epoch_seq:
+            return  # of another run or geometry: it says nothing of what is on its way now
         round_trip_s = ((round(now_s * 1000) - ack.echo_t_ms) % 2**32) / 1000 - ack.hold_s
         self.round_trip_s = round_trip_s if round_trip_s < 60 else math.nan
         if ack.status & NEED_FULL and ack.geom_id == self._geom_id:
             self._begin_epoch()
             return
         if ack.geom_id != self._geom_id or ack.status & NEED_GEOM:
-            self._geom_due, self._answered_geom = True, False
+            self._geom_due, self._in_step = True, False
             return
-        if not self._answered_geom:
-            # MAP frames that came before the geometry were ignored: all of it again
-            self._answered_geom = True
+        if not self._in_step:
+            # It ignored what came before the geometry, or was silent for long: all of it again
+            self._in_step = True
             self._map.retell()
             self._sent.clear()
         self._settle_frames(newest, ack.mask)
@@ -167,15 +168,17 @@ class PlannerLink:
 
     def _settle_frames(self, newest: int, mask: int) -> None:
         """Which frames up to `newest` arrived, and what of the others is to be told again."""
+        seen: tuple[int, int] | None = None
         while self._sent and self._sent[0].seq <= newest:
             sent = self._sent.popleft()
             age = newest - sent.seq
             if age == 0 or (age < ACK_WINDOW and mask >> (age - 1) & 1):
+                seen = sent.origin
                 continue
             self.frames_lost += 1
             self._map.mark_lost(sent.start, sent.ops, sent.origin)
-            if sent.moved_from is not None:
-                self._map.mark_entered(sent.moved_from, sent.origin)
+        if seen is not None:
+            self._map.note_seen(seen, [sent.origin for sent in self._sent])
 
     def _begin_epoch(self) -> None:
         """New geometry number: both ends start from unknown."""
@@ -183,9 +186,10 @@ class PlannerLink:
         self._geom_due = True
         self._map.forget()
         self._sent.clear()
-        self._repaired = self._covered = self._forgotten = self._seq
+        self._repaired = self._covered = self._seq
+        self._epoch_seq = self._seq + 1
         self._pass_cell, self._pass_seq = 0, self._seq + 1
-        self._moved_from = None
+        self._in_step = True
 
     # What the planner is told
 
@@ -195,7 +199,8 @@ class PlannerLink:
         if window.epoch != self._epoch:
             self._epoch = window.epoch
             self._begin_epoch()
-        moved_from = self._map.update(window)
+        careful = self._in_step or self._map.corner != self._origin
+        moved_from = self._map.update(window, careful)
         if moved_from is not None:
             self._follow(moved_from)
         self._earn(now_s)
@@ -210,28 +215,25 @@ class PlannerLink:
         self._queue(POSE, 0, encode_pose(pose))
         if not self.refusal:
             self._tell_changes()
-            self._refresh(now_s)
+            self._refresh()
         self._repair()
         self._send()
 
     def _earn(self, now_s: float) -> None:
         """Budget for the time since the last tick."""
-        dt_s = min(now_s - self._stepped_s, SAVED_TICKS * self._tick_s)
-        self._dt_s = max(0.0, dt_s)
+        dt_s = max(0.0, min(now_s - self._stepped_s, SAVED_TICKS * self._tick_s))
         self._stepped_s = now_s
-        earned = self._bytes_per_s * self._dt_s
+        earned = self._bytes_per_s * dt_s
         most = self._bytes_per_s * self._tick_s * SAVED_TICKS
         self._credit = min(self._credit + earned, most)
         most_saved = max(REFRESH_SHARE * most, self._cost(SLICE_OPS) + REFRESH_SHARE * earned)
         self._saved = min(self._saved + REFRESH_SHARE * earned, most_saved)
+        cells = self._size**2
+        self._due_cells = min(self._due_cells + cells * dt_s / PASS_S, cells)
 
     def _follow(self, moved_from: tuple[int, int]) -> None:
         """The window moved: rows that the refresh has not passed yet stay ahead of it."""
         assert self._map.corner is not None
-        if self._moved_from is None:
-            self._moved_from = moved_from
-        else:  # cells may have left and come back since the planner was told of the window
-            self._map.retell()
         next_row = moved_from[1] + self._pass_cell // self._size - self._map.corner[1]
         self._pass_cell = max(0, min(self._size - 1, next_row)) * self._size
 
@@ -261,12 +263,10 @@ class PlannerLink:
             self._tell(map_sender.ALL, budget)
             return
         before = self._map.snapshot(), self._seq, self._credit, len(self._out), len(self._sent)
-        moved_from = self._moved_from
         if self._tell(map_sender.ALL, budget):
             return
         snapshot, self._seq, self._credit, queued, sent = before
         self._map.restore(snapshot)
-        self._moved_from = moved_from
         del self._out[queued:]
         while len(self._sent) > sent:
             self._sent.pop()
@@ -286,27 +286,28 @@ class PlannerLink:
                 self._queue_map(0, start, ops)
         return True
 
-    def _refresh(self, now_s: float) -> None:
-        """The next slice of the rolling refresh; a short one at least if no MAP frame goes out."""
+    def _refresh(self) -> None:
+        """Slices of the rolling refresh, by its pace, of its share and what else the line has left.
+
+        One tick's budget stays for a burst of changes. A short slice at least goes out if no other
+        MAP frame does.
+        """
         has_map = any(kind == MAP for kind, _, _ in self._out)
-        due_cells = math.ceil(self._size**2 * self._dt_s / PASS_S)
-        while due_cells > 0:
-            enough = self._saved >= self._cost(SLICE_OPS) and self._credit >= self._cost(SLICE_OPS)
-            if not enough and has_map:
+        least, slice_cost = self._cost(LEAST_SLICE_OPS) + 2, self._cost(SLICE_OPS)
+        while True:
+            left = self._credit - self._bytes_per_s * self._tick_s
+            left = max(left, min(self._saved, self._credit))
+            if has_map and (self._due_cells < 1 or left < slice_cost):
                 return
-            least = self._cost(LEAST_SLICE_OPS) + 2
-            room = self._ops_room(max(least, min(self._saved, self._credit)))
-            end = min(self._size**2, self._pass_cell + due_cells)
-            first_seq = self._seq + 1
-            begun = self._pass_cell
+            room = self._ops_room(max(least, left))
+            due = max(1, math.floor(self._due_cells))
+            end = min(self._size**2, self._pass_cell + due)
+            begun, before, first_seq = self._pass_cell, self._credit, self._seq + 1
             start, ops, self._pass_cell = self._map.encode(map_sender.REFRESH, begun, end, room)
-            if start < 0:
-                return
-            due_cells -= self._pass_cell - begun
-            before = self._credit
             self._queue_map(REFRESH, start, ops)
-            self._saved -= before - self._credit
             has_map = True
+            self._due_cells = max(0.0, self._due_cells - (self._pass_cell - begun))
+            self._saved = max(0.0, self._saved - (before - self._credit))
             if begun == 0:
                 self._pass_seq = first_seq
             if self._pass_cell >= self._size**2:
@@ -315,16 +316,16 @@ class PlannerLink:
 
     def _queue_map(self, flags: int, start: int, ops: bytes) -> None:
         assert self._map.corner is not None
-        origin = self._map.corner
+        self._origin = origin = self._map.corner
         self._queue(MAP, flags, encode_map(origin, self._repaired, self._geom_id, start, ops))
-        self._sent.append(SentMap(self._seq, start, ops, origin, self._moved_from))
-        self._moved_from = None
+        self._sent.append(SentMap(self._seq, start, ops, origin))
         if len(self._sent) > REMEMBERED:
-            self._forgotten = self._sent.popleft().seq
+            self._sent.clear()
+            self._in_step = False
 
     def _repair(self) -> None:
         """How far every change has arrived or has been told again, by ACKs."""
-        if self._map.lost == 0 and self._repaired >= self._forgotten:
+        if self._map.lost == 0 and self._in_step:
             self._repaired = max(self._repaired, self._covered)
 
     def _send(self) -> None:

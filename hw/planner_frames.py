@@ -17,7 +17,7 @@ from core.records import PoseReport
 from hw.session import BadFrame
 
 VERSION = 1
-GEOM, POSE, MAP, DIGEST, ACK, HELLO = 1, 2, 3, 4, 8, 9
+GEOM, POSE, MAP, ACK, HELLO = 1, 2, 3, 8, 9
 MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
 KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
 NEED_GEOM, NEED_FULL = 1 << 0, 1 << 1
@@ -132,11 +132,6 @@ def encode_map(
     """Body of a MAP frame; `origin` is the world cell (i, j) of the window's lowest corner."""
     ox, oy = ((part + 0x8000) % 0x10000 - 0x8000 for part in origin)
     return MAP_HEAD.pack(ox, oy, repaired % 2**16, geom_id, start.to_bytes(3, "little")) + ops
-
-
-def encode_digest(geom_id: int, crc: int) -> bytes:
-    """Body of a DIGEST frame."""
-    return struct.pack("<B3xI", geom_id, crc)
 
 
 def decode_answer(frame: bytes, secret: Secret | None = None) -> Ack | Hello | BadFrame:

@@ -6,7 +6,7 @@ Source: lms111 sheet, sections 1 and 5; design, section 4.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from hw.lms111 import (
     Channel,
     Echo,
     ScanTelegram,
+    beams_lost,
     ranges_m_from_channel,
 )
+from hw.lms111_condition import ScannerCondition
 from hw.session import BadFrame
 
 AHEAD_DEG = 90.0  # the device angle that is bearing 0
@@ -85,6 +87,13 @@ class ScanMaker:
             counter=telegram.scan_counter,
             arrived_s=telegram.arrived_s,
         )
+
+    def with_beams(self, condition: ScannerCondition, telegram: ScanTelegram) -> ScannerCondition:
+        """The same, with the used beams of the first echo that measured nothing, by cause."""
+        channel = telegram.channels.get("DIST1") or telegram.channels.get("DIST2")
+        if channel is None:
+            return condition
+        return replace(condition, beams_lost=beams_lost(channel, self._part(channel)))
 
     def _part(self, channel: Channel) -> slice:
         """Indices of the beams within the used field of view."""

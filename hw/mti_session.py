@@ -1,314 +1,176 @@
 """Starts an MTi and keeps it delivering orientation and rate of turn at a fixed rate.
 
-Legacy devices (MTData) are asked for Euler angles and calibrated data with a sample counter; those
-that do not know that request are newer ones and get an output configuration (MTData2). What the
-device took is read back and compared.
+What the device sends is watched for signs that it is not what was set up: a WakeUp, an unasked
+Configuration, data of another kind or length. Then all is read, set and compared anew.
 
 Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
 import math
-import struct
-from collections.abc import Generator
-from dataclasses import dataclass, field
 from typing import Any
 
 from core.records import Attitude
-from hw.device_clock import DeviceClock
-from hw.mti import ERRORS, NOT_IMPLEMENTED, Mid, MtFrame, MtParser, encode_frame
-from hw.mti_data import MtDataDecoder, MtSample, decode_mtdata2
-from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
+from hw.mti import Mid, MtFrame, MtParser, encode_frame, error_in_words
+from hw.mti_conversation import (
+    ANSWER_S,
+    BAUDS_SAID_AFTER_S,
+    TRIES,
+    Conversation,
+    StartAgainError,
+    Talk,
+)
+from hw.mti_data2 import Received, SampleMerger, decode_mtdata2
+from hw.mti_sample import MtSample
+from hw.mti_setup import MtStream, identify, set_up
+from hw.mti_times import COUNTER_WRAP, RateWatch, SampleTimes
+from hw.session import BadFrame, Device, DeviceStatus, Port, Session
 
-OUTPUT_MODE = 0x0006  # calibrated data and orientation
-OUTPUT_SETTINGS = 0x0000_0005  # sample counter, Euler angles, float32, acc + gyr + mag
-TICKS_PER_S = 115200  # of the period
-MIN_PERIOD, MAX_PERIOD = 225, 0xFFFF
-MTDATA2_COUNTER, MTDATA2_FINE, MTDATA2_QUATERNION, MTDATA2_RATE = 0x1020, 0x1060, 0x2010, 0x8020
-ALWAYS = 0xFFFF  # the "rate" of packets that come with every message
-
-CONFIG_RETRY_S = 0.25  # acknowledgements get lost among the data that is still in the pipe
-CONFIG_TRIES = 3  # before the cause says so
-ANSWER_S, TRIES, OPTIONAL_TRIES = 0.5, 3, 2
-NO_ANSWER = -1
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 PAUSE_S = 0.2  # before a new attempt
-
-LATENCY_S = 0.00255  # sampling instant to first byte, with orientation (section 7)
-FINE_TICK_S = 1e-4
-FINE_WRAP, FINE_DAY = 2**32, 864_000_000  # the second on 10 and 100 series
-FINE_NEAR = 600_000  # a minute around the wrap
-COUNTER_WRAP = 2**16
 MAX_GAP_S = 2.0  # beyond the time that passed: a counter that began anew, not lost samples
-
-
-class StartAgainError(Exception):
-    """The conversation cannot go on; says why, in words."""
-
-
-@dataclass(slots=True)
-class MtStream:
-    """What the session knows of the running stream, for the side that measures."""
-
-    starts: int = 0
-    period_s: float = math.nan
-    device_id: str = ""
-    product: str = ""
-    firmware: str = ""
-    samples: list[tuple[int, MtSample]] = field(default_factory=list)  # of this tick: bytes, sample
+MAX_FOREIGN = 3  # data messages in a row that are of another kind or length than set up
+SAID_S = 5.0  # for so long an Error in the stream is told while running
+DATA_MIDS = (Mid.MTData, Mid.MTData2)
 
 
 class MtiSession:
     """The conversation of section 8, from its beginning as often as needed."""
 
-    def __init__(self, status: DeviceStatus, stream: MtStream, rate_hz: float) -> None:
+    def __init__(self, status: DeviceStatus, stream: MtStream, rate_hz: float, baud: int) -> None:
         self._status, self._stream = status, stream
-        self._period = min(MAX_PERIOD, max(MIN_PERIOD, round(TICKS_PER_S / rate_hz)))
-        self._rate_hz = round(rate_hz)
-        self._now_s = 0.0
-        self._legacy: MtDataDecoder | None = None
+        self._rate_hz, self._baud = rate_hz, baud
+        self._talk = Conversation(baud)
         self._failure = ""  # why the last attempt ended, until one succeeds
-        self._remark = ""  # what is not as asked for, while running all the same
         self._complaint = ""  # the last thing that was wrong with a data message
-        self._noise = self._frames = False  # what was heard since the last start
-        self._counter: int | None = None  # of the last sample
-        self._counter_s = math.nan
+        self._error, self._error_s = "", -math.inf  # the last Error in the stream, and when
+        self._merger = SampleMerger(0.0)
+        self._newest: MtSample | None = None
+        self._newest_s = math.nan  # arrival of it; NaN: in a stream before this one
+        self._foreign = 0
+        self._watch = RateWatch(math.nan)
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
-        yield from self._turn(b"", waking=False)
+        yield from self._talk.turn(b"", waking=False)
         while True:
             try:
-                self._stream.samples, self._remark, self._complaint = [], "", ""
+                self._stream.samples, self._stream.remark, self._complaint = [], "", ""
                 yield from self._start()
                 yield from self._deliver()
             except StartAgainError as why:
                 self._stream.samples = []
                 self._failure = str(why)
                 self._status.fall_back("starting", self._failure)
-                resume_s = self._now_s + PAUSE_S
-                while self._now_s < resume_s:
-                    yield from self._turn(b"", waking=False)
+                resume_s = self._talk.now_s + PAUSE_S
+                while self._talk.now_s < resume_s:
+                    yield from self._talk.turn(b"", waking=False)
 
-    def _turn(self, out: bytes, *, waking: bool = True) -> Generator[bytes, Tick, list[MtFrame]]:
-        """Write; the frames of the next tick. A WakeUp is answered and ends the attempt."""
-        tick = yield out
-        self._now_s = tick.now_s
-        frames = [event for event in tick.events if isinstance(event, MtFrame)]
-        self._noise = self._noise or bool(tick.events)
-        self._frames = self._frames or bool(frames)
-        if any(frame.mid == Mid.WakeUp for frame in frames):
-            self._stream.samples = []
-            tick = yield encode_frame(Mid.WakeUpAck)
-            self._now_s = tick.now_s
-            if waking:
-                raise StartAgainError("the MTi has restarted: its settings are set again")
-            return []
-        return frames
-
-    def _maybe_answer(
-        self, mid: Mid, data: bytes, sizes: tuple[int, ...], wait_s: float
-    ) -> Generator[bytes, Tick, bytes | int | None]:
-        """One request: the data of its answer, the code of an Error, or None after wait_s."""
-        until_s = self._now_s + wait_s
-        out = encode_frame(mid, data)
-        while True:
-            for frame in (yield from self._turn(out)):
-                if frame.mid == mid + 1 and len(frame.data) in sizes:
-                    return frame.data
-                if frame.mid == Mid.Error and frame.data:
-                    return frame.data[0]
-            if self._now_s >= until_s:
-                return None
-            out = b""
-
-    def _ask(
-        self, mid: Mid, data: bytes = b"", *sizes: int, optional: bool = False
-    ) -> Generator[bytes, Tick, bytes | int]:
-        """A request, repeated: the data of its answer, of one of the sizes (none given: empty).
-
-        An optional one may be refused: the code of the Error then, or NO_ANSWER.
-        """
-        answer: bytes | int | None = None
-        for _ in range(OPTIONAL_TRIES if optional else TRIES):
-            answer = yield from self._maybe_answer(mid, data, sizes or (0,), ANSWER_S)
-            if answer is not None:
-                break
-        if answer is None:
-            answer = NO_ANSWER
-        if isinstance(answer, bytes) or optional:
-            return answer
-        if answer == NO_ANSWER:
-            raise StartAgainError(f"the MTi does not answer {mid.name}")
-        raise StartAgainError(f"the MTi refuses {mid.name}: {error_in_words(answer)}")
-
-    def _read(self, mid: Mid, size: int) -> Generator[bytes, Tick, int]:
-        """A setting as the device holds it."""
-        answer = yield from self._ask(mid, b"", size)
-        assert isinstance(answer, bytes)  # only optional requests give codes
-        return int.from_bytes(answer, "big")
-
-    def _start(self) -> Generator[bytes, Tick, None]:
-        yield from self._go_to_config()
+    def _start(self) -> Talk[None]:
+        began_s = self._talk.now_s
+        while reason := (yield from self._talk.go_to_config()):
+            if self._talk.now_s - began_s >= BAUDS_SAID_AFTER_S and "baud rate" in reason:
+                reason += f" ({self._talk.bauds_in_words()})"
+            self._status.fall_back("starting", reason)
         self._status.fall_back("starting", self._failure or "the MTi is being set up")
-        yield from self._identify()
-        mode = OUTPUT_MODE.to_bytes(2, "big")
-        answer = yield from self._ask(Mid.SetOutputMode, mode, optional=True)
-        if isinstance(answer, bytes):
-            yield from self._set_up_legacy()
-        elif answer in (NOT_IMPLEMENTED, NO_ANSWER):
-            yield from self._set_up_new()
-        else:
-            raise StartAgainError(f"the MTi refuses SetOutputMode: {error_in_words(answer)}")
+        yield from identify(self._talk, self._stream)
+        yield from set_up(self._talk, self._stream, self._rate_hz, self._baud)
         yield from self._go_to_measurement()
 
-    def _go_to_config(self) -> Generator[bytes, Tick, None]:
-        """Until it answers, however much data comes first."""
-        tries = 0
-        self._noise = self._frames = False
-        while True:
-            asked_s = self._now_s
-            answer = yield from self._maybe_answer(Mid.GoToConfig, b"", (0,), CONFIG_RETRY_S)
-            if answer == b"":
-                return
-            while self._now_s - asked_s < CONFIG_RETRY_S:  # it sent an Error
-                yield from self._turn(b"")
-            tries += 1
-            if tries % CONFIG_TRIES == 0:
-                self._status.fall_back("starting", self._silence_in_words())
-                self._noise = self._frames = False
-
-    def _silence_in_words(self) -> str:
-        if self._frames:
-            return (
-                "the MTi sends data but does not answer GoToConfig: check the line to its receiver"
-            )
-        if self._noise:
-            return "bytes arrive but no MT frame: check the baud rate, or it is another device"
-        return "no answer to GoToConfig: check power, cable and baud rate"
-
-    def _identify(self) -> Generator[bytes, Tick, None]:
-        """Who it is; only the id is insisted on."""
-        answer = yield from self._ask(Mid.ReqDID, b"", 4, 8)
-        self._stream.device_id = answer.hex() if isinstance(answer, bytes) else ""
-        answer = yield from self._ask(Mid.ReqProductCode, b"", *range(1, 21), optional=True)
-        if isinstance(answer, bytes):
-            self._stream.product = answer.decode("ascii", "replace").strip()
-        answer = yield from self._ask(Mid.ReqFWRev, b"", 3, 11, optional=True)
-        if isinstance(answer, bytes):
-            self._stream.firmware = ".".join(str(part) for part in answer[:3])
-        yield from self._ask(Mid.ReqConfiguration, b"", 118, optional=True)
-
-    def _set_up_legacy(self) -> Generator[bytes, Tick, None]:
-        """Output settings and period; all of it read back and compared."""
-        yield from self._ask(Mid.SetOutputSettings, OUTPUT_SETTINGS.to_bytes(4, "big"))
-        yield from self._ask(Mid.SetPeriod, self._period.to_bytes(2, "big"))
-        yield from self._ask(Mid.SetOutputSkipFactor, b"\0\0", optional=True)
-        mode = yield from self._read(Mid.SetOutputMode, 2)
-        settings = yield from self._read(Mid.SetOutputSettings, 4)
-        period = yield from self._read(Mid.SetPeriod, 2)
-        if (mode, settings) != (OUTPUT_MODE, OUTPUT_SETTINGS):
-            raise StartAgainError(
-                f"the MTi has output mode {mode:04X} and settings {settings:08X}, "
-                f"not {OUTPUT_MODE:04X} and {OUTPUT_SETTINGS:08X} as it was told"
-            )
-        if period != self._period:
-            self._remark = (
-                f"the MTi has period {period}, not {self._period} as it was told: "
-                f"{TICKS_PER_S / max(period, 1):.1f} samples a second"
-            )
-        configuration = yield from self._ask(Mid.ReqConfiguration, b"", 118, optional=True)
-        if isinstance(configuration, bytes):
-            reported = struct.unpack_from(">HI", configuration, 104)
-            if reported != (mode, settings):
-                self._remark = "the MTi's configuration block contradicts its settings"
-        self._legacy = MtDataDecoder(mode, settings)
-        self._stream.period_s = max(period, 1) / TICKS_PER_S
-
-    def _set_up_new(self) -> Generator[bytes, Tick, None]:
-        """An output configuration; the answer carries what the device made of it."""
-        wanted = {
-            MTDATA2_COUNTER: ALWAYS,
-            MTDATA2_FINE: ALWAYS,
-            MTDATA2_QUATERNION: self._rate_hz,
-            MTDATA2_RATE: self._rate_hz,
-        }
-        data = b"".join(struct.pack(">HH", *pair) for pair in wanted.items())
-        answer = yield from self._ask(Mid.SetOutputConfiguration, data, *range(0, 129, 4))
-        assert isinstance(answer, bytes)
-        taken = dict(struct.iter_unpack(">HH", answer))
-        for identifier, rate_hz in wanted.items():
-            if identifier not in taken:
-                raise StartAgainError(f"the MTi does not offer output {identifier:04X}")
-            given_hz = taken[identifier]
-            if rate_hz not in (ALWAYS, given_hz):
-                self._remark = (
-                    f"the MTi gives output {identifier:04X} at {given_hz} Hz, not {rate_hz}"
-                )
-        self._legacy = None
-        self._stream.period_s = 1.0 / max(taken[MTDATA2_QUATERNION], 1)
-
-    def _go_to_measurement(self) -> Generator[bytes, Tick, None]:
+    def _go_to_measurement(self) -> Talk[None]:
         """Data proves it as well as the acknowledgement that data may have hidden."""
-        proofs = (Mid.GoToMeasurement + 1, Mid.MTData, Mid.MTData2)
+        proofs = (Mid.GoToMeasurement + 1, *DATA_MIDS)
         for _ in range(TRIES):
-            until_s, out = self._now_s + ANSWER_S, encode_frame(Mid.GoToMeasurement)
-            while self._now_s < until_s:
-                frames = yield from self._turn(out)
-                if any(frame.mid in proofs for frame in frames):
-                    return
+            until_s, out = self._talk.now_s + ANSWER_S, encode_frame(Mid.GoToMeasurement)
+            while self._talk.now_s < until_s:
+                for frame in (yield from self._talk.turn(out)):
+                    if frame.mid in proofs:
+                        return
+                    if frame.mid == Mid.Error:
+                        raise StartAgainError(
+                            f"the MTi refuses GoToMeasurement: {error_in_words(frame.data)}"
+                        )
                 out = b""
         raise StartAgainError("the MTi does not answer GoToMeasurement")
 
-    def _deliver(self) -> Generator[bytes, Tick, None]:
+    def _deliver(self) -> Talk[None]:
         """As long as samples with an orientation keep coming."""
-        self._stream.starts += 1
-        heard_s, self._counter_s = self._now_s, math.nan  # what came before is not missed
-        silence_s = max(SILENCE_S, SILENCE_SAMPLES * self._stream.period_s)
-        while self._now_s - heard_s <= silence_s:
-            self._stream.samples = self._decoded((yield from self._turn(b"")))
-            if any(sample.q_earth_sensor for _, sample in self._stream.samples):
-                heard_s = self._now_s
-                self._status.state, self._status.cause = "running", self._remark
+        stream, talk = self._stream, self._talk
+        stream.starts += 1
+        joins = stream.legacy is None and stream.with_rate
+        self._merger = SampleMerger(stream.period_s, joins=joins)
+        self._newest_s, self._foreign, self._error_s = math.nan, 0, -math.inf
+        self._watch = RateWatch(stream.period_s)
+        heard_s = talk.now_s
+        silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
+        while talk.now_s - heard_s <= silence_s:
+            samples: list[Received] = []
+            for frame in (yield from talk.turn(b"")):
+                samples += self._received(frame)
+            stream.samples = samples + self._merger.flush(talk.now_s)
+            if any(received.sample.q_earth_sensor for received in stream.samples):
+                heard_s = talk.now_s
+                self._status.state, self._status.cause = "running", self._remark()
                 self._failure = ""
         reason = f": {self._complaint}" if self._complaint else ""
         raise StartAgainError(f"no orientation from the MTi for {silence_s:.1f} s{reason}")
 
-    def _decoded(self, frames: list[MtFrame]) -> list[tuple[int, MtSample]]:
-        samples = []
-        for frame in frames:
-            if frame.mid == Mid.MTData and self._legacy is not None:
-                sample = self._legacy.decode(frame.data)
-            elif frame.mid == Mid.MTData2:
-                sample = decode_mtdata2(frame.data)
-            else:
-                if frame.mid == Mid.Error and frame.data:
-                    self._complaint = f"it reports {error_in_words(frame.data[0])}"
-                continue
-            if isinstance(sample, MtSample) and not self._is_next(sample.counter):
-                sample = BadFrame("sample counter stands still", frame.data)
-            if isinstance(sample, BadFrame):
-                self._status.reject(sample)
-                self._complaint = sample.reason
-            else:
-                samples.append((frame.wire_bytes, sample))
-        return samples
+    def _remark(self) -> str:
+        """What a person should know while it runs; "" if all is as configured."""
+        if self._talk.now_s - self._error_s < SAID_S:
+            return self._error
+        return self._stream.remark or self._watch.remark
 
-    def _is_next(self, counter: int | None) -> bool:
+    def _received(self, frame: MtFrame) -> list[Received]:
+        """The samples that a frame completes."""
+        if frame.mid == Mid.Configuration:
+            raise StartAgainError("the MTi has restarted: its settings are checked again")
+        if frame.mid == Mid.Error:
+            self._error = self._complaint = f"the MTi reports {error_in_words(frame.data)}"
+            self._error_s = frame.arrived_s
+        if frame.mid not in DATA_MIDS:
+            return []
+        sample = self._checked(frame)
+        if isinstance(sample, BadFrame):
+            self._status.reject(sample)
+            self._complaint = sample.reason
+            if self._foreign >= MAX_FOREIGN:
+                raise StartAgainError(f"the MTi does not send what was set: {sample.reason}")
+            return []
+        return self._merger.take(Received(sample, frame.wire_bytes, frame.arrived_s))
+
+    def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
+        """The sample of a data message, if it is of the stream that was set up, and a new one."""
+        legacy = self._stream.legacy
+        if (frame.mid == Mid.MTData) is (legacy is None):
+            self._foreign += 1
+            name = Mid(frame.mid).name
+            return BadFrame(f"{name}, which was not asked for", frame.data)
+        if legacy is None:
+            sample = decode_mtdata2(frame.data)
+        else:
+            self._foreign = self._foreign + 1 if len(frame.data) != legacy.size else 0
+            sample = legacy.decode(frame.data)
+        if isinstance(sample, MtSample) and not self._is_next(sample, frame.arrived_s):
+            return BadFrame("sample counter stands still", frame.data)
+        return sample
+
+    def _is_next(self, sample: MtSample, arrived_s: float) -> bool:
         """False for a sample that was there before; counts those that never came."""
-        if counter is None or self._counter is None:
-            self._counter, self._counter_s = counter, self._now_s
+        newest, passed_s = self._newest, arrived_s - self._newest_s
+        self._newest, self._newest_s = sample, arrived_s
+        if newest is None or self._merger.continues(sample):
             return True
-        step = (counter - self._counter) % COUNTER_WRAP
-        passed_s = self._now_s - self._counter_s
-        if step * self._stream.period_s <= passed_s + MAX_GAP_S:  # else it began anew
-            self._status.missed += max(0, step - 1)
-        self._counter, self._counter_s = counter, self._now_s
-        return step > 0
-
-
-def error_in_words(code: int) -> str:
-    """The meaning of an Error message (section 3)."""
-    return f"error {code:02X}, {ERRORS.get(code, 'not listed')}"
+        ticks_moved = None not in (newest.fine_ticks, sample.fine_ticks) and (
+            newest.fine_ticks != sample.fine_ticks
+        )
+        if newest.counter is None or sample.counter is None:
+            return ticks_moved or sample.fine_ticks is None
+        step = (sample.counter - newest.counter) % COUNTER_WRAP
+        follows = step * self._stream.period_s <= passed_s + MAX_GAP_S  # else it began anew
+        self._status.missed += max(0, step - 1) if follows else 0
+        if self._stream.legacy is not None:  # a newer device's messages may be split
+            self._watch.count(step if follows else 0, arrived_s)
+        return step > 0 or ticks_moved or sample.q_earth_sensor is None  # a third part of one
 
 
 class Mti(Device[Attitude]):
@@ -317,59 +179,37 @@ class Mti(Device[Attitude]):
     def __init__(self, port: Port, *, rate_hz: float, baud: int) -> None:
         self.stream = MtStream()
         self._byte_s = 10 / baud
-        self._times: _SampleTimes | None = None
+        self._times: SampleTimes | None = None
         self._starts = 0  # of the stream, that the times are for
         status = DeviceStatus("mti")
         super().__init__(
             status,
             port,
             lambda: MtParser(baud),
-            lambda: MtiSession(status, self.stream, rate_hz).run(),
+            lambda: MtiSession(status, self.stream, rate_hz, baud).run(),
         )
 
     @property
     def clock_locked(self) -> bool:
-        """True once the sensor's clock is known well enough."""
-        return self._times is not None and self._times.locked
+        """True while the sensor runs and its clock is known well enough."""
+        running = self.status.state == "running"
+        return running and self._times is not None and self._times.locked
+
+    @property
+    def clock_uncertainty_s(self) -> float:
+        """Typical error of a sample's time, beyond a constant delay; inf before the first one."""
+        return math.inf if self._times is None else self._times.uncertainty_s
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Attitude]:
         if self._times is None or self._starts != self.stream.starts:
-            self._starts, self._times = self.stream.starts, _SampleTimes(self.stream.period_s)
+            self._starts = self.stream.starts
+            self._times = SampleTimes(self.stream.period_s, self._byte_s)
         attitudes = []
-        for wire_bytes, sample in self.stream.samples:
+        for received in self.stream.samples:
+            sample = received.sample
             if sample.q_earth_sensor is not None:
-                sent_s = now_s - LATENCY_S - wire_bytes * self._byte_s
+                t_s = self._times.t_s(sample, received.arrived_s, received.wire_bytes)
                 rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
-                t_s = self._times.t_s(sample, sent_s)
                 attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps))
         self.stream.samples = []
         return attitudes
-
-
-class _SampleTimes:
-    """Sampling instants on the host's clock, from the device's time stamp or its sample counter."""
-
-    def __init__(self, period_s: float) -> None:
-        self._by_counter = DeviceClock(period_s, COUNTER_WRAP)
-        self._by_stamp = DeviceClock(FINE_TICK_S, FINE_WRAP)
-        self._days, self._last_ticks = 0, 0
-
-    @property
-    def locked(self) -> bool:
-        """True once one of the device's clocks is known well enough."""
-        return self._by_counter.locked or self._by_stamp.locked
-
-    def t_s(self, sample: MtSample, sent_s: float) -> float:
-        """When it was taken; sent_s is that instant as far as its arrival tells."""
-        if sample.fine_ticks is not None:
-            return self._by_stamp.host_s(self._without_day_wrap(sample.fine_ticks), sent_s)
-        if sample.counter is not None:
-            return self._by_counter.host_s(sample.counter, sent_s)
-        return sent_s
-
-    def _without_day_wrap(self, ticks: int) -> int:
-        """Some devices count up to a day, others to 2^32: made one."""
-        if FINE_DAY - FINE_NEAR <= self._last_ticks < FINE_DAY and ticks < FINE_NEAR:
-            self._days += 1
-        self._last_ticks = ticks
-        return (self._days * FINE_DAY + ticks) % FINE_WRAP

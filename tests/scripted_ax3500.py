@@ -11,7 +11,7 @@ TICK_S = 0.005
 CHARACTER_S = 10 / 9600
 PROMPT = b"Roboteq v1.9b 06/01/07\rs\rEncoder v1.7\r00\r"
 LOG_LINE = b":0000000000FE00009898396AB7B70000\r"
-FORBIDDEN = re.compile(rb"!|%|Z|\^[0-9A-F]{2} |\*|\?Q[2-9]")
+FORBIDDEN = re.compile(rb"!|%|(?<!\?)Z|\^[0-9A-F]{2} |\*|\?Q[2-9]")
 
 
 def shortened(count: int) -> bytes:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hw import lms111
 from hw.cola import INCOMPLETE_S, MAX_PAYLOAD, REPORTED_SIZE, encode_frame
-from hw.lms111 import Answer, Refusal, ScanConfig, ScanTelegram, new_parser
+from hw.lms111 import Answer, Refusal, ScanTelegram, new_parser
 from hw.session import BadFrame
 
 VECTORS = Path(__file__).parent / "vectors"
@@ -55,44 +55,6 @@ def metres(telegram: ScanTelegram, content: str) -> list[float]:
 # --- the sheet's frames
 
 
-@pytest.mark.parametrize(
-    ("name", "frame"),
-    [
-        ("login", lms111.LOGIN),
-        ("login 2", lms111.encode_login(2, 0xB21ACE26)),
-        ("login 4", lms111.encode_login(4, 0x81BE23AA)),
-        ("read scan", lms111.READ_SCAN_CONFIG),
-        ("scan 50", lms111.encode_set_scan_config(ScanConfig(5000, 5000))),
-        ("scan 25", lms111.encode_set_scan_config(ScanConfig(2500, 2500))),
-        ("read range", lms111.READ_OUTPUT_RANGE),
-        ("write content", lms111.encode_scan_data_config("first")),
-        ("start", lms111.START_MEASURING),
-        ("run", lms111.RUN),
-        ("read state", lms111.READ_STATE),
-        ("read device state", lms111.READ_DEVICE_STATE),
-        ("subscribe", lms111.SUBSCRIBE),
-        ("unsubscribe", lms111.UNSUBSCRIBE),
-    ],
-)
-def test_commands_are_the_sheets_frames(name: str, frame: bytes) -> None:
-    assert frame.hex(" ", 4) == FRAMES[name].hex(" ", 4)
-
-
-def test_both_echoes_are_asked_for_where_one_is_not_enough() -> None:
-    for frame in (
-        lms111.encode_scan_data_config("last"),
-        lms111.encode_scan_data_config("both"),
-    ):
-        assert frame[8:-1] == b"sWN LMDscandatacfg \3\0" + bytes(8) + b"\1\0\1"
-
-
-def test_the_whole_field_of_view_is_written_as_the_sheet_lays_it_out() -> None:
-    assert FRAMES["write range"][8:31] == lms111.encode_output_range(5000)[8:31]
-    assert lms111.encode_output_range(2500)[27:-1] == struct.pack(
-        ">HIii", 1, 2500, -450_000, 2_250_000
-    )
-
-
 def test_answers_and_refusals_are_told_apart() -> None:
     events = fed(LOGGED_IN + FRAMES["not logged in"] + FRAMES["range written"])
     assert events == [
@@ -106,17 +68,14 @@ def test_answers_and_refusals_are_told_apart() -> None:
     assert unknown.reason == "error code 4660"
 
 
-def test_the_values_of_answers_are_read() -> None:
-    [scan] = fed(FRAMES["scan is 25"])
-    assert lms111.maybe_scan_config(scan.values) == ScanConfig(2500, 2500)
-    [taken] = fed(FRAMES["scan 25 taken"])
-    assert lms111.maybe_scan_config(taken.values[1:]) == ScanConfig(2500, 2500)
-    [span] = fed(FRAMES["range is"])
-    assert lms111.maybe_output_range_deg(span.values) == (-44.9997, 224.9997)
-    assert lms111.maybe_scan_config(b"short") is None
-    assert lms111.maybe_output_range_deg(b"") is None
-    states = [b"\x00\x07\x00rest", b"\x00\x04", b"7", b"6 0 8 00:34:19", b"\x07", b""]
-    assert [lms111.maybe_state(values) for values in states] == [7, 4, 7, 6, None, None]
+def test_each_code_of_a_refusal_has_its_words_in_both_dialects() -> None:
+    assert list(lms111.REFUSALS) == list(range(1, 0x1B))
+    assert len(set(lms111.REFUSALS.values())) == 0x1A
+    for code, words in lms111.REFUSALS.items():
+        [packed] = fed(encode_frame(b"sFA" + struct.pack(">H", code)))
+        [text] = new_parser("ascii").feed(0.0, f"\x02sFA {code:X}\x03".encode())
+        assert isinstance(text, Refusal)
+        assert packed.reason == text.reason == words
 
 
 def test_vector_a_is_read() -> None:
@@ -196,6 +155,7 @@ def test_every_optional_block_is_read() -> None:
     [scan] = fed(encode_frame(payload))
     assert scan.position == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 1)
     assert (scan.name, scan.comment, scan.clock) == ("front", "", None)
+    assert scan.event == b"event"
 
 
 def test_distances_may_be_scaled_shifted_and_of_eight_bits() -> None:
@@ -220,19 +180,19 @@ def test_a_part_of_a_channel_can_be_read_into_a_slot() -> None:
     [
         (scan_payload(frequency=0, wide=channel()), "scan frequency is 0"),
         (scan_payload(encoders=b"\0\x09", wide=channel()), "9 encoders"),
-        (scan_payload(wide=b"\0\x09" + bytes(400)), "9 channels"),
-        (scan_payload(wide=channel(b"ANGL1")), "unknown channel b'ANGL1'"),
+        (scan_payload(wide=b"\0\x11" + bytes(400)), "17 channels"),
+        (scan_payload(wide=channel(b"dist1")), "unknown channel b'dist1'"),
         (scan_payload(wide=channel(points=0, values=b"")), "0 points at a step of 5000"),
         (scan_payload(wide=channel(points=2001)), "2001 points"),
         (scan_payload(wide=channel(step=0)), "1 points at a step of 0"),
-        (scan_payload(wide=channel(points=500)), "scan telegram ends early"),
+        (scan_payload(wide=channel(points=500)), "telegram ends early"),
         (scan_payload(wide=channel(scale=math.nan)), "scale nan"),
         (scan_payload(wide=channel(scale=-1.0)), "scale -1.0"),
         (scan_payload(wide=channel(offset=math.inf)), "offset inf"),
         (scan_payload(wide=channel(), options=b"\0\2" + bytes(8)), "position flag is 2"),
-        (scan_payload(wide=channel(), options=bytes(9)), "scan telegram ends early"),
+        (scan_payload(wide=channel(), options=bytes(9)), "telegram ends early"),
         (scan_payload(wide=channel(), options=bytes(11)), "goes on after its end"),
-        (scan_payload()[:40], "scan telegram ends early"),
+        (scan_payload()[:40], "telegram ends early"),
         (b"sXX name", "unknown telegram"),
         (b"sAN", "unknown telegram"),
         (b"sFA\x00", "unknown telegram"),

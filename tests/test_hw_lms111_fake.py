@@ -12,6 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from core.records import Scan
 from fakes.lms111 import FakeLms111
 from fakes.wire import MemoryPort, Wire
+from hw import lms111_commands as commands
 from hw.lms111_session import Lms111
 
 F64 = npt.NDArray[np.float64]
@@ -144,11 +145,43 @@ def test_a_device_that_keeps_its_own_mode_is_used_and_that_is_said() -> None:
     assert bench.state == "running"
     assert bench.lms.status.cause == (
         "the scanner refuses mLMPsetscancfg (access denied), "
+        "was asked for 25 Hz in steps of 0.25 deg and says 50 Hz in steps of 0.5 deg, "
         "scans at 50 Hz in steps of 0.5 deg, configured are 25 Hz and 0.25 deg"
     )
     scan = bench.run(0.2)[0]
     assert scan.ranges_m.shape == (1, 241)
     assert -0.001 < late_s(scan) < TICK_S + 0.001
+
+
+def test_a_dirty_window_is_noticed_while_it_measures() -> None:
+    bench = Bench()
+    bench.run(3.0)
+    assert (bench.lms.condition.contamination, bench.lms.status.cause) == (0, "")
+    bench.fake.contamination = 1
+    bench.run(6.0)
+    assert bench.lms.condition.contamination == 1
+    assert "dirty window" in bench.lms.status.cause
+    assert bench.state == "running"
+    assert bench.lms.condition.temperature_ok
+    assert bench.lms.condition.firmware == "V1.80.2"
+
+
+@pytest.mark.skipif(not hasattr(FakeLms111, "connect"), reason="the fake speaks no CoLa-A")
+def test_a_device_that_was_set_to_text_is_found_after_the_next_connection() -> None:
+    bench = Bench()
+    bench.run(3.0)
+    assert bench.state == "running"
+    for command in (commands.login(), commands.set_dialect("ascii"), commands.RUN):
+        bench.port.write(command.encode("binary"))
+        bench.run(0.1)
+    bench.wire.cut = True
+    bench.run(0.2)
+    bench.wire.cut = False
+    bench.run(RECOVERY_S)
+    assert bench.state == "running"
+    assert bench.lms._memory.dialect == "ascii"
+    for scan in bench.run(1.0):
+        assert -0.001 < late_s(scan) < TICK_S + 0.001
 
 
 class Faults(RuleBasedStateMachine):

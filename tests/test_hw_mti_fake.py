@@ -43,8 +43,8 @@ def yaw_rad(attitude: Attitude) -> float:
 class Bench:
     """The fake, a wire, a clock."""
 
-    def __init__(self, rate_hz: float = 100.0) -> None:
-        self.fake = FakeMti(motion_at, seed=1)
+    def __init__(self, rate_hz: float = 100.0, model: str = "MTi-28") -> None:
+        self.fake = FakeMti(motion_at, seed=1, model=model)
         self.fake.angle_noise_rad = self.fake.rate_noise_radps = 0.0
         self.port, self.now_s = MemoryPort(), 0.0
         self.wire = Wire(self.fake, self.port, seed=1)
@@ -99,7 +99,7 @@ def test_bursts_and_drift_move_the_instants_by_a_tick_at_most(drift_ppm: float) 
     bench.run(12.0)
     lates_s = [late_s(attitude) for attitude in bench.run(8.0)]
     # arrivals are seen in ticks, whose phase against the samples slides with the drift
-    assert max(map(abs, lates_s)) < TICK_S + 0.001
+    assert max(map(abs, lates_s)) < TICK_S + 0.0015
 
 
 @pytest.mark.parametrize("forgets", [True, False])
@@ -162,12 +162,48 @@ def test_a_frozen_sensor_is_not_running() -> None:
     assert bench.state() == "starting"
 
 
+MODELS = ["MTi-28", "MTi-G", "MTi-30", "MTi-3", "MTi-G-700", "MTi-630"]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model: str) -> None:
+    bench = Bench(model=model)
+    bench.run(5.0)
+    assert (bench.state(), bench.mti.status.cause) == ("running", "")
+    attitudes = bench.run(3.0)
+    assert len(attitudes) == pytest.approx(300, abs=2)
+    assert bench.mti.status.rejected == bench.mti.status.missed == 0
+    assert bench.mti.clock_locked
+    for attitude in attitudes:
+        assert -0.003 < late_s(attitude) < TICK_S + 0.001
+        np.testing.assert_allclose(attitude.rate_radps, motion_at(0.0)[1], atol=1e-4)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_is_found_again_after_a_brown_out_that_forgets(model: str) -> None:
+    bench = Bench(model=model)
+    bench.run(5.0)
+    bench.fake.brown_out(bench.now_s, forgets=True)
+    bench.run(4.0)
+    assert (bench.state(), bench.mti.status.cause) == ("running", "")
+    assert len(bench.run(1.0)) == pytest.approx(100, abs=2)
+
+
+def test_a_rate_beyond_the_device_is_said() -> None:
+    bench = Bench(200.0, "MTi-3")
+    bench.run(5.0)
+    assert bench.state() == "running"
+    assert "at 100 Hz, not 200" in bench.mti.status.cause
+
+
 class Life(RuleBasedStateMachine):
     """Faults come and go; once they are gone attitudes come again, at their instants."""
 
+    model = "MTi-28"
+
     def __init__(self) -> None:
         super().__init__()
-        self.bench = Bench()
+        self.bench = Bench(model=self.model)
 
     @rule(mute=st.booleans())
     def silence(self, mute: bool) -> None:
@@ -218,5 +254,13 @@ class Life(RuleBasedStateMachine):
         assert self.bench.state() == "running" or self.bench.mti.status.cause
 
 
+class NewLife(Life):
+    """The same of a newer device."""
+
+    model = "MTi-30"
+
+
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=15, stateful_step_count=12)
+TestLife.settings = settings(max_examples=12, stateful_step_count=12)
+TestNewLife = NewLife.TestCase
+TestNewLife.settings = settings(max_examples=8, stateful_step_count=12)

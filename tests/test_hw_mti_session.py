@@ -12,6 +12,7 @@ from tests.scripted_mti import (
     AFTER,
     BEFORE,
     CONVERSATION,
+    NEW_READ,
     NEW_REQUEST,
     NOT_IMPLEMENTED,
     TICK_S,
@@ -26,8 +27,8 @@ from tests.scripted_mti import (
 def test_the_conversation_is_that_of_the_sheet() -> None:
     bench = Bench(Scripted())
     attitudes = bench.run(2.0)
-    assert bench.device.heard == [request for request, _ in CONVERSATION]
-    assert (bench.state(), bench.mti.status.cause) == ("running", "")
+    assert bench.device.heard == CONVERSATION
+    assert (bench.state(), bench.cause()) == ("running", "")
     assert bench.mti.stream.product == "MTi-28A53G35"
     assert bench.mti.stream.firmware == "2.6.1"
     assert bench.mti.stream.device_id == "00300d2a"
@@ -37,6 +38,8 @@ def test_the_conversation_is_that_of_the_sheet() -> None:
 
 def test_the_configuration_frames_have_the_checksums_of_the_sheet() -> None:
     assert (BEFORE[-1], AFTER[-1]) == (0xCB, 0xA5)
+    assert wire("ConfigurationBefore") == BEFORE
+    assert wire("ConfigurationAfter") == AFTER
 
 
 def test_an_attitude_is_a_quaternion_w_first_and_a_rate_in_sensor_axes() -> None:
@@ -76,7 +79,7 @@ def test_go_to_config_is_repeated_by_time_however_much_data_comes_first() -> Non
         asked_s += [bench.now_s] * written.count(wire("GoToConfig"))
         bench.run(TICK_S)
     assert np.all(np.abs(np.diff(asked_s) - 0.25) < 0.02)
-    assert "sends data but does not answer GoToConfig" in bench.mti.status.cause
+    assert "sends data but does not answer GoToConfig" in bench.cause()
     device.deaf = False
     bench.run(1.0)
     assert bench.state() == "running"
@@ -87,11 +90,15 @@ def test_silence_and_foreign_bytes_are_told_apart() -> None:
     device.mute = True
     bench = Bench(device)
     bench.run(1.5)
-    assert bench.mti.status.cause == "no answer to GoToConfig: check power, cable and baud rate"
+    assert bench.cause() == "no answer to GoToConfig: check power, cable and baud rate"
     for _ in range(40):
         bench.port.give(b"\x01\x80\x7f hello \xfa")
         bench.run(0.05)
-    assert "another device" in bench.mti.status.cause
+    assert "at 115200 baud but no MT frame: check the baud rate, or it is another" in bench.cause()
+    for _ in range(40):
+        bench.port.give(b"\x01\x80\x7f hello \xfa")
+        bench.run(0.05)
+    assert "may also be set to 4800, 9600," in bench.cause()
     assert bench.mti.status.losses == 0
 
 
@@ -108,7 +115,7 @@ def test_a_device_that_falls_silent_is_started_again() -> None:
     assert len(bench.run(1.0)) == 100
 
 
-def test_a_wake_up_in_the_stream_is_acknowledged_and_all_is_set_again() -> None:
+def test_a_wake_up_in_the_stream_is_acknowledged_and_what_is_right_is_not_set_again() -> None:
     bench = Bench(Scripted())
     bench.run(2.0)
     bench.device.heard.clear()
@@ -118,7 +125,8 @@ def test_a_wake_up_in_the_stream_is_acknowledged_and_all_is_set_again() -> None:
     assert bench.device.heard == [wire("WakeUpAck")]
     assert bench.state() == "starting"
     bench.run(1.0)
-    assert bench.device.heard[1:] == [request for request, _ in CONVERSATION]
+    assert [frame[2] for frame in bench.device.heard if len(frame) > 5] == []  # nothing is set
+
     assert bench.state() == "running"
 
 
@@ -147,7 +155,7 @@ def test_a_device_that_repeats_one_sample_for_ever_is_not_running() -> None:
     frozen = bench.device.message()
     bench.device.message = lambda: frozen  # type: ignore[method-assign]
     assert len(bench.run(1.0)) == 1
-    assert "sample counter stands still" in bench.mti.status.cause
+    assert "sample counter stands still" in bench.cause()
     assert bench.state() == "starting"
 
 
@@ -157,76 +165,103 @@ def test_a_newer_device_is_given_an_output_configuration() -> None:
     assert NEW_REQUEST in bench.device.heard
     assert bench.state() == "running"
     assert bench.mti.stream.firmware == "1.7.2"
-    half = 0.5**0.5
-    np.testing.assert_allclose(attitudes[-1].q_earth_sensor, [half, 0, 0, half], atol=1e-7)
+    np.testing.assert_allclose(attitudes[-1].q_earth_sensor, [1, 0, 0, 0], atol=1e-7)  # x to north
     np.testing.assert_allclose(attitudes[-1].rate_radps, [0.01, -0.02, 0.25], rtol=1e-6)
     assert bench.mti.status.missed == 0
 
 
 def test_what_a_newer_device_takes_differently_is_said_while_it_runs() -> None:
     device = ScriptedNew()
-    device.answers[NEW_REQUEST] = framed(
-        0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 2010 0032 8020 0064")
-    )
+    device.most_hz = 50
     bench = Bench(device)
-    bench.run(2.0)
+    bench.run(3.0)
     assert bench.state() == "running"
-    assert bench.mti.status.cause == "the MTi gives output 2010 at 50 Hz, not 100"
+    assert bench.cause() == "the MTi gives output 2010 (quaternion, float32, ENU) at 50 Hz, not 100"
+
+
+def test_a_newer_device_that_has_the_wanted_outputs_is_not_written_to() -> None:
+    device = ScriptedNew()
+    device.registers[0xC0] = "8020006420100064 1060FFFF1020FFFF"  # in any order
+    bench = Bench(device)
+    bench.run(3.0)
+    assert (bench.state(), bench.cause()) == ("running", "")
+    assert NEW_REQUEST not in device.heard
+
+
+@pytest.mark.parametrize("device_type", [Scripted, ScriptedNew])
+def test_the_memory_is_written_once_and_never_by_the_next_start(
+    device_type: type[Scripted],
+) -> None:
+    bench = Bench(device_type())
+    bench.run(3.0)
+    assert any(len(frame) > 5 for frame in bench.device.heard)
+    bench.device.heard.clear()
+    bench.wire.cut = True
+    bench.run(0.1)
+    bench.wire.cut = False
+    bench.run(3.0)
+    assert bench.state() == "running"
+    assert not [frame for frame in bench.device.heard if len(frame) > 5]
 
 
 def test_a_device_without_a_needed_output_is_named() -> None:
     device = ScriptedNew()
-    device.answers[NEW_REQUEST] = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 8020 0064"))
+    without = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 8020 0064"))
+    device.answers[NEW_REQUEST] = device.answers[NEW_READ] = without
     bench = Bench(device)
-    bench.run(2.0)
+    bench.run(3.0)
     assert bench.state() == "starting"
-    assert "does not offer output 2010" in bench.mti.status.cause
+    assert "does not offer output 2010 (quaternion, float32, ENU)" in bench.cause()
+
+
+def test_a_newer_device_without_rate_of_turn_runs_and_says_so() -> None:
+    device = ScriptedNew()
+    without = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064"))
+    device.answers[NEW_REQUEST] = device.answers[NEW_READ] = without
+    bench = Bench(device)
+    bench.run(3.0)
+    assert bench.state() == "running"
+    assert bench.cause() == "the MTi does not offer output 8020 (rate of turn, float32)"
 
 
 def test_settings_that_read_back_differently_are_said_in_words() -> None:
     device = Scripted()
-    device.answers[wire("ReqOutputSettings")] = framed(0xD3, bytes.fromhex("00000001"))
+    device.stubborn = {0xD2: "00000001"}
     bench = Bench(device)
     bench.run(2.0)
     assert bench.state() == "starting"
-    assert "settings 00000001, not 0006 and 00000005" in bench.mti.status.cause
-    device.answers[wire("ReqOutputSettings")] = wire("OutputSettings")
+    assert "settings 00000001, not 0006 and 00000005" in bench.cause()
+    device.stubborn = {}
     bench.run(1.0)
     assert bench.state() == "running"
 
 
 def test_another_period_is_said_while_it_runs() -> None:
     device = Scripted()
-    device.answers[wire("ReqPeriod")] = framed(0x05, (2304).to_bytes(2, "big"))
+    device.registers[0x04], device.stubborn = "0900", {0x04: "0900"}
     bench = Bench(device)
     bench.run(2.0)
     assert bench.state() == "running"
-    assert "50.0 samples a second" in bench.mti.status.cause
+    assert bench.cause() == "the MTi gives 50.0 samples a second, not 100 as configured"
 
 
-def test_refused_optional_requests_are_done_without() -> None:
-    device = Scripted()
-    for name in ("ReqProductCode", "SetOutputSkipFactor", "ReqConfiguration", "ReqFWRev"):
-        device.answers[wire(name)] = NOT_IMPLEMENTED
-    bench = Bench(device)
-    bench.run(2.0)
-    assert (bench.state(), bench.mti.status.cause) == ("running", "")
-
-
-def test_unanswered_optional_requests_are_done_without() -> None:
-    device = Scripted()
-    device.answers[wire("ReqProductCode")] = device.answers[wire("SetOutputSkipFactor")] = None
-    bench = Bench(device)
+def test_a_device_that_takes_a_rate_and_does_not_give_it_is_named() -> None:
+    bench = Bench(Scripted(), rate_hz=200)  # its samples come each 10 ms all the same
     bench.run(4.0)
     assert bench.state() == "running"
+    assert bench.cause() == "the MTi sends 100 samples a second, not 200 as it was told"
 
 
-def test_a_refused_setting_is_named_with_the_error_in_words() -> None:
+OPTIONAL = [wire("ReqProductCode"), framed(0xD4), wire("ReqConfiguration"), wire("ReqFWRev")]
+
+
+@pytest.mark.parametrize("answer", [NOT_IMPLEMENTED, None])
+def test_optional_requests_are_done_without(answer: bytes | None) -> None:
     device = Scripted()
-    device.answers[wire("SetPeriod")] = wire("Error", 0)
+    device.answers |= dict.fromkeys(OPTIONAL, answer)
     bench = Bench(device)
-    bench.run(2.0)
-    assert bench.mti.status.cause == "the MTi refuses SetPeriod: error 03, period invalid"
+    bench.run(7.0)
+    assert (bench.state(), bench.cause()) == ("running", "")
 
 
 def test_an_unanswered_setting_is_asked_three_times_and_named() -> None:
@@ -235,7 +270,7 @@ def test_an_unanswered_setting_is_asked_three_times_and_named() -> None:
     bench = Bench(device)
     bench.run(1.75)
     assert bench.device.heard.count(wire("SetOutputSettings")) == 3
-    assert bench.mti.status.cause == "the MTi does not answer SetOutputSettings"
+    assert bench.cause() == "the MTi does not answer SetOutputSettings"
 
 
 def test_a_lost_acknowledgement_of_measurement_is_made_up_by_data() -> None:
@@ -246,12 +281,43 @@ def test_a_lost_acknowledgement_of_measurement_is_made_up_by_data() -> None:
     assert bench.state() == "running"
 
 
-def test_data_of_another_length_ends_running_and_is_named() -> None:
+def test_data_of_another_length_starts_the_conversation_at_once() -> None:
     bench = Bench(Scripted())
     bench.run(2.0)
-    bench.device.message = lambda: wire("MTData 0004 00000001")  # type: ignore[method-assign]
-    assert bench.run(0.6) == []
-    assert "18 data bytes, 50 by output mode and settings" in bench.mti.status.cause
+    bench.device.registers |= {0xD0: "0004", 0xD2: "00000001"}  # as if another host had set it
+    bench.run(0.05)
+    assert "18 data bytes, 50 by output mode and settings" in bench.cause()
+    bench.run(0.6)
+    assert (bench.state(), bench.cause()) == ("running", "")
+
+
+def test_data_of_the_other_kind_starts_the_conversation_at_once() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.message = lambda: wire("MTData2")  # type: ignore[method-assign]
+    bench.run(0.05)
+    assert "MTData2, which was not asked for" in bench.cause()
+
+
+def test_an_unasked_configuration_in_the_stream_is_a_restart_whose_wake_up_was_lost() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.unasked = BEFORE
+    bench.run(0.02)
+    assert "has restarted" in bench.cause()
+    bench.run(1.0)
+    assert bench.state() == "running"
+
+
+def test_an_error_in_the_stream_is_told_in_words_for_a_while() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.unasked = framed(0x42, bytes.fromhex("28 0102"))
+    bench.run(0.05)
+    assert bench.state() == "running"
+    assert bench.cause().startswith("the MTi reports error 28 (0102), device error")
+    bench.run(5.1)
+    assert (bench.state(), bench.cause()) == ("running", "")
 
 
 def test_a_pulled_cable_and_a_new_connection_start_the_conversation_anew() -> None:

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run test check format replay view bench clean
+.PHONY: help setup run test check format replay view bench fuzz devices clean
 help: ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
 
@@ -50,6 +50,12 @@ view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
 
 bench: setup ## what a scan costs, and how soon its map is on the wire
 	@$(BIN)/python -m tools.bench
+
+fuzz: setup ## coverage-guided fuzzing of the three codecs [MINUTES=10]
+	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
+
+devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
+	@$(BIN)/python tools/devices.py $(ARGS)
 
 clean: ## remove all that the other targets made
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis mapod.egg-info build

@@ -1,0 +1,235 @@
+"""Coverage-guided fuzzing of the three devices: `make fuzz`, or `python -m tools.fuzz --codec mti`.
+
+An input is a little program of what a device does: bytes as they are, payloads that get a right
+frame around them (so that no checksum keeps the fuzzer out), and time that passes. It runs against
+the codec with its session. No input may raise, hang, or make the device hold more than MOST_HELD.
+"""
+
+import argparse
+import math
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+CODECS = ("lms111", "mti", "ax3500")
+RAW, FRAMED, TIME, CUT = range(4)  # what an instruction does, by the low 2 bits of its first byte
+STEP_S = 0.005
+MOST_STEPS = 400  # of one input
+MOST_HELD = 200_000  # bytes of a parser and its session's stream, pickled
+HANG_S = 10
+SEED_S = 2.0  # of a healthy conversation, as a seed of the corpus
+MOST_INPUT = 8192
+
+
+def frame_of(codec: str, payload: bytes) -> bytes:
+    """A right frame around a payload: CoLa by its first bit, MT with its id in front, a line."""
+    from fakes import cola, mt
+
+    match codec:
+        case "lms111" if payload[:1] >= b"\x80":
+            return b"\x02" + payload[1:] + b"\x03"
+        case "lms111":
+            return cola.frame(payload)
+        case "mti":
+            return mt.frame(payload[0] if payload else 0x32, payload[1:2049])
+        case _:
+            return payload.translate(None, b"\r") + b"\r"
+
+
+def new_device(codec: str, port: Any) -> Any:
+    """A device of mapod, as main.py makes it."""
+    from hw.ax3500_session import Ax3500
+    from hw.lms111_session import Lms111
+    from hw.mti_session import Mti
+
+    match codec:
+        case "lms111":
+            return Lms111(
+                port,
+                dialect="auto",
+                scan_rate_hz=25,
+                angular_step_deg=0.25,
+                first_deg=30.0,
+                last_deg=150.0,
+                echo="both",
+            )
+        case "mti":
+            return Mti(port, rate_hz=100, baud=115_200)
+        case _:
+            return Ax3500(
+                port,
+                poll_hz=20,
+                left_channel=1,
+                right_channel=2,
+                inverted_channels=(),
+                enter_rs232=True,
+                max_counts_per_s=3000.0,
+                enable_motors=True,
+            )
+
+
+def new_fake(codec: str) -> Any:
+    """A healthy device, for the seeds."""
+    import numpy as np
+
+    from fakes.ax3500 import FakeAx3500
+    from fakes.lms111 import FakeLms111
+    from fakes.mti import FakeMti
+
+    class Wheels:
+        """Wheels that turn nothing."""
+
+        def counts(self) -> tuple[float, float]:
+            """At rest."""
+            return 1000.0, -1000.0
+
+        def set_power(self, one: float, two: float) -> None:
+            """Held fast."""
+
+    match codec:
+        case "lms111":
+            return FakeLms111(lambda t_s, times_s, bearings: np.full(len(times_s), 3.0), 1)
+        case "mti":
+            level = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81])
+            return FakeMti(lambda t_s: level, 1)
+        case _:
+            return FakeAx3500(Wheels(), 1)
+
+
+def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
+    """One instruction: kind and width of the pieces, length, data."""
+    return bytes([kind | width << 2]) + len(data).to_bytes(2, "big") + data
+
+
+def run_program(codec: str, program: bytes) -> None:
+    """What one input does to a fresh device.
+
+    Raises:
+        AssertionError: it holds too much, or did not go on.
+    """
+    from fakes.wire import MemoryPort
+
+    port = MemoryPort()
+    device = new_device(codec, port)
+    now_s, at, steps = 100.0, 0, 0
+    while at + 3 <= len(program) and steps < MOST_STEPS:
+        kind, size = program[at], int.from_bytes(program[at + 1 : at + 3], "big")
+        data = program[at + 3 : at + 3 + size]
+        at += 3 + size
+        what = kind & 3
+        if what == TIME:
+            now_s += size / 1000.0
+            at -= size  # the length is all there is
+        elif what == CUT:
+            width = max(1, kind >> 2)
+            for start in range(0, len(data), width):
+                port.give(data[start : start + width])
+        else:
+            port.give(data if what == RAW else frame_of(codec, data))
+        now_s += STEP_S
+        steps += 1
+        check_measured(device.step(now_s))
+        port.take()
+    held = len(pickle.dumps([device._parser, getattr(device, "stream", None)]))
+    assert held <= MOST_HELD, f"holds {held} bytes"
+
+
+def check_measured(measured: list[Any]) -> None:
+    """Whatever the bytes were, a measurement has a time and no infinite range."""
+    for record in measured:
+        assert math.isfinite(record.t_s)
+        ranges_m = getattr(record, "ranges_m", None)
+        assert ranges_m is None or not (abs(ranges_m) > 1e6).any()
+
+
+def write_seeds(codec: str, folder: Path) -> None:
+    """A healthy conversation as programs, whole and from its middle, and the frames of vectors."""
+    from fakes.wire import MemoryPort, Wire
+
+    port, listener = MemoryPort(), MemoryPort()
+    fake = new_fake(codec)
+    device = new_device(codec, port)
+    wire = Wire(fake, port, 1)
+    said: list[bytes] = []
+    for tick in range(round(SEED_S / STEP_S)):
+        now_s = 100.0 + tick * STEP_S
+        wire.step(now_s)
+        pieces = port.read()
+        for piece in pieces:
+            port.give(piece)
+            listener.give(piece)
+        said.append(instruction(RAW, b"".join(pieces)[:MOST_INPUT]))
+        device.step(now_s)
+    whole = b"".join(said)
+    (folder / "conversation").write_bytes(whole[:MOST_INPUT])
+    (folder / "middle").write_bytes(b"".join(said[len(said) // 2 :])[:MOST_INPUT])
+    vectors = Path(__file__).resolve().parents[1] / "tests" / "vectors"
+    for path in vectors.glob(f"{codec}*.tsv"):
+        for number, row in enumerate(path.read_text(encoding="utf-8").splitlines()):
+            if row.startswith("#") or "\t" not in row:
+                continue
+            try:
+                frame = bytes.fromhex(row.split("\t")[2 if codec != "ax3500" else 1])
+            except (ValueError, IndexError):
+                frame = row.split("\t")[-1].encode() + b"\r"
+            name = f"{path.stem}_{number}"
+            (folder / name).write_bytes(instruction(CUT, frame, 7))
+
+
+def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
+    """Fuzz one codec in this process; does not return."""
+    import atheris
+
+    with atheris.instrument_imports(include=["hw"]):
+        import hw.ax3500_session
+        import hw.lms111_session
+        import hw.mti_session  # noqa: F401
+
+    def one_input(program: bytes) -> None:
+        run_program(codec, program)
+
+    with tempfile.TemporaryDirectory() as corpus:
+        write_seeds(codec, Path(corpus))
+        limits = [f"-max_total_time={seconds}"] if seconds else [f"-runs={runs}"]
+        options = [f"-seed={seed}", f"-max_len={MOST_INPUT}", f"-timeout={HANG_S}"]
+        options += ["-rss_limit_mb=2048", "-print_final_stats=1", "-artifact_prefix=fuzz-"]
+        atheris.Setup([sys.argv[0], *limits, *options, corpus], one_input)
+        atheris.Fuzz()
+
+
+def in_turn(codecs: tuple[str, ...], again: Callable[[str], list[str]]) -> int:
+    """Each codec in a process of its own: a fuzzer ends its process. Exit status of the worst."""
+    worst = 0
+    for codec in codecs:
+        print(f"mapod: fuzzing {codec}", flush=True)
+        worst = max(worst, abs(subprocess.run(again(codec), check=False).returncode))
+    return worst
+
+
+def main() -> int:
+    """The command line; gives the exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tools.fuzz", description=__doc__)
+    parser.add_argument("--codec", choices=(*CODECS, "all"), default="all")
+    parser.add_argument("--seconds", type=int, default=600, help="in all; 0: by --runs")
+    parser.add_argument("--runs", type=int, default=2000, help="inputs for each codec")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--input", help="run one input again, say fuzz-crash-...")
+    options = parser.parse_args()
+    if options.input:
+        run_program(options.codec, Path(options.input).read_bytes())
+        return 0
+    if options.codec != "all":
+        fuzz(options.codec, options.seconds, options.runs, options.seed)
+    seconds = options.seconds // len(CODECS)
+    common = ["--seconds", str(seconds), "--runs", str(options.runs), "--seed", str(options.seed)]
+    return in_turn(
+        CODECS, lambda codec: [sys.executable, "-m", "tools.fuzz", "--codec", codec, *common]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

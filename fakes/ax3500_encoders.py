@@ -26,7 +26,7 @@ def hex_from_counter(count: int) -> str:
 
 
 class EncoderModule:
-    """Counts what the wheels do. An address that it does not know hangs it, until a reset.
+    """Counts what the wheels do. An address that it does not know hangs it: `hung`.
 
     A new one shows the wheels' own counts; a reset begins at zero.
 
@@ -52,10 +52,10 @@ class EncoderModule:
         self._now = now_s, self._counts()
 
     def reset(self, at_s: float) -> None:
-        """Power up: counters at zero."""
+        """Counters at zero; a module that hangs hangs on."""
         self._count_to(at_s)
         self._counters, self._destinations = [0, 0], [0, 0]
-        self._mailbox, self.hung = bytes(4), False
+        self._mailbox = bytes(4)
 
     def maybe_read(self, which: int, at_s: float) -> int | None:
         """The value of `?Q` 0..6, at its instant; 4..6 clear what they read. None: no such one."""

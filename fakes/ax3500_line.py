@@ -7,7 +7,8 @@ import heapq
 import math
 from collections import deque
 
-CHARACTER_S = 10 / 9600
+BAUD = 9600
+CHARACTER_S = 10 / BAUD
 
 
 class SerialLine:

@@ -12,22 +12,39 @@ from fakes.mti import FakeMti
 from fakes.scene import Scene
 from fakes.world import F64, World
 
+LOAD_A = 12.0  # of a motor of this robot at full power
+
 
 class Rig:
     """World, devices and driver; `step` first, then the wires, with the same `now_s`.
 
+    The driver holds a radio that moves the robot even while the controller is in RS-232 mode, which
+    no real one does: so the robot drives by itself while its counters are read.
+
     Args:
         start_delay_s: from the first step to the driver's first command.
+        drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
     """
 
-    def __init__(self, scene: Scene | str | Path, seed: int, start_delay_s: float = 3.0) -> None:
+    def __init__(
+        self,
+        scene: Scene | str | Path,
+        seed: int,
+        start_delay_s: float = 3.0,
+        drives: bool = True,
+    ) -> None:
         self.world = World(scene, seed)
         self.scanner = FakeLms111(self._ranges_m_at, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
         self.drive = FakeAx3500(self.world.wheels, seed + 2)
+        self.drive.load_a, self.drive.radio_overrides = LOAD_A, drives
         route = self.world.scene
         self.driver = Driver(
-            self.world.pose, self.drive.command, route.waypoints, route.speed_mps, start_delay_s
+            self.world.pose,
+            self.drive.command,
+            route.waypoints if drives else [],
+            route.speed_mps,
+            start_delay_s,
         )
 
     def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:

@@ -158,7 +158,7 @@ def test_each_query_gives_its_values(query: str, lines: list[str]) -> None:
     bench = Bench(
         amps=(5.5, 0.0), analog_v=(0.0, 2.5, 5.0, 3.76), celsius=(25.4, 50.0), inputs=(1, 0)
     )
-    bench.fake.command(64, -127)
+    bench.drive(64, -127)
     assert bench.ask(query) == lines
 
 
@@ -289,7 +289,7 @@ def test_motor_commands_reach_the_wheels() -> None:
     assert bench.wheels.powers == [(full, 0.0), (full, -half), (0.0, -half), (0.0, least)]
     assert bench.ask("?V") == ["00", "01"]
     assert [bench.ask(line) for line in ("!C", "!c")] == [["+"], ["+"]]
-    assert bench.fake.outputs == {"C": False}
+    assert bench.fake.outputs == {"C": False, "D": False}
 
 
 @pytest.mark.parametrize("line", ["!A80", "!AFF", "!A7", "!A", "!A7FF", "!A 7F", "!A7G", "!E7F"])
@@ -310,14 +310,14 @@ def test_in_mixed_mode_channel_one_is_speed_and_channel_two_steers(mode: int) ->
     bench = Bench()
     assert bench.ask(f"^01 {mode:02X}") == ["+"]
     bench.run(0.11, b"^FF\r")
-    bench.fake.command(64, 10)
-    bench.fake.command(127, 10)
+    bench.drive(64, 10)
+    bench.drive(127, 10)
     assert bench.wheels.powers == [(74 / 127, 54 / 127), (1.0, 117 / 127)]
 
 
 def test_any_fault_in_the_status_takes_the_power_away() -> None:
     bench = Bench()
-    bench.fake.command(100, 100)
+    bench.drive(100, 100)
     bench.fake.status = 0x80
     assert bench.ask("^89")[0] == "80"
     assert bench.ask("?I") == ["00", "00", "00"]

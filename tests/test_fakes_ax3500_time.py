@@ -84,7 +84,7 @@ def test_a_counter_is_taken_when_the_cr_has_arrived_whenever_one_looks() -> None
 @pytest.mark.parametrize("food", [b"\x00", b"\r", b"?", b"W"])
 def test_any_character_feeds_the_watchdog(food: bytes) -> None:
     bench = Bench("rs232_watchdog")
-    bench.fake.command(100, 100)
+    bench.drive(100, 100)
     for _ in range(5):
         assert bench.run(0.9, food) == food
     assert bench.fake.watchdog_stops == 0
@@ -96,7 +96,7 @@ def test_any_character_feeds_the_watchdog(food: bytes) -> None:
 
 def test_without_watchdog_the_motors_run_on() -> None:
     bench = Bench("rs232")
-    bench.fake.command(100, 100)
+    bench.drive(100, 100)
     assert bench.run(5.0) == b""
     assert len(bench.wheels.powers) == 1
 
@@ -110,7 +110,7 @@ def test_radio_mode_logs_a_character_each_8_ms_and_answers_nothing(
     mode: Mode, numbers: int
 ) -> None:
     bench = Bench(mode, log_numbers=numbers)
-    bench.fake.command(5, -1)
+    bench.drive(5, -1)
     bench.run(0.008 * 40)  # what was begun before the command
     sent = bench.run(4.0, b"?Q0\r!A7F\r")
     assert abs(len(sent) - 4.0 / 0.008) <= 2
@@ -155,7 +155,7 @@ def test_a_restart_in_the_middle_of_an_answer_cuts_it_off_and_zeroes_the_counter
     bench = Bench(paced=True, reply_delay_s=0.0)
     bench.place(91011186, 0)
     assert bench.run(0.010, b"?Q0\r") == b"?Q0\r56CB"
-    bench.fake.command(50, 50)
+    bench.drive(50, 50)
     bench.fake.restart(bench.now_s)
     assert bench.wheels.powers[-1] == (0.0, 0.0)
     bench.place(91011186 + 7, 3)

@@ -17,9 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes import robot
-from fakes.__main__ import MOST_S, Pace
 from fakes.driver import PERIOD_S, TURN_RADPS, Driver
 from fakes.rig import Rig
+from fakes.serving import MOST_S, Pace
 from fakes.world import World
 
 F64 = npt.NDArray[np.float64]
@@ -162,6 +162,31 @@ def test_the_rig_drives_through_its_motor_controller() -> None:
     assert x_m > 1.5
     last = int(re.findall(rb"\?Q0\r([0-9A-F]+)\r", answers)[-1], 16)
     assert abs(last / 2000 * math.tau * robot.WHEEL_RADIUS_M - x_m) < 0.15
+
+
+def test_without_a_driver_the_wheels_obey_the_wire_alone() -> None:
+    rig = Rig("corridor", 5, start_delay_s=0.0, drives=False)
+    for k in range(400):
+        now_s = 20.0 + k * 0.005
+        rig.step(now_s)
+        rig.drive.exchange(now_s, b"!A40\r!B40\r" if k == 200 else b"")
+        if k == 200:
+            assert abs(rig.world.pose()[0]) < 0.001
+    assert rig.world.pose()[0] > 0.1
+    rig.drive.command(-127, -127)  # the radio counts for nothing
+    assert rig.drive.exchange(now_s + 0.1, b"?V\r") == b""
+    assert b"40\r40\r" in rig.drive.exchange(now_s + 0.2, b"")
+
+
+def test_with_a_driver_the_robot_drives_on_whatever_the_mode() -> None:
+    rig = Rig("corridor", 5, start_delay_s=0.5)
+    for k in range(600):
+        rig.step(20.0 + k * 0.005)
+        rig.drive.exchange(20.0 + k * 0.005, b"\r")
+        if k == 300:
+            rig.drive.mode = "rc"
+    assert rig.drive.mode == "rs232_watchdog"  # the CR have taken it over
+    assert rig.world.pose()[0] > 0.5
 
 
 def test_two_rigs_of_one_seed_do_the_same_to_the_bit() -> None:

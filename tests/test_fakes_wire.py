@@ -28,6 +28,7 @@ def test_a_memory_port_has_the_face_of_a_port() -> None:
     port: Port = MemoryPort()
     assert port.poll(0.0)
     assert (port.datagrams, port.cause, port.opened, port.backlog) == (False, "", 1, 0)
+    assert MemoryPort().fileno() == -1
 
 
 def test_bytes_pass_both_ways_and_the_backlog_counts_what_waits() -> None:

@@ -44,6 +44,19 @@ def frames(stream: bytes) -> list[tuple[int, bytes]]:
     return found
 
 
+def is_whole(stream: bytes) -> bool:
+    """Whether it ends where a message does; it must begin where one does."""
+    while stream:
+        extended = stream[3:4] == b"\xff"
+        if len(stream) < (7 if extended else 5):
+            return False
+        head, size = (6, int.from_bytes(stream[4:6], "big")) if extended else (4, stream[3])
+        if len(stream) < head + size + 1:
+            return False
+        stream = stream[head + size + 1 :]
+    return True
+
+
 def messages(heard: list[tuple[int, bytes]]) -> list[bytes]:
     """The data of the MTData among frames."""
     return [data for mid, data in heard if mid == 0x32]
@@ -69,10 +82,10 @@ def turned(roll_deg: float, pitch_deg: float, yaw_deg: float) -> F64:
 class Bench:
     """A noiseless fake in a constant pose, turning at a constant rate all the same."""
 
-    def __init__(self, *angles_deg: float) -> None:
+    def __init__(self, *angles_deg: float, model: str = "MTi-28") -> None:
         self.R = turned(*(angles_deg or (1.5, -2.25, 90.0)))
         self.sampled_s: list[float] = []
-        self.fake = FakeMti(self.motion_at, seed=5)
+        self.fake = FakeMti(self.motion_at, seed=5, model=model)
         self.fake.angle_noise_rad = self.fake.rate_noise_radps = 0.0
         self.fake.accel_noise_mps2 = self.fake.magnetic_noise = 0.0
         self.fake.earth_field = self.R @ np.array([0.45, -0.10, -0.89])
@@ -90,8 +103,12 @@ class Bench:
         return sent + self.fake.exchange(self.now_s, b"")
 
     def listen(self, seconds: float, step_s: float = 0.005) -> list[tuple[int, bytes]]:
-        """What comes, as (mid, data)."""
-        return frames(b"".join(data for _, data in self.pieces(seconds, step_s)))
+        """What comes, as (mid, data); a message on the way at the end is waited for."""
+        stream = b"".join(data for _, data in self.pieces(seconds, step_s))
+        while not is_whole(stream):
+            self.now_s += 0.0001
+            stream += self.fake.exchange(self.now_s, b"")
+        return frames(stream)
 
     def pieces(self, seconds: float, step_s: float) -> list[tuple[float, bytes]]:
         """What comes and when."""

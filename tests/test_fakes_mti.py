@@ -171,7 +171,7 @@ def test_messages_have_the_lengths_of_the_sheets_table(mode: int, settings: int,
     bench.write(framed(0xD2, struct.pack(">I", settings)))
     assert bench.write(wire("ReqDataLength")) == framed(0x0B, struct.pack(">H", size))
     assert bench.write(wire("GoToMeasurement"), 0.002)
-    assert [len(data) for mid, data in bench.listen(0.1)] == [size] * 9
+    assert {len(data) for mid, data in bench.listen(0.1)} == {size}
 
 
 def test_a_matrix_is_sent_column_by_column() -> None:
@@ -223,10 +223,14 @@ def test_samples_are_at_exact_periods_and_come_after_latency_and_line() -> None:
     bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
     bench.sampled_s.clear()
     pieces = bench.pieces(0.5, 0.0001)
+    stream = b"".join(data for _, data in pieces)
+    assert max(len(data) for _, data in pieces) <= 2  # 1.15 bytes in a step
+    arrivals_s = [came_s for came_s, data in pieces for _ in data]
+    last_bytes_s = arrivals_s[54::55]
+    assert stream[0::55] == b"\xfa" * len(stream[0::55])
     steps_s = np.diff(bench.sampled_s)
     np.testing.assert_allclose(steps_s, 0.01 / (1 - 500e-6), rtol=1e-9)
-    for sampled_s, (came_s, data) in zip(bench.sampled_s, pieces, strict=False):
-        assert len(data) == 55
+    for sampled_s, came_s in zip(bench.sampled_s, last_bytes_s, strict=False):
         assert 0 <= came_s - sampled_s - 0.00255 - 550 / 115200 < 0.00011
 
 
@@ -241,6 +245,7 @@ def test_period_skip_factor_and_baud_rate_are_as_set() -> None:
     bench.configure(wire("SetBaudrate", 1))
     assert bench.fake.baud == 115200
     bench.fake.power_up(bench.now_s)
+    bench.write(b"", 0.01)
     assert bench.fake.baud == 921600
 
 
@@ -330,7 +335,8 @@ def test_noise_has_its_size_and_follows_the_seed() -> None:
         fake = FakeMti(Bench().motion_at, seed)
         fake.memory.mode, fake.memory.settings = 0x0006, 0x301
         fake.exchange(0.0, b"")
-        return b"".join(fake.exchange(0.5 * k, b"") for k in range(1, 21))
+        stream = b"".join(fake.exchange(0.5 * k, b"") for k in range(1, 21))
+        return stream[: len(stream) // 111 * 111]  # whole messages
 
     assert data(1) == data(1)
     samples = [struct.unpack(">13d", d[:-2]) for _, d in frames(data(1))]

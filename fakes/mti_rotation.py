@@ -1,0 +1,69 @@
+"""Rotations in the forms that an MTi sends, and between the earth frames that it knows.
+
+Source: MTi sheet, sections 3 and 6. Euler angles: R = Rz(yaw) Ry(pitch) Rx(roll), degrees.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+F64 = npt.NDArray[np.float64]
+
+QUATERNION, EULER, MATRIX = 0, 1, 2
+NWU, ENU, NED = "NWU", "ENU", "NED"
+R_FROM_NWU: dict[str, F64] = {
+    NWU: np.eye(3),
+    ENU: np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    NED: np.diag([1.0, -1.0, -1.0]),
+}
+
+
+def orientation(R: F64, kind: int) -> list[float]:
+    """A rotation as a quaternion, as Euler angles in degrees, or as a matrix, column by column."""
+    if kind == EULER:
+        roll = math.atan2(R[2, 1], R[2, 2])
+        pitch = -math.asin(max(-1.0, min(1.0, R[2, 0]))) if math.isfinite(R[2, 0]) else math.nan
+        yaw = math.atan2(R[1, 0], R[0, 0])
+        return [math.degrees(angle) + 0.0 for angle in (roll, pitch, yaw)]  # no -0
+    if kind == MATRIX:
+        return [float(value) for value in R.T.ravel()]
+    return quaternion(R)
+
+
+def quaternion(R: F64) -> list[float]:
+    """w x y z of a rotation matrix, w not negative; by its largest part, so that none is lost."""
+    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
+    parts = [1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz]
+    k = max(range(4), key=lambda part: parts[part])
+    w, x, y = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    xy, xz, yz = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    row = (
+        (parts[0], w, x, y), (w, parts[1], xy, xz), (x, xy, parts[2], yz), (y, xz, yz, parts[3])
+    )[k]  # fmt: skip
+    scale = 0.5 / math.sqrt(parts[k])
+    sign = -1.0 if row[0] < 0 else 1.0
+    return [sign * scale * float(part) + 0.0 for part in row]
+
+
+def rotation_z(angle_rad: float) -> F64:
+    """A turn to the left."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def rotation(vector_rad: F64) -> F64:
+    """The turn (3, 3) about a vector (3,) by its length."""
+    angle = float(np.linalg.norm(vector_rad))
+    if angle == 0.0:
+        return np.eye(3)
+    x, y, z = vector_rad / angle
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross))
+
+
+def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> F64:
+    """The rotation matrix (3, 3) of a quaternion of length 1."""
+    v = np.array([x, y, z])
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray((w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * cross)

@@ -4,6 +4,7 @@
   computing alone, and with the wait for the attitude of the scan's last beam.
 - Share of one core used, at 50 Hz x 541 beams with a 401 x 401 window.
 - From the start of the process to its first frame.
+- Decoding, for each device's telegrams and packets, also from damaged streams.
 """
 
 import logging
@@ -23,6 +24,7 @@ from core.config import Config, load_config, with_changes
 from fakes.rig import Rig
 from fakes.wire import MemoryPort, Wire
 from main import App, Ports
+from tools import bench_decode
 
 ROOT = Path(__file__).resolve().parents[1]
 SETTLE_S, MEASURED_S = 6.0, 10.0
@@ -161,6 +163,8 @@ def main() -> int:
     print(f"401 x 401 elevation cells against 101 x 101: {same / small:.2f} times")
     print(f"with 401 x 401 cells for the planner as well: {large / small:.2f} times")
     print(f"start-up to the first frame: {start_up_s():.2f} s")
+    for cost in bench_decode.costs():
+        print(cost.in_words())
     return 0
 
 

@@ -178,8 +178,3 @@ def costs() -> list[Cost]:
         cost("MTi, MTData2, recorded", "packet", _Samples, recorded, LINE_PIECE),
         cost("AX3500, echo and counter", "line", _Counters, counter_stream(), LINE_PIECE),
     ]
-
-
-if __name__ == "__main__":
-    for one in costs():
-        print(one.in_words())

@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from serial.tools import list_ports
+from serial.tools.list_ports_linux import comports
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # to run as a file, too
 
@@ -30,7 +30,7 @@ from hw.recognise import in_words, maybe_protocol
 from tools import scanner
 from tools.conversation import Conversation, NoAnswerError, conversation
 
-LIST_PORTS: Any = list_ports.comports  # pyserial has no types
+LIST_PORTS: Any = comports  # pyserial has no types
 AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
 MTI_URL = "serial://{path}?baud={baud}"
 SCANNER_PORTS = ("2112", "2111")

@@ -1,6 +1,6 @@
 """Roboteq AX3500 bytes to lines, lines to numbers, queries to bytes. No I/O, no clock, no logging.
 
-It knows no command that moves a motor, writes a parameter or resets the controller.
+Nothing here moves a motor, writes a parameter or resets the controller.
 
 Source: AX3500 sheet, sections 1, 2, 4, 5 and 7. ASCII, 7 bits, CR ends a line in both directions.
 """
@@ -16,7 +16,7 @@ MAX_LINE = 64  # no line of the device is longer
 READ_COUNTER = ("?Q0", "?Q1")  # absolute, channel 1 and 2: a lost reply loses no travel
 READ_IDENTITY = "^8A"
 ENCODER_BIT = 0x20  # of the identity
-QUERY = re.compile(r"\?[VAPRMEIKD]|\?Q[0-2]|\^[0-9A-F]{2}")  # nothing that changes anything
+QUERY = re.compile(r"\?[VAPRMEIKDZ]|\?Q[0-2]|\^[0-9A-F]{2}")  # nothing that changes anything
 
 COUNTER = re.compile(r"[0-9A-Fa-f]{1,8}")
 BYTE = re.compile(r"[0-9A-Fa-f]{2}")

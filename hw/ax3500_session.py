@@ -1,101 +1,95 @@
-"""Finds an AX3500 in whatever mode it is, and polls its two encoder counters, one query at a time.
+"""Finds an AX3500 in whatever mode it is, polls its two encoder counters, commands its motors.
 
-It sends nothing that moves a motor, and nothing that changes the controller; entering RS-232 mode
-takes the vehicle from its radio and happens only where the settings allow it.
+It changes nothing in the controller; entering RS-232 mode takes the vehicle from its radio and
+happens only where the settings allow it; motors move only where the settings enable them.
 
-Source: AX3500 sheet, sections 1, 10 and 12.
+Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
 import re
 from collections.abc import Generator
-from dataclasses import dataclass, field
+from dataclasses import replace
 from typing import Any
 
 from core.records import WheelCounts
 from hw.ax3500 import (
     BYTE,
-    CHARACTER_S,
     COUNTER,
-    CR,
     ENCODER_BIT,
     READ_COUNTER,
     READ_IDENTITY,
     Line,
     LineParser,
-    WatchdogStop,
     encode_query,
     maybe_byte,
     maybe_counter,
 )
+from hw.ax3500_motors import Motors
+from hw.ax3500_schedule import REFRESH_S, Schedule
+from hw.ax3500_talk import CounterStream, StartAgainError, Talk, tells_restart
+from hw.ax3500_values import READ_STATUS, VALUES, ControllerState, state_after_answer
 from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
 from hw.wheel_counters import Pair, WheelCounters
 
 LISTEN_S, BOOT_S, LISTEN_LIMIT_S = 0.3, 1.0, 3.0  # silence at first, after unknown lines; in all
-CR_EVERY_S, CR_COUNT = 0.04, 20
-ECHO_S, EXCHANGE_S = 0.1, 0.2
-QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
 FAILURES_TO_ENTER, LOST_S = 5, 2.0
-IDENTITY_TRIES = 3
-MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
+READ_TRIES = 3
+READ_INPUT_MODE, READ_MOTOR_MODE = "^00", "^01"
+PLUS = re.compile(r"\+")
+Z_AFTER_S = 2.0  # without a failure; in its first second the letter would stop the encoder module
+CONDITION_S = 3.0  # status and emergency stop older than this are not known
 OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is away longer
 
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
 
 
-class StartAgainError(Exception):
-    """The conversation cannot go on; says why, in words."""
-
-
-@dataclass(slots=True)
-class CounterStream:
-    """What the session hears, for the side that measures."""
-
-    readings: list[tuple[int, float, int]] = field(default_factory=list)  # channel, t_s, raw
-    zero_lost: bool = False  # the controller has restarted
-    watchdog_stops: int = 0
-    identity: int | None = None
-
-
-class Ax3500Session:
+class Ax3500Session(Talk):
     """Listening, entering, identifying, polling, lost: the states of section 12."""
 
     def __init__(
-        self, status: DeviceStatus, stream: CounterStream, poll_hz: float, enter_rs232: bool
+        self,
+        status: DeviceStatus,
+        stream: CounterStream,
+        motors: Motors,
+        poll_hz: float,
+        enter_rs232: bool,
     ) -> None:
-        self._status, self._stream = status, stream
-        self._period_s, self._may_enter = 1.0 / poll_hz, enter_rs232
-        self._now_s = 0.0
-        self._fault = ""  # of the last exchange, in words
-        self._failures = 0  # exchanges in a row
+        super().__init__(status, stream, motors)
+        self._schedule, self._may_enter = Schedule(poll_hz), enter_rs232
+        self._good_s, self._heard = [0.0, 0.0], set[int]()
+        self._polling_s = 0.0  # host clock, when polling began
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
+        out = self._begin_anew("the connection is new")
         yield from self._turn(b"")
         while True:
             try:
-                yield from self._listen()
+                yield from self._listen(out)
                 yield from self._identify()
+                yield from self._read_modes()
                 yield from self._poll()
             except StartAgainError as why:
                 self._status.fall_back("starting", str(why))
+                self._stream.remark = ""
+                out = self._begin_anew(str(why))
 
-    def _turn(self, out: bytes) -> Generator[bytes, Tick, list[Any]]:
-        """Write; the lines and bad frames of the next tick."""
-        tick = yield out
-        self._now_s = tick.now_s
-        self._stream.readings = []
-        stops = sum(isinstance(event, WatchdogStop) for event in tick.events)
-        self._stream.watchdog_stops += stops
-        return [event for event in tick.events if not isinstance(event, WatchdogStop)]
+    def _begin_anew(self, trouble: str) -> bytes:
+        """Nothing is known of the motors any more; zero for those that may be moving."""
+        out = self._stop_motors()
+        self._motors.forget_modes(trouble)
+        return out
 
-    def _listen(self) -> Generator[bytes, Tick, None]:
+    def _listen(self, out: bytes) -> Generator[bytes, Tick, None]:
         """Until it is clear, or quiet. A logging line means R/C or analog mode."""
         quiet_s, limit_s, began_s = self._now_s, LISTEN_S, self._now_s
         while self._now_s - quiet_s < limit_s and self._now_s - began_s < LISTEN_LIMIT_S:
-            for event in (yield from self._turn(b"")):
+            events = yield from self._turn(out)
+            out = b""
+            for event in events:
                 quiet_s, limit_s = self._now_s, BOOT_S
-                if isinstance(event, Line) and _tells_restart(event):
-                    self._stream.zero_lost = True
+                if isinstance(event, Line) and tells_restart(event):
+                    self._stream.zero_lost, self._entered = True, False
                     if event.text == "OK":
                         return
                     if event.text.startswith(":") and self._may_enter:
@@ -105,22 +99,11 @@ class Ax3500Session:
                         self._status.fall_back("starting", IN_RC_MODE)
                         began_s = self._now_s
 
-    def _enter(self) -> Generator[bytes, Tick, None]:
-        """RS-232 mode by ten CR in a row; more, in case it was still starting up."""
-        for _ in range(CR_COUNT):
-            sent_s, out = self._now_s, CR
-            while self._now_s - sent_s < CR_EVERY_S:
-                for event in (yield from self._turn(out)):
-                    if isinstance(event, Line) and event.text == "OK":
-                        self._stream.zero_lost = True  # only a restart can have brought R/C mode
-                        return
-                out = b""
-
     def _identify(self) -> Generator[bytes, Tick, None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""
         for last_try in (False, True):
-            for _ in range(IDENTITY_TRIES):
-                answer = yield from self._maybe_answer(READ_IDENTITY, BYTE)
+            for _ in range(READ_TRIES):
+                answer = yield from self._maybe_read(READ_IDENTITY)
                 if answer is not None:
                     self._check_identity(answer)
                     return
@@ -128,8 +111,8 @@ class Ax3500Session:
                 return
             yield from self._enter()
 
-    def _check_identity(self, answer: tuple[float, str]) -> None:
-        identity = maybe_byte(answer[1])
+    def _check_identity(self, answer: str) -> None:
+        identity = maybe_byte(answer)
         if identity is None:  # "-"
             return
         self._stream.identity = identity
@@ -138,87 +121,112 @@ class Ax3500Session:
                 f"the controller has no encoder module: {READ_IDENTITY} says {identity:02X}"
             )
 
+    def _maybe_read(self, parameter: str) -> Generator[bytes, Tick, str | None]:
+        """A parameter's value or "-"; the session works both with a `+` after it and without."""
+        answer = yield from self._maybe_answer(parameter, encode_query(parameter), BYTE)
+        return answer[1][0] if answer else None
+
+    def _read_modes(self) -> Generator[bytes, Tick, None]:
+        """Only where motors may be commanded: whether they may, and what a command means."""
+        if not self._motors.enabled:
+            return
+        modes: list[int | None] = []
+        for parameter in (READ_INPUT_MODE, READ_MOTOR_MODE):
+            answer = None
+            for _ in range(READ_TRIES):
+                answer = yield from self._maybe_read(parameter)
+                if answer is not None and answer != "-":
+                    break
+            modes.append(maybe_byte(answer or ""))
+        self._motors.adopt_modes(modes[0], modes[1], self._entered)
+
     def _poll(self) -> Generator[bytes, Tick, None]:
-        """Both counters by turns. Channel 2 comes first in a pair: channel 1 then completes it."""
-        channel, heard = 0, set[int]()
-        good_s, due_s = [self._now_s, self._now_s], self._now_s
+        """Motor commands, counters, slow values: one exchange after the other."""
+        self._good_s, self._heard = [self._now_s, self._now_s], set()
+        self._polling_s = self._trouble_s = self._now_s
+        self._schedule.begin(self._now_s)
         while True:
-            answer = yield from self._maybe_answer(READ_COUNTER[channel], COUNTER)
-            raw = maybe_counter(answer[1]) if answer else None
-            if answer is not None and raw is not None:
-                self._stream.readings.append((channel, answer[0], raw))
-                good_s[channel] = self._now_s
-                heard.add(channel)
-                if len(heard) == 2:
-                    self._status.state, self._status.cause = "running", ""
+            self._find_remark()
+            command = self._motors.maybe_command(self._why_blocked())
+            if command is not None:
+                yield from self._command(*command)
+                continue
+            query = self._schedule.maybe_next(self._now_s, self._forbidden())
+            if query is None:
+                self._check_restart((yield from self._turn(b"")))
+            elif query in READ_COUNTER:
+                yield from self._ask_counter(READ_COUNTER.index(query))
             else:
-                self._status.reject(BadFrame(f"{READ_COUNTER[channel]}: {self._fault}", b""))
-                if self._now_s - min(good_s) > LOST_S:
-                    raise StartAgainError(f"no counters for {LOST_S:.0f} s: {self._fault}")
-                if self._failures == FAILURES_TO_ENTER and self._may_enter:
-                    yield from self._enter()
-            channel = 1 - channel
-            if channel == 1:
-                due_s = max(due_s + self._period_s, self._now_s - self._period_s)
-                while self._now_s < due_s:
-                    self._check_restart((yield from self._turn(b"")))
+                yield from self._ask_value(query)
+            if self._now_s - min(self._good_s) > LOST_S:
+                raise StartAgainError(f"no counters for {LOST_S:.0f} s: {self._fault}")
 
-    def _maybe_answer(
-        self, query: str, legal: re.Pattern[str]
-    ) -> Generator[bytes, Tick, tuple[float, str] | None]:
-        """One exchange: when the controller took its value, and the value (or "-"); or None.
+    def _forbidden(self) -> frozenset[str]:
+        ready = len(self._heard) == 2 and self._now_s - self._trouble_s > Z_AFTER_S
+        return frozenset() if ready else frozenset({"?Z"})
 
-        A value counts only after the echo of its own query: prompts look like values.
-        """
-        written_s, out, echoed = self._now_s, encode_query(query), False
-        self._fault = "no echo: off, not connected, or not in RS-232 mode"
-        while self._now_s - written_s <= (EXCHANGE_S if echoed else ECHO_S):
-            events = yield from self._turn(out)
-            out = b""
-            self._check_restart(events)
-            for event in events:
-                if not echoed:
-                    echoed = isinstance(event, Line) and event.text.upper() == query
-                    self._fault = "no value after the echo" if echoed else self._fault
-                    continue
-                if not isinstance(event, Line) or event.began_s - written_s > EXCHANGE_S:
-                    self._fault = "damaged or late value"
-                elif event.text == "-" or legal.fullmatch(event.text):
-                    self._failures, self._fault = 0, "refused"
-                    taken_s = (written_s + (len(query) + 1) * CHARACTER_S + event.began_s) / 2
-                    return taken_s, event.text
-                else:
-                    self._fault = f"damaged value {event.text!r}"
-                yield from self._fail()
-                return None
-        yield from self._fail()
-        return None
+    def _command(self, channel: int, power: int) -> Generator[bytes, Tick, None]:
+        out = self._motors.sent(channel, power)
+        text = out.decode("ascii").rstrip("\r")
+        answer = yield from self._maybe_answer(text, out, PLUS)
+        if answer is not None and answer[1] == ["+"]:
+            self._motors.acknowledged(channel, power)
 
-    def _fail(self) -> Generator[bytes, Tick, None]:
-        """Let late answers pass by until it is quiet, so that none is taken for the next one's."""
-        quiet_for_s = QUIET_S * 2 ** min(self._failures, QUIET_DOUBLINGS)
-        self._failures += 1
-        began_s = quiet_s = self._now_s
-        while self._now_s - quiet_s < quiet_for_s and self._now_s - began_s < QUIET_LIMIT_S:
-            events = yield from self._turn(b"")
-            self._check_restart(events)
-            if events:
-                quiet_s = self._now_s
+    def _ask_counter(self, channel: int) -> Generator[bytes, Tick, None]:
+        query, began_s = READ_COUNTER[channel], self._now_s
+        answer = yield from self._maybe_answer(query, encode_query(query), COUNTER)
+        raw = maybe_counter(answer[1][0]) if answer else None
+        if answer is None or raw is None:
+            self._status.reject(BadFrame(f"{query}: {self._fault}", b""))
+            if self._failures == FAILURES_TO_ENTER and self._may_enter:
+                yield from self._enter()
+            return
+        self._schedule.counter_took(self._now_s - began_s)
+        self._stream.readings.append((channel, answer[0], raw))
+        self._good_s[channel] = self._now_s
+        self._heard.add(channel)
+        if len(self._heard) == 2:
+            self._status.state, self._status.cause = "running", self._stream.remark
 
-    def _check_restart(self, events: list[Any]) -> None:
-        """Lines that nobody asked for: the controller starts up, or is back in R/C mode."""
-        for event in events:
-            if isinstance(event, Line) and _tells_restart(event):
-                self._stream.zero_lost = True
-                raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
+    def _ask_value(self, query: str) -> Generator[bytes, Tick, None]:
+        answer = yield from self._maybe_answer(query, encode_query(query), BYTE, VALUES[query])
+        if answer is None:
+            self._status.reject(BadFrame(f"{query}: {self._fault}", b""))
+            return
+        taken_s, texts = answer
+        state = state_after_answer(
+            self._stream.controller, query, texts, taken_s, self._stream.identity
+        )
+        self._stream.controller = state or self._stream.controller
+        if texts == ["-"] and query not in (READ_STATUS, "?I"):
+            self._schedule.refused(query, self._now_s)
 
+    def _why_blocked(self) -> str:
+        """Why motors get zero only, in words; what is not known is a reason too."""
+        state = self._stream.controller
+        if state.trouble:
+            return state.trouble
+        names = ("status", "emergency_stop")
+        oldest_s = min(state.taken_s.get(name, float("-inf")) for name in names)
+        known = state.status is not None and state.emergency_stop is not None
+        if not known or oldest_s < max(self._polling_s, self._now_s - CONDITION_S):
+            return "the controller does not tell its status"
+        return ""
 
-def _tells_restart(line: Line) -> bool:
-    return line.text == "OK" or line.text.startswith(":") or len(line.text) > MAX_ANSWER
+    def _find_remark(self) -> None:
+        blocked = self._why_blocked() if self._motors.usable else self._motors.refusal
+        words = [
+            blocked or self._stream.controller.trouble,
+            self._motors.why_off if self._motors.turns_wish_down and not blocked else "",
+            self._schedule.remark(1.0 / REFRESH_S if self._motors.usable else 0.0),
+        ]
+        self._stream.remark = "; ".join(word for word in words if word)
+        if self._status.state == "running":
+            self._status.cause = self._stream.remark
 
 
 class Ax3500(Device[WheelCounts]):
-    """The two wheel encoders behind an AX3500."""
+    """The two wheel encoders and, where enabled, the two motors behind an AX3500."""
 
     def __init__(
         self,
@@ -230,8 +238,10 @@ class Ax3500(Device[WheelCounts]):
         inverted_channels: tuple[int, ...],
         enter_rs232: bool,
         max_counts_per_s: float,
+        enable_motors: bool,
     ) -> None:
         self.stream = CounterStream()
+        self.motors = Motors(enable_motors, left_channel, right_channel, inverted_channels)
         self._left, self._right = left_channel - 1, right_channel - 1
         self._signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
@@ -240,8 +250,35 @@ class Ax3500(Device[WheelCounts]):
             status,
             port,
             LineParser,
-            lambda: Ax3500Session(status, self.stream, poll_hz, enter_rs232).run(),
+            lambda: Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232).run(),
         )
+
+    @property
+    def controller(self) -> ControllerState:
+        """The newest of what the controller told beside its counters."""
+        off = self.motors.why_off
+        if self.motors.enabled and self.status.state == "closed":
+            off = self.status.cause
+        return replace(
+            self.stream.controller,
+            watchdog_stops=self.stream.watchdog_stops,
+            motors_off=off,
+        )
+
+    def drive(self, left: float, right: float) -> None:
+        """Wheel power wanted from the next step on, -1..1 of full; call it at every tick.
+
+        Not called for 0.1 s, or NaN, means zero: it goes out after the exchange under way, at most
+        0.2 s (hw/ax3500_motors.py says what if that fails). After trouble zero must be asked for
+        once before anything else counts; `controller.trouble` tells what the trouble was. Nothing
+        is sent unless motors are enabled.
+        """
+        self.motors.wish(left, right)
+
+    def stop(self) -> None:
+        """Writes zero for both motors to the port at once: before it is closed."""
+        self.port.write(self.motors.stop_bytes())
+        self.motors.doubt("mapod stopped them")
 
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:

@@ -4,6 +4,18 @@
 
 A host's name is looked up once, in open_port, before the loop runs; nothing after it waits.
 Time is what poll() is told. Source: Modbus sheet, section 6, for serial lines and ptys.
+
+When it is tried again. What costs nobody anything is tried often, so that a device is found soon
+after it is back; what a device has to bear, or can't become better soon, is tried ever less often.
+  - A host that does not answer is asked anew every CONNECT_S, without end: one small packet each,
+    while the kernel would wait 1, 2, 4 s between its own. One that needs longer to answer is too
+    far away to keep a map fresh.
+  - A host that refuses is there, its service not yet: after 0.2, 0.4, then each CHEAP_LAST_S. So
+    with what the kernel knows without asking: that no way leads there.
+  - A serial path that is not there is looked at, not opened, every RETRY_FIRST_S; as soon as it is
+    there, or another than the one that failed (new device node, new owner), it is opened.
+  - A connection dropped because nothing was heard on it is renewed at once: it was long enough.
+  - Whatever opens and brings nothing, or fails otherwise: after 0.2, 0.4, .. RETRY_LAST_S.
 """
 
 import contextlib
@@ -17,15 +29,14 @@ from typing import Any
 from serial.serialposix import Serial
 
 from hw.port_url import PortUrl, PortUrlError, parse_url
+from hw.reopening_port import READ_SIZE, REASONS, RETRY_FIRST_S, ReopeningPort, loss_in_words
 from hw.session import Port
 
 __all__ = ["PortUrlError", "open_port", "parse_url"]
 
-CONNECT_S = 3.0
-RETRY_FIRST_S, RETRY_LAST_S = 0.2, 5.0  # doubling; from the first again once bytes arrived
-READ_SIZE = 65536  # bytes a call
+CONNECT_S = 0.5
+SERIAL_SILENCE_S = 10.0  # a restarting device is silent for seconds, and its wire is not dead
 DATAGRAM_SIZE, DATAGRAMS = 2048, 64  # bytes each, so many a call
-BACKLOG = 65536  # bytes not yet taken by the wire, beyond which the connection is given up
 TCP_OPTIONS = {  # commands leave at once; a peer that acknowledges nothing for 6 s is gone
     socket.TCP_NODELAY: 1,
     socket.TCP_KEEPIDLE: 3,
@@ -36,22 +47,6 @@ TCP_OPTIONS = {  # commands leave at once; a peer that acknowledges nothing for 
 
 OPEN_LINE: Any = Serial  # pyserial has no types
 Address = tuple[Any, ...]
-REASONS = {
-    errno.ECONNREFUSED: "connection refused by {where}",
-    errno.ECONNRESET: "connection reset by {where}",
-    errno.EPIPE: "connection closed by {where}",
-    errno.ETIMEDOUT: "{where} does not answer any more",
-    errno.EHOSTUNREACH: "no way to reach {where}",
-    errno.ENETUNREACH: "no network that leads to {where}",
-    errno.ENOENT: "no such device {where}",
-    errno.ENXIO: "no such device {where}",
-    errno.ENODEV: "no such device {where}",
-    errno.EACCES: "no permission for {where}",
-    errno.EAGAIN: "{where} is in use by another program",
-    errno.EBUSY: "{where} is in use by another program",
-    errno.EIO: "{where} is gone",
-    errno.ENOTTY: "{where} is not a serial line",
-}
 
 
 def open_port(url: str) -> Port:
@@ -84,106 +79,7 @@ def _address(url: str, peer: PortUrl) -> tuple[int, Address]:
     return family, address
 
 
-def _in_words(error: OSError | termios.error | ValueError, where: str) -> str:
-    """Why a wire did not open, or was lost."""
-    code = error.args[0] if error.args and isinstance(error.args[0], int) else 0
-    if code in REASONS:
-        return REASONS[code].format(where=where)
-    return f"{where}: {os.strerror(code) if code else error}"
-
-
-class _ReopeningPort:
-    """What all kinds share: opening, back-off, loss with its cause, bounded output."""
-
-    datagrams = False
-
-    def __init__(self, where: str) -> None:
-        self.cause, self.opened, self.backlog = "not opened yet", 0, 0
-        self._where = where
-        self._out = bytearray()
-        self._is_open = self._finished = False
-        self._delivered = False  # bytes, since it was opened
-        self._now_s = self._retry_s = float("-inf")
-        self._backoff_s = RETRY_FIRST_S
-
-    def poll(self, now_s: float) -> bool:
-        """Move on with opening, or with what is still to be written; True while open."""
-        self._now_s = now_s
-        if self._finished:
-            return False
-        try:
-            if not self._is_open and now_s >= self._retry_s and self._try_open():
-                self._is_open, self._delivered = True, False
-                self.cause, self.opened = "", self.opened + 1
-            if self._is_open:
-                self._flush()
-        except (OSError, termios.error, ValueError) as error:  # ValueError: an impossible baud rate
-            self._lose(_in_words(error, self._where))
-        return self._is_open
-
-    def read(self) -> list[bytes]:
-        """The pieces that have arrived: cut anywhere, or whole datagrams."""
-        pieces: list[bytes] = []
-        if self._is_open:
-            try:
-                self._read_into(pieces)
-            except OSError as error:
-                self._lose(_in_words(error, self._where))
-        if pieces and not self._delivered:
-            self._delivered, self._backoff_s = True, RETRY_FIRST_S
-        return pieces
-
-    def write(self, data: bytes) -> None:
-        """Hand over for sending, in order; dropped while the port is not open."""
-        if not self._is_open or not data:
-            return
-        self._out += data
-        try:
-            self._flush()
-        except OSError as error:
-            self._lose(_in_words(error, self._where))
-        if len(self._out) > BACKLOG:
-            self._lose(f"{self._where} is not taking bytes")
-
-    def close(self) -> None:
-        """Let go of the wire for good, without waiting for what is still to be written."""
-        self._lose("closed")
-        self._finished = True
-
-    def _lose(self, cause: str) -> None:
-        self._let_go()
-        self._out.clear()
-        self.backlog = 0
-        self._is_open = False
-        if not self._finished:
-            self.cause = cause
-        self._retry_s = self._now_s + self._backoff_s
-        self._backoff_s = min(2 * self._backoff_s, RETRY_LAST_S)
-
-    def _flush(self) -> None:
-        with contextlib.suppress(BlockingIOError):
-            while self._out and (taken := self._send(bytes(self._out[:READ_SIZE]))):
-                del self._out[:taken]
-        self.backlog = len(self._out)
-
-    def _try_open(self) -> bool:
-        """Begin to open, or go on with it; True once open; raises OSError if that failed."""
-        raise NotImplementedError
-
-    def _read_into(self, pieces: list[bytes]) -> None:
-        """Append what has arrived; raises OSError if the wire is gone."""
-        raise NotImplementedError
-
-    def _send(self, data: bytes) -> int:
-        """How many bytes the wire took; raises BlockingIOError for none, OSError if it is gone."""
-        raise NotImplementedError
-
-    def _let_go(self) -> None:
-        """Close what is open or half open."""
-        raise NotImplementedError
-
-
-class TcpPort(_ReopeningPort):
+class TcpPort(ReopeningPort):
     """A TCP connection, as its client."""
 
     def __init__(self, peer: PortUrl, address: tuple[int, Address]) -> None:
@@ -202,7 +98,8 @@ class TcpPort(_ReopeningPort):
             peer = self._socket.getpeername()
         except OSError:  # not connected yet
             if self._now_s >= self._deadline_s:
-                self._lose(f"no answer from {self._where} within {CONNECT_S:g} s")
+                self._lose(f"no answer from {self._where}")
+                self._try_soon(0.0)
             return False
         if peer == self._socket.getsockname():
             # Nobody listens there, and our own end happened to get the very port: TCP allows it.
@@ -242,8 +139,11 @@ class TcpPort(_ReopeningPort):
             self._socket.close()
         self._socket = None
 
+    def _descriptor(self) -> int:
+        return -1 if self._socket is None else self._socket.fileno()
 
-class UdpPort(_ReopeningPort):
+
+class UdpPort(ReopeningPort):
     """Datagrams to and from one peer, who need not be there: what can't be sent is lost."""
 
     datagrams = True
@@ -270,7 +170,7 @@ class UdpPort(_ReopeningPort):
         except OSError as error:
             self.unsent += 1
             if not isinstance(error, BlockingIOError) and error.errno != errno.EMSGSIZE:
-                self._lose(_in_words(error, self._where))  # a new socket gets the new route
+                self._lose(loss_in_words(error, self._where))  # a new socket gets the new route
 
     def _try_open(self) -> bool:
         self._socket = socket.socket(self._family, socket.SOCK_DGRAM)
@@ -293,9 +193,14 @@ class UdpPort(_ReopeningPort):
             self._socket.close()
         self._socket = None
 
+    def _descriptor(self) -> int:
+        return -1 if self._socket is None else self._socket.fileno()
 
-class SerialPort(_ReopeningPort):
+
+class SerialPort(ReopeningPort):
     """A serial line, or a pty. pyserial opens and sets it; bytes go by its descriptor."""
+
+    silence_s = SERIAL_SILENCE_S
 
     def __init__(self, line: PortUrl) -> None:
         super().__init__(line.path)
@@ -303,9 +208,35 @@ class SerialPort(_ReopeningPort):
         self._serial: Any = None  # while open
         self._fd = -1
         self._hang_up = select.poll()
+        self._seen: tuple[int, ...] = ()  # the path as it was when it was last tried; () for absent
+        self._look_s = float("-inf")
+
+    def poll(self, now_s: float) -> bool:
+        """As the base; and a path that has appeared or changed does not wait for its turn."""
+        if not self._is_open and self._look_s <= now_s < self._retry_s:
+            self._look_s = now_s + RETRY_FIRST_S
+            if self._path_now() != self._seen:
+                self._retry_s, self._backoff_s = now_s, RETRY_FIRST_S
+        return super().poll(now_s)
+
+    def _path_now(self) -> tuple[int, ...]:
+        """What tells one device node from the next at the same path; () if there is none."""
+        try:
+            found = os.stat(self._line.path)
+        except OSError:
+            return ()
+        return (
+            found.st_dev,
+            found.st_ino,
+            found.st_rdev,
+            found.st_uid,
+            found.st_gid,
+            found.st_mode,
+        )
 
     def _try_open(self) -> bool:
         line = self._line
+        self._seen, self._look_s = self._path_now(), self._now_s + RETRY_FIRST_S
         # A pty has no parity and always 8 bits: asked for others twice, it refuses (EINVAL).
         is_pty = os.path.realpath(line.path).startswith("/dev/pts/")
         self._serial = OPEN_LINE(
@@ -318,6 +249,9 @@ class SerialPort(_ReopeningPort):
             exclusive=True,
         )
         self._fd = self._serial.fileno()
+        if not is_pty:
+            with contextlib.suppress(ValueError, OSError, NotImplementedError):
+                self._serial.set_low_latency_mode(True)  # an adapter that holds bytes for 16 ms
         self._hang_up = select.poll()
         self._hang_up.register(self._fd, 0)
         return True
@@ -343,3 +277,6 @@ class SerialPort(_ReopeningPort):
         with contextlib.suppress(OSError):
             self._serial.close()
         self._serial = None
+
+    def _descriptor(self) -> int:
+        return self._fd

@@ -102,6 +102,7 @@ class Bench:
             inverted_channels=(),
             enter_rs232=enter,
             max_counts_per_s=2122.0,
+            enable_motors=False,
         )
 
     def state(self) -> str:

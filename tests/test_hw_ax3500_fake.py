@@ -7,66 +7,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from core.records import WheelCounts
-from fakes.ax3500 import FakeAx3500
-from fakes.wire import MemoryPort, Wire
-from hw.ax3500_session import IN_RC_MODE, Ax3500
-
-TICK_S = 0.005
-MAX_COUNTS_PER_S = 2122.0
-
-
-class SteadyWheels:
-    """Turns at a speed that tests may change."""
-
-    def __init__(self) -> None:
-        self.counts_per_s = [0.0, 0.0]
-        self.turned = [0.0, 0.0]
-        self.powers: list[tuple[float, float]] = []
-
-    def counts(self) -> tuple[float, float]:
-        return self.turned[0], self.turned[1]
-
-    def set_power(self, one: float, two: float) -> None:
-        self.powers.append((one, two))
-
-
-class Bench:
-    """The fake, its wheels, a wire, a clock."""
-
-    def __init__(
-        self, mode: Literal["rc", "rs232"] = "rs232", *, enter: bool = False, poll_hz: float = 20.0
-    ) -> None:
-        self.wheels = SteadyWheels()
-        self.fake = FakeAx3500(self.wheels, 1, mode)
-        self.port, self.now_s = MemoryPort(), 0.0
-        self.wire = Wire(self.fake, self.port, seed=1)
-        self.ax = Ax3500(
-            self.port,
-            poll_hz=poll_hz,
-            left_channel=1,
-            right_channel=2,
-            inverted_channels=(),
-            enter_rs232=enter,
-            max_counts_per_s=MAX_COUNTS_PER_S,
-        )
-
-    def run(self, seconds: float, acceleration: float = 0.0) -> list[WheelCounts]:
-        """What was measured in that time."""
-        measured = []
-        for _ in range(round(seconds / TICK_S)):
-            for k in (0, 1):
-                self.wheels.turned[k] += self.wheels.counts_per_s[k] * TICK_S
-                self.wheels.turned[k] += acceleration * TICK_S**2 / 2
-                self.wheels.counts_per_s[k] += acceleration * TICK_S
-            self.wire.step(self.now_s)
-            measured += self.ax.step(self.now_s)
-            self.now_s += TICK_S
-        return measured
+from hw.ax3500_session import IN_RC_MODE
+from tests.bench_ax3500_session import MAX_COUNTS_PER_S, TICK_S, FakeBench
 
 
 def test_no_motor_is_ever_told_anything() -> None:
-    bench = Bench("rc", enter=True)
+    bench = FakeBench("rc", enter=True)
     bench.run(5.0)
     bench.fake.restart(bench.now_s)
     bench.run(5.0)
@@ -75,20 +21,10 @@ def test_no_motor_is_ever_told_anything() -> None:
     assert bench.fake.flash_writes == 0
 
 
-@pytest.mark.parametrize("poll_hz", [1.0, 10.0, 20.0, 30.0])
-def test_the_paced_line_carries_the_pairs_that_are_asked_for(poll_hz: float) -> None:
-    bench = Bench(poll_hz=poll_hz)
-    bench.wheels.counts_per_s = [500.0, 500.0]
-    bench.run(3.0)
-    assert len(bench.run(10.0)) >= 0.85 * 10.0 * poll_hz
-    assert bench.ax.status.rejected == 0
-    assert bench.fake.watchdog_stops == 0
-
-
 def test_constant_acceleration_does_not_look_like_a_turn() -> None:
-    bench = Bench()
+    bench = FakeBench()
     acceleration = MAX_COUNTS_PER_S / 4
-    measured = bench.run(4.0, acceleration)
+    measured = bench.run(4.0, acceleration=acceleration)
     differences = [counts.right - counts.left for counts in measured]
     sagitta = acceleration * 0.05**2 / 8  # of the true curve over the chord of one period
     assert len(differences) > 60
@@ -100,7 +36,7 @@ def test_constant_acceleration_does_not_look_like_a_turn() -> None:
 def test_travel_goes_on_over_both_ends_of_the_counters(
     rollover: Literal["wrap", "zero"], near: int, speed: float
 ) -> None:
-    bench = Bench()
+    bench = FakeBench()
     bench.fake.counter_offset, bench.fake.rollover = (near, near), rollover
     bench.wheels.counts_per_s = [speed, speed]
     measured = bench.run(4.0)
@@ -118,7 +54,7 @@ def test_travel_goes_on_over_both_ends_of_the_counters(
 def test_what_the_sheet_leaves_open_is_taken_in_both_forms(
     plus: bool, minus: bool, echoes: bool
 ) -> None:
-    bench = Bench("rc", enter=True)
+    bench = FakeBench("rc", enter=True)
     bench.fake.plus_after_read, bench.fake.minus_on_empty = plus, minus
     bench.fake.echoes_take_over = echoes
     assert len(bench.run(4.0)) > 30
@@ -127,7 +63,7 @@ def test_what_the_sheet_leaves_open_is_taken_in_both_forms(
 
 @pytest.mark.parametrize("numbers", [12, 13, 14, 16])
 def test_radio_mode_is_told_by_logging_lines_of_every_length(numbers: int) -> None:
-    bench = Bench("rc")
+    bench = FakeBench("rc")
     bench.fake.log_numbers = numbers
     bench.run(3.0)
     assert bench.ax.status.cause == IN_RC_MODE
@@ -136,7 +72,7 @@ def test_radio_mode_is_told_by_logging_lines_of_every_length(numbers: int) -> No
 
 @pytest.mark.parametrize("mode", ["rc", "rs232"])
 def test_a_controller_that_is_still_booting_is_waited_for(mode: Literal["rc", "rs232"]) -> None:
-    bench = Bench(mode, enter=True)
+    bench = FakeBench(mode, enter=True)
     bench.run(TICK_S)
     bench.fake.restart(bench.now_s)
     bench.run(5.0)
@@ -149,7 +85,7 @@ def test_a_controller_that_is_still_booting_is_waited_for(mode: Literal["rc", "r
 def test_a_restart_in_the_middle_of_polling_is_a_new_zero(
     mode: Literal["rc", "rs232"], boot_s: float
 ) -> None:
-    bench = Bench(mode, enter=True)
+    bench = FakeBench(mode, enter=True)
     bench.fake.boot_s = boot_s
     bench.wheels.counts_per_s = [800.0, 700.0]
     before = bench.run(6.0)[-1]
@@ -163,7 +99,7 @@ def test_a_restart_in_the_middle_of_polling_is_a_new_zero(
 
 
 def test_watchdog_letters_in_the_stream_cost_no_reading() -> None:
-    bench = Bench()
+    bench = FakeBench()
     bench.fake.w_rate = 0.2
     bench.wheels.counts_per_s = [800.0, 800.0]
     measured = bench.run(3.0)
@@ -174,7 +110,7 @@ def test_watchdog_letters_in_the_stream_cost_no_reading() -> None:
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.01, 0.04, 0.15])
 def test_a_controller_that_takes_its_time_is_read_all_the_same(delay_s: float) -> None:
-    bench = Bench()
+    bench = FakeBench()
     bench.fake.reply_delay_s = delay_s
     bench.wheels.counts_per_s = [1000.0, 1000.0]
     measured = bench.run(4.0)
@@ -189,7 +125,7 @@ class Life(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.bench = Bench("rc", enter=True)
+        self.bench = FakeBench("rc", enter=True)
 
     @rule(mute=st.booleans())
     def silence(self, mute: bool) -> None:

@@ -136,6 +136,99 @@ def test_it_says_that_it_knows_nothing_yet() -> None:
     assert clock.uncertainty_s == device_clock.UNLOCKED_S
 
 
+# --- what is promised, by rate
+
+
+def run_of(
+    rate_hz: float, seed: int, *, drift: float = 0.0, wander: float = 0.0, poll_s: float = 0.0
+) -> np.ndarray:
+    """(n, 4): seconds, error, locked, uncertainty of a minute; drift that wanders in 2 minutes."""
+    random = np.random.default_rng(seed)
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    rows, arrived_s, device_s = [], -math.inf, 0.0
+    for k in range(int(60 * rate_hz)):
+        true_s = k / rate_hz
+        device_s += (1 + drift + wander * math.sin(2 * math.pi * true_s / 120)) / rate_hz
+        arrived_s = max(arrived_s, 1000 + true_s + random.exponential(0.005))
+        read_s = math.ceil(arrived_s / poll_s) * poll_s if poll_s else arrived_s
+        error_s = clock.host_s(round(device_s * 1e6), read_s) - (1000 + true_s + 1 / rate_hz)
+        rows.append((true_s, error_s + 1 / rate_hz, clock.locked, clock.uncertainty_s))
+    return np.array(rows, dtype=float)
+
+
+PROMISED = [(10, 0.8e-3, 0.8e-3), (25, 0.75e-3, 0.45e-3), (50, 0.75e-3, 0.2e-3)]
+PROMISED += [(100, 0.75e-3, 0.15e-3)]
+DRIFTS = [(0.0, 0.0), (200e-6, 0.0), (-200e-6, 0.0), (100e-6, 100e-6)]
+
+
+@pytest.mark.parametrize(("rate_hz", "from_lock_s", "later_s"), PROMISED)
+@pytest.mark.parametrize(("drift", "wander"), DRIFTS)
+def test_99_of_100_times_keep_the_promise_from_the_lock_on_and_a_better_one_later(
+    rate_hz: float, from_lock_s: float, later_s: float, drift: float, wander: float
+) -> None:
+    rows = np.vstack([run_of(rate_hz, seed, drift=drift, wander=wander) for seed in range(4)])
+    locked = rows[rows[:, 2] > 0]
+    assert np.percentile(np.abs(locked[:, 1]), 99) < from_lock_s
+    assert np.percentile(np.abs(locked[locked[:, 0] > 13, 1]), 99) < later_s
+
+
+@pytest.mark.parametrize("rate_hz", [10, 25, 50, 100])
+@pytest.mark.parametrize(("drift", "wander"), DRIFTS)
+def test_the_uncertainty_covers_95_of_100_errors_also_right_after_the_lock(
+    rate_hz: float, drift: float, wander: float
+) -> None:
+    rows = np.vstack([run_of(rate_hz, seed, drift=drift, wander=wander) for seed in range(6)])
+    for begin_s, end_s in ((0.0, 2.0), (2.0, 6.0), (6.0, 60.0)):
+        part = rows[(rows[:, 0] >= begin_s) & (rows[:, 0] < end_s)]
+        assert np.mean(np.abs(part[:, 1]) <= part[:, 3]) >= 0.95
+    assert rows[rows[:, 0] > 2, 2].mean() > 0.99  # and is small enough to be locked
+
+
+def test_times_read_at_ticks_only_are_late_by_no_more_than_a_tick() -> None:
+    rows = run_of(50, 1, drift=200e-6, poll_s=0.005)
+    locked = rows[rows[:, 2] > 0, 1]
+    assert locked.min() > -0.001
+    assert locked.max() < 0.0055
+
+
+def test_arrivals_too_uneven_to_tell_the_offset_never_lock() -> None:
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    random = np.random.default_rng(1)
+    arrived_s = 0.0
+    for k in range(600):
+        arrived_s = max(arrived_s, k * 0.1 + random.exponential(0.2))
+        clock.host_s(k * 100_000, arrived_s)
+        assert not clock.locked
+    assert clock.restarts == 0
+    assert clock.uncertainty_s > device_clock.LOCK_BELOW_S
+
+
+def test_a_device_that_went_on_while_the_host_and_its_clock_slept_is_placed_anew_at_once() -> None:
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    for k in range(500):
+        clock.host_s(k * 20_000, k * 0.02)
+    for k in range(500, 600):  # 60 s of the device's time, none of ours
+        host_s = clock.host_s(k * 20_000 + 60_000_000, k * 0.02 + 0.001)
+        assert host_s == pytest.approx(k * 0.02, abs=2e-3)
+    assert clock.restarts == 1
+    assert clock.locked
+
+
+def test_a_clock_that_ran_on_while_the_host_slept_is_only_a_gap() -> None:
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    for k in [*range(500), *range(3500, 3600)]:
+        assert clock.host_s(k * 20_000, k * 0.02 + 0.001) == pytest.approx(k * 0.02, abs=2e-3)
+    assert clock.restarts == 0
+    assert clock.locked
+
+
+def test_it_keeps_a_bounded_number_of_samples() -> None:
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    for k in range(5000):
+        clock.host_s(k * 10_000, k * 0.01 + 1e-6 * (k * 7 % 1000))
+        assert len(clock._least) <= device_clock.BUCKETS
+
+
 def test_the_same_samples_give_the_same_times_to_the_bit() -> None:
     one, two = (DeviceClock(MICROSECOND, WRAP_32) for _ in range(2))
     first = errors_s(one, rate_hz=50, drift=1e-4, jitter_s=0.005, seconds=10)

@@ -15,6 +15,7 @@ import pytest
 
 from hw import port as ports
 from hw.port import PortUrlError, open_port
+from hw.reopening_port import BACKLOG, READ_SIZE, RETRY_FIRST_S, loss_in_words
 from hw.session import Port
 
 START_S = 100.0
@@ -116,8 +117,9 @@ def test_a_refused_connection_is_tried_again_with_growing_pauses() -> None:
                 last = port._retry_s
                 tries.append(now_s)
         assert port.cause == f"connection refused by 127.0.0.1:{address[1]}"
+        assert len(tries) > 30
         pauses_s = [later - sooner for sooner, later in pairwise(tries)]
-        assert pauses_s == pytest.approx([0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0], abs=0.011)
+        assert pauses_s == pytest.approx([0.2, 0.4, *[0.5] * (len(tries) - 3)], abs=0.011)
 
 
 def test_a_peer_that_does_not_answer_is_given_up_after_the_connect_time() -> None:
@@ -135,7 +137,7 @@ def test_a_peer_that_does_not_answer_is_given_up_after_the_connect_time() -> Non
             assert port.cause == f"connecting to 127.0.0.1:{address[1]}"
             assert not port.poll(START_S + ports.CONNECT_S - 0.01)
             assert not port.poll(START_S + ports.CONNECT_S)
-            assert port.cause == f"no answer from 127.0.0.1:{address[1]} within 3 s"
+            assert port.cause == f"no answer from 127.0.0.1:{address[1]}"
         for one in waiting:
             one.close()
 
@@ -150,8 +152,8 @@ def test_a_lost_connection_is_named_and_opened_again_after_the_pause(
         assert read_all(port, 10) == b"last words"
         until(partial(is_lost, port, START_S))
         assert port.cause == f"connection closed by {where}"
-        assert not port.poll(START_S + ports.RETRY_FIRST_S - 0.01)
-        until(lambda: port.poll(START_S + ports.RETRY_FIRST_S))
+        assert not port.poll(START_S + RETRY_FIRST_S - 0.01)
+        until(lambda: port.poll(START_S + RETRY_FIRST_S))
         assert (port.opened, port.cause) == (2, "")
 
 
@@ -186,7 +188,7 @@ def test_connections_that_bring_bytes_are_opened_again_soon(listener: socket.soc
                 device.sendall(b"x")
             assert read_all(port, 1) == b"x"
             until(partial(is_lost, port, now_s))
-            now_s += ports.RETRY_FIRST_S + 1e-6
+            now_s += RETRY_FIRST_S + 1e-6
         until(partial(port.poll, now_s))
 
 
@@ -194,7 +196,7 @@ def test_a_peer_that_takes_no_bytes_is_dropped_and_nothing_waits(listener: socke
     with contextlib.closing(tcp_port(listener)) as port, connected(listener, port):
         for _ in range(100_000):
             port.write(bytes(4096))
-            assert port.backlog <= ports.BACKLOG
+            assert port.backlog <= BACKLOG
             if not port.poll(START_S):
                 break
         assert port.cause.endswith("is not taking bytes")
@@ -222,7 +224,7 @@ def test_one_read_is_bounded(listener: socket.socket) -> None:
         with contextlib.suppress(BlockingIOError):
             while device.send(bytes(100_000)):
                 pass
-        assert 0 < sum(map(len, port.read())) <= ports.READ_SIZE
+        assert 0 < sum(map(len, port.read())) <= READ_SIZE
 
 
 def test_a_closed_port_stays_closed(listener: socket.socket) -> None:
@@ -333,7 +335,7 @@ def test_a_full_line_waits_for_nothing_then_is_given_up_and_closes_at_once(
             if not port.poll(START_S):
                 break
             port.write(bytes(10_000))
-            assert port.backlog <= ports.BACKLOG
+            assert port.backlog <= BACKLOG
         assert port.cause == f"{pty[1]} is not taking bytes"
 
 
@@ -379,7 +381,7 @@ def test_a_file_that_is_no_line_and_a_line_in_use_are_named(
 
 def test_what_the_line_says_of_a_setting_is_told_with_its_name() -> None:
     for error in (termios.error(22, "Invalid argument"), ValueError("Failed to set custom baud")):
-        assert ports._in_words(error, "/dev/mti").startswith("/dev/mti: ")
+        assert loss_in_words(error, "/dev/mti").startswith("/dev/mti: ")
 
 
 def test_a_host_without_an_address_is_an_error_before_the_loop_runs() -> None:

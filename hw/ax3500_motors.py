@@ -184,7 +184,7 @@ class Motors:
         return all(abs(power) * FULL < 0.5 for power in self._wish)  # NaN is not zero here
 
     def _targets(self) -> tuple[int, int]:
-        idle = not self.usable or self._zero_first or self._blocked or bool(self._trouble)
+        idle = not self.usable or self._zero_first or bool(self._trouble)
         if idle or self._now_s - self._wish_s > WISH_S or not all(map(math.isfinite, self._wish)):
             return 0, 0
         motors = [0.0, 0.0]

@@ -26,7 +26,7 @@ from hw.ax3500 import (
 )
 from hw.ax3500_motors import Motors
 from hw.ax3500_schedule import REFRESH_S, Schedule
-from hw.ax3500_talk import CounterStream, StartAgainError, Talk, tells_restart
+from hw.ax3500_talk import NO_LINE, CounterStream, StartAgainError, Talk, tells_restart
 from hw.ax3500_values import READ_STATUS, VALUES, ControllerState, state_after_answer
 from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
 from hw.wheel_counters import Pair, WheelCounters
@@ -98,6 +98,8 @@ class Ax3500Session(Talk):
                     if event.text.startswith(":"):
                         self._status.fall_back("starting", IN_RC_MODE)
                         began_s = self._now_s
+        if self._now_s - began_s >= LISTEN_LIMIT_S and self.is_noise:
+            self._status.fall_back("starting", NO_LINE)
 
     def _identify(self) -> Generator[bytes, Tick, None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""

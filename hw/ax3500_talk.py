@@ -51,6 +51,11 @@ class Talk:
         self._clean_lines = self._unclean_lines = 0  # since the conversation began
         self._entered = False  # RS-232 mode by our CRs: that switches the watchdog on
 
+    @property
+    def is_noise(self) -> bool:
+        """Whether something arrives, and never a line that this controller may send."""
+        return self._unclean_lines > 0 and not self._clean_lines
+
     def _turn(self, out: bytes) -> Generator[bytes, Tick, list[Any]]:
         """Write; the lines and bad frames of the next tick."""
         tick = yield out
@@ -86,6 +91,7 @@ class Talk:
                     if isinstance(event, Line) and event.text.endswith("OK"):
                         self._stream.zero_lost = True  # only a restart can have brought R/C mode
                         self._entered = True
+                        yield from self._turn(self._stop_motors())
                         return
                 out = b""
 
@@ -122,7 +128,7 @@ class Talk:
                     self._fault = f"damaged value {event.text!r}"
                 yield from self._fail()
                 return None
-        if self._unclean_lines and not self._clean_lines:
+        if self.is_noise:
             self._fault = NO_LINE
         yield from self._fail()
         return None

@@ -1,4 +1,4 @@
-"""Motors on the fake controller: never without leave, zero on any doubt, and only what is wanted."""
+"""Motors on the fake controller: never without leave, and zero on any doubt."""
 
 import math
 from typing import Any
@@ -320,3 +320,30 @@ def test_nothing_is_commanded_where_motors_are_disabled() -> None:
     assert (motors.stop_bytes(), motors.why_off, motors.may_move) == (b"", "", False)
     with pytest.raises(ValueError, match="not enabled"):
         motors.sent(1, 0)
+
+
+def test_zero_wished_during_the_trouble_does_not_end_it() -> None:
+    motors = idle_motors()
+    assert motors.maybe_command("too hot") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.2)
+    assert motors.why_off.endswith("too hot")
+    assert motors.maybe_command("") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.3)
+    assert motors.why_off == ""
+
+
+def test_after_a_restart_nothing_moves_before_the_status_is_told_anew() -> None:
+    bench = motor_bench()
+    bench.fake.boot_s = 0.05
+    bench.start((0.5, 0.5))
+    bench.fake.restart(bench.now_s)
+    bench.run(0.05)
+    begun = len(bench.port.written)
+    for _ in range(40):
+        bench.run(0.05, (0.0, 0.0))
+        bench.run(0.05, (0.5, 0.5))
+    lines = bytes(bench.port.written[begun:]).split(b"\r")
+    assert b"!A40" in lines
+    assert max(lines.index(b"^89"), lines.index(b"?I")) < lines.index(b"!A40")

@@ -1,6 +1,7 @@
-"""CoLa-B as a scanner hears and speaks it: commands out of a stream, answers into frames.
+"""CoLa-B and CoLa-A as a scanner hears and speaks them: commands out of a stream, frames.
 
-What is damaged is ignored, as the device does. Source: lms111 sheet, section 2.
+What is damaged is ignored, as the device does; so is the other dialect. Source: lms111 sheet,
+section 2.
 """
 
 import functools
@@ -15,6 +16,9 @@ PATIENCE_S = 1.0  # for the rest of a frame: a damaged length must not swallow w
 METHOD_DENIED, UNKNOWN_METHOD, UNKNOWN_VARIABLE, CONDITION_FAILED = 0x01, 0x02, 0x03, 0x04
 TOO_LONG, TOO_SHORT, WRITE_DENIED = 0x07, 0x08, 0x0A
 UNKNOWN_COMMAND, UNKNOWN_EVENT = 0x0C, 0x0F
+VALUE_OVERFLOW, INVALID_CHARACTER = 0x10, 0x11
+
+TEXT_START, TEXT_END = b"\x02", b"\x03"
 
 
 class RefusedError(Exception):
@@ -35,14 +39,14 @@ def frame(payload: bytes) -> bytes:
     return START + len(payload).to_bytes(4, "big") + payload + bytes([checksum(payload)])
 
 
-def refusal(code: int) -> bytes:
-    """The payload that says no: without a space."""
-    return b"sFA" + code.to_bytes(2, "big")
+def text_frame(payload: bytes) -> bytes:
+    """A whole telegram of CoLa-A."""
+    return TEXT_START + payload + TEXT_END
 
 
-def text(content: bytes) -> bytes:
-    """A string of a telegram: uint16 length and characters."""
-    return len(content).to_bytes(2, "big") + content
+def refusal(code: int, binary: bool = True) -> bytes:
+    """The payload that says no: in CoLa-B without a space."""
+    return b"sFA" + code.to_bytes(2, "big") if binary else b"sFA %X" % code
 
 
 def command(payload: bytes) -> tuple[str, str, bytes]:
@@ -56,8 +60,31 @@ def command(payload: bytes) -> tuple[str, str, bytes]:
     return kind.decode("ascii"), name.decode("latin-1"), arguments
 
 
+class TextReader:
+    """CoLa-A: takes the host's stream cut anywhere; gives what stands between STX and ETX."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+
+    def feed(self, now_s: float, data: bytes) -> list[bytes]:
+        """The payloads that these bytes complete."""
+        self._buffer += data
+        payloads = []
+        while (end := self._buffer.find(TEXT_END)) >= 0:
+            start = self._buffer.rfind(TEXT_START, 0, end)
+            payload = bytes(self._buffer[start + 1 : end]) if start >= 0 else b""
+            if payload.startswith(b"s") and len(payload) <= MAX_COMMAND:
+                payloads.append(payload)
+            del self._buffer[: end + 1]
+        start = self._buffer.rfind(TEXT_START)  # only the last one can still begin a command
+        del self._buffer[: start if start >= 0 else len(self._buffer)]
+        if len(self._buffer) > MAX_COMMAND:
+            self._buffer.clear()
+        return payloads
+
+
 class CommandReader:
-    """Takes the host's stream cut anywhere; gives the payloads of whole, undamaged frames."""
+    """CoLa-B: takes the host's stream cut anywhere; gives the payloads of undamaged frames."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()

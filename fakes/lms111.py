@@ -1,245 +1,305 @@
-"""Fake SICK LMS111 on its TCP wire, CoLa-B, which insists on the order of a session.
+"""Fake SICK LMS1xx on its TCP wire, CoLa-B or CoLa-A, which insists on the order of a session.
 
-Nothing is configured without login, nothing configured counts before Run, login stops measuring,
-and scans come only to the connection that subscribed. It does not speak CoLa-A: set to it, it is
-silent, as a device is to the wrong dialect.
+Nothing is configured without login, nothing configured counts before Run, login stops measuring
+for all hosts, and scans come only to a connection that subscribed. It is silent to the dialect
+that it is not set to, as a device is.
 
-Source: lms111 sheet, sections 2 to 5; pace and first scans as in the recorded session.
+Source: lms111 sheet, sections 2 to 6; pace and first scans as in the recorded session.
 """
 
 import math
 import re
-import struct
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime, timedelta
+from functools import partial
 
 from fakes import cola
 from fakes.cola import RefusedError
-from fakes.lms111_head import EPOCH, F64, LaserHead
-from fakes.lms111_scan import AREA_START, AREA_STOP, MODES, TIME, Content, ScanSettings
-from fakes.timing import Outbox
+from fakes.cola_values import Value
+from fakes.lms111_client import Client, Take
+from fakes.lms111_head import EPOCH, F64, MOST_SCANS, LaserHead
+from fakes.lms111_models import MODELS
+from fakes.lms111_scan import (
+    AREA_START,
+    AREA_STOP,
+    CONTENT,
+    MODES,
+    OUTPUT_RANGE,
+    SCAN_CONFIG,
+    TIME,
+    Content,
+    ScanSettings,
+)
 
 HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords of the user levels
 CLIENT = 3  # the level that may change settings
-ANSWER_S = 0.0012
-SLOW_ANSWERS_S = {"SetAccessMode": 0.0028, "LMCstartmeas": 0.014}
 IDLE, CONFIGURING, ROTATING, READY = 3, 2, 4, 7  # STlms
-BUSY_STATE, READY_STATE = 0, 1  # SCdevicestate
+BUSY_STATE, READY_STATE, ERROR_STATE = 0, 1, 2  # SCdevicestate
 EVENTS = ("LMDscandata", "LFErec", "LIDoutputstate", "LIDinputstate")
 FIELD = re.compile(r"field0[0-2]\d")
-PLAIN = {"LFPmeanfilter": bytes.fromhex("00000200"), "LFPnto1filter": b"\0", "MSsuppmode": b"\0"}
-FIXED = {
-    "0": cola.text(b"LMS10x_FieldEval") + cola.text(b"V1.36-21.10.2010"),
-    "DeviceIdent": cola.text(b"LMS10x_FieldEval") + cola.text(b"V1.36-21.10.2010"),
-    "FirmwareVersion": cola.text(b"V1.80.2  "),
-    "ODoprh": (0x456).to_bytes(4, "big"),
-    "LocationName": cola.text(b"not defined"),
-    "LIDinputstate": bytes.fromhex("0001 00000000 02020202 0000"),
-}
+PLAIN = {"LFPmeanfilter": ("BHB", (0, 2, 0)), "LFPnto1filter": ("B", (0,)),
+         "MSsuppmode": ("B", (0,))}  # fmt: skip
+INPUTS: list[Value] = [*zip("HI", (1, 0), strict=True), *zip("BBBB", (2, 2, 2, 2), strict=True)]
+HOURS = 0x456  # of operation, in tenths
 
 
 class FakeLms111(LaserHead):
     """One scanner. Plain attributes are its faults and properties, to be set at any time."""
 
-    def __init__(self, ranges_m_at: Callable[[float, F64, F64], F64], seed: int) -> None:
+    def __init__(
+        self, ranges_m_at: Callable[[float, F64, F64], F64], seed: int, model: str = "LMS111"
+    ) -> None:
+        if model not in MODELS:
+            raise ValueError(f"model: must be one of {', '.join(MODELS)}, is {model!r}")
         super().__init__(ranges_m_at, seed)
         self.mute = False  # its bytes are lost, it hears
-        self.late_s = 0.0
+        self.deaf = False  # it measures on, and hears nothing
+        self.late_s = 0.0  # that all its bytes take longer
+        self.slow_answer_s = 0.0  # that its answers take longer
+        self.answers_lost = 0  # so many next answers are swallowed, the commands obeyed
+        self.cut_next = False  # the next telegram stops in its middle; then off again
         self.refuse: dict[str, int] = {}  # name, or kind and name, of a command -> sFA code
         self.start_silent_s = 0.0  # after power-up
+        self.dialect_change_s = 0.0  # from EIHstCola until new connections speak the new one
         self.wrong_checksum_rate = 0.0  # of all telegrams
         self.spin_up_s = 0.3  # from Run to the first sweep
-        self.contamination = 0
+        self.temperature_bad = False  # out of its range
         self.measures_at_power_up = False  # without being told to
-        self.power_ons = 0x3F
-        self._outbox = Outbox()
+        self.power_ons = 0x3F  # so far
+        self.stores = 0  # times that its memory was written
+        self.max_clients = 4  # connections at once
+        self._model = MODELS[model]
+        self.refuse.update(self._model.refuse)
+        self.max_range_m = self._model.max_range_m
         self._stored = ScanSettings()
         self._binary = self._binary_next = True  # EIHstCola; counts from the next connection on
-        self._plain = dict(PLAIN)
+        self._changed_s = -math.inf  # device time at which that was set
+        self._plain = {name: values for name, (_, values) in PLAIN.items()}
+        self._clients: list[Client] = []
+        self._single = Client(self, self._binary)  # behind a wire that knows no connections
         self._power_up()
+
+    @property
+    def binary(self) -> bool:
+        """Whether it speaks CoLa-B; settable, as if it had been set so before power-up."""
+        return self._binary
+
+    @binary.setter
+    def binary(self, binary: bool) -> None:
+        self._binary = self._binary_next = binary
+        self._single.begin(binary)
 
     def _power_up(self) -> None:
         self._clock.restart()
         self._clock_set = EPOCH  # date and time at which its clock showed 0
         self._settings = self._active = self._stored
-        self._reader = cola.CommandReader()
-        self._level, self._subscribed = 0, set[str]()
         self._begin_s: float | None = None  # device time of the first sweep
         self._started = self._configuring = False
         self._next_sweep = 0
-        self._last_telegram, self._answered_s = b"", -math.inf
+        self._last_telegram = []
+        self._binary = self._binary_next
+        self._changed_s = -math.inf
+        for client in (*self._clients, self._single):
+            client.begin(self._binary)
         self._fresh = True
 
     def reboot(self, now_s: float) -> None:
         """Power off and on: what mEEwriteall did not keep is lost."""
         self._clock.follow(now_s, self.drift_ppm)
-        self._outbox.clear()
         self._restart()
 
     def _restart(self) -> None:
         self._power_up()
         self.clock_offset_us = 0
         self.power_ons += 1
-        self._binary = self._binary_next
+
+    # -- connections --------------------------------------------------------------------------
+
+    def connect(self, now_s: float) -> "Connected":
+        """One more host."""
+        self._take_dialect()
+        client = Connected(self, self._binary)
+        self._clients.append(client)
+        return client
+
+    def leave(self, client: Client) -> None:
+        """One host less."""
+        self._clients.remove(client)
 
     def reconnected(self, now_s: float) -> None:
-        """A new client: nobody is logged in or subscribed, the rest goes on."""
-        self._level, self._subscribed = 0, set()
-        self._reader = cola.CommandReader()
-        self._outbox.clear()
-        self._answered_s = -math.inf
-        self._binary = self._binary_next
+        """A new host on the single wire: nobody is logged in or subscribed, the rest goes on."""
+        self._take_dialect()
+        self._single.begin(self._binary)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what the host wrote; give all that the device has sent up to now_s."""
+        return self._single.exchange(now_s, received)
+
+    def advance(self, now_s: float) -> float:
+        """Let the device do all that is due; the instant that it has reached."""
         now_s = self._clock.follow(now_s, self.drift_ppm)
         if self._fresh:
             self._fresh = False
             if self.measures_at_power_up:
                 self._begin_s = self.start_silent_s + self.spin_up_s
-        for due_s, payload in self._due_telegrams(self._subscribed):
-            self._send(due_s, payload)
-        if self._clock.device_s >= self.start_silent_s and self._binary:
-            for payload in self._reader.feed(now_s, received):
-                self._answer(now_s, payload)
-        sent = self._outbox.take(now_s - self.late_s)
-        return b"" if self.mute else sent
+        clients = (*self._clients, self._single)
+        wanted = set[str]().union(*(client.subscribed for client in clients))
+        for due_s, name, values in self._due_telegrams(wanted):
+            for client in clients:
+                client.tell(due_s, name, values)
+        return now_s
+
+    @property
+    def answers(self) -> bool:
+        """Whether it has started far enough to answer."""
+        return self._clock.device_s >= self.start_silent_s
+
+    def has_wrong_checksum(self) -> bool:
+        """Whether the next telegram is to be damaged."""
+        return self._hit(self.wrong_checksum_rate)
+
+    def _take_dialect(self) -> None:
+        if self._clock.device_s - self._changed_s >= self.dialect_change_s:
+            self._binary = self._binary_next
 
     # -- commands -----------------------------------------------------------------------------
 
-    def _answer(self, now_s: float, payload: bytes) -> None:
-        kind, name, arguments = cola.command(payload)
-        try:
-            code = self.refuse.get(f"{kind} {name}", self.refuse.get(name))
-            if code is not None:
-                raise RefusedError(code)
-            answer = self._carried_out(kind, name, arguments)
-        except RefusedError as refused:
-            answer = cola.refusal(refused.code)
-        due_s = max(now_s + SLOW_ANSWERS_S.get(name, ANSWER_S), self._answered_s)
-        self._answered_s = due_s
-        self._send(due_s, answer)
+    def carry_out(self, client: Client, kind: str, name: str, take: Take) -> list[Value]:
+        """Do what a command says; the values of its answer.
 
-    def _carried_out(self, kind: str, name: str, arguments: bytes) -> bytes:
-        """The payload of the answer."""
-        prefix = {"sRN": "sRA", "sWN": "sWA", "sMN": "sAN", "sEN": "sEA"}.get(kind)
-        if prefix is None:
-            raise RefusedError(cola.UNKNOWN_COMMAND)
-        act = {
-            "sRN": self._read, "sWN": self._write, "sMN": self._call, "sEN": self._subscribe
-        }[kind]  # fmt: skip
-        values = act(name, arguments)
-        return f"{prefix} {name} ".encode("latin-1") + values
+        Raises:
+            RefusedError: it is not done, and the code says why.
+        """
+        match kind:
+            case "sRN":
+                return self._read(name)
+            case "sWN":
+                return self._write(client, name, take)
+            case "sMN":
+                return self._call(client, name, take)
+            case _:
+                return self._subscribe(client, name, take)
 
-    def _read(self, name: str, arguments: bytes) -> bytes:
-        readers: dict[str, Callable[[], bytes]] = {
+    def _read(self, name: str) -> list[Value]:
+        readers: dict[str, Callable[[], list[Value]]] = {
             "LMPscancfg": self._settings.scan_config,
             "LMPoutputRange": self._settings.output_range,
-            "LMDscandatacfg": self._settings.content.to_bytes,
+            "LMDscandatacfg": self._settings.content.values,
             "LMDscandata": self._polled,
             "STlms": self._state_in_full,
-            "SCdevicestate": lambda: bytes([READY_STATE if self.state == READY else BUSY_STATE]),
-            "LCMstate": lambda: bytes([self.contamination & 0xFF]),
-            "ODpwrc": lambda: self.power_ons.to_bytes(4, "big"),
-            "EIHstCola": lambda: bytes([self._binary_next]),
+            "SCdevicestate": lambda: [("B", self._device_state())],
+            "LCMstate": lambda: [("B", self.contamination & 0xFF)],
+            "ODpwrc": lambda: [("I", self.power_ons)],
+            "ODoprh": lambda: [("I", HOURS)],
+            "EIHstCola": lambda: [("B", int(self._binary_next))],
+            "FirmwareVersion": lambda: [("S", self._model.firmware)],
+            "LocationName": lambda: [("S", b"not defined")],
+            "LIDinputstate": lambda: [*INPUTS, ("H", 0)],
+            **dict.fromkeys(("DeviceIdent", "0"), self._identity),
         }
         if name in readers:
             return readers[name]()
+        if name in self._plain:
+            return list(zip(PLAIN[name][0], self._plain[name], strict=True))
         if FIELD.fullmatch(name):
-            return b"\0"  # not defined
-        if name in FIXED or name in self._plain:
-            return FIXED.get(name) or self._plain[name]
+            return [("B", 0)]  # not defined
         raise RefusedError(cola.UNKNOWN_VARIABLE)
 
-    def _write(self, name: str, arguments: bytes) -> bytes:
-        sizes = {"LMPoutputRange": 14, "LMDscandatacfg": 13, "EIHstCola": 1}
-        sizes |= {plain: len(value) for plain, value in self._plain.items()}
-        if name not in sizes:
-            self._read(name, b"")  # unknown, or else:
+    def _write(self, client: Client, name: str, take: Take) -> list[Value]:
+        writers: dict[str, tuple[str, Callable[[tuple[int, ...]], None]]] = {
+            "LMPoutputRange": (OUTPUT_RANGE, self._set_output_range),
+            "LMDscandatacfg": (CONTENT, self._set_content),
+            "EIHstCola": ("B", self._set_dialect),
+            **{plain: (PLAIN[plain][0], partial(self._set_plain, plain)) for plain in PLAIN},
+        }
+        if name not in writers:
+            self._read(name)  # unknown, or else:
             raise RefusedError(cola.WRITE_DENIED)
-        if self._level < CLIENT:
+        if client.level < CLIENT:
             raise RefusedError(cola.WRITE_DENIED)
-        _check_size(arguments, sizes[name])
-        if name == "LMPoutputRange":
-            self._set_output_range(arguments)
-        elif name == "LMDscandatacfg":
-            content = Content.maybe_from_bytes(arguments)
-            if content is None:
-                raise RefusedError(cola.CONDITION_FAILED)
-            self._settings = replace(self._settings, content=content)
-        elif name == "EIHstCola":
-            if arguments[0] > 1:
-                raise RefusedError(cola.CONDITION_FAILED)
-            self._binary_next = bool(arguments[0])
-        else:
-            self._plain[name] = arguments
-        return b""
+        kinds, write = writers[name]
+        write(take(kinds))
+        return []
 
-    def _call(self, name: str, arguments: bytes) -> bytes:
-        methods: dict[str, tuple[int, int, Callable[[bytes], bytes]]] = {
-            "SetAccessMode": (5, 0, self._log_in),  # bytes of arguments, level, method
-            "Run": (0, 0, self._run),
-            "mLMPsetscancfg": (18, CLIENT, self._set_scan_config),
-            "LMCstartmeas": (0, CLIENT, self._start),
-            "LMCstopmeas": (0, CLIENT, self._stop),
-            "LMCstandby": (0, CLIENT, self._stop),
-            "mEEwriteall": (0, CLIENT, self._store),
-            "LSPsetdatetime": (11, CLIENT, self._set_time),
-            "mSCreboot": (0, CLIENT, self._told_to_reboot),
+    def _call(self, client: Client, name: str, take: Take) -> list[Value]:
+        methods: dict[str, tuple[str, int, Callable[[tuple[int, ...]], list[Value]]]] = {
+            "SetAccessMode": ("bI", 0, lambda values: self._log_in(client, *values)),
+            "Run": ("", 0, lambda _: self._run(client)),
+            "mLMPsetscancfg": (SCAN_CONFIG, CLIENT, self._set_scan_config),
+            "LMCstartmeas": ("", CLIENT, lambda _: self._start(True)),
+            "LMCstopmeas": ("", CLIENT, lambda _: self._start(False)),
+            "LMCstandby": ("", CLIENT, lambda _: self._start(False)),
+            "mEEwriteall": ("", CLIENT, lambda _: self._store()),
+            "LSPsetdatetime": (TIME, CLIENT, self._set_time),
+            "mSCreboot": ("", CLIENT, lambda _: self._told_to_reboot()),
         }
         if name not in methods:
             raise RefusedError(cola.UNKNOWN_METHOD)
-        size, level, method = methods[name]
-        if self._level < level:
+        kinds, level, method = methods[name]
+        if client.level < level:
             raise RefusedError(cola.METHOD_DENIED)
-        _check_size(arguments, size)
-        return method(arguments)
+        return method(take(kinds))
 
-    def _subscribe(self, name: str, arguments: bytes) -> bytes:
+    def _subscribe(self, client: Client, name: str, take: Take) -> list[Value]:
         if name not in EVENTS:
             raise RefusedError(cola.UNKNOWN_EVENT)
-        _check_size(arguments, 1)
-        if arguments[0]:
-            self._subscribed.add(name)
-        else:
-            self._subscribed.discard(name)
-        return bytes([arguments[0] != 0])
+        (wanted,) = take("B")
+        (client.subscribed.add if wanted else client.subscribed.discard)(name)
+        return [("B", int(wanted != 0))]
 
-    def _log_in(self, arguments: bytes) -> bytes:
-        level, password = struct.unpack(">bI", arguments)
+    def _log_in(self, client: Client, level: int, password: int) -> list[Value]:
         if HASHES.get(level) != password:
-            return b"\0"
-        self._level = level
+            return [("B", 0)]
+        client.level = level
         self._configuring, self._started, self._begin_s = True, False, None
-        return b"\1"
+        return [("B", 1)]
 
-    def _run(self, arguments: bytes) -> bytes:
-        self._level, self._configuring = 0, False
+    def _run(self, client: Client) -> list[Value]:
+        client.level, self._configuring = 0, False
         self._active = self._settings
+        on, scans, _ = self._plain["LFPmeanfilter"]
+        self.mean_scans = scans if on else 0
+        self.two_in_a_row = bool(self._plain["LFPnto1filter"][0])
         if self._started and self._begin_s is None:
             self._begin_s = self._clock.device_s + self.spin_up_s
             self._next_sweep = 0
-        return b"\1"
+        return [("B", 1)]
 
-    def _start(self, arguments: bytes) -> bytes:
-        self._started = True
-        return b"\0"
+    def _start(self, wanted: bool) -> list[Value]:
+        self._started = wanted
+        return [("B", 0)]
 
-    def _stop(self, arguments: bytes) -> bytes:
-        self._started = False
-        return b"\0"
-
-    def _store(self, arguments: bytes) -> bytes:
+    def _store(self) -> list[Value]:
         self._stored = self._settings
-        return b"\1"
+        self.stores += 1
+        return [("B", 1)]
 
-    def _told_to_reboot(self, arguments: bytes) -> bytes:
+    def _told_to_reboot(self) -> list[Value]:
         self._restart()
-        return b""
+        return []
 
-    def _set_scan_config(self, arguments: bytes) -> bytes:
-        frequency, sectors, resolution, start, stop = struct.unpack(">IhIii", arguments)
+    # -- settings -----------------------------------------------------------------------------
+
+    def _set_content(self, values: tuple[int, ...]) -> None:
+        content = Content.maybe_from(values)
+        if content is None:
+            raise RefusedError(cola.CONDITION_FAILED)
+        self._settings = replace(self._settings, content=content)
+
+    def _set_dialect(self, values: tuple[int, ...]) -> None:
+        if values[0] > 1:
+            raise RefusedError(cola.CONDITION_FAILED)
+        self._binary_next, self._changed_s = bool(values[0]), self._clock.device_s
+
+    def _set_plain(self, name: str, values: tuple[int, ...]) -> None:
+        if values[0] > 1 or (name == "LFPmeanfilter" and not 2 <= values[1] <= MOST_SCANS):
+            raise RefusedError(cola.CONDITION_FAILED)
+        self._plain[name] = values
+
+    def _set_scan_config(self, values: tuple[int, ...]) -> list[Value]:
+        frequency, sectors, resolution, start, stop = values
         bad_frequency = frequency not in (mode[0] for mode in MODES)
         bad_resolution = resolution not in (mode[1] for mode in MODES)
         status = bad_frequency + 2 * bad_resolution
@@ -251,23 +311,23 @@ class FakeLms111(LaserHead):
             status = 5
         if not status:
             self._settings = replace(self._settings, frequency=frequency, resolution=resolution)
-        return bytes([status]) + self._settings.scan_config()
+        return [("B", status), *self._settings.scan_config()]
 
-    def _set_output_range(self, arguments: bytes) -> None:
-        count, _, start, stop = struct.unpack(">HIii", arguments)
+    def _set_output_range(self, values: tuple[int, ...]) -> None:
+        count, _, start, stop = values
         if count != 1 or not AREA_START <= start <= stop <= AREA_STOP:
             raise RefusedError(cola.CONDITION_FAILED)
         self._settings = replace(self._settings, start=start, stop=stop)
 
-    def _set_time(self, arguments: bytes) -> bytes:
+    def _set_time(self, values: tuple[int, ...]) -> list[Value]:
         try:
-            when = datetime(*TIME.unpack(arguments))
+            when = datetime(*values)  # type: ignore[arg-type]
         except ValueError:
-            return b"\0"
+            return [("B", 0)]
         if not 1970 <= when.year < 2100:
-            return b"\0"
+            return [("B", 0)]
         self._clock_set = when - timedelta(microseconds=self._uptime_us(self._clock.device_s))
-        return b"\1"
+        return [("B", 1)]
 
     # -- what it tells ------------------------------------------------------------------------
 
@@ -278,30 +338,42 @@ class FakeLms111(LaserHead):
             return READY if self._clock.device_s >= self._begin_s else ROTATING
         return CONFIGURING if self._configuring else IDLE
 
-    def _polled(self) -> bytes:
+    def _device_state(self) -> int:
+        if self.error:
+            return ERROR_STATE
+        return READY_STATE if self.state == READY else BUSY_STATE
+
+    def _identity(self) -> list[Value]:
+        return [("S", text) for text in self._model.ident]
+
+    def _polled(self) -> list[Value]:
         """The last complete sweep."""
         latest = self._latest_sweep()
         if latest < 0:
             raise RefusedError(cola.CONDITION_FAILED)
         return self._scan(latest)
 
-    def _state_in_full(self) -> bytes:
+    def _state_in_full(self) -> list[Value]:
         now = self._date(self._clock.device_s)
-        time, date = now.strftime("%H:%M:%S"), now.strftime("%d.%m.%Y")
-        return (
-            struct.pack(">HB", self.state, 0)
-            + cola.text(time.encode("ascii"))
-            + cola.text(date.encode("ascii"))
-            + bytes(12)
-        )
-
-    def _send(self, due_s: float, payload: bytes) -> None:
-        telegram = cola.frame(payload)
-        if self._hit(self.wrong_checksum_rate):
-            telegram = telegram[:-1] + bytes([telegram[-1] ^ 0xFF])
-        self._outbox.put(due_s, telegram)
+        texts = (now.strftime("%H:%M:%S"), now.strftime("%d.%m.%Y"))
+        return [
+            *zip("HB", (self.state, int(self.temperature_bad)), strict=True),
+            *(("S", text.encode("ascii")) for text in texts),
+            *(("I", 0) for _ in range(3)),
+        ]
 
 
-def _check_size(arguments: bytes, size: int) -> None:
-    if len(arguments) != size:
-        raise RefusedError(cola.TOO_SHORT if len(arguments) < size else cola.TOO_LONG)
+class Connected(Client):
+    """A connection that can end."""
+
+    def left(self, now_s: float) -> None:
+        """This host has gone."""
+        device = self._device
+        assert isinstance(device, FakeLms111)
+        device.leave(self)
+
+
+if __name__ == "__main__":
+    from fakes.program import run_scanner
+
+    sys.exit(run_scanner())

@@ -2,20 +2,21 @@
 
 One turn takes a period; the beam crosses the field of view, 270 of 360 degrees, from its begin.
 The telegram goes out 0.1 ms after the beam left the field of view, however much of it is sent; its
-"time since start-up" is 3.1 ms before that, as recorded.
+"time since start-up" is 3.1 ms before that, as recorded. Filters work on what was measured.
 
-Source: lms111 sheet, section 5 (scan timing).
+Source: lms111 sheet, sections 3 (filters) and 5 (scan timing, small values).
 """
 
 import math
 import random
-import struct
+from collections import deque
 from collections.abc import Callable
 from datetime import datetime, timedelta
 
 import numpy as np
 import numpy.typing as npt
 
+from fakes.cola_values import Value
 from fakes.lms111_scan import (
     AREA_START,
     FIRST_VALID,
@@ -24,7 +25,7 @@ from fakes.lms111_scan import (
     ScanSettings,
     ScanTelegram,
     channels_of,
-    time_block,
+    time_values,
 )
 from fakes.timing import Quartz
 
@@ -34,7 +35,10 @@ SWEEP_TURN = 0.75  # 270 of 360 deg
 SENT_AFTER_S = 0.0001  # the sweep's end
 STAMP_US = 3100  # "time since start-up" before the transmission
 KEPT_S = 0.9  # a device that was not looked at for longer has lost its oldest scans
-MAX_RANGE_M = 20.0
+DAZZLED, IMPLAUSIBLE, FILTERED = 1, 2, 3  # codes below FIRST_VALID
+SAME_MM = 200  # the n-to-1 filter wants an echo so near to the one of the scan before
+MOST_SCANS = 100  # of the mean filter
+STATUS_ERROR, STATUS_DIRTY, STATUS_BLIND = 1, 2, 4  # device status, recalled and not confirmed
 EPOCH = datetime(1970, 1, 1)
 FIRST_TELEGRAM = 63_336  # as recorded
 OUTPUTS = ((0, 0xFC), (0, 0x112), (1, 0x5D), *[(2, 0)] * 8)  # state, changes; recorded
@@ -44,8 +48,9 @@ class LaserHead:
     """Measures with `settings` from `begin_s` on. Public attributes are for tests to set.
 
     Args:
-        ranges_m_at: (instant of the first point, instants (n,), bearings (n,) rad) to ranges (n,)
-            m, NaN or inf for no return; host clock; bearing 0 is straight ahead.
+        ranges_m_at: (instant of the first point, instants (n,), bearings (n,) rad) to ranges (n,),
+            or (2, n) with second echoes; m, NaN or inf for no return; host clock; bearing 0 is
+            straight ahead.
     """
 
     def __init__(self, ranges_m_at: Callable[[float, F64, F64], F64], seed: int) -> None:
@@ -55,6 +60,15 @@ class LaserHead:
         self.clock_offset_us = 0  # what its clock shows at power-up
         self.noise_m = 0.012
         self.settling_scans = 7  # that carry device status 01 00
+        self.contamination = 0  # of the window: 1 warning, 2 error, 3 fatal
+        self.error = False  # device status says so
+        self.dazzled_rate = 0.0  # of beams
+        self.implausible_rate = 0.0  # of beams
+        self.max_range_m = 20.0
+        self.name, self.comment = "not defined", ""  # that a telegram may carry
+        self.encoder = (0, 0)  # position, speed
+        self.mean_scans = 0  # of the mean filter; 0: off
+        self.two_in_a_row = False  # the n-to-1 filter: an echo counts if the scan before had it
         self._ranges_m_at = ranges_m_at
         self._random, self._noise = random.Random(seed), np.random.default_rng(seed)
         self._clock = Quartz()
@@ -63,7 +77,8 @@ class LaserHead:
         self._begin_s: float | None = None  # device time of the first sweep
         self._next_sweep = 0  # that was not yet due
         self._telegrams = FIRST_TELEGRAM
-        self._last_telegram = b""
+        self._last_telegram: list[Value] = []
+        self._measured_mm: deque[U16] = deque(maxlen=MOST_SCANS)  # first echoes, newest last
 
     @property
     def settings(self) -> ScanSettings:
@@ -93,8 +108,8 @@ class LaserHead:
         turns = (self._clock.device_s - self._sent_device_s(0)) / self._active.period_s
         return math.floor(turns + 1e-9)
 
-    def _due_telegrams(self, subscribed: set[str]) -> list[tuple[float, bytes]]:
-        """Events (due, payload) since the last call that somebody has subscribed to."""
+    def _due_telegrams(self, subscribed: set[str]) -> list[tuple[float, str, list[Value]]]:
+        """Events (due, name, values) since the last call that somebody has subscribed to."""
         latest, active, due = self._latest_sweep(), self._active, []
         if "LIDoutputstate" in subscribed and self._next_sweep <= self.settling_scans <= latest:
             due.append(self._outputs_told(self.settling_scans))
@@ -104,23 +119,23 @@ class LaserHead:
                 if sweep % active.content.interval or self._hit(self.drop_rate):
                     continue
                 due_s = self._clock.host_s(self._sent_device_s(sweep))
-                due.append((due_s, b"sSN LMDscandata " + self._scan(sweep)))
+                due.append((due_s, "LMDscandata", self._scan(sweep)))
         self._next_sweep = max(self._next_sweep, latest + 1)
         return due
 
-    def _scan(self, sweep: int) -> bytes:
+    def _scan(self, sweep: int) -> list[Value]:
         """The telegram of a sweep that is over, without type and name."""
         if not self.frozen or not self._last_telegram:
             self._last_telegram = self._measured(sweep)
         return self._last_telegram
 
-    def _measured(self, sweep: int) -> bytes:
+    def _measured(self, sweep: int) -> list[Value]:
         active, sent_s = self._active, self._sent_device_s(sweep)
         content, settled = active.content, sweep >= self.settling_scans
         sent_us = self._uptime_us(sent_s)
         self._telegrams += 1
         return ScanTelegram(
-            status=b"\0\0" if settled else b"\1\0",
+            status=self._device_status(settled),
             telegrams=self._telegrams - 1,
             scans=sweep,
             scan_us=sent_us - STAMP_US,
@@ -128,16 +143,23 @@ class LaserHead:
             outputs=b"\4\0" if settled else b"\1\0",
             frequency=active.frequency,
             shots=active.frequency * 36 // active.resolution * 10,
-            channels=channels_of(active, self._ranges_mm(sweep)),
-            encoders=((0, 0),) if content.encoder else (),
+            channels=channels_of(active, self._echoes_mm(sweep)),
+            encoders=(self.encoder,) if content.encoder else (),
             position=content.position,
-            name=b"not defined" if content.name else None,
-            comment=b"" if content.comment else None,
+            name=self.name.encode("latin-1") if content.name else None,
+            comment=self.comment.encode("latin-1") if content.comment else None,
             when=self._date(sent_s) if content.time else None,
-        ).encode()
+        ).values()
 
-    def _ranges_mm(self, sweep: int) -> U16:
-        """The codes (n,) of the points of a sweep that are sent."""
+    def _device_status(self, settled: bool) -> bytes:
+        """First not valid yet, as recorded; then by the window, and by its error."""
+        if not settled or self.error:
+            return bytes([STATUS_ERROR, 0])
+        dirty = {0: 0, 1: STATUS_DIRTY}.get(self.contamination, STATUS_BLIND)
+        return bytes([0, dirty])
+
+    def _echoes_mm(self, sweep: int) -> tuple[U16, U16]:
+        """The codes (n,) of the points of a sweep that are sent: first and second echo."""
         assert self._begin_s is not None
         active = self._active
         index = active.first_index + np.arange(active.points, dtype=np.float64)
@@ -145,16 +167,48 @@ class LaserHead:
         device_s = self._begin_s + (sweep + turned_deg / 360.0) * active.period_s
         times_s = self._clock.host_times_s(device_s)
         bearings_rad = np.radians(turned_deg + AREA_START / 10_000 - 90.0)
-        true_m = self._ranges_m_at(float(times_s[0]), times_s, bearings_rad)
-        measured_m = true_m + self.noise_m * self._noise.standard_normal(len(index))
-        seen = np.isfinite(measured_m) & (measured_m <= MAX_RANGE_M)
-        raw = np.round(1000 * np.where(seen, measured_m, 0.0))
-        return np.where(raw >= FIRST_VALID, raw, NO_ECHO).astype(np.uint16)
+        true_m = np.atleast_2d(self._ranges_m_at(float(times_s[0]), times_s, bearings_rad))
+        first = self._filtered(self._codes(true_m[0]))
+        if len(true_m) > 1:
+            return first, self._codes(true_m[1])
+        return first, np.full_like(first, NO_ECHO)
 
-    def _outputs_told(self, sweep: int) -> tuple[float, bytes]:
+    def _codes(self, true_m: F64) -> U16:
+        """What is measured of true ranges (n,): noise, nothing beyond its reach, bad light."""
+        measured_m = true_m + self.noise_m * self._noise.standard_normal(len(true_m))
+        seen = np.isfinite(measured_m) & (measured_m <= self.max_range_m)
+        raw = np.round(1000 * np.where(seen, measured_m, 0.0))
+        codes = np.where(raw >= FIRST_VALID, raw, NO_ECHO).astype(np.uint16)
+        for code, rate in ((DAZZLED, self.dazzled_rate), (IMPLAUSIBLE, self.implausible_rate)):
+            if rate > 0:
+                codes[self._noise.random(len(codes)) < rate] = code
+        return codes
+
+    def _filtered(self, codes: U16) -> U16:
+        """After the filters that are on; each looks at what was measured, not at what was sent."""
+        before, out = self._measured_mm[-1] if self._measured_mm else None, codes
+        if before is not None and len(before) != len(codes):
+            self._measured_mm.clear()
+            before = None
+        self._measured_mm.append(codes)
+        if self.two_in_a_row:
+            near = np.zeros(len(codes), dtype=bool)
+            if before is not None:
+                near = np.abs(codes.astype(np.int32) - before) <= SAME_MM
+                near &= before >= FIRST_VALID
+            out = np.where((codes >= FIRST_VALID) & ~near, np.uint16(FILTERED), codes)
+        if self.mean_scans > 1:
+            rows = np.array(list(self._measured_mm)[-self.mean_scans :])
+            valid = rows >= FIRST_VALID
+            mean = (rows * valid).sum(0) / np.maximum(valid.sum(0), 1)
+            out = np.where(out >= FIRST_VALID, np.round(mean), out).astype(np.uint16)
+        return out
+
+    def _outputs_told(self, sweep: int) -> tuple[float, str, list[Value]]:
         """The event of the outputs' change after the first scans."""
         device_s = self._sent_device_s(sweep)
-        values = struct.pack(">HI", 1, self._uptime_us(device_s) % 2**32)
-        values += b"".join(struct.pack(">BI", *output) for output in OUTPUTS)
-        values += b"\0\1" + time_block(self._date(device_s))
-        return self._clock.host_s(device_s), b"sSN LIDoutputstate " + values
+        values: list[Value] = [("H", 1), ("I", self._uptime_us(device_s) % 2**32)]
+        for output in OUTPUTS:
+            values += zip("BI", output, strict=True)
+        values += [("H", 1), *time_values(self._date(device_s))]
+        return self._clock.host_s(device_s), "LIDoutputstate", values

@@ -1,14 +1,15 @@
-"""What an LMS111 is set to, and its scan telegram in CoLa-B.
+"""What an LMS111 is set to, and its scan telegram.
 
 Source: lms111 sheet, sections 1, 3 and 5.
 """
 
-import struct
 from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
 import numpy.typing as npt
+
+from fakes.cola_values import Value
 
 U16 = npt.NDArray[np.uint16]
 AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
@@ -16,9 +17,8 @@ MODES = ((5000, 5000), (2500, 2500), (2500, 5000))  # 1/100 Hz, 1/10000 deg
 REPORTED_RESOLUTION = 5000  # in LMPoutputRange, at whatever resolution it scans
 NO_ECHO, FIRST_VALID = 0, 16
 SERIAL_NUMBER = 18_090_362
-CONTENT = struct.Struct(">BBBBBBBBBBBH")  # arguments of LMDscandatacfg
-CHANNEL_HEAD = struct.Struct(">5sffiHH")
-TIME = struct.Struct(">HBBBBBI")
+CONTENT = "BBBBBBBBBBBH"  # arguments of LMDscandatacfg
+SCAN_CONFIG, OUTPUT_RANGE, TIME = "IHIii", "HIii", "HBBBBBI"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +36,9 @@ class Content:
     interval: int = 1  # every n-th scan is sent
 
     @classmethod
-    def maybe_from_bytes(cls, arguments: bytes) -> "Content | None":
-        """From the 13 bytes of the wire; None if a value is out of range."""
-        low, high, rssi, wide, unit, encoder, encoder_high, *flags = CONTENT.unpack(arguments)
+    def maybe_from(cls, arguments: tuple[int, ...]) -> "Content | None":
+        """From the twelve arguments of the wire; None if a value is out of range."""
+        low, high, rssi, wide, unit, encoder, encoder_high, *flags = arguments
         position, name, comment, time, interval = flags
         switches = (rssi, wide, encoder, position, name, comment, time)
         if low not in (1, 2, 3) or high or unit or encoder_high or max(switches) > 1:
@@ -48,12 +48,13 @@ class Content:
         rssi, wide, encoder, position, name, comment, time = map(bool, switches)
         return cls(low, rssi, wide, encoder, position, name, comment, time, interval)
 
-    def to_bytes(self) -> bytes:
-        """The 13 bytes of the wire."""
-        return CONTENT.pack(
+    def values(self) -> list[Value]:
+        """The twelve arguments of the wire."""
+        numbers = (
             self.channels, 0, self.rssi, self.rssi_wide, 0, self.encoder, 0,
             self.position, self.name, self.comment, self.time, self.interval,
         )  # fmt: skip
+        return list(zip(CONTENT, map(int, numbers), strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +87,15 @@ class ScanSettings:
         """Of the first point that is sent, 1/10000 deg."""
         return AREA_START + self.first_index * self.resolution
 
-    def scan_config(self) -> bytes:
-        """The 18 bytes of LMPscancfg: the area is always that of the mirror."""
-        return struct.pack(">IhIii", self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
+    def scan_config(self) -> list[Value]:
+        """Of LMPscancfg: the area is always that of the mirror."""
+        numbers = (self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
+        return list(zip(SCAN_CONFIG, numbers, strict=True))
 
-    def output_range(self) -> bytes:
-        """The 14 bytes of LMPoutputRange."""
-        return struct.pack(">HIii", 1, REPORTED_RESOLUTION, self.start, self.stop)
+    def output_range(self) -> list[Value]:
+        """Of LMPoutputRange."""
+        numbers = (1, REPORTED_RESOLUTION, self.start, self.stop)
+        return list(zip(OUTPUT_RANGE, numbers, strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,10 +109,10 @@ class Channel:
     wide: bool = True  # 16 bit per value, else 8
     scale: float = 1.0
 
-    def encode(self) -> bytes:
-        """As on the wire."""
-        head = CHANNEL_HEAD.pack(self.name, self.scale, 0.0, self.first, self.step, len(self.raw))
-        return head + self.raw.astype(">u2" if self.wide else "u1").tobytes()
+    def values(self) -> list[Value]:
+        """Head and row."""
+        head = (self.name, self.scale, 0.0, self.first, self.step, len(self.raw))
+        return [*zip("NffiHH", head, strict=True), ("W" if self.wide else "w", self.raw)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,61 +134,58 @@ class ScanTelegram:
     comment: bytes | None = None
     when: datetime | None = None
 
-    def encode(self) -> bytes:
-        """As on the wire, from the version to the event flag."""
-        parts = [
-            struct.pack(">HHI", 1, 1, SERIAL_NUMBER),
-            self.status,
-            struct.pack(">HHII", self.telegrams % 2**16, self.scans % 2**16,
-                        self.scan_us % 2**32, self.sent_us % 2**32),
-            bytes(2),  # inputs
-            self.outputs,
-            struct.pack(">HIIH", 0, self.frequency, self.shots, len(self.encoders)),
-            *(struct.pack(">Ih", *encoder) for encoder in self.encoders),
-        ]  # fmt: skip
-        for wide in (True, False):
-            rows = [channel.encode() for channel in self.channels if channel.wide == wide]
-            parts += [len(rows).to_bytes(2, "big"), *rows]
-        parts += [
-            _optional(struct.pack(">6fB", *[0.0] * 6, 0) if self.position else None),
-            _optional(_short_text(self.name)),
-            _optional(_short_text(self.comment)),
-            _optional(time_block(self.when) if self.when else None),
-            _optional(None),  # event
+    def values(self) -> list[Value]:
+        """From the version to the event flag."""
+        counters = (self.telegrams % 2**16, self.scans % 2**16)
+        times = (self.scan_us % 2**32, self.sent_us % 2**32)
+        values: list[Value] = [
+            *zip("HHI", (1, 1, SERIAL_NUMBER), strict=True),
+            *zip("BB", self.status, strict=True),
+            *zip("HHII", (*counters, *times), strict=True),
+            *zip("BBBB", (0, 0, *self.outputs), strict=True),
+            *zip("HIIH", (0, self.frequency, self.shots, len(self.encoders)), strict=True),
         ]
-        return b"".join(parts)
+        for encoder in self.encoders:
+            values += zip("Ih", encoder, strict=True)
+        for wide in (True, False):
+            rows = [channel for channel in self.channels if channel.wide == wide]
+            values.append(("H", len(rows)))
+            for row in rows:
+                values += row.values()
+        place = [*(("f", 0.0) for _ in range(6)), ("B", 0)]
+        values += _optional(place if self.position else None)
+        values += _optional(None if self.name is None else [("s", self.name)])
+        values += _optional(None if self.comment is None else [("s", self.comment)])
+        values += _optional(time_values(self.when) if self.when else None)
+        return values + _optional(None)  # event
 
 
-def _optional(block: bytes | None) -> bytes:
-    return b"\0\0" if block is None else b"\0\1" + block
+def _optional(block: list[Value] | None) -> list[Value]:
+    return [("H", 0)] if block is None else [("H", 1), *block]
 
 
-def _short_text(content: bytes | None) -> bytes | None:
-    return None if content is None else bytes([len(content)]) + content
-
-
-def time_block(when: datetime) -> bytes:
-    """Date and time in 11 bytes."""
-    return TIME.pack(
-        when.year, when.month, when.day, when.hour, when.minute, when.second, when.microsecond
+def time_values(when: datetime) -> list[Value]:
+    """Date and time."""
+    day = (when.year, when.month, when.day)
+    return list(
+        zip(TIME, (*day, when.hour, when.minute, when.second, when.microsecond), strict=True)
     )
 
 
-def channels_of(settings: ScanSettings, first_echo_mm: U16) -> tuple[Channel, ...]:
-    """The rows that the settings ask for; of the world's one surface there is no second echo.
+def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Channel, ...]:
+    """The rows that the settings ask for.
 
     Args:
-        first_echo_mm: (n,) codes of the points that are sent.
+        echoes_mm: first and second echo, (n,) codes each of the points that are sent.
     """
     content, rows = settings.content, []
-    echoes = [first_echo_mm, np.full_like(first_echo_mm, NO_ECHO)]
     where = (settings.first_angle, settings.resolution)
     wanted = [k for k in (0, 1) if content.channels >> k & 1]
-    rows += [Channel(b"DIST%d" % (k + 1), echoes[k], *where) for k in wanted]
+    rows += [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
     if content.rssi:
         wide = content.rssi_wide
         rows += [
-            Channel(b"RSSI%d" % (k + 1), _remission(echoes[k], wide), *where, wide=wide)
+            Channel(b"RSSI%d" % (k + 1), _remission(echoes_mm[k], wide), *where, wide=wide)
             for k in wanted
         ]
     return tuple(rows)

@@ -17,6 +17,12 @@ FRAMES = {
     if not row.startswith("#")
 }
 
+TEXTS = {
+    row.split("\t")[1]: row.split("\t")[2].encode()
+    for row in (Path(__file__).parent / "vectors/lms111_texts.tsv").read_text().splitlines()
+    if not row.startswith("#")
+}
+
 
 def framed(text: str, values: bytes = b"") -> bytes:
     """A command or an answer, by the rule of section 2."""

@@ -12,12 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fakes.cola_values import packed, written
 from fakes.lms111 import FakeLms111
 from fakes.lms111_scan import Channel, ScanTelegram
 from tests.bench_lms111 import (
     F64,
     FRAMES,
     START_S,
+    TEXTS,
     Bench,
     counters,
     five_metres,
@@ -85,7 +87,8 @@ def test_the_telegrams_printed_in_the_sheet_are_encoded_byte_for_byte() -> None:
     at = (900_000, 5000)
     rows = (row(b"DIST1", [1337, 3, 0], *at), row(b"RSSI1", [254, 0, 16], *at, wide=False))
     a = ScanTelegram(frequency=5000, channels=rows, when=when, **common)  # type: ignore[arg-type]
-    assert framed("sSN LMDscandata ", a.encode()) == FRAMES["scan A"]
+    assert framed("sSN LMDscandata ", packed(a.values())) == FRAMES["scan A"]
+    assert b"sSN LMDscandata " + written(a.values()) == TEXTS["scan A"]
     at = (-450_000, 2500)
     many = (
         row(b"DIST1", [700, 0, 16], *at, scale=2.0),
@@ -94,7 +97,8 @@ def test_the_telegrams_printed_in_the_sheet_are_encoded_byte_for_byte() -> None:
         row(b"RSSI2", [12, 0, 0], *at),
     )
     b = ScanTelegram(frequency=2500, channels=many, encoders=((1000, -5),), name=b"front", **common)  # type: ignore[arg-type]
-    assert framed("sRA LMDscandata ", b.encode()) == FRAMES["scan B"]
+    assert framed("sRA LMDscandata ", packed(b.values())) == FRAMES["scan B"]
+    assert b"sRA LMDscandata " + written(b.values()) == TEXTS["scan B"]
 
 
 def recorded(vectors: Path) -> list[tuple[str, bytes]]:

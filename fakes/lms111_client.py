@@ -1,0 +1,116 @@
+"""One host's connection to the fake LMS111: its login, its subscriptions, its dialect, its answers.
+
+The device behind it - settings, mirror, clock - is shared. One answer a command, in order; each
+answer and each scan is one piece.
+
+Source: lms111 sheet, sections 1 and 2.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from fakes import cola
+from fakes.cola import RefusedError
+from fakes.cola_values import Value, packed, read, unpacked, written
+from fakes.timing import Outbox
+
+ANSWER_S = 0.0012
+SLOW_ANSWERS_S = {"SetAccessMode": 0.0028, "LMCstartmeas": 0.014}
+PREFIXES = {"sRN": "sRA", "sWN": "sWA", "sMN": "sAN", "sEN": "sEA"}
+
+Take = Callable[[str], tuple[int, ...]]  # the arguments of a command, by the kinds it has
+
+
+class Scanner(Protocol):
+    """What a connection needs of the device."""
+
+    mute: bool
+    deaf: bool
+    late_s: float
+    slow_answer_s: float
+    answers_lost: int
+    cut_next: bool
+    refuse: dict[str, int]
+
+    def advance(self, now_s: float) -> float:
+        """Let the device do all that is due; the instant that it has reached."""
+
+    @property
+    def answers(self) -> bool:
+        """Whether it has started far enough to answer."""
+
+    def carry_out(self, client: "Client", kind: str, name: str, take: Take) -> list[Value]:
+        """Do what a command says; the values of its answer."""
+
+    def has_wrong_checksum(self) -> bool:
+        """Whether the next telegram is to be damaged."""
+
+
+class Client:
+    """One connection; `exchange` is its wire."""
+
+    def __init__(self, device: Scanner, binary: bool) -> None:
+        self._device = device
+        self.begin(binary)
+
+    def begin(self, binary: bool) -> None:
+        """As newly connected, or as after a loss of power: nothing that was under way is sent."""
+        self.level = 0  # of its login
+        self.subscribed: set[str] = set()
+        self.binary = binary
+        self._reader = cola.CommandReader() if binary else cola.TextReader()
+        self._outbox = Outbox()
+        self._answered_s = -math.inf
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """Take what this host wrote; give all that the device has sent it up to now_s."""
+        now_s = self._device.advance(now_s)
+        if self._device.answers and not self._device.deaf:
+            for payload in self._reader.feed(now_s, received):
+                self._answer(now_s, payload)
+        sent = self._outbox.take(now_s - self._device.late_s)
+        return b"" if self._device.mute else sent
+
+    def tell(self, due_s: float, name: str, values: list[Value]) -> None:
+        """An event that it has subscribed to."""
+        if name in self.subscribed:
+            self._send(due_s, self._payload(f"sSN {name} ", values))
+
+    def _answer(self, now_s: float, payload: bytes) -> None:
+        kind, name, arguments = cola.command(payload)
+
+        def take(kinds: str) -> tuple[int, ...]:
+            return unpacked(kinds, arguments) if self.binary else read(kinds, arguments)
+
+        device = self._device
+        try:
+            code = device.refuse.get(f"{kind} {name}", device.refuse.get(name))
+            if code is not None:
+                raise RefusedError(code)
+            if kind not in PREFIXES:
+                raise RefusedError(cola.UNKNOWN_COMMAND)
+            values = device.carry_out(self, kind, name, take)
+            answer = self._payload(f"{PREFIXES[kind]} {name} ", values)
+        except RefusedError as refused:
+            answer = cola.refusal(refused.code, self.binary)
+        if device.answers_lost > 0:
+            device.answers_lost -= 1
+            return
+        wait_s = SLOW_ANSWERS_S.get(name, ANSWER_S) + device.slow_answer_s
+        self._answered_s = max(now_s + wait_s, self._answered_s)
+        self._send(self._answered_s, answer)
+
+    def _payload(self, head: str, values: list[Value]) -> bytes:
+        if self.binary:
+            return head.encode("latin-1") + packed(values)
+        return (head.encode("latin-1") + written(values)).rstrip()
+
+    def _send(self, due_s: float, payload: bytes) -> None:
+        telegram = cola.frame(payload) if self.binary else cola.text_frame(payload)
+        if self._device.has_wrong_checksum():
+            telegram = telegram[:-1] + bytes([telegram[-1] ^ 0xFF])
+        if self._device.cut_next:
+            self._device.cut_next = False
+            telegram = telegram[: len(telegram) // 2]
+        self._outbox.put(due_s, telegram)

@@ -8,11 +8,8 @@ alike.
 import argparse
 import asyncio
 import contextlib
-import ctypes
-import gc
 import logging
 import math
-import os
 import secrets
 import signal
 import sys
@@ -25,22 +22,23 @@ from pathlib import Path
 import numpy as np
 import structlog
 
-from core import health
-from core.config import Config, ConfigError, load_config
+from core import drive
+from core.config import Config, ConfigError, key_from_bytes, load_config
 from core.mapper import Mapper
 from core.records import Attitude, PoseReport, Scan, WheelCounts
+from core.report import report
 from core.summary import robot_in_words
 from hw.ax3500_session import Ax3500
-from hw.lms111_session import Lms111
+from hw.ears import Ears
+from hw.lms111_condition import STATUS_BLIND, STATUS_DIRTY, ScannerCondition
+from hw.lms111_session import Lms111, condition_of
 from hw.mti_session import Mti
 from hw.planner_link import PlannerLink
 from hw.port import PortUrlError, open_port, parse_url
+from hw.real_time import take_real_time
 from hw.session import DeviceStatus, NoPort, Port
 
 STATE_LOG_S = 1.0  # counters to the log this often
-FIFO_PRIORITY = 20
-MCL_CURRENT, MCL_FUTURE = 1, 2
-KEY_BYTES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +69,10 @@ class App:
         replayed: bool = False,
     ) -> None:
         self.config, self.ports, self._replayed = config, ports, replayed
-        scanner, drive, robot = config.scanner, config.drive, config.robot
+        scanner, wheels, robot = config.scanner, config.drive, config.robot
         self.scanner = Lms111(
             ports.scanner,
+            dialect=scanner.dialect,
             scan_rate_hz=scanner.scan_rate_hz,
             angular_step_deg=scanner.angular_step_deg,
             first_deg=scanner.first_deg,
@@ -84,30 +83,38 @@ class App:
         turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
         self.drive = Ax3500(
             ports.drive,
-            poll_hz=drive.poll_hz,
-            left_channel=drive.left_channel,
-            right_channel=drive.right_channel,
-            inverted_channels=tuple(drive.invert),
-            enter_rs232=drive.enter_rs232,
+            poll_hz=wheels.poll_hz,
+            left_channel=wheels.left_channel,
+            right_channel=wheels.right_channel,
+            inverted_channels=tuple(wheels.invert),
+            enter_rs232=wheels.enter_rs232,
             max_counts_per_s=turns_per_s * 4 * robot.encoder_ppr,
+            enable_motors=robot.enable_motors,
         )
         self.mapper = Mapper(config)
+        self.control = drive.DriveControl(config, self.mapper.obstacles, self.mapper.elevation)
         self._tick_s = 1.0 / config.planner.rate_hz
-        self.link = PlannerLink(
-            ports.planner,
+        self.link = self._new_link(session, key)
+        self.log = structlog.get_logger()
+        self._linked_s = self._logged_s = self._overrun_s = float("-inf")
+        self.ticks = self.slots_missed = 0
+        self._drop_ahead = False
+        self._states = {"": ("", ""), "requests": ("", "")}
+
+    def _new_link(self, session: int, key: bytes | None) -> PlannerLink:
+        config, planner = self.config, self.config.planner
+        may_move = config.robot.enable_motors
+        return PlannerLink(
+            self.ports.planner,
             size=config.obstacle.window_cells,
             cell_mm=round(config.map.cell_m * 1000),
             session=session,
             tick_s=self._tick_s,
-            line_baud=_line_baud(config.planner.port),
+            line_baud=parse_url(planner.port).baud,
             key=key,
             stale_ms=max(150, math.ceil(3000 * self._tick_s)),
+            drive_refusal=drive.link_refusal(planner.port, key is not None, may_move),
         )
-        self.log = structlog.get_logger()
-        self._linked_s = self._logged_s = float("-inf")
-        self._overrun_s = float("-inf")
-        self.ticks = self.slots_missed = 0
-        self._states: dict[str, tuple[str, str]] = {}
 
     @property
     def _devices(self) -> dict[str, DeviceStatus]:
@@ -129,60 +136,78 @@ class App:
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
         since_s = now_s - self._linked_s
+        self.link.poll(now_s)
+        window_trusted, told = self.report(now_s)
         if since_s >= self._tick_s - 1e-6 or (mapped and since_s >= self._tick_s / 2):
-            window_trusted, report = self.report(now_s)
-            self.link.step(now_s, report, self.mapper.window(window_trusted))
+            self.link.step(now_s, told, self.mapper.window(window_trusted))
             self._linked_s = now_s
-        else:
-            self.link.poll(now_s)
+        self._drive(now_s, told)
         self._log(now_s)
+
+    def _drive(self, now_s: float, told: PoseReport) -> None:
+        """Wheel power until the next tick: zero unless all is known to be well."""
+        pose, request = self.mapper.maybe_pose(now_s), self.link.requests.newest
+        vouched = self.mapper.counts.erased == 0
+        if self._linked_s == now_s:
+            self._drop_ahead = self.control.drop_ahead(
+                (told.v_mps, told.w_radps), request, pose, vouched
+            )
+        if not self.config.robot.enable_motors:
+            self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
+            return
+        dirt, others = self._condition.contamination, (self.link.doubt,)
+        doubt = drive.doubt(told.health, told.mode, dirt, others)
+        motors_off = self.drive.controller.trouble
+        powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off)
+        self.drive.drive(*powers)
+
+    def hear(self, now_s: float) -> None:
+        """Between ticks: take in what has arrived from the devices. Never waits."""
+        for device in (self.ahrs, self.drive, self.scanner):
+            device.hear(now_s)
+
+    def stop(self) -> None:
+        """Before the ports are closed: motors get zero, a scanner's login is ended."""
+        self.drive.stop()
+        self.scanner.stop()
 
     def note_missed(self, now_s: float, slots: int) -> None:
         """The loop came late and skipped slots."""
         self.slots_missed += slots
         self._overrun_s = now_s
 
+    @property
+    def _condition(self) -> ScannerCondition:
+        return condition_of(self.scanner.stream)
+
     def report(self, now_s: float) -> tuple[bool, PoseReport]:
         """Whether free may be told, and the pose and health for the planner."""
-        mapper = self.mapper
-        pose = mapper.maybe_pose(now_s)
-        roll_rad, pitch_rad, _ = mapper.attitudes.newest_rpy()
-        inputs = health.Inputs(
-            age_scan_s=now_s - mapper.newest_scan_s,
-            age_scanner_s=now_s - mapper.delivered_scan_s,
-            age_ahrs_s=now_s - mapper.attitudes.newest_s,
-            age_wheels_s=now_s - mapper.delivered_counts_s,
+        return report(
+            self.mapper,
+            now_s,
             clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
-            pose_known=pose is not None,
-            map_begun=mapper.counts.scans_added > 0,
             overrun=now_s - self._overrun_s < 1.0,
-            tilt_rad=max(abs(roll_rad), abs(pitch_rad)),
             replayed=self._replayed,
-        )
-        word = health.health_word(inputs)
-        rate_z_radps = float(mapper.attitudes.rate_body_radps[2])
-        return health.trusted(word), PoseReport(
-            x_m=pose.x_m if pose else 0.0,
-            y_m=pose.y_m if pose else 0.0,
-            yaw_rad=pose.yaw_rad if pose else 0.0,
-            pitch_rad=pitch_rad,
-            roll_rad=roll_rad,
-            v_mps=mapper.odometry.v_mps if pose else 0.0,
-            w_radps=mapper.odometry.w_radps if math.isnan(rate_z_radps) else rate_z_radps,
-            health=word,
-            age_scan_s=inputs.age_scan_s,
-            age_ahrs_s=inputs.age_ahrs_s,
-            age_enc_s=inputs.age_wheels_s,
-            mode=health.mode(word, inputs),
+            contaminated=is_dirty(self._condition),
+            stop_asked=bool(self.drive.controller.emergency_stop),
+            drop_ahead=self._drop_ahead,
         )
 
+    def _has_changed(self, name: str, state: str, cause: str) -> bool:
+        before, self._states[name] = self._states.get(name), (state, cause)
+        return before != (state, cause)
+
     def _log(self, now_s: float) -> None:
-        """A line for each change of a device's state; counters once a second."""
+        """A line for each change of a device, or of what may drive; counters once a second."""
         for device, status in self._devices.items():
-            if self._states.get(device) != (status.state, status.cause):
-                self._states[device] = (status.state, status.cause)
+            if self._has_changed(device, status.state, status.cause):
                 tell = self.log.warning if status.cause else self.log.info
                 tell("device_changed", device=device, state=status.state, cause=status.cause)
+        requests = self.link.requests
+        if self.config.robot.enable_motors and self._has_changed("", "", self.control.blocked_by):
+            self.log.info("drive_changed", blocked_by=self.control.blocked_by)
+        if self._has_changed("requests", "", requests.last_refusal):
+            self.log.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if now_s - self._logged_s < STATE_LOG_S:
             return
         self._logged_s = now_s
@@ -207,16 +232,20 @@ class App:
             scans_early=counts.scans_early,
             maps_erased=counts.erased,
             frames_sent=self.link.frames_sent,
+            drives_obeyed=requests.accepted,
+            drives_refused=requests.refused.total(),
         )
+
+
+def is_dirty(condition: ScannerCondition) -> bool:
+    """Whether the scanner's window is contaminated, be it as a warning."""
+    by_status = condition.device_status[0] | condition.device_status[1]
+    return bool(condition.contamination or by_status & (STATUS_DIRTY | STATUS_BLIND))
 
 
 def _baud(url: str) -> int:
     """Bits per second of a serial line; 115200, the AHRS's own, where there is none (tcp)."""
     return parse_url(url).baud or 115_200
-
-
-def _line_baud(url: str) -> int | None:
-    return parse_url(url).baud
 
 
 def read_key(path: str) -> bytes | None:
@@ -231,16 +260,7 @@ def read_key(path: str) -> bytes | None:
         content = Path(path).read_bytes()
     except OSError as error:
         raise ConfigError(f"planner.key_file: can't read {path!r}: {error.strerror}") from None
-    if len(content) == KEY_BYTES:
-        return content
-    with contextlib.suppress(ValueError):
-        key = bytes.fromhex(content.decode("ascii", "replace").strip())
-        if len(key) == KEY_BYTES:
-            return key
-    raise ConfigError(
-        "planner.key_file: must hold 32 bytes or 64 hex digits, "
-        f"{path!r} holds {len(content)} bytes"
-    )
+    return key_from_bytes(content, path)
 
 
 def open_ports(config: Config) -> Ports:
@@ -284,32 +304,27 @@ def set_up_logging(config: Config) -> None:
     )
 
 
-def take_real_time(log: structlog.typing.FilteringBoundLogger) -> None:
-    """Keep the collector, the pager and other processes out of the loop, as far as permitted."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    libc = ctypes.CDLL(None, use_errno=True)
-    locked = libc.mlockall(MCL_CURRENT | MCL_FUTURE) == 0
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-        fifo = True
-    except OSError:
-        fifo = False
-    log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
-
-
 async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
-    """Step the app at a fixed rate until told to stop; missed slots are skipped and counted."""
-    due_s = time.monotonic()
+    """Step the app at a fixed rate until told to stop; missed slots are skipped and counted.
+
+    Between ticks it hears what arrives, so that stamps are true to the instant of reading.
+    """
+    due_s, ports = time.monotonic(), app.ports
+    ears = Ears(
+        asyncio.get_running_loop(),
+        (ports.scanner, ports.ahrs, ports.drive),
+        lambda: app.hear(time.monotonic()),
+    )
     while not stop.is_set():
         await asyncio.sleep(max(0.0, due_s - time.monotonic()))
         app.step(time.monotonic())
+        ears.after_tick()
         now_s = time.monotonic()
         slots = max(1, math.ceil((now_s - due_s) / period_s))
         if slots > 1:
             app.note_missed(now_s, slots - 1)
         due_s += period_s * slots
+    ears.close()
 
 
 async def serve(config: Config, ports: Ports, key: bytes | None) -> None:
@@ -320,9 +335,13 @@ async def serve(config: Config, ports: Ports, key: bytes | None) -> None:
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     warm_kernels(config)
     app = App(config, ports, session=secrets.randbits(32), key=key)
-    take_real_time(log)
+    locked, fifo = take_real_time()
+    log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
     log.info("app_started", version=version(), planner=config.planner.port)
-    await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
+    try:
+        await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
+    finally:
+        app.stop()
     log.info("app_stopped", ticks=app.ticks, slots_missed=app.slots_missed)
 
 
@@ -338,8 +357,9 @@ def warm_kernels(config: Config) -> None:
     app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
     app.mapper.settle(0.05)
     for now_s in (0.05, 1.0):
-        window_trusted, report = app.report(now_s)
-        app.link.step(now_s, report, app.mapper.window(window_trusted))
+        window_trusted, told = app.report(now_s)
+        app.link.step(now_s, told, app.mapper.window(window_trusted))
+        app.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
 
 
 def version() -> str:
@@ -367,7 +387,7 @@ def run(arguments: list[str] | None = None) -> int:
         return 2
     with contextlib.closing(ports):
         if options.check:
-            print(robot_in_words(config, _line_baud(config.planner.port)))
+            print(robot_in_words(config, parse_url(config.planner.port).baud))
         elif options.warm:
             warm_kernels(config)
         else:

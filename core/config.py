@@ -5,6 +5,7 @@ Degrees appear here and in the file only. Port URLs are checked by `hw.port`, wh
 Source: design, section 6.
 """
 
+import contextlib
 import math
 import tomllib
 from typing import Annotated, Any, Literal
@@ -17,6 +18,7 @@ Degrees = Annotated[float, Meta(ge=-180, le=180)]
 Offset = Annotated[float, Meta(ge=-5, le=5)]
 Port = Annotated[str, Meta(min_length=1)]
 
+KEY_BYTES = 32
 LMS1XX_MODES = {(50, 0.5), (25, 0.25), (25, 0.5)}  # Hz, deg: lms111 sheet, section 1
 
 
@@ -31,13 +33,23 @@ class Loop(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Robot(Struct, frozen=True, forbid_unknown_fields=True):
-    """Wheels and drive."""
+    """Wheels, limits of motion, and the ground that the body covers."""
 
     wheel_radius_m: Annotated[float, Meta(ge=0.01, le=2)]
     encoder_ppr: Annotated[int, Meta(ge=1, le=100_000)]
     gear_ratio: Annotated[float, Meta(ge=0.01, le=1000)]
     track_width_m: Annotated[float, Meta(ge=0.05, le=5)]
     max_speed_mps: Annotated[float, Meta(ge=0.01, le=20)]
+    max_turn_radps: Annotated[float, Meta(ge=0.01, le=20)]
+    max_accel_mps2: Annotated[float, Meta(ge=0.01, le=20)]
+    max_turn_accel_radps2: Annotated[float, Meta(ge=0.01, le=100)]
+    brake_mps2: Annotated[float, Meta(ge=0.01, le=20)]
+    front_m: Annotated[float, Meta(ge=0, le=5)]
+    rear_m: Annotated[float, Meta(ge=0, le=5)]
+    width_m: Annotated[float, Meta(ge=0.05, le=5)]
+    stop_margin_m: Annotated[float, Meta(ge=0, le=2)]
+    unknown_stops: bool
+    start_clear_m: Annotated[float, Meta(ge=0, le=20)]
     enable_motors: bool
 
 
@@ -72,7 +84,7 @@ class Ahrs(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Drive(Struct, frozen=True, forbid_unknown_fields=True):
-    """The motor controller, of which the encoder counters are read."""
+    """The motor controller, of which the encoder counters are read, and which moves the wheels."""
 
     driver: Literal["ax3500"]
     port: Port
@@ -81,6 +93,7 @@ class Drive(Struct, frozen=True, forbid_unknown_fields=True):
     right_channel: Literal[1, 2]
     invert: list[Literal[1, 2]]
     enter_rs232: bool
+    full_power_mps: Annotated[float, Meta(ge=0.01, le=20)]
 
 
 class Map(Struct, frozen=True, forbid_unknown_fields=True):
@@ -167,6 +180,24 @@ def _config_from(table: dict[str, Any]) -> Config:
     _check_together(config)
     _check_built(config)
     return config
+
+
+def key_from_bytes(content: bytes, path: str) -> bytes:
+    """The planner link's key: 32 bytes, or 64 hex digits.
+
+    Raises:
+        ConfigError: neither.
+    """
+    if len(content) == KEY_BYTES:
+        return content
+    with contextlib.suppress(ValueError):
+        key = bytes.fromhex(content.decode("ascii", "replace").strip())
+        if len(key) == KEY_BYTES:
+            return key
+    raise ConfigError(
+        "planner.key_file: must hold 32 bytes or 64 hex digits, "
+        f"{path!r} holds {len(content)} bytes"
+    )
 
 
 def with_changes(config: Config, **sections: dict[str, Any]) -> Config:
@@ -298,10 +329,8 @@ def _check_built(config: Config) -> None:
     """Values that the design names and that this version does not have yet: said, not ignored."""
     for key, value, built in (
         ("scanner.driver", config.scanner.driver, ("lms111",)),
-        ("scanner.dialect", config.scanner.dialect, ("auto", "binary")),
         ("map.method", config.map.method, ("beams",)),
         ("map.cell_value", config.map.cell_value, ("mean",)),
-        ("robot.enable_motors", config.robot.enable_motors, (False,)),
         ("modbus.port", config.modbus.port, ("",)),
     ):
         if value not in built:

@@ -12,7 +12,7 @@ MAX_SLOPE_RAD = 0.35  # steeper than 20 deg, the map can't be used
 
 SCANNER_OK, AHRS_OK, WHEELS_OK, CLOCKS_LOCKED = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 POSE_VALID, MAP_VALID, NO_OVERRUN = 1 << 4, 1 << 5, 1 << 6
-CONTAMINATED, TOO_STEEP = 1 << 8, 1 << 9
+DROP_AHEAD, CONTAMINATED, TOO_STEEP, STOP_ASKED = 1 << 7, 1 << 8, 1 << 9, 1 << 15
 BOOTING, RUNNING, DEGRADED, FAULT, REPLAYED = 0, 1, 2, 3, 4
 
 
@@ -30,6 +30,9 @@ class Inputs:
     overrun: bool  # within the last second
     tilt_rad: float  # the larger of |roll| and |pitch|
     replayed: bool
+    drop_ahead: bool = False  # within the way to stop
+    contaminated: bool = False  # the scanner's window: a warning at least
+    stop_asked: bool = False  # the emergency stop is pressed
 
 
 def health_word(inputs: Inputs) -> int:
@@ -49,7 +52,10 @@ def health_word(inputs: Inputs) -> int:
         (pose, POSE_VALID),
         (pose and mapped and level and inputs.map_begun, MAP_VALID),
         (not inputs.overrun, NO_OVERRUN),
+        (inputs.drop_ahead, DROP_AHEAD),
+        (inputs.contaminated, CONTAMINATED),
         (not level, TOO_STEEP),
+        (inputs.stop_asked, STOP_ASKED),
     ):
         word |= bit if holds else 0
     return word

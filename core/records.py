@@ -91,3 +91,12 @@ class PoseReport:
     age_ahrs_s: float
     age_enc_s: float
     mode: int  # 0 booting, 1 running, 2 degraded, 3 fault, 4 replayed
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRequest:
+    """What a commander wants the robot to do, and for how long that holds."""
+
+    v_mps: float  # forward
+    w_radps: float  # counter-clockwise
+    valid_until_s: float  # host clock: after it the request means nothing

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from core.config import Config
+from core.drive import link_refusal
 from core.geometry import R_from_rpy
 
 MAX_RANGE_M = 20.0  # LMS1xx
@@ -38,7 +39,11 @@ def robot_in_words(config: Config, line_baud: int | None) -> str:
         *(f"          {line}" for line in _ground_in_words(config)),
         f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.rate_hz:g} samples/s",
         f"drive     {drive.driver} at {drive.port}: {drive.poll_hz:g} pairs/s, "
-        f"{counts_per_m:.0f} counts per metre; motors never move",
+        f"{counts_per_m:.0f} counts per metre",
+        *(
+            f"motors    {line}" if k == 0 else f"          {line}"
+            for k, line in enumerate(_motors_in_words(config))
+        ),
         f"map       method {config.map.method}, {cells} x {cells} cells of "
         f"{config.map.cell_m:g} m = {cells * config.map.cell_m:.1f} m square, {memory_mb:.1f} MB",
         f"obstacle  from {config.obstacle.h_pos_m:+g} m up or {config.obstacle.h_neg_m:+g} m down; "
@@ -51,6 +56,35 @@ def robot_in_words(config: Config, line_baud: int | None) -> str:
             "          too little: cells will come late; lower planner.rate_hz or raise baud"
         )
     return "\n".join(lines)
+
+
+def _motors_in_words(config: Config) -> list[str]:
+    """What the motors will do."""
+    robot = config.robot
+    if not robot.enable_motors:
+        return ["never move (robot.enable_motors is false)"]
+    lines = [
+        f"move on requests over {config.planner.port}"
+        + (", signed with the key" if config.planner.key_file else ", which nobody has to sign")
+        + f": up to {robot.max_speed_mps:g} m/s and {robot.max_turn_radps:g} rad/s",
+        f"a body from {robot.front_m:g} m ahead of the axle to {robot.rear_m:g} m behind it, "
+        f"{robot.width_m:g} m wide, stops {robot.stop_margin_m:g} m before obstacles",
+    ]
+    refusal = link_refusal(config.planner.port, bool(config.planner.key_file), True)
+    if refusal:
+        lines[0] = f"never move: {refusal}"
+    if not robot.unknown_stops:
+        lines.append("and drives onto ground that it has not seen")
+    elif robot.start_clear_m > 0:
+        lines.append(
+            "and before ground it has not seen, but for "
+            f"{robot.start_clear_m:g} m around the start, which must be clear"
+        )
+    else:
+        lines.append(
+            "and before ground it has not seen: it cannot set out (robot.start_clear_m is 0)"
+        )
+    return lines
 
 
 def _ground_in_words(config: Config) -> list[str]:

@@ -18,6 +18,7 @@ from fakes.planner_frames import (
     CRC_SIZE,
     DIGEST,
     DIGEST_BODY,
+    DRIVE,
     GEOM,
     HEAD,
     HELLO,
@@ -34,6 +35,7 @@ from fakes.planner_frames import (
     Pose,
     bytes_from_frame,
     crc32,
+    drive_body,
     frame_from_bytes,
     int16,
     maybe_geometry,
@@ -97,7 +99,7 @@ class FakePlanner:
         self.stopped = False  # PLANNER_STOPPED
         self.ack_every, self.max_cells = ack_every, max_cells
         self._key, self._random = key, random.Random(seed)
-        self.nonce = self._random.getrandbits(32) if ack_every else 0
+        self.nonce = self._random.randint(1, 2**32 - 1) if ack_every else 0
         self._deframer = Deframer()
         self.accepted: Counter[int] = Counter()  # by frame type
         self.rejected: Counter[str] = Counter()  # by reason
@@ -208,6 +210,16 @@ class FakePlanner:
             self._acknowledge(now_s)
         frames, self._outbox = self._outbox, []
         return [] if self.mute or not self.ack_every else frames
+
+    def drive(self, now_s: float, v_mps: float, w_radps: float, valid_s: float) -> bool:
+        """Ask the robot to move; False while the run of the sender is not known.
+
+        Valid for 0 s means: stop now. It goes out with the next `poll`.
+        """
+        if self.geom is None or not self.ack_every:
+            return False
+        self._send(now_s, DRIVE, drive_body(self.geom.session, self.nonce, v_mps, w_radps, valid_s))
+        return True
 
     def ack(self, now_s: float) -> bytes:
         """The body of an ACK as of now."""

@@ -11,7 +11,7 @@ import struct
 from dataclasses import dataclass
 
 VERSION, MAX_FRAME = 1, 368
-GEOM, POSE, MAP, DIGEST, ACK, HELLO = 1, 2, 3, 4, 8, 9  # frame types
+GEOM, POSE, MAP, DIGEST, ACK, HELLO, DRIVE = 1, 2, 3, 4, 8, 9, 10  # frame types
 AUTH, RESERVED_FLAGS = 1 << 4, 0xE0
 UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3  # what an operation does to a cell
 TAG_SIZE, CRC_SIZE = 8, 4
@@ -20,6 +20,7 @@ GEOM_BODY = struct.Struct("<BxHHHIHH")
 POSE_BODY = struct.Struct("<iihhhhhHBBBB")
 MAP_HEAD = struct.Struct("<hhHB3s")  # ox, oy, repaired, geom_id, start
 DIGEST_BODY = struct.Struct("<BxxxI")
+DRIVE_BODY = struct.Struct("<IIhhHH")  # session, nonce, v, w, valid_ms, reserved
 LAYOUT = b"MPL1"  # hashed before every frame
 MAX_ENCODED = MAX_FRAME + 4  # COBS adds at most three bytes; one more is already too long
 
@@ -210,6 +211,18 @@ def maybe_pose(body: bytes, t_ms: int, arrived_s: float) -> Pose | None:
         x_mm / 1000, y_mm / 1000, yaw / 10_000, pitch / 10_000, roll / 10_000, v / 1000, w / 1000,
         health, scan_s, ahrs_s, enc_s, mode,
     )  # fmt: skip
+
+
+def drive_body(session: int, nonce: int, v_mps: float, w_radps: float, valid_s: float) -> bytes:
+    """Body of a DRIVE frame.
+
+    Raises:
+        ValueError: a speed or a time that the frame cannot tell.
+    """
+    v_mmps, w_mradps, valid_ms = round(v_mps * 1000), round(w_radps * 1000), round(valid_s * 1000)
+    if max(abs(v_mmps), abs(w_mradps)) > 32_767 or not 0 <= valid_ms <= 1000:
+        raise ValueError(f"no DRIVE frame tells {v_mps} m/s, {w_radps} rad/s for {valid_s} s")
+    return DRIVE_BODY.pack(session, nonce, v_mmps, w_mradps, valid_ms, 0)
 
 
 def maybe_runs(ops: bytes, start: int, cells: int) -> list[tuple[int, int, int]] | None:

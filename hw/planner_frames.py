@@ -17,16 +17,18 @@ from core.records import PoseReport
 from hw.session import BadFrame
 
 VERSION = 1
-GEOM, POSE, MAP, ACK, HELLO = 1, 2, 3, 8, 9
+GEOM, POSE, MAP, ACK, HELLO, DRIVE = 1, 2, 3, 8, 9, 10
 MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
 KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
-NEED_GEOM, NEED_FULL = 1 << 0, 1 << 1
+NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
 CRC_START = 0x2994717F  # CRC-32 of b"MPL1": frames of other layouts never pass
 MAX_FRAME = 368
 HEAD, CRC, TAG_BYTES = struct.Struct("<BBHI"), struct.Struct("<I"), 8
 GEOM_BODY, POSE_BODY = struct.Struct("<BxHHHIHH"), struct.Struct("<iihhhhhHBBBB")
 MAP_HEAD = struct.Struct("<hhHB3s")
 ACK_BODY, HELLO_BODY = struct.Struct("<HIIHHBB"), struct.Struct("<IIHH")
+DRIVE_BODY = struct.Struct("<IIhhHH")
+LONGEST_VALID_MS, NO_SPEED = 1000, -(2**15)
 AGE_UNIT_S = 0.004
 
 
@@ -50,6 +52,19 @@ class Hello:
     nonce: int
     max_cells: int
     max_frame: int
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What a commander wants the robot to do; every field lies within its range."""
+
+    seq: int
+    t_ms: int  # the commander's clock
+    session: int  # of the run that it has heard
+    nonce: int  # of its HELLO
+    v_mps: float  # forward
+    w_radps: float  # counter-clockwise
+    valid_s: float  # 0: stop now
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,13 +149,13 @@ def encode_map(
     return MAP_HEAD.pack(ox, oy, repaired % 2**16, geom_id, start.to_bytes(3, "little")) + ops
 
 
-def decode_answer(frame: bytes, secret: Secret | None = None) -> Ack | Hello | BadFrame:
-    """An ACK or HELLO frame; with a secret, only one with the right tag."""
+def decode_answer(frame: bytes, secret: Secret | None = None) -> Ack | Hello | Drive | BadFrame:
+    """An ACK, HELLO or DRIVE frame; with a secret, only one with the right tag (HELLO: any)."""
     if not HEAD.size + CRC.size <= len(frame) <= MAX_FRAME:
         return BadFrame("bad length", frame)
     if CRC.unpack(frame[-4:])[0] != zlib.crc32(frame[:-4], CRC_START):
         return BadFrame("bad checksum", frame)
-    kind, flags, _, _ = HEAD.unpack_from(frame)
+    kind, flags, seq, t_ms = HEAD.unpack_from(frame)
     if kind >> 4 != VERSION or flags & ~KNOWN_FLAGS:
         return BadFrame("unknown version or flag", frame)
     end = len(frame) - CRC.size - (TAG_BYTES if flags & AUTH else 0)
@@ -155,7 +170,24 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Ack | Hello | B
     if kind & 0x0F == HELLO and len(body) == HELLO_BODY.size:
         nonce, max_cells, max_frame, _ = HELLO_BODY.unpack(body)
         return Hello(nonce, max_cells, max_frame)
-    return BadFrame("neither ACK nor HELLO", frame)
+    if kind & 0x0F == DRIVE:
+        return _maybe_drive(body, seq, t_ms) or BadFrame("DRIVE out of range", frame)
+    return BadFrame("neither ACK nor HELLO nor DRIVE", frame)
+
+
+def is_drive(frame: bytes) -> bool:
+    """Whether a refused frame would have been a DRIVE frame."""
+    return frame[:1] == bytes([VERSION << 4 | DRIVE])
+
+
+def _maybe_drive(body: bytes, seq: int, t_ms: int) -> Drive | None:
+    """None unless all of it is as section 3 wants it: nothing is obeyed in part."""
+    if len(body) != DRIVE_BODY.size:
+        return None
+    session, nonce, v_mmps, w_mradps, valid_ms, reserved = DRIVE_BODY.unpack(body)
+    if NO_SPEED in (v_mmps, w_mradps) or valid_ms > LONGEST_VALID_MS or reserved or not nonce:
+        return None
+    return Drive(seq, t_ms, session, nonce, v_mmps / 1000, w_mradps / 1000, valid_ms / 1000)
 
 
 class Deframer:

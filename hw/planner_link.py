@@ -23,11 +23,13 @@ from hw.planner_frames import (
     MORE,
     NEED_FULL,
     NEED_GEOM,
+    PLANNER_STOPPED,
     POSE,
     REFRESH,
     TAG_BYTES,
     Ack,
     Deframer,
+    Drive,
     Hello,
     Secret,
     decode_answer,
@@ -36,8 +38,10 @@ from hw.planner_frames import (
     encode_map,
     encode_pose,
     encode_serial,
+    is_drive,
     serial_bytes,
 )
+from hw.planner_requests import Requests
 from hw.session import BadFrame, Port
 
 UDP_BAUD = 4_000_000  # a datagram link is used as if it were a line of this rate
@@ -77,6 +81,7 @@ class PlannerLink:
         line_baud: int | None,
         key: bytes | None,
         stale_ms: int,
+        drive_refusal: str,
     ) -> None:
         self.port = port
         self._size, self._cell_mm = size, cell_mm
@@ -104,6 +109,7 @@ class PlannerLink:
         self.frames_sent = self.bytes_sent = self.frames_lost = 0
         self.acks = self.answers_rejected = self.ticks_held = 0
         self.planner_status = 0  # of the newest ACK
+        self.requests = Requests(session, drive_refusal)
         self.round_trip_s = math.nan
         self._t_ms = 0
 
@@ -123,9 +129,19 @@ class PlannerLink:
                         self._take_ack(now_s, ack)
                     case Hello() as hello:
                         self._take_hello(hello)
-                    case BadFrame():
+                    case Drive() as drive:
+                        self.requests.take(now_s, drive)
+                    case BadFrame(reason, data):
                         self.answers_rejected += 1
+                        if is_drive(data):
+                            self.requests.refuse(reason)
         return is_open
+
+    @property
+    def doubt(self) -> str:
+        """Why no request of the planner's should be obeyed, in words."""
+        stopped = self.planner_status & PLANNER_STOPPED
+        return self.port.cause or ("the planner says it stopped" if stopped else "")
 
     def _secret(self) -> Secret | None:
         return Secret(self._key, self._session, self._nonce or 0) if self._key else None

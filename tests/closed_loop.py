@@ -11,6 +11,7 @@ from core.config import Config, load_config
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner import FakePlanner
 from fakes.rig import Rig
+from fakes.scene import Scene
 from fakes.wire import MemoryPort, Wire
 from main import App, Ports
 
@@ -24,11 +25,19 @@ class ClosedLoop:
     """App and fakes, stepped together; faults are set on the wires and fakes between steps."""
 
     def __init__(
-        self, config: Config | None = None, scene: str = "corridor", seed: int = 1
+        self,
+        config: Config | None = None,
+        scene: Scene | str = "corridor",
+        seed: int = 1,
+        drives: bool = True,
+        key: bytes | None = None,
     ) -> None:
         self.config = config or load_config(SHIPPED.read_text(encoding="utf-8"))
-        self.rig = Rig(scene, seed)
-        self.planner = FakePlanner()
+        self.rig = Rig(scene, seed, drives=drives)
+        if not drives:  # a vehicle that is driven from the PC has the watchdog on
+            self.rig.drive.parameters[0x00] = 0x02
+            self.rig.drive.mode = "rs232_watchdog"
+        self.planner = FakePlanner(key=key)
         self.ports = {name: MemoryPort() for name in ("scanner", "ahrs", "drive")}
         self.link_port = MemoryPort(datagrams=True)
         self.wires = {
@@ -40,6 +49,7 @@ class ClosedLoop:
             self.config,
             Ports(self.ports["scanner"], self.ports["ahrs"], self.ports["drive"], self.link_port),
             session=SESSION,
+            key=key,
         )
         self.now_s = START_S
         self.ticks = 0

@@ -116,6 +116,7 @@ class Line:
             line_baud=baud,
             key=key,
             stale_ms=150,
+            drive_refusal="nobody drives here",
         )
         self.planner = FakePlanner(ack_every=ack_every, key=key)
         self.now_s, self.random = 100.0, random.Random(seed)

@@ -42,7 +42,7 @@ def test_the_recorded_device_accepts_our_commands_but_for_those_it_was_never_ask
     first: tuple[Replay, Outcome],
 ) -> None:
     unknown = {command.split(b" ")[1].decode() for command in first[0].recording.unknown}
-    assert unknown == {"LMPscancfg", "mLMPsetscancfg", "STlms"}
+    assert unknown == {"LMPscancfg", "mLMPsetscancfg", "STlms", "LCMstate"}
 
 
 def test_replayed_data_can_never_drive_a_machine(first: tuple[Replay, Outcome]) -> None:

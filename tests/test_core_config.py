@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.config import Config, ConfigError, load_config
+from core.config import Config, ConfigError, key_from_bytes, load_config
 
 SHIPPED = (Path(__file__).parent.parent / "mapod.toml").read_text(encoding="utf-8")
 TABLE = tomllib.loads(SHIPPED)
@@ -42,6 +42,8 @@ def test_the_shipped_file_is_the_papers_robot() -> None:
     assert (config.obstacle.h_pos_m, config.obstacle.h_neg_m) == (0.10, -0.10)
     assert (config.loop.rate_hz, config.robot.encoder_ppr) == (200, 500)
     assert config.robot.enable_motors is False
+    assert config.robot.unknown_stops is True
+    assert config.robot.start_clear_m == 0.0
 
 
 @pytest.mark.parametrize(("section", "key"), KEYS)
@@ -79,6 +81,11 @@ def test_an_unknown_and_a_missing_section_are_named() -> None:
         ("loop", "rate_hz", True, "a number from 10 to 1000, is True"),
         ("robot", "encoder_ppr", 0, "a whole number from 1 to 100000, is 0"),
         ("robot", "enable_motors", 1, "true or false, is 1"),
+        ("robot", "max_turn_radps", 0.0, "from 0.01 to 20, is 0.0"),
+        ("robot", "brake_mps2", 0.0, "from 0.01 to 20, is 0.0"),
+        ("robot", "start_clear_m", -1.0, "from 0 to 20, is -1.0"),
+        ("robot", "unknown_stops", "no", "true or false, is 'no'"),
+        ("drive", "full_power_mps", 0.0, "from 0.01 to 20, is 0.0"),
         ("scanner", "mount_z_m", 0.0, "above 0 to 5, is 0.0"),
         ("scanner", "scan_rate_hz", 30, "25 or 50, is 30"),
         ("scanner", "angular_step_deg", 0.1, "0.25 or 0.5 at 25 Hz, is 0.1 at 25 Hz"),
@@ -101,6 +108,24 @@ def test_a_value_out_of_range_is_told_with_its_range(
         load_config(with_value(section, key, value))
     assert told in str(error.value)
     assert key in str(error.value)
+
+
+def test_motors_may_be_enabled_and_either_dialect_be_asked_for() -> None:
+    assert load_config(with_value("robot", "enable_motors", True)).robot.enable_motors
+    for dialect in ("auto", "binary", "ascii"):
+        config = load_config(with_value("scanner", "dialect", dialect))
+        assert config.scanner.dialect == dialect
+
+
+@pytest.mark.parametrize(
+    ("content", "good"), [(bytes(range(32)), True), (b"ab" * 32 + b"\n", True), (b"ab" * 20, False)]
+)
+def test_a_key_is_32_bytes_or_64_hex_digits(content: bytes, good: bool) -> None:
+    if good:
+        assert len(key_from_bytes(content, "key")) == 32
+    else:
+        with pytest.raises(ConfigError, match="32 bytes or 64 hex digits, 'key' holds 40 bytes"):
+            key_from_bytes(content, "key")
 
 
 def test_text_that_is_not_toml_is_told_with_its_place() -> None:

@@ -60,3 +60,14 @@ def test_a_slope_too_steep_for_the_map_is_said() -> None:
     word = health_word(replace(GOOD, tilt_rad=0.5))
     assert word & health.TOO_STEEP
     assert not trusted(word)
+
+
+def test_what_warns_has_a_bit_of_its_own_and_leaves_the_map_valid() -> None:
+    for warning, bit in (
+        ({"drop_ahead": True}, health.DROP_AHEAD),
+        ({"contaminated": True}, health.CONTAMINATED),
+        ({"stop_asked": True}, health.STOP_ASKED),
+    ):
+        word = health_word(replace(GOOD, **warning))
+        assert word == health_word(GOOD) | bit
+        assert trusted(word)

@@ -48,7 +48,9 @@ def stub(code: str, manners: str = POLITE) -> list[str]:
 
 def options(seconds: float | None = 0.3) -> argparse.Namespace:
     config = str(ROOT / "mapod.toml")
-    return argparse.Namespace(seconds=seconds, seed=1, scene="stub", config=config, serial=False)
+    return argparse.Namespace(
+        seconds=seconds, seed=1, scene="stub", config=config, serial=False, drive=False
+    )
 
 
 def ran(world: list[str], app: list[str]) -> int:
@@ -77,6 +79,12 @@ def test_only_the_named_strings_of_the_shipped_configuration_change() -> None:
     assert len(changed) == 2
     assert all(line.startswith("port = ") for line in changed)
     assert rewritten(shipped, {}) == shipped
+
+
+def test_switches_and_numbers_are_replaced_too() -> None:
+    text = rewritten((ROOT / "mapod.toml").read_text(), demo.DRIVEN)
+    robot = tomllib.loads(text)["robot"]
+    assert (robot["enable_motors"], robot["start_clear_m"]) == (True, 9.0)
 
 
 def test_a_key_that_the_configuration_lacks_is_named() -> None:

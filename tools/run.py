@@ -1,7 +1,8 @@
 """The demo behind `make run`: a simulated robot, the unchanged app, and a planner that draws.
 
 World and fakes are one process, the app is another; they speak over TCP and ptys, and the app's
-obstacle map comes back over UDP. Ctrl-C, or the end of --seconds, ends all of them.
+obstacle map comes back over UDP. With --drive the keyboard drives the robot, through app and
+controller. Ctrl-C, or the end of --seconds, ends all of them.
 """
 
 import argparse
@@ -17,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from rich.console import Console
 from fakes.planner import FakePlanner
 from tools.planner_end import PlannerEnd, PtyWire, UdpWire
 from tools.screen import has_screen
+from tools.steer import Steering, keys_of
 from tools.view import ACK_EVERY, Stop, print_summary, watch
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -35,6 +37,9 @@ GRACE_S = 5.0  # to end when asked to
 TAIL_LINES = 25
 SERIAL_BAUD = 115_200
 PR_SET_PDEATHSIG = 1
+DRIVEN = {"robot.enable_motors": True, "robot.start_clear_m": 9.0}  # the corridor begins clear
+DRIVEN_MPS, DRIVEN_RADPS = 0.5, 0.6
+DRIVEN_WORLD = ("--no-driver", "--drive-mode", "rs232_watchdog")
 ENDED_WELL = (0, 130, -signal.SIGINT)
 LIBC = ctypes.CDLL(None)
 
@@ -51,8 +56,8 @@ class Commands:
     app: list[str]
 
 
-def rewritten(toml: str, values: dict[str, str]) -> str:
-    """The text with the strings at "section.key" replaced, comments and all else as they were.
+def rewritten(toml: str, values: Mapping[str, str | float]) -> str:
+    """The text with the values at "section.key" replaced, comments and all else as they were.
 
     Raises:
         RunError: a key is not there.
@@ -61,7 +66,7 @@ def rewritten(toml: str, values: dict[str, str]) -> str:
     for i, line in enumerate(lines):
         if head := re.match(r"\s*\[([\w.]+)\]", line):
             section = head[1]
-        elif entry := re.match(r'(\s*(\w+)\s*=\s*)"[^"]*"', line):
+        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|[\w.+-]+)', line):
             value = left.pop(f"{section}.{entry[2]}", None)
             if value is not None:
                 lines[i] = f"{entry[1]}{json.dumps(value)}{line[entry.end() :]}"
@@ -128,6 +133,7 @@ class Demo:
         self._children: list[Child] = []
         self.wire = PtyWire(SERIAL_BAUD) if options.serial else UdpWire("127.0.0.1", 0)
         self.end = PlannerEnd(self.wire, FakePlanner(options.seed, None, ACK_EVERY))
+        self.driven: bool = options.drive
         self._until_s = float("inf")
         self._overdue_s = float("inf")
 
@@ -137,7 +143,10 @@ class Demo:
         ports = ports_of(fakes, stop)
         if ports is None:
             return
-        values = {f"{name}.port": ports[name] for name in ("scanner", "ahrs", "drive")}
+        values: dict[str, str | float] = {
+            f"{name}.port": ports[name] for name in ("scanner", "ahrs", "drive")
+        }
+        values |= DRIVEN if self._options.drive else {}
         shipped = Path(self._options.config).read_text()
         config = self._folder / "mapod.toml"
         config.write_text(rewritten(shipped, {**values, "planner.port": self.wire.url}))
@@ -206,7 +215,7 @@ def run(options: argparse.Namespace, commands: Commands, console: Console) -> in
                 say(f'starting the world "{options.scene}" (seed {options.seed})')
                 demo.start(stop)
                 say(f"the app is starting; its map comes to {demo.wire.url}; Ctrl-C ends all")
-                watch(demo.end, console, lambda now_s: stop.wanted or demo.done(now_s))
+                show(demo, stop, console)
                 now_s = demo.end.step(0.0)
             except RunError as error:
                 raise RunError(f"{error}\nall that was said is in {folder}") from None
@@ -215,11 +224,27 @@ def run(options: argparse.Namespace, commands: Commands, console: Console) -> in
             if complaints:
                 raise RunError("\n".join([*complaints, f"all that was said is in {folder}"]))
             print_summary(demo.end, console, now_s)
-    except RunError as error:
+    except (RunError, ValueError) as error:
         print(f"mapod: {error}", file=sys.stderr, flush=True)
         return 1
     say("all processes have ended")
     return 0
+
+
+def show(demo: Demo, stop: Stop, console: Console) -> None:
+    """The picture until the end, with the keyboard where it drives."""
+    with contextlib.ExitStack() as stack:
+        steering = None
+        if demo.driven:
+            fd = stack.enter_context(keys_of(sys.stdin.fileno()))
+            steering = Steering(demo.end.planner, fd, DRIVEN_MPS, DRIVEN_RADPS)
+
+        def done(now_s: float) -> bool:
+            if steering:
+                steering.step(now_s)
+            return stop.wanted or demo.done(now_s)
+
+        watch(demo.end, console, done, steering.words if steering else None)
 
 
 def say(words: str) -> None:
@@ -235,9 +260,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--scene", default="corridor", help="which world")
     parser.add_argument("--config", default=str(ROOT / "mapod.toml"), help="the robot")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
+    parser.add_argument("--drive", action="store_true", help="drive with the keyboard")
     options = parser.parse_args(arguments)
     python = sys.executable
     world = ["--scene", options.scene, "--seed", str(options.seed)]
+    world += DRIVEN_WORLD if options.drive else ()
     commands = Commands(
         fakes=[python, "-m", "fakes", *world],
         app=[python, str(ROOT / "main.py"), "--config"],

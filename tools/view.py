@@ -2,8 +2,10 @@
 
     python -m tools.view --port udp://0.0.0.0:9750
     python -m tools.view --port serial:///dev/planner?baud=115200
+    python -m tools.view --drive
 
-It answers the sender as a planner would. Ctrl-C ends it.
+It answers the sender as a planner would, and with --drive asks it to move the robot while keys are
+held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
 """
 
 import argparse
@@ -16,7 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
@@ -33,6 +35,7 @@ from tools.screen import (
     plain_map,
     status_lines,
 )
+from tools.steer import Steering, keys_of
 
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
@@ -60,22 +63,34 @@ class Stop:
                 signal.signal(number, handler)
 
 
-def watch(end: PlannerEnd, console: Console, done: Callable[[float], bool]) -> None:
-    """Shows the map as it grows until `done(now_s)`; without a screen, a line now and then."""
+def watch(
+    end: PlannerEnd,
+    console: Console,
+    done: Callable[[float], bool],
+    remark: Callable[[float], str] | None = None,
+) -> None:
+    """Shows the map as it grows until `done(now_s)`; without a screen, a line now and then.
+
+    `remark(now_s)` is shown above it.
+    """
     if has_screen(console):
         with Live(console=console, screen=True, auto_refresh=False) as live:
             drawn_s = 0.0
             while not done(now_s := end.step(WAIT_S)):
                 if now_s - drawn_s >= PICTURE_PERIOD_S:
                     drawn_s, (columns, lines) = now_s, console.size
-                    drawn = picture(end.planner, end.meter, now_s, columns, lines)
-                    live.update(drawn, refresh=True)
+                    room = lines - 1 if remark else lines
+                    drawn = picture(end.planner, end.meter, now_s, columns, room)
+                    live.update(
+                        Group(Text(remark(now_s), "bold"), drawn) if remark else drawn, refresh=True
+                    )
         return
     told_s = 0.0
     while not done(now_s := end.step(WAIT_S)):
         if now_s - told_s >= PROGRESS_PERIOD_S:
             told_s = now_s
-            console.print(progress_line(end, now_s), highlight=False, soft_wrap=True)
+            line = progress_line(end, now_s) + (f"; {remark(now_s)}" if remark else "")
+            console.print(line, highlight=False, soft_wrap=True)
 
 
 def progress_line(end: PlannerEnd, now_s: float) -> str:
@@ -124,6 +139,9 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--port", default="udp://127.0.0.1:9750", help="udp://… or serial:///…")
     parser.add_argument("--key-file", help="32 bytes, or 64 hex digits: take signed frames only")
     parser.add_argument("--seconds", type=float, help="end by itself after so long")
+    parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
+    parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
+    parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
     options = parser.parse_args(arguments)
     try:
         wire = wire_from_url(options.port)
@@ -131,17 +149,40 @@ def main(arguments: list[str]) -> int:
     except (OSError, ValueError) as error:
         print(f"tools.view: {error}", file=sys.stderr)
         return 2
-    seed = secrets.randbits(32)  # of the nonce
-    end = PlannerEnd(wire, FakePlanner(seed, key, ACK_EVERY))
+    with contextlib.closing(wire), Stop().on_signals() as stop:
+        end = PlannerEnd(wire, FakePlanner(secrets.randbits(32), key, ACK_EVERY))  # seeds the nonce
+        try:
+            return show(options, end, stop)
+        except (OSError, ValueError) as error:
+            words = os.strerror(error.errno or 0) if isinstance(error, OSError) else error
+            print(f"tools.view: {options.port}: {words}", file=sys.stderr)
+            return 1
+
+
+def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
+    """The picture from begin to end, with the keys where they are asked for; exit status.
+
+    Raises:
+        OSError: the wire is gone.
+        ValueError: there is no keyboard to drive with.
+    """
     console, began_s = Console(), end.step(0.0)
     until_s = began_s + options.seconds if options.seconds else float("inf")
-    print(f"watching {options.port}; Ctrl-C ends", flush=True)
-    with contextlib.closing(wire), Stop().on_signals() as stop:
-        try:
-            watch(end, console, lambda now_s: stop.wanted or now_s >= until_s)
-        except OSError as error:
-            print(f"tools.view: {options.port}: {os.strerror(error.errno or 0)}", file=sys.stderr)
-            return 1
+    with contextlib.ExitStack() as stack:
+        steering = None
+        if options.drive:
+            fd = stack.enter_context(keys_of(sys.stdin.fileno()))
+            steering = Steering(end.planner, fd, options.speed, options.turn)
+        print(f"watching {options.port}; Ctrl-C ends", flush=True)
+
+        def done(now_s: float) -> bool:
+            if steering:
+                steering.step(now_s)
+            return stop.wanted or now_s >= until_s
+
+        watch(end, console, done, steering.words if steering else None)
+        if steering:
+            steering.stop(end.step(0.0))
         print_summary(end, console, end.step(0.0))
     return 0
 

@@ -7,31 +7,18 @@ that it is not set to, as a device is.
 Source: lms111 sheet, sections 2 to 6; pace and first scans as in the recorded session.
 """
 
-import math
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
-from datetime import datetime, timedelta
-from functools import partial
 
 from fakes import cola
 from fakes.cola import RefusedError
 from fakes.cola_values import Value
 from fakes.lms111_client import Client, Take
-from fakes.lms111_head import EPOCH, F64, MOST_SCANS, LaserHead
+from fakes.lms111_head import EPOCH, F64, STATUS_ERROR
 from fakes.lms111_models import MODELS
-from fakes.lms111_scan import (
-    AREA_START,
-    AREA_STOP,
-    CONTENT,
-    MODES,
-    OUTPUT_RANGE,
-    SCAN_CONFIG,
-    TIME,
-    Content,
-    ScanSettings,
-)
+from fakes.lms111_scan import SCAN_CONFIG, TIME
+from fakes.lms111_settings import PLAIN, SettableHead
 
 HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords of the user levels
 CLIENT = 3  # the level that may change settings
@@ -39,13 +26,11 @@ IDLE, CONFIGURING, ROTATING, READY = 3, 2, 4, 7  # STlms
 BUSY_STATE, READY_STATE, ERROR_STATE = 0, 1, 2  # SCdevicestate
 EVENTS = ("LMDscandata", "LFErec", "LIDoutputstate", "LIDinputstate")
 FIELD = re.compile(r"field0[0-2]\d")
-PLAIN = {"LFPmeanfilter": ("BHB", (0, 2, 0)), "LFPnto1filter": ("B", (0,)),
-         "MSsuppmode": ("B", (0,))}  # fmt: skip
 INPUTS: list[Value] = [*zip("HI", (1, 0), strict=True), *zip("BBBB", (2, 2, 2, 2), strict=True)]
 HOURS = 0x456  # of operation, in tenths
 
 
-class FakeLms111(LaserHead):
+class FakeLms111(SettableHead):
     """One scanner. Plain attributes are its faults and properties, to be set at any time."""
 
     def __init__(
@@ -62,21 +47,20 @@ class FakeLms111(LaserHead):
         self.cut_next = False  # the next telegram stops in its middle; then off again
         self.refuse: dict[str, int] = {}  # name, or kind and name, of a command -> sFA code
         self.start_silent_s = 0.0  # after power-up
+        self.refuse_connections_s = 0.0  # after power-up
         self.dialect_change_s = 0.0  # from EIHstCola until new connections speak the new one
         self.wrong_checksum_rate = 0.0  # of all telegrams
         self.spin_up_s = 0.3  # from Run to the first sweep
         self.temperature_bad = False  # out of its range
+        self.untrue_output_step = True  # LMPoutputRange says 0.5 deg, whatever it scans at
         self.measures_at_power_up = False  # without being told to
         self.power_ons = 0x3F  # so far
-        self.stores = 0  # times that its memory was written
         self.max_clients = 4  # connections at once
         self._model = MODELS[model]
         self.refuse.update(self._model.refuse)
         self.max_range_m = self._model.max_range_m
-        self._stored = ScanSettings()
-        self._binary = self._binary_next = True  # EIHstCola; counts from the next connection on
-        self._changed_s = -math.inf  # device time at which that was set
-        self._plain = {name: values for name, (_, values) in PLAIN.items()}
+        self._version = self._model.telegram_version
+        self._binary = True  # what a new connection speaks
         self._clients: list[Client] = []
         self._single = Client(self, self._binary)  # behind a wire that knows no connections
         self._power_up()
@@ -94,13 +78,12 @@ class FakeLms111(LaserHead):
     def _power_up(self) -> None:
         self._clock.restart()
         self._clock_set = EPOCH  # date and time at which its clock showed 0
-        self._settings = self._active = self._stored
+        self._load()
         self._begin_s: float | None = None  # device time of the first sweep
-        self._started = self._configuring = False
+        self._configuring = False
         self._next_sweep = 0
         self._last_telegram = []
         self._binary = self._binary_next
-        self._changed_s = -math.inf
         for client in (*self._clients, self._single):
             client.begin(self._binary)
         self._fresh = True
@@ -117,8 +100,12 @@ class FakeLms111(LaserHead):
 
     # -- connections --------------------------------------------------------------------------
 
-    def connect(self, now_s: float) -> "Connected":
-        """One more host."""
+    def connect(self, now_s: float) -> "Connected | None":
+        """One more host; None: it is turned away."""
+        self.advance(now_s)
+        has_room = len(self._clients) < self.max_clients
+        if not has_room or self._clock.device_s < self.refuse_connections_s:
+            return None
         self._take_dialect()
         client = Connected(self, self._binary)
         self._clients.append(client)
@@ -126,7 +113,8 @@ class FakeLms111(LaserHead):
 
     def leave(self, client: Client) -> None:
         """One host less."""
-        self._clients.remove(client)
+        if client in self._clients:
+            self._clients.remove(client)
 
     def reconnected(self, now_s: float) -> None:
         """A new host on the single wire: nobody is logged in or subscribed, the rest goes on."""
@@ -143,9 +131,11 @@ class FakeLms111(LaserHead):
         if self._fresh:
             self._fresh = False
             if self.measures_at_power_up:
-                self._begin_s = self.start_silent_s + self.spin_up_s
+                self._sweep_from(self.start_silent_s + self.spin_up_s)
         clients = (*self._clients, self._single)
         wanted = set[str]().union(*(client.subscribed for client in clients))
+        if self._configuring:
+            wanted = set()  # ready or not: no scan before Run
         for due_s, name, values in self._due_telegrams(wanted):
             for client in clients:
                 client.tell(due_s, name, values)
@@ -185,7 +175,7 @@ class FakeLms111(LaserHead):
     def _read(self, name: str) -> list[Value]:
         readers: dict[str, Callable[[], list[Value]]] = {
             "LMPscancfg": self._settings.scan_config,
-            "LMPoutputRange": self._settings.output_range,
+            "LMPoutputRange": self._output_range,
             "LMDscandatacfg": self._settings.content.values,
             "LMDscandata": self._polled,
             "STlms": self._state_in_full,
@@ -208,12 +198,7 @@ class FakeLms111(LaserHead):
         raise RefusedError(cola.UNKNOWN_VARIABLE)
 
     def _write(self, client: Client, name: str, take: Take) -> list[Value]:
-        writers: dict[str, tuple[str, Callable[[tuple[int, ...]], None]]] = {
-            "LMPoutputRange": (OUTPUT_RANGE, self._set_output_range),
-            "LMDscandatacfg": (CONTENT, self._set_content),
-            "EIHstCola": ("B", self._set_dialect),
-            **{plain: (PLAIN[plain][0], partial(self._set_plain, plain)) for plain in PLAIN},
-        }
+        writers = self._writers()
         if name not in writers:
             self._read(name)  # unknown, or else:
             raise RefusedError(cola.WRITE_DENIED)
@@ -253,81 +238,28 @@ class FakeLms111(LaserHead):
         if HASHES.get(level) != password:
             return [("B", 0)]
         client.level = level
-        self._configuring, self._started, self._begin_s = True, False, None
+        self._configuring, self._begin_s = True, None
         return [("B", 1)]
 
     def _run(self, client: Client) -> list[Value]:
         client.level, self._configuring = 0, False
+        self._set_filters()
+        if self._begin_s is not None and self._active != self._settings:
+            self._sweep_from(max(self._begin_s, self._clock.device_s))
         self._active = self._settings
-        on, scans, _ = self._plain["LFPmeanfilter"]
-        self.mean_scans = scans if on else 0
-        self.two_in_a_row = bool(self._plain["LFPnto1filter"][0])
-        if self._started and self._begin_s is None:
-            self._begin_s = self._clock.device_s + self.spin_up_s
-            self._next_sweep = 0
         return [("B", 1)]
 
     def _start(self, wanted: bool) -> list[Value]:
-        self._started = wanted
+        """The mirror turns at once and it gets ready, but scans come only after Run."""
+        if wanted and self._begin_s is None:
+            self._sweep_from(self._clock.device_s + self.spin_up_s)
+        elif not wanted:
+            self._begin_s = None
         return [("B", 0)]
-
-    def _store(self) -> list[Value]:
-        self._stored = self._settings
-        self.stores += 1
-        return [("B", 1)]
 
     def _told_to_reboot(self) -> list[Value]:
         self._restart()
         return []
-
-    # -- settings -----------------------------------------------------------------------------
-
-    def _set_content(self, values: tuple[int, ...]) -> None:
-        content = Content.maybe_from(values)
-        if content is None:
-            raise RefusedError(cola.CONDITION_FAILED)
-        self._settings = replace(self._settings, content=content)
-
-    def _set_dialect(self, values: tuple[int, ...]) -> None:
-        if values[0] > 1:
-            raise RefusedError(cola.CONDITION_FAILED)
-        self._binary_next, self._changed_s = bool(values[0]), self._clock.device_s
-
-    def _set_plain(self, name: str, values: tuple[int, ...]) -> None:
-        if values[0] > 1 or (name == "LFPmeanfilter" and not 2 <= values[1] <= MOST_SCANS):
-            raise RefusedError(cola.CONDITION_FAILED)
-        self._plain[name] = values
-
-    def _set_scan_config(self, values: tuple[int, ...]) -> list[Value]:
-        frequency, sectors, resolution, start, stop = values
-        bad_frequency = frequency not in (mode[0] for mode in MODES)
-        bad_resolution = resolution not in (mode[1] for mode in MODES)
-        status = bad_frequency + 2 * bad_resolution
-        if not status and (frequency, resolution) not in MODES:
-            status = 2
-        elif not status and not AREA_START <= start < stop <= AREA_STOP:
-            status = 4
-        elif not status and sectors != 1:
-            status = 5
-        if not status:
-            self._settings = replace(self._settings, frequency=frequency, resolution=resolution)
-        return [("B", status), *self._settings.scan_config()]
-
-    def _set_output_range(self, values: tuple[int, ...]) -> None:
-        count, _, start, stop = values
-        if count != 1 or not AREA_START <= start <= stop <= AREA_STOP:
-            raise RefusedError(cola.CONDITION_FAILED)
-        self._settings = replace(self._settings, start=start, stop=stop)
-
-    def _set_time(self, values: tuple[int, ...]) -> list[Value]:
-        try:
-            when = datetime(*values)  # type: ignore[arg-type]
-        except ValueError:
-            return [("B", 0)]
-        if not 1970 <= when.year < 2100:
-            return [("B", 0)]
-        self._clock_set = when - timedelta(microseconds=self._uptime_us(self._clock.device_s))
-        return [("B", 1)]
 
     # -- what it tells ------------------------------------------------------------------------
 
@@ -339,9 +271,13 @@ class FakeLms111(LaserHead):
         return CONFIGURING if self._configuring else IDLE
 
     def _device_state(self) -> int:
-        if self.error:
+        if self.device_status & STATUS_ERROR:
             return ERROR_STATE
-        return READY_STATE if self.state == READY else BUSY_STATE
+        is_busy = self._configuring or self.state == ROTATING
+        return BUSY_STATE if is_busy else READY_STATE
+
+    def _output_range(self) -> list[Value]:
+        return self._settings.output_range(self.untrue_output_step)
 
     def _identity(self) -> list[Value]:
         return [("S", text) for text in self._model.ident]

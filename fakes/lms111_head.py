@@ -61,9 +61,10 @@ class LaserHead:
         self.noise_m = 0.012
         self.settling_scans = 7  # that carry device status 01 00
         self.contamination = 0  # of the window: 1 warning, 2 error, 3 fatal
-        self.error = False  # device status says so
+        self.device_status = 0  # what telegrams say besides: 1 error, 2 dirty window, 4 blind
         self.dazzled_rate = 0.0  # of beams
         self.implausible_rate = 0.0  # of beams
+        self.filtered_rate = 0.0  # of beams
         self.max_range_m = 20.0
         self.name, self.comment = "not defined", ""  # that a telegram may carry
         self.encoder = (0, 0)  # position, speed
@@ -77,13 +78,20 @@ class LaserHead:
         self._begin_s: float | None = None  # device time of the first sweep
         self._next_sweep = 0  # that was not yet due
         self._telegrams = FIRST_TELEGRAM
+        self._version = 1  # of the telegram
         self._last_telegram: list[Value] = []
+        self._last_sweep = -1  # whose telegram that is
         self._measured_mm: deque[U16] = deque(maxlen=MOST_SCANS)  # first echoes, newest last
 
     @property
     def settings(self) -> ScanSettings:
         """What it measures with."""
         return self._active
+
+    def _sweep_from(self, begin_s: float) -> None:
+        """The first sweep begins then, on the device's clock."""
+        self._begin_s, self._next_sweep, self._last_sweep = begin_s, 0, -1
+        self._measured_mm.clear()
 
     def _hit(self, rate: float) -> bool:
         return rate > 0 and self._random.random() < rate
@@ -117,6 +125,8 @@ class LaserHead:
             kept = math.ceil(KEPT_S / active.period_s)
             for sweep in range(max(self._next_sweep, latest + 1 - kept), latest + 1):
                 if sweep % active.content.interval or self._hit(self.drop_rate):
+                    if self.two_in_a_row or self.mean_scans:
+                        self._echoes_mm(sweep)  # filters look at each sweep, sent or not
                     continue
                 due_s = self._clock.host_s(self._sent_device_s(sweep))
                 due.append((due_s, "LMDscandata", self._scan(sweep)))
@@ -125,8 +135,9 @@ class LaserHead:
 
     def _scan(self, sweep: int) -> list[Value]:
         """The telegram of a sweep that is over, without type and name."""
-        if not self.frozen or not self._last_telegram:
-            self._last_telegram = self._measured(sweep)
+        is_new = sweep != self._last_sweep and not self.frozen
+        if is_new or not self._last_telegram:
+            self._last_telegram, self._last_sweep = self._measured(sweep), sweep
         return self._last_telegram
 
     def _measured(self, sweep: int) -> list[Value]:
@@ -149,14 +160,13 @@ class LaserHead:
             name=self.name.encode("latin-1") if content.name else None,
             comment=self.comment.encode("latin-1") if content.comment else None,
             when=self._date(sent_s) if content.time else None,
+            version=self._version,
         ).values()
 
     def _device_status(self, settled: bool) -> bytes:
-        """First not valid yet, as recorded; then by the window, and by its error."""
-        if not settled or self.error:
-            return bytes([STATUS_ERROR, 0])
+        """First not valid yet, as recorded; then the window's, and what was ordered."""
         dirty = {0: 0, 1: STATUS_DIRTY}.get(self.contamination, STATUS_BLIND)
-        return bytes([0, dirty])
+        return bytes([0 if settled else STATUS_ERROR, (dirty | self.device_status) & 0xFF])
 
     def _echoes_mm(self, sweep: int) -> tuple[U16, U16]:
         """The codes (n,) of the points of a sweep that are sent: first and second echo."""
@@ -179,7 +189,8 @@ class LaserHead:
         seen = np.isfinite(measured_m) & (measured_m <= self.max_range_m)
         raw = np.round(1000 * np.where(seen, measured_m, 0.0))
         codes = np.where(raw >= FIRST_VALID, raw, NO_ECHO).astype(np.uint16)
-        for code, rate in ((DAZZLED, self.dazzled_rate), (IMPLAUSIBLE, self.implausible_rate)):
+        rates = (self.dazzled_rate, self.implausible_rate, self.filtered_rate)
+        for code, rate in zip((DAZZLED, IMPLAUSIBLE, FILTERED), rates, strict=True):
             if rate > 0:
                 codes[self._noise.random(len(codes)) < rate] = code
         return codes

@@ -16,6 +16,7 @@ class Model:
     ident: tuple[bytes, bytes]  # DeviceIdent
     firmware: bytes
     max_range_m: float = 20.0
+    telegram_version: int = 1
     refuse: dict[str, int] = field(default_factory=dict)  # kind and name -> sFA code
 
 
@@ -24,5 +25,7 @@ MODELS = {
     "LMS111": Model(LMS10X, b"V1.80.2  "),
     "LMS100": Model(LMS10X, b"V1.80.1"),
     "LMS100-1.23": Model(LMS10X, b"V1.23", refuse={"sWN LMPoutputRange": WRITE_DENIED}),
-    "LMS151": Model((b"LMS15x_FieldEval", b"V1.36-21.10.2010"), b"V1.80.1", max_range_m=50.0),
+    "LMS151": Model(
+        (b"LMS15x_FieldEval", b"V1.36-21.10.2010"), b"V1.80.1", max_range_m=50.0, telegram_version=0
+    ),
 }

@@ -14,7 +14,7 @@ from fakes.cola_values import Value
 U16 = npt.NDArray[np.uint16]
 AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
 MODES = ((5000, 5000), (2500, 2500), (2500, 5000))  # 1/100 Hz, 1/10000 deg
-REPORTED_RESOLUTION = 5000  # in LMPoutputRange, at whatever resolution it scans
+REPORTED_RESOLUTION = 5000  # in LMPoutputRange of many, at whatever resolution they scan
 NO_ECHO, FIRST_VALID = 0, 16
 SERIAL_NUMBER = 18_090_362
 CONTENT = "BBBBBBBBBBBH"  # arguments of LMDscandatacfg
@@ -92,9 +92,10 @@ class ScanSettings:
         numbers = (self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
         return list(zip(SCAN_CONFIG, numbers, strict=True))
 
-    def output_range(self) -> list[Value]:
+    def output_range(self, untrue_step: bool) -> list[Value]:
         """Of LMPoutputRange."""
-        numbers = (1, REPORTED_RESOLUTION, self.start, self.stop)
+        step = REPORTED_RESOLUTION if untrue_step else self.resolution
+        numbers = (1, step, self.start, self.stop)
         return list(zip(OUTPUT_RANGE, numbers, strict=True))
 
 
@@ -133,13 +134,14 @@ class ScanTelegram:
     name: bytes | None = None
     comment: bytes | None = None
     when: datetime | None = None
+    version: int = 1
 
     def values(self) -> list[Value]:
         """From the version to the event flag."""
         counters = (self.telegrams % 2**16, self.scans % 2**16)
         times = (self.scan_us % 2**32, self.sent_us % 2**32)
         values: list[Value] = [
-            *zip("HHI", (1, 1, SERIAL_NUMBER), strict=True),
+            *zip("HHI", (self.version, 1, SERIAL_NUMBER), strict=True),
             *zip("BB", self.status, strict=True),
             *zip("HHII", (*counters, *times), strict=True),
             *zip("BBBB", (0, 0, *self.outputs), strict=True),

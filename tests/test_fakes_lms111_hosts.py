@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.lms111 import FakeLms111
+from fakes.lms111 import Connected, FakeLms111
 from tests.bench_lms111 import F64, FRAMES, TEXTS, Bench, five_metres, framed, payloads, raw_of
 
 
@@ -138,9 +138,15 @@ def test_no_bytes_break_it_and_it_answers_afterwards(binary: bool, pieces: list[
 # --- several hosts
 
 
+def joined(fake: FakeLms111, now_s: float) -> Connected:
+    client = fake.connect(now_s)
+    assert client is not None
+    return client
+
+
 def test_two_hosts_have_their_own_login_and_subscription_and_share_the_mirror() -> None:
     fake = FakeLms111(five_metres, seed=1)
-    one, two = fake.connect(100.0), fake.connect(100.0)
+    one, two = joined(fake, 100.0), joined(fake, 100.0)
     for frame in (FRAMES["login"], FRAMES["start"], FRAMES["run"], FRAMES["subscribe"]):
         one.exchange(100.1, frame)
     two.exchange(100.1, FRAMES["subscribe"])
@@ -153,7 +159,7 @@ def test_two_hosts_have_their_own_login_and_subscription_and_share_the_mirror() 
     assert one.exchange(102.0, b"").count(b"sSN") == 0, before  # a login stops it for all
     assert fake.state == 2
     two.left(102.0)
-    assert fake.connect(102.0).exchange(102.1, b"") == b""
+    assert joined(fake, 102.0).exchange(102.1, b"") == b""
 
 
 # --- drivers that people use
@@ -161,8 +167,10 @@ def test_two_hosts_have_their_own_login_and_subscription_and_share_the_mirror() 
 
 def test_a_driver_that_polls_for_readiness_and_reads_all_fields_is_content() -> None:
     bench = Bench()
+    assert payloads(bench.ask(FRAMES["read device state"])) == [b"sRA SCdevicestate \1"]
+    bench.ask(FRAMES["login"])
     assert payloads(bench.ask(FRAMES["read device state"])) == [b"sRA SCdevicestate \0"]
-    for command in (FRAMES["login"], FRAMES["start"], FRAMES["run"]):
+    for command in (FRAMES["start"], FRAMES["run"]):
         bench.ask(command)
     for _ in range(10):
         [answer] = payloads(bench.ask(framed("sRN SCdevicestate")))

@@ -1,6 +1,7 @@
 """The short form of `make fuzz`: each codec with its session against a guided fuzzer."""
 
 import importlib.util
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +30,9 @@ def test_no_bytes_from_a_device_raise_hang_or_fill_the_memory(codec: str, tmp_pa
         timeout=300,
     )
     assert found.returncode == 0, found.stderr[-3000:]
-    assert f"stat::number_of_executed_units: {RUNS}" in found.stderr
+    executed = re.search(r"stat::number_of_executed_units: (\d+)", found.stderr)
+    assert executed is not None
+    assert int(executed[1]) >= RUNS  # the seeds come on top
 
 
 @pytest.mark.parametrize("codec", CODECS)

@@ -10,6 +10,7 @@ from core.config import load_config
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+DEVICES = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
@@ -24,7 +25,9 @@ def test_the_table_of_files_lists_the_files_there_are() -> None:
     assert listed == there
 
 
-@pytest.mark.parametrize("text", [README, ARCHITECTURE], ids=["README", "architecture"])
+@pytest.mark.parametrize(
+    "text", [README, ARCHITECTURE, DEVICES], ids=["README", "architecture", "devices"]
+)
 def test_files_that_the_documents_name_exist(text: str) -> None:
     for name in re.findall(r"`((?:docs|core|hw|fakes|tools|tests)/[\w./*]+)`", text):
         assert list(ROOT.glob(name)), name

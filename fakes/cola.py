@@ -19,6 +19,7 @@ UNKNOWN_COMMAND, UNKNOWN_EVENT = 0x0C, 0x0F
 VALUE_OVERFLOW, INVALID_CHARACTER = 0x10, 0x11
 
 TEXT_START, TEXT_END = b"\x02", b"\x03"
+PRINTABLE = frozenset(range(0x20, 0x7F))
 
 
 class RefusedError(Exception):
@@ -73,7 +74,7 @@ class TextReader:
         while (end := self._buffer.find(TEXT_END)) >= 0:
             start = self._buffer.rfind(TEXT_START, 0, end)
             payload = bytes(self._buffer[start + 1 : end]) if start >= 0 else b""
-            if payload.startswith(b"s") and len(payload) <= MAX_COMMAND:
+            if payload and len(payload) <= MAX_COMMAND and PRINTABLE.issuperset(payload):
                 payloads.append(payload)
             del self._buffer[: end + 1]
         start = self._buffer.rfind(TEXT_START)  # only the last one can still begin a command

@@ -93,7 +93,9 @@ class FakeLms111(SettableHead):
         self._clock.follow(now_s, self.drift_ppm)
         self._restart()
 
-    def _restart(self) -> None:
+    def _restart(self, asker: Client | None = None) -> None:
+        for client in self._clients:
+            client.gone = client is not asker  # who is still to hear the answer
         self._power_up()
         self.clock_offset_us = 0
         self.power_ons += 1
@@ -218,7 +220,7 @@ class FakeLms111(SettableHead):
             "LMCstandby": ("", CLIENT, lambda _: self._start(False)),
             "mEEwriteall": ("", CLIENT, lambda _: self._store()),
             "LSPsetdatetime": (TIME, CLIENT, self._set_time),
-            "mSCreboot": ("", CLIENT, lambda _: self._told_to_reboot()),
+            "mSCreboot": ("", CLIENT, lambda _: self._told_to_reboot(client)),
         }
         if name not in methods:
             raise RefusedError(cola.UNKNOWN_METHOD)
@@ -257,8 +259,8 @@ class FakeLms111(SettableHead):
             self._begin_s = None
         return [("B", 0)]
 
-    def _told_to_reboot(self) -> list[Value]:
-        self._restart()
+    def _told_to_reboot(self, client: Client) -> list[Value]:
+        self._restart(client)
         return []
 
     # -- what it tells ------------------------------------------------------------------------

@@ -51,6 +51,7 @@ class Client:
     """One connection; `exchange` is its wire."""
 
     def __init__(self, device: Scanner, binary: bool) -> None:
+        self.gone = False  # the device has thrown it out; its wire closes then
         self._device = device
         self.begin(binary)
 
@@ -75,7 +76,8 @@ class Client:
     def tell(self, due_s: float, name: str, values: list[Value]) -> None:
         """An event that it has subscribed to."""
         if name in self.subscribed:
-            self._send(due_s, self._payload(f"sSN {name} ", values))
+            payload = self._payload(f"sSN {name} ", values, self.binary)
+            self._send(due_s, payload, self.binary)
 
     def _answer(self, now_s: float, payload: bytes) -> None:
         kind, name, arguments = cola.command(payload)
@@ -83,31 +85,32 @@ class Client:
         def take(kinds: str) -> tuple[int, ...]:
             return unpacked(kinds, arguments) if self.binary else read(kinds, arguments)
 
-        device = self._device
+        device, binary = self._device, self.binary  # a reboot may change the dialect
         try:
             code = device.refuse.get(f"{kind} {name}", device.refuse.get(name))
             if code is not None:
                 raise RefusedError(code)
             if kind not in PREFIXES:
-                raise RefusedError(cola.UNKNOWN_COMMAND)
+                is_text = not binary and not payload.startswith(b"s")
+                raise RefusedError(cola.INVALID_CHARACTER if is_text else cola.UNKNOWN_COMMAND)
             values = device.carry_out(self, kind, name, take)
-            answer = self._payload(f"{PREFIXES[kind]} {name} ", values)
+            answer = self._payload(f"{PREFIXES[kind]} {name} ", values, binary)
         except RefusedError as refused:
-            answer = cola.refusal(refused.code, self.binary)
+            answer = cola.refusal(refused.code, binary)
         if device.answers_lost > 0:
             device.answers_lost -= 1
             return
         wait_s = SLOW_ANSWERS_S.get(name, ANSWER_S) + device.slow_answer_s
         self._answered_s = max(now_s + wait_s, self._answered_s)
-        self._send(self._answered_s, answer)
+        self._send(self._answered_s, answer, binary)
 
-    def _payload(self, head: str, values: list[Value]) -> bytes:
-        if self.binary:
+    def _payload(self, head: str, values: list[Value], binary: bool) -> bytes:
+        if binary:
             return head.encode("latin-1") + packed(values)
-        return (head.encode("latin-1") + written(values)).rstrip()
+        return head.encode("latin-1") + written(values) if values else head.rstrip().encode()
 
-    def _send(self, due_s: float, payload: bytes) -> None:
-        telegram = cola.frame(payload) if self.binary else cola.text_frame(payload)
+    def _send(self, due_s: float, payload: bytes, binary: bool) -> None:
+        telegram = cola.frame(payload) if binary else cola.text_frame(payload)
         if self._device.has_wrong_checksum():
             telegram = telegram[:-1] + bytes([telegram[-1] ^ 0xFF])
         if self._device.cut_next:

@@ -23,7 +23,7 @@ class Guest(Protocol):
         """Take what this client wrote; give all that the device has sent it up to now_s."""
 
     def left(self, now_s: float) -> None:
-        """This client has gone."""
+        """This client has gone. May also have `gone`: true once the device has dropped it."""
 
 
 class Connection:
@@ -114,6 +114,9 @@ class TcpWire(StreamDisturbance):
         if not connection.open:
             return
         self.send(now_s, connection.guest.exchange(now_s, received), connection.late)
+        if getattr(connection.guest, "gone", False):
+            connection.close()
+            return
         for data in connection.late.take(now_s):
             if len(connection.unsent) + len(data) > TCP_BACKLOG:
                 self.lost += len(data)

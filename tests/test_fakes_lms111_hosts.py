@@ -60,6 +60,7 @@ def test_each_answer_printed_in_the_sheet_comes_as_text() -> None:
         ("sMN mLMPsetscancfg +5000 +99999 +5000 -450000 +2250000", "sFA 10"),
         ("sWN LMPoutputRange 1 1388 0 FFFFFFF0", "sFA 4"),
         ("sXX Nothing", "sFA C"),
+        ("garbage", "sFA 11"),
         ("sRN FREchoFilter", "sFA 3"),
         ("sRN LFPparticle", "sFA 3"),
         ("sMN Nothing", "sFA 2"),
@@ -70,6 +71,27 @@ def test_what_is_wrong_in_a_text_is_refused_by_its_code(command: str, refusal: s
     bench = text_bench()
     ask(bench, "sMN SetAccessMode 3 F4724744")
     assert ask(bench, command) == refusal
+
+
+def test_a_text_has_as_many_characters_as_it_says() -> None:
+    assert ask(text_bench(), "sRN FirmwareVersion") == "sRA FirmwareVersion 9 V1.80.2  "
+
+
+def test_a_reboot_is_answered_in_the_old_dialect_and_throws_other_hosts_out() -> None:
+    fake = FakeLms111(five_metres, seed=1)
+    host, other = fake.connect(100.0), fake.connect(100.0)
+    assert host is not None
+    assert other is not None
+    for frame in (FRAMES["login"], FRAMES["set ascii"]):
+        host.exchange(100.0, frame)
+    host.exchange(100.1, FRAMES["reboot"])
+    assert other.gone
+    assert not host.gone
+    assert host.exchange(100.2, b"") == framed("sAN mSCreboot ")
+    again = fake.connect(100.3)
+    assert again is not None
+    again.exchange(100.3, b"\x02sRN LocationName\x03")
+    assert again.exchange(100.4, b"") == b"\x02sRA LocationName B not defined\x03"
 
 
 def test_five_thousand_without_a_sign_is_hexadecimal() -> None:

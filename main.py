@@ -147,18 +147,16 @@ class App:
     def _drive(self, now_s: float, told: PoseReport) -> None:
         """Wheel power until the next tick: zero unless all is known to be well."""
         pose, request = self.mapper.maybe_pose(now_s), self.link.requests.newest
-        vouched = self.mapper.counts.erased == 0
+        vouched, moves = self.mapper.counts.erased == 0, (told.v_mps, told.w_radps)
         if self._linked_s == now_s:
-            self._drop_ahead = self.control.drop_ahead(
-                (told.v_mps, told.w_radps), request, pose, vouched
-            )
+            self._drop_ahead = self.control.drop_ahead(moves, request, pose, vouched)
         if not self.config.robot.enable_motors:
             self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
             return
         dirt, others = self._condition.contamination, (self.link.doubt,)
         doubt = drive.doubt(told.health, told.mode, dirt, others)
         motors_off = self.drive.controller.trouble
-        powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off)
+        powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off, moves)
         self.drive.drive(*powers)
 
     def hear(self, now_s: float) -> None:

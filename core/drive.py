@@ -25,6 +25,7 @@ NOT_ENABLED = "the motors are not enabled ([robot] enable_motors)"
 SILENT = "the commander has fallen silent"
 LONGEST_STEP_S = 0.05  # a late tick may not make the speed jump
 MOVING_MPS = 0.05
+FASTER, FASTER_MPS = 1.15, 0.1  # than told: more than a robot that brakes lags behind
 SET_OUT_MPS = 0.1  # so much must be allowed before a standing robot moves: else it would inch ahead
 DIRTY = 2  # contamination from which a scanner's "nothing there" is not believed
 NEEDED = (
@@ -46,13 +47,13 @@ def link_refusal(url: str, has_key: bool, enabled: bool) -> str:
     if not enabled:
         return NOT_ENABLED
     parts = urlsplit(url)
-    if has_key or parts.scheme != "udp" or parts.hostname == "localhost":
+    if has_key or parts.scheme == "serial" or parts.hostname == "localhost":
         return ""
     try:
         own = ipaddress.ip_address(parts.hostname or "").is_loopback
     except ValueError:
         own = False
-    return "" if own else "over UDP from another machine it takes a key (planner.key_file)"
+    return "" if own else "from another machine it takes a key (planner.key_file)"
 
 
 def doubt(word: int, mode: int, contamination: int | None, others: tuple[str, ...] = ()) -> str:
@@ -104,11 +105,14 @@ class DriveControl:
         pose: Pose | None,
         start_vouched: bool,
         motors_off: str = "",
+        moves: Motion = (0.0, 0.0),
     ) -> Powers:
         """Wheel power until the next step.
 
         Args:
             doubt: why to stand still, in words.
+            moves: as measured. A robot that is faster than it was told (downhill, or full power is
+                more than the settings say) is slowed down for what is in the way of its real speed.
             start_vouched: the map still is that of the start.
             motors_off: why the motors do not obey; when that ends, a request that was there all
                 the time moves nothing: somebody may stand at the emergency stop.
@@ -129,8 +133,11 @@ class DriveControl:
         stands = not (self.v_mps or self.w_radps)
         self._ramp(wanted, passed_s)
         motion = (self.v_mps, self.w_radps)
-        found = self._look(pose, motion, self.zone.rate_mps(*wanted), start_vouched)
-        allowed_mps, rate_mps = self.zone.allowed_mps(found.free_m), self.zone.rate_mps(*motion)
+        rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
+        if measured_mps > FASTER * rate_mps + FASTER_MPS:
+            rate_mps = measured_mps
+        found = self._look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), start_vouched)
+        allowed_mps = self.zone.allowed_mps(found.free_m)
         if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
             return self.halt(self.words(found))
         share = min(1.0, allowed_mps / rate_mps) if rate_mps >= STANDING_MPS else 1.0

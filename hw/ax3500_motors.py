@@ -145,7 +145,8 @@ class Motors:
         if self._zero_first and self._acknowledged == [0, 0]:
             self._zero_first = False
         targets = self._targets()
-        for k in sorted((0, 1), key=lambda k: targets[k] != 0):  # zeros first
+        # zeros first, then who has waited longer: else one wheel may never get its turn
+        for k in sorted((0, 1), key=lambda k: (targets[k] != 0, self._sent_s[k])):
             wait_s = REPEAT_S if targets[k] == 0 or self._acknowledged[k] is None else CHANGE_S
             stale = targets[k] != 0 and self._now_s - self._acknowledged_s[k] >= REFRESH_S
             if (stale or self._acknowledged[k] != targets[k]) and (

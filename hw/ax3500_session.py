@@ -26,7 +26,7 @@ from hw.ax3500 import (
 )
 from hw.ax3500_motors import Motors
 from hw.ax3500_schedule import REFRESH_S, Schedule
-from hw.ax3500_talk import NO_LINE, CounterStream, StartAgainError, Talk, tells_restart
+from hw.ax3500_talk import NO_ECHO, NO_LINE, CounterStream, StartAgainError, Talk, tells_restart
 from hw.ax3500_values import READ_STATUS, VALUES, ControllerState, state_after_answer
 from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
 from hw.wheel_counters import Pair, WheelCounters
@@ -57,7 +57,9 @@ class Ax3500Session(Talk):
         super().__init__(status, stream, motors)
         self._schedule, self._may_enter = Schedule(poll_hz), enter_rs232
         self._good_s, self._heard = [0.0, 0.0], set[int]()
+        self._counter_faults = ["", ""]  # of each counter's last failed exchange, in words
         self._polling_s = 0.0  # host clock, when polling began
+        self._commands = 0  # not zero, since the last pair
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
@@ -143,17 +145,23 @@ class Ax3500Session(Talk):
         self._motors.adopt_modes(modes[0], modes[1], self._entered)
 
     def _poll(self) -> Generator[bytes, Tick, None]:
-        """Motor commands, counters, slow values: one exchange after the other."""
+        """Motor commands, counters, slow values: one exchange after the other.
+
+        A zero goes before everything. Other commands take turns with the queries that are due: on
+        a slow line a wish that changes all the time would leave none to them.
+        """
         self._good_s, self._heard = [self._now_s, self._now_s], set()
         self._polling_s = self._trouble_s = self._now_s
         self._schedule.begin(self._now_s)
         while True:
             self._find_remark()
             command = self._motors.maybe_command(self._why_blocked())
-            if command is not None:
+            query = None
+            if command is None or (command[1] != 0 and self._commands >= len(READ_COUNTER)):
+                query = self._schedule.maybe_next(self._now_s, self._forbidden())
+            if query is None and command is not None:
                 yield from self._command(*command)
                 continue
-            query = self._schedule.maybe_next(self._now_s, self._forbidden())
             if query is None:
                 self._check_restart((yield from self._turn(b"")))
             elif query in READ_COUNTER:
@@ -161,13 +169,22 @@ class Ax3500Session(Talk):
             else:
                 yield from self._ask_value(query)
             if self._now_s - min(self._good_s) > LOST_S:
-                raise StartAgainError(f"no counters for {LOST_S:.0f} s: {self._fault}")
+                raise StartAgainError(self._why_no_counters())
+
+    def _why_no_counters(self) -> str:
+        """Names the queries that failed, unless nothing at all is heard or understood."""
+        fault = self._counter_faults[self._good_s.index(min(self._good_s))]
+        late = [k for k in (0, 1) if self._now_s - self._good_s[k] > LOST_S / 2]
+        queries = " and ".join(READ_COUNTER[k] for k in late) + ": "
+        words = fault if fault in (NO_ECHO, NO_LINE) else queries + (fault or "not asked in time")
+        return f"no counters for {LOST_S:.0f} s: {words}"
 
     def _forbidden(self) -> frozenset[str]:
         ready = len(self._heard) == 2 and self._now_s - self._trouble_s > Z_AFTER_S
         return frozenset() if ready else frozenset({"?Z"})
 
     def _command(self, channel: int, power: int) -> Generator[bytes, Tick, None]:
+        self._commands += power != 0
         out = self._motors.sent(channel, power)
         text = out.decode("ascii").rstrip("\r")
         answer = yield from self._maybe_answer(text, out, PLUS)
@@ -176,9 +193,12 @@ class Ax3500Session(Talk):
 
     def _ask_counter(self, channel: int) -> Generator[bytes, Tick, None]:
         query, began_s = READ_COUNTER[channel], self._now_s
+        if channel == 0:  # ends a pair
+            self._commands = 0
         answer = yield from self._maybe_answer(query, encode_query(query), COUNTER)
         raw = maybe_counter(answer[1][0]) if answer else None
         if answer is None or raw is None:
+            self._counter_faults[channel] = self._fault
             self._status.reject(BadFrame(f"{query}: {self._fault}", b""))
             if self._failures == FAILURES_TO_ENTER and self._may_enter:
                 yield from self._enter()
@@ -220,7 +240,7 @@ class Ax3500Session(Talk):
         words = [
             blocked or self._stream.controller.trouble,
             self._motors.why_off if self._motors.turns_wish_down and not blocked else "",
-            self._schedule.remark(1.0 / REFRESH_S if self._motors.usable else 0.0),
+            self._schedule.remark(self._now_s, 1.0 / REFRESH_S if self._motors.usable else 0.0),
         ]
         self._stream.remark = "; ".join(word for word in words if word)
         if self._status.state == "running":

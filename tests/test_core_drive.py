@@ -169,6 +169,24 @@ def test_before_an_obstacle_it_slows_down_and_stands() -> None:
     assert braking.min() > -0.1  # lowered step by step, not in one
 
 
+@pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
+def test_a_robot_that_is_faster_than_it_was_told_stops_before_it_too(factor: float) -> None:
+    robot = Robot()
+    robot.mark(3.1, 0.1, OBSTACLE)
+    x_m, v_mps = 0.0, 0.0
+    for _ in range(3000):
+        told_mps = factor * robot.control.v_mps
+        brake = robot.config.robot.brake_mps2 * PERIOD_S
+        v_mps = told_mps if told_mps > v_mps else max(told_mps, v_mps - brake)
+        x_m += v_mps * PERIOD_S
+        robot.step(
+            DriveRequest(1.0, 0.0, robot.now_s + 1.0),
+            pose=Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0),
+            moves=(v_mps, 0.0),
+        )
+    assert x_m + robot.config.robot.front_m < 3.0
+
+
 @pytest.mark.parametrize(
     ("mean_m", "count", "beyond", "rising", "is_drop"),
     [(-0.3, 5, 0, 1, True), (0.3, 5, 3, 1, False), (0.0, 9, 2, 0, True), (0.0, 0, 2, 0, True)],
@@ -237,6 +255,7 @@ def test_there_is_no_doubt_only_if_all_is_known_to_be_well(
         ("udp://planner:9750", False, False),
         ("udp://0.0.0.0:9750", False, False),
         ("udp://192.168.0.7:9750", True, True),
+        ("tcp://192.168.0.7:9750", False, False),
         ("serial:///dev/planner?baud=115200", False, True),
     ],
 )

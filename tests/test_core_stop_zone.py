@@ -207,3 +207,11 @@ def _poses(v: float, w: float, upto_m: float) -> list[tuple[float, float, float]
         ahead = v * float(t) if w == 0 else v / w * math.sin(turn)
         poses.append((ahead, 0.0 if w == 0 else v / w * (1 - math.cos(turn)), turn))
     return poses
+
+
+def test_what_lies_beyond_the_longest_sweep_is_not_thought_free() -> None:
+    grid = RingGrid(301, 0.2)
+    cells: I8 = grid.layer(np.int8, FREE)
+    found = zone().look(grid, cells, (0.0, 0.0, 0.0), (20.0, 0.0), (0.0, 0.0, 0.0))
+    assert found.free_m == 10.0
+    assert zone().allowed_mps(found.free_m) < 20.0

@@ -29,7 +29,7 @@ def test_as_shipped_motors_never_move() -> None:
         ({}, {}, "which nobody has to sign: up to 1 m/s"),
         ({}, {}, "it cannot set out (robot.start_clear_m is 0)"),
         ({}, {"key_file": "key"}, "signed with the key"),
-        ({}, {"port": "udp://10.0.0.2:9750"}, "never move: over UDP from another machine"),
+        ({}, {"port": "udp://10.0.0.2:9750"}, "never move: from another machine"),
         ({"start_clear_m": 9.0}, {}, "9 m around the start, which must be clear"),
         ({"unknown_stops": False}, {}, "drives onto ground that it has not seen"),
         ({"stop_margin_m": 0.3}, {}, "stops 0.3 m before obstacles"),

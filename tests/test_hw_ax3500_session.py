@@ -241,7 +241,7 @@ def test_a_counter_that_is_never_answered_is_a_loss_with_its_cause() -> None:
     bench.device.values[b"?Q0"] = bench.device.values[b"?Q1"] = None
     bench.run(4.0)
     assert bench.state() == "starting"
-    assert bench.ax.status.cause == "no counters for 2 s: no value after the echo"
+    assert bench.ax.status.cause == "no counters for 2 s: ?Q0 and ?Q1: no value after the echo"
 
 
 def test_one_channel_alone_is_not_enough() -> None:
@@ -250,7 +250,7 @@ def test_one_channel_alone_is_not_enough() -> None:
     bench.device.values[b"?Q1"] = b"-\r"
     bench.run(2.5)
     assert bench.ax.status.losses == 1
-    assert bench.ax.status.cause == "no counters for 2 s: refused"
+    assert bench.ax.status.cause == "no counters for 2 s: ?Q1: refused"
 
 
 def test_an_impossible_jump_is_dropped_and_counted() -> None:

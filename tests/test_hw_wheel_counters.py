@@ -132,6 +132,36 @@ def test_a_robot_that_stood_still_near_zero_over_an_outage_keeps_its_zero() -> N
     assert counters.restarts == 0
 
 
+def test_a_slow_pace_is_no_outage() -> None:
+    counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
+    drive(counters, [(15 * k, 15 * k) for k in range(20)], 0.0, period_s=0.3)
+    results = drive(counters, [(900, 900), (915, 915)], 6.3)  # one pair was lost: 0.6 s
+    assert len(pairs(results)) == len(results) == 2
+
+
+def test_a_robot_that_leaves_near_zero_behind_over_a_short_outage_has_just_travelled() -> None:
+    for sign in (1, -1):
+        counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
+        drive(counters, [(0, 0), (sign * 50, sign * 40)], 0.0)
+        results = drive(counters, [(sign * 1000, sign * 990), (sign * 1050, sign * 1040)], 0.8)
+        assert counters.restarts == 0
+        assert pairs(results)[-1].two == sign * 1040
+
+
+def test_counters_that_cannot_have_come_so_far_since_zero_have_not_restarted() -> None:
+    counters = WheelCounters(MAX_COUNTS_PER_S, 0.3)
+    drive(counters, [(2100, 2100), (2090, 2090)], 0.0)
+    drive(counters, [(1800, 1800), (1790, 1790)], 0.45)  # 0.4 s: from zero 1273 at most
+    assert counters.restarts == 0
+
+
+def test_a_restart_of_counters_near_zero_still_counts_where_they_fell_back() -> None:
+    counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
+    drive(counters, [(900, 900), (910, 910)], 0.0)
+    drive(counters, [(20, 20), (30, 30)], 1.2)
+    assert counters.restarts == 1
+
+
 def test_a_told_restart_makes_the_next_readings_the_new_zero() -> None:
     counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
     counters.forget_zero()  # before anything was known: nothing is lost

@@ -6,6 +6,7 @@ Refuses to give up: after any silence or loss the whole conversation begins anew
 Source: lms111 sheet, sections 3, 4 and 6.
 """
 
+import math
 from collections.abc import Generator
 from typing import Any
 
@@ -16,12 +17,13 @@ from hw.lms111 import Answer, Echo, ScanTelegram
 from hw.lms111_checkup import Checkup
 from hw.lms111_condition import ScannerCondition, is_usable, status_in_words
 from hw.lms111_scan import ScanMaker, ScanSettings
-from hw.lms111_setup import LONGEST_REST_S, REST_S, Setup, covers
+from hw.lms111_setup import BUSY, LONGEST_REST_S, REST_S, SCAN_WORDS, Setup, covers
 from hw.lms111_talk import DialectSetting, Memory, ScanStream, StartAgainError
 from hw.session import BadFrame, Device, DeviceStatus, Port, Session, Tick
 
 FIRST_SCAN_S, SILENCE_S = 2.0, 1.0
-PAUSE_S, LONGEST_PAUSE_S = 0.2, 3.0  # before a new attempt; doubling until scans are delivered
+PAUSE_S, LONGEST_PAUSE_S = 0.2, 2.0  # before a new attempt; doubling until scans are delivered
+UNUSABLE_S = 0.5  # without a scan that may be believed, after which it runs no longer
 PEACE_S = 10.0  # of scans, after which no other host is thought to want the scanner otherwise
 
 
@@ -31,6 +33,7 @@ class Lms111Session(Setup):
     _last: ScanTelegram | None = None
     _checked: tuple[object, ...] = ()  # what the cause was last made of
     _pause_s = PAUSE_S
+    _usable_s = -math.inf  # host clock, last telegram that may be believed
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
@@ -43,7 +46,8 @@ class Lms111Session(Setup):
                 yield from self._subscribe()
                 yield from self._deliver()
             except StartAgainError as why:
-                self._status.fall_back("starting", str(why))
+                self._failure = str(why)
+                self._status.fall_back("starting", self._failure)
                 if self._memory.owes_run:
                     yield from self._run_at_last()
                 yield from self._pause(self._pause_s)
@@ -73,7 +77,8 @@ class Lms111Session(Setup):
                 self._memory.rest_s = REST_S
         self._is_unsure, self._memory.ran_s = True, heard_s
         self._memory.rest_s = min(2 * self._memory.rest_s, LONGEST_REST_S)
-        raise StartAgainError(f"no scan from the scanner for {patience_s:g} s")
+        why = f": it {BUSY}" if BUSY in self._remarks else ""
+        raise StartAgainError(f"no scan from the scanner for {patience_s:g} s{why}")
 
     def _learn(self, answer: Answer) -> None:
         """How the scanner is."""
@@ -100,12 +105,14 @@ class Lms111Session(Setup):
         self._stream.newest = telegram
         if not is_usable(telegram.status):
             self._stream.not_ready += 1
+            if self._now_s - self._usable_s < UNUSABLE_S:
+                return
             words = status_in_words(telegram.status)
             self._status.fall_back("starting", f"the scanner's scans carry device status {words}")
             self._checked = ()
             return
         self._stream.telegrams.append(telegram)
-        self._pause_s = PAUSE_S
+        self._pause_s, self._failure, self._usable_s = PAUSE_S, "", self._now_s
         geometry = [
             value
             for channel in telegram.channels.values()
@@ -125,6 +132,7 @@ class Lms111Session(Setup):
         if channel is not None:
             is_hz, is_deg = telegram.scan_hz, channel.step_deg
             if (is_hz, is_deg) != (settings.scan_rate_hz, settings.angular_step_deg):
+                faults = [fault for fault in faults if SCAN_WORDS not in fault]  # said once
                 faults.append(
                     f"scans at {is_hz:g} Hz in steps of {is_deg:g} deg, configured are "
                     f"{settings.scan_rate_hz:g} Hz and {settings.angular_step_deg:g} deg"

@@ -16,6 +16,8 @@ from hw.lms111_commands import Command, ScanConfig
 from hw.lms111_condition import CONFIG_FAULTS, CONFIGURING, IDLE, READY, STATES
 from hw.lms111_scan import FIRST_DEG, LAST_DEG, ScanSettings
 from hw.lms111_talk import (
+    ANSWER_S,
+    OPTIONAL_S,
     START_UP_S,
     DialectSetting,
     Memory,
@@ -32,6 +34,12 @@ REST_S, LONGEST_REST_S = 3.0, 6.0  # between two set-ups
 ANSWER_LOGIN_S = 2.0
 SLACK_DEG = 0.01  # output ranges are off the grid by 0.0003 deg
 ANOTHER_HOST = "another host may be configuring it"
+SCAN_WORDS = "Hz in steps of"  # in every remark on rate and step
+BUSY = "says that it is busy"
+CONTENT_FIELDS = (  # of `LMDscandatacfg`, up to the interval
+    *("echoes", "echoes (high byte)", "remission", "16 bit remission", "remission unit"),
+    *("encoders", "encoders (high byte)", "position", "name", "comment", "time"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +72,7 @@ class Setup(Talk):
             round(settings.scan_rate_hz * 100), round(settings.angular_step_deg * 10_000)
         )
         self._unreadable: set[str] = set()  # names that are not asked for again in this attempt
+        self._failure = ""  # why the last attempt ended, until scans are delivered
 
     def _prepare(self) -> Generator[bytes, Tick, None]:
         """Until the device measures, as wanted or as near to it as it will."""
@@ -73,9 +82,14 @@ class Setup(Talk):
         while True:
             survey = yield from self._survey()
             state = yield from self._maybe_state()
-            if self._is_wanted(survey) and state not in (None, CONFIGURING, IDLE):
+            is_wanted = self._is_wanted(survey)
+            if is_wanted and state not in (None, CONFIGURING, IDLE):
                 if state != READY:
                     yield from self._wait_until_ready()
+                self._remark_differences(survey)
+                return
+            if is_wanted and state is None and self._now_s - self._memory.set_up_s < START_UP_S:
+                self._remark(BUSY)  # we set it up: a login now would only make it begin anew
                 self._remark_differences(survey)
                 return
             is_stopped = state in (CONFIGURING, IDLE)
@@ -83,7 +97,8 @@ class Setup(Talk):
             rest_s = begun_s + self._memory.rest_s - self._now_s
             if rest_s <= 0:
                 break
-            words = f"is {STATES[state or 0]}" if is_stopped else "was set otherwise"
+            words = "is busy" if is_wanted else "was set otherwise"
+            words = f"is {STATES[state or 0]}" if is_stopped else words
             self._status.fall_back("starting", f"the scanner {words}: {ANOTHER_HOST}")
             yield from self._pause(min(rest_s, 0.5))
         yield from self._set_up(survey, is_measuring=state == READY)
@@ -104,7 +119,8 @@ class Setup(Talk):
         """A read that is not repeated where it was refused or not answered before."""
         if command.name in self._unreadable:
             return None
-        answer = yield from self._try(command, tries=1)
+        wait_s = OPTIONAL_S if self._unreadable else ANSWER_S  # one that is slow, or many missing
+        answer = yield from self._try(command, tries=1, wait_s=wait_s)
         if answer is None:
             self._unreadable.add(command.name)
         return answer
@@ -125,8 +141,11 @@ class Setup(Talk):
             self._remark(f"was asked for {asked} and says {got}")
         wanted = commands.content(self._settings.echo)
         if survey.content is not None and survey.content != wanted:
-            asked, got = (" ".join(map(str, values)) for values in (wanted, survey.content))
-            self._remark(f"was asked for the scan content {asked} and says {got}")
+            if survey.content[-1] != wanted[-1]:
+                self._remark(f"sends one scan in {survey.content[-1]} only")
+            for field, told, says in zip(CONTENT_FIELDS, wanted, survey.content, strict=False):
+                if told != says:
+                    self._remark(f"has {field} {says} in its scans, not {told} as it was told")
         settings, span_deg = self._settings, survey.span_deg
         if span_deg and not covers(span_deg, (settings.first_deg, settings.last_deg)):
             asked, got = f"{FIRST_DEG:g} to {LAST_DEG:g} deg", f"{span_deg[0]:g} to {span_deg[1]:g}"
@@ -154,13 +173,13 @@ class Setup(Talk):
     # --- what it shall have
 
     def _set_up(self, survey: Survey, is_measuring: bool) -> Generator[bytes, Tick, None]:
-        self._status.fall_back("starting", "the scanner is being set up")
+        self._status.fall_back("starting", self._failure or "the scanner is being set up")
         if not (yield from self._log_in(is_measuring)):
             self._remark_differences(survey)
             return
         if survey.scan != self._config:  # else the mirror may stay as it is
             yield from self._set_scan_config()
-        yield from self._must(commands.set_content(self._settings.echo))
+        yield from self._try(commands.set_content(self._settings.echo))
         if survey.span_deg is None or not covers(survey.span_deg, (FIRST_DEG, LAST_DEG)):
             # Firmware that refuses the whole field of view (1.23 does) keeps its own.
             yield from self._try(commands.set_output_range(self._config.step))
@@ -214,7 +233,7 @@ class Setup(Talk):
         while (state := (yield from self._maybe_state())) != READY:
             waited_s = self._now_s - begun_s
             if state is None and waited_s >= BUSY_S:
-                self._remark("says that it is busy")
+                self._remark(BUSY)
                 return
             words = "busy" if state is None else STATES.get(state, f"in state {state}")
             if state in (CONFIGURING, IDLE) and waited_s >= STOPPED_S:
@@ -231,4 +250,4 @@ def covers(span_deg: tuple[float, float], wanted_deg: tuple[float, float]) -> bo
 
 
 def _scan_in_words(config: ScanConfig) -> str:
-    return f"{config.centihertz / 100:g} Hz in steps of {config.step / 10_000:g} deg"
+    return f"{config.centihertz / 100:g} {SCAN_WORDS} {config.step / 10_000:g} deg"

@@ -166,9 +166,11 @@ class Talk:
                 break
         return result
 
-    def _try(self, command: Command, tries: int = TRIES) -> Generator[bytes, Tick, Answer | None]:
+    def _try(
+        self, command: Command, tries: int = TRIES, wait_s: float = OPTIONAL_S
+    ) -> Generator[bytes, Tick, Answer | None]:
         """A command that we can do without; a remark says why there is no answer."""
-        result = yield from self._ask(command, OPTIONAL_S, tries)
+        result = yield from self._ask(command, wait_s, tries)
         if isinstance(result, Answer):
             return result
         self._remark(_refusal_in_words(command, result))

@@ -145,12 +145,39 @@ def test_a_device_that_keeps_its_own_mode_is_used_and_that_is_said() -> None:
     assert bench.state == "running"
     assert bench.lms.status.cause == (
         "the scanner refuses mLMPsetscancfg (access denied), "
-        "was asked for 25 Hz in steps of 0.25 deg and says 50 Hz in steps of 0.5 deg, "
         "scans at 50 Hz in steps of 0.5 deg, configured are 25 Hz and 0.25 deg"
     )
     scan = bench.run(0.2)[0]
     assert scan.ranges_m.shape == (1, 241)
     assert -0.001 < late_s(scan) < TICK_S + 0.001
+
+
+def test_a_device_without_its_newer_state_may_take_long_to_speed_up() -> None:
+    bench = Bench(50, 0.5)
+    bench.fake.refuse["STlms"] = 0x03
+    bench.fake.spin_up_s = 12.0
+    bench.run(2.0)
+    power_ons = bench.fake.power_ons
+    assert bench.run(14.0)
+    assert bench.state == "running"
+    assert bench.fake.power_ons == power_ons
+
+
+def test_scans_that_are_not_valid_now_and_then_are_left_out_and_change_no_state() -> None:
+    bench = Bench(50, 0.5)
+    bench.run(3.0)
+    changes, state = 0, bench.state
+    for turn in range(60):
+        bench.fake.device_status = 1 - turn % 2
+        bench.run(0.1)
+        changes += bench.state != state
+        state = bench.state
+    assert (changes, bench.lms.status.losses) == (0, 0)
+    assert bench.lms.not_ready > 50
+    bench.fake.device_status = 1
+    bench.run(1.0)
+    assert bench.state == "starting"
+    assert "device status" in bench.lms.status.cause
 
 
 def test_a_dirty_window_is_noticed_while_it_measures() -> None:

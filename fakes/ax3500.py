@@ -5,7 +5,7 @@ Left open by the sheet and chosen here, most of it as attributes: the boot takes
 line breaks off where RS-232 mode begins; in mixed mode channel 1 gets sum, channel 2 difference;
 only a loss of power, no reset, wakes an encoder module that hangs.
 
-As a program: `python -m fakes.ax3500 --link /tmp/ax3500 --mode rc --fault mute@5s-7s`.
+As a program: `python -m fakes.ax3500 --link $HOME/ax3500 --mode rc --fault mute@5s-7s`.
 
 Source: AX3500 sheet; section numbers stand where they help.
 """

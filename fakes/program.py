@@ -1,8 +1,8 @@
 """Each fake as a program of its own, so that people can try their drivers on it.
 
     python -m fakes.lms111 --port 2112 --fault mute@5s
-    python -m fakes.mti --link /tmp/mti --scene turning
-    python -m fakes.ax3500 --link /tmp/ax3500 --mode rc --fault emergency_stop@5s-8s
+    python -m fakes.mti --link $HOME/mti --scene turning
+    python -m fakes.ax3500 --link $HOME/ax3500 --mode rc --fault emergency_stop@5s-8s
 
 One line of JSON on the standard output says where it is; what happens is told on the standard
 error. It serves in real time until SIGINT, SIGTERM or its time is up. Source: the three sheets.

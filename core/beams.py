@@ -1,11 +1,13 @@
-"""Method `beams`: exact rigid geometry for every beam at its own instant.
+"""Exact rigid geometry for every beam at its own instant: where it starts and where it goes.
 
-Gives the returns of a scan as points in the map frame, each with the place of the lens at that
-instant. Heights are above the ground plane under the robot: the body's origin has height 0.
+A beam is a ray in the map frame: the place of the lens at that instant, and a direction of unit
+length. A return at range r lies at lens + r * direction. z is the map's: 0 is the ground under the
+robot where the run began.
 Source: design, sections 5 and 7.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from core.odometry import Odometry
 from core.records import F64, Scan
 
 MIN_RANGE_M = 0.15  # nearer is the scanner's own housing (lms111 sheet, section 5)
-MAX_POINTS = 2 * 1081  # two echoes of the finest scan
+MAX_BEAMS = 1081  # of the finest scan
 
 
 @kernel
@@ -31,8 +33,8 @@ def _turn_to_map(q: F64, cy: float, sy: float, v: F64) -> None:
 
 
 @kernel
-def _points_from_ranges(
-    ranges_m: F64,
+def _cast(
+    n: int,
     bearings: tuple[float, float],
     times: tuple[float, float],
     attitude_t_s: F64,
@@ -42,27 +44,19 @@ def _points_from_ranges(
     yaw_start_rad: float,
     R_body_sensor: F64,
     t_body_sensor: F64,
-    xy_first: F64,
-    xy_last: F64,
-    points: F64,
+    first: F64,
+    last: F64,
     lenses: F64,
-) -> int:
-    """Fills `points` and `lenses` (MAX_POINTS, 3), map frame; returns how many.
+    rays: F64,
+) -> None:
+    """Fills `lenses` and `rays` (n, 3), map frame.
 
-    `bearings` is (first, step) and `times` (of beam 0, between beams); `xy_first` and `xy_last`
-    (2,) are where the body was at the first and at the last beam.
+    `bearings` is (first, step) and `times` (of beam 0, between beams); `first` and `last` (3,) are
+    where the body was at the first and at the last beam.
     """
-    echoes, n = ranges_m.shape
-    q = np.empty(4)
+    q, ray, arm = np.empty(4), np.empty(3), np.empty(3)
     cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
-    ray, arm = np.empty(3), np.empty(3)
-    used = 0
     for i in range(n):
-        any_return = False
-        for e in range(echoes):
-            any_return |= ranges_m[e, i] >= MIN_RANGE_M
-        if not any_return:
-            continue
         q_at(attitude_t_s, q_earth_body, start, count, times[0] + i * times[1], q)
         bearing = bearings[0] + i * bearings[1]
         cb, sb = math.cos(bearing), math.sin(bearing)
@@ -72,19 +66,28 @@ def _points_from_ranges(
             arm[k] = t_body_sensor[k]
         _turn_to_map(q, cy, sy, ray)
         _turn_to_map(q, cy, sy, arm)
-        for e in range(echoes):
-            r = ranges_m[e, i]
-            if r >= MIN_RANGE_M and used < points.shape[0]:
-                for k in range(3):
-                    at = (1 - share) * xy_first[k] + share * xy_last[k] if k < 2 else 0.0
-                    lenses[used, k] = at + arm[k]
-                    points[used, k] = lenses[used, k] + r * ray[k]
-                used += 1
-    return used
+        for k in range(3):
+            lenses[i, k] = (1 - share) * first[k] + share * last[k] + arm[k]
+            rays[i, k] = ray[k]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sweep:
+    """One scan as rays in the map frame; valid until the next one is cast."""
+
+    t_s: float  # of its last beam
+    lenses: F64  # (n, 3) metres
+    rays: F64  # (n, 3) unit vectors
+    ranges_m: F64  # (echoes, n); NaN: no measurement
+
+    def points(self) -> F64:
+        """Its returns (k, 3), map frame, metres: beam by beam, echo by echo."""
+        places = self.lenses[:, None, :] + self.ranges_m.T[:, :, None] * self.rays[:, None, :]
+        return np.asarray(places[self.ranges_m.T >= MIN_RANGE_M])
 
 
 class BeamGeometry:
-    """Where the scanner sits on the body, and room for the points of one scan."""
+    """Where the scanner sits on the body, and room for the rays of one scan."""
 
     def __init__(
         self,
@@ -95,19 +98,19 @@ class BeamGeometry:
     ) -> None:
         self._R_body_sensor = R_from_rpy(mount_roll_rad, mount_tilt_rad, mount_yaw_rad)
         self._t_body_sensor = np.array(mount_xyz_m, dtype=np.float64)
-        self._points = np.zeros((MAX_POINTS, 3))
-        self._lenses = np.zeros((MAX_POINTS, 3))
+        self._lenses = np.zeros((MAX_BEAMS, 3))
+        self._rays = np.zeros((MAX_BEAMS, 3))
 
-    def points_from_scan(
-        self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry
-    ) -> tuple[F64, F64]:
-        """Points and lens places (k, 3), map frame, metres; valid until the next call.
+    def cast(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> Sweep:
+        """The rays of a scan.
 
         Attitude and odometry must cover the scan from its first beam to its last.
         """
-        last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
-        used = _points_from_ranges(
-            scan.ranges_m,
+        n = scan.ranges_m.shape[1]
+        last_s = scan.t_s + (n - 1) * scan.beam_dt_s
+        lenses, rays = self._lenses[:n], self._rays[:n]
+        _cast(
+            n,
             (scan.first_rad, scan.step_rad),
             (scan.t_s, scan.beam_dt_s),
             attitudes.t_s,
@@ -117,9 +120,9 @@ class BeamGeometry:
             odometry.yaw_start_rad,
             self._R_body_sensor,
             self._t_body_sensor,
-            odometry.xy_at(scan.t_s),
-            odometry.xy_at(last_s),
-            self._points,
-            self._lenses,
+            odometry.xyz_at(scan.t_s),
+            odometry.xyz_at(last_s),
+            lenses,
+            rays,
         )
-        return self._points[:used], self._lenses[:used]
+        return Sweep(last_s, lenses, rays, scan.ranges_m)

@@ -47,6 +47,7 @@ class Robot(Struct, frozen=True, forbid_unknown_fields=True):
     front_m: Annotated[float, Meta(ge=0, le=5)]
     rear_m: Annotated[float, Meta(ge=0, le=5)]
     width_m: Annotated[float, Meta(ge=0.05, le=5)]
+    height_m: Annotated[float, Meta(ge=0.05, le=10)]
     stop_margin_m: Annotated[float, Meta(ge=0, le=2)]
     unknown_stops: bool
     start_clear_m: Annotated[float, Meta(ge=0, le=20)]
@@ -111,6 +112,7 @@ class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):
     h_pos_m: Annotated[float, Meta(gt=0, le=2)]
     h_neg_m: Annotated[float, Meta(ge=-2, lt=0)]
     window_cells: Annotated[int, Meta(ge=3, le=401)]
+    soft_free_below_m: Annotated[float, Meta(ge=0, le=2)]
 
 
 class Ground(Struct, frozen=True, forbid_unknown_fields=True):
@@ -329,8 +331,8 @@ def _check_built(config: Config) -> None:
     """Values that the design names and that this version does not have yet: said, not ignored."""
     for key, value, built in (
         ("scanner.driver", config.scanner.driver, ("lms111",)),
-        ("map.method", config.map.method, ("beams",)),
-        ("map.cell_value", config.map.cell_value, ("mean",)),
+        ("map.method", config.map.method, ("beams", "reference_plane")),
+        ("map.cell_value", config.map.cell_value, ("mean", "kalman")),
         ("modbus.port", config.modbus.port, ("",)),
     ):
         if value not in built:

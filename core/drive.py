@@ -12,8 +12,7 @@ from urllib.parse import urlsplit
 
 from core import health
 from core.config import Config
-from core.elevation import MeanCells
-from core.obstacles import ObstacleMap
+from core.maps import Maps
 from core.odometry import Pose
 from core.records import OBSTACLE, DriveRequest
 from core.stop_zone import NOTHING, STANDING_MPS, Obstruction, StopZone
@@ -73,11 +72,10 @@ def doubt(word: int, mode: int, contamination: int | None, others: tuple[str, ..
 class DriveControl:
     """One robot's motion as commanded: limits, ramps, and what stands in the way."""
 
-    def __init__(self, config: Config, obstacles: ObstacleMap, elevation: MeanCells) -> None:
+    def __init__(self, config: Config, maps: Maps) -> None:
         robot = config.robot
         self._robot, self._full_mps = robot, config.drive.full_power_mps
-        self._h_neg_m = config.obstacle.h_neg_m
-        self._obstacles, self._elevation = obstacles, elevation
+        self._maps = maps
         self.zone = StopZone(
             robot.front_m,
             robot.rear_m,
@@ -179,21 +177,13 @@ class DriveControl:
     def _look(self, pose: Pose, motion: Motion, from_mps: float, vouched: bool) -> Obstruction:
         if not any(motion):
             return NOTHING
-        obstacles, clear_m = self._obstacles, self._robot.start_clear_m
+        window, clear_m = self._maps.window, self._robot.start_clear_m
         place = (pose.x_m, pose.y_m, pose.yaw_rad)
         clear = (0.0, 0.0, clear_m if vouched else 0.0)
-        return self.zone.look(obstacles.grid, obstacles.cells, place, motion, clear, from_mps)
+        return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps)
 
     def _is_drop(self, found: Obstruction) -> bool:
-        """A cell that lies low, or that beams passed below without a return that rises there."""
-        layers = self._elevation
-        i, j = found.i - layers.grid.corner_i, found.j - layers.grid.corner_j
-        size = layers.grid.size
-        if found.state != OBSTACLE or not (0 <= i < size and 0 <= j < size):
-            return False
-        at = found.j % size, found.i % size
-        low = layers.count[at] > 0 and layers.mean_m[at] <= self._h_neg_m
-        return bool(low or (layers.beyond[at] > 0 and layers.rising[at] == 0))
+        return found.state == OBSTACLE and self._maps.is_low(found.i, found.j)
 
     def _powers(self) -> Powers:
         rim_mps = 0.5 * self._robot.track_width_m * self.w_radps

@@ -1,53 +1,52 @@
-"""What a cell's height is: the average of all heights that fell into it, and evidence against free.
+"""What a cell's height is, and what speaks against it being free ground.
 
-The average alone would hide the edge of a box or the mouth of a ditch behind the floor that shares
-its cell. So each cell also counts what contradicts "floor": returns beyond the height bounds, and
-beams that passed below the ground there before they ended lower than `h_neg`: where a beam is below
-the ground there is no ground. And it keeps whether anything rises or falls in it, and on which
-sides of it, seen from the laser, the ground should go on.
+The height is the average of all heights that fell into the cell (`mean`), or is filtered by the
+beams' own error model (`kalman`): variance of range, attitude and place, drift added when the cell
+is next touched, returns that do not fit left out until several in a row say the same. Either would
+hide the edge of a box or the mouth of a ditch behind the floor that shares its cell. So each cell
+also counts the scans that contradict "floor": returns beyond the height bounds, and floor that was
+due there by the beam's direction and did not show, because the beam went on below the ground or did
+not come back at all. Beams that end before the ground say nothing about it.
 Source: the paper, section 4.2.2 (average); design, section 7.
 """
 
 import math
 
-import numpy as np
-
-from core.grid import RingGrid
+from core.beams import MIN_RANGE_M, Sweep
+from core.cells import (
+    CellGrid,
+    Cells,
+    flat_index,
+    known,
+    part_bit,
+    touch,
+    touch_around,
+)
+from core.ground import DUE_M, due_m, ground_m
 from core.jit import kernel
-from core.records import F64, I32, I64, U8
+from core.records import F64, I32
 
 RISING_M = 0.03  # a return so far off the ground may belong to the foot of something,
 RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong attitude sets apart
 MAX_COUNT = 1_000_000_000
 MAX_EVIDENCE = 60_000
-HOLE_STEPS = 0.25  # of a cell: how finely a beam is followed below the ground
-MAX_HOLE_STEPS = 256  # along one beam: 64 cells
-MAX_TOUCHED = 250_000  # cells of one scan: two echoes of 1081 beams, what they dug, neighbours
+BELOW_M = 0.025  # a return so far below the ground has passed where floor was due,
+BELOW_SLOPE = 0.0015  # and this much of its range more
+BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
+MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
+FLOOR_AGAIN = 12  # scans in a row that see floor alone end what a wrong one has said
 
+SIGMA_RANGE_M = 0.012  # of a return, along the beam
+SIGMA_ANGLE_RAD = 0.0025  # of attitude and mount, across it
+SIGMA_PLACE_M = 0.005  # of the lens' height over the ground
+DRIFT_M2_PER_S = 4e-6  # what a cell's height loses of its worth in time
+GATE_SIGMA = 3.0
+NEW_HEIGHT = 4  # returns in a row that the filter did not believe, and then does
+SCATTER_M = 0.06  # a return so far from both its neighbours' middle scatters
+TOGETHER_M = 0.6  # neighbours that are farther apart belong to different things
+DOUBLE_M = 0.10  # between two echoes of one beam
 
-# mean, count, beyond, rising, far sides, looks, hit scan, span, stamp, beyond scan: flat views
-Layers = tuple[F64, I32, I32, U8, U8, I32, I64, F64, I64, I64]
-
-
-@kernel
-def _touch(at: int, stamp: I64, serial: int, touched: I32, used: int) -> int:
-    """Note a flat cell index once per scan."""
-    if stamp[at] != serial and used < touched.size:
-        stamp[at] = serial
-        touched[used] = at
-        return used + 1
-    return used
-
-
-@kernel
-def _touch_around(at: int, size: int, stamp: I64, serial: int, touched: I32, used: int) -> int:
-    """Note a cell that is seen for the first time, and its neighbours: they wait for it."""
-    row, column = at // size, at % size
-    for dj in range(-1, 2):
-        for di in range(-1, 2):
-            near = ((row + dj) % size) * size + (column + di) % size
-            used = _touch(near, stamp, serial, touched, used)
-    return used
+Limits = tuple[float, float, float]  # h_pos, h_neg, height of the robot
 
 
 @kernel
@@ -57,124 +56,308 @@ def octant(dx: float, dy: float) -> int:
 
 
 @kernel
-def _flat(x: float, y: float, cell_m: float, corner: tuple[int, int], size: int) -> int:
-    """Flat index of the cell of a point, -1 outside of the window."""
-    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
-    if not (0 <= i - corner[0] < size and 0 <= j - corner[1] < size):
-        return -1
-    return int((j % size) * size + i % size)
+def _filter(cells: Cells, at: int, h: float, r: float, fall: float, t_s: float) -> None:
+    """One height into a cell by its error model; `fall` is how steeply the beam comes down."""
+    cell = cells[at]
+    level = math.sqrt(max(0.0, 1.0 - fall * fall))
+    noise = (SIGMA_RANGE_M * fall) ** 2 + (SIGMA_ANGLE_RAD * r * level) ** 2 + SIGMA_PLACE_M**2
+    if cell.count == 1:
+        cell.mean_m, cell.var_m2 = h, noise
+        return
+    var = cell.var_m2 + DRIFT_M2_PER_S * max(0.0, t_s - cell.t_s)
+    step = h - cell.mean_m
+    if step * step > GATE_SIGMA**2 * (var + noise):
+        cell.outliers += 1
+        if cell.outliers >= NEW_HEIGHT:
+            cell.mean_m, cell.var_m2, cell.outliers = h, noise, 0
+        return
+    cell.outliers = 0
+    gain = var / (var + noise)
+    cell.mean_m += gain * step
+    cell.var_m2 = (1.0 - gain) * var
 
 
 @kernel
-def _contradict(at: int, layers: Layers, serial: int) -> None:
-    """Something speaks against "floor" in this cell; counted once a scan: errors come together."""
-    beyond, beyond_scan = layers[2], layers[9]
-    if beyond_scan[at] != serial and beyond[at] < MAX_EVIDENCE:
-        beyond_scan[at] = serial
-        beyond[at] += 1
+def _average(cells: Cells, at: int, h: float) -> None:
+    """One height into a cell's average, and the variance of what fell in."""
+    cell = cells[at]
+    step = h - cell.mean_m
+    cell.mean_m += step / cell.count
+    cell.var_m2 += (step * (h - cell.mean_m) - cell.var_m2) / cell.count
 
 
 @kernel
-def _fall_in(at: int, z: float, layers: Layers, bounds: tuple[float, float], serial: int) -> None:
-    """One return of height z falls into the cell `at`."""
-    mean, count, _, rising, _, looks, hit_scan, span, _, _ = layers
-    if hit_scan[at] != serial:
-        hit_scan[at] = serial
-        looks[at] += 1
-        span[at, 0] = span[at, 1] = z
-    span[at, 0], span[at, 1] = min(span[at, 0], z), max(span[at, 1], z)
-    if abs(z) > RISING_M or span[at, 1] - span[at, 0] > RELIEF_M:
-        rising[at] = 1
-    if count[at] < MAX_COUNT:
-        count[at] += 1
-    mean[at] += (z - mean[at]) / count[at]
-    if z >= bounds[0] or z <= bounds[1]:
-        _contradict(at, layers, serial)
+def _new_look(cells: Cells, at: int, h: float, z: float, serial: int) -> None:
+    """The first return of a scan in a cell."""
+    cell = cells[at]
+    cell.hit_scan = serial
+    cell.looks += 1
+    cell.floor_run += 1
+    cell.span_low_m = cell.span_high_m = h
+    if cell.count == 0:
+        cell.z_low_m = cell.z_high_m = z
+        cell.low_m = math.inf
+        cell.top_m = -math.inf
 
 
 @kernel
-def _add_points(
-    points: F64,
-    lenses: F64,
-    bounds: tuple[float, float],
+def _stands(
+    cells: Cells, at: int, h: float, bit: int, soft: int, limits: Limits, serial: int
+) -> None:
+    """A return that rises off the floor."""
+    cell = cells[at]
+    cell.low_m, cell.top_m = min(cell.low_m, h), max(cell.top_m, h)
+    if soft > 0:
+        cell.soft += 1
+        cell.doubles += soft - 1
+    else:
+        cell.hard += 1
+    if h >= limits[0]:
+        cell.high_bits |= bit
+        cell.through, cell.floor_run = 0, 0
+        if cell.above_scan != serial and cell.above < MAX_EVIDENCE:
+            cell.above_scan = serial
+            cell.above += 1
+
+
+@kernel
+def _is_floor_again(cells: Cells, at: int) -> None:
+    """For long only floor was seen where once there was none: forget that, unless parts lack it."""
+    cell = cells[at]
+    if cell.miss_bits & ~cell.floor_bits == 0:
+        cell.below, cell.miss, cell.miss_bits = 0, 0, 0
+        if cell.above == 0:
+            cell.mean_m, cell.count = cell.floor_m, cell.floor_count
+
+
+@kernel
+def _fall_in(
+    cells: Cells,
+    at: int,
+    h: float,
+    z: float,
+    beam: tuple[float, float, float],
+    bit: int,
+    soft: int,
+    limits: Limits,
+    serial: int,
+    filters: bool,
+) -> None:
+    """One return of height h (z in the map frame) falls into a cell.
+
+    beam: range, its z direction, instant. soft: 0, or 1 for a return that scatters, 2 for one that
+    echoes twice.
+    """
+    cell = cells[at]
+    if cell.hit_scan != serial or cell.count == 0:
+        _new_look(cells, at, h, z, serial)
+    cell.span_low_m, cell.span_high_m = min(cell.span_low_m, h), max(cell.span_high_m, h)
+    cell.z_low_m, cell.z_high_m = min(cell.z_low_m, z), max(cell.z_high_m, z)
+    if abs(h) > RISING_M or cell.span_high_m - cell.span_low_m > RELIEF_M:
+        cell.rising = 1
+    if cell.count < MAX_COUNT:
+        cell.count += 1
+    cell.z_m += (z - cell.z_m) / cell.count
+    if filters:
+        _filter(cells, at, h, beam[0], beam[1], beam[2])
+    else:
+        _average(cells, at, h)
+    cell.t_s = beam[2]
+    if h > RISING_M:
+        _stands(cells, at, h, bit, soft, limits, serial)
+    if limits[1] < h < limits[0]:
+        cell.floor_bits |= bit
+        cell.floor_count += 1
+        cell.floor_m += (h - cell.floor_m) / cell.floor_count
+        if cell.floor_run >= FLOOR_AGAIN and cell.below + cell.miss > 0:
+            _is_floor_again(cells, at)
+    elif h <= limits[1]:
+        cell.floor_run = 0
+        if cell.below_scan != serial and cell.below < MAX_EVIDENCE:
+            cell.below_scan = serial
+            cell.below += 1
+
+
+@kernel
+def _no_floor(
+    x: float,
+    y: float,
+    skip: int,
     window: tuple[int, int, int, float],
-    layers: Layers,
+    sub: int,
+    cells: Cells,
     serial: int,
     touched: I32,
+    used: int,
 ) -> int:
-    """Take the returns of one scan; fills `touched` and returns how many cells it lists."""
-    _, count, beyond, _, far_sides, _, _, _, stamp, _ = layers
-    corner, size, cell_m = (window[0], window[1]), window[2], window[3]
-    used = 0
-    for p in range(points.shape[0]):
-        x, y, z = points[p]
-        dx, dy = x - lenses[p, 0], y - lenses[p, 1]
-        at = _flat(x, y, cell_m, corner, size)
-        if at >= 0:
-            if count[at] == 0 and beyond[at] == 0:
-                used = _touch_around(at, size, stamp, serial, touched, used)
-            far_sides[at] |= 1 << octant(dx, dy)
-            _fall_in(at, z, layers, bounds, serial)
-            used = _touch(at, stamp, serial, touched, used)
-        if z > bounds[1] or lenses[p, 2] <= 0:
-            continue
-        share = lenses[p, 2] / (lenses[p, 2] - z)  # of the beam, where it met the ground's height
-        below_m = (1 - share) * math.hypot(dx, dy)
-        steps = min(math.ceil(below_m / (HOLE_STEPS * cell_m)), MAX_HOLE_STEPS)
-        last = at
-        for s in range(1, steps):
-            along = share + (1 - share) * s / steps
-            dug = _flat(lenses[p, 0] + along * dx, lenses[p, 1] + along * dy, cell_m, corner, size)
-            if dug >= 0 and dug != last and dug != at:
-                if count[dug] == 0 and beyond[dug] == 0:
-                    used = _touch_around(dug, size, stamp, serial, touched, used)
-                _contradict(dug, layers, serial)
-                used = _touch(dug, stamp, serial, touched, used)
-            last = dug
+    """Floor was due at a place and did not show; the cell `skip` is left out."""
+    at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
+    if at < 0 or at == skip:
+        return used
+    if not known(cells, at):
+        used = touch_around(at, window[2], cells, serial, touched, used)
+    cell = cells[at]
+    cell.miss_bits |= part_bit(x, y, window[3], sub)
+    if cell.miss_scan != serial and cell.miss < MAX_EVIDENCE:
+        cell.miss_scan = serial
+        cell.miss += 1
+    return touch(at, cells, serial, touched, used)
+
+
+@kernel
+def _missed(
+    lens: F64,
+    ray: F64,
+    due: float,
+    seen: float,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+    touched: I32,
+    used: int,
+) -> int:
+    """A beam went on where floor was due: from there to where it was seen (inf: never) is none."""
+    corner = (window[0], window[1])
+    if math.isinf(seen):
+        x, y = lens[0] + due * ray[0], lens[1] + due * ray[1]
+        return _no_floor(x, y, -1, window, sub, cells, serial, touched, used)
+    step = window[3] / sub
+    level = math.hypot(ray[0], ray[1])
+    last = flat_index(
+        lens[0] + seen * ray[0], lens[1] + seen * ray[1], window[3], corner, window[2]
+    )
+    steps = min(math.ceil((seen - due) * level / step), MAX_HOLE_STEPS)
+    for s in range(steps):
+        r = due + (seen - due) * s / steps
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        if (seen - r) * level > step:
+            used = _no_floor(x, y, -1, window, sub, cells, serial, touched, used)
+        else:
+            used = _no_floor(x, y, last, window, sub, cells, serial, touched, used)
     return used
 
 
-class MeanCells:
-    """Layers of a RingGrid, all (size, size).
+@kernel
+def _floor_before(
+    lens: F64, ray: F64, due: float, window: tuple[int, int, int, float], cells: Cells
+) -> float:
+    """Height of the floor just before the place where a beam should meet it; NaN: not seen.
 
-    `mean_m` and `count` of the heights; `beyond`: scans that contradict "floor"; `rising`: 1 once
-    something rose or fell in it; `far_sides`: bit k is set once a beam went on towards octant k;
-    `looks`: scans of which a return fell in.
+    A few centimetres below the ground mean a hole only beside floor that lies higher.
     """
+    corner, level = (window[0], window[1]), math.hypot(ray[0], ray[1])
+    for back in range(1, 4):
+        r = due - BEFORE_CELLS * back * window[3] / level
+        at = flat_index(lens[0] + r * ray[0], lens[1] + r * ray[1], window[3], corner, window[2])
+        if at >= 0 and cells[at].floor_count > 0:
+            return float(cells[at].floor_m)
+    return math.nan
 
-    def __init__(self, grid: RingGrid, h_pos_m: float, h_neg_m: float) -> None:
-        self.grid, self._bounds = grid, (h_pos_m, h_neg_m)
-        self.mean_m: F64 = grid.layer(np.float64, 0.0)  # above the ground under the robot
-        self.count: I32 = grid.layer(np.int32, 0)
-        self.beyond: I32 = grid.layer(np.int32, 0)
-        self.rising: U8 = grid.layer(np.uint8, 0)
-        self.far_sides: U8 = grid.layer(np.uint8, 0)
-        self.looks: I32 = grid.layer(np.int32, 0)
-        hit_scan: I64 = grid.layer(np.int64, 0)  # newest scan of which a return fell in,
-        span_m = np.zeros((grid.size**2, 2))  # and the lowest and highest height of that scan
-        stamp: I64 = grid.layer(np.int64, 0)  # newest scan that listed the cell as touched
-        beyond_scan: I64 = grid.layer(np.int64, 0)  # newest scan that contradicted "floor"
-        self._layers: Layers = (
-            self.mean_m.ravel(),
-            self.count.ravel(),
-            self.beyond.ravel(),
-            self.rising.ravel(),
-            self.far_sides.ravel(),
-            self.looks.ravel(),
-            hit_scan.ravel(),
-            span_m,
-            stamp.ravel(),
-            beyond_scan.ravel(),
-        )
-        self.scans = 0
-        self._touched = np.zeros(min(MAX_TOUCHED, grid.size**2), dtype=np.int32)
 
-    def add(self, points: F64, lenses: F64) -> I32:
-        """Take the returns of a scan, (k, 3) map frame; the flat indices of all cells touched."""
-        self.scans += 1
-        grid = self.grid
-        window = (grid.corner_i, grid.corner_j, grid.size, grid.cell_m)
-        used = _add_points(
-            points, lenses, self._bounds, window, self._layers, self.scans, self._touched
+@kernel
+def _softness(ranges_m: F64, i: int) -> int:
+    """Whether the first return of a beam is of a thing that beams go into: see `_fall_in`."""
+    if ranges_m.shape[0] > 1 and ranges_m[1, i] - ranges_m[0, i] > DOUBLE_M:
+        return 2
+    if 0 < i < ranges_m.shape[1] - 1:
+        before, after = ranges_m[0, i - 1], ranges_m[0, i + 1]
+        if abs(before - after) < TOGETHER_M:
+            return int(abs(ranges_m[0, i] - 0.5 * (before + after)) > SCATTER_M)
+    return 0
+
+
+@kernel
+def _add(
+    t_s: float,
+    lenses: F64,
+    rays: F64,
+    ranges_m: F64,
+    ground: F64,
+    limits: Limits,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+    filters: bool,
+    touched: I32,
+    used: int,
+) -> tuple[int, int]:
+    """Take the beams of one scan; how many cells `touched` lists, and how many returns counted."""
+    corner, size, cell_m = (window[0], window[1]), window[2], window[3]
+    returns = 0
+    for i in range(rays.shape[0]):
+        lens, ray = lenses[i], rays[i]
+        nearest = math.inf
+        for e in range(ranges_m.shape[0]):
+            r = ranges_m[e, i]
+            if not r >= MIN_RANGE_M:
+                continue
+            returns += 1
+            nearest = min(nearest, r)
+            x, y, z = lens[0] + r * ray[0], lens[1] + r * ray[1], lens[2] + r * ray[2]
+            h = z - ground_m(ground, x, y)
+            at = flat_index(x, y, cell_m, corner, size)
+            if at < 0 or h > limits[2]:
+                continue
+            if not known(cells, at):
+                used = touch_around(at, size, cells, serial, touched, used)
+            cells[at].far_sides |= 1 << octant(ray[0], ray[1])
+            bit = part_bit(x, y, cell_m, sub)
+            soft = _softness(ranges_m, i) if e == 0 else 0
+            beam = (r, ray[2], t_s)
+            _fall_in(cells, at, h, z, beam, bit, soft, limits, serial, filters)
+            used = touch(at, cells, serial, touched, used)
+        due = due_m(lens, ray, ground)
+        if due > DUE_M or nearest <= due:
+            continue
+        if math.isfinite(nearest):
+            x, y = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1]
+            h = lens[2] + nearest * ray[2] - ground_m(ground, x, y)
+            if h > limits[1]:
+                h -= _floor_before(lens, ray, due, window, cells)
+            if not h <= -BELOW_M - BELOW_SLOPE * nearest:
+                continue
+        used = _missed(lens, ray, due, nearest, window, sub, cells, serial, touched, used)
+    return used, returns
+
+
+class Elevation:
+    """Heights and evidence in the cells of a `CellGrid`, taken from sweeps."""
+
+    def __init__(
+        self, cells: CellGrid, h_pos_m: float, h_neg_m: float, height_m: float, filters: bool
+    ) -> None:
+        self.cells, self.grid = cells, cells.grid
+        self._limits: Limits = (h_pos_m, h_neg_m, height_m)
+        self._filters = filters
+
+    def add(self, sweep: Sweep, ground: F64) -> int:
+        """Take the returns of a sweep over the ground (9,); how many there were."""
+        cells = self.cells
+        cells.used, returns = _add(
+            sweep.t_s,
+            sweep.lenses,
+            sweep.rays,
+            sweep.ranges_m,
+            ground,
+            self._limits,
+            cells.window,
+            cells.sub,
+            cells.flat,
+            cells.scan,
+            self._filters,
+            cells.touched,
+            cells.used,
         )
-        return self._touched[:used]
+        return int(returns)
+
+    @property
+    def mean_m(self) -> F64:
+        """Heights (size, size) above the ground; only where `count` is not 0."""
+        return self.cells.cells["mean_m"]
+
+    @property
+    def count(self) -> I32:
+        """Returns (size, size) that fell in."""
+        return self.cells.cells["count"]

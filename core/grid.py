@@ -25,7 +25,7 @@ class RingGrid:
         self.corner_i = self.corner_j = -(size // 2)  # world cell with the lowest i and j
         self._layers: list[tuple[npt.NDArray[Any], Any]] = []
 
-    def layer(self, dtype: npt.DTypeLike, blank: float) -> npt.NDArray[Any]:
+    def layer(self, dtype: npt.DTypeLike, blank: Any) -> npt.NDArray[Any]:
         """A new (size, size) array that is `blank` wherever cells enter the window."""
         array = np.full((self.size, self.size), blank, dtype=dtype)
         self._layers.append((array, blank))

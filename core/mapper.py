@@ -10,11 +10,9 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.attitude import AttitudeRing
-from core.beams import BeamGeometry
+from core.beam_maps import BeamMaps
 from core.config import Config
-from core.elevation import MeanCells
-from core.grid import RingGrid
-from core.obstacles import ObstacleMap
+from core.maps import Maps
 from core.odometry import Odometry, Pose
 from core.records import Attitude, ObstacleWindow, Scan, WheelCounts
 
@@ -39,10 +37,10 @@ def _last_beam_s(scan: Scan) -> float:
 
 
 class Mapper:
-    """Attitude, odometry, elevation and obstacle map of one run, method `beams`."""
+    """Attitude, odometry and the maps of one run, by the method that the settings name."""
 
     def __init__(self, config: Config) -> None:
-        robot, scanner, ahrs = config.robot, config.scanner, config.ahrs
+        robot, ahrs = config.robot, config.ahrs
         self.attitudes = AttitudeRing(
             math.radians(ahrs.mount_roll_deg),
             math.radians(ahrs.mount_pitch_deg),
@@ -55,15 +53,7 @@ class Mapper:
             robot.gear_ratio,
             robot.track_width_m,
         )
-        self._geometry = BeamGeometry(
-            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
-            math.radians(scanner.mount_roll_deg),
-            math.radians(scanner.mount_tilt_deg),
-            math.radians(scanner.mount_yaw_deg),
-        )
-        bounds_m = (config.obstacle.h_pos_m, config.obstacle.h_neg_m)
-        self.elevation = MeanCells(RingGrid(config.map.cells, config.map.cell_m), *bounds_m)
-        self.obstacles = ObstacleMap(self.elevation, config.obstacle.window_cells, *bounds_m)
+        self.maps: Maps = BeamMaps(config)
         self.counts = MapperCounts()
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
@@ -112,19 +102,13 @@ class Mapper:
         return added
 
     def _add(self, scan: Scan, last_s: float) -> None:
-        x_m, y_m = (float(part) for part in self.odometry.xy_at(last_s))
-        self.elevation.grid.follow(x_m, y_m)
-        self.obstacles.follow(x_m, y_m)
-        points, lenses = self._geometry.points_from_scan(scan, self.attitudes, self.odometry)
-        self.obstacles.decide(self.elevation.add(points, lenses))
+        self.counts.points += self.maps.add(scan, self.attitudes, self.odometry)
         self.newest_scan_s = last_s
         self.counts.scans_added += 1
-        self.counts.points += len(points)
 
     def erase(self) -> None:
         """Forget both maps: nothing in them can be placed any more."""
-        self.elevation.grid.erase()
-        self.obstacles.erase()
+        self.maps.erase()
         self.newest_scan_s = float("-inf")
         self.counts.erased += 1
 
@@ -134,12 +118,12 @@ class Mapper:
 
     def window(self, trusted: bool) -> ObstacleWindow:
         """The obstacle map and what changed in it since the last call."""
-        obstacles = self.obstacles
+        window = self.maps.window
         return ObstacleWindow(
-            obstacles.cells,
-            obstacles.grid.corner_i,
-            obstacles.grid.corner_j,
-            obstacles.take_changed(),
-            obstacles.epoch,
+            window.cells,
+            window.grid.corner_i,
+            window.grid.corner_j,
+            window.take_changed(),
+            window.epoch,
             trusted,
         )

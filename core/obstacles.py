@@ -1,31 +1,53 @@
 """What a cell means: obstacle, free or unknown, in the window that the planner gets.
 
-Definition 1 of the paper on the average height, a cell at a bound counting as obstacle; and two
-contradictions make an obstacle whatever the average says, while a cell with only one is unknown
-until the laser has looked again several times. Of a wall's foot, the laser first sees what looks
-like floor. So a new cell is not free before something has been seen behind it, and one in which
-something rises not before something has been seen all around it. Only touched cells are decided.
+Definition 1 of the paper on the cell's height, a cell at a bound counting as obstacle; and two
+scans that contradict "floor" make an obstacle whatever the height says, while a cell with only one
+is unknown until the laser has looked again several times. Where floor was due in part of a cell
+and never showed, there is a drop. Of a wall's foot, the laser first sees what looks like floor. So
+a new cell is not free before something has been seen behind it, and one in which something rises
+not before something has been seen all around it. Only touched cells are decided.
 Source: the paper, Definition 1; design, section 7.
 """
 
 import numpy as np
 
-from core.elevation import MeanCells
-from core.grid import RingGrid
+from core.cells import CellGrid, Cells, known, ones
 from core.jit import kernel
-from core.records import F64, FREE, I8, I32, OBSTACLE, U8, UNKNOWN
+from core.records import FREE, I8, I32, OBSTACLE, UNKNOWN
+from core.window import StateWindow, put_state
 
 ENOUGH = 2  # contradicting scans that make an obstacle
 LOOKED_AGAIN = 6  # scans after which a single contradiction no longer holds a cell unknown
 NEW_LOOKS = 25  # scans that have hit a cell before it no longer counts as new: 1 s at 25 Hz
+SOFT_LEAST = 6  # returns that say "soft",
+SOFT_SHARE = 0.5  # of all that rise,
+DOUBLE_SHARE = 0.25  # and that echo twice
 
 AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
+Bounds = tuple[float, float, float]  # h_pos, h_neg, height up to which soft things are free
 
 
 @kernel
-def _goes_on(
-    i: int, j: int, sides: int, count: I32, beyond: I32, window: tuple[int, int, int]
-) -> bool:
+def is_soft(cells: Cells, at: int) -> bool:
+    """Whether what stands in a cell scatters the beams and lets them in: grass, a curtain."""
+    cell = cells[at]
+    rising = cell.soft + cell.hard
+    return bool(
+        cell.soft >= SOFT_LEAST
+        and cell.soft >= SOFT_SHARE * rising
+        and cell.doubles >= DOUBLE_SHARE * rising
+    )
+
+
+@kernel
+def lacks_floor(cells: Cells, at: int, sub: int) -> bool:
+    """Whether so many parts of a cell lack the floor that was due there that it is a drop."""
+    cell = cells[at]
+    return bool(cell.miss >= ENOUGH and ones(cell.miss_bits & ~cell.floor_bits) >= sub)
+
+
+@kernel
+def _goes_on(i: int, j: int, sides: int, cells: Cells, window: tuple[int, int, int]) -> bool:
     """Whether the neighbours on these sides (bits by octant) have all been seen."""
     size = window[2]
     for side in range(8):
@@ -34,22 +56,47 @@ def _goes_on(
         ni, nj = i + AROUND[side][0], j + AROUND[side][1]
         if not (0 <= ni - window[0] < size and 0 <= nj - window[1] < size):
             return False
-        at = (nj % size) * size + ni % size
-        if count[at] == 0 and beyond[at] == 0:
+        if not known(cells, (nj % size) * size + ni % size):
             return False
     return True
 
 
 @kernel
+def _state(
+    i: int, j: int, at: int, cells: Cells, sub: int, bounds: Bounds, window: tuple[int, int, int]
+) -> int:
+    """What one cell means."""
+    cell = cells[at]
+    if not known(cells, at):
+        return UNKNOWN
+    above, height = cell.above, cell.mean_m
+    if bounds[2] > 0.0 and above > 0 and cell.top_m <= bounds[2] and is_soft(cells, at):
+        above, height = 0, cell.floor_m
+    beyond = above + cell.below
+    lacks = lacks_floor(cells, at, sub)
+    if above >= ENOUGH or cell.below >= ENOUGH or lacks:
+        return OBSTACLE
+    if cell.count > 0 and not bounds[1] < height < bounds[0]:
+        return OBSTACLE
+    if (beyond > 0 or cell.miss == 1) and cell.looks < LOOKED_AGAIN:
+        return UNKNOWN
+    if cell.count == 0:
+        return UNKNOWN
+    sides = 0
+    if cell.rising == 1:
+        sides = 0xFF
+    elif cell.looks < NEW_LOOKS:
+        far = int(cell.far_sides)
+        sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
+    return FREE if _goes_on(i, j, sides, cells, window) else UNKNOWN
+
+
+@kernel
 def _decide(
     touched: I32,
-    mean: F64,
-    count: I32,
-    beyond: I32,
-    rising: U8,
-    far_sides: U8,
-    looks: I32,
-    bounds: tuple[float, float],
+    layers: Cells,
+    sub: int,
+    bounds: Bounds,
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
     cells: I8,
@@ -65,92 +112,54 @@ def _decide(
         j = from_window[1] + (row - from_window[1]) % size
         if not (0 <= i - to_window[0] < out and 0 <= j - to_window[1] < out):
             continue
-        if count[at] == 0 and beyond[at] == 0:
-            state = UNKNOWN
-        elif beyond[at] >= ENOUGH or not (bounds[1] < mean[at] < bounds[0]):
-            state = OBSTACLE
-        elif beyond[at] == 1 and looks[at] < LOOKED_AGAIN:
-            state = UNKNOWN
-        else:
-            sides = 0
-            if rising[at] == 1:
-                sides = 0xFF
-            elif looks[at] < NEW_LOOKS:
-                far = int(far_sides[at])
-                sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
-            state = FREE if _goes_on(i, j, sides, count, beyond, from_window) else UNKNOWN
-        to = (j % out) * out + i % out
-        if cells[to] != state:
-            cells[to] = state
-            if marked[to] == 0:
-                marked[to] = 1
-                changed[used] = to
-                used += 1
+        state = _state(i, j, at, layers, sub, bounds, from_window)
+        used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
     return used
 
 
-class ObstacleMap:
-    """The tri-state window, (size, size) int8, and which of its cells changed."""
+class Deciding:
+    """Decides the cells of a `CellGrid` into a `StateWindow`, which may be smaller."""
 
     def __init__(
-        self, elevation: MeanCells, window_cells: int, h_pos_m: float, h_neg_m: float
+        self,
+        source: CellGrid,
+        window: StateWindow,
+        h_pos_m: float,
+        h_neg_m: float,
+        soft_free_below_m: float,
     ) -> None:
-        self.grid = RingGrid(window_cells, elevation.grid.cell_m)
-        self.cells: I8 = self.grid.layer(np.int8, UNKNOWN)
-        self._marked: I8 = np.zeros((window_cells, window_cells), dtype=np.int8)
-        self._elevation, self._bounds = elevation, (h_pos_m, h_neg_m)
-        self._changed = np.zeros(window_cells**2, dtype=np.int32)
-        self._used = 0
-        self.epoch = 0  # grows when everything was erased
+        self._source, self._window = source, window
+        self._bounds: Bounds = (h_pos_m, h_neg_m, soft_free_below_m)
 
     def decide(self, touched: I32) -> None:
-        """Decide again the cells that the elevation map touched (flat indices of its window)."""
-        source = self._elevation.grid
-        self._used = _decide(
+        """Decide cells again (flat indices of the source)."""
+        source, window = self._source, self._window
+        window.used = _decide(
             touched,
-            self._elevation.mean_m.ravel(),
-            self._elevation.count.ravel(),
-            self._elevation.beyond.ravel(),
-            self._elevation.rising.ravel(),
-            self._elevation.far_sides.ravel(),
-            self._elevation.looks.ravel(),
+            source.flat,
+            source.sub,
             self._bounds,
-            (source.corner_i, source.corner_j, source.size),
-            (self.grid.corner_i, self.grid.corner_j, self.grid.size),
-            self.cells.ravel(),
-            self._marked.ravel(),
-            self._changed,
-            self._used,
+            (source.grid.corner_i, source.grid.corner_j, source.grid.size),
+            (window.grid.corner_i, window.grid.corner_j, window.grid.size),
+            window.cells.ravel(),
+            window.marked,
+            window.changed,
+            window.used,
         )
 
     def follow(self, x_m: float, y_m: float) -> None:
-        """Move the window with the robot; what enters and is known in the elevation map is decided.
+        """Move the window with the robot; what enters and is known in the source is decided.
 
-        The elevation window must have moved before.
+        The source must have moved before.
         """
-        old_i, old_j = self.grid.corner_i, self.grid.corner_j
-        if not self.grid.follow(x_m, y_m) or self.grid.size == self._elevation.grid.size:
+        grid, source = self._window.grid, self._source.grid
+        old_i, old_j = grid.corner_i, grid.corner_j
+        if not self._window.follow(x_m, y_m) or grid.size == source.size:
             return
-        size, source = self.grid.size, self._elevation.grid.size
-        i = np.arange(self.grid.corner_i, self.grid.corner_i + size)
-        j = np.arange(self.grid.corner_j, self.grid.corner_j + size)
-        new_i = i[(i < old_i) | (i >= old_i + size)]
-        new_j = j[(j < old_j) | (j >= old_j + size)]
-        columns = (j[:, None] % source) * source + new_i[None, :] % source
-        rows = (new_j[:, None] % source) * source + i[None, :] % source
-        entered = np.concatenate([columns.ravel(), rows.ravel()]).astype(np.int32)
-        self.decide(entered)
-
-    def erase(self) -> None:
-        """Everything unknown, and nothing told before holds."""
-        self.grid.erase()
-        self._marked[...] = 0
-        self._used = 0
-        self.epoch += 1
-
-    def take_changed(self) -> I32:
-        """Flat indices of the cells that changed since the last call."""
-        changed = self._changed[: self._used].copy()
-        self._marked.ravel()[changed] = 0
-        self._used = 0
-        return changed
+        i = np.arange(grid.corner_i, grid.corner_i + grid.size)
+        j = np.arange(grid.corner_j, grid.corner_j + grid.size)
+        new_i = i[(i < old_i) | (i >= old_i + grid.size)]
+        new_j = j[(j < old_j) | (j >= old_j + grid.size)]
+        columns = (j[:, None] % source.size) * source.size + new_i[None, :] % source.size
+        rows = (new_j[:, None] % source.size) * source.size + i[None, :] % source.size
+        self.decide(np.concatenate([columns.ravel(), rows.ravel()]).astype(np.int32))

@@ -38,7 +38,7 @@ class Pose:
 
 
 class Odometry:
-    """The path so far: positions (KEPT, 2) in the map frame at host times, oldest first."""
+    """The path so far: positions (KEPT, 3) in the map frame at host times, oldest first."""
 
     def __init__(
         self,
@@ -52,7 +52,8 @@ class Odometry:
         self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
         self._track_width_m = track_width_m
         self._t_s = np.zeros(KEPT)
-        self._xy_m = np.zeros((KEPT, 2))
+        self._xyz_m = np.zeros((KEPT, 3))
+        self._travel_m = np.zeros(KEPT)
         self._used = 0
         self._waiting: deque[WheelCounts] = deque()
         self._last: WheelCounts | None = None
@@ -94,7 +95,7 @@ class Odometry:
         last = self._last
         if last is None:
             self.yaw_start_rad = yaw_rad
-            self._append(counts.t_s, 0.0, 0.0)
+            self._append(counts.t_s, np.zeros(3), 0.0)
         elif counts.restarts != last.restarts:
             self._break(counts.t_s)
         else:
@@ -112,32 +113,43 @@ class Odometry:
         if unseen_turn or blind:
             self._break(counts.t_s)
             return
-        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(middle_s)
-        heading_rad = yaw_rad - self.yaw_start_rad
-        level_m = travel_m * math.cos(pitch_rad)
-        x_m, y_m = self._xy_m[self._used - 1]
+        step_m = self._step(travel_m, middle_s)
+        newest = self._used - 1
         self._append(
-            counts.t_s,
-            float(x_m) + level_m * math.cos(heading_rad),
-            float(y_m) + level_m * math.sin(heading_rad),
+            counts.t_s, self._xyz_m[newest] + step_m, float(self._travel_m[newest]) + travel_m
         )
         self.v_mps = travel_m / dt_s
         self.w_radps = (right_m - left_m) / (self._track_width_m * dt_s)
 
+    def _step(self, travel_m: float, at_s: float) -> F64:
+        """A travel along the body's x axis at a spanned instant, as (3,) of the map frame."""
+        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(at_s)
+        heading_rad = yaw_rad - self.yaw_start_rad
+        level_m = travel_m * math.cos(pitch_rad)
+        return np.array(
+            [
+                level_m * math.cos(heading_rad),
+                level_m * math.sin(heading_rad),
+                -travel_m * math.sin(pitch_rad),
+            ]
+        )
+
     def _break(self, t_s: float) -> None:
         """Go on from the same place, as an island of its own."""
-        x_m, y_m = self._xy_m[self._used - 1]
+        xyz_m, travel_m = self._xyz_m[self._used - 1].copy(), float(self._travel_m[self._used - 1])
         self._used = 0
-        self._append(t_s, float(x_m), float(y_m))
+        self._append(t_s, xyz_m, travel_m)
         self.v_mps = self.w_radps = 0.0
         self.breaks += 1
 
-    def _append(self, t_s: float, x_m: float, y_m: float) -> None:
+    def _append(self, t_s: float, xyz_m: F64, travel_m: float) -> None:
         if self._used == KEPT:
-            self._t_s[:-1], self._xy_m[:-1] = self._t_s[1:].copy(), self._xy_m[1:].copy()
+            for kept in (self._t_s, self._xyz_m, self._travel_m):
+                kept[:-1] = kept[1:].copy()
             self._used -= 1
         self._t_s[self._used] = t_s
-        self._xy_m[self._used] = x_m, y_m
+        self._xyz_m[self._used] = xyz_m
+        self._travel_m[self._used] = travel_m
         self._used += 1
 
     def covers(self, from_s: float, to_s: float) -> bool:
@@ -150,18 +162,29 @@ class Odometry:
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""
-        times_s, xy_m = self._t_s[: self._used], self._xy_m[: self._used]
+        return self.xyz_at(at_s)[:2]
+
+    def xyz_at(self, at_s: float) -> F64:
+        """Position (3,) in the map frame at a covered instant; z from travel and pitch alone."""
+        times_s, xyz_m = self._t_s[: self._used], self._xyz_m[: self._used]
         ahead_s = at_s - float(times_s[-1])
         if ahead_s <= 0:
-            return np.array(
-                [np.interp(at_s, times_s, xy_m[:, 0]), np.interp(at_s, times_s, xy_m[:, 1])]
-            )
+            return np.array([np.interp(at_s, times_s, xyz_m[:, n]) for n in range(3)])
         middle_s = min(float(times_s[-1]) + ahead_s / 2, self._attitudes.newest_s)
-        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(middle_s)
-        heading_rad = yaw_rad - self.yaw_start_rad
-        level_m = self.v_mps * ahead_s * math.cos(pitch_rad)
-        step = np.array([level_m * math.cos(heading_rad), level_m * math.sin(heading_rad)])
-        return np.asarray(xy_m[-1] + step)
+        return np.asarray(xyz_m[-1] + self._step(self.v_mps * ahead_s, middle_s))
+
+    @property
+    def travel_m(self) -> float:
+        """Mean of both wheels' signed travel since the start, at the newest laid pair."""
+        return float(self._travel_m[self._used - 1]) if self._used else 0.0
+
+    def travel_at(self, at_s: float) -> float:
+        """The same at a covered instant."""
+        times_s = self._t_s[: self._used]
+        ahead_s = at_s - float(times_s[-1])
+        if ahead_s <= 0:
+            return float(np.interp(at_s, times_s, self._travel_m[: self._used]))
+        return self.travel_m + self.v_mps * ahead_s
 
     def maybe_pose(self, at_s: float) -> Pose | None:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""

@@ -74,3 +74,9 @@ class ScannerCondition:
         if not self.contamination and self.device_status != (0, 0):
             words.append(f"sends scans with device status {status_in_words(self.device_status)}")
         return ", ".join(word for word in words if word)
+
+
+def is_dirty(condition: ScannerCondition) -> bool:
+    """Whether the scanner's window is contaminated, be it as a warning."""
+    by_status = condition.device_status[0] | condition.device_status[1]
+    return bool(condition.contamination or by_status & (STATUS_DIRTY | STATUS_BLIND))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from core.beam_maps import BeamMaps
 from core.config import Config, load_config
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner import FakePlanner
@@ -80,7 +81,8 @@ class ClosedLoop:
 
     def map_now(self) -> npt.NDArray[np.int8]:
         """The app's obstacle window, (size, size) [j, i] from its corner."""
-        grid, cells = self.app.mapper.obstacles.grid, self.app.mapper.obstacles.cells
+        window = self.app.mapper.maps.window
+        grid, cells = window.grid, window.cells
         return np.roll(cells, (-grid.corner_j, -grid.corner_i), axis=(0, 1))
 
 
@@ -103,7 +105,9 @@ SAMPLES = np.linspace(0.02, 0.98, 7)
 def compare(loop: ClosedLoop) -> Comparison:
     """The app's maps now against the world; places in the map frame, which begins at the start."""
     mapper = loop.app.mapper
-    grid, cell_m = mapper.obstacles.grid, mapper.obstacles.grid.cell_m
+    maps = mapper.maps
+    assert isinstance(maps, BeamMaps)
+    grid, cell_m = maps.window.grid, maps.window.grid.cell_m
     size = grid.size
     i = grid.corner_i - 1 + np.arange(size + 2)
     j = grid.corner_j - 1 + np.arange(size + 2)
@@ -136,8 +140,8 @@ def compare(loop: ClosedLoop) -> Comparison:
         ]
 
     floor = clear & (cells == FREE) & (np.abs(high[inner]) < 1e-3) & (np.abs(low[inner]) < 1e-3)
-    source = mapper.elevation.grid
-    mean = np.roll(mapper.elevation.mean_m, (-source.corner_j, -source.corner_i), axis=(0, 1))
+    source = maps.elevation.grid
+    mean = np.roll(maps.elevation.mean_m, (-source.corner_j, -source.corner_i), axis=(0, 1))
     offset_i, offset_j = grid.corner_i - source.corner_i, grid.corner_j - source.corner_j
     mean = mean[offset_j : offset_j + size, offset_i : offset_i + size]
     return Comparison(

@@ -50,7 +50,7 @@ def test_the_planner_holds_the_apps_map_cell_for_cell(
     loop, _ = drive
     told = loop.planner.window()
     meant = np.array([0, 2, 1], dtype=np.uint8)[loop.map_now()]  # unknown, obstacle (1), free (-1)
-    grid = loop.app.mapper.obstacles.grid
+    grid = loop.app.mapper.maps.window.grid
     assert loop.planner.origin == (grid.corner_i, grid.corner_j)
     assert int((told != meant).sum()) <= 20  # what this very tick's scan changed
     assert not loop.planner.suspect

@@ -6,19 +6,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ROOMS = {"core", "hw", "fakes", "tools", "tests", "main"}
+ROOMS = {"core", "hw", "fakes", "tools", "tests", "app", "main"}
 MAY_IMPORT = {
     "core": {"core"},
     "hw": {"hw", "core.records"},
     "fakes": {"fakes"},
-    "main.py": {"hw", "core"},
-    "tools": {"tools", "main", "hw", "core", "fakes"},
+    "app.py": {"hw", "core"},
+    "main.py": {"app", "hw", "core"},
+    "tools": {"tools", "app", "main", "hw", "core", "fakes"},
     "tests": ROOMS,
 }
 LIBRARIES = {
     "core": {"numpy", "numba", "msgspec"},
     "hw": {"numpy", "numba", "serial", "cobs"},
-    "main.py": {"numpy", "structlog"},
+    "app.py": {"numpy", "structlog"},
+    "main.py": {"structlog"},
     "fakes": {"numpy", "mujoco"},
 }
 CLOCKS_AND_FILES = {

@@ -1,0 +1,88 @@
+"""Method `beams`: exact geometry for each beam, heights over the tracked ground, evidence in cells.
+
+Source: design, section 7.
+"""
+
+import math
+
+from core.attitude import AttitudeRing
+from core.beams import BeamGeometry
+from core.cells import CellGrid
+from core.clearing import Clearing
+from core.config import Config
+from core.elevation import Elevation
+from core.geometry import R_from_rpy
+from core.ground import GroundTracker, Stand
+from core.obstacles import Deciding, lacks_floor
+from core.odometry import Odometry
+from core.records import OBSTACLE, Scan
+from core.window import StateWindow
+
+
+class BeamMaps:
+    """The maps of one run, kept up scan by scan."""
+
+    def __init__(self, config: Config) -> None:
+        scanner, obstacle = config.scanner, config.obstacle
+        self._geometry = BeamGeometry(
+            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
+            math.radians(scanner.mount_roll_deg),
+            math.radians(scanner.mount_tilt_deg),
+            math.radians(scanner.mount_yaw_deg),
+        )
+        self.cells = CellGrid(config.map.cells, config.map.cell_m)
+        self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
+        bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
+        filters = config.map.cell_value == "kalman"
+        self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters)
+        self.clearing = Clearing(self.cells)
+        self.ground = GroundTracker(self.cells)
+        self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
+        self._h_neg_m = obstacle.h_neg_m
+
+    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a scan that attitude and odometry cover; how many returns it had."""
+        sweep = self._geometry.cast(scan, attitudes, odometry)
+        stand = stand_at(sweep.t_s, attitudes, odometry)
+        self.cells.grid.follow(stand.x_m, stand.y_m)
+        self._deciding.follow(stand.x_m, stand.y_m)
+        self.ground.follow(sweep, stand)
+        self.cells.begin_scan()
+        returns = self.elevation.add(sweep, self.ground.numbers)
+        self.clearing.add(sweep, self.ground.numbers)
+        self._deciding.decide(self.cells.touched[: self.cells.used])
+        return returns
+
+    def erase(self) -> None:
+        """Forget everything."""
+        self.cells.grid.erase()
+        self.window.erase()
+        self.ground.erase()
+
+    def is_low(self, i: int, j: int) -> bool:
+        """Whether an obstacle cell lies low, or is a place where floor was due and did not show."""
+        grid, window = self.cells.grid, self.window
+        inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
+        shown = window.cells[j % window.grid.size, i % window.grid.size]
+        if not inside or int(shown) != OBSTACLE:
+            return False
+        at = (j % grid.size) * grid.size + i % grid.size
+        cell = self.cells.flat[at]
+        stands = cell["above"] > 0
+        return bool(
+            (cell["count"] > 0 and cell["mean_m"] <= self._h_neg_m)
+            or (
+                not stands
+                and (cell["below"] > 0 or lacks_floor(self.cells.flat, at, self.cells.sub))
+            )
+        )
+
+
+def stand_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Stand:
+    """Where and how the robot stands at a covered instant, map frame."""
+    roll, pitch, yaw = attitudes.rpy_at(t_s)
+    yaw -= odometry.yaw_start_rad
+    nx, ny, nz = (float(part) for part in R_from_rpy(roll, pitch, yaw)[:, 2])
+    x_m, y_m, z_m = (float(part) for part in odometry.xyz_at(t_s))
+    heading = (math.cos(yaw), math.sin(yaw))
+    return Stand(x_m, y_m, z_m, heading, (-nx / nz, -ny / nz), odometry.travel_at(t_s))

@@ -1,0 +1,113 @@
+"""What is not there any more: beams that pass where something stood.
+
+A beam speaks against a thing if it passes through the very part of a cell where the thing was
+seen, clearly between its lowest and its highest return, and goes on. Some scans in a row must do
+so, without a return from the thing in between; then what stood in the cell is forgotten, and the
+floor that was seen there counts again. Each beam is looked at every 20 cm, at other places in each
+scan, so that the cost grows with neither the window nor the fineness of the cells.
+Source: design, section 7 (clearing).
+"""
+
+import math
+
+from core.beams import MIN_RANGE_M, Sweep
+from core.cells import CellGrid, Cells, flat_index, part_bit, touch
+from core.ground import ground_m
+from core.jit import kernel
+from core.records import F64, I32
+
+THROUGH = 6  # scans in a row
+STEP_M = 0.2
+REACH_M = 15.0  # from the lens
+BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
+MARGIN_M = 0.05  # below the highest and above the lowest return, or a quarter of what is between
+GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
+
+
+@kernel
+def _forget(cells: Cells, at: int) -> None:
+    """What stood in the cell is gone; the floor that was seen there stays."""
+    cell = cells[at]
+    cell.above, cell.high_bits, cell.rising, cell.through = 0, 0, 0, 0
+    cell.soft, cell.hard, cell.doubles, cell.outliers = 0, 0, 0, 0
+    cell.low_m, cell.top_m = math.inf, -math.inf
+    cell.mean_m, cell.count = cell.floor_m, cell.floor_count
+    cell.z_high_m = cell.z_low_m
+    cell.z_m = cell.z_low_m
+
+
+@kernel
+def _passes(cells: Cells, at: int, bit: int, h: float, serial: int) -> bool:
+    """Whether a beam at height h passes through what stood in a part of a cell."""
+    cell = cells[at]
+    if cell.above == 0 or cell.high_bits & bit == 0 or cell.above_scan == serial:
+        return False
+    margin = min(MARGIN_M, 0.25 * (cell.top_m - cell.low_m))
+    return bool(cell.low_m + margin <= h <= cell.top_m - margin)
+
+
+@kernel
+def _clear(
+    lenses: F64,
+    rays: F64,
+    ranges_m: F64,
+    ground: F64,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+    touched: I32,
+    used: int,
+) -> tuple[int, int]:
+    """How many cells `touched` lists, and how many were cleared."""
+    corner, cleared = (window[0], window[1]), 0
+    for i in range(rays.shape[0]):
+        nearest = math.inf
+        for e in range(ranges_m.shape[0]):
+            if ranges_m[e, i] >= MIN_RANGE_M:
+                nearest = min(nearest, ranges_m[e, i])
+        if math.isinf(nearest):  # black, glass, or nothing: it proves nothing
+            continue
+        phase = (i * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0
+        end = min(nearest - BEFORE_M, REACH_M)
+        r = MIN_RANGE_M + phase * STEP_M
+        while r < end:
+            x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
+            at = flat_index(x, y, window[3], corner, window[2])
+            if at >= 0 and cells[at].above > 0 and cells[at].through_scan != serial:
+                bit = part_bit(x, y, window[3], sub)
+                h = lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y)
+                if _passes(cells, at, bit, h, serial):
+                    cells[at].through_scan = serial
+                    cells[at].through += 1
+                    if cells[at].through >= THROUGH:
+                        _forget(cells, at)
+                        cleared += 1
+                    used = touch(at, cells, serial, touched, used)
+            r += STEP_M
+    return used, cleared
+
+
+class Clearing:
+    """Clears the cells of a `CellGrid` by the beams of sweeps."""
+
+    def __init__(self, cells: CellGrid) -> None:
+        self._cells = cells
+        self.cleared = 0  # cells so far
+
+    def add(self, sweep: Sweep, ground: F64) -> None:
+        """Take a sweep that was added to the cells just before."""
+        cells = self._cells
+        cells.used, cleared = _clear(
+            sweep.lenses,
+            sweep.rays,
+            sweep.ranges_m,
+            ground,
+            cells.window,
+            cells.sub,
+            cells.flat,
+            cells.scan,
+            cells.touched,
+            cells.used,
+        )
+        self.cleared += int(cleared)

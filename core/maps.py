@@ -1,0 +1,29 @@
+"""What a mapping method gives to the rest of the app, whichever it is."""
+
+from typing import Protocol
+
+from core.attitude import AttitudeRing
+from core.odometry import Odometry
+from core.records import Scan
+from core.window import StateWindow
+
+
+class Maps(Protocol):
+    """An elevation map and the obstacle map made of it, kept up by one method."""
+
+    window: StateWindow
+
+    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a scan that attitude and odometry cover from its first beam to its last.
+
+        Returns how many of its returns were used.
+        """
+        ...
+
+    def erase(self) -> None:
+        """Forget everything: nothing in it can be placed any more."""
+        ...
+
+    def is_low(self, i: int, j: int) -> bool:
+        """Whether an obstacle cell (world cell indices) is a drop, not something that stands."""
+        ...

@@ -6,9 +6,9 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run test check format replay view bench fuzz devices clean
+.PHONY: help setup run test check format replay view bench experiments calibrate fuzz devices clean
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
 $(VENV)/.ready: pyproject.toml
 	@echo "mapod: setting up the virtual environment in $(VENV) (once; a minute or two)"
@@ -50,6 +50,12 @@ view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
 
 bench: setup ## what a scan costs, and how soon its map is on the wire
 	@$(BIN)/python -m tools.bench
+
+experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
+	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
+
+calibrate: setup ## height, tilt and roll of the scanner from flat floor [ARGS="--height 1.08 --write"]
+	@$(BIN)/python -m tools.calibrate $(ARGS)
 
 fuzz: setup ## coverage-guided fuzzing of the three codecs [MINUTES=10]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))

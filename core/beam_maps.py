@@ -12,7 +12,8 @@ from core.clearing import Clearing
 from core.config import Config
 from core.elevation import Elevation
 from core.geometry import R_from_rpy
-from core.ground import GroundTracker, Stand
+from core.ground import GroundTracker
+from core.ground_line import Stand
 from core.obstacles import Deciding, lacks_floor
 from core.odometry import Odometry
 from core.records import OBSTACLE, Scan

@@ -122,6 +122,18 @@ def touch_around(at: int, size: int, cells: Cells, serial: int, touched: I32, us
     return used
 
 
+@kernel
+def forget(cells: Cells, at: int) -> None:
+    """What stood in the cell is gone; the floor that was seen there stays."""
+    cell = cells[at]
+    cell.above, cell.high_bits, cell.rising, cell.through = 0, 0, 0, 0
+    cell.soft, cell.hard, cell.doubles, cell.outliers = 0, 0, 0, 0
+    cell.low_m, cell.top_m = math.inf, -math.inf
+    cell.mean_m, cell.count = cell.floor_m, cell.floor_count
+    cell.z_high_m = cell.z_low_m
+    cell.z_m = cell.z_low_m
+
+
 class CellGrid:
     """A RingGrid of CELL records, (size, size), and the list of those that one scan touched."""
 

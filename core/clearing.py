@@ -11,38 +11,26 @@ Source: design, section 7 (clearing).
 import math
 
 from core.beams import MIN_RANGE_M, Sweep
-from core.cells import CellGrid, Cells, flat_index, part_bit, touch
-from core.ground import ground_m
+from core.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
+from core.ground_line import ground_m
 from core.jit import kernel
 from core.records import F64, I32
 
-THROUGH = 6  # scans in a row
+THROUGH = 8  # scans in a row
 STEP_M = 0.2
 REACH_M = 15.0  # from the lens
 BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
-MARGIN_M = 0.05  # below the highest and above the lowest return, or a quarter of what is between
+MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
 GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
 
 
 @kernel
-def _forget(cells: Cells, at: int) -> None:
-    """What stood in the cell is gone; the floor that was seen there stays."""
-    cell = cells[at]
-    cell.above, cell.high_bits, cell.rising, cell.through = 0, 0, 0, 0
-    cell.soft, cell.hard, cell.doubles, cell.outliers = 0, 0, 0, 0
-    cell.low_m, cell.top_m = math.inf, -math.inf
-    cell.mean_m, cell.count = cell.floor_m, cell.floor_count
-    cell.z_high_m = cell.z_low_m
-    cell.z_m = cell.z_low_m
-
-
-@kernel
-def _passes(cells: Cells, at: int, bit: int, h: float, serial: int) -> bool:
-    """Whether a beam at height h passes through what stood in a part of a cell."""
+def _passes(cells: Cells, at: int, bit: int, h: float, r: float, serial: int) -> bool:
+    """Whether a beam, at range r and height h, passes through what stood in a part of a cell."""
     cell = cells[at]
     if cell.above == 0 or cell.high_bits & bit == 0 or cell.above_scan == serial:
         return False
-    margin = min(MARGIN_M, 0.25 * (cell.top_m - cell.low_m))
+    margin = MARGIN_M + MARGIN_SLOPE * r
     return bool(cell.low_m + margin <= h <= cell.top_m - margin)
 
 
@@ -77,11 +65,11 @@ def _clear(
             if at >= 0 and cells[at].above > 0 and cells[at].through_scan != serial:
                 bit = part_bit(x, y, window[3], sub)
                 h = lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y)
-                if _passes(cells, at, bit, h, serial):
+                if _passes(cells, at, bit, h, r, serial):
                     cells[at].through_scan = serial
                     cells[at].through += 1
                     if cells[at].through >= THROUGH:
-                        _forget(cells, at)
+                        forget(cells, at)
                         cleared += 1
                     used = touch(at, cells, serial, touched, used)
             r += STEP_M

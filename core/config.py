@@ -320,6 +320,11 @@ def _check_together(config: Config) -> None:
             f"obstacle.window_cells: must be at most map.cells = {config.map.cells}, "
             f"is {config.obstacle.window_cells}"
         )
+    if config.obstacle.soft_free_below_m > 0 and scanner.echo != "both":
+        raise ConfigError(
+            'obstacle.soft_free_below_m: needs scanner.echo = "both", for beams echo twice in soft '
+            f"things; is {config.obstacle.soft_free_below_m} with echo = {scanner.echo!r}"
+        )
     if abs(config.map.cell_m * 1000 - round(config.map.cell_m * 1000)) > 1e-6:
         raise ConfigError(
             "map.cell_m: must be whole millimetres (the planner's wire counts them), "
@@ -331,7 +336,6 @@ def _check_built(config: Config) -> None:
     """Values that the design names and that this version does not have yet: said, not ignored."""
     for key, value, built in (
         ("scanner.driver", config.scanner.driver, ("lms111",)),
-        ("map.method", config.map.method, ("beams", "reference_plane")),
         ("map.cell_value", config.map.cell_value, ("mean", "kalman")),
         ("modbus.port", config.modbus.port, ("",)),
     ):

@@ -22,7 +22,7 @@ from core.cells import (
     touch,
     touch_around,
 )
-from core.ground import DUE_M, due_m, ground_m
+from core.ground_line import DUE_M, due_m, ground_m
 from core.jit import kernel
 from core.records import F64, I32
 
@@ -31,6 +31,7 @@ RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong a
 MAX_COUNT = 1_000_000_000
 MAX_EVIDENCE = 60_000
 BELOW_M = 0.025  # a return so far below the ground has passed where floor was due,
+LOWER_M = 0.018  # if the ground is as expected to within this much,
 BELOW_SLOPE = 0.0015  # and this much of its range more
 BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
 MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
@@ -122,7 +123,7 @@ def _stands(
 
 @kernel
 def _is_floor_again(cells: Cells, at: int) -> None:
-    """For long only floor was seen where once there was none: forget that, unless parts lack it."""
+    """For long, floor alone was seen: forget that it lacked, unless parts still lack it."""
     cell = cells[at]
     if cell.miss_bits & ~cell.floor_bits == 0:
         cell.below, cell.miss, cell.miss_bits = 0, 0, 0
@@ -240,18 +241,27 @@ def _missed(
 
 @kernel
 def _floor_before(
-    lens: F64, ray: F64, due: float, window: tuple[int, int, int, float], cells: Cells
+    lens: F64,
+    ray: F64,
+    due: float,
+    x: float,
+    y: float,
+    ground: F64,
+    window: tuple[int, int, int, float],
+    cells: Cells,
 ) -> float:
-    """Height of the floor just before the place where a beam should meet it; NaN: not seen.
+    """How high floor at (x, y) would lie, by the floor just before where the beam should meet it.
 
-    A few centimetres below the ground mean a hole only beside floor that lies higher.
+    In the map frame; NaN: none was seen there. A few centimetres below the ground mean a hole only
+    beside floor that lies higher.
     """
     corner, level = (window[0], window[1]), math.hypot(ray[0], ray[1])
     for back in range(1, 4):
         r = due - BEFORE_CELLS * back * window[3] / level
-        at = flat_index(lens[0] + r * ray[0], lens[1] + r * ray[1], window[3], corner, window[2])
-        if at >= 0 and cells[at].floor_count > 0:
-            return float(cells[at].floor_m)
+        bx, by = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        at = flat_index(bx, by, window[3], corner, window[2])
+        if at >= 0 and cells[at].floor_count > 0 and cells[at].above == 0:
+            return float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
     return math.nan
 
 
@@ -314,8 +324,11 @@ def _add(
         if math.isfinite(nearest):
             x, y = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1]
             h = lens[2] + nearest * ray[2] - ground_m(ground, x, y)
+            if h > -LOWER_M:
+                continue
             if h > limits[1]:
-                h -= _floor_before(lens, ray, due, window, cells)
+                z = lens[2] + nearest * ray[2] - ground[9]
+                h = z - _floor_before(lens, ray, due, x, y, ground, window, cells)
             if not h <= -BELOW_M - BELOW_SLOPE * nearest:
                 continue
         used = _missed(lens, ray, due, nearest, window, sub, cells, serial, touched, used)

@@ -11,195 +11,61 @@ Source: design, section 7 (ground).
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
-from core.beams import MAX_BEAMS, MIN_RANGE_M, Sweep
-from core.cells import CellGrid, Cells, flat_index
-from core.jit import kernel
+from core.beams import MAX_BEAMS, Sweep
+from core.cells import CellGrid
+from core.ground_line import Line, Stand, fit, near_plane, nearest_due
 from core.records import F64
 
-DUE_M = 12.0  # farther off, a dark floor need not give a return
-GATE_M = 0.05  # a return so near to the expected ground, or
-GATE_SLOPE = 0.003  # this much of its range nearer, is taken for floor
-STEEP = 0.25  # relief of a cell that is too steep for ground, share of its edge,
-STEEP_M = 0.015  # and on top of it what noise makes
-BIN_M, HALF_BINS, WIDE_BINS = 0.005, 20, 6  # in which the floor's height is looked for
-PEAK_M = 0.025  # about it
-FLAT_SHARE = 0.4  # of the returns near the plane lie so close together, if there is floor at all
+KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
+FLAT_SHARE = 0.4  # of the returns near the plane lie close together, if there is floor at all
 LEAST = 15  # returns that make a line
+MIDDLE_OF = 5  # scans whose middle offset counts: a step must last
+JITTER_M = (
+    0.015  # of the offsets about their middle: from here on each scan is set right by its own
+)
+JITTER_SCANS = 20
 FOLLOW_M = 0.4  # travel in which the line is followed,
 FOLLOW_S = 20.0  # and time, when the robot stands
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
+LEAN_S = 0.7  # in which the robot's own slope is followed
 BACK_M = 0.6  # travel by which the tracker goes back when it has lost the line
 KEPT = 64
 TRIED_M = (0.0, 0.03, -0.03, 0.06, -0.06)  # offsets of planes that are tried
 TRIED_SLOPES = (1.0, 0.0, 0.5, 1.5, 2.0)  # of the robot's own: half of it is on a ramp already
-TRIED_GATE = 0.5  # of the gates
-
-
-@kernel
-def ground_m(ground: F64, x: float, y: float) -> float:
-    """Height of the ground (map frame) at a place, by the (9,) numbers of `Ground.numbers`."""
-    k = 0 if ground[6] * x + ground[7] * y >= ground[8] else 3
-    return float(ground[k] + ground[k + 1] * x + ground[k + 2] * y)
-
-
-@kernel
-def due_m(lens: F64, ray: F64, ground: F64) -> float:
-    """Range at which a beam should meet the ground at the line; inf where it does not go down."""
-    above = lens[2] - (ground[0] + ground[1] * lens[0] + ground[2] * lens[1])
-    fall = ray[2] - ground[1] * ray[0] - ground[2] * ray[1]
-    if fall > -1e-3 or above <= 0.0:
-        return math.inf
-    return float(-above / fall)
-
-
-@kernel
-def _is_steep(x: float, y: float, window: tuple[int, int, int, float], cells: Cells) -> bool:
-    """Whether the cell of a point rises too much within itself to be ground."""
-    at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
-    if at < 0 or cells[at].count == 0:
-        return False
-    return bool(cells[at].z_high_m - cells[at].z_low_m > STEEP * window[3] + STEEP_M)
-
-
-@kernel
-def _peak(heights: F64, n: int) -> float:
-    """Where most of n heights lie close together: floor does, the foot of a wall does not."""
-    bins = np.zeros(2 * HALF_BINS, dtype=np.int64)
-    for k in range(n):
-        bins[max(0, min(2 * HALF_BINS - 1, int(heights[k] / BIN_M + HALF_BINS)))] += 1
-    best, most = 0, -1
-    for k in range(WIDE_BINS - 1, 2 * HALF_BINS):
-        total = 0
-        for m in range(WIDE_BINS):
-            total += bins[k - m]
-        if total > most:
-            best, most = k, total
-    return (best + 1 - 0.5 * WIDE_BINS - HALF_BINS) * BIN_M
-
-
-@kernel
-def _near_plane(
-    lenses: F64,
-    rays: F64,
-    ranges_m: F64,
-    ground: F64,
-    anchor: F64,
-    gate: float,
-    window: tuple[int, int, int, float],
-    cells: Cells,
-    found: F64,
-) -> tuple[int, int]:
-    """Returns near the plane at the line, into `found` (n, 3): height over it, v, weight.
-
-    v is the place across the robot's way. Returns how many, and how many might have been.
-    """
-    n, candidates = 0, 0
-    for i in range(rays.shape[0]):
-        due = due_m(lenses[i], rays[i], ground)
-        r = ranges_m[0, i]
-        if due > DUE_M or not r >= MIN_RANGE_M or r < 0.5 * due:
-            continue
-        candidates += 1
-        x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
-        h = lenses[i, 2] + r * rays[i, 2] - (ground[0] + ground[1] * x + ground[2] * y)
-        if abs(h) > gate * (GATE_M + GATE_SLOPE * r) or _is_steep(x, y, window, cells):
-            continue
-        found[n, 0] = h
-        found[n, 1] = ground[6] * (y - anchor[1]) - ground[7] * (x - anchor[0])
-        found[n, 2] = 1.0 / (1.0 + 0.02 * r * r)
-        n += 1
-    return n, candidates
-
-
-@kernel
-def _fit(found: F64, n: int) -> tuple[int, float, float]:
-    """The line through n returns (n, 3) of `_near_plane`, most of which are floor.
-
-    Returns (how many make the line, their mean height over the plane, its slope across).
-    """
-    peak = _peak(found[:, 0], n)
-    s0 = sv = svv = sh = shv = 0.0
-    used = 0
-    for k in range(n):
-        h, v, w = found[k, 0], found[k, 1], found[k, 2]
-        if abs(h - peak) <= PEAK_M:
-            used += 1
-            s0, sv, svv = s0 + w, sv + w * v, svv + w * v * v
-            sh, shv = sh + w * h, shv + w * h * v
-    if used < 2:
-        return used, 0.0, 0.0
-    svv += s0  # as if a metre of level floor were known: a short line says little of the slope
-    slope = (s0 * shv - sv * sh) / (s0 * svv - sv * sv)
-    return used, (sh - slope * sv) / s0, slope
-
-
-@kernel
-def _anchor(lenses: F64, rays: F64, ground: F64, anchor: F64) -> bool:
-    """Where the nearest of the beams should meet the ground, into `anchor` (2,); False: nowhere."""
-    least = DUE_M
-    for i in range(rays.shape[0]):
-        due = due_m(lenses[i], rays[i], ground)
-        if due < least:
-            least = due
-            anchor[0] = lenses[i, 0] + due * rays[i, 0]
-            anchor[1] = lenses[i, 1] + due * rays[i, 1]
-    return least < DUE_M
-
-
-@dataclass(frozen=True, slots=True)
-class Stand:
-    """Where the robot stands, map frame: the body's origin, its heading, and its own plane."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    heading: tuple[float, float]  # unit vector
-    slopes: tuple[float, float]  # of the body's x-y plane along map x and y
-    travel_m: float  # since the start, signed
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """The floor where the scanner sees it: height and slopes at a place, map frame."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    slope_x: float
-    slope_y: float
-    travel_m: float
-
-    def height_m(self, x_m: float, y_m: float) -> float:
-        """Of the plane, at a place."""
-        return self.z_m + self.slope_x * (x_m - self.x_m) + self.slope_y * (y_m - self.y_m)
+TRIED_GATE = 0.25  # of the gates
 
 
 class GroundTracker:
-    """The ground by which heights are told: `numbers` (9,), for the kernels.
+    """The ground by which heights are told: `numbers` (10,), for the kernels.
 
     They are offset and slopes along map x and y of the plane at the line, the same of the plane
-    from under the wheels to it, and (a, b, c): the first one holds where a x + b y >= c.
+    from under the wheels to it, (a, b, c): the first one holds where a x + b y >= c; and by how
+    much this very scan shows the line too high, where scans jitter.
     """
 
     def __init__(self, cells: CellGrid) -> None:
         self._cells = cells
-        self.numbers: F64 = np.zeros(9)
+        self.numbers: F64 = np.zeros(10)
         self.found = False  # the newest scan saw the line
         self.line: Line | None = None
         self._history: deque[Line] = deque(maxlen=KEPT)
         self._anchor = np.zeros(2)
         self._found = np.zeros((MAX_BEAMS, 3))
         self._last_s = -math.inf
+        self._candidates = 0  # returns of the newest scan that might have been floor
+        self._leaning = (0.0, 0.0)  # slope of the robot along and across its way, over a while
+        self._offsets: deque[float] = deque(maxlen=MIDDLE_OF)
+        self._jitter_m = self._jitter_m2 = 0.0
 
     def erase(self) -> None:
         """Forget the line."""
         self.line, self.found = None, False
         self._history.clear()
+        self._offsets.clear()
         self._last_s = -math.inf
 
     def slope_rad(self, stand: Stand) -> tuple[float, float]:
@@ -213,19 +79,24 @@ class GroundTracker:
     def follow(self, sweep: Sweep, stand: Stand) -> None:
         """Take the floor returns of a scan, before they are added to the cells."""
         line, was_found = self.line, self.found
+        self._jitter_m = 0.0
+        self._lean(sweep.t_s, stand)
         if line is None:
             line = Line(stand.x_m, stand.y_m, stand.z_m, 0.0, 0.0, stand.travel_m)
         line = self._moved(line, sweep, stand)
         fitted = self._fitted(line, sweep, stand)
-        if fitted is None and was_found:
+        in_view = self._candidates >= 2 * LEAST
+        if fitted is None and was_found and in_view and self._history:
+            self._offsets.clear()
             line = self._moved(self._before(stand), sweep, stand)
             fitted = self._fitted(line, sweep, stand)
-        if fitted is None or self.line is None:
-            tried = self._tried(sweep, stand)
-            fitted = tried or fitted
+        if (fitted is None and in_view) or self.line is None:
+            fitted = self._tried(sweep, stand) or fitted
         self.found = fitted is not None
+        if not self.found:
+            self._offsets.clear()
         self.line = fitted or line
-        self._set(self.line, stand)
+        self._set(self.line, stand, self._jitter_m)
         self._last_s = sweep.t_s
         if self.found and (
             not self._history
@@ -233,26 +104,44 @@ class GroundTracker:
         ):
             self._history.append(self.line)
 
-    def _set(self, line: Line, stand: Stand) -> None:
-        """The numbers for a line, seen from where the robot stands."""
+    def _lean(self, t_s: float, stand: Stand) -> None:
+        """Follow the robot's own slope slowly: one that nods stands on level ground."""
+        (hx, hy), (gx, gy) = stand.heading, stand.slopes
+        now = (gx * hx + gy * hy, gy * hx - gx * hy)
+        share = 1.0 if math.isinf(self._last_s) else 1.0 - math.exp((self._last_s - t_s) / LEAN_S)
+        self._leaning = (
+            self._leaning[0] + share * (now[0] - self._leaning[0]),
+            self._leaning[1] + share * (now[1] - self._leaning[1]),
+        )
+
+    def _set(self, line: Line, stand: Stand, jitter_m: float = 0.0) -> None:
+        """The numbers for a line, seen from where the robot stands.
+
+        A jitter of the attitude turns all that a scan shows about the robot.
+        """
         (hx, hy), numbers = stand.heading, self.numbers
         ahead_m = hx * (line.x_m - stand.x_m) + hy * (line.y_m - stand.y_m)
-        across = line.slope_y * hx - line.slope_x * hy
         aside_m = hx * (line.y_m - stand.y_m) - hy * (line.x_m - stand.x_m)
-        rise_m = line.z_m - across * aside_m - stand.z_m
-        along = rise_m / ahead_m if ahead_m > 0.5 else line.slope_x * hx + line.slope_y * hy
+        across = line.slope_y * hx - line.slope_x * hy
+        turn = jitter_m / ahead_m if ahead_m > 0.5 else 0.0
+        z_m = line.z_m + jitter_m
+        along = line.slope_x * hx + line.slope_y * hy
+        if ahead_m > 0.5:
+            along = (z_m - across * aside_m - stand.z_m) / ahead_m
         near_x, near_y = along * hx - across * hy, along * hy + across * hx
-        numbers[0] = line.z_m - line.slope_x * line.x_m - line.slope_y * line.y_m
-        numbers[1], numbers[2] = line.slope_x, line.slope_y
+        far_x, far_y = line.slope_x + turn * hx, line.slope_y + turn * hy
+        numbers[0] = z_m - far_x * line.x_m - far_y * line.y_m
+        numbers[1], numbers[2] = far_x, far_y
         numbers[3] = stand.z_m - near_x * stand.x_m - near_y * stand.y_m
         numbers[4], numbers[5] = near_x, near_y
         numbers[6], numbers[7] = hx, hy
         numbers[8] = hx * line.x_m + hy * line.y_m
+        numbers[9] = jitter_m
 
     def _moved(self, line: Line, sweep: Sweep, stand: Stand) -> Line:
         """The line where this scan should see it, on the same plane."""
         self._set(line, stand)
-        if not _anchor(sweep.lenses, sweep.rays, self.numbers, self._anchor):
+        if not nearest_due(sweep.lenses, sweep.rays, self.numbers, self._anchor):
             return line
         x, y = float(self._anchor[0]), float(self._anchor[1])
         return Line(x, y, line.height_m(x, y), line.slope_x, line.slope_y, stand.travel_m)
@@ -270,7 +159,7 @@ class GroundTracker:
         self._set(line, stand)
         self._anchor[:] = line.x_m, line.y_m
         cells = self._cells
-        near, candidates = _near_plane(
+        near, candidates = near_plane(
             sweep.lenses,
             sweep.rays,
             sweep.ranges_m,
@@ -281,7 +170,7 @@ class GroundTracker:
             cells.flat,
             self._found,
         )
-        n, offset_m, slope = _fit(self._found, near)
+        n, offset_m, slope = fit(self._found, near)
         if n < FLAT_SHARE * near:
             n = 0
         return int(n), int(candidates), float(offset_m), float(slope)
@@ -289,19 +178,30 @@ class GroundTracker:
     def _fitted(self, line: Line, sweep: Sweep, stand: Stand) -> Line | None:
         """The line moved towards what the scan shows; none if it does not show it."""
         n, candidates, offset_m, across = self._look(line, sweep, stand, 1.0)
+        self._candidates = candidates
         if n < max(LEAST, 0.1 * candidates):
             return None
+        self._offsets.append(offset_m)
+        middle_m = sorted(self._offsets)[len(self._offsets) // 2]
+        if abs(middle_m) > KEPT_M + KEPT_SLOPE * math.hypot(
+            line.x_m - stand.x_m, line.y_m - stand.y_m
+        ):
+            return None
+        jitter_m = offset_m - middle_m
+        self._jitter_m2 += (jitter_m**2 - self._jitter_m2) / JITTER_SCANS
+        self._jitter_m = jitter_m if self._jitter_m2 > JITTER_M**2 else 0.0
         passed_s = max(0.0, min(1.0, sweep.t_s - self._last_s))
         before_m = self.line.travel_m if self.line else stand.travel_m
         moved_m = abs(stand.travel_m - before_m)
         stay = math.exp(-moved_m / FOLLOW_M - passed_s / FOLLOW_S)
-        rise_m = (1.0 - stay**2) * offset_m
         most_m = STEEPEST * moved_m + 0.02 * passed_s
-        rise_m = max(-most_m, min(most_m, rise_m))
-        bend = (1.0 - math.exp(-moved_m / FOLLOW_M)) ** 2 * offset_m / max(moved_m, 1e-3)
+        rise_m = max(-most_m, min(most_m, (1.0 - stay**2) * middle_m))
+        bend = (1.0 - math.exp(-moved_m / FOLLOW_M)) ** 2 * middle_m / max(moved_m, 1e-3)
         if stand.travel_m < before_m:
             bend = -bend
         tilt = (1.0 - math.exp(-moved_m / TURN_M - passed_s / FOLLOW_S)) * across
+        for k in range(len(self._offsets)):
+            self._offsets[k] -= rise_m
         hx, hy = stand.heading
         slope_x = _limited(line.slope_x + bend * hx - tilt * hy)
         slope_y = _limited(line.slope_y + bend * hy + tilt * hx)
@@ -310,8 +210,12 @@ class GroundTracker:
     def _tried(self, sweep: Sweep, stand: Stand) -> Line | None:
         """The plane through the robot's wheels that most of the returns lie on, if many do."""
         best, most = None, LEAST
+        (hx, hy), (along, across) = stand.heading, self._leaning
         for share in TRIED_SLOPES:
-            slopes = (_limited(share * stand.slopes[0]), _limited(share * stand.slopes[1]))
+            slopes = (
+                _limited(share * (along * hx - across * hy)),
+                _limited(share * (along * hy + across * hx)),
+            )
             for offset_m in TRIED_M:
                 z_m = stand.z_m + offset_m
                 line = Line(stand.x_m, stand.y_m, z_m, *slopes, stand.travel_m)
@@ -321,6 +225,7 @@ class GroundTracker:
                     best, most = line, n
         if best is not None:
             self._history.clear()
+            self._offsets.clear()
         return best
 
 

@@ -1,0 +1,161 @@
+"""The floor where the scanner sees it: the plane at that line, and the returns that lie on it.
+
+Source: design, section 7 (ground).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.beams import MIN_RANGE_M
+from core.cells import Cells, flat_index
+from core.jit import kernel
+from core.records import F64
+
+DUE_M = 12.0  # farther off, a dark floor need not give a return
+GATE_M = 0.10  # returns so near to the expected ground, and
+GATE_SLOPE = 0.006  # this much of their range, are looked at
+STEEP = 0.25  # relief of a cell that is too steep for ground, share of its edge,
+STEEP_M = 0.015  # and on top of it what noise makes
+BIN_M, HALF_BINS, WIDE_BINS = 0.005, 34, 6  # in which the floor's height is looked for
+PEAK_M = 0.025  # about it
+
+
+@kernel
+def ground_m(ground: F64, x: float, y: float) -> float:
+    """Height of the ground (map frame) at a place, by `GroundTracker.numbers`."""
+    k = 0 if ground[6] * x + ground[7] * y >= ground[8] else 3
+    return float(ground[k] + ground[k + 1] * x + ground[k + 2] * y)
+
+
+@kernel
+def due_m(lens: F64, ray: F64, ground: F64) -> float:
+    """Range at which a beam should meet the ground at the line; inf where it does not go down."""
+    above = lens[2] - (ground[0] + ground[1] * lens[0] + ground[2] * lens[1])
+    fall = ray[2] - ground[1] * ray[0] - ground[2] * ray[1]
+    if fall > -1e-3 or above <= 0.0:
+        return math.inf
+    return float(-above / fall)
+
+
+@kernel
+def _is_steep(x: float, y: float, window: tuple[int, int, int, float], cells: Cells) -> bool:
+    """Whether the cell of a point rises too much within itself to be ground."""
+    at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
+    if at < 0 or cells[at].count == 0:
+        return False
+    return bool(cells[at].z_high_m - cells[at].z_low_m > STEEP * window[3] + STEEP_M)
+
+
+@kernel
+def _peak(heights: F64, n: int) -> float:
+    """Where most of n heights lie close together: floor does, the foot of a wall does not."""
+    bins = np.zeros(2 * HALF_BINS, dtype=np.int64)
+    for k in range(n):
+        bins[max(0, min(2 * HALF_BINS - 1, int(heights[k] / BIN_M + HALF_BINS)))] += 1
+    best, most = 0, -1
+    for k in range(WIDE_BINS - 1, 2 * HALF_BINS):
+        total = 0
+        for m in range(WIDE_BINS):
+            total += bins[k - m]
+        if total > most:
+            best, most = k, total
+    return (best + 1 - 0.5 * WIDE_BINS - HALF_BINS) * BIN_M
+
+
+@kernel
+def near_plane(
+    lenses: F64,
+    rays: F64,
+    ranges_m: F64,
+    ground: F64,
+    anchor: F64,
+    gate: float,
+    window: tuple[int, int, int, float],
+    cells: Cells,
+    found: F64,
+) -> tuple[int, int]:
+    """Returns near the plane at the line, into `found` (n, 3): height over it, v, weight.
+
+    v is the place across the robot's way. Returns how many, and how many might have been.
+    """
+    n, candidates = 0, 0
+    for i in range(rays.shape[0]):
+        due = due_m(lenses[i], rays[i], ground)
+        r = ranges_m[0, i]
+        if due > DUE_M or not r >= MIN_RANGE_M or r < 0.5 * due:
+            continue
+        candidates += 1
+        x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
+        h = lenses[i, 2] + r * rays[i, 2] - (ground[0] + ground[1] * x + ground[2] * y)
+        if abs(h) > gate * (GATE_M + GATE_SLOPE * r) or _is_steep(x, y, window, cells):
+            continue
+        found[n, 0] = h
+        found[n, 1] = ground[6] * (y - anchor[1]) - ground[7] * (x - anchor[0])
+        found[n, 2] = 1.0 / (1.0 + 0.02 * r * r)
+        n += 1
+    return n, candidates
+
+
+@kernel
+def fit(found: F64, n: int) -> tuple[int, float, float]:
+    """The line through n returns (n, 3) of `near_plane`, most of which are floor.
+
+    Returns (how many make the line, their mean height over the plane, its slope across).
+    """
+    peak = _peak(found[:, 0], n)
+    s0 = sv = svv = sh = shv = 0.0
+    used = 0
+    for k in range(n):
+        h, v, w = found[k, 0], found[k, 1], found[k, 2]
+        if abs(h - peak) <= PEAK_M:
+            used += 1
+            s0, sv, svv = s0 + w, sv + w * v, svv + w * v * v
+            sh, shv = sh + w * h, shv + w * h * v
+    if used < 2:
+        return used, 0.0, 0.0
+    svv += s0  # as if a metre of level floor were known: a short line says little of the slope
+    slope = (s0 * shv - sv * sh) / (s0 * svv - sv * sv)
+    return used, (sh - slope * sv) / s0, slope
+
+
+@kernel
+def nearest_due(lenses: F64, rays: F64, ground: F64, anchor: F64) -> bool:
+    """Where the nearest of the beams should meet the ground, into `anchor` (2,); False: nowhere."""
+    least = DUE_M
+    for i in range(rays.shape[0]):
+        due = due_m(lenses[i], rays[i], ground)
+        if due < least:
+            least = due
+            anchor[0] = lenses[i, 0] + due * rays[i, 0]
+            anchor[1] = lenses[i, 1] + due * rays[i, 1]
+    return least < DUE_M
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Where the robot stands, map frame: the body's origin, its heading, and its own plane."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    heading: tuple[float, float]  # unit vector
+    slopes: tuple[float, float]  # of the body's x-y plane along map x and y
+    travel_m: float  # since the start, signed
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """The floor where the scanner sees it: height and slopes at a place, map frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    slope_x: float
+    slope_y: float
+    travel_m: float
+
+    def height_m(self, x_m: float, y_m: float) -> float:
+        """Of the plane, at a place."""
+        return self.z_m + self.slope_x * (x_m - self.x_m) + self.slope_y * (y_m - self.y_m)

@@ -15,6 +15,7 @@ from core.config import Config
 from core.maps import Maps
 from core.odometry import Odometry, Pose
 from core.records import Attitude, ObstacleWindow, Scan, WheelCounts
+from core.reference_plane_maps import ReferencePlaneMaps
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
 WAITING = 4  # scans; fewer than the scanner codec has slots
@@ -53,7 +54,8 @@ class Mapper:
             robot.gear_ratio,
             robot.track_width_m,
         )
-        self.maps: Maps = BeamMaps(config)
+        is_paper = config.map.method == "reference_plane"
+        self.maps: Maps = ReferencePlaneMaps(config) if is_paper else BeamMaps(config)
         self.counts = MapperCounts()
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was

@@ -37,6 +37,7 @@ CELL = np.dtype(
         ("above", np.int32),  # scans with a return at or above h_pos,
         ("below", np.int32),  # or at or below h_neg,
         ("miss", np.int32),  # or in which floor was due here and did not show
+        ("deep", np.int32),  # those of them that found nothing, or nothing above h_neg
         ("through", np.int32),  # scans in a row in which a beam passed through what stood here
         ("outliers", np.int32),  # returns in a row that the filter did not believe
         ("soft", np.int32),  # rising returns that scatter or echo twice,
@@ -47,6 +48,7 @@ CELL = np.dtype(
         ("above_scan", np.int32),
         ("below_scan", np.int32),
         ("miss_scan", np.int32),
+        ("deep_scan", np.int32),
         ("through_scan", np.int32),
         ("floor_bits", np.int32),  # parts where floor was seen,
         ("high_bits", np.int32),  # or something at or above h_pos,
@@ -70,7 +72,7 @@ def parts_of(cell_m: float) -> int:
 def known(cells: Cells, at: int) -> bool:
     """Whether anything at all was seen of a cell."""
     cell = cells[at]
-    return bool(cell.count > 0 or cell.above > 0 or cell.below > 0 or cell.miss > 0)
+    return bool(cell.count > 0 or cell.miss > 0)
 
 
 @kernel

@@ -30,9 +30,9 @@ RISING_M = 0.03  # a return so far off the ground may belong to the foot of some
 RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong attitude sets apart
 MAX_COUNT = 1_000_000_000
 MAX_EVIDENCE = 60_000
-BELOW_M = 0.025  # a return so far below the ground has passed where floor was due,
-LOWER_M = 0.018  # if the ground is as expected to within this much,
-BELOW_SLOPE = 0.0015  # and this much of its range more
+BELOW_M = 0.015  # a return so far below the ground has passed where floor was due,
+LOWER_M = 0.012  # if the ground is as expected to within this much,
+BELOW_SLOPE = 0.0006  # and this much of its range more
 BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
 MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
 FLOOR_AGAIN = 12  # scans in a row that see floor alone end what a wrong one has said
@@ -126,7 +126,7 @@ def _is_floor_again(cells: Cells, at: int) -> None:
     """For long, floor alone was seen: forget that it lacked, unless parts still lack it."""
     cell = cells[at]
     if cell.miss_bits & ~cell.floor_bits == 0:
-        cell.below, cell.miss, cell.miss_bits = 0, 0, 0
+        cell.below, cell.miss, cell.deep, cell.miss_bits = 0, 0, 0, 0
         if cell.above == 0:
             cell.mean_m, cell.count = cell.floor_m, cell.floor_count
 
@@ -184,6 +184,7 @@ def _no_floor(
     x: float,
     y: float,
     skip: int,
+    is_deep: bool,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -202,6 +203,9 @@ def _no_floor(
     if cell.miss_scan != serial and cell.miss < MAX_EVIDENCE:
         cell.miss_scan = serial
         cell.miss += 1
+    if is_deep and cell.deep_scan != serial:
+        cell.deep_scan = serial
+        cell.deep += 1
     return touch(at, cells, serial, touched, used)
 
 
@@ -211,6 +215,7 @@ def _missed(
     ray: F64,
     due: float,
     seen: float,
+    is_deep: bool,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -222,7 +227,7 @@ def _missed(
     corner = (window[0], window[1])
     if math.isinf(seen):
         x, y = lens[0] + due * ray[0], lens[1] + due * ray[1]
-        return _no_floor(x, y, -1, window, sub, cells, serial, touched, used)
+        return _no_floor(x, y, -1, True, window, sub, cells, serial, touched, used)
     step = window[3] / sub
     level = math.hypot(ray[0], ray[1])
     last = flat_index(
@@ -233,9 +238,9 @@ def _missed(
         r = due + (seen - due) * s / steps
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         if (seen - r) * level > step:
-            used = _no_floor(x, y, -1, window, sub, cells, serial, touched, used)
+            used = _no_floor(x, y, -1, is_deep, window, sub, cells, serial, touched, used)
         else:
-            used = _no_floor(x, y, last, window, sub, cells, serial, touched, used)
+            used = _no_floor(x, y, last, is_deep, window, sub, cells, serial, touched, used)
     return used
 
 
@@ -321,17 +326,19 @@ def _add(
         due = due_m(lens, ray, ground)
         if due > DUE_M or nearest <= due:
             continue
+        is_deep = True
         if math.isfinite(nearest):
             x, y = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1]
             h = lens[2] + nearest * ray[2] - ground_m(ground, x, y)
             if h > -LOWER_M:
                 continue
-            if h > limits[1]:
+            is_deep = h <= limits[1]
+            if not is_deep:
                 z = lens[2] + nearest * ray[2] - ground[9]
                 h = z - _floor_before(lens, ray, due, x, y, ground, window, cells)
             if not h <= -BELOW_M - BELOW_SLOPE * nearest:
                 continue
-        used = _missed(lens, ray, due, nearest, window, sub, cells, serial, touched, used)
+        used = _missed(lens, ray, due, nearest, is_deep, window, sub, cells, serial, touched, used)
     return used, returns
 
 

@@ -17,6 +17,9 @@ from core.records import FREE, I8, I32, OBSTACLE, UNKNOWN
 from core.window import StateWindow, put_state
 
 ENOUGH = 2  # contradicting scans that make an obstacle
+MISSED_ENOUGH = 3  # scans in which a beam went a little below the ground, where floor was due,
+MISSED_SUBS = 1.5  # and in so many parts of a cell, times those along its edge, never was any;
+MOST_SUBS = 2.0  # of so many parts, a scan less is enough
 LOOKED_AGAIN = 6  # scans after which a single contradiction no longer holds a cell unknown
 NEW_LOOKS = 25  # scans that have hit a cell before it no longer counts as new: 1 s at 25 Hz
 SOFT_LEAST = 6  # returns that say "soft",
@@ -43,7 +46,14 @@ def is_soft(cells: Cells, at: int) -> bool:
 def lacks_floor(cells: Cells, at: int, sub: int) -> bool:
     """Whether so many parts of a cell lack the floor that was due there that it is a drop."""
     cell = cells[at]
-    return bool(cell.miss >= ENOUGH and ones(cell.miss_bits & ~cell.floor_bits) >= sub)
+    if cell.miss < ENOUGH:
+        return False
+    parts = ones(cell.miss_bits & ~cell.floor_bits)
+    return bool(
+        (cell.deep >= ENOUGH and parts >= sub)
+        or (cell.miss >= MISSED_ENOUGH and parts >= MISSED_SUBS * sub)
+        or parts >= MOST_SUBS * sub
+    )
 
 
 @kernel
@@ -69,11 +79,11 @@ def _state(
     cell = cells[at]
     if not known(cells, at):
         return UNKNOWN
+    lacks = lacks_floor(cells, at, sub)
     above, height = cell.above, cell.mean_m
     if bounds[2] > 0.0 and above > 0 and cell.top_m <= bounds[2] and is_soft(cells, at):
         above, height = 0, cell.floor_m
     beyond = above + cell.below
-    lacks = lacks_floor(cells, at, sub)
     if above >= ENOUGH or cell.below >= ENOUGH or lacks:
         return OBSTACLE
     if cell.count > 0 and not bounds[1] < height < bounds[0]:

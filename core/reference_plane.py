@@ -12,8 +12,10 @@ straight ahead. Refuses to be better than the paper; where the paper leaves some
 - displacement is projected by the yaw since the last turn, to which the map's Y axis is aligned;
 - the first scan changes no pitch and no roll; a restart counts yaw and displacement anew as well;
 - an average at a bound is an obstacle.
-The compensation turns ground points about the ground under the lens, not rays about the lens: from
-7.5 deg it misplaces flat floor by 1.5 cm at 4.5 deg nose up.
+What it costs: the compensation turns ground points about the ground under the lens, not rays about
+the lens, which misplaces flat floor by 2 cm at 4.5 deg nose up (from 7.5 deg of tilt); that the
+lens rises and sinks with the body is not in it (2 cm more); and a reference that met its maximum
+has forgotten by how much, so it comes back wrong.
 Source: the paper, sections 4.2, 4.5 and 4.6.
 """
 

@@ -11,6 +11,7 @@ from core.cells import CellGrid
 from core.clearing import Clearing
 from core.config import Config
 from core.elevation import Elevation
+from core.faces import Faces
 from core.geometry import R_from_rpy
 from core.ground import GroundTracker
 from core.ground_line import Stand
@@ -18,6 +19,8 @@ from core.obstacles import Deciding, lacks_floor
 from core.odometry import Odometry
 from core.records import OBSTACLE, Scan
 from core.window import StateWindow
+
+STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it slides along its way
 
 
 class BeamMaps:
@@ -38,11 +41,15 @@ class BeamMaps:
         self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters)
         self.clearing = Clearing(self.cells)
         self.ground = GroundTracker(self.cells)
+        self.faces = Faces(self.cells)
         self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
         self._h_neg_m = obstacle.h_neg_m
 
     def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a scan that attitude and odometry cover; how many returns it had."""
+        """Take a scan that attitude and odometry cover; how many returns it had.
+
+        What it says of the place goes to the odometry.
+        """
         sweep = self._geometry.cast(scan, attitudes, odometry)
         stand = stand_at(sweep.t_s, attitudes, odometry)
         self.cells.grid.follow(stand.x_m, stand.y_m)
@@ -50,6 +57,9 @@ class BeamMaps:
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
         returns = self.elevation.add(sweep, self.ground.numbers)
+        slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
+        if slide is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:
+            odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
         self.clearing.add(sweep, self.ground.numbers)
         self._deciding.decide(self.cells.touched[: self.cells.used])
         return returns

@@ -30,6 +30,9 @@ CELL = np.dtype(
         ("span_low_m", np.float64),  # lowest and highest return of the newest scan that hit it
         ("span_high_m", np.float64),
         ("t_s", np.float64),  # when it was last hit
+        ("face_x_m", np.float64),  # middle of what made a face across the way known, map frame,
+        ("face_y_m", np.float64),
+        ("face_n", np.int32),  # of so many returns
         ("count", np.int32),  # returns
         ("floor_count", np.int32),
         ("looks", np.int32),  # scans of which a return fell in
@@ -130,6 +133,7 @@ def forget(cells: Cells, at: int) -> None:
     cell = cells[at]
     cell.above, cell.high_bits, cell.rising, cell.through = 0, 0, 0, 0
     cell.soft, cell.hard, cell.doubles, cell.outliers = 0, 0, 0, 0
+    cell.face_n = 0
     cell.low_m, cell.top_m = math.inf, -math.inf
     cell.mean_m, cell.count = cell.floor_m, cell.floor_count
     cell.z_high_m = cell.z_low_m

@@ -28,7 +28,7 @@ JITTER_M = (
 )
 JITTER_SCANS = 20
 FOLLOW_M = 0.4  # travel in which the line is followed,
-FOLLOW_S = 20.0  # and time, when the robot stands
+FOLLOW_S = 6.0  # and time, when the robot stands
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
 LEAN_S = 0.7  # in which the robot's own slope is followed

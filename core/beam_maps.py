@@ -20,6 +20,8 @@ from core.odometry import Odometry
 from core.records import OBSTACLE, Scan
 from core.window import StateWindow
 
+LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
+LINE_M, MOST_SWEPT = 8.0, 3.0  # how far off it is, and how much more it may be swept aside
 STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it slides along its way
 
 
@@ -44,6 +46,7 @@ class BeamMaps:
         self.faces = Faces(self.cells)
         self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
         self._h_neg_m = obstacle.h_neg_m
+        self._stand: Stand | None = None
 
     def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a scan that attitude and odometry cover; how many returns it had.
@@ -56,13 +59,23 @@ class BeamMaps:
         self._deciding.follow(stand.x_m, stand.y_m)
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
-        returns = self.elevation.add(sweep, self.ground.numbers)
+        trust = (self.ground.is_sure(stand), self._is_straight(stand))
+        returns = self.elevation.add(sweep, self.ground.numbers, trust)
         slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
         if slide is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:
             odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
         self.clearing.add(sweep, self.ground.numbers)
         self._deciding.decide(self.cells.touched[: self.cells.used])
         return returns
+
+    def _is_straight(self, stand: Stand) -> bool:
+        """Whether the line moves on with the robot: one that stands or turns meets it by chance."""
+        before, self._stand = self._stand, stand
+        if before is None:
+            return False
+        moved_m = abs(stand.travel_m - before.travel_m)
+        (ax, ay), (bx, by) = before.heading, stand.heading
+        return moved_m > LEAST_MOVED_M and abs(ax * by - ay * bx) * LINE_M < MOST_SWEPT * moved_m
 
     def erase(self) -> None:
         """Forget everything."""

@@ -21,6 +21,8 @@ STEP_M = 0.2
 REACH_M = 15.0  # from the lens
 BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
 MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
+MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
+LEAST_HALF_M = 0.005
 GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
 
 
@@ -30,8 +32,10 @@ def _passes(cells: Cells, at: int, bit: int, h: float, r: float, serial: int) ->
     cell = cells[at]
     if cell.above == 0 or cell.high_bits & bit == 0 or cell.above_scan == serial:
         return False
-    margin = MARGIN_M + MARGIN_SLOPE * r
-    return bool(cell.low_m + margin <= h <= cell.top_m - margin)
+    margin = min(MARGIN_M + MARGIN_SLOPE * r, MARGIN_SHARE * (cell.top_m - cell.low_m))
+    middle = 0.5 * (cell.low_m + cell.top_m)
+    half = max(0.5 * (cell.top_m - cell.low_m) - margin, LEAST_HALF_M)
+    return bool(abs(h - middle) <= half)
 
 
 @kernel

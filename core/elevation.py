@@ -35,7 +35,7 @@ LOWER_M = 0.012  # if the ground is as expected to within this much,
 BELOW_SLOPE = 0.0006  # and this much of its range more
 BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
 MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
-FLOOR_AGAIN = 12  # scans in a row that see floor alone end what a wrong one has said
+FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said
 
 SIGMA_RANGE_M = 0.012  # of a return, along the beam
 SIGMA_ANGLE_RAD = 0.0025  # of attitude and mount, across it
@@ -48,6 +48,7 @@ TOGETHER_M = 0.6  # neighbours that are farther apart belong to different things
 DOUBLE_M = 0.10  # between two echoes of one beam
 
 Limits = tuple[float, float, float]  # h_pos, h_neg, height of the robot
+Trust = tuple[bool, bool]  # what lies low is low; and a few centimetres tell of a hole
 
 
 @kernel
@@ -290,6 +291,7 @@ def _add(
     ranges_m: F64,
     ground: F64,
     limits: Limits,
+    trust: Trust,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -313,7 +315,7 @@ def _add(
             x, y, z = lens[0] + r * ray[0], lens[1] + r * ray[1], lens[2] + r * ray[2]
             h = z - ground_m(ground, x, y)
             at = flat_index(x, y, cell_m, corner, size)
-            if at < 0 or h > limits[2]:
+            if at < 0 or h > limits[2] or (h <= limits[1] and not trust[0]):
                 continue
             if not known(cells, at):
                 used = touch_around(at, size, cells, serial, touched, used)
@@ -324,7 +326,7 @@ def _add(
             _fall_in(cells, at, h, z, beam, bit, soft, limits, serial, filters)
             used = touch(at, cells, serial, touched, used)
         due = due_m(lens, ray, ground)
-        if due > DUE_M or nearest <= due:
+        if due > DUE_M or nearest <= due or not trust[0]:
             continue
         is_deep = True
         if math.isfinite(nearest):
@@ -334,6 +336,8 @@ def _add(
                 continue
             is_deep = h <= limits[1]
             if not is_deep:
+                if not trust[1]:
+                    continue
                 z = lens[2] + nearest * ray[2] - ground[9]
                 h = z - _floor_before(lens, ray, due, x, y, ground, window, cells)
             if not h <= -BELOW_M - BELOW_SLOPE * nearest:
@@ -352,8 +356,8 @@ class Elevation:
         self._limits: Limits = (h_pos_m, h_neg_m, height_m)
         self._filters = filters
 
-    def add(self, sweep: Sweep, ground: F64) -> int:
-        """Take the returns of a sweep over the ground (9,); how many there were."""
+    def add(self, sweep: Sweep, ground: F64, trust: Trust) -> int:
+        """Take the returns of a sweep over the ground (10,); how many there were."""
         cells = self.cells
         cells.used, returns = _add(
             sweep.t_s,
@@ -362,6 +366,7 @@ class Elevation:
             sweep.ranges_m,
             ground,
             self._limits,
+            trust,
             cells.window,
             cells.sub,
             cells.flat,

@@ -31,6 +31,9 @@ FOLLOW_M = 0.4  # travel in which the line is followed,
 FOLLOW_S = 6.0  # and time, when the robot stands
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
+CREST_RAD = math.radians(2.0)  # a line that is lost on a steeper slope went over its crest
+CREST_M = -0.02  # there the ground falls away under the line,
+CREST_FASTER = 3.0  # which runs ahead of the robot
 LEAN_S = 0.7  # in which the robot's own slope is followed
 BACK_M = 0.6  # travel by which the tracker goes back when it has lost the line
 KEPT = 64
@@ -67,6 +70,10 @@ class GroundTracker:
         self._history.clear()
         self._offsets.clear()
         self._last_s = -math.inf
+
+    def is_sure(self, stand: Stand) -> bool:
+        """Whether what lies below the ground ahead is low: not behind the crest of a ramp."""
+        return self.found or abs(self.slope_rad(stand)[0]) < CREST_RAD
 
     def slope_rad(self, stand: Stand) -> tuple[float, float]:
         """Slope of the ground ahead (along, across): up ahead and up to the left are positive."""
@@ -193,6 +200,8 @@ class GroundTracker:
         passed_s = max(0.0, min(1.0, sweep.t_s - self._last_s))
         before_m = self.line.travel_m if self.line else stand.travel_m
         moved_m = abs(stand.travel_m - before_m)
+        if middle_m < CREST_M and self.slope_rad(stand)[0] > CREST_RAD:
+            moved_m *= CREST_FASTER
         stay = math.exp(-moved_m / FOLLOW_M - passed_s / FOLLOW_S)
         most_m = STEEPEST * moved_m + 0.02 * passed_s
         rise_m = max(-most_m, min(most_m, (1.0 - stay**2) * middle_m))

@@ -27,13 +27,15 @@ class Driver:
         pose: where the robot is now, map frame.
         command: power of channel 1 (left) and 2 (right), -127..127.
         waypoints: (x, y) metres, map frame, taken in order, over and over; none: stands still.
+            A third number is the speed on the way there, m/s.
+        speed_mps: where a waypoint does not say it.
     """
 
     def __init__(
         self,
         pose: Callable[[], Pose],
         command: Callable[[int, int], None],
-        waypoints: Sequence[tuple[float, float]],
+        waypoints: Sequence[tuple[float, ...]],
         speed_mps: float,
         start_delay_s: float,
     ) -> None:
@@ -78,7 +80,8 @@ class Driver:
         w_radps = math.copysign(math.sqrt(1.2 * TURN_RADPS2 * abs(error_rad)), error_rad)
         w_radps = max(-TURN_RADPS, min(TURN_RADPS, w_radps if self._turning else 1.5 * error_rad))
         slow_mps = math.sqrt(1.6 * ACCELERATION_MPS2 * ahead_m)
-        return (0.0 if self._turning else min(self._speed_mps, slow_mps)), w_radps
+        speed_mps = goal[2] if len(goal) > 2 else self._speed_mps
+        return (0.0 if self._turning else min(speed_mps, slow_mps)), w_radps
 
 
 def _towards(value: float, wanted: float, most: float) -> float:

@@ -16,6 +16,7 @@ from fakes.mti_rotation import F64, rotation, rotation_from_quaternion, rotation
 
 Motion = Callable[[float], tuple[F64, F64, F64]]
 Travel = Callable[[float], tuple[F64, F64]]
+Distortion = Callable[[float], F64]
 
 FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC = 50.0, math.radians(300.0), 3.0
 SELF_TEST_BIT, VALID_BIT, FIX_BIT = 0x1, 0x2, 0x4
@@ -45,9 +46,13 @@ class Sensor:
         self.home: tuple[float, float, float] = (57.6794, 11.8825, 81.0)  # deg, deg, m
         self.utc_at_zero_s = 1_547_992_000.0  # since 1970, where the host's clock reads zero
         self.travel_at: Travel = _at_rest  # instant to position and velocity, north west up
+        self.distortion_at: Distortion = _undisturbed  # what (3, 3) steel makes of earth_field
+        self.pull_s = 3.0  # time constant with which the yaw follows the magnetic field
         self.counter = 0  # of the next message
         self.memory = Memory(model)
         self._motion_at = motion_at
+        self._pulled_rad = 0.0  # by which the yaw is off
+        self._pulled_at_s = -math.inf
         self._noise = np.random.default_rng(seed)
         self._still_until_s = -math.inf
         self._G, self._A = self.memory.G_reset, self.memory.A_reset  # as now; see Memory
@@ -87,7 +92,7 @@ class Sensor:
             self._G = np.eye(3)
         if code in (6, 7):
             self._A = np.eye(3)
-        R = self._told(self._motion_at(now_s)[0])
+        R = self._told(rotation_z(self._pulled_rad) @ self._motion_at(now_s)[0])
         turn = rotation_z(math.atan2(R[1, 0], R[0, 0]))
         if code in (3, 4):
             alignment = self._object
@@ -108,11 +113,15 @@ class Sensor:
         """All that can be measured at an instant of the host's clock."""
         R_true, rate_radps, accel_mps2 = self._motion_at(t_s)
         noise = self._noise.standard_normal((4, 3))
-        R = self._told(R_true @ rotation(self.angle_noise_rad * noise[0]))
+        field = self.earth_field
+        if self.distortion_at is not _undisturbed:
+            field = self.distortion_at(t_s) @ field
+        R = self._pulled(R_true, field, t_s) @ rotation(self.angle_noise_rad * noise[0])
+        R = self._told(R)
         vectors = (
             accel_mps2 + self.accel_bias_mps2 + self.accel_noise_mps2 * noise[2],
             rate_radps + self.rate_bias_radps + self.rate_noise_radps * noise[1],
-            R_true.T @ self.earth_field + self.magnetic_noise * noise[3],
+            R_true.T @ field + self.magnetic_noise * noise[3],
         )
         limits = (FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC)
         A, bad = self._object @ self._A, math.nan if self.nan else 0.0
@@ -139,6 +148,19 @@ class Sensor:
             preamble=self.fa_ff,
         )
 
+    def _pulled(self, R_earth_sensor: F64, field: F64, t_s: float) -> F64:
+        """The orientation whose yaw follows the magnetic north of a field (3,), as slowly as told.
+
+        Where the field is turned to the left, the sensor takes itself for turned to the right.
+        """
+        north, ours = (math.atan2(part[1], part[0]) for part in (field, self.earth_field))
+        wrong_rad = math.remainder(ours - north, math.tau)
+        gone_s = max(0.0, t_s - self._pulled_at_s)  # at first for ever: it has stood here
+        share = 1.0 - math.exp(-gone_s / self.pull_s)
+        self._pulled_rad += share * math.remainder(wrong_rad - self._pulled_rad, math.tau)
+        self._pulled_at_s = max(t_s, self._pulled_at_s)
+        return rotation_z(self._pulled_rad) @ R_earth_sensor
+
     def _status(self, t_s: float, clipped: list[bool]) -> int:
         """The status word; the clip bits are acc xyz, gyr xyz, mag xyz."""
         word = VALID_BIT | (SELF_TEST_BIT if self.self_test == 0x01FF else 0)
@@ -147,6 +169,10 @@ class Sensor:
             word |= FIX_BIT if self.memory.model.legacy else FIX_BIT | GNSS_MODE_BITS
         word |= sum(1 << CLIP_SHIFT + k for k, is_clipped in enumerate(clipped) if is_clipped)
         return word | (ANY_CLIP_BIT if any(clipped) else 0)
+
+
+def _undisturbed(t_s: float) -> F64:
+    return np.eye(3)
 
 
 def _at_rest(t_s: float) -> tuple[F64, F64]:

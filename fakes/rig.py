@@ -7,10 +7,13 @@ from pathlib import Path
 
 from fakes.ax3500 import FakeAx3500
 from fakes.driver import Driver
+from fakes.kinematic_world import KinematicWorld
 from fakes.lms111 import FakeLms111
 from fakes.mti import FakeMti
 from fakes.scene import Scene
 from fakes.world import F64, World
+
+AnyWorld = World | KinematicWorld
 
 LOAD_A = 12.0  # of a motor of this robot at full power
 
@@ -22,27 +25,30 @@ class Rig:
     no real one does: so the robot drives by itself while its counters are read.
 
     Args:
+        scene: or a world that is ready; its robot may be one that moves as it is told.
         start_delay_s: from the first step to the driver's first command.
         drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
     """
 
     def __init__(
         self,
-        scene: Scene | str | Path,
+        scene: Scene | str | Path | AnyWorld,
         seed: int,
         start_delay_s: float = 3.0,
         drives: bool = True,
     ) -> None:
-        self.world = World(scene, seed)
+        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed)
         self.scanner = FakeLms111(self._ranges_m_at, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
+        if self.world.scene.steels:
+            self.ahrs.distortion_at = self.world.distortion_at
         self.drive = FakeAx3500(self.world.wheels, seed + 2)
         self.drive.load_a, self.drive.radio_overrides = LOAD_A, drives
         route = self.world.scene
         self.driver = Driver(
             self.world.pose,
             self.drive.command,
-            route.waypoints if drives else [],
+            route.waypoints if drives and self.world.obeys else (),
             route.speed_mps,
             start_delay_s,
         )

@@ -6,13 +6,16 @@ origin on the ground under the middle of the axle. The casters stand on stiff sp
 body nods when it speeds up, brakes or rolls over something; at rest it is level.
 """
 
-from fakes.scene import Scene, mjcf_from_scene
+from fakes.scene import Scene, mjcf_from_solids
 
 WHEEL_RADIUS_M = 0.15
 TRACK_WIDTH_M = 0.50
 MAX_SPEED_MPS = 1.0  # at the rim, full power
 COUNTS_PER_TURN = 2000  # 500 pulses, quadrature, encoder on the wheel's own axle
 LENS_BODY_M = (0.25, 0.0, 1.08)
+AHRS_BODY_M = (0.0, 0.0, 0.30)
+CASTER_BODY_M = (0.40, 0.16, 0.12)  # the left one
+CASTER_RADIUS_M = 0.12
 LENS_TILT_DEG = 7.5  # looking down
 CASTER_LOAD_N = 9.81 * ((36 * 0.13 + 2 * 0.5 * 0.40) / 0.40 / 2 - 0.5)  # on each spring, at rest
 STEP_S = 0.002
@@ -88,7 +91,7 @@ MODEL = """
 
 def mjcf(scene: Scene) -> str:
     """The MuJoCo model, as XML, of the robot at the origin of a scene."""
-    assets, geoms = mjcf_from_scene(scene)
+    assets, geoms = mjcf_from_solids(scene.firm)
     return MODEL.format(
         name=scene.name,
         step_s=STEP_S,

@@ -14,18 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes import robot
+from fakes.rays import Rays
+from fakes.rotations import R_from_q, angles_from_R, rotation_z
 from fakes.scene import Scene, load_scene
+from fakes.slip import shares
+from fakes.steel import distortion
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
 STEP_S = robot.STEP_S
 KEPT = 512  # physics steps, 1 s: how far back instants may lie
 SETTLING_STEPS = 500  # before the world begins, so that the robot rests on its contacts
-GROUP = 8  # beams that share one pose: 0.2 ms of a sweep
-FAR_M = 30.0  # a beam returns nothing from beyond
 MOTOR_SLEW_MPS2 = 3.0  # how fast the controller lets the wanted rim speed change
 MOTOR_SPREAD = 0.01  # 1 sigma of what makes each motor faster or slower than the command
-SCENE_ONLY = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)  # geom groups that beams hit
 
 
 class Wheels:
@@ -50,10 +51,14 @@ class Wheels:
 class World:
     """Physics of one robot in one scene, and rays for its scanner.
 
+    `obeys`: what the motors want is done.
+
     Args:
         scene: a scene, the name of a shipped one, or the path of a scene's file.
         seed: spreads the strength of the two motors.
     """
+
+    obeys = True
 
     def __init__(self, scene: Scene | str | Path, seed: int) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
@@ -68,8 +73,8 @@ class World:
         self._ctrl_mps = [0.0, 0.0]
         self._state = np.zeros((KEPT, 9))  # x y z, qw qx qy qz, left and right wheel angle
         self._motion = np.zeros((KEPT, 6))  # rate of turn and specific force of the attitude sensor
-        tilt = math.radians(robot.LENS_TILT_DEG)
-        self._R_body_lens = _rotation_y(tilt)
+        self._rays = Rays(self.scene, seed)
+        self._turned, self._slipped = np.zeros(2), np.zeros(2)  # by the wheels, rad
         self._settle()
 
     def _settle(self) -> None:
@@ -77,7 +82,7 @@ class World:
         for _ in range(SETTLING_STEPS):
             mj.mj_step(self._model, self._data)
         q_pos = self._data.qpos
-        yaw = _angles(_R_from_q(q_pos[3:7]))[0]
+        yaw = angles_from_R(R_from_q(q_pos[3:7]))[0]
         turn = np.array([math.cos(yaw / 2), 0.0, 0.0, -math.sin(yaw / 2)])
         level = np.empty(4)
         mj.mju_mulQuat(level, turn, q_pos[3:7].copy())
@@ -89,6 +94,12 @@ class World:
     def _record(self) -> None:
         k = self._steps % KEPT
         self._state[k] = self._data.qpos[:9]
+        turned = self._state[k, 7:9]
+        if self.scene.slips and self._steps:
+            share = shares(self.scene.slips, np.array([self._steps * STEP_S]))[0]
+            self._slipped += share * (turned - self._turned)
+            self._turned = turned.copy()
+            turned += self._slipped
         self._motion[k] = self._data.sensordata
 
     def step_to(self, now_s: float) -> None:
@@ -130,16 +141,22 @@ class World:
     def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
         """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
         state = self._at(self._state, self._now_or(t_s))[0]
-        yaw, pitch, roll = _angles(_R_from_q(state[3:7]))
+        yaw, pitch, roll = angles_from_R(R_from_q(state[3:7]))
         return float(state[0]), float(state[1]), yaw, pitch, roll
 
     def height_m(self, t_s: float | None = None) -> float:
         """How high the body frame's origin lies above the map's z = 0."""
         return float(self._at(self._state, self._now_or(t_s))[0, 2])
 
-    def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> F64:
-        """Height (n,) of the highest surface of the scene at x (n,), y (n,), map frame."""
-        return self.scene.height_at(x, y)
+    def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike, t_s: float | None = None) -> F64:
+        """Height (n,) of the highest surface at x (n,), y (n,), map frame, now or at an instant."""
+        begin_s = self._now_s if self._begin_s is None else self._begin_s
+        return self.scene.height_at(x, y, (self._now_s if t_s is None else t_s) - begin_s)
+
+    def distortion_at(self, t_s: float) -> F64:
+        """What (3, 3) steel makes of the earth's field (north, west, up) where the robot is."""
+        x, y = self._at(self._state, np.array([t_s]))[0, :2]
+        return distortion(self.scene.steels, float(x), float(y))
 
     def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
         """What an attitude sensor on the body, its axes along the body's, goes through.
@@ -149,8 +166,8 @@ class World:
             specific force (3,) m/s2, both along the sensor's axes: standing, z is +9.81.
         """
         at_s = np.array([t_s])
-        R_map_sensor = _R_from_q(self._at(self._state, at_s)[0, 3:7])
-        R_earth_map = _rotation_z(-self.scene.x_axis_east_of_north_rad)
+        R_map_sensor = R_from_q(self._at(self._state, at_s)[0, 3:7])
+        R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
         motion = self._at(self._motion, at_s)[0]
         return R_earth_map @ R_map_sensor, motion[:3], motion[3:]
 
@@ -161,45 +178,9 @@ class World:
             times_s: (n,) instants of the last second, in order.
             bearings_rad: (n,) in the scan plane, from straight ahead, counter-clockwise.
         """
-        n = len(times_s)
-        rays = np.zeros((n, 3))
-        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
-        rays = rays @ self._R_body_lens.T
-        starts = np.arange(0, n, GROUP)
-        states = self._at(self._state, times_s[np.minimum(starts + GROUP // 2, n - 1)])
-        distances, solids = np.empty(n), np.empty(n, dtype=np.int32)
-        for start, state in zip(starts, states, strict=True):
-            some = slice(start, start + GROUP)
-            R_map_body = _R_from_q(state[3:7])
-            rays_map = np.ascontiguousarray(rays[some] @ R_map_body.T).ravel()
-            lens_map = state[:3] + R_map_body @ robot.LENS_BODY_M
-            mj.mj_multiRay(
-                self._model, self._data, lens_map, rays_map, SCENE_ONLY, 1, -1,
-                solids[some], distances[some], None, len(rays_map) // 3, FAR_M,
-            )  # fmt: skip
-        distances[distances < 0] = np.nan
-        return distances
+        begin_s = self._now_s if self._begin_s is None else self._begin_s
+        return self._rays.ranges_m(self._poses, times_s, bearings_rad, begin_s)
 
-
-def _R_from_q(q: F64) -> F64:
-    """Rotation matrix (3, 3) of a quaternion (4,) w x y z, which need not be of unit length."""
-    flat, unit = np.empty(9), q / np.sqrt(q @ q)
-    mj.mju_quat2Mat(flat, unit)
-    return flat.reshape(3, 3)
-
-
-def _rotation_y(angle_rad: float) -> F64:
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def _rotation_z(angle_rad: float) -> F64:
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _angles(R: F64) -> tuple[float, float, float]:
-    """(yaw, pitch, roll) of R = Rz Ry Rx: nose down and right side down are positive."""
-    yaw = math.atan2(R[1, 0], R[0, 0])
-    pitch = -math.asin(max(-1.0, min(1.0, R[2, 0])))
-    return yaw, pitch, math.atan2(R[2, 1], R[2, 2])
+    def _poses(self, times_s: F64) -> tuple[F64, F64]:
+        states = self._at(self._state, times_s)
+        return states[:, :3], np.array([R_from_q(state[3:7]) for state in states])

@@ -1,0 +1,287 @@
+"""The solids of a scene: boxes and wedges, pillars, ridges; and what they are made of.
+
+Each knows its top over a point, and itself as MuJoCo XML. Map frame, metres.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+F64 = npt.NDArray[np.float64]
+Span = tuple[float, float]
+RAMP_FOOT_M = 0.5  # how far ramps and ridges reach below the ground: no beam passes under them
+ARC_PARTS = 24  # flat pieces of a round ridge
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What a solid does to a beam.
+
+    `glass` returns it only where it comes nearly at a right angle, `black` only from near; in what
+    is `soft` a beam ends at a random depth: it meets so many stalks a metre, and wheels none.
+    """
+
+    kind: Literal["plain", "glass", "black", "soft"] = "plain"
+    density_per_m: float = 0.0  # of stalks, of soft things
+
+
+PLAIN, GLASS, BLACK = Material(), Material("glass"), Material("black")
+
+
+def soft(density_per_m: float) -> Material:
+    """Grass, or a curtain of stalks: a beam goes 1 / density_per_m metres in it, on average."""
+    return Material("soft", density_per_m)
+
+
+class Shape(Protocol):
+    """What every solid offers."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def material(self) -> Material: ...
+    @property
+    def x(self) -> Span:
+        """From, to."""
+
+    @property
+    def y(self) -> Span:
+        """From, to."""
+
+    @property
+    def bottom_m(self) -> float:
+        """Its lowest height."""
+
+    def tops_m(self, x: F64, y: F64) -> F64:
+        """Height of its top over the points (n,); -inf beside it."""
+
+    def mjcf(self, key: str) -> tuple[str, str]:
+        """(asset, geom) as MuJoCo XML; the asset may be empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """An upright box; from z[1] at its lowest x and y its top rises along y by `rise_rad`, along x
+    by `rise_x_rad`: negative goes down.
+    """
+
+    name: str
+    x: Span
+    y: Span
+    z: Span
+    rise_rad: float = 0.0
+    rise_x_rad: float = 0.0
+    material: Material = PLAIN
+
+    @property
+    def bottom_m(self) -> float:
+        """Of all its corners."""
+        return self.z[0]
+
+    def tops_m(self, x: F64, y: F64) -> F64:
+        """Height of its top over the points (n,); -inf beside it."""
+        inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
+        top_m = self.z[1] + math.tan(self.rise_rad) * (y - self.y[0])
+        if self.rise_x_rad:
+            top_m = top_m + math.tan(self.rise_x_rad) * (x - self.x[0])
+        return np.where(inside, top_m, -np.inf)
+
+    def corners(self) -> list[tuple[float, float, float]]:
+        """Its eight corners."""
+        slope_x, slope_y = math.tan(self.rise_x_rad), math.tan(self.rise_rad)
+        return [
+            (x, y, z)
+            for y in self.y
+            for x in self.x
+            for z in (self.z[0], self.z[1] + slope_y * (y - self.y[0]) + slope_x * (x - self.x[0]))
+        ]
+
+    def mjcf(self, key: str) -> tuple[str, str]:
+        """(asset, geom) as MuJoCo XML."""
+        if self.rise_rad or self.rise_x_rad:
+            return _hull(key, self.corners())
+        spans = (self.x, self.y, self.z)
+        middle = " ".join(f"{(low + high) / 2!r}" for low, high in spans)
+        half = " ".join(f"{(high - low) / 2!r}" for low, high in spans)
+        return "", f'<geom name="{key}" type="box" pos="{middle}" size="{half}" class="scene"/>'
+
+
+@dataclass(frozen=True, slots=True)
+class Pillar:
+    """An upright cylinder."""
+
+    name: str
+    at: tuple[float, float]
+    radius_m: float
+    z: Span
+    material: Material = PLAIN
+
+    @property
+    def x(self) -> Span:
+        """From, to."""
+        return self.at[0] - self.radius_m, self.at[0] + self.radius_m
+
+    @property
+    def y(self) -> Span:
+        """From, to."""
+        return self.at[1] - self.radius_m, self.at[1] + self.radius_m
+
+    @property
+    def bottom_m(self) -> float:
+        """Of the whole."""
+        return self.z[0]
+
+    def tops_m(self, x: F64, y: F64) -> F64:
+        """Height of its top over the points (n,); -inf beside it."""
+        inside = np.hypot(x - self.at[0], y - self.at[1]) <= self.radius_m
+        return np.where(inside, self.z[1], -np.inf)
+
+    def mjcf(self, key: str) -> tuple[str, str]:
+        """(asset, geom) as MuJoCo XML."""
+        middle = f"{self.at[0]!r} {self.at[1]!r} {sum(self.z) / 2!r}"
+        size = f"{self.radius_m!r} {(self.z[1] - self.z[0]) / 2!r}"
+        return (
+            "",
+            f'<geom name="{key}" type="cylinder" pos="{middle}" size="{size}" class="scene"/>',
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Ridge:
+    """A profile drawn out across the way: its top goes through `tops` along x or y.
+
+    Args:
+        tops: (way from the lowest x or y, height), first at 0, last at the span's other end; never
+            bent upwards: MuJoCo wants it convex.
+    """
+
+    name: str
+    x: Span
+    y: Span
+    tops: tuple[tuple[float, float], ...]
+    along: Literal["x", "y"] = "x"
+    material: Material = PLAIN
+
+    @property
+    def bottom_m(self) -> float:
+        """Below the ground, so that no beam passes under it."""
+        return min(top for _, top in self.tops) - RAMP_FOOT_M
+
+    def tops_m(self, x: F64, y: F64) -> F64:
+        """Height of its top over the points (n,); -inf beside it."""
+        inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
+        way_m = x - self.x[0] if self.along == "x" else y - self.y[0]
+        ways_m, tops_m = np.array(self.tops).T
+        return np.where(inside, np.interp(way_m, ways_m, tops_m), -np.inf)
+
+    def mjcf(self, key: str) -> tuple[str, str]:
+        """(asset, geom) as MuJoCo XML."""
+        low = self.bottom_m
+        outline = [*self.tops, (self.tops[0][0], low), (self.tops[-1][0], low)]
+        if self.along == "x":
+            corners = [(self.x[0] + way, y, z) for y in self.y for way, z in outline]
+        else:
+            corners = [(x, self.y[0] + way, z) for x in self.x for way, z in outline]
+        return _hull(key, corners)
+
+
+def bump(
+    name: str,
+    x: Span,
+    y: Span,
+    height_m: float = 0.05,
+    along: Literal["x", "y"] = "x",
+    profile: Literal["round", "trapezoid"] = "round",
+    floor_m: float = 0.0,
+) -> Ridge:
+    """A speed bump, driven over along x or y: an arc of a circle, or up, flat and down."""
+    low, high = x if along == "x" else y
+    long_m = high - low
+    if profile == "trapezoid":
+        tops = [(0.0, 0.0), (long_m / 3, height_m), (2 * long_m / 3, height_m), (long_m, 0.0)]
+    else:
+        radius_m = (long_m**2 / 4 + height_m**2) / (2 * height_m)
+        half_rad = math.asin(long_m / 2 / radius_m)
+        turns = [half_rad * (2 * k / ARC_PARTS - 1) for k in range(1, ARC_PARTS)]
+        arc = [
+            (long_m / 2 + radius_m * math.sin(a), radius_m * (math.cos(a) - 1) + height_m)
+            for a in turns
+        ]
+        tops = [(0.0, 0.0), *arc, (long_m, 0.0)]
+    return Ridge(name, x, y, tuple((way, floor_m + top) for way, top in tops), along)
+
+
+def _hull(key: str, corners: list[tuple[float, float, float]]) -> tuple[str, str]:
+    """A convex body through its corners."""
+    vertices = " ".join(f"{part!r}" for corner in corners for part in corner)
+    asset = f'<mesh name="mesh_{key}" vertex="{vertices}"/>'
+    return asset, f'<geom name="{key}" type="mesh" mesh="mesh_{key}" class="scene"/>'
+
+
+# -- from a scene's file ----------------------------------------------------------------------
+
+
+def span_from(pair: list[float]) -> Span:
+    """[from, to].
+
+    Raises:
+        ValueError: it ends before it begins.
+    """
+    low, high = float(pair[0]), float(pair[1])
+    if not low < high:
+        raise ValueError(f"a solid needs [from, to] with from < to, is {pair}")
+    return low, high
+
+
+def material_from(entry: dict[str, Any]) -> Material:
+    """Of an entry with `material` and, where it is soft, `density_per_m`; plain without.
+
+    Raises:
+        ValueError: no such material.
+    """
+    kind = entry.get("material", "plain")
+    if kind not in ("plain", "glass", "black", "soft"):
+        raise ValueError(f"material {kind!r}: must be plain, glass, black or soft")
+    density = float(entry.get("density_per_m", 0.0))
+    if (kind == "soft") is not (density > 0.0):
+        raise ValueError("density_per_m: what is soft has one above 0, and nothing else has")
+    return Material(kind, density)
+
+
+def solid_from(entry: dict[str, Any]) -> Solid:
+    """A [[solid]]: name, x, y, z."""
+    x, y, z = (span_from(entry[axis]) for axis in "xyz")
+    return Solid(entry["name"], x, y, z, material=material_from(entry))
+
+
+def pillar_from(entry: dict[str, Any]) -> Pillar:
+    """A [[pillar]]: name, at, radius_m, z."""
+    x, y = entry["at"]
+    z, material = span_from(entry["z"]), material_from(entry)
+    return Pillar(entry["name"], (float(x), float(y)), float(entry["radius_m"]), z, material)
+
+
+def ramp_from(entry: dict[str, Any]) -> Solid:
+    """A [[ramp]]: name, x, y, rise_deg; along "x" or "y" (as given: "y"), from_m (0), material."""
+    along, from_m = entry.get("along", "y"), float(entry.get("from_m", 0.0))
+    rise_rad, x, y = math.radians(entry["rise_deg"]), span_from(entry["x"]), span_from(entry["y"])
+    low, high = {"x": x, "y": y}[along]
+    foot_m = min(from_m, from_m + math.tan(rise_rad) * (high - low)) - RAMP_FOOT_M
+    rises = (0.0, rise_rad) if along == "x" else (rise_rad, 0.0)
+    return Solid(entry["name"], x, y, (foot_m, from_m), *rises, material_from(entry))
+
+
+def bump_from(entry: dict[str, Any]) -> Ridge:
+    """A [[bump]]: name, x, y, height_m; along ("x"), profile ("round"), floor_m (0)."""
+    return bump(
+        entry["name"],
+        span_from(entry["x"]),
+        span_from(entry["y"]),
+        float(entry["height_m"]),
+        entry.get("along", "x"),
+        entry.get("profile", "round"),
+        float(entry.get("floor_m", 0.0)),
+    )

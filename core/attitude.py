@@ -1,17 +1,21 @@
 """Attitude at a time, or none: a ring of orientations, interpolated, never guessed.
 
 Refuses to extrapolate and to bridge a gap: an instant is covered only where samples before and
-after it lie close together.
+after it lie close together. Roll and pitch are the attitude sensor's, yaw is the heading filter's.
 """
+
+import math
 
 import numpy as np
 
 from core.geometry import R_from_rpy, q_from_R, q_product, rpy_from_q
+from core.heading import HeadingFilter
 from core.jit import kernel
 from core.records import F64, Attitude
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
+MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered
 UNIT = 1e-3  # how far a delivered quaternion may be from unit length
 
 
@@ -46,6 +50,12 @@ def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> Non
         out[n] /= np.sqrt(norm)
 
 
+def _turned(turn_rad: float, q: F64) -> F64:
+    """An orientation (4,), turned about the vertical."""
+    half_rad = 0.5 * turn_rad
+    return q_product(np.array([math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)]), q)
+
+
 class AttitudeRing:
     """The newest orientations of the body: `q_earth_body` (KEPT, 4) at host times `t_s` (KEPT,)."""
 
@@ -55,7 +65,9 @@ class AttitudeRing:
         self._R_body_sensor = R_body_sensor
         self.t_s = np.zeros(KEPT)
         self.q_earth_body = np.zeros((KEPT, 4))
+        self._turned_rad = np.zeros(KEPT)
         self.start = self.count = 0
+        self.heading = HeadingFilter()
         self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
         self.rejected = 0  # samples out of order or no orientation at all
 
@@ -69,7 +81,7 @@ class AttitudeRing:
         """Take one sample; False (and counted) if it can't be true."""
         q_earth_sensor = np.array(attitude.q_earth_sensor)
         length = float(np.linalg.norm(q_earth_sensor))
-        if not (abs(length - 1) <= UNIT and attitude.t_s > self.newest_s):
+        if not (abs(length - 1) <= UNIT and self.newest_s < attitude.t_s < math.inf):
             self.rejected += 1
             return False
         if self.count == KEPT:
@@ -77,10 +89,39 @@ class AttitudeRing:
         else:
             self.count += 1
         last = (self.start + self.count - 1) % KEPT
+        if all(abs(rate_radps) <= MOST_RADPS for rate_radps in attitude.rate_radps):
+            self.rate_body_radps = self._R_body_sensor @ np.array(attitude.rate_radps)
+        else:
+            self.rate_body_radps = np.full(3, math.nan)
+        q = q_product(q_earth_sensor / length, self._q_sensor_body)
+        rpy_rad = rpy_from_q(q)
+        yaw_rad = self.heading.step(
+            attitude.t_s,
+            rpy_rad,
+            self.rate_body_radps,
+            attitude.q_earth_sensor,
+            attitude.magnetic,
+        )
         self.t_s[last] = attitude.t_s
-        self.q_earth_body[last] = q_product(q_earth_sensor / length, self._q_sensor_body)
-        self.rate_body_radps = self._R_body_sensor @ np.array(attitude.rate_radps)
+        self._turned_rad[last] = self.heading.turned_rad
+        self.q_earth_body[last] = _turned(yaw_rad - rpy_rad[2], q)
         return True
+
+    def turned_rad_at(self, at_s: float) -> float:
+        """How far the gyro has turned about the vertical since the start, at a spanned instant.
+
+        Its bias is in it; where no gyro was delivered, it is the sensor's own yaw.
+        """
+        k = _index_before(self.t_s, self.start, self.count, at_s)
+        a, b = (self.start + k) % KEPT, (self.start + k + 1) % KEPT
+        share = (at_s - float(self.t_s[a])) / float(self.t_s[b] - self.t_s[a])
+        return float((1 - share) * self._turned_rad[a] + share * self._turned_rad[b])
+
+    def turn_all(self, turn_rad: float) -> None:
+        """Turn every kept orientation about the vertical: the heading was found to be off."""
+        for k in range(self.count):
+            n = (self.start + k) % KEPT
+            self.q_earth_body[n] = _turned(turn_rad, self.q_earth_body[n])
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if every instant from..to lies between two samples that are close together."""

@@ -59,7 +59,8 @@ class BeamMaps:
         self._deciding.follow(stand.x_m, stand.y_m)
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
-        trust = (self.ground.is_sure(stand), self._is_straight(stand))
+        calm = self._is_straight(stand) and self.ground.is_calm(sweep.t_s, stand)
+        trust = (self.ground.is_sure(stand), calm)
         returns = self.elevation.add(sweep, self.ground.numbers, trust)
         slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
         if slide is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:

@@ -272,15 +272,28 @@ def _floor_before(
 
 
 @kernel
+def _is_double(ranges_m: F64, i: int) -> bool:
+    """Whether a beam echoed twice."""
+    return bool(ranges_m.shape[0] > 1 and ranges_m[1, i] - ranges_m[0, i] > DOUBLE_M)
+
+
+@kernel
 def _softness(ranges_m: F64, i: int) -> int:
-    """Whether the first return of a beam is of a thing that beams go into: see `_fall_in`."""
-    if ranges_m.shape[0] > 1 and ranges_m[1, i] - ranges_m[0, i] > DOUBLE_M:
-        return 2
-    if 0 < i < ranges_m.shape[1] - 1:
-        before, after = ranges_m[0, i - 1], ranges_m[0, i + 1]
-        if abs(before - after) < TOGETHER_M:
-            return int(abs(ranges_m[0, i] - 0.5 * (before + after)) > SCATTER_M)
-    return 0
+    """Whether the first return of a beam is of a thing that beams go into: see `_fall_in`.
+
+    A beam that is split by an edge echoes twice as well: there one neighbour goes far past, and the
+    other one meets a plain surface.
+    """
+    if not 0 < i < ranges_m.shape[1] - 1:
+        return 0
+    r, before, after = ranges_m[0, i], ranges_m[0, i - 1], ranges_m[0, i + 1]
+    if not (abs(before - r) < TOGETHER_M and abs(after - r) < TOGETHER_M):
+        return 0
+    scatters = abs(r - 0.5 * (before + after)) > SCATTER_M
+    if _is_double(ranges_m, i):
+        inside = _is_double(ranges_m, i - 1) or _is_double(ranges_m, i + 1)
+        return 2 if inside or scatters else 0
+    return int(scatters)
 
 
 @kernel

@@ -29,8 +29,13 @@ JITTER_M = (
 JITTER_SCANS = 20
 FOLLOW_M = 0.4  # travel in which the line is followed,
 FOLLOW_S = 6.0  # and time, when the robot stands
+SWEPT_SHARE = 0.3  # where the robot nods, the line is swept over much floor: it tells less of slope
+SWEPT_KEPT = 0.9  # of that, from scan to scan
+RETURN_M = 8.0  # travel in which the slope goes back to the robot's own
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
+NOD = math.tan(math.radians(1.0))  # more than the robot has leant for a while is a nod,
+CALM_S, CALM_M = 1.0, 0.5  # after which it takes so long until all that it has done is past
 CREST_RAD = math.radians(2.0)  # a line that is lost on a steeper slope went over its crest
 CREST_M = -0.02  # there the ground falls away under the line,
 CREST_FASTER = 3.0  # which runs ahead of the robot
@@ -59,7 +64,9 @@ class GroundTracker:
         self._anchor = np.zeros(2)
         self._found = np.zeros((MAX_BEAMS, 3))
         self._last_s = -math.inf
+        self._swept_m = 0.0  # how far the line moves from scan to scan
         self._candidates = 0  # returns of the newest scan that might have been floor
+        self._nodded = (-math.inf, -math.inf)  # when, and after how much travel
         self._leaning = (0.0, 0.0)  # slope of the robot along and across its way, over a while
         self._offsets: deque[float] = deque(maxlen=MIDDLE_OF)
         self._jitter_m = self._jitter_m2 = 0.0
@@ -70,6 +77,11 @@ class GroundTracker:
         self._history.clear()
         self._offsets.clear()
         self._last_s = -math.inf
+
+    def is_calm(self, t_s: float, stand: Stand) -> bool:
+        """Whether the robot has not nodded for a while: wheels on a bump lift the lens unseen."""
+        nodded_s, at_m = self._nodded
+        return t_s - nodded_s > CALM_S and abs(stand.travel_m - at_m) > CALM_M
 
     def is_sure(self, stand: Stand) -> bool:
         """Whether what lies below the ground ahead is low: not behind the crest of a ramp."""
@@ -115,6 +127,9 @@ class GroundTracker:
         """Follow the robot's own slope slowly: one that nods stands on level ground."""
         (hx, hy), (gx, gy) = stand.heading, stand.slopes
         now = (gx * hx + gy * hy, gy * hx - gx * hy)
+        off = max(abs(now[0] - self._leaning[0]), abs(now[1] - self._leaning[1]))
+        if off > NOD and not math.isinf(self._last_s):
+            self._nodded = t_s, stand.travel_m
         share = 1.0 if math.isinf(self._last_s) else 1.0 - math.exp((self._last_s - t_s) / LEAN_S)
         self._leaning = (
             self._leaning[0] + share * (now[0] - self._leaning[0]),
@@ -198,20 +213,26 @@ class GroundTracker:
         self._jitter_m2 += (jitter_m**2 - self._jitter_m2) / JITTER_SCANS
         self._jitter_m = jitter_m if self._jitter_m2 > JITTER_M**2 else 0.0
         passed_s = max(0.0, min(1.0, sweep.t_s - self._last_s))
-        before_m = self.line.travel_m if self.line else stand.travel_m
+        last = self.line
+        before_m = last.travel_m if last else stand.travel_m
         moved_m = abs(stand.travel_m - before_m)
         if middle_m < CREST_M and self.slope_rad(stand)[0] > CREST_RAD:
             moved_m *= CREST_FASTER
         stay = math.exp(-moved_m / FOLLOW_M - passed_s / FOLLOW_S)
         most_m = STEEPEST * moved_m + 0.02 * passed_s
         rise_m = max(-most_m, min(most_m, (1.0 - stay**2) * middle_m))
-        bend = (1.0 - math.exp(-moved_m / FOLLOW_M)) ** 2 * middle_m / max(moved_m, 1e-3)
+        swept_m = math.hypot(line.x_m - last.x_m, line.y_m - last.y_m) if last else 0.0
+        self._swept_m = max(swept_m, SWEPT_KEPT * self._swept_m)
+        over_m = max(moved_m, SWEPT_SHARE * self._swept_m, 1e-3)
+        bend = (1.0 - math.exp(-moved_m / FOLLOW_M)) ** 2 * middle_m / over_m
         if stand.travel_m < before_m:
             bend = -bend
         tilt = (1.0 - math.exp(-moved_m / TURN_M - passed_s / FOLLOW_S)) * across
         for k in range(len(self._offsets)):
             self._offsets[k] -= rise_m
         hx, hy = stand.heading
+        along = line.slope_x * hx + line.slope_y * hy
+        bend += (self._leaning[0] - along) * min(1.0, abs(stand.travel_m - before_m) / RETURN_M)
         slope_x = _limited(line.slope_x + bend * hx - tilt * hy)
         slope_y = _limited(line.slope_y + bend * hy + tilt * hx)
         return Line(line.x_m, line.y_m, line.z_m + rise_m, slope_x, slope_y, stand.travel_m)

@@ -57,6 +57,18 @@ def lacks_floor(cells: Cells, at: int, sub: int) -> bool:
 
 
 @kernel
+def _is_among_soft(i: int, j: int, cells: Cells, window: tuple[int, int, int]) -> bool:
+    """Whether nothing stands beside a cell but what is soft as well."""
+    size = window[2]
+    for side in range(8):
+        ni, nj = i + AROUND[side][0], j + AROUND[side][1]
+        at = (nj % size) * size + ni % size
+        if cells[at].above > 0 and not is_soft(cells, at):
+            return False
+    return True
+
+
+@kernel
 def _goes_on(i: int, j: int, sides: int, cells: Cells, window: tuple[int, int, int]) -> bool:
     """Whether the neighbours on these sides (bits by octant) have all been seen."""
     size = window[2]
@@ -81,7 +93,8 @@ def _state(
         return UNKNOWN
     lacks = lacks_floor(cells, at, sub)
     above, height = cell.above, cell.mean_m
-    if bounds[2] > 0.0 and above > 0 and cell.top_m <= bounds[2] and is_soft(cells, at):
+    may_be_free = bounds[2] > 0.0 and above > 0 and cell.top_m <= bounds[2]
+    if may_be_free and is_soft(cells, at) and _is_among_soft(i, j, cells, window):
         above, height = 0, cell.floor_m
     beyond = above + cell.below
     if above >= ENOUGH or cell.below >= ENOUGH or lacks:

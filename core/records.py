@@ -43,6 +43,7 @@ class Attitude:
     t_s: float  # host monotonic clock, of the sampling instant
     q_earth_sensor: tuple[float, float, float, float]  # w x y z, unit; earth frame has z up
     rate_radps: tuple[float, float, float]  # about sensor x, y, z; NaN where not delivered
+    magnetic: tuple[float, float, float] | None = None  # sensor x, y, z; 1: field at calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,3 +101,17 @@ class DriveRequest:
     v_mps: float  # forward
     w_radps: float  # counter-clockwise
     valid_until_s: float  # host clock: after it the request means nothing
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalPose:
+    """Where a positioning system says that the body is, in that system's own frame."""
+
+    t_s: float  # host monotonic clock: when it was there
+    x_m: float
+    y_m: float
+    yaw_rad: float  # counter-clockwise; NaN: it does not tell
+    var_xx_m2: float
+    var_xy_m2: float
+    var_yy_m2: float
+    var_yaw_rad2: float  # of no meaning without a yaw

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from core.beam_maps import BeamMaps
 from tests.closed_loop import ClosedLoop, Comparison, compare
 
 DRIVE_S = 45.0
@@ -36,15 +35,6 @@ def test_no_free_cell_lies_on_a_box_or_in_the_ditch(
 ) -> None:
     _, comparisons = drive
     assert [place for comparison in comparisons for place in comparison.free_on_obstacle] == []
-
-
-def test_nothing_that_stands_still_is_cleared_away_at_its_edges(
-    drive: tuple[ClosedLoop, list[Comparison]],
-) -> None:
-    loop, _ = drive
-    maps = loop.app.mapper.maps
-    assert isinstance(maps, BeamMaps)
-    assert maps.clearing.cleared == 0
 
 
 def test_the_floor_is_flat_within_15_mm(drive: tuple[ClosedLoop, list[Comparison]]) -> None:

@@ -32,7 +32,8 @@ CELL = np.dtype(
         ("t_s", np.float64),  # when it was last hit
         ("face_x_m", np.float64),  # middle of what made a face across the way known, map frame,
         ("face_y_m", np.float64),
-        ("face_n", np.int32),  # of so many returns
+        ("face_n", np.int32),  # of so many returns,
+        ("face_leg", np.int32),  # on this leg of the way
         ("count", np.int32),  # returns
         ("floor_count", np.int32),
         ("looks", np.int32),  # scans of which a return fell in

@@ -28,6 +28,7 @@ KNOWN = 12  # of them, from which on it tells something
 MOST_M = 0.25
 LEAST = 12  # returns that agree
 AGREE_M = 0.05  # about their middle
+SAME_LEG = math.cos(math.radians(20.0))  # a robot that has turned by more makes its faces anew
 SURE_M = 0.02  # a slide within this is none: so much the time and the tilt of a scan may be off
 SIGMA_M = 0.04  # of what one scan says; scans share their errors
 
@@ -71,6 +72,7 @@ def _off(
     cell_m: float,
     corner: tuple[int, int],
     size: int,
+    leg: int,
     cells: Cells,
 ) -> float:
     """How far a return lies ahead of the nearest known face; inf: there is none near."""
@@ -78,7 +80,7 @@ def _off(
     for step in range(-1, 2):
         sx, sy = x + step * cell_m * normal[0], y + step * cell_m * normal[1]
         at = flat_index(sx, sy, cell_m, corner, size)
-        if at >= 0 and cells[at].face_n >= KNOWN:
+        if at >= 0 and cells[at].face_leg == leg and cells[at].face_n >= KNOWN:
             off = (x - cells[at].face_x_m) * normal[0] + (y - cells[at].face_y_m) * normal[1]
             if abs(off) < abs(best):
                 best = off
@@ -94,6 +96,7 @@ def _slides(
     hx: float,
     hy: float,
     window: tuple[int, int, int, float],
+    leg: int,
     cells: Cells,
     slides: F64,
 ) -> int:
@@ -107,12 +110,16 @@ def _slides(
         x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
         if lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < LOW_M:
             continue
-        off = _off(x, y, normal, cell_m, corner, size, cells)
+        off = _off(x, y, normal, cell_m, corner, size, leg, cells)
         if math.isfinite(off):
             slides[n] = off / (normal[0] * hx + normal[1] * hy)
             n += 1
         own = flat_index(x, y, cell_m, corner, size)
-        if own < 0 or cells[own].face_n >= MADE_OF:
+        if own < 0:
+            continue
+        if cells[own].face_leg != leg:
+            cells[own].face_leg, cells[own].face_n = leg, 0
+        if cells[own].face_n >= MADE_OF:
             continue
         if math.isinf(off) or cells[own].face_n > 0:
             cell = cells[own]
@@ -128,10 +135,14 @@ class Faces:
     def __init__(self, cells: CellGrid) -> None:
         self._cells = cells
         self._slides = np.zeros(MAX_BEAMS)
+        self._leg, self._heading = 1, (math.nan, math.nan)
 
     def maybe_slide(self, sweep: Sweep, ground: F64, stand: Stand) -> Slide | None:
         """What a sweep says, if enough of it agrees; its returns add to the faces."""
         cells = self._cells
+        (ax, ay), (bx, by) = self._heading, stand.heading
+        if not ax * bx + ay * by >= SAME_LEG:
+            self._leg, self._heading = self._leg + 1, stand.heading
         n = _slides(
             sweep.lenses,
             sweep.rays,
@@ -139,6 +150,7 @@ class Faces:
             ground,
             *stand.heading,
             cells.window,
+            self._leg,
             cells.flat,
             self._slides,
         )

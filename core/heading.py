@@ -18,8 +18,8 @@ from core.records import F64
 
 SENSOR_RAD = math.radians(0.3)  # noise of the sensor's own yaw,
 SENSOR_S = 0.1  # of which samples nearer than that share most
-OFFSET_RAD = math.radians(1.5)  # how far that yaw wanders from place to place,
-OFFSET_S = 60.0  # and the time constant of that
+OFFSET_RAD = math.radians(1.0)  # how far that yaw wanders from place to place,
+OFFSET_S = 200.0  # and the time constant of that
 GYRO_VAR = math.radians(0.04) ** 2  # rad2/s: random walk of an integrated rate
 GYRO_TURN_VAR = math.radians(0.2) ** 2 / (2 * math.pi)  # per rad turned: its scale and axes
 BIAS_VAR = math.radians(0.003) ** 2  # (rad/s)2/s: random walk of the bias

@@ -19,7 +19,7 @@ TICKS_PER_S = 115200  # of the period
 MIN_PERIOD, MAX_PERIOD = 225, 0xFFFF
 EULER_COUNTER = EULER << 2 | COUNTER
 
-PACKET_COUNTER, FINE_TIME, RATE_OF_TURN = 0x1020, 0x1060, 0x8020
+PACKET_COUNTER, FINE_TIME, RATE_OF_TURN, MAGNETIC = 0x1020, 0x1060, 0x8020, 0xC020
 QUATERNION_PACKET, EULER_PACKET = 0x2010, 0x2030
 ALWAYS = 0xFFFF  # the "rate" of packets that come with every message
 NEW_RATES_HZ = (400, 200, 100, 80, 50, 40, 25, 20, 16, 10, 8, 5, 4, 2, 1)  # parts of 400
@@ -56,6 +56,7 @@ LEGACY_CHOICES = (  # mode, settings, whether the rate of turn is in it
     (ORIENTATION, EULER_COUNTER, False),
 )
 NEW_CHOICES = (
+    (PACKET_COUNTER, FINE_TIME, QUATERNION_PACKET, RATE_OF_TURN, MAGNETIC),
     (PACKET_COUNTER, FINE_TIME, QUATERNION_PACKET, RATE_OF_TURN),
     (PACKET_COUNTER, FINE_TIME, EULER_PACKET, RATE_OF_TURN),
     (PACKET_COUNTER, FINE_TIME, EULER_PACKET),
@@ -92,7 +93,7 @@ def new_outputs(rate_hz: float, baud: int) -> list[NewOutput]:
         if carried_hz(_new_bytes(choice), baud) >= wanted_hz:
             remark = "" if RATE_OF_TURN in choice else _without_rate(baud, rate_hz)
             found.append(_new_output(choice, wanted_hz, remark))
-    choice = NEW_CHOICES[1]
+    choice = NEW_CHOICES[2]
     most_hz = min(carried_hz(_new_bytes(choice), baud), wanted_hz - 1)
     lower_hz = next((hz for hz in NEW_RATES_HZ if hz <= most_hz), 1)
     return [*found, _new_output(choice, lower_hz, _too_slow(baud, lower_hz, rate_hz))]

@@ -210,6 +210,6 @@ class Mti(Device[Attitude]):
             if sample.q_earth_sensor is not None:
                 t_s = self._times.t_s(sample, received.arrived_s, received.wire_bytes)
                 rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
-                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps))
+                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
         self.stream.samples = []
         return attitudes

@@ -24,6 +24,7 @@ from hw.mti_data2 import ORIENTATIONS, Received
 from hw.mti_output import (
     ALWAYS,
     FINE_TIME,
+    MAGNETIC,
     PACKET_COUNTER,
     RATE_OF_TURN,
     TICKS_PER_S,
@@ -198,8 +199,8 @@ def _note_outputs(stream: MtStream, choice: NewOutput, held: list[tuple[int, int
     if not orientation_hz:
         raise StartAgainError(f"the MTi does not offer output {_names(choice, ORIENTATIONS)}")
     for identifier, rate_hz in choice.outputs:
-        if identifier in (PACKET_COUNTER, FINE_TIME):
-            continue
+        if identifier in (PACKET_COUNTER, FINE_TIME, MAGNETIC):
+            continue  # what runs as well without them
         given_hz = given.get(identifier, 0)
         if not given_hz:
             stream.note(f"the MTi does not offer output {_named(identifier)}")

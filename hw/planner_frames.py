@@ -17,7 +17,7 @@ from core.records import PoseReport
 from hw.session import BadFrame
 
 VERSION = 1
-GEOM, POSE, MAP, ACK, HELLO, DRIVE = 1, 2, 3, 8, 9, 10
+GEOM, POSE, MAP, ACK, HELLO, DRIVE, EXTERNAL_POSE = 1, 2, 3, 8, 9, 10, 12
 MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
 KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
 NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
@@ -29,6 +29,9 @@ MAP_HEAD = struct.Struct("<hhHB3s")
 ACK_BODY, HELLO_BODY = struct.Struct("<HIIHHBB"), struct.Struct("<IIHH")
 DRIVE_BODY = struct.Struct("<IIhhHH")
 LONGEST_VALID_MS, NO_SPEED = 1000, -(2**15)
+EXTERNAL_BODY = struct.Struct("<IIiihHHhHH")
+NO_YAW, NO_PLACE, MOST_YAW = -(2**15), -(2**31), 31416  # 0.0001 rad
+MOST_CORRELATION, OLDEST_MS = 10_000, 1000
 AGE_UNIT_S = 0.004
 
 
@@ -65,6 +68,24 @@ class Drive:
     v_mps: float  # forward
     w_radps: float  # counter-clockwise
     valid_s: float  # 0: stop now
+
+
+@dataclass(frozen=True, slots=True)
+class External:
+    """Where a positioning system saw the robot; every field lies within its range."""
+
+    seq: int
+    t_ms: int  # the sender's clock
+    session: int  # of the run that it has heard
+    nonce: int  # of its HELLO
+    x_m: float  # in the positioning system's frame
+    y_m: float
+    yaw_rad: float  # NaN: it does not tell
+    sigma_x_m: float  # standard deviations
+    sigma_y_m: float
+    correlation: float  # of x and y, -1..1
+    sigma_yaw_rad: float
+    age_s: float  # how long before `t_ms` the robot was there
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +170,10 @@ def encode_map(
     return MAP_HEAD.pack(ox, oy, repaired % 2**16, geom_id, start.to_bytes(3, "little")) + ops
 
 
-def decode_answer(frame: bytes, secret: Secret | None = None) -> Ack | Hello | Drive | BadFrame:
-    """An ACK, HELLO or DRIVE frame; with a secret, only one with the right tag (HELLO: any)."""
+def decode_answer(
+    frame: bytes, secret: Secret | None = None
+) -> Ack | Hello | Drive | External | BadFrame:
+    """A frame that comes to the sender; with a secret, only one with the right tag (HELLO: any)."""
     if not HEAD.size + CRC.size <= len(frame) <= MAX_FRAME:
         return BadFrame("bad length", frame)
     if CRC.unpack(frame[-4:])[0] != zlib.crc32(frame[:-4], CRC_START):
@@ -172,12 +195,15 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Ack | Hello | D
         return Hello(nonce, max_cells, max_frame)
     if kind & 0x0F == DRIVE:
         return _maybe_drive(body, seq, t_ms) or BadFrame("DRIVE out of range", frame)
-    return BadFrame("neither ACK nor HELLO nor DRIVE", frame)
+    if kind & 0x0F == EXTERNAL_POSE:
+        pose = _maybe_external(body, seq, t_ms)
+        return pose or BadFrame("EXTERNAL_POSE out of range", frame)
+    return BadFrame("neither ACK nor HELLO nor DRIVE nor EXTERNAL_POSE", frame)
 
 
-def is_drive(frame: bytes) -> bool:
-    """Whether a refused frame would have been a DRIVE frame."""
-    return frame[:1] == bytes([VERSION << 4 | DRIVE])
+def is_kind(frame: bytes, kind: int) -> bool:
+    """Whether a refused frame would have been one of that type."""
+    return frame[:1] == bytes([VERSION << 4 | kind])
 
 
 def _maybe_drive(body: bytes, seq: int, t_ms: int) -> Drive | None:
@@ -188,6 +214,36 @@ def _maybe_drive(body: bytes, seq: int, t_ms: int) -> Drive | None:
     if NO_SPEED in (v_mmps, w_mradps) or valid_ms > LONGEST_VALID_MS or reserved or not nonce:
         return None
     return Drive(seq, t_ms, session, nonce, v_mmps / 1000, w_mradps / 1000, valid_ms / 1000)
+
+
+def _maybe_external(body: bytes, seq: int, t_ms: int) -> External | None:
+    """None unless all of it is as section 3 wants it: nothing is used in part."""
+    if len(body) != EXTERNAL_BODY.size:
+        return None
+    session, nonce, x_mm, y_mm, yaw, sigma_x, sigma_y, tied, sigma_yaw, age_ms = (
+        EXTERNAL_BODY.unpack(body)
+    )
+    has_yaw = yaw != NO_YAW
+    if not nonce or NO_PLACE in (x_mm, y_mm) or not sigma_x or not sigma_y:
+        return None
+    if abs(tied) > MOST_CORRELATION or age_ms > OLDEST_MS:
+        return None
+    if has_yaw and not (-MOST_YAW <= yaw < MOST_YAW and sigma_yaw):
+        return None
+    return External(
+        seq,
+        t_ms,
+        session,
+        nonce,
+        x_mm / 1000,
+        y_mm / 1000,
+        yaw / 10_000 if has_yaw else math.nan,
+        sigma_x / 1000,
+        sigma_y / 1000,
+        tied / MOST_CORRELATION,
+        sigma_yaw / 10_000,
+        age_ms / 1000,
+    )
 
 
 class Deframer:

@@ -11,10 +11,13 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from core.records import ObstacleWindow, PoseReport
+from core.records import ExternalPose, ObstacleWindow, PoseReport
 from hw import map_sender
 from hw.map_sender import MapSender
+from hw.planner_commanders import Commanders
 from hw.planner_frames import (
+    DRIVE,
+    EXTERNAL_POSE,
     GEOM,
     HEAD,
     MAP,
@@ -30,6 +33,7 @@ from hw.planner_frames import (
     Ack,
     Deframer,
     Drive,
+    External,
     Hello,
     Secret,
     decode_answer,
@@ -38,9 +42,10 @@ from hw.planner_frames import (
     encode_map,
     encode_pose,
     encode_serial,
-    is_drive,
+    is_kind,
     serial_bytes,
 )
+from hw.planner_poses import ExternalPoses
 from hw.planner_requests import Requests
 from hw.session import BadFrame, Port
 
@@ -82,6 +87,7 @@ class PlannerLink:
         key: bytes | None,
         stale_ms: int,
         drive_refusal: str,
+        pose_refusal: str = "no external poses are taken here",
     ) -> None:
         self.port = port
         self._size, self._cell_mm = size, cell_mm
@@ -109,7 +115,9 @@ class PlannerLink:
         self.frames_sent = self.bytes_sent = self.frames_lost = 0
         self.acks = self.answers_rejected = self.ticks_held = 0
         self.planner_status = 0  # of the newest ACK
-        self.requests = Requests(session, drive_refusal)
+        commanders = Commanders(session)
+        self.requests = Requests(session, drive_refusal, commanders)
+        self.external_poses = ExternalPoses(pose_refusal, commanders)
         self.round_trip_s = math.nan
         self._t_ms = 0
 
@@ -131,11 +139,19 @@ class PlannerLink:
                         self._take_hello(hello)
                     case Drive() as drive:
                         self.requests.take(now_s, drive)
+                    case External() as external:
+                        self.external_poses.take(now_s, external)
                     case BadFrame(reason, data):
                         self.answers_rejected += 1
-                        if is_drive(data):
+                        if is_kind(data, DRIVE):
                             self.requests.refuse(reason)
+                        elif is_kind(data, EXTERNAL_POSE):
+                            self.external_poses.refuse(reason)
         return is_open
+
+    def take_external_poses(self) -> list[ExternalPose]:
+        """Those that counted since the last call, each with its instant on the host's clock."""
+        return self.external_poses.take_all()
 
     @property
     def doubt(self) -> str:

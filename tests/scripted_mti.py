@@ -114,7 +114,7 @@ CONVERSATION = [  # what differs from the wish is set, and read back
     wire("ReqConfiguration"),
     wire("GoToMeasurement"),
 ]
-NEW_OUTPUTS = bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064 8020 0064")
+NEW_OUTPUTS = bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064 8020 0064 C020 0064")
 NEW_REQUEST, NEW_READ = framed(0xC0, NEW_OUTPUTS), framed(0xC0)
 NOT_IMPLEMENTED = wire("Error", 1)
 

@@ -87,3 +87,45 @@ def test_the_mount_is_taken_off_orientation_and_rate(
     ring = ring_of(sample, mount=mount)
     np.testing.assert_allclose(R_from_rpy(*ring.newest_rpy()), R_from_rpy(*body), atol=1e-6)
     np.testing.assert_allclose(ring.rate_body_radps, rate_body, atol=1e-9)
+
+
+def turning(rate_radps: float, bias_radps: float) -> AttitudeRing:
+    """A second of turning left, with a gyro that has a bias."""
+    ring = AttitudeRing(0, 0, 0)
+    for k in range(101):
+        q = attitude(0.0, yaw=rate_radps * 0.01 * k).q_earth_sensor
+        ring.add(Attitude(0.01 * k, q, (0.0, 0.0, rate_radps + bias_radps)))
+    return ring
+
+
+def test_the_gyros_turn_is_kept_for_each_instant_with_its_bias() -> None:
+    ring = turning(0.5, 0.01)
+    assert math.isclose(ring.turned_rad_at(0.805) - ring.turned_rad_at(0.3), 0.505 * 0.51)
+
+
+def test_all_orientations_turn_at_once_about_the_vertical() -> None:
+    ring = turning(0.5, 0.0)
+    before = [ring.rpy_at(0.1 * k) for k in range(1, 10)]
+    ring.turn_all(0.25)
+    for k, (roll, pitch, yaw) in enumerate(before, start=1):
+        np.testing.assert_allclose(ring.rpy_at(0.1 * k), (roll, pitch, yaw + 0.25), atol=1e-9)
+
+
+def test_a_rate_that_no_body_has_is_as_none() -> None:
+    for wrong in (math.nan, math.inf, 1e300, 101.0):
+        ring = ring_of(Attitude(0.0, (1.0, 0.0, 0.0, 0.0), (0.0, wrong, 0.1)))
+        assert np.isnan(ring.rate_body_radps).all()
+
+
+def test_a_sample_from_the_end_of_time_is_left() -> None:
+    ring = ring_of(attitude(1.0))
+    assert not ring.add(attitude(math.inf))
+    assert ring.add(attitude(1.01))
+
+
+def test_roll_and_pitch_are_the_sensors_whatever_the_filter_makes_of_yaw() -> None:
+    ring = AttitudeRing(0, 0, 0)
+    for k in range(200):
+        pulled = attitude(0.0, 0.1, -0.2, 0.5 if k > 100 else 0.0).q_earth_sensor
+        ring.add(Attitude(0.01 * k, pulled, (0.0, 0.0, 0.0)))
+    np.testing.assert_allclose(ring.newest_rpy(), (0.1, -0.2, 0.0), atol=1e-6)

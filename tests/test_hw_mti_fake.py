@@ -180,6 +180,16 @@ def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model:
 
 
 @pytest.mark.parametrize("model", MODELS)
+def test_the_magnetic_field_comes_with_the_attitude_in_the_sensors_axes(model: str) -> None:
+    bench = Bench(model=model)
+    bench.run(3.0)
+    for attitude in bench.run(0.5):
+        assert attitude.magnetic is not None
+        R, _, _ = motion_at(attitude.t_s)
+        np.testing.assert_allclose(R @ attitude.magnetic, bench.fake.earth_field, atol=0.02)
+
+
+@pytest.mark.parametrize("model", MODELS)
 def test_every_model_is_found_again_after_a_brown_out_that_forgets(model: str) -> None:
     bench = Bench(model=model)
     bench.run(5.0)

@@ -146,7 +146,7 @@ def test_a_newer_device_that_finds_the_output_too_much_is_asked_for_less(code: i
     bench = Bench(device)
     bench.run(2.0)
     assert bench.state() == "running"
-    assert device.registers[0xC0] == "1020ffff1060ffff203000648020" + "0064"
+    assert device.registers[0xC0] == "1020ffff1060ffff2010006480200064"
     assert f"error {code:02X}, " in bench.cause()
 
 

@@ -181,7 +181,7 @@ def test_what_a_newer_device_takes_differently_is_said_while_it_runs() -> None:
 
 def test_a_newer_device_that_has_the_wanted_outputs_is_not_written_to() -> None:
     device = ScriptedNew()
-    device.registers[0xC0] = "8020006420100064 1060FFFF1020FFFF"  # in any order
+    device.registers[0xC0] = "C020006480200064201000641060FFFF1020FFFF"  # in any order
     bench = Bench(device)
     bench.run(3.0)
     assert (bench.state(), bench.cause()) == ("running", "")

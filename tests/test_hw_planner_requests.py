@@ -12,9 +12,10 @@ from core.records import DriveRequest
 from fakes.planner_frames import AUTH, HEAD, bytes_from_frame, drive_body, tag_of
 from fakes.planner_frames import DRIVE as FAKE_DRIVE
 from fakes.wire import MemoryPort
+from hw.planner_commanders import MOST_COMMANDERS
 from hw.planner_frames import DRIVE, Drive, Secret, decode_answer, encode_frame, encode_serial
 from hw.planner_link import PlannerLink
-from hw.planner_requests import MOST_COMMANDERS, Requests
+from hw.planner_requests import Requests
 from hw.session import BadFrame
 
 TOLD = json.loads((Path(__file__).parent / "vectors" / "planner_link.json").read_text())

@@ -11,6 +11,7 @@ import structlog
 
 from core import drive
 from core.config import Config
+from core.layers import UNITS
 from core.mapper import Mapper
 from core.records import Attitude, PoseReport, Scan, WheelCounts
 from core.report import report
@@ -98,6 +99,7 @@ class App:
             key=key,
             stale_ms=max(150, math.ceil(3000 * self._tick_s)),
             drive_refusal=drive.link_refusal(planner.port, key is not None, may_move),
+            pose_refusal=drive.link_refusal(planner.port, key is not None, True),
         )
 
     @property
@@ -121,6 +123,8 @@ class App:
         mapped = self.mapper.settle(now_s) > 0
         since_s = now_s - self._linked_s
         self.link.poll(now_s)
+        for pose in self.link.take_external_poses():
+            self.mapper.odometry.add_external(pose)
         window_trusted, told = self.report(now_s)
         if since_s >= self._tick_s - 1e-6 or (mapped and since_s >= self._tick_s / 2):
             self.link.step(now_s, told, self.mapper.window(window_trusted))
@@ -131,7 +135,8 @@ class App:
     def _drive(self, now_s: float, told: PoseReport) -> None:
         """Wheel power until the next tick: zero unless all is known to be well."""
         pose, request = self.mapper.maybe_pose(now_s), self.link.requests.newest
-        vouched, moves = self.mapper.counts.erased == 0, (told.v_mps, told.w_radps)
+        vouched = self.mapper.counts.erased == 0 and not self.mapper.continued
+        moves = told.v_mps, told.w_radps
         if self._linked_s == now_s:
             self._drop_ahead = self.control.drop_ahead(moves, request, pose, vouched)
         if not self.config.robot.enable_motors:
@@ -239,3 +244,5 @@ def warm_kernels(config: Config) -> None:
         window_trusted, told = app.report(now_s)
         app.link.step(now_s, told, app.mapper.window(window_trusted))
         app.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
+    for name in UNITS:
+        app.mapper.maybe_layer(name)

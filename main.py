@@ -8,11 +8,13 @@ import asyncio
 import contextlib
 import logging
 import math
+import os
 import secrets
 import signal
 import sys
 import time
 import tomllib
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 
@@ -20,10 +22,13 @@ import structlog
 
 from app import App, Ports, warm_kernels
 from core.config import Config, ConfigError, key_from_bytes, load_config
+from core.state import restore, state_of, was_moving
+from core.state_bytes import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
+from core.state_check import check_state
 from core.summary import robot_in_words
 from hw.ears import Ears
 from hw.port import PortUrlError, open_port, parse_url
-from hw.real_time import take_real_time
+from hw.real_time import leave_real_time, take_real_time
 
 __all__ = ["App", "Ports"]
 
@@ -84,6 +89,74 @@ def set_up_logging(config: Config) -> None:
     )
 
 
+def load_map(path: str, config: Config) -> Arrays:
+    """The state of a map in a file, fit to go on from with these settings.
+
+    Raises:
+        StateError: the file can't be read, was damaged, or belongs to other settings.
+    """
+    try:
+        arrays = arrays_from_bytes(Path(path).read_bytes())
+        check_state(arrays, config)
+    except (OSError, StateError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise StateError(f"can't load the map {path!r}: {reason}") from None
+    return arrays
+
+
+def write_map(path: str, arrays: Arrays) -> None:
+    """A state into a file, whole or not at all: what was there before stays until then.
+
+    Raises:
+        OSError: it can't be written.
+    """
+    part = Path(f"{path}.part")
+    with part.open("wb") as file:
+        file.write(bytes_from_arrays(arrays))
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+class MapSaver:
+    """Saves an app's map into a file, beside the loop; where it can't, the log says why."""
+
+    def __init__(self, app: App, path: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._app, self._path, self._clock = app, path, clock
+        self._log = structlog.get_logger()
+        self._writing: asyncio.Future[None] | None = None
+
+    def save(self) -> None:
+        """Save the map as it is now; the file is written meanwhile."""
+        if self._writing is not None and not self._writing.done():
+            self._log.warning("map_not_saved", reason="the one before is still being written")
+            return
+        try:
+            arrays = state_of(self._app.mapper, self._app.config, self._clock())
+        except StateError as error:
+            self._log.warning("map_not_saved", reason=str(error))
+            return
+        loop = asyncio.get_running_loop()
+        self._writing = loop.run_in_executor(None, self._write, arrays)
+
+    def _write(self, arrays: Arrays) -> None:
+        leave_real_time()
+        try:
+            write_map(self._path, arrays)
+        except OSError as error:
+            self._log.warning("map_not_saved", reason=str(error))
+        else:
+            self._log.info("map_saved", file=self._path, moving=was_moving(arrays))
+
+    async def finish(self) -> None:
+        """Save for the last time; all is written afterwards."""
+        if self._writing is not None:
+            await self._writing
+        self.save()
+        if self._writing is not None:
+            await self._writing
+
+
 async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     """Step the app at a fixed rate until told to stop; missed slots are skipped and counted.
 
@@ -107,14 +180,22 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     ears.close()
 
 
-async def serve(config: Config, ports: Ports, key: bytes | None) -> None:
-    """Run the app until SIGINT or SIGTERM."""
+async def serve(
+    config: Config, ports: Ports, key: bytes | None, loaded: Arrays | None, save_to: str
+) -> None:
+    """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
     log = structlog.get_logger()
     stop = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     warm_kernels(config)
     app = App(config, ports, session=secrets.randbits(32), key=key)
+    if loaded is not None:
+        restore(app.mapper, loaded, config, time.monotonic())
+        log.info("map_loaded", moving_when_saved=was_moving(loaded))
+    saver = MapSaver(app, save_to) if save_to else None
+    if saver:
+        asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, saver.save)
     locked, fifo = take_real_time()
     log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
     log.info("app_started", version=version(), planner=config.planner.port)
@@ -122,6 +203,8 @@ async def serve(config: Config, ports: Ports, key: bytes | None) -> None:
         await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
     finally:
         app.stop()
+    if saver:
+        await saver.finish()
     log.info("app_stopped", ticks=app.ticks, slots_missed=app.slots_missed)
 
 
@@ -140,12 +223,19 @@ def run(arguments: list[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="check the settings, tell, and end")
     parser.add_argument("--warm", action="store_true", help="compile the kernels, and end")
     parser.add_argument("--version", action="version", version=f"mapod {version()}")
+    parser.add_argument(
+        "--load-map",
+        metavar="FILE",
+        help="go on from a saved map; the robot must stand where it stood then",
+    )
+    parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
     options = parser.parse_args(arguments)
     try:
         config = load_config(Path(options.config).read_text(encoding="utf-8"))
         key = read_key(config.planner.key_file)
+        loaded = load_map(options.load_map, config) if options.load_map else None
         ports = open_ports(config)
-    except (ConfigError, OSError, UnicodeDecodeError) as error:
+    except (ConfigError, StateError, OSError, UnicodeDecodeError) as error:
         print(f"{options.config}: {error}", file=sys.stderr)
         return 2
     with contextlib.closing(ports):
@@ -155,7 +245,7 @@ def run(arguments: list[str] | None = None) -> int:
             warm_kernels(config)
         else:
             set_up_logging(config)
-            asyncio.run(serve(config, ports, key))
+            asyncio.run(serve(config, ports, key, loaded, options.save_map))
     return 0
 
 

@@ -15,9 +15,11 @@ from core.faces import Faces
 from core.geometry import R_from_rpy
 from core.ground import GroundTracker
 from core.ground_line import Stand
+from core.layers import LayerView, maybe_beams_layer
 from core.obstacles import Deciding, lacks_floor
 from core.odometry import Odometry
 from core.records import OBSTACLE, Scan
+from core.terrain import Terrain
 from core.window import StateWindow
 
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
@@ -43,6 +45,7 @@ class BeamMaps:
         self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters)
         self.clearing = Clearing(self.cells)
         self.ground = GroundTracker(self.cells)
+        self.terrain = Terrain(self.cells)
         self.faces = Faces(self.cells)
         self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
         self._h_neg_m = obstacle.h_neg_m
@@ -66,7 +69,9 @@ class BeamMaps:
         if slide is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:
             odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
         self.clearing.add(sweep, self.ground.numbers)
-        self._deciding.decide(self.cells.touched[: self.cells.used])
+        touched = self.cells.touched[: self.cells.used]
+        self._deciding.decide(touched)
+        self.terrain.note(touched)
         return returns
 
     def _is_straight(self, stand: Stand) -> bool:
@@ -77,6 +82,14 @@ class BeamMaps:
         moved_m = abs(stand.travel_m - before.travel_m)
         (ax, ay), (bx, by) = before.heading, stand.heading
         return moved_m > LEAST_MOVED_M and abs(ax * by - ay * bx) * LINE_M < MOST_SWEPT * moved_m
+
+    def update_layers(self) -> None:
+        """Slope, step and roughness of what was touched since the last time."""
+        self.terrain.update()
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """A layer by its name; none where there is none."""
+        return maybe_beams_layer(name, self.cells, self.terrain, self.window)
 
     def erase(self) -> None:
         """Forget everything."""

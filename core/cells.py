@@ -36,7 +36,7 @@ CELL = np.dtype(
         ("face_leg", np.int32),  # on this leg of the way
         ("count", np.int32),  # returns
         ("floor_count", np.int32),
-        ("looks", np.int32),  # scans of which a return fell in
+        ("looks", np.int32),  # scans of which a return fell in; -1: of a loaded map, none yet
         ("floor_run", np.int32),  # the newest of them, in a row, that saw floor alone
         ("above", np.int32),  # scans with a return at or above h_pos,
         ("below", np.int32),  # or at or below h_neg,
@@ -74,9 +74,9 @@ def parts_of(cell_m: float) -> int:
 
 @kernel
 def known(cells: Cells, at: int) -> bool:
-    """Whether anything at all was seen of a cell."""
+    """Whether anything at all was seen of a cell; of a loaded map's, in this run."""
     cell = cells[at]
-    return bool(cell.count > 0 or cell.miss > 0)
+    return bool((cell.count > 0 and cell.looks >= 0) or cell.miss > 0)
 
 
 @kernel

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from core.attitude import AttitudeRing
 from core.beam_maps import BeamMaps
 from core.config import Config
+from core.layers import LayerView
 from core.maps import Maps
 from core.odometry import Odometry, Pose
-from core.records import Attitude, ObstacleWindow, Scan, WheelCounts
+from core.records import F64, Attitude, ObstacleWindow, Scan, WheelCounts
 from core.reference_plane_maps import ReferencePlaneMaps
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
@@ -57,11 +58,17 @@ class Mapper:
         is_paper = config.map.method == "reference_plane"
         self.maps: Maps = ReferencePlaneMaps(config) if is_paper else BeamMaps(config)
         self.counts = MapperCounts()
+        self.continued = False  # the map is that of an earlier run
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
         self.delivered_counts_s = float("-inf")  # instant of the newest encoder counts
         self._waiting: deque[Scan] = deque()
         self._breaks = 0
+
+    def go_on_from(self, xyz_m: F64, yaw_rad: float, travel_m: float) -> None:
+        """Before anything has come: the map frame is an earlier run's, the body stands here."""
+        self.odometry.start_at(xyz_m, yaw_rad, travel_m)
+        self.continued = True
 
     def add_attitude(self, attitude: Attitude) -> None:
         """Take one sample of the attitude sensor."""
@@ -118,8 +125,13 @@ class Mapper:
         """The body's pose now, or none."""
         return self.odometry.maybe_pose(now_s)
 
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """A layer by its name in `core.layers.UNITS`, a copy; none where the method has none."""
+        return self.maps.maybe_layer(name)
+
     def window(self, trusted: bool) -> ObstacleWindow:
-        """The obstacle map and what changed in it since the last call."""
+        """The obstacle map and what changed in it since the last call; layers are up to it."""
+        self.maps.update_layers()
         window = self.maps.window
         return ObstacleWindow(
             window.cells,

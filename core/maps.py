@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from core.attitude import AttitudeRing
+from core.layers import LayerView
 from core.odometry import Odometry
 from core.records import Scan
 from core.window import StateWindow
@@ -22,6 +23,14 @@ class Maps(Protocol):
 
     def erase(self) -> None:
         """Forget everything: nothing in it can be placed any more."""
+        ...
+
+    def update_layers(self) -> None:
+        """Work out what layers need since the last time; called at the publishing rate."""
+        ...
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """A layer by its name in `core.layers.UNITS`; none where the method has none."""
         ...
 
     def is_low(self, i: int, j: int) -> bool:

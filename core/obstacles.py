@@ -89,7 +89,7 @@ def _state(
 ) -> int:
     """What one cell means."""
     cell = cells[at]
-    if not known(cells, at):
+    if cell.count == 0 and not known(cells, at):
         return UNKNOWN
     lacks = lacks_floor(cells, at, sub)
     above, height = cell.above, cell.mean_m
@@ -103,7 +103,7 @@ def _state(
         return OBSTACLE
     if (beyond > 0 or cell.miss == 1) and cell.looks < LOOKED_AGAIN:
         return UNKNOWN
-    if cell.count == 0:
+    if cell.count == 0 or cell.looks < 0:
         return UNKNOWN
     sides = 0
     if cell.rising == 1:

@@ -16,6 +16,7 @@ from core.attitude import AttitudeRing
 from core.beams import MIN_RANGE_M
 from core.config import Config
 from core.jit import kernel
+from core.layers import LayerView, maybe_plane_layer
 from core.odometry import Odometry
 from core.records import F64, I8, I32, OBSTACLE, UNKNOWN, Scan
 from core.reference_plane import PaperSettings, ReferencePlane, sigma_from_bearing
@@ -133,6 +134,13 @@ class ReferencePlaneMaps:
             self._source.ravel(), states.ravel(), self.window.cells.ravel(), self._at, self._new
         )
         self.window.put(self._at[:changed], self._new[:changed])
+
+    def update_layers(self) -> None:
+        """Nothing: heights and states are kept as they are."""
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """Height above the reference, or state; none for any other name."""
+        return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)
 
     def erase(self) -> None:
         """Forget both maps and the window."""

@@ -21,10 +21,10 @@ from core.mapper import Mapper
 from core.records import FREE, OBSTACLE, UNKNOWN
 from core.reference_plane_maps import ReferencePlaneMaps
 from core.state_bytes import Arrays, StateError
-from core.state_check import FORMAT, VERSION, check_state, settings_of
+from core.state_check import FORMAT, UNSEEN, VERSION, check_state, settings_of
 from core.window import StateWindow
 
-OF_THIS_RUN = ("looks", "far_sides", "floor_run", "through", "outliers")  # begin anew with it
+OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers")  # begin anew with it
 STILL = 0.02  # m/s and rad/s
 AWAY_VAR_M2 = 0.05**2  # what a filtered height is less sure of after a time that nobody saw
 
@@ -131,6 +131,7 @@ def _into_beams(maps: BeamMaps, arrays: Arrays, now_s: float, away_var_m2: float
     records = np.zeros(at.size, dtype=CELL)
     for name in CELL.names or ():
         records[name] = 0 if name in OF_THIS_RUN else arrays[f"cells.{name}"]
+    records["looks"] = UNSEEN
     records["t_s"] = now_s - arrays["cells.t_s"]
     records["var_m2"] += away_var_m2
     cells.flat[at] = records

@@ -16,6 +16,7 @@ from core.state_bytes import Arrays, StateError
 
 FORMAT, VERSION = "mapod map state", 1
 I64, I32, I8, FLOAT = np.dtype(np.int64), np.dtype(np.int32), np.dtype(np.int8), np.dtype(float)
+UNSEEN = -1  # `looks` of a cell of a loaded map in which nothing was seen since
 MOST_M = 1e6  # no place and no height is farther off
 MOST_S = 1e9  # nor anything longer ago
 MOST_CELLS = 100_000_000  # nor a cell's index
@@ -156,7 +157,7 @@ def _bounds_of(name: str, newest_scan: int) -> tuple[float, float]:
         return -MOST_S, MOST_S
     if CELL[name].kind == "f":
         return (0.0 if name == "var_m2" else -MOST_M), MOST_M
-    return 0, (newest_scan if name in COUNTED_IN else MOST_SCANS)
+    return (UNSEEN if name == "looks" else 0), (newest_scan if name in COUNTED_IN else MOST_SCANS)
 
 
 def _check_cells(arrays: Arrays, config: Config) -> None:

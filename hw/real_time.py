@@ -23,3 +23,8 @@ def take_real_time() -> tuple[bool, bool]:
     except OSError:
         return locked, False
     return locked, True
+
+
+def leave_real_time() -> None:
+    """The thread that calls this works on only when nothing else is due."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

@@ -64,6 +64,8 @@ class BeamMaps:
         self.cells.begin_scan()
         calm = self._is_straight(stand) and self.ground.is_calm(sweep.t_s, stand)
         trust = (self.ground.is_sure(stand), calm)
+        if self.ground.is_new:
+            self.elevation.judge_again(self.ground.numbers, self.ground.lost_s)
         returns = self.elevation.add(sweep, self.ground.numbers, trust)
         slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
         if slide is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:

@@ -18,6 +18,7 @@ from core.records import F64, I32
 
 THROUGH = 8  # scans in a row
 STEP_M = 0.2
+FINER = 5  # places in each step, where something stood
 REACH_M = 15.0  # from the lens
 BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
 MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
@@ -36,6 +37,30 @@ def _passes(cells: Cells, at: int, bit: int, h: float, r: float, serial: int) ->
     middle = 0.5 * (cell.low_m + cell.top_m)
     half = max(0.5 * (cell.top_m - cell.low_m) - margin, LEAST_HALF_M)
     return bool(abs(h - middle) <= half)
+
+
+@kernel
+def _goes_through(
+    lens: F64,
+    ray: F64,
+    middle: float,
+    end: float,
+    at: int,
+    ground: F64,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+) -> bool:
+    """Whether a beam, about a range, passes through what stood in a cell: each 5 cm is tried."""
+    for k in range(FINER):
+        r = middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
+            h = lens[2] + r * ray[2] - ground_m(ground, x, y)
+            if _passes(cells, at, part_bit(x, y, window[3], sub), h, r, serial):
+                return True
+    return False
 
 
 @kernel
@@ -67,9 +92,9 @@ def _clear(
             x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
             at = flat_index(x, y, window[3], corner, window[2])
             if at >= 0 and cells[at].above > 0 and cells[at].through_scan != serial:
-                bit = part_bit(x, y, window[3], sub)
-                h = lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y)
-                if _passes(cells, at, bit, h, r, serial):
+                if _goes_through(
+                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, serial
+                ):
                     cells[at].through_scan = serial
                     cells[at].through += 1
                     if cells[at].through >= THROUGH:

@@ -24,6 +24,7 @@ from core.cells import (
 )
 from core.ground_line import DUE_M, due_m, ground_m
 from core.jit import kernel
+from core.missing_floor import floor_before, missed
 from core.records import F64, I32
 
 RISING_M = 0.03  # a return so far off the ground may belong to the foot of something,
@@ -31,10 +32,9 @@ RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong a
 MAX_COUNT = 1_000_000_000
 MAX_EVIDENCE = 60_000
 BELOW_M = 0.015  # a return so far below the ground has passed where floor was due,
+SHALLOW_M = 9.5  # as long as the floor is so near: farther off, the attitude's noise is as large,
 LOWER_M = 0.012  # if the ground is as expected to within this much,
 BELOW_SLOPE = 0.0006  # and this much of its range more
-BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
-MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
 FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said
 
 SIGMA_RANGE_M = 0.012  # of a return, along the beam
@@ -181,97 +181,6 @@ def _fall_in(
 
 
 @kernel
-def _no_floor(
-    x: float,
-    y: float,
-    skip: int,
-    is_deep: bool,
-    window: tuple[int, int, int, float],
-    sub: int,
-    cells: Cells,
-    serial: int,
-    touched: I32,
-    used: int,
-) -> int:
-    """Floor was due at a place and did not show; the cell `skip` is left out."""
-    at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
-    if at < 0 or at == skip:
-        return used
-    if not known(cells, at):
-        used = touch_around(at, window[2], cells, serial, touched, used)
-    cell = cells[at]
-    cell.miss_bits |= part_bit(x, y, window[3], sub)
-    if cell.miss_scan != serial and cell.miss < MAX_EVIDENCE:
-        cell.miss_scan = serial
-        cell.miss += 1
-    if is_deep and cell.deep_scan != serial:
-        cell.deep_scan = serial
-        cell.deep += 1
-    return touch(at, cells, serial, touched, used)
-
-
-@kernel
-def _missed(
-    lens: F64,
-    ray: F64,
-    due: float,
-    seen: float,
-    is_deep: bool,
-    window: tuple[int, int, int, float],
-    sub: int,
-    cells: Cells,
-    serial: int,
-    touched: I32,
-    used: int,
-) -> int:
-    """A beam went on where floor was due: from there to where it was seen (inf: never) is none."""
-    corner = (window[0], window[1])
-    if math.isinf(seen):
-        x, y = lens[0] + due * ray[0], lens[1] + due * ray[1]
-        return _no_floor(x, y, -1, True, window, sub, cells, serial, touched, used)
-    step = window[3] / sub
-    level = math.hypot(ray[0], ray[1])
-    last = flat_index(
-        lens[0] + seen * ray[0], lens[1] + seen * ray[1], window[3], corner, window[2]
-    )
-    steps = min(math.ceil((seen - due) * level / step), MAX_HOLE_STEPS)
-    for s in range(steps):
-        r = due + (seen - due) * s / steps
-        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
-        if (seen - r) * level > step:
-            used = _no_floor(x, y, -1, is_deep, window, sub, cells, serial, touched, used)
-        else:
-            used = _no_floor(x, y, last, is_deep, window, sub, cells, serial, touched, used)
-    return used
-
-
-@kernel
-def _floor_before(
-    lens: F64,
-    ray: F64,
-    due: float,
-    x: float,
-    y: float,
-    ground: F64,
-    window: tuple[int, int, int, float],
-    cells: Cells,
-) -> float:
-    """How high floor at (x, y) would lie, by the floor just before where the beam should meet it.
-
-    In the map frame; NaN: none was seen there. A few centimetres below the ground mean a hole only
-    beside floor that lies higher.
-    """
-    corner, level = (window[0], window[1]), math.hypot(ray[0], ray[1])
-    for back in range(1, 4):
-        r = due - BEFORE_CELLS * back * window[3] / level
-        bx, by = lens[0] + r * ray[0], lens[1] + r * ray[1]
-        at = flat_index(bx, by, window[3], corner, window[2])
-        if at >= 0 and cells[at].floor_count > 0 and cells[at].above == 0:
-            return float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
-    return math.nan
-
-
-@kernel
 def _is_double(ranges_m: F64, i: int) -> bool:
     """Whether a beam echoed twice."""
     return bool(ranges_m.shape[0] > 1 and ranges_m[1, i] - ranges_m[0, i] > DOUBLE_M)
@@ -349,14 +258,46 @@ def _add(
                 continue
             is_deep = h <= limits[1]
             if not is_deep:
-                if not trust[1]:
+                if not trust[1] or due > SHALLOW_M:
                     continue
                 z = lens[2] + nearest * ray[2] - ground[9]
-                h = z - _floor_before(lens, ray, due, x, y, ground, window, cells)
+                h = z - floor_before(lens, ray, due, x, y, ground, window, cells)
             if not h <= -BELOW_M - BELOW_SLOPE * nearest:
                 continue
-        used = _missed(lens, ray, due, nearest, is_deep, window, sub, cells, serial, touched, used)
+        used = missed(lens, ray, due, nearest, is_deep, window, sub, cells, serial, touched, used)
     return used, returns
+
+
+@kernel
+def _judge_again(
+    ground: F64,
+    since_s: float,
+    limits: Limits,
+    window: tuple[int, int, int, float],
+    cells: Cells,
+    serial: int,
+    touched: I32,
+    used: int,
+) -> int:
+    """Cells that were hit since an instant, and that lie on the ground after all, are floor."""
+    size, cell_m = window[2], window[3]
+    for at in range(cells.size):
+        cell = cells[at]
+        if cell.count == 0 or cell.t_s < since_s:
+            continue
+        i = window[0] + (at % size - window[0]) % size
+        j = window[1] + (at // size - window[1]) % size
+        z = ground_m(ground, (i + 0.5) * cell_m, (j + 0.5) * cell_m)
+        if cell.z_high_m - z >= limits[0] or cell.z_low_m - z <= limits[1]:
+            continue
+        cell.above, cell.below, cell.miss, cell.deep = 0, 0, 0, 0
+        cell.floor_bits |= cell.high_bits
+        cell.high_bits, cell.miss_bits, cell.rising, cell.outliers = 0, 0, 0, 0
+        cell.low_m, cell.top_m = math.inf, -math.inf
+        cell.mean_m = cell.floor_m = cell.z_m - z
+        cell.floor_count = cell.count
+        used = touch(at, cells, serial, touched, used)
+    return used
 
 
 class Elevation:
@@ -389,6 +330,20 @@ class Elevation:
             cells.used,
         )
         return int(returns)
+
+    def judge_again(self, ground: F64, since_s: float) -> None:
+        """The ground (10,) was found anew: look again at the cells that were hit since then."""
+        cells = self.cells
+        cells.used = _judge_again(
+            ground,
+            since_s,
+            self._limits,
+            cells.window,
+            cells.flat,
+            cells.scan,
+            cells.touched,
+            cells.used,
+        )
 
     @property
     def mean_m(self) -> F64:

@@ -16,7 +16,7 @@ import numpy as np
 
 from core.beams import MAX_BEAMS, Sweep
 from core.cells import CellGrid
-from core.ground_line import Line, Stand, fit, near_plane, nearest_due
+from core.ground_line import Line, Stand, fit, near_plane, nearest_due, seek
 from core.records import F64
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
@@ -42,6 +42,13 @@ CREST_FASTER = 3.0  # which runs ahead of the robot
 LEAN_S = 0.7  # in which the robot's own slope is followed
 BACK_M = 0.6  # travel by which the tracker goes back when it has lost the line
 KEPT = 64
+SEEK_GATE = 7.0  # times the gates: within a metre of the plane
+SEEN_STEP_M = 0.015  # travel from one line that is kept to the next
+LEAST_SEEN, SEEN_M = 16, 0.5  # lines, and metres that they cover, which make a slope
+EVEN = 0.5  # of it, at least, in either half: a kerb is steep, and level behind
+LEAST_SLOPE = math.tan(math.radians(1.2))
+ROUGH_M = 0.03  # off the slope, at most
+FOOT_M = 0.5  # its foot or crest lies between the robot and the line, so well
 TRIED_M = (0.0, 0.03, -0.03, 0.06, -0.06)  # offsets of planes that are tried
 TRIED_SLOPES = (1.0, 0.0, 0.5, 1.5, 2.0)  # of the robot's own: half of it is on a ramp already
 TRIED_GATE = 0.25  # of the gates
@@ -62,7 +69,12 @@ class GroundTracker:
         self.line: Line | None = None
         self._history: deque[Line] = deque(maxlen=KEPT)
         self._anchor = np.zeros(2)
-        self._found = np.zeros((MAX_BEAMS, 3))
+        self._found = np.zeros((MAX_BEAMS, 5))
+        self._seen: deque[tuple[float, float, float]] = deque(
+            maxlen=2 * KEPT
+        )  # lines while it is lost
+        self.lost_s = math.inf  # since then
+        self.is_new = False  # the newest scan found it anew
         self._last_s = -math.inf
         self._swept_m = 0.0  # how far the line moves from scan to scan
         self._candidates = 0  # returns of the newest scan that might have been floor
@@ -76,7 +88,8 @@ class GroundTracker:
         self.line, self.found = None, False
         self._history.clear()
         self._offsets.clear()
-        self._last_s = -math.inf
+        self._seen.clear()
+        self._last_s, self.lost_s = -math.inf, math.inf
 
     def is_calm(self, t_s: float, stand: Stand) -> bool:
         """Whether the robot has not nodded for a while: wheels on a bump lift the lens unseen."""
@@ -109,11 +122,21 @@ class GroundTracker:
             self._offsets.clear()
             line = self._moved(self._before(stand), sweep, stand)
             fitted = self._fitted(line, sweep, stand)
+        self.is_new = False
         if (fitted is None and in_view) or self.line is None:
-            fitted = self._tried(sweep, stand) or fitted
+            tried = self._tried(sweep, stand)
+            if tried is None and fitted is None and in_view:
+                tried = self._climbed(line, sweep, stand)
+            self.is_new = tried is not None and math.isfinite(self.lost_s)
+            fitted = tried or fitted
+        if fitted is None:
+            self.lost_s = min(self.lost_s, sweep.t_s)
         self.found = fitted is not None
         if not self.found:
             self._offsets.clear()
+        elif not self.is_new:
+            self.lost_s = math.inf
+            self._seen.clear()
         self.line = fitted or line
         self._set(self.line, stand, self._jitter_m)
         self._last_s = sweep.t_s
@@ -178,9 +201,16 @@ class GroundTracker:
     def _look(
         self, line: Line, sweep: Sweep, stand: Stand, gate: float
     ) -> tuple[int, int, float, float]:
+        near, candidates = self._near(line, sweep, stand, gate)
+        n, offset_m, slope = fit(self._found, near)
+        if n < FLAT_SHARE * near:
+            n = 0
+        return int(n), candidates, float(offset_m), float(slope)
+
+    def _near(self, line: Line, sweep: Sweep, stand: Stand, gate: float) -> tuple[int, int]:
+        """How many returns lie near a line's plane, into `_found`, and how many might have."""
         self._set(line, stand)
         self._anchor[:] = line.x_m, line.y_m
-        cells = self._cells
         near, candidates = near_plane(
             sweep.lenses,
             sweep.rays,
@@ -188,14 +218,11 @@ class GroundTracker:
             self.numbers,
             self._anchor,
             gate,
-            cells.window,
-            cells.flat,
+            self._cells.window,
+            self._cells.flat,
             self._found,
         )
-        n, offset_m, slope = fit(self._found, near)
-        if n < FLAT_SHARE * near:
-            n = 0
-        return int(n), int(candidates), float(offset_m), float(slope)
+        return int(near), int(candidates)
 
     def _fitted(self, line: Line, sweep: Sweep, stand: Stand) -> Line | None:
         """The line moved towards what the scan shows; none if it does not show it."""
@@ -257,6 +284,45 @@ class GroundTracker:
             self._history.clear()
             self._offsets.clear()
         return best
+
+    def _climbed(self, line: Line, sweep: Sweep, stand: Stand) -> Line | None:
+        """The plane of lines that rise or fall evenly, if it leads down or up to the robot: a ramp.
+
+        A kerb's top is level, a wall stands still: neither does.
+        """
+        near, candidates = self._near(line, sweep, stand, SEEK_GATE)
+        at = np.zeros(3)
+        n = int(seek(self._found, near, at))
+        if n < max(2 * LEAST, FLAT_SHARE * candidates):
+            return None
+        (hx, hy), x_m, y_m = stand.heading, float(at[1]), float(at[2])
+        if self._seen and abs(stand.travel_m - self._seen[-1][2]) < SEEN_STEP_M:
+            return None
+        seen = (hx * x_m + hy * y_m, line.height_m(x_m, y_m) + float(at[0]), stand.travel_m)
+        self._seen.append(seen)
+        u, z = (
+            np.array([place for place, _, _ in self._seen]),
+            np.array([h for _, h, _ in self._seen]),
+        )
+        if len(u) < LEAST_SEEN or float(np.ptp(u)) < SEEN_M:
+            return None
+        slope, height_m = (float(part) for part in np.polyfit(u - u.mean(), z, 1))
+        rough_m = float(np.abs(z - height_m - slope * (u - u.mean())).max())
+        half = len(u) // 2
+        halves = [
+            float(np.polyfit(u[part], z[part], 1)[0]) for part in (np.s_[:half], np.s_[half:])
+        ]
+        if not min(halves) * max(halves) > 0.0 or min(map(abs, halves)) < EVEN * abs(slope):
+            return None
+        rise_m = height_m + slope * (float(u[-1]) - float(u.mean())) - stand.z_m
+        ahead_m = float(u[-1]) - hx * stand.x_m - hy * stand.y_m
+        if not (LEAST_SLOPE <= abs(slope) <= STEEPEST and rough_m <= ROUGH_M):
+            return None
+        if not -FOOT_M <= ahead_m - rise_m / slope <= ahead_m + FOOT_M:
+            return None
+        self._history.clear()
+        self._seen.clear()
+        return Line(x_m, y_m, stand.z_m + rise_m, slope * hx, slope * hy, stand.travel_m)
 
 
 def _limited(slope: float) -> float:

@@ -20,6 +20,7 @@ STEEP = 0.25  # relief of a cell that is too steep for ground, share of its edge
 STEEP_M = 0.015  # and on top of it what noise makes
 BIN_M, HALF_BINS, WIDE_BINS = 0.005, 34, 6  # in which the floor's height is looked for
 PEAK_M = 0.025  # about it
+WIDE_M = 0.03  # bins where nothing is known of it: within a metre
 
 
 @kernel
@@ -49,11 +50,11 @@ def _is_steep(x: float, y: float, window: tuple[int, int, int, float], cells: Ce
 
 
 @kernel
-def _peak(heights: F64, n: int) -> float:
+def _peak(heights: F64, n: int, bin_m: float) -> float:
     """Where most of n heights lie close together: floor does, the foot of a wall does not."""
     bins = np.zeros(2 * HALF_BINS, dtype=np.int64)
     for k in range(n):
-        bins[max(0, min(2 * HALF_BINS - 1, int(heights[k] / BIN_M + HALF_BINS)))] += 1
+        bins[max(0, min(2 * HALF_BINS - 1, int(heights[k] / bin_m + HALF_BINS)))] += 1
     best, most = 0, -1
     for k in range(WIDE_BINS - 1, 2 * HALF_BINS):
         total = 0
@@ -61,7 +62,7 @@ def _peak(heights: F64, n: int) -> float:
             total += bins[k - m]
         if total > most:
             best, most = k, total
-    return (best + 1 - 0.5 * WIDE_BINS - HALF_BINS) * BIN_M
+    return (best + 1 - 0.5 * WIDE_BINS - HALF_BINS) * bin_m
 
 
 @kernel
@@ -76,7 +77,7 @@ def near_plane(
     cells: Cells,
     found: F64,
 ) -> tuple[int, int]:
-    """Returns near the plane at the line, into `found` (n, 3): height over it, v, weight.
+    """Returns near the plane at the line, into `found` (n, 5): height over it, v, weight, x, y.
 
     v is the place across the robot's way. Returns how many, and how many might have been.
     """
@@ -94,6 +95,7 @@ def near_plane(
         found[n, 0] = h
         found[n, 1] = ground[6] * (y - anchor[1]) - ground[7] * (x - anchor[0])
         found[n, 2] = 1.0 / (1.0 + 0.02 * r * r)
+        found[n, 3], found[n, 4] = x, y
         n += 1
     return n, candidates
 
@@ -104,7 +106,7 @@ def fit(found: F64, n: int) -> tuple[int, float, float]:
 
     Returns (how many make the line, their mean height over the plane, its slope across).
     """
-    peak = _peak(found[:, 0], n)
+    peak = _peak(found[:, 0], n, BIN_M)
     s0 = sv = svv = sh = shv = 0.0
     used = 0
     for k in range(n):
@@ -118,6 +120,25 @@ def fit(found: F64, n: int) -> tuple[int, float, float]:
     svv += s0  # as if a metre of level floor were known: a short line says little of the slope
     slope = (s0 * shv - sv * sh) / (s0 * svv - sv * sv)
     return used, (sh - slope * sv) / s0, slope
+
+
+@kernel
+def seek(found: F64, n: int, at: F64) -> int:
+    """Where most of n returns (n, 5) of `near_plane` lie close together, however far off it.
+
+    Their mean height over it, x and y go into `at` (3,); returns how many they are.
+    """
+    wide = _peak(found[:, 0], n, WIDE_M)
+    fine = wide + _peak(found[:, 0] - wide, n, BIN_M)
+    used = 0
+    at[:] = 0.0
+    for k in range(n):
+        if abs(found[k, 0] - fine) <= PEAK_M:
+            used += 1
+            at[0] += (found[k, 0] - at[0]) / used
+            at[1] += (found[k, 3] - at[1]) / used
+            at[2] += (found[k, 4] - at[2]) / used
+    return used
 
 
 @kernel

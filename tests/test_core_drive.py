@@ -10,11 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core import health
+from core.beam_maps import BeamMaps
 from core.config import load_config, with_changes
 from core.drive import NOT_ENABLED, SILENT, DriveControl, doubt, link_refusal
-from core.elevation import MeanCells
-from core.grid import RingGrid
-from core.obstacles import ObstacleMap
 from core.odometry import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
 
@@ -29,11 +27,10 @@ class Robot:
 
     def __init__(self, **robot: Any) -> None:
         self.config = with_changes(load_config(SHIPPED), robot={"enable_motors": True, **robot})
-        elevation = MeanCells(RingGrid(101, 0.2), 0.1, -0.1)
-        self.obstacles = ObstacleMap(elevation, 101, 0.1, -0.1)
-        self.elevation = elevation
-        self.obstacles.cells[...] = FREE
-        self.control = DriveControl(self.config, self.obstacles, elevation)
+        self.maps = BeamMaps(self.config)
+        self.window = self.maps.window
+        self.window.cells[...] = FREE
+        self.control = DriveControl(self.config, self.maps)
         self.now_s = 100.0
         self.powers = (0.0, 0.0)
         self.step(DriveRequest(0.0, 0.0, 1e9))
@@ -49,9 +46,9 @@ class Robot:
 
     def mark(self, x: float, y: float, state: int) -> tuple[int, int]:
         """Set a cell of the window; its place in the arrays."""
-        i, j = self.obstacles.grid.cell_of(x, y)
+        i, j = self.window.grid.cell_of(x, y)
         at = j % 101, i % 101
-        self.obstacles.cells[at] = state
+        self.window.cells[at] = state
         return at
 
 
@@ -188,17 +185,22 @@ def test_a_robot_that_is_faster_than_it_was_told_stops_before_it_too(factor: flo
 
 
 @pytest.mark.parametrize(
-    ("mean_m", "count", "beyond", "rising", "is_drop"),
-    [(-0.3, 5, 0, 1, True), (0.3, 5, 3, 1, False), (0.0, 9, 2, 0, True), (0.0, 0, 2, 0, True)],
+    ("seen", "is_drop"),
+    [
+        ({"mean_m": -0.3, "count": 5}, True),
+        ({"mean_m": 0.3, "count": 5, "above": 3}, False),
+        ({"mean_m": 0.0, "count": 9, "below": 2}, True),
+        ({"mean_m": 0.0, "count": 9, "below": 1, "above": 2}, False),
+        ({"count": 0, "miss": 2, "miss_bits": 0xFFFF}, True),
+        ({"count": 9, "miss": 2, "deep": 2, "miss_bits": 0xFFFF, "floor_bits": 0x0FFF}, True),
+        ({"count": 9, "miss": 2, "miss_bits": 0xFFFF, "above": 2, "mean_m": 0.2}, False),
+    ],
 )
-def test_a_drop_is_told_from_what_stands_up(
-    mean_m: float, count: int, beyond: int, rising: int, is_drop: bool
-) -> None:
+def test_a_drop_is_told_from_what_stands_up(seen: dict[str, float], is_drop: bool) -> None:
     robot = Robot()
     at = robot.mark(1.0, 0.1, OBSTACLE)
-    cells = robot.elevation
-    cells.mean_m[at], cells.count[at], cells.beyond[at] = mean_m, count, beyond
-    cells.rising[at] = rising
+    for name, value in seen.items():
+        robot.maps.cells.cells[name][at] = value
     asks = DriveRequest(0.5, 0.0, 1e9)
     assert robot.control.drop_ahead((0.5, 0.0), None, HERE, True) is is_drop
     assert robot.control.drop_ahead((0.0, 0.0), asks, HERE, True) is is_drop
@@ -213,7 +215,7 @@ def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -
     asks = DriveRequest(0.5, 0.0, 1e9)
     for clear_m, vouched, goes in ((3.0, True, True), (3.0, False, False), (0.3, True, False)):
         robot = Robot(start_clear_m=clear_m)
-        robot.obstacles.cells[...] = UNKNOWN
+        robot.window.cells[...] = UNKNOWN
         powers = robot.control.step(robot.now_s + PERIOD_S, asks, "", HERE, vouched)
         assert (powers != (0.0, 0.0)) is goes
 

@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from core.config import load_config
+from core.beam_maps import BeamMaps
+from core.config import load_config, with_changes
 from core.mapper import WAIT_S, WAITING, Mapper
 from core.obstacles import NEW_LOOKS
 from core.records import FREE, OBSTACLE, Scan, WheelCounts
+from core.reference_plane_maps import ReferencePlaneMaps
 from core.summary import robot_in_words
 from tests.test_core_attitude import attitude
 from tests.test_core_beams import scan_of
@@ -51,6 +53,25 @@ def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
     assert state(mapper, 8.45, 4.0) == FREE
     assert state(mapper, 7.0, 0.1) == 0
     assert state(mapper, 1.0, 0.1) == 0
+
+
+def test_the_settings_name_the_method() -> None:
+    for method, kind in (("beams", BeamMaps), ("reference_plane", ReferencePlaneMaps)):
+        mapper = Mapper(with_changes(CONFIG, map={"method": method}))
+        assert isinstance(mapper.maps, kind)
+        assert not mapper.window(True).cells.any()
+
+
+def test_what_is_told_is_the_methods_window_and_each_change_once() -> None:
+    mapper = standing(1.0)
+    mapper.add_scan(wall_and_floor(0.5))
+    mapper.settle(1.0)
+    told = mapper.window(False)
+    assert told.cells is mapper.maps.window.cells
+    assert not told.trusted
+    assert set(told.changed.tolist()) == set(np.flatnonzero(told.cells).tolist())
+    assert len(mapper.window(True).changed) == 0
+    assert mapper.counts.points == np.count_nonzero(wall_and_floor(0.5).ranges_m > 0)
 
 
 def test_a_scan_waits_for_the_attitude_of_its_last_beam() -> None:

@@ -1,0 +1,108 @@
+"""Floor that was due by a beam's direction and did not show: a ditch, a drop, a black floor.
+
+Such a beam went on below the ground, or never came back. The parts of cells between where it should
+have met the floor and where it was seen are marked; parts that show floor to another beam count no
+more (core/obstacles.py).
+Source: design, section 7.
+"""
+
+import math
+
+from core.cells import Cells, flat_index, known, part_bit, touch, touch_around
+from core.jit import kernel
+from core.records import F64, I32
+
+MAX_EVIDENCE = 60_000
+BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
+MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
+
+
+@kernel
+def no_floor(
+    x: float,
+    y: float,
+    skip: int,
+    is_deep: bool,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+    touched: I32,
+    used: int,
+) -> int:
+    """Floor was due at a place and did not show; the cell `skip` is left out."""
+    at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
+    if at < 0 or at == skip:
+        return used
+    if not known(cells, at):
+        used = touch_around(at, window[2], cells, serial, touched, used)
+    cell = cells[at]
+    cell.miss_bits |= part_bit(x, y, window[3], sub)
+    if cell.miss_scan != serial and cell.miss < MAX_EVIDENCE:
+        cell.miss_scan = serial
+        cell.miss += 1
+    if is_deep and cell.deep_scan != serial:
+        cell.deep_scan = serial
+        cell.deep += 1
+    return touch(at, cells, serial, touched, used)
+
+
+@kernel
+def missed(
+    lens: F64,
+    ray: F64,
+    due: float,
+    seen: float,
+    is_deep: bool,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+    touched: I32,
+    used: int,
+) -> int:
+    """A beam went on where floor was due: from there to where it was seen (inf: never) is none."""
+    corner = (window[0], window[1])
+    if math.isinf(seen):
+        x, y = lens[0] + due * ray[0], lens[1] + due * ray[1]
+        return no_floor(x, y, -1, True, window, sub, cells, serial, touched, used)
+    step = window[3] / sub
+    level = math.hypot(ray[0], ray[1])
+    last = flat_index(
+        lens[0] + seen * ray[0], lens[1] + seen * ray[1], window[3], corner, window[2]
+    )
+    steps = min(math.ceil((seen - due) * level / step), MAX_HOLE_STEPS)
+    for s in range(steps):
+        r = due + (seen - due) * s / steps
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        if (seen - r) * level > step:
+            used = no_floor(x, y, -1, is_deep, window, sub, cells, serial, touched, used)
+        else:
+            used = no_floor(x, y, last, is_deep, window, sub, cells, serial, touched, used)
+    return used
+
+
+@kernel
+def floor_before(
+    lens: F64,
+    ray: F64,
+    due: float,
+    x: float,
+    y: float,
+    ground: F64,
+    window: tuple[int, int, int, float],
+    cells: Cells,
+) -> float:
+    """How high floor at (x, y) would lie, by the floor just before where the beam should meet it.
+
+    In the map frame; NaN: none was seen there. A few centimetres below the ground mean a hole only
+    beside floor that lies higher.
+    """
+    corner, level = (window[0], window[1]), math.hypot(ray[0], ray[1])
+    for back in range(1, 4):
+        r = due - BEFORE_CELLS * back * window[3] / level
+        bx, by = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        at = flat_index(bx, by, window[3], corner, window[2])
+        if at >= 0 and cells[at].floor_count > 0 and cells[at].above == 0:
+            return float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
+    return math.nan

@@ -52,7 +52,12 @@ def _goes_through(
     cells: Cells,
     serial: int,
 ) -> bool:
-    """Whether a beam, about a range, passes through what stood in a cell: each 5 cm is tried."""
+    """Whether a beam, about a range, is the first of its scan to pass through what stood in a cell.
+
+    Each 5 cm is tried.
+    """
+    if cells[at].above == 0 or cells[at].through_scan == serial:
+        return False
     for k in range(FINER):
         r = middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
@@ -91,16 +96,15 @@ def _clear(
         while r < end:
             x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
             at = flat_index(x, y, window[3], corner, window[2])
-            if at >= 0 and cells[at].above > 0 and cells[at].through_scan != serial:
-                if _goes_through(
-                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, serial
-                ):
-                    cells[at].through_scan = serial
-                    cells[at].through += 1
-                    if cells[at].through >= THROUGH:
-                        forget(cells, at)
-                        cleared += 1
-                    used = touch(at, cells, serial, touched, used)
+            if at >= 0 and _goes_through(
+                lenses[i], rays[i], r, end, at, ground, window, sub, cells, serial
+            ):  # fmt: skip
+                cells[at].through_scan = serial
+                cells[at].through += 1
+                if cells[at].through >= THROUGH:
+                    forget(cells, at)
+                    cleared += 1
+                used = touch(at, cells, serial, touched, used)
             r += STEP_M
     return used, cleared
 

@@ -37,6 +37,7 @@ LOWER_M = 0.012  # if the ground is as expected to within this much,
 BELOW_SLOPE = 0.0006  # and this much of its range more
 FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said
 
+SURE_M, UNSURE_SLOPE = 3.0, 0.05  # so far behind the line, the ground may rise or fall by this
 SIGMA_RANGE_M = 0.012  # of a return, along the beam
 SIGMA_ANGLE_RAD = 0.0025  # of attitude and mount, across it
 SIGMA_PLACE_M = 0.005  # of the lens' height over the ground
@@ -206,6 +207,13 @@ def _softness(ranges_m: F64, i: int) -> int:
 
 
 @kernel
+def _is_unsure(h: float, behind: float, limits: Limits) -> bool:
+    """Whether a return so far behind the line may be floor: its slope there is not known."""
+    unsure = UNSURE_SLOPE * max(0.0, behind - SURE_M)
+    return bool(limits[0] <= h < limits[0] + unsure or limits[1] - unsure < h <= limits[1])
+
+
+@kernel
 def _add(
     t_s: float,
     lenses: F64,
@@ -238,6 +246,8 @@ def _add(
             h = z - ground_m(ground, x, y)
             at = flat_index(x, y, cell_m, corner, size)
             if at < 0 or h > limits[2] or (h <= limits[1] and not trust[0]):
+                continue
+            if _is_unsure(h, ground[6] * x + ground[7] * y - ground[8], limits):
                 continue
             if not known(cells, at):
                 used = touch_around(at, size, cells, serial, touched, used)

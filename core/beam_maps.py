@@ -62,13 +62,15 @@ class BeamMaps:
         self._deciding.follow(stand.x_m, stand.y_m)
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
-        calm = self._is_straight(stand) and self.ground.is_calm(sweep.t_s, stand)
-        trust = (self.ground.is_sure(stand), calm)
+        is_calm = self.ground.is_calm(sweep.t_s, stand)
+        trust = (self.ground.is_sure(stand), is_calm and self._is_straight(stand))
         if self.ground.is_new:
-            self.elevation.judge_again(self.ground.numbers, self.ground.lost_s)
+            ground = self.ground
+            self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)
         returns = self.elevation.add(sweep, self.ground.numbers, trust)
         slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
-        if slide is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:
+        is_straight = abs(odometry.w_radps) < STRAIGHT_RADPS
+        if slide is not None and is_straight and self.ground.found and is_calm:
             odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
         self.clearing.add(sweep, self.ground.numbers)
         touched = self.cells.touched[: self.cells.used]

@@ -281,6 +281,7 @@ def _add(
 @kernel
 def _judge_again(
     ground: F64,
+    before: F64,
     since_s: float,
     limits: Limits,
     window: tuple[int, int, int, float],
@@ -289,15 +290,24 @@ def _judge_again(
     touched: I32,
     used: int,
 ) -> int:
-    """Cells that were hit since an instant, and that lie on the ground after all, are floor."""
+    """Cells that were hit since an instant, and that lie on the ground after all, are floor.
+
+    And floor that was missed where the ground in truth falls away was not due there.
+    """
     size, cell_m = window[2], window[3]
     for at in range(cells.size):
         cell = cells[at]
-        if cell.count == 0 or cell.t_s < since_s:
+        if cell.count == 0 and cell.miss == 0:
             continue
         i = window[0] + (at % size - window[0]) % size
         j = window[1] + (at // size - window[1]) % size
-        z = ground_m(ground, (i + 0.5) * cell_m, (j + 0.5) * cell_m)
+        x, y = (i + 0.5) * cell_m, (j + 0.5) * cell_m
+        z = ground_m(ground, x, y)
+        if cell.miss > 0 and z < ground_m(before, x, y) + 0.5 * limits[1]:
+            cell.miss, cell.deep, cell.miss_bits = 0, 0, 0
+            used = touch(at, cells, serial, touched, used)
+        if cell.count == 0 or cell.t_s < since_s:
+            continue
         if cell.z_high_m - z >= limits[0] or cell.z_low_m - z <= limits[1]:
             continue
         cell.above, cell.below, cell.miss, cell.deep = 0, 0, 0, 0
@@ -341,11 +351,12 @@ class Elevation:
         )
         return int(returns)
 
-    def judge_again(self, ground: F64, since_s: float) -> None:
-        """The ground (10,) was found anew: look again at the cells that were hit since then."""
+    def judge_again(self, ground: F64, before: F64, since_s: float) -> None:
+        """The ground (10,) was found anew, after it was lost at since_s with (10,) before."""
         cells = self.cells
         cells.used = _judge_again(
             ground,
+            before,
             since_s,
             self._limits,
             cells.window,

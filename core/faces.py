@@ -22,6 +22,7 @@ from core.records import F64
 LOW_M = 0.5  # above the ground: lower returns may be of the top of a thing, or of a slope
 APART = 2  # beams to either side that tell how a face runs
 ALONG_M = 0.3  # and how far off they may be
+UPRIGHT_M = 0.1  # between its lowest and its highest return: a floor or the top of a thing has not
 FACING = 0.95  # cosine between a face's normal and the way
 MADE_OF = 40  # returns that make a face known
 KNOWN = 12  # of them, from which on it tells something
@@ -65,6 +66,14 @@ def _normal(
 
 
 @kernel
+def _is_upright_face(cells: Cells, at: int, leg: int) -> bool:
+    """Whether a cell holds a face that is known, and was met at different heights."""
+    cell = cells[at]
+    is_upright = cell.z_high_m - cell.z_low_m >= UPRIGHT_M
+    return bool(cell.face_leg == leg and cell.face_n >= KNOWN and is_upright)
+
+
+@kernel
 def _off(
     x: float,
     y: float,
@@ -80,7 +89,7 @@ def _off(
     for step in range(-1, 2):
         sx, sy = x + step * cell_m * normal[0], y + step * cell_m * normal[1]
         at = flat_index(sx, sy, cell_m, corner, size)
-        if at >= 0 and cells[at].face_leg == leg and cells[at].face_n >= KNOWN:
+        if at >= 0 and _is_upright_face(cells, at, leg):
             off = (x - cells[at].face_x_m) * normal[0] + (y - cells[at].face_y_m) * normal[1]
             if abs(off) < abs(best):
                 best = off

@@ -65,6 +65,7 @@ class GroundTracker:
     def __init__(self, cells: CellGrid) -> None:
         self._cells = cells
         self.numbers: F64 = np.zeros(10)
+        self.before: F64 = np.zeros(10)  # the same when the line was lost
         self.found = False  # the newest scan saw the line
         self.line: Line | None = None
         self._history: deque[Line] = deque(maxlen=KEPT)
@@ -129,8 +130,10 @@ class GroundTracker:
                 tried = self._climbed(line, sweep, stand)
             self.is_new = tried is not None and math.isfinite(self.lost_s)
             fitted = tried or fitted
-        if fitted is None:
-            self.lost_s = min(self.lost_s, sweep.t_s)
+        if fitted is None and math.isinf(self.lost_s):
+            self.lost_s = sweep.t_s
+            self._set(line, stand)
+            self.before[:] = self.numbers
         self.found = fitted is not None
         if not self.found:
             self._offsets.clear()

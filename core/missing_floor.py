@@ -13,6 +13,7 @@ from core.jit import kernel
 from core.records import F64, I32
 
 MAX_EVIDENCE = 60_000
+RAISED_M = 0.03  # off the ground: such floor casts a shadow of its own
 BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
 MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
 
@@ -103,6 +104,8 @@ def floor_before(
         r = due - BEFORE_CELLS * back * window[3] / level
         bx, by = lens[0] + r * ray[0], lens[1] + r * ray[1]
         at = flat_index(bx, by, window[3], corner, window[2])
+        if at >= 0 and cells[at].floor_m > RAISED_M:
+            return math.nan
         if at >= 0 and cells[at].floor_count > 0 and cells[at].above == 0:
             return float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
     return math.nan

@@ -11,6 +11,7 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 DEVICES = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
+MAPS = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
@@ -19,14 +20,16 @@ def test_the_table_of_files_lists_the_files_there_are() -> None:
     there = {
         str(path.relative_to(ROOT))
         for room in ("core", "hw", "fakes", "tools")
-        for path in (ROOT / room).glob("*.py")
+        for path in (ROOT / room).rglob("*.py")
         if path.name != "__init__.py"
     } | {"app.py", "main.py"}
     assert listed == there
 
 
 @pytest.mark.parametrize(
-    "text", [README, ARCHITECTURE, DEVICES], ids=["README", "architecture", "devices"]
+    "text",
+    [README, ARCHITECTURE, DEVICES, MAPS],
+    ids=["README", "architecture", "devices", "maps"],
 )
 def test_files_that_the_documents_name_exist(text: str) -> None:
     for name in re.findall(r"`((?:docs|core|hw|fakes|tools|tests)/[\w./*]+)`", text):

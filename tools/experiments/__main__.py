@@ -1,0 +1,47 @@
+"""Runs the paper's experiments and more: `python -m tools.experiments [--only 5.3] [--quick]`.
+
+Writes docs/experiments.md and docs/pictures. With --only the table of what was run is printed, and
+only its pictures are written; with --quick they go to a temporary folder.
+"""
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+from tools.experiments.report import document, merged, table
+from tools.experiments.runner import experiments, run_all
+from tools.experiments.words import INTRODUCTION
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Exit status."""
+    parser = argparse.ArgumentParser(prog="tools.experiments", description=__doc__)
+    parser.add_argument("--only", default="", help="those whose name begins so: 5.3, '7 ramps'")
+    parser.add_argument("--quick", action="store_true", help="short drives; writes no document")
+    options = parser.parse_args(arguments)
+    names = [name for name in experiments() if name.startswith(options.only)]
+    if not names:
+        print(f"no experiment begins with {options.only!r}: there are", *experiments(), sep="\n  ")
+        return 2
+    print(f"mapod: {len(names)} experiments, both methods on the same bytes; some minutes")
+    folder = Path(tempfile.mkdtemp(prefix="mapod-pictures-")) if options.quick else PICTURES
+    outcomes = merged(run_all(names, options.quick, folder))
+    if options.only or options.quick:
+        print("\n".join(table([row for outcome in outcomes.values() for row in outcome.rows])))
+        print(f"mapod: pictures in {folder}")
+    else:
+        DOCUMENT.write_text(document(INTRODUCTION, outcomes), encoding="utf-8")
+        drawn = {picture.file for outcome in outcomes.values() for picture in outcome.pictures}
+        for path in PICTURES.glob("*.png"):
+            if path.name not in drawn:
+                path.unlink()
+        print(f"mapod: written to {DOCUMENT.relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

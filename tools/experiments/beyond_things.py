@@ -1,0 +1,243 @@
+"""Beyond the paper: a table, somebody who crosses the way, a box that is taken away, glass."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from core.records import FREE, OBSTACLE
+from fakes.movers import Mover, person
+from fakes.movers import box as moved_box
+from fakes.scene import Scene, Solid
+from fakes.solids import GLASS
+from fakes.trajectory import Way, stand, straight
+from tools.experiments import metrics
+from tools.experiments.harness import methods
+from tools.experiments.pictures import draw_maps
+from tools.experiments.report import Outcome, Picture, Row
+from tools.experiments.scenes import WALL_M, box, corridor, scene
+from tools.experiments.trial import LEAD_S, Tally, Trial, trial
+from tools.experiments.views import MapView
+from tools.experiments.ways import BarWatch
+
+METHODS = ("reference_plane", "beams")
+EVERY_S = 0.1
+
+TABLE_X, TABLE_Y = (6.07, 7.27), (-0.43, 0.37)
+TABLE_TOP_M = (0.67, 0.70)
+LEG_M = 0.05
+
+
+def _table() -> list[Solid]:
+    """A table across the way: a top of 1.2 x 0.8 m on four legs."""
+    top = box("table top", TABLE_X, TABLE_Y, TABLE_TOP_M[1], TABLE_TOP_M[0])
+    legs = [
+        box(f"leg {k}", (x, x + LEG_M), (y, y + LEG_M), TABLE_TOP_M[0])
+        for k, (x, y) in enumerate(
+            (x, y)
+            for x in (TABLE_X[0], TABLE_X[1] - LEG_M)
+            for y in (TABLE_Y[0], TABLE_Y[1] - LEG_M)
+        )
+    ]
+    return [top, *legs]
+
+
+def table(quick: bool, folder: Path) -> Outcome:
+    """7: towards a table 0.7 m high, under which the floor is seen first."""
+    way = Way(stand(LEAD_S), straight(4.3, 1.0 if quick else 0.5))
+    test = trial(scene("table", [*corridor(22.37), *_table()]), way, methods(quick))
+    test.run.run(way.duration_s + 0.5)
+    told, free = {}, {}
+    for view in test.views():
+        over = view.part((TABLE_X[0] + 0.1, TABLE_X[1] - 0.1), (TABLE_Y[0] + 0.1, TABLE_Y[1] - 0.1))
+        told[view.name] = 100.0 * float((view.states[over] == OBSTACLE).mean())
+        free[view.name] = float((view.states[over] == FREE).sum())
+    file = "7-table.png"
+    draw_maps(folder / file, "7 a table 0.7 m high", test.views(*METHODS), (2, 15), (-3, 3))
+    name = "7 table 0.7 m high"
+    return Outcome(
+        [
+            Row(name, "of its top told as obstacle, %", told, "more", digits=0),
+            Row(name, "free cells under it", free, digits=0),
+            Row(name, "false obstacle cells", test.per_app(metrics.false_obstacles), digits=0),
+        ],
+        [Picture(file, "7: a table 0.7 m high, 1.2 m ahead")],
+        [
+            "The top is 3 cm thick, on legs of 5 cm; 4.3 m at 0.5 m/s, up to 1.2 m before it. The "
+            "laser sees the floor under it first and sweeps its top later."
+        ],
+    )
+
+
+PERSON_X_M = 4.1
+PERSON_WALKS_S = LEAD_S + 2.0
+PERSON_MPS = 1.0
+GONE_M = 0.22  # half of what a person covers
+
+
+def _at_once(scene_: Scene, *movers: Mover) -> Scene:
+    return replace(scene_, movers=movers)
+
+
+class GoneWatch:
+    """How long obstacle cells stay where nothing is any more, and how many remain."""
+
+    def __init__(self, test: Trial, before: dict[str, npt.NDArray[np.bool_]]) -> None:
+        self._test, self._before = test, before
+        self.last_s: dict[str, float] = dict.fromkeys(before, 0.0)
+        self.left: dict[str, float] = dict.fromkeys(before, 0.0)
+
+    def look(self, since_s: float) -> None:
+        """Once more, so long after what stood there has gone."""
+        for view in self._test.views():
+            left = int(((view.states == OBSTACLE) & self._before[view.name]).sum())
+            self.left[view.name] = float(left)
+            if left:
+                self.last_s[view.name] = since_s
+
+    def cleared_s(self) -> dict[str, float]:
+        """Until none was left; inf: some are left."""
+        return {k: math.inf if self.left[k] else self.last_s[k] for k in self.left}
+
+
+def person_crossing(quick: bool, folder: Path) -> Outcome:
+    """7: somebody walks across the front of the robot, which stands."""
+    walker = person("walker", ((PERSON_X_M, -1.6), (PERSON_X_M, 1.6)), PERSON_MPS, PERSON_WALKS_S)
+    walker = replace(walker, from_s=PERSON_WALKS_S - 0.5, until_s=PERSON_WALKS_S + 3.2 / PERSON_MPS)
+    way = Way(stand(LEAD_S + 20.0))
+    place = _at_once(scene("corridor", corridor(20.37)), walker)
+    test = trial(place, way, methods(quick))
+    lane = {
+        view.name: view.part((PERSON_X_M - 0.6, PERSON_X_M + 0.6), (-1.9, 1.9))
+        for view in test.views()
+    }
+    told = Tally()
+
+    def there() -> None:
+        if test.run.elapsed_s > PERSON_WALKS_S + 0.5:
+            told.take({v.name: _is_told(v, test) for v in test.views()})
+
+    test.run.run(PERSON_WALKS_S + 3.2 / PERSON_MPS - 0.1, EVERY_S, there)
+    crossing = test.views(*METHODS)
+    gone = GoneWatch(test, lane)
+    left_s = PERSON_WALKS_S + 3.2 / PERSON_MPS
+    test.run.run(5.0 if quick else 8.0, EVERY_S, lambda: gone.look(test.run.elapsed_s - left_s))
+    file = "7-person.png"
+    draw_maps(folder / file, "7 a person has just crossed", crossing, (0, 12), (-3, 3))
+    name = "7 person crossing"
+    here = {k: 100.0 * v for k, v in told.mean().items()}
+    return Outcome(
+        [
+            Row(name, "of the time told where they are, %", here, "more", digits=0),
+            Row(name, "gone from the map after, s", gone.cleared_s(), digits=1),
+            Row(name, "cells left 8 s after", gone.left, digits=0),
+        ],
+        [Picture(file, "7: a person has just crossed the way")],
+        [
+            "The robot stands; a person 1.75 m tall, with legs, crosses 4 m ahead at 1 m/s and is "
+            "gone. Told: an obstacle cell within 0.4 m of their place. Gone: until no obstacle "
+            "cell is left along the way that they walked."
+        ],
+    )
+
+
+def _is_told(view: MapView, test: Trial) -> float:
+    """1 if there is an obstacle cell near where the walker is now, else 0."""
+    walker = test.run.rig.world.scene.movers[0]
+    since = np.array([test.run.elapsed_s])
+    ((x_m, y_m),) = walker.middles_m(walker.parts[0], since)
+    near = view.part((x_m - 0.4, x_m + 0.4), (y_m - 0.4, y_m + 0.4))
+    return float(((view.states == OBSTACLE) & near).any())
+
+
+BOX_X, BOX_Y = (4.07, 4.67), (-0.33, 0.27)
+TAKEN_S = LEAD_S + 6.0
+
+
+def moved_away(quick: bool, folder: Path) -> Outcome:
+    """7: a box is taken away from before the robot; its neighbours stay."""
+    taken = moved_box("taken", BOX_X, BOX_Y, (0.0, 0.9), until_s=TAKEN_S)
+    stays = [
+        box("stays left", (4.07, 4.67), (0.83, 1.43), 0.9),
+        box("stays beyond", (10.07, 10.67), (-1.63, -1.03), 0.4),
+    ]
+    way = Way(stand(LEAD_S), straight(1.0, 0.4), stand(30.0))
+    place = _at_once(scene("corridor", [*corridor(20.37), *stays]), taken)
+    test = trial(place, way, methods(quick))
+    test.run.run(TAKEN_S)
+    before = {
+        v.name: (v.states == OBSTACLE) & v.part((3.8, 4.9), (-0.6, 0.55)) for v in test.views()
+    }
+    missed = test.missed()
+    shown = {k: float(v.sum()) for k, v in before.items()}
+    gone = GoneWatch(test, before)
+    test.run.run(5.0 if quick else 8.0, EVERY_S, lambda: gone.look(test.run.elapsed_s - TAKEN_S))
+    wrongly = {k: max(0.0, v - missed[k]) for k, v in test.missed().items()}
+    file = "7-moved-box.png"
+    draw_maps(
+        folder / file, "7 8 s after a box was taken away", test.views(*METHODS), (0, 13), (-3, 3)
+    )
+    name = "7 moved box"
+    return Outcome(
+        [
+            Row(name, "obstacle cells of it while there", shown, "none", digits=0),
+            Row(name, "gone from the map after, s", gone.cleared_s(), digits=1),
+            Row(name, "obstacle cells of it left after 8 s", gone.left, digits=0),
+            Row(name, "cells of other things wrongly cleared", wrongly, digits=0),
+        ],
+        [Picture(file, "7: 8 s after a box was taken away from before the robot")],
+        [
+            "A box of 0.6 m, 0.9 m high, 3 m ahead, is taken away; one beside it and one beyond "
+            "stay."
+        ],
+    )
+
+
+GLASS_AT_M = 9.07
+
+
+def glass(quick: bool, folder: Path) -> Outcome:
+    """7: towards a wall of glass across the way, then one at 45 deg of it."""
+    pane = Solid(
+        "glass", (GLASS_AT_M, GLASS_AT_M + 0.02), (-2.07, 2.05), (-0.5, WALL_M), material=GLASS
+    )
+    way = Way(stand(LEAD_S), straight(5.5, 1.0 if quick else 0.5))
+    span_m = (GLASS_AT_M, GLASS_AT_M + 0.02)
+    floors = ((0.0, 0.0), (GLASS_AT_M + 3.0, 0.0))
+    test = trial(scene("glass", [*corridor(22.37), pane]), way, methods(quick), floors_m=floors)
+    watch = BarWatch(test, span_m)
+    test.run.run(way.duration_s + 0.5, EVERY_S, watch.look)
+    along, free = {}, {}
+    for view in test.views():
+        wall = view.part((GLASS_AT_M - 0.2, GLASS_AT_M + 0.2), (-1.9, 1.9))
+        lines = np.nonzero(wall.any(axis=1))[0]
+        stops = ((view.states == OBSTACLE) & wall).any(axis=1)[lines]
+        along[view.name] = 100.0 * float(stops.mean())
+        free[view.name] = float(
+            ((view.states == FREE) & view.part(span_m_of(view), (-1.9, 1.9))).sum()
+        )
+    file = "7-glass.png"
+    draw_maps(
+        folder / file, "7 a wall of glass across the way", test.views(*METHODS), (2, 19), (-3, 3)
+    )
+    name = "7 glass"
+    return Outcome(
+        [
+            Row(name, "bars the way so far ahead, m (0: not)", watch.ahead_m(), "more"),
+            Row(name, "of the pane told as obstacle, %", along, "more", digits=0),
+            Row(name, "free cells with the pane in them", free, digits=0),
+        ],
+        [Picture(file, "7: a wall of glass across the way, 3 m ahead")],
+        [
+            "A pane across the corridor returns beams within 10 deg of a right angle and lets "
+            "others through to what is behind; 5.5 m at 0.5 m/s, up to 3 m before it."
+        ],
+    )
+
+
+def span_m_of(view: MapView) -> tuple[float, float]:
+    """The line of cells in which the pane stands."""
+    i = math.floor(GLASS_AT_M / view.cell_m)
+    return i * view.cell_m, (i + 1) * view.cell_m

@@ -1,0 +1,144 @@
+"""The outcome of the experiments as a document: one table, what does not hold, and the pictures."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+Aim = Literal["less", "more", "none"]
+SAME = 0.02  # figures that differ by less than this share count as the same
+METHODS = ("reference_plane", "beams", "kalman")
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One quantity of one experiment, for each method that has it."""
+
+    experiment: str  # number and name
+    quantity: str  # with its unit
+    values: dict[str, float]  # by method; NaN: not applicable
+    aim: Aim = "less"  # what is better; "none": told, not judged
+    digits: int = 2
+    paper: str = "-"
+    timed: bool = False  # measured on this machine's clock: never twice the same
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture in docs/pictures."""
+
+    file: str
+    caption: str
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What an experiment gave."""
+
+    rows: list[Row] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)  # what was done, in a sentence or two
+
+
+def verdict(row: Row) -> str:
+    """`better`, `same` or `worse`: beams against reference_plane; "" where that is not judged."""
+    ours, theirs = row.values.get("beams", math.nan), row.values.get("reference_plane", math.nan)
+    if row.aim == "none" or math.isnan(ours) or math.isnan(theirs):
+        return ""
+    if math.isinf(ours) or math.isinf(theirs):
+        nearer = ours if row.aim == "more" else theirs
+        return "same" if ours == theirs else "better" if math.isinf(nearer) else "worse"
+    near = max(SAME * max(abs(ours), abs(theirs)), 0.5 * 10.0**-row.digits)
+    if row.timed:
+        near = max(near, 0.25 * max(abs(ours), abs(theirs)))
+    if abs(ours - theirs) <= near:
+        return "same"
+    return "better" if (ours < theirs) is (row.aim == "less") else "worse"
+
+
+def _told(row: Row, method: str) -> str:
+    value = row.values.get(method, math.nan)
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "never"
+    if row.timed:
+        return f"~ {float(f'{value:.1g}'):g}"
+    return f"{value:.{row.digits}f}"
+
+
+MARKS = {"better": "better", "same": "same", "worse": "**worse**", "": ""}
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """The rows as lines of Markdown."""
+    lines = [
+        "| experiment | quantity | paper | reference_plane | beams | | beams, kalman |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    before = ""
+    for row in rows:
+        name = row.experiment if row.experiment != before else ""
+        before = row.experiment
+        told = [_told(row, method) for method in METHODS]
+        cells = [name, row.quantity, row.paper, told[0], told[1], MARKS[verdict(row)], told[2]]
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def _not_better(rows: Sequence[Row]) -> list[str]:
+    """Lines about the rows in which beams does not win."""
+    lines, alike, faultless = [], [], 0
+    for row in rows:
+        told = f"{row.experiment}, {row.quantity}: "
+        told += f"{_told(row, 'beams')} against {_told(row, 'reference_plane')}"
+        judged = verdict(row)
+        if judged == "worse":
+            lines.append(f"- worse: {told}")
+        elif judged == "same" and _is_faultless(row):
+            faultless += 1
+        elif judged == "same":
+            alike.append(f"- the same: {told}")
+    return [*lines, *alike, "", f"In {faultless} more rows neither method has any fault to tell."]
+
+
+def _is_faultless(row: Row) -> bool:
+    """Whether nothing could be better: no cell wrong, or 100 % of what should be."""
+    best = 100.0 if row.aim == "more" else 0.0
+    return abs(row.values["beams"] - best) < 0.5 * 10.0**-row.digits
+
+
+def merged(outcomes: dict[str, Outcome]) -> dict[str, Outcome]:
+    """Parts of one experiment, which were run beside each other, as one: by their rows' name."""
+    whole: dict[str, Outcome] = {}
+    for name, outcome in outcomes.items():
+        into = whole.setdefault(outcome.rows[0].experiment if outcome.rows else name, Outcome())
+        into.rows += [row for row in outcome.rows if any(map(_is_number, row.values.values()))]
+        into.pictures += outcome.pictures
+        into.notes += outcome.notes
+    return whole
+
+
+def _is_number(value: float) -> bool:
+    return not math.isnan(value)
+
+
+def document(intro: str, outcomes: dict[str, Outcome]) -> str:
+    """The whole of docs/experiments.md."""
+    rows = [row for outcome in outcomes.values() for row in outcome.rows]
+    judged = [verdict(row) for row in rows]
+    lines = [intro.rstrip(), "", "## What was done", ""]
+    for name, outcome in outcomes.items():
+        lines += [f"- **{name}**: {' '.join(outcome.notes)}" if outcome.notes else f"- **{name}**"]
+    lines += ["", "## The table", "", *table(rows), ""]
+    counts = [f"{judged.count(word)} {word}" for word in ("better", "same", "worse")]
+    lines += [
+        f"Of {sum(map(bool, judged))} figures that both methods have, beams is in "
+        f"{counts[0]}, in {counts[1]}, in {counts[2]}.",
+        "",
+    ]
+    lines += ["## Where beams is not better", "", *_not_better(rows), "", "## Pictures", ""]
+    for outcome in outcomes.values():
+        for picture in outcome.pictures:
+            lines += [picture.caption, "", f"![{picture.caption}](pictures/{picture.file})", ""]
+    return "\n".join(lines).rstrip() + "\n"

@@ -230,6 +230,7 @@ def run(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
     options = parser.parse_args(arguments)
+    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # too early, or without --save-map: no end
     try:
         config = load_config(Path(options.config).read_text(encoding="utf-8"))
         key = read_key(config.planner.key_file)

@@ -10,11 +10,13 @@ Source: design, section 7 (clearing).
 
 import math
 
+import numpy as np
+
 from core.beams import MIN_RANGE_M, Sweep
 from core.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
 from core.ground_line import ground_m
 from core.jit import kernel
-from core.records import F64, I32
+from core.records import F64, I32, U8
 
 THROUGH = 8  # scans in a row
 STEP_M = 0.2
@@ -69,6 +71,13 @@ def _goes_through(
 
 
 @kernel
+def _note(touched: I32, used: int, cells: Cells, stands: U8) -> None:
+    """Keep up in which cells something stands."""
+    for k in range(used):
+        stands[touched[k]] = 1 if cells[touched[k]].above > 0 else 0
+
+
+@kernel
 def _clear(
     lenses: F64,
     rays: F64,
@@ -77,12 +86,14 @@ def _clear(
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
+    stands: U8,
     serial: int,
     touched: I32,
     used: int,
 ) -> tuple[int, int]:
     """How many cells `touched` lists, and how many were cleared."""
-    corner, cleared = (window[0], window[1]), 0
+    size, per_m, cleared = window[2], 1.0 / window[3], 0
+    first_column, first_row = window[0] % size, window[1] % size
     for i in range(rays.shape[0]):
         nearest = math.inf
         for e in range(ranges_m.shape[0]):
@@ -94,17 +105,23 @@ def _clear(
         end = min(nearest - BEFORE_M, REACH_M)
         r = MIN_RANGE_M + phase * STEP_M
         while r < end:
-            x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
-            at = flat_index(x, y, window[3], corner, window[2])
-            if at >= 0 and _goes_through(
-                lenses[i], rays[i], r, end, at, ground, window, sub, cells, serial
-            ):  # fmt: skip
-                cells[at].through_scan = serial
-                cells[at].through += 1
-                if cells[at].through >= THROUGH:
-                    forget(cells, at)
-                    cleared += 1
-                used = touch(at, cells, serial, touched, used)
+            column = math.floor((lenses[i, 0] + r * rays[i, 0]) * per_m) - window[0]
+            row = math.floor((lenses[i, 1] + r * rays[i, 1]) * per_m) - window[1]
+            if 0 <= column < size and 0 <= row < size:  # flat_index() without its divisions
+                column, row = column + first_column, row + first_row
+                column -= size if column >= size else 0
+                row -= size if row >= size else 0
+                at = row * size + column
+                if stands[at] and _goes_through(
+                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, serial
+                ):  # fmt: skip
+                    cells[at].through_scan = serial
+                    cells[at].through += 1
+                    if cells[at].through >= THROUGH:
+                        forget(cells, at)
+                        stands[at] = 0
+                        cleared += 1
+                    used = touch(at, cells, serial, touched, used)
             r += STEP_M
     return used, cleared
 
@@ -114,11 +131,17 @@ class Clearing:
 
     def __init__(self, cells: CellGrid) -> None:
         self._cells = cells
+        self._stands: U8 = cells.grid.layer(np.uint8, 0).reshape(-1)  # 1: something stands there
+        self._is_new = True
         self.cleared = 0  # cells so far
 
     def add(self, sweep: Sweep, ground: F64) -> None:
         """Take a sweep that was added to the cells just before."""
         cells = self._cells
+        if self._is_new:  # a map that was loaded stands before its first sweep
+            self._stands[:] = cells.flat["above"] > 0
+            self._is_new = False
+        _note(cells.touched, cells.used, cells.flat, self._stands)
         cells.used, cleared = _clear(
             sweep.lenses,
             sweep.rays,
@@ -127,6 +150,7 @@ class Clearing:
             cells.window,
             cells.sub,
             cells.flat,
+            self._stands,
             cells.scan,
             cells.touched,
             cells.used,

@@ -32,6 +32,7 @@ RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong a
 MAX_COUNT = 1_000_000_000
 MAX_EVIDENCE = 60_000
 BELOW_M = 0.015  # a return so far below the ground has passed where floor was due,
+NODDING_M = 0.065  # or by so much while the robot nods, turns or stands,
 SHALLOW_M = 9.5  # as long as the floor is so near: farther off, the attitude's noise is as large,
 LOWER_M = 0.012  # if the ground is as expected to within this much,
 BELOW_SLOPE = 0.0006  # and this much of its range more
@@ -207,6 +208,16 @@ def _softness(ranges_m: F64, i: int) -> int:
 
 
 @kernel
+def _is_dark(ranges_m: F64, i: int) -> bool:
+    """Whether neither a beam nor its neighbours came back: one alone is lost now and then."""
+    for k in range(max(0, i - 1), min(ranges_m.shape[1], i + 2)):
+        for e in range(ranges_m.shape[0]):
+            if ranges_m[e, k] >= MIN_RANGE_M:
+                return False
+    return True
+
+
+@kernel
 def _is_unsure(h: float, behind: float, limits: Limits) -> bool:
     """Whether a return so far behind the line may be floor: its slope there is not known."""
     unsure = UNSURE_SLOPE * max(0.0, behind - SURE_M)
@@ -261,6 +272,8 @@ def _add(
         if due > DUE_M or nearest <= due or not trust[0]:
             continue
         is_deep = True
+        if math.isinf(nearest) and not _is_dark(ranges_m, i):
+            continue
         if math.isfinite(nearest):
             x, y = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1]
             h = lens[2] + nearest * ray[2] - ground_m(ground, x, y)
@@ -268,11 +281,12 @@ def _add(
                 continue
             is_deep = h <= limits[1]
             if not is_deep:
-                if not trust[1] or due > SHALLOW_M:
+                if due > SHALLOW_M:
                     continue
                 z = lens[2] + nearest * ray[2] - ground[9]
                 h = z - floor_before(lens, ray, due, x, y, ground, window, cells)
-            if not h <= -BELOW_M - BELOW_SLOPE * nearest:
+            below = BELOW_M + BELOW_SLOPE * nearest if trust[1] else NODDING_M
+            if not h <= -below:
                 continue
         used = missed(lens, ray, due, nearest, is_deep, window, sub, cells, serial, touched, used)
     return used, returns

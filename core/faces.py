@@ -3,12 +3,13 @@
 Wheels that slip alike count more than the robot travels, and no gyro sees it. But the front of a
 pillar, a box or a wall stays where it is: returns from it that come to lie before or behind those
 that made it known tell how far the pose is off along the way. Only faces that look along the way
-are used, many returns of a scan must agree in their middle, and a face that is off by more than
-`MOST_M` is another thing.
+are used, many returns of a scan must agree in their middle, and what they say must grow evenly with
+the travel, by a few hundredths of it: things that move, or that lie on top of others, do not.
 Source: point-to-line matching, Censi, ICRA 2008, in one direction.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,11 @@ MOST_M = 0.25
 LEAST = 12  # returns that agree
 AGREE_M = 0.05  # about their middle
 SAME_LEG = math.cos(math.radians(20.0))  # a robot that has turned by more makes its faces anew
-SURE_M = 0.02  # a slide within this is none: so much the time and the tilt of a scan may be off
-SIGMA_M = 0.04  # of what one scan says; scans share their errors
+GROWN_M, LEAST_TOLD = 0.7, 12  # travel, and scans of it, over which slip must have grown,
+GAP_M = 0.3  # without a longer gap,
+LEAST_SLIP, MOST_SLIP = 0.015, 0.2  # by this share of the travel,
+ROUGH_M = 0.015  # and evenly
+SIGMA_M = 0.01  # of what that says
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,7 @@ class Faces:
     def __init__(self, cells: CellGrid) -> None:
         self._cells = cells
         self._slides = np.zeros(MAX_BEAMS)
+        self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
         self._leg, self._heading = 1, (math.nan, math.nan)
 
     def maybe_slide(self, sweep: Sweep, ground: F64, stand: Stand) -> Slide | None:
@@ -152,6 +157,7 @@ class Faces:
         (ax, ay), (bx, by) = self._heading, stand.heading
         if not ax * bx + ay * by >= SAME_LEG:
             self._leg, self._heading = self._leg + 1, stand.heading
+            self._told.clear()
         n = _slides(
             sweep.lenses,
             sweep.rays,
@@ -170,7 +176,24 @@ class Faces:
         near = slides[np.abs(slides - middle_m) <= AGREE_M]
         if len(near) < max(LEAST, 0.5 * n):
             return None
-        off_m = float(near.mean())
-        if abs(off_m) <= SURE_M:
+        return self._maybe_grown(stand, float(near.mean()))
+
+    def _maybe_grown(self, stand: Stand, off_m: float) -> Slide | None:
+        """What the faces' offsets of some travel say, if they have grown as slip makes them grow.
+
+        The top of a table moves as fast as the robot, and a thing that stands does not move.
+        """
+        told = self._told
+        if told and abs(stand.travel_m - told[-1][0]) > GAP_M:
+            told.clear()
+        told.append((stand.travel_m, off_m))
+        travel_m, off = np.array(told).T
+        if len(told) < LEAST_TOLD or abs(travel_m[-1] - travel_m[0]) < GROWN_M:
             return None
-        return Slide(off_m - math.copysign(SURE_M, off_m), stand.heading, SIGMA_M**2)
+        share, start = np.polyfit(travel_m - travel_m[0], off, 1)
+        rough_m = float(np.abs(off - start - share * (travel_m - travel_m[0])).max())
+        told.clear()
+        if not LEAST_SLIP <= abs(share) <= MOST_SLIP or rough_m > ROUGH_M:
+            return None
+        grown_m = float(share) * float(travel_m[-1] - travel_m[0])
+        return Slide(grown_m, stand.heading, SIGMA_M**2)

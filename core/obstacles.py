@@ -48,11 +48,11 @@ def lacks_floor(cells: Cells, at: int, sub: int) -> bool:
     cell = cells[at]
     if cell.miss < ENOUGH:
         return False
-    parts = ones(cell.miss_bits & ~cell.floor_bits)
+    parts, most = ones(cell.miss_bits & ~cell.floor_bits), sub * sub
     return bool(
         (cell.deep >= ENOUGH and parts >= sub)
-        or (cell.miss >= MISSED_ENOUGH and parts >= MISSED_SUBS * sub)
-        or parts >= MOST_SUBS * sub
+        or (cell.miss >= MISSED_ENOUGH and parts >= min(MISSED_SUBS * sub, most))
+        or parts >= min(MOST_SUBS * sub, most)
     )
 
 

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
+from core.cells import CELL
 from core.config import Config
 from core.drive import link_refusal
 from core.geometry import R_from_rpy
 
 MAX_RANGE_M = 20.0  # LMS1xx
-BYTES_PER_CELL = 8 + 4 + 4 + 8  # elevation: mean, count, contradictions, stamp
+BYTES_PER_CELL = CELL.itemsize + 18  # its record; slope, step, roughness, marks
 BYTES_PER_WINDOW_CELL = 1 + 1 + 8 + 4  # obstacle map, its change list, what the link keeps
 FRAMES_BYTES = 38 + 26  # a POSE frame and the head of a MAP frame on a serial line
 CHANGES_BYTES = 80  # operations per tick, mean of a drive (planner link, section 10)

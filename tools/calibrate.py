@@ -181,7 +181,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     def within(low: float, high: float) -> Callable[[str], float]:
         def number(text: str) -> float:
             if not low <= float(text) <= high:
-                raise ValueError
+                raise argparse.ArgumentTypeError(f"must be from {low:g} to {high:g}, is {text}")
             return float(text)
 
         return number

@@ -21,6 +21,7 @@ GATE = 13.8  # squared Mahalanobis distance of two coordinates: 1 in 1000 is bey
 GATE_YAW = 10.8  # and of one
 JUMP_M, JUMP_RAD = 0.5, math.radians(5.0)  # more needs several poses that say so
 PERSIST, PERSIST_S = 5, 0.5  # so many in a row, over so long
+KEPT = 256  # doubts: half a second, however fast they come
 LEAST_VAR_M2, LEAST_VAR_RAD2 = 1e-6, 1e-6  # nothing is surer than a millimetre, or than 0.06 deg
 ROUNDING = 1e-9  # of a covariance that is on its bound
 MOST_M, MOST_VAR_M2, MOST_VAR_RAD2 = 1e8, 1e6, 10.0
@@ -65,7 +66,7 @@ class Positioning:
         self.used = self.outliers = 0
         self._anchor_m = np.zeros(2)  # in its frame: where the alignment was made
         self._first: tuple[F64, F64, F64] | None = None  # its place, ours, its covariance
-        self._doubts: deque[Doubt] = deque(maxlen=PERSIST)
+        self._doubts: deque[Doubt] = deque(maxlen=KEPT)
 
     def forget(self) -> None:
         """Our own chain broke: its frame lies anywhere in the map that begins now."""
@@ -174,7 +175,7 @@ class Positioning:
                 self._doubts.clear()
                 break
         self._doubts.append(doubt)
-        return len(self._doubts) == PERSIST and doubt.t_s - self._doubts[0].t_s >= PERSIST_S
+        return len(self._doubts) >= PERSIST and doubt.t_s - self._doubts[0].t_s >= PERSIST_S
 
     def _make_room(self, doubt: Doubt) -> bool:
         """Let the state be as unsure as it was wrong; True if the map can't stand that."""

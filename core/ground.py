@@ -26,12 +26,14 @@ MIDDLE_OF = 5  # scans whose middle offset counts: a step must last
 JITTER_M = (
     0.015  # of the offsets about their middle: from here on each scan is set right by its own
 )
+MOST_JITTER_M = 0.05  # more is no jitter but a step
 JITTER_SCANS = 20
 FOLLOW_M = 0.4  # travel in which the line is followed,
 FOLLOW_S = 6.0  # and time, when the robot stands
 SWEPT_SHARE = 0.3  # where the robot nods, the line is swept over much floor: it tells less of slope
 SWEPT_KEPT = 0.9  # of that, from scan to scan
 RETURN_M = 8.0  # travel in which the slope goes back to the robot's own
+NODDING_BEND, NODDING_RETURN_M = 0.3, 2.0  # a robot that nods tells less of slopes
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
 NOD = math.tan(math.radians(1.0))  # more than the robot has leant for a while is a nod,
@@ -50,6 +52,8 @@ LEAST_SLOPE = math.tan(math.radians(2.5))  # less may be the attitude that wande
 ROUGH_M = 0.03  # off the slope, at most
 FOOT_M = 0.5  # its foot or crest lies between the robot and the line, so well
 TRIED_M = (0.0, 0.03, -0.03, 0.06, -0.06)  # offsets of planes that are tried
+TRIED_LEVEL_M = (0.0, 0.03, -0.03)  # and of a level one: a kerb must stay out of reach
+LEANS = math.tan(math.radians(2.0))  # the robot's own slope is tried if it is more than nodding
 TRIED_SLOPES = (1.0, 0.0, 0.5, 1.5, 2.0)  # of the robot's own: half of it is on a ramp already
 TRIED_GATE = 0.25  # of the gates
 
@@ -240,8 +244,9 @@ class GroundTracker:
         ):
             return None
         jitter_m = offset_m - middle_m
-        self._jitter_m2 += (jitter_m**2 - self._jitter_m2) / JITTER_SCANS
-        self._jitter_m = jitter_m if self._jitter_m2 > JITTER_M**2 else 0.0
+        self._jitter_m2 += (min(jitter_m**2, MOST_JITTER_M**2) - self._jitter_m2) / JITTER_SCANS
+        jitters = self._jitter_m2 > JITTER_M**2 and abs(jitter_m) <= MOST_JITTER_M
+        self._jitter_m = jitter_m if jitters else 0.0
         passed_s = max(0.0, min(1.0, sweep.t_s - self._last_s))
         last = self.line
         before_m = last.travel_m if last else stand.travel_m
@@ -262,7 +267,10 @@ class GroundTracker:
             self._offsets[k] -= rise_m
         hx, hy = stand.heading
         along = line.slope_x * hx + line.slope_y * hy
-        bend += (self._leaning[0] - along) * min(1.0, abs(stand.travel_m - before_m) / RETURN_M)
+        is_calm = self.is_calm(sweep.t_s, stand)
+        bend *= 1.0 if is_calm else NODDING_BEND
+        return_m = RETURN_M if is_calm else NODDING_RETURN_M
+        bend += (self._leaning[0] - along) * min(1.0, abs(stand.travel_m - before_m) / return_m)
         slope_x = _limited(line.slope_x + bend * hx - tilt * hy)
         slope_y = _limited(line.slope_y + bend * hy + tilt * hx)
         return Line(line.x_m, line.y_m, line.z_m + rise_m, slope_x, slope_y, stand.travel_m)
@@ -271,12 +279,13 @@ class GroundTracker:
         """The plane through the robot's wheels that most of the returns lie on, if many do."""
         best, most = None, LEAST
         (hx, hy), (along, across) = stand.heading, self._leaning
-        for share in TRIED_SLOPES:
+        leans = self.line is None or math.hypot(along, across) > LEANS
+        for share in TRIED_SLOPES if leans else (0.0,):
             slopes = (
                 _limited(share * (along * hx - across * hy)),
                 _limited(share * (along * hy + across * hx)),
             )
-            for offset_m in TRIED_M:
+            for offset_m in TRIED_M if leans else TRIED_LEVEL_M:
                 z_m = stand.z_m + offset_m
                 line = Line(stand.x_m, stand.y_m, z_m, *slopes, stand.travel_m)
                 line = self._moved(line, sweep, stand)

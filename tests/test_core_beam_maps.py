@@ -100,6 +100,27 @@ def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
     assert not np.any(before[:, 0] < at_m - SLACK_M)
 
 
+@pytest.mark.parametrize(
+    ("rise_m", "pitching_deg", "pitching_hz"),
+    [(0.12, 1, 1.0), (0.12, 0.3, 1.0), (0.15, 1, 0.3), (0.2, 3, 1.0)]
+    + [(-0.12, 1, 1.0), (-0.12, 2, 1.0), (-0.15, 1, 0.3), (-0.2, 3, 1.0)],
+)
+def test_a_robot_that_nods_does_not_take_a_kerb_for_ground(
+    rise_m: float, pitching_deg: float, pitching_hz: float
+) -> None:
+    ride = Ride(v_mps=0.6, pitching_rad=math.radians(pitching_deg), pitching_hz=pitching_hz)
+    rig = Rig(config_of(), World(kerb(9.53, rise_m)), ride, 8.0).run()
+    assert barred_lanes(rig, 9.53, 9.53 + 0.4) == set(LANES_M)
+
+
+def test_a_table_does_not_drag_the_pose_along() -> None:
+    """Its top moves with the robot under the beams: that is not the face of anything."""
+    table = Box((9.0, -0.8, 0.67), (10.4, 0.8, 0.70))
+    rig = Rig(config_of(), World(solids=(table,)), Ride(v_mps=0.5), 14.0).run()
+    (x_m, y_m, _), (true_x_m, true_y_m, _) = rig.mapper.odometry.xyz_at(rig.now_s), rig.place()
+    assert math.hypot(float(x_m) - true_x_m, float(y_m) - true_y_m) < 0.03
+
+
 @pytest.mark.parametrize(("rise_m", "at_most"), [(0.08, 1), (-0.08, 3)])
 @pytest.mark.parametrize("shift_m", [0.0, 0.05, 0.10, 0.15])
 def test_a_kerb_of_eight_centimetres_bars_no_more_than_its_own_shadow(

@@ -235,6 +235,8 @@ def run(arguments: list[str] | None = None) -> int:
         config = load_config(Path(options.config).read_text(encoding="utf-8"))
         key = read_key(config.planner.key_file)
         loaded = load_map(options.load_map, config) if options.load_map else None
+        if options.save_map and not Path(options.save_map).parent.is_dir():
+            raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
         ports = open_ports(config)
     except (ConfigError, StateError, OSError, UnicodeDecodeError) as error:
         print(f"{options.config}: {error}", file=sys.stderr)

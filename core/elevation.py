@@ -209,12 +209,16 @@ def _softness(ranges_m: F64, i: int) -> int:
 
 @kernel
 def _is_dark(ranges_m: F64, i: int) -> bool:
-    """Whether neither a beam nor its neighbours came back: one alone is lost now and then."""
-    for k in range(max(0, i - 1), min(ranges_m.shape[1], i + 2)):
+    """Whether a beam is one of three in a row that did not come back: single ones get lost."""
+    run = 0
+    for k in range(max(0, i - 2), min(ranges_m.shape[1], i + 3)):
+        run += 1
         for e in range(ranges_m.shape[0]):
             if ranges_m[e, k] >= MIN_RANGE_M:
-                return False
-    return True
+                run = 0
+        if run >= 3:
+            return True
+    return False
 
 
 @kernel

@@ -36,6 +36,7 @@ RETURN_M = 8.0  # travel in which the slope goes back to the robot's own
 NODDING_BEND, NODDING_RETURN_M = 0.3, 2.0  # a robot that nods tells less of slopes
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
+TURNS_WITH = math.tan(math.radians(1.2))  # a slope that may be the attitude's error
 NOD = math.tan(math.radians(1.0))  # more than the robot has leant for a while is a nod,
 CALM_S, CALM_M = 1.0, 0.5  # after which it takes so long until all that it has done is past
 CREST_RAD = math.radians(2.0)  # a line that is lost on a steeper slope went over its crest
@@ -52,7 +53,7 @@ LEAST_SLOPE = math.tan(math.radians(2.5))  # less may be the attitude that wande
 ROUGH_M = 0.03  # off the slope, at most
 FOOT_M = 0.5  # its foot or crest lies between the robot and the line, so well
 TRIED_M = (0.0, 0.03, -0.03, 0.06, -0.06)  # offsets of planes that are tried
-TRIED_LEVEL_M = (0.0, 0.03, -0.03)  # and of a level one: a kerb must stay out of reach
+TRIED_LEVEL_M = (0.0, 0.03, -0.03, 0.05, -0.05)  # and of a level one: a kerb must stay out of reach
 LEANS = math.tan(math.radians(2.0))  # the robot's own slope is tried if it is more than nodding
 TRIED_SLOPES = (1.0, 0.0, 0.5, 1.5, 2.0)  # of the robot's own: half of it is on a ramp already
 TRIED_GATE = 0.25  # of the gates
@@ -84,6 +85,7 @@ class GroundTracker:
         self._swept_m = 0.0  # how far the line moves from scan to scan
         self._candidates = 0  # returns of the newest scan that might have been floor
         self._nodded = (-math.inf, -math.inf)  # when, and after how much travel
+        self._heading = (1.0, 0.0)  # of the newest scan
         self._leaning = (0.0, 0.0)  # slope of the robot along and across its way, over a while
         self._offsets: deque[float] = deque(maxlen=MIDDLE_OF)
         self._jitter_m = self._jitter_m2 = 0.0
@@ -118,6 +120,9 @@ class GroundTracker:
         line, was_found = self.line, self.found
         self._jitter_m = 0.0
         self._lean(sweep.t_s, stand)
+        if line is not None:
+            line = self._turned(line, stand)
+        self._heading = stand.heading
         if line is None:
             line = Line(stand.x_m, stand.y_m, stand.z_m, 0.0, 0.0, stand.travel_m)
         line = self._moved(line, sweep, stand)
@@ -164,6 +169,22 @@ class GroundTracker:
         self._leaning = (
             self._leaning[0] + share * (now[0] - self._leaning[0]),
             self._leaning[1] + share * (now[1] - self._leaning[1]),
+        )
+
+    def _turned(self, line: Line, stand: Stand) -> Line:
+        """A line that is nearly level turns with the robot: so does an attitude that is off."""
+        if math.hypot(line.slope_x, line.slope_y) > TURNS_WITH:
+            return line
+        (ax, ay), (bx, by) = self._heading, stand.heading
+        c, s = ax * bx + ay * by, ax * by - ay * bx
+        dx, dy = line.x_m - stand.x_m, line.y_m - stand.y_m
+        return Line(
+            stand.x_m + c * dx - s * dy,
+            stand.y_m + s * dx + c * dy,
+            line.z_m,
+            c * line.slope_x - s * line.slope_y,
+            s * line.slope_x + c * line.slope_y,
+            line.travel_m,
         )
 
     def _set(self, line: Line, stand: Stand, jitter_m: float = 0.0) -> None:
@@ -267,9 +288,10 @@ class GroundTracker:
             self._offsets[k] -= rise_m
         hx, hy = stand.heading
         along = line.slope_x * hx + line.slope_y * hy
-        is_calm = self.is_calm(sweep.t_s, stand)
-        bend *= 1.0 if is_calm else NODDING_BEND
-        return_m = RETURN_M if is_calm else NODDING_RETURN_M
+        on_ramp = math.hypot(*self._leaning) > LEANS
+        nods = not on_ramp and not self.is_calm(sweep.t_s, stand)
+        bend *= NODDING_BEND if nods else 1.0
+        return_m = NODDING_RETURN_M if nods else RETURN_M
         bend += (self._leaning[0] - along) * min(1.0, abs(stand.travel_m - before_m) / return_m)
         slope_x = _limited(line.slope_x + bend * hx - tilt * hy)
         slope_y = _limited(line.slope_y + bend * hy + tilt * hx)

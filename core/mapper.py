@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from core.attitude import AttitudeRing
 from core.beam_maps import BeamMaps
 from core.config import Config
+from core.health import MAX_SLOPE_RAD
 from core.layers import LayerView
 from core.maps import Maps
 from core.odometry import Odometry, Pose
@@ -28,6 +29,7 @@ class MapperCounts:
 
     scans_added: int = 0
     scans_dropped: int = 0  # no attitude or pose came in time
+    scans_tilted: int = 0  # the robot leant too far for a map
     scans_early: int = 0  # before there was any pose
     points: int = 0
     erased: int = 0
@@ -111,6 +113,10 @@ class Mapper:
         return added
 
     def _add(self, scan: Scan, last_s: float) -> None:
+        roll_rad, pitch_rad, _ = self.attitudes.rpy_at(last_s)
+        if max(abs(roll_rad), abs(pitch_rad)) > MAX_SLOPE_RAD:
+            self.counts.scans_tilted += 1
+            return
         self.counts.points += self.maps.add(scan, self.attitudes, self.odometry)
         self.newest_scan_s = last_s
         self.counts.scans_added += 1

@@ -20,7 +20,7 @@ from core.ground_line import Stand, ground_m
 from core.jit import kernel
 from core.records import F64
 
-LOW_M = 0.5  # above the ground: lower returns may be of the top of a thing, or of a slope
+LOW_M = 0.25  # above the ground: lower returns may be of the top of a thing, or of a slope
 APART = 2  # beams to either side that tell how a face runs
 ALONG_M = 0.3  # and how far off they may be
 UPRIGHT_M = 0.1  # between its lowest and its highest return: a floor or the top of a thing has not

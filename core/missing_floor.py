@@ -13,8 +13,9 @@ from core.jit import kernel
 from core.records import F64, I32
 
 MAX_EVIDENCE = 60_000
-RAISED_M = 0.03  # off the ground: such floor casts a shadow of its own
-BEFORE_CELLS = 0.6  # of a cell: steps back to the floor before a hole
+BEFORE_M = 0.12  # steps back from where a beam should meet the floor
+NEAR_BACK, LOOKS_BACK = 3, 8  # in which there must be floor, and what it rises from is looked for
+RAISED_M = 0.03
 MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
 
 
@@ -97,15 +98,21 @@ def floor_before(
     """How high floor at (x, y) would lie, by the floor just before where the beam should meet it.
 
     In the map frame; NaN: none was seen there. A few centimetres below the ground mean a hole only
-    beside floor that lies higher.
+    beside floor that lies higher, and that has not risen itself just before: it casts a shadow.
     """
     corner, level = (window[0], window[1]), math.hypot(ray[0], ray[1])
-    for back in range(1, 4):
-        r = due - BEFORE_CELLS * back * window[3] / level
+    before = math.nan
+    for back in range(1, LOOKS_BACK + 1):
+        r = due - BEFORE_M * back / level
         bx, by = lens[0] + r * ray[0], lens[1] + r * ray[1]
         at = flat_index(bx, by, window[3], corner, window[2])
-        if at >= 0 and cells[at].floor_m > RAISED_M:
+        if at < 0 or cells[at].floor_count == 0 or cells[at].above > 0:
+            continue
+        z = float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
+        if math.isnan(before):
+            if back > NEAR_BACK:
+                return math.nan
+            before = z
+        elif before - z > RAISED_M:
             return math.nan
-        if at >= 0 and cells[at].floor_count > 0 and cells[at].above == 0:
-            return float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
-    return math.nan
+    return before

@@ -23,6 +23,7 @@ from core.terrain import Terrain
 from core.window import StateWindow
 
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
+STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
 LINE_M, MOST_SWEPT = 8.0, 3.0  # how far off it is, and how much more it may be swept aside
 STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it slides along its way
 
@@ -63,29 +64,35 @@ class BeamMaps:
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
         is_calm = self.ground.is_calm(sweep.t_s, stand)
-        trust = (self.ground.is_sure(stand), is_calm and self._is_straight(stand))
+        is_straight, stood = self._moved(stand)
+        trust = (self.ground.is_sure(stand), is_calm and is_straight)
         if self.ground.is_new:
             ground = self.ground
             self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)
         returns = self.elevation.add(sweep, self.ground.numbers, trust)
         slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
-        is_straight = abs(odometry.w_radps) < STRAIGHT_RADPS
-        if slide is not None and is_straight and self.ground.found and is_calm:
+        turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
+        if slide is not None and not turns and self.ground.found and is_calm:
             odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
-        self.clearing.add(sweep, self.ground.numbers)
+        self.clearing.add(sweep, self.ground.numbers, stood)
         touched = self.cells.touched[: self.cells.used]
         self._deciding.decide(touched)
         self.terrain.note(touched)
         return returns
 
-    def _is_straight(self, stand: Stand) -> bool:
-        """Whether the line moves on with the robot: one that stands or turns meets it by chance."""
+    def _moved(self, stand: Stand) -> tuple[bool, bool]:
+        """Whether the line moves on with the robot, and whether the robot stands.
+
+        A line of a robot that stands or turns meets the floor by chance.
+        """
         before, self._stand = self._stand, stand
         if before is None:
-            return False
+            return False, False
         moved_m = abs(stand.travel_m - before.travel_m)
         (ax, ay), (bx, by) = before.heading, stand.heading
-        return moved_m > LEAST_MOVED_M and abs(ax * by - ay * bx) * LINE_M < MOST_SWEPT * moved_m
+        swept_m = abs(ax * by - ay * bx) * LINE_M
+        is_straight = moved_m > LEAST_MOVED_M and swept_m < MOST_SWEPT * moved_m
+        return is_straight, moved_m < STOOD_M and swept_m < STOOD_SWEPT_M
 
     def update_layers(self) -> None:
         """Slope, step and roughness of what was touched since the last time."""

@@ -26,15 +26,21 @@ BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
 MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
 MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
 LEAST_HALF_M = 0.005
+JUST_M = (
+    0.008  # below where it was seen last, for a robot that stands: it saw things ever higher up
+)
 GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
 
 
 @kernel
-def _passes(cells: Cells, at: int, bit: int, h: float, r: float, serial: int) -> bool:
+def _passes(cells: Cells, at: int, bit: int, h: float, r: float, stood: bool, serial: int) -> bool:
     """Whether a beam, at range r and height h, passes through what stood in a part of a cell."""
     cell = cells[at]
     if cell.above == 0 or cell.high_bits & bit == 0 or cell.above_scan == serial:
         return False
+    is_last = stood and cell.hit_scan == cell.above_scan
+    if is_last and cell.span_low_m - JUST_M <= h <= cell.span_high_m:
+        return True  # just there it was seen last
     margin = min(MARGIN_M + MARGIN_SLOPE * r, MARGIN_SHARE * (cell.top_m - cell.low_m))
     middle = 0.5 * (cell.low_m + cell.top_m)
     half = max(0.5 * (cell.top_m - cell.low_m) - margin, LEAST_HALF_M)
@@ -52,6 +58,7 @@ def _goes_through(
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
+    stood: bool,
     serial: int,
 ) -> bool:
     """Whether a beam, about a range, is the first of its scan to pass through what stood in a cell.
@@ -65,7 +72,7 @@ def _goes_through(
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
             h = lens[2] + r * ray[2] - ground_m(ground, x, y)
-            if _passes(cells, at, part_bit(x, y, window[3], sub), h, r, serial):
+            if _passes(cells, at, part_bit(x, y, window[3], sub), h, r, stood, serial):
                 return True
     return False
 
@@ -87,6 +94,7 @@ def _clear(
     sub: int,
     cells: Cells,
     stands: U8,
+    stood: bool,
     serial: int,
     touched: I32,
     used: int,
@@ -113,7 +121,7 @@ def _clear(
                 row -= size if row >= size else 0
                 at = row * size + column
                 if stands[at] and _goes_through(
-                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, serial
+                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
                 ):  # fmt: skip
                     cells[at].through_scan = serial
                     cells[at].through += 1
@@ -135,8 +143,8 @@ class Clearing:
         self._is_new = True
         self.cleared = 0  # cells so far
 
-    def add(self, sweep: Sweep, ground: F64) -> None:
-        """Take a sweep that was added to the cells just before."""
+    def add(self, sweep: Sweep, ground: F64, stood: bool = False) -> None:
+        """Take a sweep that was added to the cells just before; `stood`: the robot did not move."""
         cells = self._cells
         if self._is_new:  # a map that was loaded stands before its first sweep
             self._stands[:] = cells.flat["above"] > 0
@@ -151,6 +159,7 @@ class Clearing:
             cells.sub,
             cells.flat,
             self._stands,
+            stood,
             cells.scan,
             cells.touched,
             cells.used,

@@ -26,6 +26,7 @@ BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
 MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
 MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
 LEAST_HALF_M = 0.005
+CLEAR_M = 0.7  # so far behind it, at least, the beam went on: it does not graze an edge
 JUST_M = (
     0.008  # below where it was seen last, for a robot that stands: it saw things ever higher up
 )
@@ -72,7 +73,9 @@ def _goes_through(
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
             h = lens[2] + r * ray[2] - ground_m(ground, x, y)
-            if _passes(cells, at, part_bit(x, y, window[3], sub), h, r, stood, serial):
+            if _passes(
+                cells, at, part_bit(x, y, window[3], sub), h, r, stood and r < end - CLEAR_M, serial
+            ):
                 return True
     return False
 

@@ -74,7 +74,8 @@ class BeamMaps:
         turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
         if slide is not None and not turns and self.ground.found and is_calm:
             odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
-        self.clearing.add(sweep, self.ground.numbers, stood)
+        if not self.ground.jitters:
+            self.clearing.add(sweep, self.ground.numbers, stood)
         touched = self.cells.touched[: self.cells.used]
         self._deciding.decide(touched)
         self.terrain.note(touched)

@@ -98,6 +98,11 @@ class GroundTracker:
         self._seen.clear()
         self._last_s, self.lost_s = -math.inf, math.inf
 
+    @property
+    def jitters(self) -> bool:
+        """Whether scans lie so differently that nothing a few centimetres high can be told."""
+        return self._jitter_m2 > JITTER_M**2
+
     def is_calm(self, t_s: float, stand: Stand) -> bool:
         """Whether the robot has not nodded for a while: wheels on a bump lift the lens unseen."""
         nodded_s, at_m = self._nodded
@@ -266,8 +271,8 @@ class GroundTracker:
             return None
         jitter_m = offset_m - middle_m
         self._jitter_m2 += (min(jitter_m**2, MOST_JITTER_M**2) - self._jitter_m2) / JITTER_SCANS
-        jitters = self._jitter_m2 > JITTER_M**2 and abs(jitter_m) <= MOST_JITTER_M
-        self._jitter_m = jitter_m if jitters else 0.0
+        is_jitter = self.jitters and abs(jitter_m) <= MOST_JITTER_M
+        self._jitter_m = jitter_m if is_jitter else 0.0
         passed_s = max(0.0, min(1.0, sweep.t_s - self._last_s))
         last = self.line
         before_m = last.travel_m if last else stand.travel_m

@@ -84,7 +84,7 @@ class App:
         self._linked_s = self._logged_s = self._overrun_s = float("-inf")
         self.ticks = self.slots_missed = 0
         self._drop_ahead = False
-        self._states = {"": ("", ""), "requests": ("", "")}
+        self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
 
     def _new_link(self, session: int, key: bytes | None) -> PlannerLink:
         config, planner = self.config, self.config.planner
@@ -195,6 +195,9 @@ class App:
             self.log.info("drive_changed", blocked_by=self.control.blocked_by)
         if self._has_changed("requests", "", requests.last_refusal):
             self.log.warning("drive_requests_changed", refused_because=requests.last_refusal)
+        poses = self.link.external_poses
+        if self._has_changed("poses", "", poses.last_refusal):
+            self.log.warning("external_poses_changed", refused_because=poses.last_refusal)
         if now_s - self._logged_s < STATE_LOG_S:
             return
         self._logged_s = now_s
@@ -217,10 +220,12 @@ class App:
             scans_added=counts.scans_added,
             scans_dropped=counts.scans_dropped,
             scans_early=counts.scans_early,
+            scans_tilted=counts.scans_tilted,
             maps_erased=counts.erased,
             frames_sent=self.link.frames_sent,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),
+            poses_outlying=self.mapper.odometry.positioning.outliers,
         )
 
 

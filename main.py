@@ -238,7 +238,10 @@ def run(arguments: list[str] | None = None) -> int:
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
         ports = open_ports(config)
-    except (ConfigError, StateError, OSError, UnicodeDecodeError) as error:
+    except StateError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except (ConfigError, OSError, UnicodeDecodeError) as error:
         print(f"{options.config}: {error}", file=sys.stderr)
         return 2
     with contextlib.closing(ports):

@@ -74,8 +74,8 @@ class BeamMaps:
         turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
         if slide is not None and not turns and self.ground.found and is_calm:
             odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
-        if not self.ground.jitters:
-            self.clearing.add(sweep, self.ground.numbers, stood)
+        jitters = self.ground.jitters
+        self.clearing.add(sweep, self.ground.numbers, stood=stood, jitters=jitters)
         touched = self.cells.touched[: self.cells.used]
         self._deciding.decide(touched)
         self.terrain.note(touched)
@@ -108,6 +108,7 @@ class BeamMaps:
         self.cells.grid.erase()
         self.window.erase()
         self.ground.erase()
+        self.faces.erase()
 
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell lies low, or is a place where floor was due and did not show."""

@@ -1,7 +1,8 @@
 """What is not there any more: beams that pass where something stood.
 
 A beam speaks against a thing if it passes through the very part of a cell where the thing was
-seen, clearly between its lowest and its highest return, and goes on. Some scans in a row must do
+seen, clearly between its lowest and its highest return, and goes on; before a robot that stands,
+also if it passes just where the thing was seen last, and goes on far. Some scans in a row must do
 so, without a return from the thing in between; then what stood in the cell is forgotten, and the
 floor that was seen there counts again. Each beam is looked at every 20 cm, at other places in each
 scan, so that the cost grows with neither the window nor the fineness of the cells.
@@ -27,9 +28,7 @@ MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest r
 MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
 LEAST_HALF_M = 0.005
 CLEAR_M = 0.7  # so far behind it, at least, the beam went on: it does not graze an edge
-JUST_M = (
-    0.008  # below where it was seen last, for a robot that stands: it saw things ever higher up
-)
+JUST_M = 0.008  # below where it was seen last: who came nearer saw things ever higher up
 GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
 
 
@@ -146,13 +145,20 @@ class Clearing:
         self._is_new = True
         self.cleared = 0  # cells so far
 
-    def add(self, sweep: Sweep, ground: F64, stood: bool = False) -> None:
-        """Take a sweep that was added to the cells just before; `stood`: the robot did not move."""
+    def add(self, sweep: Sweep, ground: F64, *, stood: bool = False, jitters: bool = False) -> None:
+        """Take a sweep that was added to the cells just before.
+
+        Args:
+            stood: the robot did not move since the one before.
+            jitters: its heights are not to be trusted; it clears nothing.
+        """
         cells = self._cells
         if self._is_new:  # a map that was loaded stands before its first sweep
             self._stands[:] = cells.flat["above"] > 0
             self._is_new = False
         _note(cells.touched, cells.used, cells.flat, self._stands)
+        if jitters:
+            return
         cells.used, cleared = _clear(
             sweep.lenses,
             sweep.rays,

@@ -24,18 +24,12 @@ from core.cells import (
 )
 from core.ground_line import DUE_M, due_m, ground_m
 from core.jit import kernel
-from core.missing_floor import floor_before, missed
+from core.missing_floor import MAX_EVIDENCE, missed, missing
 from core.records import F64, I32
 
 RISING_M = 0.03  # a return so far off the ground may belong to the foot of something,
 RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong attitude sets apart
 MAX_COUNT = 1_000_000_000
-MAX_EVIDENCE = 60_000
-BELOW_M = 0.015  # a return so far below the ground has passed where floor was due,
-NODDING_M = 0.065  # or by so much while the robot nods, turns or stands,
-SHALLOW_M = 9.5  # as long as the floor is so near: farther off, the attitude's noise is as large,
-LOWER_M = 0.012  # if the ground is as expected to within this much,
-BELOW_SLOPE = 0.0006  # and this much of its range more
 FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said
 
 SURE_M, UNSURE_SLOPE = 3.0, 0.05  # so far behind the line, the ground may rise or fall by this
@@ -208,24 +202,53 @@ def _softness(ranges_m: F64, i: int) -> int:
 
 
 @kernel
-def _is_dark(ranges_m: F64, i: int) -> bool:
-    """Whether a beam is one of three in a row that did not come back: single ones get lost."""
-    run = 0
-    for k in range(max(0, i - 2), min(ranges_m.shape[1], i + 3)):
-        run += 1
-        for e in range(ranges_m.shape[0]):
-            if ranges_m[e, k] >= MIN_RANGE_M:
-                run = 0
-        if run >= 3:
-            return True
-    return False
-
-
-@kernel
 def _is_unsure(h: float, behind: float, limits: Limits) -> bool:
     """Whether a return so far behind the line may be floor: its slope there is not known."""
     unsure = UNSURE_SLOPE * max(0.0, behind - SURE_M)
     return bool(limits[0] <= h < limits[0] + unsure or limits[1] - unsure < h <= limits[1])
+
+
+@kernel
+def _take_returns(
+    i: int,
+    t_s: float,
+    lens: F64,
+    ray: F64,
+    ranges_m: F64,
+    ground: F64,
+    limits: Limits,
+    trust: Trust,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    serial: int,
+    filters: bool,
+    touched: I32,
+    used: int,
+) -> tuple[int, int, float]:
+    """Take the returns of one beam; cells in `touched`, returns, and the nearest (inf: none)."""
+    returns, nearest = 0, math.inf
+    for e in range(ranges_m.shape[0]):
+        r = ranges_m[e, i]
+        if not r >= MIN_RANGE_M:
+            continue
+        returns += 1
+        nearest = min(nearest, r)
+        x, y, z = lens[0] + r * ray[0], lens[1] + r * ray[1], lens[2] + r * ray[2]
+        h = z - ground_m(ground, x, y)
+        at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
+        if at < 0 or h > limits[2] or (h <= limits[1] and not trust[0]):
+            continue
+        if _is_unsure(h, ground[6] * x + ground[7] * y - ground[8], limits):
+            continue
+        if not known(cells, at):
+            used = touch_around(at, window[2], cells, serial, touched, used)
+        cells[at].far_sides |= 1 << octant(ray[0], ray[1])
+        bit = part_bit(x, y, window[3], sub)
+        soft = _softness(ranges_m, i) if e == 0 else 0
+        _fall_in(cells, at, h, z, (r, ray[2], t_s), bit, soft, limits, serial, filters)
+        used = touch(at, cells, serial, touched, used)
+    return used, returns, nearest
 
 
 @kernel
@@ -246,53 +269,24 @@ def _add(
     used: int,
 ) -> tuple[int, int]:
     """Take the beams of one scan; how many cells `touched` lists, and how many returns counted."""
-    corner, size, cell_m = (window[0], window[1]), window[2], window[3]
     returns = 0
     for i in range(rays.shape[0]):
         lens, ray = lenses[i], rays[i]
-        nearest = math.inf
-        for e in range(ranges_m.shape[0]):
-            r = ranges_m[e, i]
-            if not r >= MIN_RANGE_M:
-                continue
-            returns += 1
-            nearest = min(nearest, r)
-            x, y, z = lens[0] + r * ray[0], lens[1] + r * ray[1], lens[2] + r * ray[2]
-            h = z - ground_m(ground, x, y)
-            at = flat_index(x, y, cell_m, corner, size)
-            if at < 0 or h > limits[2] or (h <= limits[1] and not trust[0]):
-                continue
-            if _is_unsure(h, ground[6] * x + ground[7] * y - ground[8], limits):
-                continue
-            if not known(cells, at):
-                used = touch_around(at, size, cells, serial, touched, used)
-            cells[at].far_sides |= 1 << octant(ray[0], ray[1])
-            bit = part_bit(x, y, cell_m, sub)
-            soft = _softness(ranges_m, i) if e == 0 else 0
-            beam = (r, ray[2], t_s)
-            _fall_in(cells, at, h, z, beam, bit, soft, limits, serial, filters)
-            used = touch(at, cells, serial, touched, used)
+        used, n, nearest = _take_returns(
+            i, t_s, lens, ray, ranges_m, ground, limits, trust, window, sub, cells, serial,
+            filters, touched, used,
+        )  # fmt: skip
+        returns += n
         due = due_m(lens, ray, ground)
         if due > DUE_M or nearest <= due or not trust[0]:
             continue
-        is_deep = True
-        if math.isinf(nearest) and not _is_dark(ranges_m, i):
-            continue
-        if math.isfinite(nearest):
-            x, y = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1]
-            h = lens[2] + nearest * ray[2] - ground_m(ground, x, y)
-            if h > -LOWER_M:
-                continue
-            is_deep = h <= limits[1]
-            if not is_deep:
-                if due > SHALLOW_M:
-                    continue
-                z = lens[2] + nearest * ray[2] - ground[9]
-                h = z - floor_before(lens, ray, due, x, y, ground, window, cells)
-            below = BELOW_M + BELOW_SLOPE * nearest if trust[1] else NODDING_M
-            if not h <= -below:
-                continue
-        used = missed(lens, ray, due, nearest, is_deep, window, sub, cells, serial, touched, used)
+        depth = missing(
+            i, lens, ray, due, nearest, ranges_m, ground, limits, trust[1], window, cells
+        )
+        if depth > 0:
+            used = missed(
+                lens, ray, due, nearest, depth > 1, window, sub, cells, serial, touched, used
+            )
     return used, returns
 
 

@@ -151,6 +151,10 @@ class Faces:
         self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
         self._leg, self._heading = 1, (math.nan, math.nan)
 
+    def erase(self) -> None:
+        """Forget what they told; the cells forget the faces."""
+        self._told.clear()
+
     def maybe_slide(self, sweep: Sweep, ground: F64, stand: Stand) -> Slide | None:
         """What a sweep says, if enough of it agrees; its returns add to the faces."""
         cells = self._cells
@@ -187,9 +191,9 @@ class Faces:
         if told and abs(stand.travel_m - told[-1][0]) > GAP_M:
             told.clear()
         told.append((stand.travel_m, off_m))
-        travel_m, off = np.array(told).T
-        if len(told) < LEAST_TOLD or abs(travel_m[-1] - travel_m[0]) < GROWN_M:
+        if len(told) < LEAST_TOLD or abs(stand.travel_m - told[0][0]) < GROWN_M:
             return None
+        travel_m, off = np.array(told).T
         share, start = np.polyfit(travel_m - travel_m[0], off, 1)
         rough_m = float(np.abs(off - start - share * (travel_m - travel_m[0])).max())
         told.clear()

@@ -76,10 +76,9 @@ class GroundTracker:
         self._history: deque[Line] = deque(maxlen=KEPT)
         self._anchor = np.zeros(2)
         self._found = np.zeros((MAX_BEAMS, 5))
-        self._seen: deque[tuple[float, float, float]] = deque(
-            maxlen=2 * KEPT
-        )  # lines while it is lost
-        self.lost_s = math.inf  # since then
+        # lines while it is lost: place along the way, height, travel
+        self._seen: deque[tuple[float, float, float]] = deque(maxlen=2 * KEPT)
+        self.lost_s = math.inf  # since when it is lost
         self.is_new = False  # the newest scan found it anew
         self._last_s = -math.inf
         self._swept_m = 0.0  # how far the line moves from scan to scan
@@ -273,7 +272,13 @@ class GroundTracker:
         self._jitter_m2 += (min(jitter_m**2, MOST_JITTER_M**2) - self._jitter_m2) / JITTER_SCANS
         is_jitter = self.jitters and abs(jitter_m) <= MOST_JITTER_M
         self._jitter_m = jitter_m if is_jitter else 0.0
-        passed_s = max(0.0, min(1.0, sweep.t_s - self._last_s))
+        return self._followed(line, stand, sweep.t_s, middle_m, across)
+
+    def _followed(
+        self, line: Line, stand: Stand, t_s: float, middle_m: float, across: float
+    ) -> Line:
+        """The line moved by part of how far off it was found, and of its slope across."""
+        passed_s = max(0.0, min(1.0, t_s - self._last_s))
         last = self.line
         before_m = last.travel_m if last else stand.travel_m
         moved_m = abs(stand.travel_m - before_m)
@@ -289,12 +294,11 @@ class GroundTracker:
         if stand.travel_m < before_m:
             bend = -bend
         tilt = (1.0 - math.exp(-moved_m / TURN_M - passed_s / FOLLOW_S)) * across
-        for k in range(len(self._offsets)):
-            self._offsets[k] -= rise_m
+        self._offsets = deque((off_m - rise_m for off_m in self._offsets), MIDDLE_OF)
         hx, hy = stand.heading
         along = line.slope_x * hx + line.slope_y * hy
         on_ramp = math.hypot(*self._leaning) > LEANS
-        nods = not on_ramp and not self.is_calm(sweep.t_s, stand)
+        nods = not on_ramp and not self.is_calm(t_s, stand)
         bend *= NODDING_BEND if nods else 1.0
         return_m = NODDING_RETURN_M if nods else RETURN_M
         bend += (self._leaning[0] - along) * min(1.0, abs(stand.travel_m - before_m) / return_m)
@@ -339,10 +343,7 @@ class GroundTracker:
             return None
         seen = (hx * x_m + hy * y_m, line.height_m(x_m, y_m) + float(at[0]), stand.travel_m)
         self._seen.append(seen)
-        u, z = (
-            np.array([place for place, _, _ in self._seen]),
-            np.array([h for _, h, _ in self._seen]),
-        )
+        u, z, _ = np.array(self._seen).T
         if len(u) < LEAST_SEEN or float(np.ptp(u)) < SEEN_M:
             return None
         slope, height_m = (float(part) for part in np.polyfit(u - u.mean(), z, 1))

@@ -8,11 +8,17 @@ Source: design, section 7.
 
 import math
 
+from core.beams import MIN_RANGE_M
 from core.cells import Cells, flat_index, known, part_bit, touch, touch_around
+from core.ground_line import ground_m
 from core.jit import kernel
 from core.records import F64, I32
 
-MAX_EVIDENCE = 60_000
+LOWER_M = 0.012  # below the ground by less, a return is floor;
+BELOW_M, BELOW_SLOPE = 0.015, 0.0006  # by so much below the floor before it, and by range, a hole,
+NODDING_M = 0.065  # or by so much while the robot nods, turns or stands;
+SHALLOW_M = 9.5  # floor that is due farther off shows none: the attitude's noise is as large
+MAX_EVIDENCE = 60_000  # scans that say the same; more say no more
 BEFORE_M = 0.12  # steps back from where a beam should meet the floor
 NEAR_BACK, LOOKS_BACK = 3, 8  # in which there must be floor, and what it rises from is looked for
 RAISED_M = 0.03
@@ -67,7 +73,7 @@ def missed(
     corner = (window[0], window[1])
     if math.isinf(seen):
         x, y = lens[0] + due * ray[0], lens[1] + due * ray[1]
-        return no_floor(x, y, -1, True, window, sub, cells, serial, touched, used)
+        return no_floor(x, y, -1, is_deep, window, sub, cells, serial, touched, used)
     step = window[3] / sub
     level = math.hypot(ray[0], ray[1])
     last = flat_index(
@@ -77,10 +83,8 @@ def missed(
     for s in range(steps):
         r = due + (seen - due) * s / steps
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
-        if (seen - r) * level > step:
-            used = no_floor(x, y, -1, is_deep, window, sub, cells, serial, touched, used)
-        else:
-            used = no_floor(x, y, last, is_deep, window, sub, cells, serial, touched, used)
+        skip = last if (seen - r) * level <= step else -1  # where it was seen, there is something
+        used = no_floor(x, y, skip, is_deep, window, sub, cells, serial, touched, used)
     return used
 
 
@@ -116,3 +120,47 @@ def floor_before(
         elif before - z > RAISED_M:
             return math.nan
     return before
+
+
+@kernel
+def _is_dark(ranges_m: F64, i: int) -> bool:
+    """Whether a beam is one of three in a row that did not come back: single ones get lost."""
+    run = 0
+    for k in range(max(0, i - 2), min(ranges_m.shape[1], i + 3)):
+        run += 1
+        for e in range(ranges_m.shape[0]):
+            if ranges_m[e, k] >= MIN_RANGE_M:
+                run = 0
+        if run >= 3:
+            return True
+    return False
+
+
+@kernel
+def missing(
+    i: int,
+    lens: F64,
+    ray: F64,
+    due: float,
+    nearest: float,
+    ranges_m: F64,
+    ground: F64,
+    limits: tuple[float, float, float],
+    is_calm: bool,
+    window: tuple[int, int, int, float],
+    cells: Cells,
+) -> int:
+    """Whether floor was missed where it was due: 0 no, 1 by a few centimetres, 2 clearly.
+
+    limits: h_pos, h_neg, height of the robot.
+    """
+    if math.isinf(nearest):
+        return 2 if _is_dark(ranges_m, i) else 0
+    x, y, z = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1], lens[2] + nearest * ray[2]
+    h = z - ground_m(ground, x, y)
+    if h <= limits[1]:
+        return 2
+    if h > -LOWER_M or due > SHALLOW_M:
+        return 0
+    h = z - ground[9] - floor_before(lens, ray, due, x, y, ground, window, cells)
+    return int(h <= -(BELOW_M + BELOW_SLOPE * nearest if is_calm else NODDING_M))

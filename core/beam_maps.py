@@ -15,10 +15,10 @@ from core.faces import Faces
 from core.geometry import R_from_rpy
 from core.ground import GroundTracker
 from core.ground_line import Stand
-from core.layers import LayerView, maybe_beams_layer
+from core.layers import LayerView, maybe_beams_layer, maybe_beams_values
 from core.obstacles import Deciding, lacks_floor
 from core.odometry import Odometry
-from core.records import OBSTACLE, Scan
+from core.records import F64, I64, OBSTACLE, Scan
 from core.terrain import Terrain
 from core.window import StateWindow
 
@@ -102,6 +102,10 @@ class BeamMaps:
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name; none where there is none."""
         return maybe_beams_layer(name, self.cells, self.terrain, self.window)
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """Of a layer, at world cells."""
+        return maybe_beams_values(name, self.cells, self.terrain, self.window, i, j)
 
     def erase(self) -> None:
         """Forget everything."""

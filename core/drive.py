@@ -15,7 +15,7 @@ from core.config import Config
 from core.maps import Maps
 from core.odometry import Pose
 from core.records import OBSTACLE, DriveRequest
-from core.stop_zone import NOTHING, STANDING_MPS, Obstruction, StopZone
+from core.stop_zone import NOTHING, STANDING_MPS, Obstruction, Place, StopZone
 
 Motion = tuple[float, float]  # forward m/s, counter-clockwise rad/s
 Powers = tuple[float, float]  # left and right wheel, -1..1 of full
@@ -134,7 +134,7 @@ class DriveControl:
         rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
         if measured_mps > FASTER * rate_mps + FASTER_MPS:
             rate_mps = measured_mps
-        found = self._look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), start_vouched)
+        found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), start_vouched)
         allowed_mps = self.zone.allowed_mps(found.free_m)
         if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
             return self.halt(self.words(found))
@@ -149,16 +149,26 @@ class DriveControl:
         """Whether the way to a stop, as the robot moves or else is asked to, leads to a drop."""
         if pose is None:
             return False
-        motion = moves
-        if self.zone.rate_mps(*moves) < MOVING_MPS:
-            motion = self._limited(request.v_mps, request.w_radps) if request else (0.0, 0.0)
-        return self._is_drop(self._look(pose, motion, 0.0, start_vouched))
+        motion = self.heading_for(moves, request)
+        return self.is_drop(self.look(pose, motion, 0.0, start_vouched))
+
+    def heading_for(self, moves: Motion, request: DriveRequest | None) -> Motion:
+        """As the robot moves, or else as it is asked to within the settings' limits; or zero."""
+        if self.zone.rate_mps(*moves) >= MOVING_MPS:
+            return moves
+        return self._limited(request.v_mps, request.w_radps) if request else (0.0, 0.0)
 
     def words(self, found: Obstruction) -> str:
         """What stands in the way."""
         if found.state != OBSTACLE:
             return "ground in the way was not seen to be free"
-        return "a drop is in the way" if self._is_drop(found) else "an obstacle is in the way"
+        return "a drop is in the way" if self.is_drop(found) else "an obstacle is in the way"
+
+    def at_full_speed(self, motion: Motion) -> Motion:
+        """As fast as the settings allow on the arc of a motion that is not zero."""
+        robot = self._robot
+        share = max(abs(motion[0]) / robot.max_speed_mps, abs(motion[1]) / robot.max_turn_radps)
+        return motion[0] / share, motion[1] / share
 
     def _limited(self, v_mps: float, w_radps: float) -> Motion:
         """Within the settings' limits, on the same arc."""
@@ -174,15 +184,22 @@ class DriveControl:
         turn = robot.max_turn_accel_radps2 * passed_s
         self.w_radps = _towards(self.w_radps, wanted[1], turn, turn)
 
-    def _look(self, pose: Pose, motion: Motion, from_mps: float, vouched: bool) -> Obstruction:
+    def look(
+        self, pose: Pose, motion: Motion, from_mps: float, vouched: bool, for_s: float = 0.0
+    ) -> Obstruction:
+        """What a motion would meet on its way to a stop (`StopZone.look`)."""
         if not any(motion):
             return NOTHING
-        window, clear_m = self._maps.window, self._robot.start_clear_m
+        window, clear = self._maps.window, self.clear(vouched)
         place = (pose.x_m, pose.y_m, pose.yaw_rad)
-        clear = (0.0, 0.0, clear_m if vouched else 0.0)
-        return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps)
+        return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps, for_s)
 
-    def _is_drop(self, found: Obstruction) -> bool:
+    def clear(self, vouched: bool) -> Place:
+        """x, y and radius (m) of the ground of the start that the settings vouch for."""
+        return 0.0, 0.0, self._robot.start_clear_m if vouched else 0.0
+
+    def is_drop(self, found: Obstruction) -> bool:
+        """Whether that is lower than the ground, or ground that did not show."""
         return found.state == OBSTACLE and self._maps.is_low(found.i, found.j)
 
     def _powers(self) -> Powers:

@@ -1,4 +1,4 @@
-"""What can be asked of a map, cell by cell: an array per name, in the order of the ground.
+"""What can be asked of a map, cell by cell: whole layers by name, or the values of some cells.
 
 Copies, so that nobody who looks can change a map. NaN is "not known" in every layer, never flat and
 never free. "state" is what was decided: whoever tells it on holds FREE back while the map is not
@@ -15,7 +15,7 @@ from core.cells import CellGrid, Cells
 from core.grid import RingGrid
 from core.jit import kernel
 from core.obstacles import is_soft
-from core.records import F64, I32, UNKNOWN
+from core.records import F64, I32, I64, UNKNOWN
 from core.terrain import F32, Terrain
 from core.window import StateWindow
 
@@ -41,6 +41,23 @@ class LayerView:
     corner_i: int  # world cell of values[0, 0]
     corner_j: int
     cell_m: float
+
+
+def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
+    """Values (n,) of a ring's layer at world cells i, j (n,); NaN outside its window."""
+    inside = (
+        (i >= grid.corner_i)
+        & (i < grid.corner_i + grid.size)
+        & (j >= grid.corner_j)
+        & (j < grid.corner_j + grid.size)
+    )
+    return np.where(inside, ring[j % grid.size, i % grid.size], np.nan)
+
+
+def states_at(window: StateWindow, i: I64, j: I64) -> F64:
+    """States (n,) at world cells; NaN where nothing is known."""
+    states = at_cells(window.grid, i, j, window.cells)
+    return np.where(states == UNKNOWN, np.nan, states)
 
 
 def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
@@ -84,6 +101,33 @@ def maybe_beams_layer(
     else:
         return None
     return view_of(name, cells.grid, np.where(cells.cells["count"] > 0, ring, np.nan))
+
+
+def maybe_beams_values(
+    name: str, cells: CellGrid, terrain: Terrain, window: StateWindow, i: I64, j: I64
+) -> F64 | None:
+    """Of method `beams`, at world cells i, j (n,); none where there is no such layer to ask for."""
+    if name == "state":
+        return states_at(window, i, j)
+    if name == "slope":
+        return at_cells(cells.grid, i, j, terrain.slope_rad)
+    if name not in RECORDED:
+        return None
+    counts = at_cells(cells.grid, i, j, cells.cells["count"])
+    return np.where(counts > 0, at_cells(cells.grid, i, j, cells.cells[RECORDED[name]]), np.nan)
+
+
+def maybe_plane_values(
+    name: str, average_m: F64, source: I32, window: StateWindow, i: I64, j: I64
+) -> F64 | None:
+    """Of method `reference_plane`, as `maybe_beams_values`; arguments of `maybe_plane_layer`."""
+    if name == "state":
+        return states_at(window, i, j)
+    if name != "height":
+        return None
+    sources = at_cells(window.grid, i, j, source)
+    known = sources >= 0
+    return np.where(known, average_m.reshape(-1)[np.where(known, sources, 0).astype(int)], np.nan)
 
 
 def maybe_plane_layer(

@@ -5,7 +5,7 @@ from typing import Protocol
 from core.attitude import AttitudeRing
 from core.layers import LayerView
 from core.odometry import Odometry
-from core.records import Scan
+from core.records import F64, I64, Scan
 from core.window import StateWindow
 
 
@@ -31,6 +31,10 @@ class Maps(Protocol):
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name in `core.layers.UNITS`; none where the method has none."""
+        ...
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """What a layer holds at world cells i, j (n,); NaN: not known. None: no such layer."""
         ...
 
     def is_low(self, i: int, j: int) -> bool:

@@ -115,3 +115,21 @@ class ExternalPose:
     var_xy_m2: float
     var_yy_m2: float
     var_yaw_rad2: float  # of no meaning without a yaw
+
+
+@dataclass(frozen=True, slots=True)
+class StopZoneReport:
+    """What stands before and behind the robot, and how fast it may go."""
+
+    free_ahead_m: float  # straight ahead until a cell that is not free; 0 when nothing is known
+    obstacle_ahead_m: float  # to the nearest obstacle of that corridor; inf: none is known
+    free_behind_m: float
+    obstacle_behind_m: float
+    contact_s: float  # until it meets what is not free, as it moves now; inf: none in sight
+    allowed_ahead_mps: float
+    allowed_behind_mps: float
+    nearest_m: float  # from the robot's edge to the nearest obstacle anywhere; inf: none is known
+    bearing_rad: float  # of that one's middle from the axle's, counter-clockwise from ahead
+    sectors_m: tuple[float, ...]  # 8 of 45 degrees, ahead first, counter-clockwise: from the axle
+    state: int  # 0 unknown, 1 clear, 2 slow, 3 stop
+    causes: int  # bits: 0 obstacle, 1 unseen ground, 2 drop, 3 map or pose not to be trusted

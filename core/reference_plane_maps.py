@@ -16,9 +16,9 @@ from core.attitude import AttitudeRing
 from core.beams import MIN_RANGE_M
 from core.config import Config
 from core.jit import kernel
-from core.layers import LayerView, maybe_plane_layer
+from core.layers import LayerView, maybe_plane_layer, maybe_plane_values
 from core.odometry import Odometry
-from core.records import F64, I8, I32, OBSTACLE, UNKNOWN, Scan
+from core.records import F64, I8, I32, I64, OBSTACLE, UNKNOWN, Scan
 from core.reference_plane import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.reference_plane_grid import centre_of, index_of
 from core.window import StateWindow
@@ -141,6 +141,10 @@ class ReferencePlaneMaps:
     def maybe_layer(self, name: str) -> LayerView | None:
         """Height above the reference, or state; none for any other name."""
         return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """Of a layer, at world cells."""
+        return maybe_plane_values(name, self.plane.elevation_m, self._source, self.window, i, j)
 
     def erase(self) -> None:
         """Forget both maps and the window."""

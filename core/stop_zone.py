@@ -43,7 +43,7 @@ def _at(start: tuple[float, float, float], v: float, w: float, t: float) -> tupl
 
 
 @kernel
-def _gap(
+def gap_to(
     cx: float, cy: float, half: float, place: tuple[float, ...], rect: tuple[float, float, float]
 ) -> float:
     """By how much the rectangle must grow to meet a square cell about (cx, cy); < 0: it does."""
@@ -62,7 +62,7 @@ def _gap(
 
 
 @kernel
-def _stops(
+def cell_state(
     i: int,
     j: int,
     cells: I8,
@@ -82,7 +82,7 @@ def _stops(
 
 
 @kernel
-def _leaves(
+def leaves(
     cx: float,
     cy: float,
     place: tuple[float, float, float],
@@ -103,7 +103,7 @@ def _leaves(
 
 
 @kernel
-def _clearance(
+def clearance(
     cells: I8,
     window: tuple[int, int, int],
     cell_m: float,
@@ -121,8 +121,8 @@ def _clearance(
         for i in range(
             math.floor((place[0] - reach) / cell_m), math.floor((place[0] + reach) / cell_m) + 1
         ):
-            if _stops(i, j, cells, window, cell_m, clear) != FREE:
-                gap = _gap((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
+            if cell_state(i, j, cells, window, cell_m, clear) != FREE:
+                gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
                 if -TOUCH_M <= gap < least - SLACK_M:
                     least = gap
     return least if least == margin else max(0.0, least - SLACK_M)
@@ -143,7 +143,7 @@ def _first(
     low, high = max(span[0], 0.0), span[1]
     for _ in range(HALVINGS):
         middle = (low + high) / 2
-        if _gap(cx, cy, half, _at(place, motion[0], motion[1], middle), rect) < least:
+        if gap_to(cx, cy, half, _at(place, motion[0], motion[1], middle), rect) < least:
             high = middle
         else:
             low = middle
@@ -167,10 +167,10 @@ def _free_way(
     limits: metres per second, margin, and what is to be kept free of new cells.
     """
     rate, margin, kept = limits
-    gap = _gap(cx, cy, half, _at(place, motion[0], motion[1], span[1]), rect)
+    gap = gap_to(cx, cy, half, _at(place, motion[0], motion[1], span[1]), rect)
     if gap >= margin - TOUCH_M:
         return math.inf
-    before = _gap(cx, cy, half, place, rect)
+    before = gap_to(cx, cy, half, place, rect)
     if before >= margin - TOUCH_M:  # new
         if gap >= kept - TOUCH_M:
             return math.inf
@@ -179,7 +179,7 @@ def _free_way(
         return math.inf
     if before >= -TOUCH_M:  # within the margin from the begin
         return rate * _first(cx, cy, half, place, rect, motion, span, 0.0) - margin
-    if is_unknown or _leaves(cx, cy, place, rect, motion[0], motion[1]):
+    if is_unknown or leaves(cx, cy, place, rect, motion[0], motion[1]):
         return math.inf
     return 0.0
 
@@ -202,7 +202,7 @@ def _sweep(
     """
     length, rate, margin = way
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
-    kept = _clearance(cells, window, cell_m, place, rect, margin, clear)
+    kept = clearance(cells, window, cell_m, place, rect, margin, clear)
     half, step = cell_m / 2, STEP_CELLS * cell_m
     best, best_i, best_j = math.inf, 0, 0
     k = 0
@@ -215,7 +215,7 @@ def _sweep(
             for i in range(
                 math.floor((now[0] - reach) / cell_m), math.floor((now[0] + reach) / cell_m) + 1
             ):
-                state = _stops(i, j, cells, window, cell_m, clear)
+                state = cell_state(i, j, cells, window, cell_m, clear)
                 if state == FREE:
                     continue
                 free = _free_way(
@@ -260,10 +260,14 @@ class StopZone:
         brake_mps2: float,
         unknown_stops: bool,
     ) -> None:
-        self._rect: Rect = (front_m, rear_m, width_m / 2)
-        self._margin_m, self._brake_mps2 = margin_m, brake_mps2
+        self.rect: Rect = (front_m, rear_m, width_m / 2)
+        self.margin_m, self._brake_mps2 = margin_m, brake_mps2
         self._unknown_stops = unknown_stops
         self._reach_m = math.hypot(max(front_m, rear_m), width_m / 2)
+
+    def clear_of(self, clear: Place) -> Place:
+        """Where unknown counts as free: x, y and radius; an infinite one is everywhere."""
+        return clear if self._unknown_stops else (0.0, 0.0, math.inf)
 
     def rate_mps(self, v_mps: float, w_radps: float) -> float:
         """Speed that no point of the footprint exceeds."""
@@ -288,27 +292,30 @@ class StopZone:
         motion: tuple[float, float],
         clear: Place,
         from_mps: float = 0.0,
+        for_s: float = 0.0,
     ) -> Obstruction:
         """What the motion (v m/s, w rad/s) would meet on its way to a stop.
 
         Args:
             clear: x, y and radius (m) of ground whose unknown cells somebody vouches for.
             from_mps: sweep the way to a stop from this rate, if it is more than the motion's own.
+            for_s: sweep the way of so many seconds at least, and no farther than LONGEST_M.
         """
         rate_mps = self.rate_mps(*motion)
         if rate_mps < STANDING_MPS:
             return NOTHING
         wanted_m = self.way_m(max(rate_mps, from_mps))
+        wanted_m = max(wanted_m, min(LONGEST_M, rate_mps * for_s))
         length_m = min(LONGEST_M, wanted_m)
         free_m, i, j = _sweep(
             cells,
             (grid.corner_i, grid.corner_j, grid.size),
             grid.cell_m,
             place,
-            self._rect,
+            self.rect,
             motion,
-            (length_m, rate_mps, self._margin_m),
-            clear if self._unknown_stops else (0.0, 0.0, math.inf),
+            (length_m, rate_mps, self.margin_m),
+            self.clear_of(clear),
         )
         if math.isinf(free_m):  # nothing as far as we looked
             return NOTHING if wanted_m <= LONGEST_M else Obstruction(LONGEST_M, 0, 0, UNKNOWN)

@@ -48,8 +48,15 @@ replay: setup ## recorded laser bytes through the same app, and the same picture
 view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
 	@$(BIN)/python -m tools.view --port $(or $(PORT),udp://127.0.0.1:9750)
 
-bench: setup ## what a scan costs, and how soon its map is on the wire
+bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
 	@$(BIN)/python -m tools.bench
+	@$(BIN)/python -m tools.bench_link
+
+link-test: setup ## the planner link's conformance tests against your receiver PORT=udp://127.0.0.1:9751 [ARGS="--only 2,5"]
+	@$(BIN)/python -m tools.link_test $(if $(PORT),--port $(PORT)) $(ARGS)
+
+soak: setup ## a million damaged, lost, doubled frames to both receivers of the planner link [FRAMES=1000000]
+	@$(BIN)/python -m tools.conformance --soak $(or $(FRAMES),1000000)
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))

@@ -246,7 +246,7 @@ def run(arguments: list[str] | None = None) -> int:
         return 2
     with contextlib.closing(ports):
         if options.check:
-            print(robot_in_words(config, parse_url(config.planner.port).baud))
+            print(robot_in_words(config, [parse_url(url).baud for url in config.planner.ports]))
         elif options.warm:
             warm_kernels(config)
         else:

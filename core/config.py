@@ -123,17 +123,31 @@ class Ground(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Planner(Struct, frozen=True, forbid_unknown_fields=True):
-    """The wire to the planner."""
+    """The wires to the planner and whoever else wants the map: one, or a list of them."""
 
-    port: Port
+    port: Port | Annotated[list[Port], Meta(min_length=1, max_length=8)]
     rate_hz: Annotated[float, Meta(ge=1, le=100)]
+    push: bool
     key_file: str
+
+    @property
+    def ports(self) -> list[str]:
+        """All of them."""
+        return [self.port] if isinstance(self.port, str) else self.port
 
 
 class Modbus(Struct, frozen=True, forbid_unknown_fields=True):
-    """The register image; "" is off."""
+    """Where the register image is served: one port, or a list of them; "" is off."""
 
-    port: str
+    port: str | Annotated[list[Port], Meta(max_length=8)]
+    unit: Annotated[int, Meta(ge=1, le=238)]
+    allow_drive: bool
+
+    @property
+    def ports(self) -> list[str]:
+        """All of them."""
+        given = [self.port] if isinstance(self.port, str) else self.port
+        return [url for url in given if url]
 
 
 class Log(Struct, frozen=True, forbid_unknown_fields=True):
@@ -263,6 +277,8 @@ def _allowed(field_type: Any) -> str:
             return "true or false"
         case msgspec.inspect.StrType(min_length=int()):
             return "a text that is not empty"
+        case msgspec.inspect.UnionType():
+            return "a text, or a list of up to 8 texts that are not empty"
         case _:
             return "a text"
 
@@ -325,6 +341,9 @@ def _check_together(config: Config) -> None:
             'obstacle.soft_free_below_m: needs scanner.echo = "both", for beams echo twice in soft '
             f"things; is {config.obstacle.soft_free_below_m} with echo = {scanner.echo!r}"
         )
+    for key, ports in (("planner", config.planner.ports), ("modbus", config.modbus.ports)):
+        if len(set(ports)) < len(ports):
+            raise ConfigError(f"{key}.port: each port may be given once, is {ports}")
     if abs(config.map.cell_m * 1000 - round(config.map.cell_m * 1000)) > 1e-6:
         raise ConfigError(
             "map.cell_m: must be whole millimetres (the planner's wire counts them), "
@@ -337,7 +356,6 @@ def _check_built(config: Config) -> None:
     for key, value, built in (
         ("scanner.driver", config.scanner.driver, ("lms111",)),
         ("map.cell_value", config.map.cell_value, ("mean", "kalman")),
-        ("modbus.port", config.modbus.port, ("",)),
     ):
         if value not in built:
             allowed = " or ".join(repr(choice) for choice in built)

@@ -16,22 +16,20 @@ FRAMES_BYTES = 38 + 26  # a POSE frame and the head of a MAP frame on a serial l
 CHANGES_BYTES = 80  # operations per tick, mean of a drive (planner link, section 10)
 FULL_MAP_BYTES_PER_CELL = 0.055  # runs of a whole map, mean of a drive (same)
 PASSES_PER_S = 2.0  # rolling refresh
+LINE_SHARE = 0.85  # of what a line carries is used
 
 
-def robot_in_words(config: Config, line_baud: int | None) -> str:
+def robot_in_words(config: Config, line_bauds: list[int | None]) -> str:
     """A dozen lines: what the laser sees of the ground, map sizes, memory, link rate.
 
     Args:
-        line_baud: of the planner's serial line; None for UDP.
+        line_bauds: of each of the planner's ports, if it is a serial line; None for others.
     """
     scanner, robot, drive = config.scanner, config.robot, config.drive
     points = round((scanner.last_deg - scanner.first_deg) / scanner.angular_step_deg) + 1
     counts_per_m = 2 * robot.encoder_ppr * robot.gear_ratio / (math.pi * robot.wheel_radius_m)
     cells, window = config.map.cells, config.obstacle.window_cells
     memory_mb = (cells**2 * BYTES_PER_CELL + window**2 * BYTES_PER_WINDOW_CELL) / 1e6
-    rate_hz = config.planner.rate_hz
-    needed = rate_hz * (FRAMES_BYTES + CHANGES_BYTES)
-    needed += PASSES_PER_S * FULL_MAP_BYTES_PER_CELL * window**2
     lines = [
         f"scanner   {scanner.driver} at {scanner.port}: {points} beams from "
         f"{scanner.first_deg:g} to {scanner.last_deg:g} deg, {scanner.scan_rate_hz} scans/s",
@@ -49,14 +47,30 @@ def robot_in_words(config: Config, line_baud: int | None) -> str:
         f"{config.map.cell_m:g} m = {cells * config.map.cell_m:.1f} m square, {memory_mb:.1f} MB",
         f"obstacle  from {config.obstacle.h_pos_m:+g} m up or {config.obstacle.h_neg_m:+g} m down; "
         f"the planner gets {window} x {window} cells",
-        f"planner   {config.planner.port}, {rate_hz:g} frames/s: needs about {needed:.0f} bytes/s"
-        + (f", the line carries {line_baud / 10 * 0.85:.0f}" if line_baud else ""),
     ]
-    if line_baud and needed > line_baud / 10 * 0.85:
-        lines.append(
-            "          too little: cells will come late; lower planner.rate_hz or raise baud"
-        )
+    for url, baud in zip(config.planner.ports, line_bauds, strict=True):
+        lines += _link_in_words(config, url, baud)
+    lines += [f"modbus    {url}" for url in config.modbus.ports]
     return "\n".join(lines)
+
+
+def _link_in_words(config: Config, url: str, line_baud: int | None) -> list[str]:
+    """What one receiver gets, and whether its line carries it."""
+    rate_hz = config.planner.rate_hz
+    if not config.planner.push:
+        return [f"planner   {url}: what it asks for, up to {rate_hz:g} times a second"]
+    needed = rate_hz * (FRAMES_BYTES + CHANGES_BYTES)
+    needed += PASSES_PER_S * FULL_MAP_BYTES_PER_CELL * config.obstacle.window_cells**2
+    words = f"planner   {url}, {rate_hz:g} frames/s: needs about {needed:.0f} bytes/s"
+    if line_baud is None:
+        return [words]
+    carried = line_baud / 10 * LINE_SHARE
+    if needed <= carried:
+        return [f"{words}, the line carries {carried:.0f}"]
+    return [
+        f"{words}, the line carries {carried:.0f}",
+        "          too little: cells will come late; lower planner.rate_hz or raise baud",
+    ]
 
 
 def _motors_in_words(config: Config) -> list[str]:
@@ -64,16 +78,23 @@ def _motors_in_words(config: Config) -> list[str]:
     robot = config.robot
     if not robot.enable_motors:
         return ["never move (robot.enable_motors is false)"]
+    key = bool(config.planner.key_file)
+    refusals = {url: link_refusal(url, key, True) for url in config.planner.ports}
+    willing = [url for url, refusal in refusals.items() if not refusal]
+    willing += [
+        f"Modbus at {url}"
+        for url in config.modbus.ports
+        if config.modbus.allow_drive and not link_refusal(url, False, True)
+    ]
     lines = [
-        f"move on requests over {config.planner.port}"
+        f"move on requests over {' or '.join(willing)}"
         + (", signed with the key" if config.planner.key_file else ", which nobody has to sign")
         + f": up to {robot.max_speed_mps:g} m/s and {robot.max_turn_radps:g} rad/s",
         f"a body from {robot.front_m:g} m ahead of the axle to {robot.rear_m:g} m behind it, "
         f"{robot.width_m:g} m wide, stops {robot.stop_margin_m:g} m before obstacles",
     ]
-    refusal = link_refusal(config.planner.port, bool(config.planner.key_file), True)
-    if refusal:
-        lines[0] = f"never move: {refusal}"
+    if not willing:
+        lines[0] = f"never move: {next(iter(refusals.values()))}"
     if not robot.unknown_stops:
         lines.append("and drives onto ground that it has not seen")
     elif robot.start_clear_m > 0:

@@ -121,10 +121,10 @@ def test_restarted_counters_erase_both_maps_and_begin_a_new_epoch() -> None:
 
 
 def test_the_summary_says_where_the_papers_laser_looks() -> None:
-    text = robot_in_words(CONFIG, None)
+    text = robot_in_words(CONFIG, [None])
     assert "meets the ground 8.45 m ahead of the axle (range 8.27 m)" in text
     assert "481 beams from 30 to 150 deg, 25 scans/s" in text
     assert "101 x 101 cells of 0.2 m = 20.2 m square" in text
     assert "width of ground seen there: 28.7 m" in text
     assert "too little" not in text
-    assert "too little" in robot_in_words(CONFIG, 19_200)
+    assert "too little" in robot_in_words(CONFIG, [19_200])

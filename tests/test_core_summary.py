@@ -16,7 +16,7 @@ SHIPPED = load_config((Path(__file__).parent.parent / "mapod.toml").read_text(en
 
 
 def told(**sections: dict[str, Any]) -> str:
-    return robot_in_words(with_changes(SHIPPED, **sections), None)
+    return robot_in_words(with_changes(SHIPPED, **sections), [None])
 
 
 def test_as_shipped_motors_never_move() -> None:

@@ -6,19 +6,21 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ROOMS = {"core", "hw", "fakes", "tools", "tests", "app", "main"}
+ROOMS = {"core", "hw", "mapod_link", "fakes", "tools", "tests", "app", "main"}
 MAY_IMPORT = {
     "core": {"core"},
     "hw": {"hw", "core.records"},
-    "fakes": {"fakes"},
+    "mapod_link": {"mapod_link"},
+    "fakes": {"fakes", "mapod_link"},
     "app.py": {"hw", "core"},
     "main.py": {"app", "hw", "core"},
-    "tools": {"tools", "app", "main", "hw", "core", "fakes"},
+    "tools": {"tools", "app", "main", "hw", "core", "fakes", "mapod_link"},
     "tests": ROOMS,
 }
 LIBRARIES = {
     "core": {"numpy", "numba", "msgspec"},
-    "hw": {"numpy", "numba", "serial", "cobs"},
+    "hw": {"numpy", "numba", "serial", "cobs", "pymodbus"},
+    "mapod_link": {"numpy"},
     "app.py": {"numpy", "structlog"},
     "main.py": {"structlog"},
     "fakes": {"numpy", "mujoco"},

@@ -15,29 +15,34 @@ from core.layers import UNITS
 from core.mapper import Mapper
 from core.records import Attitude, PoseReport, Scan, WheelCounts
 from core.report import report
+from core.tiles import TileValues
+from core.zone_report import NOT_TRUSTED, ZoneReporter
 from hw.ax3500_session import Ax3500
 from hw.lms111_condition import ScannerCondition, is_dirty
 from hw.lms111_session import Lms111, condition_of
+from hw.modbus_image import RegisterImage
 from hw.mti_session import Mti
-from hw.planner_link import PlannerLink
+from hw.planners import Planners, Wire
 from hw.port import parse_url
 from hw.session import DeviceStatus, NoPort, Port
 
 STATE_LOG_S = 1.0  # counters to the log this often
+ZONE_S = 0.045  # the stop zone is worked out this often: at every second or third map frame
 
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """The four wires of the app."""
+    """The wires of the app."""
 
     scanner: Port
     ahrs: Port
     drive: Port
     planner: Port
+    receivers: tuple[Port, ...] = ()  # who else gets the map: the rest of `planner.port`
 
     def close(self) -> None:
         """Let go of all of them."""
-        for port in (self.scanner, self.ahrs, self.drive, self.planner):
+        for port in (self.scanner, self.ahrs, self.drive, self.planner, *self.receivers):
             port.close()
 
 
@@ -52,6 +57,7 @@ class App:
         session: int,
         key: bytes | None = None,
         replayed: bool = False,
+        version: str = "",
     ) -> None:
         self.config, self.ports, self._replayed = config, ports, replayed
         scanner, wheels, robot = config.scanner, config.drive, config.robot
@@ -79,36 +85,63 @@ class App:
         self.mapper = Mapper(config)
         self.control = drive.DriveControl(config, self.mapper.maps)
         self._tick_s = 1.0 / config.planner.rate_hz
-        self.link = self._new_link(session, key)
+        self.planners = self._new_planners(session, key)
+        self.tiles = TileValues(self.mapper.maps)
+        self._zones = ZoneReporter(self.control, self.mapper.maps.window, robot.max_speed_mps)
+        self.zone = NOT_TRUSTED
+        self.image = self._maybe_image(session, version)
+        self.servers: dict[str, DeviceStatus] = {}  # of the register image, by name, for the log
         self.log = structlog.get_logger()
-        self._linked_s = self._logged_s = self._overrun_s = float("-inf")
+        self._linked_s = self._logged_s = self._overrun_s = self._zone_s = float("-inf")
         self.ticks = self.slots_missed = 0
         self._drop_ahead = False
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
 
-    def _new_link(self, session: int, key: bytes | None) -> PlannerLink:
+    def _new_planners(self, session: int, key: bytes | None) -> Planners:
         config, planner = self.config, self.config.planner
-        may_move = config.robot.enable_motors
-        return PlannerLink(
-            self.ports.planner,
+        may_move, has_key = config.robot.enable_motors, key is not None
+        ports = (self.ports.planner, *self.ports.receivers)
+        return Planners(
+            [
+                Wire(
+                    port,
+                    line_baud=parse_url(url).baud,
+                    drive_refusal=drive.link_refusal(url, has_key, may_move),
+                    pose_refusal=drive.link_refusal(url, has_key, True),
+                )
+                for port, url in zip(ports, planner.ports, strict=True)
+            ],
             size=config.obstacle.window_cells,
             cell_mm=round(config.map.cell_m * 1000),
             session=session,
             tick_s=self._tick_s,
-            line_baud=parse_url(planner.port).baud,
             key=key,
             stale_ms=max(150, math.ceil(3000 * self._tick_s)),
-            drive_refusal=drive.link_refusal(planner.port, key is not None, may_move),
-            pose_refusal=drive.link_refusal(planner.port, key is not None, True),
+            push=planner.push,
+        )
+
+    def _maybe_image(self, session: int, version: str) -> RegisterImage | None:
+        """What Modbus clients read; none where nobody may."""
+        config = self.config
+        if not config.modbus.ports:
+            return None
+        return RegisterImage(
+            size=config.obstacle.window_cells,
+            cell_mm=round(config.map.cell_m * 1000),
+            session=session,
+            version=version,
+            ask=self.planners.requests.ask,
+            drive_refusal=drive.modbus_refusal(config),
         )
 
     @property
     def _devices(self) -> dict[str, DeviceStatus]:
-        """By the section of mapod.toml that describes them."""
+        """By the section of mapod.toml that describes them; servers with their ports."""
         return {
             "scanner": self.scanner.status,
             "ahrs": self.ahrs.status,
             "drive": self.drive.status,
+            **self.servers,
         }
 
     def step(self, now_s: float) -> None:
@@ -122,27 +155,57 @@ class App:
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
         since_s = now_s - self._linked_s
-        self.link.poll(now_s)
-        for pose in self.link.take_external_poses():
+        self.planners.poll(now_s)
+        for pose in self.planners.take_external_poses():
             self.mapper.odometry.add_external(pose)
         window_trusted, told = self.report(now_s)
         if since_s >= self._tick_s - 1e-6 or (mapped and since_s >= self._tick_s / 2):
-            self.link.step(now_s, told, self.mapper.window(window_trusted))
+            self.tell(now_s, told, window_trusted)
             self._linked_s = now_s
         self._drive(now_s, told)
         self._log(now_s)
 
+    def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
+        """Everything to everybody who listens."""
+        self._look_around(now_s, told, trusted)
+        self.tiles.trusted = trusted
+        window = self.mapper.window(trusted)
+        self.planners.step(now_s, told, window, self.zone, self.tiles)
+        if self.image is not None:
+            driven = self.control.v_mps, self.control.w_radps
+            heard = self.planners.heard(now_s)
+            self.image.publish(now_s, told, self.zone, window, planner_heard=heard, driven=driven)
+
+    def _look_around(self, now_s: float, told: PoseReport, trusted: bool) -> None:
+        """Bring the stop zone up to now: at once when trust comes or goes, else now and then."""
+        known = self.zone is not NOT_TRUSTED
+        if trusted and known and now_s - self._zone_s < ZONE_S:
+            return
+        self._zone_s = now_s
+        self.zone = self._zones.report(
+            self.mapper.maybe_pose(now_s),
+            trusted,
+            (told.v_mps, told.w_radps),
+            self.planners.requests.newest,
+            self._start_vouched,
+        )
+
+    @property
+    def _start_vouched(self) -> bool:
+        """The map still is that of the start, whose ground the settings vouch for."""
+        return self.mapper.counts.erased == 0 and not self.mapper.continued
+
     def _drive(self, now_s: float, told: PoseReport) -> None:
         """Wheel power until the next tick: zero unless all is known to be well."""
-        pose, request = self.mapper.maybe_pose(now_s), self.link.requests.newest
-        vouched = self.mapper.counts.erased == 0 and not self.mapper.continued
+        pose, request = self.mapper.maybe_pose(now_s), self.planners.requests.newest
+        vouched = self._start_vouched
         moves = told.v_mps, told.w_radps
         if self._linked_s == now_s:
             self._drop_ahead = self.control.drop_ahead(moves, request, pose, vouched)
         if not self.config.robot.enable_motors:
             self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
             return
-        dirt, others = self._condition.contamination, (self.link.doubt,)
+        dirt, others = self._condition.contamination, (self.planners.doubt,)
         doubt = drive.doubt(told.health, told.mode, dirt, others)
         motors_off = self.drive.controller.trouble
         powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off, moves)
@@ -190,12 +253,12 @@ class App:
             if self._has_changed(device, status.state, status.cause):
                 tell = self.log.warning if status.cause else self.log.info
                 tell("device_changed", device=device, state=status.state, cause=status.cause)
-        requests = self.link.requests
+        requests = self.planners.requests
         if self.config.robot.enable_motors and self._has_changed("", "", self.control.blocked_by):
             self.log.info("drive_changed", blocked_by=self.control.blocked_by)
         if self._has_changed("requests", "", requests.last_refusal):
             self.log.warning("drive_requests_changed", refused_because=requests.last_refusal)
-        poses = self.link.external_poses
+        poses = self.planners.external_poses
         if self._has_changed("poses", "", poses.last_refusal):
             self.log.warning("external_poses_changed", refused_because=poses.last_refusal)
         if now_s - self._logged_s < STATE_LOG_S:
@@ -222,7 +285,7 @@ class App:
             scans_early=counts.scans_early,
             scans_tilted=counts.scans_tilted,
             maps_erased=counts.erased,
-            frames_sent=self.link.frames_sent,
+            frames_sent=self.planners.frames_sent,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),
             poses_outlying=self.mapper.odometry.positioning.outliers,
@@ -237,7 +300,8 @@ def _baud(url: str) -> int:
 def warm_kernels(config: Config) -> None:
     """Run every kernel once on made-up records, so that none is compiled while a robot drives."""
     nowhere = NoPort()
-    app = App(config, Ports(nowhere, nowhere, nowhere, nowhere), session=0)
+    others = (nowhere,) * (len(config.planner.ports) - 1)
+    app = App(config, Ports(nowhere, nowhere, nowhere, nowhere, others), session=0)
     level = (1.0, 0.0, 0.0, 0.0)
     for t_s in (0.0, 0.05):
         app.mapper.add_attitude(Attitude(t_s, level, (0.0, 0.0, 0.0)))
@@ -247,7 +311,7 @@ def warm_kernels(config: Config) -> None:
     app.mapper.settle(0.05)
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)
-        app.link.step(now_s, told, app.mapper.window(window_trusted))
+        app.tell(now_s, told, window_trusted)
         app.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
     for name in UNITS:
         app.mapper.maybe_layer(name)

@@ -27,8 +27,10 @@ from core.state_bytes import Arrays, StateError, arrays_from_bytes, bytes_from_a
 from core.state_check import check_state
 from core.summary import robot_in_words
 from hw.ears import Ears
+from hw.modbus_server import ModbusServer
 from hw.port import PortUrlError, open_port, parse_url
 from hw.real_time import leave_real_time, take_real_time
+from hw.session import Port
 
 __all__ = ["App", "Ports"]
 
@@ -49,24 +51,30 @@ def read_key(path: str) -> bytes | None:
 
 
 def open_ports(config: Config) -> Ports:
-    """The four ports, none of them connected yet.
+    """The ports of devices and planners, none of them connected yet.
 
     Raises:
-        ConfigError: a URL that names no port.
+        ConfigError: a URL that names no port, also of Modbus.
     """
-    urls = {
-        "scanner": config.scanner.port,
-        "ahrs": config.ahrs.port,
-        "drive": config.drive.port,
-        "planner": config.planner.port,
-    }
-    ports = {}
-    for section, url in urls.items():
+
+    def opened(section: str, url: str) -> Port:
         try:
-            ports[section] = open_port(url)
+            return open_port(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
-    return Ports(**ports)
+
+    for url in config.modbus.ports:
+        try:
+            parse_url(url)
+        except PortUrlError as error:
+            raise ConfigError(f"modbus.port: {error}") from None
+    return Ports(
+        opened("scanner", config.scanner.port),
+        opened("ahrs", config.ahrs.port),
+        opened("drive", config.drive.port),
+        opened("planner", config.planner.ports[0]),
+        tuple(opened("planner", url) for url in config.planner.ports[1:]),
+    )
 
 
 def set_up_logging(config: Config) -> None:
@@ -189,7 +197,7 @@ async def serve(
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     warm_kernels(config)
-    app = App(config, ports, session=secrets.randbits(32), key=key)
+    app = App(config, ports, session=secrets.randbits(32), key=key, version=version())
     if loaded is not None:
         restore(app.mapper, loaded, config, time.monotonic())
         log.info("map_loaded", moving_when_saved=was_moving(loaded))
@@ -199,13 +207,31 @@ async def serve(
     locked, fifo = take_real_time()
     log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
     log.info("app_started", version=version(), planner=config.planner.port)
+    servers = modbus_servers(app)
     try:
         await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
     finally:
         app.stop()
+        for server in servers:
+            await server.stop()
     if saver:
         await saver.finish()
     log.info("app_stopped", ticks=app.ticks, slots_missed=app.slots_missed)
+
+
+def modbus_servers(app: App) -> list[ModbusServer]:
+    """A server, started, for each port of [modbus]; what becomes of it is in the app's log."""
+    servers = []
+    for url in app.config.modbus.ports:
+        assert app.image is not None
+        servers.append(
+            ModbusServer(
+                url, app.image, time.monotonic, unit=app.config.modbus.unit, utc_s=time.time
+            )
+        )
+        app.servers[f"modbus {url}"] = servers[-1].status
+        servers[-1].start()
+    return servers
 
 
 def version() -> str:

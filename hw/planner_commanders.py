@@ -7,7 +7,7 @@ Source: planner link, section 3 (DRIVE, EXTERNAL_POSE) and section 9 (docs/plann
 
 from dataclasses import dataclass
 
-from hw.planner_frames import Drive, External
+from hw.planner_answers import Drive, External
 
 MOST_COMMANDERS = 256  # of one run: what each has sent is kept, so that none of it counts twice
 DRIFT = 0.001  # of the two clocks against each other, at most
@@ -29,6 +29,11 @@ class Commanders:
     def __init__(self, session: int) -> None:
         self._session = session
         self._known: dict[int, Commander] = {}
+
+    def restart(self, session: int) -> None:
+        """A new session: what was sent for the old one counts no more."""
+        self._session = session
+        self._known.clear()
 
     def late_s(self, now_s: float, frame: Drive | External) -> float | str:
         """How much longer than the fastest a new frame took (s), or why it does not count."""

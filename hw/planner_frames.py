@@ -1,11 +1,10 @@
-"""Frames of the planner link, version 1: encode what goes to the planner, decode what it answers.
+"""Frames of the planner link, version 1: what all have in common, and what goes to the planner.
 
-No I/O, no clock. What is no valid frame gives `BadFrame`; nothing raises on input.
+No I/O, no clock. What comes back is decoded in hw/planner_answers.py.
 Source: planner link, sections 2, 3 and 9 (docs/planner-link.md).
 """
 
 import hashlib
-import hmac
 import math
 import struct
 import zlib
@@ -13,79 +12,23 @@ from dataclasses import dataclass
 
 from cobs import cobs
 
-from core.records import PoseReport
+from core.records import PoseReport, StopZoneReport
 from hw.session import BadFrame
 
 VERSION = 1
-GEOM, POSE, MAP, ACK, HELLO, DRIVE, EXTERNAL_POSE = 1, 2, 3, 8, 9, 10, 12
+GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE = 1, 2, 3, 4, 5, 6
+ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE = 8, 9, 10, 11, 12
 MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
 KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
-NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
 CRC_START = 0x2994717F  # CRC-32 of b"MPL1": frames of other layouts never pass
 MAX_FRAME = 368
 HEAD, CRC, TAG_BYTES = struct.Struct("<BBHI"), struct.Struct("<I"), 8
 GEOM_BODY, POSE_BODY = struct.Struct("<BxHHHIHH"), struct.Struct("<iihhhhhHBBBB")
-MAP_HEAD = struct.Struct("<hhHB3s")
-ACK_BODY, HELLO_BODY = struct.Struct("<HIIHHBB"), struct.Struct("<IIHH")
-DRIVE_BODY = struct.Struct("<IIhhHH")
-LONGEST_VALID_MS, NO_SPEED = 1000, -(2**15)
-EXTERNAL_BODY = struct.Struct("<IIiihHHhHH")
-NO_YAW, NO_PLACE, MOST_YAW = -(2**15), -(2**31), 31416  # 0.0001 rad
-MOST_CORRELATION, OLDEST_MS = 10_000, 1000
+MAP_HEAD, DIGEST_BODY = struct.Struct("<hhHB3s"), struct.Struct("<BxxxI")
+STOP_ZONE_BODY = struct.Struct("<HHHHHHHHhBB")
+TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
 AGE_UNIT_S = 0.004
-
-
-@dataclass(frozen=True, slots=True)
-class Ack:
-    """What a planner says of the frames that it got."""
-
-    last_seq: int
-    mask: int  # bit i: frame last_seq - 1 - i was accepted
-    echo_t_ms: int
-    hold_s: float
-    bad_frames: int
-    status: int
-    geom_id: int
-
-
-@dataclass(frozen=True, slots=True)
-class Hello:
-    """A planner that has just started."""
-
-    nonce: int
-    max_cells: int
-    max_frame: int
-
-
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """What a commander wants the robot to do; every field lies within its range."""
-
-    seq: int
-    t_ms: int  # the commander's clock
-    session: int  # of the run that it has heard
-    nonce: int  # of its HELLO
-    v_mps: float  # forward
-    w_radps: float  # counter-clockwise
-    valid_s: float  # 0: stop now
-
-
-@dataclass(frozen=True, slots=True)
-class External:
-    """Where a positioning system saw the robot; every field lies within its range."""
-
-    seq: int
-    t_ms: int  # the sender's clock
-    session: int  # of the run that it has heard
-    nonce: int  # of its HELLO
-    x_m: float  # in the positioning system's frame
-    y_m: float
-    yaw_rad: float  # NaN: it does not tell
-    sigma_x_m: float  # standard deviations
-    sigma_y_m: float
-    correlation: float  # of x and y, -1..1
-    sigma_yaw_rad: float
-    age_s: float  # how long before `t_ms` the robot was there
+NONE, MOST = 0xFFFF, 0xFFFE  # of a u16 that may say "none": that, and the greatest number
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,84 +109,43 @@ def encode_map(
     origin: tuple[int, int], repaired: int, geom_id: int, start: int, ops: bytes
 ) -> bytes:
     """Body of a MAP frame; `origin` is the world cell (i, j) of the window's lowest corner."""
-    ox, oy = ((part + 0x8000) % 0x10000 - 0x8000 for part in origin)
+    ox, oy = int16(origin[0]), int16(origin[1])
     return MAP_HEAD.pack(ox, oy, repaired % 2**16, geom_id, start.to_bytes(3, "little")) + ops
 
 
-def decode_answer(
-    frame: bytes, secret: Secret | None = None
-) -> Ack | Hello | Drive | External | BadFrame:
-    """A frame that comes to the sender; with a secret, only one with the right tag (HELLO: any)."""
-    if not HEAD.size + CRC.size <= len(frame) <= MAX_FRAME:
-        return BadFrame("bad length", frame)
-    if CRC.unpack(frame[-4:])[0] != zlib.crc32(frame[:-4], CRC_START):
-        return BadFrame("bad checksum", frame)
-    kind, flags, seq, t_ms = HEAD.unpack_from(frame)
-    if kind >> 4 != VERSION or flags & ~KNOWN_FLAGS:
-        return BadFrame("unknown version or flag", frame)
-    end = len(frame) - CRC.size - (TAG_BYTES if flags & AUTH else 0)
-    tagged = flags & AUTH and secret is not None
-    tag_right = tagged and secret and hmac.compare_digest(secret.tag(frame[:end]), frame[end:-4])
-    if secret is not None and kind & 0x0F != HELLO and not tag_right:
-        return BadFrame("no valid tag", frame)
-    body = frame[HEAD.size : max(end, HEAD.size)]
-    if kind & 0x0F == ACK and len(body) == ACK_BODY.size:
-        last, mask, echo, hold, bad, status, geom_id = ACK_BODY.unpack(body)
-        return Ack(last, mask, echo, hold * 1e-4, bad, status, geom_id)
-    if kind & 0x0F == HELLO and len(body) == HELLO_BODY.size:
-        nonce, max_cells, max_frame, _ = HELLO_BODY.unpack(body)
-        return Hello(nonce, max_cells, max_frame)
-    if kind & 0x0F == DRIVE:
-        return _maybe_drive(body, seq, t_ms) or BadFrame("DRIVE out of range", frame)
-    if kind & 0x0F == EXTERNAL_POSE:
-        pose = _maybe_external(body, seq, t_ms)
-        return pose or BadFrame("EXTERNAL_POSE out of range", frame)
-    return BadFrame("neither ACK nor HELLO nor DRIVE nor EXTERNAL_POSE", frame)
+def encode_digest(geom_id: int, window_crc: int) -> bytes:
+    """Body of a DIGEST frame."""
+    return DIGEST_BODY.pack(geom_id, window_crc)
 
 
-def is_kind(frame: bytes, kind: int) -> bool:
-    """Whether a refused frame would have been one of that type."""
-    return frame[:1] == bytes([VERSION << 4 | kind])
-
-
-def _maybe_drive(body: bytes, seq: int, t_ms: int) -> Drive | None:
-    """None unless all of it is as section 3 wants it: nothing is obeyed in part."""
-    if len(body) != DRIVE_BODY.size:
-        return None
-    session, nonce, v_mmps, w_mradps, valid_ms, reserved = DRIVE_BODY.unpack(body)
-    if NO_SPEED in (v_mmps, w_mradps) or valid_ms > LONGEST_VALID_MS or reserved or not nonce:
-        return None
-    return Drive(seq, t_ms, session, nonce, v_mmps / 1000, w_mradps / 1000, valid_ms / 1000)
-
-
-def _maybe_external(body: bytes, seq: int, t_ms: int) -> External | None:
-    """None unless all of it is as section 3 wants it: nothing is used in part."""
-    if len(body) != EXTERNAL_BODY.size:
-        return None
-    session, nonce, x_mm, y_mm, yaw, sigma_x, sigma_y, tied, sigma_yaw, age_ms = (
-        EXTERNAL_BODY.unpack(body)
+def encode_stop_zone(zone: StopZoneReport) -> bytes:
+    """Body of a STOP_ZONE frame: distances, times and speeds are told as no more than they are."""
+    has_nearest = zone.nearest_m < math.inf
+    return STOP_ZONE_BODY.pack(
+        min(MOST, _thousandths(zone.free_ahead_m)),
+        _thousandths(zone.obstacle_ahead_m),
+        min(MOST, _thousandths(zone.free_behind_m)),
+        _thousandths(zone.obstacle_behind_m),
+        _thousandths(zone.contact_s),
+        min(MOST, _thousandths(zone.allowed_ahead_mps)),
+        min(MOST, _thousandths(zone.allowed_behind_mps)),
+        _thousandths(zone.nearest_m),
+        _int(zone.bearing_rad * 10_000, 15) if has_nearest else 0,
+        zone.state,
+        zone.causes,
     )
-    has_yaw = yaw != NO_YAW
-    if not nonce or NO_PLACE in (x_mm, y_mm) or not sigma_x or not sigma_y:
-        return None
-    if abs(tied) > MOST_CORRELATION or age_ms > OLDEST_MS:
-        return None
-    if has_yaw and not (-MOST_YAW <= yaw < MOST_YAW and sigma_yaw):
-        return None
-    return External(
-        seq,
-        t_ms,
-        session,
-        nonce,
-        x_mm / 1000,
-        y_mm / 1000,
-        yaw / 10_000 if has_yaw else math.nan,
-        sigma_x / 1000,
-        sigma_y / 1000,
-        tied / MOST_CORRELATION,
-        sigma_yaw / 10_000,
-        age_ms / 1000,
-    )
+
+
+def _thousandths(value: float) -> int:
+    """Rounded down to what a u16 can say; NONE for infinite, 0 for what is no number."""
+    if value == math.inf:
+        return NONE
+    return int(max(0.0, min(float(MOST), value * 1000 + 1e-6))) if value > 0.0 else 0
+
+
+def int16(number: int) -> int:
+    """The signed 16-bit number that equals it modulo 65 536."""
+    return (number + 0x8000) % 0x10000 - 0x8000
 
 
 class Deframer:

@@ -1,75 +1,65 @@
-"""The sender of the planner link: map, pose and health to the planner under a byte budget.
+"""The sender of the planner link: map, pose and health to one planner under a byte budget.
 
 Every cell operation is absolute, so a lost frame spoils nothing that comes later; what it told is
 told again, when an ACK shows the gap or when the rolling refresh passes by. While an input is not
 to be trusted, free cells are told as unknown. A tick's frames go out together or not at all: there
-is never a queue of outdated frames.
+is never a queue of outdated frames. A planner that only asks costs nothing but its answers.
 Source: planner link, sections 2 to 8 (docs/planner-link.md).
 """
 
 import math
-from collections import deque
-from dataclasses import dataclass
 
-from core.records import ExternalPose, ObstacleWindow, PoseReport
-from hw import map_sender
+from core.records import ExternalPose, ObstacleWindow, PoseReport, StopZoneReport
 from hw.map_sender import MapSender
-from hw.planner_commanders import Commanders
-from hw.planner_frames import (
-    DRIVE,
-    EXTERNAL_POSE,
-    GEOM,
-    HEAD,
-    MAP,
-    MAP_HEAD,
-    MAX_FRAME,
-    MORE,
+from hw.planner_answers import (
+    ASK_GEOM,
+    ASK_POSE,
+    ASK_TILE,
+    ASK_ZONE,
+    DIGEST_OK,
     NEED_FULL,
     NEED_GEOM,
     PLANNER_STOPPED,
-    POSE,
-    REFRESH,
-    TAG_BYTES,
     Ack,
-    Deframer,
+    Ask,
     Drive,
     External,
     Hello,
-    Secret,
     decode_answer,
-    encode_frame,
-    encode_geom,
-    encode_map,
-    encode_pose,
-    encode_serial,
     is_kind,
-    serial_bytes,
 )
+from hw.planner_commanders import Commanders
+from hw.planner_frames import (
+    DIGEST,
+    DIGEST_BODY,
+    DRIVE,
+    EXTERNAL_POSE,
+    GEOM,
+    POSE,
+    STOP_ZONE,
+    Deframer,
+    Secret,
+    encode_digest,
+    encode_geom,
+    encode_pose,
+    encode_stop_zone,
+)
+from hw.planner_map import SLICE_BODY, MapTeller
+from hw.planner_outbox import Outbox
 from hw.planner_poses import ExternalPoses
+from hw.planner_repair import Repair
 from hw.planner_requests import Requests
+from hw.planner_tiles import NoTiles, Tiles, TileSource
 from hw.session import BadFrame, Port
 
-UDP_BAUD = 4_000_000  # a datagram link is used as if it were a line of this rate
-LINE_SHARE = 0.85  # of what the line carries
-REFRESH_SHARE = 0.2  # of the budget, saved up
-SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
-PASS_S = 0.35  # one refresh pass, where bandwidth allows
-SAVED_TICKS = 3.0  # budget that may be saved up
-LEAST_SLICE_OPS = 32  # the MAP frame that every tick has
-MOST_PER_CELL = 5  # bytes of operations: its run, and a KEEP up to it
 GEOM_EVERY_S = 1.0
-ACK_WINDOW = 33  # frames that an ACK speaks of
-REMEMBERED = 512  # MAP frames without an ACK
-
-
-@dataclass(frozen=True, slots=True)
-class SentMap:
-    """A MAP frame on its way: what to tell again if it gets lost."""
-
-    seq: int  # unwrapped
-    start: int
-    ops: bytes
-    origin: tuple[int, int]
+DIGEST_EVERY_S = 1.0
+ZONE_EVERY_S = 0.1
+NEED_FULL_EVERY_S = 0.25
+UNHEARD_S = 5.0  # of a planner on datagrams that only asks: it may not know where we are
+LEAST_MAX_FRAME = 48  # bytes of a frame that a planner must take to get a map
+CLOSE_S = 1e-6  # of rounding, in periods
+Shared = tuple[Requests, ExternalPoses]
 
 
 class PlannerLink:
@@ -88,286 +78,266 @@ class PlannerLink:
         stale_ms: int,
         drive_refusal: str,
         pose_refusal: str = "no external poses are taken here",
+        push: bool = True,
+        shared: Shared | None = None,
+        number: int = 0,
+        first_seq: int = 1,
     ) -> None:
-        self.port = port
+        """`shared`: what all links of a run have in common; `number`: which of them this one is."""
+        self.port, self._number, self._push = port, number, push
         self._size, self._cell_mm = size, cell_mm
-        self._session, self._tick_s, self._stale_ms = session, tick_s, stale_ms
-        self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
-        self._key = key
-        self._nonce: int | None = None  # of the planner's newest HELLO
+        self.session, self._tick_s, self._stale_ms = session, tick_s, stale_ms
+        self._key, self._nonce = key, 0  # of the planner's newest HELLO
+        self._drive_refusal, self._pose_refusal = drive_refusal, pose_refusal
+        commanders = Commanders(session)
+        own = Requests(session, "", commanders), ExternalPoses(commanders)
+        self.requests, self.external_poses = shared or own
+        self._outbox = Outbox(
+            port,
+            line_baud=line_baud,
+            tick_s=tick_s,
+            secret=self._secret,
+            slice_body=SLICE_BODY,
+            first_seq=first_seq,
+        )
         self._map = MapSender(size)
+        self._repair = Repair(self._map, first_seq - 1, strict=key is not None)
+        self._teller = MapTeller(self._outbox, self._map, self._repair)
+        self._tiles, self._wanted = Tiles(cell_mm), 0  # bits of ASK
         self._deframer = Deframer()
-        self._max_frame = MAX_FRAME
+        self.polled = not push  # nothing is pushed
         self.refusal = ""  # why no map is announced, in words
-        self._seq = 0  # of the newest frame, unwrapped
         self._geom_id, self._epoch = session % 256, -1  # after a restart hardly the same number
-        self._epoch_seq = 1  # first frame of this geometry
-        self._geom_due, self._geom_s = True, -math.inf
-        self._credit = self._saved = 0.0  # bytes: of the line, and of the refresh's share
-        self._due_cells = 0.0  # of the refresh, by its pace
-        self._stepped_s = -math.inf
-        self._repaired = self._covered = 0
-        self._sent: deque[SentMap] = deque()
-        self._pass_cell, self._pass_seq = 0, 1
-        self._in_step = True  # ACKs, if any come, tell of every MAP frame of this geometry
-        self._origin: tuple[int, int] | None = None  # of the newest MAP frame
-        self._out: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
-        self.frames_sent = self.bytes_sent = self.frames_lost = 0
+        self._geom_due, self._epoch_due = push, False
+        self._geom_s = self._called_s = self._zone_s = self._digest_s = self._full_s = -math.inf
+        self._heard_s: float | None = None  # a valid frame, or the first poll less UNHEARD_S
+        self._zone_told = (-1, -1)  # state and causes
         self.acks = self.answers_rejected = self.ticks_held = 0
         self.planner_status = 0  # of the newest ACK
-        commanders = Commanders(session)
-        self.requests = Requests(session, drive_refusal, commanders)
-        self.external_poses = ExternalPoses(pose_refusal, commanders)
         self.round_trip_s = math.nan
-        self._t_ms = 0
+
+    @property
+    def frames_sent(self) -> int:
+        """Since the start."""
+        return self._outbox.frames_sent
+
+    @property
+    def bytes_sent(self) -> int:
+        """As they went over the wire, since the start."""
+        return self._outbox.bytes_sent
+
+    @property
+    def frames_lost(self) -> int:
+        """MAP frames that ACKs have shown to be lost."""
+        return self._repair.frames_lost
+
+    @property
+    def digest_ok(self) -> bool:
+        """The planner says that its map agreed with the newest DIGEST."""
+        return bool(self.planner_status & DIGEST_OK)
+
+    @property
+    def stopped(self) -> bool:
+        """The planner says that it stopped."""
+        return bool(self.planner_status & PLANNER_STOPPED)
+
+    @property
+    def doubt(self) -> str:
+        """Why no request of the planner's should be obeyed, in words."""
+        return self.port.cause or ("the planner says it stopped" if self.stopped else "")
+
+    def heard(self, now_s: float) -> bool:
+        """Whether the planner has sent a valid frame within the last second."""
+        return self._heard_s is not None and now_s - self._heard_s < 1.0
+
+    def take_external_poses(self) -> list[ExternalPose]:
+        """Those that counted since the last call, each with its instant on the host's clock."""
+        return self.external_poses.take_all()
+
+    def restart(self, session: int) -> None:
+        """Go on as another run does, under a new session: also who only asks is told."""
+        self.session = session
+        self._outbox.secret = self._secret
+        self._epoch_due = self._geom_due = True
 
     # What the planner says
 
     def poll(self, now_s: float) -> bool:
         """Move the port on, and take what the planner says; True while the port is open."""
         is_open = self.port.poll(now_s)
+        if self._heard_s is None:
+            self._heard_s = now_s - UNHEARD_S
         for piece in self.port.read():
             frames = [piece] if self.port.datagrams else self._deframer.feed(piece)
             for frame in frames:
-                if isinstance(frame, BadFrame):
-                    self.answers_rejected += 1
-                    continue
-                match decode_answer(frame, self._secret()):
-                    case Ack() as ack:
-                        self._take_ack(now_s, ack)
-                    case Hello() as hello:
-                        self._take_hello(hello)
-                    case Drive() as drive:
-                        self.requests.take(now_s, drive)
-                    case External() as external:
-                        self.external_poses.take(now_s, external)
-                    case BadFrame(reason, data):
-                        self.answers_rejected += 1
-                        if is_kind(data, DRIVE):
-                            self.requests.refuse(reason)
-                        elif is_kind(data, EXTERNAL_POSE):
-                            self.external_poses.refuse(reason)
+                self._take(now_s, frame)
         return is_open
 
-    def take_external_poses(self) -> list[ExternalPose]:
-        """Those that counted since the last call, each with its instant on the host's clock."""
-        return self.external_poses.take_all()
+    def _take(self, now_s: float, frame: bytes | BadFrame) -> None:
+        answer = frame if isinstance(frame, BadFrame) else decode_answer(frame, self._outbox.secret)
+        if not isinstance(answer, BadFrame):
+            self._heard_s = now_s
+        match answer:
+            case Ack():
+                self._take_ack(now_s, answer)
+            case Hello():
+                self._take_hello(answer)
+            case Ask():
+                self._wanted |= answer.wants
+                if answer.wants & ASK_TILE:
+                    self._tiles.take(answer)
+            case Drive():
+                self.requests.take(now_s, answer, self._drive_refusal, self._number)
+            case External():
+                self.external_poses.take(now_s, answer, self._pose_refusal)
+            case BadFrame(reason, data):
+                self.answers_rejected += 1
+                if isinstance(frame, BadFrame):
+                    return
+                if is_kind(data, DRIVE):
+                    self.requests.refuse(reason)
+                elif is_kind(data, EXTERNAL_POSE):
+                    self.external_poses.refuse(reason)
 
     @property
-    def doubt(self) -> str:
-        """Why no request of the planner's should be obeyed, in words."""
-        stopped = self.planner_status & PLANNER_STOPPED
-        return self.port.cause or ("the planner says it stopped" if stopped else "")
-
     def _secret(self) -> Secret | None:
-        return Secret(self._key, self._session, self._nonce or 0) if self._key else None
+        return Secret(self._key, self.session, self._nonce) if self._key else None
 
     def _take_hello(self, hello: Hello) -> None:
         """A planner has started: it holds nothing, and wants to know the geometry."""
-        self._max_frame = max(64, min(MAX_FRAME, hello.max_frame))
-        self.refusal = ""
+        self._outbox.max_frame = hello.max_frame
+        refusal = ""
         if hello.max_cells < self._size**2:
-            self.refusal = (
+            refusal = (
                 f"the planner can hold {hello.max_cells} cells, the window has {self._size**2}: "
                 "lower obstacle.window_cells"
             )
-        if hello.nonce != self._nonce:
-            self._nonce = hello.nonce
-            self._begin_epoch()
+        elif hello.max_frame < LEAST_MAX_FRAME:
+            refusal = f"the planner takes frames of {hello.max_frame} bytes, not of 48"
+        polled = hello.polls or not self._push
+        if (hello.nonce, refusal, polled) != (self._nonce, self.refusal, self.polled):
+            self._nonce, self.refusal, self.polled = hello.nonce, refusal, polled
+            self.planner_status = 0
+            self._repair.forget_order()
+            self._tiles.forget()
+            self._outbox.secret = self._secret
+            self._epoch_due = True
         self._geom_due = True
 
     def _take_ack(self, now_s: float, ack: Ack) -> None:
+        if self._repair.is_late(ack):
+            return
         self.acks += 1
         self.planner_status = ack.status
-        newest = self._seq - (self._seq - ack.last_seq) % 2**16  # unwrapped
-        if newest < self._epoch_seq:
-            return  # of another run or geometry: it says nothing of what is on its way now
+        newest = self._outbox.maybe_sent(ack.last_seq, ack.echo_t_ms)
+        if newest is not None and newest < self._repair.epoch_seq:
+            return  # of another epoch: it says nothing of what is on its way now
+        if newest is None:
+            if ack.status & NEED_GEOM and not self.polled:
+                self._geom_due, self._repair.in_step = True, False
+            return
         round_trip_s = ((round(now_s * 1000) - ack.echo_t_ms) % 2**32) / 1000 - ack.hold_s
         self.round_trip_s = round_trip_s if round_trip_s < 60 else math.nan
-        if ack.status & NEED_FULL and ack.geom_id == self._geom_id:
-            self._begin_epoch()
+        if self.polled:
             return
-        if ack.geom_id != self._geom_id or ack.status & NEED_GEOM:
-            self._geom_due, self._in_step = True, False
-            return
-        if not self._in_step:
-            # It ignored what came before the geometry, or was silent for long: all of it again
-            self._in_step = True
-            self._map.retell()
-            self._sent.clear()
-        self._settle_frames(newest, ack.mask)
-        self._covered = max(self._covered, newest)
-
-    def _settle_frames(self, newest: int, mask: int) -> None:
-        """Which frames up to `newest` arrived, and what of the others is to be told again."""
-        seen: tuple[int, int] | None = None
-        while self._sent and self._sent[0].seq <= newest:
-            sent = self._sent.popleft()
-            age = newest - sent.seq
-            if age == 0 or (age < ACK_WINDOW and mask >> (age - 1) & 1):
-                seen = sent.origin
-                continue
-            self.frames_lost += 1
-            self._map.mark_lost(sent.start, sent.ops, sent.origin)
-        if seen is not None:
-            self._map.note_seen(seen, [sent.origin for sent in self._sent])
+        is_full_due = now_s - self._full_s >= NEED_FULL_EVERY_S
+        if ack.status & NEED_FULL and ack.geom_id == self._geom_id and is_full_due:
+            self._full_s, self._epoch_due = now_s, True
+        elif not self._repair.take(newest, ack, self._geom_id):
+            self._geom_due = True
 
     def _begin_epoch(self) -> None:
         """New geometry number: both ends start from unknown."""
-        self._geom_id = (self._geom_id + 1) % 256
-        self._geom_due = True
-        self._map.forget()
-        self._sent.clear()
-        self._repaired = self._covered = self._seq
-        self._epoch_seq = self._seq + 1
-        self._pass_cell, self._pass_seq = 0, self._seq + 1
-        self._in_step = True
+        self._geom_id, self._epoch_due = (self._geom_id + 1) % 256, False
+        self._geom_due |= not self.polled
+        if self.polled:
+            self._map.put_away()
+        self._teller.begin_epoch(self._geom_id)
 
     # What the planner is told
 
-    def step(self, now_s: float, pose: PoseReport, window: ObstacleWindow) -> None:
-        """One tick: take answers, then write the frames that the line has room for."""
+    def step(
+        self,
+        now_s: float,
+        pose: PoseReport,
+        window: ObstacleWindow,
+        zone: StopZoneReport | None = None,
+        tiles: TileSource | None = None,
+    ) -> None:
+        """One tick: take answers, then write the frames that the line has room for.
+
+        Args:
+            zone: None: no STOP_ZONE frame goes out.
+            tiles: None: no layer can be asked for.
+        """
         is_open = self.poll(now_s)
-        if window.epoch != self._epoch:
+        lags = not self.polled and self._repair.lags(self._outbox.seq)
+        if self._epoch_due or lags or window.epoch != self._epoch:
             self._epoch = window.epoch
             self._begin_epoch()
-        careful = self._in_step or self._map.corner != self._origin
-        moved_from = self._map.update(window, careful)
-        if moved_from is not None:
-            self._follow(moved_from)
-        self._earn(now_s)
-        if not is_open or self.port.backlog > 0:
+        if not self.polled:
+            self._teller.follow(window)
+        dt_s = self._outbox.earn(now_s)
+        if not is_open or self.port.backlog > 0 or self._outbox.credit < 0.0:
             self.ticks_held += 1
             return
-        self._t_ms = round(now_s * 1000)
-        if not self.refusal and (self._geom_due or now_s - self._geom_s >= GEOM_EVERY_S):
+        self._tell_state(now_s, pose, zone)
+        source = tiles or NoTiles()
+        if self.polled:
+            self._tell_tiles(self._outbox.credit, window, source)
+        elif not self.refusal:
+            self._tell_map(now_s, dt_s, window, source)
+        self._wanted = 0
+        self._outbox.write(now_s)
+
+    def _tell_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
+        """GEOM, POSE and STOP_ZONE, where they are due or asked for."""
+        pushes, wanted = not self.polled, self._wanted
+        calls = self._calls_out(now_s)
+        due = pushes and now_s - self._geom_s >= GEOM_EVERY_S - CLOSE_S
+        if not self.refusal and (self._geom_due or due or calls or wanted & ASK_GEOM):
             self._geom_due, self._geom_s = False, now_s
-            geom = (self._geom_id, self._size, self._cell_mm, self._session)
-            self._queue(GEOM, 0, encode_geom(*geom, self._tick_s, self._stale_ms))
-        self._queue(POSE, 0, encode_pose(pose))
-        if not self.refusal:
-            self._tell_changes()
-            self._refresh()
-        self._repair()
-        self._send()
-
-    def _earn(self, now_s: float) -> None:
-        """Budget for the time since the last tick."""
-        dt_s = max(0.0, min(now_s - self._stepped_s, SAVED_TICKS * self._tick_s))
-        self._stepped_s = now_s
-        earned = self._bytes_per_s * dt_s
-        most = self._bytes_per_s * self._tick_s * SAVED_TICKS
-        self._credit = min(self._credit + earned, most)
-        most_saved = max(REFRESH_SHARE * most, self._cost(SLICE_OPS) + REFRESH_SHARE * earned)
-        self._saved = min(self._saved + REFRESH_SHARE * earned, most_saved)
-        cells = self._size**2
-        self._due_cells = min(self._due_cells + cells * dt_s / PASS_S, cells)
-
-    def _follow(self, moved_from: tuple[int, int]) -> None:
-        """The window moved: rows that the refresh has not passed yet stay ahead of it."""
-        assert self._map.corner is not None
-        next_row = moved_from[1] + self._pass_cell // self._size - self._map.corner[1]
-        self._pass_cell = max(0, min(self._size - 1, next_row)) * self._size
-
-    def _cost(self, ops_bytes: int) -> int:
-        """Wire bytes of a MAP frame with so many bytes of operations."""
-        frame = HEAD.size + MAP_HEAD.size + ops_bytes + 4 + (TAG_BYTES if self._key else 0)
-        return frame if self.port.datagrams else serial_bytes(frame)
-
-    def _ops_room(self, budget: float) -> int:
-        """Bytes of operations that a MAP frame may have under a budget; may be negative."""
-        tag = TAG_BYTES if self._key else 0
-        most = self._max_frame - HEAD.size - MAP_HEAD.size - 4 - tag
-        return min(most, math.floor(budget) - self._cost(0) - 2)
-
-    def _queue(self, kind: int, flags: int, body: bytes) -> None:
-        self._seq += 1
-        self._out.append((kind, flags, body))
-        frame = HEAD.size + len(body) + 4 + (TAG_BYTES if self._key else 0)
-        self._credit -= frame if self.port.datagrams else serial_bytes(frame)
-
-    def _tell_changes(self) -> None:
-        """All marked cells in one raster pass if they fit; else obstacles near the robot first."""
-        if self._map.marked == 0:
+            geom = (self._geom_id, self._size, self._cell_mm, self.session)
+            self._outbox.queue(GEOM, encode_geom(*geom, self._tick_s, self._stale_ms))
+            self._repair.note_geom(self._outbox.seq)
+        if pushes or wanted & ASK_POSE or (calls and self.refusal):
+            self._outbox.queue(POSE, encode_pose(pose))
+        if zone is None:
             return
-        budget = self._credit - self._saved
-        if self._map.marked * MOST_PER_CELL + 2 * self._cost(0) < min(budget, self._max_frame):
-            self._tell(map_sender.ALL, budget)
-            return
-        before = self._map.snapshot(), self._seq, self._credit, len(self._out), len(self._sent)
-        if self._tell(map_sender.ALL, budget):
-            return
-        snapshot, self._seq, self._credit, queued, sent = before
-        self._map.restore(snapshot)
-        del self._out[queued:]
-        while len(self._sent) > sent:
-            self._sent.pop()
-        for kind in map_sender.IN_ORDER:
-            if not self._tell(kind, self._credit - self._saved):
-                return
+        due = now_s - self._zone_s >= ZONE_EVERY_S - CLOSE_S
+        new = self._zone_told != (zone.state, zone.causes)
+        if (pushes and (due or new)) or wanted & ASK_ZONE:
+            self._zone_s, self._zone_told = now_s, (zone.state, zone.causes)
+            self._outbox.queue(STOP_ZONE, encode_stop_zone(zone))
 
-    def _tell(self, kind: int, budget: float) -> bool:
-        """MAP frames with the cells of one kind; True if all of them fitted."""
-        floor, cell, end = self._credit - budget, 0, self._size**2
-        while cell < end:
-            room = self._ops_room(self._credit - floor)
-            if room < 2 * map_sender.OP_ROOM:
-                return False
-            start, ops, cell = self._map.encode(kind, cell, end, room)
-            if start >= 0:
-                self._queue_map(0, start, ops)
+    def _calls_out(self, now_s: float) -> bool:
+        """Whether a planner that only asks is to be shown where we are."""
+        if not self.polled or not self.port.datagrams or self._heard_s is None:
+            return False
+        unheard = now_s - self._heard_s >= UNHEARD_S - CLOSE_S
+        if not unheard or now_s - self._called_s < GEOM_EVERY_S - CLOSE_S:
+            return False
+        self._called_s = now_s
         return True
 
-    def _refresh(self) -> None:
-        """Slices of the rolling refresh, by its pace, of its share and what else the line has left.
+    def _tell_map(
+        self, now_s: float, dt_s: float, window: ObstacleWindow, source: TileSource
+    ) -> None:
+        """Changes, tiles, refresh and digest of a planner that is told without asking."""
+        outbox = self._outbox
+        self._teller.tell_changes()
+        spare = outbox.credit - outbox.tick_bytes
+        if self._tiles.waiting:
+            self._tell_tiles(outbox.credit - outbox.saved - outbox.tick_bytes / 2, window, source)
+            spare = 0.0
+        self._teller.refresh(dt_s, spare)
+        if now_s - self._digest_s >= DIGEST_EVERY_S - CLOSE_S and self._map.lost == 0:
+            room = outbox.credit - outbox.saved - outbox.tick_bytes / 2
+            if room >= outbox.cost(DIGEST_BODY.size):
+                self._digest_s = now_s
+                outbox.queue(DIGEST, encode_digest(self._geom_id, self._map.digest()))
 
-        One tick's budget stays for a burst of changes. A short slice at least goes out if no other
-        MAP frame does.
-        """
-        has_map = any(kind == MAP for kind, _, _ in self._out)
-        least, slice_cost = self._cost(LEAST_SLICE_OPS) + 2, self._cost(SLICE_OPS)
-        while True:
-            left = self._credit - self._bytes_per_s * self._tick_s
-            left = max(left, min(self._saved, self._credit))
-            if has_map and (self._due_cells < 1 or left < slice_cost):
-                return
-            room = self._ops_room(max(least, left))
-            due = max(1, math.floor(self._due_cells))
-            end = min(self._size**2, self._pass_cell + due)
-            begun, before, first_seq = self._pass_cell, self._credit, self._seq + 1
-            start, ops, self._pass_cell = self._map.encode(map_sender.REFRESH, begun, end, room)
-            self._queue_map(REFRESH, start, ops)
-            has_map = True
-            self._due_cells = max(0.0, self._due_cells - (self._pass_cell - begun))
-            self._saved = max(0.0, self._saved - (before - self._credit))
-            if begun == 0:
-                self._pass_seq = first_seq
-            if self._pass_cell >= self._size**2:
-                self._pass_cell = 0
-                self._repaired = max(self._repaired, self._pass_seq - 1)
-
-    def _queue_map(self, flags: int, start: int, ops: bytes) -> None:
-        assert self._map.corner is not None
-        self._origin = origin = self._map.corner
-        self._queue(MAP, flags, encode_map(origin, self._repaired, self._geom_id, start, ops))
-        self._sent.append(SentMap(self._seq, start, ops, origin))
-        if len(self._sent) > REMEMBERED:
-            self._sent.clear()
-            self._in_step = False
-
-    def _repair(self) -> None:
-        """How far every change has arrived or has been told again, by ACKs."""
-        if self._map.lost == 0 and self._in_step:
-            self._repaired = max(self._repaired, self._covered)
-
-    def _send(self) -> None:
-        first = self._seq - len(self._out) + 1
-        secret = self._secret()
-        for k, (kind, flags, body) in enumerate(self._out):
-            more = MORE if k + 1 < len(self._out) else 0
-            frame = encode_frame(kind, flags | more, first + k, self._t_ms, body, secret)
-            data = frame if self.port.datagrams else encode_serial(frame)
-            self.port.write(data)
-            self.frames_sent += 1
-            self.bytes_sent += len(data)
-        self._out.clear()
+    def _tell_tiles(self, budget: float, window: ObstacleWindow, source: TileSource) -> None:
+        if self._tiles.waiting:
+            corner = None if self.refusal else (window.corner_i, window.corner_j)
+            self._tiles.tell(self._outbox, budget, corner, window.trusted, self._geom_id, source)

@@ -9,8 +9,8 @@ Source: planner link, section 3 (EXTERNAL_POSE) and section 9 (docs/planner-link
 from collections import Counter, deque
 
 from core.records import ExternalPose
+from hw.planner_answers import External
 from hw.planner_commanders import Commanders
-from hw.planner_frames import External
 
 OLDEST_S = 1.0  # a pose from longer ago is of no use
 WAITING = 16  # poses that nobody has taken
@@ -19,17 +19,21 @@ WAITING = 16  # poses that nobody has taken
 class ExternalPoses:
     """The poses of a positioning system in one run of mapod."""
 
-    def __init__(self, refusal: str, commanders: Commanders) -> None:
-        self._refusal, self._commanders = refusal, commanders
+    def __init__(self, commanders: Commanders) -> None:
+        self._commanders = commanders
         self._waiting: deque[ExternalPose] = deque(maxlen=WAITING)
         self.accepted = 0
         self.refused: Counter[str] = Counter()  # by reason
         self.last_refusal = ""  # why the newest frame was refused; "" if it was not
 
-    def take(self, now_s: float, external: External) -> None:
-        """One well-formed, where necessary authenticated frame."""
-        if self._refusal:
-            self.refuse(self._refusal)
+    def take(self, now_s: float, external: External, refusal: str = "") -> None:
+        """One well-formed, where necessary authenticated frame.
+
+        Args:
+            refusal: why none is taken on that link, in words; "" if they are.
+        """
+        if refusal:
+            self.refuse(refusal)
             return
         late_s = self._commanders.late_s(now_s, external)
         if isinstance(late_s, str):

@@ -5,15 +5,19 @@ import random
 import numpy as np
 import numpy.typing as npt
 
-from core.records import FREE, OBSTACLE, ObstacleWindow, PoseReport
+from core.records import FREE, OBSTACLE, ObstacleWindow, PoseReport, StopZoneReport
 from fakes.planner import FakePlanner
-from fakes.planner_frames import serial_from_frame
 from fakes.wire import MemoryPort
 from hw.planner_link import PlannerLink
+from hw.planner_tiles import F32, TileSource
+from mapod_link.serial_line import serial_from_frame
 
 I8 = npt.NDArray[np.int8]
 I32 = npt.NDArray[np.int32]
 POSE_REPORT = PoseReport(1.0, 2.0, 0.3, 0.0, 0.0, 0.5, 0.1, 0x7F, 0.02, 0.01, 0.05, 1)
+ZONE = StopZoneReport(
+    1.25, 1.48, 0.0, np.inf, 1.92, 0.65, 0.0, 0.43, -0.7854, (np.inf,) * 8, 2, 0b0011
+)
 CODE = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown, obstacle (1), free (-1)
 
 
@@ -74,6 +78,30 @@ class Sky:
         return codes if self.trusted else np.where(codes == 1, 0, codes).astype(np.uint8)
 
 
+class SkyTiles:
+    """Tiles of a sky: its states, and numbers by place for the other layers."""
+
+    def __init__(self, sky: Sky) -> None:
+        self.sky, self.calls = sky, 0
+
+    def values(self, layer: str, i: int, j: int, width: int, first: int, count: int) -> F32 | None:
+        """As `TileSource` says; there is no slope."""
+        self.calls += 1
+        if layer == "slope":
+            return None
+        places = [(i + k % width, j + k // width) for k in range(first, first + count)]
+        return np.array([self._value(layer, *place) for place in places], dtype=np.float32)
+
+    def _value(self, layer: str, i: int, j: int) -> float:
+        size, (corner_i, corner_j) = self.sky.size, self.sky.corner
+        if not (0 <= i - corner_i < size and 0 <= j - corner_j < size):
+            return np.nan
+        if layer == "state":
+            return float(self.sky.cells[j % size, i % size])
+        height_m = ((7 * i + 13 * j) % 400 - 200) / 1000
+        return height_m if layer == "height" else abs(height_m) / 1000
+
+
 class HeldPort(MemoryPort):
     """A wire whose far end takes bytes only when the test says so."""
 
@@ -104,6 +132,11 @@ class Line:
         seed: int = 0,
         port: MemoryPort | None = None,
         session: int = 77,
+        first_seq: int = 1,
+        push: bool = True,
+        zone: StopZoneReport | None = None,
+        tiles: TileSource | None = None,
+        planner: FakePlanner | None = None,
     ) -> None:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss
         self.port = port or MemoryPort(datagrams=baud is None)
@@ -117,8 +150,11 @@ class Line:
             key=key,
             stale_ms=150,
             drive_refusal="nobody drives here",
+            first_seq=first_seq,
+            push=push,
         )
-        self.planner = FakePlanner(ack_every=ack_every, key=key)
+        self.zone, self.tiles = zone, tiles
+        self.planner = planner or FakePlanner(ack_every=ack_every, key=key)
         self.now_s, self.random = 100.0, random.Random(seed)
         self.tick_bytes: list[int] = []
         self.frames: list[bytes] = []  # of the last tick
@@ -127,7 +163,7 @@ class Line:
     def tick(self) -> None:
         """One tick of the link."""
         self.now_s += 1 / self.rate_hz
-        self.link.step(self.now_s, POSE_REPORT, self.sky.window())
+        self.link.step(self.now_s, POSE_REPORT, self.sky.window(), self.zone, self.tiles)
         pieces = self.port.take_datagrams()
         self.tick_bytes.append(sum(map(len, pieces)))
         self.frames = pieces

@@ -3,16 +3,21 @@
 Source: planner link, section 3. Shares no code with hw/planner_link.py.
 """
 
+import hashlib
 import json
 import struct
+import zlib
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from fakes.planner import FakePlanner
-from fakes.planner_frames import GEOM, MAP, POSE, bytes_from_frame, int16
+from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame, int16
+from mapod_link.receiver import Receiver
 
 VECTORS = json.loads((Path(__file__).parent / "vectors" / "planner_link.json").read_text())
 GOOD_HEALTH = 0x007F
 SESSION = 0x5A17C0DE
+NONCE = 0x11223344
 
 
 def vector(name: str) -> bytes:
@@ -47,28 +52,64 @@ def op(state: int, length: int) -> bytes:
     return bytes([*encoded, rest])
 
 
-class Line:
+R = TypeVar("R", bound=Receiver)
+
+
+class Line(Generic[R]):
     """A sender without a mind: numbers frames, lets time pass."""
 
-    def __init__(self, planner: FakePlanner, seq: int = 0) -> None:
+    def __init__(self, planner: R, seq: int = 0) -> None:
         self.planner, self.seq, self.now_s = planner, seq, 0.0
+        self._heard_s: dict[int, float] = {}
 
     def planner_heard(self, frame_type: int) -> float:
         """When a frame of that type arrived last."""
-        return max(frame.arrived_s for frame in self.planner.heard if frame.type == frame_type)
+        return self._heard_s[frame_type]
 
     def send(self, frame_type: int, body: bytes, lost: bool = False) -> int:
         self.seq, self.now_s = self.seq + 1, self.now_s + 0.01
         if not lost:
+            self._heard_s[frame_type] = self.now_s
             frame = bytes_from_frame(frame_type, self.seq, round(self.now_s * 1000), body)
             self.planner.feed_datagram(self.now_s, frame)
         return self.seq
 
 
-def begun(width: int = 9, height: int = 5, seq: int = 0) -> Line:
-    """A line with geometry 7, a pose and a blank window at the origin."""
-    line = Line(FakePlanner(), seq)
+def _with_map(line: Line[R], width: int, height: int) -> Line[R]:
     line.send(GEOM, geom_body(width=width, height=height))
     line.send(POSE, pose_body())
     line.send(MAP, map_body())
     return line
+
+
+def begun(width: int = 9, height: int = 5, seq: int = 0) -> Line[FakePlanner]:
+    """A line to a fake planner with geometry 7, a pose and a blank window at the origin."""
+    return _with_map(Line(FakePlanner(), seq), width, height)
+
+
+def receiving(width: int = 9, height: int = 5, seq: int = 0) -> Line[Receiver]:
+    """Likewise to the public receiver."""
+    return _with_map(Line(Receiver(NONCE), seq), width, height)
+
+
+def zone_body(state: int = 1, causes: int = 0) -> bytes:
+    return struct.pack("<8HhBB", 1250, 0xFFFF, 0, 480, 0xFFFF, 650, 0, 430, -7854, state, causes)
+
+
+def signed_frame(
+    key: bytes, nonce: int, kind: int, seq: int, t_ms: int, body: bytes, session: int = SESSION
+) -> bytes:
+    """An authenticated frame, made without the receiver's own code."""
+    signed = struct.pack("<BBHI", 0x10 | kind, 0x10, seq % 0x10000, t_ms) + body
+    data = struct.pack("<II", session, nonce) + signed
+    content = signed + hashlib.blake2s(data, key=key, digest_size=8).digest()
+    return content + struct.pack("<I", zlib.crc32(b"MPL1" + content))
+
+
+def state_of(planner: Receiver) -> tuple[object, ...]:
+    """All that a rejected frame must leave alone."""
+    return (
+        planner.geom, planner.pose, planner.stop_zone, planner.origin, planner.numbers.gap,
+        planner.window().tobytes(), planner.accepted.copy(), planner.ack(9.0)[:12],
+        planner.repeated, planner.need_full, planner.too_many_cells,
+    )  # fmt: skip

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from core.config import Config, load_config, with_changes
-from fakes.planner_frames import DRIVE, bytes_from_frame, drive_body
 from fakes.robot import MAX_SPEED_MPS
 from fakes.scene import Scene, Solid
 from main import App, Ports
+from mapod_link.asking import drive_body
+from mapod_link.frames import DRIVE, bytes_from_frame
 from tests.closed_loop import SESSION, SHIPPED, ClosedLoop
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
@@ -239,7 +240,7 @@ def test_motors_that_are_not_enabled_never_move_however_many_requests_come() -> 
     assert not commander.has_moved
     assert b"!" not in written
     assert len(written) > 100
-    requests = commander.loop.app.link.requests
+    requests = commander.loop.app.planners.requests
     assert requests.accepted == 0
     assert requests.refused.total() > 40
     assert "not enabled" in requests.last_refusal
@@ -265,7 +266,7 @@ def test_where_there_is_a_key_only_signed_requests_are_obeyed() -> None:
         loop.link_port.give(frame)
         commander.run(0.01)
     assert not commander.has_moved
-    assert loop.app.link.requests.refused == {"no valid tag": 100}
+    assert loop.app.planners.requests.refused == {"no valid tag": 100}
     commander.drive(0.5, 0.0, 1.0)
     assert commander.has_moved
 

@@ -10,15 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import PoseReport
+from hw.planner_answers import Ack, decode_answer
 from hw.planner_frames import (
     GEOM,
     MAP,
     MORE,
     POSE,
-    Ack,
     Deframer,
     Secret,
-    decode_answer,
     encode_frame,
     encode_geom,
     encode_map,
@@ -63,7 +62,7 @@ def test_the_map_of_the_example_plain_and_authenticated() -> None:
 
 def test_the_acknowledgement_of_the_example() -> None:
     ack = decode_answer(vector("ack"))
-    assert ack == Ack(3, 0b11, 1020, pytest.approx(0.0013), 0, 8, 7)  # type: ignore[arg-type]
+    assert ack == Ack(1, 52_310, 3, 0b11, 1020, pytest.approx(0.0013), 0, 8, 7)  # type: ignore[arg-type]
     assert Deframer().feed(vector("ack_serial")) == [vector("ack")]
 
 

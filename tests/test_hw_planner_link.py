@@ -65,7 +65,7 @@ def test_a_slow_line_spends_on_the_refresh_what_changes_leave(
     line.sky.change(6 * size)
     line.settle(4.0)
     at = np.argwhere(line.planner.window() == 2)[::20]
-    line.planner._cells[at[:, 0], at[:, 1]] = 1  # gone wrong, and nobody knows
+    line.planner._map._cells[at[:, 0], at[:, 1]] = 1  # gone wrong, and nobody knows
     line.settle(pass_s)
     assert line.holds_what_is_meant()
 

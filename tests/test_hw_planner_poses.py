@@ -11,22 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import ExternalPose
-from fakes.planner_frames import AUTH, HEAD, bytes_from_frame, tag_of
 from fakes.wire import MemoryPort
+from hw.planner_answers import Drive, External, decode_answer
 from hw.planner_commanders import Commanders
-from hw.planner_frames import (
-    EXTERNAL_POSE,
-    Drive,
-    External,
-    Secret,
-    decode_answer,
-    encode_frame,
-    encode_serial,
-)
+from hw.planner_frames import EXTERNAL_POSE, Secret, encode_frame, encode_serial
 from hw.planner_link import PlannerLink
 from hw.planner_poses import OLDEST_S, WAITING, ExternalPoses
 from hw.planner_requests import Requests
 from hw.session import BadFrame
+from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
 
 TOLD = json.loads((Path(__file__).parent / "vectors" / "planner_link.json").read_text())
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
@@ -45,8 +38,8 @@ def external(t_ms: int, seq: int = 1, age_s: float = 0.0, nonce: int = NONCE) ->
     return External(seq, t_ms, SESSION, nonce, 1.0, 2.0, math.nan, 0.01, 0.02, 0.5, 0.0, age_s)
 
 
-def poses(refusal: str = "") -> ExternalPoses:
-    return ExternalPoses(refusal, Commanders(SESSION))
+def poses() -> ExternalPoses:
+    return ExternalPoses(Commanders(SESSION))
 
 
 def link_on(port: MemoryPort, pose_refusal: str, key: bytes | None = None) -> PlannerLink:
@@ -153,7 +146,7 @@ def test_old_repeated_and_foreign_poses_are_refused_and_counted() -> None:
 
 def test_requests_and_poses_of_one_commander_are_one_sequence() -> None:
     commanders = Commanders(SESSION)
-    requests, external_poses = Requests(SESSION, "", commanders), ExternalPoses("", commanders)
+    requests, external_poses = Requests(SESSION, "", commanders), ExternalPoses(commanders)
     external_poses.take(10.0, external(1000, seq=7))
     requests.take(10.0, Drive(8, 1000, SESSION, NONCE, 1.0, 0.0, 0.3))
     external_poses.take(10.0, external(1000, seq=8))

@@ -4,8 +4,8 @@ import random
 
 import pytest
 
-from fakes.planner_frames import bytes_from_frame
-from hw.planner_frames import ACK, GEOM, MAP
+from hw.planner_frames import ACK, GEOM
+from mapod_link.frames import bytes_from_frame
 from tests.planner_line import HeldPort, Line, Sky
 
 
@@ -75,14 +75,15 @@ def test_maps_of_a_restarted_sender_wait_for_its_geometry() -> None:
     line = Line(Sky(21, 3), ack_every=0)
     line.sky.change(300)
     line.settle(0.5)
-    restarted = Line(Sky(21, 4), ack_every=0, session=78)
+    next_seq = line.planner.newest_seq + 1  # its numbers happen to go on from the old ones
+    restarted = Line(Sky(21, 4), ack_every=0, session=78, first_seq=next_seq)
     restarted.planner, restarted.now_s = line.planner, line.now_s
-    restarted.link._seq = line.link._seq  # its numbers happen to go on from the old ones
     restarted.loss = 1.0
     restarted.tick()  # its geometry is lost
     restarted.loss = 0.0
-    maps = line.planner.accepted[MAP]
+    ignored, held = line.planner.ignored_maps, line.planner.window()
     restarted.settle(0.5)
-    assert line.planner.accepted[MAP] == maps
+    assert line.planner.ignored_maps > ignored + 20
+    assert (line.planner.window() == held).all()
     restarted.settle(1.0)
     assert restarted.holds_what_is_meant()

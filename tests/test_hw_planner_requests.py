@@ -9,14 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import DriveRequest
-from fakes.planner_frames import AUTH, HEAD, bytes_from_frame, drive_body, tag_of
-from fakes.planner_frames import DRIVE as FAKE_DRIVE
 from fakes.wire import MemoryPort
+from hw.planner_answers import Drive, decode_answer
 from hw.planner_commanders import MOST_COMMANDERS
-from hw.planner_frames import DRIVE, Drive, Secret, decode_answer, encode_frame, encode_serial
+from hw.planner_frames import DRIVE, Secret, encode_frame, encode_serial
 from hw.planner_link import PlannerLink
 from hw.planner_requests import Requests
 from hw.session import BadFrame
+from mapod_link.asking import drive_body
+from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
+from mapod_link.frames import DRIVE as FAKE_DRIVE
 
 TOLD = json.loads((Path(__file__).parent / "vectors" / "planner_link.json").read_text())
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))

@@ -24,7 +24,7 @@ WORLD = f"""
 """
 APP = """
     import socket, struct, tomllib
-    from fakes.planner_frames import GEOM, MAP, POSE, bytes_from_frame
+    from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
     planner = tomllib.load(open(sys.argv[-1], "rb"))["planner"]["port"]
     host, port = planner.removeprefix("udp://").split(":")
     line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.planner_frames import DRIVE, DRIVE_BODY, GEOM, frame_from_bytes
+from mapod_link.asking import DRIVE_BODY
+from mapod_link.frames import DRIVE, GEOM, frame_from_bytes
 from tests.planner_sender import Line, begun, geom_body, pose_body
 from tools.steer import HELD_S, HELP, Steering, keys_of, ways_from_keys
 

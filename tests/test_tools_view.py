@@ -16,21 +16,12 @@ from rich.color import Color, ColorSystem
 from rich.console import Console
 
 from fakes.planner import FakePlanner
-from fakes.planner_frames import (
-    ACK,
-    FREE,
-    GEOM,
-    HELLO,
-    MAP,
-    OBSTACLE,
-    POSE,
-    UNKNOWN,
-    bytes_from_frame,
-    frame_from_bytes,
-    serial_from_frame,
-)
+from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
+from mapod_link.frames import ACK, GEOM, HELLO, MAP, POSE, bytes_from_frame, frame_from_bytes
+from mapod_link.serial_line import serial_from_frame
+from mapod_link.wires import SerialWire, UdpWire, wire_from_url
 from tests.planner_sender import Line, begun, geom_body, map_body, op, pose_body
-from tools.planner_end import Delays, Meter, PlannerEnd, PtyWire, SerialWire, UdpWire, wire_from_url
+from tools.planner_end import Delays, Meter, PlannerEnd, PtyWire
 from tools.screen import (
     COLOURS,
     ROBOT,
@@ -169,7 +160,7 @@ def test_the_picture_fits_the_terminal(size: tuple[int, int]) -> None:
         assert "5201 free, 5000 obstacle" in capture.get()
 
 
-def shown(line: Line) -> str:
+def shown(line: Line[FakePlanner]) -> str:
     meter = Meter()
     meter.take(line.now_s, line.planner)
     console = Console(width=160, height=60, color_system=None)
@@ -314,7 +305,7 @@ def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:
     pty.close()
 
 
-@pytest.mark.parametrize("url", ["tcp://a:1", "udp://127.0.0.1", "serial://", "x"])
+@pytest.mark.parametrize("url", ["http://a:1", "udp://127.0.0.1", "serial://", "x"])
 def test_other_urls_are_refused(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(ValueError, match="must be udp"):
         wire_from_url(url)

@@ -25,7 +25,8 @@ from pathlib import Path
 from rich.console import Console
 
 from fakes.planner import FakePlanner
-from tools.planner_end import PlannerEnd, PtyWire, UdpWire
+from mapod_link.wires import UdpWire
+from tools.planner_end import PlannerEnd, PtyWire
 from tools.screen import has_screen
 from tools.steer import Steering, keys_of
 from tools.view import ACK_EVERY, Stop, print_summary, watch

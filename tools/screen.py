@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fakes.planner import FakePlanner
-from fakes.planner_frames import FREE, OBSTACLE, UNKNOWN, Pose
+from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Pose
 from tools.planner_end import Meter
 
 U8 = npt.NDArray[np.uint8]

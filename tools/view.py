@@ -23,8 +23,14 @@ from rich.live import Live
 from rich.text import Text
 
 from fakes.planner import FakePlanner
-from tools.planner_end import PlannerEnd, wire_from_url
+from mapod_link.advice import ZONE_STALE_S
+from mapod_link.bodies import StopZone
+from mapod_link.wires import wire_from_url
+from tools.planner_end import PlannerEnd
 from tools.screen import (
+    BAD,
+    GOOD,
+    POOR,
     has_screen,
     labelled,
     link_words,
@@ -40,6 +46,8 @@ from tools.steer import Steering, keys_of
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
 ACK_EVERY = 4  # two ticks
+ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
+KINDS = {1: "GEOM", 2: "POSE", 3: "MAP", 4: "DIGEST", 5: "STOP_ZONE"}
 
 
 class Stop:
@@ -71,7 +79,7 @@ def watch(
 ) -> None:
     """Shows the map as it grows until `done(now_s)`; without a screen, a line now and then.
 
-    `remark(now_s)` is shown above it.
+    `remark(now_s)` is shown above it, and what the sender says of the robot's way.
     """
     if has_screen(console):
         with Live(console=console, screen=True, auto_refresh=False) as live:
@@ -79,11 +87,10 @@ def watch(
             while not done(now_s := end.step(WAIT_S)):
                 if now_s - drawn_s >= PICTURE_PERIOD_S:
                     drawn_s, (columns, lines) = now_s, console.size
-                    room = lines - 1 if remark else lines
-                    drawn = picture(end.planner, end.meter, now_s, columns, room)
-                    live.update(
-                        Group(Text(remark(now_s), "bold"), drawn) if remark else drawn, refresh=True
-                    )
+                    above = [Text(remark(now_s), "bold")] if remark else []
+                    above += zone_lines(end.planner.stop_zone, now_s)
+                    drawn = picture(end.planner, end.meter, now_s, columns, lines - len(above))
+                    live.update(Group(*above, drawn), refresh=True)
         return
     told_s = 0.0
     while not done(now_s := end.step(WAIT_S)):
@@ -91,6 +98,21 @@ def watch(
             told_s = now_s
             line = progress_line(end, now_s) + (f"; {remark(now_s)}" if remark else "")
             console.print(line, highlight=False, soft_wrap=True)
+
+
+def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
+    """The stop zone in a line; none before the first one has arrived."""
+    if zone is None:
+        return []
+    words, style = zone.words(), ZONE_STYLES.get(zone.state, BAD)
+    if now_s - zone.arrived_s > ZONE_STALE_S:
+        words, style = f"not heard for {now_s - zone.arrived_s:.1f} s", BAD
+    line = labelled("way", words, style)
+    line.append(
+        f"  ahead {zone.free_ahead_m:.2f} m, {zone.allowed_ahead_mps:.2f} m/s"
+        f"  behind {zone.free_behind_m:.2f} m, {zone.allowed_behind_mps:.2f} m/s"
+    )
+    return [line]
 
 
 def progress_line(end: PlannerEnd, now_s: float) -> str:
@@ -101,10 +123,13 @@ def progress_line(end: PlannerEnd, now_s: float) -> str:
     maps, _, bytes_per_s = end.meter.rates(now_s)
     window = planner.window()
     where = f"x {pose.x_m:+.1f} y {pose.y_m:+.1f} m, " if pose is not None else ""
+    way = "".join(
+        f"; {' '.join(line.plain.split())}" for line in zone_lines(planner.stop_zone, now_s)
+    )
     return (
         f"  {link_words(planner, now_s)[0]}: {where}{(window == 1).sum()} free and "
         f"{(window == 2).sum()} obstacle cells, {maps:.0f} maps/s, {bytes_per_s / 1000:.1f} kB/s, "
-        f"scan age {end.meter.scan.quantile_ms(0.5):.1f} ms"
+        f"scan age {end.meter.scan.quantile_ms(0.5):.1f} ms{way}"
     )
 
 
@@ -120,10 +145,7 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     else:
         print(plain_map(window, robot), plain_legend(planner.geom.cell_m), sep="\n", flush=True)
     span_s = now_s - end.meter.first_s
-    kinds = ", ".join(
-        f"{planner.accepted[number]} {name}"
-        for number, name in ((1, "GEOM"), (2, "POSE"), (3, "MAP"), (4, "DIGEST"))
-    )
+    kinds = ", ".join(f"{planner.accepted[number]} {name}" for number, name in KINDS.items())
     lines = [
         *status_lines(planner, end.meter, now_s),
         labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
@@ -136,7 +158,9 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
 def main(arguments: list[str]) -> int:
     """Exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.view", description=__doc__)
-    parser.add_argument("--port", default="udp://127.0.0.1:9750", help="udp://… or serial:///…")
+    parser.add_argument(
+        "--port", default="udp://127.0.0.1:9750", help="udp://…, tcp://… or serial:///…"
+    )
     parser.add_argument("--key-file", help="32 bytes, or 64 hex digits: take signed frames only")
     parser.add_argument("--seconds", type=float, help="end by itself after so long")
     parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")

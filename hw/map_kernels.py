@@ -1,0 +1,335 @@
+"""Kernels of the planner's map: mark cells, encode them as operations, pack them for a digest.
+
+All arrays are rings of (size, size) cells, flat, cell (i, j) at [(j % size) * size + i % size].
+Source: planner link, sections 3 (operations) and 4 (docs/planner-link.md).
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, ParamSpec, TypeVar, cast
+
+import numba
+
+from core.records import I8, I32, U8
+
+UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3
+# A mark's bits: why it is there (AGAIN: a new obstacle, told once), and what is to be told
+CHANGED, LOST, AGAIN, NEW, GONE = 1, 2, 4, 8, 16
+ANY, HOT, MISSED = 0, 1, 2  # levels at which marks are counted: all; NEW, GONE; LOST, AGAIN
+LOST_CELLS = 3  # where `Ring.counts` has these
+
+# Which cells a pass writes
+(
+    EVERY,  # all that are marked
+    URGENT,  # of the levels HOT and MISSED
+    NEW_NEAR,
+    NEW_ANY,
+    GONE_ANY,
+    LOST_ANY,
+    NEAR,
+    REST,
+    REFRESH,
+) = range(9)
+NEAR_SHARE = 3  # near is within a third of the half-width
+BLOCK = 32  # cells of a ring's row that are skipped as one while none of them is marked
+LONGEST_OP = 4  # bytes: a run of up to 64 + 2^21 cells
+
+Span = tuple[int, int, int, int]  # lowest and highest corner i, lowest and highest corner j
+NO_SPAN: Span = (0, -(2**40), 0, -(2**40))  # holds no cell
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class Ring(NamedTuple):
+    """What was told of each cell, which are marked, and how many of them where."""
+
+    told: U8  # (size * size,)
+    marks: U8  # (size * size,) bits
+    rows: I32  # (3, size) marked cells of a ring's row, by level
+    blocks: I32  # (3, size * blocks) of each BLOCK cells of a row, by level
+    counts: I32  # (4,) of all, by level; and the LOST ones alone
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile with Numba, kept on disk beside the source."""
+    return cast(Callable[P, R], numba.njit(cache=True)(function))
+
+
+@kernel
+def _code(cell: int, trusted: bool) -> int:
+    """The state to tell for a cell of the obstacle map: 1 obstacle, 0 unknown, -1 free."""
+    if cell == 1:
+        return OBSTACLE
+    return FREE if cell == -1 and trusted else UNKNOWN
+
+
+@kernel
+def _level(mark: int, level: int) -> int:
+    """1 if a mark counts at a level, else 0."""
+    if level == ANY:
+        return int(mark != 0)
+    return int(mark & (NEW | GONE if level == HOT else LOST | AGAIN) != 0)
+
+
+@kernel
+def _remark(at: int, reasons: int, code: int, ring: Ring) -> None:
+    """Mark a cell for these reasons (CHANGED, LOST, AGAIN, or none); `code` is what is meant."""
+    old, new = int(ring.marks[at]), reasons
+    if reasons & (CHANGED | LOST) != 0 and code == OBSTACLE:
+        new = reasons | NEW
+    elif reasons & (CHANGED | LOST) != 0 and ring.told[at] == OBSTACLE:
+        new = reasons | GONE
+    if new == old:
+        return
+    ring.marks[at] = new
+    size = ring.rows.shape[1]
+    row = at // size
+    block = row * ((size + BLOCK - 1) // BLOCK) + (at - row * size) // BLOCK
+    for level in range(3):
+        change = _level(new, level) - _level(old, level)
+        if change != 0:
+            ring.rows[level, row] += change
+            ring.blocks[level, block] += change
+            ring.counts[level] += change
+    ring.counts[LOST_CELLS] += int(new & LOST != 0) - int(old & LOST != 0)
+
+
+@kernel
+def note_cells(cells: I8, trusted: bool, changed: I32, ring: Ring) -> None:
+    """Mark those of the listed cells (flat indices) that are meant otherwise than told."""
+    for at in changed:
+        code = _code(cells[at], trusted)
+        reasons = int(ring.marks[at]) & (LOST | AGAIN if code == OBSTACLE else LOST)
+        _remark(at, reasons | CHANGED if code != ring.told[at] else reasons, code, ring)
+
+
+@kernel
+def mark_again_cells(cells: I8, told_once: I32, ring: Ring) -> None:
+    """New obstacles that were told in one frame (flat indices), which may be lost: once more."""
+    for at in told_once:
+        if cells[at] == 1 and ring.told[at] == OBSTACLE:
+            _remark(at, int(ring.marks[at]) & (CHANGED | LOST) | AGAIN, OBSTACLE, ring)
+
+
+@kernel
+def mark_every_cell(cells: I8, trusted: bool, ring: Ring) -> None:
+    """Nobody knows what the planner holds of any cell."""
+    for at in range(cells.size):
+        _remark(at, LOST | CHANGED, _code(cells[at], trusted), ring)
+
+
+@kernel
+def enter_cells(
+    cells: I8,
+    trusted: bool,
+    old: tuple[int, int],
+    new: tuple[int, int],
+    span: Span,
+    ring: Ring,
+) -> None:
+    """The window moves from corner `old` to `new`: cells that come in are unknown on both ends.
+
+    Those that a window within `span` had are told all the same: a planner that missed the move
+    by which they left has not forgotten them.
+    """
+    size = ring.rows.shape[1]
+    end = new[0] + size
+    first_in, end_in = new[0], min(old[0], end)  # columns that come in, when moving to lower i
+    if new[0] > old[0]:
+        first_in, end_in = max(new[0], old[0] + size), end
+    for j in range(new[1], new[1] + size):
+        row_in = not old[1] <= j < old[1] + size
+        row_spanned = span[2] <= j < span[3] + size
+        for i in range(new[0] if row_in else first_in, end if row_in else end_in):
+            at = (j % size) * size + i % size
+            ring.told[at] = UNKNOWN
+            code = _code(cells[at], trusted)
+            reasons = CHANGED if code != UNKNOWN else 0
+            if row_spanned and span[0] <= i < span[1] + size:
+                reasons |= LOST
+            _remark(at, reasons, code, ring)
+
+
+@kernel
+def _wanted(kind: int, mark: int) -> bool:
+    """Whether a pass of this kind writes a cell; where it lies is asked before."""
+    if kind == REFRESH:
+        return True
+    if kind == URGENT:
+        return mark & (NEW | GONE | LOST | AGAIN) != 0
+    if kind in (NEW_NEAR, NEW_ANY):
+        return mark & NEW != 0
+    if kind == GONE_ANY:
+        return mark & GONE != 0
+    return mark & (LOST | AGAIN) != 0 if kind == LOST_ANY else mark != 0
+
+
+@kernel
+def _op_bytes(run: int) -> int:
+    """Bytes of the operation for a run; 0 for none."""
+    if run <= 63:
+        return int(run > 0)
+    return 2 if run < 64 + 2**7 else (3 if run < 64 + 2**14 else LONGEST_OP)
+
+
+@kernel
+def _put(state: int, run: int, ops: U8, used: int) -> int:
+    """Append one operation; returns the new length."""
+    if run <= 63:
+        ops[used] = state << 6 | run - 1
+        return used + 1
+    ops[used] = state << 6 | 63
+    rest, used = run - 64, used + 1
+    while rest >= 128:
+        ops[used] = rest % 128 | 128
+        rest, used = rest // 128, used + 1
+    ops[used] = rest
+    return used + 1
+
+
+@kernel
+def _has_marks(kind: int, counts: I32, at: int) -> bool:
+    """Whether of `counts` (3, n) any at `at` is of a level that a pass of this kind wants."""
+    if kind == URGENT:
+        return bool(counts[HOT, at] + counts[MISSED, at] != 0)
+    if kind in (NEW_NEAR, NEW_ANY, GONE_ANY):
+        return bool(counts[HOT, at] != 0)
+    return bool(counts[MISSED if kind == LOST_ANY else ANY, at] != 0)
+
+
+@kernel
+def _unwanted(kind: int, row: int, column: int, ring_row: int, ring_column: int, ring: Ring) -> int:
+    """How many cells from this one of the window, to its row's end at most, are left out."""
+    size = int(ring.rows.shape[1])
+    if kind in (NEW_NEAR, NEAR):
+        half, third = size // 2, max(1, size // 2 // NEAR_SHARE)
+        if abs(row - half) > third or column > half + third:
+            return size - column
+        if column < half - third:
+            return half - third - column
+    if not _has_marks(kind, ring.rows, ring_row):
+        return size - column
+    blocks, block = (size + BLOCK - 1) // BLOCK, ring_column // BLOCK
+    if _has_marks(kind, ring.blocks, ring_row * blocks + block):
+        return 0
+    return min(min((block + 1) * BLOCK, size) - ring_column, size - column)
+
+
+@kernel
+def _same(at: int, most: int, code: int, ring: Ring) -> int:
+    """How many cells from this one of the ring, `most` at most, hold no mark and were told so."""
+    count = 1
+    while count < most and ring.marks[at + count] == 0 and ring.told[at + count] == code:
+        count += 1
+    return count
+
+
+@kernel
+def encode_cells(
+    kind: int,
+    first: int,
+    end: int,
+    room: int,
+    for_good: bool,
+    cells: I8,
+    trusted: bool,
+    corner: tuple[int, int],
+    ring: Ring,
+    ops: U8,
+    cleared: I32,
+    once: I32,
+) -> tuple[int, int, int, int]:
+    """Write wanted cells of first..end (window raster) into `ops`, at most `room` bytes.
+
+    Only if it is for good, cells count as told and marks are cleared; where, goes to `cleared`, and
+    new obstacles to `once`, at its end and counted in its first place.
+    Returns the first cell written (-1: none), bytes, marks cleared, and where to go on.
+    """
+    size = int(ring.rows.shape[1])
+    start, used, count = -1, 0, 0
+    state, run, gap = KEEP, 0, 0
+    at_cell = first
+    row, column = first // size, first % size
+    ring_row, ring_column = (corner[1] + row) % size, (corner[0] + column) % size
+    is_checked = kind == REFRESH  # this cell's block is not to be left out
+    while at_cell < end:
+        step = 1
+        at = ring_row * size + ring_column
+        skip = 0 if is_checked else _unwanted(kind, row, column, ring_row, ring_column, ring)
+        if skip > 0:
+            step = min(skip, end - at_cell)
+            gap += step
+        elif not _wanted(kind, ring.marks[at]):
+            gap += 1
+        else:
+            code = _code(cells[at], trusted)
+            if run == 0 or gap > 0 or code != state:
+                until = _op_bytes(run) + (_op_bytes(gap) if run > 0 else 0)
+                if used + until + LONGEST_OP > room:
+                    break
+                if run > 0:
+                    used = _put(state, run, ops, used)
+                    if gap > 0:
+                        used = _put(KEEP, gap, ops, used)
+                else:
+                    start = at_cell
+                state, run, gap = code, 0, 0
+            run += 1
+            mark = int(ring.marks[at])
+            if for_good and mark != 0:
+                if mark != AGAIN:
+                    cleared[count] = at_cell
+                    count += 1
+                if mark & NEW != 0 and once[0] + 1 < once.size:
+                    once[0] += 1
+                    once[once[0]] = at
+                _remark(at, 0, code, ring)
+                ring.told[at] = code
+            elif kind == REFRESH and mark == 0:
+                stop = min(min(size - column, size - ring_column), end - at_cell)
+                step = _same(at, stop, code, ring)
+                run += step - 1
+        at_cell, column, ring_column = at_cell + step, column + step, ring_column + step
+        if ring_column >= size:
+            ring_column -= size
+        same_block = skip == 0 and ring_column % BLOCK != 0 and kind not in (NEW_NEAR, NEAR)
+        is_checked = kind == REFRESH or same_block
+        if column == size:
+            row, column, ring_column = row + 1, 0, corner[0] % size
+            ring_row = ring_row + 1 if ring_row + 1 < size else 0
+            is_checked = kind == REFRESH
+    if run > 0:
+        used = _put(state, run, ops, used)
+    return start, used, count, min(at_cell, end)
+
+
+@kernel
+def mark_lost_cells(
+    lost: I32,
+    origin: tuple[int, int],
+    corner: tuple[int, int],
+    cells: I8,
+    trusted: bool,
+    ring: Ring,
+) -> None:
+    """Mark cells of a window at `origin` (raster indices), where the present one covers them."""
+    size = ring.rows.shape[1]
+    for cell in lost:
+        i, j = origin[0] + cell % size, origin[1] + cell // size
+        if 0 <= i - corner[0] < size and 0 <= j - corner[1] < size:
+            at = (j % size) * size + i % size
+            reasons = int(ring.marks[at]) & (CHANGED | AGAIN) | LOST
+            _remark(at, reasons, _code(cells[at], trusted), ring)
+
+
+@kernel
+def pack_told(corner: tuple[int, int], ring: Ring, packed: U8) -> None:
+    """Window in raster order, four cells a byte, first cell in bits 1..0, into ceil(cells / 4)."""
+    size = ring.rows.shape[1]
+    packed[-1] = 0
+    for row in range(size):
+        base = ((corner[1] + row) % size) * size
+        at, cell = corner[0] % size, row * size
+        for k in range(cell, cell + size):
+            bits = ring.told[base + at] << 2 * (k % 4)
+            packed[k // 4] = bits if k % 4 == 0 else packed[k // 4] | bits
+            at = at + 1 if at + 1 < size else 0

@@ -1,0 +1,110 @@
+/* Clock, UARTs and the ring between interrupt and main loop of the emulated board.
+ *
+ * The interrupt only moves bytes into the ring; a full ring leaves them in the UART.
+ * Source: CMSDK technical reference, UART and Armv7-M reference manual, B3.3 (SysTick).
+ */
+#include "board.h"
+
+#define CLOCK_HZ 25000000u
+#define RING 1024u /* bytes, a power of two */
+
+struct uart_registers {
+    volatile uint32_t data;
+    volatile uint32_t state; /* bit 0: transmitter full, bit 1: receiver full */
+    volatile uint32_t control; /* bits: 0 transmit, 1 receive, 3 receive interrupt */
+    volatile uint32_t interrupt;
+    volatile uint32_t divisor;
+};
+
+#define SYSTICK ((volatile uint32_t *)0xE000E010u)
+#define INTERRUPTS_ON (*(volatile uint32_t *)0xE000E100u)
+
+#define TX_FULL 1u
+#define RX_FULL 2u
+#define RX_INTERRUPT 2u
+#define CONTROL_QUIET 3u /* transmit and receive */
+#define CONTROL_HEARING 11u
+
+static volatile uint32_t ticks;
+static uint8_t ring[RING];
+static volatile uint32_t written; /* by the interrupt alone */
+static volatile uint32_t taken;   /* by the main loop alone */
+
+static struct uart_registers *registers_of(enum uart uart)
+{
+    return (struct uart_registers *)(0x40004000u + (uint32_t)uart * 0x1000u);
+}
+
+void clock_tick(void)
+{
+    ticks++;
+}
+
+void uart_heard(void)
+{
+    struct uart_registers *const uart = registers_of(UART_LINK);
+    uart->interrupt = RX_INTERRUPT;
+    while ((uart->state & RX_FULL) != 0u) {
+        if (written - taken == RING) {
+            uart->control = CONTROL_QUIET;
+            return;
+        }
+        ring[written % RING] = (uint8_t)uart->data;
+        written++;
+    }
+}
+
+void board_start(void)
+{
+    registers_of(UART_LINK)->divisor = CLOCK_HZ / 115200u;
+    registers_of(UART_TEXT)->divisor = CLOCK_HZ / 115200u;
+    registers_of(UART_LINK)->control = CONTROL_HEARING;
+    registers_of(UART_TEXT)->control = CONTROL_QUIET;
+    INTERRUPTS_ON = 1u;
+    SYSTICK[1] = CLOCK_HZ / 1000u - 1u;
+    SYSTICK[2] = 0u;
+    SYSTICK[0] = 7u; /* on, with interrupt, from the processor's clock */
+}
+
+uint32_t board_now_ms(void)
+{
+    return ticks;
+}
+
+bool board_read(uint8_t *byte)
+{
+    if (taken == written) {
+        if (registers_of(UART_LINK)->control != CONTROL_HEARING) {
+            registers_of(UART_LINK)->control = CONTROL_HEARING;
+            __asm volatile("cpsid i");
+            uart_heard(); /* what waits in the UART makes no new interrupt */
+            __asm volatile("cpsie i");
+        }
+        return false;
+    }
+    *byte = ring[taken % RING];
+    taken++;
+    return true;
+}
+
+bool board_read_text(uint8_t *byte)
+{
+    struct uart_registers *const uart = registers_of(UART_TEXT);
+    if ((uart->state & RX_FULL) == 0u) {
+        return false;
+    }
+    *byte = (uint8_t)uart->data;
+    return true;
+}
+
+void board_write(enum uart uart, const uint8_t *bytes, uint32_t count)
+{
+    struct uart_registers *const to = registers_of(uart);
+    while (count > 0u) {
+        while ((to->state & TX_FULL) != 0u) {
+        }
+        to->data = *bytes;
+        bytes++;
+        count--;
+    }
+}

@@ -1,0 +1,122 @@
+"""What a receiver may send: bodies of HELLO, ACK, DRIVE, EXTERNAL_POSE and ASK.
+
+Source: planner link, section 3.
+"""
+
+import math
+import struct
+
+from mapod_link.frames import MAX_FRAME, int16
+
+ACK_BODY = struct.Struct("<HIIHHBB")
+HELLO_BODY = struct.Struct("<IIHH")
+DRIVE_BODY = struct.Struct("<IIhhHH")  # session, nonce, v, w, valid_ms, reserved
+EXTERNAL_BODY = struct.Struct("<IIiihHHhHH")
+ASK_BODY = struct.Struct("<HBBhhHH")  # id, what, layer, i, j, width, height
+POLL = 1 << 0  # capability: push nothing, I ask
+ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, IN_WINDOW = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 7
+NEED_GEOM, NEED_FULL, STALE, SUSPECT = 1 << 0, 1 << 1, 1 << 2, 1 << 3  # of an ACK's status
+PLANNER_STOPPED, DIGEST_OK, AUTH_FAILED = 1 << 4, 1 << 5, 1 << 6
+LONGEST_HOLD_S, HOLD_UNIT_S = 6.5535, 0.0001
+NO_YAW, MOST_YAW, MOST_CORRELATION = -(2**15), 31_416, 10_000
+
+
+def hello_body(nonce: int, max_cells: int, max_frame: int = MAX_FRAME, poll: bool = False) -> bytes:
+    """Body of a HELLO frame; `poll`: push nothing at me."""
+    return HELLO_BODY.pack(nonce, max_cells, max_frame, POLL if poll else 0)
+
+
+def ack_body(
+    last_seq: int, mask: int, echo_t_ms: int, hold_s: float, bad: int, status: int, geom_id: int
+) -> bytes:
+    """Body of an ACK frame; `hold_s` saturates at 6.5535 s, `bad` counts modulo 65 536."""
+    hold = round(min(max(hold_s, 0.0), LONGEST_HOLD_S) / HOLD_UNIT_S)
+    return ACK_BODY.pack(last_seq, mask, echo_t_ms, hold, bad % 0x10000, status, geom_id)
+
+
+def drive_body(session: int, nonce: int, v_mps: float, w_radps: float, valid_s: float) -> bytes:
+    """Body of a DRIVE frame.
+
+    Raises:
+        ValueError: a speed or a time that the frame cannot tell.
+    """
+    if not all(map(math.isfinite, (v_mps, w_radps, valid_s))):
+        raise ValueError(f"no DRIVE frame tells {v_mps} m/s, {w_radps} rad/s for {valid_s} s")
+    v_mmps, w_mradps, valid_ms = round(v_mps * 1000), round(w_radps * 1000), round(valid_s * 1000)
+    if max(abs(v_mmps), abs(w_mradps)) > 32_767 or not 0 <= valid_ms <= 1000:
+        raise ValueError(f"no DRIVE frame tells {v_mps} m/s, {w_radps} rad/s for {valid_s} s")
+    return DRIVE_BODY.pack(session, nonce, v_mmps, w_mradps, valid_ms, 0)
+
+
+def external_body(
+    session: int,
+    nonce: int,
+    x_m: float,
+    y_m: float,
+    yaw_rad: float | None,
+    *,
+    sigma_x_m: float,
+    sigma_y_m: float,
+    sigma_yaw_rad: float = 0.0,
+    correlation: float = 0.0,
+    age_s: float = 0.0,
+) -> bytes:
+    """Body of an EXTERNAL_POSE frame: the axle's middle in the positioning system's own frame.
+
+    Args:
+        yaw_rad: counter-clockwise, of any turn; None: the system does not know it.
+        sigma_x_m, sigma_y_m, sigma_yaw_rad: standard deviations; told rounded up, so as not to
+            promise more than there is.
+        correlation: of the errors of x and y, -1 to 1.
+        age_s: how long ago the robot was there, 0 to 1 s.
+
+    Raises:
+        ValueError: a number that the frame cannot tell.
+    """
+    numbers = [x_m, y_m, sigma_x_m, sigma_y_m, sigma_yaw_rad, correlation, age_s]
+    if not all(map(math.isfinite, [*numbers, yaw_rad or 0.0])):
+        raise ValueError("an external pose must have finite numbers")
+    yaw = NO_YAW if yaw_rad is None else _turned(round(yaw_rad * 10_000))
+    sigmas = [_rounded_up(sigma_x_m * 1000), _rounded_up(sigma_y_m * 1000)]
+    sigma_yaw = 0 if yaw_rad is None else _rounded_up(sigma_yaw_rad * 10_000)
+    tied, age_ms = round(correlation * MOST_CORRELATION), round(age_s * 1000)
+    if not all(1 <= sigma <= 0xFFFF for sigma in (*sigmas, sigma_yaw or int(yaw_rad is None))):
+        raise ValueError("standard deviations must be above 0 and at most 65.535 m or 6.5535 rad")
+    if abs(tied) > MOST_CORRELATION or not 0 <= age_ms <= 1000:
+        raise ValueError("correlation must be within -1..1, age_s within 0..1")
+    x_mm, y_mm = round(x_m * 1000), round(y_m * 1000)
+    if max(abs(x_mm), abs(y_mm)) >= 2**31:
+        raise ValueError("a position must lie within 2147 km")
+    return EXTERNAL_BODY.pack(
+        session, nonce, x_mm, y_mm, yaw, *sigmas, tied, sigma_yaw, age_ms
+    )  # fmt: skip
+
+
+def _turned(yaw: int) -> int:
+    """0.0001 rad brought to -31 416..31 415."""
+    if -MOST_YAW <= yaw < MOST_YAW:
+        return yaw
+    yaw_rad = math.remainder(yaw / 10_000, 2 * math.pi)
+    return max(-MOST_YAW, min(MOST_YAW - 1, round(yaw_rad * 10_000)))
+
+
+def _rounded_up(number: float) -> int:
+    return math.ceil(round(number, 6))
+
+
+def ask_body(
+    ask_id: int,
+    what: int,
+    layer: int = 0,
+    place: tuple[int, int] = (0, 0),
+    shape: tuple[int, int] = (0, 0),
+) -> bytes:
+    """Body of an ASK frame.
+
+    Args:
+        what: ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE and IN_WINDOW, added up.
+        place: lowest column and row; in the endless grid, or with IN_WINDOW in the window.
+        shape: (height, width) in cells.
+    """
+    (i, j), (height, width) = place, shape
+    return ASK_BODY.pack(ask_id % 0x10000, what, layer, int16(i), int16(j), width, height)

@@ -1,0 +1,242 @@
+"""Tiles of the map, asked for and put together from their pieces; what misses is asked for again.
+
+A piece is placed by its cells in the endless grid, so it does not matter which question it answers.
+Source: planner link, section 3, ASK and TILE.
+"""
+
+import math
+import struct
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from mapod_link.asking import ASK_TILE, IN_WINDOW, ask_body
+from mapod_link.frames import int16
+
+F32 = npt.NDArray[np.float32]
+TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
+LAYERS = ("class", "height", "variance", "slope")
+CLASS = 0
+MOST_CELLS = 401 * 401
+AT_A_TIME = 4
+RETRY_S = 0.5  # no piece of any tile for so long: something got lost
+DEAF_S = 1.0  # without an answer: it may not know us
+END_RETRY_S = 0.05  # after an answer's last piece: time for those that overtook each other
+REFUSALS = {
+    1: "the sender has no such layer",
+    2: "the sender takes this for no cells, or too many",
+    3: "too many tiles at a time",
+    4: "no map is announced",
+}
+TOO_MANY = 3
+
+
+class TilePiece(NamedTuple):
+    """One TILE frame; its length fits what it says."""
+
+    id: int
+    layer: int
+    status: int
+    i: int  # lowest column of the rectangle, modulo 65 536
+    j: int
+    width: int  # of the rectangle, cells
+    height: int
+    first: int  # cell of this piece: row * width + column
+    geom_id: int
+    cell_m: float
+    values: F32  # (count,): class, m, m^2 or rad; NaN: not known
+
+    @property
+    def is_last(self) -> bool:
+        """The rectangle ends with it."""
+        return self.first + self.values.size == self.width * self.height
+
+
+def maybe_tile_piece(body: bytes) -> TilePiece | None:
+    """None if length, count and rectangle do not fit each other."""
+    if len(body) < TILE_HEAD.size:
+        return None
+    tile_id, layer, status, i, j, width, height, first3, geom_id, count, cell_mm = (
+        TILE_HEAD.unpack_from(body)
+    )
+    data, first = body[TILE_HEAD.size :], int.from_bytes(first3, "little")
+    place = (tile_id, layer, status, i, j, width, height, first, geom_id, cell_mm / 1000)
+    if status or layer >= len(LAYERS):  # of a layer of later days: nothing that can be read
+        nothing = np.zeros(0, np.float32)
+        return TilePiece(*place, nothing) if not status or not (count or data) else None
+    size = -(-count // 4) if layer == CLASS else 2 * count
+    if len(data) != size or count == 0 or first + count > width * height:
+        return None
+    return TilePiece(*place, _values(layer, data, count))
+
+
+def _values(layer: int, data: bytes, count: int) -> F32:
+    """(count,) values of one piece."""
+    if layer == CLASS:
+        quads = np.frombuffer(data, np.uint8)[:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3
+        classes = quads.reshape(-1)[:count].astype(np.float32)
+        classes[classes == 3] = 0  # not of this version: unknown
+        return classes
+    raw = np.frombuffer(data, "<i2" if layer == 1 else "<u2").astype(np.int32)
+    scale, unknown = {1: (1e-3, -32_768), 2: (1e-6, 65_535), 3: (1e-4, 65_535)}[layer]
+    return np.where(raw == unknown, np.nan, raw * scale).astype(np.float32)
+
+
+class Tile:
+    """A rectangle of one layer, growing as its pieces arrive.
+
+    Attributes:
+        values: (height, width) float32: class 0 unknown, 1 free, 2 obstacle; height m;
+            variance m^2; slope rad; NaN: not known, or not here yet.
+        here: (height, width): which cells have been told at all.
+        place: world cell (column, row) of values[0, 0], modulo 65 536; None until known.
+        geom_id, cell_m: of the map that it was cut from, once a piece is here.
+        t_ms: sender's clock of the oldest and of the newest piece; (0, 0) before.
+        refusal: why there will be no answer; "" while there may be.
+    """
+
+    def __init__(
+        self,
+        tile_id: int,
+        layer: str,
+        place: tuple[int, int],
+        shape: tuple[int, int],
+        in_window: bool,
+    ) -> None:
+        self.id, self.layer, self.shape = tile_id, layer, shape
+        self._asked_place, self._in_window = place, in_window
+        self.values: F32 = np.empty(shape, np.float32)
+        self.here: npt.NDArray[np.bool_] = np.empty(shape, np.bool_)
+        self.place: tuple[int, int] | None = None
+        self.refusal = ""
+        self.begin_anew()
+
+    @property
+    def complete(self) -> bool:
+        """All cells are here."""
+        return bool(self.here.all())
+
+    @property
+    def done(self) -> bool:
+        """Nothing more will come: complete, or refused."""
+        return bool(self.refusal) or self.complete
+
+    def begin_anew(self) -> None:
+        """Nothing is here, as before the first piece."""
+        self.place = None if self._in_window else self._asked_place
+        self.geom_id, self.cell_m, self.t_ms = -1, math.nan, (0, 0)
+        self._clear()
+
+    def question(self) -> bytes:
+        """Body of an ASK for the first block of rows that are not whole."""
+        what, layer = ASK_TILE, LAYERS.index(self.layer)
+        if self.place is None:
+            return ask_body(self.id, what | IN_WINDOW, layer, self._asked_place, self.shape)
+        whole = np.append(self.here.all(axis=1), True)
+        first = int(np.argmin(whole))
+        rows = int(np.argmax(whole[first:]))
+        place = self.place[0], self.place[1] + first
+        return ask_body(self.id, what, layer, place, (rows, self.shape[1]))
+
+    def put(self, piece: TilePiece, t_ms: int) -> bool:
+        """Take a piece of any question about these cells; False if it is not of this rectangle."""
+        place = self.place or (piece.i, piece.j)
+        row = int16(piece.j - place[1])
+        fits = piece.width == self.shape[1] and 0 <= row <= self.shape[0] - piece.height
+        if not fits or int16(piece.i - place[0]):
+            return False
+        if piece.geom_id != self.geom_id:  # the map was begun anew: what is here is of the old one
+            self._clear()
+            self.t_ms = t_ms, t_ms
+        self.place, self.geom_id, self.cell_m = place, piece.geom_id, piece.cell_m
+        self.t_ms = self.t_ms[0], t_ms
+        first = row * self.shape[1] + piece.first
+        self.values.reshape(-1)[first : first + piece.values.size] = piece.values
+        self.here.reshape(-1)[first : first + piece.values.size] = True
+        return True
+
+    def _clear(self) -> None:
+        self.here[:] = False
+        self.values[:] = 0 if self.layer == LAYERS[CLASS] else np.nan
+
+
+class Tiles:
+    """The tiles of one receiver: at most four under way at a time, the others wait."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Tile] = deque()
+        self._under_way: dict[int, Tile] = {}
+        self._due_s: dict[int, float] = {}  # when to ask, by id
+        self._next_id = 1
+        self._unanswered = 0  # questions in a row
+        self._first_asked_s = math.inf  # of those questions
+
+    def ask(
+        self, layer: str, place: tuple[int, int], shape: tuple[int, int], in_window: bool
+    ) -> Tile:
+        """A tile to be filled.
+
+        Raises:
+            ValueError: no such layer, no cells, or too many.
+        """
+        height, width = shape
+        if layer not in LAYERS or min(shape) < 1 or height * width > MOST_CELLS:
+            raise ValueError(f"no tile has {height} x {width} cells of {layer!r}")
+        tile = Tile(self._next_id, layer, place, shape, in_window)
+        self._next_id = self._next_id % 0xFFFF + 1
+        self._waiting.append(tile)
+        return tile
+
+    def drop(self, tile: Tile) -> None:
+        """It is not wanted any more."""
+        tile.refusal = tile.refusal or "it was dropped"
+
+    def questions(self, now_s: float) -> list[bytes]:
+        """Bodies of the ASK frames that are due."""
+        for tile_id in [i for i, tile in self._under_way.items() if tile.done]:
+            del self._under_way[tile_id], self._due_s[tile_id]
+        if not self._under_way:
+            self._answered()
+        while self._waiting and len(self._under_way) < AT_A_TIME:
+            tile = self._waiting.popleft()
+            if not tile.done:
+                self._under_way[tile.id], self._due_s[tile.id] = tile, -math.inf
+        bodies = []
+        for tile_id, tile in self._under_way.items():
+            if self._due_s[tile_id] <= now_s:
+                self._unanswered += 1
+                self._first_asked_s = min(self._first_asked_s, now_s)
+                nobody = self._unanswered > AT_A_TIME  # seems to be there
+                self._due_s[tile_id] = now_s + (2 * RETRY_S if nobody else RETRY_S)
+                bodies.append(tile.question())
+        return bodies
+
+    def take(self, now_s: float, piece: TilePiece, t_ms: int) -> None:
+        """One TILE frame; of no tile under way: left alone."""
+        tile = self._under_way.get(piece.id)
+        if tile is None or LAYERS.index(tile.layer) != piece.layer:
+            return
+        self._answered()
+        for tile_id in self._due_s:  # the sender is busy with one after the other
+            self._due_s[tile_id] = max(self._due_s[tile_id], now_s + RETRY_S)
+        if piece.status == TOO_MANY:
+            return
+        if piece.status:
+            tile.refusal = REFUSALS.get(piece.status, f"refused with status {piece.status}")
+        elif tile.put(piece, t_ms) and piece.is_last:
+            self._due_s[piece.id] = now_s + END_RETRY_S
+
+    def is_unheard(self, now_s: float) -> bool:
+        """Questions stay without any answer."""
+        return now_s - self._first_asked_s > DEAF_S
+
+    def _answered(self) -> None:
+        self._unanswered, self._first_asked_s = 0, math.inf
+
+    def begin_anew(self) -> None:
+        """Another run of the sender: nobody knows any more what was asked."""
+        for tile_id, tile in self._under_way.items():
+            tile.begin_anew()
+            self._due_s[tile_id] = -math.inf

@@ -1,0 +1,261 @@
+"""Wires that carry the planner link: UDP, TCP and serial lines, as the planner's end of them.
+
+No call waits longer than it is told to. A wire reads the monotonic clock, to tell a receiver when
+bytes have arrived: never later than they did, so that what lay about unread is not taken for fresh.
+"""
+
+import errno
+import os
+import select
+import socket
+import struct
+import sys
+import termios
+import time
+import tty
+from typing import Protocol
+from urllib.parse import parse_qs, urlsplit
+
+from mapod_link.listener import Listener
+from mapod_link.serial_line import serial_from_frame
+
+SO_TIMESTAMPNS = 35  # Linux: the kernel stamps each datagram as it arrives
+NOBODY = (errno.ECONNREFUSED, errno.EAGAIN, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENOBUFS)
+READ_SIZE, DATAGRAM_SIZE = 4096, 2048
+READS = 64  # at a time, so that a flood leaves time to answer
+
+
+class Wire(Protocol):
+    """Where frames come from and answers go to."""
+
+    url: str
+
+    @property
+    def peer(self) -> object:
+        """Whoever answers go to, to be compared; None: there is nobody."""
+
+    def wait(self, timeout_s: float) -> None:
+        """Until something has arrived, or the time is over."""
+
+    def feed(self, receiver: Listener) -> None:
+        """Hand over what has arrived.
+
+        Raises:
+            OSError: the wire is gone.
+        """
+
+    def write(self, frame: bytes) -> None:
+        """Send a frame; dropped where nobody can take it."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+def is_ready(source: socket.socket | int, timeout_s: float) -> bool:
+    """Whether there is something to read, at once or within the time."""
+    return bool(select.select([source], [], [], max(timeout_s, 0.0))[0])
+
+
+class UdpWire:
+    """A bound socket; answers go to whoever sent last."""
+
+    def __init__(self, host: str, port: int) -> None:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.bind((host, port))
+        if sys.platform == "linux":
+            self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        self.peer: tuple[str, int] | None = None  # who sent last
+        self._empty_s = time.monotonic()  # when nothing lay there for the last time
+        bound = self._socket.getsockname()
+        self.url = f"udp://[{bound[0]}]:{bound[1]}" if ":" in host else "udp://{}:{}".format(*bound)
+
+    def wait(self, timeout_s: float) -> None:
+        """Until a datagram lies ready, or the time is over."""
+        is_ready(self._socket, timeout_s)
+
+    def feed(self, receiver: Listener) -> None:
+        """Each datagram at the instant at which the kernel took it."""
+        ahead_s = time.time() - time.monotonic()
+        for _ in range(READS):
+            try:
+                data, notes, _, self.peer = self._socket.recvmsg(DATAGRAM_SIZE, 64)
+            except BlockingIOError:
+                self._empty_s = time.monotonic()
+                return
+            except ConnectionRefusedError:  # an answer of ours found nobody
+                continue
+            arrived_s = self._empty_s
+            for level, kind, stamp in notes:
+                if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
+                    seconds, nanoseconds = struct.unpack("@ll", stamp)
+                    arrived_s = seconds + nanoseconds * 1e-9 - ahead_s
+            now_s = time.monotonic()  # a wall clock may have been set meanwhile
+            receiver.feed_datagram(min(max(arrived_s, self._empty_s), now_s), data)
+
+    def write(self, frame: bytes) -> None:
+        """To the last sender."""
+        if self.peer is not None:
+            try:
+                self._socket.sendto(frame, self.peer)
+            except OSError as error:  # nobody there, or no room: an ACK may get lost
+                if error.errno not in NOBODY:
+                    raise
+
+    def close(self) -> None:
+        """Free the port."""
+        self._socket.close()
+
+
+class StreamWire:
+    """A stream of bytes with COBS-encoded frames in it."""
+
+    url, peer = "", "the line"
+
+    def __init__(self, fd: int) -> None:
+        self._fd = fd
+        os.set_blocking(fd, False)
+        self._empty_s = time.monotonic()  # when nothing lay there for the last time
+        self._rest = b""  # of a frame that the line had room for in part
+
+    def wait(self, timeout_s: float) -> None:
+        """Until a byte lies ready, or the time is over."""
+        if not is_ready(self._fd, 0.0):
+            is_ready(self._fd, timeout_s)
+            self._empty_s = time.monotonic()
+
+    def feed(self, receiver: Listener) -> None:
+        """All that has arrived.
+
+        Raises:
+            OSError: the line is gone.
+        """
+        for _ in range(READS):
+            try:
+                data = os.read(self._fd, READ_SIZE)
+            except BlockingIOError:
+                self._empty_s = time.monotonic()
+                return
+            if not data:
+                raise OSError(errno.EIO, "the line was hung up")
+            receiver.feed_stream(self._empty_s, data)
+
+    def write(self, frame: bytes) -> None:
+        """COBS-encoded; where the line has no room, an ACK may get lost."""
+        if self._rest:
+            self._rest = self._rest[self._written(self._rest) :]
+        if not self._rest:
+            data = serial_from_frame(frame)
+            sent = self._written(data)
+            self._rest = data[sent:] if sent else b""
+
+    def _written(self, data: bytes) -> int:
+        try:
+            return os.write(self._fd, data)
+        except BlockingIOError:
+            return 0
+
+    def close(self) -> None:
+        """Close the line."""
+        os.close(self._fd)
+
+
+class SerialWire(StreamWire):
+    """A serial line, 8N1."""
+
+    def __init__(self, path: str, baud: int) -> None:
+        speed = getattr(termios, f"B{baud}", None)
+        if speed is None:
+            raise ValueError(f"{path}: no line here has {baud} baud")
+        fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            tty.setraw(fd)
+            settings = termios.tcgetattr(fd)
+            settings[2] &= ~(termios.PARENB | termios.CSTOPB | termios.CSIZE)
+            settings[2] |= termios.CS8 | termios.CLOCAL | termios.CREAD
+            settings[4] = settings[5] = speed
+            termios.tcsetattr(fd, termios.TCSANOW, settings)
+        except termios.error as error:
+            os.close(fd)
+            raise OSError(error.args[0], f"{path}: no serial line") from None
+        super().__init__(fd)
+        self.url = f"serial://{path}?baud={baud}"
+
+
+class TcpWire:
+    """A listening socket: a serial stream of one sender at a time, the newest who has connected."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._listener = socket.create_server((host, port))
+        self._listener.setblocking(False)
+        self.url = "tcp://{}:{}".format(*self._listener.getsockname())
+        self._socket: socket.socket | None = None
+        self._stream: StreamWire | None = None
+
+    @property
+    def peer(self) -> object:
+        """The connection."""
+        return self._socket
+
+    def wait(self, timeout_s: float) -> None:
+        """Until a byte or a sender is there, or the time is over."""
+        if self._stream is None:
+            is_ready(self._listener, timeout_s)
+        else:
+            self._stream.wait(timeout_s)
+
+    def feed(self, receiver: Listener) -> None:
+        """All that has arrived; a connection that ends is waited for anew."""
+        self._accept()
+        if self._stream is not None:
+            try:
+                self._stream.feed(receiver)
+            except OSError:
+                self._hang_up()
+                receiver.feed_stream(time.monotonic(), b"\0")  # what was begun has no end
+
+    def write(self, frame: bytes) -> None:
+        """To the sender that is connected."""
+        if self._stream is not None:
+            try:
+                self._stream.write(frame)
+            except OSError:
+                self._hang_up()
+
+    def close(self) -> None:
+        """Hang up and free the port."""
+        self._hang_up()
+        self._listener.close()
+
+    def _accept(self) -> None:
+        try:
+            accepted, _ = self._listener.accept()
+        except BlockingIOError:
+            return
+        self._hang_up()
+        accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket, self._stream = accepted, StreamWire(accepted.fileno())
+
+    def _hang_up(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = self._stream = None
+
+
+def wire_from_url(url: str) -> Wire:
+    """udp://host:port (bound), tcp://host:port (listening) or serial:///path?baud=...
+
+    Raises:
+        ValueError: not such a URL.
+        OSError: the port is taken, or there is no such line.
+    """
+    parts = urlsplit(url)
+    if parts.scheme in ("udp", "tcp") and parts.hostname and parts.port is not None:
+        return (UdpWire if parts.scheme == "udp" else TcpWire)(parts.hostname, parts.port)
+    if parts.scheme == "serial" and parts.path:
+        [baud] = parse_qs(parts.query).get("baud", ["115200"])
+        return SerialWire(parts.path, int(baud))
+    raise ValueError(
+        f"{url}: must be udp://host:port, tcp://host:port or serial:///path?baud=115200"
+    )

@@ -1,0 +1,156 @@
+"""Conformance test 6: *stale* within `stale_ms`, whichever half of the sender halts."""
+
+from collections.abc import Callable
+
+from tools.conformance.exam import Exam
+from tools.conformance.wire import (
+    FREE,
+    GEOM,
+    MAP,
+    OBSTACLE,
+    POSE,
+    STALE,
+    Ack,
+    frame,
+    map_body,
+    ops_of,
+    pose_body,
+    sealed,
+)
+
+TICK_S = 0.02
+ACK_PERIOD_S = 0.1
+SLACK_S = 0.12  # a machine that does something else meanwhile; nothing of it in process
+Tick = Callable[[Exam], None]
+
+
+def _pose(exam: Exam) -> None:
+    exam.send(exam.next(POSE, pose_body()))
+
+
+def _map(exam: Exam) -> None:
+    exam.tell([(FREE, 5)])
+
+
+def _both(exam: Exam) -> None:
+    _pose(exam)
+    _map(exam)
+
+
+def _geom_only(exam: Exam) -> None:
+    exam.send(exam.next(GEOM, exam.geom.body()))
+
+
+def _pose_and_other_epoch(exam: Exam) -> None:
+    """The map half goes on in an epoch that was never told."""
+    _pose(exam)
+    body = map_body(exam.origin, exam.seq, exam.geom.geom_id ^ 1, 0, ops_of([(FREE, 5)]))
+    exam.send(exam.next(MAP, body), undecided=True)
+
+
+def _pose_and_damaged_map(exam: Exam) -> None:
+    """The map half goes on, but none of its frames arrives whole."""
+    _pose(exam)
+    data = bytearray(exam.next_map([(FREE, 5)]))
+    data[12] ^= 0x10
+    exam.send(bytes(data))
+
+
+def _pose_and_bad_map(exam: Exam) -> None:
+    """The map half writes operations that pass the last cell."""
+    _pose(exam)
+    exam.send(exam.next_map([(OBSTACLE, 63), (FREE, 63)]))
+
+
+def _pose_and_old_map(exam: Exam) -> None:
+    """The map half repeats an old frame."""
+    _pose(exam)
+    body = map_body(exam.origin, exam.seq, exam.geom.geom_id, 0, ops_of([(FREE, 5)]))
+    exam.send(frame(MAP, exam.seq - 7, exam.t_ms, body, 0, exam.secret))
+
+
+def _map_and_short_pose(exam: Exam) -> None:
+    """The pose half writes frames of another length."""
+    _map(exam)
+    whole = exam.next(POSE, pose_body()[:-4])
+    exam.send(whole if exam.key else sealed(whole[:-4]))
+
+
+def _nothing(exam: Exam) -> None:
+    """The sender halts."""
+
+
+HALTS: dict[str, Tick] = {
+    "the sender halts": _nothing,
+    "only the map half halts": _pose,
+    "only the pose half halts": _map,
+    "nothing but GEOM comes": _geom_only,
+    "maps of another epoch": _pose_and_other_epoch,
+    "maps that are damaged": _pose_and_damaged_map,
+    "maps whose operations do not fit": _pose_and_bad_map,
+    "an old map again and again": _pose_and_old_map,
+    "poses of another length": _map_and_short_pose,
+}
+
+
+def halts(exam: Exam) -> str:
+    """6: *stale* no later than `stale_ms`, and not while both halves go on."""
+    latest_ms = []
+    for k in exam.rounds(2 * len(HALTS)):
+        name, tick = list(HALTS.items())[k % len(HALTS)]
+        stale_ms = (150, 300, 700)[k // len(HALTS) % 2 + (k % 2)]
+        exam.begin(9, 7, stale_ms=stale_ms)
+        _expect_fresh(exam, "both halves go on")
+        exam.tail.clear()
+        latest_ms.append(_time_until_stale(exam, name, tick, stale_ms) - stale_ms)
+        _expect_fresh(exam, f"both again, after: {name}")
+    return f"{len(latest_ms)} halts, told at most {max(latest_ms):.0f} ms after stale_ms"
+
+
+def silence(exam: Exam) -> str:
+    """6: a receiver that has never heard both halves is stale."""
+    exam.begin(9, 7)
+    acks = _run(exam, _pose, 0.3)
+    exam.expect("only poses since the start: STALE", {STALE}, {a.status & STALE for a in acks})
+    exam.begin(9, 7)
+    acks = _run(exam, _map, 0.3)
+    exam.expect("only maps since the start: STALE", {STALE}, {a.status & STALE for a in acks})
+    return "only poses, and only maps, from the start"
+
+
+def _run(exam: Exam, tick: Tick, seconds: float) -> list[Ack]:
+    """Ticks for so long; gives the ACKs."""
+    end_s, acks = exam.bench.now_s() + seconds, []
+    while exam.bench.now_s() < end_s - 1e-6:
+        tick(exam)
+        acks += exam.hear_all(TICK_S)
+    return acks
+
+
+def _expect_fresh(exam: Exam, what: str) -> None:
+    _run(exam, _both, 0.1 + ACK_PERIOD_S)
+    acks = _run(exam, _both, 0.4)
+    told = {ack.status & STALE for ack in acks}
+    exam.expect(f"{what}: STALE", {0}, told)
+
+
+def _time_until_stale(exam: Exam, name: str, tick: Tick, stale_ms: int) -> float:
+    """Milliseconds from the last whole tick until an ACK says STALE."""
+    slack_s = TICK_S if exam.bench.in_process else TICK_S + SLACK_S
+    begun_s = exam.bench.now_s()
+    while (passed_s := exam.bench.now_s() - begun_s) < 2 * ACK_PERIOD_S + stale_ms / 1000 + 1:
+        tick(exam)
+        for ack in exam.hear_all(TICK_S):
+            if ack.status & STALE:
+                heard_s = exam.bench.now_s() - begun_s
+                least_s = stale_ms / 1000 - TICK_S - 1e-6
+                if heard_s < least_s:
+                    raise exam.failed(f"{name}: STALE not before {stale_ms} ms", "0", "STALE")
+                if heard_s > stale_ms / 1000 + ACK_PERIOD_S + slack_s:
+                    break
+                return heard_s * 1000
+        else:
+            continue
+        break
+    within = f"within {stale_ms} ms, told by an ACK {ACK_PERIOD_S * 1000:.0f} ms later"
+    raise exam.failed(f"{name}: STALE", within, f"not after {passed_s * 1000:.0f} ms")

@@ -1,0 +1,321 @@
+"""One examination of one receiver: frames go to it and to the slow model, and both must agree.
+
+The receiver is seen by its answers (ACK, HELLO) and by DIGEST frames alone, as over a port; in
+process its cells are compared as well. Times are of the examinee's clock, seconds.
+"""
+
+import random
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from tools.conformance.slow_receiver import SlowReceiver
+from tools.conformance.wire import (
+    DIGEST,
+    DIGEST_OK,
+    GEOM,
+    MAP,
+    POSE,
+    SUSPECT,
+    U8,
+    Ack,
+    Geom,
+    Hello,
+    Key,
+    answer_from_frame,
+    cobs,
+    digest_body,
+    frame,
+    int16,
+    map_body,
+    ops_of,
+    pose_body,
+)
+
+ACK_WAIT_S = 0.6  # an ACK comes every 100 ms; the rest is for slow lines and slow machines
+MARKERS = 3  # POSE frames that an answer is asked with before it counts as none
+BATCH = 14  # frames between two questions: an ACK tells of 33
+MOST_CELLS = 401 * 401
+
+
+@dataclass
+class DeviationError(Exception):
+    """The receiver did something else than the sheet says."""
+
+    what: str
+    expected: str
+    got: str
+    frames: tuple[bytes, ...] = ()  # that led to it, newest last
+
+
+@dataclass
+class UnseenError(Exception):
+    """This can't be seen of this receiver."""
+
+    why: str
+
+
+class Examinee(Protocol):
+    """A receiver, and the wire to it."""
+
+    datagrams: bool
+    in_process: bool
+
+    def now_s(self) -> float:
+        """Its clock."""
+
+    def send(self, data: bytes) -> None:
+        """A datagram, or bytes of a serial stream."""
+
+    def listen(self, seconds: float) -> list[bytes]:
+        """The frames that it sends next, without COBS; empty if none comes in that time."""
+
+    def window(self) -> U8 | None:
+        """(height, width) codes, where they can be seen."""
+
+    def restart(self) -> bool:
+        """Begin anew, as after its power was off; False where that can't be done from here."""
+
+
+class Exam:
+    """The sender's part, the model, and what the receiver answers.
+
+    Args:
+        key: 32 bytes where the receiver wants tags.
+        budget_s: time for the rounds of one check.
+        share: of the rounds of each check, 0 to 1.
+    """
+
+    def __init__(
+        self,
+        bench: Examinee,
+        *,
+        seed: int = 1,
+        key: bytes | None = None,
+        budget_s: float = float("inf"),
+        share: float = 1.0,
+    ) -> None:
+        self.bench, self.key, self.budget_s, self.share = bench, key, budget_s, share
+        self.random = random.Random(seed)
+        self.hello: Hello | None = None
+        self.answers: deque[Ack] = deque(maxlen=64)
+        self.unreadable = ""  # the newest answer that was none
+        self.geom = Geom(0, 0, 0, 0)
+        self.origin, self.seq = (0, 0), 0
+        self.skipped_ms = 0  # by which the sender's clock was put on
+        self.model = SlowReceiver()
+        self.undecided: set[int] = set()  # numbers that a receiver may count or not
+        self.may_be_suspect = False  # for it did not count one of those
+        self.has_digest = self.met = False
+        self.tail: deque[bytes] = deque(maxlen=12)
+        self._geom_id = self.random.randrange(256)
+
+    # The sender's part
+
+    @property
+    def max_cells(self) -> int:
+        """The most cells that the receiver says it can hold."""
+        return min(self.hello.max_cells, MOST_CELLS) if self.hello else MOST_CELLS
+
+    @property
+    def max_frame(self) -> int:
+        """The longest frame that it says it can take."""
+        return max(64, min(self.hello.max_frame, 368)) if self.hello else 368
+
+    @property
+    def secret(self) -> Key | None:
+        """What tags are made with now."""
+        nonce = self.hello.nonce if self.hello else 0
+        return Key(self.key, self.geom.session, nonce) if self.key else None
+
+    @property
+    def t_ms(self) -> int:
+        """The sender's clock."""
+        return round(self.bench.now_s() * 1000) + self.skipped_ms & 0xFFFFFFFF
+
+    def begin(
+        self, width: int, height: int, stale_ms: int = 150, first_seq: int | None = None
+    ) -> None:
+        """A new run of the sender, known to the receiver; with an empty model."""
+        self._geom_id = (self._geom_id + 1) % 256
+        session = self.random.getrandbits(32)
+        self.geom = Geom(self._geom_id, width, height, session, stale_ms)
+        self.seq = self.random.getrandbits(16) if first_seq is None else first_seq - 1
+        nonce = self.hello.nonce if self.hello else 0
+        left = [*self.model.left, self.model.geom.session] if self.model.geom else self.model.left
+        self.model = SlowReceiver(nonce=nonce, max_cells=self.max_cells, key=self.key)
+        self.model.left = left
+        self.undecided.clear()
+        self.may_be_suspect, self.skipped_ms = False, 0
+        self.tail.clear()
+        self.send(self.next(GEOM, self.geom.body()))
+
+    def next(self, kind: int, body: bytes, flags: int = 0) -> bytes:
+        """The next frame, not sent yet: leave it out, and it is lost."""
+        self.seq = (self.seq + 1) & 0xFFFF
+        return frame(kind, self.seq, self.t_ms, body, flags, self.secret)
+
+    def next_map(
+        self,
+        runs: list[tuple[int, int]],
+        start: int = 0,
+        repaired: int | None = None,
+        origin: tuple[int, int] | None = None,
+    ) -> bytes:
+        """The next MAP frame; `repaired` as early as may be, unless told."""
+        self.origin = origin or self.origin
+        repaired = self.seq - 0x7000 if repaired is None else repaired
+        return self.next(
+            MAP, map_body(self.origin, repaired, self.geom.geom_id, start, ops_of(runs))
+        )
+
+    def send(self, data: bytes, undecided: bool = False) -> None:
+        """One frame, to the receiver and the model; undecided: the sheet lets it count or not."""
+        if undecided:
+            self.undecided.add(int.from_bytes(data[2:4], "little"))
+            self.may_be_suspect = True
+        self.tail.append(data)
+        self.model.feed_datagram(self.bench.now_s(), data)
+        self.bench.send(data if self.bench.datagrams else cobs(data) + b"\0")
+
+    def tell(self, runs: list[tuple[int, int]], start: int = 0) -> None:
+        """A MAP frame that says that all is repaired, at once."""
+        self.send(self.next_map(runs, start, repaired=self.seq))
+        self.may_be_suspect = False
+
+    # What it answers
+
+    def hear(self, seconds: float) -> list[Ack]:
+        """The next ACKs; empty if none comes in that time."""
+        return self.take(self.bench.listen(seconds))
+
+    def take(self, frames: list[bytes]) -> list[Ack]:
+        """The ACKs among some answers; a HELLO is kept."""
+        acks = []
+        for data in frames:
+            answer = answer_from_frame(data, self.secret)
+            if isinstance(answer, Hello):
+                self.hello = answer
+            elif isinstance(answer, Ack):
+                acks.append(answer)
+            elif answer != "another type":
+                self.unreadable = f"{answer}: {data.hex(' ')}"
+        self.answers += acks
+        return acks
+
+    def hear_all(self, seconds: float) -> list[Ack]:
+        """All ACKs of that time."""
+        end_s, acks = self.bench.now_s() + seconds, []
+        while (left_s := end_s - self.bench.now_s()) > 1e-6:
+            acks += self.hear(left_s)
+        return acks
+
+    def ask(self) -> Ack:
+        """The ACK of a POSE frame that is sent now.
+
+        Raises:
+            DeviationError: none comes.
+        """
+        for _ in range(MARKERS):
+            self.send(self.next(POSE, pose_body()))
+            end_s = self.bench.now_s() + ACK_WAIT_S
+            while (left_s := end_s - self.bench.now_s()) > 0:
+                for ack in self.hear(left_s):
+                    if ack.last_seq == self.seq:
+                        return ack
+        newest = f"newest last_seq {self.answers[-1].last_seq}" if self.answers else "no ACK at all"
+        raise self.failed(
+            "the newest POSE frame is acknowledged",
+            f"last_seq {self.seq}",
+            newest + (f"; unreadable {self.unreadable}" if self.unreadable else ""),
+        )
+
+    # Comparing
+
+    def failed(self, what: str, expected: str, got: str) -> DeviationError:
+        """A failure with the newest frames."""
+        return DeviationError(what, expected, got, tuple(self.tail))
+
+    def expect(self, what: str, expected: object, got: object) -> None:
+        """Both must be equal.
+
+        Raises:
+            DeviationError: they are not.
+        """
+        if expected != got:
+            raise self.failed(what, str(expected), str(got))
+
+    def check(self, what: str) -> Ack:
+        """Books, suspicion and cells must be the model's.
+
+        Raises:
+            DeviationError: they are not.
+        """
+        self.check_books(what, self.ask())
+        ack = self.check_map(what)
+        self.tail.clear()
+        return ack
+
+    def check_books(self, what: str, ack: Ack) -> None:
+        """What was counted, and whether a gap is known."""
+        self.expect(f"{what}: geom_id", self.geom.geom_id, ack.geom_id)
+        hidden = 0
+        for seq in self.undecided:
+            behind = int16(self.seq - seq)
+            hidden |= 1 << behind - 1 if 0 < behind <= 32 else 0
+        wanted = f"{self.model.mask & ~hidden & 0xFFFFFFFF:032b}"
+        self.expect(f"{what}: mask of accepted frames", wanted, f"{ack.mask & ~hidden:032b}")
+        if self.model.suspect or not self.may_be_suspect:
+            self.expect(f"{what}: suspect", self.model.suspect, bool(ack.status & SUSPECT))
+
+    def check_map(self, what: str) -> Ack:
+        """The receiver's cells, by DIGEST and, where they can be seen, one by one.
+
+        While *suspect* or *blank* it compares no DIGEST: then only those that can be seen.
+        """
+        wanted = self.model.window()
+        self.send(self.next(DIGEST, digest_body(self.geom.geom_id, wanted)))
+        ack = self.ask()
+        compares = not (self.model.suspect or self.may_be_suspect or self.model.blank)
+        if self.has_digest and compares:
+            self.expect(f"{what}: map by DIGEST", "DIGEST_OK", DIGEST_WORDS[ack.status & DIGEST_OK])
+        window = self.bench.window()
+        if window is not None and not np.array_equal(window, wanted):
+            raise self.failed(f"{what}: cells", *_difference(wanted, window))
+        return ack
+
+    def needs_map(self) -> None:
+        """For checks that are nothing without the map.
+
+        Raises:
+            UnseenError: it can't be seen.
+        """
+        if not self.has_digest and self.bench.window() is None:
+            raise UnseenError("the receiver compares no DIGEST: its map can't be seen from here")
+
+    def rounds(self, most: int) -> Iterator[int]:
+        """Up to so many rounds, as long as the time lasts; at least three."""
+        end_s = self.bench.now_s() + self.budget_s
+        for k in range(max(3, round(most * self.share))):
+            if k >= 3 and self.bench.now_s() > end_s:
+                return
+            yield k
+
+
+DIGEST_WORDS = {DIGEST_OK: "DIGEST_OK", 0: "not DIGEST_OK"}
+
+
+def _difference(wanted: U8, got: U8) -> tuple[str, str]:
+    """Expected and got, in words."""
+    if wanted.shape != got.shape:
+        return f"(height, width) {wanted.shape}", f"{got.shape}"
+    rows, columns = np.nonzero(wanted != got)
+    row, column = int(rows[0]), int(columns[0])
+    place = f"row {row}, column {column}"
+    return (
+        f"{place}: {wanted[row, column]}",
+        f"{got[row, column]} ({len(rows)} cells differ)",
+    )

@@ -1,0 +1,79 @@
+"""A receiver behind a port as an examinee: real time, and nothing seen but what it sends."""
+
+import select
+import time
+
+from hw.port import open_port
+from tools.conformance.wire import U8, Splitter
+
+OPEN_S = 5.0  # until a port must be open
+NAP_S = 0.002  # between two looks at a line that still has bytes to carry
+
+
+class NotOpenError(Exception):
+    """The port does not open."""
+
+
+class OverPort:
+    """An examinee behind udp://, tcp:// or serial://.
+
+    Raises:
+        NotOpenError: not within OPEN_S.
+        PortUrlError: no such URL.
+    """
+
+    in_process = False
+
+    def __init__(self, url: str) -> None:
+        self._port = open_port(url)
+        self.datagrams = self._port.datagrams
+        self._splitter = Splitter()
+        end_s = time.monotonic() + OPEN_S
+        while not self._port.poll(time.monotonic()):
+            if time.monotonic() > end_s:
+                self._port.close()
+                raise NotOpenError(self._port.cause)
+            time.sleep(NAP_S)
+
+    def now_s(self) -> float:
+        """The host's monotonic clock."""
+        return time.monotonic()
+
+    def send(self, data: bytes) -> None:
+        """Waits until the line has taken it."""
+        self._port.write(data)
+        while self._port.poll(time.monotonic()) and self._port.backlog > 0:
+            time.sleep(NAP_S)
+
+    def listen(self, seconds: float) -> list[bytes]:
+        """Waits until something comes."""
+        end_s = time.monotonic() + seconds
+        while True:
+            if self._port.poll(time.monotonic()) and (frames := self._frames()):
+                return frames
+            left_s = end_s - time.monotonic()
+            if left_s <= 0:
+                return []
+            if self._port.fileno() >= 0:
+                select.select([self._port.fileno()], [], [], left_s)
+            else:
+                time.sleep(min(left_s, NAP_S))
+
+    def _frames(self) -> list[bytes]:
+        """What has come; bytes that are no COBS count as an empty frame, which nobody can read."""
+        pieces = self._port.read()
+        if self.datagrams:
+            return pieces
+        return [whole or b"" for piece in pieces for whole in self._splitter.feed(piece)]
+
+    def window(self) -> U8 | None:
+        """Can't be seen."""
+        return None
+
+    def restart(self) -> bool:
+        """Can't be done from here."""
+        return False
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._port.close()

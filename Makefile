@@ -6,9 +6,9 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run test check format replay view bench experiments calibrate fuzz devices clean
+.PHONY: help setup run test check format replay view bench link-test soak experiments calibrate fuzz devices clean
 help: ## list the targets
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
 $(VENV)/.ready: pyproject.toml
 	@echo "mapod: setting up the virtual environment in $(VENV) (once; a minute or two)"

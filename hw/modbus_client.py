@@ -6,11 +6,11 @@ lives in the loop has its turn. Drive requests from another machine are refused:
 says who sent them.
 """
 
-import asyncio
 import ipaddress
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from hw.modbus_frames import Request
 from hw.modbus_image import RegisterImage, View
@@ -58,6 +58,23 @@ class Pace:
         self._left -= 1.0
 
 
+class Timer(Protocol):
+    """A call to come."""
+
+    def cancel(self) -> object:
+        """It shall not come."""
+
+
+class Loop(Protocol):
+    """The two calls of an asyncio loop that are used."""
+
+    def call_soon(self, callback: Callable[[], object], /) -> Timer:
+        """Once whatever is due has had its turn."""
+
+    def call_later(self, delay_s: float, callback: Callable[[], object], /) -> Timer:
+        """After a time."""
+
+
 @dataclass(slots=True)
 class Desk:
     """What all clients of one server share."""
@@ -65,7 +82,7 @@ class Desk:
     image: RegisterImage
     clock: Callable[[], float]
     utc_s: Callable[[], float]
-    loop: asyncio.AbstractEventLoop
+    loop: Loop
     views: Mapping[int, View | None]  # by unit id, those that are ours; None: the live registers
     is_silent: bool  # to requests for other units, as a serial line demands
     identity: Mapping[int, bytes]
@@ -109,7 +126,7 @@ class Client:
         self._send: Send | None = send
         self._waiting: deque[tuple[float, Request]] = deque()
         self._pace = Pace(CLIENT_HZ, CLIENT_BURST)
-        self._timer: asyncio.Handle | None = None
+        self._timer: Timer | None = None
         self._is_held = False
         self.asked_s = desk.clock()  # when it last asked something
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from pymodbus.server.requesthandler import ServerRequestHandler
 
-from hw.modbus_client import Client, Desk, is_loopback
+from hw.modbus_client import Client, Desk, Timer, is_loopback
 from hw.modbus_frames import Request, datagram_requests, mbap_frame, take_requests
 from hw.modbus_rtu import RtuReceiver, rtu_frame
 
@@ -195,7 +195,7 @@ class LineHandler(ServerRequestHandler):
         self._desk: Desk = owner.desk
         self._silent_s = silent_s(baud)
         self._client = Client(self._desk, f"modbus rtu {path}", True, self._reply)
-        self._timer: asyncio.TimerHandle | None = None
+        self._timer: Timer | None = None
         self.restart()
 
     def restart(self) -> None:

@@ -145,7 +145,7 @@ class LineService(_Opening, ModbusSerialServer):
         self._url, self._port = url, SerialPort(url)
         self._opened = 0
         self._handler: LineHandler | None = None
-        self._ears = Ears(desk.loop, (self._port,), self._hear)
+        self._ears = Ears(asyncio.get_running_loop(), (self._port,), self._hear)
         super().__init__(_no_memory(), port=url.path)
         self.call_create = self._create
 

@@ -109,7 +109,7 @@ class PlannerLink:
         self.refusal = ""  # why no map is announced, in words
         self._geom_id, self._epoch = session % 256, -1  # after a restart hardly the same number
         self._geom_due, self._epoch_due = push, False
-        self._geom_s = self._called_s = self._zone_s = self._digest_s = self._full_s = -math.inf
+        self._geom_s = self._called_s = self._zone_s = self._full_s = self._digest_s = -math.inf
         self._heard_s: float | None = None  # a valid frame, or the first poll less UNHEARD_S
         self._zone_told = (-1, -1)  # state and causes
         self.acks = self.answers_rejected = self.ticks_held = 0
@@ -246,10 +246,11 @@ class PlannerLink:
         elif not self._repair.take(newest, ack, self._geom_id):
             self._geom_due = True
 
-    def _begin_epoch(self) -> None:
+    def _begin_epoch(self, now_s: float) -> None:
         """New geometry number: both ends start from unknown."""
         self._geom_id, self._epoch_due = (self._geom_id + 1) % 256, False
         self._geom_due |= not self.polled
+        self._digest_s = now_s  # by then what got lost at the start has been told again
         if self.polled:
             self._map.put_away()
         self._teller.begin_epoch(self._geom_id)
@@ -274,7 +275,7 @@ class PlannerLink:
         lags = not self.polled and self._repair.lags(self._outbox.seq)
         if self._epoch_due or lags or window.epoch != self._epoch:
             self._epoch = window.epoch
-            self._begin_epoch()
+            self._begin_epoch(now_s)
         if not self.polled:
             self._teller.follow(window)
         dt_s = self._outbox.earn(now_s)

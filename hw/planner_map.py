@@ -134,12 +134,14 @@ class MapTeller:
         while True:
             left = max(outbox.credit - floor, min(outbox.saved, outbox.credit))
             if self._has_map and (self._due_cells < 1 or left < slice_cost):
-                return
+                break
             before, begun = outbox.credit, self._pass_cell
             self._tell_slice(outbox.room(max(least, left), MAP_HEAD.size))
             passed = (self._pass_cell or self._cells) - begun
             self._due_cells = max(0.0, self._due_cells - passed)
             outbox.saved = max(0.0, outbox.saved - (before - outbox.credit))
+        if self._due_cells < 1:
+            outbox.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
     def _tell_slice(self, room: int) -> None:
         """The next cells of the pass in one frame."""

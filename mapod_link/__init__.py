@@ -48,9 +48,10 @@ What a planner has to know:
   map x, rows along map y; `cells[0, 0]` is world cell `origin`; the window moves with the robot.
 - All lengths are metres, angles radians, times seconds; the pose is that of the map frame, x ahead
   and y to the left of where the robot began.
-- `advice` says what sections 3 and 5 of the protocol demand: "stop" while the map is missing,
-  stale, known to be wrong or not to be trusted, or the stop zone says so; "slow" while a lost frame
-  may hide an obstacle (`suspect`).
+- First comes `advice`, what section 5 of the protocol demands: "stop" while the map is missing,
+  stale, known to be wrong or not to be trusted, "slow" while a lost frame may hide an obstacle.
+  Where it lets the robot go, `allowed_mps` says how fast straight ahead and straight back, by the
+  sender's own judgement (`stop_zone`); (0, 0) while it does not know.
 - `Receiver.drive` asks the robot to move, for up to a second; the sender obeys only while it knows
   nothing against it. `Receiver.external_pose` tells what a positioning system has seen.
 - `Receiver.ask_tile` asks for a rectangle of one layer: class, height, variance or slope; what gets

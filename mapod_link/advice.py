@@ -15,9 +15,10 @@ POSE_VALID, MAP_VALID, DROP_OFF, ATTITUDE_OUT, OPERATOR_STOP = (
 )
 ZONE_STALE_S = 0.35
 RUNNING = (1, 2)  # modes in which a robot may move
+JUDGED = (1, 2, 3)  # states of a stop zone that speak of what is known
 
 
-def link_advice(pose: Pose | None, blank: bool, stale: bool, suspect: bool) -> Advice:
+def advice_for(pose: Pose | None, blank: bool, stale: bool, suspect: bool) -> Advice:
     """Section 5's table, the strictest line first."""
     if blank or pose is None:
         return "stop", "no map yet"
@@ -36,10 +37,11 @@ def link_advice(pose: Pose | None, blank: bool, stale: bool, suspect: bool) -> A
     return ("slow", "a frame is missing") if suspect else ("go", "")
 
 
-def zone_advice(zone: StopZone, now_s: float) -> Advice:
-    """What the sender makes of its map itself, in the direction of the robot's way."""
-    if now_s - zone.arrived_s > ZONE_STALE_S:
-        return "stop", "stop zone stale"
-    if zone.must_stop:
-        return "stop", zone.words() if zone.causes else "the sender says stop"
-    return ("slow", zone.words()) if zone.state == 2 else ("go", "")
+def allowed_mps(zone: StopZone | None, now_s: float) -> tuple[float, float]:
+    """How fast the robot may go straight ahead and straight back, by the sender's own judgement.
+
+    Nothing is allowed without a stop zone, by one older than 0.35 s, or where it says unknown.
+    """
+    if zone is None or now_s - zone.arrived_s > ZONE_STALE_S or zone.state not in JUDGED:
+        return 0.0, 0.0
+    return zone.allowed_ahead_mps, zone.allowed_behind_mps

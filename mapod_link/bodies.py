@@ -100,11 +100,6 @@ class StopZone:
     state: int  # 0 unknown, 1 clear, 2 slow, 3 stop; others: not of this version
     causes: int  # bits: 0 obstacle, 1 ground not seen, 2 drop, 3 not to be trusted
 
-    @property
-    def must_stop(self) -> bool:
-        """Unknown, stop, and what a later version may invent: all of them stop a robot."""
-        return self.state not in (1, 2)
-
     def words(self) -> str:
         """State and causes, to be read.
 

@@ -96,6 +96,10 @@ class Link:
         """("go" | "slow" | "stop", why) as of now."""
         return self.receiver.advice(self.now_s())
 
+    def allowed_mps(self) -> tuple[float, float]:
+        """How fast ahead and back, by the sender's stop zone, as of now."""
+        return self.receiver.allowed_mps(self.now_s())
+
     def stale(self) -> bool:
         """Nothing that is known may be used."""
         return self.receiver.stale(self.now_s())

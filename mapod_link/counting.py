@@ -8,7 +8,7 @@ import math
 from mapod_link.frames import Frame, int16
 
 ALL_BITS = 0xFFFFFFFF
-SILENCE_MS, HALF = 10_000, 2**31  # between two frames: numbers may have wrapped unseen
+SILENCE_MS, HALF = 60_000, 2**31  # between two frames: numbers may have wrapped unseen
 
 
 class Numbers:

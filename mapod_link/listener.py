@@ -9,7 +9,7 @@ Source: planner link, sections 3 to 5 and 9.
 import math
 from collections import Counter, deque
 
-from mapod_link.advice import Advice, link_advice, zone_advice
+from mapod_link.advice import Advice, advice_for, allowed_mps
 from mapod_link.bodies import (
     Digest,
     Geometry,
@@ -60,7 +60,7 @@ class Listener:
         numbers: which frames have arrived.
         too_many_cells: of a window that this receiver cannot hold; 0: none was announced.
         need_geom, need_full: to be asked for, with the next ACK.
-        differs: a DIGEST proves the map wrong, until a new epoch begins.
+        differs: the newest DIGEST that could be compared proves the map wrong.
     """
 
     def __init__(self, nonce: int, key: bytes | None, max_cells: int, poll_only: bool) -> None:
@@ -149,23 +149,22 @@ class Listener:
             return True
         return now_s - min(self.pose.arrived_s, self._map_s) > self.geom.stale_s
 
-    def link_advice(self, now_s: float) -> Advice:
-        """("go" | "slow" | "stop", why): what section 5 makes a planner do."""
+    def advice(self, now_s: float) -> Advice:
+        """("go" | "slow" | "stop", why): what section 5 makes a planner do, whatever its way."""
         if self.poll_only:
             return "stop", "a receiver that only asks keeps no map"
         if self.too_many_cells:
             return "stop", f"the window has {self.too_many_cells} cells, too many for this receiver"
         if self.differs:
             return "stop", "the map is not the sender's"
-        return link_advice(self.pose, self.blank, self.stale(now_s), self.suspect)
+        return advice_for(self.pose, self.blank, self.stale(now_s), self.suspect)
 
-    def advice(self, now_s: float) -> Advice:
-        """The stricter of `link_advice` and what the newest stop zone says, once there is one."""
-        advice = self.link_advice(now_s)
-        if self.stop_zone is None or advice[0] == "stop":
-            return advice
-        zone = zone_advice(self.stop_zone, now_s)
-        return zone if zone[0] == "stop" or advice[0] == "go" else advice
+    def allowed_mps(self, now_s: float) -> tuple[float, float]:
+        """How fast the robot may go straight ahead and back, besides what `advice` says.
+
+        From the newest stop zone, which speaks of both: a robot before a wall can back off.
+        """
+        return allowed_mps(self.stop_zone, now_s)
 
     # Bytes in
 
@@ -308,5 +307,6 @@ class Listener:
         known = self.geom is not None and digest.geom_id == self.geom.geom_id
         compares = known and not self.suspect and not self.blank
         self.digest_ok = compares and self.digest() == digest.crc
-        if compares and not self.digest_ok:
-            self.differs = self.need_full = True
+        if compares:
+            self.differs = not self.digest_ok
+            self.need_full |= self.differs

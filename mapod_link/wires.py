@@ -5,6 +5,7 @@ bytes have arrived: never later than they did, so that what lay about unread is 
 """
 
 import errno
+import math
 import os
 import select
 import socket
@@ -21,6 +22,7 @@ from mapod_link.serial_line import serial_from_frame
 
 SO_TIMESTAMPNS = 35  # Linux: the kernel stamps each datagram as it arrives
 NOBODY = (errno.ECONNREFUSED, errno.EAGAIN, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENOBUFS)
+PROVEN_FOR_S = 1.0
 READ_SIZE, DATAGRAM_SIZE = 4096, 2048
 READS = 64  # at a time, so that a flood leaves time to answer
 
@@ -57,7 +59,11 @@ def is_ready(source: socket.socket | int, timeout_s: float) -> bool:
 
 
 class UdpWire:
-    """A bound socket; answers go to whoever sent last."""
+    """A bound socket; answers go to whoever sent the newest good frame.
+
+    A stranger's datagram turns them away only while nobody else has sent a good one for a second:
+    with a key, a sender that has just started cannot send one before it was answered.
+    """
 
     def __init__(self, host: str, port: int) -> None:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -66,7 +72,8 @@ class UdpWire:
         self._socket.bind((host, port))
         if sys.platform == "linux":
             self._socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-        self.peer: tuple[str, int] | None = None  # who sent last
+        self.peer: tuple[str, int] | None = None
+        self._proven_s = -math.inf  # when a frame of the peer's was taken last
         self._empty_s = time.monotonic()  # when nothing lay there for the last time
         bound = self._socket.getsockname()
         self.url = f"udp://[{bound[0]}]:{bound[1]}" if ":" in host else "udp://{}:{}".format(*bound)
@@ -80,7 +87,7 @@ class UdpWire:
         ahead_s = time.time() - time.monotonic()
         for _ in range(READS):
             try:
-                data, notes, _, self.peer = self._socket.recvmsg(DATAGRAM_SIZE, 64)
+                data, notes, _, sender = self._socket.recvmsg(DATAGRAM_SIZE, 64)
             except BlockingIOError:
                 self._empty_s = time.monotonic()
                 return
@@ -92,10 +99,13 @@ class UdpWire:
                     seconds, nanoseconds = struct.unpack("@ll", stamp)
                     arrived_s = seconds + nanoseconds * 1e-9 - ahead_s
             now_s = time.monotonic()  # a wall clock may have been set meanwhile
-            receiver.feed_datagram(min(max(arrived_s, self._empty_s), now_s), data)
+            taken = receiver.feed_datagram(min(max(arrived_s, self._empty_s), now_s), data)
+            if taken or now_s - self._proven_s > PROVEN_FOR_S:
+                self.peer = sender
+            self._proven_s = now_s if taken else self._proven_s
 
     def write(self, frame: bytes) -> None:
-        """To the last sender."""
+        """To the sender."""
         if self.peer is not None:
             try:
                 self._socket.sendto(frame, self.peer)

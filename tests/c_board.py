@@ -1,6 +1,5 @@
 """The C header as firmware on an emulated Cortex-M3; one socket is its line, one its text."""
 
-import os
 import select
 import socket
 import subprocess
@@ -10,7 +9,7 @@ from types import TracebackType
 import numpy as np
 import numpy.typing as npt
 
-from tests.c_link import BUILD, MCU, STRICT, compile_c, needs
+from tests.c_link import MCU, built, needs
 
 GENEROUS_S = 60.0  # nothing here takes long; a loaded machine may
 SOURCES = [MCU / "qemu" / name for name in ("firmware.c", "board.c", "startup.c")]
@@ -23,11 +22,10 @@ BARE = (
 
 def build_firmware(*options: str) -> Path:
     """The program for qemu-system-arm -M mps2-an385."""
-    made = BUILD / f"firmware{''.join(options)}-{os.getpid()}.elf"
-    arguments = (*STRICT, *BARE, *options, *map(str, SOURCES))
-    return compile_c(
-        "arm-none-eabi-gcc", "gcc-arm-none-eabi libnewlib-arm-none-eabi", made, *arguments
-    )
+    package = "gcc-arm-none-eabi libnewlib-arm-none-eabi"
+    words = (*BARE, *options, *map(str, SOURCES[1:]))
+    compiler = "arm-none-eabi-gcc"
+    return built("board.elf", "qemu/firmware.c", *words, compiler=compiler, package=package)
 
 
 class Board:
@@ -50,8 +48,7 @@ class Board:
         self.link, self.text = (listeners[name].accept()[0] for name in ("link", "text"))
         for listener in listeners.values():
             listener.close()
-        self.text.settimeout(GENEROUS_S)
-        self._unread = b""
+        self._unread = self._heard = b""
 
     def __enter__(self) -> "Board":
         return self
@@ -67,10 +64,11 @@ class Board:
         self.link.close()
         self.text.close()
 
-    def hear(self, wait_s: float) -> bytes:
-        """What the board has sent on its serial line; waits for at most so long."""
-        ready, _, _ = select.select([self.link], [], [], wait_s)
-        return self.link.recv(4096) if ready else b""
+    def hear(self) -> bytes:
+        """What the board has sent on its serial line since the last call; waits for nothing."""
+        self._take(0.0)
+        heard, self._heard = self._heard, b""
+        return heard
 
     def ask(self, word: str) -> str:
         """The line that answers a word."""
@@ -91,8 +89,15 @@ class Board:
 
     def _line(self) -> str:
         while b"\n" not in self._unread:
-            more = self.text.recv(65_536)
-            assert more, "the board's text port was closed"
-            self._unread += more
+            assert self._take(GENEROUS_S), "the board says nothing"
         line, self._unread = self._unread.split(b"\n", 1)
         return line.decode()
+
+    def _take(self, wait_s: float) -> bool:
+        """Reads both sockets: a board stands still while nobody takes what it sends."""
+        ready, _, _ = select.select([self.link, self.text], [], [], wait_s)
+        if self.link in ready:
+            self._heard += self.link.recv(4096)
+        if self.text in ready:
+            self._unread += self.text.recv(65_536)
+        return bool(ready)

@@ -49,27 +49,31 @@ def compile_c(compiler: str, package: str, output: Path, *arguments: str) -> Pat
     return output
 
 
-def build_library(name: str = "link", *arguments: str, compiler: str = "gcc") -> Path:
-    """The shared library; built anew where the sources or arguments have changed."""
-    source = MCU / "host" / "library.c"
-    content = (MCU / "mapod_link.h").read_bytes() + source.read_bytes() + repr(arguments).encode()
-    path = BUILD / f"{name}-{hashlib.sha256(content).hexdigest()[:16]}.so"
+def built(
+    name: str, source: str, *arguments: str, compiler: str = "gcc", package: str = ""
+) -> Path:
+    """A program or library of a file in hw/mcu; compiled anew where sources or words changed."""
+    sources = sorted(path for path in MCU.rglob("*.[chl]*") if BUILD not in path.parents)
+    content = repr((compiler, source, arguments)).encode()
+    content += b"".join(path.read_bytes() for path in sources if path.is_file())
+    stem, dot, suffix = name.partition(".")
+    path = BUILD / f"{stem}-{hashlib.sha256(content).hexdigest()[:16]}{dot}{suffix}"
     if not path.exists():
-        made = BUILD / f"{path.name}.{os.getpid()}"
-        options = (*STRICT, "-O2", "-shared", "-fPIC", *arguments, str(source))
-        os.replace(compile_c(compiler, compiler, made, *options), path)
+        made = BUILD / f"{os.getpid()}-{path.name}"
+        words = (*STRICT, *arguments, str(MCU / source))
+        os.replace(compile_c(compiler, package or compiler, made, *words), path)
     return path
+
+
+def build_library(*arguments: str, compiler: str = "gcc") -> Path:
+    """The header as a shared library, see hw/mcu/host/library.c."""
+    words = ("-O2", "-shared", "-fPIC", *arguments)
+    return built("link.so", "host/library.c", *words, compiler=compiler)
 
 
 def build_receiver() -> Path:
     """The header as a program, see hw/mcu/host/receiver.c."""
-    source = MCU / "host" / "receiver.c"
-    content = (MCU / "mapod_link.h").read_bytes() + source.read_bytes()
-    path = BUILD / f"receiver-{hashlib.sha256(content).hexdigest()[:16]}"
-    if not path.exists():
-        made = BUILD / f"{path.name}.{os.getpid()}"
-        os.replace(compile_c("gcc", "gcc", made, *STRICT, "-O2", str(source)), path)
-    return path
+    return built("receiver", "host/receiver.c", "-O2")
 
 
 @functools.cache

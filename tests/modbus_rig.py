@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from core.records import I8, ObstacleWindow, PoseReport, StopZoneReport
+from hw.modbus_client import Desk
 from hw.modbus_image import RegisterImage
 from hw.modbus_server import ModbusServer
 
@@ -33,6 +34,51 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now_s
+
+
+class Later:
+    """A call to come."""
+
+    def __init__(self, due_s: float, callback: Callable[[], object]) -> None:
+        self.due_s, self.callback = due_s, callback
+
+    def cancel(self) -> None:
+        self.callback = int
+
+
+class Loop:
+    """Calls that come when a test says so, on its clock."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self.calls: list[Later] = []
+
+    def call_soon(self, callback: Callable[[], object], /) -> Later:
+        return self.call_later(0.0, callback)
+
+    def call_later(self, delay_s: float, callback: Callable[[], object], /) -> Later:
+        self.calls.append(Later(self.clock.now_s + delay_s, callback))
+        return self.calls[-1]
+
+    def step(self) -> None:
+        """Make the next call, at its time."""
+        call = min(self.calls, key=lambda call: call.due_s)
+        self.calls.remove(call)
+        self.clock.now_s = max(self.clock.now_s, call.due_s)
+        call.callback()
+
+
+def desk_of(image: RegisterImage, clock: Clock) -> Desk:
+    """What clients share: unit 1 live, unit 2 a frozen view."""
+    return Desk(
+        image=image,
+        clock=clock,
+        utc_s=lambda: 0.0,
+        loop=Loop(clock),
+        views={1: None, 2: image.new_view()},
+        is_silent=False,
+        identity=dict.fromkeys(range(7), b"text"),
+    )
 
 
 def window_of(

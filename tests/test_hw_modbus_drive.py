@@ -1,17 +1,16 @@
 """Driving by Modbus: whole requests only, in time only, from this machine or a line only."""
 
-import asyncio
-
 import pytest
 
-from hw.modbus_client import MOST_WAITING, Client, Desk, ModbusCounters, is_loopback
+from hw.modbus_client import CLIENT_HZ, Client, is_loopback
 from hw.modbus_frames import Request
 from hw.modbus_image import RegisterImage
 from hw.modbus_layout import DRIVE
 from hw.modbus_refusals import Refusal
-from tests.modbus_rig import CLEAR, GOOD, START_S, Clock, new_image, some_cells, window_of
+from tests.modbus_rig import CLEAR, GOOD, START_S, Clock, desk_of, new_image, some_cells, window_of
 
 V, W = 500, 65536 - 300
+READ = Request(1, bytes.fromhex("03 00 00 00 01"))
 ASKED = tuple[float, str, float, float, float]
 WRITE = bytes((16,)) + DRIVE.to_bytes(2, "big") + bytes.fromhex("00 04 08 01F4 FED4 00C8 0007")
 
@@ -113,60 +112,29 @@ def test_the_time_that_a_request_waited_is_taken_off_but_a_stop_is_never_too_lat
 
 
 def test_only_this_machine_and_a_line_may_drive_and_others_may_still_freeze_and_read() -> None:
-    async def run() -> None:
-        image, commander = enabled()
-        answers: list[bytes] = []
-        clock = Clock()
-        desk = Desk(
-            image=image,
-            clock=clock,
-            utc_s=lambda: 0.0,
-            loop=asyncio.get_running_loop(),
-            views={1: None, 2: image.new_view()},
-            is_silent=False,
-            identity={},
-        )
-        latch = bytes.fromhex("06 00 5A 00 01")
-        read = bytes((3,)) + DRIVE.to_bytes(2, "big") + b"\0\1"
-        for host in ("192.168.0.9", "127.0.0.1"):
-            client = Client(desk, host, is_loopback(host), lambda _, pdu: answers.append(pdu))
-            assert client.offer([Request(1, WRITE), Request(2, latch), Request(1, read)])
-        refusal, taken = b"\x90\x01", WRITE[:5]
-        assert answers == [refusal, latch, b"\x03\x02\0\0", taken, latch, b"\x03\x02\x01\xf4"]
-        assert commander.asked == [(START_S, "127.0.0.1", 0.5, -0.3, 0.2)]
-
-    asyncio.run(run())
+    image, commander = enabled()
+    desk = desk_of(image, Clock())
+    answers: list[bytes] = []
+    latch = bytes.fromhex("06 00 5A 00 01")
+    read = bytes((3,)) + DRIVE.to_bytes(2, "big") + b"\0\1"
+    for host in ("192.168.0.9", "127.0.0.1"):
+        client = Client(desk, host, is_loopback(host), lambda _, pdu: answers.append(pdu))
+        assert client.offer([Request(1, WRITE), Request(2, latch), Request(1, read)])
+    refusal, taken = b"\x90\x01", WRITE[:5]
+    assert answers == [refusal, latch, b"\x03\x02\0\0", taken, latch, b"\x03\x02\x01\xf4"]
+    assert commander.asked == [(START_S, "127.0.0.1", 0.5, -0.3, 0.2)]
 
 
 def test_a_request_behind_many_others_of_a_client_that_is_slowed_counts_from_its_arrival() -> None:
-    async def run() -> None:
-        image, commander = enabled()
-        clock, counters = Clock(), ModbusCounters()
-        answers: list[bytes] = []
-        desk = Desk(
-            image=image,
-            clock=clock,
-            utc_s=lambda: 0.0,
-            loop=asyncio.get_running_loop(),
-            views={1: None},
-            is_silent=False,
-            identity={},
-            counters=counters,
-        )
-        client = Client(desk, "me", True, lambda _, pdu: answers.append(pdu))
-        read = Request(1, bytes.fromhex("03 00 00 00 01"))
-        client.offer([read] * 100 + [Request(1, WRITE)])
-        while client.waiting:
-            clock.now_s += 0.0025
-            await asyncio.sleep(0)
-            client.hold(False)
-        assert counters.delayed > 0
-        assert len(answers) == 101
-        waited_s = clock.now_s - START_S
-        assert 0.05 < waited_s < 0.2
-        assert commander.asked[0][4] == pytest.approx(0.2 - waited_s, abs=0.01)
-        assert not client.offer([read] * (MOST_WAITING + 5))
-        assert counters.dropped == 5
-        client.close()
-
-    asyncio.run(run())
+    image, commander = enabled()
+    clock = Clock()
+    desk = desk_of(image, clock)
+    answers: list[bytes] = []
+    client = Client(desk, "me", True, lambda _, pdu: answers.append(pdu))
+    client.offer([READ] * 100 + [Request(1, WRITE)])
+    while client.waiting:
+        desk.loop.step()  # type: ignore[attr-defined]
+    waited_s = clock.now_s - START_S
+    assert waited_s == pytest.approx(41 / CLIENT_HZ)
+    assert len(answers) == 101
+    assert commander.asked[0][4] == pytest.approx(0.2 - waited_s)

@@ -18,7 +18,7 @@ def verdicts(
     bench = InProcess(
         lambda start: kind(nonce=7 + start, key=key), datagrams=datagrams, shows_cells=False
     )
-    exam = Exam(bench, key=key, share=0.2)
+    exam = Exam(bench, key=key, share=0.1)
     assert meet(exam) == ""
     return list(run(exam, chosen(number), seed=1))
 

@@ -25,7 +25,7 @@ from mapod_link.client import Link
 from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE, Frame, frame_from_bytes
 from mapod_link.serial_line import Deframer, serial_from_frame
 from mapod_link.wires import SerialWire, StreamWire, UdpWire, wire_from_url
-from tests.planner_sender import NONCE, geom_body, map_body, op, pose_body
+from tests.planner_sender import NONCE, geom_body, map_body, op, pose_body, signed_frame
 
 ROOT = Path(__file__).parent.parent
 PATIENCE_S = 20.0
@@ -132,6 +132,34 @@ def test_datagrams_that_lay_about_are_as_old_as_they_are() -> None:
         assert link.receiver.pose is not None
         assert link.receiver.pose.arrived_s < sent_s + 0.1
         assert link.advice() == ("stop", "link stale")
+
+
+def test_a_stranger_does_not_turn_answers_away() -> None:
+    with open_link("udp://127.0.0.1:0") as link, udp_sender(link) as sender:
+        for frame in frames_of_a_map():
+            sender.send(frame)
+        assert link.wait_for(has_map, PATIENCE_S)
+        with udp_sender(link) as stranger:
+            rejected = link.receiver.rejected.total()
+            stranger.send(b"a stranger")
+            assert link.wait_for(lambda known: known.rejected.total() > rejected, PATIENCE_S)
+            link.drive(0.1, 0.0)
+            stranger.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                stranger.recv(400)
+        while whole([sender.recv(400)])[0].type != DRIVE:
+            pass
+
+
+def test_a_sender_that_has_no_good_frame_yet_is_greeted_all_the_same() -> None:
+    with open_link("udp://127.0.0.1:0", key=bytes(32)) as link:
+        for _ in range(2):  # one that goes, and one that comes from elsewhere
+            with udp_sender(link) as sender:
+                sender.send(signed_frame(bytes(32), 0, GEOM, 1, 5, geom_body()))
+                rejected = link.receiver.rejected["tag"]
+                link.wait_for(lambda known, n=rejected: known.rejected["tag"] > n, PATIENCE_S)  # type: ignore[misc]
+                link.update(0.0)
+                assert whole([sender.recv(400)])[0].type == HELLO
 
 
 def test_answers_to_nobody_are_dropped() -> None:

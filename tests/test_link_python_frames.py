@@ -97,7 +97,7 @@ def test_the_stop_zone_of_the_vectors_is_read_in_metres() -> None:
     assert (zone.allowed_ahead_mps, zone.allowed_behind_mps) == (0.65, 0.0)
     assert (zone.nearest_m, zone.bearing_rad, zone.state, zone.causes) == (0.43, -0.7854, 2, 3)
     assert zone.words() == "slow: an obstacle, ground not seen"
-    assert (zone.t_ms, zone.arrived_s, zone.must_stop) == (1040, 7.0, False)
+    assert (zone.t_ms, zone.arrived_s) == (1040, 7.0)
     assert maybe_stop_zone(body_of("stop_zone") + b"\0", 0, 0.0) is None
 
 
@@ -147,6 +147,13 @@ def test_a_refused_tile_is_read_and_has_no_cells() -> None:
 
 def test_the_running_value_of_the_sheet_is_the_hashed_constant() -> None:
     assert zlib.crc32(b"MPL1") == CRC_START == 0x2994717F
+
+
+def test_a_class_of_no_meaning_is_unknown() -> None:
+    body = body_of("tile_class")
+    piece = maybe_tile_piece(body[:20] + b"\xff\xe7\xff\xff")
+    assert piece is not None
+    assert piece.values.tolist() == [0, 0, 0, 0, 0, 1, 2] + [0] * 8
 
 
 # Bodies that contradict themselves
@@ -262,6 +269,11 @@ def test_cobs_gives_back_what_went_in_and_has_no_zeros(data: bytes) -> None:
     encoded = cobs_from_bytes(data)
     assert 0 not in encoded
     assert maybe_bytes_from_cobs(encoded) == data
+
+
+@pytest.mark.parametrize("encoded", ["02 00", "00", "03 01", "01 00 01", "ff 01"])
+def test_what_is_no_cobs_is_refused(encoded: str) -> None:
+    assert maybe_bytes_from_cobs(bytes.fromhex(encoded)) is None
 
 
 @pytest.mark.parametrize("size", [253, 254, 255, 508])

@@ -272,6 +272,19 @@ def test_a_dropped_tile_is_asked_for_no_more() -> None:
     assert not sender.asked
 
 
+def test_a_piece_of_other_columns_is_left_alone() -> None:
+    receiver = Receiver(NONCE)
+    sender = Sender(receiver)
+    tile = receiver.ask_tile("height", 0, 0, 3, 3)
+    receiver.poll(1.0)
+    for rectangle in ((1, 0, 3, 3), (0, 0, 4, 3), (0, 1, 3, 3), (0, -1, 3, 3)):
+        sender.say(tile.id, 1, 0, rectangle, 0, 3, bytes(6))
+    sender.say(tile.id, 2, 0, (0, 0, 3, 3), 0, 3, bytes(6))
+    assert not tile.here.any()
+    sender.say(tile.id, 1, 0, (65_536, 65_538, 3, 1), 0, 3, bytes(6))  # its last row
+    assert tile.here.tolist() == [[False] * 3, [False] * 3, [True] * 3]
+
+
 @given(
     rectangle=st.tuples(*[st.integers(-5, 12)] * 2, *[st.integers(0, 12)] * 2),
     first=st.integers(0, 60),

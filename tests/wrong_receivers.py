@@ -78,6 +78,13 @@ def _first_gap_stays(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begi
     self.gap = self.gap if gap is None or begins else gap
 
 
+def _counts_back(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
+    """The newest is what came last, whatever its number."""
+    if self.last is not None and int16(seq - self.last) <= 0:
+        begins = True
+    SlowReceiver.count(self, now_s, seq, t_ms, begins)
+
+
 def _mask_from_newest(self: SlowReceiver, now_s: float, seq: int, t_ms: int, b: bool) -> None:
     """Bit 0 is the newest frame itself."""
     SlowReceiver.count(self, now_s, seq, t_ms, b)
@@ -234,9 +241,13 @@ WRONG: dict[str, tuple[str, type[SlowReceiver]]] = {
     "mask from the newest": ("5", wrong(count=_mask_from_newest)),
     "mask of ones": ("5", wrong(count=_mask_all)),
     "mask of another run": ("5", wrong(count=_mask_stays)),
-    "older frames are taken": ("5", wrong(is_newer=lambda s, q, t: True)),
+    "older frames are taken": ("5", wrong(is_newer=lambda s, q, t: True, count=_counts_back)),
     "repeated frames are taken": (
-        "5", wrong(is_newer=lambda s, q, t: s.last is None or int16(q - s.last) >= 0)),
+        "5",
+        wrong(
+            is_newer=lambda s, q, t: s.last is None or int16(q - s.last) >= 0, count=_counts_back
+        ),
+    ),
     "numbers do not wrap": ("5", wrong(is_newer=lambda s, q, t: s.last is None or q > s.last)),
     "unknown flags": ("4", wrong(known_flags=0xFF)),
     "unknown types are refused": ("4", wrong(feed_datagram=_one_type_too_few)),

@@ -42,6 +42,10 @@ LOSS_SHEET = (  # section 11: new obstacle and recovery in ms, refresh pass in s
     (Case(921_600, 50, "none"), "0/0/120", "40/180", "0.18", "16"),
     (Case(921_600, 50, "tick", 401), "0/0/40", "20/40", "0.16", "3"),
 )
+LEGEND = """in brackets the sheet's (section 11), where an obstacle is told with the frames of a tick.
+"held": until the receiver has it, with the line's time and the delay. In ms: p50/p99/worst.
+"wait": ticks of line time still to be sent when a tick begins, worst. "kept": ticks in which
+nothing could be sent. "unsafe": cells FREE at a receiver without doubt, told to be an OBSTACLE."""
 LINES = (115_200, 230_400, 460_800, 921_600, None)
 WINDOWS = (101, 201, 401)
 ADVISED_HZ = {(115_200, 201): 25, (115_200, 401): 10}  # section 8; 50 for all others
@@ -67,7 +71,7 @@ def print_drive(seconds: float, windows: tuple[int, ...] = WINDOWS) -> None:
 def print_loss(seconds: float, seeds: tuple[int, ...]) -> None:
     """The rows of section 11."""
     print(f"\n1 % of frames lost, 10 ms one way, tilted, {len(seeds)} drives of {seconds:g} s;")
-    print("in brackets the sheet's (section 11). Times in ms: p50/p99/worst")
+    print(LEGEND)
     _print_head()
     for case, obstacle, recovery, pass_s, suspect in LOSS_SHEET:
         got = measure(replace(case, seconds=seconds, seeds=seeds))
@@ -88,8 +92,8 @@ def print_grid(seconds: float, lines: tuple[int | None, ...] = LINES) -> None:
 
 def _print_head() -> None:
     print(
-        f"{'line, rate, window, ACK':<34}{'new obstacle, ticks of':>24}{'until held':>16}"
-        f"{'recovery':>24}{'pass s':>14}{'suspect %':>14}{'B/s':>7}{'wait':>6}{'held':>5}"
+        f"{'line, rate, window, ACK':<34}{'new obstacle: told':>22}{'held':>14}"
+        f"{'recovery':>24}{'pass s':>14}{'suspect %':>14}{'B/s':>7}{'wait':>6}{'kept':>5}"
         f"{'unsafe':>7}"
     )
 
@@ -98,11 +102,10 @@ def print_row(case: Case, got: Figures, sheet: tuple[str, str, str, str]) -> Non
     """One line of a table."""
     said = [f" ({text})" if text else "" for text in sheet]
     name = f"{case.line} {case.rate_hz} Hz {case.size} {case.scanner} {case.ack}"
-    recovery = "/".join(f"{ms:.0f}" for ms in got.recovery_ms)
     print(
         f"{name:<34}"
-        f"{_slashed(got.told_ms) + said[0]:>24}{_slashed(got.held_ms):>16}"
-        f"{recovery + said[1]:>24}{f'{got.pass_s:.2f}' + said[2]:>14}"
+        f"{_slashed(got.told_ms) + said[0]:>22}{_slashed(got.held_ms):>14}"
+        f"{_slashed(got.recovery_ms) + said[1]:>24}{f'{got.pass_s:.2f}' + said[2]:>14}"
         f"{f'{100 * got.suspect:.0f}' + said[3]:>14}{got.bytes_per_s:>7.0f}"
         f"{got.worst_wait_ticks:>6.2f}{got.ticks_held:>5}{got.unsafe:>7}",
         flush=True,

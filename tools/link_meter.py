@@ -20,6 +20,13 @@ CODE: U8 = np.array([bodies.UNKNOWN, bodies.OBSTACLE, bodies.FREE], dtype=np.uin
 assert (OBSTACLE, FREE) == (1, -1), "CODE is indexed by the records' cells"
 
 
+def _inside(i: I64, j: I64, corner: tuple[int, int], size: int) -> Mask:
+    """Which world cells a window of (size, size) with that lowest cell covers."""
+    column, row = i - corner[0], j - corner[1]
+    inside: Mask = (column >= 0) & (column < size) & (row >= 0) & (row < size)
+    return inside
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
     """The receiver's map at one instant."""
@@ -32,10 +39,8 @@ class View:
         """States (k,) of world cells; what the window does not cover is unknown."""
         states = np.zeros(i.size, dtype=np.uint8)
         if self.origin is not None:
-            column, row = i - self.origin[0], j - self.origin[1]
-            height, width = self.cells.shape
-            inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-            states[inside] = self.cells[row[inside], column[inside]]
+            inside = _inside(i, j, self.origin, len(self.cells))
+            states[inside] = self.cells[j[inside] - self.origin[1], i[inside] - self.origin[0]]
         return states
 
 
@@ -109,8 +114,10 @@ class Meter:
             self._suspect_since_s = now_s
 
     def end(self, now_s: float) -> None:
-        """No more of them; what is still wrong counts as if it were right now."""
+        """No more of them; what still waits, or is still wrong, counts as if it were right now."""
         self._watch_suspect(now_s, False)
+        self.readings.told_s.append(now_s - self._new.since_s)
+        self.readings.held_s.append(now_s - self._new.since_s)
         self.readings.recovered_s.append(now_s - self._wrong.since_s)
         self.is_on = False
 
@@ -122,9 +129,7 @@ class Meter:
         row, column = at.astype(np.int64) // self._size, at.astype(np.int64) % self._size
         i = window.corner_i + (column - window.corner_i) % self._size
         j = window.corner_j + (row - window.corner_j) % self._size
-        was_in = (abs(2 * (i - self._was[0]) + 1 - self._size) <= self._size) & (
-            abs(2 * (j - self._was[1]) + 1 - self._size) <= self._size
-        )
+        was_in = _inside(i, j, self._was, self._size)
         was_obstacle = (self._before[row, column] == OBSTACLE) & was_in
         is_new = (window.cells[row, column] == OBSTACLE) & ~was_obstacle
         self._window, self._was = window, (window.corner_i, window.corner_j)
@@ -137,9 +142,8 @@ class Meter:
     def _covered(self, cells: Waiting) -> Mask:
         """Which of them the sender's window covers."""
         assert self._window is not None
-        column, row = cells.i - self._window.corner_i, cells.j - self._window.corner_j
-        inside: Mask = (column >= 0) & (column < self._size) & (row >= 0) & (row < self._size)
-        return inside
+        corner = (self._window.corner_i, self._window.corner_j)
+        return _inside(cells.i, cells.j, corner, self._size)
 
     def _meant(self, cells: Waiting) -> U8:
         """Their states, as the sender means them; outside its window unknown."""

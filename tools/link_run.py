@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.records import F64, ObstacleWindow, PoseReport
+from core.records import F64, ObstacleWindow, PoseReport, StopZoneReport
 from hw.planner_link import PlannerLink
 from mapod_link.frames import MORE, frame_from_bytes
 from mapod_link.receiver import Receiver
@@ -22,6 +22,7 @@ START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything count
 DELAY_S, LOSS = 0.010, 0.01
 NEVER = 10**9  # frames
 NONE = float("nan")
+ZONE = StopZoneReport(2.0, 2.5, 1.0, 1.5, 3.0, 0.8, 0.3, 0.9, 0.5, (2.5,) * 8, state=2, causes=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +103,7 @@ def step(link: PlannerLink, now_s: float, place: Place, window: ObstacleWindow) 
     where = (place.x_m, place.y_m, place.yaw_rad, 0.0, 0.0, place.v_mps, place.w_radps)
     pose = PoseReport(*where, health=0x7F, age_scan_s=0.02, age_ahrs_s=0.01, age_enc_s=0.02, mode=1)
     begun_s = time.perf_counter()
-    link.step(now_s, pose, window)
+    link.step(now_s, pose, window, ZONE)
     return time.perf_counter() - begun_s
 
 

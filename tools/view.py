@@ -23,7 +23,7 @@ from rich.live import Live
 from rich.text import Text
 
 from fakes.planner import FakePlanner
-from mapod_link.advice import ZONE_STALE_S
+from mapod_link.advice import ZONE_STALE_S, allowed_mps
 from mapod_link.bodies import StopZone
 from mapod_link.wires import wire_from_url
 from tools.planner_end import PlannerEnd
@@ -105,13 +105,13 @@ def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
     if zone is None:
         return []
     words, style = zone.words(), ZONE_STYLES.get(zone.state, BAD)
-    if now_s - zone.arrived_s > ZONE_STALE_S:
-        words, style = f"not heard for {now_s - zone.arrived_s:.1f} s", BAD
+    (ahead_m, behind_m), old_s = (zone.free_ahead_m, zone.free_behind_m), now_s - zone.arrived_s
+    if old_s > ZONE_STALE_S:
+        words, style, ahead_m, behind_m = f"not heard for {old_s:.1f} s", BAD, 0.0, 0.0
+    ahead_mps, behind_mps = allowed_mps(zone, now_s)
     line = labelled("way", words, style)
-    line.append(
-        f"  ahead {zone.free_ahead_m:.2f} m, {zone.allowed_ahead_mps:.2f} m/s"
-        f"  behind {zone.free_behind_m:.2f} m, {zone.allowed_behind_mps:.2f} m/s"
-    )
+    line.append(f"  ahead {ahead_m:.2f} m, {ahead_mps:.2f} m/s")
+    line.append(f"  behind {behind_m:.2f} m, {behind_mps:.2f} m/s")
     return [line]
 
 

@@ -252,7 +252,7 @@ MAPOD_LINK_API int mapod_link_datagram(struct mapod_link *link, uint32_t now_ms,
 /* MAPOD_UNKNOWN, _FREE or _OBSTACLE; UNKNOWN outside the window and while blank. */
 MAPOD_LINK_API uint8_t mapod_link_cell(const struct mapod_link *link, uint32_t column,
                                        uint32_t row);
-/* The cell at a place of the map frame. (Divides: on a Cortex-M0 by a library function.) */
+/* The cell at a place of the map frame. */
 MAPOD_LINK_API uint8_t mapod_link_at(const struct mapod_link *link, int32_t x_mm, int32_t y_mm);
 /* Newest pose, geometry in use; NULL: none yet. */
 MAPOD_LINK_API const struct mapod_pose *mapod_link_pose(const struct mapod_link *link);
@@ -373,8 +373,11 @@ struct mapod_zone {
 /* After MAPOD_STOP_ZONE: takes it out of the buffer. False: there is none, `zone` is unchanged.
  * Begin with a zone of zeros: it says stop. */
 MAPOD_LINK_API bool mapod_zone_from(const struct mapod_link *link, struct mapod_zone *zone);
-/* Stop if its state says so (unknown and stop), and if it is older than MAPOD_ZONE_STALE_MS. Does
- * not replace mapod_link_advice where there is a map: obey the more careful of the two. */
+/* Stop if its state says so (unknown and stop), and if it is older than MAPOD_ZONE_STALE_MS. It
+ * speaks of the way the robot moves, or is asked to move, or else of ahead, and is no part of
+ * mapod_link_advice: a robot before a wall may turn, or back off. While it is not stale and not
+ * MAPOD_ZONE_UNKNOWN, go ahead no faster than allowed_ahead_mmps, back no faster than
+ * allowed_behind_mmps (0: not at all). */
 MAPOD_LINK_API enum mapod_advice mapod_zone_advice(struct mapod_zone *zone, uint32_t now_ms);
 
 /* ---- TILE: one piece of the answer to an ASK ---- */
@@ -423,7 +426,7 @@ extern "C" {
 #define MAPOD_P_HEAD 8u               /* bytes: kind, flags, seq, t_ms */
 #define MAPOD_P_MAP_HEAD 10u          /* bytes of a MAP body before its operations */
 #define MAPOD_P_AUTH 0x10u            /* flag bit 4 */
-#define MAPOD_P_SILENCE_MS 10000u      /* after it, numbers may have wrapped unseen */
+#define MAPOD_P_SILENCE_MS 60000u      /* after it, numbers may have wrapped unseen */
 #define MAPOD_P_KEEP 3u               /* an operation that leaves cells as they are */
 
 #ifdef MAPOD_LINK_NO_TILES
@@ -1149,12 +1152,31 @@ MAPOD_LINK_API bool mapod_link_check_digest(struct mapod_link *link)
     return mapod_p_is(link, MAPOD_P_DIGEST_OK);
 }
 
+/* Long division, bit by bit: a Cortex-M0 has none, and the compiler's is a library function. */
+static uint32_t mapod_p_divide(uint32_t number, uint32_t by)
+{
+    uint32_t rest = 0u;
+    uint32_t quotient = 0u;
+    uint32_t bit;
+    for (bit = 0u; bit < 32u; bit++) {
+        rest = (rest << 1) | (number >> 31);
+        number <<= 1;
+        quotient <<= 1;
+        if (rest >= by) {
+            rest -= by;
+            quotient |= 1u;
+        }
+    }
+    return quotient;
+}
+
 /* Index of a place in the endless grid, modulo 65 536; what is below 0 counts down from there. */
 static uint16_t mapod_p_index(int32_t place_mm, uint16_t cell_mm)
 {
-    const uint32_t up = ((uint32_t)place_mm) / cell_mm;
-    const uint32_t down = (0xFFFFFFFFu - (uint32_t)place_mm) / cell_mm;
-    return (uint16_t)((place_mm >= 0) ? up : ~down);
+    const uint32_t bits = (uint32_t)place_mm;
+    const uint32_t index = (place_mm >= 0) ? mapod_p_divide(bits, cell_mm)
+                                           : ~mapod_p_divide(~bits, cell_mm);
+    return (uint16_t)(index & 0xFFFFu);
 }
 
 MAPOD_LINK_API uint8_t mapod_link_at(const struct mapod_link *link, int32_t x_mm, int32_t y_mm)

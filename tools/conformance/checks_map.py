@@ -58,6 +58,20 @@ def random_maps(exam: Exam) -> str:
     return f"{frames} frames, {LOSS:.0%} of them lost, {k + 1} sizes"
 
 
+def wraps(exam: Exam) -> str:
+    """2: what stays in the window stays, where the endless grid wraps, and what leaves is gone."""
+    exam.needs_map()
+    for i, j in ((1, 0), (0, 1), (-1, 0), (0, -1), (2, -3)):
+        corner = 32_767 if i >= 0 else -32_768, 32_767 if j >= 0 else -32_768
+        exam.begin(9, 7)
+        exam.send(exam.next_map([(FREE, 40), (OBSTACLE, 23)], origin=corner))
+        for step in (1, 2, 3, -3, -1):
+            corner = corner[0] + step * i, corner[1] + step * j
+            exam.send(exam.next_map([], origin=corner))
+            exam.check(f"the window at {corner}")
+    return "to and fro over +-32 768, in x, in y and both"
+
+
 def _size(exam: Exam, k: int) -> tuple[int, int]:
     """Width and height: the smallest, the largest, long ones, and any."""
     most = exam.max_cells

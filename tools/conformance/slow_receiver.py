@@ -38,7 +38,7 @@ from tools.conformance.wire import (
 
 LENGTHS = {GEOM: 16, POSE: 24, DIGEST: 8, STOP_ZONE: 20}
 TO_SENDER = range(8, 13)  # types that only the other direction has
-SILENCE_MS = 10_000
+SILENCE_MS = 60_000
 Run = tuple[int, int, int]  # state, first cell, cell after the last
 
 

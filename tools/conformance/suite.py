@@ -45,6 +45,7 @@ CHECKS = [
     Check("1", "forms of COBS", checks_frames.cobs_forms),
     Check("2", "DIGEST", checks_map.digests),
     Check("2", "random maps, 5 % loss", checks_map.random_maps),
+    Check("2", "wrap of the grid", checks_map.wraps),
     Check("3", "errors of one and two bits", checks_frames.bit_errors),
     Check("3", "bursts up to 32 bits", checks_frames.bursts),
     Check("3", "errors in a long frame", checks_frames.long_frames),

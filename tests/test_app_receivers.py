@@ -38,7 +38,13 @@ class Company:
         ]
         self.app = App(
             config,
-            Ports(*(devices[name] for name in names), self.ports[0], tuple(self.ports[1:])),
+            Ports(
+                devices["scanner"],
+                devices["ahrs"],
+                devices["drive"],
+                self.ports[0],
+                tuple(self.ports[1:]),
+            ),
             session=SESSION,
         )
         self.now_s, self.ticks = START_S, 0

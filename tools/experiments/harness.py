@@ -152,7 +152,8 @@ def run_of(world: AnyWorld | Scene | str, configs: dict[str, Config], seed: int 
             for device, port in own.items():
                 shared[device].others.append(port)
         links.append(MemoryPort(datagrams=True))
-        apps[name] = App(config, Ports(own["scanner"], own["ahrs"], own["drive"], links[-1]), session=1)
+        ports = Ports(own["scanner"], own["ahrs"], own["drive"], links[-1])
+        apps[name] = App(config, ports, session=1)
         if name == UNCOMPENSATED:
             apps[name].mapper.maps = ReferencePlaneMaps(config, compensated=False)
         elif config.map.method == "reference_plane":

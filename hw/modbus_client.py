@@ -15,13 +15,13 @@ from typing import Protocol
 from hw.modbus_frames import Request
 from hw.modbus_image import RegisterImage, View
 from hw.modbus_layout import LATCH
+from hw.modbus_pace import Pace
 from hw.modbus_pdu import Answer, answer, refused
 from hw.modbus_refusals import Refusal
 
 CLIENT_HZ, CLIENT_BURST = 400.0, 60.0  # requests: lasting, and at once after a rest
-ALL_HZ, ALL_BURST = 1200.0, 200.0  # of all clients together
 BATCH = 4  # requests answered in one call
-MOST_WAITING = 1024  # requests of one client
+MOST_WAITING = 512  # requests of one client
 
 Send = Callable[[Request, bytes], None]
 
@@ -34,28 +34,9 @@ class ModbusCounters:
     exceptions: int = 0  # answers that refuse
     rejected: int = 0  # bytes on a line, or pieces from a network, that were no frame
     dropped: int = 0  # requests that were too many to wait
-    delayed: int = 0  # times that a client had to wait for its pace
+    delayed: int = 0  # answers that had to wait for the pace
     turned_away: int = 0  # connections, for there were too many
     idle_closed: int = 0  # connections on which nothing was asked for long
-
-
-class Pace:
-    """So many a second for long, and a burst of them after a rest."""
-
-    def __init__(self, rate_hz: float, burst: float) -> None:
-        self._rate_hz, self._burst = rate_hz, burst
-        self._left, self._at_s = burst, float("-inf")
-
-    def wait_s(self, now_s: float) -> float:
-        """How long until the next may come; 0: now."""
-        passed_s = max(0.0, now_s - self._at_s)
-        self._left = min(self._burst, self._left + passed_s * self._rate_hz)
-        self._at_s = now_s
-        return 0.0 if self._left >= 1.0 else (1.0 - self._left) / self._rate_hz
-
-    def take(self) -> None:
-        """One has come."""
-        self._left -= 1.0
 
 
 class Timer(Protocol):
@@ -87,7 +68,6 @@ class Desk:
     is_silent: bool  # to requests for other units, as a serial line demands
     identity: Mapping[int, bytes]
     counters: ModbusCounters = field(default_factory=ModbusCounters)
-    pace: Pace = field(default_factory=lambda: Pace(ALL_HZ, ALL_BURST))
 
 
 @dataclass(slots=True)
@@ -127,6 +107,7 @@ class Client:
         self._waiting: deque[tuple[float, Request]] = deque()
         self._pace = Pace(CLIENT_HZ, CLIENT_BURST)
         self._timer: Timer | None = None
+        self._has_place = False  # at both paces, for the next request
         self._is_held = False
         self.asked_s = desk.clock()  # when it last asked something
 
@@ -168,13 +149,14 @@ class Client:
             if not self._waiting or self._is_held:
                 return
             now_s = desk.clock()
-            wait_s = max(self._pace.wait_s(now_s), desk.pace.wait_s(now_s))
-            if wait_s > 0.0:
-                desk.counters.delayed += 1
-                self._timer = desk.loop.call_later(wait_s, self._work)
-                return
-            self._pace.take()
-            desk.pace.take()
+            if not self._has_place:
+                self._has_place = True
+                wait_s = max(self._pace.book(now_s), desk.image.pace.book(now_s))
+                if wait_s > 0.0:
+                    desk.counters.delayed += 1
+                    self._timer = desk.loop.call_later(wait_s, self._work)
+                    return
+            self._has_place = False
             self._answer(now_s, *self._waiting.popleft())
         if self._waiting:
             self._timer = desk.loop.call_soon(self._work)

@@ -3,8 +3,8 @@
 pymodbus 3.16 listens, accepts and holds connections. Its own handler answers only the first of
 several requests, sends UDP answers to whoever asked last, says "unknown function" with the
 wrong bytes, stays deaf after garbage and talks over other slaves: so each of its entry points for
-bytes is overridden here, and none of its messages is used. It also leaves a cycle of references
-with each connection, which nothing frees while the garbage collector is off: `_untie`.
+bytes is overridden here, and none of its messages is used. It and asyncio also leave cycles of
+references with each connection, which nothing frees while the garbage collector is off: `_untie`.
 """
 
 import asyncio
@@ -19,6 +19,7 @@ from hw.modbus_rtu import RtuReceiver, rtu_frame
 MOST_CONNECTIONS = 8
 IDLE_S = 60.0  # a TCP connection without a request is closed after this time,
 SPARED_S = 10.0  # and after this one already when another client wants its place
+MOST_BYTES = 8192  # of one TCP client, that have arrived at once
 MOST_UDP_CLIENTS = 64
 UDP_WAITING = 16  # requests of one UDP client
 CHARACTER_BITS = 11
@@ -53,6 +54,7 @@ class TcpHandler(ServerRequestHandler):
         self._owner: Owner = owner
         self._data = bytearray()
         self._client: Client | None = None
+        self._socket: asyncio.BaseTransport | None = None  # pymodbus drops its own too early
         self._is_ending = False  # it will ask nothing more, and waits for its answers
 
     @property
@@ -63,6 +65,7 @@ class TcpHandler(ServerRequestHandler):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the connection, or close it at once where there are too many."""
         super().connection_made(transport)
+        self._socket = transport
         host, port = (*(transport.get_extra_info("peername") or ("", 0)), 0, 0)[:2]
         desk = self._owner.desk
         self._client = Client(desk, f"modbus tcp {host}:{port}", is_loopback(host), self._reply)
@@ -86,6 +89,10 @@ class TcpHandler(ServerRequestHandler):
         if self._client is None or self._is_ending:
             return
         self._data += data
+        if len(self._data) > MOST_BYTES:  # not even looked at: that would take long
+            self._owner.desk.counters.dropped += 1
+            self.end()
+            return
         found, reason = take_requests(self._data)
         if not self._client.offer(found):
             self.end()
@@ -128,6 +135,8 @@ class TcpHandler(ServerRequestHandler):
         """It is gone."""
         super().connection_lost(exc)
         self._untie()
+        vars(self._socket).pop("_read_ready_cb", None)  # asyncio's own cycle of references
+        self._socket = None
 
     def callback_disconnected(self, exc: Exception | None) -> None:
         """Nothing to tell anybody."""

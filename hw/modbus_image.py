@@ -23,6 +23,7 @@ from hw.modbus_layout import (
     WINDOW,
 )
 from hw.modbus_numbers import age_ms
+from hw.modbus_pace import Pace
 from hw.modbus_refusals import Refusal
 from hw.modbus_status import STALE_S, Published, Status
 
@@ -30,6 +31,7 @@ PACK_S = 0.1  # the window is packed no more often, but at once when trust in it
 VIEW_S = 60.0  # a map frozen longer ago is not told any more
 WORD = struct.Struct(">H")
 SLACK_S = 1e-6
+ALL_HZ, ALL_BURST = 1200.0, 200.0  # requests of all clients, whatever port they come by
 
 
 def next_generation(generation: int) -> int:
@@ -74,6 +76,7 @@ class RegisterImage:
         )
         self.version, self.drive_refusal = version, drive_refusal
         self.drive = None if drive_refusal else DriveRegisters(ask)
+        self.pace = Pace(ALL_HZ, ALL_BURST)
         self._said = Published()
         self._live = self._packer.blank
         self._generation = 0  # of the newest map

@@ -7,6 +7,7 @@ limits keep it short. Logs nothing: `status` and `counters` say how it is.
 
 import asyncio
 import errno
+import functools
 import logging
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -16,7 +17,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from hw.ears import Ears
 from hw.modbus_client import Desk, ModbusCounters
-from hw.modbus_handlers import IDLE_S, LineHandler, TcpHandler, UdpHandler
+from hw.modbus_handlers import IDLE_S, MOST_CONNECTIONS, LineHandler, TcpHandler, UdpHandler
 from hw.modbus_image import RegisterImage, View
 from hw.port import SerialPort
 from hw.port_url import PortUrl, parse_url
@@ -91,6 +92,8 @@ class TcpService(_Opening, ModbusTcpServer):
         self.desk = desk
         self.connections: dict[TcpHandler, None] = {}
         super().__init__(_no_memory(), address=(url.host, url.port))
+        # asyncio accepts as many connections in one go as may wait: by itself a hundred
+        self.call_create = functools.partial(self.call_create, backlog=MOST_CONNECTIONS)
 
     def callback_new_connection(self) -> TcpHandler:
         """Of one connection."""
@@ -238,21 +241,26 @@ class ModbusServer:
         self._task = asyncio.get_running_loop().create_task(self._keep())
 
     async def stop(self) -> None:
-        """End it, and close what is open."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.wait([self._task])
-            self._task = None
+        """End it, and close what is open; raises what has ended it before, if anything has."""
+        task, self._task = self._task, None
+        if task is not None:
+            task.cancel()
+            await asyncio.wait([task])
         if self._service is not None:
             await self._service.shutdown()
             self._service, self._is_open = None, False
         self.status.fall_back("closed", "stopped")
+        if task is not None and not task.cancelled():
+            task.result()
 
     async def _keep(self) -> None:
         pause_s = TEND_LINE_S if self._url.kind == "serial" else TEND_S
-        while True:
-            await self.tend()
-            await asyncio.sleep(pause_s)
+        try:
+            while True:
+                await self.tend()
+                await asyncio.sleep(pause_s)
+        finally:
+            self.status.fall_back("closed", "ended by a mistake of ours")
 
     async def tend(self) -> None:
         """Open where that is due; look after what is open. `start` has this done."""

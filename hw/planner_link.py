@@ -250,7 +250,7 @@ class PlannerLink:
         """New geometry number: both ends start from unknown."""
         self._geom_id, self._epoch_due = (self._geom_id + 1) % 256, False
         self._geom_due |= not self.polled
-        self._digest_s = now_s  # by then what got lost at the start has been told again
+        self._digest_s = now_s - DIGEST_EVERY_S / 2  # not soon after a GEOM that some have missed
         if self.polled:
             self._map.put_away()
         self._teller.begin_epoch(self._geom_id)

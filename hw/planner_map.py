@@ -11,6 +11,7 @@ from hw.map_kernels import LONGEST_OP
 from hw.map_sender import MapSender
 from hw.planner_frames import MAP, MAP_HEAD, REFRESH, encode_map
 from hw.planner_outbox import Outbox
+from hw.planner_refresh import Round
 from hw.planner_repair import Repair, SentMap
 
 SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
@@ -34,7 +35,7 @@ class MapTeller:
         self._outbox, self._map, self._repair = outbox, ring, repair
         self._cells = ring.size**2
         self._due_cells = 0.0  # of the refresh, by its pace
-        self._pass_cell, self._pass_seq = 0, 1
+        self._round = Round(ring.size)
         self._rest_cell = 0  # where to go on with what did not fit
         self._origin: tuple[int, int] | None = None  # of the newest MAP frame
         self._has_map = False  # a MAP frame goes out in this tick
@@ -45,19 +46,14 @@ class MapTeller:
         self.geom_id = geom_id
         self._map.forget()
         self._repair.begin_epoch(self._outbox.seq)
-        self._pass_cell, self._pass_seq = 0, self._outbox.seq + 1
+        self._round.begin()
 
     def follow(self, window: ObstacleWindow) -> None:
         """Take in the map as it is meant now."""
         careful = self._repair.in_step or self._map.corner != self._origin
         old = self._map.update(window, careful)
-        if old is not None and self._pass_cell > 0:
-            # Cells that the refresh has not passed yet stay ahead of it
-            row, column = divmod(self._pass_cell, self._map.size)
-            most = self._map.size - 1
-            row = old[1] + row - window.corner_j
-            column = max(0, min(most, old[0] + column - window.corner_i)) if row >= 0 else 0
-            self._pass_cell = max(0, min(most, row)) * self._map.size + column
+        if old is not None:
+            self._round.follow(window.corner_i - old[0], window.corner_j - old[1])
 
     def tell_changes(self) -> None:
         """All marked cells in one raster pass if they fit; else what weighs most first."""
@@ -135,27 +131,23 @@ class MapTeller:
             left = max(outbox.credit - floor, min(outbox.saved, outbox.credit))
             if self._has_map and (self._due_cells < 1 or left < slice_cost):
                 break
-            before, begun = outbox.credit, self._pass_cell
-            self._tell_slice(outbox.room(max(least, left), MAP_HEAD.size))
-            passed = (self._pass_cell or self._cells) - begun
+            before = outbox.credit
+            passed = self._tell_slice(outbox.room(max(least, left), MAP_HEAD.size))
             self._due_cells = max(0.0, self._due_cells - passed)
             outbox.saved = max(0.0, outbox.saved - (before - outbox.credit))
         if self._due_cells < 1:
             outbox.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
-    def _tell_slice(self, room: int) -> None:
-        """The next cells of the pass in one frame."""
-        begun, due = self._pass_cell, max(1, math.floor(self._due_cells))
-        if begun == 0:
-            self._pass_seq = self._outbox.seq + 1
+    def _tell_slice(self, room: int) -> int:
+        """The next cells of the round in one frame; how many."""
+        begun, due = self._round.cell, max(1, math.floor(self._due_cells))
         end = min(self._cells, begun + due)
-        start, ops, self._pass_cell, marked = self._map.encode(
-            map_kernels.REFRESH, begun, end, room
-        )
-        if self._pass_cell >= self._cells:
-            self._pass_cell = 0
-            self._repair.note_pass(self._pass_seq)
+        self._round.note_slice(self._outbox.seq + 1)
+        start, ops, cell, marked = self._map.encode(map_kernels.REFRESH, begun, end, room)
+        if seq := self._round.advance(cell):
+            self._repair.note_round(seq)
         self._queue(REFRESH, start, ops, marked)
+        return cell - begun
 
     def _queue(self, flags: int, start: int, ops: bytes, marked: I32) -> None:
         """A frame with cells that were just encoded: it may say that it has repaired all."""

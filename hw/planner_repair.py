@@ -78,8 +78,8 @@ class Repair:
             self._sent.clear()
             self.in_step = False
 
-    def note_pass(self, first_seq: int) -> None:
-        """A whole pass of the refresh, begun with that frame, has been sent."""
+    def note_round(self, first_seq: int) -> None:
+        """A whole round of the refresh, begun with that frame, is sent with the next one."""
         self.repaired = max(self.repaired, first_seq - 1)
 
     def settle(self) -> None:

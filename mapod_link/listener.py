@@ -209,11 +209,7 @@ class Listener:
             return ""
         foreign = frame.type == MAP and self._is_foreign(frame.body)
         body = geom or (None if foreign else self._maybe_body(now_s, frame))
-        if (
-            body is None
-            and not foreign
-            and frame.type in (GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE)
-        ):
+        if body is None and not foreign and frame.type in MEANT:
             return "body"
         if anew and not begins:
             self._map.forget()

@@ -111,7 +111,7 @@ def write_inputs(folder: Path, inputs: list[bytes]) -> list[Path]:
 def fuzz(corpus: Path, *limits: str) -> subprocess.CompletedProcess[str]:
     """Run the fuzzer in a corpus that has the seeds in it."""
     write_inputs(corpus, seeds())
-    command = [str(build_fuzzer()), "-max_len=4096", "-print_final_stats=1", *limits, str(corpus)]
+    command = [str(build_fuzzer()), "-max_len=1500", "-print_final_stats=1", *limits, str(corpus)]
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=corpus.parent)
 
 

@@ -53,7 +53,7 @@ class Zone(ctypes.Structure):
     """struct mapod_zone."""
 
     _fields_ = (
-        ("arrived_ms", u32), ("free_ahead_mm", u16), ("obstacle_ahead_mm", u16),
+        ("arrived_ms", u32), ("t_ms", u32), ("free_ahead_mm", u16), ("obstacle_ahead_mm", u16),
         ("free_behind_mm", u16), ("obstacle_behind_mm", u16), ("contact_ms", u16),
         ("allowed_ahead_mmps", u16), ("allowed_behind_mmps", u16), ("nearest_mm", u16),
         ("bearing", i16), ("state", u8), ("causes", u8),

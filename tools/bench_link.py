@@ -42,10 +42,11 @@ LOSS_SHEET = (  # section 11: new obstacle and recovery in ms, refresh pass in s
     (Case(921_600, 50, "none"), "0/0/120", "40/180", "0.18", "16"),
     (Case(921_600, 50, "tick", 401), "0/0/40", "20/40", "0.16", "3"),
 )
-LEGEND = """in brackets the sheet's (section 11), where an obstacle is told with the frames of a tick.
-"held": until the receiver has it, with the line's time and the delay. In ms: p50/p99/worst.
-"wait": ticks of line time still to be sent when a tick begins, worst. "kept": ticks in which
-nothing could be sent. "unsafe": cells FREE at a receiver without doubt, told to be an OBSTACLE."""
+LEGEND = """in brackets the sheet's (section 11). In ms: p50/p99/worst. "told": from the tick in
+which a cell is an obstacle to the tick whose frames tell it; "held": until the receiver has it,
+with the time of the line and the delay. "wait": ticks of line time still to be sent when a tick
+begins, worst. "kept": ticks in which nothing could be sent. "unsafe": cells FREE at a receiver
+without doubt that was told of an OBSTACLE there."""
 LINES = (115_200, 230_400, 460_800, 921_600, None)
 WINDOWS = (101, 201, 401)
 ADVISED_HZ = {(115_200, 201): 25, (115_200, 401): 10}  # section 8; 50 for all others

@@ -20,8 +20,9 @@ from tools.conformance.over_port import NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
 
 PASSED, FAILED, NOT_EXAMINED = 0, 1, 2
+SECONDS = 120.0  # that all tests may take, about
 RESTART_S = 30.0  # to wait for a receiver that has to be started anew
-LINE = "{:<4}{:<28}{:<9}{}"
+LINE = "{:<4}{:<30}{:<9}{}"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -30,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         checks = chosen(options.only)
         key = _key(options.key_file)
-        bench = OverPort(options.port)
+        bench = OverPort(options.port, options.gap_ms / 1000)
     except (ValueError, OSError, PortUrlError) as error:
         print(f"link_test: {error}")
         return NOT_EXAMINED
@@ -38,7 +39,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"link_test: {options.port} does not open: {reason}")
         return NOT_EXAMINED
     budget_s = options.seconds / max(1, len(checks))
-    exam = Exam(bench, seed=options.seed, key=key, budget_s=budget_s, share=1.0)
+    share = min(1.0, options.seconds / SECONDS)
+    exam = Exam(bench, seed=options.seed, key=key, budget_s=budget_s, share=share)
     try:
         if not _met(exam):
             return NOT_EXAMINED
@@ -57,8 +59,13 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     numbers = ", ".join(dict.fromkeys(check.number for check in CHECKS))
     parser.add_argument("--port", required=True, help="udp://..., tcp://... or serial:///...")
     parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits")
-    parser.add_argument("--seconds", type=float, default=120.0, help="about how long (120)")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help=f"about how long ({SECONDS:g})"
+    )
     parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
+    parser.add_argument(
+        "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
+    )
     parser.add_argument("--seed", type=int, default=1, help="of what is drawn by chance (1)")
     return parser.parse_args(arguments)
 

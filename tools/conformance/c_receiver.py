@@ -75,8 +75,7 @@ def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
     lib.receiver_stream.restype = u32
     lib.receiver_window.argtypes = [handle, ctypes.c_void_p]
     lib.receiver_poll.argtypes, lib.receiver_poll.restype = [handle, u32, data], u32
-    lib.receiver_ack.argtypes = [handle, u32, ctypes.c_int32, data]
-    lib.receiver_ack.restype = u32
+    lib.receiver_say.argtypes = [handle, ctypes.c_int, ctypes.c_int]
     lib.receiver_state.argtypes = [handle, u32, ctypes.POINTER(State)]
     return lib
 
@@ -116,6 +115,10 @@ class CReceiver:
         while size := self._lib.receiver_poll(self._handle, now_ms, self._out):
             frames.append(self._out.raw[:size])
         return frames
+
+    def want_full(self) -> None:
+        """Ask for a new epoch with the next ACK."""
+        self._lib.receiver_say(self._handle, 1, 1)
 
     def window(self) -> U8:
         """(height, width) copy of all cells."""

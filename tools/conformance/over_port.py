@@ -17,6 +17,9 @@ class NotOpenError(Exception):
 class OverPort:
     """An examinee behind udp://, tcp:// or serial://.
 
+    Args:
+        gap_s: between two datagrams, for receivers that have room for few.
+
     Raises:
         NotOpenError: not within OPEN_S.
         PortUrlError: no such URL.
@@ -24,8 +27,8 @@ class OverPort:
 
     in_process = False
 
-    def __init__(self, url: str) -> None:
-        self._port = open_port(url)
+    def __init__(self, url: str, gap_s: float = 0.0005) -> None:
+        self._port, self._gap_s = open_port(url), gap_s
         self.datagrams = self._port.datagrams
         self._splitter = Splitter()
         end_s = time.monotonic() + OPEN_S
@@ -40,8 +43,10 @@ class OverPort:
         return time.monotonic()
 
     def send(self, data: bytes) -> None:
-        """Waits until the line has taken it."""
+        """Waits until the line has taken it; a little longer after a datagram."""
         self._port.write(data)
+        if self.datagrams and self._gap_s:
+            time.sleep(self._gap_s)
         while self._port.poll(time.monotonic()) and self._port.backlog > 0:
             time.sleep(NAP_S)
 

@@ -4,7 +4,14 @@ import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from tools.conformance import checks_frames, checks_map, checks_sender, checks_state, checks_time
+from tools.conformance import (
+    checks_damage,
+    checks_frames,
+    checks_map,
+    checks_sender,
+    checks_state,
+    checks_time,
+)
 from tools.conformance.exam import DeviationError, Exam, UnseenError
 from tools.conformance.wire import (
     DIGEST,
@@ -46,10 +53,10 @@ CHECKS = [
     Check("2", "DIGEST", checks_map.digests),
     Check("2", "random maps, 5 % loss", checks_map.random_maps),
     Check("2", "wrap of the grid", checks_map.wraps),
-    Check("3", "errors of one and two bits", checks_frames.bit_errors),
-    Check("3", "bursts up to 32 bits", checks_frames.bursts),
-    Check("3", "errors in a long frame", checks_frames.long_frames),
-    Check("3", "damaged bytes on the line", checks_frames.damaged_stream),
+    Check("3", "errors of one and two bits", checks_damage.bit_errors),
+    Check("3", "bursts up to 32 bits", checks_damage.bursts),
+    Check("3", "errors in a long frame", checks_damage.long_frames),
+    Check("3", "damaged bytes on the line", checks_damage.damaged_stream),
     Check("4", "random bytes, cut frames", checks_frames.junk),
     Check("4", "right CRC, arbitrary body", checks_frames.arbitrary_bodies),
     Check("4", "tags", checks_frames.tags),

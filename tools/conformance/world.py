@@ -8,6 +8,7 @@ import numpy.typing as npt
 from core.records import FREE, OBSTACLE, ObstacleWindow, PoseReport
 
 I8 = npt.NDArray[np.int8]
+CODES = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown 0, obstacle 1, free -1
 STANDING = PoseReport(1.0, 2.0, 0.3, 0.0, 0.0, 0.5, 0.1, 0x7F, 0.02, 0.01, 0.05, 1)
 
 
@@ -61,6 +62,12 @@ class World:
         self._cells[:] = 0
         self.epoch += 1
         self._changed.clear()
+
+    def meant(self) -> npt.NDArray[np.uint8]:
+        """(size, size) codes that a receiver should hold, in window coordinates."""
+        cells = np.roll(self._cells, (-self.corner[1], -self.corner[0]), axis=(0, 1))
+        codes = CODES[cells]
+        return codes if self.trusted else np.where(codes == 1, 0, codes).astype(np.uint8)
 
     def window(self) -> ObstacleWindow:
         """As the core hands it over."""

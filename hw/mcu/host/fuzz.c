@@ -53,7 +53,7 @@ static void look(struct end *end, uint32_t now_ms, int outcome)
         (void)mapod_link_check_digest(&end->link);
     }
     (void)mapod_zone_from(&end->link, &end->zone);
-    (void)mapod_zone_advice(&end->zone, now_ms);
+    (void)mapod_zone_advice(&end->zone, &end->link, now_ms);
     if (mapod_tile_from(&end->link, &tile)) {
         for (column = 0; column <= tile.count; column++) {
             (void)mapod_tile_value(&tile, column);
@@ -143,7 +143,10 @@ static void feed(struct end *end, uint32_t kind, uint8_t way, uint16_t seq, uint
         line[(uint32_t)seq % size] ^= (uint8_t)(1u + (way & 15u)); /* damage on the line */
     }
     for (i = 0; i < size; i++) {
-        look(end, now_ms, mapod_link_byte(&end->link, now_ms, line[i]));
+        const int outcome = mapod_link_byte(&end->link, now_ms, line[i]);
+        if (outcome != MAPOD_NOTHING || i + 1u == size) {
+            look(end, now_ms, outcome);
+        }
     }
 }
 

@@ -231,7 +231,7 @@ void receiver_state(struct receiver *self, uint32_t now_ms, struct state *state)
     state->auth_failed = mapod_p_is(link, MAPOD_P_AUTH_FAILED);
     state->advice = (uint8_t)mapod_link_advice(link, now_ms);
     state->why = (uint8_t)mapod_link_why(link, now_ms);
-    state->zone_advice = (uint8_t)mapod_zone_advice(&self->zone, now_ms);
+    state->zone_advice = (uint8_t)mapod_zone_advice(&self->zone, link, now_ms);
 }
 
 uint32_t receiver_digest(const struct receiver *self)

@@ -84,7 +84,7 @@ static void say_zone(void)
 {
     say_number("zone state=", zone.state);
     say_number(" free_ahead=", zone.free_ahead_mm);
-    say_number(" advice=", (int32_t)mapod_zone_advice(&zone, board_now_ms()));
+    say_number(" advice=", (int32_t)mapod_zone_advice(&zone, &receiver, board_now_ms()));
     say("\n");
 }
 

@@ -1,0 +1,68 @@
+"""The soak's short form: both receivers and the sender on rough wires, every kind of link."""
+
+import pytest
+
+from tools.conformance.c_receiver import NoCompilerError, library
+from tools.conformance.exam import DeviationError
+from tools.conformance.rough_wire import Roughness, RoughWire
+from tools.conformance.soak import Soak
+from tools.conformance.soak_leg import leg_of
+from tools.conformance.wire import FREE, maybe_uncobs
+
+FRAMES = 1300  # in each of 16 legs
+
+
+@pytest.fixture(autouse=True)
+def _a_compiler() -> None:
+    try:
+        library()
+    except NoCompilerError:
+        pytest.skip("needs gcc: apt install gcc")
+
+
+@pytest.mark.parametrize("number", range(16))
+def test_both_receivers_agree_and_nothing_is_free_that_was_told_otherwise(number: int) -> None:
+    leg = Soak(leg_of(number, seed=3), seed=3)
+    leg.run(FRAMES)
+    sums = leg.sums()
+    assert sums["wraps of seq"] >= 1 or sums["sender restart"] >= 1
+    assert sums["settled"] >= 1
+    assert sums["lost"] > 0
+    assert sums["compared"] > 50
+
+
+def test_all_kinds_of_links_are_among_the_legs() -> None:
+    legs = [leg_of(number, seed=1) for number in range(16)]
+    kinds = {(leg.datagrams, leg.keyed, leg.way_back) for leg in legs}
+    assert len(kinds) == 8
+    answering = {(leg.datagrams, leg.keyed, leg.c_answers) for leg in legs if leg.way_back}
+    assert len(answering) == 8
+
+
+def test_the_same_leg_and_seed_bring_the_same_about() -> None:
+    legs = [Soak(leg_of(5, seed=9), seed=9) for _ in range(2)]
+    for leg in legs:
+        leg.run(400)
+    assert legs[0].sums() == legs[1].sums()
+    assert list(legs[0].tail) == list(legs[1].tail)
+
+
+def test_a_cell_that_is_free_in_one_receiver_alone_is_found() -> None:
+    leg = Soak(leg_of(2, seed=1), seed=1)
+    leg.run(300)
+    cells = leg.python._map._cells
+    cells[cells != FREE] = FREE
+    with pytest.raises(DeviationError, match="cells"):
+        leg.run(600)
+
+
+def test_a_rough_wire_carries_frames_whole_but_for_what_it_is_told_to_do() -> None:
+    frames = [bytes([k % 251 + 1, 0, k % 7]) * 9 for k in range(500)]
+    smooth = RoughWire(Roughness(), datagrams=False, seed=1)
+    stream = b"".join(piece for whole in frames for piece in smooth.carry(whole))
+    assert [maybe_uncobs(part) for part in stream.split(b"\0")[:-1]] == frames
+    rough = RoughWire(Roughness(0.1, 0.01, 0.0, 0.1, 0.1), datagrams=True, seed=1)
+    arrived = [piece for whole in frames for piece in rough.carry(whole)] + rough.flush()
+    assert set(arrived) <= set(frames)
+    assert len(arrived) == 500 - rough.lost + rough.repeated
+    assert rough.swapped > 0

@@ -152,8 +152,6 @@ class RtuReceiver:
                 self._sort(len(self._buffer), found)
             elif long or not self._may_grow():
                 self._drop(size)
-        if long:
-            self._asked = None
         return found
 
     def _sizes(self) -> tuple[int, ...]:

@@ -9,6 +9,7 @@ import asyncio
 import errno
 import functools
 import logging
+import socket
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -193,6 +194,8 @@ SERVICES: dict[str, Callable[[Desk, PortUrl], Service]] = {
 
 def _why_closed(error: OSError, url: PortUrl) -> str:
     """Why nothing can be served at this URL."""
+    if isinstance(error, socket.gaierror):
+        return f"the host {url.host!r} has no known address"
     if error.errno == errno.EADDRINUSE:
         return f"port {url.port} at {url.host} is in use by another program"
     if error.errno == errno.EADDRNOTAVAIL:

@@ -217,8 +217,9 @@ class PlannerLink:
         polled = hello.polls or not self._push
         if (hello.nonce, refusal, polled) != (self._nonce, self.refusal, self.polled):
             self._nonce, self.refusal, self.polled = hello.nonce, refusal, polled
-            self.planner_status = 0
-            self._repair.forget_order()
+            if self._key is None:  # else anybody could take back that the planner stopped
+                self.planner_status = 0
+            self._repair.note_hello(hello.nonce)
             self._tiles.forget()
             self._outbox.secret = self._secret
             self._epoch_due = True
@@ -279,7 +280,7 @@ class PlannerLink:
         if not self.polled:
             self._teller.follow(window)
         dt_s = self._outbox.earn(now_s)
-        if not is_open or self.port.backlog > 0 or self._outbox.credit < 0.0:
+        if not is_open or self._outbox.is_full:
             self.ticks_held += 1
             return
         self._tell_state(now_s, pose, zone)
@@ -332,7 +333,8 @@ class PlannerLink:
             self._tell_tiles(outbox.credit - outbox.saved - outbox.tick_bytes / 2, window, source)
             spare = 0.0
         self._teller.refresh(dt_s, spare)
-        if now_s - self._digest_s >= DIGEST_EVERY_S - CLOSE_S and self._map.lost == 0:
+        is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq
+        if is_known and now_s - self._digest_s >= DIGEST_EVERY_S - CLOSE_S:
             room = outbox.credit - outbox.saved - outbox.tick_bytes / 2
             if room >= outbox.cost(DIGEST_BODY.size):
                 self._digest_s = now_s

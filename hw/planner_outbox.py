@@ -59,15 +59,30 @@ class Outbox:
         return self._bytes_per_s * self._tick_s
 
     def earn(self, now_s: float) -> float:
-        """Budget for the time since the last tick, which is returned (s, bounded)."""
+        """Budget for the time since the last tick, which is returned (s, bounded).
+
+        What the wire still holds of earlier ticks is part of what this one may fill.
+        """
         dt_s = max(0.0, min(now_s - self._earned_s, SAVED_TICKS * self._tick_s))
         self._earned_s = now_s
         earned, most = self._bytes_per_s * dt_s, self.tick_bytes * SAVED_TICKS
-        self.credit = min(self.credit + earned, most)
+        waiting = min(float(self.port.backlog), self._line_bytes)
+        longest = LONGEST_BURST * self._line_bytes - waiting
+        self.credit = min(self.credit + earned, most, longest)
         share = REFRESH_SHARE * earned
         most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
         self.saved = min(self.saved + share, most_saved)
         return dt_s
+
+    @property
+    def _line_bytes(self) -> float:
+        """What the line could carry in one tick, were it used to the full."""
+        return self.tick_bytes / LINE_SHARE
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the wire is more than a tick behind, or the budget is overdrawn."""
+        return self.port.backlog > self._line_bytes or self.credit < 0.0
 
     def _frame_bytes(self, body_bytes: int) -> int:
         return HEAD.size + body_bytes + CRC.size + (TAG_BYTES if self.secret else 0)

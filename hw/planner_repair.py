@@ -15,6 +15,7 @@ from hw.planner_answers import NEED_GEOM, Ack
 ACK_WINDOW = 33  # frames that an ACK speaks of
 REMEMBERED = 512  # MAP frames without an ACK
 MOST_LAG = 2**14  # frames: half of what a receiver can tell from the future
+MOST_NONCES = 256  # of planners that have answered in this session
 LATE_MS = 2000  # an ACK that is older than the newest by more is from a planner started again
 
 
@@ -39,7 +40,8 @@ class Repair:
         self._geom_seq = 0  # first GEOM frame of this epoch, while nobody knows of its arrival
         self.in_step = True  # ACKs, if any come, tell of every MAP frame of this epoch
         self.frames_lost = 0
-        self._newest: tuple[int, int] | None = None  # t_ms and seq of the newest ACK
+        self._nonce = 0
+        self._newest: dict[int, tuple[int, int]] = {}  # by nonce: t_ms and seq of the newest ACK
 
     def begin_epoch(self, seq: int) -> None:
         """After frame `seq`, both ends start from unknown."""
@@ -48,20 +50,27 @@ class Repair:
         self.epoch_seq, self._geom_seq = seq + 1, 0
         self.in_step = True
 
-    def forget_order(self) -> None:
-        """A planner has started: its numbers and its clock begin anew."""
-        self._newest = None
+    def note_hello(self, nonce: int) -> None:
+        """A planner has started: its numbers and its clock begin anew, not so those of a nonce.
+
+        A HELLO has no tag. Anybody may repeat an old one, and then what was signed for it.
+        """
+        self._nonce = nonce
+        if not self._strict:
+            self._newest.clear()
+        elif len(self._newest) > MOST_NONCES:
+            del self._newest[next(iter(self._newest))]
 
     def is_late(self, ack: Ack) -> bool:
         """Whether a newer one has been taken before; notes this one if not."""
-        if self._newest is not None:
-            t_ms, seq = self._newest
+        if self._nonce in self._newest:
+            t_ms, seq = self._newest[self._nonce]
             after_ms = (ack.t_ms - t_ms + 2**31) % 2**32 - 2**31
             ahead = (ack.seq - seq + 2**15) % 2**16 - 2**15
             is_older = after_ms < 0 or (after_ms == 0 and ahead < 0)
             if is_older and (self._strict or after_ms > -LATE_MS):
                 return True
-        self._newest = ack.t_ms, ack.seq
+        self._newest[self._nonce] = ack.t_ms, ack.seq
         return False
 
     def note_geom(self, seq: int) -> None:

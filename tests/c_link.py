@@ -77,9 +77,9 @@ def build_receiver() -> Path:
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
+def library(*settings: str) -> ctypes.CDLL:
     """The header, compiled for this machine, with its calls' types."""
-    lib = ctypes.CDLL(str(build_library()))
+    lib = ctypes.CDLL(str(build_library(*settings)))
     handle, u32, u8s = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_char_p
     lib.receiver_new.argtypes = [u32, u32, u8s, ctypes.c_int]
     lib.receiver_new.restype = handle
@@ -134,6 +134,7 @@ class CReceiver:
         ack_period_s: an ACK at least so often; the header's own 0.1 s always holds too.
         max_cells: of the largest window that it takes.
         poll_only: the sender shall push nothing.
+        settings: words for the compiler that set the header up.
     """
 
     def __init__(
@@ -145,8 +146,9 @@ class CReceiver:
         ack_period_s: float = 0.1,
         max_cells: int = 401 * 401,
         poll_only: bool = False,
+        settings: tuple[str, ...] = (),
     ) -> None:
-        self._lib = library()
+        self._lib = library(*settings)
         self.nonce, self.max_cells = nonce if ack_every else 0, max_cells
         self.ack_every, self.ack_period_s = ack_every, ack_period_s
         self._unacked, self._acked_s = 0, -math.inf

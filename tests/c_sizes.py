@@ -48,8 +48,8 @@ def linked(core: str, functions: tuple[str, ...], *defines: str) -> Size:
     absent = [f"-Wl,--defsym={name}=0" for name in ("memset", "memcpy")]
     source = str(MCU / "sizes.c")
     with tempfile.TemporaryDirectory() as folder:
-        words = (f"-mcpu={core}", *defines, *bare, *kept, *absent, source)
-        elf = compile_c("arm-none-eabi-gcc", PACKAGE, Path(folder) / "x.elf", *OPTIONS, *words)
+        chosen = (f"-mcpu={core}", *defines, *bare, *kept, *absent, source)
+        elf = compile_c("arm-none-eabi-gcc", PACKAGE, Path(folder) / "x.elf", *OPTIONS, *chosen)
         lines = _output("arm-none-eabi-size", "-A", str(elf)).splitlines()
     sizes = {
         words[0]: int(words[1])

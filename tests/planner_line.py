@@ -110,7 +110,7 @@ class HeldPort(MemoryPort):
     @property
     def backlog(self) -> int:
         """Bytes that wait."""
-        return 100 if self.held else 0
+        return 100_000 if self.held else 0
 
     @backlog.setter
     def backlog(self, waiting: int) -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from hw.modbus_server import ModbusServer
-from hw.port_url import PortUrlError
+from hw.modbus_server import ModbusServer, _why_closed
+from hw.port_url import PortUrlError, parse_url
 from tests.modbus_rig import (
     READ_TEN,
     Clock,
@@ -88,6 +88,8 @@ def test_what_can_not_be_served_is_told_in_words(tmp_path: Path) -> None:
 
     asyncio.run(run("tcp://192.0.2.1:5020", "does not have the address 192.0.2.1"))
     asyncio.run(run(f"serial://{tmp_path}/none?baud=9600", "no such device"))
+    nobody = _why_closed(socket.gaierror(-2, "unknown"), parse_url("tcp://nobody:5020"))
+    assert nobody == "the host 'nobody' has no known address"
     with pytest.raises(PortUrlError):
         ModbusServer("http://nowhere", new_image(), Clock())
     with pytest.raises(ValueError, match="unit must be within"):

@@ -93,12 +93,17 @@ def test_the_checksum_is_that_of_the_standard(data: bytes) -> None:
         st.one_of(requests().map(lambda pdu: framed(1, pdu)), spoken_by_others()), max_size=6
     ),
     cuts=CUTS,
+    pauses=st.sets(st.integers(0, 6)),
 )
-def test_requests_for_us_are_found_among_what_others_say_wherever_it_is_cut(
-    parts: list[bytes], cuts: list[int]
+def test_requests_for_us_are_found_among_what_others_say_wherever_it_is_cut_or_pauses(
+    parts: list[bytes], cuts: list[int], pauses: set[int]
 ) -> None:
     receiver = RtuReceiver(OURS)
-    found = [one for piece in cut(b"".join(parts), cuts) for one in receiver.feed(piece)]
+    found: list[Request] = []
+    for number, piece in enumerate(cut(b"".join(parts), cuts)):
+        found += receiver.feed(piece)
+        if number in pauses:  # an adapter that holds bytes back for a while
+            found += receiver.silence(long=False)
     assert [framed(*one[:2]) for one in found] == [part for part in parts if part[0] == 1]
     assert receiver.rejected == 0
     assert not receiver.waits
@@ -143,6 +148,7 @@ def test_while_another_slave_answers_a_pause_makes_no_request_of_its_bytes() -> 
     receiver = RtuReceiver(OURS)
     reply = framed(17, bytes((3, 20)) + b"\0\0" + READ + b"\0" * 10)
     assert receiver.feed(framed(17, bytes.fromhex("03 00 00 00 0A"))) == []
+    assert receiver.silence(long=True) == []  # a slow slave
     assert receiver.feed(reply[:13]) == []
     assert receiver.silence(long=False) == []
     assert receiver.feed(reply[13:]) == []

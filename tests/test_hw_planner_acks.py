@@ -115,8 +115,10 @@ def test_with_a_key_no_older_acknowledgement_is_ever_taken() -> None:
     late = Ack(5, 100, 1, 0, 0, 0.0, 0, 0, 7)
     assert not repair.is_late(Ack(9, 1_000_000, 1, 0, 0, 0.0, 0, 0, 7))
     assert repair.is_late(late)
-    repair.forget_order()  # a HELLO
+    repair.note_hello(5)
     assert not repair.is_late(late)
+    repair.note_hello(0)  # anybody may repeat an old one
+    assert repair.is_late(late)
     assert not Repair(MapSender(9), 0, strict=False).is_late(late)
 
 
@@ -274,3 +276,16 @@ def test_a_round_is_complete_when_each_cell_was_told_or_has_entered_since(
 def test_without_acknowledgements_at_first_nothing_is_kept_for_ever() -> None:
     line = quiet()
     assert len(line.link._repair._sent) <= REMEMBERED
+
+
+@pytest.mark.parametrize("key", [None, bytes(32)])
+def test_a_hello_takes_back_a_stop_only_where_none_can_be_forged(key: bytes | None) -> None:
+    line = Line(Sky(9, 3), key=key)
+    line.settle(0.1)
+    line.planner.stopped = True
+    line.settle(0.1)
+    assert line.link.stopped
+    line.planner.mute = True
+    line.port.give(bytes_from_frame(9, 1, 1, hello_body(999, 10_000)))
+    line.tick()
+    assert line.link.stopped == (key is not None)

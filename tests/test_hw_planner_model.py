@@ -208,6 +208,8 @@ class Run:
         assert not self.end.differs or self.end.is_stranger
         corner = self.link._map.corner
         assert corner is not None
+        if self.port.backlog:
+            return False  # what has changed since was told to nobody
         complete = self.end.last == self.link._outbox.seq % 2**16  # else no gap can show yet
         if not complete or self.end.gap is not None or self.end.origin != corner:
             return False

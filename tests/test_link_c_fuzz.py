@@ -8,8 +8,8 @@ import pytest
 
 from tests.c_fuzz import build_replayer, fuzz, random_input, seeds, write_inputs
 
-INPUTS = 1000
-RUNS = 8_000
+INPUTS = 700
+RUNS = 5_000
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])

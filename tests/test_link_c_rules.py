@@ -226,6 +226,14 @@ def test_a_digest_that_differs_stops_the_planner_and_asks_for_everything() -> No
     state = line.receiver.state(line.now_s)
     assert (state.digest_ok, state.need_full) == (False, True)
     assert line.advice() == ("stop", "the map is not the sender's")
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right))
+    assert line.advice() == ("go", "")
+    assert not line.receiver.state(line.now_s).need_full
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 2))
+    line.send(POSE, pose(), lost=True)
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right))
+    state = line.receiver.state(line.now_s)
+    assert (state.suspect, state.digest_ok, state.need_full) == (True, False, True)
     line.send(GEOM, geom(8))
     assert not line.receiver.state(line.now_s).need_full
 

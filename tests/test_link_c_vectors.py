@@ -81,6 +81,31 @@ def test_the_pose_of_the_worked_example_is_read_as_printed() -> None:
     assert (pose.age_scan, pose.age_attitude, pose.age_encoders) == (3, 1, 2)
 
 
+def test_the_way_for_big_endian_processors_reads_the_same() -> None:
+    receivers = [CReceiver(NONCE, settings=words) for words in ((), ("-DMAPOD_LINK_BIG_ENDIAN",))]
+    for receiver in receivers:
+        for name in ("geom", "pose", "map", "geom"):
+            receiver.feed_datagram(1.02, vector(name))
+    poses = [bytes(receiver.pose) for receiver in receivers if receiver.pose]
+    assert poses[0] == poses[1]
+    states = [bytes(receiver.state(1.03)) for receiver in receivers]
+    assert states[0] == states[1]
+    assert (receivers[0].window() == receivers[1].window()).all()
+
+
+def test_a_receiver_of_short_frames_that_only_asks_says_so_as_printed() -> None:
+    short = ("-DMAPOD_FRAME_MAX=128u",)
+    receiver = CReceiver(NONCE, max_cells=101 * 101, poll_only=True, settings=short)
+    for _ in range(3):
+        receiver.hello(1.0)
+    receiver.take()
+    receiver.hello(52.37)
+    assert receiver.take()[0].hex(" ") == VECTORS["hello_poll"]
+    assert serial_from_frame(vector("hello_poll")) == vector("hello_poll_serial")
+    assert not receiver.feed_datagram(1.0, bytes(129))
+    assert receiver.rejected == {"length": 1}
+
+
 def answers(receiver: CReceiver) -> dict[str, bytes]:
     """What the protocol prints as said by this receiver, in its order of numbers."""
     external = ExternalPose(105_250, -48_900, 12_345, 20, 30, -2_500, 175, 40)

@@ -73,6 +73,14 @@ def test_every_error_of_one_and_two_bits_and_every_burst_is_refused(name: str) -
 
 
 @pytest.mark.parametrize("name", RECEIVERS)
+def test_maps_of_up_to_401_by_401_cells_equal_those_of_the_model(name: str) -> None:
+    make = RECEIVERS[name]
+    exam = Exam(InProcess(lambda start: make(start, None)), share=0.15)
+    assert meet(exam) == ""
+    assert [verdict.failure for verdict in run(exam, chosen("2"), seed=1)] == [None] * 3
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
 @pytest.mark.parametrize("half", [POSE, MAP])
 def test_stale_comes_at_stale_ms_to_the_millisecond(name: str, half: int) -> None:
     receiver = RECEIVERS[name](0, None)

@@ -65,8 +65,8 @@
  *
  * MEMORY (32 bit). struct mapod_link 460 bytes with its frame buffer (with AUTH and 8 left
  * sessions 504), struct mapod_talk 20. Code of init, byte, datagram, cell, pose, suspect, stale and
- * ACK by gcc 12 -Os: 2.1 KB on a Cortex-M3 or M4, 2.3 KB on an M0, tables 80 bytes, 0.1 KB more with
- * STOP_ZONE and TILE; all of this file 3.9 KB. Stack 192 bytes at most, 344 with AUTH.
+ * ACK by gcc 12 -Os: 2.1 KB on a Cortex-M3 or M4, 2.3 KB on an M0; tables 80 bytes; STOP_ZONE and
+ * TILE 0.1 KB more; all of this file 3.9 KB. Stack 192 bytes at most, 344 with AUTH.
  *
  * WITH A KEY (MAPOD_LINK_AUTH): mapod_link_set_key after mapod_link_init, the same nonce as for
  * mapod_talk_init. Frames without a valid tag are then dropped, old ones and those of left runs of
@@ -75,7 +75,8 @@
  *
  * POLL ONLY (`poll_only` of mapod_talk_init): the sender pushes nothing, mapod_talk_ask asks. There
  * is no map but the tiles then, and mapod_link_advice always says stop: use mapod_zone_advice, and
- * ask for STOP_ZONE and POSE at least three times within MAPOD_ZONE_STALE_MS.
+ * ask for STOP_ZONE and POSE at least three times within MAPOD_ZONE_STALE_MS. When nothing answers
+ * for a second, send mapod_talk_hello again: the sender may have started anew.
  *
  * Source: planner link, version 1 (docs/planner-link.md of mapod).
  */
@@ -267,7 +268,8 @@ MAPOD_LINK_API bool mapod_link_stale(struct mapod_link *link, uint32_t now_ms);
 MAPOD_LINK_API enum mapod_advice mapod_link_advice(struct mapod_link *link, uint32_t now_ms);
 MAPOD_LINK_API enum mapod_why mapod_link_why(struct mapod_link *link, uint32_t now_ms);
 /* CRC-32 of the window, and its comparison with the DIGEST frame just accepted. A difference that
- * no gap explains asks for a new map. 160 000 cells take some 5 million cycles. */
+ * no gap explains asks for a new map, and stops the planner until one agrees. 160 000 cells take
+ * some 5 million cycles. */
 MAPOD_LINK_API uint32_t mapod_link_digest(const struct mapod_link *link);
 MAPOD_LINK_API bool mapod_link_check_digest(struct mapod_link *link);
 
@@ -377,8 +379,9 @@ struct mapod_zone {
  * Begin with a zone of zeros: it says stop. */
 MAPOD_LINK_API bool mapod_zone_from(const struct mapod_link *link, struct mapod_zone *zone);
 /* Stop if its state says so (unknown and stop), and if it is older than MAPOD_ZONE_STALE_MS, by
- * the own clock or by the newest frame: its state is MAPOD_ZONE_UNKNOWN from then on. It speaks of the way the robot moves, or is asked to move, or else of ahead, and is no part of
- * mapod_link_advice: a robot before a wall may turn, or back off. While it is not stale and not
+ * the own clock or by the newest frame: its state is MAPOD_ZONE_UNKNOWN from then on. It speaks of
+ * the way the robot moves, or is asked to move, or else of ahead, and is no part of
+ * mapod_link_advice: a robot before a wall may turn, or back off. While it is not
  * MAPOD_ZONE_UNKNOWN, go ahead no faster than allowed_ahead_mmps, back no faster than
  * allowed_behind_mmps (0: not at all). */
 MAPOD_LINK_API enum mapod_advice mapod_zone_advice(struct mapod_zone *zone,
@@ -1145,12 +1148,12 @@ MAPOD_LINK_API bool mapod_link_check_digest(struct mapod_link *link)
 {
     const uint8_t *const body = &link->frame[MAPOD_P_HEAD];
     if (mapod_p_holds(link, MAPOD_DIGEST)) {
-        const bool known = mapod_p_is(link, MAPOD_P_HAS_GEOM) && mapod_p_is(link, MAPOD_P_HAS_MAP) &&
-                           (!mapod_p_is(link, MAPOD_P_SUSPECT)) && (body[0] == link->geom.geom_id);
+        const uint32_t state = link->flags & (MAPOD_P_HAS_MAP | MAPOD_P_SUSPECT);
+        const bool known = (state == MAPOD_P_HAS_MAP) && (body[0] == link->geom.geom_id);
         const bool equal = known && (mapod_link_digest(link) == mapod_p_u32(&body[4]));
         mapod_p_set(link, MAPOD_P_DIGEST_OK, equal);
-        if (known && (!equal)) {
-            mapod_p_set(link, MAPOD_P_NEED_FULL, true);
+        if (known) {
+            mapod_p_set(link, MAPOD_P_NEED_FULL, !equal);
         }
     }
     return mapod_p_is(link, MAPOD_P_DIGEST_OK);

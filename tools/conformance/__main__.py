@@ -12,6 +12,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
 from mapod_link.receiver import Receiver as PythonReceiver
 from tools.conformance.c_receiver import CReceiver, NoCompilerError
@@ -23,7 +24,8 @@ from tools.conformance.suite import CHECKS, meet, run
 
 LEGS = 16
 KEY, NONCE = bytes(range(32)), 0x11223344
-RECEIVERS: dict[str, Callable[[int, bytes | None], Receiver]] = {
+Make = Callable[[int, bytes | None], Receiver]
+RECEIVERS: dict[str, Make] = {
     "Python": lambda start, key: PythonReceiver(NONCE + start, key=key),
     "C": lambda start, key: CReceiver(NONCE + start, key=key),
 }
@@ -57,12 +59,17 @@ def examine(share: float, seed: int) -> int:
     for name, make in RECEIVERS.items():
         for key in (None, KEY):
             for datagrams in (True, False):
-                made = InProcess(lambda n, m=make, k=key: m(n, k), datagrams=datagrams)  # type: ignore[misc]
-                exam = Exam(made, seed=seed, key=key, share=share)
+                bench = InProcess(partial(_made, make, key), datagrams=datagrams)
+                exam = Exam(bench, seed=seed, key=key, share=share)
                 wire = "datagrams" if datagrams else "stream"
                 title = f"{name}, {wire}, {'AUTH' if key else 'no AUTH'}"
                 failures += _examined(title, exam, seed)
     return 1 if failures else 0
+
+
+def _made(make: Make, key: bytes | None, start: int) -> Receiver:
+    """One more receiver."""
+    return make(start, key)
 
 
 def _examined(title: str, exam: Exam, seed: int) -> int:

@@ -301,7 +301,8 @@ class SlowReceiver(SlowBodies):
         known = self.geom is not None and body[0] == self.geom.geom_id
         compares = known and not self.suspect and not self.blank
         self.digest_ok = compares and digest_body(body[0], self.window())[4:] == body[4:]
-        self.need_full |= compares and not self.digest_ok
+        if compares:
+            self.need_full = not self.digest_ok
 
     # Answers
 

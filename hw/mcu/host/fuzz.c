@@ -5,7 +5,7 @@
  * reached. Each piece goes to a receiver of datagrams, one of a serial line, and one with a key.
  * Held after each: a rejected or ignored frame changes no cell; no cell outside the map's memory
  * is written; cells are 0 to 2; the map is empty while blank.
- * With FUZZ_MAIN it is a program of its own, for any compiler: it takes inputs from the files named.
+ * With FUZZ_MAIN it is a program of its own, for any compiler; inputs are the files it is given.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -172,9 +172,17 @@ class App:
         window = self.mapper.window(trusted)
         self.planners.step(now_s, told, window, self.zone, self.tiles)
         if self.image is not None:
-            driven = self.control.v_mps, self.control.w_radps
-            heard = self.planners.heard(now_s)
-            self.image.publish(now_s, told, self.zone, window, planner_heard=heard, driven=driven)
+            spread = self.mapper.odometry.covariance
+            self.image.publish(
+                now_s,
+                told,
+                self.zone,
+                window,
+                planner_heard=self.planners.heard(now_s),
+                driven=(self.control.v_mps, self.control.w_radps),
+                sigma_m=math.sqrt(spread[0, 0] + spread[1, 1]),
+                sigma_rad=math.sqrt(spread[2, 2]),
+            )
 
     def _look_around(self, now_s: float, told: PoseReport, trusted: bool) -> None:
         """Bring the stop zone up to now: at once when trust comes or goes, else now and then."""

@@ -2,7 +2,8 @@
 
 A read is one indivisible copy. The window takes many reads: a *view* keeps one map until its owner
 latches the next by reading register 1000 or writing 90, so no reader mixes two maps. While
-nothing is published, or the map is not to be trusted, no cell says free.
+nothing is published, or the map is not to be trusted, no cell says free, and what was frozen
+before that is not told any more.
 Time is an argument; nothing here waits.
 """
 
@@ -82,6 +83,7 @@ class RegisterImage:
         self._generation = 0  # of the newest map
         self._epoch: int | None = None
         self._trusted = False  # as in the newest map
+        self._broken_s = -math.inf  # what was frozen before is not trusted any more
         self._views: list[View] = []
         self._window_end = WINDOW + self._packer.block.size
 
@@ -104,11 +106,14 @@ class RegisterImage:
     ) -> None:
         """Take over how things are now; `driven` (m/s, rad/s) is what the motors are told to."""
         generation = next_generation(self._said.generation)
+        fell_silent = now_s - self._said.at_s > STALE_S
         self._said = Published(now_s, generation, pose, zone, planner_heard, sigma_m, sigma_rad)
         if self.drive is not None:
             self.drive.driven = driven
         lost = self._trusted and not window.trusted
         since_s = now_s - self._live.taken_s
+        if lost or fell_silent or window.epoch != self._epoch:
+            self._broken_s = now_s
         if lost or window.epoch != self._epoch or not 0.0 <= since_s < PACK_S - SLACK_S:
             self._take_map(now_s, window, pose)
 
@@ -167,13 +172,19 @@ class RegisterImage:
             if first == WINDOW or view.held is None:
                 self.latch(now_s, view)
             held = view.held or held
-            if held.generation and not 0.0 <= now_s - held.taken_s <= VIEW_S:
+            if held.generation and not self._may_tell(now_s, held):
                 return Refusal.BUSY
         data = held.window[2 * (first - WINDOW) : 2 * (end - WINDOW)].tobytes()
         if first <= WINDOW + 1 < end:
             at = 2 * (WINDOW + 1 - first)
             return data[:at] + WORD.pack(age_ms(now_s - held.scan_s)) + data[at + 2 :]
         return data
+
+    def _may_tell(self, now_s: float, held: Snapshot) -> bool:
+        """Whether what was frozen may still be read: not for ever, and not once trust was lost."""
+        silent = now_s - self._said.at_s > STALE_S
+        young = 0.0 <= now_s - held.taken_s <= VIEW_S
+        return young and not silent and held.taken_s >= self._broken_s
 
     def latch(self, now_s: float, view: View) -> None:
         """Freeze the newest map for a view."""

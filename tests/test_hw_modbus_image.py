@@ -216,6 +216,25 @@ def test_a_view_that_is_too_old_says_so_until_it_is_latched_again() -> None:
     assert len(words(image, WINDOW_CELLS, 5, late_s, view)) == 5
 
 
+@pytest.mark.parametrize("cause", ["trust lost", "map erased", "silent", "silent for a while"])
+def test_a_view_from_before_trust_was_lost_is_not_told_any_more(cause: str) -> None:
+    image = new_image()
+    view = image.new_view()
+    words(image, WINDOW, 1, view=view)
+    now_s = START_S + PACK_S
+    if cause == "silent":
+        now_s += STALE_S
+    elif cause == "silent for a while":
+        now_s += STALE_S
+        image.publish(now_s, GOOD, CLEAR, window_of(some_cells(2)))
+    else:
+        window = window_of(some_cells(2))
+        changes = {"trusted": False} if cause == "trust lost" else {"epoch": window.epoch + 1}
+        image.publish(now_s, GOOD, CLEAR, replace(window, **changes))
+    assert image.read(now_s, view, WINDOW_CELLS, 5) == Refusal.BUSY
+    assert len(words(image, WINDOW, 15, now_s, view)) == 15  # frozen anew
+
+
 def test_buffers_are_used_again_however_long_it_runs() -> None:
     image = new_image()
     views = [image.new_view() for _ in range(3)]

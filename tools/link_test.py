@@ -40,7 +40,14 @@ def main(arguments: list[str] | None = None) -> int:
         return NOT_EXAMINED
     budget_s = options.seconds / max(1, len(checks))
     share = min(1.0, options.seconds / SECONDS)
-    exam = Exam(bench, seed=options.seed, key=key, budget_s=budget_s, share=share)
+    exam = Exam(
+        bench,
+        seed=options.seed,
+        key=key,
+        budget_s=budget_s,
+        share=share,
+        strict=options.strict,
+    )
     try:
         if not _met(exam):
             return NOT_EXAMINED
@@ -65,6 +72,11 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
     parser.add_argument(
         "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="want also what the sheet's first version left open: section 16",
     )
     parser.add_argument("--seed", type=int, default=1, help="of what is drawn by chance (1)")
     return parser.parse_args(arguments)

@@ -26,7 +26,8 @@ MEANINGS = {
     Refusal.FUNCTION: "unknown function; or a drive request from another machine",
     Refusal.ADDRESS: "there is no such register, or it can't be written",
     Refusal.VALUE: "a count or a value out of its range; part of a drive request",
-    Refusal.BUSY: "the frozen window of this unit is too old: freeze it anew",
+    Refusal.BUSY: "the frozen window of this unit is too old, or the map was not trusted since: "
+    "freeze it anew",
     Refusal.NO_UNIT: "no such unit (TCP and UDP; on a serial line: silence)",
 }
 

@@ -155,7 +155,7 @@ def arbitrary_bodies(exam: Exam) -> str:
     for ops in bad:
         exam.tell([(FREE, 600)])
         head = map_body(exam.origin, exam.seq - 0x7000, exam.geom.geom_id, 0, b"")
-        exam.send(exam.next(MAP, head + ops))
+        exam.send(exam.next(MAP, head + ops), undecided=not exam.strict)
         exam.check_books(f"operations {ops[-6:].hex(' ')}", exam.ask())
         exam.tell([])
         exam.check_map(f"operations {ops[-6:].hex(' ')}")
@@ -178,13 +178,15 @@ def _send_arbitrary(exam: Exam) -> None:
     """One frame: strange in its operations, its length, its flags, its version or its type."""
     chance, cells = exam.random, exam.geom.width * exam.geom.height
     head = map_body(exam.origin, exam.seq - 0x7000, exam.geom.geom_id, 0, b"")
-    match chance.randrange(9):
+    match chance.randrange(9 if exam.strict else 8):
         case 0:
             ops = chance.randbytes(chance.randint(0, 60))
             start = chance.randrange(cells)
-            exam.send(exam.next(MAP, head[:7] + struct.pack("<I", start)[:3] + ops))
+            body = head[:7] + struct.pack("<I", start)[:3] + ops
+            exam.send(exam.next(MAP, body), undecided=not exam.strict)
         case 1:
-            exam.send(exam.next(MAP, head + chance.choice(_bad_ops(exam, cells))))
+            body = head + chance.choice(_bad_ops(exam, cells))
+            exam.send(exam.next(MAP, body), undecided=not exam.strict)
         case 2:
             kind, size = chance.choice([(GEOM, 16), (POSE, 24), (MAP, 9), (DIGEST, 8)])
             size = chance.randint(0, 9) if kind == MAP else size + chance.choice([-8, -1, 1, 30])
@@ -202,13 +204,13 @@ def _send_arbitrary(exam: Exam) -> None:
             version = chance.choice([0, 2, 3, 8, 15])
             exam.send(sealed(bytes([version << 4 | MAP]) + data[1:-4]))
         case 7:
+            wrong = digest_body(exam.geom.geom_id ^ 1, exam.model.window())
+            exam.send(exam.next(DIGEST, wrong), undecided=True)
+        case _:
             geom = exam.geom
             width, height = chance.choice([(0, geom.height), (geom.width, 0), (0, 0)])
             none = Geom(geom.geom_id ^ 1, width, height, geom.session)
             exam.send(exam.next(GEOM, none.body()))
-        case _:
-            wrong = digest_body(exam.geom.geom_id ^ 1, exam.model.window())
-            exam.send(exam.next(DIGEST, wrong), undecided=True)
 
 
 def _bad_ops(exam: Exam, cells: int) -> list[bytes]:

@@ -109,12 +109,13 @@ def halts(exam: Exam) -> str:
 
 def silence(exam: Exam) -> str:
     """6: a receiver that has never heard both halves is stale."""
-    exam.begin(9, 7)
-    acks = _run(exam, _pose, 0.3)
-    exam.expect("only poses since the start: STALE", {STALE}, {a.status & STALE for a in acks})
-    exam.begin(9, 7)
-    acks = _run(exam, _map, 0.3)
-    exam.expect("only maps since the start: STALE", {STALE}, {a.status & STALE for a in acks})
+    for words, tick in (("only poses", _pose), ("only maps", _map)):
+        exam.begin(9, 7)
+        if not exam.strict:  # one may count what it had from the run before
+            _run(exam, tick, exam.geom.stale_ms / 1000 + ACK_PERIOD_S)
+        acks = _run(exam, tick, 0.3)
+        told = {ack.status & STALE for ack in acks}
+        exam.expect(f"{words} since the start: STALE", {STALE}, told)
     return "only poses, and only maps, from the start"
 
 

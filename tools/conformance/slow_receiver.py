@@ -298,7 +298,7 @@ class SlowReceiver(SlowBodies):
 
     def compare(self, body: bytes) -> None:
         """A difference that no gap explains needs a new epoch."""
-        known = self.geom is not None and body[0] == self.geom.geom_id
+        known = self.geom is not None and body[:1] == bytes([self.geom.geom_id])
         compares = known and not self.suspect and not self.blank
         self.digest_ok = compares and digest_body(body[0], self.window())[4:] == body[4:]
         if compares:

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run test check format replay view bench link-test soak experiments calibrate fuzz devices clean
+.PHONY: help setup run test check format replay view bench link-test conformance soak mcu experiments calibrate fuzz devices clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -55,8 +55,11 @@ bench: setup ## what a scan costs, how soon its map is on the wire, figures of t
 link-test: setup ## the planner link's conformance tests against your receiver PORT=udp://127.0.0.1:9751 [ARGS="--only 2,5"]
 	@$(BIN)/python -m tools.link_test $(if $(PORT),--port $(PORT)) $(ARGS)
 
+conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
+	@$(BIN)/python -m tools.conformance
+
 soak: setup ## a million damaged, lost, doubled frames to both receivers of the planner link [FRAMES=1000000]
-	@$(BIN)/python -m tools.conformance --soak $(or $(FRAMES),1000000)
+	@$(BIN)/python -m tools.conformance --soak $(or $(FRAMES),1000000) --seed $(SEED)
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
@@ -64,8 +67,13 @@ experiments: setup ## the paper's experiments and more, both methods: docs/exper
 calibrate: setup ## height, tilt and roll of the scanner from flat floor [ARGS="--height 1.08 --write"]
 	@$(BIN)/python -m tools.calibrate $(ARGS)
 
-fuzz: setup ## coverage-guided fuzzing of the three codecs [MINUTES=10]
+fuzz: setup ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
+	@$(BIN)/python -m tests.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
+
+mcu: setup ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
+	@$(BIN)/python -m tests.c_sizes
+	@$(MAKE) --no-print-directory -C hw/mcu qemu
 
 devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
 	@$(BIN)/python tools/devices.py $(ARGS)

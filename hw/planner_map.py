@@ -22,8 +22,8 @@ MOST_PER_CELL = LONGEST_OP + 1  # bytes of operations: its run, and a KEEP up to
 URGENT_KINDS = (
     map_kernels.NEW_NEAR,
     map_kernels.NEW_ANY,
-    map_kernels.GONE_ANY,
     map_kernels.LOST_ANY,
+    map_kernels.GONE_ANY,
 )
 LEAST_ROOM = 3 * LONGEST_OP  # bytes of operations, without which no frame is begun
 
@@ -76,8 +76,10 @@ class MapTeller:
 
     @property
     def _budget(self) -> float:
-        """Wire bytes for changes: the refresh's share stays."""
-        return self._outbox.credit - self._outbox.saved
+        """Wire bytes for changes: the refresh's share stays, once it is enough for a slice."""
+        outbox = self._outbox
+        is_due = outbox.saved >= outbox.cost(SLICE_BODY)
+        return outbox.credit - (outbox.saved if is_due else 0.0)
 
     def _fit(self, kind: int) -> bool:
         """Whether one raster pass over the cells of a kind fits into this tick's budget."""
@@ -129,6 +131,8 @@ class MapTeller:
         floor = outbox.credit - spare
         while True:
             left = max(outbox.credit - floor, min(outbox.saved, outbox.credit))
+            if outbox.saved < outbox.most_saved:  # else its share is due, whatever it delays
+                left = min(left, outbox.line_left)
             if self._has_map and (self._due_cells < 1 or left < slice_cost):
                 break
             before = outbox.credit

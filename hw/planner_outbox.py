@@ -47,6 +47,10 @@ class Outbox:
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
         self.max_frame = MAX_FRAME
         self.credit = self.saved = 0.0  # bytes: of the line, and of the refresh's share
+        self.most_saved = 0.0
+        self.line_left = (
+            0.0  # bytes that the line can carry until the next tick, besides the queued
+        )
         self._slice_body = slice_body  # bytes of the body that the share is saved up for
         self._earned_s = self._written_s = -math.inf
         self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
@@ -70,8 +74,9 @@ class Outbox:
         longest = LONGEST_BURST * self._line_bytes - waiting
         self.credit = min(self.credit + earned, most, longest)
         share = REFRESH_SHARE * earned
-        most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
-        self.saved = min(self.saved + share, most_saved)
+        self.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
+        self.saved = min(self.saved + share, self.most_saved)
+        self.line_left = self._line_bytes - waiting
         return dt_s
 
     @property
@@ -110,6 +115,7 @@ class Outbox:
             self.seq += 1
             self._queued.append((kind, flags, body))
             self.credit -= self.cost(len(body))
+            self.line_left -= self.cost(len(body))
 
     def write(self, now_s: float) -> None:
         """All frames of this tick to the port."""

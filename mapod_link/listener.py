@@ -305,4 +305,4 @@ class Listener:
         self.digest_ok = compares and self.digest() == digest.crc
         if compares:
             self.differs = not self.digest_ok
-            self.need_full |= self.differs
+            self.need_full = self.differs

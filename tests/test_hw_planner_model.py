@@ -194,7 +194,7 @@ class Run:
                 if chance.random() < self.loss:
                     self.end.take(data)
         if chance.random() < self.answers and self.end.got:
-            needs_full = self.end.differs or chance.random() < 0.01
+            needs_full = self.end.differs or chance.random() < 0.01 * (self.loss > 0)
             ack = self.end.ack(round(1000 * self.now_s), 2 * needs_full)
             for _ in range(chance.choice([0, 1, 1, 1, 2])):
                 self.acks.append((self.now_s + chance.choice([0.0, 0.0, 0.02, 0.3]), ack))

@@ -235,9 +235,10 @@ def test_a_digest_that_differs_without_a_gap_asks_for_everything() -> None:
     assert not line.planner.digest_ok
     assert line.planner.ack(line.now_s)[14] & 0b10
     assert line.planner.advice(line.now_s) == ("stop", "the map is not the sender's")
-    line.send(DIGEST, struct.pack("<BxxxI", 7, right))
-    assert line.planner.need_full  # until a new epoch
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right))  # the refresh has mended it
+    assert not line.planner.need_full
     assert line.planner.advice(line.now_s) == ("go", "")
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 1))
     line.send(GEOM, geom_body(geom_id=8))
     assert not line.planner.need_full
     assert not line.planner.differs

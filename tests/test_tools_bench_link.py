@@ -276,13 +276,13 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
 @pytest.fixture(scope="module", params=["tick", "10 Hz"])
 def asked(request: pytest.FixtureRequest) -> tuple[Case, Figures]:
     """The line to judge by: 115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
-    case = Case(115_200, 25, request.param, seeds=(1, 2, 3))
+    case = Case(115_200, 25, request.param, seeds=(1, 2))
     return case, measure(case)
 
 
 def test_a_new_obstacle_is_at_the_receiver_within_two_ticks(asked: tuple[Case, Figures]) -> None:
     case, got = asked
-    assert got.new_obstacles > 12_000
+    assert got.new_obstacles > 8000
     assert got.held_ms[1] <= 2 * 1000 / case.rate_hz
 
 
@@ -290,7 +290,7 @@ def test_what_a_loss_has_hit_is_right_again_within_half_a_second(
     asked: tuple[Case, Figures],
 ) -> None:
     _, got = asked
-    assert got.recovered > 300
+    assert got.recovered > 200
     assert got.recovery_ms[1] <= 500.0
 
 

@@ -40,6 +40,7 @@ from tools.conformance.wire import (
     sealed,
 )
 
+WRONG_LENGTHS = [(GEOM, 15), (GEOM, 17), (POSE, 0), (POSE, 23), (POSE, 25), (MAP, 0), (MAP, 9)]
 NEWER_TYPES = {  # frames that a receiver may or may not know: any body must leave the map alone
     STOP_ZONE: 20,
     TILE: 24,
@@ -52,7 +53,7 @@ def vectors(exam: Exam) -> str:
     if exam.key and not tagged:
         raise UnseenError("the vectors bear no tag, or that of another key and nonce")
     exam.begin(5, 4)
-    exam.geom, exam.origin = VECTOR_GEOM, VECTOR_ORIGIN
+    exam.geom, exam.origin, exam.begun_seq = VECTOR_GEOM, VECTOR_ORIGIN, 0
     for name, text in PLAIN.items():
         data = bytes.fromhex(TAGGED[name] if tagged and name in TAGGED else text)
         exam.send(_with_tag(exam, data) if tagged and name not in TAGGED else data)
@@ -159,7 +160,11 @@ def arbitrary_bodies(exam: Exam) -> str:
         exam.check_books(f"operations {ops[-6:].hex(' ')}", exam.ask())
         exam.tell([])
         exam.check_map(f"operations {ops[-6:].hex(' ')}")
-    done = len(bad)
+    for kind, size in WRONG_LENGTHS:
+        exam.tell([])
+        exam.send(exam.next(kind, bytes(size)))
+        exam.check_books(f"type {kind}, {size} bytes of body", exam.ask())
+    done = len(bad) + len(WRONG_LENGTHS)
     for k in exam.rounds(60):
         width, height = exam.random.randint(3, 40), exam.random.randint(3, 40)
         if k % 5 == 0:

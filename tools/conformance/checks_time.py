@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from tools.conformance.exam import Exam
+from tools.conformance.exam import Exam, UnseenError
 from tools.conformance.wire import (
     FREE,
     GEOM,
@@ -20,6 +20,7 @@ from tools.conformance.wire import (
 
 TICK_S = 0.02
 ACK_PERIOD_S = 0.1
+TRIES = 5
 SLACK_S = 0.12  # a machine that does something else meanwhile; nothing of it in process
 Tick = Callable[[Exam], None]
 
@@ -120,38 +121,42 @@ def silence(exam: Exam) -> str:
 
 
 def _run(exam: Exam, tick: Tick, seconds: float) -> list[Ack]:
-    """Ticks for so long; gives the ACKs."""
+    """Ticks for so long; gives the ACKs. `exam.stalled_s`: the longest that we ourselves took."""
     end_s, acks = exam.bench.now_s() + seconds, []
+    exam.stalled_s = 0.0
     while exam.bench.now_s() < end_s - 1e-6:
+        exam.ticked_s = exam.bench.now_s()
         tick(exam)
         acks += exam.hear_all(TICK_S)
+        exam.stalled_s = max(exam.stalled_s, exam.bench.now_s() - exam.ticked_s)
     return acks
 
 
 def _expect_fresh(exam: Exam, what: str) -> None:
-    _run(exam, _both, 0.1 + ACK_PERIOD_S)
-    acks = _run(exam, _both, 0.4)
-    told = {ack.status & STALE for ack in acks}
-    exam.expect(f"{what}: STALE", {0}, told)
+    """No STALE while both halves come; if we ourselves are too slow for that, once more."""
+    for _ in range(TRIES):
+        _run(exam, _both, 0.1 + ACK_PERIOD_S)
+        slowest_s = exam.stalled_s
+        told = {ack.status & STALE for ack in _run(exam, _both, 0.4)}
+        if max(slowest_s, exam.stalled_s) < exam.geom.stale_ms / 2000:
+            exam.expect(f"{what}: STALE", {0}, told)
+            return
+    raise UnseenError("this machine is too busy: it sends too late itself")
 
 
 def _time_until_stale(exam: Exam, name: str, tick: Tick, stale_ms: int) -> float:
     """Milliseconds from the last whole tick until an ACK says STALE."""
     slack_s = TICK_S if exam.bench.in_process else TICK_S + SLACK_S
-    begun_s = exam.bench.now_s()
-    while (passed_s := exam.bench.now_s() - begun_s) < 2 * ACK_PERIOD_S + stale_ms / 1000 + 1:
-        tick(exam)
-        for ack in exam.hear_all(TICK_S):
-            if ack.status & STALE:
-                heard_s = exam.bench.now_s() - begun_s
-                least_s = stale_ms / 1000 - TICK_S - 1e-6
-                if heard_s < least_s:
-                    raise exam.failed(f"{name}: STALE not before {stale_ms} ms", "0", "STALE")
-                if heard_s > stale_ms / 1000 + ACK_PERIOD_S + slack_s:
-                    break
-                return heard_s * 1000
-        else:
-            continue
-        break
+    whole_s, stale_s = exam.ticked_s, stale_ms / 1000
+    latest_s = stale_s + ACK_PERIOD_S + slack_s + TICK_S
+    slowest_s, passed_s = 0.0, 0.0
+    while passed_s < latest_s + slowest_s:
+        told = any(ack.status & STALE for ack in _run(exam, tick, TICK_S / 2))
+        slowest_s = max(slowest_s, exam.stalled_s - TICK_S)
+        passed_s = exam.bench.now_s() - whole_s
+        if told and passed_s < stale_s - 0.001:
+            raise exam.failed(f"{name}: STALE not before {stale_ms} ms", "0", "STALE")
+        if told:
+            return passed_s * 1000
     within = f"within {stale_ms} ms, told by an ACK {ACK_PERIOD_S * 1000:.0f} ms later"
     raise exam.failed(f"{name}: STALE", within, f"not after {passed_s * 1000:.0f} ms")

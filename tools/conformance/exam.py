@@ -109,6 +109,7 @@ class Exam:
         self.unreadable = ""  # the newest answer that was none
         self.geom = Geom(0, 0, 0, 0)
         self.origin, self.seq, self.begun_seq = (0, 0), 0, 0
+        self.ticked_s = self.stalled_s = 0.0  # of the sender's part: last tick, slowest tick
         self.skipped_ms = 0  # by which the sender's clock was put on
         self.model = SlowReceiver()
         self.undecided: set[int] = set()  # numbers that a receiver may count or not

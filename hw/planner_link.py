@@ -334,11 +334,10 @@ class PlannerLink:
             spare = 0.0
         self._teller.refresh(dt_s, spare)
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq
-        if is_known and now_s - self._digest_s >= DIGEST_EVERY_S - CLOSE_S:
-            room = outbox.credit - outbox.saved - outbox.tick_bytes / 2
-            if room >= outbox.cost(DIGEST_BODY.size):
-                self._digest_s = now_s
-                outbox.queue(DIGEST, encode_digest(self._geom_id, self._map.digest()))
+        due = now_s - self._digest_s >= DIGEST_EVERY_S - CLOSE_S
+        if is_known and due and outbox.credit >= outbox.cost(DIGEST_BODY.size):
+            self._digest_s = now_s
+            outbox.queue(DIGEST, encode_digest(self._geom_id, self._map.digest()))
 
     def _tell_tiles(self, budget: float, window: ObstacleWindow, source: TileSource) -> None:
         if self._tiles.waiting:

@@ -159,7 +159,8 @@ def test_a_digest_comes_last_once_a_second_where_there_is_room() -> None:
     for _ in range(150):
         full.sky.change(150)
         full.tick()
-    assert full.planner.accepted[DIGEST] == 0
+    assert full.planner.accepted[DIGEST] <= 3
+    assert max(full.tick_bytes) <= 1.85 * 11_520 / 50 + 1
 
 
 def test_a_serial_line_that_was_idle_begins_with_a_zero() -> None:

@@ -18,7 +18,7 @@ SOON_S = 0.01  # between two ACKs: nobody has to wait long
 
 def outcome(url: str, only: str, *more: str) -> int:
     """Exit status, within few rounds."""
-    return link_test.main(["--port", url, "--only", only, "--seconds", "2", *more])
+    return link_test.main(["--port", url, "--only", only, "--seconds", "1", *more])
 
 
 @pytest.mark.parametrize("datagrams", [True, False], ids=["udp", "tcp"])
@@ -26,11 +26,10 @@ def test_a_right_receiver_passes_and_what_cannot_be_seen_is_said_to_be_skipped(
     datagrams: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with ServedReceiver(Receiver(77, max_cells=10_201, ack_period_s=SOON_S), datagrams) as served:
-        assert outcome(served.url, "1,2,4,15", "--strict") == link_test.PASSED
+        assert outcome(served.url, "1,2,15", "--strict") == link_test.PASSED
     said = capsys.readouterr().out
     assert "takes 10201 cells, frames of 368 bytes" in said
     assert "0 failed" in said
-    assert "no key was given" in said
     assert ("datagrams are not COBS-encoded" in said) == datagrams
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from hw.port import PortUrlError
 from tools.conformance.exam import Exam
-from tools.conformance.over_port import NotOpenError, OverPort
+from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
 
 PASSED, FAILED, NOT_EXAMINED = 0, 1, 2
@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         checks = chosen(options.only)
         key = _key(options.key_file)
-        bench = OverPort(options.port, options.gap_ms / 1000)
+        bench = OverPort(options.port, options.gap_ms / 1000, options.baud)
     except (ValueError, OSError, PortUrlError) as error:
         print(f"link_test: {error}")
         return NOT_EXAMINED
@@ -72,6 +72,12 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
     parser.add_argument(
         "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
+    )
+    parser.add_argument(
+        "--baud",
+        type=int,
+        default=TCP_BAUD,
+        help=f"of the line behind a tcp port, which is fed no faster ({TCP_BAUD})",
     )
     parser.add_argument(
         "--strict",

@@ -3,9 +3,10 @@
 import select
 import time
 
-from hw.port import open_port
+from hw.port import open_port, parse_url
 from tools.conformance.wire import U8, Splitter
 
+TCP_BAUD = 921_600
 OPEN_S = 5.0  # until a port must be open
 NAP_S = 0.002  # between two looks at a line that still has bytes to carry
 
@@ -19,6 +20,7 @@ class OverPort:
 
     Args:
         gap_s: between two datagrams, for receivers that have room for few.
+        baud: no faster than a line of that rate carries bytes over tcp; a serial port has its own.
 
     Raises:
         NotOpenError: not within OPEN_S.
@@ -27,8 +29,9 @@ class OverPort:
 
     in_process = False
 
-    def __init__(self, url: str, gap_s: float = 0.0005) -> None:
+    def __init__(self, url: str, gap_s: float = 0.0005, baud: int = TCP_BAUD) -> None:
         self._port, self._gap_s = open_port(url), gap_s
+        self._byte_s = 10 / (parse_url(url).baud or baud)
         self.datagrams = self._port.datagrams
         self._splitter = Splitter()
         end_s = time.monotonic() + OPEN_S
@@ -45,8 +48,7 @@ class OverPort:
     def send(self, data: bytes) -> None:
         """Waits until the line has taken it; a little longer after a datagram."""
         self._port.write(data)
-        if self.datagrams and self._gap_s:
-            time.sleep(self._gap_s)
+        time.sleep(self._gap_s if self.datagrams else len(data) * self._byte_s)
         while self._port.poll(time.monotonic()) and self._port.backlog > 0:
             time.sleep(NAP_S)
 

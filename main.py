@@ -50,12 +50,38 @@ def read_key(path: str) -> bytes | None:
     return key_from_bytes(content, path)
 
 
+def check_ports(config: Config) -> None:
+    """What the URLs of all ports say, before any of them opens.
+
+    Raises:
+        ConfigError: a URL that names no port, one for two, seven bits where all eight are needed.
+    """
+    given = [(name, getattr(config, name).port) for name in ("scanner", "ahrs", "drive")]
+    given += [("planner", url) for url in config.planner.ports]
+    given += [("modbus", url) for url in config.modbus.ports]
+    lines: dict[str, str] = {}  # by the path of a serial line: whose it is
+    for section, url in given:
+        try:
+            parts = parse_url(url)
+        except PortUrlError as error:
+            raise ConfigError(f"{section}.port: {error}") from None
+        if parts.kind != "serial":
+            continue
+        if parts.bytesize != 8 and section in ("planner", "modbus"):
+            raise ConfigError(f"{section}.port: bytesize must be 8 here, is 7 in {url!r}")
+        if parts.path in lines:
+            raise ConfigError(f"{section}.port: {url!r} is {lines[parts.path]}.port already")
+        lines[parts.path] = section
+
+
 def open_ports(config: Config) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Raises:
-        ConfigError: a URL that names no port, also of Modbus.
+        ConfigError: as check_ports; a host without an address.
     """
+
+    check_ports(config)
 
     def opened(section: str, url: str) -> Port:
         try:
@@ -63,11 +89,6 @@ def open_ports(config: Config) -> Ports:
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
 
-    for url in config.modbus.ports:
-        try:
-            parse_url(url)
-        except PortUrlError as error:
-            raise ConfigError(f"modbus.port: {error}") from None
     return Ports(
         opened("scanner", config.scanner.port),
         opened("ahrs", config.ahrs.port),

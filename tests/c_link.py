@@ -107,6 +107,7 @@ def library(*settings: str) -> ctypes.CDLL:
     lib.receiver_zone.restype = ctypes.POINTER(Zone)
     for name in ("receiver_poll", "receiver_hello"):
         getattr(lib, name).argtypes = [handle, u32, u8s]
+    lib.receiver_renew.argtypes = [handle, u32]
     lib.receiver_digest.argtypes = [handle]
     for name in ("receiver_accepted", "receiver_rejected"):
         getattr(lib, name).argtypes = [handle]
@@ -215,6 +216,10 @@ class CReceiver:
     def hello(self, now_s: float) -> None:
         """Queue a HELLO."""
         self._queue(self._lib.receiver_hello, now_s)
+
+    def renew(self, nonce: int) -> None:
+        """A new nonce in mid-life."""
+        self._lib.receiver_renew(self.handle, nonce)
 
     def drive(self, now_s: float, v_mps: float, w_radps: float, valid_s: float) -> bool:
         """Queue a DRIVE; False: the header refuses to build it."""

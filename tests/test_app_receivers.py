@@ -149,3 +149,34 @@ def test_every_port_of_the_list_is_looked_at_before_any_opens() -> None:
     config = with_changes(SETTINGS, modbus={"port": ["tcp://127.0.0.1:5020", "rtu:///dev/x"]})
     with pytest.raises(ConfigError, match=r"modbus\.port: 'rtu:///dev/x': no such kind of port"):
         open_ports(config)
+
+
+@pytest.mark.parametrize(
+    ("sections", "said"),
+    [
+        (
+            {"planner": {"port": "serial:///dev/x?baud=115200&bytesize=7"}},
+            r"planner\.port: bytesize must be 8 here",
+        ),
+        (
+            {"modbus": {"port": "serial:///dev/x?baud=19200&bytesize=7"}},
+            r"modbus\.port: bytesize must be 8 here",
+        ),
+        (
+            {"planner": {"port": "serial:///dev/mti?baud=921600"}},
+            r"planner\.port: .* is ahrs\.port already",
+        ),
+        (
+            {
+                "planner": {"port": "serial:///dev/plc?baud=19200"},
+                "modbus": {"port": "serial:///dev/plc?baud=19200&parity=E"},
+            },
+            r"modbus\.port: .* is planner\.port already",
+        ),
+    ],
+)
+def test_a_line_that_cannot_work_is_refused_before_any_opens(
+    sections: dict[str, dict[str, str]], said: str
+) -> None:
+    with pytest.raises(ConfigError, match=said):
+        open_ports(with_changes(SETTINGS, **sections))

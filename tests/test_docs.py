@@ -12,6 +12,8 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 DEVICES = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
 MAPS = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
+LINK = (ROOT / "docs" / "planner-link.md").read_text(encoding="utf-8")
+MODBUS = (ROOT / "docs" / "modbus.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
@@ -19,7 +21,7 @@ def test_the_table_of_files_lists_the_files_there_are() -> None:
     listed = set(re.findall(r"^\| `([\w/]+\.py)` \| .+ \|$", ARCHITECTURE, re.MULTILINE))
     there = {
         str(path.relative_to(ROOT))
-        for room in ("core", "hw", "fakes", "tools")
+        for room in ("core", "hw", "mapod_link", "fakes", "tools")
         for path in (ROOT / room).rglob("*.py")
         if path.name != "__init__.py"
     } | {"app.py", "main.py"}
@@ -28,8 +30,8 @@ def test_the_table_of_files_lists_the_files_there_are() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [README, ARCHITECTURE, DEVICES, MAPS],
-    ids=["README", "architecture", "devices", "maps"],
+    [README, ARCHITECTURE, DEVICES, MAPS, LINK, MODBUS],
+    ids=["README", "architecture", "devices", "maps", "planner-link", "modbus"],
 )
 def test_files_that_the_documents_name_exist(text: str) -> None:
     for name in re.findall(r"`((?:docs|core|hw|fakes|tools|tests)/[\w./*]+)`", text):

@@ -70,8 +70,8 @@
  *
  * WITH A KEY (MAPOD_LINK_AUTH): mapod_link_set_key after mapod_link_init, the same nonce as for
  * mapod_talk_init. Frames without a valid tag are then dropped, old ones and those of left runs of
- * the sender too. After MAPOD_LINK_LEFT_SESSIONS restarts of the sender no new run is accepted: the
- * link stays stale until the receiver begins anew (both init calls) with a new nonce.
+ * the sender too. After MAPOD_LINK_LEFT_SESSIONS restarts of the sender no new run is accepted, and
+ * the link stays stale: mapod_talk_renew with a new random nonce, at a standstill, mends that.
  *
  * POLL ONLY (`poll_only` of mapod_talk_init): the sender pushes nothing, mapod_talk_ask asks. There
  * is no map but the tiles then, and mapod_link_advice always says stop: use mapod_zone_advice, and
@@ -283,6 +283,12 @@ MAPOD_LINK_API void mapod_talk_init(struct mapod_talk *talk, uint32_t nonce, boo
 /* HELLO or ACK if one is due, else 0: all that a receiver needs to say. */
 MAPOD_LINK_API uint32_t mapod_talk_poll(struct mapod_talk *talk, struct mapod_link *link,
                                         uint32_t now_ms, uint8_t *out);
+#ifdef MAPOD_LINK_AUTH
+/* A new nonce in mid-life: what was signed for the one before is void, runs that were left may be
+ * forgotten. The sender learns it by the next HELLO, and begins a new map. */
+MAPOD_LINK_API void mapod_talk_renew(struct mapod_talk *talk, struct mapod_link *link,
+                                     uint32_t nonce);
+#endif
 /* HELLO: I have started, this is what I can hold. */
 MAPOD_LINK_API uint32_t mapod_talk_hello(struct mapod_talk *talk, const struct mapod_link *link,
                                          uint32_t now_ms, uint8_t *out);
@@ -813,6 +819,18 @@ MAPOD_LINK_API uint32_t mapod_talk_hello(struct mapod_talk *talk, const struct m
     return mapod_p_close(talk, link, now_ms, MAPOD_P_HELLO, 12u, out);
 }
 
+#ifdef MAPOD_LINK_AUTH
+MAPOD_LINK_API void mapod_talk_renew(struct mapod_talk *talk, struct mapod_link *link,
+                                     uint32_t nonce)
+{
+    talk->nonce = nonce;
+    talk->said = false;
+    link->nonce = nonce;
+    link->left_count = 0u;
+    mapod_p_set(link, MAPOD_P_AUTH_FAILED, true); /* until the sender has heard of it */
+}
+#endif
+
 MAPOD_LINK_API uint32_t mapod_talk_poll(struct mapod_talk *talk, struct mapod_link *link,
                                         uint32_t now_ms, uint8_t *out)
 {
@@ -824,7 +842,9 @@ MAPOD_LINK_API uint32_t mapod_talk_poll(struct mapod_talk *talk, struct mapod_li
                          mapod_p_is(link, MAPOD_P_AUTH_FAILED) ||
                          (talk->poll_only && ((now_ms - link->map_ms) < 250u) &&
                           (!mapod_p_is(link, MAPOD_P_MAP_LATE)));
-    if (unknown && ((!talk->said) || ((now_ms - talk->hello_ms) >= 250u))) {
+    /* Nor, that frames of the full length are too long here: nothing else would tell it. */
+    const bool tells = unknown || (MAPOD_FRAME_MAX < 368u);
+    if (tells && ((!talk->said) || ((now_ms - talk->hello_ms) >= (unknown ? 250u : 1000u)))) {
         return mapod_talk_hello(talk, link, now_ms, out);
     }
     if ((!mapod_p_is(link, MAPOD_P_ANY)) || talk->poll_only) {

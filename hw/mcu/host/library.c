@@ -6,7 +6,9 @@
 #include <stdlib.h>
 
 #define MAPOD_LINK_AUTH
+#ifndef MAPOD_LINK_LEFT_SESSIONS
 #define MAPOD_LINK_LEFT_SESSIONS 64u
+#endif
 #define MAPOD_LINK_IMPLEMENTATION
 #include "mapod_link.h"
 
@@ -144,6 +146,11 @@ uint32_t receiver_poll(struct receiver *self, uint32_t now_ms, uint8_t *out)
 uint32_t receiver_hello(struct receiver *self, uint32_t now_ms, uint8_t *out)
 {
     return mapod_talk_hello(&self->talk, &self->link, now_ms, out);
+}
+
+void receiver_renew(struct receiver *self, uint32_t nonce)
+{
+    mapod_talk_renew(&self->talk, &self->link, nonce);
 }
 
 /* `hold` in 0.1 ms; below 0: as the millisecond clock tells. */

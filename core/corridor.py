@@ -44,7 +44,7 @@ def _way_to(
         return 0.0 if side < -TOUCH_M and front >= -TOUCH_M else math.inf
     if side >= keeps[1] - TOUCH_M or front < 0.0:
         return math.inf
-    return max(0.0, front - keeps[1])
+    return max(0.0, front - keeps[0])
 
 
 @kernel

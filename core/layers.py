@@ -114,7 +114,10 @@ def maybe_beams_values(
     if name not in RECORDED:
         return None
     counts = at_cells(cells.grid, i, j, cells.cells["count"])
-    return np.where(counts > 0, at_cells(cells.grid, i, j, cells.cells[RECORDED[name]]), np.nan)
+    values = np.where(counts > 0, at_cells(cells.grid, i, j, cells.cells[RECORDED[name]]), np.nan)
+    if name == "variance":  # one return has no spread, and is not therefore exact
+        values[values == 0.0] = np.nan
+    return values
 
 
 def maybe_plane_values(

@@ -48,9 +48,7 @@ class Outbox:
         self.max_frame = MAX_FRAME
         self.credit = self.saved = 0.0  # bytes: of the line, and of the refresh's share
         self.most_saved = 0.0
-        self.line_left = (
-            0.0  # bytes that the line can carry until the next tick, besides the queued
-        )
+        self.line_left = 0.0  # bytes that the line carries until the next tick, beside the queued
         self._slice_body = slice_body  # bytes of the body that the share is saved up for
         self._earned_s = self._written_s = -math.inf
         self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
@@ -123,6 +121,7 @@ class Outbox:
             return
         t_ms, first = round(now_s * 1000) % 2**32, self.seq - len(self._queued) + 1
         lead = b"" if now_s - self._written_s <= IDLE_S or self.port.datagrams else b"\0"
+        self.credit -= len(lead)
         for k, (kind, flags, body) in enumerate(self._queued):
             more = MORE if k + 1 < len(self._queued) else 0
             frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)

@@ -60,6 +60,8 @@ def test_a_piece_holds_what_the_whole_layer_holds(
             continue
         assert piece is not None
         whole = expected(driven, layer, i, j, width, height)
+        if layer == "variance":
+            whole[whole == 0.0] = np.nan  # a single return tells none
         np.testing.assert_array_equal(piece, whole[first : first + count])
 
 

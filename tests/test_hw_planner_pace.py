@@ -16,6 +16,7 @@ from hw.planner_frames import (
     STOP_ZONE_BODY,
     encode_stop_zone,
 )
+from hw.planner_outbox import Outbox
 from mapod_link.frames import frame_from_bytes
 from tests.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
 
@@ -187,3 +188,14 @@ def test_a_new_obstacle_is_told_in_two_ticks() -> None:
         told.append(int((line.planner.window() == 2).sum()))
     assert told[0] == 0
     assert told[1] == 21 * 21
+
+
+def test_every_byte_that_goes_out_is_paid_for_also_the_zero_after_a_pause() -> None:
+    port = MemoryPort(datagrams=False)
+    outbox = Outbox(port, line_baud=115_200, tick_s=0.04, secret=None, slice_body=130, first_seq=1)
+    outbox.earn(1.0)
+    outbox.earn(1.04)
+    before = outbox.credit
+    outbox.queue(POSE, bytes(range(1, 25)))  # COBS of a frame without spare bytes
+    outbox.write(1.04)
+    assert len(port.take()) == before - outbox.credit

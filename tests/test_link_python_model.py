@@ -12,9 +12,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.receiver import Receiver
 from tests.planner_sender import NONCE, geom_body, map_body, op, pose_body, zone_body
-from tests.slow_receiver import SlowReceiver, lowest16
+from tools.conformance.slow_receiver import SlowReceiver
 
-STALE_S = 0.15
 RUNS = st.lists(st.tuples(st.integers(0, 3), st.integers(1, 70)), max_size=6)
 SIZES = st.sampled_from([(9, 5), (5, 9), (3, 3), (12, 7)])
 
@@ -24,7 +23,7 @@ class TwoReceivers(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.fast, self.slow = Receiver(NONCE), SlowReceiver()
+        self.fast, self.slow = Receiver(NONCE), SlowReceiver(NONCE)
         self.now_s, self.seq = 1.0, 0xFFF0
         self.ox, self.oy, self.geom_id, self.session = 32_760, -3, 7, 1
         self.late: list[bytes] = []
@@ -35,7 +34,7 @@ class TwoReceivers(RuleBasedStateMachine):
 
     def arrives(self, frame: bytes) -> None:
         self.fast.feed_datagram(self.now_s, frame)
-        self.slow.take(self.now_s, frame)
+        self.slow.feed_datagram(self.now_s, frame)
 
     @rule(size=SIZES, restarts=st.booleans(), lost=st.booleans())
     def geometry(self, size: tuple[int, int], restarts: bool, lost: bool) -> None:
@@ -122,16 +121,14 @@ class TwoReceivers(RuleBasedStateMachine):
     @invariant()
     def they_agree(self) -> None:
         fast, slow = self.fast, self.slow
-        assert fast.cells.ravel().tolist() == slow.window()
-        assert fast.suspect == (slow.gap is not None)
-        assert fast.blank == (slow.origin is None)
+        assert fast.cells.tolist() == slow.window().tolist()
+        assert (fast.suspect, fast.blank) == (slow.suspect, slow.blank)
         if fast.origin is not None and slow.origin is not None:
             pairs = zip(fast.origin, slow.origin, strict=True)
-            assert all(lowest16(a - b) == 0 for a, b in pairs)
-        if slow.last >= 0:
-            assert (fast.newest_seq, fast.numbers.mask) == (slow.last, slow.mask())
-        stale = slow.geom is None or self.now_s - min(slow.map_s, slow.pose_s) > STALE_S
-        assert fast.stale(self.now_s) == stale
+            assert all((a - b) % 2**16 == 0 for a, b in pairs)
+        if slow.last is not None:
+            assert (fast.newest_seq, fast.numbers.mask) == (slow.last, slow.mask)
+        assert fast.stale(self.now_s) == slow.stale(self.now_s)
         assert (fast.need_geom, fast.need_full) == (slow.need_geom, slow.need_full)
         assert fast.digest_ok == slow.digest_ok
 

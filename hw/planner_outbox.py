@@ -26,6 +26,7 @@ LINE_SHARE = 0.85  # of what the line carries
 REFRESH_SHARE = 0.2  # of the budget, saved up
 LONGEST_BURST = 1.85  # ticks of the whole line that one tick may fill: the next finds most done
 SAVED_TICKS = LONGEST_BURST / LINE_SHARE  # budget that may be saved up
+UNTIMED = 1024  # newest frames, of which an ACK that tells no time is believed
 IDLE_S = 0.020  # after such a pause a zero ends what noise has begun in the receiver
 
 
@@ -135,6 +136,11 @@ class Outbox:
         self._written_s = now_s
 
     def maybe_sent(self, last_seq: int, t_ms: int) -> int | None:
-        """The unwrapped number of the newest frame of that number, if `t_ms` was its time."""
+        """The unwrapped number of the newest frame of that number, if `t_ms` was its time.
+
+        Who tells 0 keeps no times: believed of the newest frames alone.
+        """
         newest = self.seq - (self.seq - last_seq) % 2**16
-        return newest if newest >= self._first_seq and self._t_ms[last_seq] == t_ms else None
+        is_recent = t_ms == 0 and self.seq - newest < UNTIMED
+        is_its_time = self._t_ms[last_seq] == t_ms or is_recent
+        return newest if newest >= self._first_seq and is_its_time else None

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hw.map_sender import MapSender
 from hw.planner_answers import DIGEST_OK, NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
 from hw.planner_frames import GEOM, POSE
+from hw.planner_outbox import UNTIMED
 from hw.planner_refresh import Round
 from hw.planner_repair import MOST_LAG, REMEMBERED, Repair
 from mapod_link.asking import hello_body
@@ -69,9 +70,19 @@ def test_an_acknowledgement_of_the_newest_frame_settles_everything_sent() -> Non
     assert 0 <= line.link.round_trip_s < 0.03
 
 
+def test_of_a_receiver_that_keeps_no_times_the_newest_frames_are_believed() -> None:
+    line = quiet()
+    acks = Acks(line)
+    for behind, believed in ((UNTIMED, False), (0, True)):
+        newest = line.link._outbox.seq
+        acks.give(newest - behind, echo=0)
+        line.tick()
+        assert (line.link._repair.repaired == newest) == believed
+
+
 @pytest.mark.parametrize(
     ("ahead", "echo"),
-    [(1, None), (100, None), (-3, 0), (0, 1), (0, 0xFFFFFFFF), (-60_000, None), (30_000, 0)],
+    [(1, None), (100, None), (-3, 7), (0, 1), (0, 0xFFFFFFFF), (-60_000, None), (30_000, 0)],
 )
 def test_acknowledgements_of_frames_never_sent_change_nothing(ahead: int, echo: int | None) -> None:
     line = quiet(first_seq=65_500)

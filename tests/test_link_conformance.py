@@ -77,7 +77,7 @@ def test_maps_of_up_to_401_by_401_cells_equal_those_of_the_model(name: str) -> N
     make = RECEIVERS[name]
     exam = Exam(InProcess(lambda start: make(start, None)), share=0.12)
     assert meet(exam) == ""
-    assert [verdict.failure for verdict in run(exam, chosen("2"), seed=1)] == [None] * 3
+    assert not any(verdict.failure for verdict in run(exam, chosen("2"), seed=1))
 
 
 @pytest.mark.parametrize("name", RECEIVERS)

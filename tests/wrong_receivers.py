@@ -60,6 +60,20 @@ def _keep_is_unknown(self: SlowReceiver, runs: list[Run]) -> None:
     SlowReceiver.apply(self, [(UNKNOWN if s == KEEP else s, a, b) for s, a, b in runs])
 
 
+def _long_keep_forgets(self: SlowReceiver, runs: list[Run]) -> None:
+    """Of a KEEP of more than 200 cells, the rest becomes unknown."""
+    split = [
+        part
+        for s, a, b in runs
+        for part in (
+            [(KEEP, a, a + 200), (UNKNOWN, a + 200, b)]
+            if s == KEEP and b - a > 200
+            else [(s, a, b)]
+        )
+    ]
+    SlowReceiver.apply(self, split)
+
+
 def _only_new_cells(self: SlowReceiver, runs: list[Run]) -> None:
     """Takes operations for differences: what is there stays."""
     before = dict(self.cells)
@@ -238,6 +252,7 @@ WRONG: dict[str, tuple[str, type[SlowReceiver]]] = {
     "LEB128 of any length": ("4", wrong(maybe_leb128=_endless_leb)),
     "LEB128 cut off": ("4", wrong(maybe_leb128=_cut_leb)),
     "KEEP is UNKNOWN": ("2", wrong(apply=_keep_is_unknown)),
+    "a long KEEP forgets": ("2", wrong(apply=_long_keep_forgets)),
     "operations are differences": ("2", wrong(apply=_only_new_cells)),
     "mask from the newest": ("5", wrong(count=_mask_from_newest)),
     "mask of ones": ("5", wrong(count=_mask_all)),

@@ -21,6 +21,7 @@ from tools.conformance.wire import (
 
 LOSS = 0.05
 EDGES = [-32768, 32767, 0, -1, 32700, -32700]  # where the endless grid wraps
+LENGTHS = (62, 63, 64, 65, 127, 128, 191, 192, 193, 320, 16_447, 16_448)  # where codes grow longer
 STATES = (UNKNOWN, FREE, OBSTACLE, KEEP)
 
 
@@ -73,6 +74,22 @@ def wraps(exam: Exam) -> str:
             exam.send(exam.next_map([], origin=corner))
             exam.check(f"the window at {corner}")
     return "to and fro over +-32 768, in x, in y and both"
+
+
+def long_runs(exam: Exam) -> str:
+    """2: runs of all lengths of their code do what they say, no cell more, also those that keep."""
+    exam.needs_map()
+    side = min(130, int(exam.max_cells**0.5))
+    cells = side * side
+    lengths = [n for n in LENGTHS if n <= cells - 2]
+    for state in (KEEP, UNKNOWN, OBSTACLE):
+        exam.begin(side, side)
+        exam.tell([(FREE, cells)])
+        for n in lengths:
+            start = exam.random.randint(0, cells - n - 2)
+            exam.tell([(OBSTACLE, 1), (state, n), (OBSTACLE, 1)], start)
+            exam.check(f"a run of {n} cells of state {state} over known ones")
+    return f"runs of {lengths[0]} to {lengths[-1]} cells over known ones"
 
 
 def _size(exam: Exam, k: int) -> tuple[int, int]:

@@ -52,6 +52,7 @@ CHECKS = [
     Check("1", "forms of COBS", checks_frames.cobs_forms),
     Check("2", "DIGEST", checks_map.digests),
     Check("2", "wrap of the grid", checks_map.wraps),
+    Check("2", "runs of all lengths", checks_map.long_runs),
     Check("2", "random maps, 5 % loss", checks_map.random_maps),
     Check("3", "errors of one and two bits", checks_damage.bit_errors),
     Check("3", "bursts up to 32 bits", checks_damage.bursts),

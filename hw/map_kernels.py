@@ -173,7 +173,9 @@ def _op_bytes(run: int) -> int:
 
 @kernel
 def _put(state: int, run: int, ops: U8, used: int) -> int:
-    """Append one operation; returns the new length."""
+    """Append one operation, or none for no run; returns the new length."""
+    if run == 0:
+        return used
     if run <= 63:
         ops[used] = state << 6 | run - 1
         return used + 1
@@ -224,6 +226,21 @@ def _same(at: int, most: int, code: int, ring: Ring) -> int:
 
 
 @kernel
+def _tell(at: int, at_cell: int, code: int, ring: Ring, cleared: I32, count: int, once: I32) -> int:
+    """A marked cell has been told; returns how many cells `cleared` lists now."""
+    mark = int(ring.marks[at])
+    if mark != AGAIN:
+        cleared[count] = at_cell
+        count += 1
+    if mark & NEW != 0 and once[0] + 1 < once.size:
+        once[0] += 1
+        once[once[0]] = at
+    _remark(at, 0, code, ring)
+    ring.told[at] = code
+    return count
+
+
+@kernel
 def encode_cells(
     kind: int,
     first: int,
@@ -266,25 +283,13 @@ def encode_cells(
                 until = _op_bytes(run) + (_op_bytes(gap) if run > 0 else 0)
                 if used + until + LONGEST_OP > room:
                     break
-                if run > 0:
-                    used = _put(state, run, ops, used)
-                    if gap > 0:
-                        used = _put(KEEP, gap, ops, used)
-                else:
-                    start = at_cell
+                used = _put(KEEP, gap, ops, _put(state, run, ops, used)) if run > 0 else used
+                start = at_cell if run == 0 else start
                 state, run, gap = code, 0, 0
             run += 1
-            mark = int(ring.marks[at])
-            if for_good and mark != 0:
-                if mark != AGAIN:
-                    cleared[count] = at_cell
-                    count += 1
-                if mark & NEW != 0 and once[0] + 1 < once.size:
-                    once[0] += 1
-                    once[once[0]] = at
-                _remark(at, 0, code, ring)
-                ring.told[at] = code
-            elif kind == REFRESH and mark == 0:
+            if for_good and ring.marks[at] != 0:
+                count = _tell(at, at_cell, code, ring, cleared, count, once)
+            elif kind == REFRESH and ring.marks[at] == 0:
                 stop = min(min(size - column, size - ring_column), end - at_cell)
                 step = _same(at, stop, code, ring)
                 run += step - 1
@@ -297,9 +302,7 @@ def encode_cells(
             row, column, ring_column = row + 1, 0, corner[0] % size
             ring_row = ring_row + 1 if ring_row + 1 < size else 0
             is_checked = kind == REFRESH
-    if run > 0:
-        used = _put(state, run, ops, used)
-    return start, used, count, min(at_cell, end)
+    return start, _put(state, run, ops, used), count, min(at_cell, end)
 
 
 @kernel

@@ -124,6 +124,7 @@ class SenderBench:
     def start_sender(self) -> None:
         """A new run of the sender, as after its power was off."""
         exam, session = self.exam, self.exam.random.getrandbits(32)
+        self.session = session
         self.link = PlannerLink(
             self.port,
             size=self.size,
@@ -179,6 +180,8 @@ class SenderBench:
         if model.last is None or model.blank or model.suspect:
             self.suspicious += model.suspect
             return
+        if model.geom is None or model.geom.session != self.session:
+            return  # the new run's GEOM got lost: what is held is the old one's, and soon stale
         sent = self.port.sent
         while sent and int16(model.last - sent[0][0]) >= 0:
             self.perfect.feed_datagram(0.0, sent.popleft()[1])

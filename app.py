@@ -190,11 +190,12 @@ class App:
         if trusted and known and now_s - self._zone_s < ZONE_S:
             return
         self._zone_s = now_s
+        asked = self.planners.requests.newest
         self.zone = self._zones.report(
             self.mapper.maybe_pose(now_s),
             trusted,
             (told.v_mps, told.w_radps),
-            self.planners.requests.newest,
+            asked if asked is not None and now_s <= asked.valid_until_s else None,
             self._start_vouched,
         )
 

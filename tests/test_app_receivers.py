@@ -22,9 +22,9 @@ CODE = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown, obstacle (
 class Company:
     """An app and three receivers: over UDP, over a serial line, and one that only asks."""
 
-    def __init__(self, **robot: Any) -> None:
+    def __init__(self, *, drives: bool = True, **robot: Any) -> None:
         config = with_changes(SETTINGS, planner={"port": URLS}, robot=robot)
-        self.rig = Rig("corridor", 1)
+        self.rig = Rig("corridor", 1, drives=drives)
         names = ("scanner", "ahrs", "drive")
         devices = {name: MemoryPort() for name in names}
         self._wires = [
@@ -180,3 +180,20 @@ def test_a_line_that_cannot_work_is_refused_before_any_opens(
 ) -> None:
     with pytest.raises(ConfigError, match=said):
         open_ports(with_changes(SETTINGS, **sections))
+
+
+def test_the_stop_zone_speaks_of_a_request_only_as_long_as_that_holds() -> None:
+    company = Company(drives=False, enable_motors=True, start_clear_m=3.0)
+    company.run(2.0)
+    app, window = company.app, company.app.mapper.maps.window
+    pose = app.mapper.maybe_pose(company.now_s)
+    assert pose is not None
+    i, j = window.grid.cell_of(pose.x_m - 0.5, pose.y_m)
+    window.cells[j % window.grid.size, i % window.grid.size] = OBSTACLE  # behind it
+    company.run(0.1)
+    ahead = app.zone.state
+    company.planners[0].drive(company.now_s, -0.2, 0.0, 0.3)
+    company.run(0.2)
+    assert app.zone.state == 3
+    company.run(0.5)
+    assert app.zone.state == ahead != 3

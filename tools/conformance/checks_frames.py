@@ -265,6 +265,7 @@ def tags(exam: Exam) -> str:
     left, t_ms = Geom(exam.geom.geom_id, 9, 9, exam.geom.session), exam.t_ms
     exam.begin(8, 7)
     exam.tell([(FREE, 56)])
+    exam.check("the next run")
     exam.send(frame(GEOM, exam.seq + 1, t_ms + 9000, left.body(), 0, secret))
     exam.next(POSE, b"")
     exam.check("a GEOM of a session that was left")

@@ -37,6 +37,7 @@ from tools.conformance.wire import (
 
 ACK_WAIT_S = 0.6  # an ACK comes every 100 ms; the rest is for slow lines and slow machines
 MARKERS = 3  # POSE frames that an answer is asked with before it counts as none
+FEW_RUNS = 4  # of a sender, that a receiver with a key must take under one nonce
 QUICK_MARKERS, QUICK_S = 12, 0.004  # one of them is the 16th, after which an ACK comes at once
 BATCH = 14  # frames between two questions: an ACK tells of 33
 MOST_CELLS = 401 * 401
@@ -102,11 +103,13 @@ class Exam:
         strict: bool = True,
     ) -> None:
         self.strict = strict
+        self._tired = ""  # why no more can be seen of it
+        self._is_heard = False  # it has answered to this run of the sender
         self.bench, self.key, self.budget_s, self.share = bench, key, budget_s, share
         self.random = random.Random(seed)
         self.hello: Hello | None = None
         self.answers: deque[Ack] = deque(maxlen=64)
-        self.unreadable = ""  # the newest answer that was none
+        self.unreadable, self._unread = "", b""  # the newest answer that was none
         self.geom = Geom(0, 0, 0, 0)
         self.origin, self.seq, self.begun_seq = (0, 0), 0, 0
         self.ticked_s = self.stalled_s = 0.0  # of the sender's part: last tick, slowest tick
@@ -144,7 +147,14 @@ class Exam:
     def begin(
         self, width: int, height: int, stale_ms: int = 150, first_seq: int | None = None
     ) -> None:
-        """A new run of the sender, known to the receiver; with an empty model."""
+        """A new run of the sender, known to the receiver; with an empty model.
+
+        Raises:
+            UnseenError: the receiver has shown that it takes no more of them.
+        """
+        if self._tired:
+            raise UnseenError(self._tired)
+        self._is_heard = False
         self._geom_id = (self._geom_id + 1) % 256
         session = self.random.getrandbits(32)
         self.geom = Geom(self._geom_id, width, height, session, stale_ms)
@@ -207,8 +217,9 @@ class Exam:
                 self.hello = answer
             elif isinstance(answer, Ack):
                 acks.append(answer)
+                self._is_heard = True
             elif answer != "another type":
-                self.unreadable = f"{answer}: {data.hex(' ')}"
+                self.unreadable, self._unread = f"{answer}: {data.hex(' ')}", data
         self.answers += acks
         return acks
 
@@ -233,12 +244,30 @@ class Exam:
                 for ack in self.hear(left_s):
                     if ack.last_seq == self.seq:
                         return ack
+        self.check_willing()
         newest = f"newest last_seq {self.answers[-1].last_seq}" if self.answers else "no ACK at all"
         raise self.failed(
             "the newest POSE frame is acknowledged",
             f"last_seq {self.seq}",
             newest + (f"; unreadable {self.unreadable}" if self.unreadable else ""),
         )
+
+    def check_willing(self) -> None:
+        """Called where answers are missing.
+
+        Raises:
+            UnseenError: a receiver with a key has room for so many runs of a sender and no more.
+        """
+        nonce, left = self.hello.nonce if self.hello else 0, self.model.left
+        older = [Key(self.key, session, nonce) for session in left] if self.key else []
+        if self._is_heard:
+            return
+        if any(isinstance(answer_from_frame(self._unread, key), Ack) for key in older[FEW_RUNS:]):
+            self._tired = (
+                f"with its key it takes no new run of a sender after {len(left)}: start it anew "
+                "for this test, or give it room for more (MAPOD_LINK_LEFT_SESSIONS)"
+            )
+            raise UnseenError(self._tired)
 
     # Comparing
 

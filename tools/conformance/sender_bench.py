@@ -205,6 +205,8 @@ class SenderBench:
         slow = self.slowest_s > SLOW_S  # we ourselves: then STALE is no fault of the receiver
         bits = SUSPECT | (0 if slow else STALE)
         bits |= NEED_FULL if self.exam.strict or self.port.hears else 0
+        if not self.exam.answers:
+            self.exam.check_willing()
         told = {ack.status & bits for ack in self.exam.answers}
         self.exam.expect("after the last loss: STALE, SUSPECT, NEED_FULL", {0}, told)
         self.exam.check("after the last loss")

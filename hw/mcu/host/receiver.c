@@ -19,7 +19,9 @@
 #include <unistd.h>
 
 #define MAPOD_LINK_AUTH
-#define MAPOD_LINK_LEFT_SESSIONS 64u
+#ifndef MAPOD_LINK_LEFT_SESSIONS
+#define MAPOD_LINK_LEFT_SESSIONS 4096u /* an exam is full of new runs */
+#endif
 #define MAPOD_LINK_IMPLEMENTATION
 #include "mapod_link.h"
 

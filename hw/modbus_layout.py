@@ -75,7 +75,7 @@ _HEALTH = (
     "is; 5 a planner has answered; 6 settings are right; 15 something is wrong"
 )
 _LINK_HEALTH = "the health word of the planner link, bit by bit"
-_ZONE = "0 unknown, 1 clear, 2 slow, 3 stop; 0 and 3 must both stop a vehicle"
+_ZONE = "0 unknown, 1 clear, 2 slow, 3 stop; with 0 and 3 a vehicle must not go on"
 _CAUSES = "bit 0 an obstacle, 1 ground that was not seen, 2 a drop, 3 map or pose not to be trusted"
 _AGE = "65535: never, or 65.5 s and more"
 _NONE = "65535: none is known"

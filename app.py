@@ -27,6 +27,7 @@ from hw.port import parse_url
 from hw.session import DeviceStatus, NoPort, Port
 
 STATE_LOG_S = 1.0  # counters to the log this often
+SCAN_WAIT = 0.25  # share of a tick of the link that it waits for a scan which is due
 ZONE_S = 0.045  # the stop zone is worked out this often: at every second or third map frame
 
 
@@ -93,7 +94,9 @@ class App:
         self.servers: dict[str, DeviceStatus] = {}  # of the register image, by name, for the log
         self.log = structlog.get_logger()
         self._linked_s = self._logged_s = self._overrun_s = self._zone_s = float("-inf")
+        self._mapped_s = float("-inf")
         self.ticks = self.slots_missed = 0
+        self._late_s: list[float] = []  # of the ticks since the last log
         self._drop_ahead = False
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
 
@@ -154,16 +157,26 @@ class App:
         for scan in self.scanner.step(now_s):
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
-        since_s = now_s - self._linked_s
+        self._mapped_s = now_s if mapped else self._mapped_s
         self.planners.poll(now_s)
         for pose in self.planners.take_external_poses():
             self.mapper.odometry.add_external(pose)
         window_trusted, told = self.report(now_s)
-        if since_s >= self._tick_s - 1e-6 or (mapped and since_s >= self._tick_s / 2):
+        if self._is_due(now_s, mapped):
             self.tell(now_s, told, window_trusted)
             self._linked_s = now_s
         self._drive(now_s, told)
         self._log(now_s)
+
+    def _is_due(self, now_s: float, mapped: bool) -> bool:
+        """Whether to tell now: with each scan, and between scans once a tick of the link.
+
+        While scans come, a tick is held back a little: else one that falls just before a scan would
+        leave the scan untold for a whole tick, again and again.
+        """
+        since_s, scans_come = now_s - self._linked_s, now_s - self._mapped_s < 2 * self._tick_s
+        longest_s = self._tick_s * (1 + SCAN_WAIT if scans_come else 1)
+        return since_s >= longest_s - 1e-6 or (mapped and since_s >= self._tick_s / 2)
 
     def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
         """Everything to everybody who listens."""
@@ -221,14 +234,23 @@ class App:
         self.drive.drive(*powers)
 
     def hear(self, now_s: float) -> None:
-        """Between ticks: take in what has arrived from the devices. Never waits."""
+        """Between ticks: take in what has arrived from the devices. Never waits.
+
+        A scan that has become complete does not wait for its tick: this is one then.
+        """
         for device in (self.ahrs, self.drive, self.scanner):
             device.hear(now_s)
+        if self.scanner.has_heard:
+            self.step(now_s)
 
     def stop(self) -> None:
         """Before the ports are closed: motors get zero, a scanner's login is ended."""
         self.drive.stop()
         self.scanner.stop()
+
+    def note_tick(self, late_s: float) -> None:
+        """The loop begins a tick so long after its time."""
+        self._late_s.append(late_s)
 
     def note_missed(self, now_s: float, slots: int) -> None:
         """The loop came late and skipped slots."""
@@ -284,11 +306,14 @@ class App:
                     newest_reason=newest.reason,
                 )
                 status.rejections.clear()
-        counts = self.mapper.counts
+        counts, late_s = self.mapper.counts, sorted(self._late_s)
+        self._late_s.clear()
         self.log.debug(
             "ticks_counted",
             ticks=self.ticks,
             slots_missed=self.slots_missed,
+            latest_s=round(late_s[-1], 6) if late_s else None,
+            late_p50_s=round(late_s[len(late_s) // 2], 6) if late_s else None,
             scans_added=counts.scans_added,
             scans_dropped=counts.scans_dropped,
             scans_early=counts.scans_early,

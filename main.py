@@ -199,6 +199,7 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     )
     while not stop.is_set():
         await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+        app.note_tick(time.monotonic() - due_s)
         app.step(time.monotonic())
         ears.after_tick()
         now_s = time.monotonic()

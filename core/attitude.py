@@ -1,7 +1,9 @@
 """Attitude at a time, or none: a ring of orientations, interpolated, never guessed.
 
-Refuses to extrapolate and to bridge a gap: an instant is covered only where samples before and
-after it lie close together. Roll and pitch are the attitude sensor's, yaw is the heading filter's.
+Refuses to bridge a gap: an instant is covered only where samples before and after it lie close
+together. It is within reach, too, where the newest sample is no older than the next one may take to
+come, and that sample's rate of turn carries it on: a scan need not wait for the sample behind it.
+Roll and pitch are the attitude sensor's, yaw is the heading filter's.
 """
 
 import math
@@ -15,6 +17,7 @@ from core.records import F64, Attitude
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
+AHEAD_S = 0.012  # a sample at 100 Hz, and what its instant is off: a body that nods turns 0.05 deg
 MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered
 UNIT = 1e-3  # how far a delivered quaternion may be from unit length
 
@@ -50,6 +53,13 @@ def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> Non
         out[n] /= np.sqrt(norm)
 
 
+def _carried_on(q: F64, rate_radps: F64, for_s: float) -> F64:
+    """An orientation (4,) that turns on at a rate (3,) about its own axes for so long."""
+    angle_rad = float(np.linalg.norm(rate_radps)) * for_s
+    share = 0.5 * for_s * (math.sin(angle_rad / 2) / (angle_rad / 2) if angle_rad > 1e-9 else 1.0)
+    return q_product(q, np.concatenate([[math.cos(angle_rad / 2)], share * rate_radps]))
+
+
 def _turned(turn_rad: float, q: F64) -> F64:
     """An orientation (4,), turned about the vertical."""
     half_rad = 0.5 * turn_rad
@@ -67,6 +77,7 @@ class AttitudeRing:
         self.q_earth_body = np.zeros((KEPT, 4))
         self._turned_rad = np.zeros(KEPT)
         self.start = self.count = 0
+        self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
         self.heading = HeadingFilter()
         self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
         self.rejected = 0  # samples out of order or no orientation at all
@@ -84,7 +95,7 @@ class AttitudeRing:
         if not (abs(length - 1) <= UNIT and self.newest_s < attitude.t_s < math.inf):
             self.rejected += 1
             return False
-        if self.count == KEPT:
+        if self.count == KEPT - 1:  # one place is left for what is carried on
             self.start = (self.start + 1) % KEPT
         else:
             self.count += 1
@@ -105,7 +116,19 @@ class AttitudeRing:
         self.t_s[last] = attitude.t_s
         self._turned_rad[last] = self.heading.turned_rad
         self.q_earth_body[last] = _turned(yaw_rad - rpy_rad[2], q)
+        self._carry_on(last)
         return True
+
+    def _carry_on(self, last: int) -> None:
+        """Put the orientation that the newest sample turns to into the place behind it."""
+        ahead = (last + 1) % KEPT
+        self.count_ahead = self.count
+        if np.isfinite(self.rate_body_radps).all():
+            self.count_ahead += 1
+            self.t_s[ahead] = self.t_s[last] + AHEAD_S
+            self.q_earth_body[ahead] = _carried_on(
+                self.q_earth_body[last], self.rate_body_radps, AHEAD_S
+            )
 
     def turned_rad_at(self, at_s: float) -> float:
         """How far the gyro has turned about the vertical since the start, at a spanned instant.
@@ -119,9 +142,17 @@ class AttitudeRing:
 
     def turn_all(self, turn_rad: float) -> None:
         """Turn every kept orientation about the vertical: the heading was found to be off."""
-        for k in range(self.count):
+        for k in range(self.count_ahead):
             n = (self.start + k) % KEPT
             self.q_earth_body[n] = _turned(turn_rad, self.q_earth_body[n])
+
+    def reaches(self, from_s: float, to_s: float) -> bool:
+        """True if from..to is covered, or would be with the newest sample carried on."""
+        newest_s = self.newest_s
+        if to_s <= newest_s:
+            return self.covers(from_s, to_s)
+        is_ahead = self.count_ahead > self.count and to_s <= newest_s + AHEAD_S
+        return is_ahead and self.covers(min(from_s, newest_s), newest_s)
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if every instant from..to lies between two samples that are close together."""
@@ -146,9 +177,10 @@ class AttitudeRing:
         return float(self.t_s[(k + 1) % KEPT] - self.t_s[k % KEPT])
 
     def rpy_at(self, at_s: float) -> tuple[float, float, float]:
-        """(roll, pitch, yaw) of the body in the earth frame at a spanned instant."""
+        """(roll, pitch, yaw) of the body in the earth frame at a spanned instant, or within reach."""
         q = np.empty(4)
-        q_at(self.t_s, self.q_earth_body, self.start, self.count, at_s, q)
+        count = self.count if at_s <= self.newest_s else self.count_ahead
+        q_at(self.t_s, self.q_earth_body, self.start, count, at_s, q)
         return rpy_from_q(q)
 
     def newest_rpy(self) -> tuple[float, float, float]:

@@ -116,7 +116,7 @@ class BeamGeometry:
             attitudes.t_s,
             attitudes.q_earth_body,
             attitudes.start,
-            attitudes.count,
+            attitudes.count_ahead,
             odometry.yaw_start_rad,
             self._R_body_sensor,
             self._t_body_sensor,

@@ -1,4 +1,4 @@
-"""Records in, maps out: holds scans until attitude and pose cover them, then adds them.
+"""Records in, maps out: holds scans until attitude and pose reach them, then adds them.
 
 A scan waits a bounded time for the attitude and the pose of its last beam; what never gets them is
 counted and dropped, not guessed. Where the odometry's chain breaks, the maps are erased.
@@ -90,7 +90,7 @@ class Mapper:
             self.counts.scans_dropped += 1
 
     def settle(self, now_s: float) -> int:
-        """Map the scans that are covered by now; returns how many."""
+        """Map the scans that attitude and pose reach by now; returns how many."""
         self.odometry.settle()
         if self.odometry.breaks != self._breaks:
             self._breaks = self.odometry.breaks
@@ -99,7 +99,7 @@ class Mapper:
         while self._waiting:
             scan = self._waiting[0]
             last_s = _last_beam_s(scan)
-            if self.attitudes.covers(scan.t_s, last_s) and self.odometry.covers(scan.t_s, last_s):
+            if self.attitudes.reaches(scan.t_s, last_s) and self.odometry.covers(scan.t_s, last_s):
                 self._add(self._waiting.popleft(), last_s)
                 added += 1
             elif now_s - scan.arrived_s > WAIT_S:

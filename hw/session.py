@@ -182,6 +182,11 @@ class Device(Generic[Measurement]):
         if self.port.opened == self._opened and (pieces := self.port.read()):
             self._advance(now_s, pieces)
 
+    @property
+    def has_heard(self) -> bool:
+        """Whether measurements wait for the next step."""
+        return bool(self._held)
+
     def _start_anew(self, now_s: float) -> None:
         """On a new connection. The same device after mere silence is no change of state."""
         self._opened, self._spoke_s, self._has_spoken = self.port.opened, now_s, False

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.attitude import KEPT, MAX_GAP_S, AttitudeRing
+from core.attitude import AHEAD_S, KEPT, MAX_GAP_S, AttitudeRing
 from core.geometry import R_from_rpy, q_from_R
 from core.records import Attitude
 
@@ -67,7 +67,7 @@ def test_samples_out_of_order_or_without_orientation_are_counted_and_left() -> N
 def test_the_ring_forgets_the_oldest_and_keeps_the_order() -> None:
     ring = ring_of(*(attitude(0.01 * k, pitch=0.0001 * k) for k in range(KEPT + 100)))
     assert not ring.covers(0.98, 1.2)
-    assert ring.covers(1.0, 0.01 * (KEPT + 99))
+    assert ring.covers(1.01, 0.01 * (KEPT + 99))
     _, pitch, _ = ring.rpy_at(2.345)
     assert math.isclose(pitch, 0.02345, abs_tol=1e-9)
 
@@ -129,3 +129,53 @@ def test_roll_and_pitch_are_the_sensors_whatever_the_filter_makes_of_yaw() -> No
         pulled = attitude(0.0, 0.1, -0.2, 0.5 if k > 100 else 0.0).q_earth_sensor
         ring.add(Attitude(0.01 * k, pulled, (0.0, 0.0, 0.0)))
     np.testing.assert_allclose(ring.newest_rpy(), (0.1, -0.2, 0.0), atol=1e-6)
+
+
+def ring_that_turns(
+    rate_radps: tuple[float, float, float], mount_roll_rad: float = 0.0
+) -> AttitudeRing:
+    """Ten samples at 100 Hz of a sensor that turns about its own axes, from level."""
+    ring = AttitudeRing(mount_roll_rad, 0.0, 0.0)
+    axis = np.array(rate_radps)
+    rate = float(np.linalg.norm(axis))
+    for k in range(10):
+        half_rad = 0.5 * rate * 0.01 * k
+        w, (x, y, z) = math.cos(half_rad), math.sin(half_rad) * axis / rate
+        ring.add(Attitude(0.01 * k, (w, float(x), float(y), float(z)), rate_radps))
+    return ring
+
+
+@given(
+    rate=st.tuples(*[st.floats(-2, 2)] * 3).filter(lambda rate: np.linalg.norm(rate) > 0.1),
+    ahead_s=st.floats(1e-6, AHEAD_S),
+    mount_roll_rad=st.sampled_from([0.0, math.pi / 2]),
+)
+def test_the_newest_sample_is_carried_on_by_its_rate_of_turn(
+    rate: tuple[float, float, float], ahead_s: float, mount_roll_rad: float
+) -> None:
+    ring, later = ring_that_turns(rate, mount_roll_rad), ring_that_turns(rate, mount_roll_rad)
+    half_rad = 0.5 * float(np.linalg.norm(rate)) * (0.09 + ahead_s)
+    x, y, z = math.sin(half_rad) * np.array(rate) / np.linalg.norm(rate)
+    q = (math.cos(half_rad), float(x), float(y), float(z))
+    later.add(Attitude(0.09 + ahead_s + 1e-9, q, rate))
+    assert ring.reaches(0.0, 0.09 + ahead_s)
+    assert not ring.covers(0.0, 0.09 + ahead_s)
+    roll, pitch, _ = later.rpy_at(0.09 + ahead_s)  # yaw is the heading filter's
+    np.testing.assert_allclose(ring.rpy_at(0.09 + ahead_s)[:2], (roll, pitch), atol=2e-4)
+
+
+def test_no_farther_than_a_sample_and_not_without_a_rate_of_turn() -> None:
+    ring = ring_that_turns((0.0, 0.0, 0.5))
+    assert not ring.reaches(0.0, 0.09 + AHEAD_S + 1e-6)
+    assert not ring.reaches(-0.01, 0.09)
+    still = ring_of(*(attitude(0.01 * k) for k in range(10)))
+    assert still.reaches(0.0, 0.09)
+    assert not still.reaches(0.0, 0.0901)
+
+
+def test_what_is_carried_on_bridges_no_gap() -> None:
+    ring = ring_that_turns((0.0, 0.0, 0.5))
+    ring.add(Attitude(0.2, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.5)))
+    assert not ring.reaches(0.05, 0.205)
+    ring.add(Attitude(0.21, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.5)))
+    assert ring.reaches(0.201, 0.215)

@@ -15,6 +15,7 @@ from core.layers import UNITS
 from core.mapper import Mapper
 from core.records import Attitude, PoseReport, Scan, WheelCounts
 from core.report import report
+from core.stall import STALLED, StallWatch
 from core.tiles import TileValues
 from core.zone_report import NOT_TRUSTED, ZoneReporter
 from hw.ax3500_session import Ax3500
@@ -85,6 +86,7 @@ class App:
         )
         self.mapper = Mapper(config)
         self.control = drive.DriveControl(config, self.mapper.maps)
+        self._stall = StallWatch(config)
         self._tick_s = 1.0 / config.planner.rate_hz
         self.planners = self._new_planners(session, key)
         self.tiles = TileValues(self.mapper.maps)
@@ -154,6 +156,7 @@ class App:
             self.mapper.add_attitude(attitude)
         for counts in self.drive.step(now_s):
             self.mapper.add_counts(counts)
+            self._stall.counted(counts)
         for scan in self.scanner.step(now_s):
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
@@ -227,10 +230,12 @@ class App:
         if not self.config.robot.enable_motors:
             self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
             return
-        dirt, others = self._condition.contamination, (self.planners.doubt,)
+        dirt = self._condition.contamination
+        others = (self.planners.doubt, STALLED if self._stall.stalled else "")
         doubt = drive.doubt(told.health, told.mode, dirt, others)
         motors_off = self.drive.controller.trouble
         powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off, moves)
+        self._stall.told(now_s, *powers)
         self.drive.drive(*powers)
 
     def hear(self, now_s: float) -> None:
@@ -272,6 +277,7 @@ class App:
             contaminated=is_dirty(self._condition),
             stop_asked=bool(self.drive.controller.emergency_stop),
             drop_ahead=self._drop_ahead,
+            stalled=self._stall.stalled,
         )
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:

@@ -177,7 +177,7 @@ class AttitudeRing:
         return float(self.t_s[(k + 1) % KEPT] - self.t_s[k % KEPT])
 
     def rpy_at(self, at_s: float) -> tuple[float, float, float]:
-        """(roll, pitch, yaw) of the body in the earth frame at a spanned instant, or within reach."""
+        """(roll, pitch, yaw) of the body in the earth frame at an instant within reach."""
         q = np.empty(4)
         count = self.count if at_s <= self.newest_s else self.count_ahead
         q_at(self.t_s, self.q_earth_body, self.start, count, at_s, q)

@@ -33,6 +33,7 @@ class Inputs:
     drop_ahead: bool = False  # within the way to stop
     contaminated: bool = False  # the scanner's window: a warning at least
     stop_asked: bool = False  # the emergency stop is pressed
+    stalled: bool = False  # the wheels' counters do not follow what the wheels are told
 
 
 def health_word(inputs: Inputs) -> int:
@@ -41,7 +42,7 @@ def health_word(inputs: Inputs) -> int:
     scanner = inputs.age_scanner_s <= SCAN_STALE_S
     mapped = inputs.age_scan_s <= SCAN_STALE_S
     ahrs = inputs.age_ahrs_s <= AHRS_STALE_S
-    wheels = inputs.age_wheels_s <= WHEELS_STALE_S
+    wheels = inputs.age_wheels_s <= WHEELS_STALE_S and not inputs.stalled
     level = inputs.tilt_rad <= MAX_SLOPE_RAD
     pose = ahrs and wheels and inputs.pose_known
     for holds, bit in (

@@ -20,6 +20,7 @@ def report(
     contaminated: bool,
     stop_asked: bool,
     drop_ahead: bool,
+    stalled: bool,
 ) -> tuple[bool, PoseReport]:
     """Whether free may be told, and the pose and health for the planner."""
     pose = mapper.maybe_pose(now_s)
@@ -38,6 +39,7 @@ def report(
         contaminated=contaminated,
         stop_asked=stop_asked,
         drop_ahead=drop_ahead,
+        stalled=stalled,
     )
     word = health.health_word(inputs)
     rate_z_radps = float(mapper.attitudes.rate_body_radps[2])

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from core.config import Config, load_config, with_changes
+from core.stall import STALLED
 from fakes.robot import MAX_SPEED_MPS
 from fakes.scene import Scene, Solid
 from main import App, Ports
@@ -286,3 +287,21 @@ def test_a_late_loop_stops_it_for_a_second() -> None:
     assert "late" in commander.blocked_by
     commander.run(2.0)
     assert commander.loop.rig.drive.powers() != (0, 0)
+
+
+def test_counters_that_stand_still_while_the_robot_drives_stop_it_until_they_move() -> None:
+    commander = driving(0.6)
+    commander.loop.rig.drive.frozen = True
+    before_m = commander.place[0]
+    commander.run(3.0)
+    assert commander.place[0] - before_m < 0.6
+    assert commander.blocked_by == STALLED
+    assert not commander.loop.planner.pose.health & 1 << 2
+    commander.asks = (0.0, 0.0)
+    commander.run(0.5)
+    commander.drive(0.6, 0.0, 1.0)  # letting go is not enough
+    assert commander.blocked_by == STALLED
+    commander.loop.rig.drive.frozen = False
+    commander.run(3.0)
+    assert commander.loop.planner.pose.health & 1 << 2
+    assert commander.blocked_by == "ground in the way was not seen to be free"  # nor vouched for

@@ -44,7 +44,7 @@ def test_what_enabled_motors_will_do_is_told(
 def test_a_planner_is_told_what_is_not_known() -> None:
     trusted, pose = report(
         Mapper(SHIPPED), 5.0, clocks_locked=False, overrun=True, replayed=False,
-        contaminated=True, stop_asked=True, drop_ahead=True,
+        contaminated=True, stop_asked=True, drop_ahead=True, stalled=False,
     )  # fmt: skip
     assert not trusted
     assert pose.mode == health.BOOTING

@@ -241,11 +241,12 @@ class App:
     def hear(self, now_s: float) -> None:
         """Between ticks: take in what has arrived from the devices. Never waits.
 
-        A scan that has become complete does not wait for its tick: this is one then.
+        A scan that has become complete, or the attitude that one waited for, does not wait for its
+        tick: this is one then.
         """
         for device in (self.ahrs, self.drive, self.scanner):
             device.hear(now_s)
-        if self.scanner.has_heard:
+        if self.scanner.has_heard or (self.ahrs.has_heard and self.mapper.waits):
             self.step(now_s)
 
     def stop(self) -> None:

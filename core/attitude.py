@@ -17,7 +17,7 @@ from core.records import F64, Attitude
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
-AHEAD_S = 0.012  # a sample at 100 Hz, and what its instant is off: a body that nods turns 0.05 deg
+AHEAD_S = 0.019  # a sample at 100 Hz, its way over the line, and how late a last beam may be
 MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered
 UNIT = 1e-3  # how far a delivered quaternion may be from unit length
 

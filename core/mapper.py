@@ -72,6 +72,11 @@ class Mapper:
         self.odometry.start_at(xyz_m, yaw_rad, travel_m)
         self.continued = True
 
+    @property
+    def waits(self) -> bool:
+        """Whether a scan waits for its attitude or its pose."""
+        return bool(self._waiting)
+
     def add_attitude(self, attitude: Attitude) -> None:
         """Take one sample of the attitude sensor."""
         self.attitudes.add(attitude)

@@ -18,10 +18,11 @@ after it is back; what a device has to bear, or can't become better soon, is tri
   - Whatever opens and brings nothing, or fails otherwise: after 0.2, 0.4, .. RETRY_LAST_S.
 """
 
+import array
 import contextlib
 import errno
+import fcntl
 import os
-import select
 import socket
 import termios
 from typing import Any
@@ -207,7 +208,7 @@ class SerialPort(ReopeningPort):
         self._line = line
         self._serial: Any = None  # while open
         self._fd = -1
-        self._hang_up = select.poll()
+        self._lies_ready = array.array("i", [0])  # bytes
         self._seen: tuple[int, ...] = ()  # the path as it was when it was last tried; () for absent
         self._look_s = float("-inf")
 
@@ -252,19 +253,15 @@ class SerialPort(ReopeningPort):
         if not is_pty:
             with contextlib.suppress(ValueError, OSError, NotImplementedError):
                 self._serial.set_low_latency_mode(True)  # an adapter that holds bytes for 16 ms
-        self._hang_up = select.poll()
-        self._hang_up.register(self._fd, 0)
         return True
 
     def _read_into(self, pieces: list[bytes]) -> None:
-        is_gone = bool(self._hang_up.poll(0))  # asked first: what was sent before is read below
-        left = READ_SIZE
-        with contextlib.suppress(BlockingIOError):
-            while left > 0 and (data := os.read(self._fd, left)):
-                pieces.append(data)
-                left -= len(data)
-        if is_gone and left == READ_SIZE:
-            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        # Neither poll nor read where nothing lies ready: both wait then until the kernel's worker
+        # has been at the line, which on a busy machine takes milliseconds. A line that has hung up
+        # answers with EIO.
+        fcntl.ioctl(self._fd, termios.FIONREAD, self._lies_ready)
+        if (count := min(self._lies_ready[0], READ_SIZE)) > 0:
+            pieces.append(os.read(self._fd, count))
 
     def _send(self, data: bytes) -> int:
         return os.write(self._fd, data)

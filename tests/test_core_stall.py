@@ -30,7 +30,9 @@ class Wheels:
             for k in (0, 1):
                 self.counts[k] += follow[k] * power[k] * TICK_S * COUNTS_PER_M
             if self._ticks % POLL_TICKS == 0:
-                self.watch.counted(WheelCounts(self.now_s, *self.counts, self.restarts))
+                self.watch.counted(
+                    WheelCounts(self.now_s, self.counts[0], self.counts[1], self.restarts)
+                )
             self.watch.told(self.now_s, *power)
 
 

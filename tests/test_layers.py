@@ -23,7 +23,7 @@ LIBRARIES = {
     "mapod_link": {"numpy"},
     "app.py": {"numpy", "structlog"},
     "main.py": {"structlog"},
-    "fakes": {"numpy", "mujoco"},
+    "fakes": {"numpy", "mujoco", "numba"},
 }
 CLOCKS_AND_FILES = {
     "time",

@@ -1,0 +1,36 @@
+/* Which motion to ask for: arcs that are safe for the whole way to a stop, the best along the way. */
+#ifndef ARCS_H
+#define ARCS_H
+
+#include "field.h"
+#include "sweep.h"
+
+struct limits { /* of a step */
+    int32_t ahead_mmps;  /* 0: not ahead */
+    int32_t behind_mmps; /* 0: not back */
+    int32_t turn_mradps;
+    int32_t unknown_mmps; /* over ground that is not known to be free; 0: never */
+};
+
+struct choice {
+    struct motion motion; /* as fast as it may be; zero: nothing is safe and useful */
+    int32_t curvature;    /* mrad per m; of an arc */
+    bool spins;
+};
+
+/* Rate (mm/s of the fastest point) from which the robot can stop within so much free way. */
+int32_t arcs_allowed_mmps(int32_t free_mm);
+/* The best motion towards a place on the way. */
+struct choice arcs_choose(const struct sweep *sweep, const struct field *field, struct place place,
+                          struct place target, const struct limits *limits,
+                          const struct choice *last);
+/* Turning on the spot towards a direction; zero where that is not safe. */
+struct motion arcs_spin(const struct sweep *sweep, int32_t by_turns, const struct limits *limits);
+/* Backwards to a place behind; zero where that is not safe. */
+struct motion arcs_back(const struct sweep *sweep, struct place place, int32_t x_mm, int32_t y_mm,
+                        const struct limits *limits);
+/* A motion, as slow as what lies in its way demands; zero where it may not even begin. */
+struct motion arcs_safe(const struct sweep *sweep, struct motion motion,
+                        const struct limits *limits);
+
+#endif

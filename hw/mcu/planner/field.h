@@ -1,0 +1,91 @@
+/* The way to a goal: what each cell of the window costs from there, over ground that can be driven.
+ *
+ * Cells too near to an OBSTACLE are closed. Cells too near to UNKNOWN ones cost more than free ones:
+ * they may turn out free when the robot has looked at them, and least where it could still see them
+ * on its way (the laser sees ground only far ahead). Nothing here says that the robot may drive.
+ *
+ * A field is worked out over several steps, in a bounded number of cells each; meanwhile the one
+ * before holds. Source: E. W. Dijkstra, 1959, with the buckets of R. B. Dial, 1969.
+ */
+#ifndef FIELD_H
+#define FIELD_H
+
+#include "ground.h"
+#include "maths.h"
+
+#ifndef FIELD_CELLS
+#define FIELD_CELLS (201u * 201u) /* the largest window that there is a way through */
+#endif
+#define FIELD_BUCKETS 4096u
+#define FIELD_NO_WAY 65535u
+#define FIELD_MM_PER_COST 20 /* on open ground of 200 mm cells; see field_cost_mm */
+#define FIELD_DISCS 12u
+
+/* What a cell is to the way, in the low bits of its weight's byte. */
+#define FIELD_CLOSED 0u
+#define FIELD_SOFT 0x80u /* not known to be free: there the way is only hoped for */
+
+struct disc { /* ground that has been given up, map frame */
+    int32_t x_mm;
+    int32_t y_mm;
+    int32_t radius_mm;
+};
+
+struct field_task { /* what a field is asked for */
+    int32_t x_mm; /* goal, map frame */
+    int32_t y_mm;
+    int32_t radius_mm; /* about it */
+    int32_t robot_x_mm;
+    int32_t robot_y_mm;
+    int32_t half_mm;   /* what the robot needs to either side, margin included */
+    int32_t around_mm; /* what it needs to turn */
+    bool only_free;    /* closed is all that is not known to be free */
+    const struct disc *discs;
+    uint32_t disc_count;
+};
+
+struct layer { /* one field */
+    struct frame frame;
+    bool goal_is_closed;
+    uint16_t cost[FIELD_CELLS];
+    uint8_t weight[FIELD_CELLS]; /* 0: closed; bit 7: soft */
+};
+
+struct field {
+    struct layer layers[2];
+    uint32_t now; /* which layer is finished; the other one is being worked on */
+    bool has_any;
+    bool is_busy;
+    uint32_t robot_cell; /* of the layer in work */
+    uint32_t level;      /* cost of the bucket in work */
+    uint32_t queued;
+    uint16_t heads[FIELD_BUCKETS];
+    uint16_t next[FIELD_CELLS]; /* in its bucket; before that, distances */
+    uint16_t previous[FIELD_CELLS];
+};
+
+/* Forgets all fields. */
+void field_clear(struct field *field);
+/* Begins a new field over the ground as it is now; false: the window is too large. */
+bool field_begin(struct field *field, const struct ground *ground, const struct field_task *task);
+/* Works on it, so many cells at most; true: it has been finished and is the newest now. */
+bool field_work(struct field *field, uint32_t cells);
+/* Of the newest field at a place, between its cells; FIELD_NO_WAY: none leads from there. */
+uint32_t field_cost(const struct field *field, int32_t x_mm, int32_t y_mm);
+/* What one metre of open ground costs. */
+uint32_t field_cost_of_m(const struct field *field);
+
+struct step_cell { /* of a way, map frame */
+    int32_t x_mm;
+    int32_t y_mm;
+    bool soft;
+};
+
+/* The way from a place downhill, one cell after the other; how many there are, at most `room`. */
+uint32_t field_way(const struct field *field, int32_t x_mm, int32_t y_mm, struct step_cell *way,
+                   uint32_t room);
+/* Whether the straight line between two places leads over ground that is neither closed nor soft. */
+bool field_is_straight(const struct field *field, int32_t x_mm, int32_t y_mm, int32_t to_x_mm,
+                       int32_t to_y_mm);
+
+#endif

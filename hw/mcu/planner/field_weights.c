@@ -1,0 +1,148 @@
+/* Distances to the nearest obstacle and to the nearest ground that is not known to be free, for all
+ * cells at once, and what follows from them.
+ *
+ * Source: G. Borgefors, Distance transformations in digital images, 1986 (the 3-4 chamfer).
+ */
+#include "field_weights.h"
+
+#define THIRDS 3      /* a distance of one cell */
+#define DIAGONAL 4    /* and of one across */
+#define FAR 60000u    /* no such cell in sight */
+
+#define OPEN 2u       /* weights */
+#define BESIDE 3u     /* more, where something is so near that the robot could not turn */
+#define NEARBY 1u     /* more, within this beyond that: */
+#define NEARBY_MM 400
+#define UNSEEN_FAR 5u   /* may be seen on the way there */
+#define UNSEEN_NEAR FIELD_MOST_WEIGHT /* only from farther away */
+#define SEEN_FROM_MM 8600 /* from the axle, straight ahead: the line where the laser meets the floor */
+
+static uint16_t nearer(uint16_t a, uint32_t b)
+{
+    return (a < b) ? a : (uint16_t)b;
+}
+
+/* Distances in thirds of a cell: forth over all rows, and back. */
+static void spread(const struct frame *frame, uint16_t *away)
+{
+    const int32_t width = frame->width;
+    const int32_t count = width * frame->height;
+    int32_t at;
+    for (at = 0; at < count; at++) {
+        const int32_t column = at % width;
+        uint16_t best = away[at];
+        if (column > 0) {
+            best = nearer(best, away[at - 1] + (uint32_t)THIRDS);
+        }
+        if (at >= width) {
+            const uint16_t *const below = &away[at - width];
+            best = nearer(best, below[0] + (uint32_t)THIRDS);
+            best = (column > 0) ? nearer(best, below[-1] + (uint32_t)DIAGONAL) : best;
+            best = (column < (width - 1)) ? nearer(best, below[1] + (uint32_t)DIAGONAL) : best;
+        }
+        away[at] = best;
+    }
+    for (at = count - 1; at >= 0; at--) {
+        const int32_t column = at % width;
+        uint16_t best = away[at];
+        if (column < (width - 1)) {
+            best = nearer(best, away[at + 1] + (uint32_t)THIRDS);
+        }
+        if (at < (count - width)) {
+            const uint16_t *const above = &away[at + width];
+            best = nearer(best, above[0] + (uint32_t)THIRDS);
+            best = (column > 0) ? nearer(best, above[-1] + (uint32_t)DIAGONAL) : best;
+            best = (column < (width - 1)) ? nearer(best, above[1] + (uint32_t)DIAGONAL) : best;
+        }
+        away[at] = best;
+    }
+}
+
+/* Cells of the ground as states; cells given up are obstacles. */
+static void take_states(struct layer *layer, const struct ground *ground,
+                        const struct field_task *task)
+{
+    const struct frame *const frame = &layer->frame;
+    int32_t i, j;
+    uint32_t at = 0u;
+    for (j = 0; j < frame->height; j++) {
+        for (i = 0; i < frame->width; i++) {
+            layer->weight[at] = (uint8_t)ground_at(ground, frame->column0 + i, frame->row0 + j);
+            at++;
+        }
+    }
+    for (at = 0u; at < task->disc_count; at++) {
+        const struct disc *const disc = &task->discs[at];
+        const int32_t low_i = cell_of(frame, disc->x_mm - disc->radius_mm) - frame->column0;
+        const int32_t low_j = cell_of(frame, disc->y_mm - disc->radius_mm) - frame->row0;
+        const int32_t cells = ((2 * disc->radius_mm) / frame->cell_mm) + 1;
+        for (j = most(0, low_j); j < least(frame->height, low_j + cells); j++) {
+            for (i = most(0, low_i); i < least(frame->width, low_i + cells); i++) {
+                uint8_t *const state = &layer->weight[(j * frame->width) + i];
+                *state = (*state == MAPOD_UNKNOWN) ? (uint8_t)MAPOD_OBSTACLE : *state;
+            }
+        }
+    }
+}
+
+/* Distances in thirds of a cell from the cells in a given state, or from those not in it. */
+static void measure(const struct layer *layer, uint16_t *away, uint32_t state, bool is_it)
+{
+    const uint32_t count = (uint32_t)(layer->frame.width * layer->frame.height);
+    uint32_t at;
+    for (at = 0u; at < count; at++) {
+        away[at] = ((((uint32_t)layer->weight[at] & 3u) == state) == is_it) ? 0u : FAR;
+    }
+    spread(&layer->frame, away);
+}
+
+/* Of ground that is not known to be free, by how far off the robot it is. */
+static uint8_t unseen(const struct layer *layer, const struct field_task *task, uint32_t at)
+{
+    const struct frame *const frame = &layer->frame;
+    const int32_t i = frame->column0 + ((int32_t)at % frame->width);
+    const int32_t j = frame->row0 + ((int32_t)at / frame->width);
+    const int32_t away_mm = distance_mm(middle_of(frame, i) - task->robot_x_mm,
+                                        middle_of(frame, j) - task->robot_y_mm);
+    return (uint8_t)(FIELD_SOFT | ((away_mm < SEEN_FROM_MM) ? UNSEEN_NEAR : UNSEEN_FAR));
+}
+
+/* Of ground that is known to be free, by how near the next is that is not. */
+static uint8_t seen(const struct field_task *task, int32_t away_mm)
+{
+    uint32_t weight = OPEN;
+    if (away_mm < task->around_mm) {
+        weight += BESIDE;
+    }
+    if (away_mm < (task->around_mm + NEARBY_MM)) {
+        weight += NEARBY;
+    }
+    return (uint8_t)weight;
+}
+
+void field_weigh(struct layer *layer, uint16_t *distances, const struct ground *ground,
+                 const struct field_task *task)
+{
+    const int32_t cell_mm = layer->frame.cell_mm;
+    const uint32_t count = (uint32_t)(layer->frame.width * layer->frame.height);
+    const int32_t half_mm = task->half_mm + (cell_mm / 2);
+    uint32_t at;
+    take_states(layer, ground, task);
+    measure(layer, distances, MAPOD_OBSTACLE, true);
+    for (at = 0u; at < count; at++) {
+        if (((distances[at] * cell_mm) / THIRDS) < half_mm) {
+            layer->weight[at] |= 4u; /* closed, once all distances are known */
+        }
+    }
+    measure(layer, distances, MAPOD_FREE, false);
+    for (at = 0u; at < count; at++) {
+        const int32_t away_mm = (distances[at] * cell_mm) / THIRDS;
+        if (((uint32_t)layer->weight[at] & 4u) != 0u) {
+            layer->weight[at] = FIELD_CLOSED;
+        } else if (away_mm < half_mm) {
+            layer->weight[at] = task->only_free ? (uint8_t)FIELD_CLOSED : unseen(layer, task, at);
+        } else {
+            layer->weight[at] = seen(task, away_mm - (cell_mm / 2));
+        }
+    }
+}

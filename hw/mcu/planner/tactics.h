@@ -1,0 +1,22 @@
+/* What to do where no motion leads on: wait, look around, go back, look from elsewhere, give up. */
+#ifndef TACTICS_H
+#define TACTICS_H
+
+#include "driver.h"
+
+/* Begins a tactic. */
+void tactics_begin(struct driver *driver, enum driver_tactic tactic);
+/* No motion is worth asking for, and has not been for a while: chooses what to do about it. */
+void tactics_stuck(struct driver *driver);
+/* The field of what can be reached is there: where to look from; false: from nowhere. */
+bool tactics_find_view(struct driver *driver);
+/* Gives up ground that was not seen from anywhere, for this goal. */
+void tactics_give_up_ground(struct driver *driver);
+/* Notes the way that the robot comes. */
+void tactics_note_way(struct driver *driver);
+/* The last crumb that is not yet reached on the way back; false: there is none. */
+bool tactics_crumb(struct driver *driver, struct spot *crumb);
+/* Ends the drive. */
+void tactics_give_up(struct driver *driver, enum driver_why why);
+
+#endif

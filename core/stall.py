@@ -3,7 +3,7 @@
 A counter that stands still looks like a robot that does, whatever the robot does. So each wheel may
 be sent on by a short way that its counter does not follow; then the counters are not believed until
 they move, or begin anew. It is not enough that the commander lets go: one who does so every second
-would inch the robot ahead unseen.
+would inch the robot ahead unseen. Counters that are not read are no matter of this: they are stale.
 Source: design, section 8.
 """
 
@@ -26,7 +26,8 @@ class StallWatch:
         robot, self._full_mps = config.robot, config.drive.full_power_mps
         counts_per_turn = 4 * robot.encoder_ppr * robot.gear_ratio
         self._m_per_count = 2 * math.pi * robot.wheel_radius_m / counts_per_turn
-        self._owed_m = [0.0, 0.0]  # left, right: sent and not followed
+        self._sent_m = [0.0, 0.0]  # left, right: since the newest counts
+        self._owed_m = [0.0, 0.0]  # sent before them, and not followed
         self._last: WheelCounts | None = None
         self._now_s = math.inf
 
@@ -42,14 +43,15 @@ class StallWatch:
         for k, power in enumerate((left, right)):
             speed_mps = abs(power) * self._full_mps
             if speed_mps >= LEAST_MPS:
-                self._owed_m[k] += speed_mps * passed_s
+                self._sent_m[k] += speed_mps * passed_s
 
     def counted(self, counts: WheelCounts) -> None:
         """The newest counts of both wheels."""
         last, self._last = self._last, counts
+        sent_m, self._sent_m = self._sent_m, [0.0, 0.0]
         if last is None or counts.restarts != last.restarts:
             self._owed_m = [0.0, 0.0]
             return
         for k, moved in enumerate((counts.left - last.left, counts.right - last.right)):
             followed_m = abs(moved) * self._m_per_count / LEAST_SHARE
-            self._owed_m[k] = max(0.0, self._owed_m[k] - followed_m)
+            self._owed_m[k] = max(0.0, self._owed_m[k] + sent_m[k] - followed_m)

@@ -2,13 +2,16 @@
 
 Prints one line of JSON that says where, then serves until SIGINT, SIGTERM or its time is up. Faults
 carry the device's name: `--fault scanner.mute@5s-7s --fault drive.gone@10s+2s`. A device that is
-left out has no port (null), so that a real one can be used in its place.
+left out has no port (null), so that a real one can be used in its place. For meters and judges it
+writes into files when each scan left (`--stamp`) and what is true of the robot (`--truth`).
 """
 
 import argparse
 import sys
+import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from pathlib import Path
 from typing import Any
 
 from fakes.serving import Stop, add_options, say, serve
@@ -39,6 +42,13 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--leave-out", action="append", default=[], choices=DEVICES, help="repeatable"
     )
+    parser.add_argument(
+        "--sheet-errors", action="store_true", help="sensors err as their sheets say"
+    )
+    parser.add_argument("--stamp", type=Path, metavar="FILE", help="when each scan left, into FILE")
+    parser.add_argument(
+        "--truth", type=Path, metavar="FILE", help="the robot's true way, into FILE"
+    )
     parser.add_argument("--tell", action="store_true", help="say who connects and who leaves")
     add_options(parser, "DEVICE.NAME")
     return parser.parse_args()
@@ -48,24 +58,60 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     """Build all, say where it is, and keep it in step with the host's clock."""
     from fakes.ax3500 import MODES
     from fakes.rig import Rig  # these take half a second: after the handlers of main()
-    from fakes.wire import PtyWire, TcpWire
+    from fakes.scene import load_scene
+    from fakes.stamps import StampedAttitude, StampedScanner, WatchedWorld, stamps_in
+    from fakes.upsets import as_the_sheets_say
+    from fakes.witness import witness_in
+    from fakes.world import World
 
     if given.drive_mode not in MODES:
         raise ValueError(f"--drive-mode: must be one of {', '.join(MODES)}: {given.drive_mode}")
-    rig = Rig(given.scene, given.seed, given.start_delay, drives=not given.no_driver)
-    rig.drive.mode = given.drive_mode
-    rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
+    with ExitStack() as files:
+        scene = load_scene(given.scene, given.seed)
+        upsets = as_the_sheets_say(scene.upsets) if given.sheet_errors else None
+        world = (WatchedWorld if given.stamp else World)(scene, given.seed, upsets)
+        rig = Rig(world, given.seed, given.start_delay, drives=not given.no_driver)
+        rig.drive.mode = given.drive_mode
+        rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
+        fakes: dict[str, Any] = {name: getattr(rig, name) for name in DEVICES}
+        seen = dict(fakes)  # by the wires
+        step: Callable[[float], None] = rig.step
+        if isinstance(world, WatchedWorld):
+            stamps = files.enter_context(stamps_in(given.stamp, time.monotonic))
+            seen["scanner"] = StampedScanner(rig.scanner, world.swept_s, stamps)
+            seen["ahrs"] = StampedAttitude(rig.ahrs, world.sampled_s, stamps)
+        if given.truth:
+            told = (given.truth, world, given.scene, given.seed)
+            witness = files.enter_context(witness_in(*told))
+
+            def step(now_s: float) -> None:
+                rig.step(now_s)
+                witness.step(now_s)
+
+        serve_on_wires(given, stop, fakes, seen, step)
+
+
+def serve_on_wires(
+    given: argparse.Namespace,
+    stop: Stop,
+    fakes: dict[str, Any],
+    seen: dict[str, Any],
+    step: Callable[[float], None],
+) -> None:
+    """A wire for each fake that is not left out; `seen` is what stands behind it."""
+    from fakes.wire import PtyWire, TcpWire
+
     wires: dict[str, tuple[Callable[[], Any], str]] = {
         "scanner": (
-            lambda: TcpWire(rig.scanner, "127.0.0.1", given.scanner_port, seed=given.seed),
+            lambda: TcpWire(seen["scanner"], "127.0.0.1", given.scanner_port, seed=given.seed),
             "tcp://127.0.0.1:{0.port}",
         ),
         "ahrs": (
-            lambda: PtyWire(rig.ahrs, given.ahrs_link, seed=given.seed + 1),
+            lambda: PtyWire(seen["ahrs"], given.ahrs_link, seed=given.seed + 1),
             "serial://{0.path}?baud=115200",
         ),
         "drive": (
-            lambda: PtyWire(rig.drive, given.drive_link, seed=given.seed + 2),
+            lambda: PtyWire(seen["drive"], given.drive_link, seed=given.seed + 2),
             "serial://{0.path}?baud=9600&parity=E&bytesize=7",
         ),
     }
@@ -79,8 +125,8 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
             name: url.format(there[name]) if name in there else None
             for name, (_, url) in wires.items()
         }
-        targets = {name: (getattr(rig, name), wire) for name, wire in there.items()}
-        serve("fakes", given, stop, ports, list(there.values()), targets, rig.step)
+        targets = {name: (fakes[name], wire) for name, wire in there.items()}
+        serve("fakes", given, stop, ports, list(there.values()), targets, step)
 
 
 def main() -> int:

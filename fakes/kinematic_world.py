@@ -1,8 +1,8 @@
 """A world whose robot moves as it is told: along a trajectory, exactly, without physics.
 
 It has the face of a `World`: the same devices stand on it. Wheels count what the body's motion
-makes them roll, what the motors want is not heard. MuJoCo only casts the rays. All that has been
-can be asked about for ever, and a world is the same to the bit however it is stepped.
+makes them roll, what the motors want is not heard. All that has been can be asked about for ever,
+and a world is the same to the bit however it is stepped. A scene's walkers are not there.
 """
 
 import math
@@ -16,7 +16,7 @@ from fakes import robot
 from fakes.rays import Rays
 from fakes.rotations import R_from_angles, rotation_z
 from fakes.scene import Scene, load_scene
-from fakes.slip import shares
+from fakes.slip import bursts, shares
 from fakes.steel import distortion
 from fakes.terrain import stance
 from fakes.trajectory import Trajectory
@@ -55,7 +55,7 @@ class KinematicWorld:
         trajectory: time zero is the first instant that the world is stepped to.
         follows: True: height, pitch and roll come from the ground under the wheels, and those of
             the trajectory are added; for ramps, bumps and kerbs.
-        seed: of what beams meet in soft things.
+        seed: of what beams meet in soft things, and of the scene's upsets.
     """
 
     obeys = False  # what the motors want is not heard
@@ -67,10 +67,12 @@ class KinematicWorld:
         follows: bool = False,
         seed: int = 1,
     ) -> None:
-        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
+        self.upsets = self.scene.upsets
         self.wheels = RollingWheels(self.wheel_angles_rad)
         self._trajectory, self._follows = trajectory, follows
-        self._rays = Rays(self.scene, seed)
+        self._slips = (*self.scene.slips, *bursts(self.upsets.slip_bursts_per_min, seed))
+        self._rays = Rays(self.scene, seed, self.upsets)
         self._begin_s: float | None = None
         self._now_s = 0.0
         self._rows = np.zeros((0, 14))  # one a step, from the begin on; grows by doubling
@@ -104,7 +106,7 @@ class KinematicWorld:
         t_s = np.asarray(steps * STEP_S, dtype=float)
         poses = self._poses_at(t_s)
         rates, forces, speeds = _felt(poses)
-        speeds *= 1.0 + shares(self.scene.slips, t_s)
+        speeds *= 1.0 + shares(self._slips, t_s)
         inner, rows = slice(MARGIN, MARGIN + BLOCK), self._rows[first : first + BLOCK]
         rows[:, :6] = poses[inner]
         rows[:, RATE], rows[:, FORCE] = rates[inner], forces[inner]

@@ -49,8 +49,8 @@ class LaserHead:
 
     Args:
         ranges_m_at: (instant of the first point, instants (n,), bearings (n,) rad) to ranges (n,),
-            or (2, n) with second echoes; m, NaN or inf for no return; host clock; bearing 0 is
-            straight ahead.
+            or (2, n) with second echoes; m, NaN or inf for no return, -inf where it is dazzled;
+            host clock; bearing 0 is straight ahead.
     """
 
     def __init__(self, ranges_m_at: Callable[[float, F64, F64], F64], seed: int) -> None:
@@ -58,7 +58,8 @@ class LaserHead:
         self.drop_rate = 0.0  # of scans, which are then missing in the scan counter
         self.drift_ppm = 0.0
         self.clock_offset_us = 0  # what its clock shows at power-up
-        self.noise_m = 0.012
+        self.noise_m = 0.012  # 1 sigma; the sheet's statistical error
+        self.offset_m = 0.0  # by which all it measures is too far; the sheet: up to 0.03
         self.settling_scans = 7  # that carry device status 01 00
         self.contamination = 0  # of the window: 1 warning, 2 error, 3 fatal
         self.device_status = 0  # what telegrams say besides: 1 error, 2 dirty window, 4 blind
@@ -185,10 +186,12 @@ class LaserHead:
 
     def _codes(self, true_m: F64) -> U16:
         """What is measured of true ranges (n,): noise, nothing beyond its reach, bad light."""
-        measured_m = true_m + self.noise_m * self._noise.standard_normal(len(true_m))
+        noise = self._noise.standard_normal(len(true_m))
+        measured_m = true_m + self.offset_m + self.noise_m * noise
         seen = np.isfinite(measured_m) & (measured_m <= self.max_range_m)
         raw = np.round(1000 * np.where(seen, measured_m, 0.0))
         codes = np.where(raw >= FIRST_VALID, raw, NO_ECHO).astype(np.uint16)
+        codes[true_m == -np.inf] = DAZZLED
         rates = (self.dazzled_rate, self.implausible_rate, self.filtered_rate)
         for code, rate in zip((DAZZLED, IMPLAUSIBLE, FILTERED), rates, strict=True):
             if rate > 0:

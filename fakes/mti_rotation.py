@@ -54,16 +54,22 @@ def rotation_z(angle_rad: float) -> F64:
 
 def rotation(vector_rad: F64) -> F64:
     """The turn (3, 3) about a vector (3,) by its length."""
-    angle = float(np.linalg.norm(vector_rad))
+    x, y, z = vector_rad.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
     if angle == 0.0:
         return np.eye(3)
-    x, y, z = vector_rad / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross))
+    half = math.sin(angle / 2) / angle
+    return rotation_from_quaternion(math.cos(angle / 2), half * x, half * y, half * z)
 
 
 def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> F64:
     """The rotation matrix (3, 3) of a quaternion of length 1."""
-    v = np.array([x, y, z])
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray((w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * cross)
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
+    return np.array(
+        [
+            [ww + xx - yy - zz, 2 * (xy - wz), 2 * (xz + wy)],
+            [2 * (xy + wz), ww - xx + yy - zz, 2 * (yz - wx)],
+            [2 * (xz - wy), 2 * (yz + wx), ww - xx - yy + zz],
+        ]
+    )

@@ -9,16 +9,19 @@ from collections.abc import Callable
 import numpy as np
 
 from fakes.mti_data import Sample
+from fakes.mti_errors import ACCEL_NOISE_MPS2, RATE_NOISE_RADPS, SheetErrors
 from fakes.mti_gnss import Place, place_near
+from fakes.mti_kernels import told_rotation, told_vectors
 from fakes.mti_memory import BAD_PARAMETER, Memory
 from fakes.mti_models import Model
-from fakes.mti_rotation import F64, rotation, rotation_from_quaternion, rotation_z
+from fakes.mti_rotation import F64, rotation_from_quaternion, rotation_z
 
 Motion = Callable[[float], tuple[F64, F64, F64]]
 Travel = Callable[[float], tuple[F64, F64]]
 Distortion = Callable[[float], F64]
 
 FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC = 50.0, math.radians(300.0), 3.0
+FULL = np.array([FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC])
 SELF_TEST_BIT, VALID_BIT, FIX_BIT = 0x1, 0x2, 0x4
 STILL_BITS = 0x18  # no-rotation update is running
 ANY_CLIP_BIT, CLIP_SHIFT = 1 << 19, 8
@@ -31,6 +34,7 @@ class Sensor:
     def __init__(self, motion_at: Motion, seed: int, model: Model) -> None:
         self.nan = False  # all numbers
         self.yaw_jump_rad = 0.0
+        self.sheet_errors = False  # True: as wrong as the sheet says it may be
         self.fa_ff = False  # the bytes FA FF occur in the data of each message
         self.angle_noise_rad = math.radians(0.05)
         self.rate_noise_radps = math.radians(0.3)
@@ -55,7 +59,10 @@ class Sensor:
         self._pulled_at_s = -math.inf
         self._noise = np.random.default_rng(seed)
         self._still_until_s = -math.inf
+        self._errors = SheetErrors(seed)
         self._G, self._A = self.memory.G_reset, self.memory.A_reset  # as now; see Memory
+        self._frames_of: tuple[object, ...] = ()  # settings and resets of which these are made:
+        self._earth, self._case = np.eye(3), np.eye(3)  # what is turned on the left, on the right
 
     def _forget_resets(self) -> None:
         """Orientation resets as stored."""
@@ -71,12 +78,23 @@ class Sensor:
         A = np.array(self.memory.alignment).reshape(3, 3)
         return np.asarray(rotation_from_quaternion(*self.memory.turns[0]) @ A)
 
+    def _frames(self) -> tuple[F64, F64]:
+        """What settings and resets turn the earth by, and the sensor's case; (3, 3) each."""
+        memory = self.memory
+        made_of = (*memory.turns, memory.alignment, self._yaw_offset_rad, self._G, self._A)
+        if len(made_of) != len(self._frames_of) or any(
+            new is not old and (isinstance(new, np.ndarray) or new != old)
+            for new, old in zip(made_of, self._frames_of, strict=True)
+        ):
+            local = rotation_from_quaternion(*memory.turns[1])
+            self._earth = local @ rotation_z(self._yaw_offset_rad) @ self._G
+            self._case, self._frames_of = self._object @ self._A, made_of
+        return self._earth, self._case
+
     def _told(self, R_earth_sensor: F64) -> F64:
         """The orientation in the frames that settings and resets have made."""
-        A = self._object @ self._A
-        local = rotation_from_quaternion(*self.memory.turns[1])
-        turn = local @ rotation_z(self._yaw_offset_rad)
-        return np.asarray(turn @ self._G @ R_earth_sensor @ A.T)
+        earth, case = self._frames()
+        return np.asarray(earth @ R_earth_sensor @ case.T)
 
     def _reset_orientation(self, now_s: float, code: int, in_config: bool) -> bytes | int:
         """1 heading, 2 global, 3 object, 4 both 3 and 1, 5 to 7 their defaults; 0 stores."""
@@ -109,47 +127,64 @@ class Sensor:
         fix = self.memory.model.gnss and self.gps_fix
         return Place(*place_near(self.home, moved_m), velocity_mps, fix, self.utc_at_zero_s + t_s)
 
-    def _sample(self, t_s: float, fine: int) -> Sample:
+    def _sample(self, t_s: float, fine: int, gps_age: int = 0) -> Sample:
         """All that can be measured at an instant of the host's clock."""
         R_true, rate_radps, accel_mps2 = self._motion_at(t_s)
         noise = self._noise.standard_normal((4, 3))
         field = self.earth_field
         if self.distortion_at is not _undisturbed:
             field = self.distortion_at(t_s) @ field
-        R = self._pulled(R_true, field, t_s) @ rotation(self.angle_noise_rad * noise[0])
-        R = self._told(R)
-        vectors = (
-            accel_mps2 + self.accel_bias_mps2 + self.accel_noise_mps2 * noise[2],
-            rate_radps + self.rate_bias_radps + self.rate_noise_radps * noise[1],
-            R_true.T @ field + self.magnetic_noise * noise[3],
+        earth, case = self._frames()
+        R = told_rotation(
+            earth,
+            self._pulled_by(field, t_s),
+            self._believed(R_true, accel_mps2, t_s),
+            self.angle_noise_rad * noise[0],
+            case,
         )
-        limits = (FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC)
-        A, bad = self._object @ self._A, math.nan if self.nan else 0.0
-        accel, rate, magnetic = (
-            A @ np.clip(vector, -limit, limit) + bad
-            for vector, limit in zip(vectors, limits, strict=True)
-        )
-        clipped = [
-            bool(abs(value) > limit)
-            for vector, limit in zip(vectors, limits, strict=True)
-            for value in vector
-        ]
+        off = self._wrong_by(noise)
+        vectors, clipped = told_vectors(accel_mps2, rate_radps, R_true, field, off, FULL, case)
+        bad = math.nan if self.nan else 0.0
+        if self.nan or self.yaw_jump_rad:
+            R, vectors = rotation_z(self.yaw_jump_rad) @ R + bad, vectors + bad
         return Sample(
-            R_earth_sensor=rotation_z(self.yaw_jump_rad) @ R + bad,
-            rate_radps=rate,
-            accel_mps2=accel,
-            magnetic=magnetic,
+            R_earth_sensor=R,
+            rate_radps=vectors[1],
+            accel_mps2=vectors[0],
+            magnetic=vectors[2],
             temperature_deg=self.temperature_deg + bad,
             analog=(self.analog_1, self.analog_2),
             status=self._status(t_s, clipped),
             counter=self.counter,
             place=self._place(t_s),
             fine=fine,
+            gps_age=gps_age,
             preamble=self.fa_ff,
         )
 
-    def _pulled(self, R_earth_sensor: F64, field: F64, t_s: float) -> F64:
-        """The orientation whose yaw follows the magnetic north of a field (3,), as slowly as told.
+    def _believed(self, R_earth_sensor: F64, accel_mps2: F64, t_s: float) -> F64:
+        """What the sensor takes the truth for, but for steel."""
+        if not self.sheet_errors:
+            return R_earth_sensor
+        self._errors.goes_on(t_s, R_earth_sensor, accel_mps2)
+        return self._errors.orientation(R_earth_sensor)
+
+    def _wrong_by(self, noise: F64) -> F64:
+        """Noise and biases (3, 3) of acceleration, rate of turn and magnetic field."""
+        accel, rate = self.accel_noise_mps2, self.rate_noise_radps
+        accel_bias, rate_bias = self.accel_bias_mps2, self.rate_bias_radps
+        if self.sheet_errors:
+            accel, rate = max(accel, ACCEL_NOISE_MPS2), max(rate, RATE_NOISE_RADPS)
+            accel_bias = accel_bias + self._errors.accel_bias_mps2
+            rate_bias = rate_bias + self._errors.rate_bias_radps
+        off = noise[[2, 1, 3]]
+        off *= ((accel,), (rate,), (self.magnetic_noise,))
+        off[0] += accel_bias
+        off[1] += rate_bias
+        return off
+
+    def _pulled_by(self, field: F64, t_s: float) -> float:
+        """By how much the yaw is off: it follows the magnetic north of a field (3,), slowly.
 
         Where the field is turned to the left, the sensor takes itself for turned to the right.
         """
@@ -159,16 +194,15 @@ class Sensor:
         share = 1.0 - math.exp(-gone_s / self.pull_s)
         self._pulled_rad += share * math.remainder(wrong_rad - self._pulled_rad, math.tau)
         self._pulled_at_s = max(t_s, self._pulled_at_s)
-        return rotation_z(self._pulled_rad) @ R_earth_sensor
+        return self._pulled_rad
 
-    def _status(self, t_s: float, clipped: list[bool]) -> int:
-        """The status word; the clip bits are acc xyz, gyr xyz, mag xyz."""
+    def _status(self, t_s: float, clipped: int) -> int:
+        """The status word, with the clip bits: acc xyz, gyr xyz, mag xyz."""
         word = VALID_BIT | (SELF_TEST_BIT if self.self_test == 0x01FF else 0)
         word |= STILL_BITS if t_s < self._still_until_s else 0
         if self.memory.model.gnss and self.gps_fix:
             word |= FIX_BIT if self.memory.model.legacy else FIX_BIT | GNSS_MODE_BITS
-        word |= sum(1 << CLIP_SHIFT + k for k, is_clipped in enumerate(clipped) if is_clipped)
-        return word | (ANY_CLIP_BIT if any(clipped) else 0)
+        return word | clipped << CLIP_SHIFT | (ANY_CLIP_BIT if clipped else 0)
 
 
 def _undisturbed(t_s: float) -> F64:

@@ -1,70 +1,79 @@
 """What the scanner's beams meet in a scene, from wherever the lens is.
 
-Solids that stand and return every beam are left to MuJoCo; what moves or lets beams through is met
-in closed formulas, each beam at its own instant. The robot itself is in nobody's way.
+Each beam leaves from the pose of its own instant, and meets what stands, who walks, glass, black
+and soft things in closed formulas. A wide beam is a bundle of rays. The robot itself is in nobody's
+way.
 """
 
 import math
 from collections.abc import Callable
-from typing import Any
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from fakes import robot
-from fakes.crossings import Beams, across_box, across_cylinder
+from fakes import beam_light, robot
+from fakes.beam_targets import targets_from
+from fakes.crowd import Crowd
+from fakes.movers import Mover, Part
+from fakes.ray_kernels import (
+    BLACK,
+    Bundle,
+    Passers,
+    bundle_from,
+    meet_passers,
+    meet_targets,
+    rays_from_poses,
+    ways_through_box,
+)
 from fakes.rotations import rotation_y
-from fakes.scene import Scene, mjcf_from_solids
+from fakes.scene import Scene
 from fakes.solids import Solid
+from fakes.upsets import NONE, Upsets
 
 F64 = npt.NDArray[np.float64]
-mj: Any = mujoco  # compiled: it comes without types
-GROUP = 8  # beams that share one pose: 0.2 ms of a sweep
 FAR_M = 30.0  # a beam returns nothing from beyond
 BLACK_REACH_M = 3.0  # nor from what is black, beyond this
 GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
 SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too
-SCENE_ONLY = np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)  # geom groups that beams hit
+KNOT_S = 0.0025  # between the instants at which movers are asked where they are
 R_BODY_LENS = rotation_y(math.radians(robot.LENS_TILT_DEG))
+LENS_BODY_M = np.array(robot.LENS_BODY_M)
 
 Poses = Callable[[F64], tuple[F64, F64]]  # instants (m,) to t_map_body (m, 3), R_map_body (m, 3, 3)
-
-MODEL = """
-<mujoco>
-  <default><default class="scene"><geom group="0"/></default></default>
-  <asset>{assets}</asset>
-  <worldbody>{geoms}</worldbody>
-</mujoco>
-"""
 
 
 class Rays:
     """Beams through a scene. The same beams at the same instants meet the same, whenever asked.
 
     Args:
-        seed: of what they meet in soft things.
+        seed: of what they meet in soft things and in the air.
+        upsets: of light and air, and how wide beams are.
+        crowd: people who are in the way besides the scene's movers.
 
     Raises:
         ValueError: glass or a soft thing is no upright box.
     """
 
-    def __init__(self, scene: Scene, seed: int) -> None:
-        solids = [s for s in scene.solids if s.material.kind in ("plain", "black")]
-        assets, geoms = mjcf_from_solids(solids)
-        self._model = mj.MjModel.from_xml_string(MODEL.format(assets=assets, geoms=geoms))
-        self._data = mj.MjData(self._model)
-        mj.mj_forward(self._model, self._data)
-        self._black = np.array([*(s.material.kind == "black" for s in solids), False])  # -1: none
-        self._boxes = {
-            kind: [_box(s) for s in scene.solids if s.material.kind == kind]
-            for kind in ("glass", "soft")
-        }
-        self._densities = [
-            s.material.density_per_m for s in scene.solids if s.material.kind == "soft"
-        ]
-        self._movers, self._seed = scene.movers, seed
-        self._only_plain = not (any(self._boxes.values()) or self._movers or self._black.any())
+    def __init__(
+        self, scene: Scene, seed: int, upsets: Upsets = NONE, crowd: Crowd | None = None
+    ) -> None:
+        returning = [s for s in scene.solids if s.material.kind != "soft"]
+        self._soft = [s for s in scene.solids if s.material.kind == "soft"]
+        for solid in (*self._soft, *(s for s in returning if s.material.kind == "glass")):
+            _check_upright(solid)
+        self._targets = targets_from(returning)
+        self._is_black = np.array([*(self._targets.materials == BLACK), False])  # -1: none
+        self._boxes = [(_corner(s, 0), _corner(s, 1)) for s in self._soft]
+        self._upsets, self._seed, self._crowd = upsets, seed, crowd
+        self._pattern = beam_light.pattern_of(upsets)
+        self._passers = _Passers(scene.movers, crowd)
+
+    @property
+    def echoes(self) -> int:
+        """How many a beam may have: 2 where something lets light through or beams are wide."""
+        upsets = self._upsets
+        two = self._soft or upsets.beam_rad or upsets.dust_per_m or upsets.rain_per_m
+        return 2 if two else 1
 
     def ranges_m(self, poses_at: Poses, times_s: F64, bearings_rad: F64, begin_s: float) -> F64:
         """What beams from the lens meet: metres, NaN where nothing is within 30 m.
@@ -76,71 +85,89 @@ class Rays:
             begin_s: the instant at which the movers' time is zero.
 
         Returns:
-            (n,), or (2, n) with the second echoes of a scene that has soft things.
+            (n,), or (2, n) with the second echoes of a scene that has them; -inf where a beam came
+            back dazzled.
         """
-        n = len(times_s)
-        rays = np.zeros((n, 3))
-        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
-        rays = rays @ R_BODY_LENS.T
-        starts = np.arange(0, n, GROUP)
-        bodies, turns = poses_at(times_s[np.minimum(starts + GROUP // 2, n - 1)])
-        distances, solids = np.empty(n), np.empty(n, dtype=np.int32)
-        lenses_map, rays_map = np.empty((n, 3)), np.empty((n, 3))
-        for start, t_map_body, R_map_body in zip(starts, bodies, turns, strict=True):
-            some = slice(start, start + GROUP)
-            rays_map[some] = rays[some] @ R_map_body.T
-            lenses_map[some] = lens_map = t_map_body + R_map_body @ robot.LENS_BODY_M
-            mj.mj_multiRay(
-                self._model, self._data, lens_map, rays_map[some].ravel(), SCENE_ONLY, 1, -1,
-                solids[some], distances[some], None, len(solids[some]), FAR_M,
-            )  # fmt: skip
-        if self._only_plain:
-            distances[distances < 0] = np.nan
-            return distances
-        distances[distances < 0] = np.inf
-        beams = Beams(lenses_map, rays_map)
-        found = self._in_the_way(beams, times_s - begin_s, distances)
-        echoes = self._among_stalks(beams, times_s, found) if self._boxes["soft"] else found
-        swallowed = self._black[solids] & (distances > BLACK_REACH_M) & (echoes == distances)
-        return np.where(swallowed | (echoes > FAR_M), np.nan, echoes)
+        n, subs = len(times_s), len(self._pattern)
+        bodies, turns = poses_at(times_s)
+        lenses = bodies + turns @ LENS_BODY_M
+        begins, ways = rays_from_poses(lenses, turns @ R_BODY_LENS, bearings_rad, self._pattern)
+        bundle = bundle_from(begins, ways, subs, self._upsets.beam_rad)
+        found, met = np.full(n * subs, np.inf), np.full(n * subs, -1)
+        meet_targets(bundle, self._targets, GLASS_COS, FAR_M, found, met)
+        if self._passers.parts:
+            passers = self._passers.between(times_s[0] - begin_s, times_s[-1] - begin_s)
+            meet_passers(bundle, times_s - begin_s, passers, found, met)
+        found[(self._is_black[met] & (found > BLACK_REACH_M)) | (found > FAR_M)] = np.inf
+        echoes = beam_light.echoes_from_subs(found, subs, self._upsets.mixed_pixels)
+        echoes = self._upset(bundle, times_s, echoes)[: self.echoes]
+        echoes[(echoes > FAR_M)] = np.nan
+        return echoes if self.echoes == 2 else echoes[0]
 
-    def _in_the_way(self, beams: Beams, since_begin_s: F64, found: F64) -> F64:
-        """Where beams end (n,) that would go to found (n,), with movers and glass in the way."""
-        for mover in self._movers:
-            is_there = mover.is_there(since_begin_s)
-            for part in mover.parts if is_there.any() else ():
-                middles = mover.middles_m(part, since_begin_s)
-                if part.half_m is None:
-                    near_m = across_cylinder(beams, middles, part.radius_m, part.z)[0]
-                else:
-                    half = np.array(part.half_m)
-                    low = np.column_stack([middles - half, np.full(len(middles), part.z[0])])
-                    high = np.column_stack([middles + half, np.full(len(middles), part.z[1])])
-                    near_m = across_box(beams, low, high)[0]
-                found = np.where(is_there, np.minimum(found, near_m), found)
-        for low, high in self._boxes["glass"]:
-            near_m, _, cosine = across_box(beams, low, high)
-            found = np.where(cosine > GLASS_COS, np.minimum(found, near_m), found)
-        return found
-
-    def _among_stalks(self, beams: Beams, times_s: F64, behind_m: F64) -> F64:
-        """Echoes (2, n) where beams that would go to behind_m (n,) cross soft things."""
+    def _upset(self, bundle: Bundle, times_s: F64, echoes: F64) -> F64:
+        """Echoes (2, n) after all that is random on their way."""
+        upsets, by_air = self._upsets, self._upsets.dust_per_m or self._upsets.rain_per_m
+        if not (self._soft or by_air or upsets.sunlight_rate):
+            return echoes
         begun = round(abs(float(times_s[0])) * 1e6)
         random = np.random.default_rng([self._seed, begun, len(times_s)])
-        echoes = [behind_m]
-        for (low, high), density in zip(self._boxes["soft"], self._densities, strict=True):
-            enter_m, leave_m, _ = across_box(beams, low, high)
-            depths_m = np.cumsum(random.exponential(1.0 / density, (2, len(times_s))), axis=0)
-            stalks_m = enter_m + depths_m
-            echoes += list(np.where(stalks_m < np.minimum(leave_m, behind_m), stalks_m, np.inf))
+        if self._soft:
+            echoes = self._among_stalks(random, bundle, echoes)
+        if by_air:
+            echoes = beam_light.through_air(upsets, random, echoes)
+        if upsets.sunlight_rate:
+            echoes = beam_light.in_sunlight(upsets, random, bundle.azimuths, echoes)
+        return echoes
+
+    def _among_stalks(self, random: np.random.Generator, bundle: Bundle, behind: F64) -> F64:
+        """Echoes (2, n) where beams that would go to behind (2, n) cross soft things."""
+        n = len(bundle.azimuths)
+        echoes, enter_m, leave_m = [*behind], np.empty(n), np.empty(n)
+        for (low, high), solid in zip(self._boxes, self._soft, strict=True):
+            ways_through_box(bundle, low, high, enter_m, leave_m)
+            gap_m = 1.0 / solid.material.density_per_m
+            stalks_m = enter_m + np.cumsum(random.exponential(gap_m, (2, n)), axis=0)
+            echoes += list(np.where(stalks_m < np.minimum(leave_m, behind[0]), stalks_m, np.inf))
         first, second = np.sort(echoes, axis=0)[:2]
-        second[random.random(len(times_s)) >= SECOND_SHARE] = np.inf
+        second[random.random(n) >= SECOND_SHARE] = np.inf
         return np.stack([first, second])
 
 
-def _box(shape: object) -> tuple[F64, F64]:
-    """Lowest and highest corner (3,) of what is glass or soft."""
+class _Passers:
+    """All upright parts of movers and walkers, and where they are during a sweep."""
+
+    def __init__(self, movers: tuple[Mover, ...], crowd: Crowd | None) -> None:
+        self._crowd = crowd
+        self._of_movers = [(mover, part) for mover in movers for part in mover.parts]
+        walking = crowd.parts if crowd is not None else ()
+        self.parts: tuple[Part, ...] = (*(part for _, part in self._of_movers), *walking)
+        stays = [(mover.from_s, mover.until_s) for mover, _ in self._of_movers]
+        self._stays_s = np.array([*stays, *[(-math.inf, math.inf)] * len(walking)])
+
+    def between(self, first_s: float, last_s: float) -> Passers:
+        """For a sweep from first_s to last_s, seconds since the world's begin."""
+        knots = 1 + math.ceil((last_s - first_s) / KNOT_S)
+        knots_s = np.linspace(first_s, last_s, knots)
+        middles = [mover.middles_m(part, knots_s)[:, None] for mover, part in self._of_movers]
+        if self._crowd is not None:
+            middles.append(self._crowd.parts_m(knots_s))
+        return Passers(
+            first_s=first_s,
+            every_s=(last_s - first_s) / (knots - 1) if knots > 1 else 1.0,
+            middles_m=np.concatenate(middles, axis=1),
+            radii_m=np.array([part.radius_m for part in self.parts]),
+            halves_m=np.array([part.half_m or (0.0, 0.0) for part in self.parts]),
+            spans_m=np.array([part.z for part in self.parts]),
+            stays_s=self._stays_s,
+        )
+
+
+def _check_upright(shape: object) -> None:
     if not isinstance(shape, Solid) or shape.rise_rad or shape.rise_x_rad:
         raise ValueError("what is glass or soft must be an upright box")
-    spans = np.array([shape.x, shape.y, shape.z])
-    return spans[:, 0], spans[:, 1]
+
+
+def _corner(shape: object, end: int) -> F64:
+    """Lowest (0) or highest (1) corner (3,) of an upright box."""
+    assert isinstance(shape, Solid)
+    return np.array([shape.x[end], shape.y[end], shape.z[end]])

@@ -5,12 +5,15 @@ It moves no bytes: the caller puts a wire on each device.
 
 from pathlib import Path
 
+import numpy as np
+
 from fakes.ax3500 import FakeAx3500
 from fakes.driver import Driver
 from fakes.kinematic_world import KinematicWorld
 from fakes.lms111 import FakeLms111
 from fakes.mti import FakeMti
 from fakes.scene import Scene
+from fakes.upsets import Upsets
 from fakes.world import F64, World
 
 AnyWorld = World | KinematicWorld
@@ -28,6 +31,7 @@ class Rig:
         scene: or a world that is ready; its robot may be one that moves as it is told.
         start_delay_s: from the first step to the driver's first command.
         drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
+        upsets: instead of the scene's own; a world that is ready keeps its own.
     """
 
     def __init__(
@@ -36,10 +40,12 @@ class Rig:
         seed: int,
         start_delay_s: float = 3.0,
         drives: bool = True,
+        upsets: Upsets | None = None,
     ) -> None:
-        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed)
+        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed, upsets)
         self.scanner = FakeLms111(self._ranges_m_at, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
+        self._upset(self.world.upsets, seed)
         if self.world.scene.steels:
             self.ahrs.distortion_at = self.world.distortion_at
         self.drive = FakeAx3500(self.world.wheels, seed + 2)
@@ -52,6 +58,12 @@ class Rig:
             route.speed_mps,
             start_delay_s,
         )
+
+    def _upset(self, upsets: Upsets, seed: int) -> None:
+        """What is wrong with the devices themselves."""
+        share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
+        self.scanner.offset_m = upsets.range_offset_m * float(share)
+        self.ahrs.sheet_errors = upsets.ahrs_sheet_errors
 
     def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
         return self.world.ranges_m(times_s, bearings_rad)

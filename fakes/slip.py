@@ -9,6 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 F64 = npt.NDArray[np.float64]
+BURSTS_UNTIL_S = 1800.0  # of a world's life
+BURST_S = (0.2, 1.0)  # how long a wheel spins
+BURST_SHARE = (0.05, 0.30)  # and how much too much it counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +27,24 @@ class Slip:
     until_s: float = math.inf
 
 
-def shares(slips: Sequence[Slip], t_s: F64) -> F64:
+def shares(slips: Sequence[Slip], t_s: npt.NDArray[np.floating[Any]]) -> F64:
     """Shares (n, 2) of left and right at instants (n,) since the world's begin."""
     sums = np.zeros((len(t_s), 2))
     for slip in slips:
         sums[(t_s >= slip.from_s) & (t_s < slip.until_s)] += (slip.left, slip.right)
     return sums
+
+
+def bursts(per_min: float, seed: int) -> tuple[Slip, ...]:
+    """Moments at which the left, the right or both wheels spin, so often in the mean."""
+    random = np.random.default_rng([seed, 3])
+    count = random.poisson(per_min * BURSTS_UNTIL_S / 60.0) if per_min > 0.0 else 0
+    slips = []
+    for begin_s in random.uniform(0.0, BURSTS_UNTIL_S, count):
+        share, long_s = random.uniform(*BURST_SHARE), random.uniform(*BURST_S)
+        spins = ((1, 0), (0, 1), (1, 1))[random.integers(3)]
+        slips.append(Slip(share * spins[0], share * spins[1], begin_s, begin_s + long_s))
+    return tuple(slips)
 
 
 def slip_from(entry: dict[str, Any]) -> Slip:

@@ -14,17 +14,21 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes import robot
+from fakes.crowd import Crowd
 from fakes.rays import Rays
-from fakes.rotations import R_from_q, angles_from_R, rotation_z
+from fakes.rotations import R_from_q, R_from_qs, angles_from_R, rotation_z
 from fakes.scene import Scene, load_scene
-from fakes.slip import shares
+from fakes.slip import bursts, shares
 from fakes.steel import distortion
+from fakes.upsets import Upsets
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
 STEP_S = robot.STEP_S
 KEPT = 512  # physics steps, 1 s: how far back instants may lie
 SETTLING_STEPS = 500  # before the world begins, so that the robot rests on its contacts
+LEAST_FRICTION = 1e-3  # of the scene's own bodies, where wheels are given theirs by place
+LOOK_STEPS = 10  # physics steps between two looks at people and at the ground's friction
 MOTOR_SLEW_MPS2 = 3.0  # how fast the controller lets the wanted rim speed change
 MOTOR_SPREAD = 0.01  # 1 sigma of what makes each motor faster or slower than the command
 
@@ -48,6 +52,31 @@ class Wheels:
             self.wanted_mps[k] = max(-1.0, min(1.0, power)) * robot.MAX_SPEED_MPS * gain
 
 
+class Ground:
+    """How slippery the floor is, and in which places: a share of what dry floor gives to wheels."""
+
+    def __init__(self, scene: Scene, model: Any) -> None:
+        self._model, self._patches, self._friction = (
+            model,
+            scene.patches,
+            scene.friction,
+        )
+        self._wheels = [model.geom(name).id for name in ("left", "right")]
+        self._is_even = not self._patches and self._friction == 1.0
+        if not self._is_even:  # of two bodies in contact the greater friction counts
+            model.geom_friction[model.geom_group == 0, 0] = LEAST_FRICTION
+
+    def under_wheels(self, data: Any) -> None:
+        """Give each wheel the friction of the place where it is."""
+        for wheel in () if self._is_even else self._wheels:
+            x, y = data.geom_xpos[wheel][:2]
+            friction = self._friction
+            for patch in self._patches:
+                if patch.x[0] <= x <= patch.x[1] and patch.y[0] <= y <= patch.y[1]:
+                    friction = patch.friction
+            self._model.geom_friction[wheel, 0] = friction
+
+
 class World:
     """Physics of one robot in one scene, and rays for its scanner.
 
@@ -55,27 +84,35 @@ class World:
 
     Args:
         scene: a scene, the name of a shipped one, or the path of a scene's file.
-        seed: spreads the strength of the two motors.
+        seed: spreads the strength of the two motors; of the scene's chances, people and upsets.
+        upsets: instead of the scene's own.
     """
 
     obeys = True
 
-    def __init__(self, scene: Scene | str | Path, seed: int) -> None:
-        self.scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    def __init__(self, scene: Scene | str | Path, seed: int, upsets: Upsets | None = None) -> None:
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
+        self.upsets = self.scene.upsets if upsets is None else upsets
         self._model = mj.MjModel.from_xml_string(robot.mjcf(self.scene))
         self._data = mj.MjData(self._model)
+        self._crowd = Crowd(self.scene.walkers, seed) if self.scene.walkers else None
+        self._slips = (*self.scene.slips, *bursts(self.upsets.slip_bursts_per_min, seed))
+        self._ground = Ground(self.scene, self._model)
         random = np.random.default_rng(seed)
         left, right = random.normal(1.0, MOTOR_SPREAD, 2)
         self.wheels = Wheels(self, (float(left), float(right)))
+        self._R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
         self._begin_s: float | None = None
         self._now_s = 0.0
         self._steps = 0  # taken since the begin
         self._ctrl_mps = [0.0, 0.0]
         self._state = np.zeros((KEPT, 9))  # x y z, qw qx qy qz, left and right wheel angle
         self._motion = np.zeros((KEPT, 6))  # rate of turn and specific force of the attitude sensor
-        self._rays = Rays(self.scene, seed)
+        self._rays = Rays(self.scene, seed, self.upsets, self._crowd)
         self._turned, self._slipped = np.zeros(2), np.zeros(2)  # by the wheels, rad
+        self._shares = np.zeros((KEPT, 2))  # of slip, of the steps to come
         self._settle()
+        self._look_around()
 
     def _settle(self) -> None:
         """Rest on the ground, then call that place the origin of the map."""
@@ -95,9 +132,11 @@ class World:
         k = self._steps % KEPT
         self._state[k] = self._data.qpos[:9]
         turned = self._state[k, 7:9]
-        if self.scene.slips and self._steps:
-            share = shares(self.scene.slips, np.array([self._steps * STEP_S]))[0]
-            self._slipped += share * (turned - self._turned)
+        if self._slips and self._steps:
+            if k == 0 or self._steps == 1:
+                steps = self._steps - k + np.arange(KEPT)
+                self._shares = shares(self._slips, steps * STEP_S)
+            self._slipped += self._shares[k] * (turned - self._turned)
             self._turned = turned.copy()
             turned += self._slipped
         self._motion[k] = self._data.sensordata
@@ -119,6 +158,25 @@ class World:
         mj.mj_step(self._model, self._data)
         self._steps += 1
         self._record()
+        if self._steps % LOOK_STEPS == 0:
+            self._look_around()
+
+    def _look_around(self) -> None:
+        """People go on, up to the next look; wheels get the friction of the ground they are on."""
+        self._ground.under_wheels(self._data)
+        if self._crowd is not None:
+            now_s, q_pos = self._steps * STEP_S, self._data.qpos
+            place = (float(q_pos[0]), float(q_pos[1]), angles_from_R(R_from_q(q_pos[3:7]))[0])
+            if self._steps == 0:
+                self._crowd.step(0.0, place)
+            self._crowd.step(now_s + LOOK_STEPS * STEP_S, place)
+
+    def people(self) -> F64:
+        """x, y, radius (n, 3) of everybody who walks about and gives way, now; map frame."""
+        if self._crowd is None:
+            return np.zeros((0, 3))
+        places = self._crowd.middles_m(np.array([self._since_begin_s(None)]))[0]
+        return np.column_stack([places, self._crowd.people()[:, 2]])
 
     def _at(self, ring: F64, times_s: F64) -> F64:
         """Rows (n, m) of a ring at instants (n,), interpolated; the oldest or newest beyond it."""
@@ -130,32 +188,41 @@ class World:
         after = np.minimum(before + 1, self._steps)
         return np.asarray((1 - share) * ring[before % KEPT] + share * ring[after % KEPT])
 
-    def _now_or(self, t_s: float | None) -> F64:
-        return np.array([self._now_s if t_s is None else t_s])
+    def _row(self, ring: F64, t_s: float | None) -> F64:
+        """The same at one instant (m,), or now."""
+        t_s = self._now_s if t_s is None else t_s
+        oldest = max(0, self._steps - KEPT + 1)
+        k = min(max(self._since_begin_s(t_s) / STEP_S, oldest), self._steps)
+        before = min(int(k), max(oldest, self._steps - 1))
+        share, after = k - before, min(before + 1, self._steps)
+        return np.asarray((1 - share) * ring[before % KEPT] + share * ring[after % KEPT])
+
+    def _since_begin_s(self, t_s: float | None) -> float:
+        begin_s = self._now_s if self._begin_s is None else self._begin_s
+        return (self._now_s if t_s is None else t_s) - begin_s
 
     def wheel_angles_rad(self) -> tuple[float, float]:
         """How far (left, right) have turned since the begin, forward positive."""
-        state = self._at(self._state, self._now_or(None))[0]
+        state = self._row(self._state, None)
         return float(state[7]), float(state[8])
 
     def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
         """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
-        state = self._at(self._state, self._now_or(t_s))[0]
+        state = self._row(self._state, t_s)
         yaw, pitch, roll = angles_from_R(R_from_q(state[3:7]))
         return float(state[0]), float(state[1]), yaw, pitch, roll
 
     def height_m(self, t_s: float | None = None) -> float:
         """How high the body frame's origin lies above the map's z = 0."""
-        return float(self._at(self._state, self._now_or(t_s))[0, 2])
+        return float(self._row(self._state, t_s)[2])
 
     def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike, t_s: float | None = None) -> F64:
         """Height (n,) of the highest surface at x (n,), y (n,), map frame, now or at an instant."""
-        begin_s = self._now_s if self._begin_s is None else self._begin_s
-        return self.scene.height_at(x, y, (self._now_s if t_s is None else t_s) - begin_s)
+        return self.scene.height_at(x, y, self._since_begin_s(t_s))
 
     def distortion_at(self, t_s: float) -> F64:
         """What (3, 3) steel makes of the earth's field (north, west, up) where the robot is."""
-        x, y = self._at(self._state, np.array([t_s]))[0, :2]
+        x, y = self._row(self._state, t_s)[:2]
         return distortion(self.scene.steels, float(x), float(y))
 
     def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
@@ -165,11 +232,9 @@ class World:
             R_earth_sensor (3, 3), earth being north, west, up; rate of turn (3,) rad/s and
             specific force (3,) m/s2, both along the sensor's axes: standing, z is +9.81.
         """
-        at_s = np.array([t_s])
-        R_map_sensor = R_from_q(self._at(self._state, at_s)[0, 3:7])
-        R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
-        motion = self._at(self._motion, at_s)[0]
-        return R_earth_map @ R_map_sensor, motion[:3], motion[3:]
+        R_map_sensor = R_from_q(self._row(self._state, t_s)[3:7])
+        motion = self._row(self._motion, t_s)
+        return self._R_earth_map @ R_map_sensor, motion[:3], motion[3:]
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
         """What beams from the lens meet: (n,) metres, NaN where nothing is within 30 m.
@@ -177,10 +242,13 @@ class World:
         Args:
             times_s: (n,) instants of the last second, in order.
             bearings_rad: (n,) in the scan plane, from straight ahead, counter-clockwise.
+
+        Returns:
+            (n,), or (2, n) where beams have second echoes; see `Rays`.
         """
-        begin_s = self._now_s if self._begin_s is None else self._begin_s
+        begin_s = self._now_s - self._since_begin_s(None)
         return self._rays.ranges_m(self._poses, times_s, bearings_rad, begin_s)
 
     def _poses(self, times_s: F64) -> tuple[F64, F64]:
         states = self._at(self._state, times_s)
-        return states[:, :3], np.array([R_from_q(state[3:7]) for state in states])
+        return states[:, :3], R_from_qs(states[:, 3:7])

@@ -1,8 +1,6 @@
 """The whole house in one process on a simulated clock: world, fakes, wires, app, planner's end."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -11,18 +9,14 @@ from core.beam_maps import BeamMaps
 from core.config import Config, load_config
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner import FakePlanner
-from fakes.rig import Rig
 from fakes.scene import Scene
-from fakes.wire import MemoryPort, Wire
-from main import App, Ports
+from tools.rig.loop import SESSION, SHIPPED, START_S, Loop
 
 F64 = npt.NDArray[np.float64]
-SHIPPED = Path(__file__).parent.parent / "mapod.toml"
-START_S = 1000.0
-SESSION = 0x5A17C0DE
+__all__ = ["SESSION", "SHIPPED", "START_S", "ClosedLoop", "Comparison", "compare"]
 
 
-class ClosedLoop:
+class ClosedLoop(Loop):
     """App and fakes, stepped together; faults are set on the wires and fakes between steps."""
 
     def __init__(
@@ -33,57 +27,24 @@ class ClosedLoop:
         drives: bool = True,
         key: bytes | None = None,
     ) -> None:
-        self.config = config or load_config(SHIPPED.read_text(encoding="utf-8"))
-        self.rig = Rig(scene, seed, drives=drives)
-        if not drives:  # a vehicle that is driven from the PC has the watchdog on
-            self.rig.drive.parameters[0x00] = 0x02
-            self.rig.drive.mode = "rs232_watchdog"
         self.planner = FakePlanner(key=key)
-        self.ports = {name: MemoryPort() for name in ("scanner", "ahrs", "drive")}
-        self.link_port = MemoryPort(datagrams=True)
-        self.wires = {
-            "scanner": Wire(self.rig.scanner, self.ports["scanner"], seed),
-            "ahrs": Wire(self.rig.ahrs, self.ports["ahrs"], seed + 1),
-            "drive": Wire(self.rig.drive, self.ports["drive"], seed + 2),
-        }
-        self.app = App(
-            self.config,
-            Ports(self.ports["scanner"], self.ports["ahrs"], self.ports["drive"], self.link_port),
-            session=SESSION,
-            key=key,
-        )
-        self.now_s = START_S
-        self.ticks = 0
+        shipped = config or load_config(SHIPPED.read_text(encoding="utf-8"))
+        super().__init__(scene, seed, shipped, self.planner, drives=drives, key=key)
         self.sent = bytearray()  # all link bytes, for comparing two runs
-        self.listening = True
+        self.link_port.taps.append(self._note)
 
-    def step(self) -> None:
-        """One tick of everything."""
-        self.ticks += 1
-        self.now_s = START_S + self.ticks / self.config.loop.rate_hz
-        self.rig.step(self.now_s)
-        for wire in self.wires.values():
-            wire.step(self.now_s)
-        self.app.step(self.now_s)
-        for datagram in self.link_port.take_datagrams():
-            self.sent += datagram
-            if self.listening:
-                self.planner.feed_datagram(self.now_s, datagram)
-        for answer in self.planner.poll(self.now_s) if self.listening else []:
-            self.link_port.give(answer)
+    def _note(self, wire: str, way: str, data: bytes) -> None:
+        if way == "h2d":
+            self.sent += data
 
-    def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
-        """Step for so long; `each` is called after every step."""
-        for _ in range(round(seconds * self.config.loop.rate_hz)):
-            self.step()
-            if each:
-                each()
+    @property
+    def listening(self) -> bool:
+        """Whether the planner hears and answers; settable."""
+        return not self.planner.deaf
 
-    def map_now(self) -> npt.NDArray[np.int8]:
-        """The app's obstacle window, (size, size) [j, i] from its corner."""
-        window = self.app.mapper.maps.window
-        grid, cells = window.grid, window.cells
-        return np.roll(cells, (-grid.corner_j, -grid.corner_i), axis=(0, 1))
+    @listening.setter
+    def listening(self, listening: bool) -> None:
+        self.planner.deaf = self.planner.mute = not listening
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,11 @@ def test_a_counter_that_stands_is_noticed_after_a_short_way(
     follow = (0.0, 1.0) if stuck == 0 else (1.0, 0.0)
     wheels.run(0.9 * UNFOLLOWED_M / power, (sense * power, sense * power), follow)
     assert not wheels.watch.stalled
-    wheels.run(0.2 * UNFOLLOWED_M / power + 2 * TICK_S, (sense * power, sense * power), follow)
+    wheels.run(
+        0.2 * UNFOLLOWED_M / power + (POLL_TICKS + 2) * TICK_S,
+        (sense * power, sense * power),
+        follow,
+    )
     assert wheels.watch.stalled
 
 
@@ -79,4 +83,15 @@ def test_it_is_over_when_the_counters_begin_anew() -> None:
 def test_creeping_against_friction_is_no_stall() -> None:
     wheels = Wheels()
     wheels.run(10.0, (0.09, 0.09), (0.0, 0.0))
+    assert not wheels.watch.stalled
+
+
+def test_counters_that_are_not_read_for_a_while_are_no_stall() -> None:
+    wheels = Wheels()
+    for _ in range(200):  # one second without readings
+        wheels.now_s += TICK_S
+        wheels.watch.told(wheels.now_s, 1.0, 1.0)
+    assert not wheels.watch.stalled
+    wheels.counts = [COUNTS_PER_M, COUNTS_PER_M]
+    wheels.run(0.2, (0.0, 0.0), (1.0, 1.0))
     assert not wheels.watch.stalled

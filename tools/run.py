@@ -57,7 +57,7 @@ class Commands:
     app: list[str]
 
 
-def rewritten(toml: str, values: Mapping[str, str | float]) -> str:
+def rewritten(toml: str, values: Mapping[str, str | float | list[str]]) -> str:
     """The text with the values at "section.key" replaced, comments and all else as they were.
 
     Raises:
@@ -93,6 +93,11 @@ class Child:
                 start_new_session=True,  # Ctrl-C is ours alone; we pass it on in order
                 preexec_fn=die_with_us,
             )
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
 
     def check_alive(self) -> None:
         """Raises RunError with its last words if it has ended."""

@@ -47,6 +47,7 @@ void planner_halt(struct planner *self)
 struct planner_report { /* laid out for ctypes */
     int32_t v_mmps, w_mradps, x_mm, y_mm, goal_x_mm, goal_y_mm, width, height, ox, oy;
     int32_t unseen_x_mm, unseen_y_mm, view_x_mm, view_y_mm;
+    int32_t allowed_ahead_mmps, allowed_behind_mmps, known_cells, close_cells;
     uint32_t accepted, way_count, tries;
     uint16_t yaw, bad_frames, last;
     uint8_t state, why, tactic, advice, link_why, zone_state, blank, suspect, stale;
@@ -74,6 +75,10 @@ void planner_report(struct planner *self, uint32_t now_ms, struct planner_report
     report->unseen_y_mm = driver->unseen.y_mm;
     report->view_x_mm = driver->view.x_mm;
     report->view_y_mm = driver->view.y_mm;
+    report->allowed_ahead_mmps = self->zone.allowed_ahead_mmps;
+    report->allowed_behind_mmps = self->zone.allowed_behind_mmps;
+    report->known_cells = (int32_t)driver->known_count;
+    report->close_cells = (int32_t)driver->sweep.count;
     report->accepted = self->accepted;
     report->way_count = driver->way_count;
     report->tries = driver->tries;

@@ -2,7 +2,7 @@
 #include "arcs.h"
 
 /* What may be tuned. Costs are those of the field: so much for a metre of open ground. */
-#define BRAKE_MMPS2 800     /* how fast the robot surely slows down (the sender's own number) */
+#define BRAKE_MMPS2 400     /* half of what the robot surely can: a nod shows floor as an obstacle */
 #define REACTION_MS 550     /* the sender's 450, and a step of this driver */
 #define SET_OUT_MM 120      /* so much must be free before a motion begins: no inching ahead */
 #define SLOWEST_MMPS 80     /* there is no going below it */

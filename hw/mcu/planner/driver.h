@@ -93,6 +93,7 @@ struct driver {
     struct ground ground;
     struct step_cell way[420];
     uint32_t way_count;
+    uint32_t known_count; /* of them, up to the first that is not known to be free */
     struct sweep sweep;
     struct field field;
 };

@@ -4,6 +4,7 @@
 #define STEP_MM 40        /* of the fastest point, between two looks */
 #define SLACK_MM 20       /* beside a wall within the margin, nobody goes along quite straight */
 #define TURN_PER_MRAD 2670 /* 65 536 turns / (2 pi * 1000), in 1/256 */
+#define ALL 0x7FFFFFFF
 #define FAR_MM 1050       /* from the axle; nearer cells count even amid others that are not free */
 
 struct pose { /* from the robot's place, finer than mm */
@@ -137,8 +138,8 @@ static bool leaves(const struct sweep *sweep, const struct close_cell *cell, str
     return (to_front <= to_rear) ? (outward > 0) : (outward < 0);
 }
 
-/* How much of `way_mm`, at whose end the rectangle stands at `pose`, a cell leaves free; `way_mm`
- * or more: it is not in the way. */
+/* How much of `way_mm`, at whose end the rectangle stands at `pose`, a cell leaves free; ALL: it is
+ * not in the way there. */
 static int32_t free_of(const struct sweep *sweep, const struct close_cell *cell,
                        const struct pose *pose, struct motion motion, int32_t way_mm)
 {
@@ -147,20 +148,20 @@ static int32_t free_of(const struct sweep *sweep, const struct close_cell *cell,
     const int32_t near = sweep->shape.reach + sweep->shape.margin + (2 * sweep->half_cell_mm);
     int32_t gap;
     if ((magnitude(x) > near) || (magnitude(y) > near)) {
-        return way_mm;
+        return ALL;
     }
     gap = gap_mm(sweep, x, y, (turn_t)(pose->yaw_q8 / 256));
     if (cell->gap_mm >= sweep->shape.margin) {
-        return (gap >= sweep->kept_mm) ? way_mm : (way_mm - STEP_MM);
+        return (gap >= sweep->kept_mm) ? ALL : (way_mm - STEP_MM);
     }
     if (gap >= 0) {
-        return way_mm;
+        return ALL;
     }
     if (cell->gap_mm >= 0) {
         return way_mm - STEP_MM - sweep->shape.margin;
     }
     if ((cell->state == MAPOD_UNKNOWN) || leaves(sweep, cell, motion)) {
-        return way_mm;
+        return ALL;
     }
     return 0;
 }

@@ -1,0 +1,301 @@
+"""People who see the robot and each other: they walk about, give way, and wait.
+
+Each goes to and fro between waypoints. Five times a second everyone looks how the robot and all
+others go on, and takes, of a few ways to go on for two seconds, the best one. They never walk into
+a robot that stands, keep away from its sides and its rear, and cross in front of one that drives
+only with room to spare: more, the faster it is. A robot that comes at them they leave the way for,
+if they can. What they do follows from the seed and from the robot's path alone. Map frame, metres;
+instants are seconds since the world's begin.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from fakes.movers import STRIDE_M, Part, person
+
+F64 = npt.NDArray[np.float64]
+Place = tuple[float, float, float]  # of the robot: x, y, yaw
+KEPT = 64  # steps that can be asked about: 1.28 s of steps of 20 ms
+FRONT_M, REAR_M, HALF_WIDTH_M = 0.52, 0.20, 0.30  # the robot's footprint, from its axle
+PERSONAL_M = 0.37  # from a body to the robot's footprint: nobody goes nearer by himself
+PLANNED_M = 0.55  # what they plan to keep
+OTHERS_M = 0.25  # between two bodies
+AHEAD_S = 1.3  # way of a driving robot that nobody crosses right before it
+DECIDE_S = 0.2  # between two looks around
+HORIZON_S = np.arange(1, 9) * 0.25
+TURNS_RAD = np.radians([0.0, -25.0, 25.0, -50.0, 50.0, -80.0, 80.0, -120.0, 120.0, 180.0])
+PACES = (1.0, 0.5)
+CHANGE_MPS2 = 4.0  # how fast people change their way
+PATIENCE_S = 4.0  # without getting on, until somebody turns round
+THERE_M = 0.3
+PARTS = 3  # of a walker: torso, left leg, right leg
+
+
+@dataclass(frozen=True, slots=True)
+class Walker:
+    """Somebody who walks to and fro between waypoints and gives way.
+
+    Args:
+        pause_s: how long he stays at a waypoint, at most; drawn each time.
+        aside_m: how far he leaves the straight line between two waypoints to let somebody by.
+    """
+
+    name: str
+    waypoints: tuple[tuple[float, float], ...]
+    speed_mps: float = 1.2
+    start_s: float = 0.0
+    pause_s: float = 3.0
+    radius_m: float = 0.22
+    aside_m: float = 1.2
+
+    def __post_init__(self) -> None:
+        if len(self.waypoints) < 2 or not 0.0 < self.speed_mps <= 2.0:
+            raise ValueError(f"{self.name}: needs two waypoints, and 0..2 m/s")
+        if any(math.dist(*leg) < 1.0 for leg in pairwise(self.waypoints)):
+            raise ValueError(f"{self.name}: waypoints must be 1 m apart")
+
+
+class Crowd:
+    """All walkers of a scene, stepped with the robot's place.
+
+    Args:
+        seed: of their pauses.
+    """
+
+    def __init__(self, walkers: Sequence[Walker], seed: int) -> None:
+        self.walkers = tuple(walkers)
+        self.parts: tuple[Part, ...] = tuple(
+            part
+            for walker in self.walkers
+            for part in person(walker.name, walker.waypoints[:1], radius_m=walker.radius_m).parts
+        )
+        n = len(self.walkers)
+        self._random = np.random.default_rng([seed, n])
+        self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float).reshape(n, 2)
+        self._v, self._wanted = np.zeros((n, 2)), np.zeros((n, 2))  # m/s
+        self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers]).reshape(n, 2)
+        self._gone_m = np.zeros(n)
+        self._radius_m = np.array([w.radius_m for w in self.walkers])
+        self._goal, self._way = [1] * n, [1] * n  # waypoint, and which way through them
+        self._rests_until_s = [w.start_s for w in self.walkers]
+        self._nearest_m, self._nearest_s = [math.inf] * n, [0.0] * n  # to the waypoint, and when
+        self._ring = np.zeros((KEPT, n, 6))  # x y, ahead x y, way gone, how far legs swing 0..1
+        self._times_s = np.full(KEPT, -math.inf)
+        self._steps = 0
+        self._now_s, self._decided_s = 0.0, -math.inf
+        self._robot: Place | None = None
+        self._robot_v, self._robot_w = 0.0, 0.0
+
+    # -- what others ask ------------------------------------------------------------------------
+
+    def people(self) -> F64:
+        """x, y, radius (n, 3) of everybody now."""
+        return np.column_stack([self._at, self._radius_m])
+
+    def middles_m(self, times_s: F64) -> F64:
+        """x, y (n, walkers, 2) at instants (n,) of the last second; the ends beyond it."""
+        return self._rows(times_s)[:, :, :2]
+
+    def parts_m(self, times_s: F64) -> F64:
+        """x, y (n, parts, 2) of the middles of all `parts` at instants (n,) of the last second."""
+        rows = self._rows(times_s)
+        ahead, phase = rows[..., 2:4], rows[..., 4] * (math.tau / STRIDE_M)
+        left = np.stack([-ahead[..., 1], ahead[..., 0]], -1)
+        swing = (np.sin(phase) * rows[..., 5])[..., None] * ahead
+        parts = np.empty((len(times_s), len(self.walkers), PARTS, 2))
+        for k in range(PARTS if self.walkers else 0):
+            part = self.parts[k]
+            parts[:, :, k] = rows[..., :2] + part.aside_m * left + part.swing_m * swing
+        return parts.reshape(len(times_s), -1, 2)
+
+    def _rows(self, times_s: F64) -> F64:
+        """Rows (n, walkers, 6), interpolated."""
+        count = min(self._steps, KEPT)
+        order = np.arange(self._steps - count, self._steps) % KEPT
+        known_s = self._times_s[order]
+        after = np.clip(np.searchsorted(known_s, times_s), min(1, count - 1), count - 1)
+        before = np.maximum(after - 1, 0)
+        span_s = np.maximum(known_s[after] - known_s[before], 1e-9)
+        share = np.clip((times_s - known_s[before]) / span_s, 0.0, 1.0)[:, None, None]
+        share = np.where((after == before)[:, None, None], 1.0, share)
+        return np.asarray(
+            (1 - share) * self._ring[order[before]] + share * self._ring[order[after]]
+        )
+
+    # -- time -----------------------------------------------------------------------------------
+
+    def step(self, now_s: float, place: Place) -> None:
+        """Everybody goes on to an instant, with the robot at x, y, yaw."""
+        span_s = now_s - self._now_s if self._steps else 0.0
+        self._follow_robot(place, span_s)
+        self._now_s = now_s
+        if now_s - self._decided_s >= DECIDE_S - 1e-9:
+            self._decided_s = now_s
+            for k in range(len(self.walkers)):
+                self._wanted[k] = self._decide(k)
+        if span_s > 0.0:
+            for k in range(len(self.walkers)):
+                self._walk(k, span_s)
+        self._record()
+
+    def _follow_robot(self, place: Place, span_s: float) -> None:
+        if self._robot is not None and span_s > 0.0:
+            x, y, yaw = self._robot
+            v = ((place[0] - x) * math.cos(yaw) + (place[1] - y) * math.sin(yaw)) / span_s
+            w = math.remainder(place[2] - yaw, math.tau) / span_s
+            share = min(1.0, span_s / 0.1)
+            self._robot_v += share * (v - self._robot_v)
+            self._robot_w += share * (w - self._robot_w)
+        self._robot = place
+
+    def _record(self) -> None:
+        row = self._ring[self._steps % KEPT]
+        row[:, :2], row[:, 2:4], row[:, 4] = self._at, self._ahead, self._gone_m
+        speeds = np.hypot(self._v[:, 0], self._v[:, 1])
+        row[:, 5] = np.minimum(1.0, speeds / 0.6)
+        self._times_s[self._steps % KEPT] = self._now_s
+        self._steps += 1
+
+    def _walk(self, k: int, span_s: float) -> None:
+        """One walker goes on, and stops short of the robot whatever he wants."""
+        change = self._wanted[k] - self._v[k]
+        most = CHANGE_MPS2 * span_s / max(1e-9, math.hypot(*change))
+        self._v[k] += min(1.0, most) * change
+        vx, vy = float(self._v[k, 0]), float(self._v[k, 1])
+        speed = math.hypot(vx, vy)
+        if speed < 1e-3:
+            return
+        x, y = float(self._at[k, 0]), float(self._at[k, 1])
+        # seen from here and from where he would come to stand
+        reach_s = span_s + speed / (2 * CHANGE_MPS2)
+        now_m = self._robot_gap_m(k, x, y)
+        then_m = self._robot_gap_m(k, x + vx * reach_s, y + vy * reach_s)
+        if then_m < PERSONAL_M and then_m < now_m:
+            self._v[k] = 0.0
+            return
+        self._at[k] = x + vx * span_s, y + vy * span_s
+        self._ahead[k] = vx / speed, vy / speed
+        self._gone_m[k] += speed * span_s
+
+    def _robot_gap_m(self, k: int, x: float, y: float) -> float:
+        """From a walker's body at x, y to the robot's footprint as it is now."""
+        assert self._robot is not None
+        rx, ry, yaw = self._robot
+        c, s = math.cos(yaw), math.sin(yaw)
+        ahead, aside = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
+        over = max(ahead - FRONT_M, -REAR_M - ahead, 0.0)
+        beside = max(abs(aside) - HALF_WIDTH_M, 0.0)
+        return math.hypot(over, beside) - float(self._radius_m[k])
+
+    # -- where to go ----------------------------------------------------------------------------
+
+    def _decide(self, k: int) -> tuple[float, float]:
+        """The velocity that a walker wants for the next moments."""
+        walker = self.walkers[k]
+        if self._now_s < self._rests_until_s[k]:
+            desired = np.zeros(2)
+            heading = self._ahead[k]
+        else:
+            self._next_waypoint(k)
+            heading = np.array(_towards(self._at[k], walker.waypoints[self._goal[k]]))
+            desired = walker.speed_mps * heading
+        ways = _ways(heading, walker.speed_mps)
+        spots = self._at[k] + ways[:, None, :] * HORIZON_S[None, :, None]  # (ways, instants, 2)
+        loss = np.hypot(*(ways - desired).T) + 0.02 * np.arange(len(ways)) / len(ways)
+        loss += 30.0 * np.maximum(0.0, PLANNED_M - self._robot_gaps_m(k, spots))
+        loss += 10.0 * np.maximum(0.0, OTHERS_M - self._other_gaps_m(k, spots))
+        loss += 4.0 * np.maximum(0.0, self._aside_m(k, spots) - walker.aside_m)
+        x, y = ways[int(np.argmin(loss))]
+        return float(x), float(y)
+
+    def _next_waypoint(self, k: int) -> None:
+        """Turn to the next one where this one is reached, or cannot be."""
+        walker = self.walkers[k]
+        left_m = math.dist(self._at[k], walker.waypoints[self._goal[k]])
+        if left_m < self._nearest_m[k] - 0.1:
+            self._nearest_m[k], self._nearest_s[k] = left_m, self._now_s
+        stuck = self._now_s - self._nearest_s[k] > PATIENCE_S
+        if left_m > THERE_M and not stuck:
+            return
+        self._way[k] *= -1 if stuck else 1
+        if not 0 <= self._goal[k] + self._way[k] < len(walker.waypoints):
+            self._way[k] *= -1
+        self._goal[k] += self._way[k]
+        self._nearest_m[k], self._nearest_s[k] = math.inf, self._now_s
+        rest_s = 0.0 if stuck else float(self._random.uniform(0.0, walker.pause_s))
+        self._rests_until_s[k] = self._now_s + rest_s
+        self._nearest_s[k] += rest_s
+
+    def _robot_gaps_m(self, k: int, spots: F64) -> F64:
+        """Least gaps (ways,) to the robot, and to the way right before it, as it goes on."""
+        assert self._robot is not None
+        rx, ry, yaw = self._robot
+        yaws = yaw + self._robot_w * HORIZON_S
+        middle = yaw + self._robot_w * HORIZON_S / 2
+        xs = rx + self._robot_v * HORIZON_S * np.cos(middle)
+        ys = ry + self._robot_v * HORIZON_S * np.sin(middle)
+        dx, dy = spots[..., 0] - xs, spots[..., 1] - ys
+        ahead = np.cos(yaws) * dx + np.sin(yaws) * dy
+        aside = np.cos(yaws) * dy - np.sin(yaws) * dx
+        front = FRONT_M + AHEAD_S * max(0.0, self._robot_v)
+        rear = REAR_M + AHEAD_S * max(0.0, -self._robot_v)
+        over = np.maximum(np.maximum(ahead - front, -rear - ahead), 0.0)
+        beside = np.maximum(np.abs(aside) - HALF_WIDTH_M, 0.0)
+        gaps = np.hypot(over, beside) - self._radius_m[k]
+        # within the keep-out: the nearer to its middle line, the worse, so that the way out shows
+        inside = (over == 0.0) & (beside == 0.0)
+        gaps = np.where(inside, gaps - (HALF_WIDTH_M - np.abs(aside)), gaps)
+        return np.asarray(gaps.min(axis=1))
+
+    def _other_gaps_m(self, k: int, spots: F64) -> F64:
+        """Least gaps (ways,) to all other walkers, as they go on."""
+        others = np.delete(np.arange(len(self.walkers)), k)
+        if not len(others):
+            return np.full(len(spots), math.inf)
+        theirs = self._at[others, None] + self._v[others, None] * HORIZON_S[None, :, None]
+        apart = spots[:, None] - theirs[None]  # (ways, others, instants, 2)
+        radii = (self._radius_m[others] + self._radius_m[k])[None, :, None]
+        return np.asarray((np.hypot(apart[..., 0], apart[..., 1]) - radii).min(axis=(1, 2)))
+
+    def _aside_m(self, k: int, spots: F64) -> F64:
+        """How far (ways,) the way leads away from the line between the two waypoints."""
+        points = self.walkers[k].waypoints
+        end = np.array(points[self._goal[k]])
+        begin = np.array(points[self._goal[k] - self._way[k]])
+        along = end - begin
+        long_m = max(1e-9, math.hypot(*along))
+        along = along / long_m
+        off = spots[:, 3] - begin  # after a second
+        beside = np.abs(off[:, 0] * along[1] - off[:, 1] * along[0])
+        way_m = off @ along
+        over = np.maximum(np.maximum(-way_m, way_m - long_m), 0.0)
+        return np.asarray(np.hypot(beside, over))
+
+
+def _towards(begin: Sequence[float] | F64, end: Sequence[float] | F64) -> tuple[float, float]:
+    """The direction from a place to another; along x where they are one."""
+    dx, dy = float(end[0] - begin[0]), float(end[1] - begin[1])
+    away_m = math.hypot(dx, dy)
+    return (dx / away_m, dy / away_m) if away_m > 1e-9 else (1.0, 0.0)
+
+
+def _ways(heading: F64, speed_mps: float) -> F64:
+    """Velocities (ways, 2) to choose from: standing, and two paces in all directions."""
+    c, s = np.cos(TURNS_RAD), np.sin(TURNS_RAD)
+    turned = np.stack([c * heading[0] - s * heading[1], s * heading[0] + c * heading[1]], -1)
+    return np.concatenate([np.zeros((1, 2)), *(pace * speed_mps * turned for pace in PACES)])
+
+
+def walker_from(entry: dict[str, object]) -> Walker:
+    """A [[walker]] of a scene's file: name, waypoints; speed_mps, start_s, pause_s, radius_m,
+    aside_m.
+    """
+    points = tuple((float(x), float(y)) for x, y in entry["waypoints"])  # type: ignore[attr-defined]
+    numbers = ("speed_mps", "start_s", "pause_s", "radius_m", "aside_m")
+    given = {key: float(entry[key]) for key in numbers if key in entry}  # type: ignore[arg-type]
+    return Walker(str(entry["name"]), points, **given)

@@ -1,0 +1,106 @@
+"""Kernels of the fake MTi: a sample's rotations and vectors in one go, a hundred times a second."""
+
+import math
+
+import numpy as np
+
+from fakes.ray_kernels import F64, kernel
+
+
+@kernel
+def times(A: F64, B: F64) -> F64:
+    """Product (3, 3) of two matrices."""
+    C = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            C[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
+    return C
+
+
+@kernel
+def turn_about(x: float, y: float, z: float) -> F64:
+    """The turn (3, 3) about a vector by its length, rad."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    half = math.sin(angle / 2) / angle if angle > 0.0 else 0.5
+    w, x, y, z = math.cos(angle / 2), half * x, half * y, half * z
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    R = np.empty((3, 3))
+    R[0, 0], R[1, 1], R[2, 2] = ww + xx - yy - zz, ww - xx + yy - zz, ww - xx - yy + zz
+    R[0, 1], R[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    R[0, 2], R[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    return R
+
+
+@kernel
+def told_rotation(
+    earth: F64, yaw_rad: float, R_earth_sensor: F64, noise_rad: F64, case: F64
+) -> F64:
+    """What is told of an orientation (3, 3), yaw off and noisy (3,), between two frames (3, 3)."""
+    R = times(turn_about(0.0, 0.0, yaw_rad), R_earth_sensor)
+    R = times(R, turn_about(noise_rad[0], noise_rad[1], noise_rad[2]))
+    return times(times(earth, R), case.T)
+
+
+@kernel
+def told_vectors(
+    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, off: F64, full: F64, case: F64
+) -> tuple[F64, int]:
+    """Acceleration, rate of turn and magnetic field as rows (3, 3), and which were clipped.
+
+    Args:
+        field: (3,) in the earth frame; accel, rate: (3,) along the sensor's axes.
+        off: (3, 3) that is added; full: (3,) at most, each kind.
+        case: (3, 3) from the sensor's to the told axes.
+
+    Returns:
+        The rows, and a bit for each number beyond `full`, accel x first.
+    """
+    told, clipped, sensed = np.empty((3, 3)), 0, np.empty(3)
+    for kind in range(3):
+        for axis in range(3):
+            if kind == 0:
+                value = accel[axis]
+            elif kind == 1:
+                value = rate[axis]
+            else:
+                value = 0.0
+                for k in range(3):
+                    value += R_earth_sensor[k, axis] * field[k]
+            value += off[kind, axis]
+            if abs(value) > full[kind]:
+                clipped |= 1 << (3 * kind + axis)
+            sensed[axis] = min(max(value, -full[kind]), full[kind])
+        for axis in range(3):
+            told[kind, axis] = (
+                case[axis, 0] * sensed[0] + case[axis, 1] * sensed[1] + case[axis, 2] * sensed[2]
+            )
+    return told, clipped
+
+
+@kernel
+def lean_and_wander(
+    gone_s: float, R_earth_sensor: F64, accel: F64, lean_s: float, lean_rad: F64,
+    times_s: F64, wander: F64, noise: F64,
+) -> None:  # fmt: skip
+    """Let a false vertical (2,) follow what is felt, and let what wanders (n,) go on, in place."""
+    felt = np.zeros(3)
+    for k in range(3):
+        for axis in range(3):
+            felt[k] += R_earth_sensor[k, axis] * accel[axis]
+    strength = max(1e-9, math.sqrt(felt[0] * felt[0] + felt[1] * felt[1] + felt[2] * felt[2]))
+    share = 1.0 - math.exp(-gone_s / lean_s)
+    lean_rad[0] += share * (felt[1] / strength - lean_rad[0])
+    lean_rad[1] += share * (-felt[0] / strength - lean_rad[1])
+    for k in range(len(wander)):
+        kept = math.exp(-gone_s / times_s[k])
+        wander[k] = kept * wander[k] + math.sqrt(1.0 - kept * kept) * noise[k]
+
+
+@kernel
+def believed_rotation(
+    R_earth_sensor: F64, lean_x: float, lean_y: float, heading_rad: float, R_case: F64
+) -> F64:
+    """An orientation (3, 3) with a false vertical, a false heading, and in a case set askew."""
+    R = times(turn_about(lean_x, lean_y, 0.0), R_earth_sensor)
+    return times(times(turn_about(0.0, 0.0, heading_rad), R), R_case)

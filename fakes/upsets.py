@@ -1,0 +1,116 @@
+"""What upsets the sensors of a scene: light, wide beams, dust, rain, errors as the sheets say.
+
+All is off unless it is asked for, and all of it is drawn from seeds: the same world upsets the same
+beams. Angles lie in the map frame.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+BEAM_DEG = 0.86  # 15 mrad: how an LMS111's beam widens, recalled; its sheet here does not say
+EXIT_M = 0.008  # how wide it leaves the window, recalled as well
+
+
+@dataclass(frozen=True, slots=True)
+class Upsets:
+    """Which upsets, and how strong. Rates are shares of beams, 0..1.
+
+    Args:
+        sunlight_rate: of beams that look into the sun, which come back dazzled, with nothing, or
+            from too near; of all others a twentieth of it.
+        sun_azimuth_rad: where the sun stands, from the map's x, counter-clockwise.
+        sun_half_rad: how far beside it beams still look into the sun.
+        beam_rad, beam_exit_m: how a beam widens, full angle, and how wide it leaves the lens.
+        mixed_pixels: two surfaces under one wide beam that lie less than half a metre behind
+            each other come back as one echo between both; else the nearer one counts.
+        dust_per_m: grains that return a beam, a metre, right before the lens; fewer farther away.
+        rain_per_m: drops that do, a metre, wherever.
+        range_offset_m: the scanner's systematic error is drawn from -this to this, once.
+        ahrs_sheet_errors: the attitude sensor errs as much as its sheet says.
+        slip_bursts_per_min: how often a wheel or both spin for a moment.
+    """
+
+    sunlight_rate: float = 0.0
+    sun_azimuth_rad: float = 0.0
+    sun_half_rad: float = math.radians(15.0)
+    beam_rad: float = 0.0
+    beam_exit_m: float = 0.0
+    mixed_pixels: bool = False
+    dust_per_m: float = 0.0
+    rain_per_m: float = 0.0
+    range_offset_m: float = 0.0
+    ahrs_sheet_errors: bool = False
+    slip_bursts_per_min: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not isinstance(value, bool) and not math.isfinite(value):
+                raise ValueError(f"{field.name}: must be finite, is {value}")
+            if not field.name.startswith("sun_az") and value < 0:
+                raise ValueError(f"{field.name}: must not be below 0, is {value}")
+        if self.sunlight_rate > 1.0 or self.beam_rad > 0.1:
+            raise ValueError("sunlight_rate goes up to 1, beam_rad up to 0.1")
+
+
+NONE = Upsets()
+
+
+def as_the_sheets_say(more: Upsets = NONE) -> Upsets:
+    """A scene's own upsets, and sensors as imperfect as their makers state.
+
+    Source: lms111 sheet, section 1 (30 mm systematic; the 12 mm statistical are always on);
+    MTi sheet, section 7. Wheels slip once in two minutes: our assumption.
+    """
+    return replace(
+        more,
+        beam_rad=math.radians(BEAM_DEG),
+        beam_exit_m=EXIT_M,
+        mixed_pixels=True,
+        range_offset_m=0.030,
+        ahrs_sheet_errors=True,
+        slip_bursts_per_min=max(0.5, more.slip_bursts_per_min),
+    )
+
+
+def upsets_from(entry: dict[str, Any]) -> Upsets:
+    """[upsets] of a scene's file: the fields above, angles in `_deg` instead of `_rad`.
+
+    Raises:
+        ValueError: no such upset, or one out of its range.
+    """
+    known = {field.name for field in fields(Upsets)}
+    values: dict[str, Any] = {}
+    for key, value in entry.items():
+        name = key.removesuffix("_deg") + "_rad" if key.endswith("_deg") else key
+        if name not in known or key.endswith("_rad"):
+            raise ValueError(f"upsets: no key {key!r}")
+        is_flag = isinstance(getattr(NONE, name), bool)
+        if isinstance(value, bool) is not is_flag or not isinstance(value, int | float):
+            raise ValueError(f"upsets: {key} must be {'true or false' if is_flag else 'a number'}")
+        values[name] = math.radians(value) if key.endswith("_deg") else value
+    return Upsets(**values)
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """A rectangle of ground with a friction of its own: 1 dry floor, 0.3 wet tiles, 0.1 ice."""
+
+    name: str
+    x: tuple[float, float]
+    y: tuple[float, float]
+    friction: float
+
+
+def patch_from(entry: dict[str, Any]) -> Patch:
+    """A [[patch]] of a scene's file: name, x, y, friction.
+
+    Raises:
+        ValueError: it ends before it begins, or its friction is not above 0 and at most 2.
+    """
+    (x0, x1), (y0, y1) = entry["x"], entry["y"]
+    friction = float(entry["friction"])
+    if not (x0 < x1 and y0 < y1 and 0.0 < friction <= 2.0):
+        raise ValueError("a patch needs [from, to] with from < to, and friction in 0..2")
+    return Patch(entry["name"], (float(x0), float(x1)), (float(y0), float(y1)), friction)

@@ -1,0 +1,52 @@
+"""Kernels of the world's memory: a ring of rows, one a physics step, asked at any instants.
+
+A row (m,) begins with the body's place x y z and its quaternion w x y z, of any length. Instants
+are counted in steps since the world's begin; before the oldest row and behind the newest that row
+holds.
+"""
+
+import math
+
+import numpy as np
+
+from fakes.ray_kernels import F64, kernel
+
+
+@kernel
+def _neighbours(kept: int, steps: int, step: float) -> tuple[int, int, float]:
+    """Places in the ring of the rows around an instant, and the later one's share."""
+    oldest = max(0, steps - kept + 1)
+    step = min(max(step, float(oldest)), float(steps))
+    before = min(int(step), max(oldest, steps - 1))
+    return before % kept, min(before + 1, steps) % kept, step - before
+
+
+@kernel
+def row_at(ring: F64, steps: int, step: float) -> F64:
+    """The row (m,) at an instant, interpolated."""
+    before, after, share = _neighbours(len(ring), steps, step)
+    row = np.empty(ring.shape[1])
+    for k in range(len(row)):
+        row[k] = (1.0 - share) * ring[before, k] + share * ring[after, k]
+    return row
+
+
+@kernel
+def poses_at(ring: F64, steps: int, at_steps: F64) -> tuple[F64, F64]:
+    """t_map_body (n, 3) and R_map_body (n, 3, 3) at instants (n,), interpolated."""
+    n = len(at_steps)
+    places, turns, part = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(7)
+    for i in range(n):
+        before, after, share = _neighbours(len(ring), steps, at_steps[i])
+        for k in range(7):
+            part[k] = (1.0 - share) * ring[before, k] + share * ring[after, k]
+        places[i] = part[:3]
+        w, x, y, z = part[3], part[4], part[5], part[6]
+        scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = w * scale, x * scale, y * scale, z * scale
+        ww, xx, yy, zz, R = w * w, x * x, y * y, z * z, turns[i]
+        R[0, 0], R[1, 1], R[2, 2] = ww + xx - yy - zz, ww - xx + yy - zz, ww - xx - yy + zz
+        R[0, 1], R[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+        R[0, 2], R[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+        R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+    return places, turns

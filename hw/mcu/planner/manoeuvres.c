@@ -1,0 +1,201 @@
+/* What each tactic asks for in a step, and when it ends. */
+#include "manoeuvres.h"
+
+#include "route.h"
+#include "tactics.h"
+
+/* What may be tuned. Steps are DRIVER_PERIOD_MS each. */
+#define CRUISE_MMPS 800   /* faster, the map gets too few looks at each cell */
+#define TURNING_MRADPS 600
+#define FASTER_MMPS 40    /* per step */
+#define GOAL_MMPS2 150    /* how it slows down for the goal: a nod shows floor as an obstacle */
+#define GOAL_SHORT_MM 150
+#define CREEP_MMPS 60
+#define FRONTIER_MM 500   /* so near to the end of the known way, it is at its end */
+#define STUCK_UNSEEN 15u  /* steps until a tactic is begun */
+#define STUCK_BLOCKED 40u
+#define WAIT_STEPS 60u
+#define FACED 2500        /* turns; 14 degrees */
+
+static const struct motion standing = {0, 0};
+
+/* As fast as a robot may become from step to step, and so slow that it can stop at the goal. */
+static struct motion paced(const struct driver *driver, struct motion motion, int32_t left_mm)
+{
+    const int32_t now = most(magnitude(driver->asked.v_mmps), magnitude(driver->moves.v_mmps));
+    const int32_t stop = root(2 * GOAL_MMPS2 * most(0, left_mm - GOAL_SHORT_MM)) + CREEP_MMPS;
+    const int32_t wanted = magnitude(motion.v_mmps);
+    const int32_t most_v = least(least(wanted, now + FASTER_MMPS), stop);
+    if ((wanted > 0) && (most_v < wanted)) {
+        motion.v_mmps = (motion.v_mmps * most_v) / wanted;
+        motion.w_mradps = (motion.w_mradps * most_v) / wanted;
+    }
+    return motion;
+}
+
+/* Along the way; zero where nothing is worth asking for, and why. */
+static struct motion go(struct driver *driver, const struct limits *limits)
+{
+    const uint32_t known = driver->known_count;
+    const struct place target = route_target(driver);
+    const struct spot to = (driver->tactic == TACTIC_VIEW) ? driver->view : driver->goal;
+    const int32_t left = distance_mm(to.x_mm - driver->place.x_mm, to.y_mm - driver->place.y_mm);
+    struct limits own = *limits;
+    struct place aim = target;
+    own.ahead_mmps = least(own.ahead_mmps, CRUISE_MMPS);
+    own.turn_mradps = least(own.turn_mradps, TURNING_MRADPS);
+    if (driver->way_count == 0u) {
+        const struct layer *const layer = &driver->field.layers[driver->field.now];
+        driver->why = (uint8_t)(layer->goal_is_closed ? DRIVER_WHY_GOAL_BLOCKED
+                                                      : DRIVER_WHY_WAITS);
+        return standing;
+    }
+    if ((known < driver->way_count) &&
+        ((known == 0u) || (distance_mm(driver->way[known - 1u].x_mm - driver->place.x_mm,
+                                       driver->way[known - 1u].y_mm - driver->place.y_mm) <
+                           FRONTIER_MM))) {
+        driver->why = (uint8_t)DRIVER_WHY_UNSEEN;
+        driver->unseen.x_mm = driver->way[known].x_mm;
+        driver->unseen.y_mm = driver->way[known].y_mm;
+        if (driver->settings.unknown_mmps <= 0) {
+            return standing;
+        }
+        aim.x_mm = driver->way[least((int32_t)known + 5, (int32_t)driver->way_count - 1)].x_mm;
+        aim.y_mm = driver->way[least((int32_t)known + 5, (int32_t)driver->way_count - 1)].y_mm;
+    } else {
+        driver->why = DRIVER_WHY_NOTHING;
+    }
+    if (distance_mm(aim.x_mm - driver->place.x_mm, aim.y_mm - driver->place.y_mm) < 300) {
+        aim.x_mm = to.x_mm;
+        aim.y_mm = to.y_mm;
+    }
+    driver->last = arcs_choose(&driver->sweep, &driver->field, driver->place, aim, &own,
+                               &driver->last);
+    if ((driver->last.motion.v_mmps == 0) && (driver->last.motion.w_mradps == 0)) {
+        driver->why = (driver->why == DRIVER_WHY_NOTHING) ? (uint8_t)DRIVER_WHY_WAITS : driver->why;
+        return standing;
+    }
+    return paced(driver, driver->last.motion,
+                 left);
+}
+
+static struct motion look(struct driver *driver, const struct limits *limits)
+{
+    struct motion motion;
+    driver->why = (uint8_t)DRIVER_WHY_LOOKS;
+    driver->turned += (magnitude(driver->moves.w_mradps) * 1043) / 1000;
+    motion = arcs_spin(&driver->sweep, 12000, limits);
+    if ((motion.w_mradps == 0) || (driver->turned > 65536) || (driver->since > 180u)) {
+        tactics_begin(driver, TACTIC_GO);
+        return standing;
+    }
+    return motion;
+}
+
+static struct motion back(struct driver *driver, const struct limits *limits)
+{
+    struct spot crumb = {0, 0};
+    struct motion motion = {0, 0};
+    driver->why = (uint8_t)DRIVER_WHY_BACKS;
+    driver->back_mm -= (magnitude(driver->moves.v_mmps) * (int32_t)DRIVER_PERIOD_MS) / 1000;
+    if ((driver->back_mm > 0) && tactics_crumb(driver, &crumb)) {
+        motion = arcs_back(&driver->sweep, driver->place, crumb.x_mm, crumb.y_mm, limits);
+    }
+    if (motion.v_mmps == 0) {
+        tactics_begin(driver, TACTIC_GO);
+    }
+    return motion;
+}
+
+static struct motion face(struct driver *driver, const struct limits *limits)
+{
+    const turn_t towards = direction(driver->unseen.x_mm - driver->place.x_mm,
+                                     driver->unseen.y_mm - driver->place.y_mm);
+    const int32_t wrong = difference(towards, driver->place.yaw);
+    driver->why = (uint8_t)DRIVER_WHY_VIEWS;
+    if ((magnitude(wrong) < FACED) || (driver->since > 100u)) {
+        tactics_begin(driver, TACTIC_GO);
+        return standing;
+    }
+    return arcs_spin(&driver->sweep, wrong, limits);
+}
+
+static struct motion view(struct driver *driver, const struct limits *limits)
+{
+    struct motion motion = {0, 0};
+    if (distance_mm(driver->view.x_mm - driver->place.x_mm,
+                    driver->view.y_mm - driver->place.y_mm) < ROUTE_VIEW_MM) {
+        tactics_begin(driver, TACTIC_FACE);
+        return standing;
+    }
+    if (driver->field.has_any) {
+        motion = go(driver, limits);
+    }
+    driver->stuck += ((motion.v_mmps == 0) && (motion.w_mradps == 0)) ? 1u : 0u;
+    if ((driver->stuck > STUCK_BLOCKED) || (driver->since > 600u)) {
+        tactics_begin(driver, TACTIC_GO);
+    }
+    driver->why = (uint8_t)DRIVER_WHY_VIEWS;
+    return motion;
+}
+
+static void probe(struct driver *driver)
+{
+    driver->why = (uint8_t)DRIVER_WHY_UNSEEN;
+    if (!driver->field.has_any) {
+        return;
+    }
+    if (tactics_find_view(driver)) {
+        tactics_begin(driver, TACTIC_VIEW);
+    } else {
+        driver->stuck = 0u;
+        tactics_begin(driver, TACTIC_GO);
+    }
+}
+
+/* Along the way to the goal, and what to do where nothing leads on. */
+static struct motion go_on(struct driver *driver, const struct limits *limits)
+{
+    struct motion motion = {0, 0};
+    uint32_t patience = STUCK_BLOCKED;
+    if (!driver->field.has_any) {
+        return motion;
+    }
+    motion = go(driver, limits);
+    if ((motion.v_mmps != 0) || (motion.w_mradps != 0)) {
+        driver->stuck = 0u;
+        return motion;
+    }
+    driver->stuck++;
+    patience = (driver->why == DRIVER_WHY_UNSEEN) ? STUCK_UNSEEN : STUCK_BLOCKED;
+    if (driver->stuck >= patience) {
+        tactics_stuck(driver);
+    }
+    return motion;
+}
+
+struct motion manoeuvre(struct driver *driver, const struct limits *limits)
+{
+    driver->since++;
+    switch (driver->tactic) {
+    case TACTIC_LOOK:
+        return look(driver, limits);
+    case TACTIC_BACK:
+        return back(driver, limits);
+    case TACTIC_FACE:
+        return face(driver, limits);
+    case TACTIC_VIEW:
+        return view(driver, limits);
+    case TACTIC_PROBE:
+        probe(driver);
+        return standing;
+    case TACTIC_WAIT:
+        driver->why = (uint8_t)DRIVER_WHY_WAITS;
+        if (driver->since > WAIT_STEPS) {
+            tactics_begin(driver, TACTIC_GO);
+        }
+        return standing;
+    default:
+        return go_on(driver, limits);
+    }
+}

@@ -1,0 +1,82 @@
+"""The catalogue of faults: nothing left out, all of it can be ordered, and a sample is driven."""
+
+import pytest
+
+from fakes.fault_handles import handles
+from tools.rig.fault_kinds import Fault
+from tools.rig.fault_run import drive_with, hall, problems, problems_of_pair
+from tools.rig.faults import CATALOGUE, DRAWN_DEVICES, NO_FAULTS, draw, handles_in_catalogue
+from tools.rig.loop import Loop
+
+BY_TITLE = {fault.title: fault for fault in CATALOGUE}
+SAMPLE = ("scanner.wire.mute", "drive.emergency_stop")
+
+
+@pytest.fixture(scope="module")
+def loop() -> Loop:
+    """World, fakes, wires, app, and a planner that is a public receiver."""
+    return Loop(hall())
+
+
+def all_handles(loop: Loop) -> set[str]:
+    """Whatever can be set or called of any fake and its wire, with the device's name."""
+    return {
+        f"{device}.{name}"
+        for device, fake in loop.fakes.items()
+        for name in handles(fake, loop.wires[device])
+    }
+
+
+def test_all_that_can_be_ordered_of_the_fakes_is_in_the_catalogue_or_excused(loop: Loop) -> None:
+    known = handles_in_catalogue() | NO_FAULTS.keys()
+    assert sorted(all_handles(loop) - known) == []
+
+
+def test_no_excuse_is_empty_and_none_is_for_what_there_is_not(loop: Loop) -> None:
+    assert all(len(why) > 10 for why in NO_FAULTS.values())
+    assert sorted(NO_FAULTS.keys() - all_handles(loop)) == []
+
+
+def test_every_fault_of_the_catalogue_can_be_ordered_and_has_a_name_of_its_own(loop: Loop) -> None:
+    loop.set_faults([order for fault in CATALOGUE for order in fault.orders(5.0)])
+    assert len(BY_TITLE) == len(CATALOGUE)
+
+
+def test_what_must_come_of_a_fault_has_a_reason() -> None:
+    assert all(fault.why for fault in CATALOGUE)
+    for device in DRAWN_DEVICES:
+        musts = {fault.must for fault in CATALOGUE if fault.device == device}
+        assert musts == {"stops", "goes on", "either"}
+
+
+def test_faults_are_drawn_alike_for_one_seed_and_can_be_ordered(loop: Loop) -> None:
+    assert draw(3, 2) == draw(3, 2)
+    assert draw(3, 2) != draw(4, 2)
+    loop.set_faults([order for seed in range(200) for order in draw(seed, 2, 4.0, 30.0)])
+    assert all(len(draw(seed, 3)) >= 3 for seed in range(50))
+    drawn = {draw(seed, 1)[0].partition("@")[0] for seed in range(300)}
+    assert len(drawn) > 80
+    assert {name.partition(".")[0] for name in drawn} == set(DRAWN_DEVICES)
+
+
+@pytest.mark.parametrize("title", SAMPLE)
+def test_a_fault_while_driving_does_what_the_catalogue_says(title: str) -> None:
+    fault = BY_TITLE[title]
+    outcome = drive_with(fault)
+    assert problems(fault, outcome) == []
+    assert outcome.told
+
+
+def test_two_faults_at_once_do_no_harm_and_end() -> None:
+    pair = (BY_TITLE["ahrs.drop_rate=0.0005"], BY_TITLE["scanner.drop_rate=0.2"])
+    assert problems_of_pair(pair, drive_with(*pair, seed=7, start_s=8.0)) == []
+
+
+def test_a_radio_that_drives_the_robot_into_a_box_is_seen_to_do_so() -> None:
+    radio = Fault("drive.radio_overrides", "on", 30.0, "stops", "", then=("drive.command=100,100",))
+    outcome = drive_with(radio, start_s=3.0)
+    [words] = outcome.collisions
+    assert "something 0.20 m high" in words
+    found = problems(radio, outcome)
+    assert any("collision" in problem for problem in found)
+    assert "did not stop" in found

@@ -1,0 +1,130 @@
+"""What is made of a drive's moments, and the table of them, by hand-made drives."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from tools.rig.fault_kinds import Fault, either, goes_on, stops
+from tools.rig.fault_run import ALL_WELL, Moment, Outcome, judge, problems, problems_of_pair
+from tools.rig.fault_table import Job, Row, cells, jobs, markdown, show, summary
+from tools.rig.faults import CATALOGUE
+
+STEP_S, END_S = 0.02, 20.0
+FAULT = stops("scanner.mute", "no scans")
+
+
+def driven(
+    speed_mps: Callable[[float], float], health: Callable[[float], int] = lambda t_s: ALL_WELL
+) -> Outcome:
+    """A drive with a fault from 5 to 8 s, at the speed of each instant."""
+    outcome, moments, x_m = Outcome(5.0, 8.0), [], 0.0
+    for k in range(round(END_S / STEP_S)):
+        t_s = k * STEP_S
+        v_mps = speed_mps(t_s)
+        moments.append(
+            Moment(t_s, x_m, 0.0, v_mps > 0, health(t_s), "no scans" if not v_mps else "")
+        )
+        x_m += v_mps * STEP_S
+    judge(moments, outcome)
+    return outcome
+
+
+def stops_between(from_s: float, to_s: float) -> Callable[[float], float]:
+    return lambda t_s: 0.0 if from_s <= t_s < to_s else 0.4
+
+
+def test_times_count_from_the_faults_begin_and_from_its_end() -> None:
+    outcome = driven(
+        stops_between(5.6, 9.1), lambda t_s: ALL_WELL & ~1 if 5.2 <= t_s < 8.7 else ALL_WELL
+    )
+    assert outcome.stood_s == pytest.approx(0.6, abs=0.05)
+    assert outcome.blind_m == pytest.approx(0.24, abs=0.02)
+    assert outcome.told_s == pytest.approx(0.2, abs=0.03)
+    assert outcome.told == ("scanner",)
+    assert outcome.well_s == pytest.approx(0.7, abs=0.05)
+    assert outcome.again_s == pytest.approx(1.1, abs=0.06)
+    assert outcome.reason == "no scans"
+    assert problems(FAULT, outcome) == []
+
+
+def test_a_robot_that_went_on_stood_nowhere() -> None:
+    outcome = driven(lambda t_s: 0.4)
+    assert outcome.stood_s is None
+    assert outcome.blind_m == pytest.approx(1.2, abs=0.02)
+    assert (outcome.well_s, outcome.again_s) == (0.0, 0.0)
+    assert problems(FAULT, outcome) == ["did not stop"]
+    assert problems(goes_on("scanner.deaf", "scans come on"), outcome) == []
+    assert problems(either("scanner.noise_m", "may be", "0.05"), outcome) == []
+
+
+def test_a_stop_that_comes_too_late_or_was_not_to_come_is_a_problem() -> None:
+    late = driven(stops_between(7.5, 9.0))
+    assert problems(FAULT, late) == ["stood after 2.5 s only, must after 2 s"]
+    assert problems(goes_on("scanner.deaf", ""), late) == ["stopped: no scans"]
+
+
+def test_a_robot_that_stays_or_is_never_well_again_is_a_problem() -> None:
+    stays = driven(lambda t_s: 0.4 if t_s < 5.5 else 0.0)
+    assert problems(FAULT, stays) == ["did not drive again"]
+    assert problems(replace(FAULT, again=False), stays) == []
+    ill = driven(stops_between(5.5, 9.0), lambda t_s: 0 if t_s > 5.2 else ALL_WELL)
+    assert problems(FAULT, ill) == ["well again never, must within 6 s"]
+    assert len(ill.told) == 7
+
+
+def test_harm_is_a_problem_whatever_the_fault() -> None:
+    outcome = driven(stops_between(5.6, 9.1))
+    outcome.collisions.append("a box")
+    outcome.wrong_free.append("(1.0, 2.0)")
+    harmless = either("scanner.noise_m", "may be", "0.05")
+    assert len(problems(harmless, outcome)) == 2
+    assert len(problems_of_pair([harmless, FAULT], outcome)) == 2
+
+
+def test_a_pair_must_do_what_the_stricter_of_both_must() -> None:
+    on = driven(lambda t_s: 0.4)
+    assert problems_of_pair([FAULT, goes_on("ahrs.deaf", "")], on) == ["did not stop"]
+    assert problems_of_pair([either("ahrs.gap", ""), goes_on("ahrs.deaf", "")], on) == []
+
+
+def test_a_campaign_has_each_fault_as_often_as_asked_and_pairs_of_two_devices() -> None:
+    found = jobs(pairs=50, rounds=2, seed=3)
+    assert len(found) == 2 * len(CATALOGUE) + 50
+    assert found == jobs(pairs=50, rounds=2, seed=3)
+    pairs = [job for job in found if len(job.faults) == 2]
+    assert all(job.faults[0].device != job.faults[1].device for job in pairs)
+    assert len(jobs(0, 1, 1, only="planner.mute")) == 1
+
+
+def rows() -> list[Row]:
+    """One that is as it must be, one that is not, one that crashed."""
+    good, bad = driven(stops_between(5.6, 9.1)), driven(lambda t_s: 0.4)
+    job = Job((FAULT,), 1, 5.0)
+    pair = Job((FAULT, goes_on("ahrs.deaf", "")), 2, 5.0)
+    return [
+        Row(job, good),
+        Row(pair, bad, ["did not stop"]),
+        Row(job, None, ["crashed: ValueError: x"]),
+    ]
+
+
+def test_the_tables_tell_all_drives_and_what_is_wrong() -> None:
+    out = StringIO()
+    show(rows(), Console(file=out, width=250))
+    told = out.getvalue()
+    assert "3 drives, 2 not as they must be" in told
+    assert "scanner.mute AND ahrs.deaf (seed 2, 5 s): did not stop" in told
+    assert "crashed: ValueError: x" in told
+    assert [line[0] for line in summary(rows())] == ["scanner", "pairs"]
+    lines = markdown(rows()).splitlines()
+    assert any(line.startswith("| scanner.mute | stops | 0.6") for line in lines)
+    assert not any("AND" in line for line in lines)
+
+
+def test_who_waits_for_a_person_is_told_in_the_table() -> None:
+    waits: Fault = replace(FAULT, again=False)
+    row = Row(Job((waits,), 1, 5.0), driven(lambda t_s: 0.4 if t_s < 5.5 else 0.0))
+    assert cells(row)[-2] == "waits"

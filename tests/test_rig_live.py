@@ -1,0 +1,83 @@
+"""The live rig as its user runs it: real processes, real sockets and ptys, real time."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools.rig import live
+from tools.run import ROOT
+
+SECONDS = "7"
+
+
+def bench(folder: Path, planner: str) -> Path:
+    """A rig.toml of a goal straight ahead in the corridor."""
+    text = (ROOT / "rig.toml").read_text(encoding="utf-8")
+    for key, value in (("scene", '"corridor"'), ("goals", "[[12.0, 0.0]]"), ("sensors", '"clean"')):
+        text = re.sub(rf"^{key} = \S+", f"{key} = {value}", text, flags=re.MULTILINE)
+    text = re.sub(r"^planner = \S+", f'planner = "{planner}"', text, flags=re.MULTILINE)
+    path = folder / "rig.toml"
+    path.write_text(text.replace('"mapod.toml"', f'"{ROOT / "mapod.toml"}"'), encoding="utf-8")
+    return path
+
+
+def ran(*words: str) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-m", "tools.rig.live", *words]
+    return subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=150, check=False
+    )
+
+
+def needed(planner: str) -> None:
+    """Skips the test where a program is missing."""
+    programs = {
+        "host": {"gcc": "gcc"},
+        "board": {
+            "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
+            "qemu-system-arm": "qemu-system-arm",
+        },
+    }[planner]
+    for program, package in programs.items():
+        if shutil.which(program) is None:
+            pytest.skip(f"needs {program}: apt install {package}")
+
+
+@pytest.mark.parametrize("planner", ["host", "board"])
+def test_the_robot_sets_out_for_its_goal_stops_for_a_fault_and_all_processes_end(
+    planner: str, tmp_path: Path
+) -> None:
+    needed(planner)
+    where = ("--config", str(bench(tmp_path, planner)), "--seconds", SECONDS)
+    done = ran(*where, "--fault", "scanner.mute@9s+0.6s")
+    assert done.returncode == 0, done.stdout + done.stderr
+    driven = re.search(r"0 collisions; driven ([\d.]+) m", done.stdout)
+    assert driven is not None, done.stdout
+    assert float(driven[1]) > 0.3
+    assert re.search(r"the link said stop: .+: \d+ times", done.stdout), done.stdout
+    assert "the planner's map equals the app's in all 10201 cells" in done.stdout
+    assert "0 of 1 goals reached" in done.stdout
+    assert "all processes have ended" in done.stdout
+    words = {"host": "the planner's C on this machine", "board": "an emulated Cortex-M3"}[planner]
+    assert words in done.stdout
+    assert done.stderr == ""
+
+
+def test_wrong_settings_are_an_error_before_anything_starts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert live.main(["--config", str(bench(tmp_path, "host")), "--seed", "-4"]) == 2
+    said = capsys.readouterr()
+    assert "world.seed: must be a whole number" in said.err
+    assert said.out == ""
+
+
+def test_a_scene_that_is_not_there_is_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = ["--config", str(bench(tmp_path, "host")), "--scene", "moon", "--seconds", "1"]
+    assert live.main(given) == 1
+    assert "moon" in capsys.readouterr().err

@@ -1,0 +1,170 @@
+"""The parts of the live rig: rig.toml and its errors, goals, doubts, the app's log, the truth."""
+
+import json
+import math
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from core.config import ConfigError
+from fakes.scene import load_scene
+from fakes.witness import Witness
+from fakes.world import World
+from tools.rig.c_planner import PlannerState
+from tools.rig.config import BOARD, KEYS, load_rig_config, load_rig_file
+from tools.rig.followed import Followed
+from tools.rig.story import GIVE_UP_S, AppLog, Doubts, Tour
+from tools.run import ROOT
+
+SHIPPED = (ROOT / "rig.toml").read_text(encoding="utf-8")
+IDLE = PlannerState(
+    state="idle", why="", tactic="go", v_mps=0.0, w_radps=0.0, x_m=0.0, y_m=0.0, yaw_rad=0.0,
+    goal=(0.0, 0.0), advice="go", advice_why="", blank=False, suspect=False, stale=False, tries=0,
+    accepted=0, rejected=0,
+)  # fmt: skip
+
+
+def test_the_shipped_file_loads_and_has_every_key_with_a_comment() -> None:
+    config = load_rig_file(ROOT / "rig.toml")
+    assert (config.planner, config.real, config.unknown_mps) == (BOARD, {}, 0.0)
+    assert Path(config.config) == ROOT / "mapod.toml"
+    table = tomllib.loads(SHIPPED)
+    assert {section: set(keys) for section, keys in table.items()} == {
+        section: set(keys) for section, keys in KEYS.items()
+    }
+    values = [line for line in SHIPPED.splitlines() if "=" in line and not line.startswith("#")]
+    assert all("#" in line for line in values if not line.startswith(" "))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("world.seed", -1, "must be a whole number from 0 to 2147483647, is -1"),
+        ("world.seed", True, "must be a whole number"),
+        ("world.scene", "", "must be a text that is not empty"),
+        ("world.goals", [[1.0]], r"must be a list of places \[x_m, y_m\], or \[\]"),
+        ("world.goals", [[1.0, 2e3]], "must be a number from -1000 to 1000"),
+        ("world.sensors", "good", "must be 'sheet' or 'clean', is 'good'"),
+        ("devices.scanner", "192.168.0.1", "must be 'fake', or a port"),
+        ("devices.planner", "fake", "must be 'board' or 'host', or a port"),
+        ("devices.ahrs", 7, "must be 'fake', or a port"),
+        ("planner.board_baud", 9600, "must be 115200 or 230400 or 460800 or 921600, is 9600"),
+        ("planner.start_clear_m", 21.0, "must be 'scene', or a number from 0 to 20"),
+        ("planner.unknown_mps", math.nan, "must be a number from 0 to 1"),
+        ("planner.speed", 1, "unknown; allowed are board_baud, start_clear_m, unknown_mps"),
+        ("robot.config", 3, "must be a text"),
+    ],
+)
+def test_a_wrong_value_is_named_with_what_is_allowed(key: str, value: object, words: str) -> None:
+    with pytest.raises(ConfigError, match=rf"^{key}: {words}"):
+        load_rig_config(SHIPPED, {key: value})
+
+
+def test_missing_keys_and_sections_are_named() -> None:
+    with pytest.raises(ConfigError, match=r"^world\.seed: missing"):
+        load_rig_config(SHIPPED.replace("seed = 1 ", "# "))
+    with pytest.raises(ConfigError, match=r"^robot: missing"):
+        load_rig_config(SHIPPED.partition("[robot]")[0])
+    with pytest.raises(ConfigError, match=r"^extra: unknown"):
+        load_rig_config(SHIPPED + "[extra]\n")
+    with pytest.raises(ConfigError, match=r"^not TOML"):
+        load_rig_config("[world")
+
+
+def test_a_real_drive_beside_a_fake_scanner_wants_the_wheels_off_the_ground() -> None:
+    drive = {"devices.drive": "serial:///dev/ax3500?baud=9600&parity=E&bytesize=7"}
+    with pytest.raises(ConfigError, match="fake scanner and a fake ahrs"):
+        load_rig_config(SHIPPED, drive)
+    seeing = drive | {"devices.scanner": "tcp://192.168.0.1:2112"}
+    with pytest.raises(ConfigError, match="beside a fake ahrs"):
+        load_rig_config(SHIPPED, seeing)
+    load_rig_config(SHIPPED, drive | {"devices.wheels_off_the_ground": True})
+    all_real = seeing | {"devices.ahrs": "serial:///dev/mti?baud=115200"}
+    assert list(load_rig_config(SHIPPED, all_real).real) == ["scanner", "ahrs", "drive"]
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.toml"):
+        load_rig_file(tmp_path / "nowhere.toml")
+    alone = tmp_path / "rig.toml"
+    alone.write_text(SHIPPED)
+    with pytest.raises(ConfigError, match=r"robot\.config: must be a file that is there"):
+        load_rig_file(alone)
+
+
+def test_goals_are_told_one_after_the_other_and_kept_with_what_became_of_them() -> None:
+    told: list[tuple[float, float]] = []
+    tour = Tour([(1.0, 2.0), (3.0, 4.0)], lambda x_m, y_m: told.append((x_m, y_m)))
+
+    def step(now_s: float, state: PlannerState | None) -> None:
+        tour.step(now_s, state, lambda x_m, y_m: 0.25)
+
+    step(0.0, None)
+    assert told == []
+    step(1.0, IDLE)
+    step(1.5, replace(IDLE, state="arrived"))  # of the goal before: too early to be of this one
+    step(5.0, replace(IDLE, state="driving"))
+    step(9.0, replace(IDLE, state="arrived"))
+    assert tour.visits[0].words(9.0) == "(1.0, 2.0) m reached in 8 s, truly 0.25 m off"
+    step(9.2, IDLE)
+    assert told == [(1.0, 2.0), (3.0, 4.0)]
+    stopped = replace(IDLE, state="stopped", why="no way over seen ground")
+    step(12.0, stopped)
+    step(12.0 + GIVE_UP_S, replace(IDLE, state="driving"))
+    step(20.0 + GIVE_UP_S, stopped)
+    assert not tour.is_over
+    step(20.0 + 2 * GIVE_UP_S, stopped)
+    assert tour.is_over
+    assert tour.reached == 1
+    assert tour.visits[1].words(99.0) == "(3.0, 4.0) m not reached: no way over seen ground"
+
+
+def test_doubts_count_from_the_first_go_on() -> None:
+    doubts = Doubts()
+    for now_s, advice, why in (
+        (0.0, "stop", "no map yet"),
+        (1.0, "go", ""),
+        (2.0, "stop", "link stale"),
+        (2.5, "slow", "a frame is missing"),
+        (4.0, "stop", "link stale"),
+        (4.2, "go", ""),
+    ):
+        doubts.step(now_s, advice, why)
+    assert doubts.words(5.0) == ["link stale: 2 times, 0.50 s at most"]
+
+
+def test_the_apps_log_is_followed_as_it_grows(tmp_path: Path) -> None:
+    path = tmp_path / "app.log"
+    log = AppLog(path)
+    log.step()
+    first = {"event": "ticks_counted", "ticks": 200, "slots_missed": 1, "latest_s": 0.003}
+    second = {"event": "drive_changed", "blocked_by": "an obstacle"}
+    path.write_text(f"words of no event\n{json.dumps(first)}\n{json.dumps(second)[:9]}")
+    log.step()
+    assert (log.ticks, log.missed, log.blocked_by) == (200, 1, "")
+    path.write_text(f"words of no event\n{json.dumps(first)}\n{json.dumps(second)}\n")
+    log.step()
+    assert log.blocked_by == "an obstacle"
+    assert log.words == "1 ticks lost, late by 3.0 ms at most"
+
+
+def test_the_judge_sees_what_the_fakes_process_tells(tmp_path: Path) -> None:
+    path, scene = tmp_path / "truth.jsonl", load_scene("corridor")
+    world = World(scene, 1)
+    with path.open("w", encoding="ascii") as out:
+        witness = Witness(out, world, "corridor", 1)
+        for tick in range(100):
+            now_s = 50.0 + tick * 0.02
+            world.wheels.set_power(0.3, 0.3)
+            world.step_to(now_s)
+            witness.step(now_s)
+    followed = Followed(path, scene)
+    followed.step()
+    assert followed.newest is not None
+    assert followed.newest.since_s == pytest.approx(1.98, abs=0.021)
+    x_m, y_m, _ = world.pose()[:3]
+    assert followed.gap_m(x_m, y_m) < 0.02
+    assert followed.judge.driven_m > 0.1
+    assert followed.hits == 0

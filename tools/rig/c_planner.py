@@ -1,0 +1,265 @@
+"""The planner of hw/mcu/planner on this machine: its firmware's own sources, as a Python object.
+
+It has no clock and draws no random numbers: the same bytes at the same times give the same frames.
+"""
+
+import ctypes
+import functools
+import math
+from ctypes import c_int32 as i32
+from ctypes import c_uint8 as u8
+from ctypes import c_uint16 as u16
+from ctypes import c_uint32 as u32
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from tools.rig.c_build import build_planner_library
+
+U8 = npt.NDArray[np.uint8]
+OUT_BYTES = 64
+MAX_CELLS = 201 * 201  # of the largest window that it takes
+NONE_TOLD = 0
+ADVICE = ("stop", "slow", "go")
+STATES = ("idle", "driving", "arrived", "stopped")
+TACTICS = ("go", "wait", "look", "back", "probe", "view", "face")
+ROOM = 400  # cells of a way
+WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
+    0: "",
+    1: "a frame is missing",
+    2: "no map yet",
+    3: "the link is stale",
+    4: "mapod is not running as it should",
+    5: "the emergency stop is pressed",
+    6: "the pose is not valid",
+    7: "the map is not valid",
+    8: "the robot stands too steep for its map",
+    9: "a drop-off is in the way",
+    10: "the map is not the sender's",
+    16: "the sender's stop zone is unknown or too old",
+    17: "the sender's stop zone says stop",
+    18: "waits for what is in the way",
+    19: "ground in the way was not seen",
+    20: "the robot does not obey",
+    21: "turns to look around",
+    22: "goes back to see the ground ahead",
+    23: "goes to where the ground ahead can be seen",
+    24: "no way over seen ground",
+    25: "the goal is too near to an obstacle",
+    26: "not there after the longest time",
+    27: "the sender has started anew",
+    28: "told to stop",
+    29: "the window is too large for the driver",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSettings:
+    """What the planner is told before it starts; the robot's own numbers are those of mapod.toml.
+
+    Args:
+        start_clear_m: radius about the map's origin where the operator declares the ground clear.
+        unknown_mps: how slowly it may enter ground that is not known to be free; 0: never.
+    """
+
+    start_clear_m: float = 0.0
+    unknown_mps: float = 0.0
+    max_mps: float = 1.0
+    max_radps: float = 1.0
+    front_m: float = 0.52
+    rear_m: float = 0.20
+    width_m: float = 0.60
+    margin_m: float = 0.15
+    goal_radius_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        numbers = self.thousandths()
+        if min(numbers) < 0 or max(numbers) > 30_000 or min(numbers[2:7] + numbers[8:]) < 1:
+            raise ValueError(f"a planner's settings: out of range: {self}")
+
+    def thousandths(self) -> tuple[int, ...]:
+        """In mm, mm/s and mrad/s, in the order of `struct driver_settings`."""
+        values = (
+            self.start_clear_m, self.unknown_mps, self.max_mps, self.max_radps, self.front_m,
+            self.rear_m, self.width_m, self.margin_m, self.goal_radius_m,
+        )  # fmt: skip
+        return tuple(round(value * 1000) for value in values)
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerState:
+    """What the planner says of itself, SI, map frame."""
+
+    state: str  # "idle" | "driving" | "arrived" | "stopped"
+    why: str  # it stands, has stopped, or does not simply go on; "" for none
+    tactic: str  # how it drives: "go" along its way, or what it does where none leads on
+    v_mps: float  # asked for
+    w_radps: float
+    x_m: float  # where it believes to be
+    y_m: float
+    yaw_rad: float
+    goal: tuple[float, float]
+    advice: str  # of the link: "go" | "slow" | "stop"
+    advice_why: str
+    blank: bool
+    suspect: bool
+    stale: bool
+    tries: int  # tactics tried for this goal, less those that have paid
+    accepted: int  # frames, since the start
+    rejected: int
+
+
+class _Report(ctypes.Structure):
+    """struct planner_report of hw/mcu/host/driver_library.c."""
+
+    _fields_ = (
+        *((name, i32) for name in ("v_mmps", "w_mradps", "x_mm", "y_mm", "goal_x_mm")),
+        *((name, i32) for name in ("goal_y_mm", "width", "height", "ox", "oy")),
+        *((name, i32) for name in ("unseen_x_mm", "unseen_y_mm", "view_x_mm", "view_y_mm")),
+        *((name, i32) for name in ("allowed_ahead_mmps", "allowed_behind_mmps")),
+        *((name, i32) for name in ("known_cells", "close_cells")),
+        *((name, u32) for name in ("accepted", "way_count", "tries")),
+        *((name, u16) for name in ("yaw", "bad_frames", "last")),
+        *((name, u8) for name in ("state", "why", "tactic", "advice", "link_why", "zone_state")),
+        *((name, u8) for name in ("blank", "suspect", "stale")),
+    )
+
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    """The planner, compiled for this machine, with its calls' types.
+
+    Raises:
+        MissingToolError, CompileError: see `tools.rig.c_build`.
+    """
+    lib = ctypes.CDLL(str(build_planner_library()))
+    handle, bytes_in = ctypes.c_void_p, ctypes.c_char_p
+    lib.planner_new.argtypes = [ctypes.POINTER(i32), u32, bytes_in]
+    lib.planner_new.restype = handle
+    lib.planner_free.argtypes = [handle]
+    lib.planner_datagram.argtypes = [handle, u32, bytes_in, u32]
+    lib.planner_stream.argtypes = [handle, u32, bytes_in, u32]
+    lib.planner_stream.restype = None
+    lib.planner_poll.argtypes = [handle, u32, bytes_in]
+    lib.planner_poll.restype = u32
+    lib.planner_serial.argtypes = [bytes_in, u32]
+    lib.planner_serial.restype = u32
+    lib.planner_goal.argtypes = [handle, i32, i32]
+    lib.planner_halt.argtypes = [handle]
+    lib.planner_report.argtypes = [handle, u32, ctypes.POINTER(_Report)]
+    lib.planner_way.argtypes = [handle, ctypes.POINTER(i32), u32]
+    lib.planner_way.restype = u32
+    lib.planner_window.argtypes = [handle, ctypes.c_void_p]
+    return lib
+
+
+class CPlanner:
+    """The planner on a clock that the caller keeps. Times are seconds; it counts milliseconds.
+
+    Args:
+        nonce: of its HELLO, not 0; another one for each planner of a run.
+        key: 32 bytes, or None.
+    """
+
+    def __init__(self, settings: PlannerSettings, nonce: int = 1, key: bytes | None = None) -> None:
+        self._lib = library()
+        numbers = settings.thousandths()
+        self.settings, self.nonce = settings, nonce
+        self._now_s = 0.0
+        self._out = ctypes.create_string_buffer(OUT_BYTES)
+        if key is not None and len(key) != 32:
+            raise ValueError("a key has 32 bytes")
+        array = (i32 * len(numbers))(*numbers)
+        self._handle = self._lib.planner_new(array, nonce, key)
+        assert self._handle
+
+    def __del__(self) -> None:
+        if getattr(self, "_handle", None):
+            self._lib.planner_free(self._handle)
+
+    def feed_datagram(self, now_s: float, data: bytes) -> bool:
+        """One frame; whether it was accepted."""
+        return bool(self._lib.planner_datagram(self._handle, self._ms(now_s), data, len(data)) > 0)
+
+    def feed_stream(self, now_s: float, data: bytes) -> None:
+        """Bytes of a serial line, cut anywhere."""
+        self._lib.planner_stream(self._handle, self._ms(now_s), data, len(data))
+
+    def poll(self, now_s: float) -> list[bytes]:
+        """Frames to send, not framed for a serial line: HELLO, ACK, DRIVE."""
+        frames: list[bytes] = []
+        while size := self._lib.planner_poll(self._handle, self._ms(now_s), self._out):
+            frames.append(self._out.raw[:size])
+        return frames
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """The planner on a serial line: what came, and what it sends."""
+        self.feed_stream(now_s, received)
+        sent = bytearray()
+        for frame in self.poll(now_s):
+            out = ctypes.create_string_buffer(frame, OUT_BYTES)
+            sent += out.raw[: self._lib.planner_serial(out, len(frame))]
+        return bytes(sent)
+
+    def goal(self, x_m: float, y_m: float) -> None:
+        """Drive there; a goal before is forgotten."""
+        self._lib.planner_goal(self._handle, round(x_m * 1000), round(y_m * 1000))
+
+    def halt(self) -> None:
+        """Stop, and forget the goal."""
+        self._lib.planner_halt(self._handle)
+
+    def state(self, now_s: float) -> PlannerState:
+        """What it does, and why, as of now."""
+        report = self._report(now_s)
+        return PlannerState(
+            state=STATES[report.state],
+            why=WHY[report.why],
+            tactic=TACTICS[report.tactic],
+            v_mps=report.v_mmps / 1000,
+            w_radps=report.w_mradps / 1000,
+            x_m=report.x_mm / 1000,
+            y_m=report.y_mm / 1000,
+            yaw_rad=math.remainder(report.yaw * math.tau / 65_536, math.tau),
+            goal=(report.goal_x_mm / 1000, report.goal_y_mm / 1000),
+            advice=ADVICE[report.advice],
+            advice_why=WHY[report.link_why],
+            blank=bool(report.blank),
+            suspect=bool(report.suspect),
+            stale=bool(report.stale),
+            tries=report.tries,
+            accepted=report.accepted,
+            rejected=report.bad_frames,
+        )
+
+    def window(self) -> U8:
+        """(height, width) copy of all cells: 0 unknown, 1 free, 2 obstacle; (0, 0) before any."""
+        report = self._report(self._now_s)
+        cells: U8 = np.zeros((report.height, report.width), np.uint8)
+        if cells.size:
+            self._lib.planner_window(self._handle, cells.ctypes.data)
+        return cells
+
+    def origin(self) -> tuple[int, int]:
+        """Lowest column and row in the endless grid, modulo 65 536 as int16."""
+        report = self._report(self._now_s)
+        return report.ox, report.oy
+
+    def way(self) -> list[tuple[float, float, bool]]:
+        """The way that it sees to its goal: x, y in metres, and whether it is only hoped for."""
+        numbers = (i32 * (3 * ROOM))()
+        count = self._lib.planner_way(self._handle, numbers, ROOM)
+        return [
+            (numbers[3 * k] / 1000, numbers[3 * k + 1] / 1000, bool(numbers[3 * k + 2]))
+            for k in range(count)
+        ]
+
+    def _report(self, now_s: float) -> _Report:
+        report = _Report()
+        self._lib.planner_report(self._handle, self._ms(now_s), ctypes.byref(report))
+        return report
+
+    def _ms(self, now_s: float) -> int:
+        self._now_s = now_s
+        return math.floor(now_s * 1000 + 1e-6) % 2**32

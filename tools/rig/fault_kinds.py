@@ -1,0 +1,148 @@
+"""One fault of the rig's catalogue: how it is ordered of the fakes, and what must come of it.
+
+A fault is one or more orders in the words of `fakes.faults`; what must come of it is what design
+and docs/ say: the robot stops, or goes on, or may do either, and all is well again in time after
+its end.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypedDict, Unpack
+
+Must = Literal["stops", "goes on", "either"]
+
+STANDS_S = 2.0  # an input's time-out, a loop, and the way to a stop from 0.8 m/s
+RECOVERS_S = 6.0
+THEN_S, AFTER_S = 0.1, 0.2
+BLIND = "cannot be noticed"
+LATER = "a delay that changes makes the clock doubtful until it is known again"
+LATER_S = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One fault and what must come of it.
+
+    Attributes:
+        name: device, and attribute or event; "scanner.wire.mute".
+        value: as text; "" switches it on, or is an event without a number.
+        lasts_s: until it ends; 0: it happens at once, or ends by itself.
+        must: what the robot does meanwhile.
+        why: of what must come; it begins with BLIND where nothing can be known of the fault.
+        stands_s: where it must stop: after so long at most it stands.
+        recovers_s: all inputs are well again, and the map is valid, so long after the end.
+        again: whether it also drives again then by itself. False: it waits for a person, or for
+            ground that has been seen: its map had to be erased.
+        also: orders (name[=value]) that begin together with it and end with it.
+        then: events that happen 0.1 s after its begin.
+        after: events that happen 0.2 s after its end, as a person would see to them.
+        drawn: whether a campaign may draw it at random.
+    """
+
+    name: str
+    value: str
+    lasts_s: float
+    must: Must
+    why: str
+    stands_s: float = STANDS_S
+    recovers_s: float = RECOVERS_S
+    again: bool = True
+    also: tuple[str, ...] = ()
+    then: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+    drawn: bool = True
+
+    @property
+    def device(self) -> str:
+        """Whose fault it is."""
+        return self.name.partition(".")[0]
+
+    @property
+    def own(self) -> str:
+        """Its first order, without the time."""
+        return f"{self.name}={self.value}" if self.value else self.name
+
+    @property
+    def title(self) -> str:
+        """A name that no other has."""
+        return " + ".join([self.own, *self.also, *self.then])
+
+    @property
+    def is_noticed(self) -> bool:
+        """Whether mapod can know of it at all."""
+        return not self.why.startswith(BLIND)
+
+    def orders(self, start_s: float) -> list[str]:
+        """What to order of the fakes, beginning at start_s of the run.
+
+        >>> Fault("drive.mute", "", 2.0, "stops", "", after=("drive.reset",)).orders(5.0)
+        ['drive.mute@5s+2s', 'drive.reset@7.2s']
+        """
+        span = f"@{start_s:g}s" + (f"+{self.lasts_s:g}s" if self.lasts_s else "")
+        orders = [f"{order}{span}" for order in (self.own, *self.also)]
+        orders += [f"{event}@{start_s + THEN_S:g}s" for event in self.then]
+        return orders + [f"{event}@{start_s + self.lasts_s + AFTER_S:g}s" for event in self.after]
+
+
+class More(TypedDict, total=False):
+    """What a fault may say besides."""
+
+    stands_s: float
+    recovers_s: float
+    again: bool
+    also: tuple[str, ...]
+    then: tuple[str, ...]
+    after: tuple[str, ...]
+    drawn: bool
+
+
+def stops(
+    name: str, why: str, value: str = "", lasts_s: float = 3.0, **more: Unpack[More]
+) -> Fault:
+    """One that must stop the robot."""
+    return Fault(name, value, lasts_s, "stops", why, **more)
+
+
+def goes_on(
+    name: str, why: str, value: str = "", lasts_s: float = 3.0, **more: Unpack[More]
+) -> Fault:
+    """One that must not stop it."""
+    return Fault(name, value, lasts_s, "goes on", why, **more)
+
+
+def either(
+    name: str, why: str, value: str = "", lasts_s: float = 3.0, **more: Unpack[More]
+) -> Fault:
+    """One that may stop it or not."""
+    return Fault(name, value, lasts_s, "either", why, **more)
+
+
+def wire_faults(
+    device: str, hidden: tuple[str, ...], stale: str, rate: str, byte: int
+) -> tuple[Fault, ...]:
+    """The faults that every stream's wire has.
+
+    Args:
+        hidden: the wire's attributes that the device has by the same name: behind "wire.".
+        stale: what the loss of this input means, in words.
+        rate: share of bytes of which few frames are hit.
+        byte: an offset in the device's stream that goes by while the fault lasts.
+    """
+    few = "the next frame is there in time, or the input is stale"
+    host = "only what mapod asks gets lost: it asks again, or finds the input stale"
+    mute, drop_rate = (
+        f"{device}.wire.{name}" if name in hidden else f"{device}.{name}"
+        for name in ("mute", "drop_rate")
+    )
+    return (
+        stops(mute, stale),
+        stops(f"{device}.cut", stale),
+        either(f"{device}.delay_s", LATER, "0.03", recovers_s=LATER_S),
+        either(f"{device}.delay_s", LATER, "0.5", recovers_s=LATER_S),
+        either(drop_rate, few, rate),
+        either(f"{device}.damage_rate", few, rate),
+        either(f"{device}.host_drop_rate", host, "0.05"),
+        either(f"{device}.host_damage_rate", host, "0.05"),
+        goes_on(f"{device}.alter_at.{byte}", few, "255", drawn=False),
+        goes_on(f"{device}.drop_at", few, f"{byte},{byte + 1}", drawn=False),
+        goes_on(f"{device}.chunk", "a stream may be cut anywhere", "7"),
+    )

@@ -1,0 +1,236 @@
+"""The fault campaign: `python -m tools.rig.fault_table [--pairs 40]`, or `make faults`.
+
+Each fault of the catalogue once, and pairs by chance, while the robot drives. What became of
+each is held against the catalogue; exit status 1 if anything is not as it must be.
+"""
+
+import argparse
+import logging
+import os
+import random
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import structlog
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from tools.rig.fault_kinds import Fault
+from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
+from tools.rig.faults import CATALOGUE
+
+EARLIER_S, LATER_S = -1.0, 1.5  # of the faults' begin, by chance
+COLUMNS = ("fault", "must", "stands after s", "blind m", "told after s", "not well",
+           "well after s", "drives after s", "verdict")  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One drive."""
+
+    faults: tuple[Fault, ...]
+    seed: int
+    start_s: float
+
+    @property
+    def title(self) -> str:
+        """The names of its faults."""
+        return " AND ".join(fault.title for fault in self.faults)
+
+    @property
+    def must(self) -> str:
+        """What has to come of it."""
+        musts = {fault.must for fault in self.faults}
+        return next(must for must in ("stops", "either", "goes on") if must in musts)
+
+
+@dataclass(slots=True)
+class Row:
+    """What became of one drive, in the table."""
+
+    job: Job
+    outcome: Outcome | None  # None: it crashed
+    problems: list[str] = field(default_factory=list)
+
+
+def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
+    """All drives: each fault so many times, then pairs of different devices' faults."""
+    chance = random.Random(f"fault campaign {seed}")
+    chosen = [fault for fault in CATALOGUE if only in fault.title]
+
+    def start_s() -> float:
+        return round(FAULT_FROM_S + chance.uniform(EARLIER_S, LATER_S), 2)
+
+    first = [FAULT_FROM_S, *(start_s() for _ in range(rounds - 1))]
+    found = [Job((fault,), seed + k, at_s) for fault in chosen for k, at_s in enumerate(first)]
+    for _ in range(pairs):
+        one = chance.choice(chosen)
+        others = [fault for fault in CATALOGUE if fault.device != one.device]
+        found.append(Job((one, chance.choice(others)), seed + len(found), start_s()))
+    return found
+
+
+def run_job(job: Job) -> Row:
+    """One drive, and what is wrong with it; the app's own log is of no use here."""
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    outcome = drive_with(*job.faults, seed=job.seed, start_s=job.start_s)
+    if len(job.faults) == 1:
+        return Row(job, outcome, problems(job.faults[0], outcome))
+    return Row(job, outcome, problems_of_pair(job.faults, outcome))
+
+
+def run_all(wanted: Sequence[Job], processes: int, console: Console) -> list[Row]:
+    """All rows, in order of the jobs, with a bar meanwhile."""
+    rows: dict[int, Row] = {}
+    columns = (TextColumn("faults"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+               TextColumn("{task.fields[wrong]} wrong"))  # fmt: skip
+    with (
+        Progress(*columns, console=console) as progress,
+        ProcessPoolExecutor(processes, get_context("spawn")) as pool,
+    ):
+        bar = progress.add_task("", total=len(wanted), wrong=0)
+        running = {pool.submit(run_job, job): k for k, job in enumerate(wanted)}
+        for future in as_completed(running):
+            k = running[future]
+            rows[k] = _row(future, wanted[k])
+            wrong = sum(bool(row.problems) for row in rows.values())
+            progress.update(bar, advance=1, wrong=wrong)
+    return [rows[k] for k in sorted(rows)]
+
+
+def _row(future: "Future[Row]", job: Job) -> Row:
+    """The row, or that the drive ended with an exception: nothing may crash."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    return Row(job, None, [f"crashed: {type(error).__name__}: {error}"])
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """A row of the table as text."""
+    one, verdict = row.outcome, "; ".join(row.problems) or "as it must"
+    if one is None:
+        return (row.job.title, row.job.must, *[""] * (len(COLUMNS) - 3), verdict)
+    waits = not all(fault.again for fault in row.job.faults)
+    again = "" if one.stood_s is None else "waits" if one.again_s is None and waits else None
+    return (
+        row.job.title,
+        row.job.must,
+        _seconds(one.stood_s, "goes on"),
+        f"{one.blind_m:.2f}",
+        _seconds(one.told_s, ""),
+        " ".join(one.told),
+        _seconds(one.well_s, "never"),
+        _seconds(one.again_s, "never") if again is None else again,
+        verdict,
+    )
+
+
+def _seconds(seconds: float | None, none: str) -> str:
+    return none if seconds is None else f"{seconds:.2f}"
+
+
+def summary(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+    """By device: faults, how many stopped, and the median and the most of the times."""
+    for device in ("scanner", "ahrs", "drive", "planner", "pairs"):
+        chosen = [row for row in rows if _group(row.job) == device and row.outcome is not None]
+        outcomes = [row.outcome for row in chosen if row.outcome is not None]
+        if not outcomes:
+            continue
+        stood = [one for one in outcomes if one.stood_s is not None]
+        yield (
+            device,
+            str(len(outcomes)),
+            str(len(stood)),
+            _spread([one.stood_s for one in stood]),
+            _spread([one.blind_m for one in stood]),
+            _spread([one.well_s for one in stood]),
+            _spread([one.again_s for one in stood]),
+            str(sum(one.again_s is None for one in stood)),
+            str(sum(bool(row.problems) for row in chosen)),
+        )
+
+
+SUMMARY = ("device", "drives", "stopped", "stands after s", "blind m", "well after s",
+           "drives after s", "wait", "wrong")  # fmt: skip
+
+
+def _group(job: Job) -> str:
+    return job.faults[0].device if len(job.faults) == 1 else "pairs"
+
+
+def _spread(values: Sequence[float | None]) -> str:
+    """Median and greatest of those that there are."""
+    known = [value for value in values if value is not None]
+    return f"{np.median(known):.2f}, {max(known):.2f}" if known else ""
+
+
+def show(rows: Sequence[Row], console: Console) -> None:
+    """All rows, the summary, and what is wrong."""
+    table = Table(title="faults while driving at 0.8 m/s", row_styles=("", "dim"))
+    for column in COLUMNS:
+        table.add_column(column, overflow="fold")
+    for row in rows:
+        table.add_row(*cells(row), style="red" if row.problems else "")
+    console.print(table)
+    short = Table(title="by device: median, greatest")
+    for column in SUMMARY:
+        short.add_column(column)
+    for line in summary(rows):
+        short.add_row(*line)
+    console.print(short)
+    wrong = [row for row in rows if row.problems]
+    console.print(f"{len(rows)} drives, {len(wrong)} not as they must be")
+    for row in wrong:
+        console.print(f"  {row.job.title} (seed {row.job.seed}, {row.job.start_s:g} s): "
+                      f"{'; '.join(row.problems)}")  # fmt: skip
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Both tables for a document."""
+    lines = [*_markdown_table(SUMMARY, summary(rows)), ""]
+    lines += _markdown_table(COLUMNS, (cells(row) for row in rows if len(row.job.faults) == 1))
+    return "\n".join(lines) + "\n"
+
+
+def _markdown_table(head: Sequence[str], body: Iterator[tuple[str, ...]]) -> Iterator[str]:
+    yield f"| {' | '.join(head)} |"
+    yield f"|{'---|' * len(head)}"
+    for line in body:
+        yield f"| {' | '.join(cell.replace('|', '/') for cell in line)} |"
+
+
+def arguments(given: list[str] | None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m tools.rig.fault_table", description=__doc__)
+    parser.add_argument("--pairs", type=int, default=40, help="two faults at once, by chance")
+    parser.add_argument("--rounds", type=int, default=1, help="drives for each single fault")
+    parser.add_argument("--seed", type=int, default=1, help="of all chance")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--only", default="", help="faults whose name holds this")
+    parser.add_argument("--markdown", help="file for the tables")
+    return parser.parse_args(given)
+
+
+def main(given: list[str] | None = None) -> int:
+    """Exit status: 0 all as it must be, 1 something is not, 2 there is no such fault."""
+    options, console = arguments(given), Console()
+    wanted = jobs(options.pairs, options.rounds, options.seed, options.only)
+    if not wanted:
+        print(f"fault_table: no fault's name holds {options.only!r}", file=sys.stderr)
+        return 2
+    rows = run_all(wanted, options.jobs, console)
+    show(rows, console)
+    if options.markdown:
+        Path(options.markdown).write_text(markdown(rows), encoding="utf-8")
+    return 1 if any(row.problems for row in rows) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

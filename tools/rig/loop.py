@@ -1,0 +1,221 @@
+"""The whole house in one process on a simulated clock: world, fakes, wires, app, planner.
+
+No clock is read and nothing waits. Two loops of the same scene, seed and settings say the same to
+the bit, as long as their planners do. Faults are set on wires and fakes, at once or on a timetable.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from core.config import Config, load_config, with_changes
+from fakes.disturbance import Disturbance
+from fakes.faults import Schedule, order_from_text
+from fakes.planner import FakePlanner
+from fakes.rig import AnyWorld, Rig
+from fakes.scene import Scene
+from fakes.upsets import Upsets
+from fakes.wire import DatagramWire, MemoryPort, Wire
+from main import App, Ports
+
+SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
+START_S = 1000.0
+SESSION = 0x5A17C0DE
+WATCHDOG = 0x02  # register 00 of a controller that a PC drives
+BITS = 10  # of a byte on a serial line
+SERIAL_PORT = "serial:///dev/planner?baud={baud}"
+
+Tap = Callable[[str, str, bytes], None]  # wire's name, "d2h" or "h2d", what went over it
+
+
+class Planner(Protocol):
+    """The planner's end of the link: frames in, frames out."""
+
+    def feed_datagram(self, now_s: float, data: bytes) -> Any:
+        """One frame of the app."""
+
+    def poll(self, now_s: float) -> list[bytes]:
+        """Frames for the app, one a datagram."""
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """The same on a serial line: what came, and what it sends."""
+
+
+class TappedPort(MemoryPort):
+    """A port of the app of which somebody keeps all bytes, as the app wrote and as it got them."""
+
+    def __init__(self, name: str, datagrams: bool = False) -> None:
+        super().__init__(datagrams)
+        self._name = name
+        self.taps: list[Tap] = []
+
+    def write(self, data: bytes) -> None:
+        """What the app says."""
+        self._tell("h2d", data)
+        super().write(data)
+
+    def give(self, data: bytes) -> None:
+        """What the app hears, after all faults of the wire."""
+        self._tell("d2h", data)
+        super().give(data)
+
+    def _tell(self, way: str, data: bytes) -> None:
+        if data and self.connected:
+            for tap in self.taps:
+                tap(self._name, way, data)
+
+
+class Lane:
+    """One direction of a serial line: bytes come out one after the other, at its rate."""
+
+    def __init__(self, baud: int) -> None:
+        self._byte_s, self._free_s = BITS / baud, 0.0  # when the next byte's time begins
+        self._waiting = bytearray()
+
+    def carry(self, now_s: float, data: bytes) -> bytes:
+        """Put bytes on the line; those of all that have come by now."""
+        if not self._waiting:
+            self._free_s = max(self._free_s, now_s)
+        count = int((now_s - self._free_s) / self._byte_s + 1e-6)
+        self._waiting += data
+        come = bytes(self._waiting[:count])
+        del self._waiting[:count]
+        self._free_s += len(come) * self._byte_s
+        return come
+
+
+class OnLine:
+    """A planner behind a serial line, as a device for a `Wire`."""
+
+    def __init__(self, planner: Planner, baud: int) -> None:
+        self._planner, self._down, self._up = planner, Lane(baud), Lane(baud)
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """What has come of the app's bytes to the planner, and back."""
+        answer = self._planner.exchange(now_s, self._down.carry(now_s, received))
+        return self._up.carry(now_s, answer)
+
+
+def rig_config(scene: Scene, baud: int | None = None) -> Config:
+    """The settings as shipped, of a robot that may be driven in this scene.
+
+    Args:
+        baud: of the planner's serial line; None: datagrams.
+    """
+    changes: dict[str, dict[str, Any]] = {
+        "robot": {"enable_motors": True, "start_clear_m": scene.start_clear_m}
+    }
+    if baud is not None:
+        changes["planner"] = {"port": SERIAL_PORT.format(baud=baud), "rate_hz": 25}
+    return with_changes(load_config(SHIPPED.read_text(encoding="utf-8")), **changes)
+
+
+class Loop:
+    """World, fakes, app and planner, stepped together.
+
+    Args:
+        scene: or a name, or a world that is ready.
+        seed: of all chance, the planner's apart.
+        config: as shipped for this scene, if none is given.
+        planner: a public receiver that drives nowhere, if none is given.
+        drives: a radio drives the robot along the scene's route, and the app only looks on.
+        baud: of the planner's line; None: datagrams, which come at once.
+        key: of the link.
+        upsets: instead of the scene's own.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path | AnyWorld,
+        seed: int = 1,
+        config: Config | None = None,
+        planner: Planner | None = None,
+        *,
+        drives: bool = False,
+        baud: int | None = None,
+        key: bytes | None = None,
+        upsets: Upsets | None = None,
+    ) -> None:
+        self.rig = Rig(scene, seed, drives=drives, upsets=upsets)
+        self.config = config or rig_config(self.rig.world.scene, baud)
+        if not drives:  # a vehicle that is driven from the PC has the watchdog on
+            self.rig.drive.parameters[0x00] = WATCHDOG
+            self.rig.drive.mode = "rs232_watchdog"
+        self.link_end: Planner = planner or FakePlanner(key=key)
+        self.fakes: dict[str, Any] = {
+            "scanner": self.rig.scanner,
+            "ahrs": self.rig.ahrs,
+            "drive": self.rig.drive,
+            "planner": self.link_end,
+        }
+        self.ports = {name: TappedPort(name) for name in ("scanner", "ahrs", "drive")}
+        self.link_port = TappedPort("planner", datagrams=baud is None)
+        self._device_wires = tuple(
+            Wire(self.fakes[name], port, seed + k)
+            for k, (name, port) in enumerate(self.ports.items())
+        )
+        self._link_wire: DatagramWire | Wire = (
+            DatagramWire(self.fakes["planner"], self.link_port, seed + 3)
+            if baud is None
+            else Wire(OnLine(self.link_end, baud), self.link_port, seed + 3)
+        )
+        self.wires: dict[str, Disturbance] = dict(zip(self.ports, self._device_wires, strict=True))
+        self.wires["planner"] = self._link_wire
+        self.app = self._new_app(key)
+        self.now_s, self.ticks = START_S, 0
+        self._rate_hz = self.config.loop.rate_hz
+        self._schedule: Schedule | None = None
+        self.happened: list[tuple[float, str]] = []  # faults on and off, with their instants
+
+    def _new_app(self, key: bytes | None) -> App:
+        ports = Ports(
+            self.ports["scanner"], self.ports["ahrs"], self.ports["drive"], self.link_port
+        )
+        return App(self.config, ports, session=SESSION, key=key)
+
+    def listen(self, tap: Tap) -> None:
+        """Let `tap` have all bytes of all ports of the app, from now on."""
+        for port in (*self.ports.values(), self.link_port):
+            port.taps.append(tap)
+
+    def set_faults(self, texts: Sequence[str]) -> None:
+        """Faults on a timetable that begins now: "scanner.wire.mute@12s+2s", "ahrs.mute@20s-21s".
+
+        Raises:
+            FaultError: a name or a value that there is not.
+        """
+        targets = {name: (self.fakes[name], self.wires[name]) for name in self.fakes}
+        self._schedule = Schedule([order_from_text(text) for text in texts], targets)
+
+    def step(self) -> None:
+        """One tick of everything."""
+        self.ticks += 1
+        now_s = self.now_s = START_S + self.ticks / self._rate_hz
+        if self._schedule is not None:
+            self.happened += [(now_s, said) for said in self._schedule.step(now_s)]
+        self.rig.step(now_s)
+        for wire in self._device_wires:
+            wire.step(now_s)
+        self.app.step(now_s)
+        self._link_wire.step(now_s)
+
+    def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
+        """Step for so long; `each` is called after every step."""
+        for _ in range(round(seconds * self.config.loop.rate_hz)):
+            self.step()
+            if each:
+                each()
+
+    @property
+    def since_begin_s(self) -> float:
+        """Simulated seconds since the first tick."""
+        return self.now_s - START_S
+
+    def map_now(self) -> npt.NDArray[np.int8]:
+        """The app's obstacle window, (size, size) [j, i] from its corner."""
+        window = self.app.mapper.maps.window
+        grid, cells = window.grid, window.cells
+        return np.roll(cells, (-grid.corner_j, -grid.corner_i), axis=(0, 1))

@@ -1,0 +1,306 @@
+"""One run: the planner drives the robot to the goals of a scene, and the truth is written down.
+
+Scene, seed and faults decide all of it: two runs of one `RunSpec` have the same digest, in whatever
+process. A run ends when all goals have been dealt with, at a collision, or when its time is up.
+"""
+
+import hashlib
+import math
+import struct
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from core.config import Config
+from fakes.rig import AnyWorld
+from fakes.scene import Scene, load_scene
+from fakes.upsets import as_the_sheets_say
+from fakes.world import F64, World
+from tools.rig.c_planner import CPlanner, PlannerSettings
+from tools.rig.judge import RATE_HZ, Contact, Judge, Truth
+from tools.rig.loop import Loop, Planner
+from tools.rig.stops import Orders, Stop, StopWatch
+
+LIMIT_S = 240.0  # of a run, simulated
+FIRST_GOAL_S = 1.0
+GIVEN_UP_S = 15.0  # the planner says "stopped" for so long
+STUCK_S = 60.0  # the robot stands for so long, whatever the planner says
+GOAL_RADIUS_M = 0.3  # the planner's own
+NEAR_M = 0.3  # more, by which what it believes of its place may be off
+DWELLS_S = 2.0  # a robot that stands so long at its goal is there, whatever its planner says
+POSE = struct.Struct("<7d")
+
+
+class PilotState(Protocol):
+    """What a planner says of itself."""
+
+    @property
+    def state(self) -> str:
+        """ "idle", "driving", "arrived" or "stopped"."""
+
+    @property
+    def why(self) -> str:
+        """Why it does not drive, in words; "" while it does."""
+
+    @property
+    def v_mps(self) -> float:
+        """What it asks for: forward,"""
+
+    @property
+    def w_radps(self) -> float:
+        """and counter-clockwise."""
+
+
+class Pilot(Planner, Protocol):
+    """A planner that drives to a goal by itself."""
+
+    def goal(self, x_m: float, y_m: float) -> Any:
+        """Drive there, map frame."""
+
+    def state(self, now_s: float) -> PilotState:
+        """What it does now."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """What decides a run.
+
+    Args:
+        scene: a scene, the name of a shipped one, or the path of a scene's file.
+        faults: what goes wrong, and when; see `fakes.faults`.
+        baud: of the planner's line; None: datagrams, which come at once.
+    """
+
+    scene: Scene | str | Path
+    seed: int
+    faults: tuple[str, ...] = ()
+    limit_s: float = LIMIT_S
+    baud: int | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the scene."""
+        return self.scene.name if isinstance(self.scene, Scene) else Path(self.scene).stem
+
+
+@dataclass(frozen=True, slots=True)
+class Missed:
+    """A goal that was not reached."""
+
+    number: int  # from 1
+    x_m: float
+    y_m: float
+    cause: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunResult:
+    """What came of a run."""
+
+    scene: str
+    seed: int
+    faults: tuple[str, ...]
+    ended: str  # in words
+    goals: int
+    reached: int
+    missed: tuple[Missed, ...]
+    collisions: tuple[Contact, ...]
+    bumps: tuple[Contact, ...]  # of people into a robot that stood
+    stops: tuple[Stop, ...]
+    worst_stop_m: float
+    least_gap_m: float  # inf: nothing came near
+    driven_m: float
+    sim_s: float
+    cpu_s: float  # of computing, on one core
+    digest: str  # of the true path and of all bytes on the link
+
+    @property
+    def false_stops(self) -> tuple[Stop, ...]:
+        """Stops with nothing in the way."""
+        return tuple(stop for stop in self.stops if stop.is_false)
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds per second of one core."""
+        return self.sim_s / self.cpu_s if self.cpu_s else math.inf
+
+
+@dataclass(slots=True)
+class Goals:
+    """Which goal the robot is on its way to, and what became of the others."""
+
+    all: Sequence[tuple[float, float]]
+    at: int = -1  # the current one's place in `all`; -1: none was given yet
+    reached: int = 0
+    missed: list[Missed] = field(default_factory=list)
+
+    @property
+    def current(self) -> tuple[float, float]:
+        """x, y."""
+        return self.all[self.at]
+
+    def miss(self, cause: str) -> None:
+        """The current one is given up."""
+        self.missed.append(Missed(self.at + 1, *self.current, cause))
+
+    def miss_rest(self, cause: str) -> None:
+        """Those behind the current one are never tried."""
+        for number in range(self.at + 1, len(self.all)):
+            self.missed.append(Missed(number + 1, *self.all[number], cause))
+
+
+class Run:
+    """One run, a tick at a time.
+
+    Args:
+        pilot: the planner; the C one, if none is given.
+        config: of the app; as shipped for the scene, if none is given.
+    """
+
+    def __init__(
+        self, spec: RunSpec, pilot: Pilot | None = None, config: Config | None = None
+    ) -> None:
+        self.spec = spec
+        scene = spec.scene
+        self.scene = scene if isinstance(scene, Scene) else load_scene(scene, spec.seed)
+        self.pilot = pilot or new_pilot(self.scene)
+        upsets = as_the_sheets_say(self.scene.upsets)
+        self.loop = Loop(self.scene, spec.seed, config, self.pilot, baud=spec.baud, upsets=upsets)
+        self.loop.set_faults(spec.faults)
+        self.judge = Judge(self.scene)
+        self.watch = StopWatch(self.judge, faulty=bool(spec.faults))
+        self.goals = Goals(self.scene.goals)
+        self.ended = "" if self.goals.all else "the scene has no goals"
+        self.state: PilotState = self.pilot.state(self.loop.now_s)
+        self._ticks_per_truth = round(self.loop.config.loop.rate_hz / RATE_HZ)
+        self._stopped_s = self._stood_s = 0.0  # since the goal was given: planner, and robot
+        self._digest = hashlib.blake2b(digest_size=16)
+        self.loop.link_port.taps.append(lambda wire, way, data: self._digest.update(data))
+        self._begun_s = time.process_time()
+
+    @property
+    def since_begin_s(self) -> float:
+        """Simulated."""
+        return self.loop.since_begin_s
+
+    def step(self) -> None:
+        """One tick."""
+        self.loop.step()
+        if self.loop.ticks % self._ticks_per_truth == 0:
+            self._look()
+
+    def _look(self) -> None:
+        """The truth now, and what follows from it."""
+        world = self.loop.rig.world
+        x, y, yaw, pitch, roll = world.pose()
+        height_m, people = world.height_m(), people_of(world)
+        self.judge.step(Truth(self.since_begin_s, (x, y, yaw), height_m, pitch, roll, people))
+        self._digest.update(POSE.pack(self.since_begin_s, x, y, yaw, pitch, roll, height_m))
+        self.state = self.pilot.state(self.loop.now_s)
+        self.watch.step(self.orders)
+        if self.judge.collisions:
+            self._end("collision with " + self.judge.collisions[0].words())
+        elif self.since_begin_s >= self.spec.limit_s:
+            self._end(f"time was up after {self.spec.limit_s:.0f} s")
+        else:
+            self._follow_goals()
+
+    @property
+    def orders(self) -> Orders:
+        """Who wants what now."""
+        state, control = self.state, self.loop.app.control
+        asked = bool(state.v_mps or state.w_radps)
+        return Orders(
+            asked,
+            bool(control.v_mps or control.w_radps),
+            control.blocked_by if asked and control.blocked_by else state.why,
+            state.state in ("driving", "stopped"),
+        )
+
+    def _follow_goals(self) -> None:
+        if self.goals.at < 0:
+            if self.since_begin_s >= FIRST_GOAL_S:
+                self._next_goal()
+            return
+        state, away_m = self.state.state, math.dist(self.judge.truth.place[:2], self.goals.current)
+        self._stopped_s = self._stopped_s + 1.0 / RATE_HZ if state == "stopped" else 0.0
+        self._stood_s = self._stood_s + 1.0 / RATE_HZ if self.judge.stands_s > 0.0 else 0.0
+        near = away_m <= GOAL_RADIUS_M + NEAR_M
+        if near and self._stood_s > (0.0 if state == "arrived" else DWELLS_S):
+            self.goals.reached += 1
+            self._next_goal()
+        elif state == "arrived" and self._stood_s > 0.0:
+            self._give_up(f"the planner took a place for it that is {away_m:.2f} m away")
+        elif self._stopped_s >= GIVEN_UP_S or self._stood_s >= STUCK_S:
+            self._give_up(f"{self.cause}, {away_m:.1f} m short of it")
+
+    def _give_up(self, cause: str) -> None:
+        self.goals.miss(cause)
+        self._next_goal()
+
+    def _next_goal(self) -> None:
+        self.goals.at += 1
+        self._stopped_s = self._stood_s = 0.0
+        if self.goals.at == len(self.goals.all):
+            self.ended = "all goals were tried"
+        else:
+            self.pilot.goal(*self.goals.current)
+
+    @property
+    def cause(self) -> str:
+        """Why the robot does not go on, in words."""
+        control = self.loop.app.control
+        words = [f"the planner: {self.state.why}" if self.state.why else ""]
+        words += [f"mapod: {control.blocked_by}" if control.blocked_by else ""]
+        return "; ".join(filter(None, words)) or f"the planner is {self.state.state}"
+
+    def _end(self, why: str) -> None:
+        self.ended = why
+        if 0 <= self.goals.at < len(self.goals.all):
+            away_m = math.dist(self.judge.truth.place[:2], self.goals.current)
+            self.goals.miss(f"{why} ({self.cause}), {away_m:.1f} m short of it")
+        self.goals.miss_rest(f"never tried: {why}")
+
+    def result(self) -> RunResult:
+        """What came of it, now."""
+        judge, goals = self.judge, self.goals
+        return RunResult(
+            scene=self.spec.name,
+            seed=self.spec.seed,
+            faults=self.spec.faults,
+            ended=self.ended,
+            goals=len(goals.all),
+            reached=goals.reached,
+            missed=tuple(goals.missed),
+            collisions=tuple(judge.collisions),
+            bumps=tuple(judge.bumps),
+            stops=tuple(self.watch.stops),
+            worst_stop_m=self.watch.worst_way_m,
+            least_gap_m=judge.least_gap_m,
+            driven_m=judge.driven_m,
+            sim_s=self.since_begin_s,
+            cpu_s=time.process_time() - self._begun_s,
+            digest=self._digest.hexdigest(),
+        )
+
+
+def people_of(world: AnyWorld) -> F64 | None:
+    """Those who walk in a world: (n, 3) x, y, radius; None where nobody can."""
+    return world.people() if isinstance(world, World) else None
+
+
+def new_pilot(scene: Scene) -> Pilot:
+    """The planner in C, for a scene."""
+    return CPlanner(PlannerSettings(start_clear_m=scene.start_clear_m))
+
+
+def run(spec: RunSpec, each: Callable[[Run], None] | None = None) -> RunResult:
+    """A whole run; `each` is called after every tick."""
+    one = Run(spec)
+    while not one.ended:
+        one.step()
+        if each is not None:
+            each(one)
+    return one.result()

@@ -1,0 +1,165 @@
+"""A run on disk: every byte of every wire, the true way, what happened, and a picture.
+
+A folder of its own holds, instants in simulated seconds since the first tick:
+
+    run.json            what decided the run, and what came of it
+    WIRE_d2h.bin        what the app heard of scanner, ahrs, drive and planner
+    WIRE_h2d.bin        what it said to them
+    WIRE_index.csv      when: t_s, dir, offset, length (and name, empty: nobody looked inside)
+    path.csv            the truth: t_s, x_m, y_m, yaw_rad, pitch_rad, roll_rad, z_m
+    events.jsonl        goals, states of the planner, reasons of the app, faults, contacts
+    map.npz             the app's obstacle map at the end: cells [j, i], corner, cell_m
+    picture.png         all of it from above
+
+Pictures can be drawn again: `python -m tools.rig draw FOLDER`. A scanner's bytes can be played:
+`python -m tools.replay --recording FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
+"""
+
+import contextlib
+import csv
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from fakes.scene import Scene, load_scene
+from tools.rig.one_run import Run, RunResult
+from tools.rig.picture import MapShot, Marks, draw_run
+
+WIRES = ("scanner", "ahrs", "drive", "planner")
+PATH_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad", "pitch_rad", "roll_rad", "z_m")
+INDEX_COLUMNS = ("t_s", "dir", "offset", "length", "name")
+DRAWN_EVERY = 10  # truths
+
+
+class Recorder:
+    """Writes down one run: a context; call it after every tick, and `finish` with the result.
+
+    Raises:
+        OSError: from its calls, where the disk is full or not there.
+    """
+
+    def __init__(self, run: Run, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._run, self.folder = run, folder
+        self._stack = contextlib.ExitStack()
+        self._bytes: dict[tuple[str, str], IO[bytes]] = {}
+        self._index: dict[str, Any] = {}
+        self._offsets: dict[tuple[str, str], int] = {}
+        for wire in WIRES:
+            for way in ("d2h", "h2d"):
+                path = folder / f"{wire}_{way}.bin"
+                self._bytes[wire, way] = self._stack.enter_context(path.open("wb"))
+                self._offsets[wire, way] = 0
+            self._index[wire] = self._rows(f"{wire}_index.csv", INDEX_COLUMNS)
+        self._path = self._rows("path.csv", PATH_COLUMNS)
+        events = folder / "events.jsonl"
+        self._events = self._stack.enter_context(events.open("w", encoding="utf-8"))
+        self._before: dict[str, Any] = {}
+        self._told = {"faults": 0, "collisions": 0, "bumps": 0, "stops": 0}
+        self._truth_s = -1.0
+        run.loop.listen(self._note_bytes)
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, *what: object) -> None:
+        self._stack.close()
+
+    def _rows(self, name: str, columns: tuple[str, ...]) -> Any:
+        file = (self.folder / name).open("w", encoding="ascii", newline="")
+        rows = csv.writer(self._stack.enter_context(file))
+        rows.writerow(columns)
+        return rows
+
+    def _note_bytes(self, wire: str, way: str, data: bytes) -> None:
+        at = self._offsets[wire, way]
+        self._offsets[wire, way] = at + len(data)
+        self._bytes[wire, way].write(data)
+        now_s = f"{self._run.since_begin_s:.3f}"
+        self._index[wire].writerow((now_s, way, at, len(data), ""))
+
+    def _event(self, event: str, **facts: Any) -> None:
+        line = {"t_s": round(self._run.since_begin_s, 3), "event": event, **facts}
+        self._events.write(json.dumps(line) + "\n")
+
+    def __call__(self, run: Run) -> None:
+        """What this tick has brought."""
+        truth = run.judge.truth
+        if truth.since_s != self._truth_s:
+            self._truth_s = truth.since_s
+            numbers = (*truth.place, truth.pitch_rad, truth.roll_rad, truth.height_m)
+            self._path.writerow([f"{truth.since_s:.3f}", *(f"{x:.5f}" for x in numbers)])
+            self._changed("planner_changed", state=run.state.state, why=run.state.why)
+            self._changed("app_changed", blocked_by=run.loop.app.control.blocked_by)
+            self._changed("goal_changed", number=run.goals.at + 1, reached=run.goals.reached)
+        for name, told in (
+            ("faults", [{"fault": said} for _, said in run.loop.happened]),
+            ("collisions", [asdict(contact) for contact in run.judge.collisions]),
+            ("bumps", [asdict(contact) for contact in run.judge.bumps]),
+            ("stops", [asdict(stop) for stop in run.watch.stops]),
+        ):
+            for facts in told[self._told[name] :]:
+                self._event(f"{name[:-1]}_noted", **facts)
+            self._told[name] = len(told)
+
+    def _changed(self, event: str, **facts: Any) -> None:
+        if self._before.get(event) != facts:
+            self._before[event] = facts
+            self._event(event, **facts)
+
+    def finish(self, result: RunResult) -> None:
+        """The result, the map, the picture."""
+        self._event("run_ended", why=result.ended)
+        self._stack.close()
+        run = self._run
+        facts = {"limit_s": run.spec.limit_s, "baud": run.spec.baud, **facts_of(result)}
+        (self.folder / "run.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
+        grid = run.loop.app.mapper.maps.window.grid
+        np.savez_compressed(
+            self.folder / "map.npz",
+            cells=run.loop.map_now(),
+            corner=np.array([grid.corner_i, grid.corner_j]),
+            cell_m=np.array(grid.cell_m),
+        )
+        draw(self.folder, run.scene)
+
+
+def facts_of(result: RunResult) -> dict[str, Any]:
+    """A result as JSON takes it: what is infinite is null."""
+    facts = asdict(result)
+    facts["false_stops"] = len(result.false_stops)
+    return {key: None if value == float("inf") else value for key, value in facts.items()}
+
+
+def draw(folder: Path, scene: Scene | None = None) -> Path:
+    """The picture of a recorded run, from its files; the scene by its name, if it is not given.
+
+    Raises:
+        OSError, ValueError, KeyError: not a recorded run, or one of a scene that is not here.
+    """
+    facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    with (folder / "path.csv").open(encoding="ascii", newline="") as file:
+        rows = [[float(row[name]) for name in PATH_COLUMNS] for row in csv.DictReader(file)]
+    scene = scene or load_scene(facts["scene"], facts["seed"])
+    with np.load(folder / "map.npz") as held:
+        corner_i, corner_j = (int(part) for part in held["corner"])
+        shot = MapShot(held["cells"], corner_i, corner_j, float(held["cell_m"]))
+    places = {True: [], False: []}  # type: dict[bool, list[tuple[float, float]]]
+    for stop in facts["stops"]:
+        places[not stop["in_way"]].append((stop["x_m"], stop["y_m"]))
+    marks = Marks(
+        way=[(row[1], row[2]) for row in [*rows[::DRAWN_EVERY], *rows[-1:]]],
+        goals=scene.goals,
+        stops=places[False],
+        false_stops=places[True],
+        contacts=[(contact["x_m"], contact["y_m"]) for contact in facts["collisions"]],
+        robot=(rows[-1][1], rows[-1][2], rows[-1][3]) if rows else None,
+        seen=shot,
+        title=f"{facts['scene']}, seed {facts['seed']}: {facts['reached']} of {facts['goals']} "
+        f"goals; {facts['ended']}",
+    )
+    draw_run(folder / "picture.png", scene, marks)
+    return folder / "picture.png"

@@ -1,0 +1,174 @@
+"""A run while it goes: what the planner knows, where the robot truly is, why it stands.
+
+In a terminal with colours it is a picture, else a line now and then. It holds the run back to real
+time, or to so many times of it.
+"""
+
+import math
+import time
+from itertools import pairwise
+from types import TracebackType
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.style import Style
+from rich.table import Table
+from rich.text import Text
+
+from tools.rig.one_run import Run
+from tools.rig.stops import Stop
+from tools.screen import BAD, GOOD, POOR, has_screen, labelled
+
+U8 = npt.NDArray[np.uint8]
+DRAWN_S, LINE_S = 0.1, 2.0  # of real time, of simulated time
+UNKNOWN, FREE, OBSTACLE, THING, ROBOT, GOAL, PERSON = range(7)
+COLOURS = ("#1c1c24", "#1f7d3d", "#e02b2b", "#5a3a3a", "#ffae00", "#40c0ff", "#e060e0")
+STYLES = [[Style(color=upper, bgcolor=lower) for lower in COLOURS] for upper in COLOURS]
+THING_M = 0.15
+PANEL_COLUMNS = 46
+STATES = {"driving": GOOD, "arrived": GOOD, "idle": POOR, "stopped": BAD}
+
+
+class Watcher:
+    """Call it after every tick of a run; a context, for the terminal is put back at its end.
+
+    Args:
+        speed: so many simulated seconds per second at most; 0: as fast as it goes.
+    """
+
+    def __init__(self, console: Console, speed: float = 1.0) -> None:
+        self._console, self._speed = console, speed
+        self._live = Live(console=console, screen=True, auto_refresh=False)
+        self._has_screen = has_screen(console)
+        self._begun_s = self._drawn_s = time.monotonic()
+        self._line_s = 0.0
+
+    def __enter__(self) -> "Watcher":
+        if self._has_screen:
+            self._live.start()
+        self._begun_s = time.monotonic()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._has_screen:
+            self._live.stop()
+
+    def __call__(self, run: Run) -> None:
+        """Hold back, and draw what is due."""
+        if self._speed > 0.0:
+            ahead_s = run.since_begin_s / self._speed - (time.monotonic() - self._begun_s)
+            if ahead_s > 0.01:
+                time.sleep(ahead_s)
+        if not self._has_screen:
+            if run.since_begin_s >= self._line_s:
+                self._line_s += LINE_S
+                self._console.print(Text(line_of(run)), soft_wrap=True)
+        elif time.monotonic() - self._drawn_s >= DRAWN_S:
+            self._drawn_s = time.monotonic()
+            self._live.update(picture(run, self._console), refresh=True)
+
+
+def line_of(run: Run) -> str:
+    """The run now, in a line."""
+    (x, y, yaw), state = run.judge.truth.place, run.state
+    words = f"{run.since_begin_s:6.1f} s  x {x:+.2f} y {y:+.2f} m {math.degrees(yaw):+.0f} deg  "
+    words += f"{run.judge.v_mps:+.2f} m/s  goal {run.goals.at + 1} of {len(run.goals.all)}  "
+    words += state.state + (f" ({state.why})" if state.why else "")
+    blocked_by = run.loop.app.control.blocked_by
+    return words + (f"; mapod: {blocked_by}" if blocked_by else "")
+
+
+def image_of(run: Run) -> U8:
+    """The app's map with what truly stands there, robot, goal and people: [row, column], x up."""
+    grid, cells = run.loop.app.mapper.maps.window.grid, run.loop.map_now()
+    image = np.full(cells.shape, UNKNOWN, dtype=np.uint8)
+    image[cells == -1], image[cells == 1] = FREE, OBSTACLE
+    i, j = grid.corner_i + np.arange(grid.size), grid.corner_j + np.arange(grid.size)
+    x, y = np.meshgrid((i + 0.5) * grid.cell_m, (j + 0.5) * grid.cell_m)
+    z = run.judge.truth.height_m
+    there = run.scene.blocks(x.ravel(), y.ravel(), z + THING_M, z + 1.3).reshape(x.shape)
+    image[there & (cells == 0)] = THING
+    people = run.judge.truth.people
+    for px, py, radius_m in [] if people is None else people.tolist():
+        image[np.hypot(x - px, y - py) <= max(radius_m, grid.cell_m / 2)] = PERSON
+    if 0 <= run.goals.at < len(run.goals.all):
+        gx, gy = np.clip(run.goals.current, (x.min(), y.min()), (x.max(), y.max()))
+        image[np.hypot(x - gx, y - gy) <= 0.3] = GOAL
+    rx, ry, yaw = run.judge.truth.place
+    c, s = math.cos(yaw), math.sin(yaw)
+    ahead, left = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
+    image[(ahead > -0.25) & (ahead < 0.57) & (np.abs(left) < 0.35)] = ROBOT
+    return np.ascontiguousarray(image.T[::-1, ::-1])
+
+
+def text_of(image: U8, factor: int) -> Text:
+    """An image in colour, two rows a line, every `factor`-th cell."""
+    image = image[::factor, ::factor]
+    if len(image) % 2:
+        image = np.vstack([image, np.zeros((1, image.shape[1]), np.uint8)])
+    text = Text(no_wrap=True, overflow="crop")
+    for upper, lower in zip(image[::2], image[1::2], strict=True):
+        edges = np.flatnonzero((np.diff(upper) != 0) | (np.diff(lower) != 0)) + 1
+        for first, end in pairwise([0, *edges.tolist(), len(upper)]):
+            half = " " if upper[first] == lower[first] else "▀"
+            text.append(half * (end - first), STYLES[upper[first]][lower[first]])
+        text.append("\n")
+    text.right_crop(1)
+    return text
+
+
+def panel(run: Run) -> list[Text]:
+    """The numbers beside the map."""
+    judge, state, control = run.judge, run.state, run.loop.app.control
+    x, y, yaw = judge.truth.place
+    stops = run.watch.stops
+    false = sum(stop.is_false for stop in stops)
+    lines = [
+        Text(f"{run.scene.name}, seed {run.spec.seed}", "bold"),
+        legend(),
+        labelled("time", f"{run.since_begin_s:.1f} s"),
+        labelled("robot", f"x {x:+.2f}  y {y:+.2f} m  {math.degrees(yaw):+.0f}°"),
+        labelled("", f"{judge.v_mps:+.2f} m/s  {judge.w_radps:+.2f} rad/s"),
+        labelled(
+            "goal", f"{run.goals.at + 1} of {len(run.goals.all)}, {run.goals.reached} reached"
+        ),
+        labelled("planner", f"{state.state} {state.why}".strip(), STATES.get(state.state, "")),
+        labelled("asks", f"{state.v_mps:+.2f} m/s  {state.w_radps:+.2f} rad/s"),
+        labelled("mapod", control.blocked_by or "no objection", POOR if control.blocked_by else ""),
+        labelled("gap", f"least {judge.least_gap_m:.2f} m ({judge.nearest or 'nothing near'})"),
+        labelled("stops", f"{len(stops)}, {false} before nothing", POOR if false else ""),
+    ]
+    lines += [labelled("", _stop_words(stop)) for stop in stops[-3:]]
+    lines += [labelled("fault", said, POOR) for _, said in run.loop.happened[-3:]]
+    lines += [labelled("contact", contact.words(), BAD) for contact in judge.collisions]
+    return lines
+
+
+def _stop_words(stop: Stop) -> str:
+    return f"{stop.at_s:.0f} s: {stop.why or 'no reason told'} ({stop.in_way or 'nothing there'})"
+
+
+def legend() -> Text:
+    """What the colours mean."""
+    line = Text(no_wrap=True)
+    for name, kind in (("free", FREE), ("obstacle", OBSTACLE), ("unseen", THING), ("goal", GOAL)):
+        line.append("██", COLOURS[kind]).append(f" {name} ")
+    return line
+
+
+def picture(run: Run, console: Console) -> RenderableType:
+    """Map and panel, for this terminal."""
+    columns, lines = console.size
+    image = image_of(run)
+    room = (max(1, columns - PANEL_COLUMNS - 2), max(1, 2 * lines))
+    factor = max(-(-image.shape[1] // room[0]), -(-image.shape[0] // room[1]))
+    table = Table.grid(padding=(0, 2))
+    table.add_row(text_of(image, factor), Group(*panel(run)[:lines]))
+    return table

@@ -6,7 +6,8 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run test check format replay view bench link-test conformance soak mcu experiments calibrate fuzz devices clean
+.PHONY: help setup run rig test check format replay view bench campaign faults realtime link-test conformance soak mcu \
+  experiments calibrate fuzz devices compare scene clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -18,9 +19,9 @@ $(VENV)/.ready: pyproject.toml
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable '.[dev]'
 	@touch $@
 
-$(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py)
+$(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py fakes/*kernels.py fakes/beam_light.py)
 	@echo "mapod: compiling the kernels (some 20 seconds, then cached)"
-	@rm -f core/__pycache__/*.nb? hw/__pycache__/*.nb?  # a cached kernel does not see that one it calls has changed
+	@rm -f core/__pycache__/*.nb? hw/__pycache__/*.nb? fakes/__pycache__/*.nb?  # a cached kernel does not see that one it calls has changed
 	@$(BIN)/python main.py --warm
 	@touch $@
 
@@ -28,6 +29,24 @@ setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernel
 
 run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
 	@$(BIN)/python -m tools.run --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
+
+rig: setup ## the app as it is, in real time: real or fake devices, a planner in C on an emulated MCU [SECONDS=60 ARGS="--scene aisle"]
+	@$(BIN)/python -m tools.rig.live $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+
+campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder]
+	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \
+	  $(if $(JOBS),--jobs $(JOBS)) $(if $(ONLY),--only $(ONLY)) $(if $(FAULTS),--faults $(FAULTS)) \
+	  $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
+	  $(if $(WATCH),--watch) $(if $(RECORD),--record $(RECORD)) $(ARGS)
+
+faults: setup ## every fault of every fake while the robot drives, and pairs of them [PAIRS=40 ONLY=scanner.]
+	@$(BIN)/python -m tools.rig.fault_table --pairs $(or $(PAIRS),40) --seed $(SEED) $(if $(ONLY),--only $(ONLY))
+
+realtime: setup ## how late ticks are, and how soon a scan is at the far end of the wire, with and without load [SECONDS=60]
+	@$(BIN)/python -m tools.rig.latency $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+
+scene: setup ## a scene from above, as a picture [SCENE=office SEED=1 ARGS="--out office.png"]
+	@$(BIN)/python -m tools.rig.draw_scene $(SCENE) --seed $(SEED) $(ARGS)
 
 test: setup ## all tests, with progress
 	@echo "mapod: running the tests"
@@ -77,6 +96,9 @@ mcu: setup ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on 
 
 devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
 	@$(BIN)/python tools/devices.py $(ARGS)
+
+compare: setup ## a real device and its fake, asked the same [ARGS="scanner --real tcp://192.168.0.1:2112"]
+	@$(BIN)/python -m tools.compare $(ARGS)
 
 clean: ## remove all that the other targets made
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis mapod.egg-info build

@@ -81,6 +81,7 @@ class AttitudeRing:
         self.heading = HeadingFilter()
         self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
         self.rejected = 0  # samples out of order or no orientation at all
+        self._newest_rpy: tuple[float, float, float] | None = 0.0, 0.0, 0.0  # None: to be found
 
     @property
     def newest_s(self) -> float:
@@ -100,7 +101,8 @@ class AttitudeRing:
         else:
             self.count += 1
         last = (self.start + self.count - 1) % KEPT
-        if all(abs(rate_radps) <= MOST_RADPS for rate_radps in attitude.rate_radps):
+        x_radps, y_radps, z_radps = attitude.rate_radps
+        if abs(x_radps) <= MOST_RADPS and abs(y_radps) <= MOST_RADPS and abs(z_radps) <= MOST_RADPS:
             self.rate_body_radps = self._R_body_sensor @ np.array(attitude.rate_radps)
         else:
             self.rate_body_radps = np.full(3, math.nan)
@@ -116,6 +118,7 @@ class AttitudeRing:
         self.t_s[last] = attitude.t_s
         self._turned_rad[last] = self.heading.turned_rad
         self.q_earth_body[last] = _turned(yaw_rad - rpy_rad[2], q)
+        self._newest_rpy = None
         self._carry_on(last)
         return True
 
@@ -142,6 +145,7 @@ class AttitudeRing:
 
     def turn_all(self, turn_rad: float) -> None:
         """Turn every kept orientation about the vertical: the heading was found to be off."""
+        self._newest_rpy = None if self.count else self._newest_rpy
         for k in range(self.count_ahead):
             n = (self.start + k) % KEPT
             self.q_earth_body[n] = _turned(turn_rad, self.q_earth_body[n])
@@ -185,6 +189,7 @@ class AttitudeRing:
 
     def newest_rpy(self) -> tuple[float, float, float]:
         """(roll, pitch, yaw) of the newest sample; level while there is none."""
-        if not self.count:
-            return 0.0, 0.0, 0.0
-        return rpy_from_q(self.q_earth_body[(self.start + self.count - 1) % KEPT])
+        if self._newest_rpy is None:
+            newest = self.q_earth_body[(self.start + self.count - 1) % KEPT]
+            self._newest_rpy = rpy_from_q(newest)
+        return self._newest_rpy

@@ -73,7 +73,7 @@ def q_product(a: F64, b: F64) -> F64:
 
 def rpy_from_q(q: F64) -> tuple[float, float, float]:
     """(roll, pitch, yaw) of a unit quaternion (4,)."""
-    w, x, y, z = (float(part) for part in q)
+    w, x, y, z = q.tolist()
     return (
         math.atan2(2 * (y * z + w * x), 2 * (w * w + z * z) - 1),
         -math.asin(max(-1.0, min(1.0, 2 * (x * z - w * y)))),

@@ -358,7 +358,7 @@ class Odometry:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
         if not self._attitudes.count or not self.covers(at_s, at_s):
             return None
-        x_m, y_m = (float(part) for part in self.xy_at(at_s))
+        x_m, y_m = self.xy_at(at_s).tolist()
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
         return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)

@@ -157,6 +157,8 @@ class FakeAx3500(Motors):
     def _change_mode(self, mode: Mode, at_s: float) -> None:
         self._mode, self._returns, self._log_rest = mode, 0, b""
         self._follows_radio = mode in ("rc", "analog")
+        if self._follows_radio:
+            self._halt()
         self._text.clear()
         running = math.isfinite(at_s) and self._wake_s == math.inf
         self._log_s = at_s if running and mode in ("rc", "analog") else math.inf

@@ -24,6 +24,7 @@ KEPT = 64  # steps that can be asked about: 1.28 s of steps of 20 ms
 FRONT_M, REAR_M, HALF_WIDTH_M = 0.52, 0.20, 0.30  # the robot's footprint, from its axle
 PERSONAL_M = 0.37  # from a body to the robot's footprint: nobody goes nearer by himself
 PLANNED_M = 0.55  # what they plan to keep
+NEAR_M = 3.0  # of the robot's axle: who is farther away does not touch it in a moment
 OTHERS_M = 0.25  # between two bodies
 AHEAD_S = 1.3  # way of a driving robot that nobody crosses right before it
 DECIDE_S = 0.2  # between two looks around
@@ -171,16 +172,22 @@ class Crowd:
         if speed < 1e-3:
             return
         x, y = float(self._at[k, 0]), float(self._at[k, 1])
-        # seen from here and from where he would come to stand
-        reach_s = span_s + speed / (2 * CHANGE_MPS2)
-        now_m = self._robot_gap_m(k, x, y)
-        then_m = self._robot_gap_m(k, x + vx * reach_s, y + vy * reach_s)
-        if then_m < PERSONAL_M and then_m < now_m:
+        if self._would_touch(k, x, y, vx, vy, span_s + speed / (2 * CHANGE_MPS2)):
             self._v[k] = 0.0
             return
         self._at[k] = x + vx * span_s, y + vy * span_s
         self._ahead[k] = vx / speed, vy / speed
         self._gone_m[k] += speed * span_s
+
+    def _would_touch(
+        self, k: int, x: float, y: float, vx: float, vy: float, ahead_s: float
+    ) -> bool:
+        """Whether a walker at x, y comes too near to the robot until he can stand."""
+        assert self._robot is not None
+        if math.hypot(x - self._robot[0], y - self._robot[1]) > NEAR_M:
+            return False
+        then_m = self._robot_gap_m(k, x + vx * ahead_s, y + vy * ahead_s)
+        return then_m < PERSONAL_M and then_m < self._robot_gap_m(k, x, y)
 
     def _robot_gap_m(self, k: int, x: float, y: float) -> float:
         """From a walker's body at x, y to the robot's footprint as it is now."""

@@ -143,7 +143,7 @@ class Stream(Desk, SerialLine):
         if not self.frozen or not self._last[1]:
             self._count()
             age = int((t_s + self.utc_at_zero_s) % GNSS_S / self._period_s)
-            sample = replace(self._sample(t_s, self._fine(device_s)), gps_age=min(age, 255))
+            sample = self._sample(t_s, self._fine(device_s), min(age, 255))
             self._last = (MTDATA, encode(sample, memory.mode, memory.settings))
             self.counter = (self.counter + 1) % 2**16
         oriented = memory.mode & ORIENTATION

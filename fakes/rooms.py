@@ -15,6 +15,7 @@ WALL_M, HIGH_M, DEEP_M = 0.2, 2.5, -1.0
 BEHIND_M = 4.0  # of the start
 FIRST_M = 10.0  # from the start to the first doorway, at least
 GOAL_M = 1.4  # of goals from walls
+GOAL_X_M = (3.0, 8.0)  # from the wall that the doorway is in
 CORNER_M = 1.0  # of doorways from walls
 
 
@@ -52,8 +53,13 @@ def rooms_from(entry: dict[str, Any], random: Random) -> Rooms:
     return Rooms(
         tuple(_built(rooms, doors)),
         tuple(rooms[1:]),
-        tuple(((x[0] + 2.5, x[1] - GOAL_M), (y[0] + GOAL_M, y[1] - GOAL_M)) for x, y in rooms[1:]),
+        tuple(_goal_area(*room) for room in rooms[1:]),
     )
+
+
+def _goal_area(x: Span, y: Span) -> Rect:
+    near, far = (x[0] + way for way in GOAL_X_M)
+    return (near, min(far, x[1] - GOAL_M)), (y[0] + GOAL_M, y[1] - GOAL_M)
 
 
 def _built(rooms: list[Rect], doors: list[Span]) -> list[Shape]:

@@ -18,18 +18,6 @@ def R_from_q(q: F64) -> F64:
     return flat.reshape(3, 3)
 
 
-def R_from_qs(q: F64) -> F64:
-    """The same (n, 3, 3) of many quaternions (n, 4)."""
-    w, x, y, z = (q / np.sqrt(np.einsum("ni,ni->n", q, q))[:, None]).T
-    R = np.empty((len(q), 3, 3))
-    R[:, 0, 0], R[:, 1, 1] = w * w + x * x - y * y - z * z, w * w - x * x + y * y - z * z
-    R[:, 2, 2] = w * w - x * x - y * y + z * z
-    R[:, 0, 1], R[:, 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
-    R[:, 0, 2], R[:, 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
-    R[:, 1, 2], R[:, 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
-    return R
-
-
 def R_from_angles(yaw: F64, pitch: F64, roll: F64) -> F64:
     """Rotation matrices (n, 3, 3) of angles (n,)."""
     cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)

@@ -16,11 +16,12 @@ import numpy.typing as npt
 from fakes import robot
 from fakes.crowd import Crowd
 from fakes.rays import Rays
-from fakes.rotations import R_from_q, R_from_qs, angles_from_R, rotation_z
+from fakes.rotations import R_from_q, angles_from_R, rotation_z
 from fakes.scene import Scene, load_scene
 from fakes.slip import bursts, shares
 from fakes.steel import distortion
 from fakes.upsets import Upsets
+from fakes.world_kernels import poses_at, row_at
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
@@ -106,8 +107,10 @@ class World:
         self._now_s = 0.0
         self._steps = 0  # taken since the begin
         self._ctrl_mps = [0.0, 0.0]
-        self._state = np.zeros((KEPT, 9))  # x y z, qw qx qy qz, left and right wheel angle
-        self._motion = np.zeros((KEPT, 6))  # rate of turn and specific force of the attitude sensor
+        # x y z, qw qx qy qz, both wheels' angles; rate of turn, specific force of the sensor
+        self._ring = np.zeros((KEPT, 15))
+        self._q_pos, self._felt = self._data.qpos, self._data.sensordata  # as MuJoCo has them
+        self._ctrl = self._data.ctrl
         self._rays = Rays(self.scene, seed, self.upsets, self._crowd)
         self._turned, self._slipped = np.zeros(2), np.zeros(2)  # by the wheels, rad
         self._shares = np.zeros((KEPT, 2))  # of slip, of the steps to come
@@ -130,16 +133,15 @@ class World:
 
     def _record(self) -> None:
         k = self._steps % KEPT
-        self._state[k] = self._data.qpos[:9]
-        turned = self._state[k, 7:9]
+        row = self._ring[k]
+        row[:9], row[9:] = self._q_pos[:9], self._felt
         if self._slips and self._steps:
             if k == 0 or self._steps == 1:
                 steps = self._steps - k + np.arange(KEPT)
                 self._shares = shares(self._slips, steps * STEP_S)
-            self._slipped += self._shares[k] * (turned - self._turned)
-            self._turned = turned.copy()
-            turned += self._slipped
-        self._motion[k] = self._data.sensordata
+            self._slipped += self._shares[k] * (row[7:9] - self._turned)
+            self._turned = row[7:9].copy()
+            row[7:9] += self._slipped
 
     def step_to(self, now_s: float) -> None:
         """Advance physics to `now_s`, a host time that never goes back."""
@@ -150,11 +152,12 @@ class World:
             self._step()
 
     def _step(self) -> None:
-        most = MOTOR_SLEW_MPS2 * STEP_S
-        for k in (0, 1):
-            change = self.wheels.wanted_mps[k] - self._ctrl_mps[k]
-            self._ctrl_mps[k] += max(-most, min(most, change))
-            self._data.ctrl[k] = self._ctrl_mps[k] / robot.WHEEL_RADIUS_M
+        if self._ctrl_mps != self.wheels.wanted_mps:
+            most = MOTOR_SLEW_MPS2 * STEP_S
+            for k in (0, 1):
+                change = self.wheels.wanted_mps[k] - self._ctrl_mps[k]
+                self._ctrl_mps[k] += max(-most, min(most, change))
+                self._ctrl[k] = self._ctrl_mps[k] / robot.WHEEL_RADIUS_M
         mj.mj_step(self._model, self._data)
         self._steps += 1
         self._record()
@@ -178,24 +181,9 @@ class World:
         places = self._crowd.middles_m(np.array([self._since_begin_s(None)]))[0]
         return np.column_stack([places, self._crowd.people()[:, 2]])
 
-    def _at(self, ring: F64, times_s: F64) -> F64:
-        """Rows (n, m) of a ring at instants (n,), interpolated; the oldest or newest beyond it."""
-        begin_s = self._now_s if self._begin_s is None else self._begin_s
-        oldest = max(0, self._steps - KEPT + 1)
-        k = np.clip((times_s - begin_s) / STEP_S, oldest, self._steps)
-        before = np.minimum(np.floor(k).astype(np.int64), max(oldest, self._steps - 1))
-        share = (k - before)[:, None]
-        after = np.minimum(before + 1, self._steps)
-        return np.asarray((1 - share) * ring[before % KEPT] + share * ring[after % KEPT])
-
-    def _row(self, ring: F64, t_s: float | None) -> F64:
-        """The same at one instant (m,), or now."""
-        t_s = self._now_s if t_s is None else t_s
-        oldest = max(0, self._steps - KEPT + 1)
-        k = min(max(self._since_begin_s(t_s) / STEP_S, oldest), self._steps)
-        before = min(int(k), max(oldest, self._steps - 1))
-        share, after = k - before, min(before + 1, self._steps)
-        return np.asarray((1 - share) * ring[before % KEPT] + share * ring[after % KEPT])
+    def _row(self, t_s: float | None) -> F64:
+        """All that is remembered of an instant (15,), or of now."""
+        return row_at(self._ring, self._steps, self._since_begin_s(t_s) / STEP_S)
 
     def _since_begin_s(self, t_s: float | None) -> float:
         begin_s = self._now_s if self._begin_s is None else self._begin_s
@@ -203,18 +191,18 @@ class World:
 
     def wheel_angles_rad(self) -> tuple[float, float]:
         """How far (left, right) have turned since the begin, forward positive."""
-        state = self._row(self._state, None)
+        state = self._row(None)
         return float(state[7]), float(state[8])
 
     def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
         """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
-        state = self._row(self._state, t_s)
+        state = self._row(t_s)
         yaw, pitch, roll = angles_from_R(R_from_q(state[3:7]))
         return float(state[0]), float(state[1]), yaw, pitch, roll
 
     def height_m(self, t_s: float | None = None) -> float:
         """How high the body frame's origin lies above the map's z = 0."""
-        return float(self._row(self._state, t_s)[2])
+        return float(self._row(t_s)[2])
 
     def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike, t_s: float | None = None) -> F64:
         """Height (n,) of the highest surface at x (n,), y (n,), map frame, now or at an instant."""
@@ -222,7 +210,7 @@ class World:
 
     def distortion_at(self, t_s: float) -> F64:
         """What (3, 3) steel makes of the earth's field (north, west, up) where the robot is."""
-        x, y = self._row(self._state, t_s)[:2]
+        x, y = self._row(t_s)[:2]
         return distortion(self.scene.steels, float(x), float(y))
 
     def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
@@ -232,9 +220,8 @@ class World:
             R_earth_sensor (3, 3), earth being north, west, up; rate of turn (3,) rad/s and
             specific force (3,) m/s2, both along the sensor's axes: standing, z is +9.81.
         """
-        R_map_sensor = R_from_q(self._row(self._state, t_s)[3:7])
-        motion = self._row(self._motion, t_s)
-        return self._R_earth_map @ R_map_sensor, motion[:3], motion[3:]
+        row = self._row(t_s)
+        return self._R_earth_map @ R_from_q(row[3:7]), row[9:12], row[12:]
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
         """What beams from the lens meet: (n,) metres, NaN where nothing is within 30 m.
@@ -250,5 +237,5 @@ class World:
         return self._rays.ranges_m(self._poses, times_s, bearings_rad, begin_s)
 
     def _poses(self, times_s: F64) -> tuple[F64, F64]:
-        states = self._at(self._state, times_s)
-        return states[:, :3], R_from_qs(states[:, 3:7])
+        begin_s = self._now_s - self._since_begin_s(None)
+        return poses_at(self._ring, self._steps, (times_s - begin_s) / STEP_S)

@@ -264,6 +264,7 @@ class Ax3500(Device[WheelCounts]):
     ) -> None:
         self.stream = CounterStream()
         self.motors = Motors(enable_motors, left_channel, right_channel, inverted_channels)
+        self._told = self._told_all = self.stream.controller  # without and with what we add
         self._left, self._right = left_channel - 1, right_channel - 1
         self._signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
@@ -281,11 +282,13 @@ class Ax3500(Device[WheelCounts]):
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
-        return replace(
-            self.stream.controller,
-            watchdog_stops=self.stream.watchdog_stops,
-            motors_off=off,
-        )
+        told, stops = self.stream.controller, self.stream.watchdog_stops
+        if self._told is not told or (self._told_all.watchdog_stops, self._told_all.motors_off) != (
+            stops,
+            off,
+        ):
+            self._told, self._told_all = told, replace(told, watchdog_stops=stops, motors_off=off)
+        return self._told_all
 
     def drive(self, left: float, right: float) -> None:
         """Wheel power wanted from the next step on, -1..1 of full; call it at every tick.

@@ -146,6 +146,7 @@ class Device(Generic[Measurement]):
         new_session: Callable[[], Session],
     ) -> None:
         self.status, self.port = status, port
+        self._maybe_reopens = port if isinstance(port, Reopens) else None
         self._new_parser, self._new_session = new_parser, new_session
         self._stranger = Stranger(status.name)
         self._opened = 0
@@ -224,15 +225,15 @@ class Device(Generic[Measurement]):
             self.status.cause = f"{cause}: {words}"
 
     def _drop_if_silent(self, now_s: float) -> None:
-        port = self.port
-        if not isinstance(port, Reopens) or not port.fileno() >= 0:
+        port = self._maybe_reopens
+        if port is None or not self.port.fileno() >= 0:
             return
         limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
         if now_s - self._spoke_s > limit_s:
             if self.status.state == "running":
                 self.status.fall_back("starting", f"nothing heard for {limit_s:g} s")
             port.reopen(f"nothing heard for {limit_s:g} s")
-            self._given_up = port.cause
+            self._given_up = self.port.cause
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Measurement]:
         """What the events mean to the rest of the program."""

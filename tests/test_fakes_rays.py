@@ -16,10 +16,11 @@ from fakes.ray_kernels import (
     rays_from_poses,
 )
 from fakes.rays import FAR_M, GLASS_COS, R_BODY_LENS, Rays
-from fakes.rotations import R_from_angles, R_from_q, R_from_qs
+from fakes.rotations import R_from_angles, R_from_q
 from fakes.scene import SCENES, Scene, Solid, load_scene, mjcf_from_solids
 from fakes.solids import Pillar, Shape, bump
 from fakes.upsets import NONE, Upsets
+from fakes.world_kernels import poses_at, row_at
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco
@@ -168,9 +169,19 @@ def test_each_beam_leaves_from_the_pose_of_its_own_instant() -> None:
     np.testing.assert_allclose(whole[::20], single, atol=1e-12)
 
 
-def test_many_quaternions_give_the_rotations_of_each_alone() -> None:
-    q = np.random.default_rng(3).normal(0.0, 1.0, (20, 4))
-    np.testing.assert_allclose(R_from_qs(q), [R_from_q(one) for one in q], atol=1e-15)
+def test_the_poses_of_a_sweep_are_those_of_each_instant_alone() -> None:
+    """Also before the oldest row that is kept and behind the newest, and across the ring's end."""
+    ring = np.random.default_rng(3).normal(0.0, 1.0, (8, 15))
+    for steps in (0, 5, 7, 8, 21):
+        at_steps = np.linspace(-2.0, steps + 2.0, 40)
+        places, turns = poses_at(ring, steps, at_steps)
+        for k, step in enumerate(at_steps):
+            row = row_at(ring, steps, step)
+            np.testing.assert_array_equal(places[k], row[:3])
+            np.testing.assert_allclose(turns[k], R_from_q(row[3:7]), atol=1e-14)
+    np.testing.assert_array_equal(row_at(ring, 21, 20.0), ring[4])
+    np.testing.assert_allclose(row_at(ring, 21, 19.5), (ring[3] + ring[4]) / 2, atol=1e-15)
+    np.testing.assert_array_equal(row_at(ring, 21, 3.0), ring[14 % 8])
 
 
 def test_a_body_that_is_neither_box_nor_cylinder_nor_mesh_is_refused() -> None:

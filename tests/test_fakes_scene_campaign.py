@@ -1,5 +1,6 @@
 """The shipped scenes of campaigns: each seed's start is honest, each goal can be reached."""
 
+import functools
 import math
 
 import numpy as np
@@ -11,8 +12,13 @@ from fakes.solids import Solid
 
 NAMES = ("aisle", "crowd", "dock", "hall", "kerbs", "office", "passage", "ramp", "rooms", "turn")
 SEEDS = range(20)
-FRONT_M, REAR_M, HALF_WIDTH_M = 0.67, 0.35, 0.45  # the footprint with its margin
 MOST_SOLIDS = 120
+
+
+@functools.cache
+def loaded(name: str, seed: int) -> Scene:
+    """A scene of a seed, loaded once."""
+    return load_scene(name, seed)
 
 
 def test_the_campaign_has_ten_scenes() -> None:
@@ -32,7 +38,7 @@ def is_free(scene: Scene, x: float, y: float, radius_m: float) -> bool:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_seed_gives_a_start_and_goals_that_are_free(name: str) -> None:
-    scenes = [load_scene(name, seed) for seed in SEEDS]
+    scenes = [loaded(name, seed) for seed in SEEDS]
     assert len({(scene.solids, scene.goals) for scene in scenes}) == len(SEEDS)
     for scene in scenes:
         assert scene.campaign
@@ -48,13 +54,13 @@ def test_every_seed_gives_a_start_and_goals_that_are_free(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_way_is_not_trivial_for_all_seeds(name: str) -> None:
     """Beyond the clear start something other stands in each seed, and no goal is the same twice."""
-    goals = {goal for seed in SEEDS for goal in load_scene(name, seed).goals}
+    goals = {goal for seed in SEEDS for goal in loaded(name, seed).goals}
     assert len(goals) >= len(SEEDS)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_loaded_again_has_no_problems_and_is_the_same(name: str) -> None:
-    scene = load_scene(name, 7)
+    scene = loaded(name, 7)
     assert problems(scene) == []
     assert load_scene(name, 7) == scene
     assert mjcf(scene).count("<geom name=") >= len(scene.firm)
@@ -63,7 +69,7 @@ def test_what_is_loaded_again_has_no_problems_and_is_the_same(name: str) -> None
 def test_rooms_differ_in_number_and_size() -> None:
     counts, lengths = set(), set()
     for seed in SEEDS:
-        walls = [s for s in load_scene("rooms", seed).solids if s.name.endswith("right wall")]
+        walls = [s for s in loaded("rooms", seed).solids if s.name.endswith("right wall")]
         counts.add(len(walls))
         assert isinstance(walls[1], Solid)
         lengths.add(round(walls[1].x[1] - walls[1].x[0], 3))
@@ -72,15 +78,15 @@ def test_rooms_differ_in_number_and_size() -> None:
 
 
 def test_turns_go_to_the_left_and_to_the_right() -> None:
-    sides = [math.copysign(1.0, load_scene("turn", seed).goals[0][1]) for seed in SEEDS]
+    sides = [math.copysign(1.0, loaded("turn", seed).goals[0][1]) for seed in SEEDS]
     assert 4 <= sides.count(1.0) <= 16
 
 
 def test_the_ramp_rises_and_the_dock_falls_away() -> None:
     for seed in (1, 2, 3):
-        ramp = load_scene("ramp", seed)
+        ramp = loaded("ramp", seed)
         assert 0.25 < ramp.height_at([30.0], [0.0])[0] < 0.5
-        dock = load_scene("dock", seed)
+        dock = loaded("dock", seed)
         sides = dock.height_at([30.0, 12.0, 12.0], [0.0, 4.5, -4.5])
         assert sides[0] == -1.2
         assert -1.2 in sides[1:]

@@ -17,16 +17,17 @@ FAULT = stops("scanner.mute", "no scans")
 
 
 def driven(
-    speed_mps: Callable[[float], float], health: Callable[[float], int] = lambda t_s: ALL_WELL
+    speed_mps: Callable[[float], float],
+    health: Callable[[float], int] = lambda t_s: ALL_WELL,
+    wants: Callable[[float, float], bool] = lambda t_s, v_mps: v_mps > 0,
 ) -> Outcome:
     """A drive with a fault from 5 to 8 s, at the speed of each instant."""
     outcome, moments, x_m = Outcome(5.0, 8.0), [], 0.0
     for k in range(round(END_S / STEP_S)):
         t_s = k * STEP_S
         v_mps = speed_mps(t_s)
-        moments.append(
-            Moment(t_s, x_m, 0.0, v_mps > 0, health(t_s), "no scans" if not v_mps else "")
-        )
+        reason = "" if v_mps else "no scans"
+        moments.append(Moment(t_s, x_m, 0.0, v_mps > 0, wants(t_s, v_mps), health(t_s), reason))
         x_m += v_mps * STEP_S
     judge(moments, outcome)
     return outcome
@@ -82,6 +83,14 @@ def test_harm_is_a_problem_whatever_the_fault() -> None:
     harmless = either("scanner.noise_m", "may be", "0.05")
     assert len(problems(harmless, outcome)) == 2
     assert len(problems_of_pair([harmless, FAULT], outcome)) == 2
+
+
+def test_power_that_mapod_has_not_wanted_for_long_is_harm() -> None:
+    brakes = driven(stops_between(5.6, 9.1), wants=lambda t_s, v_mps: v_mps > 0 and t_s < 5.2)
+    assert brakes.unbidden_s > 10.0
+    assert any("after mapod had wanted none" in problem for problem in problems(FAULT, brakes))
+    soon = driven(stops_between(5.6, 9.1), wants=lambda t_s, v_mps: not 5.2 < t_s < 9.2)
+    assert soon.unbidden_s == pytest.approx(0.4, abs=0.05)
 
 
 def test_a_pair_must_do_what_the_stricter_of_both_must() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes.movers import person
-from fakes.scene import Scene
+from fakes.scene import Scene, load_scene
 from fakes.solids import Pillar, Solid, bump, soft
 from tools.rig.contact import OVERLAP_M, RECT, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
@@ -289,3 +289,21 @@ def test_a_disc_likewise(place: tuple[float, float, float], radius_m: float) -> 
         cx, cy = 0.3 - place[0], -0.1 - place[1]
         within = -0.2 <= c * cx + s * cy <= 0.52 and abs(c * cy - s * cx) <= 0.3
         assert by_points_m < 0.015 or within
+
+
+@pytest.mark.parametrize("name", ["rooms", "dock", "office"])
+def test_the_judge_agrees_with_the_scene_asked_point_by_point(name: str) -> None:
+    scene, random = load_scene(name, 5), np.random.default_rng(3)
+    grid = np.meshgrid(np.linspace(-0.2, 0.52, 73), np.linspace(-0.3, 0.3, 61))
+    points = np.column_stack([part.ravel() for part in grid])
+    for _ in range(25):
+        place = (random.uniform(-2, 24), random.uniform(-5, 5), random.uniform(-3, 3))
+        z = float(np.nan_to_num(scene.height_at([place[0]], [place[1]])[0], nan=-9.0))
+        if abs(z) > 0.05:
+            continue  # stands on a thing, or on nothing
+        judge = Judge(scene)
+        judge.step(Truth(0.0, place, z))
+        x, y = placed(points, place)
+        solid = scene.blocks(x, y, z + 0.14, z + 1.30).any()
+        low = (np.nan_to_num(scene.height_at(x, y), nan=-9.0) < z - 0.15).any()
+        assert bool(judge.collisions) is bool(solid or low), place

@@ -1,21 +1,30 @@
 """The parts of the live rig: rig.toml and its errors, goals, doubts, the app's log, the truth."""
 
+import io
 import json
 import math
+import struct
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from rich.console import Console
+from rich.text import Text
 
 from core.config import ConfigError
+from fakes.planner import FakePlanner
 from fakes.scene import load_scene
 from fakes.witness import Witness
 from fakes.world import World
+from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tools.rig.c_planner import PlannerState
 from tools.rig.config import BOARD, KEYS, load_rig_config, load_rig_file
 from tools.rig.followed import Followed
+from tools.rig.live_picture import image_of, picture
 from tools.rig.story import GIVE_UP_S, AppLog, Doubts, Tour
+from tools.rig.watch import GOAL, ROBOT
 from tools.run import ROOT
 
 SHIPPED = (ROOT / "rig.toml").read_text(encoding="utf-8")
@@ -168,3 +177,25 @@ def test_the_judge_sees_what_the_fakes_process_tells(tmp_path: Path) -> None:
     assert followed.gap_m(x_m, y_m) < 0.02
     assert followed.judge.driven_m > 0.1
     assert followed.hits == 0
+
+
+def test_the_picture_shows_robot_and_goal_in_the_map_that_came() -> None:
+    planner = FakePlanner()
+    assert image_of(planner, None).size == 0
+    geom = struct.pack("<BxHHHIHH", 7, 21, 21, 200, 1, 20, 500)
+    pose = struct.pack("<iihhhhhHBBBB", 2000, 2000, 0, 0, 0, 0, 0, 0x7F, 3, 1, 2, 1)
+    free = struct.pack("<hhHB3s", 0, 0, 0, 7, bytes(3)) + bytes([0x40 | 63, 0xF9, 0x02])
+    for seq, (kind, body) in enumerate(((GEOM, geom), (POSE, pose), (MAP, free))):
+        planner.feed_datagram(1.0, bytes_from_frame(kind, seq, 1000, body))
+    image = image_of(planner, (3.1, 9.9))  # beyond the left edge: y grows to the left
+    assert image.shape == (21, 21)
+    rows, columns = np.nonzero(image == GOAL)
+    assert rows.mean() == pytest.approx(5.5, abs=1.0)  # x = 3.1 m: 15 cells up from below
+    assert columns.max() <= 1
+    rows, columns = np.nonzero(image == ROBOT)
+    assert rows.mean() < 10.5  # its nose, which is longer, points up
+    assert columns.mean() == pytest.approx(10.5, abs=0.6)
+    console = Console(file=io.StringIO(), width=100, height=30, color_system="truecolor")
+    console.print(picture(planner, None, [Text("planner  driving")], 100, 30))
+    assert isinstance(console.file, io.StringIO)
+    assert "driving" in console.file.getvalue()

@@ -100,5 +100,6 @@ def build_planner_library() -> Path:
 def build_planner_firmware(*options: str) -> Path:
     """The planner for qemu-system-arm -M mps2-an385."""
     board = [str(MCU / "qemu" / name) for name in ("board.c", "startup.c")]
-    words = (*BARE, "-DMAPOD_LINK_AUTH", *options, *board, *planner_sources(), "-lgcc")
+    words = (*BARE, "-DMAPOD_LINK_AUTH", "-DBOARD_RING=16384u", *options, *board)
+    words = (*words, *planner_sources(), "-lgcc")
     return built("planner.elf", "planner/firmware.c", *words, compiler="arm-none-eabi-gcc")

@@ -16,7 +16,7 @@ DRIVE = (
     *wire_faults("drive", ("mute",), SILENT, "0.002", 4_000),
     stops("drive.mute", SILENT),
     stops("drive.deaf", SILENT),
-    stops("drive.frozen", STILL),
+    stops("drive.frozen", STILL, again=False),
     goes_on("drive.late_s", "the counters come late, in order", "0.02"),
     either("drive.late_s", "counters that come too late are stale", "0.5"),
     goes_on("drive.reply_delay_s", "slower answers, fewer counters a second", "0.01"),
@@ -38,14 +38,23 @@ DRIVE = (
     stops("drive.mode", "the sticks have it: it sends its own lines", "analog"),
     goes_on("drive.mode", f"{BLIND}: its watchdog is off", "rs232"),
     stops("drive.mode", "the radio has it", "rc", also=("drive.log_numbers=16",)),
-    stops("drive.radio_overrides", f"{STILL}: the sticks at rest hold the wheels"),
+    goes_on("drive.radio_overrides", "the sticks are at rest: they do not override"),
     goes_on("drive.command", "sticks do not count in RS-232 mode", "60,60", 0.0),
     stops("drive.reset", RESTART, lasts_s=0.0, again=False, recovers_s=LATER_S),
     stops("drive.restart", RESTART, lasts_s=0.0, again=False, recovers_s=LATER_S),
     stops("drive.power_cycle", RESTART, lasts_s=0.0, again=False, recovers_s=LATER_S),
     stops("drive.reset_after", RESTART, "20", again=False, recovers_s=LATER_S),
     *(
-        stops(name, why, value, 6.0, then=("drive.reset",), again=False, recovers_s=LATER_S)
+        stops(
+            name,
+            why,
+            value,
+            6.0,
+            then=("drive.reset",),
+            after=("drive.reset",),
+            again=False,
+            recovers_s=LATER_S,
+        )
         for name, value, why in (
             ("drive.boot_s", "3", "it restarts slowly"),
             ("drive.parameters.0", "0", "it restarts in R/C mode: the radio has it"),

@@ -37,6 +37,7 @@ STOOD_S = 0.1  # a standstill lasts at least so long
 WELL = ("scanner", "attitude", "wheels", "clocks", "pose", "map", "loop")  # health bits 0 to 6
 ALL_WELL = (1 << len(WELL)) - 1
 FRESH_S = 0.25
+UNBIDDEN_S = 1.6  # the longest way to a zero: an exchange, silence, the controller's watchdog
 SPARE_S = 3.0  # after the time in which it has to recover
 
 
@@ -93,6 +94,7 @@ class Moment:
     x_m: float
     y_m: float
     has_power: bool
+    is_sent: bool  # mapod wants the wheels to turn
     health: int  # as the planner was told; 0: nothing lately, or not running
     reason: str  # why the app lets it stand
 
@@ -112,6 +114,7 @@ class Outcome:
     again_s: float | None = None  # from the end until it moves; None: never
     collisions: list[str] = field(default_factory=list)
     wrong_free: list[str] = field(default_factory=list)  # FREE cells told, obstacles in truth
+    unbidden_s: float = 0.0  # longest time with power since mapod last wanted any
     far_m: float = 0.0  # where it was in the end, along the hall
     said: list[str] = field(default_factory=list)  # by the fakes, with instants
 
@@ -164,8 +167,11 @@ class Drive:
         fresh = pose is not None and loop.now_s - pose.arrived_s < FRESH_S
         health = pose.health if pose is not None and fresh else 0
         has_power = loop.rig.drive.powers() != (0, 0)
-        reason = loop.app.control.blocked_by
-        self._moments.append(Moment(loop.since_begin_s, x_m, y_m, has_power, health, reason))
+        control = loop.app.control
+        reason, is_sent = control.blocked_by, bool(control.v_mps or control.w_radps)
+        self._moments.append(
+            Moment(loop.since_begin_s, x_m, y_m, has_power, is_sent, health, reason)
+        )
         touched = _touched(loop, x_m, y_m, yaw_rad)
         if touched:
             self.outcome.collisions.append(f"{touched} at {loop.since_begin_s:.2f} s")
@@ -244,6 +250,8 @@ def judge(moments: Sequence[Moment], outcome: Outcome) -> None:
     health = np.array([moment.health for moment in moments])
     well = health & ALL_WELL == ALL_WELL
     outcome.far_m = float(x[-1])
+    sent_s = np.maximum.accumulate(np.where([m.is_sent for m in moments], t, 0.0))
+    outcome.unbidden_s = float(np.max(np.where(power, t - sent_s, 0.0)))
     first = int(np.searchsorted(t, outcome.start_s))
     last = int(np.searchsorted(t, outcome.end_s))
     held = round(STOOD_S * 200 / TAKE_EVERY)
@@ -307,6 +315,8 @@ def harm(outcome: Outcome) -> list[str]:
     found = [f"collision with {what}" for what in outcome.collisions]
     if outcome.wrong_free:
         found.append(f"told free, and is not: {', '.join(outcome.wrong_free)}")
+    if outcome.unbidden_s > UNBIDDEN_S:
+        found.append(f"power for {outcome.unbidden_s:.1f} s after mapod had wanted none")
     return found
 
 

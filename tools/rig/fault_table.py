@@ -69,9 +69,10 @@ def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
 
     first = [FAULT_FROM_S, *(start_s() for _ in range(rounds - 1))]
     found = [Job((fault,), seed + k, at_s) for fault in chosen for k, at_s in enumerate(first)]
+    noticed = [fault for fault in chosen if fault.is_noticed]
     for _ in range(pairs):
-        one = chance.choice(chosen)
-        others = [fault for fault in CATALOGUE if fault.device != one.device]
+        one = chance.choice(noticed)
+        others = [f for f in CATALOGUE if f.device != one.device and f.is_noticed]
         found.append(Job((one, chance.choice(others)), seed + len(found), start_s()))
     return found
 

@@ -7,6 +7,7 @@ summary tells of goals, collisions in truth, lost ticks, and whether the planner
 """
 
 import argparse
+import math
 import os
 import signal
 import sys
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.text import Text
 
 from core.config import ConfigError
 from fakes.planner import FakePlanner
@@ -27,7 +29,9 @@ from tools.rig.c_planner import PlannerSettings
 from tools.rig.config import DEVICES, SHEET, RigConfig, load_rig_file
 from tools.rig.followed import Followed
 from tools.rig.forms import form_of
+from tools.rig.live_picture import show
 from tools.rig.story import AppLog, Doubts, Tour
+from tools.rig.watch import STATES
 from tools.run import (
     FIRST_MAP_S,
     ROOT,
@@ -38,7 +42,7 @@ from tools.run import (
     rewritten,
     say,
 )
-from tools.screen import has_screen
+from tools.screen import BAD, POOR, has_screen, labelled
 from tools.view import ACK_EVERY, Stop, print_summary, watch
 
 SECONDS_WITHOUT_SCREEN = 60.0
@@ -159,23 +163,40 @@ class Bench:
     def _gap_m(self, x_m: float, y_m: float) -> float:
         return self.followed.gap_m(x_m, y_m) if self.followed else float("nan")
 
-    def words(self, now_s: float) -> str:
-        """The head of the picture."""
+    def lines(self, now_s: float) -> list[Text]:
+        """What the rig itself knows, one thing a line."""
         state, visit = self.form.state, self.tour.now
-        parts = [f"{self._config.scene} {self._config.seed}"]
+        told = [Text(f"{self._config.scene}, seed {self._config.seed}", "bold")]
         if state is None:
-            parts.append("the planner does not say what it is about")
+            told.append(labelled("planner", "does not say what it is about"))
         else:
-            why = f" ({state.why})" if state.why else ""
-            parts.append(f"planner {state.state}{why}")
+            told.append(labelled("planner", f"{state.state} {state.why}", STATES[state.state]))
+            told.append(labelled("asks", f"{state.v_mps:+.2f} m/s  {state.w_radps:+.2f} rad/s"))
         if visit is not None:
-            at = f"({visit.goal[0]:.1f}, {visit.goal[1]:.1f})"
-            parts.append(f"goal {len(self.tour.visits)} of {self.tour.total} at {at}")
-        if self.log.blocked_by:
-            parts.append(f"the app stops it: {self.log.blocked_by}")
+            told.append(labelled("goal", f"{self._goal_words(visit.goal)}"))
+        blocked = self.log.blocked_by
+        told.append(labelled("mapod", blocked or "no objection", POOR if blocked else ""))
         if self.followed:
-            parts.append(f"{self.followed.hits} collisions")
-        return "; ".join([*parts, self.log.words])
+            hits = self.followed.hits
+            told.append(labelled("truth", f"{hits} collisions", BAD if hits else ""))
+        told.append(labelled("ticks", self.log.words, POOR if self.log.missed else ""))
+        return told
+
+    def _goal_words(self, goal: tuple[float, float]) -> str:
+        words = f"{len(self.tour.visits)} of {self.tour.total} at ({goal[0]:.1f}, {goal[1]:.1f}) m"
+        pose = self.end.planner.pose
+        if pose is None:
+            return words
+        return f"{words}, {math.hypot(goal[0] - pose.x_m, goal[1] - pose.y_m):.1f} m off"
+
+    def words(self, now_s: float) -> str:
+        """The same in a line, where there is no screen."""
+        return "; ".join(" ".join(line.plain.split()) for line in self.lines(now_s))
+
+    @property
+    def goal(self) -> tuple[float, float] | None:
+        """The goal under way."""
+        return None if self.tour.now is None else self.tour.now.goal
 
     # At the end
 
@@ -248,6 +269,18 @@ def summary(bench: Bench, console: Console, now_s: float) -> bool:
     return hits == 0 and not bench.outcome.map_differs
 
 
+def watch_it(bench: Bench, console: Console, stop: Stop) -> None:
+    """The picture, or a line now and then, for as long as it runs."""
+
+    def done(now_s: float) -> bool:
+        return stop.wanted or bench.done(now_s)
+
+    if has_screen(console):
+        show(bench.end, console, done, bench.lines, lambda: bench.goal)
+    else:
+        watch(bench.end, console, done, bench.words)
+
+
 def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int:
     """The rig from start to end; exit status."""
     if options.seconds is None and not has_screen(console):
@@ -262,9 +295,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
                 for name, port in config.real.items():
                     say(f"{name}: the real one at {port}")
                 bench.start(stop)
-                watch(
-                    bench.end, console, lambda now_s: stop.wanted or bench.done(now_s), bench.words
-                )
+                watch_it(bench, console, stop)
                 bench.compare_maps()
                 now_s = bench.end.step(0.0)
             except RunError as error:

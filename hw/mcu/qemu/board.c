@@ -6,7 +6,10 @@
 #include "board.h"
 
 #define CLOCK_HZ 25000000u
-#define RING 1024u /* bytes, a power of two */
+#ifndef BOARD_RING
+#define BOARD_RING 1024u /* bytes, a power of two: what comes while the main loop thinks */
+#endif
+#define RING BOARD_RING
 
 struct uart_registers {
     volatile uint32_t data;

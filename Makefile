@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig test check format replay view bench campaign faults realtime link-test conformance soak mcu \
+.PHONY: help setup run rig planner test check format replay view bench campaign faults realtime link-test conformance soak mcu \
   experiments calibrate fuzz devices compare scene clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -30,8 +30,12 @@ setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernel
 run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
 	@$(BIN)/python -m tools.run --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
 
-rig: setup ## the app as it is, in real time: real or fake devices, a planner in C on an emulated MCU [SECONDS=60 ARGS="--scene aisle"]
-	@$(BIN)/python -m tools.rig.live $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+rig: setup ## the app as it is, in real time, as rig.toml says: real or fake devices, a planner in C on an emulated MCU [SCENE=aisle SEED=1 SECONDS=60]
+	@$(BIN)/python -m tools.rig.live $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
+	  $(if $(filter command line,$(origin SEED)),--seed $(SEED)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+
+planner: setup ## the planner in C for the emulated Cortex-M3: its RAM and flash
+	@$(MAKE) --no-print-directory -C hw/mcu planner
 
 campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder]
 	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \

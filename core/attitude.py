@@ -55,9 +55,11 @@ def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> Non
 
 def _carried_on(q: F64, rate_radps: F64, for_s: float) -> F64:
     """An orientation (4,) that turns on at a rate (3,) about its own axes for so long."""
-    angle_rad = float(np.linalg.norm(rate_radps)) * for_s
+    angle_rad = math.sqrt(rate_radps.dot(rate_radps)) * for_s
     share = 0.5 * for_s * (math.sin(angle_rad / 2) / (angle_rad / 2) if angle_rad > 1e-9 else 1.0)
-    return q_product(q, np.concatenate([[math.cos(angle_rad / 2)], share * rate_radps]))
+    x_radps, y_radps, z_radps = rate_radps.tolist()
+    turn = (math.cos(angle_rad / 2), share * x_radps, share * y_radps, share * z_radps)
+    return q_product(q, np.array(turn))
 
 
 def _turned(turn_rad: float, q: F64) -> F64:
@@ -92,7 +94,7 @@ class AttitudeRing:
     def add(self, attitude: Attitude) -> bool:
         """Take one sample; False (and counted) if it can't be true."""
         q_earth_sensor = np.array(attitude.q_earth_sensor)
-        length = float(np.linalg.norm(q_earth_sensor))
+        length = math.sqrt(q_earth_sensor.dot(q_earth_sensor))
         if not (abs(length - 1) <= UNIT and self.newest_s < attitude.t_s < math.inf):
             self.rejected += 1
             return False
@@ -126,7 +128,7 @@ class AttitudeRing:
         """Put the orientation that the newest sample turns to into the place behind it."""
         ahead = (last + 1) % KEPT
         self.count_ahead = self.count
-        if np.isfinite(self.rate_body_radps).all():
+        if all(map(math.isfinite, self.rate_body_radps.tolist())):
             self.count_ahead += 1
             self.t_s[ahead] = self.t_s[last] + AHEAD_S
             self.q_earth_body[ahead] = _carried_on(

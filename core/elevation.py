@@ -25,7 +25,8 @@ from core.cells import (
 from core.ground_line import DUE_M, due_m, ground_m
 from core.jit import kernel
 from core.missing_floor import MAX_EVIDENCE, missed, missing
-from core.records import F64, I32
+from core.records import F64, I32, U8
+from core.specks import Specks
 
 RISING_M = 0.03  # a return so far off the ground may belong to the foot of something,
 RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong attitude sets apart
@@ -257,6 +258,7 @@ def _add(
     lenses: F64,
     rays: F64,
     ranges_m: F64,
+    skipped: U8,
     ground: F64,
     limits: Limits,
     trust: Trust,
@@ -268,9 +270,11 @@ def _add(
     touched: I32,
     used: int,
 ) -> tuple[int, int]:
-    """Take the beams of one scan; how many cells `touched` lists, and how many returns counted."""
+    """Take the beams of a scan but the skipped; how many cells are touched, and returns taken."""
     returns = 0
     for i in range(rays.shape[0]):
+        if skipped[i]:
+            continue
         lens, ray = lenses[i], rays[i]
         used, n, nearest = _take_returns(
             i, t_s, lens, ray, ranges_m, ground, limits, trust, window, sub, cells, serial,
@@ -340,7 +344,7 @@ class Elevation:
     ) -> None:
         self.cells, self.grid = cells, cells.grid
         self._limits: Limits = (h_pos_m, h_neg_m, height_m)
-        self._filters = filters
+        self._filters, self._specks = filters, Specks(cells, h_pos_m)
 
     def add(self, sweep: Sweep, ground: F64, trust: Trust) -> int:
         """Take the returns of a sweep over the ground (10,); how many there were."""
@@ -350,6 +354,7 @@ class Elevation:
             sweep.lenses,
             sweep.rays,
             sweep.ranges_m,
+            self._specks.find(sweep, ground),
             ground,
             self._limits,
             trust,

@@ -66,6 +66,8 @@ class Mapper:
         self.delivered_counts_s = float("-inf")  # instant of the newest encoder counts
         self._waiting: deque[Scan] = deque()
         self._breaks = 0
+        self._pose_s = math.nan  # asked since the last settling,
+        self._pose: Pose | None = None  # and its answer
 
     def go_on_from(self, xyz_m: F64, yaw_rad: float, travel_m: float) -> None:
         """Before anything has come: the map frame is an earlier run's, the body stands here."""
@@ -79,6 +81,7 @@ class Mapper:
 
     def add_attitude(self, attitude: Attitude) -> None:
         """Take one sample of the attitude sensor."""
+        self._pose_s = math.nan
         self.attitudes.add(attitude)
 
     def add_counts(self, counts: WheelCounts) -> None:
@@ -96,6 +99,7 @@ class Mapper:
 
     def settle(self, now_s: float) -> int:
         """Map the scans that attitude and pose reach by now; returns how many."""
+        self._pose_s = math.nan
         self.odometry.settle()
         if self.odometry.breaks != self._breaks:
             self._breaks = self.odometry.breaks
@@ -133,8 +137,10 @@ class Mapper:
         self.counts.erased += 1
 
     def maybe_pose(self, now_s: float) -> Pose | None:
-        """The body's pose now, or none."""
-        return self.odometry.maybe_pose(now_s)
+        """The body's pose now, or none; what is taken in meanwhile counts from `settle` on."""
+        if now_s != self._pose_s:
+            self._pose, self._pose_s = self.odometry.maybe_pose(now_s), now_s
+        return self._pose
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name in `core.layers.UNITS`, a copy; none where the method has none."""

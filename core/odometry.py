@@ -212,7 +212,7 @@ class Odometry:
         self._attitudes.heading.note_wheels(last.t_s, counts.t_s, wheels_rad, moved=moved)
         gyro_rad = self._gyro_turn(last.t_s, counts.t_s)
         self._wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
-        level_m = self._step(travel_m * self.scale, middle_s)
+        level_m = np.array(self._step(travel_m * self.scale, middle_s))
         self._doubt(level_m, dt_s, abs(travel_m * turned_rad))
         place = self._path.newest_m + level_m
         place[:2] += self._paid(dt_s)
@@ -251,17 +251,15 @@ class Odometry:
         self._state.value[[X, Y]] = owed_m - paid_m
         return np.asarray(paid_m)
 
-    def _step(self, travel_m: float, at_s: float) -> F64:
-        """A travel along the body's x axis at a spanned instant, as (3,) of the map frame."""
+    def _step(self, travel_m: float, at_s: float) -> tuple[float, float, float]:
+        """A travel along the body's x axis at a spanned instant, as x, y, z of the map frame."""
         _, pitch_rad, yaw_rad = self._attitudes.rpy_at(at_s)
         heading_rad = yaw_rad - self.yaw_start_rad
         level_m = travel_m * math.cos(pitch_rad)
-        return np.array(
-            [
-                level_m * math.cos(heading_rad),
-                level_m * math.sin(heading_rad),
-                -travel_m * math.sin(pitch_rad),
-            ]
+        return (
+            level_m * math.cos(heading_rad),
+            level_m * math.sin(heading_rad),
+            -travel_m * math.sin(pitch_rad),
         )
 
     def _break(self, t_s: float) -> None:
@@ -339,8 +337,12 @@ class Odometry:
         ahead_s = at_s - self.newest_s
         if ahead_s <= 0:
             return self._path.at(at_s)[:3]
+        return np.asarray(self._path.newest_m + self._on_from_newest(ahead_s))
+
+    def _on_from_newest(self, ahead_s: float) -> tuple[float, float, float]:
+        """The way x, y, z gone on since the newest place, at the newest speed."""
         middle_s = min(self.newest_s + ahead_s / 2, self._attitudes.newest_s)
-        return self._path.newest_m + self._step(self.v_mps * ahead_s, middle_s)
+        return self._step(self.v_mps * ahead_s, middle_s)
 
     @property
     def travel_m(self) -> float:
@@ -358,7 +360,15 @@ class Odometry:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
         if not self._attitudes.count or not self.covers(at_s, at_s):
             return None
-        x_m, y_m = self.xy_at(at_s).tolist()
+        ahead_s = at_s - self.newest_s
+        if ahead_s <= 0:
+            x_m, y_m = self.xy_at(at_s).tolist()
+        else:  # as `xyz_at` does, without arrays: twice a tick
+            (x_m, y_m, _), (dx_m, dy_m, _) = (
+                self._path.newest_m.tolist(),
+                self._on_from_newest(ahead_s),
+            )
+            x_m, y_m = x_m + dx_m, y_m + dy_m
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
         return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)

@@ -104,20 +104,23 @@ class FakeAx3500(Motors):
         """Take what the host wrote; give all that the controller has sent up to now_s."""
         self._look(now_s)
         self._wire.write(now_s, b"" if self.deaf else received)
-        while True:
-            at_s, happen = min(
-                (self._wire.next_arrival_s, self._hear),
-                (self._wake_s, self._wake),
-                (self._watchdog_s, self._stop),
-                (self._log_s, self._log),
-                key=lambda event: event[0],
-            )
-            if at_s > now_s:
-                break
-            happen(at_s)
+        while (at_s := self._next_s()) <= now_s:
+            match at_s:  # of two at the same instant the first here
+                case self._wire.next_arrival_s:
+                    self._hear(at_s)
+                case self._wake_s:
+                    self._wake(at_s)
+                case self._watchdog_s:
+                    self._stop(at_s)
+                case _:
+                    self._log(at_s)
         self._apply()
         sent = self._wire.sent(now_s - self.late_s)
         return b"" if self.mute else sent
+
+    def _next_s(self) -> float:
+        """When the next thing happens."""
+        return min(self._wire.next_arrival_s, self._wake_s, self._watchdog_s, self._log_s)
 
     def restart(self, now_s: float) -> None:
         """Power fails and comes back: whatever was on the way is lost."""

@@ -9,14 +9,11 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from fakes.ray_kernels import kernel
 from fakes.upsets import Upsets
 
 F64 = npt.NDArray[np.float64]
 RING = 6  # rays around the one in a beam's middle,
 RING_SHARE = 0.65  # so far out, of the beam's half-width
-MIDDLE_WEIGHT = 0.28  # of a beam's light; the ring shares the rest
-PULSE_M = 0.5  # surfaces that lie nearer behind each other are one echo
 ELSEWHERE = 0.05  # of the sun's rate, where a beam does not look into the sun
 DAZZLED_SHARE, SILENT_SHARE = 0.5, 0.3  # of the beams that sunlight upsets; the others come short
 SHORTEST_M = 0.3  # of what comes short
@@ -33,41 +30,6 @@ def pattern_of(upsets: Upsets) -> F64:
     around = RING_SHARE * np.column_stack([np.cos(angles), np.sin(angles)])
     aside = around * upsets.beam_exit_m / 2
     return np.concatenate([middle, np.column_stack([aside, around * upsets.beam_rad / 2])])
-
-
-@kernel
-def echoes_from_subs(ranges_m: F64, subs: int, mixes: bool) -> F64:
-    """First and second echo (2, n) of beams of `subs` rays (n * subs,); inf where nothing is.
-
-    Surfaces of one beam that follow each other by less than a pulse are one echo: where it `mixes`
-    them at the mean of the light that they return, else at the ray nearest to the beam's middle.
-    """
-    n = len(ranges_m) // subs
-    echoes = np.full((2, n), np.inf)
-    order = np.empty(subs, dtype=np.int64)
-    for i in range(n):
-        some = ranges_m[i * subs : (i + 1) * subs]
-        for k in range(subs):  # sorted by insertion: they are few
-            at = k
-            while at > 0 and some[order[at - 1]] > some[k]:
-                order[at] = order[at - 1]
-                at -= 1
-            order[at] = k
-        count, light, way, middle = 0, 0.0, 0.0, subs
-        for k in range(subs):
-            here = some[order[k]]
-            if here == np.inf:
-                break
-            if light > 0.0 and here - some[order[k - 1]] > PULSE_M:
-                echoes[count, i] = way / light if mixes else some[middle]
-                count, light, way, middle = count + 1, 0.0, 0.0, subs
-                if count == 2:
-                    break
-            weight = MIDDLE_WEIGHT if order[k] == 0 else (1.0 - MIDDLE_WEIGHT) / (subs - 1)
-            light, way, middle = light + weight, way + weight * here, min(middle, order[k])
-        if light > 0.0 and count < 2:
-            echoes[count, i] = way / light if mixes else some[middle]
-    return echoes
 
 
 def through_air(upsets: Upsets, random: np.random.Generator, echoes_m: F64) -> F64:

@@ -31,7 +31,7 @@ from fakes.things import Random, Thing
 
 STAY = {"from_s", "until_s"}
 KEYS = {  # of a scene's file, and of the tables in it
-    "": {"x_axis_east_of_north_deg", "description", "campaign", "start_clear_m", "friction",
+    "": {"x_axis_east_of_north_deg", "description", "campaign", "fair", "start_clear_m", "friction",
          "mirror", "route", "upsets", "goals", "rooms", "solid", "ramp", "slope", "pillar", "bump",
          "person", "walker", "moved_box", "steel", "slip", "patch", "scatter"},
     "solid": {"name", "x", "y", "z", "material", "density_per_m", "chance"},

@@ -4,8 +4,7 @@ What is damaged is ignored, as the device does; so is the other dialect. Source:
 section 2.
 """
 
-import functools
-import operator
+import numpy as np
 
 START = b"\x02\x02\x02\x02"
 HEAD = 8  # start and length
@@ -32,7 +31,7 @@ class RefusedError(Exception):
 
 def checksum(payload: bytes | bytearray) -> int:
     """XOR of all bytes."""
-    return functools.reduce(operator.xor, payload, 0)
+    return int(np.bitwise_xor.reduce(np.frombuffer(payload, dtype=np.uint8)))
 
 
 def frame(payload: bytes) -> bytes:

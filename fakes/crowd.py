@@ -82,6 +82,8 @@ class Crowd:
         self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers]).reshape(n, 2)
         self._gone_m = np.zeros(n)
         self._radius_m = np.array([w.radius_m for w in self.walkers])
+        self._speed_mps = np.array([w.speed_mps for w in self.walkers])
+        self._aside_most_m = np.array([w.aside_m for w in self.walkers])
         self._goal, self._way = [1] * n, [1] * n  # waypoint, and which way through them
         self._rests_until_s = [w.start_s for w in self.walkers]
         self._nearest_m, self._nearest_s = [math.inf] * n, [0.0] * n  # to the waypoint, and when
@@ -115,7 +117,9 @@ class Crowd:
         return parts.reshape(len(times_s), -1, 2)
 
     def _rows(self, times_s: F64) -> F64:
-        """Rows (n, walkers, 6), interpolated."""
+        """Rows (n, walkers, 6), interpolated; before the first step all stand where they begin."""
+        if not self._steps:
+            self._record()
         count = min(self._steps, KEPT)
         order = np.arange(self._steps - count, self._steps) % KEPT
         known_s = self._times_s[order]
@@ -135,13 +139,11 @@ class Crowd:
         span_s = now_s - self._now_s if self._steps else 0.0
         self._follow_robot(place, span_s)
         self._now_s = now_s
-        if now_s - self._decided_s >= DECIDE_S - 1e-9:
+        if self.walkers and now_s - self._decided_s >= DECIDE_S - 1e-9:
             self._decided_s = now_s
-            for k in range(len(self.walkers)):
-                self._wanted[k] = self._decide(k)
+            self._decide()
         if span_s > 0.0:
-            for k in range(len(self.walkers)):
-                self._walk(k, span_s)
+            self._walk(span_s)
         self._record()
 
     def _follow_robot(self, place: Place, span_s: float) -> None:
@@ -162,30 +164,29 @@ class Crowd:
         self._times_s[self._steps % KEPT] = self._now_s
         self._steps += 1
 
-    def _walk(self, k: int, span_s: float) -> None:
-        """One walker goes on, and stops short of the robot whatever he wants."""
-        change = self._wanted[k] - self._v[k]
-        most = CHANGE_MPS2 * span_s / max(1e-9, math.hypot(*change))
-        self._v[k] += min(1.0, most) * change
-        vx, vy = float(self._v[k, 0]), float(self._v[k, 1])
-        speed = math.hypot(vx, vy)
-        if speed < 1e-3:
-            return
-        x, y = float(self._at[k, 0]), float(self._at[k, 1])
-        if self._would_touch(k, x, y, vx, vy, span_s + speed / (2 * CHANGE_MPS2)):
-            self._v[k] = 0.0
-            return
-        self._at[k] = x + vx * span_s, y + vy * span_s
-        self._ahead[k] = vx / speed, vy / speed
-        self._gone_m[k] += speed * span_s
+    def _walk(self, span_s: float) -> None:
+        """All go on, and stop short of the robot whatever they want."""
+        change = self._wanted - self._v
+        sizes = np.maximum(1e-9, np.hypot(change[:, 0], change[:, 1]))
+        self._v += np.minimum(1.0, CHANGE_MPS2 * span_s / sizes)[:, None] * change
+        speeds = np.hypot(self._v[:, 0], self._v[:, 1])
+        goes = speeds >= 1e-3
+        for k in np.flatnonzero(goes & self._is_near()):
+            if self._would_touch(int(k), span_s + float(speeds[k]) / (2 * CHANGE_MPS2)):
+                self._v[k], goes[k] = 0.0, False
+        self._at[goes] += self._v[goes] * span_s
+        self._ahead[goes] = self._v[goes] / speeds[goes, None]
+        self._gone_m[goes] += speeds[goes] * span_s
 
-    def _would_touch(
-        self, k: int, x: float, y: float, vx: float, vy: float, ahead_s: float
-    ) -> bool:
-        """Whether a walker at x, y comes too near to the robot until he can stand."""
+    def _is_near(self) -> npt.NDArray[np.bool_]:
+        """Who (walkers,) is so near to the robot that he could touch it in a moment."""
         assert self._robot is not None
-        if math.hypot(x - self._robot[0], y - self._robot[1]) > NEAR_M:
-            return False
+        away = self._at - self._robot[:2]
+        return np.asarray(np.hypot(away[:, 0], away[:, 1]) < NEAR_M)
+
+    def _would_touch(self, k: int, ahead_s: float) -> bool:
+        """Whether a walker who goes on comes too near to the robot until he can stand."""
+        (x, y), (vx, vy) = self._at[k].tolist(), self._v[k].tolist()
         then_m = self._robot_gap_m(k, x + vx * ahead_s, y + vy * ahead_s)
         return then_m < PERSONAL_M and then_m < self._robot_gap_m(k, x, y)
 
@@ -201,24 +202,22 @@ class Crowd:
 
     # -- where to go ----------------------------------------------------------------------------
 
-    def _decide(self, k: int) -> tuple[float, float]:
-        """The velocity that a walker wants for the next moments."""
-        walker = self.walkers[k]
-        if self._now_s < self._rests_until_s[k]:
-            desired = np.zeros(2)
-            heading = self._ahead[k]
-        else:
-            self._next_waypoint(k)
-            heading = np.array(_towards(self._at[k], walker.waypoints[self._goal[k]]))
-            desired = walker.speed_mps * heading
-        ways = _ways(heading, walker.speed_mps)
-        spots = self._at[k] + ways[:, None, :] * HORIZON_S[None, :, None]  # (ways, instants, 2)
-        loss = np.hypot(*(ways - desired).T) + 0.02 * np.arange(len(ways)) / len(ways)
-        loss += 30.0 * np.maximum(0.0, PLANNED_M - self._robot_gaps_m(k, spots))
-        loss += 10.0 * np.maximum(0.0, OTHERS_M - self._other_gaps_m(k, spots))
-        loss += 4.0 * np.maximum(0.0, self._aside_m(k, spots) - walker.aside_m)
-        x, y = ways[int(np.argmin(loss))]
-        return float(x), float(y)
+    def _decide(self) -> None:
+        """Who wants which velocity for the next moments."""
+        headings, paces = self._ahead.copy(), np.zeros(len(self.walkers))
+        for k, walker in enumerate(self.walkers):
+            if self._now_s >= self._rests_until_s[k]:
+                self._next_waypoint(k)
+                headings[k] = _towards(self._at[k], walker.waypoints[self._goal[k]])
+                paces[k] = walker.speed_mps
+        ways = _ways(headings, self._speed_mps)  # (walkers, ways, 2)
+        spots = self._at[:, None, None] + ways[:, :, None] * HORIZON_S[:, None]  # and instants
+        off = ways - (paces[:, None] * headings)[:, None]
+        loss = np.hypot(off[..., 0], off[..., 1]) + 0.02 * np.arange(ways.shape[1]) / ways.shape[1]
+        loss += 30.0 * np.maximum(0.0, PLANNED_M - self._robot_gaps_m(spots))
+        loss += 10.0 * np.maximum(0.0, OTHERS_M - self._other_gaps_m(spots))
+        loss += 4.0 * np.maximum(0.0, self._aside_m(spots) - self._aside_most_m[:, None])
+        self._wanted = ways[np.arange(len(ways)), loss.argmin(axis=1)]
 
     def _next_waypoint(self, k: int) -> None:
         """Turn to the next one where this one is reached, or cannot be."""
@@ -238,8 +237,8 @@ class Crowd:
         self._rests_until_s[k] = self._now_s + rest_s
         self._nearest_s[k] += rest_s
 
-    def _robot_gaps_m(self, k: int, spots: F64) -> F64:
-        """Least gaps (ways,) to the robot, and to the way right before it, as it goes on."""
+    def _robot_gaps_m(self, spots: F64) -> F64:
+        """Least gaps (walkers, ways) to the robot and the way right before it, as it goes on."""
         assert self._robot is not None
         rx, ry, yaw = self._robot
         yaws = yaw + self._robot_w * HORIZON_S
@@ -248,40 +247,39 @@ class Crowd:
         ys = ry + self._robot_v * HORIZON_S * np.sin(middle)
         dx, dy = spots[..., 0] - xs, spots[..., 1] - ys
         ahead = np.cos(yaws) * dx + np.sin(yaws) * dy
-        aside = np.cos(yaws) * dy - np.sin(yaws) * dx
+        aside = np.abs(np.cos(yaws) * dy - np.sin(yaws) * dx)
         front = FRONT_M + AHEAD_S * max(0.0, self._robot_v)
         rear = REAR_M + AHEAD_S * max(0.0, -self._robot_v)
         over = np.maximum(np.maximum(ahead - front, -rear - ahead), 0.0)
-        beside = np.maximum(np.abs(aside) - HALF_WIDTH_M, 0.0)
-        gaps = np.hypot(over, beside) - self._radius_m[k]
+        beside = np.maximum(aside - HALF_WIDTH_M, 0.0)
         # within the keep-out: the nearer to its middle line, the worse, so that the way out shows
-        inside = (over == 0.0) & (beside == 0.0)
-        gaps = np.where(inside, gaps - (HALF_WIDTH_M - np.abs(aside)), gaps)
-        return np.asarray(gaps.min(axis=1))
+        inside = np.where((over == 0.0) & (beside == 0.0), HALF_WIDTH_M - aside, 0.0)
+        return np.asarray((np.hypot(over, beside) - inside).min(axis=2) - self._radius_m[:, None])
 
-    def _other_gaps_m(self, k: int, spots: F64) -> F64:
-        """Least gaps (ways,) to all other walkers, as they go on."""
-        others = np.delete(np.arange(len(self.walkers)), k)
-        if not len(others):
-            return np.full(len(spots), math.inf)
-        theirs = self._at[others, None] + self._v[others, None] * HORIZON_S[None, :, None]
-        apart = spots[:, None] - theirs[None]  # (ways, others, instants, 2)
-        radii = (self._radius_m[others] + self._radius_m[k])[None, :, None]
-        return np.asarray((np.hypot(apart[..., 0], apart[..., 1]) - radii).min(axis=(1, 2)))
+    def _other_gaps_m(self, spots: F64) -> F64:
+        """Least gaps (walkers, ways) to all other walkers, as they go on."""
+        theirs = self._at[:, None] + self._v[:, None] * HORIZON_S[:, None]  # (others, instants, 2)
+        apart = spots[:, :, None] - theirs  # (walkers, ways, others, instants, 2)
+        gaps = np.hypot(apart[..., 0], apart[..., 1]).min(axis=3)
+        gaps -= (self._radius_m[:, None] + self._radius_m)[:, None]
+        own = np.arange(len(gaps))
+        gaps[own, :, own] = math.inf
+        return np.asarray(gaps.min(axis=2))
 
-    def _aside_m(self, k: int, spots: F64) -> F64:
-        """How far (ways,) the way leads away from the line between the two waypoints."""
-        points = self.walkers[k].waypoints
-        end = np.array(points[self._goal[k]])
-        begin = np.array(points[self._goal[k] - self._way[k]])
-        along = end - begin
-        long_m = max(1e-9, math.hypot(*along))
-        along = along / long_m
-        off = spots[:, 3] - begin  # after a second
-        beside = np.abs(off[:, 0] * along[1] - off[:, 1] * along[0])
-        way_m = off @ along
-        over = np.maximum(np.maximum(-way_m, way_m - long_m), 0.0)
-        return np.asarray(np.hypot(beside, over))
+    def _aside_m(self, spots: F64) -> F64:
+        """How far (walkers, ways) each comes from the line between his waypoints in a second."""
+        legs = [
+            (walker.waypoints[goal - way], walker.waypoints[goal])
+            for walker, goal, way in zip(self.walkers, self._goal, self._way, strict=True)
+        ]
+        begins, ends = np.array(legs).transpose(1, 0, 2)
+        along = ends - begins
+        long_m = np.hypot(along[:, 0], along[:, 1])[:, None]
+        along_x, along_y = (along / long_m).T[:, :, None]
+        off = spots[:, :, 3] - begins[:, None]
+        beside = off[..., 0] * along_y - off[..., 1] * along_x
+        way_m = off[..., 0] * along_x + off[..., 1] * along_y
+        return np.asarray(np.hypot(beside, np.maximum(np.maximum(-way_m, way_m - long_m), 0.0)))
 
 
 def _towards(begin: Sequence[float] | F64, end: Sequence[float] | F64) -> tuple[float, float]:
@@ -291,11 +289,14 @@ def _towards(begin: Sequence[float] | F64, end: Sequence[float] | F64) -> tuple[
     return (dx / away_m, dy / away_m) if away_m > 1e-9 else (1.0, 0.0)
 
 
-def _ways(heading: F64, speed_mps: float) -> F64:
-    """Velocities (ways, 2) to choose from: standing, and two paces in all directions."""
+def _ways(headings: F64, speeds_mps: F64) -> F64:
+    """Velocities (walkers, ways, 2) to choose from: standing, and two paces in all directions."""
     c, s = np.cos(TURNS_RAD), np.sin(TURNS_RAD)
-    turned = np.stack([c * heading[0] - s * heading[1], s * heading[0] + c * heading[1]], -1)
-    return np.concatenate([np.zeros((1, 2)), *(pace * speed_mps * turned for pace in PACES)])
+    x, y = headings[:, :1], headings[:, 1:]
+    turned = np.stack([c * x - s * y, s * x + c * y], -1) * speeds_mps[:, None, None]
+    return np.concatenate(
+        [np.zeros((len(headings), 1, 2)), *(pace * turned for pace in PACES)], axis=1
+    )
 
 
 def walker_from(entry: dict[str, object]) -> Walker:

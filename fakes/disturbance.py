@@ -38,7 +38,7 @@ class Late:
 
     def take(self, now_s: float) -> list[bytes]:
         """What has arrived."""
-        arrived = []
+        arrived: list[bytes] = []
         while self._waiting and self._waiting[0][0] <= now_s:
             arrived.append(self._waiting.popleft()[1])
         return arrived
@@ -81,7 +81,7 @@ class Disturbance:
     def _altered(self, data: bytes) -> bytes:
         """The device's next bytes with the faults at given offsets."""
         first, self.sent = self.sent, self.sent + len(data)
-        if not any(first <= offset < self.sent for offset in (*self.alter_at, *self.drop_at)):
+        if not self.alter_at and not self.drop_at:
             return data
         return bytes(
             byte ^ self.alter_at.get(offset, 0)

@@ -5,6 +5,7 @@ beside it in the class. An event is a public method that takes the time, or noth
 """
 
 import ast
+import functools
 import inspect
 import re
 import textwrap
@@ -174,7 +175,7 @@ def handles(*owners: object) -> dict[str, Handle]:
 
 
 def _handles_of(owner: object) -> typing.Iterator[tuple[str, Handle]]:
-    notes = _notes(type(owner))
+    notes = _notes(type(owner))  # type: ignore[arg-type]  # classes are hashable
     for name in vars(owner):
         if not name.startswith("_") and name not in NO_FAULTS:
             annotation, meaning = notes.get(name, ("", ""))
@@ -221,6 +222,7 @@ def _property_annotation(member: property) -> str:
     return str(hint)
 
 
+@functools.cache
 def _notes(sort: type) -> Mapping[str, tuple[str, str]]:
     """Attribute -> (annotation, comment), as they stand in the classes' own text."""
     notes: dict[str, tuple[str, str]] = {}

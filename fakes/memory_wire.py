@@ -109,7 +109,9 @@ class Wire(StreamDisturbance):
         if self._plug.is_new(self.cut):
             self._late.clear()
             tell_reconnected(self._fake, now_s)
-        self.send(now_s, self._fake.exchange(now_s, self.heard(self._port.take())), self._late)
+        sent = self._fake.exchange(now_s, self.heard(self._port.take()))
+        if sent:
+            self.send(now_s, sent, self._late)
         for data in self._late.take(now_s):
             for piece in self.cut_up(data):
                 self._port.give(piece)

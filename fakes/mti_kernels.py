@@ -44,13 +44,16 @@ def told_rotation(
 
 @kernel
 def told_vectors(
-    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, off: F64, full: F64, case: F64
-) -> tuple[F64, int]:
+    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, sigmas: tuple[float, float, float],
+    noise: F64, accel_off: F64, rate_off: F64, full: F64, case: F64,
+) -> tuple[F64, int]:  # fmt: skip
     """Acceleration, rate of turn and magnetic field as rows (3, 3), and which were clipped.
 
     Args:
         field: (3,) in the earth frame; accel, rate: (3,) along the sensor's axes.
-        off: (3, 3) that is added; full: (3,) at most, each kind.
+        sigmas: of the three kinds; noise: (4, 3) of these, for the rate in row 1, acceleration in
+            2 and magnetic field in 3; accel_off, rate_off: (3,) biases.
+        full: (3,) at most, each kind.
         case: (3, 3) from the sensor's to the told axes.
 
     Returns:
@@ -60,14 +63,14 @@ def told_vectors(
     for kind in range(3):
         for axis in range(3):
             if kind == 0:
-                value = accel[axis]
+                value = accel[axis] + (accel_off[axis] + sigmas[0] * noise[2, axis])
             elif kind == 1:
-                value = rate[axis]
+                value = rate[axis] + (rate_off[axis] + sigmas[1] * noise[1, axis])
             else:
                 value = 0.0
                 for k in range(3):
                     value += R_earth_sensor[k, axis] * field[k]
-            value += off[kind, axis]
+                value += sigmas[2] * noise[3, axis]
             if abs(value) > full[kind]:
                 clipped |= 1 << (3 * kind + axis)
             sensed[axis] = min(max(value, -full[kind]), full[kind])

@@ -26,6 +26,8 @@ def number(value: float, number_format: int) -> bytes:
 
 def numbers(values: Sequence[float], number_format: int, preamble: bool = False) -> bytes:
     """Many of them; with `preamble` the smallest holds `FA FF`, as near to its value as may be."""
+    if number_format == FLOAT32 and not preamble:
+        return struct.pack(f">{len(values)}f", *values)
     parts = [number(value, number_format) for value in values]
     if preamble and parts:
         k = min(range(len(parts)), key=lambda part: abs(values[part]))

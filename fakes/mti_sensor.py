@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fakes.mti_data import Sample
+from fakes.mti_data import NOWHERE, Sample
 from fakes.mti_errors import ACCEL_NOISE_MPS2, RATE_NOISE_RADPS, SheetErrors
 from fakes.mti_gnss import Place, place_near
 from fakes.mti_kernels import told_rotation, told_vectors
@@ -123,6 +123,8 @@ class Sensor:
         return b""
 
     def _place(self, t_s: float) -> Place:
+        if self.memory.model.legacy and not self.memory.model.gnss:
+            return NOWHERE  # it has no way to tell one
         moved_m, velocity_mps = self.travel_at(t_s)
         fix = self.memory.model.gnss and self.gps_fix
         return Place(*place_near(self.home, moved_m), velocity_mps, fix, self.utc_at_zero_s + t_s)
@@ -142,8 +144,10 @@ class Sensor:
             self.angle_noise_rad * noise[0],
             case,
         )
-        off = self._wrong_by(noise)
-        vectors, clipped = told_vectors(accel_mps2, rate_radps, R_true, field, off, FULL, case)
+        sigmas, accel_off, rate_off = self._wrong_by()
+        vectors, clipped = told_vectors(
+            accel_mps2, rate_radps, R_true, field, sigmas, noise, accel_off, rate_off, FULL, case
+        )
         bad = math.nan if self.nan else 0.0
         if self.nan or self.yaw_jump_rad:
             R, vectors = rotation_z(self.yaw_jump_rad) @ R + bad, vectors + bad
@@ -169,19 +173,15 @@ class Sensor:
         self._errors.goes_on(t_s, R_earth_sensor, accel_mps2)
         return self._errors.orientation(R_earth_sensor)
 
-    def _wrong_by(self, noise: F64) -> F64:
-        """Noise and biases (3, 3) of acceleration, rate of turn and magnetic field."""
-        accel, rate = self.accel_noise_mps2, self.rate_noise_radps
-        accel_bias, rate_bias = self.accel_bias_mps2, self.rate_bias_radps
+    def _wrong_by(self) -> tuple[tuple[float, float, float], F64, F64]:
+        """Noise of acceleration, rate and field (1 sigma); biases (3,) of acceleration and rate."""
+        accel, rate, magnetic = self.accel_noise_mps2, self.rate_noise_radps, self.magnetic_noise
+        accel_off, rate_off = self.accel_bias_mps2, self.rate_bias_radps
         if self.sheet_errors:
             accel, rate = max(accel, ACCEL_NOISE_MPS2), max(rate, RATE_NOISE_RADPS)
-            accel_bias = accel_bias + self._errors.accel_bias_mps2
-            rate_bias = rate_bias + self._errors.rate_bias_radps
-        off = noise[[2, 1, 3]]
-        off *= ((accel,), (rate,), (self.magnetic_noise,))
-        off[0] += accel_bias
-        off[1] += rate_bias
-        return off
+            accel_off = accel_off + self._errors.accel_bias_mps2
+            rate_off = rate_off + self._errors.rate_bias_radps
+        return (accel, rate, magnetic), accel_off, rate_off
 
     def _pulled_by(self, field: F64, t_s: float) -> float:
         """By how much the yaw is off: it follows the magnetic north of a field (3,), slowly.

@@ -12,27 +12,19 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes import beam_light, robot
+from fakes.beam_kernels import FAR_M, bundle_at, echoes_of_beams
 from fakes.beam_targets import targets_from
 from fakes.crowd import Crowd
 from fakes.movers import Mover, Part
-from fakes.ray_kernels import (
-    BLACK,
-    Bundle,
-    Passers,
-    bundle_from,
-    meet_passers,
-    meet_targets,
-    rays_from_poses,
-    ways_through_box,
-)
+from fakes.ray_kernels import Bundle, Passers, ways_through_box
 from fakes.rotations import rotation_y
 from fakes.scene import Scene
 from fakes.solids import Solid
 from fakes.upsets import NONE, Upsets
 
+__all__ = ["FAR_M", "Rays"]
+
 F64 = npt.NDArray[np.float64]
-FAR_M = 30.0  # a beam returns nothing from beyond
-BLACK_REACH_M = 3.0  # nor from what is black, beyond this
 GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
 SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too
 KNOT_S = 0.0025  # between the instants at which movers are asked where they are
@@ -62,9 +54,11 @@ class Rays:
         for solid in (*self._soft, *(s for s in returning if s.material.kind == "glass")):
             _check_upright(solid)
         self._targets = targets_from(returning)
-        self._is_black = np.array([*(self._targets.materials == BLACK), False])  # -1: none
         self._boxes = [(_corner(s, 0), _corner(s, 1)) for s in self._soft]
         self._upsets, self._seed, self._crowd = upsets, seed, crowd
+        self._is_random = bool(
+            self._soft or upsets.dust_per_m or upsets.rain_per_m or upsets.sunlight_rate
+        )
         self._pattern = beam_light.pattern_of(upsets)
         self._passers = _Passers(scene.movers, crowd)
 
@@ -88,35 +82,31 @@ class Rays:
             (n,), or (2, n) with the second echoes of a scene that has them; -inf where a beam came
             back dazzled.
         """
-        n, subs = len(times_s), len(self._pattern)
         bodies, turns = poses_at(times_s)
-        lenses = bodies + turns @ LENS_BODY_M
-        begins, ways = rays_from_poses(lenses, turns @ R_BODY_LENS, bearings_rad, self._pattern)
-        bundle = bundle_from(begins, ways, subs, self._upsets.beam_rad)
-        found, met = np.full(n * subs, np.inf), np.full(n * subs, -1)
-        meet_targets(bundle, self._targets, GLASS_COS, FAR_M, found, met)
-        if self._passers.parts:
-            passers = self._passers.between(times_s[0] - begin_s, times_s[-1] - begin_s)
-            meet_passers(bundle, times_s - begin_s, passers, found, met)
-        found[(self._is_black[met] & (found > BLACK_REACH_M)) | (found > FAR_M)] = np.inf
-        echoes = beam_light.echoes_from_subs(found, subs, self._upsets.mixed_pixels)
-        echoes = self._upset(bundle, times_s, echoes)[: self.echoes]
-        echoes[(echoes > FAR_M)] = np.nan
+        lens, spread_rad = (LENS_BODY_M, R_BODY_LENS), self._upsets.beam_rad
+        beams = (bodies, turns, *lens, bearings_rad, self._pattern, spread_rad)
+        since_begin_s = times_s - begin_s
+        passers = self._passers.between(since_begin_s[0], since_begin_s[-1])
+        mixes = self._upsets.mixed_pixels
+        echoes, azimuths = echoes_of_beams(
+            *beams, since_begin_s, self._targets, passers, GLASS_COS, mixes
+        )
+        if self._is_random:
+            begun = round(abs(float(times_s[0])) * 1e6)
+            random = np.random.default_rng([self._seed, begun, len(times_s)])
+            if self._soft:
+                echoes = self._among_stalks(random, bundle_at(*beams), echoes)
+            echoes = self._upset(random, azimuths, echoes)
+        echoes[echoes > FAR_M] = np.nan
         return echoes if self.echoes == 2 else echoes[0]
 
-    def _upset(self, bundle: Bundle, times_s: F64, echoes: F64) -> F64:
-        """Echoes (2, n) after all that is random on their way."""
-        upsets, by_air = self._upsets, self._upsets.dust_per_m or self._upsets.rain_per_m
-        if not (self._soft or by_air or upsets.sunlight_rate):
-            return echoes
-        begun = round(abs(float(times_s[0])) * 1e6)
-        random = np.random.default_rng([self._seed, begun, len(times_s)])
-        if self._soft:
-            echoes = self._among_stalks(random, bundle, echoes)
-        if by_air:
+    def _upset(self, random: np.random.Generator, azimuths: F64, echoes: F64) -> F64:
+        """Echoes (2, n) after what air and light do to beams at azimuths (n,)."""
+        upsets = self._upsets
+        if upsets.dust_per_m or upsets.rain_per_m:
             echoes = beam_light.through_air(upsets, random, echoes)
         if upsets.sunlight_rate:
-            echoes = beam_light.in_sunlight(upsets, random, bundle.azimuths, echoes)
+            echoes = beam_light.in_sunlight(upsets, random, azimuths, echoes)
         return echoes
 
     def _among_stalks(self, random: np.random.Generator, bundle: Bundle, behind: F64) -> F64:
@@ -142,23 +132,30 @@ class _Passers:
         walking = crowd.parts if crowd is not None else ()
         self.parts: tuple[Part, ...] = (*(part for _, part in self._of_movers), *walking)
         stays = [(mover.from_s, mover.until_s) for mover, _ in self._of_movers]
-        self._stays_s = np.array([*stays, *[(-math.inf, math.inf)] * len(walking)])
+        self._stays_s = np.array([*stays, *[(-math.inf, math.inf)] * len(walking)]).reshape(-1, 2)
+        self._radii_m = np.array([part.radius_m for part in self.parts])
+        self._halves_m = np.array([part.half_m or (0.0, 0.0) for part in self.parts]).reshape(-1, 2)
+        self._spans_m = np.array([part.z for part in self.parts]).reshape(-1, 2)
 
     def between(self, first_s: float, last_s: float) -> Passers:
         """For a sweep from first_s to last_s, seconds since the world's begin."""
-        knots = 1 + math.ceil((last_s - first_s) / KNOT_S)
-        knots_s = np.linspace(first_s, last_s, knots)
-        middles = [mover.middles_m(part, knots_s)[:, None] for mover, part in self._of_movers]
-        if self._crowd is not None:
-            middles.append(self._crowd.parts_m(knots_s))
+        knots = 1 + math.ceil((last_s - first_s) / KNOT_S) if self.parts else 1
+        every_s = (last_s - first_s) / (knots - 1) if knots > 1 else 1.0
+        middles_m = np.zeros((1, 0, 2))
+        if self.parts:
+            knots_s = np.linspace(first_s, last_s, knots)
+            middles = [mover.middles_m(part, knots_s)[:, None] for mover, part in self._of_movers]
+            if self._crowd is not None:
+                middles.append(self._crowd.parts_m(knots_s))
+            middles_m = np.concatenate(middles, axis=1)
         return Passers(
-            first_s=first_s,
-            every_s=(last_s - first_s) / (knots - 1) if knots > 1 else 1.0,
-            middles_m=np.concatenate(middles, axis=1),
-            radii_m=np.array([part.radius_m for part in self.parts]),
-            halves_m=np.array([part.half_m or (0.0, 0.0) for part in self.parts]),
-            spans_m=np.array([part.z for part in self.parts]),
-            stays_s=self._stays_s,
+            float(first_s),
+            float(every_s),
+            middles_m,
+            self._radii_m,
+            self._halves_m,
+            self._spans_m,
+            self._stays_s,
         )
 
 

@@ -35,7 +35,8 @@ LEVEL_M = 0.2  # what the ground within the clear start may differ from the star
 HIGH_M = 1.5  # what hangs higher bars nobody's way
 LOOK_ASIDE_RAD = math.radians(35.0)  # what a robot that drives can look aside
 ROUND_M = 1.0  # of known ground that it needs to turn round where it stands
-DETOUR_M, DETOUR_EVERY_M = 8.0, 1.5  # how much longer a way may be, and where it may lead through
+DETOUR_M, DETOUR_EVERY_M = 8.0, 2.0  # how much longer a way may be, and where it may lead through
+DETOURS = 25  # that are tried: what needs more looking for is no fair task
 EVERY_M = 0.25
 BESIDE_M = 0.35  # of the way's middle: what the wheels roll over
 MISSED = 0.04  # share of the ground beside the middle that may stay unseen
@@ -130,7 +131,8 @@ class Ground:
         every, most = round(DETOUR_EVERY_M / CELL_M), to_end[first] + DETOUR_M / CELL_M
         rows, columns = self.closed.shape
         spots = [(j, i) for j in range(0, rows, every) for i in range(0, columns, every)]
-        for spot in sorted(spots, key=lambda cell: (to_begin[cell] + to_end[cell], cell)):
+        nearest = sorted(spots, key=lambda cell: (to_begin[cell] + to_end[cell], cell))
+        for spot in nearest[:DETOURS]:
             if to_begin[spot] + to_end[spot] > most:
                 return
             there = self._corners(self._descent(spot, to_begin))[::-1]

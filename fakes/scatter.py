@@ -95,11 +95,12 @@ def _put_thing(lot: Lot, entry: dict[str, Any], name: str, random: Random) -> bo
         turned = bool(entry.get("turned", random.random() < 0.5))
         thing = MAKERS[kind](Frame(name, x, y, turned), random, sizes)
         placed = _maybe_placed(lot, thing)
-        if placed is not None and _has_room(lot, placed, entry):
-            lot.things.append(placed)
-            if placed.hole is not None:
-                cut(lot.fixed, *placed.hole)
-            return True
+        if placed is None or not _has_room(lot, placed, entry):
+            continue
+        if placed.hole is not None and not cut(lot.fixed, *placed.hole):
+            continue
+        lot.things.append(placed)
+        return True
     return False
 
 
@@ -188,11 +189,11 @@ def ground_m(fixed: Sequence[Shape], places: Sequence[Point]) -> list[float]:
     return [float(top) for top in tops]
 
 
-def cut(shapes: list[Shape], x: Span, y: Span, depth_m: float) -> None:
+def cut(shapes: list[Shape], x: Span, y: Span, depth_m: float) -> bool:
     """Make a hole in the level floor that a rectangle lies in; in place.
 
-    Raises:
-        ValueError: it lies in no floor, or in several.
+    Returns:
+        False: it lies in no floor, or in several, and nothing is cut.
     """
     for k, floor in enumerate(shapes):
         if not isinstance(floor, Solid) or not is_ground(floor) or floor.rise_rad:
@@ -211,5 +212,5 @@ def cut(shapes: list[Shape], x: Span, y: Span, depth_m: float) -> None:
         shapes[k : k + 1] = [
             Solid(floor.name, px, py, (min(low, pz - 0.5), pz)) for px, py, pz in pieces
         ]
-        return
-    raise ValueError(f"no floor to cut a hole into at x {x}, y {y}")
+        return True
+    return False

@@ -21,7 +21,7 @@ from fakes.scene import Scene, load_scene
 from fakes.slip import bursts, shares
 from fakes.steel import distortion
 from fakes.upsets import Upsets
-from fakes.world_kernels import poses_at, row_at
+from fakes.world_kernels import motion_at, poses_at, row_at
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
@@ -220,8 +220,8 @@ class World:
             R_earth_sensor (3, 3), earth being north, west, up; rate of turn (3,) rad/s and
             specific force (3,) m/s2, both along the sensor's axes: standing, z is +9.81.
         """
-        row = self._row(t_s)
-        return self._R_earth_map @ R_from_q(row[3:7]), row[9:12], row[12:]
+        step = self._since_begin_s(t_s) / STEP_S
+        return motion_at(self._ring, self._steps, step, self._R_earth_map)
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
         """What beams from the lens meet: (n,) metres, NaN where nothing is within 30 m.

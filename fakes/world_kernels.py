@@ -32,6 +32,31 @@ def row_at(ring: F64, steps: int, step: float) -> F64:
 
 
 @kernel
+def _rotation_from(row: F64, R: F64) -> None:
+    """Put the rotation of a row's quaternion into R (3, 3)."""
+    w, x, y, z = row[3], row[4], row[5], row[6]
+    scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    w, x, y, z = w * scale, x * scale, y * scale, z * scale
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    R[0, 0], R[1, 1], R[2, 2] = ww + xx - yy - zz, ww - xx + yy - zz, ww - xx - yy + zz
+    R[0, 1], R[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+    R[0, 2], R[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+    R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+
+
+@kernel
+def motion_at(ring: F64, steps: int, step: float, R_earth_map: F64) -> tuple[F64, F64, F64]:
+    """R_earth_body (3, 3), and columns 9..11 and 12..14 (3,) of the row, at an instant."""
+    row, R, R_earth_body = row_at(ring, steps, step), np.empty((3, 3)), np.zeros((3, 3))
+    _rotation_from(row, R)
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                R_earth_body[i, j] += R_earth_map[i, k] * R[k, j]
+    return R_earth_body, row[9:12].copy(), row[12:15].copy()
+
+
+@kernel
 def poses_at(ring: F64, steps: int, at_steps: F64) -> tuple[F64, F64]:
     """t_map_body (n, 3) and R_map_body (n, 3, 3) at instants (n,), interpolated."""
     n = len(at_steps)
@@ -41,12 +66,5 @@ def poses_at(ring: F64, steps: int, at_steps: F64) -> tuple[F64, F64]:
         for k in range(7):
             part[k] = (1.0 - share) * ring[before, k] + share * ring[after, k]
         places[i] = part[:3]
-        w, x, y, z = part[3], part[4], part[5], part[6]
-        scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = w * scale, x * scale, y * scale, z * scale
-        ww, xx, yy, zz, R = w * w, x * x, y * y, z * z, turns[i]
-        R[0, 0], R[1, 1], R[2, 2] = ww + xx - yy - zz, ww - xx + yy - zz, ww - xx - yy + zz
-        R[0, 1], R[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
-        R[0, 2], R[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
-        R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+        _rotation_from(part, turns[i])
     return places, turns

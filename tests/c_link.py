@@ -1,15 +1,11 @@
 """The C header of the planner link as a Python object, for tests: the same calls as the receiver's.
 
-Built once by gcc into hw/mcu/build; the name of the library tells which sources it is of.
+Built once by gcc, see `tools.rig.c_build`; where a program is missing, the test is skipped.
 """
 
 import ctypes
 import functools
-import hashlib
 import math
-import os
-import shutil
-import subprocess
 from collections import Counter
 from pathlib import Path
 
@@ -18,9 +14,11 @@ import numpy.typing as npt
 import pytest
 
 from tests.c_types import KINDS, REASONS, Ask, ExternalPose, Piece, Pose, State, Zone
+from tools.rig import c_build
+from tools.rig.c_build import BUILD, MCU, STRICT, MissingToolError
 
-MCU = Path(__file__).parent.parent / "hw" / "mcu"
-BUILD = MCU / "build"
+__all__ = ["BUILD", "MCU", "STRICT", "CReceiver", "built", "compile_c", "needs"]
+
 U8 = npt.NDArray[np.uint8]
 OUT_BYTES = 64
 ADVICE = ("stop", "slow", "go")
@@ -29,40 +27,28 @@ WHY = (
     "pose not valid", "map not valid", "attitude out of range", "drop-off ahead",
     "the map is not the sender's",
 )  # fmt: skip
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wpedantic", "-Werror")
 
 
-def needs(program: str, package: str) -> str:
+def needs(program: str, package: str = "") -> str:
     """The program's path; skips the test where it is missing."""
-    path = shutil.which(program)
-    if path is None:
-        pytest.skip(f"needs {program}: apt install {package}")
-    return path
+    try:
+        return c_build.program(program, package)
+    except MissingToolError as missing:
+        pytest.skip(str(missing))
 
 
 def compile_c(compiler: str, package: str, output: Path, *arguments: str) -> Path:
     """Runs a compiler; the test fails with its words if it is not content."""
-    command = [needs(compiler, package), *arguments, f"-I{MCU}", "-o", str(output)]
-    output.parent.mkdir(parents=True, exist_ok=True)
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    return output
+    needs(compiler, package)
+    return c_build.compile_c(compiler, output, *arguments, package=package)
 
 
 def built(
     name: str, source: str, *arguments: str, compiler: str = "gcc", package: str = ""
 ) -> Path:
     """A program or library of a file in hw/mcu; compiled anew where sources or words changed."""
-    sources = sorted(path for path in MCU.rglob("*.[chl]*") if BUILD not in path.parents)
-    content = repr((compiler, source, arguments)).encode()
-    content += b"".join(path.read_bytes() for path in sources if path.is_file())
-    stem, dot, suffix = name.partition(".")
-    path = BUILD / f"{stem}-{hashlib.sha256(content).hexdigest()[:16]}{dot}{suffix}"
-    if not path.exists():
-        made = BUILD / f"{os.getpid()}-{path.name}"
-        words = (*STRICT, *arguments, str(MCU / source))
-        os.replace(compile_c(compiler, package or compiler, made, *words), path)
-    return path
+    needs(compiler, package)
+    return c_build.built(name, source, *arguments, compiler=compiler, package=package)
 
 
 def build_library(*arguments: str, compiler: str = "gcc") -> Path:

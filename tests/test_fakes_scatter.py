@@ -9,7 +9,7 @@ import pytest
 from fakes.chance import mirrored
 from fakes.scatter import apart_m, away_m, cut, ground_m
 from fakes.scene import Scene, load_scene
-from fakes.solids import Pillar, Ridge, Solid, bump
+from fakes.solids import Pillar, Ridge, Shape, Solid, bump
 from fakes.things import MAKERS, SIZES, Frame, lifted
 
 FLOOR = """
@@ -86,6 +86,25 @@ def test_what_finds_no_place_makes_the_scene_be_refused(tmp_path: Path) -> None:
         scene_of(tmp_path, scattered("box", "keep_m = 80.0", "[1, 1]"))
 
 
+def test_a_goal_that_cannot_be_reached_is_refused_unless_the_file_says_that_it_may_be_so(
+    tmp_path: Path,
+) -> None:
+    text = """
+[goals]
+areas = [{x = [15, 15], y = [0, 0]}]
+[[solid]]
+name = "wall"
+x = [12.0, 12.2]
+y = [-10.0, 10.0]
+z = [-1.0, 2.5]
+"""
+    with pytest.raises(ValueError, match=r"without problems: goal 15\.00, 0\.00"):
+        scene_of(tmp_path, text)
+    file = tmp_path / "unfair.toml"
+    file.write_text("fair = false" + FLOOR + text)
+    assert load_scene(file).goals == ((15.0, 0.0),)
+
+
 def test_things_stand_on_the_ground_and_not_across_a_kerb(tmp_path: Path) -> None:
     low = '[[solid]]\nname = "road"\nx = [30, 60]\ny = [-10, 10]\nz = [-1, -0.2]\n'
     heights = set()
@@ -158,10 +177,14 @@ def test_a_ditch_is_cut_out_of_the_floor_and_nothing_else(tmp_path: Path) -> Non
     assert len(scene.solids) == 1 + 2 * 4
 
 
-def test_a_hole_that_no_floor_holds_is_refused() -> None:
+def test_a_hole_that_no_floor_holds_is_not_cut() -> None:
     floor = Solid("floor", (0.0, 10.0), (0.0, 10.0), (-1.0, 0.0))
-    with pytest.raises(ValueError, match="no floor"):
-        cut([floor], (8.0, 11.0), (2.0, 3.0), 0.5)
+    floors: list[Shape] = [floor]
+    assert not cut(floors, (8.0, 11.0), (2.0, 3.0), 0.5)
+    assert floors == [floor]
+    assert cut(floors, (8.0, 9.0), (2.0, 3.0), 0.5)
+    assert not cut(floors, (4.0, 6.0), (1.5, 2.5), 0.5)  # across two pieces of what is left
+    assert len(floors) == 5
     assert ground_m([floor], [(5.0, 5.0), (11.0, 5.0)]) == [0.0, -math.inf]
 
 

@@ -8,10 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.crossings import Beams, across_box, across_cylinder
 from fakes.kinematic_world import KinematicWorld
 from fakes.lms111_head import LaserHead
 from fakes.movers import box, person
+from fakes.ray_kernels import (
+    Passers,
+    across_disc,
+    bundle_from,
+    cosine_at,
+    meet_passers,
+    ways_through_box,
+)
 from fakes.rays import SECOND_SHARE
 from fakes.rig import Rig
 from fakes.scene import Scene, Solid
@@ -205,7 +212,8 @@ def test_a_beam_enters_and_leaves_a_box_on_its_surface(
     low, high = np.array([-0.5, -0.4, -0.3]), np.array([0.5, 0.6, 0.7])
     start, way = 3.0 * np.array([begin]), np.array([towards])
     way /= np.linalg.norm(way)
-    enter, leave, cosine = across_box(Beams(start, way), low, high)
+    enter, leave = np.empty(1), np.empty(1)
+    ways_through_box(bundle_from(start, way, 1, 0.0), low, high, enter, leave)
     ways = np.linspace(0.0, 12.0, 2000)
     points = start + ways[:, None] * way
     inside = ((points > low) & (points < high)).all(axis=1)
@@ -217,23 +225,40 @@ def test_a_beam_enters_and_leaves_a_box_on_its_surface(
     if enter[0] > 0:
         at = (start + enter[0] * way)[0]
         on_side = np.minimum(np.abs(at - low), np.abs(at - high)) < 1e-6
-        assert np.abs(np.abs(way[0, on_side]) - cosine[0]).min() < 1e-6
+        cosine = cosine_at(at[0], at[1], at[2], way[0, 0], way[0, 1], way[0, 2], low, high)
+        assert np.abs(np.abs(way[0, on_side]) - cosine).min() < 1e-6
 
 
 @given(begin=UNITS, towards=UNITS)
 def test_a_beam_enters_and_leaves_a_cylinder_on_its_surface(
     begin: tuple[float, ...], towards: tuple[float, ...]
 ) -> None:
-    middle, radius_m, z = np.array([[0.2, -0.1]]), 0.6, (-0.5, 0.8)
+    middle, radius_m, z = np.array([[[0.2, -0.1]]]), 0.6, (-0.5, 0.8)
     start, way = 3.0 * np.array([begin]), np.array([towards])
     way /= np.linalg.norm(way)
-    enter, leave = across_cylinder(Beams(start, way), middle, radius_m, z)
+    found, met, now_s = np.full(1, np.inf), np.full(1, 7), np.zeros(1)
+    one, always = np.array([radius_m]), np.array([[-np.inf, np.inf]])
+    cylinder = Passers(0.0, 1.0, middle, one, np.zeros((1, 2)), np.array([z]), always)
+    meet_passers(bundle_from(start, way, 1, 0.0), now_s, cylinder, found, met)
     ways = np.linspace(0.0, 12.0, 2000)
     points = start + ways[:, None] * way
-    inside = np.hypot(*(points[:, :2] - middle).T) < radius_m
+    inside = np.hypot(*(points[:, :2] - middle[0]).T) < radius_m
     inside &= (points[:, 2] > z[0]) & (points[:, 2] < z[1])
-    if np.isinf(enter[0]):
+    if np.isinf(found[0]):
         assert inside.sum() <= 1
+        assert met[0] == 7
     else:
-        wrong = inside != ((ways > enter[0]) & (ways < leave[0]))
-        assert wrong.sum() <= 1
+        assert met[0] == -1
+        assert not inside[ways < found[0] - 1e-9].any()
+        assert inside[(ways > found[0]) & (ways < found[0] + 0.012)].any() or inside.sum() <= 1
+
+
+@given(begin=UNITS, towards=UNITS)
+def test_a_ray_enters_and_leaves_an_endless_cylinder_on_its_surface(
+    begin: tuple[float, ...], towards: tuple[float, ...]
+) -> None:
+    x, y, (way_x, way_y) = 2.0 * begin[0], 2.0 * begin[1], towards[:2]
+    enter, leave = across_disc(x, y, way_x, way_y, 0.6)
+    if enter < leave and math.hypot(way_x, way_y) > 1e-3:
+        for way in (enter, leave):
+            assert math.hypot(x + way * way_x, y + way * way_y) == pytest.approx(0.6, abs=1e-6)

@@ -47,7 +47,7 @@ class Wire:
             if self.random.random() < loss:
                 self.lost += 1
             else:
-                self.board.link.sendall(frame)
+                self.board.send(frame)
         while self._waiting():
             pass  # an emulated line is slower than the sender's simulated time
         heard = self.board.hear()
@@ -129,7 +129,7 @@ def test_noise_on_its_line_changes_nothing(tmp_path: Path) -> None:
         wire = Wire(board, size=41)
         wire.settle()
         before = board.window()
-        board.link.sendall(NOISE)
+        board.send(NOISE)
         while board.status()["bad"] != NOISE_FRAMES:
             pass
         wire.noise = NOISE_FRAMES

@@ -1,5 +1,6 @@
 """Whole runs and short campaigns: judged, repeated, recorded; blind planners are caught."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,19 @@ def arrived() -> RunResult:
     return run_of(place()).result()
 
 
+@pytest.fixture(scope="module")
+def caught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path]:
+    """A run that ends at a low box, and the folder in which it was written down."""
+    folder = tmp_path_factory.mktemp("run")
+    run = Run(RunSpec(place(LOW_BOX), 1), BlindPilot())
+    with Recorder(run, folder) as recorder:
+        while not run.ended:
+            run.step()
+            recorder(run)
+        recorder.finish(run.result())
+    return run, folder
+
+
 def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult) -> None:
     assert (arrived.reached, arrived.goals, arrived.ended) == (2, 2, "all goals were tried")
     assert not arrived.collisions
@@ -73,15 +87,17 @@ def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not(
     assert other.result().digest != same.result().digest
 
 
-def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught() -> None:
-    result = run_of(place(LOW_BOX)).result()
+def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught(
+    caught: tuple[Run, Path],
+) -> None:
+    result = caught[0].result()
     (contact,) = result.collisions
     assert contact.what == "low box"
     assert result.ended.startswith("collision with low box")
     assert [missed.number for missed in result.missed] == [1, 2]
     assert "never tried" in result.missed[1].cause
     outcome = Outcome(0, RunSpec("hall", 1), result)
-    assert not report.is_well([outcome])
+    assert not report.is_well([outcome], 1)
     assert report.complaints([outcome], "ONLY={number}")
 
 
@@ -138,29 +154,24 @@ def test_over_a_serial_line_the_planner_drives_as_well() -> None:
     assert run.result().reached == 1
 
 
-def test_a_recorded_run_can_be_played_and_drawn_again(tmp_path: Path) -> None:
-    run = Run(RunSpec(place(LOW_BOX), 1), BlindPilot())
-    with Recorder(run, tmp_path) as recorder:
-        while not run.ended:
-            run.step()
-            recorder(run)
-        recorder.finish(run.result())
-    facts = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
+def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) -> None:
+    run, folder = caught
+    facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     assert facts["digest"] == run.result().digest
     assert facts["collisions"][0]["what"] == "low box"
-    played = RecordedLms111.from_files(tmp_path / "scanner_d2h.bin")
+    played = RecordedLms111.from_files(folder / "scanner_d2h.bin")
     assert played.duration_s > 2.0
     for wire in record.WIRES:
-        index = (tmp_path / f"{wire}_index.csv").read_text(encoding="ascii").splitlines()
+        index = (folder / f"{wire}_index.csv").read_text(encoding="ascii").splitlines()
         for way in ("d2h", "h2d"):
             rows = [row.split(",") for row in index if f",{way}," in row]
-            size = (tmp_path / f"{wire}_{way}.bin").stat().st_size
+            size = (folder / f"{wire}_{way}.bin").stat().st_size
             assert sum(int(row[3]) for row in rows) == size > 0
-    lines = (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    lines = (folder / "events.jsonl").read_text(encoding="utf-8").splitlines()
     events = [json.loads(line) for line in lines]
     assert {"goal_changed", "collision_noted", "run_ended"} <= {line["event"] for line in events}
-    (tmp_path / "picture.png").unlink()
-    with Image.open(record.draw(tmp_path, run.scene)) as drawn:
+    (folder / "picture.png").unlink()
+    with Image.open(record.draw(folder, run.scene)) as drawn:
         colours = np.array(drawn.convert("RGB")).reshape(-1, 3)
     assert (colours == (255, 174, 0)).all(axis=1).any()  # the robot
 
@@ -206,11 +217,13 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
         assert here is not None
         assert not result.collisions
         assert result.digest == here.digest
-    assert not report.is_well(list(outcomes.values()))
+    assert not report.is_well(list(outcomes.values()), 3)
 
 
-def test_the_report_counts_by_scene_and_tells_how_to_repeat(arrived: RunResult) -> None:
-    bad = run_of(place(LOW_BOX)).result()
+def test_the_report_counts_by_scene_and_tells_how_to_repeat(
+    arrived: RunResult, caught: tuple[Run, Path]
+) -> None:
+    bad = caught[0].result()
     outcomes = [
         Outcome(0, RunSpec("hall", 1), arrived),
         Outcome(1, RunSpec("hall", 2), bad),
@@ -219,16 +232,21 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(arrived: RunResult) 
     ]
     console = Console(width=200, no_color=True)
     with console.capture() as shown:
-        report.show(console, outcomes, "make campaign ONLY={number} SEED=1 WATCH=1", 10.0)
+        report.show(console, outcomes, 5, "make campaign ONLY={number} SEED=1 WATCH=1", 10.0)
     text = shown.get()
     assert "4 of 6 goals (66.7 %), 1 collisions, 1 crashes" in text
     assert "make campaign ONLY=1 SEED=1 WATCH=1" in text
     assert "crashed: it fell" in text
     assert "a second run differed" in text
+    assert "broken off after 4 of 5 runs" in text
     assert "NOT WELL" in text
     assert report.markdown([arrived, bad]).count("\n") == 3
     assert json.loads(json.dumps(report.as_json(outcomes)))[1]["collisions"]
-    assert report.is_well(outcomes[:1])
+    assert report.is_well(outcomes[:1], 1)
+    assert not report.is_well(outcomes[:1], 2)
+    few = dataclasses.replace(arrived, reached=1)
+    assert not report.is_well([Outcome(0, RunSpec("hall", 1), few)], 1)
+    assert report.is_well([Outcome(0, RunSpec("hall", 1, ("scanner.mute@1s",)), few)], 1)
 
 
 def test_the_command_refuses_a_scene_that_there_is_not(capsys: pytest.CaptureFixture[str]) -> None:

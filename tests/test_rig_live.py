@@ -11,13 +11,13 @@ import pytest
 from tools.rig import live
 from tools.run import ROOT
 
-SECONDS = "7"
+SECONDS = "60"  # at most; it ends once the goal is reached
 
 
 def bench(folder: Path, planner: str) -> Path:
     """A rig.toml of a goal straight ahead in the corridor."""
     text = (ROOT / "rig.toml").read_text(encoding="utf-8")
-    for key, value in (("scene", '"corridor"'), ("goals", "[[12.0, 0.0]]"), ("sensors", '"clean"')):
+    for key, value in (("scene", '"corridor"'), ("goals", "[[2.5, 0.0]]"), ("sensors", '"clean"')):
         text = re.sub(rf"^{key} = \S+", f"{key} = {value}", text, flags=re.MULTILINE)
     text = re.sub(r"^planner = \S+", f'planner = "{planner}"', text, flags=re.MULTILINE)
     path = folder / "rig.toml"
@@ -47,22 +47,24 @@ def needed(planner: str) -> None:
 
 
 @pytest.mark.parametrize("planner", ["host", "board"])
-def test_the_robot_sets_out_for_its_goal_stops_for_a_fault_and_all_processes_end(
+def test_the_robot_comes_to_its_goal_in_spite_of_faults_and_all_processes_end(
     planner: str, tmp_path: Path
 ) -> None:
     needed(planner)
-    where = ("--config", str(bench(tmp_path, planner)), "--seconds", SECONDS)
-    done = ran(*where, "--fault", "scanner.mute@9s+0.6s")
+    words = ["--config", str(bench(tmp_path, planner)), "--seconds", SECONDS]
+    for second in range(8, 60, 3):  # some of them strike while it drives
+        words += ["--fault", f"scanner.mute@{second}s+0.3s"]
+    done = ran(*words)
     assert done.returncode == 0, done.stdout + done.stderr
     driven = re.search(r"0 collisions; driven ([\d.]+) m", done.stdout)
     assert driven is not None, done.stdout
-    assert float(driven[1]) > 0.3
+    assert float(driven[1]) > 1.8
     assert re.search(r"the link said stop: .+: \d+ times", done.stdout), done.stdout
-    assert "the planner's map equals the app's in all 10201 cells" in done.stdout
-    assert "0 of 1 goals reached" in done.stdout
+    assert "the planner's map equals the second receiver's in all 10201 cells" in done.stdout
+    assert "1 of 1 goals reached" in done.stdout
     assert "all processes have ended" in done.stdout
-    words = {"host": "the planner's C on this machine", "board": "an emulated Cortex-M3"}[planner]
-    assert words in done.stdout
+    form = {"host": "the planner's C on this machine", "board": "an emulated Cortex-M3"}[planner]
+    assert form in done.stdout
     assert done.stderr == ""
 
 

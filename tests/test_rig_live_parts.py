@@ -1,5 +1,6 @@
 """The parts of the live rig: rig.toml and its errors, goals, doubts, the app's log, the truth."""
 
+import argparse
 import io
 import json
 import math
@@ -19,9 +20,12 @@ from fakes.scene import load_scene
 from fakes.witness import Witness
 from fakes.world import World
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
-from tools.rig.c_planner import PlannerState
+from tools.rig.bench import Bench
+from tools.rig.c_build import MissingToolError, build_planner_library
+from tools.rig.c_planner import PlannerSettings, PlannerState
 from tools.rig.config import BOARD, KEYS, load_rig_config, load_rig_file
 from tools.rig.followed import Followed
+from tools.rig.forms import HostForm, form_of
 from tools.rig.live_picture import image_of, picture
 from tools.rig.story import GIVE_UP_S, AppLog, Doubts, Tour
 from tools.rig.watch import GOAL, ROBOT
@@ -89,9 +93,41 @@ def test_a_real_drive_beside_a_fake_scanner_wants_the_wheels_off_the_ground() ->
     seeing = drive | {"devices.scanner": "tcp://192.168.0.1:2112"}
     with pytest.raises(ConfigError, match="beside a fake ahrs"):
         load_rig_config(SHIPPED, seeing)
-    load_rig_config(SHIPPED, drive | {"devices.wheels_off_the_ground": True})
-    all_real = seeing | {"devices.ahrs": "serial:///dev/mti?baud=115200"}
-    assert list(load_rig_config(SHIPPED, all_real).real) == ["scanner", "ahrs", "drive"]
+    looked_at = {"planner.start_clear_m": 2.0}
+    load_rig_config(SHIPPED, drive | looked_at | {"devices.wheels_off_the_ground": True})
+
+
+def test_a_real_drive_takes_nothing_from_a_scene_and_enters_no_unseen_ground() -> None:
+    real = {
+        "devices.drive": "serial:///dev/ax3500?baud=9600&parity=E&bytesize=7",
+        "devices.scanner": "tcp://192.168.0.1:2112",
+        "devices.ahrs": "serial:///dev/mti?baud=115200",
+    }
+    with pytest.raises(ConfigError, match=r"^planner\.start_clear_m: must be a number with a real"):
+        load_rig_config(SHIPPED, real)
+    looked_at = real | {"planner.start_clear_m": 2.0}
+    with pytest.raises(ConfigError, match=r"^planner\.unknown_mps: must be 0 with a real drive"):
+        load_rig_config(SHIPPED, looked_at | {"planner.unknown_mps": 0.1})
+    config = load_rig_config(SHIPPED, looked_at)
+    assert list(config.real) == ["scanner", "ahrs", "drive"]
+
+
+@pytest.mark.parametrize("real", [False, True])
+def test_motors_are_enabled_for_a_simulated_robot_only(real: bool, tmp_path: Path) -> None:
+    changes: dict[str, object] = {"devices.planner": "serial:///dev/planner?baud=921600"}
+    if real:
+        changes |= {
+            "devices.drive": "serial:///dev/ax3500?baud=9600",
+            "devices.wheels_off_the_ground": True,
+            "planner.start_clear_m": 2.0,
+        }
+    config = load_rig_config(SHIPPED, changes)
+    bench = Bench(config, argparse.Namespace(fault=[], seconds=None), tmp_path)
+    values = bench.values({"scanner": "tcp://127.0.0.1:1"})
+    assert values.get("robot.enable_motors") == (None if real else True)
+    assert values["robot.start_clear_m"] == (2.0 if real else bench.scene.start_clear_m)
+    assert (bench.tour.total == 0) is real
+    assert bench.close() == []
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -199,3 +235,29 @@ def test_the_picture_shows_robot_and_goal_in_the_map_that_came() -> None:
     console.print(picture(planner, None, [Text("planner  driving")], 100, 30))
     assert isinstance(console.file, io.StringIO)
     assert "driving" in console.file.getvalue()
+
+
+def test_without_an_emulator_the_planner_runs_here_and_the_packages_are_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    try:
+        build_planner_library()
+    except MissingToolError as missing:
+        pytest.skip(str(missing))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    form, remark = form_of(load_rig_config(SHIPPED), PlannerSettings(), tmp_path)
+    assert isinstance(form, HostForm)
+    assert "apt install" in remark
+    assert remark.endswith("taking the planner's C on this machine instead")
+    assert form.url.startswith("udp://127.0.0.1:")
+    form.close()
+
+
+def test_a_real_planner_is_left_to_itself(tmp_path: Path) -> None:
+    url = "serial:///dev/planner?baud=921600"
+    config = load_rig_config(SHIPPED, {"devices.planner": url})
+    form, remark = form_of(config, PlannerSettings(), tmp_path)
+    form.goal(1.0, 2.0)
+    form.halt()
+    form.step(1.0)
+    assert (form.url, form.state, form.maybe_map(), remark) == (url, None, None, "")

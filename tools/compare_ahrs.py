@@ -32,7 +32,7 @@ from tools.compare_facts import (
 from tools.conversation import Conversation, NoAnswerError, conversation
 
 BAUD = 115_200
-ANSWER_S, CONFIG_S, CONFIG_TRIES = 0.5, 0.25, 8
+ANSWER_S, CONFIG_S, CONFIG_TRIES = 0.6, 0.25, 8
 SELF_TEST_S, WAKE_S = 3.0, 3.0
 NO_SUCH_MID = 0xEE
 READS = {  # without data, each of these reads
@@ -69,7 +69,7 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
     """
     with conversation(url, MtParser(parse_url(url).baud or BAUD)) as talk:
         facts = _state_as_found(talk)
-        facts.update(_asked(talk, "GoToConfig", Mid.GoToConfig, CONFIG_TRIES))
+        facts.update(_asked(talk, "GoToConfig", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S))
         if facts["GoToConfig: answer"].value == SILENT:
             raise NoAnswerError("no answer to GoToConfig: does it hear us, at this baud rate?")
         configuration = None
@@ -92,11 +92,11 @@ def make_alike(real: str, fake: str) -> None:
         NoAnswerError: one of them does not answer.
     """
     with conversation(real, MtParser(parse_url(real).baud or BAUD)) as talk:
-        _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES)
+        _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         wanted = {mid: _maybe_data(talk, mid) for mid in MIRRORED}
         reply_to(talk, encode_frame(Mid.GoToMeasurement), _is_any, ANSWER_S)
     with conversation(fake, MtParser(BAUD)) as talk:
-        _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES)
+        _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         for mid, data in wanted.items():
             if data:
                 reply_to(talk, encode_frame(mid, data), _is_answer_to(mid), ANSWER_S)
@@ -129,14 +129,11 @@ def _is_answer_to(mid: int) -> Callable[[object], bool]:
 
 
 def _asked(
-    talk: Conversation, name: str, mid: int, tries: int = 1, seconds: float = ANSWER_S
+    talk: Conversation, name: str, mid: int, tries: int = 2, seconds: float = ANSWER_S
 ) -> Portrait:
     """What comes of one message without data."""
-    for _ in range(tries):
-        reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), seconds)
-        if reply is not None:
-            break
-    else:
+    reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), seconds, tries)
+    if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
     frame: MtFrame = reply.event
     delay = {f"{name}: delay": delay_fact(reply.delay_s)}
@@ -163,7 +160,7 @@ def _settings(talk: Conversation) -> Portrait:
             break
     else:
         facts["Reset: WakeUp after"] = Fact(SILENT)
-    facts.update(_asked(talk, "GoToConfig after the reset", Mid.GoToConfig, CONFIG_TRIES))
+    facts.update(_asked(talk, "GoToConfig after the reset", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S))
     return facts
 
 

@@ -29,7 +29,7 @@ from tools.compare_facts import (
 )
 from tools.conversation import Conversation, NoAnswerError, conversation
 
-LISTEN_S, ANSWER_S, WATCHDOG_S = 0.6, 0.3, 1.4
+LISTEN_S, ANSWER_S, WATCHDOG_S = 0.6, 0.4, 1.4
 LINE_END_S = 0.05  # of silence: no line more is to come
 QUERIES = ("?V", "?A", "?P", "?R", "?M", "?E", "?I", "?K", "?D", "?Q0", "?Q1", "?Q2",
            "^00", "^01", "^02", "^89", "^8A", "^8B", "^8C")  # fmt: skip
@@ -84,6 +84,25 @@ def _log_lines(talk: Conversation, seconds: float) -> Portrait:
 
 def _line(talk: Conversation, name: str, question: bytes, text: str) -> Portrait:
     """What comes after a line: echo, values, and how soon."""
+    lines, strays, seconds = _lines_after(talk, question)
+    if not lines and text:
+        lines, strays, seconds = _lines_after(talk, question)
+    if not lines:
+        return {f"{name}: answer": Fact(SILENT)}
+    echoed = bool(text) and lines[0].upper() == text.upper()
+    values = lines[1:] if echoed else lines
+    return {
+        f"{name}: echo": Fact("yes" if echoed else "no"),
+        f"{name}: answer": Fact(_form(values)),
+        f"{name}: values": Fact(" ".join(values) or "none", "own" if text in OWN else "same"),
+        f"{name}: delay": delay_fact(seconds),
+        **({f"{name}: W": Fact(strays, "own")} if strays else {}),
+        **_volts(name, text, values),
+    }
+
+
+def _lines_after(talk: Conversation, question: bytes) -> tuple[list[str], int, float]:
+    """The lines that follow a question, the stray W among them, and seconds to the last line."""
     asked_s = last_s = monotonic()
     lines, strays = list[str](), 0
     talk.say(question)
@@ -93,18 +112,7 @@ def _line(talk: Conversation, name: str, question: bytes, text: str) -> Portrait
             if isinstance(event, Line):
                 lines.append(event.text)
                 last_s = monotonic()
-    if not lines:
-        return {f"{name}: answer": Fact(SILENT)}
-    echoed = bool(text) and lines[0].upper() == text.upper()
-    values = lines[1:] if echoed else lines
-    return {
-        f"{name}: echo": Fact("yes" if echoed else "no"),
-        f"{name}: answer": Fact(_form(values)),
-        f"{name}: values": Fact(" ".join(values) or "none", "own" if text in OWN else "same"),
-        f"{name}: delay": delay_fact(last_s - asked_s),
-        **({f"{name}: W": Fact(strays, "own")} if strays else {}),
-        **_volts(name, text, values),
-    }
+    return lines, strays, last_s - asked_s
 
 
 def _form(values: list[str]) -> str:

@@ -14,7 +14,7 @@ Sort = Literal["same", "near", "own"]
 NOT_THERE = "not told"
 SILENT = "no answer"
 DELAY_FACTOR, DELAY_S = 5.0, 0.05  # answers may take that much longer, or so many seconds
-RATE_SHARE, END_S, UNEVEN_MS = 0.03, 0.05, 20.0
+RATE_SHARE, END_S, UNEVEN_MS = 0.03, 0.2, 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,18 +119,23 @@ class Reply:
 
 
 def reply_to(
-    talk: Conversation, question: bytes, is_answer: Callable[[Any], bool], seconds: float
+    talk: Conversation,
+    question: bytes,
+    is_answer: Callable[[Any], bool],
+    seconds: float,
+    tries: int = 2,
 ) -> Reply | None:
-    """Ask once, and wait for the answer at most so long.
+    """Ask, and wait for the answer at most so long; ask once more where none came.
 
     Raises:
         NoAnswerError: the port is gone.
     """
-    asked_s = monotonic()
-    talk.say(question)
-    for event in talk.hear(seconds):
-        if is_answer(event):
-            return Reply(event, monotonic() - asked_s)
+    for _ in range(tries):
+        asked_s = monotonic()
+        talk.say(question)
+        for event in talk.hear(seconds):
+            if is_answer(event):
+                return Reply(event, monotonic() - asked_s)
     return None
 
 

@@ -8,6 +8,7 @@ import hashlib
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 MCU = Path(__file__).parent.parent.parent / "hw" / "mcu"
@@ -103,3 +104,17 @@ def build_planner_firmware(*options: str) -> Path:
     words = (*BARE, "-DMAPOD_LINK_AUTH", "-DBOARD_RING=16384u", *options, *board)
     words = (*words, *planner_sources(), "-lgcc")
     return built("planner.elf", "planner/firmware.c", *words, compiler="arm-none-eabi-gcc")
+
+
+def main() -> int:
+    """Build the planner's firmware and print where it lies; 2: a tool is missing."""
+    try:
+        sys.stdout.write(f"{build_planner_firmware()}\n")
+    except (MissingToolError, CompileError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -75,7 +75,8 @@ class PlannerSettings:
 
     def __post_init__(self) -> None:
         numbers = self.thousandths()
-        if min(numbers) < 0 or max(numbers) > 30_000 or min(numbers[2:7] + numbers[8:]) < 1:
+        sizes = numbers[2:7] + numbers[8:]
+        if min(numbers) < 0 or numbers[0] > 30_000 or max(numbers[1:]) > 5000 or min(sizes) < 1:
             raise ValueError(f"a planner's settings: out of range: {self}")
 
     def thousandths(self) -> tuple[int, ...]:

@@ -1,7 +1,8 @@
 """`rig.toml` to a frozen, checked struct, or `ConfigError`: the bench of `make rig`.
 
 Every key is required and no other is allowed. A real drive beside a fake scanner or attitude sensor
-is refused unless the file says that the wheels are off the ground.
+is refused unless the file says that the wheels are off the ground; a real drive takes nothing from
+a scene, and never enters ground that was not seen.
 """
 
 import math
@@ -154,7 +155,7 @@ def load_rig_config(text: str, changes: Mapping[str, Any] | None = None) -> RigC
     for section, keys in KEYS.items():
         values |= _section(section, table.get(section), keys)
     config = RigConfig(**values)
-    _check_sight(config)
+    _check_real_drive(config)
     return config
 
 
@@ -175,13 +176,25 @@ def _section(section: str, table: Any, keys: Mapping[str, Callable[[Any], Any]])
     return values
 
 
-def _check_sight(config: RigConfig) -> None:
-    """No real wheels roll by what a fake has seen."""
+def _check_real_drive(config: RigConfig) -> None:
+    """No real wheels roll by what a fake has seen, or over ground that nobody has looked at."""
+    if config.drive == FAKE:
+        return
     blind = [name for name in ("scanner", "ahrs") if getattr(config, name) == FAKE]
-    if config.drive != FAKE and blind and not config.wheels_off_the_ground:
+    if blind and not config.wheels_off_the_ground:
         raise ConfigError(
             f"devices.wheels_off_the_ground: must be true, with a real drive beside a fake "
             f"{' and a fake '.join(blind)}: the robot would move without seeing where it goes"
+        )
+    if config.start_clear_m is None:
+        raise ConfigError(
+            "planner.start_clear_m: must be a number with a real drive: how far around the start "
+            "somebody has looked at the ground; a scene knows nothing of it"
+        )
+    if config.unknown_mps > 0:
+        raise ConfigError(
+            "planner.unknown_mps: must be 0 with a real drive: it would go where nobody has seen "
+            f"the ground, is {config.unknown_mps}"
         )
 
 

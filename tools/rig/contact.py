@@ -7,6 +7,7 @@ Map frame, metres.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -219,6 +220,7 @@ class Ground:
         self.discs = np.array([(*disc.at, disc.radius_m, *disc.z) for disc in discs])
         self.discs = self.discs.reshape(-1, 5)
         self._outlines = {0.0: outline()}
+        self._floor: Sequence[float] = (math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0)  # asked first
 
     def nearest(self, place: Place, plane: Plane, from_m: float, within_m: float) -> Near:
         """The nearest thing of a height from `from_m` above the plane, less than a way off."""
@@ -272,16 +274,26 @@ class Ground:
 
     def _is_level(self, place: Place, plane: Plane, margin_m: float) -> bool:
         """One box's top is the ground all around, and nothing lies near that isn't a box."""
-        reach_m = REACH_M + margin_m
         if any(not _beside(shape, place, margin_m) for shape in self.others):
             return False
-        x, y, _ = place
-        x0, x1, y0, y1, _, top = self.boxes.T
-        tilt_m = reach_m * (abs(plane.along_x) + abs(plane.along_y))
-        under = (x0 <= x - reach_m) & (x1 >= x + reach_m)
-        under &= (y0 <= y - reach_m) & (y1 >= y + reach_m)
-        height_m = float(plane.at(np.array(x), np.array(y)))
-        return bool((under & (np.abs(top - height_m) < 0.10 - tilt_m)).any())
+        reach_m = REACH_M + margin_m
+        if _carries(self._floor, place, plane, reach_m):
+            return True
+        for box in self.boxes.tolist():
+            if _carries(box, place, plane, reach_m):
+                self._floor = box
+                return True
+        return False
+
+
+def _carries(box: Sequence[float], place: Place, plane: Plane, reach_m: float) -> bool:
+    """Whether a box's top is the ground for so far around a place."""
+    x, y, _ = place
+    x0, x1, y0, y1, _, top = box
+    if not (x0 <= x - reach_m and x + reach_m <= x1 and y0 <= y - reach_m and y + reach_m <= y1):
+        return False
+    height_m = plane.z + plane.along_x * (x - plane.x) + plane.along_y * (y - plane.y)
+    return abs(top - height_m) < 0.10 - reach_m * (abs(plane.along_x) + abs(plane.along_y))
 
 
 def _is_box(solid: Shape) -> bool:

@@ -11,6 +11,7 @@ SILENT = "no attitude for 0.15 s: it brakes without a heading, so the maps are e
 NOT_USED = "not used: attitude and rate of turn are all that mapod takes"
 FIELD = "the gyro carries the heading, a field that is not the earth's does not count"
 ONE = "one message is missing, the next one is there in time"
+JUMP = "a counter that jumps makes the clock doubtful until it is known again"
 POWER_UP = "ahrs.power_up"
 SET_UP_S = 6.0  # wake-up, settings read and compared, clock locked
 
@@ -24,7 +25,7 @@ _AHRS = (
     goes_on("ahrs.burst_s", "a USB adapter's bursts: the counter tells when", "0.016"),
     stops("ahrs.burst_s", SILENT, "0.5"),
     goes_on("ahrs.jitter_s", "the least delayed samples tell its clock", "0.005"),
-    either("ahrs.jitter_s", "data that come too late are stale", "0.1"),
+    either("ahrs.jitter_s", LATER, "0.1", recovers_s=LATER_S),
     goes_on("ahrs.lost_byte_rate", "few messages are hit", "0.0005"),
     stops("ahrs.lost_byte_rate", SILENT, "0.2"),
     goes_on("ahrs.lost_rate", "the next sample is there in time", "0.2"),
@@ -35,8 +36,8 @@ _AHRS = (
     stops("ahrs.nan", "no number is no orientation"),
     goes_on("ahrs.half_frame", ONE, lasts_s=0.5),
     goes_on("ahrs.fa_ff", "a header within the data is no header"),
-    either("ahrs.gap", "the counter says that time has passed, the bytes say it has not", "10"),
-    either("ahrs.counter", "a counter that jumps makes the clock doubtful", "300"),
+    either("ahrs.gap", JUMP, "10", recovers_s=LATER_S),
+    either("ahrs.counter", JUMP, "300", recovers_s=LATER_S),
     goes_on("ahrs.error_next", "an Error in the stream is told in words", "40", 0.5),
     goes_on("ahrs.drift_ppm", "its clock is followed", "200"),
     goes_on("ahrs.deaf_acks", "nothing is asked while it runs", "3"),
@@ -48,9 +49,10 @@ _AHRS = (
     stops(
         "ahrs.another_host", "data of another kind: set up anew", "2,0", 0.0, recovers_s=SET_UP_S
     ),
-    either("ahrs.baud", "another rate of its line until its next power-up", "9600"),
+    either(
+        "ahrs.baud", "another rate of its line until it is off and on", "9600", after=(POWER_UP,)
+    ),
     either("ahrs.angle_noise_rad", "floor that wobbles may look like obstacles", "0.01"),
-    either("ahrs.angle_noise_rad", "floor that wobbles looks like obstacles", "0.05"),
     either("ahrs.rate_noise_radps", "the heading is less sure", "0.2"),
     either("ahrs.rate_bias_radps", "the bias is learnt while it stands", "0,0,0.02"),
     goes_on("ahrs.sheet_errors", "as wrong as its sheet allows"),

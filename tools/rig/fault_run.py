@@ -94,7 +94,7 @@ class Moment:
     x_m: float
     y_m: float
     has_power: bool
-    is_sent: bool  # mapod wants the wheels to turn
+    is_sent: bool  # mapod has wanted the wheels to turn, since the last moment
     health: int  # as the planner was told; 0: nothing lately, or not running
     reason: str  # why the app lets it stand
 
@@ -136,12 +136,15 @@ class Drive:
         self.loop.set_faults(orders)
         self.outcome = Outcome(*span_s)
         self._wait_s = wait_s
+        self._is_sent = False  # at any tick since the last moment
         self._moments: list[Moment] = []
 
     def run(self) -> Outcome:
         """To its end: before the box, or standing for longer than it may take to recover."""
         while not self._is_over():
             self.loop.step()
+            control = self.loop.app.control
+            self._is_sent |= bool(control.v_mps or control.w_radps)
             if self.loop.ticks % TAKE_EVERY == 0:
                 self._take()
             if self.loop.ticks % MAP_EVERY == 0:
@@ -167,8 +170,8 @@ class Drive:
         fresh = pose is not None and loop.now_s - pose.arrived_s < FRESH_S
         health = pose.health if pose is not None and fresh else 0
         has_power = loop.rig.drive.powers() != (0, 0)
-        control = loop.app.control
-        reason, is_sent = control.blocked_by, bool(control.v_mps or control.w_radps)
+        is_sent, self._is_sent = self._is_sent, False
+        reason = loop.app.control.blocked_by
         self._moments.append(
             Moment(loop.since_begin_s, x_m, y_m, has_power, is_sent, health, reason)
         )

@@ -100,6 +100,8 @@ def run_all(wanted: Sequence[Job], processes: int, console: Console) -> list[Row
         for future in as_completed(running):
             k = running[future]
             rows[k] = _row(future, wanted[k])
+            if rows[k].problems:
+                progress.console.print(_complaint(rows[k]))
             wrong = sum(bool(row.problems) for row in rows.values())
             progress.update(bar, advance=1, wrong=wrong)
     return [rows[k] for k in sorted(rows)]
@@ -189,8 +191,13 @@ def show(rows: Sequence[Row], console: Console) -> None:
     wrong = [row for row in rows if row.problems]
     console.print(f"{len(rows)} drives, {len(wrong)} not as they must be")
     for row in wrong:
-        console.print(f"  {row.job.title} (seed {row.job.seed}, {row.job.start_s:g} s): "
-                      f"{'; '.join(row.problems)}")  # fmt: skip
+        console.print(_complaint(row))
+
+
+def _complaint(row: Row) -> str:
+    """What is wrong with a drive, and how it is repeated."""
+    job = row.job
+    return f"  {job.title} (seed {job.seed}, {job.start_s:g} s): {'; '.join(row.problems)}"
 
 
 def markdown(rows: Sequence[Row]) -> str:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from mapod_link.listener import Listener
 from mapod_link.wires import UdpWire
+from tools.rig.board import EmulatedBoard
 from tools.rig.c_build import MissingToolError
 from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
 from tools.rig.config import BOARD, HOST, RigConfig
@@ -93,8 +94,6 @@ class BoardForm:
     words = "the planner's firmware on an emulated Cortex-M3, its UART on a pty"
 
     def __init__(self, settings: PlannerSettings, folder: Path, baud: int) -> None:
-        from tools.rig.board import EmulatedBoard
-
         folder.mkdir(exist_ok=True)
         self._open = contextlib.ExitStack()
         self._board = self._open.enter_context(EmulatedBoard(settings, folder, link="pty"))
@@ -118,7 +117,8 @@ class BoardForm:
 
     def maybe_map(self) -> tuple[U8, tuple[int, int]] | None:
         """As the board dumps it."""
-        return self._board.window(), self._board.origin()
+        origin, window = self._board.snapshot()
+        return window, origin
 
     def close(self) -> None:
         """The emulator ends."""

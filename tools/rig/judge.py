@@ -34,8 +34,7 @@ from tools.rig.contact import (
 
 F64 = npt.NDArray[np.float64]
 RATE_HZ = 50
-FROM_M = 0.14  # a thing's height: 0.15 m, and a body that nods lies a centimetre off
-DROP_M = 0.15
+FROM_M = DROP_M = 0.14  # 0.15 m; the plane under a body that nods lies a centimetre off
 STANDING_MPS, STANDING_RADPS = 0.02, 0.03
 STOOD_S = 0.5  # a robot that has stood so long bumps into nobody
 DRIVING_MPS = 0.05

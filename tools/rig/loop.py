@@ -187,6 +187,9 @@ class Loop:
         Raises:
             FaultError: a name or a value that there is not.
         """
+        if not texts:
+            self._schedule = None
+            return
         targets = {name: (self.fakes[name], self.wires[name]) for name in self.fakes}
         self._schedule = Schedule([order_from_text(text) for text in texts], targets)
 

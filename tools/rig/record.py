@@ -12,7 +12,7 @@ A folder of its own holds, instants in simulated seconds since the first tick:
     picture.png         all of it from above
 
 Pictures can be drawn again: `python -m tools.rig draw FOLDER`. A scanner's bytes can be played:
-`python -m tools.replay --recording FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
+`python -m tools.replay FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
 """
 
 import contextlib
@@ -115,7 +115,9 @@ class Recorder:
         self._event("run_ended", why=result.ended)
         self._stack.close()
         run = self._run
-        facts = {"limit_s": run.spec.limit_s, "baud": run.spec.baud, **facts_of(result)}
+        scene = None if isinstance(run.spec.scene, Scene) else str(run.spec.scene)
+        facts = {"scene_file": scene, "limit_s": run.spec.limit_s, "baud": run.spec.baud}
+        facts |= facts_of(result)
         (self.folder / "run.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
         grid = run.loop.app.mapper.maps.window.grid
         np.savez_compressed(
@@ -135,15 +137,15 @@ def facts_of(result: RunResult) -> dict[str, Any]:
 
 
 def draw(folder: Path, scene: Scene | None = None) -> Path:
-    """The picture of a recorded run, from its files; the scene by its name, if it is not given.
+    """The picture of a recorded run, from its files; the scene from its own, if it is not given.
 
     Raises:
-        OSError, ValueError, KeyError: not a recorded run, or one of a scene that is not here.
+        OSError, ValueError, KeyError: not a recorded run, or one of a scene that is not in a file.
     """
     facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     with (folder / "path.csv").open(encoding="ascii", newline="") as file:
         rows = [[float(row[name]) for name in PATH_COLUMNS] for row in csv.DictReader(file)]
-    scene = scene or load_scene(facts["scene"], facts["seed"])
+    scene = scene or load_scene(facts["scene_file"], facts["seed"])
     with np.load(folder / "map.npz") as held:
         corner_i, corner_j = (int(part) for part in held["corner"])
         shot = MapShot(held["cells"], corner_i, corner_j, float(held["cell_m"]))

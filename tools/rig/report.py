@@ -131,11 +131,10 @@ def complaints(outcomes: Iterable[Outcome], again: str) -> list[str]:
     """
     lines = []
     for outcome in outcomes:
-        what = (
-            [f"collision with {c.words()}" for c in outcome.result.collisions]
-            if (outcome.result)
-            else [f"crashed: {outcome.crash.strip()}"]
-        )
+        if outcome.result is None:
+            what = [f"crashed: {outcome.crash.strip()}"]
+        else:
+            what = [f"collision with {contact.words()}" for contact in outcome.result.collisions]
         what += ["a second run differed"] if outcome.repeated is False else []
         lines += [
             f"run {outcome.number} ({outcome.spec.name}): {words}; "
@@ -166,13 +165,16 @@ def false_stops(outcomes: Iterable[Outcome]) -> dict[str, int]:
     return dict(sorted(counts.items(), key=lambda entry: -entry[1]))
 
 
-def is_well(outcomes: Sequence[Outcome]) -> bool:
-    """All runs were, and enough goals were reached."""
-    results = [outcome.result for outcome in outcomes if outcome.result is not None]
-    return all(o.is_well for o in outcomes) and totals_of(results).share >= GOALS_WANTED
+def is_well(outcomes: Sequence[Outcome], planned: int) -> bool:
+    """As many runs as planned, all well; goals enough in those where nothing was made to fail."""
+    sound = [o.result for o in outcomes if o.result is not None and not o.spec.faults]
+    are_well = len(outcomes) >= planned and all(outcome.is_well for outcome in outcomes)
+    return are_well and totals_of(sound).share >= GOALS_WANTED
 
 
-def show(console: Console, outcomes: Sequence[Outcome], again: str, passed_s: float) -> None:
+def show(
+    console: Console, outcomes: Sequence[Outcome], planned: int, again: str, passed_s: float
+) -> None:
     """All of it, for a person."""
     results = [outcome.result for outcome in outcomes if outcome.result is not None]
     if results:
@@ -190,7 +192,8 @@ def show(console: Console, outcomes: Sequence[Outcome], again: str, passed_s: fl
     missed = missed_goals(outcomes, again)
     lines += ["goals not reached:", *(f"  {line}" for line in missed)] if missed else []
     lines += complaints(outcomes, again)
-    lines += ["well" if is_well(outcomes) else "NOT WELL"]
+    lines += [f"broken off after {len(outcomes)} of {planned} runs"] * (len(outcomes) < planned)
+    lines += ["well" if is_well(outcomes, planned) else "NOT WELL"]
     for line in lines:
         console.print(Text(line), soft_wrap=True)
 

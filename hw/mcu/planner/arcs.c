@@ -2,8 +2,10 @@
 #include "arcs.h"
 
 /* What may be tuned. Costs are those of the field: so much for a metre of open ground. */
-#define BRAKE_MMPS2 400     /* half of what the robot surely can: a nod shows floor as an obstacle */
+#define BRAKE_MMPS2 800     /* how fast the robot surely slows down (the sender's own number) */
+#define GENTLY_MMPS2 250    /* as it does where it can choose: a nod shows floor as an obstacle */
 #define REACTION_MS 550     /* the sender's 450, and a step of this driver */
+#define LATERAL_MMPS2 120   /* of an arc: more tilts what the attitude sensor tells */
 #define SET_OUT_MM 120      /* so much must be free before a motion begins: no inching ahead */
 #define SLOWEST_MMPS 80     /* there is no going below it */
 #define HORIZON_MM 900      /* of an arc, for being judged */
@@ -15,7 +17,7 @@
 #define SPIN_DONE 1500      /* turns; 8 degrees */
 #define SPIN_GAIN_MRADPS 1600 /* per radian of what is left to turn */
 #define SPIN_SLOWEST_MRADPS 200
-#define SPIN_FASTEST_MRADPS 800
+#define SPIN_FASTEST_MRADPS 600
 #define BACK_MMPS 300
 #define TURNS_PER_RAD 10430
 
@@ -24,10 +26,11 @@ static const int16_t curvatures[] = { /* mrad per m */
 };
 #define CURVATURES (sizeof curvatures / sizeof curvatures[0])
 
-int32_t arcs_allowed_mmps(int32_t free_mm)
+/* Rate from which the robot can stop within so much free way, slowing down so fast. */
+static int32_t allowed_mmps(int32_t free_mm, int32_t brake_mmps2)
 {
-    const int32_t lost = (BRAKE_MMPS2 * REACTION_MS) / 1000;
-    return root((lost * lost) + (2 * BRAKE_MMPS2 * most(0, free_mm))) - lost;
+    const int32_t lost = (brake_mmps2 * REACTION_MS) / 1000;
+    return root((lost * lost) + (2 * brake_mmps2 * most(0, free_mm))) - lost;
 }
 
 /* The same arc, so that no point is faster than `rate_mmps`. */
@@ -42,19 +45,20 @@ static struct motion scaled(struct motion motion, int32_t rate_mmps, int32_t own
 
 static const struct motion standing = {0, 0};
 
-struct motion arcs_safe(const struct sweep *sweep, struct motion motion,
-                        const struct limits *limits)
+/* A motion, as slow as what lies in its way demands of a robot that slows down so fast. */
+static struct motion safe_by(const struct sweep *sweep, struct motion motion,
+                             const struct limits *limits, int32_t brake_mmps2)
 {
     const int32_t rate = sweep_rate_mmps(&sweep->shape, motion);
     int32_t allowed;
     int32_t free_mm = sweep_free_mm(sweep, motion, SWEEP_LONGEST_MM, false);
     if (limits->unknown_mmps > 0) {
         const int32_t hard_mm = sweep_free_mm(sweep, motion, SWEEP_LONGEST_MM, true);
-        allowed = most(arcs_allowed_mmps(free_mm),
-                       least(limits->unknown_mmps, arcs_allowed_mmps(hard_mm)));
+        allowed = most(allowed_mmps(free_mm, brake_mmps2),
+                       least(limits->unknown_mmps, allowed_mmps(hard_mm, brake_mmps2)));
         free_mm = hard_mm;
     } else {
-        allowed = arcs_allowed_mmps(free_mm);
+        allowed = allowed_mmps(free_mm, brake_mmps2);
     }
     if (free_mm < SET_OUT_MM) {
         return standing;
@@ -62,10 +66,25 @@ struct motion arcs_safe(const struct sweep *sweep, struct motion motion,
     return scaled(motion, allowed, rate);
 }
 
+struct motion arcs_safe(const struct sweep *sweep, struct motion motion,
+                        const struct limits *limits)
+{
+    return safe_by(sweep, motion, limits, BRAKE_MMPS2);
+}
+
+static struct motion gently(const struct sweep *sweep, struct motion motion,
+                            const struct limits *limits)
+{
+    return safe_by(sweep, motion, limits, GENTLY_MMPS2);
+}
+
 /* An arc of this curvature, as fast as the limits let it. */
 static struct motion arc_of(int32_t curvature, int32_t v_mmps, int32_t turn_mradps)
 {
     struct motion motion;
+    if (curvature != 0) {
+        v_mmps = least(v_mmps, root((LATERAL_MMPS2 * 1000000) / magnitude(curvature)));
+    }
     motion.v_mmps = v_mmps;
     motion.w_mradps = (v_mmps * curvature) / 1000;
     if (magnitude(motion.w_mradps) > turn_mradps) {
@@ -115,7 +134,7 @@ struct motion arcs_back(const struct sweep *sweep, struct place place, int32_t x
         struct motion motion = arc_of(curvature + by, v, limits->turn_mradps / 2);
         motion.v_mmps = -motion.v_mmps;
         motion.w_mradps = -motion.w_mradps;
-        motion = arcs_safe(sweep, motion, limits);
+        motion = gently(sweep, motion, limits);
         if (motion.v_mmps <= -SLOWEST_MMPS) {
             return motion;
         }
@@ -158,7 +177,7 @@ struct choice arcs_choose(const struct sweep *sweep, const struct field *field, 
     for (k = 0u; (k < CURVATURES) && (limits->ahead_mmps >= SLOWEST_MMPS); k++) {
         const int32_t curvature = curvatures[k];
         const struct motion full = arc_of(curvature, limits->ahead_mmps, limits->turn_mradps);
-        const struct motion safe = arcs_safe(sweep, full, limits);
+        const struct motion safe = gently(sweep, full, limits);
         int32_t cost_mm = arc_cost_mm(sweep, field, place, target, safe, limits->ahead_mmps);
         if (cost_mm >= 0) {
             cost_mm += (KEEP_COST_MM * magnitude(curvature - last->curvature)) / 1000;

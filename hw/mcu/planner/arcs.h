@@ -18,8 +18,6 @@ struct choice {
     bool spins;
 };
 
-/* Rate (mm/s of the fastest point) from which the robot can stop within so much free way. */
-int32_t arcs_allowed_mmps(int32_t free_mm);
 /* The best motion towards a place on the way. */
 struct choice arcs_choose(const struct sweep *sweep, const struct field *field, struct place place,
                           struct place target, const struct limits *limits,

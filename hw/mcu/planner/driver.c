@@ -2,6 +2,7 @@
 #include "driver.h"
 
 #include "manoeuvres.h"
+#include "pace.h"
 #include "route.h"
 #include "tactics.h"
 
@@ -10,16 +11,43 @@
 #define SLOW_MMPS 150         /* while a cell of the map may be outdated */
 #define REFUSED_STEPS 20u     /* asked to move, and not moving */
 #define LET_GO_STEPS 4u       /* zero is asked for after that */
+#define REFUSALS 8u           /* in a row, and the drive is given up */
 #define GOAL_STEPS 6000u      /* for one goal, at most: ten minutes */
 #define MOVING_MMPS 20
 #define ARRIVING_MMPS 100
 
+#define FARTHEST_MM 50000000 /* from the map's origin: beyond it, sums might not fit */
+#define LARGEST_CELL_MM 1000
+#define LARGEST_ROBOT_MM 5000
+#define WIDEST_CLEAR_MM 30000
+
 static const struct motion standing = {0, 0};
+
+static int32_t within(int32_t number, int32_t low, int32_t high)
+{
+    return most(low, least(high, number));
+}
+
+/* Settings that all sums can take. */
+static const struct driver_settings *take_settings(struct driver_settings *settings)
+{
+    settings->clear_mm = within(settings->clear_mm, 0, WIDEST_CLEAR_MM);
+    settings->unknown_mmps = within(settings->unknown_mmps, 0, LARGEST_ROBOT_MM);
+    settings->max_mmps = within(settings->max_mmps, 1, LARGEST_ROBOT_MM);
+    settings->max_mradps = within(settings->max_mradps, 1, LARGEST_ROBOT_MM);
+    settings->front_mm = within(settings->front_mm, 1, LARGEST_ROBOT_MM);
+    settings->rear_mm = within(settings->rear_mm, 1, LARGEST_ROBOT_MM);
+    settings->width_mm = within(settings->width_mm, 1, LARGEST_ROBOT_MM);
+    settings->margin_mm = within(settings->margin_mm, 0, LARGEST_ROBOT_MM);
+    settings->goal_radius_mm = within(settings->goal_radius_mm, 1, LARGEST_ROBOT_MM);
+    return settings;
+}
 
 void driver_init(struct driver *driver, const struct driver_settings *settings)
 {
     (void)memset(driver, 0, sizeof *driver);
     driver->settings = *settings;
+    settings = take_settings(&driver->settings);
     driver->shape.front = settings->front_mm;
     driver->shape.rear = settings->rear_mm;
     driver->shape.half = (settings->width_mm + 1) / 2;
@@ -31,13 +59,14 @@ void driver_init(struct driver *driver, const struct driver_settings *settings)
 
 void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
 {
-    driver->goal.x_mm = x_mm;
-    driver->goal.y_mm = y_mm;
+    driver->goal.x_mm = within(x_mm, -FARTHEST_MM, FARTHEST_MM);
+    driver->goal.y_mm = within(y_mm, -FARTHEST_MM, FARTHEST_MM);
     driver->state = DRIVER_DRIVING;
     driver->why = DRIVER_WHY_NOTHING;
     driver->steps = 0u;
     driver->tries = 0u;
     driver->refused = 0u;
+    driver->refusals = 0u;
     driver->paid_mm = 0;
     driver->looked = false;
     driver->disc_count = 0u;
@@ -100,13 +129,37 @@ static bool find_limits(struct driver *driver, struct mapod_link *link, struct m
     return true;
 }
 
-static void take_pose(struct driver *driver, const struct mapod_pose *pose)
+/* False: it can't be where the robot is. */
+static bool take_pose(struct driver *driver, const struct mapod_pose *pose)
 {
+    if ((pose == NULL) || (pose->x_mm != within(pose->x_mm, -FARTHEST_MM, FARTHEST_MM)) ||
+        (pose->y_mm != within(pose->y_mm, -FARTHEST_MM, FARTHEST_MM))) {
+        return false;
+    }
     driver->place.x_mm = pose->x_mm;
     driver->place.y_mm = pose->y_mm;
     driver->place.yaw = turn_from_link(pose->yaw);
     driver->moves.v_mmps = pose->v_mmps;
     driver->moves.w_mradps = pose->w_mradps;
+    return true;
+}
+
+/* The robot has not moved although it was asked to, and was let go of: asks again, does something
+ * else, or gives up. */
+static void give_way(struct driver *driver)
+{
+    driver->refused = 0u;
+    driver->refusals++;
+    if (driver->refusals > REFUSALS) {
+        tactics_give_up(driver, DRIVER_WHY_REFUSED);
+    } else if (driver->tactic != TACTIC_GO) {
+        tactics_begin(driver, TACTIC_GO);
+    } else if ((driver->refusals % 2u) == 0u) {
+        driver->why = (uint8_t)DRIVER_WHY_REFUSED;
+        tactics_stuck(driver);
+    } else {
+        /* The same again: the sender may just have waited for being let go of. */
+    }
 }
 
 /* Whether a robot that is asked to move does not; then nothing is asked for, for a while. */
@@ -118,13 +171,7 @@ static bool is_refused(struct driver *driver)
     if (driver->refused >= REFUSED_STEPS) {
         driver->refused++;
         if (driver->refused > (REFUSED_STEPS + LET_GO_STEPS)) {
-            driver->refused = 0u;
-            if (driver->tactic == TACTIC_GO) {
-                driver->why = (uint8_t)DRIVER_WHY_REFUSED;
-                tactics_stuck(driver);
-            } else {
-                tactics_begin(driver, TACTIC_GO);
-            }
+            give_way(driver);
         }
         return true;
     }
@@ -158,15 +205,14 @@ bool driver_step(struct driver *driver, struct mapod_link *link, struct mapod_zo
     struct limits limits;
     bool may_go;
     check_session(driver, link);
-    if (pose != NULL) {
-        take_pose(driver, pose);
-    }
+    may_go = take_pose(driver, pose);
     if (driver->state != DRIVER_DRIVING) {
         const bool was_asking = (driver->asked.v_mmps != 0) || (driver->asked.w_mradps != 0);
         driver->asked = standing;
         return was_asking;
     }
-    may_go = find_limits(driver, link, zone, now_ms, &limits) && (pose != NULL) &&
+    driver->why = may_go ? driver->why : (uint8_t)MAPOD_WHY_POSE_INVALID;
+    may_go = may_go && find_limits(driver, link, zone, now_ms, &limits) &&
              ground_from(&driver->ground, link, driver->place.x_mm, driver->place.y_mm,
                          driver->settings.clear_mm);
     if ((!may_go) || is_over(driver)) {
@@ -174,12 +220,13 @@ bool driver_step(struct driver *driver, struct mapod_link *link, struct mapod_zo
         return true;
     }
     tactics_note_way(driver);
-    if (!route_work(driver)) {
+    if ((driver->ground.frame.cell_mm > LARGEST_CELL_MM) || (!route_work(driver))) {
         tactics_give_up(driver, DRIVER_WHY_WINDOW);
         driver->asked = standing;
         return true;
     }
     sweep_begin(&driver->sweep, &driver->ground, &driver->shape, driver->place);
-    driver->asked = is_refused(driver) ? standing : manoeuvre(driver, &limits);
+    driver->asked = is_refused(driver) ? standing
+                                       : pace(driver, manoeuvre(driver, &limits), &limits);
     return true;
 }

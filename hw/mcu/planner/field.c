@@ -6,8 +6,8 @@
 #define NOBODY 0xFFFFu
 #define STRAIGHT 5u /* steps to a neighbour, times its weight */
 #define DIAGONAL 7u
-#define OPEN_COST 10u  /* of one cell of open ground */
-#define BEYOND 400u    /* cost that is worked out beyond the robot's own cell */
+#define OPEN_COST 20u  /* of one cell of open ground */
+#define BEYOND 800u    /* cost that is worked out beyond the robot's own cell */
 
 static struct layer *layer_in_work(struct field *field)
 {

@@ -18,7 +18,6 @@
 #endif
 #define FIELD_BUCKETS 4096u
 #define FIELD_NO_WAY 65535u
-#define FIELD_MM_PER_COST 20 /* on open ground of 200 mm cells; see field_cost_mm */
 #define FIELD_DISCS 12u
 
 /* What a cell is to the way, in the low bits of its weight's byte. */
@@ -29,6 +28,12 @@ struct disc { /* ground that has been given up, map frame */
     int32_t x_mm;
     int32_t y_mm;
     int32_t radius_mm;
+};
+
+struct step_cell { /* of a way, map frame */
+    int32_t x_mm;
+    int32_t y_mm;
+    bool soft;
 };
 
 struct field_task { /* what a field is asked for */
@@ -42,6 +47,8 @@ struct field_task { /* what a field is asked for */
     bool only_free;    /* closed is all that is not known to be free */
     const struct disc *discs;
     uint32_t disc_count;
+    const struct step_cell *before; /* the way that was taken until now */
+    uint32_t before_count;
 };
 
 struct layer { /* one field */
@@ -74,12 +81,6 @@ bool field_work(struct field *field, uint32_t cells);
 uint32_t field_cost(const struct field *field, int32_t x_mm, int32_t y_mm);
 /* What one metre of open ground costs. */
 uint32_t field_cost_of_m(const struct field *field);
-
-struct step_cell { /* of a way, map frame */
-    int32_t x_mm;
-    int32_t y_mm;
-    bool soft;
-};
 
 /* The way from a place downhill, one cell after the other; how many there are, at most `room`. */
 uint32_t field_way(const struct field *field, int32_t x_mm, int32_t y_mm, struct step_cell *way,

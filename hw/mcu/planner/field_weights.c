@@ -8,12 +8,15 @@
 #define THIRDS 3      /* a distance of one cell */
 #define DIAGONAL 4    /* and of one across */
 #define FAR 60000u    /* no such cell in sight */
+#define DIRECTIONS 128u
 
-#define OPEN 2u       /* weights */
-#define BESIDE 3u     /* more, where something is so near that the robot could not turn */
-#define NEARBY 1u     /* more, within this beyond that: */
+#define OPEN 4u       /* weights */
+#define AS_BEFORE 3u  /* on the way that was taken until now: else it changes its mind too often */
+#define BESIDE 5u     /* more, where something is so near that the robot could not turn */
+#define NEARBY 2u     /* more, within this beyond that: */
 #define NEARBY_MM 400
-#define UNSEEN_FAR 5u   /* may be seen on the way there */
+#define UNSEEN_FAR 7u     /* may be seen on the way there, */
+#define UNSEEN_BEHIND 20u /* but for what stands before it */
 #define UNSEEN_NEAR FIELD_MOST_WEIGHT /* only from farther away */
 #define SEEN_FROM_MM 8600 /* from the axle, straight ahead: the line where the laser meets the floor */
 
@@ -96,15 +99,44 @@ static void measure(const struct layer *layer, uint16_t *away, uint32_t state, b
     spread(&layer->frame, away);
 }
 
-/* Of ground that is not known to be free, by how far off the robot it is. */
-static uint8_t unseen(const struct layer *layer, const struct field_task *task, uint32_t at)
+/* In each direction from the robot (of DIRECTIONS): mm to the nearest obstacle. */
+static void find_shadows(const struct layer *layer, const struct field_task *task,
+                         uint16_t *shadows)
+{
+    const struct frame *const frame = &layer->frame;
+    int32_t i, j;
+    uint32_t k;
+    for (k = 0u; k < DIRECTIONS; k++) {
+        shadows[k] = (uint16_t)FAR;
+    }
+    for (j = 0; j < frame->height; j++) {
+        for (i = 0; i < frame->width; i++) {
+            if (((uint32_t)layer->weight[(j * frame->width) + i] & 3u) == MAPOD_OBSTACLE) {
+                const int32_t dx = middle_of(frame, frame->column0 + i) - task->robot_x_mm;
+                const int32_t dy = middle_of(frame, frame->row0 + j) - task->robot_y_mm;
+                const uint32_t sector = (uint32_t)direction(dx, dy) / (65536u / DIRECTIONS);
+                shadows[sector] = nearer(shadows[sector], (uint32_t)distance_mm(dx, dy));
+            }
+        }
+    }
+}
+
+/* Of ground that is not known to be free, by how far off the robot it is and what stands before. */
+static uint8_t unseen(const struct layer *layer, const struct field_task *task, uint32_t at,
+                      const uint16_t *shadows)
 {
     const struct frame *const frame = &layer->frame;
     const int32_t i = frame->column0 + ((int32_t)at % frame->width);
     const int32_t j = frame->row0 + ((int32_t)at / frame->width);
-    const int32_t away_mm = distance_mm(middle_of(frame, i) - task->robot_x_mm,
-                                        middle_of(frame, j) - task->robot_y_mm);
-    return (uint8_t)(FIELD_SOFT | ((away_mm < SEEN_FROM_MM) ? UNSEEN_NEAR : UNSEEN_FAR));
+    const int32_t dx = middle_of(frame, i) - task->robot_x_mm;
+    const int32_t dy = middle_of(frame, j) - task->robot_y_mm;
+    const int32_t away_mm = distance_mm(dx, dy);
+    uint32_t weight = UNSEEN_NEAR;
+    if (away_mm >= SEEN_FROM_MM) {
+        const uint32_t sector = (uint32_t)direction(dx, dy) / (65536u / DIRECTIONS);
+        weight = (shadows[sector] < away_mm) ? UNSEEN_BEHIND : UNSEEN_FAR;
+    }
+    return (uint8_t)(FIELD_SOFT | weight);
 }
 
 /* Of ground that is known to be free, by how near the next is that is not. */
@@ -120,14 +152,28 @@ static uint8_t seen(const struct field_task *task, int32_t away_mm)
     return (uint8_t)weight;
 }
 
+/* Makes open ground about a cell of the way before a little cheaper. */
+static void favour(struct layer *layer, const struct step_cell *cell)
+{
+    const struct frame *const frame = &layer->frame;
+    const int32_t i = cell_of(frame, cell->x_mm) - frame->column0;
+    const int32_t j = cell_of(frame, cell->y_mm) - frame->row0;
+    if ((i >= 0) && (j >= 0) && (i < frame->width) && (j < frame->height)) {
+        uint8_t *const weight = &layer->weight[(j * frame->width) + i];
+        *weight = (*weight == OPEN) ? (uint8_t)AS_BEFORE : *weight;
+    }
+}
+
 void field_weigh(struct layer *layer, uint16_t *distances, const struct ground *ground,
                  const struct field_task *task)
 {
     const int32_t cell_mm = layer->frame.cell_mm;
     const uint32_t count = (uint32_t)(layer->frame.width * layer->frame.height);
     const int32_t half_mm = task->half_mm + (cell_mm / 2);
+    uint16_t shadows[DIRECTIONS];
     uint32_t at;
     take_states(layer, ground, task);
+    find_shadows(layer, task, shadows);
     measure(layer, distances, MAPOD_OBSTACLE, true);
     for (at = 0u; at < count; at++) {
         if (((distances[at] * cell_mm) / THIRDS) < half_mm) {
@@ -140,9 +186,12 @@ void field_weigh(struct layer *layer, uint16_t *distances, const struct ground *
         if (((uint32_t)layer->weight[at] & 4u) != 0u) {
             layer->weight[at] = FIELD_CLOSED;
         } else if (away_mm < half_mm) {
-            layer->weight[at] = task->only_free ? (uint8_t)FIELD_CLOSED : unseen(layer, task, at);
+            layer->weight[at] = task->only_free ? (uint8_t)FIELD_CLOSED : unseen(layer, task, at, shadows);
         } else {
             layer->weight[at] = seen(task, away_mm - (cell_mm / 2));
         }
+    }
+    for (at = 0u; at < task->before_count; at++) {
+        favour(layer, &task->before[at]);
     }
 }

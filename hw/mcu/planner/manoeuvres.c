@@ -7,7 +7,6 @@
 /* What may be tuned. Steps are DRIVER_PERIOD_MS each. */
 #define CRUISE_MMPS 800   /* faster, the map gets too few looks at each cell */
 #define TURNING_MRADPS 600
-#define FASTER_MMPS 40    /* per step */
 #define GOAL_MMPS2 150    /* how it slows down for the goal: a nod shows floor as an obstacle */
 #define GOAL_SHORT_MM 150
 #define CREEP_MMPS 60
@@ -16,21 +15,43 @@
 #define STUCK_BLOCKED 40u
 #define WAIT_STEPS 60u
 #define FACED 2500        /* turns; 14 degrees */
+#define PASSED_MM 7600    /* so near, the line on the floor has passed it, and more is not decided */
+#define NEARER_MM 3000    /* nearer, going back is no shorter than looking from elsewhere */
+#define AGAIN_FROM_MM 9700 /* from there it will be seen again */
 
 static const struct motion standing = {0, 0};
 
-/* As fast as a robot may become from step to step, and so slow that it can stop at the goal. */
-static struct motion paced(const struct driver *driver, struct motion motion, int32_t left_mm)
+/* So slow that it can stop at the goal. */
+static struct motion paced(struct motion motion, int32_t left_mm)
 {
-    const int32_t now = most(magnitude(driver->asked.v_mmps), magnitude(driver->moves.v_mmps));
     const int32_t stop = root(2 * GOAL_MMPS2 * most(0, left_mm - GOAL_SHORT_MM)) + CREEP_MMPS;
-    const int32_t wanted = magnitude(motion.v_mmps);
-    const int32_t most_v = least(least(wanted, now + FASTER_MMPS), stop);
-    if ((wanted > 0) && (most_v < wanted)) {
-        motion.v_mmps = (motion.v_mmps * most_v) / wanted;
-        motion.w_mradps = (motion.w_mradps * most_v) / wanted;
+    if (motion.v_mmps > stop) {
+        motion.w_mradps = (motion.w_mradps * stop) / motion.v_mmps;
+        motion.v_mmps = stop;
     }
     return motion;
+}
+
+/* Ground on the way that the laser's line has passed without showing it: goes back at once, to let
+ * the line pass again, while that is near. */
+static bool turns_back(struct driver *driver)
+{
+    const struct step_cell *const cell = &driver->way[driver->known_count];
+    const int32_t dx = cell->x_mm - driver->place.x_mm;
+    const int32_t dy = cell->y_mm - driver->place.y_mm;
+    const int32_t away = distance_mm(dx, dy);
+    const struct spot to = {cell->x_mm, cell->y_mm};
+    const struct spot from = {driver->place.x_mm, driver->place.y_mm};
+    if ((driver->known_count >= driver->way_count) || (away > PASSED_MM) || (away < NEARER_MM) ||
+        (magnitude(difference(direction(dx, dy), driver->place.yaw)) > FACED) ||
+        (driver->crumb_count < 10u) || (driver->tactic != TACTIC_GO) ||
+        (!tactics_is_in_sight(driver, from, to)) || (!tactics_may_look_again(driver, to))) {
+        return false;
+    }
+    driver->tries++;
+    driver->back_mm = AGAIN_FROM_MM - away;
+    tactics_begin(driver, TACTIC_BACK);
+    return true;
 }
 
 /* Along the way; zero where nothing is worth asking for, and why. */
@@ -48,6 +69,10 @@ static struct motion go(struct driver *driver, const struct limits *limits)
         const struct layer *const layer = &driver->field.layers[driver->field.now];
         driver->why = (uint8_t)(layer->goal_is_closed ? DRIVER_WHY_GOAL_BLOCKED
                                                       : DRIVER_WHY_WAITS);
+        return standing;
+    }
+    if (turns_back(driver)) {
+        driver->why = (uint8_t)DRIVER_WHY_UNSEEN;
         return standing;
     }
     if ((known < driver->way_count) &&
@@ -75,8 +100,7 @@ static struct motion go(struct driver *driver, const struct limits *limits)
         driver->why = (driver->why == DRIVER_WHY_NOTHING) ? (uint8_t)DRIVER_WHY_WAITS : driver->why;
         return standing;
     }
-    return paced(driver, driver->last.motion,
-                 left);
+    return paced(driver->last.motion, left);
 }
 
 static struct motion look(struct driver *driver, const struct limits *limits)

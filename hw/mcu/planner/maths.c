@@ -104,9 +104,15 @@ int32_t root(int32_t square)
 
 int32_t distance_mm(int32_t dx_mm, int32_t dy_mm)
 {
-    const int32_t dx = magnitude(dx_mm);
-    const int32_t dy = magnitude(dy_mm);
-    return ((dx > 32000) || (dy > 32000)) ? most(dx, dy) : root((dx * dx) + (dy * dy));
+    int32_t dx = magnitude(dx_mm);
+    int32_t dy = magnitude(dy_mm);
+    int32_t scale = 1;
+    while ((dx > 32000) || (dy > 32000)) {
+        dx /= 2;
+        dy /= 2;
+        scale *= 2;
+    }
+    return root((dx * dx) + (dy * dy)) * scale;
 }
 
 turn_t turn_from_link(int16_t angle)

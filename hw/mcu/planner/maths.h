@@ -17,7 +17,7 @@ int32_t cosine(turn_t angle);
 turn_t direction(int32_t x, int32_t y);        /* of a vector, within 3 units; 0 for no vector */
 int32_t difference(turn_t angle, turn_t from); /* -32 768 to 32 767: the short way round */
 int32_t root(int32_t square);                  /* rounded down; 0 for what is negative */
-int32_t distance_mm(int32_t dx_mm, int32_t dy_mm); /* each below 32 m, or else the longer of both */
+int32_t distance_mm(int32_t dx_mm, int32_t dy_mm); /* beyond 32 m within a thousandth */
 turn_t turn_from_link(int16_t angle);              /* from 0.0001 rad */
 int32_t magnitude(int32_t number);
 int32_t least(int32_t a, int32_t b);

@@ -9,7 +9,7 @@
 /* What the field in work is to lead to. */
 static struct field_task task_of(const struct driver *driver)
 {
-    struct field_task task = {0, 0, 0, 0, 0, 0, 0, false, NULL, 0u};
+    struct field_task task = {0, 0, 0, 0, 0, 0, 0, false, NULL, 0u, NULL, 0u};
     const struct spot to = (driver->tactic == TACTIC_VIEW) ? driver->view : driver->goal;
     task.x_mm = to.x_mm;
     task.y_mm = to.y_mm;
@@ -22,6 +22,8 @@ static struct field_task task_of(const struct driver *driver)
     task.only_free = (driver->tactic == TACTIC_VIEW) || (driver->tactic == TACTIC_PROBE);
     task.discs = driver->discs;
     task.disc_count = (uint32_t)least((int32_t)driver->disc_count, (int32_t)FIELD_DISCS);
+    task.before = driver->way;
+    task.before_count = driver->field.has_any ? driver->way_count : 0u;
     if (driver->tactic == TACTIC_PROBE) { /* from the robot to everywhere */
         task.x_mm = driver->place.x_mm;
         task.y_mm = driver->place.y_mm;

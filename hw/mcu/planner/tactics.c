@@ -7,13 +7,15 @@
 #define TRIES 14u           /* tactics for one goal */
 #define PAYS_MM 5000        /* of way, that strike one off */
 #define CRUMB_MM 200        /* between two of them */
-#define VIEW_LEAST_MM 8800  /* from there the line on the floor lies before what is to be seen */
-#define VIEW_MOST_MM 9900
+#define VIEW_LEAST_MM 9200  /* from there the line on the floor lies before what is to be seen */
+#define VIEW_MOST_MM 10300
 #define VIEW_RUN_MM 1000    /* to be driven from there towards it */
 #define VIEW_SHORT_MM 600   /* of the line of sight, that need not be clear at its end */
 #define GIVEN_UP_MM 500     /* radius */
 #define BACK_MM 2600        /* of way back, for a new try */
 #define BACK_SHORT_MM 900
+#define LOOKS 2u            /* at the same ground, from places chosen for it */
+#define SAME_MM 1000
 
 void tactics_begin(struct driver *driver, enum driver_tactic tactic)
 {
@@ -55,6 +57,7 @@ void tactics_note_way(struct driver *driver)
     if (moved_mm < CRUMB_MM) {
         return;
     }
+    driver->refusals = 0u;
     driver->paid_mm += moved_mm;
     if (driver->paid_mm >= PAYS_MM) {
         driver->paid_mm = 0;
@@ -85,8 +88,7 @@ bool tactics_crumb(struct driver *driver, struct spot *crumb)
     return false;
 }
 
-/* Whether nothing that is an obstacle stands between two places, but for the last bit. */
-static bool is_in_sight(const struct driver *driver, struct spot from, struct spot to)
+bool tactics_is_in_sight(const struct driver *driver, struct spot from, struct spot to)
 {
     const struct frame *const frame = &driver->ground.frame;
     const int32_t away_mm = distance_mm(to.x_mm - from.x_mm, to.y_mm - from.y_mm);
@@ -118,7 +120,7 @@ static uint32_t view_cost(const struct driver *driver, struct spot spot, uint32_
         (!field_is_straight(&driver->field, spot.x_mm, spot.y_mm,
                             spot.x_mm + (((to.x_mm - spot.x_mm) * VIEW_RUN_MM) / away_mm),
                             spot.y_mm + (((to.y_mm - spot.y_mm) * VIEW_RUN_MM) / away_mm))) ||
-        (!is_in_sight(driver, spot, to))) {
+        (!tactics_is_in_sight(driver, spot, to))) {
         return FIELD_NO_WAY;
     }
     return cost;
@@ -143,23 +145,47 @@ bool tactics_find_view(struct driver *driver)
     return best != FIELD_NO_WAY;
 }
 
-void tactics_stuck(struct driver *driver)
+bool tactics_may_look_again(struct driver *driver, struct spot spot)
 {
-    const bool unseen = driver->why == DRIVER_WHY_UNSEEN;
-    driver->tries++;
-    if (driver->tries > TRIES) {
-        tactics_give_up(driver, DRIVER_WHY_NO_WAY);
-    } else if (unseen && ((driver->tries % 3u) == 1u)) {
+    const struct spot *const before = &driver->looked_at;
+    if (distance_mm(spot.x_mm - before->x_mm, spot.y_mm - before->y_mm) > SAME_MM) {
+        driver->looked_at = spot;
+        driver->looks = 0u;
+    }
+    driver->looks++;
+    return driver->looks <= LOOKS;
+}
+
+/* Ground on the way cannot be seen from here. */
+static void stuck_unseen(struct driver *driver)
+{
+    if (tactics_may_look_again(driver, driver->unseen)) {
         tactics_begin(driver, TACTIC_PROBE);
     } else if (!driver->looked) {
         driver->looked = true;
         tactics_begin(driver, TACTIC_LOOK);
-    } else if (driver->crumb_count > 3u) {
-        driver->back_mm = ((driver->tries % 2u) == 0u) ? BACK_MM : BACK_SHORT_MM;
+    } else if ((driver->looks == (LOOKS + 2u)) && (driver->crumb_count > 5u)) {
+        driver->back_mm = BACK_MM;
         tactics_begin(driver, TACTIC_BACK);
-    } else if (unseen) {
+    } else {
         tactics_give_up_ground(driver);
         tactics_begin(driver, TACTIC_GO);
+    }
+}
+
+void tactics_stuck(struct driver *driver)
+{
+    driver->tries++;
+    if (driver->tries > TRIES) {
+        tactics_give_up(driver, DRIVER_WHY_NO_WAY);
+    } else if (driver->why == DRIVER_WHY_UNSEEN) {
+        stuck_unseen(driver);
+    } else if (!driver->looked) {
+        driver->looked = true;
+        tactics_begin(driver, TACTIC_LOOK);
+    } else if ((driver->crumb_count > 3u) && ((driver->tries % 3u) != 0u)) {
+        driver->back_mm = ((driver->tries % 3u) == 1u) ? BACK_MM : BACK_SHORT_MM;
+        tactics_begin(driver, TACTIC_BACK);
     } else {
         tactics_begin(driver, TACTIC_WAIT);
     }

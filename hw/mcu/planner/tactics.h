@@ -10,6 +10,10 @@ void tactics_begin(struct driver *driver, enum driver_tactic tactic);
 void tactics_stuck(struct driver *driver);
 /* The field of what can be reached is there: where to look from; false: from nowhere. */
 bool tactics_find_view(struct driver *driver);
+/* Whether nothing that is an obstacle stands between two places, but for the last bit. */
+bool tactics_is_in_sight(const struct driver *driver, struct spot from, struct spot to);
+/* Whether ground has not been looked at too often yet; counts that it is looked at. */
+bool tactics_may_look_again(struct driver *driver, struct spot spot);
 /* Gives up ground that was not seen from anywhere, for this goal. */
 void tactics_give_up_ground(struct driver *driver);
 /* Notes the way that the robot comes. */

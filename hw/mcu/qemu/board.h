@@ -18,7 +18,6 @@ bool board_read_text(uint8_t *byte); /* of the text port, as it stands in the UA
 void board_write(enum uart uart, const uint8_t *bytes, uint32_t count);
 uint32_t stack_used(void); /* bytes, the most since reset */
 
-void clock_tick(void); /* interrupts */
-void uart_heard(void);
+void uart_heard(void); /* interrupt */
 
 #endif

@@ -77,6 +77,6 @@ const union {
     const uint32_t *stack;
 } vectors[] __attribute__((section(".vectors"), used)) = {
     {.stack = &stack_top}, {reset}, {hang}, {hang}, {hang}, {hang}, {hang}, {hang},
-    {hang},                {hang},  {hang}, {hang}, {hang}, {hang}, {hang}, {clock_tick},
+    {hang},                {hang},  {hang}, {hang}, {hang}, {hang}, {hang}, {hang},
     {uart_heard}, /* interrupt 0: UART0 has received */
 };

@@ -1,0 +1,256 @@
+"""Firmware of hw/mcu on an emulated Cortex-M3 (`qemu-system-arm -M mps2-an385`), with both UARTs.
+
+UART0 is the planner's line: a socket that this process reads and writes, or a pty that mapod opens.
+UART1 takes words and gives lines. A board stands still while nobody takes what it sends, so that
+whoever waits for a line here takes both.
+"""
+
+import math
+import re
+import select
+import socket
+import subprocess
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from tools.rig.c_build import build_planner_firmware, program
+from tools.rig.c_planner import ADVICE, STATES, TACTICS, WHY, PlannerSettings, PlannerState
+
+U8 = npt.NDArray[np.uint8]
+GENEROUS_S = 60.0  # nothing here takes long; a loaded machine may
+PTY = re.compile(rb"redirected to (\S+) \(label link\)")
+NAMES = (
+    "clear_mm", "unknown_mmps", "max_mmps", "max_mradps", "front_mm", "rear_mm", "width_mm",
+    "margin_mm", "goal_radius_mm",
+)  # fmt: skip
+
+
+class BoardError(Exception):
+    """The emulator has ended, or the board does not answer."""
+
+
+class Board:
+    """A running board; `with` ends it.
+
+    Args:
+        folder: for the sockets; its path must be short (a socket's has 107 bytes).
+        link: "socket": `send` and `hear` are the line; "pty": `link_path` is.
+
+    Raises:
+        MissingToolError: no emulator is installed.
+    """
+
+    def __init__(
+        self, firmware: Path, folder: Path, link: Literal["socket", "pty"] = "socket"
+    ) -> None:
+        qemu = program("qemu-system-arm")
+        names = ["link", "text"] if link == "socket" else ["text"]
+        listeners = {name: socket.socket(socket.AF_UNIX) for name in names}
+        serials = [] if link == "socket" else ["-chardev", "pty,id=link", "-serial", "chardev:link"]
+        for name, listener in listeners.items():
+            listener.bind(str(folder / name))
+            listener.listen(1)
+            listener.settimeout(GENEROUS_S)
+            serials += ["-chardev", f"socket,id={name},path={folder / name}"]
+            serials += ["-serial", f"chardev:{name}"]
+        command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
+        self.process = subprocess.Popen(
+            [*command, *serials, "-kernel", str(firmware)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        try:
+            sockets = {name: listener.accept()[0] for name, listener in listeners.items()}
+            self.text, self.link = sockets["text"], sockets.get("link")
+            self.link_path = str(folder / "link") if self.link else self._pty()
+        except (OSError, BoardError):
+            self._end()
+            raise
+        finally:
+            for listener in listeners.values():
+                listener.close()
+        self._unread = self._heard = b""
+
+    def _pty(self) -> str:
+        assert self.process.stdout is not None
+        told = self.process.stdout.readline()
+        found = PTY.search(told)
+        if not found:
+            raise BoardError(f"the emulator names no pty: {told!r}")
+        return found[1].decode()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the emulator."""
+        self._end()
+        for end in (self.link, self.text):
+            if end is not None:
+                end.close()
+
+    def _end(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+    def send(self, data: bytes) -> None:
+        """Bytes to the board's line; takes what it sends meanwhile."""
+        assert self.link is not None, "its line is a pty"
+        left = memoryview(data)
+        until_s = time.monotonic() + GENEROUS_S
+        while left:
+            _, writable, _ = select.select([], [self.link], [], 0.01)
+            if writable:
+                left = left[self.link.send(left[:2048]) :]
+            else:
+                self._take(0.0)
+            if time.monotonic() > until_s:
+                raise BoardError("the board takes nothing")
+
+    def hear(self) -> bytes:
+        """What the board has sent on its line since the last call; waits for nothing."""
+        self._take(0.0)
+        heard, self._heard = self._heard, b""
+        return heard
+
+    def ask(self, words: str) -> str:
+        """The line that answers a line.
+
+        Raises:
+            BoardError: none came.
+        """
+        self.text.sendall(words.encode() + b"\n")
+        return self._line()
+
+    def status(self) -> dict[str, int]:
+        """What the board says of itself, as it says it."""
+        words = self.ask("status").split()[1:]
+        return {name: int(value) for name, value in (word.split("=") for word in words)}
+
+    def window(self) -> U8:
+        """(height, width) cells as the board holds them: 0 unknown, 1 free, 2 obstacle."""
+        return self._dump()[1]
+
+    def _dump(self) -> tuple[list[int], U8]:
+        """The numbers of its answer, and the cells."""
+        numbers = [int(word) for word in self.ask("dump").split()[1:]]
+        width, height = numbers[:2]
+        rows = [self._line() for _ in range(height)]
+        digits = np.frombuffer("".join(rows).encode(), np.uint8) - ord("0")
+        return numbers, digits.reshape(height, width)
+
+    def _line(self) -> str:
+        until_s = time.monotonic() + GENEROUS_S
+        while b"\n" not in self._unread:
+            left_s = until_s - time.monotonic()
+            if left_s <= 0.0 or not self._take(left_s):
+                raise BoardError("the board says nothing")
+        line, self._unread = self._unread.split(b"\n", 1)
+        return line.decode()
+
+    def _take(self, wait_s: float) -> bool:
+        """Read both sockets; False: nothing came."""
+        ends = [end for end in (self.link, self.text) if end is not None]
+        ready, _, _ = select.select(ends, [], [], wait_s)
+        for end in ready:
+            data = end.recv(65_536)
+            if not data:
+                raise BoardError("the emulator has ended")
+            if end is self.text:
+                self._unread += data
+            else:
+                self._heard += data
+        return bool(ready)
+
+
+class EmulatedBoard(Board):
+    """The planner's firmware, set up and started. It keeps its own time, in whole milliseconds.
+
+    Args:
+        nonce: of its HELLO; another one for each start.
+        key: 32 bytes, or None.
+
+    Raises:
+        MissingToolError, CompileError: see `tools.rig.c_build`.
+    """
+
+    def __init__(
+        self,
+        settings: PlannerSettings,
+        folder: Path,
+        link: Literal["socket", "pty"] = "socket",
+        key: bytes | None = None,
+        nonce: int = 1,
+    ) -> None:
+        super().__init__(build_planner_firmware(), folder, link)
+        self.settings = settings
+        words = [f"set {name} {v}" for name, v in zip(NAMES, settings.thousandths(), strict=True)]
+        words += [f"key {key.hex()}"] if key is not None else []
+        try:
+            for word in [*words, f"start {nonce}"]:
+                self.ask(word)
+        except (OSError, BoardError):
+            self.close()
+            raise
+
+    def goal(self, x_m: float, y_m: float) -> None:
+        """Drive there; a goal before is forgotten."""
+        self.ask(f"goal {round(x_m * 1000)} {round(y_m * 1000)}")
+
+    def halt(self) -> None:
+        """Stop, and forget the goal."""
+        self.ask("halt")
+
+    def hold_clock(self, now_s: float) -> None:
+        """Let its clock stand at this time; from then on it speaks only after `let_speak`."""
+        self.ask(f"clock {math.floor(now_s * 1000 + 1e-6)}")
+
+    def let_speak(self) -> None:
+        """All that the planner has to say at the time at which its clock stands."""
+        self.ask("poll")
+
+    def origin(self) -> tuple[int, int]:
+        """Lowest column and row in the endless grid, modulo 65 536 as int16."""
+        status = self.status()
+        return status["ox"], status["oy"]
+
+    def snapshot(self) -> tuple[tuple[int, int], U8]:
+        """(origin, window) of one instant."""
+        numbers, cells = self._dump()
+        return (numbers[2], numbers[3]), cells
+
+    def state(self) -> PlannerState:
+        """What the planner does, and why."""
+        status = self.status()
+        return PlannerState(
+            state=STATES[status["state"]],
+            why=WHY[status["why"]],
+            tactic=TACTICS[status["tactic"]],
+            v_mps=status["v_mmps"] / 1000,
+            w_radps=status["w_mradps"] / 1000,
+            x_m=status["x_mm"] / 1000,
+            y_m=status["y_mm"] / 1000,
+            yaw_rad=math.remainder(status["yaw"] * math.tau / 65_536, math.tau),
+            goal=(status["goal_x_mm"] / 1000, status["goal_y_mm"] / 1000),
+            advice=ADVICE[status["advice"]],
+            advice_why=WHY[status["link_why"]],
+            blank=bool(status["blank"]),
+            suspect=bool(status["suspect"]),
+            stale=bool(status["stale"]),
+            tries=status["tries"],
+            accepted=status["accepted"],
+            rejected=status["bad_frames"],
+        )

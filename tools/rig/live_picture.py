@@ -1,0 +1,81 @@
+"""The live rig's picture: the map as it came over the link, robot and goal in it; words beside."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from fakes.planner import FakePlanner
+from tools.planner_end import PlannerEnd
+from tools.rig.watch import GOAL, PANEL_COLUMNS, ROBOT, legend, text_of
+from tools.screen import status_lines
+from tools.view import PICTURE_PERIOD_S, WAIT_S, zone_lines
+
+U8 = npt.NDArray[np.uint8]
+FRONT_M, REAR_M, HALF_M, GOAL_M = 0.52, 0.20, 0.30, 0.3  # of robot and goal, as drawn
+
+
+def image_of(planner: FakePlanner, goal: tuple[float, float] | None) -> U8:
+    """The window with robot and goal: [row, column], map x up, map y left; (0, 0) without one.
+
+    Args:
+        goal: (x, y) m, map frame; drawn at the edge where it lies beyond.
+    """
+    window, geom, origin = planner.window(), planner.geom, planner.origin
+    if geom is None or origin is None or not window.size:
+        return np.zeros((0, 0), np.uint8)
+    i, j = origin[0] + np.arange(geom.width), origin[1] + np.arange(geom.height)
+    x, y = np.meshgrid((i + 0.5) * geom.cell_m, (j + 0.5) * geom.cell_m)
+    image = window.copy()
+    if goal is not None:
+        gx, gy = np.clip(goal, (x.min(), y.min()), (x.max(), y.max()))
+        image[np.hypot(x - gx, y - gy) <= GOAL_M] = GOAL
+    if planner.pose is not None:
+        pose = planner.pose
+        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+        ahead = c * (x - pose.x_m) + s * (y - pose.y_m)
+        left = c * (y - pose.y_m) - s * (x - pose.x_m)
+        image[(ahead > -REAR_M) & (ahead < FRONT_M) & (np.abs(left) < HALF_M)] = ROBOT
+    return np.ascontiguousarray(image.T[::-1, ::-1])
+
+
+def picture(
+    planner: FakePlanner,
+    goal: tuple[float, float] | None,
+    lines: Sequence[Text],
+    columns: int,
+    rows: int,
+) -> RenderableType:
+    """Map and words, for a terminal of this size."""
+    image = image_of(planner, goal)
+    words = [*lines, legend()]
+    if not image.size:
+        return Group(Text("waiting for the map", "bold"), *words)
+    room = (max(1, columns - PANEL_COLUMNS - 2), max(1, 2 * rows))
+    factor = max(1, -(-image.shape[1] // room[0]), -(-image.shape[0] // room[1]))
+    table = Table.grid(padding=(0, 2))
+    table.add_row(text_of(image, factor), Group(*words[:rows]))
+    return table
+
+
+def show(
+    end: PlannerEnd,
+    console: Console,
+    done: Callable[[float], bool],
+    lines: Callable[[float], list[Text]],
+    goal: Callable[[], tuple[float, float] | None],
+) -> None:
+    """The picture until `done(now_s)`; `lines(now_s)` stand above what the link tells."""
+    with Live(console=console, screen=True, auto_refresh=False) as live:
+        drawn_s = 0.0
+        while not done(now_s := end.step(WAIT_S)):
+            if now_s - drawn_s >= PICTURE_PERIOD_S:
+                drawn_s, (columns, rows) = now_s, console.size
+                told = [*lines(now_s), *zone_lines(end.planner.stop_zone, now_s)]
+                told += status_lines(end.planner, end.meter, now_s)
+                live.update(picture(end.planner, goal(), told, columns, rows), refresh=True)

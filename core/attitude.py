@@ -3,16 +3,17 @@
 Refuses to bridge a gap: an instant is covered only where samples before and after it lie close
 together. It is within reach, too, where the newest sample is no older than the next one may take to
 come, and that sample's rate of turn carries it on: a scan need not wait for the sample behind it.
-Roll and pitch are the attitude sensor's, yaw is the heading filter's.
+Roll and pitch are the level filter's, yaw is the heading filter's.
 """
 
 import math
 
 import numpy as np
 
-from core.geometry import R_from_rpy, q_from_R, q_product, rpy_from_q
+from core.geometry import R_from_rpy, q_from_R, q_from_rpy, q_product, rpy_from_q
 from core.heading import HeadingFilter
 from core.jit import kernel
+from core.level import LevelFilter
 from core.records import F64, Attitude
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
@@ -80,7 +81,7 @@ class AttitudeRing:
         self._turned_rad = np.zeros(KEPT)
         self.start = self.count = 0
         self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
-        self.heading = HeadingFilter()
+        self.heading, self.level = HeadingFilter(), LevelFilter()
         self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
         self.rejected = 0  # samples out of order or no orientation at all
         self._newest_rpy: tuple[float, float, float] | None = 0.0, 0.0, 0.0  # None: to be found
@@ -117,9 +118,12 @@ class AttitudeRing:
             attitude.q_earth_sensor,
             attitude.magnetic,
         )
+        roll_rad, pitch_rad = self.level.step(
+            attitude.t_s, *rpy_rad[:2], self.rate_body_radps, stands=self.heading.standing
+        )
         self.t_s[last] = attitude.t_s
         self._turned_rad[last] = self.heading.turned_rad
-        self.q_earth_body[last] = _turned(yaw_rad - rpy_rad[2], q)
+        self.q_earth_body[last] = q_from_rpy(roll_rad, pitch_rad, yaw_rad)
         self._newest_rpy = None
         self._carry_on(last)
         return True

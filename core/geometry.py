@@ -71,6 +71,25 @@ def q_product(a: F64, b: F64) -> F64:
     )
 
 
+def q_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
+    """Unit quaternion (4,) of roll about x, then pitch about y, then yaw about z.
+
+    >>> np.allclose(rpy_from_q(q_from_rpy(0.1, -0.2, 3.0)), (0.1, -0.2, 3.0))
+    True
+    """
+    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
+    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
+    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    return np.array(
+        [
+            cy * cp * cr + sy * sp * sr,
+            cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr,
+            sy * cp * cr - cy * sp * sr,
+        ]
+    )
+
+
 def rpy_from_q(q: F64) -> tuple[float, float, float]:
     """(roll, pitch, yaw) of a unit quaternion (4,)."""
     w, x, y, z = q.tolist()

@@ -107,3 +107,12 @@ def believed_rotation(
     """An orientation (3, 3) with a false vertical, a false heading, and in a case set askew."""
     R = times(turn_about(lean_x, lean_y, 0.0), R_earth_sensor)
     return times(times(turn_about(0.0, 0.0, heading_rad), R), R_case)
+
+
+def warm() -> None:
+    """Run all of them once, so that none is compiled while a host waits for its device."""
+    up, one, rows = np.array([0.0, 0.0, 9.81]), np.eye(3), np.zeros((4, 3))
+    told_rotation(one, 0.0, one, up, one)
+    told_vectors(up, up, one, up, (0.0, 0.0, 0.0), rows, up, up, up, one)
+    lean_and_wander(0.01, one, up, 1.0, np.zeros(2), np.ones(6), np.zeros(6), np.zeros(6))
+    believed_rotation(one, 0.0, 0.0, 0.0, one)

@@ -11,7 +11,7 @@ import numpy as np
 from fakes.mti_data import NOWHERE, Sample
 from fakes.mti_errors import ACCEL_NOISE_MPS2, RATE_NOISE_RADPS, SheetErrors
 from fakes.mti_gnss import Place, place_near
-from fakes.mti_kernels import told_rotation, told_vectors
+from fakes.mti_kernels import told_rotation, told_vectors, warm
 from fakes.mti_memory import BAD_PARAMETER, Memory
 from fakes.mti_models import Model
 from fakes.mti_rotation import F64, rotation_from_quaternion, rotation_z
@@ -60,6 +60,7 @@ class Sensor:
         self._noise = np.random.default_rng(seed)
         self._still_until_s = -math.inf
         self._errors = SheetErrors(seed)
+        warm()
         self._G, self._A = self.memory.G_reset, self.memory.A_reset  # as now; see Memory
         self._frames_of: tuple[object, ...] = ()  # settings and resets of which these are made:
         self._earth, self._case = np.eye(3), np.eye(3)  # what is turned on the left, on the right

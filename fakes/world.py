@@ -57,11 +57,7 @@ class Ground:
     """How slippery the floor is, and in which places: a share of what dry floor gives to wheels."""
 
     def __init__(self, scene: Scene, model: Any) -> None:
-        self._model, self._patches, self._friction = (
-            model,
-            scene.patches,
-            scene.friction,
-        )
+        self._model, self._patches, self._friction = model, scene.patches, scene.friction
         self._wheels = [model.geom(name).id for name in ("left", "right")]
         self._is_even = not self._patches and self._friction == 1.0
         if not self._is_even:  # of two bodies in contact the greater friction counts
@@ -116,6 +112,12 @@ class World:
         self._shares = np.zeros((KEPT, 2))  # of slip, of the steps to come
         self._settle()
         self._look_around()
+        self._warm()
+
+    def _warm(self) -> None:
+        """Run the kernels once, so that none is compiled while a host waits for its device."""
+        self.motion_at(self._now_s)
+        self.ranges_m(np.full(1, self._now_s), np.zeros(1))
 
     def _settle(self) -> None:
         """Rest on the ground, then call that place the origin of the map."""

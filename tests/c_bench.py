@@ -181,3 +181,12 @@ def random_ground(bench: Bench, seed: int, share: float) -> npt.NDArray[np.int8]
         state = OBSTACLE if random.random() < 0.5 else UNKNOWN
         bench.put((x, x + width), (y, y + height), state)
     return bench.cells
+
+
+def driving(bench: Bench, seconds: float = 1.0) -> Bench:
+    """One that asks to drive straight ahead over free ground, the robot standing."""
+    bench.run(0.3)
+    bench.planner.goal(8.0, 0.0)
+    bench.run(seconds)
+    assert bench.newest[0] > 0.05, bench.state
+    return bench

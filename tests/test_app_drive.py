@@ -57,6 +57,11 @@ class Commander:
         return self.powers != {(0, 0)}
 
     @property
+    def wheels_ok(self) -> bool:
+        pose = self.loop.planner.pose
+        return pose is not None and bool(pose.health & 1 << 2)
+
+    @property
     def place(self) -> tuple[float, float, float]:
         """The world's x, y, yaw."""
         return self.loop.rig.world.pose()[:3]
@@ -296,12 +301,12 @@ def test_counters_that_stand_still_while_the_robot_drives_stop_it_until_they_mov
     commander.run(3.0)
     assert commander.place[0] - before_m < 0.6
     assert commander.blocked_by == STALLED
-    assert not commander.loop.planner.pose.health & 1 << 2
+    assert not commander.wheels_ok
     commander.asks = (0.0, 0.0)
     commander.run(0.5)
     commander.drive(0.6, 0.0, 1.0)  # letting go is not enough
     assert commander.blocked_by == STALLED
     commander.loop.rig.drive.frozen = False
     commander.run(3.0)
-    assert commander.loop.planner.pose.health & 1 << 2
+    assert commander.wheels_ok
     assert commander.blocked_by == "ground in the way was not seen to be free"  # nor vouched for

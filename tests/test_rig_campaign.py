@@ -17,6 +17,7 @@ from fakes.solids import Solid
 from tests.blind_pilot import BlindPilot
 from tests.c_link import needs
 from tools.rig import campaign, record, report
+from tools.rig.__main__ import main as rig_main
 from tools.rig.campaign import Task, outcome_of, outcomes_of, spec_of
 from tools.rig.loop import rig_config
 from tools.rig.one_run import Run, RunResult, RunSpec
@@ -174,6 +175,15 @@ def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) 
     with Image.open(record.draw(folder, run.scene)) as drawn:
         colours = np.array(drawn.convert("RGB")).reshape(-1, 3)
     assert (colours == (255, 174, 0)).all(axis=1).any()  # the robot
+
+
+def test_what_is_no_recorded_run_is_told_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rig_main(["draw", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert rig_main([]) == 0
+    assert "tools.rig.campaign" in capsys.readouterr().out
 
 
 def test_a_watched_run_tells_a_person_what_happens(capsys: pytest.CaptureFixture[str]) -> None:

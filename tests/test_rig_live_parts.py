@@ -175,9 +175,13 @@ def test_doubts_count_from_the_first_go_on() -> None:
         (2.5, "slow", "a frame is missing"),
         (4.0, "stop", "link stale"),
         (4.2, "go", ""),
+        (4.5, "stop", "mode 3"),
     ):
         doubts.step(now_s, advice, why)
-    assert doubts.words(5.0) == ["link stale: 2 times, 0.50 s at most"]
+    assert doubts.words(5.0) == [
+        "link stale: 2 times, 0.50 s at most",
+        "mode fault: 1 times, 0.50 s at most",
+    ]
 
 
 def test_the_apps_log_is_followed_as_it_grows(tmp_path: Path) -> None:

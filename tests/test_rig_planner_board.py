@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mapod_link.serial_line import serial_from_frame
-from tests.c_bench import TICK_S, Bench, drives_of, random_ground
+from tests.c_bench import Bench, drives_of, random_ground
 from tests.c_link import needs
 from tools.rig.board import EmulatedBoard
 from tools.rig.c_build import BUILD, MissingToolError, built, program
@@ -70,7 +70,7 @@ def test_host_and_board_ask_for_the_same_motions_and_hold_the_same_map(tmp_path:
         bench = both.bench
         random_ground(bench, 11, 0.08)
         bench.obeys = True
-        for tick in range(100):
+        for tick in range(70):
             if tick == 8:
                 bench.planner.goal(6.0, -3.0)
                 emulated.goal(6.0, -3.0)
@@ -78,7 +78,7 @@ def test_host_and_board_ask_for_the_same_motions_and_hold_the_same_map(tmp_path:
         emulated.status()
         both.heard += emulated.hear()
         asked = drives_of(frames_from_line(both.heard))
-        assert len(asked) >= 40
+        assert len(asked) >= 25
         assert asked == bench.asked
         assert any(drive[0] > 0.3 for drive in asked)
         assert np.array_equal(emulated.window(), bench.planner.window())
@@ -127,10 +127,7 @@ def test_a_serial_line_and_datagrams_carry_the_same_planner() -> None:
     bench.run(0.2)
     bench.planner.goal(4.0, 1.0)
     planner.goal(4.0, 1.0)
-    bench.heard.clear()
     on_line: list[bytes] = []
-    for frame in [*bench.heard]:
-        on_line.append(serial_from_frame(frame))
     for _ in range(40):
         bench.heard.clear()
         bench.tick()
@@ -140,7 +137,6 @@ def test_a_serial_line_and_datagrams_carry_the_same_planner() -> None:
     told = frames_from_line(b"".join(on_line))
     assert {frame[0] for frame in told} >= {0x18, 0x19}
     assert planner.state(bench.now_s).accepted > 60
-    assert TICK_S > 0
 
 
 def test_a_missing_tool_is_named_with_its_package() -> None:

@@ -16,7 +16,7 @@ from fakes.recorded import RecordedLms111
 from fakes.wire import Fake, PtyWire, TcpWire
 from tests.real_time import StillWheels, level_sensor, served
 from tools import compare, scanner
-from tools.compare_facts import Difference, Fact, delay_fact, differences
+from tools.compare_facts import Difference, Fact, delay_fact, differences, pace_facts
 
 SECONDS = 0.5
 FORM = "&parity=E&bytesize=7"
@@ -79,6 +79,7 @@ def other(fake: Any, attribute: str, value: object) -> Any:
                 ("drop_rate", 0.3): "scan: steps of scan_counter: always 1 / not always 1",
                 ("slow_answer_s", 0.15): "sRN DeviceIdent: delay",
                 ("binary", False): "dialect: binary / ascii",
+                ("noise_m", 0.1): "scan: noise of a range, median",
             },
         ),
         (
@@ -87,6 +88,7 @@ def other(fake: Any, attribute: str, value: object) -> Any:
             {
                 ("lost_rate", 0.3): "sample: steps of the counter: always 1 / not always 1",
                 ("length_off", 1): "stream: data bytes each: 18 / 19",
+                ("angle_noise_rad", 0.01): "sample: noise of q_earth_sensor",
                 ("nan", True): "sample: readable by mode and settings: all / not all",
             },
         ),
@@ -112,6 +114,23 @@ def test_devices_of_one_kind_do_not_differ_and_what_one_does_otherwise_is_found(
     assert timeless(alike) == ""
     for one, says in zip(found, changes.values(), strict=True):
         assert says in named(one)
+
+
+def test_slow_answers_are_not_taken_for_those_of_the_next_question() -> None:
+    slow = other(other(a_controller(), "reply_delay_s", 0.06), "lf_after_cr", True)
+    [found] = held("drive", a_controller(), slow)
+    assert timeless(found) == ""
+
+
+def test_rates_and_unevenness_of_arrival_are_held_against_each_other() -> None:
+    times_s = np.arange(500) * 0.01
+    even = dict(pace_facts("stream", list(times_s)))
+    late_s = 0.02 * np.abs(np.sin(times_s * 77.0))
+    uneven = differences(even, dict(pace_facts("stream", list(times_s + late_s))))
+    assert [one.name for one in uneven] == ["stream: unevenness of arrival, p95"]
+    faster = differences(even, dict(pace_facts("stream", list(times_s * 0.99))))
+    assert [one.name for one in faster] == ["stream: rate"]
+    assert differences(even, dict(pace_facts("stream", list(times_s * 0.9999)))) == []
 
 
 def test_a_sensor_of_the_newer_kind_sends_other_messages() -> None:

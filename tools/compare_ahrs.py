@@ -24,6 +24,7 @@ from tools.compare_facts import (
     Sort,
     counts_in_words,
     delay_fact,
+    noise_fact,
     number_facts,
     pace_facts,
     rate_fact,
@@ -58,6 +59,7 @@ OWN = {"ReqDID", "ReqFWRev", "ReqHardwareVersion", "ReqConfiguration", "SetLocat
        "SetHeading", "ReqAvailableScenarios"}  # fmt: skip
 MIRRORED = (Mid.SetPeriod, Mid.SetOutputMode, Mid.SetOutputSettings, Mid.SetOutputSkipFactor,
             Mid.SetOutputConfiguration)  # fmt: skip
+LEAST_SAMPLES = 20  # for their noise
 COUNTER_WRAP = 2**16
 
 
@@ -232,6 +234,7 @@ def _measured(samples: list[MtSample]) -> Portrait:
     rates = [math.hypot(*s.rate_radps) for s in samples if s.rate_radps is not None]
     if rates:
         facts |= number_facts("sample: |rate of turn|", rates, "rad/s")
+    facts |= _noise(samples)
     norms = [
         math.sqrt(sum(part * part for part in s.q_earth_sensor))
         for s in samples
@@ -241,4 +244,17 @@ def _measured(samples: list[MtSample]) -> Portrait:
         worst = max(abs(norm - 1.0) for norm in norms)
         words = "within 0.001" if worst < 0.001 else f"off by {worst:.3g}"
         facts["sample: length of the quaternion is 1"] = Fact(words)
+    return facts
+
+
+def _noise(samples: list[MtSample]) -> Portrait:
+    """How much a device at rest goes to and fro from sample to sample, by its axes' median."""
+    facts: Portrait = {}
+    units = {"q_earth_sensor": "", "rate_radps": "rad/s", "accel_mps2": "m/s2", "magnetic": ""}
+    for name, unit in units.items():
+        values = [value for s in samples if (value := getattr(s, name)) is not None]
+        if len(values) >= LEAST_SAMPLES:
+            steps = np.diff(np.array(values, dtype=float), axis=0)
+            spread = float(np.median(steps.std(axis=0))) / math.sqrt(2.0)
+            facts[f"sample: noise of {name}"] = noise_fact(spread, unit)
     return facts

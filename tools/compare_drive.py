@@ -84,9 +84,9 @@ def _log_lines(talk: Conversation, seconds: float) -> Portrait:
 
 def _line(talk: Conversation, name: str, question: bytes, text: str) -> Portrait:
     """What comes after a line: echo, values, and how soon."""
-    lines, strays, seconds = _lines_after(talk, question)
+    lines, strays, seconds = _lines_after(talk, question, text)
     if not lines and text:
-        lines, strays, seconds = _lines_after(talk, question)
+        lines, strays, seconds = _lines_after(talk, question, text)
     if not lines:
         return {f"{name}: answer": Fact(SILENT)}
     echoed = bool(text) and lines[0].upper() == text.upper()
@@ -101,17 +101,24 @@ def _line(talk: Conversation, name: str, question: bytes, text: str) -> Portrait
     }
 
 
-def _lines_after(talk: Conversation, question: bytes) -> tuple[list[str], int, float]:
-    """The lines that follow a question, the stray W among them, and seconds to the last line."""
+def _lines_after(talk: Conversation, question: bytes, text: str) -> tuple[list[str], int, float]:
+    """The lines that follow a question, the stray W among them, and seconds to the last line.
+
+    An answer has ended when a line besides the echo has come and then none for a while; what comes
+    after that is heard before anything else is asked, and belongs to no question.
+    """
     asked_s = last_s = monotonic()
     lines, strays = list[str](), 0
     talk.say(question)
-    while monotonic() - asked_s < ANSWER_S and (not lines or monotonic() - last_s < LINE_END_S):
+    while monotonic() - asked_s < ANSWER_S or monotonic() - last_s < LINE_END_S:
         for event in talk.hear(LINE_END_S / 4):
             strays += isinstance(event, WatchdogStop)
             if isinstance(event, Line):
                 lines.append(event.text)
                 last_s = monotonic()
+        has_answer = len(lines) > (bool(lines) and lines[0].upper() == text.upper())
+        if has_answer and monotonic() - last_s >= LINE_END_S:
+            break
     return lines, strays, last_s - asked_s
 
 

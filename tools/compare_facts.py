@@ -14,7 +14,9 @@ Sort = Literal["same", "near", "own"]
 NOT_THERE = "not told"
 SILENT = "no answer"
 DELAY_FACTOR, DELAY_S = 5.0, 0.05  # answers may take that much longer, or so many seconds
-RATE_SHARE, END_S, UNEVEN_MS = 0.03, 0.2, 20.0
+END_S = 0.015  # by which the first and the last of what is counted may have been late
+UNEVEN_SHARE, UNEVEN_MS = 0.5, 5.0
+SPREAD_SHARE = 0.7  # noise of more than thrice as much is another noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,20 +85,28 @@ def delay_fact(seconds: float) -> Fact:
     return Fact(seconds * 1000, "near", 1.0 - 1.0 / DELAY_FACTOR, DELAY_S * 1000, "ms")
 
 
-def rate_fact(hertz: float, passed_s: float) -> Fact:
-    """How often something came in so many seconds: at both ends of them it may have been late."""
-    return Fact(hertz, "near", RATE_SHARE + END_S / passed_s, 0.05, "1/s")
+def rate_fact(hertz: float, passed_s: float, share: float = 0.002) -> Fact:
+    """How often something came in so many seconds; share: by which two devices' clocks differ."""
+    return Fact(hertz, "near", share + END_S / passed_s, 0.0, "1/s")
 
 
-def pace_facts(name: str, arrivals_s: Sequence[float]) -> Iterator[tuple[str, Fact]]:
+def pace_facts(
+    name: str, arrivals_s: Sequence[float], share: float = 0.002
+) -> Iterator[tuple[str, Fact]]:
     """Rate, and how unevenly it arrives, of what came at these instants."""
     if len(arrivals_s) < 3:
         yield f"{name}: rate", Fact(f"{len(arrivals_s)} came")
         return
     gaps_s, passed_s = np.diff(arrivals_s), arrivals_s[-1] - arrivals_s[0]
-    yield f"{name}: rate", rate_fact(len(gaps_s) / passed_s, passed_s)
+    yield f"{name}: rate", rate_fact(len(gaps_s) / passed_s, passed_s, share)
     uneven_ms = float(np.percentile(np.abs(gaps_s - np.median(gaps_s)), 95)) * 1000
-    yield f"{name}: unevenness of arrival, p95", Fact(uneven_ms, "near", 0.8, UNEVEN_MS, "ms")
+    uneven = Fact(uneven_ms, "near", UNEVEN_SHARE, UNEVEN_MS, "ms")
+    yield f"{name}: unevenness of arrival, p95", uneven
+
+
+def noise_fact(spread: float, unit: str) -> Fact:
+    """How much what is measured at rest goes to and fro; another's may be some three times that."""
+    return Fact(spread, "near", SPREAD_SHARE, 0.0, unit)
 
 
 def number_facts(name: str, values: Sequence[float], unit: str, sort: Sort = "own") -> Portrait:

@@ -21,6 +21,7 @@ from tools.compare_facts import (
     Reply,
     counts_in_words,
     delay_fact,
+    noise_fact,
     number_facts,
     pace_facts,
     reply_to,
@@ -56,6 +57,7 @@ FORBIDDEN = (  # without a login: refused, and nothing changes
 MIRRORED = (commands.READ_CONTENT, commands.READ_OUTPUT_RANGE)  # besides rate and step
 READY = 1  # of SCdevicestate
 MIRROR = 0.01  # share by which mirrors turn faster or slower: a recorded one by 0.0075
+LEAST_SCANS = 10  # for their noise
 FIRST_VALID_RAW = 8  # smaller numbers are codes
 
 
@@ -201,10 +203,10 @@ def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
     facts["scans: come by themselves"] = Fact("yes" if telegrams else "no")
     if telegrams:
         facts["scans: bytes each"] = Fact(size / len(telegrams), "near", 0.05, 0.0, "bytes")
-        facts |= dict(pace_facts("scans", arrivals_s))
+        facts |= dict(pace_facts("scans", arrivals_s, MIRROR))
         facts |= _format(telegrams[-1])
         facts |= dict(_counters(telegrams, arrivals_s))
-        facts |= _ranges(telegrams[-1])
+        facts |= _ranges(telegrams)
     return facts
 
 
@@ -256,15 +258,17 @@ def _counters(scans: list[ScanTelegram], arrivals_s: list[float]) -> Iterator[tu
         yield "scan: its clock against ours", Fact(drift * 1e6, "own", unit="ppm")
 
 
-def _ranges(scan: ScanTelegram) -> Portrait:
-    """What was measured: the room's own, but for the codes."""
-    channel = scan.channels.get("DIST1")
-    if channel is None:
+def _ranges(scans: list[ScanTelegram]) -> Portrait:
+    """What was measured: the room's own, but for codes and noise."""
+    channels = [scan.channels["DIST1"] for scan in scans if "DIST1" in scan.channels]
+    if not channels or len({len(channel.raw) for channel in channels}) > 1:
         return {}
-    raw = np.asarray(channel.raw)
-    seen = raw[raw >= FIRST_VALID_RAW] * channel.scale / 1000 + channel.offset / 1000
-    codes = Counter(int(code) for code in raw[raw < FIRST_VALID_RAW])
-    return {
-        **number_facts("scan: ranges", list(seen), "m"),
-        "scan: codes instead of ranges": Fact(counts_in_words(codes), "own"),
-    }
+    raw = np.array([channel.raw for channel in channels])
+    ranges_m = (raw * channels[0].scale + channels[0].offset) / 1000
+    codes = Counter(int(code) for code in raw[-1][raw[-1] < FIRST_VALID_RAW])
+    seen = (raw >= FIRST_VALID_RAW).all(axis=0)
+    facts = number_facts("scan: ranges", list(ranges_m[-1][raw[-1] >= FIRST_VALID_RAW]), "m")
+    if seen.any() and len(scans) >= LEAST_SCANS:
+        spread_m = float(np.median(ranges_m[:, seen].std(axis=0)))
+        facts["scan: noise of a range, median"] = noise_fact(spread_m, "m")
+    return facts | {"scan: codes instead of ranges": Fact(counts_in_words(codes), "own")}

@@ -1,8 +1,7 @@
-"""The rig's programs: `python -m tools.rig NAME ...`; without a name, what there is."""
+"""What the rig has: `python -m tools.rig`; `python -m tools.rig draw FOLDER` draws runs again."""
 
 import sys
-from collections.abc import Callable, Sequence
-from importlib import import_module
+from collections.abc import Sequence
 from pathlib import Path
 
 from tools.rig import record
@@ -18,19 +17,18 @@ PROGRAMS = {
 
 def main(arguments: Sequence[str]) -> int:
     """Exit status."""
-    name, rest = (arguments[0] if arguments else ""), list(arguments[1:])
-    if name == "draw":
-        for folder in rest:
-            print(record.draw(Path(folder)))
+    if arguments and arguments[0] == "draw":
+        try:
+            for folder in arguments[1:]:
+                print(record.draw(Path(folder)))
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            print(f"tools.rig draw: not a recorded run: {error}", file=sys.stderr)
+            return 1
         return 0
-    if name in PROGRAMS:
-        program: Callable[[Sequence[str]], int] = import_module(f"tools.rig.{name}").main
-        return program(rest)
-    print("python -m tools.rig NAME ..., --help after it says more:")
-    for known, what in PROGRAMS.items():
-        print(f"  {known:<12} {what}")
-    print(f"  {'draw':<12} FOLDER...: the pictures of recorded runs again")
-    return 0 if not name else 2
+    for name, what in PROGRAMS.items():
+        print(f"python -m tools.rig.{name:<12} {what}")
+    print(f"python -m tools.rig draw FOLDER... {'':<2}the pictures of recorded runs again")
+    return 0 if not arguments else 2
 
 
 if __name__ == "__main__":

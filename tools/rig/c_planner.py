@@ -200,7 +200,8 @@ class CPlanner:
         sent = bytearray()
         for frame in self.poll(now_s):
             out = ctypes.create_string_buffer(frame, OUT_BYTES)
-            sent += out.raw[: self._lib.planner_serial(out, len(frame))]
+            size = self._lib.planner_serial(out, len(frame))
+            sent += out.raw[:size]
         return bytes(sent)
 
     def goal(self, x_m: float, y_m: float) -> None:

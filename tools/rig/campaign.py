@@ -188,7 +188,10 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--json", type=Path, help="a file for all results")
     parser.add_argument("--markdown", action="store_true", help="the table for a document, too")
     parser.add_argument("--repeatable", action="store_true", help="each run twice: do they agree?")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
+        parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")
+    return options
 
 
 def tasks_of(options: argparse.Namespace) -> list[Task]:

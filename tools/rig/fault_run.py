@@ -41,7 +41,7 @@ UNBIDDEN_S = 1.6  # the longest way to a zero: an exchange, silence, the control
 SPARE_S = 3.0  # after the time in which it has to recover
 
 
-def hall() -> Scene:
+def hall(box_x_m: float = BOX_X_M) -> Scene:
     """A hall along x, 6 m wide, with a box across it."""
     return Scene(
         "fault hall",
@@ -50,7 +50,7 @@ def hall() -> Scene:
             Solid("left wall", (-6.0, 30.0), (3.0, 4.0), (0.0, 2.5)),
             Solid("right wall", (-6.0, 30.0), (-4.0, -3.0), (0.0, 2.5)),
             Solid("end wall", (17.0, 18.0), (-3.0, 3.0), (0.0, 2.5)),
-            Solid("box", (BOX_X_M, BOX_X_M + 0.8), (-2.0, 2.0), (0.0, BOX_HIGH_M)),
+            Solid("box", (box_x_m, box_x_m + 0.8), (-2.0, 2.0), (0.0, BOX_HIGH_M)),
             Solid("crate", (10.2, 11.0), (1.6, 2.6), (0.0, 0.6)),
         ),
     )
@@ -126,12 +126,18 @@ class Drive:
         orders: faults, in the words of `fakes.faults`.
         span_s: of the faults: from, to.
         wait_s: after their end, if the robot stands on.
+        scene: another one than the hall.
     """
 
     def __init__(
-        self, orders: Sequence[str], span_s: tuple[float, float], wait_s: float, seed: int = 1
+        self,
+        orders: Sequence[str],
+        span_s: tuple[float, float],
+        wait_s: float,
+        seed: int = 1,
+        scene: Scene | None = None,
     ) -> None:
-        self.loop = Loop(hall(), seed, planner=(planner := Pusher()))
+        self.loop = Loop(scene or hall(), seed, planner=(planner := Pusher()))
         self.planner = planner
         self.loop.set_faults(orders)
         self.outcome = Outcome(*span_s)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tools.rig.c_planner import PlannerState
+from tools.screen import MODES
 
 GIVE_UP_S = 15.0  # that a planner says it has stopped
 HEED_S = 1.0  # until a planner that was told a goal says so
@@ -101,6 +102,9 @@ class Doubts:
 
     def step(self, now_s: float, advice: str, why: str) -> None:
         """What a receiver says now; "stop" is a doubt."""
+        kind, _, number = why.partition(" ")
+        if kind == "mode" and number.isdigit() and int(number) < len(MODES):
+            why = f"mode {MODES[int(number)]}"
         self._began |= advice != "stop"
         if not self._began:
             return

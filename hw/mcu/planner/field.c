@@ -7,6 +7,7 @@
 #define STRAIGHT 5u /* steps to a neighbour, times its weight */
 #define DIAGONAL 7u
 #define OPEN_COST 20u  /* of one cell of open ground */
+#define OUTSIDE_COST 35u /* of one cell beyond the window, of which nothing is known */
 #define BEYOND 800u    /* cost that is worked out beyond the robot's own cell */
 
 static struct layer *layer_in_work(struct field *field)
@@ -96,7 +97,7 @@ static bool seed_goal(struct field *field, struct layer *layer, const struct fie
 static void seed_edge(struct field *field, struct layer *layer, const struct field_task *task)
 {
     const struct frame *const frame = &layer->frame;
-    uint32_t nearest = FIELD_NO_WAY;
+    uint32_t nearest = 0xFFFFFFFFu;
     uint32_t pass;
     int32_t i, j;
     for (pass = 0u; pass < 2u; pass++) { /* to find the nearest; to enter all */
@@ -106,7 +107,7 @@ static void seed_edge(struct field *field, struct layer *layer, const struct fie
                 const int32_t dx = middle_of(frame, frame->column0 + i) - task->x_mm;
                 const int32_t dy = middle_of(frame, frame->row0 + j) - task->y_mm;
                 const uint32_t cost =
-                    ((uint32_t)distance_mm(dx, dy) * OPEN_COST) / (uint32_t)frame->cell_mm;
+                    ((uint32_t)distance_mm(dx, dy) * OUTSIDE_COST) / (uint32_t)frame->cell_mm;
                 if (pass == 0u) {
                     nearest = (cost < nearest) ? cost : nearest;
                 } else if ((cost - nearest) < (FIELD_BUCKETS - 300u)) {

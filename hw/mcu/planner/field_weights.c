@@ -16,9 +16,9 @@
 #define NEARBY 2u     /* more, within this beyond that: */
 #define NEARBY_MM 400
 #define UNSEEN_FAR 7u     /* may be seen on the way there, */
-#define UNSEEN_BEHIND 20u /* but for what stands before it */
+#define UNSEEN_BEHIND 12u /* but for what stands before it */
 #define UNSEEN_NEAR FIELD_MOST_WEIGHT /* only from farther away */
-#define SEEN_FROM_MM 8600 /* from the axle, straight ahead: the line where the laser meets the floor */
+#define SEEN_FROM_MM 8300 /* from the axle: nearer, the line where the laser meets the floor has passed */
 
 static uint16_t nearer(uint16_t a, uint32_t b)
 {

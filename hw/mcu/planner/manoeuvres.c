@@ -13,10 +13,13 @@
 #define FRONTIER_MM 500   /* so near to the end of the known way, it is at its end */
 #define STUCK_UNSEEN 15u  /* steps until a tactic is begun */
 #define STUCK_BLOCKED 40u
+#define STUCK_VIEW 20u
+#define BACK_MM 2600
 #define WAIT_STEPS 60u
 #define FACED 2500        /* turns; 14 degrees */
 #define PASSED_MM 7600    /* so near, the line on the floor has passed it, and more is not decided */
 #define NEARER_MM 3000    /* nearer, going back is no shorter than looking from elsewhere */
+#define BAND_CELLS 10u    /* of the way, what the robot needs before and behind it included */
 #define AGAIN_FROM_MM 9700 /* from there it will be seen again */
 
 static const struct motion standing = {0, 0};
@@ -32,17 +35,29 @@ static struct motion paced(struct motion motion, int32_t left_mm)
     return motion;
 }
 
-/* Ground on the way that the laser's line has passed without showing it: goes back at once, to let
+/* Whether what is not known on the way is a narrow band, behind which known ground goes on. */
+static bool is_band(const struct driver *driver)
+{
+    uint32_t k = driver->known_count;
+    const uint32_t end = k + BAND_CELLS;
+    while ((k < driver->way_count) && driver->way[k].soft) {
+        k++;
+    }
+    return (k < end) && (k < driver->way_count);
+}
+
+/* A band on the way that the laser's line has passed without showing it: goes back at once, to let
  * the line pass again, while that is near. */
 static bool turns_back(struct driver *driver)
 {
-    const struct step_cell *const cell = &driver->way[driver->known_count];
+    const struct step_cell *const cell =
+        &driver->way[least((int32_t)driver->known_count, (int32_t)driver->way_count - 1)];
     const int32_t dx = cell->x_mm - driver->place.x_mm;
     const int32_t dy = cell->y_mm - driver->place.y_mm;
     const int32_t away = distance_mm(dx, dy);
     const struct spot to = {cell->x_mm, cell->y_mm};
     const struct spot from = {driver->place.x_mm, driver->place.y_mm};
-    if ((driver->known_count >= driver->way_count) || (away > PASSED_MM) || (away < NEARER_MM) ||
+    if ((!is_band(driver)) || (away > PASSED_MM) || (away < NEARER_MM) ||
         (magnitude(difference(direction(dx, dy), driver->place.yaw)) > FACED) ||
         (driver->crumb_count < 10u) || (driver->tactic != TACTIC_GO) ||
         (!tactics_is_in_sight(driver, from, to)) || (!tactics_may_look_again(driver, to))) {
@@ -156,8 +171,13 @@ static struct motion view(struct driver *driver, const struct limits *limits)
         motion = go(driver, limits);
     }
     driver->stuck += ((motion.v_mmps == 0) && (motion.w_mradps == 0)) ? 1u : 0u;
-    if ((driver->stuck > STUCK_BLOCKED) || (driver->since > 600u)) {
+    if (driver->stuck > STUCK_VIEW) { /* no room to turn here, it may be */
+        driver->back_mm = BACK_MM;
+        tactics_begin(driver, TACTIC_BACK);
+    } else if (driver->since > 600u) {
         tactics_begin(driver, TACTIC_GO);
+    } else {
+        /* On the way there. */
     }
     driver->why = (uint8_t)DRIVER_WHY_VIEWS;
     return motion;

@@ -2,7 +2,8 @@
 #include "sweep.h"
 
 #define STEP_MM 40        /* of the fastest point, between two looks */
-#define SLACK_MM 20       /* beside a wall within the margin, nobody goes along quite straight */
+#define SLACK_MM 16       /* beside a wall within the margin, nobody goes along quite straight */
+#define TOUCH_MM 5        /* nearer than that counts as met: whole millimetres round */
 #define TURN_PER_MRAD 2670 /* 65 536 turns / (2 pi * 1000), in 1/256 */
 #define ALL 0x7FFFFFFF
 #define FAR_MM 1050       /* from the axle; nearer cells count even amid others that are not free */
@@ -154,7 +155,7 @@ static int32_t free_of(const struct sweep *sweep, const struct close_cell *cell,
     if (cell->gap_mm >= sweep->shape.margin) {
         return (gap >= sweep->kept_mm) ? ALL : (way_mm - STEP_MM);
     }
-    if (gap >= 0) {
+    if (gap >= ((cell->gap_mm >= 0) ? least(TOUCH_MM, cell->gap_mm - 1) : 0)) {
         return ALL;
     }
     if (cell->gap_mm >= 0) {

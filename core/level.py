@@ -1,0 +1,102 @@
+"""Roll and pitch of the body: the gyro's from moment to moment, the sensor's own in the long run.
+
+An attitude sensor takes the mean of what it feels for the vertical, so it leans by a degree when
+the robot brakes or drives a curve, and comes back within seconds. At the floor line, eight metres
+ahead, that is an obstacle of 15 cm that is not there. Its gyro does not lean. Where the gyro and
+the sensor's own angles stay far apart, one of them is wrong, and the sensor's angles count alone.
+Source: complementary filter of angles and rates; MTi sheet, section 7 (2 deg rms while it moves).
+"""
+
+import math
+
+from core.records import F64
+
+FOLLOW_S = 12.0  # in which the sensor's angles are followed
+BIAS_S = 4.0  # of standing, in which the gyro's bias is learnt,
+QUIET_RADPS, QUIET_S = 0.03, 1.0  # of what is felt for so long; more is a robot that rocks,
+MOVING_BIAS_S = 400.0  # and while it moves, from what the gyro runs away by, so much more slowly
+GAP_S = 0.25  # between samples: beyond it the gyro tells nothing of what was between
+APART_RAD = math.radians(3.0)  # gyro and sensor do not agree any more,
+APART_S = 0.5  # over so long,
+ALONE_S = 10.0  # and the sensor counts alone for so long
+STEEP_RAD = math.radians(60.0)  # there, roll and pitch have no meaning; nor has a robot's map
+
+
+class LevelFilter:
+    """Roll and pitch (rad) at each sample of one attitude sensor."""
+
+    def __init__(self) -> None:
+        self.roll_rad = self.pitch_rad = 0.0
+        self.bias_radps = (0.0, 0.0)  # of the rates about body x and y
+        self.doubted = 0  # how often gyro and angles did not agree
+        self._t_s, self._alone_until_s = -math.inf, -math.inf
+        self._since_s = -math.inf  # since when the gyro counts
+        self._rates: tuple[float, float, float] | None = None
+        self._apart = (0.0, 0.0)  # sensor less ours, over a while
+        self._stood, self._quiet_s = 0, 0.0  # samples that taught the bias; how long it is quiet
+
+    def step(
+        self, t_s: float, roll_rad: float, pitch_rad: float, rate_body_radps: F64, *, stands: bool
+    ) -> tuple[float, float]:
+        """Roll and pitch (rad) at a sample, which must be later than the one before.
+
+        Args:
+            roll_rad, pitch_rad: of the body as the sensor has them.
+            rate_body_radps: (3,), NaN where it is not delivered: then the sensor's angles are told.
+            stands: the robot does not move.
+        """
+        x, y, z = rate_body_radps.tolist()
+        rates = (x, y, z) if math.isfinite(x + y + z) else None
+        dt_s, before = t_s - self._t_s, self._rates
+        self._t_s, self._rates = t_s, rates
+        known = rates is not None and before is not None and dt_s <= GAP_S
+        steep = max(abs(roll_rad), abs(pitch_rad)) > STEEP_RAD
+        if not known or steep or t_s < self._alone_until_s:
+            self._apart, self._since_s = (0.0, 0.0), t_s
+            self.roll_rad, self.pitch_rad = roll_rad, pitch_rad
+            return roll_rad, pitch_rad
+        assert rates is not None
+        assert before is not None
+        p, q, r = (0.5 * (a + b) for a, b in zip(rates, before, strict=True))
+        self._learn(dt_s, p, q, stands)
+        self._turn(dt_s, p - self.bias_radps[0], q - self.bias_radps[1], r)
+        return self._towards(t_s, dt_s, roll_rad, pitch_rad)
+
+    def _turn(self, dt_s: float, p: float, q: float, r: float) -> None:
+        """Go on by the gyro: Euler angles, z-y-x."""
+        s, c = math.sin(self.roll_rad), math.cos(self.roll_rad)
+        across = q * s + r * c
+        self.roll_rad += dt_s * (p + math.tan(self.pitch_rad) * across)
+        self.pitch_rad += dt_s * (q * c - r * s)
+
+    def _learn(self, dt_s: float, p: float, q: float, stands: bool) -> None:
+        """A body that stands turns about nothing: what the gyro says then is its bias."""
+        x, y = self.bias_radps
+        quiet = stands and max(abs(p - x), abs(q - y)) <= QUIET_RADPS
+        self._quiet_s = self._quiet_s + dt_s if quiet else 0.0
+        if self._quiet_s > QUIET_S:
+            self._stood += 1
+            share = max(dt_s / BIAS_S, 1.0 / self._stood)
+            self.bias_radps = x + share * (p - x), y + share * (q - y)
+
+    def _towards(
+        self, t_s: float, dt_s: float, roll_rad: float, pitch_rad: float
+    ) -> tuple[float, float]:
+        """Follow the sensor's angles slowly; go over to them where they stay far off."""
+        off = roll_rad - self.roll_rad, pitch_rad - self.pitch_rad
+        share = min(1.0, dt_s / APART_S)
+        apart = tuple(a + share * (b - a) for a, b in zip(self._apart, off, strict=True))
+        self._apart = apart[0], apart[1]
+        if max(abs(apart[0]), abs(apart[1])) > APART_RAD:
+            self.doubted += 1
+            self._alone_until_s = t_s + ALONE_S
+            self._apart = (0.0, 0.0)
+            self.roll_rad, self.pitch_rad = roll_rad, pitch_rad
+            return roll_rad, pitch_rad
+        share = dt_s / min(FOLLOW_S, max(APART_S, t_s - self._since_s))  # at first, the mean
+        self.roll_rad += share * off[0]
+        self.pitch_rad += share * off[1]
+        x, y = self.bias_radps
+        slow = dt_s / (FOLLOW_S * MOVING_BIAS_S)
+        self.bias_radps = x - slow * off[0], y - slow * off[1]
+        return self.roll_rad, self.pitch_rad

@@ -8,13 +8,16 @@ Source: complementary filter of angles and rates; MTi sheet, section 7 (2 deg rm
 """
 
 import math
+from collections import deque
 
 from core.records import F64
 
-FOLLOW_S = 12.0  # in which the sensor's angles are followed
-BIAS_S = 4.0  # of standing, in which the gyro's bias is learnt,
-QUIET_RADPS, QUIET_S = 0.03, 1.0  # of what is felt for so long; more is a robot that rocks,
-MOVING_BIAS_S = 400.0  # and while it moves, from what the gyro runs away by, so much more slowly
+FOLLOW_S = 8.0  # in which the sensor's angles are followed
+BIAS_S = 4.0  # of standing, in which the gyro's bias is learnt;
+PRIOR = 50  # samples, as if so many had said before that there is none;
+QUIET_RADPS, QUIET_S = 0.03, 0.5  # of what is felt for so long; more is a robot that rocks,
+LATER_S = 0.25  # and what is felt last counts once it still stands so much later: it may set out
+MOVING_BIAS_S = 400.0  # while it moves, from what the gyro runs away by, so much more slowly
 GAP_S = 0.25  # between samples: beyond it the gyro tells nothing of what was between
 APART_RAD = math.radians(3.0)  # gyro and sensor do not agree any more,
 APART_S = 0.5  # over so long,
@@ -34,6 +37,7 @@ class LevelFilter:
         self._rates: tuple[float, float, float] | None = None
         self._apart = (0.0, 0.0)  # sensor less ours, over a while
         self._stood, self._quiet_s = 0, 0.0  # samples that taught the bias; how long it is quiet
+        self._felt: deque[tuple[float, float]] = deque()  # rates that are to teach it
 
     def step(
         self, t_s: float, roll_rad: float, pitch_rad: float, rate_body_radps: F64, *, stands: bool
@@ -72,12 +76,20 @@ class LevelFilter:
     def _learn(self, dt_s: float, p: float, q: float, stands: bool) -> None:
         """A body that stands turns about nothing: what the gyro says then is its bias."""
         x, y = self.bias_radps
-        quiet = stands and max(abs(p - x), abs(q - y)) <= QUIET_RADPS
-        self._quiet_s = self._quiet_s + dt_s if quiet else 0.0
-        if self._quiet_s > QUIET_S:
-            self._stood += 1
-            share = max(dt_s / BIAS_S, 1.0 / self._stood)
-            self.bias_radps = x + share * (p - x), y + share * (q - y)
+        if not (stands and max(abs(p - x), abs(q - y)) <= QUIET_RADPS):
+            self._quiet_s = 0.0
+            self._felt.clear()
+            return
+        self._quiet_s += dt_s
+        if self._quiet_s <= QUIET_S:
+            return
+        self._felt.append((p, q))
+        if len(self._felt) * dt_s <= LATER_S:
+            return
+        p, q = self._felt.popleft()
+        self._stood += 1
+        share = max(dt_s / BIAS_S, 1.0 / (self._stood + PRIOR))
+        self.bias_radps = x + share * (p - x), y + share * (q - y)
 
     def _towards(
         self, t_s: float, dt_s: float, roll_rad: float, pitch_rad: float

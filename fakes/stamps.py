@@ -28,9 +28,11 @@ class WatchedWorld(World):
     """A world that remembers the instants at which sensors looked at it, oldest first."""
 
     def __init__(self, scene: Scene | str | Path, seed: int, upsets: Upsets | None = None) -> None:
-        super().__init__(scene, seed, upsets)
         self.swept_s: deque[float] = deque(maxlen=KEPT)  # last beam of each sweep
         self.sampled_s: deque[float] = deque(maxlen=KEPT)  # of the attitude sensor
+        super().__init__(scene, seed, upsets)
+        self.swept_s.clear()  # it has looked at itself, to warm up
+        self.sampled_s.clear()
 
     def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
         """As the base."""

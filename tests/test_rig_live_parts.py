@@ -196,6 +196,17 @@ def test_the_apps_log_is_followed_as_it_grows(tmp_path: Path) -> None:
     path.write_text(f"words of no event\n{json.dumps(first)}\n{json.dumps(second)}\n")
     log.step()
     assert log.blocked_by == "an obstacle"
+    assert (log.has_started, log.missing) == (False, "")
+    for event in (
+        {"event": "app_started"},
+        {"event": "device_changed", "device": "ahrs", "state": "closed", "cause": "no /dev/mti"},
+        {"event": "device_changed", "device": "drive", "state": "starting", "cause": "asks"},
+        {"event": "device_changed", "device": "drive", "state": "running", "cause": "hot"},
+    ):
+        with path.open("a") as file:
+            file.write(json.dumps(event) + "\n")
+    log.step()
+    assert (log.has_started, log.missing) == (True, "ahrs: no /dev/mti")
     assert log.words == "1 ticks lost, late by 3.0 ms at most"
 
 

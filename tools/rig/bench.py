@@ -29,6 +29,7 @@ from tools.run import FIRST_MAP_S, ROOT, Child, RunError, ports_of, rewritten
 from tools.screen import BAD, POOR, labelled
 from tools.view import ACK_EVERY, Stop
 
+DEVICES_S = 45.0  # for all devices to deliver, a scanner that is just being switched on among them
 LOOK_S = 0.2  # how often goals, truth and log are looked at
 STANDING_S = 1.5  # from "halt" to a robot that stands
 DRAIN_S, ATTEMPTS = 0.3, 5  # for what is under way to arrive; to find both maps alike
@@ -64,6 +65,7 @@ class Bench:
         self.tour = Tour(config.goals or of_scene, self.form.goal)
         self._looked_s = self._until_s = float("-inf")
         self._overdue_s = float("inf")
+        self._started_s: float | None = None  # when the app was seen to have started
 
     def start(self, stop: Stop) -> None:
         """Fakes, then the app on their ports, on those of the real devices and on the planner's.
@@ -136,11 +138,21 @@ class Bench:
                 self._overdue_s = float("inf")
                 self._until_s = now_s + (self._options.seconds or float("inf"))
             self.tour.step(now_s, self.form.state, self._gap_m)
-        elif now_s > self._overdue_s:
-            words = self._children[-1].last_words()
-            raise RunError(f"no map within {FIRST_MAP_S:.0f} s; the app's last words:\n{words}")
+        else:
+            self._check_patience(now_s)
         over = self.tour.is_over and self.tour.total > 0 and self._options.seconds is not None
         return over or (self._until_s > 0 and now_s >= self._until_s)
+
+    def _check_patience(self, now_s: float) -> None:
+        """Raises RunError once the first map has been waited for long enough."""
+        if self.log.has_started and self._started_s is None:
+            self._started_s = now_s
+        if self._started_s is not None and now_s - self._started_s > DEVICES_S:
+            missing = self.log.missing or "all devices deliver"
+            raise RunError(f"no map {DEVICES_S:.0f} s after the app's start; {missing}")
+        if now_s > self._overdue_s:
+            words = self._children[-1].last_words()
+            raise RunError(f"no map within {FIRST_MAP_S:.0f} s; the app's last words:\n{words}")
 
     @property
     def _is_running(self) -> bool:
@@ -164,6 +176,8 @@ class Bench:
             told.append(labelled("goal", f"{self._goal_words(visit.goal)}"))
         blocked = self.log.blocked_by
         told.append(labelled("mapod", blocked or "no objection", POOR if blocked else ""))
+        if self.log.missing:
+            told.append(labelled("waits", self.log.missing, BAD))
         if self.followed:
             hits = self.followed.hits
             told.append(labelled("truth", f"{hits} collisions", BAD if hits else ""))

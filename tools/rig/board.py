@@ -63,6 +63,7 @@ class Board:
             [*command, *serials, "-kernel", str(firmware)],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
+            start_new_session=True,  # a terminal's Ctrl-C is for the rig, which then ends it
         )
         try:
             sockets = {name: listener.accept()[0] for name, listener in listeners.items()}
@@ -132,7 +133,10 @@ class Board:
         Raises:
             BoardError: none came.
         """
-        self.text.sendall(words.encode() + b"\n")
+        try:
+            self.text.sendall(words.encode() + b"\n")
+        except OSError as gone:
+            raise BoardError("the emulator has ended") from gone
         return self._line()
 
     def status(self) -> dict[str, int]:
@@ -166,7 +170,10 @@ class Board:
         ends = [end for end in (self.link, self.text) if end is not None]
         ready, _, _ = select.select(ends, [], [], wait_s)
         for end in ready:
-            data = end.recv(65_536)
+            try:
+                data = end.recv(65_536)
+            except ConnectionError:
+                data = b""
             if not data:
                 raise BoardError("the emulator has ended")
             if end is self.text:

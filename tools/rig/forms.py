@@ -5,6 +5,7 @@ nothing: its firmware is its owner's.
 """
 
 import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from mapod_link.listener import Listener
 from mapod_link.wires import UdpWire
-from tools.rig.board import EmulatedBoard
+from tools.rig.board import BoardError, EmulatedBoard
 from tools.rig.c_build import MissingToolError
 from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
 from tools.rig.config import BOARD, HOST, RigConfig
@@ -88,6 +89,19 @@ class HostForm:
         self._wire.close()
 
 
+@contextlib.contextmanager
+def emulator() -> Iterator[None]:
+    """Says whose pipe it is that has broken.
+
+    Raises:
+        BoardError: the emulator is gone.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise BoardError(f"the emulator of the planner's board has ended ({error})") from None
+
+
 class BoardForm:
     """The planner's firmware on an emulated Cortex-M3, whose UART is a pty."""
 
@@ -105,19 +119,23 @@ class BoardForm:
         """Ask now and then what it is about."""
         if now_s - self._asked_s >= ASK_EVERY_S:
             self._asked_s = now_s
-            self.state = self._board.state()
+            with emulator():
+                self.state = self._board.state()
 
     def goal(self, x_m: float, y_m: float) -> None:
         """Go there."""
-        self._board.goal(x_m, y_m)
+        with emulator():
+            self._board.goal(x_m, y_m)
 
     def halt(self) -> None:
         """Stand."""
-        self._board.halt()
+        with emulator():
+            self._board.halt()
 
     def maybe_map(self) -> tuple[U8, tuple[int, int]] | None:
         """As the board dumps it."""
-        origin, window = self._board.snapshot()
+        with emulator():
+            origin, window = self._board.snapshot()
         return window, origin
 
     def close(self) -> None:

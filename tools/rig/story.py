@@ -134,6 +134,8 @@ class AppLog:
         self.late_s = self.latest_s = 0.0  # ticks: latest of the last second, and of all
         self.blocked_by = ""  # why the app gives the wheels nothing
         self.real_time: dict[str, Any] = {}
+        self.has_started = False
+        self._causes: dict[str, str] = {}  # by device that does not run: why
 
     def step(self) -> None:
         """Take what was added."""
@@ -154,12 +156,23 @@ class AppLog:
                 self.ticks, self.missed = event["ticks"], event["slots_missed"]
                 self.late_s = event.get("latest_s") or 0.0
                 self.latest_s = max(self.latest_s, self.late_s)
+            case "app_started":
+                self.has_started = True
+            case "device_changed" if event["state"] == "running":
+                self._causes.pop(event["device"], None)
+            case "device_changed":
+                self._causes[event["device"]] = event["cause"]
             case "drive_changed":
                 self.blocked_by = event["blocked_by"]
             case "real_time_taken":
                 self.real_time = event
             case _:
                 pass
+
+    @property
+    def missing(self) -> str:
+        """Which devices do not run, and why."""
+        return "; ".join(f"{device}: {cause}" for device, cause in self._causes.items())
 
     @property
     def words(self) -> str:

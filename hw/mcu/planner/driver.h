@@ -67,6 +67,7 @@ struct driver {
     uint8_t state; /* enum driver_state */
     uint8_t why;   /* enum driver_why, or mapod_why */
     uint8_t tactic;
+    uint8_t then; /* after going back to where there is room to turn; TACTIC_GO: not for that */
     struct spot goal;
     struct motion asked; /* what to ask for now */
     struct choice last;

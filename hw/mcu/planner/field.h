@@ -16,7 +16,7 @@
 #ifndef FIELD_CELLS
 #define FIELD_CELLS (201u * 201u) /* the largest window that there is a way through */
 #endif
-#define FIELD_BUCKETS 4096u
+#define FIELD_BUCKETS 16384u
 #define FIELD_NO_WAY 65535u
 #define FIELD_DISCS 12u
 

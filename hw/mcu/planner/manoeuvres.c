@@ -137,11 +137,15 @@ static struct motion back(struct driver *driver, const struct limits *limits)
     struct motion motion = {0, 0};
     driver->why = (uint8_t)DRIVER_WHY_BACKS;
     driver->back_mm -= (magnitude(driver->moves.v_mmps) * (int32_t)DRIVER_PERIOD_MS) / 1000;
+    if ((driver->then != TACTIC_GO) && tactics_has_room(driver)) {
+        tactics_begin(driver, (enum driver_tactic)driver->then);
+        return standing;
+    }
     if ((driver->back_mm > 0) && tactics_crumb(driver, &crumb)) {
         motion = arcs_back(&driver->sweep, driver->place, crumb.x_mm, crumb.y_mm, limits);
     }
     if (motion.v_mmps == 0) {
-        tactics_begin(driver, TACTIC_GO);
+        tactics_begin(driver, (enum driver_tactic)driver->then);
     }
     return motion;
 }
@@ -170,7 +174,7 @@ static struct motion view(struct driver *driver, const struct limits *limits)
     if (driver->field.has_any) {
         motion = go(driver, limits);
     }
-    driver->stuck += ((motion.v_mmps == 0) && (motion.w_mradps == 0)) ? 1u : 0u;
+    driver->stuck = ((motion.v_mmps == 0) && (motion.w_mradps == 0)) ? (driver->stuck + 1u) : 0u;
     if (driver->stuck > STUCK_VIEW) { /* no room to turn here, it may be */
         driver->back_mm = BACK_MM;
         tactics_begin(driver, TACTIC_BACK);

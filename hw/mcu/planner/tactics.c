@@ -11,10 +11,10 @@
 #define VIEW_MOST_MM 10300
 #define VIEW_RUN_MM 1000    /* to be driven from there towards it */
 #define VIEW_SHORT_MM 600   /* of the line of sight, that need not be clear at its end */
-#define GIVEN_UP_MM 500     /* radius */
+#define GIVEN_UP_MM 900     /* radius */
 #define BACK_MM 2600        /* of way back, for a new try */
-#define BACK_SHORT_MM 900
-#define LOOKS 2u            /* at the same ground, from places chosen for it */
+#define LOOKS 1u            /* at the same ground, from places chosen for it */
+#define BACK_TO_TURN_MM 4000 /* at most, to where there is room to turn */
 #define SAME_MM 1000
 
 void tactics_begin(struct driver *driver, enum driver_tactic tactic)
@@ -23,6 +23,7 @@ void tactics_begin(struct driver *driver, enum driver_tactic tactic)
     driver->since = 0u;
     driver->stuck = 0u;
     driver->turned = 0;
+    driver->then = TACTIC_GO;
     field_clear(&driver->field);
 }
 
@@ -156,20 +157,38 @@ bool tactics_may_look_again(struct driver *driver, struct spot spot)
     return driver->looks <= LOOKS;
 }
 
+bool tactics_has_room(const struct driver *driver)
+{
+    const struct motion left = {0, 500};
+    const struct motion right = {0, -500};
+    return (sweep_free_mm(&driver->sweep, left, SWEEP_LONGEST_MM, false) >= SWEEP_LONGEST_MM) &&
+           (sweep_free_mm(&driver->sweep, right, SWEEP_LONGEST_MM, false) >= SWEEP_LONGEST_MM);
+}
+
+/* Backwards to where there is room to turn, and then what was to be done. */
+static bool backs_to_turn(struct driver *driver, enum driver_tactic then)
+{
+    if (tactics_has_room(driver) || (driver->crumb_count < 3u)) {
+        return false;
+    }
+    driver->back_mm = BACK_TO_TURN_MM;
+    tactics_begin(driver, TACTIC_BACK);
+    driver->then = (uint8_t)then;
+    return true;
+}
+
 /* Ground on the way cannot be seen from here. */
 static void stuck_unseen(struct driver *driver)
 {
     if (tactics_may_look_again(driver, driver->unseen)) {
-        tactics_begin(driver, TACTIC_PROBE);
-    } else if (!driver->looked) {
-        driver->looked = true;
-        tactics_begin(driver, TACTIC_LOOK);
-    } else if ((driver->looks == (LOOKS + 2u)) && (driver->crumb_count > 5u)) {
-        driver->back_mm = BACK_MM;
-        tactics_begin(driver, TACTIC_BACK);
+        if (!backs_to_turn(driver, TACTIC_PROBE)) {
+            tactics_begin(driver, TACTIC_PROBE);
+        }
     } else {
         tactics_give_up_ground(driver);
-        tactics_begin(driver, TACTIC_GO);
+        if (!backs_to_turn(driver, TACTIC_GO)) {
+            tactics_begin(driver, TACTIC_GO);
+        }
     }
 }
 
@@ -180,12 +199,14 @@ void tactics_stuck(struct driver *driver)
         tactics_give_up(driver, DRIVER_WHY_NO_WAY);
     } else if (driver->why == DRIVER_WHY_UNSEEN) {
         stuck_unseen(driver);
+    } else if ((driver->crumb_count > 3u) && ((driver->tries % 3u) == 1u)) {
+        driver->back_mm = BACK_MM; /* what was told by mistake goes when it is seen from farther off */
+        tactics_begin(driver, TACTIC_BACK);
     } else if (!driver->looked) {
         driver->looked = true;
-        tactics_begin(driver, TACTIC_LOOK);
-    } else if ((driver->crumb_count > 3u) && ((driver->tries % 3u) != 0u)) {
-        driver->back_mm = ((driver->tries % 3u) == 1u) ? BACK_MM : BACK_SHORT_MM;
-        tactics_begin(driver, TACTIC_BACK);
+        if (!backs_to_turn(driver, TACTIC_LOOK)) {
+            tactics_begin(driver, TACTIC_LOOK);
+        }
     } else {
         tactics_begin(driver, TACTIC_WAIT);
     }

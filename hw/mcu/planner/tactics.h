@@ -14,6 +14,8 @@ bool tactics_find_view(struct driver *driver);
 bool tactics_is_in_sight(const struct driver *driver, struct spot from, struct spot to);
 /* Whether ground has not been looked at too often yet; counts that it is looked at. */
 bool tactics_may_look_again(struct driver *driver, struct spot spot);
+/* Whether the robot can turn around where it stands. */
+bool tactics_has_room(const struct driver *driver);
 /* Gives up ground that was not seen from anywhere, for this goal. */
 void tactics_give_up_ground(struct driver *driver);
 /* Notes the way that the robot comes. */

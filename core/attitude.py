@@ -72,7 +72,14 @@ def _turned(turn_rad: float, q: F64) -> F64:
 class AttitudeRing:
     """The newest orientations of the body: `q_earth_body` (KEPT, 4) at host times `t_s` (KEPT,)."""
 
-    def __init__(self, mount_roll_rad: float, mount_pitch_rad: float, mount_yaw_rad: float) -> None:
+    def __init__(
+        self,
+        mount_roll_rad: float,
+        mount_pitch_rad: float,
+        mount_yaw_rad: float,
+        *,
+        levels: bool = True,
+    ) -> None:
         R_body_sensor = R_from_rpy(mount_roll_rad, mount_pitch_rad, mount_yaw_rad)
         self._q_sensor_body = q_from_R(R_body_sensor.T)
         self._R_body_sensor = R_body_sensor
@@ -81,7 +88,8 @@ class AttitudeRing:
         self._turned_rad = np.zeros(KEPT)
         self.start = self.count = 0
         self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
-        self.heading, self.level = HeadingFilter(), LevelFilter()
+        self.heading = HeadingFilter()
+        self.level = LevelFilter() if levels else None  # None: the sensor's angles as they are
         self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
         self.rejected = 0  # samples out of order or no orientation at all
         self._newest_rpy: tuple[float, float, float] | None = 0.0, 0.0, 0.0  # None: to be found
@@ -118,9 +126,15 @@ class AttitudeRing:
             attitude.q_earth_sensor,
             attitude.magnetic,
         )
-        roll_rad, pitch_rad = self.level.step(
-            attitude.t_s, *rpy_rad[:2], self.rate_body_radps, stands=self.heading.standing
-        )
+        roll_rad, pitch_rad = rpy_rad[:2]
+        if self.level is not None:
+            roll_rad, pitch_rad = self.level.step(
+                attitude.t_s,
+                roll_rad,
+                pitch_rad,
+                self.rate_body_radps,
+                stands=self.heading.standing,
+            )
         self.t_s[last] = attitude.t_s
         self._turned_rad[last] = self.heading.turned_rad
         self.q_earth_body[last] = q_from_rpy(roll_rad, pitch_rad, yaw_rad)

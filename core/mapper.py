@@ -45,10 +45,12 @@ class Mapper:
 
     def __init__(self, config: Config) -> None:
         robot, ahrs = config.robot, config.ahrs
+        is_paper = config.map.method == "reference_plane"  # which takes the sensor's angles
         self.attitudes = AttitudeRing(
             math.radians(ahrs.mount_roll_deg),
             math.radians(ahrs.mount_pitch_deg),
             math.radians(ahrs.mount_yaw_deg),
+            levels=not is_paper,
         )
         self.odometry = Odometry(
             self.attitudes,
@@ -57,7 +59,6 @@ class Mapper:
             robot.gear_ratio,
             robot.track_width_m,
         )
-        is_paper = config.map.method == "reference_plane"
         self.maps: Maps = ReferencePlaneMaps(config) if is_paper else BeamMaps(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run

@@ -105,6 +105,6 @@ def test_where_no_way_leads_it_gives_up_in_the_end_and_says_why() -> None:
     bench.obeys = True
     bench.run(0.3)
     bench.planner.goal(8.0, 0.0)
-    bench.run(200.0)
+    bench.run(300.0)
     assert bench.state.state == "stopped"
     assert bench.state.why in ("no way over seen ground", "the goal is too near to an obstacle")

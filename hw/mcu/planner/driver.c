@@ -67,6 +67,8 @@ void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
     driver->tries = 0u;
     driver->refused = 0u;
     driver->refusals = 0u;
+    driver->spent = 0u;
+    driver->doubted = 0u;
     driver->paid_mm = 0;
     driver->looked = false;
     driver->disc_count = 0u;

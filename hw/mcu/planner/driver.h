@@ -82,9 +82,12 @@ struct driver {
     uint32_t refused;     /* steps in which the robot did not move although it was asked to */
     uint32_t refusals;    /* times that it was given up, since it moved */
     uint32_t tries;       /* tactics for this goal, less those that have paid */
+    uint32_t spent;       /* all tactics for this goal */
+    uint32_t doubted;     /* times that obstacles were doubted */
     int32_t paid_mm;      /* way driven since one was struck off */
     struct spot looked_at; /* ground, newest */
     uint32_t looks;        /* at it */
+    bool doubts;          /* no way leads on: obstacles may be there by mistake */
     bool looked;          /* has turned around since it last drove on */
     struct spot unseen;   /* ground that it wants to see */
     struct spot view;     /* from there */

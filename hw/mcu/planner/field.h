@@ -45,6 +45,7 @@ struct field_task { /* what a field is asked for */
     int32_t half_mm;   /* what the robot needs to either side, margin included */
     int32_t around_mm; /* what it needs to turn */
     bool only_free;    /* closed is all that is not known to be free */
+    bool doubts_obstacles; /* they are not closed, but unknown: some may be there by mistake */
     const struct disc *discs;
     uint32_t disc_count;
     const struct step_cell *before; /* the way that was taken until now */

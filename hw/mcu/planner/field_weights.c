@@ -9,6 +9,7 @@
 #define DIAGONAL 4    /* and of one across */
 #define FAR 60000u    /* no such cell in sight */
 #define DIRECTIONS 128u
+#define GIVEN_UP 3u   /* no state of a cell: ground that is an obstacle in any case */
 
 #define OPEN 4u       /* weights */
 #define AS_BEFORE 3u  /* on the way that was taken until now: else it changes its mind too often */
@@ -61,7 +62,7 @@ static void spread(const struct frame *frame, uint16_t *away)
     }
 }
 
-/* Cells of the ground as states; cells given up are obstacles. */
+/* Cells of the ground as states; what was given up there is no way through. */
 static void take_states(struct layer *layer, const struct ground *ground,
                         const struct field_task *task)
 {
@@ -82,19 +83,21 @@ static void take_states(struct layer *layer, const struct ground *ground,
         for (j = most(0, low_j); j < least(frame->height, low_j + cells); j++) {
             for (i = most(0, low_i); i < least(frame->width, low_i + cells); i++) {
                 uint8_t *const state = &layer->weight[(j * frame->width) + i];
-                *state = (*state == MAPOD_UNKNOWN) ? (uint8_t)MAPOD_OBSTACLE : *state;
+                *state = (*state == MAPOD_FREE) ? *state : (uint8_t)GIVEN_UP;
             }
         }
     }
 }
 
-/* Distances in thirds of a cell from the cells in a given state, or from those not in it. */
-static void measure(const struct layer *layer, uint16_t *away, uint32_t state, bool is_it)
+/* Distances in thirds of a cell from the cells whose state has these bits, or from all not free. */
+static void measure(const struct layer *layer, uint16_t *away, uint32_t bits, bool not_free)
 {
     const uint32_t count = (uint32_t)(layer->frame.width * layer->frame.height);
     uint32_t at;
     for (at = 0u; at < count; at++) {
-        away[at] = ((((uint32_t)layer->weight[at] & 3u) == state) == is_it) ? 0u : FAR;
+        const uint32_t state = (uint32_t)layer->weight[at] & 3u;
+        const bool counts = not_free ? (state != MAPOD_FREE) : ((state & bits) == bits);
+        away[at] = counts ? 0u : FAR;
     }
     spread(&layer->frame, away);
 }
@@ -174,13 +177,13 @@ void field_weigh(struct layer *layer, uint16_t *distances, const struct ground *
     uint32_t at;
     take_states(layer, ground, task);
     find_shadows(layer, task, shadows);
-    measure(layer, distances, MAPOD_OBSTACLE, true);
+    measure(layer, distances, task->doubts_obstacles ? GIVEN_UP : MAPOD_OBSTACLE, false);
     for (at = 0u; at < count; at++) {
         if (((distances[at] * cell_mm) / THIRDS) < half_mm) {
             layer->weight[at] |= 4u; /* closed, once all distances are known */
         }
     }
-    measure(layer, distances, MAPOD_FREE, false);
+    measure(layer, distances, 0u, true);
     for (at = 0u; at < count; at++) {
         const int32_t away_mm = (distances[at] * cell_mm) / THIRDS;
         if (((uint32_t)layer->weight[at] & 4u) != 0u) {

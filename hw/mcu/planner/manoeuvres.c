@@ -14,6 +14,8 @@
 #define STUCK_UNSEEN 15u  /* steps until a tactic is begun */
 #define STUCK_BLOCKED 40u
 #define STUCK_VIEW 20u
+#define MOST_DOUBTS 3u     /* for one goal */
+#define DOUBTS 25u        /* steps without any way, until obstacles are doubted */
 #define BACK_MM 2600
 #define WAIT_STEPS 60u
 #define FACED 2500        /* turns; 14 degrees */
@@ -64,6 +66,7 @@ static bool turns_back(struct driver *driver)
         return false;
     }
     driver->tries++;
+    driver->spent++;
     driver->back_mm = AGAIN_FROM_MM - away;
     tactics_begin(driver, TACTIC_BACK);
     return true;
@@ -84,6 +87,10 @@ static struct motion go(struct driver *driver, const struct limits *limits)
         const struct layer *const layer = &driver->field.layers[driver->field.now];
         driver->why = (uint8_t)(layer->goal_is_closed ? DRIVER_WHY_GOAL_BLOCKED
                                                       : DRIVER_WHY_WAITS);
+        if ((driver->stuck >= DOUBTS) && (driver->doubted < MOST_DOUBTS) && (!driver->doubts)) {
+            driver->doubts = true;
+            driver->doubted++;
+        }
         return standing;
     }
     if (turns_back(driver)) {

@@ -9,7 +9,7 @@
 /* What the field in work is to lead to. */
 static struct field_task task_of(const struct driver *driver)
 {
-    struct field_task task = {0, 0, 0, 0, 0, 0, 0, false, NULL, 0u, NULL, 0u};
+    struct field_task task = {0, 0, 0, 0, 0, 0, 0, false, false, NULL, 0u, NULL, 0u};
     const struct spot to = (driver->tactic == TACTIC_VIEW) ? driver->view : driver->goal;
     task.x_mm = to.x_mm;
     task.y_mm = to.y_mm;
@@ -20,6 +20,7 @@ static struct field_task task_of(const struct driver *driver)
     task.half_mm = driver->shape.half + driver->settings.margin_mm;
     task.around_mm = driver->shape.reach + driver->settings.margin_mm;
     task.only_free = (driver->tactic == TACTIC_VIEW) || (driver->tactic == TACTIC_PROBE);
+    task.doubts_obstacles = driver->doubts && (!task.only_free);
     task.discs = driver->discs;
     task.disc_count = (uint32_t)least((int32_t)driver->disc_count, (int32_t)FIELD_DISCS);
     task.before = driver->way;

@@ -4,7 +4,8 @@
 #include "tactics.h"
 
 /* What may be tuned. */
-#define TRIES 14u           /* tactics for one goal */
+#define TRIES 10u           /* tactics for one goal */
+#define MOST_TRIES 16u      /* however far it drives meanwhile */
 #define PAYS_MM 5000        /* of way, that strike one off */
 #define CRUMB_MM 200        /* between two of them */
 #define VIEW_LEAST_MM 9200  /* from there the line on the floor lies before what is to be seen */
@@ -23,6 +24,7 @@ void tactics_begin(struct driver *driver, enum driver_tactic tactic)
     driver->since = 0u;
     driver->stuck = 0u;
     driver->turned = 0;
+    driver->doubts = false;
     driver->then = TACTIC_GO;
     field_clear(&driver->field);
 }
@@ -195,7 +197,8 @@ static void stuck_unseen(struct driver *driver)
 void tactics_stuck(struct driver *driver)
 {
     driver->tries++;
-    if (driver->tries > TRIES) {
+    driver->spent++;
+    if ((driver->tries > TRIES) || (driver->spent > MOST_TRIES)) {
         tactics_give_up(driver, DRIVER_WHY_NO_WAY);
     } else if (driver->why == DRIVER_WHY_UNSEEN) {
         stuck_unseen(driver);

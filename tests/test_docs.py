@@ -14,6 +14,8 @@ DEVICES = (ROOT / "docs" / "devices.md").read_text(encoding="utf-8")
 MAPS = (ROOT / "docs" / "maps.md").read_text(encoding="utf-8")
 LINK = (ROOT / "docs" / "planner-link.md").read_text(encoding="utf-8")
 MODBUS = (ROOT / "docs" / "modbus.md").read_text(encoding="utf-8")
+RIG = (ROOT / "docs" / "rig.md").read_text(encoding="utf-8")
+FAULTS = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
@@ -30,17 +32,18 @@ def test_the_table_of_files_lists_the_files_there_are() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [README, ARCHITECTURE, DEVICES, MAPS, LINK, MODBUS],
-    ids=["README", "architecture", "devices", "maps", "planner-link", "modbus"],
+    [README, ARCHITECTURE, DEVICES, MAPS, LINK, MODBUS, RIG, FAULTS],
+    ids=["README", "architecture", "devices", "maps", "planner-link", "modbus", "rig", "faults"],
 )
 def test_files_that_the_documents_name_exist(text: str) -> None:
     for name in re.findall(r"`((?:docs|core|hw|fakes|tools|tests)/[\w./*]+)`", text):
         assert list(ROOT.glob(name)), name
 
 
-def test_make_targets_that_the_readme_names_exist_and_help_tells_them() -> None:
+def test_make_targets_that_the_documents_name_exist_and_help_tells_them() -> None:
     targets = set(re.findall(r"^([a-z-]+):.*## ", MAKEFILE, re.MULTILINE))
-    assert set(re.findall(r"\bmake ([a-z-]+)", README)) <= targets
+    for text in (README, RIG):
+        assert set(re.findall(r"\bmake ([a-z-]+)", text)) <= targets
     assert {"run", "test", "check", "setup", "replay", "bench", "view"} <= targets
 
 

@@ -5,9 +5,12 @@ UART1 takes words and gives lines. A board stands still while nobody takes what 
 whoever waits for a line here takes both.
 """
 
+import ctypes
+import functools
 import math
 import re
 import select
+import signal
 import socket
 import subprocess
 import time
@@ -23,6 +26,7 @@ from tools.rig.c_planner import ADVICE, STATES, TACTICS, WHY, PlannerSettings, P
 
 U8 = npt.NDArray[np.uint8]
 GENEROUS_S = 60.0  # nothing here takes long; a loaded machine may
+LIBC, PR_SET_PDEATHSIG = ctypes.CDLL(None), 1  # an emulator ends with who started it
 PTY = re.compile(rb"redirected to (\S+) \(label link\)")
 NAMES = (
     "clear_mm", "unknown_mmps", "max_mmps", "max_mradps", "front_mm", "rear_mm", "width_mm",
@@ -64,6 +68,7 @@ class Board:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # a terminal's Ctrl-C is for the rig, which then ends it
+            preexec_fn=functools.partial(LIBC.prctl, PR_SET_PDEATHSIG, signal.SIGKILL),
         )
         try:
             sockets = {name: listener.accept()[0] for name, listener in listeners.items()}

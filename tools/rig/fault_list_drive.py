@@ -8,6 +8,7 @@ from tools.rig.fault_kinds import BLIND, either, goes_on, stops, wire_faults
 SILENT = "no counter for 0.4 s: the input is stale; where zero does not arrive, its watchdog stops"
 RESTART = "its counters begin anew, so the maps are erased: unknown ground stops"
 TROUBLE = "it takes the power away itself; the commander must let go first"
+RADIO = "radio or sticks have it; only a restart can have brought that: the maps are erased"
 TRAIT = "a line is read with it and without it"
 STILL = "counters that stand while the motors have power are not believed"
 LATER_S = 8.0  # a restart, listening, identity, modes, counters
@@ -34,10 +35,10 @@ DRIVE = (
     goes_on("drive.internal_v", "told to who asks; the motors run on", "9.0"),
     goes_on("drive.amps", "told to who asks; the motors run on", "20,20"),
     either("drive.load_a", "the battery sags, and the controller may cut out", "80"),
-    stops("drive.mode", "the radio has it: it sends its own lines", "rc"),
-    stops("drive.mode", "the sticks have it: it sends its own lines", "analog"),
+    stops("drive.mode", RADIO, "rc", again=False),
+    stops("drive.mode", RADIO, "analog", again=False),
     goes_on("drive.mode", f"{BLIND}: its watchdog is off", "rs232"),
-    stops("drive.mode", "the radio has it", "rc", also=("drive.log_numbers=16",)),
+    stops("drive.mode", RADIO, "rc", again=False, also=("drive.log_numbers=16",)),
     goes_on("drive.radio_overrides", "the sticks are at rest: they do not override"),
     goes_on("drive.command", "sticks do not count in RS-232 mode", "60,60", 0.0),
     stops("drive.reset", RESTART, lasts_s=0.0, again=False, recovers_s=LATER_S),

@@ -26,8 +26,14 @@ from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, pro
 from tools.rig.faults import CATALOGUE
 
 EARLIER_S, LATER_S = -1.0, 1.5  # of the faults' begin, by chance
+FILE_COLUMNS = 180
 COLUMNS = ("fault", "must", "stands after s", "blind m", "told after s", "not well",
            "well after s", "drives after s", "verdict")  # fmt: skip
+HEAD = """# Every fault while driving: what the robot did
+
+Made by `python -m tools.rig.fault_table --markdown docs/faults.md`; docs/rig.md says how, and what the columns mean.
+Seconds and metres; by device: the median, then the greatest.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,8 +207,8 @@ def _complaint(row: Row) -> str:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Both tables for a document."""
-    lines = [*_markdown_table(SUMMARY, summary(rows)), ""]
+    """A document: by device, then each fault by itself."""
+    lines = [HEAD, *_markdown_table(SUMMARY, summary(rows)), ""]
     lines += _markdown_table(COLUMNS, (cells(row) for row in rows if len(row.job.faults) == 1))
     return "\n".join(lines) + "\n"
 
@@ -229,6 +235,8 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 all as it must be, 1 something is not, 2 there is no such fault."""
     options, console = arguments(given), Console()
+    if not console.is_terminal:  # a file has room
+        console = Console(width=FILE_COLUMNS)
     wanted = jobs(options.pairs, options.rounds, options.seed, options.only)
     if not wanted:
         print(f"fault_table: no fault's name holds {options.only!r}", file=sys.stderr)

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from core.config import Config, load_config, with_changes
-from fakes.disturbance import Disturbance
 from fakes.faults import Schedule, order_from_text
 from fakes.planner import FakePlanner
 from fakes.rig import AnyWorld, Rig
@@ -162,7 +161,9 @@ class Loop:
             if baud is None
             else Wire(OnLine(self.link_end, baud), self.link_port, seed + 3)
         )
-        self.wires: dict[str, Disturbance] = dict(zip(self.ports, self._device_wires, strict=True))
+        self.wires: dict[str, Wire | DatagramWire] = dict(
+            zip(self.ports, self._device_wires, strict=True)
+        )
         self.wires["planner"] = self._link_wire
         self.app = self._new_app(key)
         self.now_s, self.ticks = START_S, 0

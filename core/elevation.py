@@ -22,6 +22,7 @@ from core.cells import (
     touch,
     touch_around,
 )
+from core.floor_again import FLOOR_AGAIN, see_floor_again
 from core.ground_line import DUE_M, due_m, ground_m
 from core.jit import kernel
 from core.missing_floor import MAX_EVIDENCE, missed, missing
@@ -31,7 +32,6 @@ from core.specks import Specks
 RISING_M = 0.03  # a return so far off the ground may belong to the foot of something,
 RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong attitude sets apart
 MAX_COUNT = 1_000_000_000
-FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said
 
 SURE_M, UNSURE_SLOPE = 3.0, 0.05  # so far behind the line, the ground may rise or fall by this
 SIGMA_RANGE_M = 0.012  # of a return, along the beam
@@ -113,20 +113,11 @@ def _stands(
         cell.hard += 1
     if h >= limits[0]:
         cell.high_bits |= bit
+        cell.floor_bits &= ~bit
         cell.through, cell.floor_run = 0, 0
         if cell.above_scan != serial and cell.above < MAX_EVIDENCE:
             cell.above_scan = serial
             cell.above += 1
-
-
-@kernel
-def _is_floor_again(cells: Cells, at: int) -> None:
-    """For long, floor alone was seen: forget that it lacked, unless parts still lack it."""
-    cell = cells[at]
-    if cell.miss_bits & ~cell.floor_bits == 0:
-        cell.below, cell.miss, cell.deep, cell.miss_bits = 0, 0, 0, 0
-        if cell.above == 0:
-            cell.mean_m, cell.count = cell.floor_m, cell.floor_count
 
 
 @kernel
@@ -168,8 +159,8 @@ def _fall_in(
         cell.floor_bits |= bit
         cell.floor_count += 1
         cell.floor_m += (h - cell.floor_m) / cell.floor_count
-        if cell.floor_run >= FLOOR_AGAIN and cell.below + cell.miss > 0:
-            _is_floor_again(cells, at)
+        if cell.floor_run >= FLOOR_AGAIN:
+            see_floor_again(cells, at)
     elif h <= limits[1]:
         cell.floor_run = 0
         if cell.below_scan != serial and cell.below < MAX_EVIDENCE:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from core.beams import MIN_RANGE_M, Sweep
 from core.elevation import (
     DRIFT_M2_PER_S,
-    FLOOR_AGAIN,
     GATE_SIGMA,
     NEW_HEIGHT,
     RELIEF_M,
@@ -22,6 +21,7 @@ from core.elevation import (
     SIGMA_RANGE_M,
     octant,
 )
+from core.floor_again import FLOOR_AGAIN
 from core.obstacles import ENOUGH
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.cell_rig import CELL_M, HEIGHT_M, LENS, CellRig, H, Point, floor_around, sweep_to

@@ -43,7 +43,7 @@ def test_files_that_the_documents_name_exist(text: str) -> None:
 def test_make_targets_that_the_documents_name_exist_and_help_tells_them() -> None:
     targets = set(re.findall(r"^([a-z-]+):.*## ", MAKEFILE, re.MULTILINE))
     for text in (README, RIG):
-        assert set(re.findall(r"\bmake ([a-z-]+)", text)) <= targets
+        assert set(re.findall(r"\bmake ([a-z][a-z-]*)", text)) <= targets
     assert {"run", "test", "check", "setup", "replay", "bench", "view"} <= targets
 
 

@@ -1,12 +1,16 @@
 """The catalogue of faults: nothing left out, all of it can be ordered, and a sample is driven."""
 
+from contextlib import ExitStack, closing
+
 import pytest
 
 from fakes.fault_handles import handles
+from fakes.wire import PtyWire, TcpWire
 from tools.rig.fault_run import Drive, drive_with, hall, harm, problems, problems_of_pair
 from tools.rig.faults import CATALOGUE, DRAWN_DEVICES, NO_FAULTS, draw, handles_in_catalogue
 from tools.rig.loop import Loop
 
+PTYS = ("ahrs", "drive")
 BY_TITLE = {fault.title: fault for fault in CATALOGUE}
 
 
@@ -17,12 +21,19 @@ def loop() -> Loop:
 
 
 def all_handles(loop: Loop) -> set[str]:
-    """Whatever can be set or called of any fake and its wire, with the device's name."""
-    return {
-        f"{device}.{name}"
-        for device, fake in loop.fakes.items()
-        for name in handles(fake, loop.wires[device])
-    }
+    """Whatever can be set or called of any fake and its wires, with the device's name.
+
+    Each wire of a device counts: the one in memory, and those that other programs reach.
+    """
+    fakes = loop.fakes
+    with closing(TcpWire(fakes["scanner"])) as tcp, ExitStack() as stack:
+        real = {name: stack.enter_context(closing(PtyWire(fakes[name]))) for name in PTYS}
+        return {
+            f"{device}.{name}"
+            for wires in (loop.wires, {"scanner": tcp}, real)
+            for device, wire in wires.items()
+            for name in handles(fakes[device], wire)
+        }
 
 
 def test_all_that_can_be_ordered_of_the_fakes_is_in_the_catalogue_or_excused(loop: Loop) -> None:

@@ -111,7 +111,7 @@ def test_a_board_with_a_pty_names_it(tmp_path: Path) -> None:
 def test_flash_ram_and_stack_are_told_and_small() -> None:
     for tool in ("arm-none-eabi-gcc", "arm-none-eabi-size", "arm-none-eabi-nm"):
         needs(tool)
-    small, large = size_of(101), size_of(201)
+    small, large = size_of(101), size_of(201)  # the second is the one that the board runs
     assert 10_000 < small.flash < 32_000
     assert small.ram < 200_000
     assert small.planner < large.planner < 500_000

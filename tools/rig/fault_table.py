@@ -31,7 +31,8 @@ COLUMNS = ("fault", "must", "stands after s", "blind m", "told after s", "not we
            "well after s", "drives after s", "verdict")  # fmt: skip
 HEAD = """# Every fault while driving: what the robot did
 
-Made by `python -m tools.rig.fault_table --markdown docs/faults.md`; docs/rig.md says how, and what the columns mean.
+Made by `python -m tools.rig.fault_table --markdown docs/faults.md`; docs/rig.md says how, and
+what the columns mean.
 Seconds and metres; by device: the median, then the greatest.
 """
 

@@ -7,13 +7,18 @@ told and is no fault stands in NO_FAULTS, with the reason: nothing is left out i
 import random
 
 from tools.rig import fault_list_ahrs, fault_list_drive, fault_list_scanner
-from tools.rig.fault_kinds import Fault, Must
+from tools.rig.fault_kinds import Fault, Must, stops
 
 CATALOGUE: tuple[Fault, ...] = (
     *fault_list_scanner.SCANNER,
     *fault_list_ahrs.AHRS,
     *fault_list_drive.DRIVE,
     *fault_list_drive.PLANNER,
+)
+LIVE = (  # of sockets and ptys: not in process, but in the live rig (`make rig ARGS="--fault ..."`)
+    stops("scanner.unplugged", "its cable is pulled: nothing comes, and later all at once"),
+    stops("ahrs.gone", "its USB adapter is pulled: its path is gone", again=False),
+    stops("drive.gone", "its USB adapter is pulled: its path is gone; its watchdog stops"),
 )
 NO_FAULTS: dict[str, str] = {
     **fault_list_scanner.NO_FAULTS,
@@ -69,7 +74,7 @@ def handles_in_catalogue() -> set[str]:
     """The names, with their devices, of all that some fault of the catalogue sets or calls."""
     return {
         word
-        for fault in CATALOGUE
+        for fault in (*CATALOGUE, *LIVE)
         for order in (fault.own, *fault.also, *fault.then, *fault.after)
         for word in words_of(order)
     }

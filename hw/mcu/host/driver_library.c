@@ -95,7 +95,7 @@ void planner_report(struct planner *self, uint32_t now_ms, struct planner_report
     report->stale = mapod_link_stale(&self->link, now_ms);
 }
 
-/* The way as the driver sees it: x, y in mm and whether it is only hoped for, three numbers each. */
+/* The way as the driver sees it: x, y in mm, and whether it is only hoped for; 3 numbers each. */
 uint32_t planner_way(const struct planner *self, int32_t *numbers, uint32_t room)
 {
     const uint32_t count = (self->driver.way_count < room) ? self->driver.way_count : room;

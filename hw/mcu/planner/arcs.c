@@ -1,4 +1,4 @@
-/* Arcs from the robot's place, each judged by where it ends, how it looks there and how fast it is. */
+/* Arcs from the robot's place, each judged by where it ends, how it looks there, how fast it is. */
 #include "arcs.h"
 
 /* What may be tuned. Costs are those of the field: so much for a metre of open ground. */

@@ -1,4 +1,4 @@
-/* Which motion to ask for: arcs that are safe for the whole way to a stop, the best along the way. */
+/* Which motion to ask for: arcs that are safe for all the way to a stop, the best for the way. */
 #ifndef ARCS_H
 #define ARCS_H
 

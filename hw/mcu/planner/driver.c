@@ -69,6 +69,8 @@ void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
     driver->refusals = 0u;
     driver->spent = 0u;
     driver->doubted = 0u;
+    driver->turned_back = 0u;
+    driver->boxed.x_mm = 2 * FARTHEST_MM; /* nowhere */
     driver->paid_mm = 0;
     driver->looked = false;
     driver->disc_count = 0u;

@@ -83,8 +83,10 @@ struct driver {
     uint32_t refusals;    /* times that it was given up, since it moved */
     uint32_t tries;       /* tactics for this goal, less those that have paid */
     uint32_t spent;       /* all tactics for this goal */
+    uint32_t turned_back; /* times, to let the line pass a band again */
     uint32_t doubted;     /* times that obstacles were doubted */
     int32_t paid_mm;      /* way driven since one was struck off */
+    struct spot boxed;     /* where a way led on and no motion did, newest */
     struct spot looked_at; /* ground, newest */
     uint32_t looks;        /* at it */
     bool doubts;          /* no way leads on: obstacles may be there by mistake */

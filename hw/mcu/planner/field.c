@@ -103,7 +103,8 @@ static void seed_edge(struct field *field, struct layer *layer, const struct fie
     for (pass = 0u; pass < 2u; pass++) { /* to find the nearest; to enter all */
         for (j = 0; j < frame->height; j++) {
             const bool all = (j == 0) || (j == (frame->height - 1));
-            for (i = 0; i < frame->width; i += (all || (frame->width < 2)) ? 1 : (frame->width - 1)) {
+            const int32_t step = (all || (frame->width < 2)) ? 1 : (frame->width - 1);
+            for (i = 0; i < frame->width; i += step) {
                 const int32_t dx = middle_of(frame, frame->column0 + i) - task->x_mm;
                 const int32_t dy = middle_of(frame, frame->row0 + j) - task->y_mm;
                 const uint32_t cost =
@@ -193,7 +194,8 @@ static void expand(struct field *field, struct layer *layer, uint32_t at)
 /* Whether the robot's own cell, and what lies somewhat beyond it, is final. */
 static bool is_enough(const struct field *field, const struct layer *layer)
 {
-    const uint32_t own = (field->robot_cell == NOBODY) ? FIELD_NO_WAY : layer->cost[field->robot_cell];
+    const uint32_t at = field->robot_cell;
+    const uint32_t own = (at == NOBODY) ? FIELD_NO_WAY : layer->cost[at];
     return (own != FIELD_NO_WAY) && (field->level > (own + BEYOND));
 }
 

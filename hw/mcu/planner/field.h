@@ -1,8 +1,9 @@
 /* The way to a goal: what each cell of the window costs from there, over ground that can be driven.
  *
- * Cells too near to an OBSTACLE are closed. Cells too near to UNKNOWN ones cost more than free ones:
- * they may turn out free when the robot has looked at them, and least where it could still see them
- * on its way (the laser sees ground only far ahead). Nothing here says that the robot may drive.
+ * Cells too near to an OBSTACLE are closed. Cells too near to UNKNOWN ones cost more than free
+ * ones: they may turn out free when the robot has looked at them, and least where it could still
+ * see them on its way (the laser sees ground only far ahead). Nothing here says that the robot may
+ * drive.
  *
  * A field is worked out over several steps, in a bounded number of cells each; meanwhile the one
  * before holds. Source: E. W. Dijkstra, 1959, with the buckets of R. B. Dial, 1969.
@@ -28,6 +29,7 @@ struct disc { /* ground that has been given up, map frame */
     int32_t x_mm;
     int32_t y_mm;
     int32_t radius_mm;
+    bool free_too; /* also what is known to be free: the robot could not get through there */
 };
 
 struct step_cell { /* of a way, map frame */
@@ -86,7 +88,7 @@ uint32_t field_cost_of_m(const struct field *field);
 /* The way from a place downhill, one cell after the other; how many there are, at most `room`. */
 uint32_t field_way(const struct field *field, int32_t x_mm, int32_t y_mm, struct step_cell *way,
                    uint32_t room);
-/* Whether the straight line between two places leads over ground that is neither closed nor soft. */
+/* Whether the straight line between two places is neither closed nor soft anywhere. */
 bool field_is_straight(const struct field *field, int32_t x_mm, int32_t y_mm, int32_t to_x_mm,
                        int32_t to_y_mm);
 

@@ -1,4 +1,4 @@
-/* What a finished field says: cost between cells, the way downhill, what lies on a straight line. */
+/* What a finished field says: cost between cells, the way downhill, what is on a straight line. */
 #include "field.h"
 
 #define SEEK_CELLS 4 /* about a robot that stands where no way leads from */

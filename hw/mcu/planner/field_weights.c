@@ -14,12 +14,14 @@
 #define OPEN 4u       /* weights */
 #define AS_BEFORE 3u  /* on the way that was taken until now: else it changes its mind too often */
 #define BESIDE 5u     /* more, where something is so near that the robot could not turn */
+#define TIGHT 9u      /* more, where there is hardly room for the robot, within this: */
+#define TIGHT_MM 160
 #define NEARBY 2u     /* more, within this beyond that: */
 #define NEARBY_MM 400
 #define UNSEEN_FAR 7u     /* may be seen on the way there, */
 #define UNSEEN_BEHIND 12u /* but for what stands before it */
 #define UNSEEN_NEAR FIELD_MOST_WEIGHT /* only from farther away */
-#define SEEN_FROM_MM 8300 /* from the axle: nearer, the line where the laser meets the floor has passed */
+#define SEEN_FROM_MM 8300 /* from the axle: nearer, the laser's line on the floor has passed */
 
 static uint16_t nearer(uint16_t a, uint32_t b)
 {
@@ -83,7 +85,7 @@ static void take_states(struct layer *layer, const struct ground *ground,
         for (j = most(0, low_j); j < least(frame->height, low_j + cells); j++) {
             for (i = most(0, low_i); i < least(frame->width, low_i + cells); i++) {
                 uint8_t *const state = &layer->weight[(j * frame->width) + i];
-                *state = (*state == MAPOD_FREE) ? *state : (uint8_t)GIVEN_UP;
+                *state = ((*state == MAPOD_FREE) && (!disc->free_too)) ? *state : (uint8_t)GIVEN_UP;
             }
         }
     }
@@ -146,6 +148,9 @@ static uint8_t unseen(const struct layer *layer, const struct field_task *task, 
 static uint8_t seen(const struct field_task *task, int32_t away_mm)
 {
     uint32_t weight = OPEN;
+    if (away_mm < (task->half_mm + TIGHT_MM)) {
+        weight += TIGHT;
+    }
     if (away_mm < task->around_mm) {
         weight += BESIDE;
     }
@@ -189,7 +194,8 @@ void field_weigh(struct layer *layer, uint16_t *distances, const struct ground *
         if (((uint32_t)layer->weight[at] & 4u) != 0u) {
             layer->weight[at] = FIELD_CLOSED;
         } else if (away_mm < half_mm) {
-            layer->weight[at] = task->only_free ? (uint8_t)FIELD_CLOSED : unseen(layer, task, at, shadows);
+            layer->weight[at] = task->only_free ? (uint8_t)FIELD_CLOSED
+                                                : unseen(layer, task, at, shadows);
         } else {
             layer->weight[at] = seen(task, away_mm - (cell_mm / 2));
         }

@@ -1,8 +1,8 @@
 /* The planner's firmware for the emulated board: link on UART0, text on UART1.
  *
  * Text, one word and its numbers a line: `start NONCE` with the settings that were set before,
- * `set NAME VALUE`, `key HEX` (with MAPOD_LINK_AUTH), `goal X Y` (mm), `halt`, `status`, `dump` (the
- * whole window, a digit a cell, row by row). Each gives one line, `dump` one more for each row.
+ * `set NAME VALUE`, `key HEX` (with MAPOD_LINK_AUTH), `goal X Y` (mm), `halt`, `status`, `dump`
+ * (the whole window, a digit a cell). Each gives one line, `dump` one more for each row.
  * Until `start` the planner is silent. A robot's own firmware would have its settings in flash, and
  * draw its nonce at random.
  */

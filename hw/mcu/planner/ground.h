@@ -1,6 +1,7 @@
 /* What the ground is to this robot: the link's map, and what the operator vouches for.
  *
- * Cells have whole numbers that do not wrap: cell (i, j) covers i * cell_mm <= x < (i + 1) * cell_mm.
+ * Cells have whole numbers that do not wrap: cell (i, j) covers i * cell_mm <= x < (i + 1) *
+ * cell_mm.
  * UNKNOWN counts as FREE within the radius about the map's origin that the operator declares clear.
  */
 #ifndef GROUND_H

@@ -19,8 +19,9 @@
 #define BACK_MM 2600
 #define WAIT_STEPS 60u
 #define FACED 2500        /* turns; 14 degrees */
-#define PASSED_MM 7600    /* so near, the line on the floor has passed it, and more is not decided */
+#define PASSED_MM 7600    /* so near, the line on the floor has passed it for good */
 #define NEARER_MM 3000    /* nearer, going back is no shorter than looking from elsewhere */
+#define TURN_BACKS 3u      /* for one goal */
 #define BAND_CELLS 10u    /* of the way, what the robot needs before and behind it included */
 #define AGAIN_FROM_MM 9700 /* from there it will be seen again */
 
@@ -59,7 +60,8 @@ static bool turns_back(struct driver *driver)
     const int32_t away = distance_mm(dx, dy);
     const struct spot to = {cell->x_mm, cell->y_mm};
     const struct spot from = {driver->place.x_mm, driver->place.y_mm};
-    if ((!is_band(driver)) || (away > PASSED_MM) || (away < NEARER_MM) ||
+    if ((!is_band(driver)) || (driver->turned_back >= TURN_BACKS) || (away > PASSED_MM) ||
+        (away < NEARER_MM) ||
         (magnitude(difference(direction(dx, dy), driver->place.yaw)) > FACED) ||
         (driver->crumb_count < 10u) || (driver->tactic != TACTIC_GO) ||
         (!tactics_is_in_sight(driver, from, to)) || (!tactics_may_look_again(driver, to))) {
@@ -67,6 +69,7 @@ static bool turns_back(struct driver *driver)
     }
     driver->tries++;
     driver->spent++;
+    driver->turned_back++;
     driver->back_mm = AGAIN_FROM_MM - away;
     tactics_begin(driver, TACTIC_BACK);
     return true;

@@ -1,8 +1,8 @@
 /* The planner: link and driver together, the same on a host and on a microcontroller.
  *
- * Feed it bytes or datagrams; poll it until it gives nothing more, every 10 to 50 ms. It sends HELLO,
- * ACK and, while it has a goal, DRIVE every DRIVER_PERIOD_MS. All sources that include this are to
- * be compiled with the same MAPOD_LINK_ settings.
+ * Feed it bytes or datagrams; poll it until it gives nothing more, every 10 to 50 ms. It sends
+ * HELLO, ACK and, while it has a goal, DRIVE every DRIVER_PERIOD_MS. All sources that include this
+ * are to be compiled with the same MAPOD_LINK_ settings.
  */
 #ifndef PLANNER_H
 #define PLANNER_H
@@ -25,7 +25,7 @@ struct planner {
     struct driver driver;
 };
 
-/* Begins anew. `nonce`: random, not 0. `key`: 32 bytes, or NULL; without MAPOD_LINK_AUTH ignored. */
+/* Begins anew. `nonce`: random, not 0. `key`: 32 bytes or NULL; no use without MAPOD_LINK_AUTH. */
 void planner_init(struct planner *planner, const struct driver_settings *settings, uint32_t nonce,
                   const uint8_t *key);
 /* One byte of a serial line, or one datagram; an `enum mapod_outcome`. */

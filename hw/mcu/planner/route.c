@@ -4,7 +4,7 @@
 /* What may be tuned. */
 #define FIELD_PERIOD 3u       /* steps from one field to the next */
 #define FIELD_BUDGET 12000u   /* cells of a field, a step */
-#define TARGET_MM 8000        /* how far ahead on the way it aims, where a straight line leads there */
+#define TARGET_MM 8000        /* how far ahead it aims, where a straight line leads there */
 
 /* What the field in work is to lead to. */
 static struct field_task task_of(const struct driver *driver)

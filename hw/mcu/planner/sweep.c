@@ -1,4 +1,4 @@
-/* The footprint's rectangle along an arc, against the cells about the robot, in whole millimetres. */
+/* The footprint's rectangle along an arc, against the cells about it, in whole millimetres. */
 #include "sweep.h"
 
 #define STEP_MM 40        /* of the fastest point, between two looks */

@@ -17,6 +17,8 @@
 #define LOOKS 1u            /* at the same ground, from places chosen for it */
 #define BACK_TO_TURN_MM 4000 /* at most, to where there is room to turn */
 #define SAME_MM 1000
+#define BOXED_AHEAD_MM 900
+#define BOXED_MM 300
 
 void tactics_begin(struct driver *driver, enum driver_tactic tactic)
 {
@@ -36,13 +38,36 @@ void tactics_give_up(struct driver *driver, enum driver_why why)
     driver->tactic = TACTIC_GO;
 }
 
-void tactics_give_up_ground(struct driver *driver)
+static void give_up(struct driver *driver, struct spot spot, int32_t radius_mm, bool free_too)
 {
     struct disc *const disc = &driver->discs[driver->disc_count % FIELD_DISCS];
-    disc->x_mm = driver->unseen.x_mm;
-    disc->y_mm = driver->unseen.y_mm;
-    disc->radius_mm = GIVEN_UP_MM;
+    disc->x_mm = spot.x_mm;
+    disc->y_mm = spot.y_mm;
+    disc->radius_mm = radius_mm;
+    disc->free_too = free_too;
     driver->disc_count++;
+}
+
+void tactics_give_up_ground(struct driver *driver)
+{
+    give_up(driver, driver->unseen, GIVEN_UP_MM, false);
+}
+
+/* A way leads on, and no motion does. The second time in the same place, that way is given up. */
+static void note_boxed(struct driver *driver)
+{
+    const struct place *const place = &driver->place;
+    const struct spot here = {place->x_mm, place->y_mm};
+    uint32_t k = 0u;
+    if (distance_mm(here.x_mm - driver->boxed.x_mm, here.y_mm - driver->boxed.y_mm) < SAME_MM) {
+        while (((k + 1u) < driver->known_count) &&
+               (distance_mm(driver->way[k].x_mm - here.x_mm, driver->way[k].y_mm - here.y_mm) <
+                BOXED_AHEAD_MM)) {
+            k++;
+        }
+        give_up(driver, (struct spot){driver->way[k].x_mm, driver->way[k].y_mm}, BOXED_MM, true);
+    }
+    driver->boxed = here;
 }
 
 void tactics_note_way(struct driver *driver)
@@ -198,12 +223,15 @@ void tactics_stuck(struct driver *driver)
 {
     driver->tries++;
     driver->spent++;
+    if ((driver->why == DRIVER_WHY_WAITS) && (driver->known_count > 3u)) {
+        note_boxed(driver);
+    }
     if ((driver->tries > TRIES) || (driver->spent > MOST_TRIES)) {
         tactics_give_up(driver, DRIVER_WHY_NO_WAY);
     } else if (driver->why == DRIVER_WHY_UNSEEN) {
         stuck_unseen(driver);
     } else if ((driver->crumb_count > 3u) && ((driver->tries % 3u) == 1u)) {
-        driver->back_mm = BACK_MM; /* what was told by mistake goes when it is seen from farther off */
+        driver->back_mm = BACK_MM; /* what was told by mistake goes when seen from farther */
         tactics_begin(driver, TACTIC_BACK);
     } else if (!driver->looked) {
         driver->looked = true;

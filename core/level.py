@@ -17,7 +17,8 @@ BIAS_S = 4.0  # of standing, in which the gyro's bias is learnt;
 PRIOR = 50  # samples, as if so many had said before that there is none;
 QUIET_RADPS, QUIET_S = 0.03, 0.5  # of what is felt for so long; more is a robot that rocks,
 LATER_S = 0.25  # and what is felt last counts once it still stands so much later: it may set out
-MOVING_BIAS_S = 400.0  # while it moves, from what the gyro runs away by, so much more slowly
+MOVING_BIAS_S = 25.0  # while it moves, from what the gyro runs away by, so much more slowly
+OFFSET_S, OFFSET_RAD = 30.0, math.radians(0.7)  # the sensor's constant error, which turns with it
 GAP_S = 0.25  # between samples: beyond it the gyro tells nothing of what was between
 APART_RAD = math.radians(3.0)  # gyro and sensor do not agree any more,
 APART_S = 0.5  # over so long,
@@ -36,6 +37,7 @@ class LevelFilter:
         self._since_s = -math.inf  # since when the gyro counts
         self._rates: tuple[float, float, float] | None = None
         self._apart = (0.0, 0.0)  # sensor less ours, over a while
+        self._offset = (0.0, 0.0)  # of roll and pitch
         self._stood, self._quiet_s = 0, 0.0  # samples that taught the bias; how long it is quiet
         self._felt: deque[tuple[float, float]] = deque()  # rates that are to teach it
 
@@ -57,6 +59,7 @@ class LevelFilter:
         steep = max(abs(roll_rad), abs(pitch_rad)) > STEEP_RAD
         if not known or steep or t_s < self._alone_until_s:
             self._apart, self._since_s = (0.0, 0.0), t_s
+            self._offset = _if_small(roll_rad), _if_small(pitch_rad)
             self.roll_rad, self.pitch_rad = roll_rad, pitch_rad
             return roll_rad, pitch_rad
         assert rates is not None
@@ -67,10 +70,20 @@ class LevelFilter:
         return self._towards(t_s, dt_s, roll_rad, pitch_rad)
 
     def _turn(self, dt_s: float, p: float, q: float, r: float) -> None:
-        """Go on by the gyro: Euler angles, z-y-x."""
-        s, c = math.sin(self.roll_rad), math.cos(self.roll_rad)
+        """Go on by the gyro: Euler angles, z-y-x, of the body as it truly stands.
+
+        What the sensor is always off by turns with the body: on level ground that is the mean.
+        """
+        share = dt_s / OFFSET_S
+        x, y = self._offset
+        self._offset = (
+            _within(OFFSET_RAD, x + share * (self.roll_rad - x)),
+            _within(OFFSET_RAD, y + share * (self.pitch_rad - y)),
+        )
+        roll_rad, pitch_rad = self.roll_rad - x, self.pitch_rad - y
+        s, c = math.sin(roll_rad), math.cos(roll_rad)
         across = q * s + r * c
-        self.roll_rad += dt_s * (p + math.tan(self.pitch_rad) * across)
+        self.roll_rad += dt_s * (p + math.tan(pitch_rad) * across)
         self.pitch_rad += dt_s * (q * c - r * s)
 
     def _learn(self, dt_s: float, p: float, q: float, stands: bool) -> None:
@@ -112,3 +125,12 @@ class LevelFilter:
         slow = dt_s / (FOLLOW_S * MOVING_BIAS_S)
         self.bias_radps = x - slow * off[0], y - slow * off[1]
         return self.roll_rad, self.pitch_rad
+
+
+def _within(most_rad: float, angle_rad: float) -> float:
+    return max(-most_rad, min(most_rad, angle_rad))
+
+
+def _if_small(angle_rad: float) -> float:
+    """An angle that may well be the sensor's error; 0 for one that is a ramp's."""
+    return angle_rad if abs(angle_rad) <= OFFSET_RAD else 0.0

@@ -126,10 +126,10 @@ def test_a_gyro_that_does_not_turn_with_the_angles_is_not_believed(sense: float)
     sensor = Sensor(lambda t_s: (0.0, rise_rad * min(1.0, max(0.0, t_s - 15.0) / 3.0)))
     sensor.run(21.0, gyro_sees=0.0)
     assert sensor.level.doubted == 1
-    assert sensor.level.pitch_rad == pytest.approx(rise_rad, abs=1e-4)
+    assert sensor.level.pitch_rad == pytest.approx(rise_rad, abs=2e-3)
     assert sensor.worst_rad < 1.5 * APART_RAD
     sensor.run(ALONE_S + 1.0)
-    assert sensor.level.pitch_rad == pytest.approx(rise_rad, abs=1e-4)
+    assert sensor.level.pitch_rad == pytest.approx(rise_rad, abs=2e-3)
 
 
 def test_a_gap_is_not_bridged_by_the_gyro() -> None:

@@ -2,8 +2,9 @@
 
 import pytest
 
-from core.records import OBSTACLE
+from core.records import OBSTACLE, UNKNOWN
 from tests.c_bench import STOP, Bench, driving, zone_report
+from tools.rig.c_planner import PlannerSettings
 
 SLOW_MPS = 0.15
 
@@ -87,6 +88,20 @@ def test_a_sender_that_starts_anew_ends_the_drive() -> None:
     assert bench.state.state == "stopped"
     assert bench.state.why == "the sender has started anew"
     assert bench.newest == (0.0, 0.0)
+
+
+def test_nobody_vouches_for_the_ground_where_a_sender_has_started_anew() -> None:
+    bench = Bench(PlannerSettings(start_clear_m=9.0))
+    bench.cells[:] = UNKNOWN
+    driving(bench)
+    bench.session += 1
+    bench.begin_link()
+    bench.run(2.0)
+    bench.planner.goal(5.0, 0.0)
+    bench.asked.clear()
+    bench.run(5.0)
+    assert bench.state.state == "driving"
+    assert {drive[:2] for drive in bench.asked} == {(0.0, 0.0)}
 
 
 def test_a_robot_that_does_not_obey_is_let_go_of_now_and_then() -> None:

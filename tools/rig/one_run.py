@@ -24,7 +24,7 @@ from tools.rig.loop import Loop, Planner
 from tools.rig.stops import Orders, Stop, StopWatch
 
 LIMIT_S = 240.0  # of a run, simulated
-FIRST_GOAL_S = 1.0
+FIRST_GOAL_S = 4.0  # until then the robot stands, and its gyro is learnt
 GIVEN_UP_S = 15.0  # the planner says "stopped" for so long
 STUCK_S = 60.0  # the robot stands for so long, whatever the planner says
 GOAL_RADIUS_M = 0.3  # the planner's own

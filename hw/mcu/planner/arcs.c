@@ -19,6 +19,7 @@
 #define SPIN_SLOWEST_MRADPS 200
 #define SPIN_FASTEST_MRADPS 600
 #define BACK_MMPS 300
+#define BACK_ARCS 5
 #define TURNS_PER_RAD 10430
 
 static const int16_t curvatures[] = { /* mrad per m */
@@ -129,9 +130,10 @@ struct motion arcs_back(const struct sweep *sweep, struct place place, int32_t x
     const int32_t v = least(BACK_MMPS, limits->behind_mmps);
     struct motion best = {0, 0};
     int32_t k;
-    for (k = 0; (k < 5) && (v >= SLOWEST_MMPS); k++) {
+    for (k = 0; (k <= BACK_ARCS) && (v >= SLOWEST_MMPS); k++) {
         const int32_t by = ((k & 1) != 0) ? (150 * k) : (-150 * k);
-        struct motion motion = arc_of(curvature + by, v, limits->turn_mradps / 2);
+        const int32_t chosen = (k < BACK_ARCS) ? (curvature + by) : 0; /* at last, straight */
+        struct motion motion = arc_of(chosen, v, limits->turn_mradps / 2);
         motion.v_mmps = -motion.v_mmps;
         motion.w_mradps = -motion.w_mradps;
         motion = gently(sweep, motion, limits);

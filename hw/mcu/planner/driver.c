@@ -94,6 +94,7 @@ static void check_session(struct driver *driver, const struct mapod_link *link)
         return;
     }
     if (driver->has_session && (geom->session != driver->session)) {
+        driver->settings.clear_mm = 0; /* nobody has vouched for where the new map begins */
         driver->crumb_count = 0u;
         if (driver->state == DRIVER_DRIVING) {
             tactics_give_up(driver, DRIVER_WHY_NEW_SESSION);

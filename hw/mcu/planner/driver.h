@@ -15,7 +15,8 @@
 #define DRIVER_CRUMBS 64u /* of the way that it came, one each CRUMB_MM */
 
 struct driver_settings { /* mm, mm/s, mrad/s */
-    int32_t clear_mm;     /* radius about the map's origin where UNKNOWN counts as FREE */
+    int32_t clear_mm;     /* radius about the map's origin where UNKNOWN counts as FREE, in the
+                             first run of the sender that is heard */
     int32_t unknown_mmps; /* how slowly it may enter unknown ground; 0: never */
     int32_t max_mmps;
     int32_t max_mradps;

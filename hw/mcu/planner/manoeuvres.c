@@ -11,6 +11,7 @@
 #define GOAL_SHORT_MM 150
 #define CREEP_MMPS 60
 #define FRONTIER_MM 500   /* so near to the end of the known way, it is at its end */
+#define BEFORE_MM 1500    /* so near before unseen ground, that is what stops it */
 #define STUCK_UNSEEN 15u  /* steps until a tactic is begun */
 #define STUCK_BLOCKED 40u
 #define STUCK_VIEW 20u
@@ -122,7 +123,18 @@ static struct motion go(struct driver *driver, const struct limits *limits)
     driver->last = arcs_choose(&driver->sweep, &driver->field, driver->place, aim, &own,
                                &driver->last);
     if ((driver->last.motion.v_mmps == 0) && (driver->last.motion.w_mradps == 0)) {
-        driver->why = (driver->why == DRIVER_WHY_NOTHING) ? (uint8_t)DRIVER_WHY_WAITS : driver->why;
+        const struct step_cell *const end =
+            &driver->way[least((int32_t)known, (int32_t)driver->way_count - 1)];
+        if (end->soft && (distance_mm(end->x_mm - driver->place.x_mm,
+                                      end->y_mm - driver->place.y_mm) < BEFORE_MM)) {
+            driver->why = (uint8_t)DRIVER_WHY_UNSEEN;
+            driver->unseen.x_mm = end->x_mm;
+            driver->unseen.y_mm = end->y_mm;
+        } else if (driver->why == DRIVER_WHY_NOTHING) {
+            driver->why = (uint8_t)DRIVER_WHY_WAITS;
+        } else {
+            /* It is known already. */
+        }
         return standing;
     }
     return paced(driver->last.motion, left);

@@ -26,10 +26,10 @@ from core.state import restore, state_of, was_moving
 from core.state_bytes import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.state_check import check_state
 from core.summary import robot_in_words
-from hw.ears import Ears, News
+from hw.ears import Ears
 from hw.modbus_server import ModbusServer
 from hw.port import PortUrlError, open_port, parse_url
-from hw.real_time import leave_real_time, take_real_time
+from hw.real_time import Alarm, leave_real_time, take_real_time
 from hw.session import Port
 
 __all__ = ["App", "Ports"]
@@ -192,14 +192,14 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     Between ticks it hears what arrives, so that stamps are true to the instant of reading.
     """
     due_s, ports = time.monotonic(), app.ports
-    news = News(asyncio.get_running_loop())
+    alarm = Alarm(asyncio.get_running_loop())
     ears = Ears(
-        news,
+        asyncio.get_running_loop(),
         (ports.scanner, ports.ahrs, ports.drive),
         lambda: app.hear(time.monotonic()),
     )
     while not stop.is_set():
-        await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+        await alarm.wait_until(due_s)
         app.note_tick(time.monotonic() - due_s)
         app.step(time.monotonic())
         ears.after_tick()
@@ -209,7 +209,7 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
             app.note_missed(now_s, slots - 1)
         due_s += period_s * slots
     ears.close()
-    news.close()
+    alarm.close()
 
 
 async def serve(

@@ -2,14 +2,8 @@
 
 Bytes read only at the next tick would be stamped up to a tick late. Reads no clock and no bytes:
 what is called does that. Refuses to let a wire that never stops keep the loop from its ticks.
-
-The kernel is asked for news of a descriptor, not again and again whether it is readable: to answer
-that of a serial line on which nothing lies ready it waits for a worker of its own, an ordinary
-process, which on a busy machine comes milliseconds later (60 measured) whatever our priority.
 """
 
-import contextlib
-import select
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
@@ -26,40 +20,6 @@ class Loop(Protocol):
 
     def remove_reader(self, fd: int, /) -> object:
         """No more; also right for a descriptor that is closed by now."""
-
-
-class News:
-    """Readers of a loop that are called once for each arrival, however much of it they read.
-
-    What they leave unread they are not told of again: somebody has to look now and then.
-    """
-
-    def __init__(self, loop: Loop) -> None:
-        self._loop, self._epoll = loop, select.epoll()
-        self._callbacks: dict[int, Callable[[], object]] = {}
-        loop.add_reader(self._epoll.fileno(), self._wake)
-
-    def add_reader(self, fd: int, callback: Callable[[], object], /) -> None:
-        """Call back at each arrival, and at once if something is there."""
-        self._callbacks[fd] = callback
-        self._epoll.register(fd, select.EPOLLIN | select.EPOLLET)
-
-    def remove_reader(self, fd: int, /) -> None:
-        """No more; also right for a descriptor that is closed by now."""
-        del self._callbacks[fd]
-        with contextlib.suppress(OSError):  # closed: the kernel has forgotten it
-            self._epoll.unregister(fd)
-
-    def close(self) -> None:
-        """Wait for nothing any more."""
-        self._loop.remove_reader(self._epoll.fileno())
-        self._epoll.close()
-
-    def _wake(self) -> None:
-        for fd, _ in self._epoll.poll(0):
-            callback = self._callbacks.get(fd)
-            if callback is not None:
-                callback()
 
 
 class Ears:

@@ -18,11 +18,10 @@ after it is back; what a device has to bear, or can't become better soon, is tri
   - Whatever opens and brings nothing, or fails otherwise: after 0.2, 0.4, .. RETRY_LAST_S.
 """
 
-import array
 import contextlib
 import errno
-import fcntl
 import os
+import select
 import socket
 import termios
 from typing import Any
@@ -208,7 +207,7 @@ class SerialPort(ReopeningPort):
         self._line = line
         self._serial: Any = None  # while open
         self._fd = -1
-        self._lies_ready = array.array("i", [0])  # bytes
+        self._arrivals: select.epoll | None = None  # while open
         self._seen: tuple[int, ...] = ()  # the path as it was when it was last tried; () for absent
         self._look_s = float("-inf")
 
@@ -250,23 +249,30 @@ class SerialPort(ReopeningPort):
             exclusive=True,
         )
         self._fd = self._serial.fileno()
+        self._arrivals = select.epoll()
+        self._arrivals.register(self._fd, select.EPOLLIN | select.EPOLLET)
         if not is_pty:
             with contextlib.suppress(ValueError, OSError, NotImplementedError):
                 self._serial.set_low_latency_mode(True)  # an adapter that holds bytes for 16 ms
         return True
 
     def _read_into(self, pieces: list[bytes]) -> None:
-        # Neither poll nor read where nothing lies ready: both wait then until the kernel's worker
-        # has been at the line, which on a busy machine takes milliseconds. A line that has hung up
-        # answers with EIO.
-        fcntl.ioctl(self._fd, termios.FIONREAD, self._lies_ready)
-        if (count := min(self._lies_ready[0], READ_SIZE)) > 0:
-            pieces.append(os.read(self._fd, count))
+        # The line itself is neither asked nor read unless the kernel has told of an arrival: where
+        # nothing lies ready both wait for a worker of the kernel's, an ordinary process, which on a
+        # busy machine comes tens of milliseconds later, whatever our priority.
+        if self._arrivals is not None and self._arrivals.poll(0):
+            data = os.read(self._fd, READ_SIZE)
+            if not data:  # it has hung up
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+            pieces.append(data)
 
     def _send(self, data: bytes) -> int:
         return os.write(self._fd, data)
 
     def _let_go(self) -> None:
+        if self._arrivals is not None:
+            self._arrivals.close()
+        self._arrivals = None
         if self._serial is None:
             return
         with contextlib.suppress(termios.error, OSError):
@@ -276,4 +282,4 @@ class SerialPort(ReopeningPort):
         self._serial = None
 
     def _descriptor(self) -> int:
-        return self._fd
+        return -1 if self._arrivals is None else self._arrivals.fileno()

@@ -11,6 +11,7 @@
 #define VIEW_LEAST_MM 9200  /* from there the line on the floor lies before what is to be seen */
 #define VIEW_MOST_MM 10300
 #define VIEW_RUN_MM 1000    /* to be driven from there towards it */
+#define UNSEEN_SHARE 4 /* of a line of sight, at most: behind more, a wall may stand unseen */
 #define VIEW_SHORT_MM 600   /* of the line of sight, that need not be clear at its end */
 #define GIVEN_UP_MM 900     /* radius */
 #define BACK_MM 2600        /* of way back, for a new try */
@@ -122,12 +123,15 @@ bool tactics_is_in_sight(const struct driver *driver, struct spot from, struct s
     const int32_t away_mm = distance_mm(to.x_mm - from.x_mm, to.y_mm - from.y_mm);
     const int32_t steps = (away_mm / (frame->cell_mm / 2)) + 1;
     const int32_t last = ((away_mm - VIEW_SHORT_MM) * steps) / most(1, away_mm);
+    int32_t unseen = 0;
     int32_t k;
     for (k = 1; k < last; k++) {
         const int32_t x_mm = from.x_mm + (((to.x_mm - from.x_mm) * k) / steps);
         const int32_t y_mm = from.y_mm + (((to.y_mm - from.y_mm) * k) / steps);
-        if (ground_at(&driver->ground, cell_of(frame, x_mm), cell_of(frame, y_mm)) ==
-            MAPOD_OBSTACLE) {
+        const uint32_t state =
+            ground_at(&driver->ground, cell_of(frame, x_mm), cell_of(frame, y_mm));
+        unseen += (state == MAPOD_UNKNOWN) ? 1 : 0;
+        if ((state == MAPOD_OBSTACLE) || (unseen > (steps / UNSEEN_SHARE))) {
             return false;
         }
     }

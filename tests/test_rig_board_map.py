@@ -37,21 +37,22 @@ class BoardOnLine:
         self.spoiled = 0
         self._random = random.Random(4)
         self._down = self._up = b""
-        self._held_s = 0.0
+        self._spoke_s = 0.0
         self._taken = 0  # frames that the board has got, whole or not
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """The app's bytes to the board, and the board's answer to the app, at the same instant."""
+        self.board.hold_clock(now_s)
         *frames, self._down = (self._down + received).split(b"\0")
         passed = [frame for frame in map(self._rough, filter(None, frames)) if frame]
         if passed:
             self.board.send(b"".join(frame + b"\0" for frame in passed))
             self._taken += len(passed)
             self._wait_for_board()
-        elif now_s - self._held_s < QUIET_S:
+        elif now_s - self._spoke_s < QUIET_S:
             return b""
-        self._held_s = now_s
-        self.board.hold_clock(now_s)
+        self._spoke_s = now_s
+        self.board.let_speak()
         *answers, self._up = (self._up + self.board.hear()).split(b"\0")
         rough = [answer for answer in map(self._rough, filter(None, answers)) if answer]
         return b"".join(answer + b"\0" for answer in rough)

@@ -350,6 +350,7 @@ def warm_kernels(config: Config) -> None:
     ranges_m = np.full((2 if config.scanner.echo == "both" else 1, 3), 1.0)
     app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
     app.mapper.settle(0.05)
+    app.mapper.maps.warm()
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)
         app.tell(now_s, told, window_trusted)

@@ -5,6 +5,8 @@ Source: design, section 7.
 
 import math
 
+import numpy as np
+
 from core.attitude import AttitudeRing
 from core.beams import BeamGeometry
 from core.cells import CellGrid
@@ -51,6 +53,13 @@ class BeamMaps:
         self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
         self._h_neg_m = obstacle.h_neg_m
         self._stand: Stand | None = None
+
+    def warm(self) -> None:
+        """Run the kernels to which the first scans do not come, once; the maps stay empty."""
+        self.ground.warm()
+        self.elevation.judge_again(self.ground.numbers, self.ground.numbers, 0.0)
+        self.window.put(np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
+        lacks_floor(self.cells.flat, 0, self.cells.sub)
 
     def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a scan that attitude and odometry cover; how many returns it had.

@@ -89,6 +89,10 @@ class GroundTracker:
         self._offsets: deque[float] = deque(maxlen=MIDDLE_OF)
         self._jitter_m = self._jitter_m2 = 0.0
 
+    def warm(self) -> None:
+        """Run the kernel that only a lost line needs, once."""
+        seek(self._found, 0, np.zeros(3))
+
     def erase(self) -> None:
         """Forget the line."""
         self.line, self.found = None, False

@@ -14,6 +14,10 @@ class Maps(Protocol):
 
     window: StateWindow
 
+    def warm(self) -> None:
+        """Run the kernels to which the first scans do not come, once; the maps stay as they are."""
+        ...
+
     def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a scan that attitude and odometry cover from its first beam to its last.
 

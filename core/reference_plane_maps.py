@@ -97,6 +97,9 @@ class ReferencePlaneMaps:
         self._new: I8 = np.zeros(size**2, dtype=np.int8)
         self._beams = (0, 0.0, 0.0)
 
+    def warm(self) -> None:
+        """The first scan runs all kernels."""
+
     def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a scan that both cover to its last beam; returns how many returns were used."""
         last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s

@@ -78,7 +78,7 @@ class AttitudeRing:
         mount_pitch_rad: float,
         mount_yaw_rad: float,
         *,
-        levels: bool = True,
+        levels: bool = False,
     ) -> None:
         R_body_sensor = R_from_rpy(mount_roll_rad, mount_pitch_rad, mount_yaw_rad)
         self._q_sensor_body = q_from_R(R_body_sensor.T)

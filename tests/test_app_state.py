@@ -112,7 +112,7 @@ def test_layers_of_a_drive_tell_flat_floor_from_walls() -> None:
     assert np.nanmedian(shown["step"][floor]) < 0.03
     assert np.nanmedian(shown["step"][walls]) > 0.10
     assert np.nanmedian(shown["roughness"][floor]) < 0.01
-    assert np.nanmedian(shown["roughness"][walls]) > 0.02
+    assert np.nanmedian(shown["roughness"][walls]) > 0.015
     assert math.degrees(np.nanmedian(shown["slope"][floor])) < 3.0
     unseen = np.isnan(shown["height"])
     for name in ("slope", "step", "roughness", "z", "variance", "soft"):

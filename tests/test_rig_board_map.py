@@ -89,7 +89,7 @@ def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedBoard]:
     try:
         running = EmulatedBoard(PlannerSettings(start_clear_m=9.0), tmp_path_factory.mktemp("b"))
     except MissingToolError as missing:
-        pytest.skip(f"{missing}; the same C ran on this machine instead")
+        pytest.skip(f"{missing}; its host form is tested instead")
     with running:
         yield running
 

@@ -122,7 +122,7 @@ def test_a_serial_line_and_datagrams_carry_the_same_planner() -> None:
     try:
         planner = CPlanner(SETTINGS, nonce=NONCE)
     except MissingToolError as missing:
-        pytest.skip(f"{missing}; the same C ran on this machine instead")
+        pytest.skip(str(missing))
     bench = Bench(SETTINGS)
     bench.run(0.2)
     bench.planner.goal(4.0, 1.0)

@@ -20,9 +20,10 @@ $(VENV)/.ready: pyproject.toml
 	@touch $@
 
 $(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py fakes/*kernels.py fakes/beam_light.py)
-	@echo "mapod: compiling the kernels (some 20 seconds, then cached)"
+	@echo "mapod: compiling the kernels of the app, then those of the simulated world (a minute, then cached)"
 	@rm -f core/__pycache__/*.nb? hw/__pycache__/*.nb? fakes/__pycache__/*.nb?  # a cached kernel does not see that one it calls has changed
 	@$(BIN)/python main.py --warm
+	@$(BIN)/python -c "from fakes.rig import Rig; from fakes.scene import load_scene; Rig(load_scene('crowd', 1), 1)"
 	@touch $@
 
 setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels

@@ -29,7 +29,7 @@ class StallWatch:
         self._sent_m = [0.0, 0.0]  # left, right: since the newest counts
         self._owed_m = [0.0, 0.0]  # sent before them, and not followed
         self._last: WheelCounts | None = None
-        self._now_s = math.inf
+        self._now_s, self._speeds_mps = math.inf, (0.0, 0.0)  # of the newest call
 
     @property
     def stalled(self) -> bool:
@@ -39,11 +39,11 @@ class StallWatch:
     def told(self, now_s: float, left: float, right: float) -> None:
         """The power of both wheels, -1..1 of full, from now on until the next call."""
         passed_s = max(0.0, min(LONGEST_STEP_S, now_s - self._now_s))
-        self._now_s = now_s
-        for k, power in enumerate((left, right)):
-            speed_mps = abs(power) * self._full_mps
+        for k, speed_mps in enumerate(self._speeds_mps):
             if speed_mps >= LEAST_MPS:
                 self._sent_m[k] += speed_mps * passed_s
+        self._now_s = now_s
+        self._speeds_mps = abs(left) * self._full_mps, abs(right) * self._full_mps
 
     def counted(self, counts: WheelCounts) -> None:
         """The newest counts of both wheels."""

@@ -26,7 +26,6 @@ KEPT_S = 0.9  # a device that was not looked at for longer has lost its oldest s
 ON_REQUEST = 0xFFFF  # skip factor
 MTDATA, MTDATA2, ERROR = 0x32, 0x36, 0x42
 TIMER_OVERFLOW, TELL, STOP = 0x1E, 2, 3  # an Error, and error modes
-SPLIT_BYTES = 2048  # the most that a message can hold
 PRESSURE = 0x3010
 
 

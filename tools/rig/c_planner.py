@@ -19,8 +19,6 @@ from tools.rig.c_build import build_planner_library
 
 U8 = npt.NDArray[np.uint8]
 OUT_BYTES = 64
-MAX_CELLS = 201 * 201  # of the largest window that it takes
-NONE_TOLD = 0
 ADVICE = ("stop", "slow", "go")
 STATES = ("idle", "driving", "arrived", "stopped")
 TACTICS = ("go", "wait", "look", "back", "probe", "view", "face")

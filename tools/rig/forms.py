@@ -21,7 +21,6 @@ from tools.rig.config import BOARD, HOST, RigConfig
 
 U8 = npt.NDArray[np.uint8]
 ASK_EVERY_S = 0.2  # what a board is about
-HOST_PROGRAM = "gcc"
 
 
 class Form(Protocol):

@@ -73,7 +73,8 @@ class GroundTracker:
         self.before: F64 = np.zeros(10)  # the same when the line was lost
         self.found = False  # the newest scan saw the line
         self.line: Line | None = None
-        self._history: deque[Line] = deque(maxlen=KEPT)
+        # lines that were found, each with the robot's heading then
+        self._history: deque[tuple[Line, tuple[float, float]]] = deque(maxlen=KEPT)
         self._anchor = np.zeros(2)
         self._found = np.zeros((MAX_BEAMS, 5))
         # lines while it is lost: place along the way, height, travel
@@ -129,7 +130,7 @@ class GroundTracker:
         self._jitter_m = 0.0
         self._lean(sweep.t_s, stand)
         if line is not None:
-            line = self._turned(line, stand)
+            line = _turned(line, self._heading, stand)
         self._heading = stand.heading
         if line is None:
             line = Line(stand.x_m, stand.y_m, stand.z_m, 0.0, 0.0, stand.travel_m)
@@ -162,9 +163,9 @@ class GroundTracker:
         self._last_s = sweep.t_s
         if self.found and (
             not self._history
-            or abs(stand.travel_m - self._history[-1].travel_m) > BACK_M / KEPT * 2
+            or abs(stand.travel_m - self._history[-1][0].travel_m) > BACK_M / KEPT * 2
         ):
-            self._history.append(self.line)
+            self._history.append((self.line, stand.heading))
 
     def _lean(self, t_s: float, stand: Stand) -> None:
         """Follow the robot's own slope slowly: one that nods stands on level ground."""
@@ -177,22 +178,6 @@ class GroundTracker:
         self._leaning = (
             self._leaning[0] + share * (now[0] - self._leaning[0]),
             self._leaning[1] + share * (now[1] - self._leaning[1]),
-        )
-
-    def _turned(self, line: Line, stand: Stand) -> Line:
-        """A line that is nearly level turns with the robot: so does an attitude that is off."""
-        if math.hypot(line.slope_x, line.slope_y) > TURNS_WITH:
-            return line
-        (ax, ay), (bx, by) = self._heading, stand.heading
-        c, s = ax * bx + ay * by, ax * by - ay * bx
-        dx, dy = line.x_m - stand.x_m, line.y_m - stand.y_m
-        return Line(
-            stand.x_m + c * dx - s * dy,
-            stand.y_m + s * dx + c * dy,
-            line.z_m,
-            c * line.slope_x - s * line.slope_y,
-            s * line.slope_x + c * line.slope_y,
-            line.travel_m,
         )
 
     def _set(self, line: Line, stand: Stand, jitter_m: float = 0.0) -> None:
@@ -230,9 +215,9 @@ class GroundTracker:
     def _before(self, stand: Stand) -> Line:
         """The line as it was a while ago."""
         history = self._history
-        while len(history) > 1 and abs(stand.travel_m - history[-1].travel_m) < BACK_M:
+        while len(history) > 1 and abs(stand.travel_m - history[-1][0].travel_m) < BACK_M:
             history.pop()
-        return history[-1]
+        return _turned(*history[-1], stand)
 
     def _look(
         self, line: Line, sweep: Sweep, stand: Stand, gate: float
@@ -375,6 +360,27 @@ def _slope(u: F64, z: F64) -> float:
     off = u - u.mean()
     spread = float((off * off).sum())
     return float((off * (z - z.mean())).sum()) / spread if spread > 0.0 else 0.0
+
+
+def _turned(line: Line, heading: tuple[float, float], stand: Stand) -> Line:
+    """A line that is nearly level turns with the robot: so does an attitude that is off.
+
+    Args:
+        heading: of the robot when the line lay so.
+    """
+    if math.hypot(line.slope_x, line.slope_y) > TURNS_WITH:
+        return line
+    (ax, ay), (bx, by) = heading, stand.heading
+    c, s = ax * bx + ay * by, ax * by - ay * bx
+    dx, dy = line.x_m - stand.x_m, line.y_m - stand.y_m
+    return Line(
+        stand.x_m + c * dx - s * dy,
+        stand.y_m + s * dx + c * dy,
+        line.z_m,
+        c * line.slope_x - s * line.slope_y,
+        s * line.slope_x + c * line.slope_y,
+        line.travel_m,
+    )
 
 
 def _limited(slope: float) -> float:

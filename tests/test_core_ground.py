@@ -233,3 +233,41 @@ def test_where_a_beam_is_due_follows_from_the_plane() -> None:
     due = due_m(lens, ray, numbers)
     assert lens[2] + due * ray[2] == pytest.approx(due * ray[0] * math.tan(down))
     assert DUE_M > 8.45
+
+
+TILT = (-math.tan(math.radians(0.5)), math.tan(math.radians(0.4)))  # along and across
+
+
+def leaning_sweep(yaw_rad: float, t_s: float, share: float = 1.0) -> Sweep:
+    """Of level floor, by a robot at (2, 0) whose attitude leans with it; or of a wall before it.
+
+    Args:
+        share: of the way to the floor at which all beams end.
+    """
+    plain = floor_sweep(0.0, 0.0, t_s)
+    lens_m, rays = plain.lenses[0], plain.rays
+    ranges_m = -lens_m[2] / (rays @ np.array([-TILT[0], -TILT[1], 1.0]) + 1e-12)
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    lenses = np.tile(lens_m @ turn + [2.0, 0.0, 0.0], (len(rays), 1))
+    return Sweep(t_s, lenses, rays @ turn, share * ranges_m[None, :])
+
+
+def test_a_line_that_was_found_before_the_robot_turned_lies_as_it_would_now() -> None:
+    """A wall comes into view: the tracker goes back to a line that it found at another heading."""
+    tracker, t_s = GroundTracker(CellGrid(101, 0.2)), 0.0
+    for k in range(100):
+        t_s, x = 0.04 * k, 2.0 - 0.04 * (100 - k)
+        sweep = leaning_sweep(0.0, t_s)
+        sweep.lenses[:, 0] += x - 2.0
+        tracker.follow(sweep, stand(x))
+    headings = [math.radians(k) for k in range(0, 91, 2)]
+    stands = [Stand(2.0, 0.0, 0.0, (math.cos(a), math.sin(a)), (0.0, 0.0), 2.0) for a in headings]
+    for yaw_rad, place in zip(headings, stands, strict=True):
+        t_s += 0.04
+        tracker.follow(leaning_sweep(yaw_rad, t_s), place)
+    before = tracker.slope_rad(place)
+    assert before[1] == pytest.approx(TILT[1], abs=0.003)
+    tracker.follow(leaning_sweep(yaw_rad, t_s + 0.04, share=0.8), place)
+    assert not tracker.found
+    assert tracker.slope_rad(place) == pytest.approx(before, abs=0.002)

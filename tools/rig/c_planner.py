@@ -21,7 +21,7 @@ U8 = npt.NDArray[np.uint8]
 OUT_BYTES = 64
 ADVICE = ("stop", "slow", "go")
 STATES = ("idle", "driving", "arrived", "stopped")
-TACTICS = ("go", "wait", "look", "back", "probe", "view", "face")
+TACTICS = ("go", "wait", "look", "back", "probe", "view", "face", "pass")
 ROOM = 400  # cells of a way
 WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
     0: "",

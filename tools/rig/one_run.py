@@ -23,7 +23,7 @@ from tools.rig.judge import RATE_HZ, Contact, Judge, Truth
 from tools.rig.loop import Loop, Planner
 from tools.rig.stops import Orders, Stop, StopWatch
 
-LIMIT_S = 360.0  # of a run, simulated
+LIMIT_S = 600.0  # of a run, simulated
 FIRST_GOAL_S = 4.0  # until then the robot stands, and its gyro is learnt
 GIVEN_UP_S = 15.0  # the planner says "stopped" for so long
 STUCK_S = 60.0  # the robot stands for so long, whatever the planner says

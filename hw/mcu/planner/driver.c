@@ -74,6 +74,9 @@ void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
     driver->paid_mm = 0;
     driver->looked = false;
     driver->disc_count = 0u;
+    driver->hidden = 0u;
+    driver->looks = 0u;
+    driver->viewed_count = 0u;
     tactics_begin(driver, TACTIC_GO);
 }
 

@@ -13,6 +13,8 @@
 
 #define DRIVER_PERIOD_MS 100u
 #define DRIVER_CRUMBS 64u /* of the way that it came, one each CRUMB_MM */
+#define DRIVER_AIMS 6u    /* places that are to be seen from one view */
+#define DRIVER_VIEWED 6u  /* places to look from that are remembered */
 
 struct driver_settings { /* mm, mm/s, mrad/s */
     int32_t clear_mm;     /* radius about the map's origin where UNKNOWN counts as FREE, in the
@@ -54,7 +56,8 @@ enum driver_tactic {
     TACTIC_BACK,   /* along the crumbs */
     TACTIC_PROBE,  /* wait for the field of what can be reached, to choose a place to look from */
     TACTIC_VIEW,   /* to that place, over known ground only */
-    TACTIC_FACE    /* turn there towards what is to be seen */
+    TACTIC_FACE,   /* turn there towards what is to be seen */
+    TACTIC_PASS    /* drive towards it, until the line on the floor has passed it */
 };
 
 struct spot { /* map frame, mm */
@@ -93,7 +96,15 @@ struct driver {
     bool doubts;          /* no way leads on: obstacles may be there by mistake */
     bool looked;          /* has turned around since it last drove on */
     struct spot unseen;   /* ground that it wants to see */
+    struct spot aims[DRIVER_AIMS]; /* of it, and about it */
+    uint32_t aim_count;
     struct spot view;     /* from there */
+    uint32_t view_cost;   /* FIELD_NO_WAY: there is no such place */
+    int32_t view_row;     /* of the window, where the search for it goes on */
+    uint32_t view_backs;  /* times that the robot had to go back on its way there */
+    struct spot viewed[DRIVER_VIEWED]; /* from there it has looked at `looked_at` before */
+    uint32_t viewed_count;
+    uint32_t hidden;      /* times that no place showed ground on the way to this goal */
     int32_t turned;       /* turns, of a look around */
     int32_t back_mm;      /* left to go back */
     struct spot crumbs[DRIVER_CRUMBS];

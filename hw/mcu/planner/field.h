@@ -23,6 +23,8 @@
 
 /* What a cell is to the way, in the low bits of its weight's byte. */
 #define FIELD_CLOSED 0u
+#define FIELD_MOST_WEIGHT 40u
+#define FIELD_ROOM_WEIGHT 6u /* of known ground with room to turn, at most */
 #define FIELD_SOFT 0x80u /* not known to be free: there the way is only hoped for */
 
 struct disc { /* ground that has been given up, map frame */
@@ -88,8 +90,13 @@ uint32_t field_cost_of_m(const struct field *field);
 /* The way from a place downhill, one cell after the other; how many there are, at most `room`. */
 uint32_t field_way(const struct field *field, int32_t x_mm, int32_t y_mm, struct step_cell *way,
                    uint32_t room);
-/* Whether the straight line between two places is neither closed nor soft anywhere. */
+/* Whether the straight line between two places is neither closed nor soft anywhere, and nowhere
+ * weighs more. */
 bool field_is_straight(const struct field *field, int32_t x_mm, int32_t y_mm, int32_t to_x_mm,
-                       int32_t to_y_mm);
+                       int32_t to_y_mm, uint32_t most_weight);
+/* What a cell weighs; FIELD_CLOSED outside the window, too. */
+uint32_t field_weight(const struct field *field, int32_t x_mm, int32_t y_mm);
+/* Whether the robot can turn at a place. */
+bool field_has_room(const struct field *field, int32_t x_mm, int32_t y_mm);
 
 #endif

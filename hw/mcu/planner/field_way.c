@@ -115,18 +115,34 @@ uint32_t field_way(const struct field *field, int32_t x_mm, int32_t y_mm, struct
     return count;
 }
 
-bool field_is_straight(const struct field *field, int32_t x_mm, int32_t y_mm, int32_t to_x_mm,
-                       int32_t to_y_mm)
+uint32_t field_weight(const struct field *field, int32_t x_mm, int32_t y_mm)
 {
     const struct layer *const layer = &field->layers[field->now];
     const struct frame *const frame = &layer->frame;
+    const int32_t i = cell_of(frame, x_mm) - frame->column0;
+    const int32_t j = cell_of(frame, y_mm) - frame->row0;
+    if ((i < 0) || (j < 0) || (i >= frame->width) || (j >= frame->height)) {
+        return FIELD_CLOSED;
+    }
+    return layer->weight[(j * frame->width) + i];
+}
+
+bool field_has_room(const struct field *field, int32_t x_mm, int32_t y_mm)
+{
+    const uint32_t weight = field_weight(field, x_mm, y_mm);
+    return (weight != FIELD_CLOSED) && (weight <= FIELD_ROOM_WEIGHT);
+}
+
+bool field_is_straight(const struct field *field, int32_t x_mm, int32_t y_mm, int32_t to_x_mm,
+                       int32_t to_y_mm, uint32_t most_weight)
+{
     const int32_t length_mm = distance_mm(to_x_mm - x_mm, to_y_mm - y_mm);
     const int32_t steps = least(STEPS, (length_mm / LOOK_MM) + 1);
     int32_t k;
     for (k = 1; k <= steps; k++) {
-        const int32_t i = cell_of(frame, x_mm + (((to_x_mm - x_mm) * k) / steps)) - frame->column0;
-        const int32_t j = cell_of(frame, y_mm + (((to_y_mm - y_mm) * k) / steps)) - frame->row0;
-        if ((cost_of(layer, i, j) == FIELD_NO_WAY) || is_soft(layer, i, j)) {
+        const uint32_t weight = field_weight(field, x_mm + (((to_x_mm - x_mm) * k) / steps),
+                                             y_mm + (((to_y_mm - y_mm) * k) / steps));
+        if ((weight == FIELD_CLOSED) || ((weight & FIELD_SOFT) != 0u) || (weight > most_weight)) {
             return false;
         }
     }

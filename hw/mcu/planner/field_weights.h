@@ -4,8 +4,6 @@
 
 #include "field.h"
 
-#define FIELD_MOST_WEIGHT 40u
-
 /* Fills a layer's weights; `distances` is room for as many numbers as it has cells. */
 void field_weigh(struct layer *layer, uint16_t *distances, const struct ground *ground,
                  const struct field_task *task);

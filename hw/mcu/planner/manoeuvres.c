@@ -3,6 +3,7 @@
 
 #include "route.h"
 #include "tactics.h"
+#include "views.h"
 
 /* What may be tuned. Steps are DRIVER_PERIOD_MS each. */
 #define CRUISE_MMPS 800   /* faster, the map gets too few looks at each cell */
@@ -15,6 +16,7 @@
 #define STUCK_UNSEEN 15u  /* steps until a tactic is begun */
 #define STUCK_BLOCKED 40u
 #define STUCK_VIEW 20u
+#define STUCK_PASS 5u
 #define MOST_DOUBTS 3u     /* for one goal */
 #define DOUBTS 25u        /* steps without any way, until obstacles are doubted */
 #define BACK_MM 2600
@@ -25,6 +27,12 @@
 #define TURN_BACKS 3u      /* for one goal */
 #define BAND_CELLS 10u    /* of the way, what the robot needs before and behind it included */
 #define AGAIN_FROM_MM 9700 /* from there it will be seen again */
+#define PASS_MMPS 500
+#define PASS_GAIN_MRADPS 500 /* per radian that it looks past it */
+#define PASS_MRADPS 200
+#define PASS_STEPS 150u
+#define TURNS_PER_RAD 10430
+#define VIEW_BACKS 2u
 
 static const struct motion standing = {0, 0};
 
@@ -65,7 +73,7 @@ static bool turns_back(struct driver *driver)
         (away < NEARER_MM) ||
         (magnitude(difference(direction(dx, dy), driver->place.yaw)) > FACED) ||
         (driver->crumb_count < 10u) || (driver->tactic != TACTIC_GO) ||
-        (!tactics_is_in_sight(driver, from, to)) || (!tactics_may_look_again(driver, to))) {
+        (!views_are_in_sight(driver, from, to))) {
         return false;
     }
     driver->tries++;
@@ -179,10 +187,30 @@ static struct motion face(struct driver *driver, const struct limits *limits)
     const int32_t wrong = difference(towards, driver->place.yaw);
     driver->why = (uint8_t)DRIVER_WHY_VIEWS;
     if ((magnitude(wrong) < FACED) || (driver->since > 100u)) {
-        tactics_begin(driver, TACTIC_GO);
+        tactics_begin(driver, TACTIC_PASS);
         return standing;
     }
     return arcs_spin(&driver->sweep, wrong, limits);
+}
+
+/* Straight towards what is to be seen, until the line has passed the farthest of it. */
+static struct motion pass(struct driver *driver, const struct limits *limits)
+{
+    const struct sighting farthest = views_farthest(driver);
+    const int32_t wrong = difference(farthest.towards, driver->place.yaw);
+    const int32_t turn = (wrong * PASS_GAIN_MRADPS) / TURNS_PER_RAD;
+    struct motion motion = {0, 0};
+    driver->why = (uint8_t)DRIVER_WHY_VIEWS;
+    if ((farthest.away_mm > PASSED_MM) && (driver->since < PASS_STEPS)) {
+        motion.v_mmps = least(PASS_MMPS, limits->ahead_mmps);
+        motion.w_mradps = most(-PASS_MRADPS, least(PASS_MRADPS, turn));
+        motion = arcs_safe(&driver->sweep, motion, limits);
+    }
+    driver->stuck = (motion.v_mmps == 0) ? (driver->stuck + 1u) : 0u;
+    if ((farthest.away_mm <= PASSED_MM) || (driver->stuck > STUCK_PASS)) {
+        tactics_begin(driver, TACTIC_GO);
+    }
+    return motion;
 }
 
 static struct motion view(struct driver *driver, const struct limits *limits)
@@ -198,8 +226,11 @@ static struct motion view(struct driver *driver, const struct limits *limits)
     }
     driver->stuck = ((motion.v_mmps == 0) && (motion.w_mradps == 0)) ? (driver->stuck + 1u) : 0u;
     if (driver->stuck > STUCK_VIEW) { /* no room to turn here, it may be */
+        const bool again = driver->view_backs < VIEW_BACKS;
+        driver->view_backs++;
         driver->back_mm = BACK_MM;
         tactics_begin(driver, TACTIC_BACK);
+        driver->then = (uint8_t)(again ? TACTIC_VIEW : TACTIC_GO);
     } else if (driver->since > 600u) {
         tactics_begin(driver, TACTIC_GO);
     } else {
@@ -209,17 +240,18 @@ static struct motion view(struct driver *driver, const struct limits *limits)
     return motion;
 }
 
+/* Chooses a place to look from, over several steps. */
 static void probe(struct driver *driver)
 {
     driver->why = (uint8_t)DRIVER_WHY_UNSEEN;
-    if (!driver->field.has_any) {
+    if ((!driver->field.has_any) || (!views_search(driver))) {
         return;
     }
-    if (tactics_find_view(driver)) {
+    driver->view_backs = 0u;
+    if (driver->view_cost != FIELD_NO_WAY) {
         tactics_begin(driver, TACTIC_VIEW);
     } else {
-        driver->stuck = 0u;
-        tactics_begin(driver, TACTIC_GO);
+        tactics_no_view(driver);
     }
 }
 
@@ -254,6 +286,8 @@ struct motion manoeuvre(struct driver *driver, const struct limits *limits)
         return back(driver, limits);
     case TACTIC_FACE:
         return face(driver, limits);
+    case TACTIC_PASS:
+        return pass(driver, limits);
     case TACTIC_VIEW:
         return view(driver, limits);
     case TACTIC_PROBE:

@@ -71,13 +71,16 @@ struct place route_target(const struct driver *driver)
     const struct place *const from = &driver->place;
     const uint32_t known = driver->known_count;
     struct place target = *from;
+    uint32_t heaviest = 2u * FIELD_ROOM_WEIGHT; /* where the way keeps off what stands, so does it */
     uint32_t k;
     for (k = 0u; k < known; k++) {
         const struct step_cell *const cell = &driver->way[k];
         const int32_t away = distance_mm(cell->x_mm - from->x_mm, cell->y_mm - from->y_mm);
+        heaviest = (uint32_t)most((int32_t)heaviest,
+                                  (int32_t)field_weight(&driver->field, cell->x_mm, cell->y_mm));
         if ((k > 2u) && ((away > TARGET_MM) ||
                          (!field_is_straight(&driver->field, from->x_mm, from->y_mm, cell->x_mm,
-                                             cell->y_mm)))) {
+                                             cell->y_mm, heaviest)))) {
             break;
         }
         target.x_mm = cell->x_mm;

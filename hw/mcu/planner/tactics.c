@@ -3,19 +3,17 @@
  */
 #include "tactics.h"
 
+#include "views.h"
+
 /* What may be tuned. */
 #define TRIES 10u           /* tactics for one goal */
 #define MOST_TRIES 16u      /* however far it drives meanwhile */
 #define PAYS_MM 5000        /* of way, that strike one off */
 #define CRUMB_MM 200        /* between two of them */
-#define VIEW_LEAST_MM 9200  /* from there the line on the floor lies before what is to be seen */
-#define VIEW_MOST_MM 10300
-#define VIEW_RUN_MM 1000    /* to be driven from there towards it */
-#define UNSEEN_SHARE 4 /* of a line of sight, at most: behind more, a wall may stand unseen */
-#define VIEW_SHORT_MM 600   /* of the line of sight, that need not be clear at its end */
 #define GIVEN_UP_MM 900     /* radius */
 #define BACK_MM 2600        /* of way back, for a new try */
-#define LOOKS 1u            /* at the same ground, from places chosen for it */
+#define LOOKS 3u            /* at the same ground, from places chosen for it */
+#define MOST_HIDDEN 2u       /* times that no place shows the ground about the goal */
 #define BACK_TO_TURN_MM 4000 /* at most, to where there is room to turn */
 #define SAME_MM 1000
 #define BOXED_AHEAD_MM 900
@@ -30,6 +28,7 @@ void tactics_begin(struct driver *driver, enum driver_tactic tactic)
     driver->doubts = false;
     driver->then = TACTIC_GO;
     field_clear(&driver->field);
+    views_begin(driver);
 }
 
 void tactics_give_up(struct driver *driver, enum driver_why why)
@@ -49,9 +48,16 @@ static void give_up(struct driver *driver, struct spot spot, int32_t radius_mm, 
     driver->disc_count++;
 }
 
-void tactics_give_up_ground(struct driver *driver)
+static bool give_up_ground(struct driver *driver)
 {
+    const int32_t needs_mm = GIVEN_UP_MM + driver->shape.half + driver->shape.margin +
+                             (2 * driver->ground.frame.cell_mm);
+    if (distance_mm(driver->goal.x_mm - driver->unseen.x_mm,
+                    driver->goal.y_mm - driver->unseen.y_mm) <= needs_mm) {
+        return false;
+    }
     give_up(driver, driver->unseen, GIVEN_UP_MM, false);
+    return true;
 }
 
 /* A way leads on, and no motion does. The second time in the same place, that way is given up. */
@@ -117,72 +123,13 @@ bool tactics_crumb(struct driver *driver, struct spot *crumb)
     return false;
 }
 
-bool tactics_is_in_sight(const struct driver *driver, struct spot from, struct spot to)
-{
-    const struct frame *const frame = &driver->ground.frame;
-    const int32_t away_mm = distance_mm(to.x_mm - from.x_mm, to.y_mm - from.y_mm);
-    const int32_t steps = (away_mm / (frame->cell_mm / 2)) + 1;
-    const int32_t last = ((away_mm - VIEW_SHORT_MM) * steps) / most(1, away_mm);
-    int32_t unseen = 0;
-    int32_t k;
-    for (k = 1; k < last; k++) {
-        const int32_t x_mm = from.x_mm + (((to.x_mm - from.x_mm) * k) / steps);
-        const int32_t y_mm = from.y_mm + (((to.y_mm - from.y_mm) * k) / steps);
-        const uint32_t state =
-            ground_at(&driver->ground, cell_of(frame, x_mm), cell_of(frame, y_mm));
-        unseen += (state == MAPOD_UNKNOWN) ? 1 : 0;
-        if ((state == MAPOD_OBSTACLE) || (unseen > (steps / UNSEEN_SHARE))) {
-            return false;
-        }
-    }
-    return true;
-}
-
-/* Cost of going to look from a place; FIELD_NO_WAY: nothing can be seen from there. */
-static uint32_t view_cost(const struct driver *driver, struct spot spot, uint32_t best)
-{
-    const struct spot to = driver->unseen;
-    const int32_t away_mm = distance_mm(to.x_mm - spot.x_mm, to.y_mm - spot.y_mm);
-    uint32_t cost;
-    if ((away_mm < VIEW_LEAST_MM) || (away_mm > VIEW_MOST_MM)) {
-        return FIELD_NO_WAY;
-    }
-    cost = field_cost(&driver->field, spot.x_mm, spot.y_mm);
-    if ((cost >= best) ||
-        (!field_is_straight(&driver->field, spot.x_mm, spot.y_mm,
-                            spot.x_mm + (((to.x_mm - spot.x_mm) * VIEW_RUN_MM) / away_mm),
-                            spot.y_mm + (((to.y_mm - spot.y_mm) * VIEW_RUN_MM) / away_mm))) ||
-        (!tactics_is_in_sight(driver, spot, to))) {
-        return FIELD_NO_WAY;
-    }
-    return cost;
-}
-
-bool tactics_find_view(struct driver *driver)
-{
-    const struct frame *const frame = &driver->ground.frame;
-    uint32_t best = FIELD_NO_WAY;
-    int32_t i, j;
-    for (j = 0; j < frame->height; j += 2) {
-        for (i = 0; i < frame->width; i += 2) {
-            const struct spot spot = {middle_of(frame, frame->column0 + i),
-                                      middle_of(frame, frame->row0 + j)};
-            const uint32_t cost = view_cost(driver, spot, best);
-            if (cost < best) {
-                best = cost;
-                driver->view = spot;
-            }
-        }
-    }
-    return best != FIELD_NO_WAY;
-}
-
 bool tactics_may_look_again(struct driver *driver, struct spot spot)
 {
     const struct spot *const before = &driver->looked_at;
     if (distance_mm(spot.x_mm - before->x_mm, spot.y_mm - before->y_mm) > SAME_MM) {
         driver->looked_at = spot;
         driver->looks = 0u;
+        driver->viewed_count = 0u;
     }
     driver->looks++;
     return driver->looks <= LOOKS;
@@ -212,14 +159,26 @@ static bool backs_to_turn(struct driver *driver, enum driver_tactic then)
 static void stuck_unseen(struct driver *driver)
 {
     if (tactics_may_look_again(driver, driver->unseen)) {
+        views_aim(driver);
         if (!backs_to_turn(driver, TACTIC_PROBE)) {
             tactics_begin(driver, TACTIC_PROBE);
         }
     } else {
-        tactics_give_up_ground(driver);
-        if (!backs_to_turn(driver, TACTIC_GO)) {
-            tactics_begin(driver, TACTIC_GO);
-        }
+        tactics_no_view(driver);
+    }
+}
+
+void tactics_no_view(struct driver *driver)
+{
+    if ((!give_up_ground(driver)) && (driver->hidden >= MOST_HIDDEN)) {
+        tactics_give_up(driver, DRIVER_WHY_NO_WAY);
+        return;
+    }
+    driver->hidden++;
+    driver->looks = 0u;
+    driver->viewed_count = 0u;
+    if (!backs_to_turn(driver, TACTIC_GO)) {
+        tactics_begin(driver, TACTIC_GO);
     }
 }
 

@@ -8,16 +8,12 @@
 void tactics_begin(struct driver *driver, enum driver_tactic tactic);
 /* No motion is worth asking for, and has not been for a while: chooses what to do about it. */
 void tactics_stuck(struct driver *driver);
-/* The field of what can be reached is there: where to look from; false: from nowhere. */
-bool tactics_find_view(struct driver *driver);
-/* Whether nothing that is an obstacle stands between two places, but for the last bit. */
-bool tactics_is_in_sight(const struct driver *driver, struct spot from, struct spot to);
 /* Whether ground has not been looked at too often yet; counts that it is looked at. */
 bool tactics_may_look_again(struct driver *driver, struct spot spot);
 /* Whether the robot can turn around where it stands. */
 bool tactics_has_room(const struct driver *driver);
-/* Gives up ground that was not seen from anywhere, for this goal. */
-void tactics_give_up_ground(struct driver *driver);
+/* No place shows the ground on the way: it is given up, for this goal; or the goal is. */
+void tactics_no_view(struct driver *driver);
 /* Notes the way that the robot comes. */
 void tactics_note_way(struct driver *driver);
 /* The last crumb that is not yet reached on the way back; false: there is none. */

@@ -186,6 +186,14 @@ class MapSaver:
             await self._writing
 
 
+def slots_until_next(since_due_s: float, period_s: float) -> int:
+    """How many slots after one that was due so long ago the next one lies that can be begun.
+
+    One that begins within the first half of its own time is late; behind that it is missed.
+    """
+    return max(1, math.ceil(since_due_s / period_s - 0.5))
+
+
 async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     """Step the app at a fixed rate until told to stop; missed slots are skipped and counted.
 
@@ -204,7 +212,7 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
         app.step(time.monotonic())
         ears.after_tick()
         now_s = time.monotonic()
-        slots = max(1, math.ceil((now_s - due_s) / period_s))
+        slots = slots_until_next(now_s - due_s, period_s)
         if slots > 1:
             app.note_missed(now_s, slots - 1)
         due_s += period_s * slots

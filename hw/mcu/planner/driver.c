@@ -75,6 +75,8 @@ void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
     driver->looked = false;
     driver->disc_count = 0u;
     driver->hidden = 0u;
+    driver->crossed = 0u;
+    driver->crossed_back = false;
     driver->looks = 0u;
     driver->viewed_count = 0u;
     tactics_begin(driver, TACTIC_GO);

@@ -90,6 +90,10 @@ struct driver {
     uint32_t turned_back; /* times, to let the line pass a band again */
     uint32_t doubted;     /* times that obstacles were doubted */
     int32_t paid_mm;      /* way driven since one was struck off */
+    struct spot crossing; /* there something has come on to the way, newest */
+    uint32_t crossed;     /* steps that are left to wait for it */
+    uint32_t crossed_for; /* steps for which it has been waited for without a pause */
+    bool crossed_back;    /* has gone back for it since it last drove on */
     struct spot boxed;     /* where a way led on and no motion did, newest */
     struct spot looked_at; /* ground, newest */
     uint32_t looks;        /* at it */

@@ -21,6 +21,8 @@
 #define DOUBTS 25u        /* steps without any way, until obstacles are doubted */
 #define BACK_MM 2600
 #define WAIT_STEPS 60u
+#define CROSSED_MOST 80u      /* steps */
+#define CROSSED_BACK_MM 1500
 #define FACED 2500        /* turns; 14 degrees */
 #define PASSED_MM 7600    /* so near, the line on the floor has passed it for good */
 #define NEARER_MM 3000    /* nearer, going back is no shorter than looking from elsewhere */
@@ -255,12 +257,42 @@ static void probe(struct driver *driver)
     }
 }
 
+/* Something has come on to the way: somebody crosses it. While the robot stands, what they leave
+ * behind in the map goes with them; what the robot saw as it still drove, goes as it drives back.
+ */
+static bool waits_for_crossing(struct driver *driver)
+{
+    if (driver->crossed == 0u) {
+        driver->crossed_for = 0u;
+        return false;
+    }
+    driver->crossed--;
+    driver->crossed_for++;
+    if ((driver->crossed > 0u) && (driver->crossed_for < CROSSED_MOST)) {
+        return true;
+    }
+    driver->crossed = 0u;
+    driver->crossed_for = 0u;
+    if ((!driver->crossed_back) && (driver->crumb_count > 6u) &&
+        (field_weight(&driver->field, driver->crossing.x_mm, driver->crossing.y_mm) ==
+         FIELD_CLOSED)) {
+        driver->crossed_back = true;
+        driver->back_mm = CROSSED_BACK_MM;
+        tactics_begin(driver, TACTIC_BACK);
+    }
+    return true;
+}
+
 /* Along the way to the goal, and what to do where nothing leads on. */
 static struct motion go_on(struct driver *driver, const struct limits *limits)
 {
     struct motion motion = {0, 0};
     uint32_t patience = STUCK_BLOCKED;
     if (!driver->field.has_any) {
+        return motion;
+    }
+    if (waits_for_crossing(driver)) {
+        driver->why = (uint8_t)DRIVER_WHY_WAITS;
         return motion;
     }
     motion = go(driver, limits);

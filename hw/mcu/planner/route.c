@@ -4,6 +4,8 @@
 /* What may be tuned. */
 #define FIELD_PERIOD 3u       /* steps from one field to the next */
 #define FIELD_BUDGET 12000u   /* cells of a field, a step */
+#define CROSSED_MM 9000       /* so near, what comes on to the way is waited for */
+#define CROSSED_STEPS 15u     /* without more of it */
 #define TARGET_MM 8000        /* how far ahead it aims, where a straight line leads there */
 
 /* What the field in work is to lead to. */
@@ -44,9 +46,30 @@ static uint32_t known_way(const struct driver *driver)
     return k;
 }
 
+/* Notes whether something has come to stand on the known way, where the ground was free. */
+static void note_crossing(struct driver *driver)
+{
+    const struct place *const place = &driver->place;
+    uint32_t k;
+    for (k = 1u; k < driver->known_count; k++) {
+        const struct step_cell *const cell = &driver->way[k];
+        if (distance_mm(cell->x_mm - place->x_mm, cell->y_mm - place->y_mm) > CROSSED_MM) {
+            return;
+        }
+        if (field_weight(&driver->field, cell->x_mm, cell->y_mm) == FIELD_CLOSED) {
+            driver->crossing.x_mm = cell->x_mm;
+            driver->crossing.y_mm = cell->y_mm;
+            driver->crossed = CROSSED_STEPS;
+            return;
+        }
+    }
+}
+
 bool route_work(struct driver *driver)
 {
     struct field *const field = &driver->field;
+    const uint32_t before = field->now;
+    const bool had_any = field->has_any;
     driver->field_steps++;
     if (field->is_busy) {
         (void)field_work(field, FIELD_BUDGET);
@@ -59,6 +82,9 @@ bool route_work(struct driver *driver)
         (void)field_work(field, FIELD_BUDGET);
     } else {
         /* The newest one will do. */
+    }
+    if (had_any && (field->now != before) && (driver->tactic == TACTIC_GO)) {
+        note_crossing(driver);
     }
     driver->way_count = field_way(field, driver->place.x_mm, driver->place.y_mm, driver->way,
                                   (uint32_t)(sizeof driver->way / sizeof driver->way[0]));

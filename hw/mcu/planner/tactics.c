@@ -97,6 +97,7 @@ void tactics_note_way(struct driver *driver)
     if (driver->paid_mm >= PAYS_MM) {
         driver->paid_mm = 0;
         driver->looked = false;
+        driver->crossed_back = false;
         driver->tries -= (driver->tries > 0u) ? 1u : 0u;
     }
     if (driver->crumb_count == DRIVER_CRUMBS) {

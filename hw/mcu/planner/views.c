@@ -5,7 +5,7 @@
 #include "views.h"
 
 /* What may be tuned. */
-#define LEAST_MM 9200   /* from there the line on the floor lies before what is to be seen */
+#define LEAST_MM 8800   /* from there the line on the floor lies before what is to be seen */
 #define MOST_MM 10300
 #define RUN_MM 1200     /* to be driven from there towards it */
 #define SHORT_MM 600    /* of the line of sight, that need not be clear at its end */

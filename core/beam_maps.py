@@ -74,7 +74,8 @@ class BeamMaps:
         self.cells.begin_scan()
         is_calm = self.ground.is_calm(sweep.t_s, stand)
         is_straight, stood = self._moved(stand)
-        trust = (self.ground.is_sure(stand), is_calm and is_straight)
+        known = not self.ground.is_guess
+        trust = (known and self.ground.is_sure(stand), is_calm and is_straight, known)
         if self.ground.is_new:
             ground = self.ground
             self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)

@@ -34,6 +34,7 @@ RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong a
 MAX_COUNT = 1_000_000_000
 
 SURE_M, UNSURE_SLOPE = 3.0, 0.05  # so far behind the line, the ground may rise or fall by this
+GUESS_M, GUESS_FROM_M = 0.25, 4.0  # lower and farther, a return over ground that is a guess is none
 SIGMA_RANGE_M = 0.012  # of a return, along the beam
 SIGMA_ANGLE_RAD = 0.0025  # of attitude and mount, across it
 SIGMA_PLACE_M = 0.005  # of the lens' height over the ground
@@ -45,7 +46,8 @@ TOGETHER_M = 0.6  # neighbours that are farther apart belong to different things
 DOUBLE_M = 0.10  # between two echoes of one beam
 
 Limits = tuple[float, float, float]  # h_pos, h_neg, height of the robot
-Trust = tuple[bool, bool]  # what lies low is low; and a few centimetres tell of a hole
+# what lies low is low; a few centimetres tell of a hole; and the ground ahead is not a mere guess
+Trust = tuple[bool, bool, bool]
 
 
 @kernel
@@ -230,6 +232,8 @@ def _take_returns(
         h = z - ground_m(ground, x, y)
         at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
         if at < 0 or h > limits[2] or (h <= limits[1] and not trust[0]):
+            continue
+        if h < GUESS_M and r > GUESS_FROM_M and not trust[2]:
             continue
         if _is_unsure(h, ground[6] * x + ground[7] * y - ground[8], limits):
             continue

@@ -16,7 +16,8 @@ import numpy as np
 
 from core.beams import MAX_BEAMS, Sweep
 from core.cells import CellGrid
-from core.ground_line import Line, Stand, fit, near_plane, nearest_due, seek
+from core.ground_line import Line, Stand, fit, near_plane, nearest_due, seek, turned
+from core.ground_memory import LineMemory
 from core.records import F64
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
@@ -30,18 +31,22 @@ MOST_JITTER_M = 0.05  # more is no jitter but a step
 JITTER_SCANS = 20
 FOLLOW_M = 0.4  # travel in which the line is followed,
 FOLLOW_S = 6.0  # and time, when the robot stands
+TURNED_M = (
+    0.8  # travel that a radian of turning counts as: what the attitude is off by turns slower
+)
 SWEPT_SHARE = 0.3  # where the robot nods, the line is swept over much floor: it tells less of slope
 SWEPT_KEPT = 0.9  # of that, from scan to scan
 RETURN_M = 8.0  # travel in which the slope goes back to the robot's own
 NODDING_BEND, NODDING_RETURN_M = 0.3, 2.0  # a robot that nods tells less of slopes
 TURN_M = 1.0  # travel in which the slope across is followed
 STEEPEST = math.tan(math.radians(12.0))
-TURNS_WITH = math.tan(math.radians(1.2))  # a slope that may be the attitude's error
 NOD = math.tan(math.radians(1.0))  # more than the robot has leant for a while is a nod,
 CALM_S, CALM_M = 1.0, 0.5  # after which it takes so long until all that it has done is past
 CREST_RAD = math.radians(2.0)  # a line that is lost on a steeper slope went over its crest
 CREST_M = -0.02  # there the ground falls away under the line,
 CREST_FASTER = 3.0  # which runs ahead of the robot
+GUESS_RAD = math.radians(20.0)  # turned without the line in view, the ground ahead is a guess,
+TURNING_RAD = 0.004  # while the robot turns by more from scan to scan
 LEAN_S = 0.7  # in which the robot's own slope is followed
 BACK_M = 0.6  # travel by which the tracker goes back when it has lost the line
 KEPT = 64
@@ -75,6 +80,7 @@ class GroundTracker:
         self.line: Line | None = None
         # lines that were found, each with the robot's heading then
         self._history: deque[tuple[Line, tuple[float, float]]] = deque(maxlen=KEPT)
+        self._memory = LineMemory()
         self._anchor = np.zeros(2)
         self._found = np.zeros((MAX_BEAMS, 5))
         # lines while it is lost: place along the way, height, travel
@@ -85,7 +91,9 @@ class GroundTracker:
         self._swept_m = 0.0  # how far the line moves from scan to scan
         self._candidates = 0  # returns of the newest scan that might have been floor
         self._nodded = (-math.inf, -math.inf)  # when, and after how much travel
-        self._heading = (1.0, 0.0)  # of the newest scan
+        self._heading = (1.0, 0.0)  # of the newest scan,
+        self._turned_rad = 0.0  # and how far the robot had turned to it,
+        self._lost_turned_rad = 0.0  # and since the line was lost
         self._leaning = (0.0, 0.0)  # slope of the robot along and across its way, over a while
         self._offsets: deque[float] = deque(maxlen=MIDDLE_OF)
         self._jitter_m = self._jitter_m2 = 0.0
@@ -98,8 +106,10 @@ class GroundTracker:
         """Forget the line."""
         self.line, self.found = None, False
         self._history.clear()
+        self._memory.forget()
         self._offsets.clear()
         self._seen.clear()
+        self._lost_turned_rad = 0.0
         self._last_s, self.lost_s = -math.inf, math.inf
 
     @property
@@ -116,6 +126,11 @@ class GroundTracker:
         """Whether what lies below the ground ahead is low: not behind the crest of a ramp."""
         return self.found or abs(self.slope_rad(stand)[0]) < CREST_RAD
 
+    @property
+    def is_guess(self) -> bool:
+        """Whether the robot turns, and has turned far since it last saw the line."""
+        return self._lost_turned_rad > GUESS_RAD and self._turned_rad > TURNING_RAD
+
     def slope_rad(self, stand: Stand) -> tuple[float, float]:
         """Slope of the ground ahead (along, across): up ahead and up to the left are positive."""
         line = self.line
@@ -129,8 +144,11 @@ class GroundTracker:
         line, was_found = self.line, self.found
         self._jitter_m = 0.0
         self._lean(sweep.t_s, stand)
+        (ax, ay), (bx, by) = self._heading, stand.heading
+        self._turned_rad = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+        self._memory.turn(self._turned_rad)
         if line is not None:
-            line = _turned(line, self._heading, stand)
+            line = turned(line, self._heading, stand)
         self._heading = stand.heading
         if line is None:
             line = Line(stand.x_m, stand.y_m, stand.z_m, 0.0, 0.0, stand.travel_m)
@@ -161,6 +179,9 @@ class GroundTracker:
         self.line = fitted or line
         self._set(self.line, stand, self._jitter_m)
         self._last_s = sweep.t_s
+        self._lost_turned_rad = 0.0 if self.found else self._lost_turned_rad + self._turned_rad
+        if self.found:
+            self._memory.keep(self.line, stand)
         if self.found and (
             not self._history
             or abs(stand.travel_m - self._history[-1][0].travel_m) > BACK_M / KEPT * 2
@@ -217,7 +238,7 @@ class GroundTracker:
         history = self._history
         while len(history) > 1 and abs(stand.travel_m - history[-1][0].travel_m) < BACK_M:
             history.pop()
-        return _turned(*history[-1], stand)
+        return turned(*history[-1], stand)
 
     def _look(
         self, line: Line, sweep: Sweep, stand: Stand, gate: float
@@ -271,10 +292,12 @@ class GroundTracker:
         last = self.line
         before_m = last.travel_m if last else stand.travel_m
         moved_m = abs(stand.travel_m - before_m)
+        led_m = moved_m + TURNED_M * self._turned_rad
         if middle_m < CREST_M and self.slope_rad(stand)[0] > CREST_RAD:
             moved_m *= CREST_FASTER
-        stay = math.exp(-moved_m / FOLLOW_M - passed_s / FOLLOW_S)
-        most_m = STEEPEST * moved_m + 0.02 * passed_s
+        led_m = max(moved_m, led_m)
+        stay = math.exp(-led_m / FOLLOW_M - passed_s / FOLLOW_S)
+        most_m = STEEPEST * led_m + 0.02 * passed_s
         rise_m = max(-most_m, min(most_m, (1.0 - stay**2) * middle_m))
         swept_m = math.hypot(line.x_m - last.x_m, line.y_m - last.y_m) if last else 0.0
         self._swept_m = max(swept_m, SWEPT_KEPT * self._swept_m)
@@ -282,7 +305,7 @@ class GroundTracker:
         bend = (1.0 - math.exp(-moved_m / FOLLOW_M)) ** 2 * middle_m / over_m
         if stand.travel_m < before_m:
             bend = -bend
-        tilt = (1.0 - math.exp(-moved_m / TURN_M - passed_s / FOLLOW_S)) * across
+        tilt = (1.0 - math.exp(-led_m / TURN_M - passed_s / FOLLOW_S)) * across
         self._offsets = deque((off_m - rise_m for off_m in self._offsets), MIDDLE_OF)
         hx, hy = stand.heading
         along = line.slope_x * hx + line.slope_y * hy
@@ -295,9 +318,19 @@ class GroundTracker:
         slope_y = _limited(line.slope_y + bend * hy + tilt * hx)
         return Line(line.x_m, line.y_m, line.z_m + rise_m, slope_x, slope_y, stand.travel_m)
 
+    def _again(self, sweep: Sweep, stand: Stand) -> tuple[Line | None, int]:
+        """The remembered plane that most of the returns lie on, if many do, and how many."""
+        best, most = None, LEAST
+        for kept in self._memory.near(stand):
+            line = self._moved(kept, sweep, stand)
+            n, candidates, _, _ = self._look(line, sweep, stand, TRIED_GATE)
+            if n > most and n >= 0.3 * candidates:
+                best, most = line, n
+        return best, most
+
     def _tried(self, sweep: Sweep, stand: Stand) -> Line | None:
         """The plane through the robot's wheels that most of the returns lie on, if many do."""
-        best, most = None, LEAST
+        best, most = self._again(sweep, stand)
         (hx, hy), (along, across) = stand.heading, self._leaning
         leans = self.line is None or math.hypot(along, across) > LEANS
         for share in TRIED_SLOPES if leans else (0.0,):
@@ -360,27 +393,6 @@ def _slope(u: F64, z: F64) -> float:
     off = u - u.mean()
     spread = float((off * off).sum())
     return float((off * (z - z.mean())).sum()) / spread if spread > 0.0 else 0.0
-
-
-def _turned(line: Line, heading: tuple[float, float], stand: Stand) -> Line:
-    """A line that is nearly level turns with the robot: so does an attitude that is off.
-
-    Args:
-        heading: of the robot when the line lay so.
-    """
-    if math.hypot(line.slope_x, line.slope_y) > TURNS_WITH:
-        return line
-    (ax, ay), (bx, by) = heading, stand.heading
-    c, s = ax * bx + ay * by, ax * by - ay * bx
-    dx, dy = line.x_m - stand.x_m, line.y_m - stand.y_m
-    return Line(
-        stand.x_m + c * dx - s * dy,
-        stand.y_m + s * dx + c * dy,
-        line.z_m,
-        c * line.slope_x - s * line.slope_y,
-        s * line.slope_x + c * line.slope_y,
-        line.travel_m,
-    )
 
 
 def _limited(slope: float) -> float:

@@ -21,6 +21,7 @@ STEEP_M = 0.015  # and on top of it what noise makes
 BIN_M, HALF_BINS, WIDE_BINS = 0.005, 34, 6  # in which the floor's height is looked for
 PEAK_M = 0.025  # about it
 WIDE_M = 0.03  # bins where nothing is known of it: within a metre
+TURNS_WITH = math.tan(math.radians(1.2))  # a slope that may be the attitude's error
 
 
 @kernel
@@ -180,3 +181,24 @@ class Line:
     def height_m(self, x_m: float, y_m: float) -> float:
         """Of the plane, at a place."""
         return self.z_m + self.slope_x * (x_m - self.x_m) + self.slope_y * (y_m - self.y_m)
+
+
+def turned(line: Line, heading: tuple[float, float], stand: Stand) -> Line:
+    """A line that is nearly level turns with the robot: so does an attitude that is off.
+
+    Args:
+        heading: of the robot when the line lay so.
+    """
+    if math.hypot(line.slope_x, line.slope_y) > TURNS_WITH:
+        return line
+    (ax, ay), (bx, by) = heading, stand.heading
+    c, s = ax * bx + ay * by, ax * by - ay * bx
+    dx, dy = line.x_m - stand.x_m, line.y_m - stand.y_m
+    return Line(
+        stand.x_m + c * dx - s * dy,
+        stand.y_m + s * dx + c * dy,
+        line.z_m,
+        c * line.slope_x - s * line.slope_y,
+        s * line.slope_x + c * line.slope_y,
+        line.travel_m,
+    )

@@ -16,7 +16,7 @@ from core.window import StateWindow
 F64 = npt.NDArray[np.float64]
 Point = tuple[float, float, float]
 CELL_M, H, HEIGHT_M = 0.2, 0.10, 1.30
-SURE = (True, True)  # the ground is known well, and so is its height just now
+SURE = (True, True, True)
 LENS: Point = (0.0, 0.0, 1.08)
 SCAN_S = 0.04
 
@@ -54,7 +54,7 @@ class CellRig:
         self.ground: F64 = GroundTracker(self.cells).numbers  # level, at z = 0
         self.t_s = 0.0
 
-    def take(self, sweep: Sweep, trust: tuple[bool, bool] = SURE) -> int:
+    def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
         """A whole scan; how many returns it had."""
         returns = self.fill(sweep, trust)
         self.clearing.add(sweep, self.ground)
@@ -62,7 +62,7 @@ class CellRig:
         self.t_s += SCAN_S
         return returns
 
-    def fill(self, sweep: Sweep, trust: tuple[bool, bool] = SURE) -> int:
+    def fill(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
         """The returns of a scan into the cells, and nothing more; how many it had."""
         self.cells.begin_scan()
         return self.elevation.add(sweep, self.ground, trust)

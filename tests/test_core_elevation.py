@@ -315,7 +315,7 @@ def test_while_the_ground_is_not_sure_nothing_is_a_drop_but_what_stands_still_st
     rig = CellRig()
     for _ in range(3):
         low = sweep_to([(2.1, 0.1, -0.3), (2.1, 0.5, 0.3), (2.1, 0.9, 0.0)])
-        rig.take(low, (False, True))
+        rig.take(low, (False, True, True))
     assert rig.cell(2.1, 0.1)["count"] == 0
     assert not rig.cells.cells["miss"].any()
     assert rig.state(2.1, 0.1) == UNKNOWN
@@ -327,8 +327,21 @@ def test_while_the_height_is_not_sure_shallow_misses_do_not_count_and_deep_ones_
         rig = CellRig()
         for x in (1.5, 1.7, 1.9):
             rig.add((x, 0.1, 0.0))
-        rig.take(sweep_to([(2.25, 0.1, -0.06)]), (True, calm))
+        rig.take(sweep_to([(2.25, 0.1, -0.06)]), (True, calm, True))
         assert bool(rig.cells.cells["miss"].any()) is missed
     rig = CellRig()
-    rig.take(sweep_to([(2.25, 0.1, -0.3)]), (True, False))
+    rig.take(sweep_to([(2.25, 0.1, -0.3)]), (True, False, True))
     assert rig.cells.cells["miss"].any()
+
+
+def test_over_ground_that_is_a_guess_only_what_stands_high_or_near_counts() -> None:
+    for x_m, h_m, counts in (
+        (6.1, 0.15, False),
+        (6.1, 0.0, False),
+        (6.1, 0.4, True),
+        (3.1, 0.15, True),
+    ):
+        rig = CellRig()
+        for _ in range(3):
+            rig.take(sweep_to([(x_m, y_m, h_m) for y_m in (0.1, 0.3, 0.5)]), (False, False, False))
+        assert (rig.cell(x_m, 0.3)["count"] > 0) == counts

@@ -1,0 +1,51 @@
+"""Lines of floor that were found before, by the heading of the robot: it may turn and come back.
+
+A robot that turns on a ramp loses the floor beside it behind walls, and meets another slope where
+it looks next. When it looks where it has looked before, from near the same place, the plane that
+the floor lay on then is the first to try.
+Source: design, section 7 (ground).
+"""
+
+import math
+
+from core.ground_line import Line, Stand
+
+SECTORS = 24  # of the circle
+NEAR_M = 2.0  # from the place where a line was found, it may be tried again,
+AWAY_RAD = 0.5  # when the robot has turned so far since
+
+
+class LineMemory:
+    """The newest line found in each sector of heading, with what the robot had turned till then."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[Line, Stand, float] | None] = [None] * SECTORS
+        self._turned_rad = 0.0  # to and fro, since the start
+
+    def forget(self) -> None:
+        """All of them."""
+        self._kept = [None] * SECTORS
+
+    def turn(self, by_rad: float) -> None:
+        """The robot has turned; the sense does not matter."""
+        self._turned_rad += by_rad
+
+    def keep(self, line: Line, stand: Stand) -> None:
+        """A line that was just found."""
+        self._kept[_sector(stand)] = line, stand, self._turned_rad
+
+    def near(self, stand: Stand) -> list[Line]:
+        """Those that were found from near here, looking the same way, before it turned away."""
+        at, found = _sector(stand), []
+        for sector in (at, at - 1, (at + 1) % SECTORS):
+            kept = self._kept[sector]
+            if kept is None or self._turned_rad - kept[2] < AWAY_RAD:
+                continue
+            if math.hypot(kept[1].x_m - stand.x_m, kept[1].y_m - stand.y_m) <= NEAR_M:
+                found.append(kept[0])
+        return found
+
+
+def _sector(stand: Stand) -> int:
+    hx, hy = stand.heading
+    return int((math.atan2(hy, hx) / (2 * math.pi) + 1.0) * SECTORS) % SECTORS

@@ -5,6 +5,7 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 
 import math
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 import structlog
@@ -19,8 +20,7 @@ from core.stall import STALLED, StallWatch
 from core.tiles import TileValues
 from core.zone_report import NOT_TRUSTED, ZoneReporter
 from hw.ax3500_session import Ax3500
-from hw.lms111_condition import ScannerCondition, is_dirty
-from hw.lms111_session import Lms111, condition_of
+from hw.lms111_session import Lms111
 from hw.modbus_image import RegisterImage
 from hw.mti_session import Mti
 from hw.planners import Planners, Wire
@@ -93,6 +93,11 @@ class App:
         self._zones = ZoneReporter(self.control, self.mapper.maps.window, robot.max_speed_mps)
         self.zone = NOT_TRUSTED
         self.image = self._maybe_image(session, version)
+        self.statuses = {  # by the section of mapod.toml that describes them
+            "scanner": self.scanner.status,
+            "ahrs": self.ahrs.status,
+            "drive": self.drive.status,
+        }
         self.servers: dict[str, DeviceStatus] = {}  # of the register image, by name, for the log
         self.log = structlog.get_logger()
         self._linked_s = self._logged_s = self._overrun_s = self._zone_s = float("-inf")
@@ -138,16 +143,6 @@ class App:
             ask=self.planners.requests.ask,
             drive_refusal=drive.modbus_refusal(config),
         )
-
-    @property
-    def _devices(self) -> dict[str, DeviceStatus]:
-        """By the section of mapod.toml that describes them; servers with their ports."""
-        return {
-            "scanner": self.scanner.status,
-            "ahrs": self.ahrs.status,
-            "drive": self.drive.status,
-            **self.servers,
-        }
 
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
@@ -230,7 +225,7 @@ class App:
         if not self.config.robot.enable_motors:
             self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
             return
-        dirt = self._condition.contamination
+        dirt = self.scanner.stream.contamination
         others = (self.planners.doubt, STALLED if self._stall.stalled else "")
         doubt = drive.doubt(told.health, told.mode, dirt, others)
         motors_off = self.drive.controller.trouble
@@ -263,10 +258,6 @@ class App:
         self.slots_missed += slots
         self._overrun_s = now_s
 
-    @property
-    def _condition(self) -> ScannerCondition:
-        return condition_of(self.scanner.stream)
-
     def report(self, now_s: float) -> tuple[bool, PoseReport]:
         """Whether free may be told, and the pose and health for the planner."""
         return report(
@@ -275,19 +266,21 @@ class App:
             clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
             overrun=now_s - self._overrun_s < 1.0,
             replayed=self._replayed,
-            contaminated=is_dirty(self._condition),
+            contaminated=self.scanner.is_dirty,
             stop_asked=bool(self.drive.controller.emergency_stop),
             drop_ahead=self._drop_ahead,
             stalled=self._stall.stalled,
         )
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:
-        before, self._states[name] = self._states.get(name), (state, cause)
-        return before != (state, cause)
+        if self._states.get(name) == (state, cause):
+            return False
+        self._states[name] = (state, cause)
+        return True
 
     def _log(self, now_s: float) -> None:
         """A line for each change of a device, or of what may drive; counters once a second."""
-        for device, status in self._devices.items():
+        for device, status in chain(self.statuses.items(), self.servers.items()):
             if self._has_changed(device, status.state, status.cause):
                 tell = self.log.warning if status.cause else self.log.info
                 tell("device_changed", device=device, state=status.state, cause=status.cause)
@@ -302,7 +295,7 @@ class App:
         if now_s - self._logged_s < STATE_LOG_S:
             return
         self._logged_s = now_s
-        for device, status in self._devices.items():
+        for device, status in chain(self.statuses.items(), self.servers.items()):
             if status.rejections:
                 newest = status.rejections[-1]
                 self.log.warning(
@@ -350,6 +343,7 @@ def warm_kernels(config: Config) -> None:
     ranges_m = np.full((2 if config.scanner.echo == "both" else 1, 3), 1.0)
     app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
     app.mapper.settle(0.05)
+    app.mapper.attitudes.turn_all(0.0)
     app.mapper.maps.warm()
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)

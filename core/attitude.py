@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 
-from core.geometry import R_from_rpy, q_from_R, q_from_rpy, q_product, rpy_from_q
+from core.geometry import R_from_rpy, Rpy, q_from_R, q_product, rpy_from_q, rpy_of
 from core.heading import HeadingFilter
+from core.heading_field import Quaternion
 from core.jit import kernel
 from core.level import LevelFilter
 from core.records import F64, Attitude
@@ -20,6 +21,7 @@ KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
 AHEAD_S = 0.019  # a sample at 100 Hz, its way over the line, and how late a last beam may be
 MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered
+Rates = tuple[float, float, float]  # about x, y, z, rad/s
 UNIT = 1e-3  # how far a delivered quaternion may be from unit length
 
 
@@ -54,13 +56,58 @@ def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> Non
         out[n] /= np.sqrt(norm)
 
 
-def _carried_on(q: F64, rate_radps: F64, for_s: float) -> F64:
-    """An orientation (4,) that turns on at a rate (3,) about its own axes for so long."""
-    angle_rad = math.sqrt(rate_radps.dot(rate_radps)) * for_s
-    share = 0.5 * for_s * (math.sin(angle_rad / 2) / (angle_rad / 2) if angle_rad > 1e-9 else 1.0)
-    x_radps, y_radps, z_radps = rate_radps.tolist()
-    turn = (math.cos(angle_rad / 2), share * x_radps, share * y_radps, share * z_radps)
-    return q_product(q, np.array(turn))
+@kernel
+def _rpy_at(t_s: F64, q: F64, start: int, count: int, at_s: float) -> Rpy:
+    """(roll, pitch, yaw) of the orientation at a covered instant."""
+    at = np.empty(4)
+    q_at(t_s, q, start, count, at_s, at)
+    return rpy_of(at[0], at[1], at[2], at[3])
+
+
+@kernel
+def _body_from_sensor(
+    q_earth_sensor: Quaternion, q_sensor_body: F64, rate_radps: Rates, R_body_sensor: F64
+) -> tuple[float, Rpy, Rates]:
+    """A sample in the body's axes: length of its quaternion, (roll, pitch, yaw), rates of turn.
+
+    With a length that no orientation has, the others are zero.
+    """
+    w, x, y, z = q_earth_sensor
+    length = math.sqrt(w * w + x * x + y * y + z * z)
+    if not abs(length - 1.0) <= UNIT:
+        return length, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    q = q_product(np.array([w / length, x / length, y / length, z / length]), q_sensor_body)
+    one, two, three = rate_radps
+    R = R_body_sensor
+    rates = (
+        R[0, 0] * one + R[0, 1] * two + R[0, 2] * three,
+        R[1, 0] * one + R[1, 1] * two + R[1, 2] * three,
+        R[2, 0] * one + R[2, 1] * two + R[2, 2] * three,
+    )
+    return length, rpy_of(q[0], q[1], q[2], q[3]), rates
+
+
+@kernel
+def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
+    """Put a sample into its place of `q` (KEPT, 4), and what it turns to in the one behind it.
+
+    It turns on at a rate about its own axes for so long; not at one that is not known.
+    """
+    roll, pitch, yaw = 0.5 * rpy[0], 0.5 * rpy[1], 0.5 * rpy[2]
+    cr, sr = math.cos(roll), math.sin(roll)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    q[last, 0] = cy * cp * cr + sy * sp * sr
+    q[last, 1] = cy * cp * sr - sy * sp * cr
+    q[last, 2] = cy * sp * cr + sy * cp * sr
+    q[last, 3] = sy * cp * cr - cy * sp * sr
+    x, y, z = rate_radps
+    if not math.isfinite(x + y + z):
+        return
+    angle = math.sqrt(x * x + y * y + z * z) * for_s
+    share = 0.5 * for_s * (math.sin(angle / 2) / (angle / 2) if angle > 1e-9 else 1.0)
+    turn = np.array([math.cos(angle / 2), share * x, share * y, share * z])
+    q[(last + 1) % len(q)] = q_product(q[last], turn)
 
 
 def _turned(turn_rad: float, q: F64) -> F64:
@@ -90,20 +137,16 @@ class AttitudeRing:
         self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
         self.heading = HeadingFilter()
         self.level = LevelFilter() if levels else None  # None: the sensor's angles as they are
-        self.rate_body_radps = np.zeros(3)  # newest; NaN where the sensor does not deliver it
+        self.rate_body_radps: Rates = (0.0, 0.0, 0.0)  # newest; NaN where it is not delivered
+        self.newest_s = -math.inf  # time of the newest sample; -inf when there is none
         self.rejected = 0  # samples out of order or no orientation at all
         self._newest_rpy: tuple[float, float, float] | None = 0.0, 0.0, 0.0  # None: to be found
 
-    @property
-    def newest_s(self) -> float:
-        """Time of the newest sample; -inf when there is none."""
-        last = (self.start + self.count - 1) % KEPT
-        return float(self.t_s[last]) if self.count else float("-inf")
-
     def add(self, attitude: Attitude) -> bool:
         """Take one sample; False (and counted) if it can't be true."""
-        q_earth_sensor = np.array(attitude.q_earth_sensor)
-        length = math.sqrt(q_earth_sensor.dot(q_earth_sensor))
+        length, rpy_rad, rates = _body_from_sensor(
+            attitude.q_earth_sensor, self._q_sensor_body, attitude.rate_radps, self._R_body_sensor
+        )
         if not (abs(length - 1) <= UNIT and self.newest_s < attitude.t_s < math.inf):
             self.rejected += 1
             return False
@@ -114,11 +157,9 @@ class AttitudeRing:
         last = (self.start + self.count - 1) % KEPT
         x_radps, y_radps, z_radps = attitude.rate_radps
         if abs(x_radps) <= MOST_RADPS and abs(y_radps) <= MOST_RADPS and abs(z_radps) <= MOST_RADPS:
-            self.rate_body_radps = self._R_body_sensor @ np.array(attitude.rate_radps)
+            self.rate_body_radps = rates
         else:
-            self.rate_body_radps = np.full(3, math.nan)
-        q = q_product(q_earth_sensor / length, self._q_sensor_body)
-        rpy_rad = rpy_from_q(q)
+            self.rate_body_radps = (math.nan, math.nan, math.nan)
         yaw_rad = self.heading.step(
             attitude.t_s,
             rpy_rad,
@@ -135,23 +176,15 @@ class AttitudeRing:
                 self.rate_body_radps,
                 stands=self.heading.standing,
             )
-        self.t_s[last] = attitude.t_s
+        self.newest_s = self.t_s[last] = attitude.t_s
         self._turned_rad[last] = self.heading.turned_rad
-        self.q_earth_body[last] = q_from_rpy(roll_rad, pitch_rad, yaw_rad)
-        self._newest_rpy = None
-        self._carry_on(last)
-        return True
-
-    def _carry_on(self, last: int) -> None:
-        """Put the orientation that the newest sample turns to into the place behind it."""
-        ahead = (last + 1) % KEPT
-        self.count_ahead = self.count
-        if all(map(math.isfinite, self.rate_body_radps.tolist())):
+        rpy_rad = (roll_rad, pitch_rad, yaw_rad)
+        _keep(self.q_earth_body, last, rpy_rad, self.rate_body_radps, AHEAD_S)
+        self._newest_rpy, self.count_ahead = None, self.count
+        if math.isfinite(self.rate_body_radps[0]):  # all are, or none
             self.count_ahead += 1
-            self.t_s[ahead] = self.t_s[last] + AHEAD_S
-            self.q_earth_body[ahead] = _carried_on(
-                self.q_earth_body[last], self.rate_body_radps, AHEAD_S
-            )
+            self.t_s[(last + 1) % KEPT] = attitude.t_s + AHEAD_S
+        return True
 
     def turned_rad_at(self, at_s: float) -> float:
         """How far the gyro has turned about the vertical since the start, at a spanned instant.
@@ -202,10 +235,8 @@ class AttitudeRing:
 
     def rpy_at(self, at_s: float) -> tuple[float, float, float]:
         """(roll, pitch, yaw) of the body in the earth frame at an instant within reach."""
-        q = np.empty(4)
         count = self.count if at_s <= self.newest_s else self.count_ahead
-        q_at(self.t_s, self.q_earth_body, self.start, count, at_s, q)
-        return rpy_from_q(q)
+        return _rpy_at(self.t_s, self.q_earth_body, self.start, count, at_s)
 
     def newest_rpy(self) -> tuple[float, float, float]:
         """(roll, pitch, yaw) of the newest sample; level while there is none."""

@@ -7,7 +7,6 @@ Source: design, sections 5 and 7.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from core.attitude import AttitudeRing, q_at
 from core.geometry import R_from_rpy
 from core.jit import kernel
 from core.odometry import Odometry
-from core.records import F64, Scan
+from core.records import F64, Scan, record
 
 MIN_RANGE_M = 0.15  # nearer is the scanner's own housing (lms111 sheet, section 5)
 MAX_BEAMS = 1081  # of the finest scan
@@ -71,7 +70,7 @@ def _cast(
             rays[i, k] = ray[k]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@record(eq=False)
 class Sweep:
     """One scan as rays in the map frame; valid until the next one is cast."""
 

@@ -10,7 +10,7 @@ import math
 
 from core.jit import kernel
 from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
-from core.stop_zone import TOUCH_M, Place, Rect, cell_state, clearance, gap_to, leaves
+from core.stop_zone import TOUCH_M, Place, Rect, cell_state, clearance, first_of, gap_to, leaves
 
 SECTORS = 8
 
@@ -71,10 +71,10 @@ def free_way(
     high_x = place[0] + max(c * near, c * far) + abs(s) * wide
     low_y = place[1] + min(s * near, s * far) - abs(c) * wide
     high_y = place[1] + max(s * near, s * far) + abs(c) * wide
-    best, best_i, best_j, hard = longest, 0, 0, math.inf
+    best, best_i, best_j, hard, first = longest, 0, 0, math.inf, first_of(window)
     for j in range(math.floor(low_y / cell_m), math.floor(high_y / cell_m) + 1):
         for i in range(math.floor(low_x / cell_m), math.floor(high_x / cell_m) + 1):
-            state = cell_state(i, j, cells, window, cell_m, clear)
+            state = cell_state(i, j, cells, window, first, cell_m, clear)
             if state == FREE:
                 continue
             way = _way_to(i, j, cell_m, place, rect, (margin, kept), state == UNKNOWN)

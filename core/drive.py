@@ -34,6 +34,7 @@ NEEDED = (
     (health.CLOCKS_LOCKED, "the sensors' clocks are not locked yet"),
     (health.POSE_VALID, "the pose is not known"),
     (health.NO_OVERRUN, "the loop was late within the last second"),
+    (health.MAP_VALID, "the map is not valid"),
 )
 FORBIDDEN = (
     (health.STOP_ASKED, "the emergency stop is pressed"),
@@ -64,16 +65,20 @@ def modbus_refusal(config: Config) -> str:
 
 def doubt(word: int, mode: int, contamination: int | None, others: tuple[str, ...] = ()) -> str:
     """The first reason to stand still, in words; "" if all that is known speaks for driving."""
-    reasons = [
-        "these are recorded data" if mode == health.REPLAYED else "",
-        *(words for bit, words in FORBIDDEN if word & bit),
-        *others,
-        *(words for bit, words in NEEDED if not word & bit),
-        "" if word & health.MAP_VALID else "the map is not valid",
-        "" if mode == health.RUNNING else "mapod is not running as it should",
-        "the scanner's window is too dirty" if (contamination or 0) >= DIRTY else "",
-    ]
-    return next((reason for reason in reasons if reason), "")
+    if mode == health.REPLAYED:
+        return "these are recorded data"
+    for bit, words in FORBIDDEN:
+        if word & bit:
+            return words
+    for words in others:
+        if words:
+            return words
+    for bit, words in NEEDED:
+        if not word & bit:
+            return words
+    if mode != health.RUNNING:
+        return "mapod is not running as it should"
+    return "the scanner's window is too dirty" if (contamination or 0) >= DIRTY else ""
 
 
 class DriveControl:

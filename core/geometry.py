@@ -11,6 +11,7 @@ import numpy as np
 from core.jit import kernel
 from core.records import F64
 
+Rpy = tuple[float, float, float]
 ORTHOGONAL = 1e-9  # how far R R' may be from the identity
 
 
@@ -90,14 +91,20 @@ def q_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
     )
 
 
-def rpy_from_q(q: F64) -> tuple[float, float, float]:
-    """(roll, pitch, yaw) of a unit quaternion (4,)."""
-    w, x, y, z = q.tolist()
+@kernel
+def rpy_of(w: float, x: float, y: float, z: float) -> Rpy:
+    """(roll, pitch, yaw) of a unit quaternion."""
     return (
         math.atan2(2 * (y * z + w * x), 2 * (w * w + z * z) - 1),
         -math.asin(max(-1.0, min(1.0, 2 * (x * z - w * y)))),
         math.atan2(2 * (x * y + w * z), 2 * (w * w + x * x) - 1),
     )
+
+
+def rpy_from_q(q: F64) -> Rpy:
+    """(roll, pitch, yaw) of a unit quaternion (4,)."""
+    w, x, y, z = q.tolist()
+    return rpy_of(w, x, y, z)
 
 
 def wrapped(angle_rad: float) -> float:

@@ -8,6 +8,7 @@ Source: design, section 5; for the estimates, core.heading_state.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -39,14 +40,15 @@ CALM_S = 0.5  # time constant of what the quiet rate is judged by
 CALM_RAD = math.radians(0.1)  # turned within it, at most
 SUDDEN_RADPS = math.radians(2.5)  # one sample beyond that is no quiet rate
 LEAST_COS = 0.1  # nearer to upright, there is no yaw
+Rates = Sequence[float] | F64
 
 
-def yaw_rate(roll_rad: float, pitch_rad: float, rate_body_radps: F64) -> float:
+def yaw_rate(roll_rad: float, pitch_rad: float, rate_body_radps: Rates) -> float:
     """How fast yaw grows (rad/s) at a rate of turn (3,) about the body's axes; NaN: not known."""
     cos_pitch = math.cos(pitch_rad)
     if cos_pitch < LEAST_COS:
         return math.nan
-    _, about_y, about_z = (float(part) for part in rate_body_radps)
+    about_y, about_z = float(rate_body_radps[1]), float(rate_body_radps[2])
     return (about_y * math.sin(roll_rad) + about_z * math.cos(roll_rad)) / cos_pitch
 
 
@@ -105,7 +107,7 @@ class HeadingFilter:
         self,
         t_s: float,
         rpy_rad: tuple[float, float, float],
-        rate_body_radps: F64,
+        rate_body_radps: Rates,
         q_earth_sensor: Quaternion = (1.0, 0.0, 0.0, 0.0),
         magnetic: Vector | None = None,
     ) -> float:
@@ -233,7 +235,7 @@ class HeadingFilter:
         """Correct by it, where nothing speaks against it."""
         off_rad = wrapped(sensor_rad - self.yaw_rad - self._usual_rad)
         innovation_rad = off_rad - float(self.state.value[OFFSET])
-        spread = self.state.spread(H_SENSOR) + SENSOR_RAD**2
+        spread = self.state.spread_of_sum(YAW, OFFSET) + SENSOR_RAD**2
         fits = (
             plain
             and innovation_rad**2 <= GATE**2 * spread

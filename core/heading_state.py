@@ -124,6 +124,11 @@ class ErrorState:
         left = np.eye(SIZE) - np.outer(gain, h)
         self.P = left @ self.P @ left.T + variance * np.outer(gain, gain)
 
+    def spread_of_sum(self, one: int, other: int) -> float:
+        """Variance of the sum of two errors."""
+        P = self.P.item
+        return (P(one, one) + P(other, one)) + (P(one, other) + P(other, other))
+
     def spread(self, h: F64) -> float:
         """Variance of h . error."""
         return float(h @ self.P @ h)

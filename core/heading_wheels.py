@@ -8,11 +8,11 @@ wheel does steadily is the scale that only a positioning system can tell.
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from core.heading_state import ASYMMETRY, BIAS, SIZE, ErrorState
+from core.records import record
 
 SHORT_S = 0.25  # slip is looked for in windows of so long
 LONG_S = 1.0  # and the bias in those
@@ -30,7 +30,7 @@ GYRO_RAD = math.radians(0.05)  # of the gyro's turn, in the root of a second
 GATE = 4.0  # standard deviations
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Turn:
     """What an interval between two pairs of counts held."""
 
@@ -74,7 +74,7 @@ class WheelCheck:
             self._long.clear()
         else:
             self._short.append(turn)
-            while sum(each.dt_s for each in self._short) > SHORT_S and len(self._short) > 1:
+            while len(self._short) > 1 and sum(each.dt_s for each in self._short) > SHORT_S:
                 self._short.popleft()
             self._long.append(turn)
         self._judge(turn.dt_s, leapt)

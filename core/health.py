@@ -3,7 +3,7 @@
 Source: planner link, section 3 (health bits, modes); design, section 8.
 """
 
-from dataclasses import dataclass
+from core.records import record
 
 SCAN_STALE_S = 0.15  # one of the link's time-outs; 3 scans at 25 Hz
 AHRS_STALE_S = 0.15
@@ -16,7 +16,7 @@ DROP_AHEAD, CONTAMINATED, TOO_STEEP, STOP_ASKED = 1 << 7, 1 << 8, 1 << 9, 1 << 1
 BOOTING, RUNNING, DEGRADED, FAULT, REPLAYED = 0, 1, 2, 3, 4
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Inputs:
     """What is known of the inputs at one instant; ages in seconds, inf = never."""
 
@@ -38,28 +38,25 @@ class Inputs:
 
 def health_word(inputs: Inputs) -> int:
     """The health bits of the POSE frame."""
-    word = 0
     scanner = inputs.age_scanner_s <= SCAN_STALE_S
     mapped = inputs.age_scan_s <= SCAN_STALE_S
     ahrs = inputs.age_ahrs_s <= AHRS_STALE_S
     wheels = inputs.age_wheels_s <= WHEELS_STALE_S and not inputs.stalled
     level = inputs.tilt_rad <= MAX_SLOPE_RAD
     pose = ahrs and wheels and inputs.pose_known
-    for holds, bit in (
-        (scanner, SCANNER_OK),
-        (ahrs, AHRS_OK),
-        (wheels, WHEELS_OK),
-        (inputs.clocks_locked, CLOCKS_LOCKED),
-        (pose, POSE_VALID),
-        (pose and mapped and level and inputs.map_begun, MAP_VALID),
-        (not inputs.overrun, NO_OVERRUN),
-        (inputs.drop_ahead, DROP_AHEAD),
-        (inputs.contaminated, CONTAMINATED),
-        (not level, TOO_STEEP),
-        (inputs.stop_asked, STOP_ASKED),
-    ):
-        word |= bit if holds else 0
-    return word
+    return (
+        (SCANNER_OK if scanner else 0)
+        | (AHRS_OK if ahrs else 0)
+        | (WHEELS_OK if wheels else 0)
+        | (CLOCKS_LOCKED if inputs.clocks_locked else 0)
+        | (POSE_VALID if pose else 0)
+        | (MAP_VALID if pose and mapped and level and inputs.map_begun else 0)
+        | (0 if inputs.overrun else NO_OVERRUN)
+        | (DROP_AHEAD if inputs.drop_ahead else 0)
+        | (CONTAMINATED if inputs.contaminated else 0)
+        | (0 if level else TOO_STEEP)
+        | (STOP_ASKED if inputs.stop_asked else 0)
+    )
 
 
 def trusted(word: int) -> bool:

@@ -10,7 +10,7 @@ Source: complementary filter of angles and rates; MTi sheet, section 7 (2 deg rm
 import math
 from collections import deque
 
-from core.records import F64
+from core.heading import Rates
 
 FOLLOW_S = 8.0  # in which the sensor's angles are followed
 BIAS_S = 4.0  # of standing, in which the gyro's bias is learnt;
@@ -42,7 +42,7 @@ class LevelFilter:
         self._felt: deque[tuple[float, float]] = deque()  # rates that are to teach it
 
     def step(
-        self, t_s: float, roll_rad: float, pitch_rad: float, rate_body_radps: F64, *, stands: bool
+        self, t_s: float, roll_rad: float, pitch_rad: float, rate_body_radps: Rates, *, stands: bool
     ) -> tuple[float, float]:
         """Roll and pitch (rad) at a sample, which must be later than the one before.
 
@@ -51,7 +51,7 @@ class LevelFilter:
             rate_body_radps: (3,), NaN where it is not delivered: then the sensor's angles are told.
             stands: the robot does not move.
         """
-        x, y, z = rate_body_radps.tolist()
+        x, y, z = map(float, rate_body_radps)
         rates = (x, y, z) if math.isfinite(x + y + z) else None
         dt_s, before = t_s - self._t_s, self._rates
         self._t_s, self._rates = t_s, rates
@@ -64,7 +64,8 @@ class LevelFilter:
             return roll_rad, pitch_rad
         assert rates is not None
         assert before is not None
-        p, q, r = (0.5 * (a + b) for a, b in zip(rates, before, strict=True))
+        p, q = 0.5 * (rates[0] + before[0]), 0.5 * (rates[1] + before[1])
+        r = 0.5 * (rates[2] + before[2])
         self._learn(dt_s, p, q, stands)
         self._turn(dt_s, p - self.bias_radps[0], q - self.bias_radps[1], r)
         return self._towards(t_s, dt_s, roll_rad, pitch_rad)
@@ -110,8 +111,8 @@ class LevelFilter:
         """Follow the sensor's angles slowly; go over to them where they stay far off."""
         off = roll_rad - self.roll_rad, pitch_rad - self.pitch_rad
         share = min(1.0, dt_s / APART_S)
-        apart = tuple(a + share * (b - a) for a, b in zip(self._apart, off, strict=True))
-        self._apart = apart[0], apart[1]
+        x, y = self._apart
+        self._apart = apart = x + share * (off[0] - x), y + share * (off[1] - y)
         if max(abs(apart[0]), abs(apart[1])) > APART_RAD:
             self.doubted += 1
             self._alone_until_s = t_s + ALONE_S

@@ -10,7 +10,6 @@ Source: design, sections 4 and 5; the paper, section 4.5 (encoder displacement p
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from core.geometry import wrapped
 from core.heading_state import SCALE, SIZE, YAW, X, Y
 from core.heading_wheels import Turn, WheelCheck
 from core.odometry_path import Path
-from core.records import F64, ExternalPose, WheelCounts
+from core.records import F64, ExternalPose, WheelCounts, record
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
 WAITING = 64  # pairs that may wait for an attitude to cover them
@@ -39,7 +38,7 @@ UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system t
 GATE = 3.0  # standard deviations of what a face is believed
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Pose:
     """The body in the map frame at one instant."""
 
@@ -364,10 +363,7 @@ class Odometry:
         if ahead_s <= 0:
             x_m, y_m = self.xy_at(at_s).tolist()
         else:  # as `xyz_at` does, without arrays: twice a tick
-            (x_m, y_m, _), (dx_m, dy_m, _) = (
-                self._path.newest_m.tolist(),
-                self._on_from_newest(ahead_s),
-            )
+            (x_m, y_m), (dx_m, dy_m, _) = self._path.newest_xy_m, self._on_from_newest(ahead_s)
             x_m, y_m = x_m + dx_m, y_m + dy_m
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)

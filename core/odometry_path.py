@@ -1,5 +1,7 @@
 """The newest positions of the body with their times: kept, interpolated, moved as a whole."""
 
+import math
+
 import numpy as np
 
 from core.records import F64
@@ -14,6 +16,7 @@ class Path:
         self._t_s = np.zeros(KEPT)
         self._places_m = np.zeros((KEPT, 4))  # x, y, z, travel
         self._used = 0
+        self._newest = (-math.inf, 0.0, 0.0)  # time, x, y
 
     def __len__(self) -> int:
         return self._used
@@ -26,7 +29,12 @@ class Path:
     @property
     def newest_s(self) -> float:
         """Time of the newest place; -inf when there is none."""
-        return float(self._t_s[self._used - 1]) if self._used else float("-inf")
+        return self._newest[0]
+
+    @property
+    def newest_xy_m(self) -> tuple[float, float]:
+        """x, y of the newest; there must be one."""
+        return self._newest[1:]
 
     @property
     def newest_m(self) -> F64:
@@ -48,15 +56,18 @@ class Path:
         self._places_m[self._used, :3] = xyz_m
         self._places_m[self._used, 3] = travel_m
         self._used += 1
+        self._newest = (float(t_s), float(xyz_m[0]), float(xyz_m[1]))
 
     def forget(self) -> None:
         """No place at all."""
-        self._used = 0
+        self._used, self._newest = 0, (-math.inf, 0.0, 0.0)
 
     def move(self, dx_m: float, dy_m: float) -> None:
         """All places by the same step."""
         self._places_m[: self._used, 0] += dx_m
         self._places_m[: self._used, 1] += dy_m
+        t_s, x_m, y_m = self._newest
+        self._newest = (t_s, x_m + dx_m, y_m + dy_m)
 
     def at(self, at_s: float) -> F64:
         """Place and travel (4,) at an instant; the outermost beyond either end."""

@@ -42,7 +42,7 @@ def report(
         stalled=stalled,
     )
     word = health.health_word(inputs)
-    rate_z_radps = float(mapper.attitudes.rate_body_radps[2])
+    rate_z_radps = mapper.attitudes.rate_body_radps[2]
     return health.trusted(word), PoseReport(
         x_m=pose.x_m if pose else 0.0,
         y_m=pose.y_m if pose else 0.0,

@@ -10,11 +10,10 @@ Source: design, sections 7 and 8.
 """
 
 import math
-from dataclasses import dataclass
 
 from core.grid import RingGrid
 from core.jit import kernel
-from core.records import FREE, I8, OBSTACLE, UNKNOWN
+from core.records import FREE, I8, OBSTACLE, UNKNOWN, record
 
 REACTION_S = 0.45  # a scan's age, 0.15; a loop; and zero behind the exchange under way, 0.2
 STEP_CELLS = 0.5  # of the sweep
@@ -30,7 +29,7 @@ Place = tuple[float, float, float]  # x, y, yaw in the map frame
 
 
 @kernel
-def _at(start: tuple[float, float, float], v: float, w: float, t: float) -> tuple[float, ...]:
+def _at(start: tuple[float, float, float], v: float, w: float, t: float) -> Place:
     """Where an arc has led after t seconds: x, y, yaw."""
     x, y, yaw = start
     turn = w * t
@@ -62,18 +61,32 @@ def gap_to(
 
 
 @kernel
+def first_of(window: tuple[int, int, int]) -> tuple[int, int]:
+    """Column and row in the array of a window's lowest cell; window: corner i, j, size."""
+    return window[0] % window[2], window[1] % window[2]
+
+
+@kernel
 def cell_state(
     i: int,
     j: int,
     cells: I8,
     window: tuple[int, int, int],
+    first: tuple[int, int],
     cell_m: float,
     clear: tuple[float, float, float],
 ) -> int:
-    """The state of a cell that is in the way, OBSTACLE or UNKNOWN; FREE of one that is not."""
+    """The state of a cell that is in the way, OBSTACLE or UNKNOWN; FREE of one that is not.
+
+    first: of `first_of` that window.
+    """
     size, state = window[2], UNKNOWN
-    if 0 <= i - window[0] < size and 0 <= j - window[1] < size:
-        state = cells[j % size, i % size]
+    column, row = i - window[0], j - window[1]
+    if 0 <= column < size and 0 <= row < size:  # i % size, j % size without their divisions
+        column, row = column + first[0], row + first[1]
+        column -= size if column >= size else 0
+        row -= size if row >= size else 0
+        state = cells[row, column]
     if state == UNKNOWN:
         x, y = (i + 0.5) * cell_m - clear[0], (j + 0.5) * cell_m - clear[1]
         if math.hypot(x, y) <= clear[2]:
@@ -114,14 +127,14 @@ def clearance(
 ) -> float:
     """What is to be kept free of new cells: the margin, or less where it is not free now."""
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
-    least = margin
+    least, first = margin, first_of(window)
     for j in range(
         math.floor((place[1] - reach) / cell_m), math.floor((place[1] + reach) / cell_m) + 1
     ):
         for i in range(
             math.floor((place[0] - reach) / cell_m), math.floor((place[0] + reach) / cell_m) + 1
         ):
-            if cell_state(i, j, cells, window, cell_m, clear) != FREE:
+            if cell_state(i, j, cells, window, first, cell_m, clear) != FREE:
                 gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
                 if -TOUCH_M <= gap < least - SLACK_M:
                     least = gap
@@ -156,6 +169,7 @@ def _free_way(
     cy: float,
     half: float,
     place: tuple[float, float, float],
+    then: tuple[float, float, float],
     rect: tuple[float, float, float],
     motion: tuple[float, float],
     span: tuple[float, float],
@@ -164,10 +178,11 @@ def _free_way(
 ) -> float:
     """How far the robot gets before a cell that is in the way at the end of a span; inf: it is not.
 
-    limits: metres per second, margin, and what is to be kept free of new cells.
+    then: the place at that end. limits: metres per second, margin, and what is to be kept free of
+    new cells.
     """
     rate, margin, kept = limits
-    gap = gap_to(cx, cy, half, _at(place, motion[0], motion[1], span[1]), rect)
+    gap = gap_to(cx, cy, half, then, rect)
     if gap >= margin - TOUCH_M:
         return math.inf
     before = gap_to(cx, cy, half, place, rect)
@@ -203,7 +218,7 @@ def _sweep(
     length, rate, margin = way
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     kept = clearance(cells, window, cell_m, place, rect, margin, clear)
-    half, step = cell_m / 2, STEP_CELLS * cell_m
+    half, step, first = cell_m / 2, STEP_CELLS * cell_m, first_of(window)
     best, best_i, best_j = math.inf, 0, 0
     k = 0
     while k * step <= length + step + margin and (k - 1) * step - margin < best:
@@ -215,7 +230,7 @@ def _sweep(
             for i in range(
                 math.floor((now[0] - reach) / cell_m), math.floor((now[0] + reach) / cell_m) + 1
             ):
-                state = cell_state(i, j, cells, window, cell_m, clear)
+                state = cell_state(i, j, cells, window, first, cell_m, clear)
                 if state == FREE:
                     continue
                 free = _free_way(
@@ -223,6 +238,7 @@ def _sweep(
                     (j + 0.5) * cell_m,
                     half,
                     place,
+                    now,
                     rect,
                     motion,
                     span,
@@ -235,7 +251,7 @@ def _sweep(
     return best, best_i, best_j
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Obstruction:
     """What stands in the way first."""
 

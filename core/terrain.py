@@ -36,34 +36,43 @@ def _note(touched: I32, marks: I8, noted: I32, used: int) -> int:
 
 
 @kernel
-def _neighbour(at: int, di: int, dj: int, window: Windowed) -> int:
-    """Flat index of a neighbour, -1 outside of the window."""
+def _find_around(at: int, window: Windowed, around: I32) -> None:
+    """Put the flat indices of a cell and its neighbours into `around` (9,), row by row.
+
+    -1 for those outside of the window.
+    """
     size = window[2]
-    i, j = (at % size - window[0]) % size + di, (at // size - window[1]) % size + dj
-    if not (0 <= i < size and 0 <= j < size):
-        return -1
-    return int(((j + window[1]) % size) * size + (i + window[0]) % size)
+    column, row = at % size, at // size
+    i, j, k = (column - window[0]) % size, (row - window[1]) % size, 0
+    for dj in range(-1, 2):
+        beside_row = row + dj
+        beside_row += size if beside_row < 0 else (-size if beside_row >= size else 0)
+        for di in range(-1, 2):
+            beside = column + di
+            beside += size if beside < 0 else (-size if beside >= size else 0)
+            inside = 0 <= i + di < size and 0 <= j + dj < size
+            around[k] = beside_row * size + beside if inside else -1
+            k += 1
 
 
 @kernel
 def _list_around(window: Windowed, marks: I8, noted: I32, used: int) -> int:
     """Add the neighbours of the noted cells and take all marks off; how many are listed."""
-    touched = used
+    touched, around = used, np.empty(9, dtype=np.int32)
     for k in range(touched):
-        for dj in range(-1, 2):
-            for di in range(-1, 2):
-                near = _neighbour(noted[k], di, dj, window)
-                if near >= 0 and marks[near] == 0:
-                    marks[near] = LISTED
-                    noted[used] = near
-                    used += 1
+        _find_around(noted[k], window, around)
+        for near in around:
+            if near >= 0 and marks[near] == 0:
+                marks[near] = LISTED
+                noted[used] = near
+                used += 1
     for k in range(used):
         marks[noted[k]] = 0
     return used
 
 
 @kernel
-def _plane(at: int, cells: Cells, window: Windowed) -> tuple[float, float, float]:
+def _plane(at: int, cells: Cells, window: Windowed, around: I32) -> tuple[float, float, float]:
     """Of the plane through a cell and its known neighbours: slopes along x and y, mean square off.
 
     NaN where they are fewer than three or lie in a line.
@@ -72,7 +81,7 @@ def _plane(at: int, cells: Cells, window: Windowed) -> tuple[float, float, float
     sz = sxz = syz = szz = 0.0
     for dj in range(-1, 2):
         for di in range(-1, 2):
-            near = _neighbour(at, di, dj, window)
+            near = around[3 * (dj + 1) + di + 1]
             if near < 0 or cells[near].count == 0:
                 continue
             z = cells[near].z_m - cells[at].z_m
@@ -91,14 +100,12 @@ def _plane(at: int, cells: Cells, window: Windowed) -> tuple[float, float, float
 
 
 @kernel
-def _step(at: int, cells: Cells, window: Windowed) -> float:
+def _step(at: int, cells: Cells, around: I32) -> float:
     """Largest height difference within a known cell and from it to a known neighbour."""
     most = cells[at].z_high_m - cells[at].z_low_m
-    for dj in range(-1, 2):
-        for di in range(-1, 2):
-            near = _neighbour(at, di, dj, window)
-            if near >= 0 and cells[near].count > 0:
-                most = max(most, abs(cells[near].z_m - cells[at].z_m))
+    for near in around:
+        if near >= 0 and cells[near].count > 0:
+            most = max(most, abs(cells[near].z_m - cells[at].z_m))
     return float(most)
 
 
@@ -107,13 +114,15 @@ def _look(
     listed: I32, cells: Cells, window: Windowed, slopes: F32, steps: F32, roughness: F32
 ) -> None:
     """Judge the listed cells into the layers (flat)."""
+    around = np.empty(9, dtype=np.int32)
     for at in listed:
         cell = cells[at]
         slopes[at] = steps[at] = roughness[at] = np.nan
         if cell.count == 0:
             continue
-        steps[at] = _step(at, cells, window)
-        a, b, off = _plane(at, cells, window)
+        _find_around(at, window, around)
+        steps[at] = _step(at, cells, around)
+        a, b, off = _plane(at, cells, window, around)
         if math.isnan(a):
             continue
         slopes[at] = math.atan(math.hypot(a, b))

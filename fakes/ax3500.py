@@ -30,6 +30,8 @@ WATCHDOG_S = 1.0
 TAKE_OVER = 10  # CR in a row that end R/C or analog mode
 NO_Z_S = 1.0  # after a reset: the letter would set off firmware loading
 LONGEST_LINE = 32
+HEXADECIMAL = re.compile(r"([*$^])([0-9A-Fa-f]{2})(?: ([0-9A-Fa-f]{2}))?")
+OF_ENCODERS = re.compile(r"[*$]|[?!][Qq]|\?[ZzKkDdWw]")
 APPLY_S = 0.1  # that ^FF takes
 
 
@@ -240,10 +242,9 @@ class FakeAx3500(Motors):
 
     def _answer(self, text: str, at_s: float) -> list[str]:
         """Do what a line says; the lines of the answer, after the echo."""
-        hexadecimal = re.fullmatch(r"([*$^])([0-9A-Fa-f]{2})(?: ([0-9A-Fa-f]{2}))?", text)
         if text == "":
             return ["-"] if self.minus_on_empty else []
-        if text.upper() in {line.upper() for line in self.refuse}:
+        if self.refuse and text.upper() in {line.upper() for line in self.refuse}:
             return ["-"]
         if text == "%rrrrrr":
             self._reset(at_s)
@@ -252,7 +253,7 @@ class FakeAx3500(Motors):
             self._adopt_motor_mode()
             self._change_mode(MODES[self.parameters[0x00]], at_s)
             return ["+"]
-        if re.match(r"[*$]|[?!][Qq]|\?[ZzKkDdWw]", text):
+        if OF_ENCODERS.match(text):
             if not self.encoder or text[0] in "*$".replace(self.register_sign, ""):
                 return ["-"]
             if self.encoders.hung:
@@ -261,6 +262,7 @@ class FakeAx3500(Motors):
             return self._query(text[1:].upper(), at_s)
         if text[0] == "!":
             return ["+" if self._order(text[1:], at_s) else "-"]
+        hexadecimal = HEXADECIMAL.fullmatch(text)
         if hexadecimal is None:
             return ["-"]
         sort, address, value = hexadecimal.groups()
@@ -314,9 +316,11 @@ class FakeAx3500(Motors):
         return self._obey(order)
 
     def _send(self, at_s: float, text: str) -> None:
-        for character in text.replace("\r", "\r\n") if self.lf_after_cr else text:
-            stray = self.w_rate > 0 and self._random.random() < self.w_rate
-            self._wire.send(at_s, f"W{character}".encode("ascii") if stray else character.encode())
+        text = text.replace("\r", "\r\n") if self.lf_after_cr else text
+        if self.w_rate > 0:
+            hits = (self._random.random() < self.w_rate for _ in text)
+            text = "".join(f"W{one}" if hit else one for one, hit in zip(text, hits, strict=True))
+        self._wire.send(at_s, text.encode())
 
 
 if __name__ == "__main__":

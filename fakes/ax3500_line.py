@@ -44,13 +44,14 @@ class SerialLine:
 
     def sent(self, now_s: float) -> bytes:
         """The characters that are out by now and were not before."""
+        waiting, character_s = self._waiting, self._character_s
         out = bytearray()
-        while self._waiting:
-            done_s = max(self._waiting[0][0], self._device_free_s) + self._character_s
+        while waiting:
+            done_s = max(waiting[0][0], self._device_free_s) + character_s
             if done_s > now_s:
                 break
             self._device_free_s = done_s
-            out.append(heapq.heappop(self._waiting)[2])
+            out.append(heapq.heappop(waiting)[2])
         return bytes(out)
 
     def clear(self) -> None:

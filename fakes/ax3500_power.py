@@ -66,7 +66,8 @@ class PowerStage:
         if self.emergency_stop:
             self.status |= EMERGENCY_STOP
         high, low = self.battery_v > HIGHEST_V, self.battery_v < LOWEST_V
-        hot = max(self._celsius_now()) > HOTTEST_DEG
+        (one, two), (rise_one, rise_two) = self.celsius, self._rise_deg
+        hot = one + rise_one > HOTTEST_DEG or two + rise_two > HOTTEST_DEG
         return (
             self.status
             | (OVERVOLTAGE if high else 0)
@@ -97,7 +98,9 @@ class PowerStage:
     def heat(self, now_s: float) -> None:
         """Let the heat sinks follow the load for the time gone by."""
         gone_s, self._heated_s = now_s - self._heated_s, now_s
-        share = 1.0 - math.exp(-max(0.0, gone_s) / HEAT_S) if math.isfinite(gone_s) else 0.0
+        if not 0.0 < gone_s < math.inf or not (any(self._shares) or any(self._rise_deg)):
+            return
+        share = 1.0 - math.exp(-gone_s / HEAT_S)
         for channel, power in enumerate(self._shares):
             goal_deg = HEAT_DEG_PER_A2 * (self.load_a * power) ** 2
             self._rise_deg[channel] += share * (goal_deg - self._rise_deg[channel])

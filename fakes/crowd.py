@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.movers import STRIDE_M, Part, person
+from fakes.world_kernels import rows_at
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # of the robot: x, y, yaw
@@ -120,17 +121,7 @@ class Crowd:
         """Rows (n, walkers, 6), interpolated; before the first step all stand where they begin."""
         if not self._steps:
             self._record()
-        count = min(self._steps, KEPT)
-        order = np.arange(self._steps - count, self._steps) % KEPT
-        known_s = self._times_s[order]
-        after = np.clip(np.searchsorted(known_s, times_s), min(1, count - 1), count - 1)
-        before = np.maximum(after - 1, 0)
-        span_s = np.maximum(known_s[after] - known_s[before], 1e-9)
-        share = np.clip((times_s - known_s[before]) / span_s, 0.0, 1.0)[:, None, None]
-        share = np.where((after == before)[:, None, None], 1.0, share)
-        return np.asarray(
-            (1 - share) * self._ring[order[before]] + share * self._ring[order[after]]
-        )
+        return rows_at(self._ring, self._times_s, self._steps, times_s)
 
     # -- time -----------------------------------------------------------------------------------
 

@@ -38,9 +38,10 @@ class Late:
 
     def take(self, now_s: float) -> list[bytes]:
         """What has arrived."""
+        waiting = self._waiting
         arrived: list[bytes] = []
-        while self._waiting and self._waiting[0][0] <= now_s:
-            arrived.append(self._waiting.popleft()[1])
+        while waiting and waiting[0][0] <= now_s:
+            arrived.append(waiting.popleft()[1])
         return arrived
 
     def clear(self) -> None:
@@ -72,7 +73,7 @@ class Disturbance:
 
     def heard(self, data: bytes) -> bytes:
         """What the device hears of the host's bytes."""
-        return self._noisy(data, self.host_drop_rate, self.host_damage_rate)
+        return data and self._noisy(data, self.host_drop_rate, self.host_damage_rate)
 
     def _thinned(self, data: bytes) -> bytes:
         """Chance's share of the device's bytes taken."""

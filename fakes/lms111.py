@@ -134,6 +134,8 @@ class FakeLms111(SettableHead):
             self._fresh = False
             if self.measures_at_power_up:
                 self._sweep_from(self.start_silent_s + self.spin_up_s)
+        if self._latest_sweep() < self._next_sweep:
+            return now_s  # as at most looks: no sweep has ended since the last one
         clients = (*self._clients, self._single)
         wanted = set[str]().union(*(client.subscribed for client in clients))
         if self._configuring:

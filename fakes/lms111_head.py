@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.cola_values import Value
+from fakes.lms111_kernels import DAZZLED, codes_from
 from fakes.lms111_scan import (
     AREA_START,
     FIRST_VALID,
@@ -35,7 +36,7 @@ SWEEP_TURN = 0.75  # 270 of 360 deg
 SENT_AFTER_S = 0.0001  # the sweep's end
 STAMP_US = 3100  # "time since start-up" before the transmission
 KEPT_S = 0.9  # a device that was not looked at for longer has lost its oldest scans
-DAZZLED, IMPLAUSIBLE, FILTERED = 1, 2, 3  # codes below FIRST_VALID
+IMPLAUSIBLE, FILTERED = 2, 3  # codes below FIRST_VALID, as DAZZLED
 SAME_MM = 200  # the n-to-1 filter wants an echo so near to the one of the scan before
 MOST_SCANS = 100  # of the mean filter
 STATUS_ERROR, STATUS_DIRTY, STATUS_BLIND = 1, 2, 4  # device status, recalled and not confirmed
@@ -73,6 +74,7 @@ class LaserHead:
         self.two_in_a_row = False  # the n-to-1 filter: an echo counts if the scan before had it
         self._ranges_m_at = ranges_m_at
         self._random, self._noise = random.Random(seed), np.random.default_rng(seed)
+        codes_from(np.zeros(1), 0.0, 0.0, np.zeros(1), 0.0)  # is not compiled while a host waits
         self._clock = Quartz()
         self._clock_set = EPOCH  # date and time at which its clock showed 0
         self._active = ScanSettings()
@@ -114,8 +116,9 @@ class LaserHead:
         """Number of the last sweep whose telegram could go out by now; below 0: none yet."""
         if self._begin_s is None:
             return -1
-        turns = (self._clock.device_s - self._sent_device_s(0)) / self._active.period_s
-        return math.floor(turns + 1e-9)
+        period_s = self._active.period_s
+        first_s = self._begin_s + SWEEP_TURN * period_s + SENT_AFTER_S
+        return math.floor((self._clock.device_s - first_s) / period_s + 1e-9)
 
     def _due_telegrams(self, subscribed: set[str]) -> list[tuple[float, str, list[Value]]]:
         """Events (due, name, values) since the last call that somebody has subscribed to."""
@@ -187,11 +190,7 @@ class LaserHead:
     def _codes(self, true_m: F64) -> U16:
         """What is measured of true ranges (n,): noise, nothing beyond its reach, bad light."""
         noise = self._noise.standard_normal(len(true_m))
-        measured_m = true_m + self.offset_m + self.noise_m * noise
-        seen = np.isfinite(measured_m) & (measured_m <= self.max_range_m)
-        raw = np.round(1000 * np.where(seen, measured_m, 0.0))
-        codes = np.where(raw >= FIRST_VALID, raw, NO_ECHO).astype(np.uint16)
-        codes[true_m == -np.inf] = DAZZLED
+        codes = codes_from(true_m, self.offset_m, self.noise_m, noise, self.max_range_m)
         rates = (self.dazzled_rate, self.implausible_rate, self.filtered_rate)
         for code, rate in zip((DAZZLED, IMPLAUSIBLE, FILTERED), rates, strict=True):
             if rate > 0:

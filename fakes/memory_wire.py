@@ -50,6 +50,8 @@ class MemoryPort:
 
     def read(self) -> list[bytes]:
         """The pieces that were given, as they were given."""
+        if not self._to_host:
+            return []
         pieces, self._to_host = self._to_host, []
         return pieces
 
@@ -70,6 +72,8 @@ class MemoryPort:
 
     def take_datagrams(self) -> list[bytes]:
         """The fake's side: what the host wrote since the last call, one item a write."""
+        if not self._to_device:
+            return []
         written, self._to_device, self.backlog = self._to_device, [], 0
         return written
 
@@ -91,7 +95,7 @@ class Plug:
         """Pull it or put it in; True if the host has connected since it was last asked."""
         if cut != self._pulled:
             self._pulled, self._port.connected = cut, not cut
-        if not self._port.connected or self._port.opened == self._opened:
+        if self._port.opened == self._opened or not self._port.connected:
             return False
         self._opened = self._port.opened
         return True
@@ -113,7 +117,7 @@ class Wire(StreamDisturbance):
         if sent:
             self.send(now_s, sent, self._late)
         for data in self._late.take(now_s):
-            for piece in self.cut_up(data):
+            for piece in self.cut_up(data) if self.chunk else (data,):
                 self._port.give(piece)
 
 

@@ -94,7 +94,8 @@ class FakeMti(Stream, Desk, SerialLine):
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what the host wrote; give all that the device has sent up to now_s."""
         now_s = self._clock.follow(now_s, self.drift_ppm)
-        self._wake_on(now_s, received)
+        if self._state in (State.BOOTING, State.WAKING):
+            self._wake_on(now_s, received)
         if self._state is State.MEASURING:
             self._measure()
         if self.error_next is not None:

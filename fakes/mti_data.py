@@ -21,7 +21,7 @@ KNOWN_SETTINGS = 0x0F7D  # counter, orientation, three switches, format, two ana
 NOWHERE = Place(0.0, 0.0, 0.0, np.zeros(3), False, 0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Sample:
     """One instant, in the frames that the device was told to use."""
 

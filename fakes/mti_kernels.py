@@ -34,12 +34,16 @@ def turn_about(x: float, y: float, z: float) -> F64:
 
 @kernel
 def told_rotation(
-    earth: F64, yaw_rad: float, R_earth_sensor: F64, noise_rad: F64, case: F64
+    earth: F64, yaw_rad: float, R_earth_sensor: F64, sigma_rad: float, noise: F64, case: F64
 ) -> F64:
-    """What is told of an orientation (3, 3), yaw off and noisy (3,), between two frames (3, 3)."""
+    """What is told of an orientation (3, 3), yaw off and noisy, between two frames (3, 3).
+
+    Args:
+        noise: (3,) of `sigma_rad`.
+    """
     R = times(turn_about(0.0, 0.0, yaw_rad), R_earth_sensor)
-    R = times(R, turn_about(noise_rad[0], noise_rad[1], noise_rad[2]))
-    return times(times(earth, R), case.T)
+    x, y, z = sigma_rad * noise[0], sigma_rad * noise[1], sigma_rad * noise[2]
+    return times(times(earth, times(R, turn_about(x, y, z))), case.T)
 
 
 @kernel
@@ -112,7 +116,7 @@ def believed_rotation(
 def warm() -> None:
     """Run all of them once, so that none is compiled while a host waits for its device."""
     up, one, rows = np.array([0.0, 0.0, 9.81]), np.eye(3), np.zeros((4, 3))
-    told_rotation(one, 0.0, one, up, one)
+    told_rotation(one, 0.0, one, 0.0, up, one)
     told_vectors(up, up, one, up, (0.0, 0.0, 0.0), rows, up, up, up, one)
     lean_and_wander(0.01, one, up, 1.0, np.zeros(2), np.ones(6), np.zeros(6), np.zeros(6))
     believed_rotation(one, 0.0, 0.0, 0.0, one)

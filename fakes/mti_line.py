@@ -50,19 +50,20 @@ class SerialLine:
 
     def _taken(self, now_s: float) -> bytes:
         """The bytes that have arrived at the host by now."""
+        if not self._queue:
+            return b""
         until_s = math.floor(now_s / self.burst_s) * self.burst_s if self.burst_s > 0 else now_s
         until_s -= self.late_s
         sent = bytearray()
         while self._queue:
             begin_s, byte_s, message = self._queue[0]
-            whole = begin_s + byte_s * len(message) <= until_s
-            count = len(message) if whole else max(0, int((until_s - begin_s) / byte_s))
-            count = min(count, len(message))
-            sent += message[:count]
-            if not whole:
+            if begin_s + byte_s * len(message) > until_s:
+                count = min(len(message), max(0, int((until_s - begin_s) / byte_s)))
                 if count:
+                    sent += message[:count]
                     self._queue[0] = (begin_s + byte_s * count, byte_s, message[count:])
                 break
+            sent += message
             self._queue.popleft()
         return b"" if self.mute else bytes(sent)
 

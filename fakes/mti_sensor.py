@@ -5,6 +5,7 @@ Source: MTi sheet, sections 3 to 7.
 
 import math
 from collections.abc import Callable
+from operator import is_
 
 import numpy as np
 
@@ -82,11 +83,9 @@ class Sensor:
     def _frames(self) -> tuple[F64, F64]:
         """What settings and resets turn the earth by, and the sensor's case; (3, 3) each."""
         memory = self.memory
-        made_of = (*memory.turns, memory.alignment, self._yaw_offset_rad, self._G, self._A)
-        if len(made_of) != len(self._frames_of) or any(
-            new is not old and (isinstance(new, np.ndarray) or new != old)
-            for new, old in zip(made_of, self._frames_of, strict=True)
-        ):
+        numbers = (memory.alignment, memory.heading_rad, memory.declination_rad)
+        made_of = (*memory.turns, *numbers, self._G, self._A)
+        if len(made_of) != len(self._frames_of) or not all(map(is_, made_of, self._frames_of)):
             local = rotation_from_quaternion(*memory.turns[1])
             self._earth = local @ rotation_z(self._yaw_offset_rad) @ self._G
             self._case, self._frames_of = self._object @ self._A, made_of
@@ -138,13 +137,9 @@ class Sensor:
         if self.distortion_at is not _undisturbed:
             field = self.distortion_at(t_s) @ field
         earth, case = self._frames()
-        R = told_rotation(
-            earth,
-            self._pulled_by(field, t_s),
-            self._believed(R_true, accel_mps2, t_s),
-            self.angle_noise_rad * noise[0],
-            case,
-        )
+        believed = self._believed(R_true, accel_mps2, t_s)
+        pulled_rad = self._pulled_by(field, t_s)
+        R = told_rotation(earth, pulled_rad, believed, self.angle_noise_rad, noise[0], case)
         sigmas, accel_off, rate_off = self._wrong_by()
         vectors, clipped = told_vectors(
             accel_mps2, rate_radps, R_true, field, sigmas, noise, accel_off, rate_off, FULL, case
@@ -189,8 +184,10 @@ class Sensor:
 
         Where the field is turned to the left, the sensor takes itself for turned to the right.
         """
-        north, ours = (math.atan2(part[1], part[0]) for part in (field, self.earth_field))
-        wrong_rad = math.remainder(ours - north, math.tau)
+        wrong_rad = 0.0
+        if field is not self.earth_field:
+            north, ours = (math.atan2(part[1], part[0]) for part in (field, self.earth_field))
+            wrong_rad = math.remainder(ours - north, math.tau)
         gone_s = max(0.0, t_s - self._pulled_at_s)  # at first for ever: it has stood here
         share = 1.0 - math.exp(-gone_s / self.pull_s)
         self._pulled_rad += share * math.remainder(wrong_rad - self._pulled_rad, math.tau)

@@ -84,6 +84,8 @@ class Stream(Desk, SerialLine):
 
     def _measure(self) -> None:
         """Take the samples that have become due."""
+        if self._next_device_s > self._clock.device_s:
+            return
         period_s = self._period_s
         lost = int((self._clock.device_s - KEPT_S - self._next_device_s) / period_s)
         if lost > 0:

@@ -77,20 +77,22 @@ def rays_from_poses(
     """
     n, subs = len(bearings), len(pattern)
     begins, ways = np.empty((n * subs, 3)), np.empty((n * subs, 3))
+    ahead, aside, up = np.empty(3), np.empty(3), np.empty(3)
     for i in range(n):
-        R = R_map_lens[i]
         c, s = math.cos(bearings[i]), math.sin(bearings[i])
         for axis in range(3):
-            ahead = R[axis, 0] * c + R[axis, 1] * s
-            aside = R[axis, 1] * c - R[axis, 0] * s
-            begin = t_map_lens[i, axis]
-            for sub in range(subs):
-                row = i * subs + sub
-                begins[row, axis] = begin + pattern[sub, 0] * aside + pattern[sub, 1] * R[axis, 2]
-                ways[row, axis] = ahead + pattern[sub, 2] * aside + pattern[sub, 3] * R[axis, 2]
+            ahead[axis] = R_map_lens[i, axis, 0] * c + R_map_lens[i, axis, 1] * s
+            aside[axis] = R_map_lens[i, axis, 1] * c - R_map_lens[i, axis, 0] * s
+            up[axis] = R_map_lens[i, axis, 2]
         for sub in range(subs):
             row = i * subs + sub
-            x, y, z = ways[row]
+            right, high = pattern[sub, 0], pattern[sub, 1]
+            right_way, high_way = pattern[sub, 2], pattern[sub, 3]
+            for axis in range(3):
+                begins[row, axis] = t_map_lens[i, axis] + right * aside[axis] + high * up[axis]
+            x = ahead[0] + right_way * aside[0] + high_way * up[0]
+            y = ahead[1] + right_way * aside[1] + high_way * up[1]
+            z = ahead[2] + right_way * aside[2] + high_way * up[2]
             scale = 1.0 / math.sqrt(x * x + y * y + z * z)
             ways[row, 0], ways[row, 1], ways[row, 2] = x * scale, y * scale, z * scale
     return begins, ways
@@ -108,14 +110,16 @@ def bundle_from(begins: F64, ways: F64, subs: int, spread_rad: float) -> Bundle:
             azimuth += TURN_RAD * round((before - azimuth) / TURN_RAD)
             in_order = in_order and azimuth > before
         azimuths[i] = azimuth
-    x, y = begins[:, 0], begins[:, 1]
-    room = ((x.min(), y.min()), (x.max(), y.max()))
+    x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
+    for row in range(len(begins)):
+        x, y = begins[row, 0], begins[row, 1]
+        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
     inverses = np.empty_like(ways)
-    for row in range(len(ways)):
-        for axis in range(3):
-            way = ways[row, axis]
-            inverses[row, axis] = 1.0 / (way if abs(way) >= TINY else TINY)
-    return Bundle(begins, ways, inverses, azimuths, spread_rad, in_order, room)
+    from_flat, to_flat = ways.reshape(-1), inverses.reshape(-1)
+    for k in range(len(from_flat)):  # in one row, so that many are divided at once
+        way = from_flat[k]
+        to_flat[k] = 1.0 / (way if abs(way) >= TINY else TINY)
+    return Bundle(begins, ways, inverses, azimuths, spread_rad, in_order, ((x0, y0), (x1, y1)))
 
 
 @kernel

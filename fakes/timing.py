@@ -53,6 +53,8 @@ class Outbox:
 
     def take(self, until_s: float) -> bytes:
         """All that is due by until_s."""
+        if not self._pieces or self._pieces[0][0] > until_s:
+            return b""
         due = bytearray()
         while self._pieces and self._pieces[0][0] <= until_s:
             due += heapq.heappop(self._pieces)[2]

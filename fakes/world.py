@@ -105,11 +105,14 @@ class World:
         self._ctrl_mps = [0.0, 0.0]
         # x y z, qw qx qy qz, both wheels' angles; rate of turn, specific force of the sensor
         self._ring = np.zeros((KEPT, 15))
-        self._q_pos, self._felt = self._data.qpos, self._data.sensordata  # as MuJoCo has them
-        self._ctrl = self._data.ctrl
+        self._rows = [(row[:9], row[9:], row[7:9]) for row in self._ring]  # made once
+        self._q_pos, self._felt = self._data.qpos[:9], self._data.sensordata  # as MuJoCo has them
+        self._q_wheels, self._ctrl = self._data.qpos[7:9], self._data.ctrl
+        self._row_now: F64 | None = None  # the row of now, once it was asked for
         self._rays = Rays(self.scene, seed, self.upsets, self._crowd)
         self._turned, self._slipped = np.zeros(2), np.zeros(2)  # by the wheels, rad
-        self._shares = np.zeros((KEPT, 2))  # of slip, of the steps to come
+        self._shares = np.zeros((KEPT, 2))  # of slip, of the steps of this round of the ring
+        self._slips_now = self._has_slipped = False  # in this round, and ever
         self._settle()
         self._look_around()
         self._warm()
@@ -134,22 +137,30 @@ class World:
         self._record()
 
     def _record(self) -> None:
-        k = self._steps % KEPT
-        row = self._ring[k]
-        row[:9], row[9:] = self._q_pos[:9], self._felt
+        place, felt, wheels = self._rows[self._steps % KEPT]
+        place[:], felt[:] = self._q_pos, self._felt
         if self._slips and self._steps:
-            if k == 0 or self._steps == 1:
-                steps = self._steps - k + np.arange(KEPT)
-                self._shares = shares(self._slips, steps * STEP_S)
-            self._slipped += self._shares[k] * (row[7:9] - self._turned)
-            self._turned = row[7:9].copy()
-            row[7:9] += self._slipped
+            self._slip(self._steps % KEPT)
+            if self._has_slipped:
+                wheels += self._slipped
+
+    def _slip(self, k: int) -> None:
+        """What the wheels of the newest step, in row k, turned without the robot."""
+        if k == 0 or self._steps == 1:
+            steps = self._steps - k + np.arange(KEPT)
+            self._shares = shares(self._slips, steps * STEP_S)
+            self._slips_now = bool(self._shares.any())
+        if self._slips_now:
+            self._slipped += self._shares[k] * (self._q_wheels - self._turned)
+            self._has_slipped = True
+        if self._slips_now or k == KEPT - 1:  # else nobody asks before the next round
+            self._turned = self._q_wheels.copy()
 
     def step_to(self, now_s: float) -> None:
         """Advance physics to `now_s`, a host time that never goes back."""
         if self._begin_s is None:
             self._begin_s = now_s
-        self._now_s = max(self._now_s, now_s)
+        self._now_s, self._row_now = max(self._now_s, now_s), None
         while self._begin_s + self._steps * STEP_S < now_s:
             self._step()
 
@@ -185,7 +196,12 @@ class World:
 
     def _row(self, t_s: float | None) -> F64:
         """All that is remembered of an instant (15,), or of now."""
-        return row_at(self._ring, self._steps, self._since_begin_s(t_s) / STEP_S)
+        if t_s is None and self._row_now is not None:
+            return self._row_now
+        row = row_at(self._ring, self._steps, self._since_begin_s(t_s) / STEP_S)
+        if t_s is None:
+            self._row_now = row
+        return row
 
     def _since_begin_s(self, t_s: float | None) -> float:
         begin_s = self._now_s if self._begin_s is None else self._begin_s

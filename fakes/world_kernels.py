@@ -57,6 +57,29 @@ def motion_at(ring: F64, steps: int, step: float, R_earth_map: F64) -> tuple[F64
 
 
 @kernel
+def rows_at(ring: F64, known_s: F64, steps: int, times_s: F64) -> F64:
+    """Rows (n, k, m) of a ring (KEPT, k, m) at instants (n,), interpolated.
+
+    Args:
+        known_s: (KEPT,) instants of the rows, of which `steps` were written so far, at least one.
+    """
+    kept, n = len(ring), len(times_s)
+    count = min(steps, kept)
+    rows = np.empty((n, ring.shape[1], ring.shape[2]))
+    for i in range(n):
+        after = min(1, count - 1)
+        while after < count - 1 and known_s[(steps - count + after) % kept] < times_s[i]:
+            after += 1
+        a, b = (steps - count + max(after - 1, 0)) % kept, (steps - count + after) % kept
+        span_s = max(known_s[b] - known_s[a], 1e-9)
+        share = min(max((times_s[i] - known_s[a]) / span_s, 0.0), 1.0) if a != b else 1.0
+        for k in range(ring.shape[1]):
+            for part in range(ring.shape[2]):
+                rows[i, k, part] = (1 - share) * ring[a, k, part] + share * ring[b, k, part]
+    return rows
+
+
+@kernel
 def poses_at(ring: F64, steps: int, at_steps: F64) -> tuple[F64, F64]:
     """t_map_body (n, 3) and R_map_body (n, 3, 3) at instants (n,), interpolated."""
     n = len(at_steps)

@@ -8,6 +8,7 @@ Source: AX3500 sheet, sections 1, 2, 4, 5 and 7. ASCII, 7 bits, CR ends a line i
 import re
 from dataclasses import dataclass
 
+from core.records import record
 from hw.session import BadFrame
 
 CR = b"\r"
@@ -32,7 +33,7 @@ THERMISTOR = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Line:
     """What stood between two CR, without `W`, NUL and LF; never empty."""
 
@@ -78,7 +79,7 @@ class LineParser:
             return []
         if rest_of_long:
             return [BadFrame("end of a line that was too long", text)]
-        if not all(0x20 <= character < 0x7F for character in text):
+        if not (text.isascii() and text.decode("ascii").isprintable()):
             return [BadFrame("line with control characters", text)]
         return [Line(text.decode("ascii"), self._began_s)]
 

@@ -309,7 +309,9 @@ class Ax3500(Device[WheelCounts]):
         if self.stream.zero_lost:
             self._counters.forget_zero()
             self.stream.zero_lost = False
-        measured = []
+        measured: list[WheelCounts] = []
+        if not self.stream.readings:
+            return measured
         for reading in self.stream.readings:
             match self._counters.take(*reading):
                 case Pair(t_s, one, two):

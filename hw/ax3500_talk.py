@@ -60,8 +60,11 @@ class Talk:
         """Write; the lines and bad frames of the next tick."""
         tick = yield out
         self._now_s = tick.now_s
-        self._stream.readings = []
+        if self._stream.readings:
+            self._stream.readings = []
         self._motors.look(tick.now_s)
+        if not tick.events:
+            return tick.events
         stops = sum(isinstance(event, WatchdogStop) for event in tick.events)
         if stops:
             self._stream.watchdog_stops += stops

@@ -57,6 +57,8 @@ class ControllerState:
     @property
     def trouble(self) -> str:
         """Why the motors get nothing, in words; "" where nothing is known against them."""
+        if not (self.status or self.emergency_stop or self.motors_off):
+            return ""
         words = [f"the controller reports {word}" for word in self.status_words]
         if self.emergency_stop:
             words.append("the emergency stop is pressed")

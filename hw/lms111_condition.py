@@ -76,7 +76,7 @@ class ScannerCondition:
         return ", ".join(word for word in words if word)
 
 
-def is_dirty(condition: ScannerCondition) -> bool:
+def is_dirty(contamination: int | None, device_status: tuple[int, int]) -> bool:
     """Whether the scanner's window is contaminated, be it as a warning."""
-    by_status = condition.device_status[0] | condition.device_status[1]
-    return bool(condition.contamination or by_status & (STATUS_DIRTY | STATUS_BLIND))
+    by_status = device_status[0] | device_status[1]
+    return bool(contamination or by_status & (STATUS_DIRTY | STATUS_BLIND))

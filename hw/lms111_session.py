@@ -15,7 +15,7 @@ from hw import lms111
 from hw import lms111_commands as commands
 from hw.lms111 import Answer, Echo, ScanTelegram
 from hw.lms111_checkup import Checkup
-from hw.lms111_condition import ScannerCondition, is_usable, status_in_words
+from hw.lms111_condition import ScannerCondition, is_dirty, is_usable, status_in_words
 from hw.lms111_scan import ScanMaker, ScanSettings
 from hw.lms111_setup import BUSY, LONGEST_REST_S, REST_S, SCAN_WORDS, Setup, covers
 from hw.lms111_talk import DialectSetting, Memory, ScanStream, StartAgainError
@@ -216,13 +216,21 @@ class Lms111(Device[Scan]):
         return self.stream.not_ready
 
     @property
+    def is_dirty(self) -> bool:
+        """Whether its window is contaminated, be it as a warning."""
+        stream, newest = self.stream, self.stream.newest
+        return is_dirty(stream.contamination, newest.status if newest else (0, 0))
+
+    @property
     def condition(self) -> ScannerCondition:
         """What the scanner has said about itself, and its newest scan's beams by cause of loss."""
         condition, newest = condition_of(self.stream), self.stream.newest
         return condition if newest is None else self._maker.with_beams(condition, newest)
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Scan]:
-        scans = []
+        scans: list[Scan] = []
+        if not self.stream.telegrams:
+            return scans
         for telegram in self.stream.telegrams:
             scan = self._maker.scan(telegram)
             if isinstance(scan, Scan):

@@ -5,9 +5,10 @@ all bytes after FA is 0 modulo 256; big-endian.
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 
+from core.records import record
 from hw.session import BadFrame
 
 PREAMBLE, MASTER, SINGLE, EXTENDED = 0xFA, 0xFF, 0x01, 0xFF
@@ -86,7 +87,7 @@ def error_in_words(data: bytes) -> str:
     return f"error {data[0]:02X}{more}, {ERRORS.get(data[0], 'not listed')}"
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class MtFrame:
     """One frame whose checksum is right."""
 

@@ -45,7 +45,9 @@ class Conversation:
         tick = yield out
         self.now_s = tick.now_s
         frames = [event for event in tick.events if isinstance(event, MtFrame)]
-        self._noise = self._noise or bool(tick.events)
+        if not tick.events:
+            return frames
+        self._noise = True
         self._frames = self._frames or bool(frames)
         if any(frame.mid == Mid.WakeUp for frame in frames):
             tick = yield encode_frame(Mid.WakeUpAck)

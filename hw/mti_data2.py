@@ -9,8 +9,8 @@ Source: MTi sheet, section 5.
 import dataclasses
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from core.records import record
 from hw.mti_numbers import EULER, MATRIX, NUMBER_SIZES, ORIENTATION_NUMBERS, QUATERNION, numbers
 from hw.mti_sample import (
     GNSS,
@@ -120,7 +120,7 @@ def packet_bytes(identifier: int) -> int:
     return 3 + (_size(identifier & 0xFFF0, identifier & 3) or 0)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Received:
     """A sample, and what of its frame its time is found by."""
 

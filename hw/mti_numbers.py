@@ -30,6 +30,9 @@ class EarthFrame(IntEnum):
     ENU, NED, NWU = 0, 1, 2
 
 
+FRAMES = tuple(EarthFrame)
+
+
 def numbers(data: bytes, start: int, count: int, number_format: int) -> tuple[float, ...]:
     """So many numbers in one of the four formats (section 3, "OutputSettings").
 
@@ -57,15 +60,15 @@ def maybe_orientation(kind: int, values: tuple[float, ...], frame: int) -> Quate
         frame: EarthFrame of the values.
     """
     q = (maybe_unit, maybe_from_euler_deg, maybe_from_columns)[kind](*values)
-    if q is None or frame not in tuple(EarthFrame):
+    if q is None or frame not in FRAMES:
         return None
+    if frame == EarthFrame.NWU:
+        return q
     w, x, y, z = q
     if frame == EarthFrame.NED:  # half a turn about x
         return -x, w, -z, y
-    if frame == EarthFrame.ENU:  # -90 degrees about z
-        a = HALF_ROOT
-        return a * (w + z), a * (x + y), a * (y - x), a * (z - w)
-    return q
+    a = HALF_ROOT  # -90 degrees about z
+    return a * (w + z), a * (x + y), a * (y - x), a * (z - w)
 
 
 def vector_nwu(values: tuple[float, ...], frame: int) -> Vector | None:
@@ -102,15 +105,10 @@ def maybe_from_euler_deg(roll: float, pitch: float, yaw: float) -> Quaternion | 
     """
     if not (abs(roll) <= 180.5 and abs(pitch) <= 90.5 and abs(yaw) <= 180.5):
         return None
-    a, b, c = (math.radians(angle) / 2 for angle in (roll, pitch, yaw))
-    sa, ca, sb, cb, sc, cc = (
-        math.sin(a),
-        math.cos(a),
-        math.sin(b),
-        math.cos(b),
-        math.sin(c),
-        math.cos(c),
-    )
+    a, b, c = math.radians(roll) / 2, math.radians(pitch) / 2, math.radians(yaw) / 2
+    sa, ca = math.sin(a), math.cos(a)
+    sb, cb = math.sin(b), math.cos(b)
+    sc, cc = math.sin(c), math.cos(c)
     return (
         ca * cb * cc + sa * sb * sc,
         sa * cb * cc - ca * sb * sc,

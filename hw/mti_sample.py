@@ -12,6 +12,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
+from core.records import record
 from hw.mti_numbers import Quaternion, Vector, maybe_orientation, vector_nwu
 from hw.session import BadFrame
 
@@ -68,7 +69,7 @@ class Satellite:
     flags: int
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class MtSample:
     """What one data message says; None where it is silent. Earth frame: x north, y west, z up."""
 

@@ -45,6 +45,7 @@ class Outbox:
     ) -> None:
         self.port, self.secret, self._tick_s = port, secret, tick_s
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
+        self.tick_bytes = self._bytes_per_s * tick_s  # what the line carries in one tick
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
         self.max_frame = MAX_FRAME
         self.credit = self.saved = 0.0  # bytes: of the line, and of the refresh's share
@@ -55,11 +56,6 @@ class Outbox:
         self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
         self._t_ms = array("I", bytes(4 * 2**16))  # of the newest of a number
         self.frames_sent = self.bytes_sent = 0
-
-    @property
-    def tick_bytes(self) -> float:
-        """What the line carries in one tick."""
-        return self._bytes_per_s * self._tick_s
 
     def earn(self, now_s: float) -> float:
         """Budget for the time since the last tick, which is returned (s, bounded).
@@ -113,8 +109,9 @@ class Outbox:
         if self.fits(len(body)):
             self.seq += 1
             self._queued.append((kind, flags, body))
-            self.credit -= self.cost(len(body))
-            self.line_left -= self.cost(len(body))
+            cost = self.cost(len(body))
+            self.credit -= cost
+            self.line_left -= cost
 
     def write(self, now_s: float) -> None:
         """All frames of this tick to the port."""

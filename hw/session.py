@@ -13,6 +13,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
+from core.records import record
 from hw.recognise import Stranger
 
 Measurement = TypeVar("Measurement")
@@ -78,7 +79,7 @@ class NoPort:
         """Nothing to let go of."""
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class BadFrame:
     """Bytes that belong to no valid frame: something to count, not an exception."""
 
@@ -86,7 +87,7 @@ class BadFrame:
     skipped: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Tick:
     """What a session learns at each step."""
 
@@ -166,7 +167,8 @@ class Device(Generic[Measurement]):
             if self.port.opened != self._opened:
                 self._start_anew(now_s)
             self._advance(now_s, self.port.read())
-            self._drop_if_silent(now_s)
+            if self._maybe_reopens is not None:
+                self._drop_if_silent(now_s, self._maybe_reopens)
         elif self.port.cause != self._given_up and (
             self.status.state != "closed" or self.status.cause != self.port.cause
         ):
@@ -200,33 +202,34 @@ class Device(Generic[Measurement]):
     def _advance(self, now_s: float, pieces: list[bytes]) -> None:
         """Parser and session up to now; what they measured is held for the step."""
         events: list[Any] = []
-        for piece in pieces:
-            events += self._parser.feed(now_s, piece)
-        if any(pieces):
-            self._spoke_s, self._has_spoken = now_s, True
-        for event in events:
-            if isinstance(event, BadFrame):
-                self.status.reject(event)
+        if pieces:
+            for piece in pieces:
+                events += self._parser.feed(now_s, piece)
+            if any(pieces):
+                self._spoke_s, self._has_spoken = now_s, True
+            for event in events:
+                if isinstance(event, BadFrame):
+                    self.status.reject(event)
         out = self._session.send(Tick(now_s, events))
-        self.port.write(out)
-        self._name_stranger(now_s, pieces, out)
+        if out:
+            self.port.write(out)
+        if self.status.state == "running":
+            self._stranger.forget()
+        else:
+            self._name_stranger(now_s, pieces, out)
         if measurements := self._measure(now_s, events):
             self._held += measurements
             self.status.heard_s = now_s
 
     def _name_stranger(self, now_s: float, pieces: list[bytes], out: bytes) -> None:
         """While it does not run: say what seems to answer instead of the device."""
-        if self.status.state == "running":
-            self._stranger.forget()
-            return
         words, cause = self._stranger.words(now_s, pieces, out), self.status.cause
         is_said = cause.endswith(words) or ("baud rate" in words and "baud rate" in cause)
         if words and not is_said:
             self.status.cause = f"{cause}: {words}"
 
-    def _drop_if_silent(self, now_s: float) -> None:
-        port = self._maybe_reopens
-        if port is None or not self.port.fileno() >= 0:
+    def _drop_if_silent(self, now_s: float, port: Reopens) -> None:
+        if not self.port.fileno() >= 0:
             return
         limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
         if now_s - self._spoke_s > limit_s:

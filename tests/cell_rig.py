@@ -16,7 +16,7 @@ from core.window import StateWindow
 F64 = npt.NDArray[np.float64]
 Point = tuple[float, float, float]
 CELL_M, H, HEIGHT_M = 0.2, 0.10, 1.30
-SURE = (True, True, True)
+SURE = (True, True, True)  # the ground is known well, and so is its height just now
 LENS: Point = (0.0, 0.0, 1.08)
 SCAN_S = 0.04
 

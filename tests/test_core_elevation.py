@@ -341,7 +341,7 @@ def test_over_ground_that_is_a_guess_only_what_stands_high_or_near_counts() -> N
         (6.1, 0.4, True),
         (3.1, 0.15, True),
     ):
-        rig = CellRig()
+        rig = CellRig(81, 81)
         for _ in range(3):
             rig.take(sweep_to([(x_m, y_m, h_m) for y_m in (0.1, 0.3, 0.5)]), (False, False, False))
         assert (rig.cell(x_m, 0.3)["count"] > 0) == counts

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from core.records import record
 from tools.rig.c_build import build_planner_library
 
 U8 = npt.NDArray[np.uint8]
@@ -86,7 +87,7 @@ class PlannerSettings:
         return tuple(round(value * 1000) for value in values)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class PlannerState:
     """What the planner says of itself, SI, map frame."""
 

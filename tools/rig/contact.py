@@ -8,12 +8,12 @@ Map frame, metres.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from core.jit import kernel
+from core.records import record
 from fakes.movers import Mover
 from fakes.scene import Scene
 from fakes.solids import Pillar, Shape, Solid
@@ -30,7 +30,7 @@ STEP_UP_M = 0.10  # between two places beside each other that are both ground
 SLOPE = math.tan(math.radians(8.0))  # of ground that is none of an obstacle, at most
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Plane:
     """The ground under the robot, carried on: its height at a place, and how it goes from there."""
 
@@ -55,7 +55,7 @@ def plane_under(
     return Plane(x, y, height_m, c * ahead - s * left, s * ahead + c * left)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Near:
     """The thing that is nearest to the footprint; a gap of OVERLAP_M is an overlap."""
 

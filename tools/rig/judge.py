@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from core.records import record
 from fakes.scene import Scene
 from tools.rig.contact import (
     HEIGHT_M,
@@ -64,7 +65,7 @@ class Contact:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Truth:
     """The body at an instant, and the people around it."""
 

@@ -13,6 +13,7 @@ in a run in which nothing was made to fail.
 import math
 from dataclasses import dataclass
 
+from core.records import record
 from tools.rig.contact import REACH_M, Place
 from tools.rig.judge import STOOD_S, Judge, Truth
 
@@ -25,7 +26,7 @@ MOVING_MPS = 0.08  # slower is no driving: a robot that was slowed down comes to
 LATELY_S = 3.0  # whoever drove so short a time ago stops, else he just stands
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Orders:
     """Who wants what at an instant."""
 

@@ -273,9 +273,10 @@ class App:
         )
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:
-        if self._states.get(name) == (state, cause):
+        new = (state, cause)
+        if self._states.get(name) == new:
             return False
-        self._states[name] = (state, cause)
+        self._states[name] = new
         return True
 
     def _log(self, now_s: float) -> None:

@@ -114,9 +114,10 @@ def _clear(
         phase = (i * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0
         end = min(nearest - BEFORE_M, REACH_M)
         r = MIN_RANGE_M + phase * STEP_M
+        lens_x, lens_y, way_x, way_y = lenses[i, 0], lenses[i, 1], rays[i, 0], rays[i, 1]
         while r < end:
-            column = math.floor((lenses[i, 0] + r * rays[i, 0]) * per_m) - window[0]
-            row = math.floor((lenses[i, 1] + r * rays[i, 1]) * per_m) - window[1]
+            column = math.floor((lens_x + r * way_x) * per_m) - window[0]
+            row = math.floor((lens_y + r * way_y) * per_m) - window[1]
             if 0 <= column < size and 0 <= row < size:  # flat_index() without its divisions
                 column, row = column + first_column, row + first_row
                 column -= size if column >= size else 0

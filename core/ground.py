@@ -160,7 +160,8 @@ class GroundTracker:
             line = self._moved(self._before(stand), sweep, stand)
             fitted = self._fitted(line, sweep, stand)
         self.is_new = False
-        if (fitted is None and in_view) or self.line is None:
+        turned_away = self._lost_turned_rad > GUESS_RAD
+        if (fitted is None and (in_view or turned_away)) or self.line is None:
             tried = self._tried(sweep, stand)
             if tried is None and fitted is None and in_view:
                 tried = self._climbed(line, sweep, stand)

@@ -31,6 +31,7 @@ TAKE_OVER = 10  # CR in a row that end R/C or analog mode
 NO_Z_S = 1.0  # after a reset: the letter would set off firmware loading
 LONGEST_LINE = 32
 HEXADECIMAL = re.compile(r"([*$^])([0-9A-Fa-f]{2})(?: ([0-9A-Fa-f]{2}))?")
+COUNTER = re.compile("Q[0-9]")
 OF_ENCODERS = re.compile(r"[*$]|[?!][Qq]|\?[ZzKkDdWw]")
 APPLY_S = 0.1  # that ^FF takes
 
@@ -279,7 +280,7 @@ class FakeAx3500(Motors):
         return [f"{value:02X}", "+"] if self.plus_after_read else [f"{value:02X}"]
 
     def _query(self, which: str, at_s: float) -> list[str]:
-        if re.fullmatch("Q[0-9]", which):
+        if COUNTER.fullmatch(which):
             counter = self.encoders.maybe_read(int(which[1]), at_s)
             return ["-"] if counter is None else [hex_from_counter(counter)]
         values = self._values(which, at_s)

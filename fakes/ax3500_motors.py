@@ -10,6 +10,7 @@ from fakes.ax3500_flash import Parameters
 from fakes.ax3500_power import PROFILES, Model
 
 FULL = 127
+POWER = re.compile("[ABab][0-7][0-9A-Fa-f]")
 MIXED = (1, 5)  # of ^01, bits 2:0
 
 
@@ -59,7 +60,7 @@ class Motors(Parameters):
         """What `!` asks of motors and outputs; False: nothing that it knows."""
         if order in ("C", "c") or (order in ("D", "d") and PROFILES[self.model].output_d):
             self.outputs[order.upper()] = order.isupper()
-        elif re.fullmatch("[ABab][0-7][0-9A-Fa-f]", order):
+        elif POWER.fullmatch(order):
             power = int(order[1:], 16)
             self._commands["AB".index(order[0].upper())] = power if order[0] in "AB" else -power
         else:

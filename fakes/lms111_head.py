@@ -78,6 +78,8 @@ class LaserHead:
         self._clock = Quartz()
         self._clock_set = EPOCH  # date and time at which its clock showed 0
         self._active = ScanSettings()
+        self._points_of: ScanSettings | None = None  # whose points these are:
+        self._turns, self._bearings_rad = np.zeros(0), np.zeros(0)
         self._begin_s: float | None = None  # device time of the first sweep
         self._next_sweep = 0  # that was not yet due
         self._telegrams = FIRST_TELEGRAM
@@ -176,11 +178,10 @@ class LaserHead:
         """The codes (n,) of the points of a sweep that are sent: first and second echo."""
         assert self._begin_s is not None
         active = self._active
-        index = active.first_index + np.arange(active.points, dtype=np.float64)
-        turned_deg = index * (active.resolution / 10_000)
-        device_s = self._begin_s + (sweep + turned_deg / 360.0) * active.period_s
-        times_s = self._clock.host_times_s(device_s)
-        bearings_rad = np.radians(turned_deg + AREA_START / 10_000 - 90.0)
+        if self._points_of is not active:
+            self._points_of, (self._turns, self._bearings_rad) = active, _points(active)
+        device_s = self._begin_s + (sweep + self._turns) * active.period_s
+        times_s, bearings_rad = self._clock.host_times_s(device_s), self._bearings_rad
         true_m = np.atleast_2d(self._ranges_m_at(float(times_s[0]), times_s, bearings_rad))
         first = self._filtered(self._codes(true_m[0]))
         if len(true_m) > 1:
@@ -225,3 +226,10 @@ class LaserHead:
             values += zip("BI", output, strict=True)
         values += [("H", 1), *time_values(self._date(device_s))]
         return self._clock.host_s(device_s), "LIDoutputstate", values
+
+
+def _points(settings: ScanSettings) -> tuple[F64, F64]:
+    """Of the points (n,) that are sent: how far the mirror has turned, 0..1, and the bearings."""
+    index = settings.first_index + np.arange(settings.points, dtype=np.float64)
+    turned_deg = index * (settings.resolution / 10_000)
+    return turned_deg / 360.0, np.radians(turned_deg + AREA_START / 10_000 - 90.0)

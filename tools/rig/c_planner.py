@@ -189,7 +189,8 @@ class CPlanner:
     def poll(self, now_s: float) -> list[bytes]:
         """Frames to send, not framed for a serial line: HELLO, ACK, DRIVE."""
         frames: list[bytes] = []
-        while size := self._lib.planner_poll(self._handle, self._ms(now_s), self._out):
+        now_ms = self._ms(now_s)
+        while size := self._lib.planner_poll(self._handle, now_ms, self._out):
             frames.append(self._out.raw[:size])
         return frames
 

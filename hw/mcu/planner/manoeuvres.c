@@ -21,7 +21,8 @@
 #define DOUBTS 25u        /* steps without any way, until obstacles are doubted */
 #define BACK_MM 2600
 #define WAIT_STEPS 60u
-#define CROSSED_MOST 80u      /* steps */
+#define CROSSED_MOST 100u     /* steps */
+#define CROSSED_MMPS 50       /* slower is standing */
 #define CROSSED_BACK_MM 1500
 #define FACED 2500        /* turns; 14 degrees */
 #define PASSED_MM 7600    /* so near, the line on the floor has passed it for good */
@@ -266,7 +267,7 @@ static bool waits_for_crossing(struct driver *driver)
         driver->crossed_for = 0u;
         return false;
     }
-    driver->crossed--;
+    driver->crossed -= (magnitude(driver->moves.v_mmps) < CROSSED_MMPS) ? 1u : 0u;
     driver->crossed_for++;
     if ((driver->crossed > 0u) && (driver->crossed_for < CROSSED_MOST)) {
         return true;

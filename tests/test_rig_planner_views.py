@@ -53,7 +53,7 @@ def test_it_looks_from_farther_off_at_ground_that_the_line_has_passed() -> None:
 
 def test_ground_that_no_place_shows_is_given_up_and_so_is_the_goal_behind_it() -> None:
     bench = corridor()
-    bench.run(400.0)
+    bench.run(601.0)
     assert bench.state.state == "stopped"
     assert bench.state.why == "no way over seen ground"
     assert bench.place[0] < 3.0

@@ -14,7 +14,7 @@
 #define REFUSALS 8u           /* in a row, and the drive is given up */
 #define GOAL_STEPS 6000u      /* for one goal, at most: ten minutes */
 #define MOVING_MMPS 20
-#define ARRIVING_MMPS 100
+#define ARRIVING_MMPS 160
 
 #define FARTHEST_MM 50000000 /* from the map's origin: beyond it, sums might not fit */
 #define LARGEST_CELL_MM 1000

@@ -29,7 +29,6 @@
 #define NEARER_MM 3000    /* nearer, going back is no shorter than looking from elsewhere */
 #define TURN_BACKS 3u      /* for one goal */
 #define BAND_CELLS 10u    /* of the way, what the robot needs before and behind it included */
-#define AGAIN_FROM_MM 9700 /* from there it will be seen again */
 #define PASS_MMPS 500
 #define PASS_GAIN_MRADPS 500 /* per radian that it looks past it */
 #define PASS_MRADPS 200
@@ -82,7 +81,7 @@ static bool turns_back(struct driver *driver)
     driver->tries++;
     driver->spent++;
     driver->turned_back++;
-    driver->back_mm = AGAIN_FROM_MM - away;
+    driver->back_mm = TACTICS_AGAIN_FROM_MM - away;
     tactics_begin(driver, TACTIC_BACK);
     return true;
 }

@@ -13,7 +13,7 @@
 #define GIVEN_UP_MM 900     /* radius */
 #define BACK_MM 2600        /* of way back, for a new try */
 #define LOOKS 3u            /* at the same ground, from places chosen for it */
-#define MOST_HIDDEN 2u       /* times that no place shows the ground about the goal */
+#define MOST_HIDDEN 3u       /* times that no place shows the ground about the goal */
 #define BACK_TO_TURN_MM 4000 /* at most, to where there is room to turn */
 #define SAME_MM 1000
 #define BOXED_AHEAD_MM 900
@@ -171,15 +171,23 @@ static void stuck_unseen(struct driver *driver)
 
 void tactics_no_view(struct driver *driver)
 {
-    if ((!give_up_ground(driver)) && (driver->hidden >= MOST_HIDDEN)) {
+    const int32_t away_mm = distance_mm(driver->unseen.x_mm - driver->place.x_mm,
+                                        driver->unseen.y_mm - driver->place.y_mm);
+    const bool given_up = give_up_ground(driver);
+    if ((!given_up) && (driver->hidden >= MOST_HIDDEN)) {
         tactics_give_up(driver, DRIVER_WHY_NO_WAY);
         return;
     }
-    driver->hidden++;
     driver->looks = 0u;
     driver->viewed_count = 0u;
-    if (!backs_to_turn(driver, TACTIC_GO)) {
+    if (!given_up) { /* back along its own way, until the line lies before it again */
+        driver->hidden++;
+        driver->back_mm = most(BACK_MM, TACTICS_AGAIN_FROM_MM - away_mm);
+        tactics_begin(driver, TACTIC_BACK);
+    } else if (!backs_to_turn(driver, TACTIC_GO)) {
         tactics_begin(driver, TACTIC_GO);
+    } else {
+        /* Goes back first. */
     }
 }
 

@@ -4,6 +4,8 @@
 
 #include "driver.h"
 
+#define TACTICS_AGAIN_FROM_MM 9700 /* from there the line lies before the same ground again */
+
 /* Begins a tactic. */
 void tactics_begin(struct driver *driver, enum driver_tactic tactic);
 /* No motion is worth asking for, and has not been for a while: chooses what to do about it. */

@@ -168,6 +168,9 @@ def load_scene(name: str | Path, seed: int = 1) -> Scene:
     """
     shipped = SCENES / f"{name}.toml"
     path = shipped if shipped.exists() else Path(name)
+    if not path.exists():
+        names = ", ".join(sorted(known.stem for known in SCENES.glob("*.toml")))
+        raise FileNotFoundError(f"no scene '{name}': neither a file nor one of {names}")
     table = tomllib.loads(path.read_text(encoding="utf-8"))
     check_keys(table, path.name)
     wrong = ["no place for what it scatters"]

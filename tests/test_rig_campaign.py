@@ -261,4 +261,13 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
 
 def test_the_command_refuses_a_scene_that_there_is_not(capsys: pytest.CaptureFixture[str]) -> None:
     assert campaign.main(["--runs", "1", "--scene", "nowhere"]) == 2
-    assert "nowhere" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "nowhere" in told
+    assert "hall" in told, "what there is"
+
+
+def test_the_command_refuses_a_scene_without_goals(capsys: pytest.CaptureFixture[str]) -> None:
+    assert campaign.main(["--runs", "1", "--scene", "yard"]) == 2
+    told = capsys.readouterr().err
+    assert "'yard' has no goals" in told
+    assert "hall" in told, "which have some"

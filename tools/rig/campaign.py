@@ -198,11 +198,13 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
     """The runs that are asked for.
 
     Raises:
-        OSError, ValueError: no such scene.
+        OSError, ValueError: no such scene, or one without goals.
     """
     scenes = [options.scene] if options.scene else list(campaign_scenes())
     for scene in scenes:
-        load_scene(scene, 1)
+        if not load_scene(scene, 1).goals:
+            names = ", ".join(campaign_scenes())
+            raise ValueError(f"scene '{scene}' has no goals to drive to; these have: {names}")
     if options.only is not None:
         numbers = [options.only]
     else:

@@ -28,30 +28,6 @@ static char line[LINE];
 static uint32_t line_size;
 static uint32_t at; /* in the line: where the next word begins */
 
-static void say(const char *text)
-{
-    while (*text != '\0') {
-        board_write(UART_TEXT, (const uint8_t *)text, 1u);
-        text++;
-    }
-}
-
-static void say_number(const char *name, int32_t number)
-{
-    char digits[12];
-    uint32_t left = (number < 0) ? (0u - (uint32_t)number) : (uint32_t)number;
-    uint32_t from = sizeof digits - 1u;
-    digits[from] = '\0';
-    do {
-        from--;
-        digits[from] = (char)('0' + (char)(left % 10u));
-        left /= 10u;
-    } while (left > 0u);
-    say(name);
-    say((number < 0) ? "-" : "");
-    say(&digits[from]);
-}
-
 /* Whether the line goes on with this word; moves behind it if so. */
 static bool word_is(const char *word)
 {
@@ -99,29 +75,29 @@ static void say_status(void)
     const uint32_t now_ms = now();
     const struct driver *const driver = &planner.driver;
     const struct mapod_pose *const pose = mapod_link_pose(&planner.link);
-    say_number("status state=", driver->state);
-    say_number(" why=", driver->why);
-    say_number(" tactic=", driver->tactic);
-    say_number(" v_mmps=", driver->asked.v_mmps);
-    say_number(" w_mradps=", driver->asked.w_mradps);
-    say_number(" x_mm=", (pose == NULL) ? 0 : pose->x_mm);
-    say_number(" y_mm=", (pose == NULL) ? 0 : pose->y_mm);
-    say_number(" yaw=", (pose == NULL) ? 0 : turn_from_link(pose->yaw));
-    say_number(" goal_x_mm=", driver->goal.x_mm);
-    say_number(" goal_y_mm=", driver->goal.y_mm);
-    say_number(" advice=", (int32_t)mapod_link_advice(&planner.link, now_ms));
-    say_number(" link_why=", (int32_t)mapod_link_why(&planner.link, now_ms));
-    say_number(" blank=", mapod_link_blank(&planner.link));
-    say_number(" suspect=", mapod_link_suspect(&planner.link));
-    say_number(" stale=", mapod_link_stale(&planner.link, now_ms));
-    say_number(" tries=", (int32_t)driver->tries);
-    say_number(" accepted=", (int32_t)planner.accepted);
-    say_number(" bad_frames=", planner.link.bad_frames);
-    say_number(" last=", planner.link.last);
-    say_number(" ox=", (int16_t)planner.link.ox);
-    say_number(" oy=", (int16_t)planner.link.oy);
-    say_number(" stack=", (int32_t)stack_used());
-    say("\n");
+    board_say_number("status state=", driver->state);
+    board_say_number(" why=", driver->why);
+    board_say_number(" tactic=", driver->tactic);
+    board_say_number(" v_mmps=", driver->asked.v_mmps);
+    board_say_number(" w_mradps=", driver->asked.w_mradps);
+    board_say_number(" x_mm=", (pose == NULL) ? 0 : pose->x_mm);
+    board_say_number(" y_mm=", (pose == NULL) ? 0 : pose->y_mm);
+    board_say_number(" yaw=", (pose == NULL) ? 0 : turn_from_link(pose->yaw));
+    board_say_number(" goal_x_mm=", driver->goal.x_mm);
+    board_say_number(" goal_y_mm=", driver->goal.y_mm);
+    board_say_number(" advice=", (int32_t)mapod_link_advice(&planner.link, now_ms));
+    board_say_number(" link_why=", (int32_t)mapod_link_why(&planner.link, now_ms));
+    board_say_number(" blank=", mapod_link_blank(&planner.link));
+    board_say_number(" suspect=", mapod_link_suspect(&planner.link));
+    board_say_number(" stale=", mapod_link_stale(&planner.link, now_ms));
+    board_say_number(" tries=", (int32_t)driver->tries);
+    board_say_number(" accepted=", (int32_t)planner.accepted);
+    board_say_number(" bad_frames=", planner.link.bad_frames);
+    board_say_number(" last=", planner.link.last);
+    board_say_number(" ox=", (int16_t)planner.link.ox);
+    board_say_number(" oy=", (int16_t)planner.link.oy);
+    board_say_number(" stack=", (int32_t)stack_used());
+    board_say("\n");
 }
 
 static void say_map(void)
@@ -130,17 +106,17 @@ static void say_map(void)
     const uint32_t width = (geom == NULL) ? 0u : geom->width;
     const uint32_t height = (geom == NULL) ? 0u : geom->height;
     uint32_t row, column;
-    say_number("map ", (int32_t)width);
-    say_number(" ", (int32_t)height);
-    say_number(" ", (int16_t)planner.link.ox);
-    say_number(" ", (int16_t)planner.link.oy);
-    say("\n");
+    board_say_number("map ", (int32_t)width);
+    board_say_number(" ", (int32_t)height);
+    board_say_number(" ", (int16_t)planner.link.ox);
+    board_say_number(" ", (int16_t)planner.link.oy);
+    board_say("\n");
     for (row = 0u; row < height; row++) {
         for (column = 0u; column < width; column++) {
             const uint8_t digit = (uint8_t)('0' + mapod_link_cell(&planner.link, column, row));
             board_write(UART_TEXT, &digit, 1u);
         }
-        say("\n");
+        board_say("\n");
     }
 }
 
@@ -151,12 +127,12 @@ static void set(void)
     for (k = 0u; k < NAMES; k++) {
         if (word_is(names[k])) {
             values[k] = next_number();
-            say_number("set ", values[k]);
-            say("\n");
+            board_say_number("set ", values[k]);
+            board_say("\n");
             return;
         }
     }
-    say("set what?\n");
+    board_say("set what?\n");
 }
 
 static void take_key(void)
@@ -167,14 +143,14 @@ static void take_key(void)
         key[k] = (uint8_t)((uint32_t)high * 16u + next_nibble());
     }
     has_key = true;
-    say("key\n");
+    board_say("key\n");
 }
 
 static void start(void)
 {
     planner_init(&planner, &settings, (uint32_t)next_number(), has_key ? key : NULL);
     runs = true;
-    say("start\n");
+    board_say("start\n");
 }
 
 /* The next frame that is to be said, if there is one; whether there was. */
@@ -192,14 +168,14 @@ static void hold_clock(void)
 {
     held_ms = (uint32_t)next_number();
     is_held = true;
-    say("clock\n");
+    board_say("clock\n");
 }
 
 static void poll(void)
 {
     while (send_next()) {
     }
-    say("poll\n");
+    board_say("poll\n");
 }
 
 static void obey(void)
@@ -212,10 +188,10 @@ static void obey(void)
     } else if (word_is("goal")) {
         const int32_t x_mm = next_number();
         driver_goal(&planner.driver, x_mm, next_number());
-        say("goal\n");
+        board_say("goal\n");
     } else if (word_is("halt")) {
         driver_halt(&planner.driver);
-        say("halt\n");
+        board_say("halt\n");
     } else if (word_is("set")) {
         set();
     } else if (word_is("key")) {
@@ -227,7 +203,7 @@ static void obey(void)
     } else if (word_is("poll")) {
         poll();
     } else {
-        say("what?\n");
+        board_say("what?\n");
     }
 }
 

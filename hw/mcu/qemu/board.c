@@ -106,3 +106,27 @@ void board_write(enum uart uart, const uint8_t *bytes, uint32_t count)
         count--;
     }
 }
+
+void board_say(const char *text)
+{
+    while (*text != '\0') {
+        board_write(UART_TEXT, (const uint8_t *)text, 1u);
+        text++;
+    }
+}
+
+void board_say_number(const char *name, int32_t number)
+{
+    char digits[12];
+    uint32_t left = (number < 0) ? (0u - (uint32_t)number) : (uint32_t)number;
+    uint32_t from = sizeof digits - 1u;
+    digits[from] = '\0';
+    do {
+        from--;
+        digits[from] = (char)('0' + (char)(left % 10u));
+        left /= 10u;
+    } while (left > 0u);
+    board_say(name);
+    board_say((number < 0) ? "-" : "");
+    board_say(&digits[from]);
+}

@@ -16,6 +16,8 @@ uint32_t board_now_ms(void);
 bool board_read(uint8_t *byte);      /* of the link, from the interrupt's ring; false: empty */
 bool board_read_text(uint8_t *byte); /* of the text port, as it stands in the UART */
 void board_write(enum uart uart, const uint8_t *bytes, uint32_t count);
+void board_say(const char *text);    /* on the text port */
+void board_say_number(const char *name, int32_t number); /* a name and a number, likewise */
 uint32_t stack_used(void); /* bytes, the most since reset */
 
 void uart_heard(void); /* interrupt */

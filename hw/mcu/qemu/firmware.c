@@ -20,46 +20,22 @@ static uint32_t accepted;
 static char line[LINE];
 static uint32_t line_size;
 
-static void say(const char *text)
-{
-    while (*text != '\0') {
-        board_write(UART_TEXT, (const uint8_t *)text, 1u);
-        text++;
-    }
-}
-
-static void say_number(const char *name, int32_t number)
-{
-    char digits[12];
-    uint32_t left = (number < 0) ? (0u - (uint32_t)number) : (uint32_t)number;
-    uint32_t at = sizeof digits - 1u;
-    digits[at] = '\0';
-    do {
-        at--;
-        digits[at] = (char)('0' + (char)(left % 10u));
-        left /= 10u;
-    } while (left > 0u);
-    say(name);
-    say((number < 0) ? "-" : "");
-    say(&digits[at]);
-}
-
 static void say_status(void)
 {
     const uint32_t now_ms = board_now_ms();
     const struct mapod_pose *const pose = mapod_link_pose(&receiver);
-    say_number("status blank=", mapod_link_blank(&receiver));
-    say_number(" suspect=", mapod_link_suspect(&receiver));
-    say_number(" stale=", mapod_link_stale(&receiver, now_ms));
-    say_number(" advice=", (int32_t)mapod_link_advice(&receiver, now_ms));
-    say_number(" why=", (int32_t)mapod_link_why(&receiver, now_ms));
-    say_number(" last=", receiver.last);
-    say_number(" accepted=", (int32_t)accepted);
-    say_number(" bad=", receiver.bad_frames);
-    say_number(" x_mm=", (pose == NULL) ? 0 : pose->x_mm);
-    say_number(" digest_ok=", mapod_p_is(&receiver, MAPOD_P_DIGEST_OK));
-    say_number(" stack=", (int32_t)stack_used());
-    say("\n");
+    board_say_number("status blank=", mapod_link_blank(&receiver));
+    board_say_number(" suspect=", mapod_link_suspect(&receiver));
+    board_say_number(" stale=", mapod_link_stale(&receiver, now_ms));
+    board_say_number(" advice=", (int32_t)mapod_link_advice(&receiver, now_ms));
+    board_say_number(" why=", (int32_t)mapod_link_why(&receiver, now_ms));
+    board_say_number(" last=", receiver.last);
+    board_say_number(" accepted=", (int32_t)accepted);
+    board_say_number(" bad=", receiver.bad_frames);
+    board_say_number(" x_mm=", (pose == NULL) ? 0 : pose->x_mm);
+    board_say_number(" digest_ok=", mapod_p_is(&receiver, MAPOD_P_DIGEST_OK));
+    board_say_number(" stack=", (int32_t)stack_used());
+    board_say("\n");
 }
 
 static void say_map(void)
@@ -68,24 +44,24 @@ static void say_map(void)
     const uint32_t width = (geom == NULL) ? 0u : geom->width;
     const uint32_t height = (geom == NULL) ? 0u : geom->height;
     uint32_t row, column;
-    say_number("map ", (int32_t)width);
-    say_number(" ", (int32_t)height);
-    say("\n");
+    board_say_number("map ", (int32_t)width);
+    board_say_number(" ", (int32_t)height);
+    board_say("\n");
     for (row = 0u; row < height; row++) {
         for (column = 0u; column < width; column++) {
             const uint8_t digit = (uint8_t)('0' + mapod_link_cell(&receiver, column, row));
             board_write(UART_TEXT, &digit, 1u);
         }
-        say("\n");
+        board_say("\n");
     }
 }
 
 static void say_zone(void)
 {
-    say_number("zone state=", zone.state);
-    say_number(" free_ahead=", zone.free_ahead_mm);
-    say_number(" advice=", (int32_t)mapod_zone_advice(&zone, &receiver, board_now_ms()));
-    say("\n");
+    board_say_number("zone state=", zone.state);
+    board_say_number(" free_ahead=", zone.free_ahead_mm);
+    board_say_number(" advice=", (int32_t)mapod_zone_advice(&zone, &receiver, board_now_ms()));
+    board_say("\n");
 }
 
 static void send(uint8_t *frame, uint32_t size)
@@ -119,8 +95,8 @@ static void drive(void)
     const uint32_t size = mapod_talk_drive(&talk, &receiver, board_now_ms(), v_mmps, w_mradps,
                                            valid_ms, out);
     send(out, size);
-    say_number("drive ", (int32_t)size);
-    say("\n");
+    board_say_number("drive ", (int32_t)size);
+    board_say("\n");
 }
 
 static void obey(void)
@@ -140,7 +116,7 @@ static void obey(void)
         say_zone();
         break;
     default:
-        say("what?\n");
+        board_say("what?\n");
         break;
     }
 }

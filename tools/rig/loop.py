@@ -24,6 +24,7 @@ SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
 START_S = 1000.0
 SESSION = 0x5A17C0DE
 WATCHDOG = 0x02  # register 00 of a controller that a PC drives
+CELLS = 121  # of the elevation map: on a ramp, the floor comes in sight 11 m ahead
 BITS = 10  # of a byte on a serial line
 SERIAL_PORT = "serial:///dev/planner?baud={baud}"
 
@@ -99,13 +100,14 @@ class OnLine:
 
 
 def rig_config(scene: Scene, baud: int | None = None) -> Config:
-    """The settings as shipped, of a robot that may be driven in this scene.
+    """The settings as shipped, with a larger map, of a robot that may be driven in this scene.
 
     Args:
         baud: of the planner's serial line; None: datagrams.
     """
     changes: dict[str, dict[str, Any]] = {
-        "robot": {"enable_motors": True, "start_clear_m": scene.start_clear_m}
+        "robot": {"enable_motors": True, "start_clear_m": scene.start_clear_m},
+        "map": {"cells": CELLS},
     }
     if baud is not None:
         changes["planner"] = {"port": SERIAL_PORT.format(baud=baud), "rate_hz": 25}

@@ -94,7 +94,7 @@ def planner_sources() -> list[str]:
 
 def build_planner_library() -> Path:
     """The planner for this machine, as a shared library with tags."""
-    words = ("-O2", "-shared", "-fPIC", "-DMAPOD_LINK_AUTH", *planner_sources())
+    words = ("-O3", "-shared", "-fPIC", "-DMAPOD_LINK_AUTH", *planner_sources())
     return built("planner.so", "host/driver_library.c", *words)
 
 

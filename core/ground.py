@@ -17,7 +17,7 @@ import numpy as np
 from core.beams import MAX_BEAMS, Sweep
 from core.cells import CellGrid
 from core.ground_line import Line, Stand, fit, near_plane, nearest_due, seek, turned
-from core.ground_memory import LineMemory
+from core.ground_memory import LineMemory, Turning
 from core.records import F64
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
@@ -45,8 +45,7 @@ CALM_S, CALM_M = 1.0, 0.5  # after which it takes so long until all that it has 
 CREST_RAD = math.radians(2.0)  # a line that is lost on a steeper slope went over its crest
 CREST_M = -0.02  # there the ground falls away under the line,
 CREST_FASTER = 3.0  # which runs ahead of the robot
-GUESS_RAD = math.radians(20.0)  # turned without the line in view, the ground ahead is a guess,
-TURNING_RAD = 0.004  # while the robot turns by more from scan to scan
+GUESS_RAD = math.radians(20.0)  # turned without the line in view, the ground is a guess
 LEAN_S = 0.7  # in which the robot's own slope is followed
 BACK_M = 0.6  # travel by which the tracker goes back when it has lost the line
 KEPT = 64
@@ -80,7 +79,7 @@ class GroundTracker:
         self.line: Line | None = None
         # lines that were found, each with the robot's heading then
         self._history: deque[tuple[Line, tuple[float, float]]] = deque(maxlen=KEPT)
-        self._memory = LineMemory()
+        self._memory, self._turning = LineMemory(), Turning()
         self._anchor = np.zeros(2)
         self._found = np.zeros((MAX_BEAMS, 5))
         # lines while it is lost: place along the way, height, travel
@@ -129,7 +128,7 @@ class GroundTracker:
     @property
     def is_guess(self) -> bool:
         """Whether the robot turns, and has turned far since it last saw the line."""
-        return self._lost_turned_rad > GUESS_RAD and self._turned_rad > TURNING_RAD
+        return self._lost_turned_rad > GUESS_RAD and self._turned_rad > 0.0
 
     def slope_rad(self, stand: Stand) -> tuple[float, float]:
         """Slope of the ground ahead (along, across): up ahead and up to the left are positive."""
@@ -144,8 +143,7 @@ class GroundTracker:
         line, was_found = self.line, self.found
         self._jitter_m = 0.0
         self._lean(sweep.t_s, stand)
-        (ax, ay), (bx, by) = self._heading, stand.heading
-        self._turned_rad = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
+        self._turned_rad = self._turning.step(sweep.t_s, stand.heading)
         self._memory.turn(self._turned_rad)
         if line is not None:
             line = turned(line, self._heading, stand)

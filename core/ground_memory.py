@@ -13,6 +13,27 @@ from core.ground_line import Line, Stand
 SECTORS = 24  # of the circle
 NEAR_M = 2.0  # from the place where a line was found, it may be tried again,
 AWAY_RAD = 0.5  # when the robot has turned so far since
+TURNING_RADPS = 0.1  # less, over a few scans, is a heading that jitters
+SHARE = 0.2  # of a scan, in how fast it turns
+GAP_S = 0.5  # between scans: beyond it, nothing is known of it
+
+
+class Turning:
+    """How far the robot turns from scan to scan; a heading that only jitters does not turn."""
+
+    def __init__(self) -> None:
+        self._heading, self._t_s, self._radps = (1.0, 0.0), -math.inf, 0.0
+
+    def step(self, t_s: float, heading: tuple[float, float]) -> float:
+        """Rad since the scan before, in whatever sense."""
+        (ax, ay), (bx, by), passed_s = self._heading, heading, t_s - self._t_s
+        self._heading, self._t_s = heading, t_s
+        if not 0.0 < passed_s <= GAP_S:
+            self._radps = 0.0
+            return 0.0
+        turned_rad = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+        self._radps += SHARE * (turned_rad / passed_s - self._radps)
+        return abs(self._radps) * passed_s if abs(self._radps) > TURNING_RADPS else 0.0
 
 
 class LineMemory:

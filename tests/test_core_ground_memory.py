@@ -1,9 +1,10 @@
 """Lines of floor are remembered by heading and place, and tried once the robot has turned away."""
 
 import math
+import random
 
 from core.ground_line import Line, Stand
-from core.ground_memory import AWAY_RAD, NEAR_M, LineMemory
+from core.ground_memory import AWAY_RAD, NEAR_M, LineMemory, Turning
 
 
 def stand(yaw_deg: float, x_m: float = 0.0) -> Stand:
@@ -45,3 +46,17 @@ def test_the_newest_of_a_sector_counts() -> None:
     assert memory.near(stand(1.0)) == []
     memory.turn(1.1 * AWAY_RAD)
     assert [kept.z_m for kept in memory.near(stand(1.0))] == [0.2]
+
+
+def test_a_heading_that_jitters_does_not_turn_and_a_robot_that_turns_does() -> None:
+    jitter, turning, noise = Turning(), Turning(), random.Random(5)
+    yaws = [noise.gauss(0.0, 0.003) for _ in range(500)]
+    assert (
+        sum(jitter.step(0.04 * k, stand(math.degrees(y)).heading) for k, y in enumerate(yaws))
+        == 0.0
+    )
+    told = sum(
+        turning.step(0.04 * k, stand(math.degrees(0.6 * 0.04 * k)).heading) for k in range(101)
+    )
+    assert 0.85 * 2.4 < told <= 2.4
+    assert turning.step(9.0, stand(0.0).heading) == 0.0, "who knows what was between"

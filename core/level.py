@@ -22,7 +22,8 @@ OFFSET_S, OFFSET_RAD = 30.0, math.radians(0.7)  # the sensor's constant error, w
 GAP_S = 0.25  # between samples: beyond it the gyro tells nothing of what was between
 APART_RAD = math.radians(3.0)  # gyro and sensor do not agree any more,
 APART_S = 0.5  # over so long,
-ALONE_S = 10.0  # and the sensor counts alone for so long
+ALONE_S = 10.0  # and the sensor counts alone for so long,
+NOISE_RADPS, NOISE_S = 0.08, 0.4  # as where the gyro jumps by so much from sample to sample
 STEEP_RAD = math.radians(60.0)  # there, roll and pitch have no meaning; nor has a robot's map
 
 
@@ -37,6 +38,7 @@ class LevelFilter:
         self._since_s = -math.inf  # since when the gyro counts
         self._rates: tuple[float, float, float] | None = None
         self._apart = (0.0, 0.0)  # sensor less ours, over a while
+        self._noise = 0.0  # square of how much the gyro jumps from sample to sample, over a while
         self._offset = (0.0, 0.0)  # of roll and pitch
         self._stood, self._quiet_s = 0, 0.0  # samples that taught the bias; how long it is quiet
         self._felt: deque[tuple[float, float]] = deque()  # rates that are to teach it
@@ -56,6 +58,10 @@ class LevelFilter:
         dt_s, before = t_s - self._t_s, self._rates
         self._t_s, self._rates = t_s, rates
         known = rates is not None and before is not None and dt_s <= GAP_S
+        if rates is not None and before is not None and known:
+            self._doubt_noise(
+                t_s, dt_s, max(abs(a - b) for a, b in zip(rates[:2], before[:2], strict=True))
+            )
         steep = max(abs(roll_rad), abs(pitch_rad)) > STEEP_RAD
         if not known or steep or t_s < self._alone_until_s:
             self._apart, self._since_s = (0.0, 0.0), t_s
@@ -69,6 +75,13 @@ class LevelFilter:
         self._learn(dt_s, p, q, stands)
         self._turn(dt_s, p - self.bias_radps[0], q - self.bias_radps[1], r)
         return self._towards(t_s, dt_s, roll_rad, pitch_rad)
+
+    def _doubt_noise(self, t_s: float, dt_s: float, jump_radps: float) -> None:
+        """A gyro that only makes noise would lead roll and pitch astray, a degree in a second."""
+        self._noise += min(1.0, dt_s / NOISE_S) * (jump_radps * jump_radps - self._noise)
+        if self._noise > NOISE_RADPS * NOISE_RADPS:
+            self.doubted += t_s >= self._alone_until_s
+            self._alone_until_s = t_s + ALONE_S
 
     def _turn(self, dt_s: float, p: float, q: float, r: float) -> None:
         """Go on by the gyro: Euler angles, z-y-x, of the body as it truly stands.

@@ -1,6 +1,7 @@
 """Roll and pitch by gyro and angles: what leans, what is noisy, and what is broken."""
 
 import math
+import random
 from collections.abc import Callable
 
 import numpy as np
@@ -138,3 +139,14 @@ def test_a_gap_is_not_bridged_by_the_gyro() -> None:
     sensor.t_s += 0.5
     sensor.run(0.01)
     assert sensor.worst_rad == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("noise_radps", "doubted"), [(0.01, 0), (0.03, 0), (0.1, 1), (0.3, 1)])
+def test_a_gyro_that_only_makes_noise_is_not_believed(noise_radps: float, doubted: int) -> None:
+    level, chance, worst_rad = LevelFilter(), random.Random(3), 0.0
+    for k in range(900):
+        x, y, z = (chance.gauss(0.0, noise_radps) for _ in range(3))
+        told = level.step(0.01 * k, 0.0, 0.0, np.array([x, y, z]), stands=False)
+        worst_rad = max(worst_rad, *map(abs, told))
+    assert level.doubted == doubted
+    assert worst_rad < math.radians(1.0 if doubted else 0.7)

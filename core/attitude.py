@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from core.geometry import R_from_rpy, Rpy, q_from_R, q_product, rpy_from_q, rpy_of
+from core.geometry import R_from_rpy, Rpy, q_from_R, q_from_rpy, q_product, rpy_from_q, rpy_of
 from core.heading import HeadingFilter
 from core.heading_field import Quaternion
 from core.jit import kernel
@@ -93,14 +93,7 @@ def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
 
     It turns on at a rate about its own axes for so long; not at one that is not known.
     """
-    roll, pitch, yaw = 0.5 * rpy[0], 0.5 * rpy[1], 0.5 * rpy[2]
-    cr, sr = math.cos(roll), math.sin(roll)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    q[last, 0] = cy * cp * cr + sy * sp * sr
-    q[last, 1] = cy * cp * sr - sy * sp * cr
-    q[last, 2] = cy * sp * cr + sy * cp * sr
-    q[last, 3] = sy * cp * cr - cy * sp * sr
+    q[last] = q_from_rpy(rpy[0], rpy[1], rpy[2])
     x, y, z = rate_radps
     if not math.isfinite(x + y + z):
         return

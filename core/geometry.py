@@ -72,6 +72,7 @@ def q_product(a: F64, b: F64) -> F64:
     )
 
 
+@kernel
 def q_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
     """Unit quaternion (4,) of roll about x, then pitch about y, then yaw about z.
 

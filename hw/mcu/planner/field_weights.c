@@ -16,7 +16,7 @@
 #define BESIDE 5u     /* more, where something is so near that the robot could not turn */
 #define TIGHT 9u      /* more, where there is hardly room for the robot, within this: */
 #define TIGHT_MM 160
-#define NEARBY 2u     /* more, within this beyond that: */
+#define NEARBY (FIELD_ROOM_WEIGHT - OPEN) /* more, within this beyond that: */
 #define NEARBY_MM 400
 #define UNSEEN_FAR 7u     /* may be seen on the way there, */
 #define UNSEEN_BEHIND 12u /* but for what stands before it */

@@ -4,6 +4,11 @@
 
 #include "driver.h"
 
+struct sighting { /* how far off, and in which direction */
+    int32_t away_mm;
+    turn_t towards;
+};
+
 /* Whether nothing that is an obstacle stands between two places, but for the last bit. */
 bool views_are_in_sight(const struct driver *driver, struct spot from, struct spot to);
 /* Notes what is to be seen: the unknown cells about the way, from `driver->unseen` on. */
@@ -12,11 +17,7 @@ void views_aim(struct driver *driver);
 void views_begin(struct driver *driver);
 /* Searches on, a few rows of the window; true: done, and `driver->view_cost` tells whether. */
 bool views_search(struct driver *driver);
-/* How far off the farthest of what is to be seen lies, and in which direction. */
-struct sighting {
-    int32_t away_mm;
-    turn_t towards;
-};
+/* The farthest of what is to be seen. */
 struct sighting views_farthest(const struct driver *driver);
 
 #endif

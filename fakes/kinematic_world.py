@@ -22,7 +22,7 @@ from fakes.terrain import stance
 from fakes.trajectory import Trajectory
 
 F64 = npt.NDArray[np.float64]
-STEP_S = robot.STEP_S
+STEP_S = 0.002
 BLOCK = 256  # steps that are computed at once
 SMOOTH_S = 0.015  # 1 sigma of what tyres and springs take off the edges of the ground
 MARGIN = 32  # steps beyond a block that its smoothing and its derivatives look at

@@ -18,7 +18,7 @@ CASTER_BODY_M = (0.40, 0.16, 0.12)  # the left one
 CASTER_RADIUS_M = 0.12
 LENS_TILT_DEG = 7.5  # looking down
 CASTER_LOAD_N = 9.81 * ((36 * 0.13 + 2 * 0.5 * 0.40) / 0.40 / 2 - 0.5)  # on each spring, at rest
-STEP_S = 0.002
+STEP_S, STEPS = 0.0025, 2  # of physics, as stiff contacts want it; so many between two rows
 HALF_LENGTH_M, HALF_WIDTH_M = 0.52, 0.30  # from the axle's middle: what must clear things
 
 MODEL = """

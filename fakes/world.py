@@ -16,20 +16,21 @@ import numpy.typing as npt
 from fakes import robot
 from fakes.crowd import Crowd
 from fakes.rays import Rays
-from fakes.rotations import R_from_q, angles_from_R, rotation_z
+from fakes.rotations import rotation_z
 from fakes.scene import Scene, load_scene
 from fakes.slip import bursts, shares
 from fakes.steel import distortion
 from fakes.upsets import Upsets
-from fakes.world_kernels import motion_at, poses_at, row_at
+from fakes.world_kernels import motion_at, pose_at, poses_at, row_at
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
-STEP_S = robot.STEP_S
-KEPT = 512  # physics steps, 1 s: how far back instants may lie
-SETTLING_STEPS = 500  # before the world begins, so that the robot rests on its contacts
+STEP_S = robot.STEPS * robot.STEP_S  # of the world: a tick of 200 Hz
+KEPT = 200  # steps, 1 s: how far back instants may lie
+SETTLING_STEPS = 200  # before the world begins, so that the robot rests on its contacts
 LEAST_FRICTION = 1e-3  # of the scene's own bodies, where wheels are given theirs by place
-LOOK_STEPS = 10  # physics steps between two looks at people and at the ground's friction
+SAME_S = 1e-9  # instants that are no farther apart are one
+LOOK_STEPS = 4  # between two looks at people and at the ground's friction
 MOTOR_SLEW_MPS2 = 3.0  # how fast the controller lets the wanted rim speed change
 MOTOR_SPREAD = 0.01  # 1 sigma of what makes each motor faster or slower than the command
 
@@ -125,9 +126,9 @@ class World:
     def _settle(self) -> None:
         """Rest on the ground, then call that place the origin of the map."""
         for _ in range(SETTLING_STEPS):
-            mj.mj_step(self._model, self._data)
+            mj.mj_step(self._model, self._data, robot.STEPS)
         q_pos = self._data.qpos
-        yaw = angles_from_R(R_from_q(q_pos[3:7]))[0]
+        yaw = pose_at(q_pos)[2]
         turn = np.array([math.cos(yaw / 2), 0.0, 0.0, -math.sin(yaw / 2)])
         level = np.empty(4)
         mj.mju_mulQuat(level, turn, q_pos[3:7].copy())
@@ -161,7 +162,7 @@ class World:
         if self._begin_s is None:
             self._begin_s = now_s
         self._now_s, self._row_now = max(self._now_s, now_s), None
-        while self._begin_s + self._steps * STEP_S < now_s:
+        while self._begin_s + self._steps * STEP_S < now_s - SAME_S:
             self._step()
 
     def _step(self) -> None:
@@ -171,7 +172,7 @@ class World:
                 change = self.wheels.wanted_mps[k] - self._ctrl_mps[k]
                 self._ctrl_mps[k] += max(-most, min(most, change))
                 self._ctrl[k] = self._ctrl_mps[k] / robot.WHEEL_RADIUS_M
-        mj.mj_step(self._model, self._data)
+        mj.mj_step(self._model, self._data, robot.STEPS)
         self._steps += 1
         self._record()
         if self._steps % LOOK_STEPS == 0:
@@ -182,7 +183,7 @@ class World:
         self._ground.under_wheels(self._data)
         if self._crowd is not None:
             now_s, q_pos = self._steps * STEP_S, self._data.qpos
-            place = (float(q_pos[0]), float(q_pos[1]), angles_from_R(R_from_q(q_pos[3:7]))[0])
+            place = pose_at(q_pos)[:3]
             if self._steps == 0:
                 self._crowd.step(0.0, place)
             self._crowd.step(now_s + LOOK_STEPS * STEP_S, place)
@@ -191,8 +192,7 @@ class World:
         """x, y, radius (n, 3) of everybody who walks about and gives way, now; map frame."""
         if self._crowd is None:
             return np.zeros((0, 3))
-        places = self._crowd.middles_m(np.array([self._since_begin_s(None)]))[0]
-        return np.column_stack([places, self._crowd.people()[:, 2]])
+        return self._crowd.people(self._since_begin_s(None))
 
     def _row(self, t_s: float | None) -> F64:
         """All that is remembered of an instant (15,), or of now."""
@@ -214,9 +214,7 @@ class World:
 
     def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
         """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
-        state = self._row(t_s)
-        yaw, pitch, roll = angles_from_R(R_from_q(state[3:7]))
-        return float(state[0]), float(state[1]), yaw, pitch, roll
+        return pose_at(self._row(t_s))
 
     def height_m(self, t_s: float | None = None) -> float:
         """How high the body frame's origin lies above the map's z = 0."""

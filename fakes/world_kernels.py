@@ -1,4 +1,4 @@
-"""Kernels of the world's memory: a ring of rows, one a physics step, asked at any instants.
+"""Kernels of the world's memory: a ring of rows, one a step, asked at any instants.
 
 A row (m,) begins with the body's place x y z and its quaternion w x y z, of any length. Instants
 are counted in steps since the world's begin; before the oldest row and behind the newest that row
@@ -42,6 +42,15 @@ def _rotation_from(row: F64, R: F64) -> None:
     R[0, 1], R[1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
     R[0, 2], R[2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
     R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
+
+
+@kernel
+def pose_at(row: F64) -> tuple[float, float, float, float, float]:
+    """(x, y, yaw, pitch, roll) of a row: nose down and right side down are positive."""
+    R = np.empty((3, 3))
+    _rotation_from(row, R)
+    pitch = -math.asin(max(-1.0, min(1.0, R[2, 0])))
+    return row[0], row[1], math.atan2(R[1, 0], R[0, 0]), pitch, math.atan2(R[2, 1], R[2, 2])
 
 
 @kernel

@@ -297,4 +297,4 @@ def test_instants_are_where_the_robot_was_then(moving: World) -> None:
     ahead = moving.pose(END_S)[0] - moving.pose(END_S - 0.1)[0]
     assert abs(ahead - 0.04) < 0.002
     between = moving.pose(END_S - 0.1 + STEP_S / 2)[0] - moving.pose(END_S - 0.1)[0]
-    assert abs(between - 0.0004) < 2e-5
+    assert abs(between - 0.4 * STEP_S / 2) < 2e-5

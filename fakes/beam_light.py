@@ -9,6 +9,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from fakes.ray_kernels import kernel
 from fakes.upsets import Upsets
 
 F64 = npt.NDArray[np.float64]
@@ -18,6 +19,9 @@ ELSEWHERE = 0.05  # of the sun's rate, where a beam does not look into the sun
 DAZZLED_SHARE, SILENT_SHARE = 0.5, 0.3  # of the beams that sunlight upsets; the others come short
 SHORTEST_M = 0.3  # of what comes short
 DUST_REACH_M = 2.0  # at which a grain is seen 1/e as often as right before the lens
+GOLDEN, PLACES, TOP = np.uint64(0x9E3779B97F4A7C15), np.uint64(1 << 20), np.uint64(11)
+MIXES = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
 THROUGH_SHARE = 0.6  # of the beams that a grain or a drop returns and that go on behind it, too
 
 
@@ -32,35 +36,52 @@ def pattern_of(upsets: Upsets) -> F64:
     return np.concatenate([middle, np.column_stack([aside, around * upsets.beam_rad / 2])])
 
 
-def through_air(upsets: Upsets, random: np.random.Generator, echoes_m: F64) -> F64:
-    """Echoes (2, n) with grains of dust and drops of rain before what would be met (2, n)."""
+@kernel
+def shares(key: int, n: int, what: int) -> F64:
+    """Numbers of chance (n,), 0 up to 1: the same again for the same key, sort and place."""
+    drawn = np.empty(n)
+    for k in range(n):  # splitmix64, of Steele, Lea and Flood, OOPSLA 2014
+        z = np.uint64(key) + (np.uint64(what) * PLACES + np.uint64(k)) * GOLDEN
+        z = (z ^ (z >> SHIFTS[0])) * MIXES[0]
+        z = (z ^ (z >> SHIFTS[1])) * MIXES[1]
+        drawn[k] = float((z ^ (z >> SHIFTS[2])) >> TOP) * 2.0**-53
+    return drawn
+
+
+@kernel
+def through_air(key: int, dust_per_m: float, rain_per_m: float, echoes_m: F64) -> None:
+    """Put grains of dust and drops of rain into echoes (2, n), before what would be met."""
     n = echoes_m.shape[1]
-    met_m = np.full(n, np.inf)
-    if upsets.dust_per_m > 0.0:
-        left = 1.0 - random.exponential(1.0, n) / (upsets.dust_per_m * DUST_REACH_M)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            met_m = np.where(left > 0.0, -DUST_REACH_M * np.log(left), np.inf)
-    if upsets.rain_per_m > 0.0:
-        met_m = np.minimum(met_m, random.exponential(1.0 / upsets.rain_per_m, n))
-    goes_on = random.random(n) < THROUGH_SHARE
-    is_met = met_m < echoes_m[0]
-    first = np.where(is_met, met_m, echoes_m[0])
-    second = np.where(is_met, np.where(goes_on, echoes_m[0], np.inf), echoes_m[1])
-    return np.stack([first, second])
+    grains, drops, on = shares(key, n, 0), shares(key, n, 1), shares(key, n, 2)
+    for k in range(n):
+        met_m = math.inf
+        if dust_per_m > 0.0:
+            left = 1.0 + math.log(1.0 - grains[k]) / (dust_per_m * DUST_REACH_M)
+            met_m = -DUST_REACH_M * math.log(left) if left > 0.0 else math.inf
+        if rain_per_m > 0.0:
+            met_m = min(met_m, -math.log(1.0 - drops[k]) / rain_per_m)
+        if met_m < echoes_m[0, k]:
+            echoes_m[1, k] = echoes_m[0, k] if on[k] < THROUGH_SHARE else math.inf
+            echoes_m[0, k] = met_m
 
 
+@kernel
 def in_sunlight(
-    upsets: Upsets, random: np.random.Generator, azimuths_rad: F64, echoes_m: F64
-) -> F64:
-    """Echoes (2, n) of beams at azimuths (n,) of the map, some dazzled (-inf), silent or short."""
+    key: int, rate: float, sun_rad: float, half_rad: float, azimuths_rad: F64, echoes_m: F64
+) -> None:
+    """Make some of the echoes (2, n) of beams at azimuths (n,) dazzled (-inf), silent or short.
+
+    Args:
+        rate: of the beams that look into the sun, half_rad to either side of sun_rad.
+    """
     n = echoes_m.shape[1]
-    beside = (azimuths_rad - upsets.sun_azimuth_rad + math.pi) % math.tau - math.pi
-    rate = upsets.sunlight_rate * np.where(np.abs(beside) <= upsets.sun_half_rad, 1.0, ELSEWHERE)
-    is_upset, kind, share = random.random(n) < rate, random.random(n), random.random(n)
-    far_m = np.where(np.isfinite(echoes_m[0]), echoes_m[0], 20.0)
-    short_m = SHORTEST_M + share * np.maximum(0.0, far_m - SHORTEST_M)
-    wrong = np.where(kind < DAZZLED_SHARE + SILENT_SHARE, np.inf, short_m)
-    wrong = np.where(kind < DAZZLED_SHARE, -np.inf, wrong)
-    return np.stack(
-        [np.where(is_upset, wrong, echoes_m[0]), np.where(is_upset, np.inf, echoes_m[1])]
-    )
+    hits, kinds, ways = shares(key, n, 3), shares(key, n, 4), shares(key, n, 5)
+    for k in range(n):
+        beside = (azimuths_rad[k] - sun_rad + math.pi) % math.tau - math.pi
+        if hits[k] >= (rate if abs(beside) <= half_rad else rate * ELSEWHERE):
+            continue
+        far_m = echoes_m[0, k] if math.isfinite(echoes_m[0, k]) else 20.0
+        wrong_m = SHORTEST_M + ways[k] * max(0.0, far_m - SHORTEST_M)
+        if kinds[k] < DAZZLED_SHARE + SILENT_SHARE:
+            wrong_m = -math.inf if kinds[k] < DAZZLED_SHARE else math.inf
+        echoes_m[0, k], echoes_m[1, k] = wrong_m, math.inf

@@ -1,7 +1,8 @@
 """Kernels of the rays: where beams meet boxes, cylinders, convex bodies, each from its own begin.
 
 Each target is tried only by beams whose azimuth lies within what it covers of the horizon. A beam
-may be a bundle of `subs` rays that share an azimuth but for a little: the beam's width.
+may be `subs` rays that share an azimuth but for a little: the beam's width. A sweep's rays come in
+pencils, some beams at a time, which stay in the processor's nearest memory.
 """
 
 import math
@@ -51,75 +52,73 @@ class Passers(NamedTuple):
     stays_s: F64  # (m, 2) from when until when it is there
 
 
-class Bundle(NamedTuple):
-    """Rays of n beams, `subs` of them for each, one after the other; map frame."""
+class Horizon(NamedTuple):
+    """Where a sweep's beams look, all n of them: it tells which can meet a target."""
 
-    begins: F64  # (n * subs, 3) m
-    ways: F64  # (n * subs, 3) of unit length
-    inverses: F64  # (n * subs, 3) one over these, never endless
-    azimuths: F64  # (n,) of each beam's first ray, without jumps; growing if `in_order`
-    spread_rad: float  # by which the others of a beam may be beside it
+    azimuths: F64  # (n,) of each beam's middle, map frame, without jumps; growing if `in_order`
     in_order: bool
     room: tuple[tuple[float, float], tuple[float, float]]  # x, y between which all begin
+    spread_rad: float  # by which rays of a beam may be beside its middle
+
+
+class Pencil(NamedTuple):
+    """Rays of some beams of a sweep, `subs` for each, one after the other; map frame."""
+
+    begins: F64  # (3, r) x, y, z, m
+    ways: F64  # (3, r) of unit length
+    inverses: F64  # (3, r) one over these, never endless
+    first: int  # beam, in the sweep,
+    beams: int  # and how many; the rest of the arrays is not in use
+    subs: int
 
 
 @kernel
-def rays_from_poses(
-    t_map_lens: F64, R_map_lens: F64, bearings: F64, pattern: F64
-) -> tuple[F64, F64]:
-    """Begins and directions (n * subs, 3) of beams, each from the lens's pose at its own instant.
+def horizon_from(begins: F64, ways: F64, aside_m: float, spread_rad: float) -> Horizon:
+    """Of beams whose middles begin at (n, 3) and go the ways (n, 3).
 
     Args:
-        t_map_lens, R_map_lens: (n, 3), (n, 3, 3).
-        bearings: (n,) rad in the scan plane.
-        pattern: (subs, 4) of the rays in a beam: how far it begins aside and above, m; the
-            tangents of how far it is turned aside and up.
+        aside_m, spread_rad: by which their other rays begin and look beside the middle.
     """
-    n, subs = len(bearings), len(pattern)
-    begins, ways = np.empty((n * subs, 3)), np.empty((n * subs, 3))
-    ahead, aside, up = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(n):
-        c, s = math.cos(bearings[i]), math.sin(bearings[i])
-        for axis in range(3):
-            ahead[axis] = R_map_lens[i, axis, 0] * c + R_map_lens[i, axis, 1] * s
-            aside[axis] = R_map_lens[i, axis, 1] * c - R_map_lens[i, axis, 0] * s
-            up[axis] = R_map_lens[i, axis, 2]
-        for sub in range(subs):
-            row = i * subs + sub
-            right, high = pattern[sub, 0], pattern[sub, 1]
-            right_way, high_way = pattern[sub, 2], pattern[sub, 3]
-            for axis in range(3):
-                begins[row, axis] = t_map_lens[i, axis] + right * aside[axis] + high * up[axis]
-            x = ahead[0] + right_way * aside[0] + high_way * up[0]
-            y = ahead[1] + right_way * aside[1] + high_way * up[1]
-            z = ahead[2] + right_way * aside[2] + high_way * up[2]
-            scale = 1.0 / math.sqrt(x * x + y * y + z * z)
-            ways[row, 0], ways[row, 1], ways[row, 2] = x * scale, y * scale, z * scale
-    return begins, ways
-
-
-@kernel
-def bundle_from(begins: F64, ways: F64, subs: int, spread_rad: float) -> Bundle:
-    """Rays (n * subs, 3) with what is to be known of all of them."""
-    n, in_order = len(ways) // subs, True
-    azimuths = np.empty(n)
-    for i in range(n):
-        azimuth = math.atan2(ways[i * subs, 1], ways[i * subs, 0])
+    azimuths, in_order = np.empty(len(ways)), True
+    x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
+    for i in range(len(ways)):
+        azimuth = math.atan2(ways[i, 1], ways[i, 0])
         if i > 0:
             before = azimuths[i - 1]
             azimuth += TURN_RAD * round((before - azimuth) / TURN_RAD)
             in_order = in_order and azimuth > before
         azimuths[i] = azimuth
-    x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
-    for row in range(len(begins)):
-        x, y = begins[row, 0], begins[row, 1]
+        x, y = begins[i, 0], begins[i, 1]
         x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
-    inverses = np.empty_like(ways)
-    from_flat, to_flat = ways.reshape(-1), inverses.reshape(-1)
-    for k in range(len(from_flat)):  # in one row, so that many are divided at once
-        way = from_flat[k]
-        to_flat[k] = 1.0 / (way if abs(way) >= TINY else TINY)
-    return Bundle(begins, ways, inverses, azimuths, spread_rad, in_order, ((x0, y0), (x1, y1)))
+    room = ((x0 - aside_m, y0 - aside_m), (x1 + aside_m, y1 + aside_m))
+    return Horizon(azimuths, in_order, room, spread_rad)
+
+
+@kernel
+def pencil_for(beams: int, subs: int) -> Pencil:
+    """Room for so many beams, whose rays are still to be put in."""
+    rays = beams * subs
+    return Pencil(np.empty((3, rays)), np.empty((3, rays)), np.empty((3, rays)), 0, beams, subs)
+
+
+@kernel
+def pencil_from(begins: F64, ways: F64) -> Pencil:
+    """Beams of one ray each, from begins (n, 3) and ways (n, 3)."""
+    pencil = pencil_for(len(ways), 1)
+    for row in range(len(ways)):
+        pencil.begins[:, row], pencil.ways[:, row] = begins[row], ways[row]
+    invert(pencil)
+    return pencil
+
+
+@kernel
+def invert(pencil: Pencil) -> None:
+    """Bring `inverses` to the ways."""
+    for axis in range(3):  # each in one go, so that many are divided at once
+        ways, inverses = pencil.ways[axis], pencil.inverses[axis]
+        for row in range(pencil.beams * pencil.subs):
+            way = ways[row]
+            inverses[row] = 1.0 / (way if abs(way) >= TINY else TINY)
 
 
 @kernel
@@ -145,33 +144,61 @@ def _range_of(azimuths: F64, least: float, most: float) -> tuple[int, int]:
 
 
 @kernel
-def spans_of_beams(bundle: Bundle, low: F64, high: F64, spans: I64) -> int:
-    """Which beams can meet what lies in a box; how many spans of them, at most 3.
+def spans_of_beams(horizon: Horizon, low: F64, high: F64, spans: I64) -> None:
+    """Which beams can meet what lies in a box.
 
     Args:
         low, high: (3,) corners; heights don't matter.
-        spans: (3, 2) takes the first beam of each span and the one after its last.
+        spans: (3, 2) takes the first beam of each span and the one after its last; may be empty.
     """
-    n = len(bundle.azimuths)
-    if not bundle.in_order:
-        spans[0, 0], spans[0, 1] = 0, n
-        return 1
-    (x0, y0), (x1, y1) = bundle.room
+    n = len(horizon.azimuths)
+    spans[:] = 0
+    (x0, y0), (x1, y1) = horizon.room
     least, most = _covered(low[0] - x1, high[0] - x0, low[1] - y1, high[1] - y0)
-    if most - least >= TURN_RAD:
-        spans[0, 0], spans[0, 1] = 0, n
-        return 1
-    wider = bundle.spread_rad + SLACK_RAD
-    base = TURN_RAD * round((bundle.azimuths[n // 2] - (least + most) / 2) / TURN_RAD)
-    count = 0
-    for turn in (-TURN_RAD, 0.0, TURN_RAD):
-        first, end = _range_of(
-            bundle.azimuths, least + base + turn - wider, most + base + turn + wider
+    if not horizon.in_order or most - least >= TURN_RAD:
+        spans[0, 1] = n
+        return
+    wider = horizon.spread_rad + SLACK_RAD
+    base = TURN_RAD * round((horizon.azimuths[n // 2] - (least + most) / 2) / TURN_RAD)
+    for turn in range(3):
+        off = base + (turn - 1) * TURN_RAD
+        spans[turn, 0], spans[turn, 1] = _range_of(
+            horizon.azimuths, least + off - wider, most + off + wider
         )
-        if end > first:
-            spans[count, 0], spans[count, 1] = first, end
-            count += 1
-    return count
+
+
+@kernel
+def spans_of_targets(horizon: Horizon, targets: Targets) -> I64:
+    """Which beams can meet each of them: (m, 3, 2) as of `spans_of_beams`."""
+    spans = np.empty((len(targets.kinds), 3, 2), dtype=np.int64)
+    for j in range(len(spans)):
+        spans_of_beams(horizon, targets.lows[j], targets.highs[j], spans[j])
+    return spans
+
+
+@kernel
+def spans_of_passers(horizon: Horizon, passers: Passers) -> I64:
+    """The same of what moves, wherever it is during the sweep."""
+    spans, low, high = (
+        np.empty((len(passers.radii_m), 3, 2), dtype=np.int64),
+        np.zeros(3),
+        np.zeros(3),
+    )
+    for j in range(len(spans)):
+        for axis in range(2):
+            places = passers.middles_m[:, j, axis]
+            half = max(passers.radii_m[j], passers.halves_m[j, axis])
+            low[axis], high[axis] = places.min() - half, places.max() + half
+        spans_of_beams(horizon, low, high, spans[j])
+    return spans
+
+
+@kernel
+def _rows_of(pencil: Pencil, span: I64) -> tuple[int, int]:
+    """The first row of a pencil that is of a span (2,) of beams, and the one after the last."""
+    first = max(int(span[0]) - pencil.first, 0)
+    end = min(int(span[1]) - pencil.first, pencil.beams)
+    return first * pencil.subs, max(first, end) * pencil.subs
 
 
 # One ray across one body: scalars, which cost a fifth of what rows of arrays do. A ray is its begin
@@ -203,13 +230,12 @@ def across_disc(
 
 
 @kernel
-def across_hull(
-    begins: F64, ways: F64, row: int, planes: F64, first: int, end: int
-) -> tuple[float, float]:
-    """The part behind all of the planes first..end of planes (p, 4), of a ray of arrays (r, 3)."""
+def across_hull(pencil: Pencil, row: int, planes: F64, first: int, end: int) -> tuple[float, float]:
+    """The part behind all of the planes first..end of planes (p, 4), of a ray of a pencil."""
     enter, leave = -math.inf, math.inf
-    x, y, z = begins[row, 0], begins[row, 1], begins[row, 2]
-    way_x, way_y, way_z = ways[row, 0], ways[row, 1], ways[row, 2]
+    begins, ways = pencil.begins, pencil.ways
+    x, y, z = begins[0, row], begins[1, row], begins[2, row]
+    way_x, way_y, way_z = ways[0, row], ways[1, row], ways[2, row]
     for k in range(first, end):
         nx, ny, nz = planes[k, 0], planes[k, 1], planes[k, 2]
         down = nx * way_x + ny * way_y + nz * way_z
@@ -239,97 +265,137 @@ def cosine_at(
 
 
 @kernel
+def _meet_box(
+    pencil: Pencil, first: int, end: int, low: F64, high: F64, far_m: float, j: int,
+    found: F64, met: I64,
+) -> None:  # fmt: skip
+    """Bring found and met to what the rays first..end meet of a box; without a branch a ray."""
+    x, y, z = pencil.begins[0, first:end], pencil.begins[1, first:end], pencil.begins[2, first:end]
+    over_x, over_y = pencil.inverses[0, first:end], pencil.inverses[1, first:end]
+    over_z, nearest, whose = pencil.inverses[2, first:end], found[first:end], met[first:end]
+    x0, y0, z0, x1, y1, z1 = low[0], low[1], low[2], high[0], high[1], high[2]
+    for k in range(end - first):
+        enter, leave = across_slab(x[k], over_x[k], x0, x1, -math.inf, math.inf)
+        enter, leave = across_slab(y[k], over_y[k], y0, y1, enter, leave)
+        enter, leave = across_slab(z[k], over_z[k], z0, z1, enter, leave)
+        near = enter if enter > 0.0 else leave
+        is_met = (enter < leave) & (leave > 0.0) & (near < nearest[k]) & (near <= far_m)
+        nearest[k] = near if is_met else nearest[k]
+        whose[k] = j if is_met else whose[k]
+
+
+@kernel
+def _meet_other(
+    pencil: Pencil, row: int, targets: Targets, j: int, glass_cos: float, far_m: float,
+    found: F64, met: I64,
+) -> None:  # fmt: skip
+    """The same with one ray and a target of any kind."""
+    low, high = targets.lows[j], targets.highs[j]
+    x, y, z = pencil.begins[0, row], pencil.begins[1, row], pencil.begins[2, row]
+    over_z = pencil.inverses[2, row]
+    enter, leave = across_slab(x, pencil.inverses[0, row], low[0], high[0], -math.inf, math.inf)
+    enter, leave = across_slab(y, pencil.inverses[1, row], low[1], high[1], enter, leave)
+    enter, leave = across_slab(z, over_z, low[2], high[2], enter, leave)
+    if enter >= leave or leave <= 0.0 or enter >= min(found[row], far_m):
+        return
+    way_x, way_y, way_z = pencil.ways[0, row], pencil.ways[1, row], pencil.ways[2, row]
+    if targets.kinds[j] == HULL:
+        first, end = targets.first_planes[j], targets.first_planes[j + 1]
+        enter, leave = across_hull(pencil, row, targets.planes, first, end)
+    elif targets.kinds[j] == CYLINDER:
+        off_x, off_y = x - (low[0] + high[0]) / 2, y - (low[1] + high[1]) / 2
+        enter, leave = across_disc(off_x, off_y, way_x, way_y, (high[0] - low[0]) / 2)
+        enter, leave = across_slab(z, over_z, low[2], high[2], enter, leave)
+    near = enter if enter > 0.0 else leave
+    if enter >= leave or leave <= 0.0 or near >= found[row] or near > far_m:
+        return
+    if targets.materials[j] == GLASS:
+        at_x, at_y, at_z = x + near * way_x, y + near * way_y, z + near * way_z
+        if cosine_at(at_x, at_y, at_z, way_x, way_y, way_z, low, high) <= glass_cos:
+            return
+    found[row], met[row] = near, j
+
+
+@kernel
 def meet_targets(
-    bundle: Bundle, targets: Targets, glass_cos: float, far_m: float, found: F64, met: I64
-) -> None:
-    """Bring `found` (n * subs,) and `met` (n * subs,) to what each ray meets first, within far_m.
+    pencil: Pencil, spans: I64, targets: Targets, glass_cos: float, far_m: float,
+    found: F64, met: I64,
+) -> None:  # fmt: skip
+    """Bring `found` (r,) and `met` (r,) to what each ray meets first, within far_m.
 
     Glass, always a box, is met only by rays with a greater cosine to its normal than `glass_cos`.
+
+    Args:
+        spans: (m, 3, 2) of `spans_of_targets`.
     """
-    begins, ways, inverses = bundle.begins, bundle.ways, bundle.inverses
-    subs, spans = len(found) // len(bundle.azimuths), np.empty((3, 2), dtype=np.int64)
     for j in range(len(targets.kinds)):
-        low, high, kind = targets.lows[j], targets.highs[j], targets.kinds[j]
-        first, end = targets.first_planes[j], targets.first_planes[j + 1]
-        x0, y0, z0, x1, y1, z1 = low[0], low[1], low[2], high[0], high[1], high[2]
-        for span in range(spans_of_beams(bundle, low, high, spans)):
-            for row in range(spans[span, 0] * subs, spans[span, 1] * subs):
-                x, y, z = begins[row, 0], begins[row, 1], begins[row, 2]
-                enter, leave = across_slab(x, inverses[row, 0], x0, x1, -math.inf, math.inf)
-                enter, leave = across_slab(y, inverses[row, 1], y0, y1, enter, leave)
-                enter, leave = across_slab(z, inverses[row, 2], z0, z1, enter, leave)
-                if enter >= leave or leave <= 0.0 or enter >= min(found[row], far_m):
-                    continue
-                if kind == HULL:
-                    enter, leave = across_hull(begins, ways, row, targets.planes, first, end)
-                elif kind == CYLINDER:
-                    away_x, away_y, radius = x - (x0 + x1) / 2, y - (y0 + y1) / 2, (x1 - x0) / 2
-                    near, far = across_disc(away_x, away_y, ways[row, 0], ways[row, 1], radius)
-                    near, far = across_slab(z, inverses[row, 2], z0, z1, near, far)
-                    enter, leave = near, far
-                near = enter if enter > 0.0 else leave
-                if enter >= leave or leave <= 0.0 or near >= found[row] or near > far_m:
-                    continue
-                if targets.materials[j] == GLASS:
-                    way_x, way_y, way_z = ways[row, 0], ways[row, 1], ways[row, 2]
-                    at_x, at_y, at_z = x + near * way_x, y + near * way_y, z + near * way_z
-                    if cosine_at(at_x, at_y, at_z, way_x, way_y, way_z, low, high) <= glass_cos:
-                        continue
-                found[row], met[row] = near, j
+        is_easy = targets.kinds[j] == BOX and targets.materials[j] != GLASS
+        for turn in range(3):
+            first, end = _rows_of(pencil, spans[j, turn])
+            if is_easy and end > first:
+                low, high = targets.lows[j], targets.highs[j]
+                _meet_box(pencil, first, end, low, high, far_m, j, found, met)
+            elif end > first:
+                for row in range(first, end):
+                    _meet_other(pencil, row, targets, j, glass_cos, far_m, found, met)
 
 
 @kernel
-def meet_passers(bundle: Bundle, times_s: F64, passers: Passers, found: F64, met: I64) -> None:
-    """The same with what moves, each beam at its own instant (n,); `met` becomes -1 there."""
-    begins, ways, inverses = bundle.begins, bundle.ways, bundle.inverses
-    subs, known = len(found) // len(times_s), len(passers.middles_m)
-    spans, low, high = np.empty((3, 2), dtype=np.int64), np.zeros(3), np.zeros(3)
+def meet_passers(
+    pencil: Pencil, spans: I64, times_s: F64, passers: Passers, found: F64, met: I64
+) -> None:
+    """The same with what moves, each beam at its own instant; `met` becomes -1 there.
+
+    Args:
+        spans: (m, 3, 2) of `spans_of_passers`. times_s: (n,) of all beams of the sweep.
+    """
     for j in range(len(passers.radii_m)):
-        places, radius = passers.middles_m[:, j], passers.radii_m[j]
-        half_x, half_y = max(radius, passers.halves_m[j, 0]), max(radius, passers.halves_m[j, 1])
-        low[0], high[0] = places[:, 0].min() - half_x, places[:, 0].max() + half_x
-        low[1], high[1] = places[:, 1].min() - half_y, places[:, 1].max() + half_y
-        for span in range(spans_of_beams(bundle, low, high, spans)):
-            for i in range(spans[span, 0], spans[span, 1]):
-                if not passers.stays_s[j, 0] <= times_s[i] < passers.stays_s[j, 1]:
-                    continue
-                knot = min(max(0.0, (times_s[i] - passers.first_s) / passers.every_s), known - 1.0)
-                k = min(int(knot), max(0, known - 2))
-                share, after = knot - k, min(k + 1, known - 1)
-                middle_x = (1.0 - share) * places[k, 0] + share * places[after, 0]
-                middle_y = (1.0 - share) * places[k, 1] + share * places[after, 1]
-                for row in range(i * subs, (i + 1) * subs):
-                    x, y, z = begins[row, 0] - middle_x, begins[row, 1] - middle_y, begins[row, 2]
-                    enter, leave = across_slab(
-                        z, inverses[row, 2], passers.spans_m[j, 0], passers.spans_m[j, 1],
-                        0.0, found[row],
-                    )  # fmt: skip
-                    if radius > 0.0:
-                        near, far = across_disc(x, y, ways[row, 0], ways[row, 1], radius)
-                        enter, leave = max(enter, near), min(leave, far)
-                    else:
-                        enter, leave = across_slab(
-                            x, inverses[row, 0], -half_x, half_x, enter, leave
-                        )
-                        enter, leave = across_slab(
-                            y, inverses[row, 1], -half_y, half_y, enter, leave
-                        )
-                    if enter < leave and enter < found[row]:
-                        found[row], met[row] = enter, -1
+        for turn in range(3):
+            first, end = _rows_of(pencil, spans[j, turn])
+            for i in range(first // pencil.subs, end // pencil.subs):
+                at_s = times_s[pencil.first + i]
+                if passers.stays_s[j, 0] <= at_s < passers.stays_s[j, 1]:
+                    _meet_passer(pencil, i, at_s, passers, j, found, met)
 
 
 @kernel
-def ways_through_box(bundle: Bundle, low: F64, high: F64, enters: F64, leaves: F64) -> None:
-    """Where the first ray of each beam enters (n,), 0 from inside, and leaves a box; else inf."""
-    subs = len(bundle.begins) // len(bundle.azimuths)
-    begins, inverses = bundle.begins, bundle.inverses
-    spans = np.empty((3, 2), dtype=np.int64)
+def _meet_passer(
+    pencil: Pencil, i: int, at_s: float, passers: Passers, j: int, found: F64, met: I64
+) -> None:
+    """The rays of beam i of a pencil, and passer j where it is at an instant."""
+    places, known = passers.middles_m[:, j], len(passers.middles_m)
+    knot = min(max(0.0, (at_s - passers.first_s) / passers.every_s), known - 1.0)
+    k = min(int(knot), max(0, known - 2))
+    share, after = knot - k, min(k + 1, known - 1)
+    middle_x = (1.0 - share) * places[k, 0] + share * places[after, 0]
+    middle_y = (1.0 - share) * places[k, 1] + share * places[after, 1]
+    radius, half_x, half_y = passers.radii_m[j], passers.halves_m[j, 0], passers.halves_m[j, 1]
+    for row in range(i * pencil.subs, (i + 1) * pencil.subs):
+        x, y = pencil.begins[0, row] - middle_x, pencil.begins[1, row] - middle_y
+        z, over_z = pencil.begins[2, row], pencil.inverses[2, row]
+        low, high = passers.spans_m[j, 0], passers.spans_m[j, 1]
+        enter, leave = across_slab(z, over_z, low, high, 0.0, found[row])
+        if radius > 0.0:
+            near, far = across_disc(x, y, pencil.ways[0, row], pencil.ways[1, row], radius)
+            enter, leave = max(enter, near), min(leave, far)
+        else:
+            enter, leave = across_slab(x, pencil.inverses[0, row], -half_x, half_x, enter, leave)
+            enter, leave = across_slab(y, pencil.inverses[1, row], -half_y, half_y, enter, leave)
+        if enter < leave and enter < found[row]:
+            found[row], met[row] = enter, -1
+
+
+@kernel
+def ways_through_box(begins: F64, ways: F64, low: F64, high: F64, enters: F64, leaves: F64) -> None:
+    """Where rays (n, 3) enter (n,), 0 from inside, and leave (n,) a box; else inf."""
     enters[:], leaves[:] = math.inf, math.inf
-    for span in range(spans_of_beams(bundle, low, high, spans)):
-        for i in range(spans[span, 0], spans[span, 1]):
-            enter, leave = 0.0, math.inf
-            for axis in range(3):
-                begin, inverse = begins[i * subs, axis], inverses[i * subs, axis]
-                enter, leave = across_slab(begin, inverse, low[axis], high[axis], enter, leave)
-            if enter < leave:
-                enters[i], leaves[i] = enter, leave
+    for i in range(len(ways)):
+        enter, leave = 0.0, math.inf
+        for axis in range(3):
+            way = ways[i, axis]
+            inverse = 1.0 / (way if abs(way) >= TINY else TINY)
+            enter, leave = across_slab(
+                begins[i, axis], inverse, low[axis], high[axis], enter, leave
+            )
+        if enter < leave:
+            enters[i], leaves[i] = enter, leave

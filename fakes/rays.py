@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes import beam_light, robot
-from fakes.beam_kernels import FAR_M, bundle_at, echoes_of_beams
+from fakes.beam_kernels import FAR_M, Beams, echoes_of_beams, middles_of
 from fakes.beam_targets import targets_from
 from fakes.crowd import Crowd
 from fakes.movers import Mover, Part
-from fakes.ray_kernels import Bundle, Passers, ways_through_box
+from fakes.ray_kernels import Passers, ways_through_box
 from fakes.rotations import rotation_y
 from fakes.scene import Scene
 from fakes.solids import Solid
@@ -27,6 +27,7 @@ __all__ = ["FAR_M", "Rays"]
 F64 = npt.NDArray[np.float64]
 GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
 SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too
+KEYS = 2**62 - 1  # of what is left to chance in a sweep
 KNOT_S = 0.0025  # between the instants at which movers are asked where they are
 R_BODY_LENS = rotation_y(math.radians(robot.LENS_TILT_DEG))
 LENS_BODY_M = np.array(robot.LENS_BODY_M)
@@ -56,9 +57,6 @@ class Rays:
         self._targets = targets_from(returning)
         self._boxes = [(_corner(s, 0), _corner(s, 1)) for s in self._soft]
         self._upsets, self._seed, self._crowd = upsets, seed, crowd
-        self._is_random = bool(
-            self._soft or upsets.dust_per_m or upsets.rain_per_m or upsets.sunlight_rate
-        )
         self._pattern = beam_light.pattern_of(upsets)
         self._passers = _Passers(scene.movers, crowd)
 
@@ -83,38 +81,34 @@ class Rays:
             back dazzled.
         """
         bodies, turns = poses_at(times_s)
-        lens, spread_rad = (LENS_BODY_M, R_BODY_LENS), self._upsets.beam_rad
-        beams = (bodies, turns, *lens, bearings_rad, self._pattern, spread_rad)
+        lens, upsets = (LENS_BODY_M, R_BODY_LENS), self._upsets
+        beams = Beams(bodies, turns, *lens, bearings_rad, self._pattern, upsets.beam_rad)
         since_begin_s = times_s - begin_s
         passers = self._passers.between(since_begin_s[0], since_begin_s[-1])
-        mixes = self._upsets.mixed_pixels
         echoes, azimuths = echoes_of_beams(
-            *beams, since_begin_s, self._targets, passers, GLASS_COS, mixes
+            beams, since_begin_s, self._targets, passers, GLASS_COS, upsets.mixed_pixels
         )
-        if self._is_random:
-            begun = round(abs(float(times_s[0])) * 1e6)
+        begun = round(abs(float(times_s[0])) * 1e6)
+        if self._soft:
             random = np.random.default_rng([self._seed, begun, len(times_s)])
-            if self._soft:
-                echoes = self._among_stalks(random, bundle_at(*beams), echoes)
-            echoes = self._upset(random, azimuths, echoes)
+            echoes = self._among_stalks(random, *middles_of(beams), echoes)
+        key = (self._seed << 44) + (begun << 8) & KEYS
+        if upsets.dust_per_m or upsets.rain_per_m:
+            beam_light.through_air(key, upsets.dust_per_m, upsets.rain_per_m, echoes)
+        if upsets.sunlight_rate:
+            sun = (upsets.sunlight_rate, upsets.sun_azimuth_rad, upsets.sun_half_rad)
+            beam_light.in_sunlight(key, *sun, azimuths, echoes)
         echoes[echoes > FAR_M] = np.nan
         return echoes if self.echoes == 2 else echoes[0]
 
-    def _upset(self, random: np.random.Generator, azimuths: F64, echoes: F64) -> F64:
-        """Echoes (2, n) after what air and light do to beams at azimuths (n,)."""
-        upsets = self._upsets
-        if upsets.dust_per_m or upsets.rain_per_m:
-            echoes = beam_light.through_air(upsets, random, echoes)
-        if upsets.sunlight_rate:
-            echoes = beam_light.in_sunlight(upsets, random, azimuths, echoes)
-        return echoes
-
-    def _among_stalks(self, random: np.random.Generator, bundle: Bundle, behind: F64) -> F64:
-        """Echoes (2, n) where beams that would go to behind (2, n) cross soft things."""
-        n = len(bundle.azimuths)
+    def _among_stalks(
+        self, random: np.random.Generator, begins: F64, ways: F64, behind: F64
+    ) -> F64:
+        """Echoes (2, n) where rays (n, 3) that would go to behind (2, n) cross soft things."""
+        n = len(ways)
         echoes, enter_m, leave_m = [*behind], np.empty(n), np.empty(n)
         for (low, high), solid in zip(self._boxes, self._soft, strict=True):
-            ways_through_box(bundle, low, high, enter_m, leave_m)
+            ways_through_box(begins, ways, low, high, enter_m, leave_m)
             gap_m = 1.0 / solid.material.density_per_m
             stalks_m = enter_m + np.cumsum(random.exponential(gap_m, (2, n)), axis=0)
             echoes += list(np.where(stalks_m < np.minimum(leave_m, behind[0]), stalks_m, np.inf))

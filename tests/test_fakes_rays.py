@@ -8,19 +8,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from fakes.beam_kernels import Beams, echoes_of_beams, horizon_of, middles_of
 from fakes.beam_targets import MODEL, targets_from
-from fakes.ray_kernels import (
-    Bundle,
-    bundle_from,
-    meet_targets,
-    rays_from_poses,
-)
 from fakes.rays import FAR_M, GLASS_COS, R_BODY_LENS, Rays
-from fakes.rotations import R_from_angles, R_from_q
+from fakes.rotations import R_from_angles
 from fakes.scene import SCENES, Scene, Solid, load_scene, mjcf_from_solids
 from fakes.solids import Pillar, Shape, bump
 from fakes.upsets import NONE, Upsets
-from fakes.world_kernels import poses_at, row_at
+from fakes.world_kernels import pose_at, poses_at, row_at
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco
@@ -52,21 +47,23 @@ class MujocoRays:
         return np.where((ranges < 0) | (ranges > FAR_M), np.inf, ranges), met
 
 
-def bundle_at(place: tuple[float, float], angles: tuple[float, float, float]) -> Bundle:
+def beams_at(place: tuple[float, float], angles: tuple[float, float, float]) -> Beams:
     """A sweep of a robot that turns and drives meanwhile."""
     n = len(SWEEP_RAD)
     gone = np.linspace(0.0, 0.03, n)
     yaw, pitch, roll = angles
     R = R_from_angles(yaw + gone, np.full(n, pitch), np.full(n, roll))
     lens = np.column_stack([place[0] + gone, place[1] - gone, np.full(n, 1.08)])
-    begins, ways = rays_from_poses(lens, R @ R_BODY_LENS, SWEEP_RAD, MIDDLE)
-    return bundle_from(begins, ways, 1, 0.0)
+    return Beams(lens, R, np.zeros(3), R_BODY_LENS, SWEEP_RAD, MIDDLE, 0.0)
 
 
-def met_by_kernel(solids: list[Shape], bundle: Bundle) -> F64:
-    found, met = np.full(len(bundle.ways), np.inf), np.full(len(bundle.ways), -1)
-    meet_targets(bundle, targets_from(solids), GLASS_COS, FAR_M, found, met)
-    return found
+def met_by_kernel(solids: list[Shape], beams: Beams) -> F64:
+    """Ranges (n,) as the kernels have them, inf where nothing is."""
+    zero = np.zeros(len(beams.bearings))
+    targets = targets_from(solids)
+    nobody = Rays(Scene("empty", ()), 1)._passers.between(0.0, 0.0)
+    echoes, _ = echoes_of_beams(beams, zero, targets, nobody, GLASS_COS, False)
+    return np.asarray(echoes[0])
 
 
 def random_solids(seed: int, count: int = 60) -> list[Shape]:
@@ -94,8 +91,9 @@ def random_solids(seed: int, count: int = 60) -> list[Shape]:
     return [*solids, GROUND]
 
 
-def assert_same(solids: list[Shape], bundle: Bundle) -> None:
-    ours, (theirs, _) = met_by_kernel(solids, bundle), MujocoRays(solids).meet(*bundle[:2])
+def assert_same(solids: list[Shape], beams: Beams) -> None:
+    begins, ways = middles_of(beams)
+    ours, (theirs, _) = met_by_kernel(solids, beams), MujocoRays(solids).meet(begins, ways)
     both = np.isfinite(ours) & np.isfinite(theirs)
     differ = ~both & (np.isfinite(ours) | np.isfinite(theirs))
     differ[both] = np.abs(ours[both] - theirs[both]) > 1e-5
@@ -104,16 +102,15 @@ def assert_same(solids: list[Shape], bundle: Bundle) -> None:
     assert both.sum() > 100
     assert np.median(exact) < 1e-9
     for k in np.nonzero(differ)[0]:  # only what a hair's breadth decides may differ
-        assert is_grazing(solids, bundle, int(k)), (k, ours[k], theirs[k])
+        assert is_grazing(solids, begins[k], ways[k]), (k, ours[k], theirs[k])
     assert differ.sum() <= 3
 
 
-def is_grazing(solids: list[Shape], bundle: Bundle, k: int) -> bool:
+def is_grazing(solids: list[Shape], begin: F64, way: F64) -> bool:
     """Whether rays a tenth of a millimetre beside this one meet something else than each other."""
-    begins, ways = np.repeat(bundle.begins[k : k + 1], 5, axis=0), bundle.ways[k : k + 1]
-    side, up = np.cross(ways, [0.0, 0.0, 1.0]), np.array([[0.0, 0.0, 1.0]])
-    begins += GRAZED_M * np.concatenate([0 * up, side, -side, up, -up])
-    ranges = MujocoRays(solids).meet(begins, np.repeat(ways, 5, axis=0))[0]
+    side, up = np.cross(way, [0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])
+    begins = begin + GRAZED_M * np.stack([0 * up, side, -side, up, -up])
+    ranges = MujocoRays(solids).meet(begins, np.repeat(way[None], 5, axis=0))[0]
     return bool(np.ptp(np.minimum(ranges, 2 * FAR_M)) > 1e-3)
 
 
@@ -122,7 +119,7 @@ def test_in_shipped_scenes_beams_meet_what_mujocos_rays_meet(path: Any) -> None:
     scene = load_scene(path)
     solids = [s for s in scene.solids if s.material.kind == "plain"]
     for place, yaw in (((0.25, 0.0), 0.3), ((0.3, 0.1), 2.9), ((0.2, 0.0), -1.7)):
-        assert_same(solids, bundle_at(place, (yaw, 0.02, -0.01)))
+        assert_same(solids, beams_at(place, (yaw, 0.02, -0.01)))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -131,24 +128,24 @@ def test_in_random_scenes_beams_meet_what_mujocos_rays_meet(seed: int) -> None:
     solids = random_solids(seed)
     for _ in range(3):
         angles = random.uniform(-3.1, 3.1), *random.uniform(-0.15, 0.15, 2)
-        assert_same(solids, bundle_at(tuple(random.uniform(-1, 1, 2)), angles))
+        assert_same(solids, beams_at(tuple(random.uniform(-1, 1, 2)), angles))
 
 
 def test_beams_that_are_in_no_order_meet_the_same_as_in_order() -> None:
-    solids, bundle = random_solids(7), bundle_at((0.0, 0.0), (0.5, 0.0, 0.0))
+    solids, beams = random_solids(7), beams_at((0.0, 0.0), (0.5, 0.0, 0.0))
     order = np.random.default_rng(1).permutation(len(SWEEP_RAD))
-    mixed = bundle_from(bundle.begins[order], bundle.ways[order], 1, 0.0)
-    assert bundle.in_order
-    assert not mixed.in_order
-    np.testing.assert_array_equal(
-        met_by_kernel(solids, mixed), met_by_kernel(solids, bundle)[order]
+    mixed = beams._replace(
+        t_map_body=beams.t_map_body[order],
+        R_map_body=beams.R_map_body[order],
+        bearings=beams.bearings[order],
     )
+    assert horizon_of(beams).in_order
+    assert not horizon_of(mixed).in_order
+    np.testing.assert_array_equal(met_by_kernel(solids, mixed), met_by_kernel(solids, beams)[order])
 
 
 def test_a_robot_that_lies_on_its_side_still_sees() -> None:
-    solids = random_solids(8)
-    bundle = bundle_at((0.0, 0.0), (0.0, 0.3, 1.5))
-    assert_same(solids, bundle)
+    assert_same(random_solids(8), beams_at((0.0, 0.0), (0.0, 0.3, 1.5)))
 
 
 def test_each_beam_leaves_from_the_pose_of_its_own_instant() -> None:
@@ -178,7 +175,11 @@ def test_the_poses_of_a_sweep_are_those_of_each_instant_alone() -> None:
         for k, step in enumerate(at_steps):
             row = row_at(ring, steps, step)
             np.testing.assert_array_equal(places[k], row[:3])
-            np.testing.assert_allclose(turns[k], R_from_q(row[3:7]), atol=1e-14)
+            turn, unit = np.empty(9), row[3:7] / np.linalg.norm(row[3:7])
+            mj.mju_quat2Mat(turn, unit)
+            np.testing.assert_allclose(turns[k], turn.reshape(3, 3), atol=1e-14)
+            yaw, pitch, roll = (np.array([angle]) for angle in pose_at(row)[2:])
+            np.testing.assert_allclose(turns[k], R_from_angles(yaw, pitch, roll)[0], atol=1e-14)
     np.testing.assert_array_equal(row_at(ring, 21, 20.0), ring[4])
     np.testing.assert_allclose(row_at(ring, 21, 19.5), (ring[3] + ring[4]) / 2, atol=1e-15)
     np.testing.assert_array_equal(row_at(ring, 21, 3.0), ring[14 % 8])
@@ -215,7 +216,7 @@ def test_a_turned_box_is_met_as_mujoco_meets_it() -> None:
             place = 'pos="5 0.5 0.4" size="0.8 0.3 0.4" euler="0 0 33"'
             return "", f'<geom name="{key}" type="box" {place} class="scene"/>'
 
-    assert_same([Turned(), GROUND], bundle_at((0.0, 0.0), (0.0, 0.0, 0.0)))
+    assert_same([Turned(), GROUND], beams_at((0.0, 0.0), (0.0, 0.0, 0.0)))
 
 
 def test_wide_beams_have_two_echoes_and_narrow_ones_one() -> None:

@@ -12,8 +12,8 @@ from fakes.kinematic_world import KinematicWorld
 from fakes.movers import STRIDE_M, person
 from fakes.mti_errors import HEADING_RAD, STATIC_RAD, SheetErrors
 from fakes.mti_models import MODELS
+from fakes.mti_rotation import EULER, orientation
 from fakes.mti_sensor import Sensor
-from fakes.rotations import angles_from_R
 from fakes.scene import Scene, Solid
 from fakes.slip import BURST_S, BURST_SHARE, BURSTS_UNTIL_S, bursts
 from fakes.trajectory import Trajectory, Way, held, stand, straight, turn
@@ -33,7 +33,7 @@ def errors_deg(trajectory: Trajectory, seconds: float, seed: int) -> F64:
     sensor.sheet_errors, sensor.angle_noise_rad = True, 0.0
     for t_s in np.arange(0.0, seconds, 0.01).tolist():
         world.step_to(t_s)
-        told = angles_from_R(sensor._sample(t_s, 0).R_earth_sensor)
+        told = np.radians(orientation(sensor._sample(t_s, 0).R_earth_sensor, EULER)[::-1])
         true = world.pose()[2:]
         rows.append([math.remainder(a - b, math.tau) for a, b in zip(told, true, strict=True)])
     return np.degrees(rows)

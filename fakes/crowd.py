@@ -16,26 +16,22 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from fakes.crowd_kernels import FRONT_M, HALF_WIDTH_M, REAR_M, parts_at, walk
 from fakes.movers import STRIDE_M, Part, person
 from fakes.world_kernels import rows_at
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # of the robot: x, y, yaw
 KEPT = 64  # steps that can be asked about: 1.28 s of steps of 20 ms
-FRONT_M, REAR_M, HALF_WIDTH_M = 0.52, 0.20, 0.30  # the robot's footprint, from its axle
-PERSONAL_M = 0.37  # from a body to the robot's footprint: nobody goes nearer by himself
 PLANNED_M = 0.55  # what they plan to keep
-NEAR_M = 3.0  # of the robot's axle: who is farther away does not touch it in a moment
 OTHERS_M = 0.25  # between two bodies
 AHEAD_S = 1.3  # way of a driving robot that nobody crosses right before it
 DECIDE_S = 0.2  # between two looks around
 HORIZON_S = np.arange(1, 9) * 0.25
 TURNS_RAD = np.radians([0.0, -25.0, 25.0, -50.0, 50.0, -80.0, 80.0, -120.0, 120.0, 180.0])
 PACES = (1.0, 0.5)
-CHANGE_MPS2 = 4.0  # how fast people change their way
 PATIENCE_S = 4.0  # without getting on, until somebody turns round
 THERE_M = 0.3
-PARTS = 3  # of a walker: torso, left leg, right leg
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +73,9 @@ class Crowd:
             for part in person(walker.name, walker.waypoints[:1], radius_m=walker.radius_m).parts
         )
         n = len(self.walkers)
+        one = self.parts[: len(self.parts) // n] if n else ()  # torso, left leg, right leg
+        self._asides_m = np.array([part.aside_m for part in one])
+        self._swings_m = np.array([part.swing_m for part in one])
         self._random = np.random.default_rng([seed, n])
         self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float).reshape(n, 2)
         self._v, self._wanted = np.zeros((n, 2)), np.zeros((n, 2))  # m/s
@@ -97,25 +96,16 @@ class Crowd:
 
     # -- what others ask ------------------------------------------------------------------------
 
-    def people(self) -> F64:
-        """x, y, radius (n, 3) of everybody now."""
-        return np.column_stack([self._at, self._radius_m])
-
-    def middles_m(self, times_s: F64) -> F64:
-        """x, y (n, walkers, 2) at instants (n,) of the last second; the ends beyond it."""
-        return self._rows(times_s)[:, :, :2]
+    def people(self, t_s: float | None = None) -> F64:
+        """x, y, radius (n, 3) of everybody, now or at an instant of the last second."""
+        people = np.empty((len(self.walkers), 3))
+        people[:, 2] = self._radius_m
+        people[:, :2] = self._at if t_s is None else self._rows(np.array([t_s]))[0, :, :2]
+        return people
 
     def parts_m(self, times_s: F64) -> F64:
         """x, y (n, parts, 2) of the middles of all `parts` at instants (n,) of the last second."""
-        rows = self._rows(times_s)
-        ahead, phase = rows[..., 2:4], rows[..., 4] * (math.tau / STRIDE_M)
-        left = np.stack([-ahead[..., 1], ahead[..., 0]], -1)
-        swing = (np.sin(phase) * rows[..., 5])[..., None] * ahead
-        parts = np.empty((len(times_s), len(self.walkers), PARTS, 2))
-        for k in range(PARTS if self.walkers else 0):
-            part = self.parts[k]
-            parts[:, :, k] = rows[..., :2] + part.aside_m * left + part.swing_m * swing
-        return parts.reshape(len(times_s), -1, 2)
+        return parts_at(self._rows(times_s), self._asides_m, self._swings_m, STRIDE_M)
 
     def _rows(self, times_s: F64) -> F64:
         """Rows (n, walkers, 6), interpolated; before the first step all stand where they begin."""
@@ -134,7 +124,8 @@ class Crowd:
             self._decided_s = now_s
             self._decide()
         if span_s > 0.0:
-            self._walk(span_s)
+            walks = self._at, self._v, self._ahead, self._gone_m
+            walk(span_s, place, self._wanted, self._radius_m, *walks)
         self._record()
 
     def _follow_robot(self, place: Place, span_s: float) -> None:
@@ -154,42 +145,6 @@ class Crowd:
         row[:, 5] = np.minimum(1.0, speeds / 0.6)
         self._times_s[self._steps % KEPT] = self._now_s
         self._steps += 1
-
-    def _walk(self, span_s: float) -> None:
-        """All go on, and stop short of the robot whatever they want."""
-        change = self._wanted - self._v
-        sizes = np.maximum(1e-9, np.hypot(change[:, 0], change[:, 1]))
-        self._v += np.minimum(1.0, CHANGE_MPS2 * span_s / sizes)[:, None] * change
-        speeds = np.hypot(self._v[:, 0], self._v[:, 1])
-        goes = speeds >= 1e-3
-        for k in np.flatnonzero(goes & self._is_near()):
-            if self._would_touch(int(k), span_s + float(speeds[k]) / (2 * CHANGE_MPS2)):
-                self._v[k], goes[k] = 0.0, False
-        self._at[goes] += self._v[goes] * span_s
-        self._ahead[goes] = self._v[goes] / speeds[goes, None]
-        self._gone_m[goes] += speeds[goes] * span_s
-
-    def _is_near(self) -> npt.NDArray[np.bool_]:
-        """Who (walkers,) is so near to the robot that he could touch it in a moment."""
-        assert self._robot is not None
-        away = self._at - self._robot[:2]
-        return np.asarray(np.hypot(away[:, 0], away[:, 1]) < NEAR_M)
-
-    def _would_touch(self, k: int, ahead_s: float) -> bool:
-        """Whether a walker who goes on comes too near to the robot until he can stand."""
-        (x, y), (vx, vy) = self._at[k].tolist(), self._v[k].tolist()
-        then_m = self._robot_gap_m(k, x + vx * ahead_s, y + vy * ahead_s)
-        return then_m < PERSONAL_M and then_m < self._robot_gap_m(k, x, y)
-
-    def _robot_gap_m(self, k: int, x: float, y: float) -> float:
-        """From a walker's body at x, y to the robot's footprint as it is now."""
-        assert self._robot is not None
-        rx, ry, yaw = self._robot
-        c, s = math.cos(yaw), math.sin(yaw)
-        ahead, aside = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
-        over = max(ahead - FRONT_M, -REAR_M - ahead, 0.0)
-        beside = max(abs(aside) - HALF_WIDTH_M, 0.0)
-        return math.hypot(over, beside) - float(self._radius_m[k])
 
     # -- where to go ----------------------------------------------------------------------------
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.crowd import FRONT_M, HALF_WIDTH_M, PERSONAL_M, REAR_M, Crowd, Walker, walker_from
+from fakes.crowd import Crowd, Walker, walker_from
+from fakes.crowd_kernels import FRONT_M, HALF_WIDTH_M, PERSONAL_M, REAR_M
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]
@@ -132,19 +133,21 @@ def test_places_between_two_steps_are_interpolated_and_older_ones_are_clipped() 
     crowd = Crowd([Walker("alone", ((0.0, 0.0), (9.0, 0.0)), 1.0, pause_s=0.0)], 1)
     places, _ = walked(crowd, 4.0, lambda _: FAR)
     last_s = 199 * STEP_S
-    middles = crowd.middles_m(np.array([last_s - 0.5, last_s - 0.01, last_s, last_s + 1.0]))
+    asked = (last_s - 0.5, last_s - 0.01, last_s, last_s + 1.0)
+    middles = np.array([crowd.people(at_s)[:, :2] for at_s in asked])
     assert middles.shape == (4, 1, 2)
     x = middles[:, 0, 0]
     np.testing.assert_allclose(x[0], places[-26, 0, 0], atol=1e-9)
     np.testing.assert_allclose(x[1], (places[-1, 0, 0] + places[-2, 0, 0]) / 2, atol=1e-9)
     assert x[2] == x[3] == places[-1, 0, 0]
-    assert crowd.middles_m(np.array([0.0]))[0, 0, 0] > 2.0  # the oldest that is kept
+    assert crowd.people(0.0)[0, 0] > 2.0  # the oldest that is kept
 
 
 def test_before_the_first_step_everybody_stands_at_his_first_waypoint() -> None:
     crowd = Crowd([Walker("alone", ((1.0, 2.0), (9.0, 2.0)))], 1)
     crowd.step(0.0, FAR)
-    np.testing.assert_array_equal(crowd.middles_m(np.array([0.0, 1.0]))[:, 0], [[1.0, 2.0]] * 2)
+    for at_s in (0.0, 1.0):
+        assert crowd.people(at_s)[0, :2].tolist() == [1.0, 2.0]
 
 
 def test_legs_swing_about_the_body_and_stand_still_with_it() -> None:

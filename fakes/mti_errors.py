@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from fakes.mti_kernels import believed_rotation, lean_and_wander
+from fakes.mti_kernels import believed, go_on
 from fakes.mti_rotation import F64, rotation
 
 STATIC_RAD, HEADING_RAD = math.radians(0.5), math.radians(1.0)  # bounds: two sigmas
@@ -25,6 +25,7 @@ RATE_NOISE_RADPS = math.radians(0.05) * math.sqrt(40.0 * math.pi / 2)
 ACCEL_NOISE_MPS2 = 0.002 * math.sqrt(30.0 * math.pi / 2)
 HEADING_S = 60.0  # how slowly the heading's error wanders
 TIMES_S = np.array([WANDER_S, WANDER_S, HEADING_S, DRIFT_S, DRIFT_S, DRIFT_S])
+WANDERS_RAD = np.array([WANDER_RAD, WANDER_RAD, HEADING_RAD / 2])  # lean 2, heading
 LONGEST_S = 1.0  # a gap between two samples counts as no longer
 
 
@@ -49,7 +50,7 @@ class SheetErrors:
         if gone_s == 0.0:
             return
         noise = self._random.standard_normal(6)
-        lean_and_wander(
+        go_on(
             gone_s, R_earth_sensor, accel_mps2, LEAN_S, self._lean_rad, TIMES_S, self._wander, noise
         )
 
@@ -60,11 +61,4 @@ class SheetErrors:
 
     def orientation(self, R_earth_sensor: F64) -> F64:
         """What it takes the true orientation (3, 3) for, now."""
-        lean, wander = self._lean_rad, self._wander
-        return believed_rotation(
-            R_earth_sensor,
-            lean[0] + WANDER_RAD * wander[0],
-            lean[1] + WANDER_RAD * wander[1],
-            HEADING_RAD / 2 * wander[2],
-            self._R_case,
-        )
+        return believed(R_earth_sensor, self._lean_rad, self._wander, WANDERS_RAD, self._R_case)

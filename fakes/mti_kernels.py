@@ -6,6 +6,8 @@ import numpy as np
 
 from fakes.ray_kernels import F64, kernel
 
+Sigmas = tuple[float, float, float, float]  # of angle, acceleration, rate of turn, field
+
 
 @kernel
 def times(A: F64, B: F64) -> F64:
@@ -33,48 +35,52 @@ def turn_about(x: float, y: float, z: float) -> F64:
 
 
 @kernel
-def told_rotation(
-    earth: F64, yaw_rad: float, R_earth_sensor: F64, sigma_rad: float, noise: F64, case: F64
-) -> F64:
-    """What is told of an orientation (3, 3), yaw off and noisy, between two frames (3, 3).
+def told(
+    R_true: F64, R_believed: F64, accel: F64, rate: F64, field: F64, yaw_rad: float,
+    sigmas: Sigmas, noise: F64, accel_off: F64, rate_off: F64, full: F64, earth: F64, case: F64,
+) -> tuple[F64, F64, int]:  # fmt: skip
+    """What is told of a sample: orientation (3, 3), vectors as rows (3, 3), which were clipped.
 
     Args:
-        noise: (3,) of `sigma_rad`.
+        R_true, R_believed: (3, 3) as it is, and as the sensor takes it to be.
+        accel, rate: (3,) along the sensor's axes; field: (3,) in the earth frame.
+        yaw_rad: by which the orientation's yaw is off.
+        sigmas: of angle, acceleration, rate and field; noise: (4, 3) of these, for the angle in row
+            0, the rate in 1, acceleration in 2 and field in 3; accel_off, rate_off: (3,) biases.
+        full: (3,) at most: acceleration, rate, field.
+        earth, case: (3, 3), what turns the earth, and the sensor's axes, to what is told.
+
+    Returns:
+        The rows are acceleration, rate and field; a bit for each number beyond `full`, accel x
+        first.
     """
-    R = times(turn_about(0.0, 0.0, yaw_rad), R_earth_sensor)
-    x, y, z = sigma_rad * noise[0], sigma_rad * noise[1], sigma_rad * noise[2]
-    return times(times(earth, times(R, turn_about(x, y, z))), case.T)
+    R = times(turn_about(0.0, 0.0, yaw_rad), R_believed)
+    x, y, z = sigmas[0] * noise[0, 0], sigmas[0] * noise[0, 1], sigmas[0] * noise[0, 2]
+    R = times(times(earth, times(R, turn_about(x, y, z))), case.T)
+    vectors, clipped = _told_vectors(
+        accel, rate, R_true, field, sigmas, noise, accel_off, rate_off, full, case
+    )
+    return R, vectors, clipped
 
 
 @kernel
-def told_vectors(
-    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, sigmas: tuple[float, float, float],
-    noise: F64, accel_off: F64, rate_off: F64, full: F64, case: F64,
+def _told_vectors(
+    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, sigmas: Sigmas, noise: F64,
+    accel_off: F64, rate_off: F64, full: F64, case: F64,
 ) -> tuple[F64, int]:  # fmt: skip
-    """Acceleration, rate of turn and magnetic field as rows (3, 3), and which were clipped.
-
-    Args:
-        field: (3,) in the earth frame; accel, rate: (3,) along the sensor's axes.
-        sigmas: of the three kinds; noise: (4, 3) of these, for the rate in row 1, acceleration in
-            2 and magnetic field in 3; accel_off, rate_off: (3,) biases.
-        full: (3,) at most, each kind.
-        case: (3, 3) from the sensor's to the told axes.
-
-    Returns:
-        The rows, and a bit for each number beyond `full`, accel x first.
-    """
+    """The vectors of `told`, and which of their numbers were clipped."""
     told, clipped, sensed = np.empty((3, 3)), 0, np.empty(3)
     for kind in range(3):
         for axis in range(3):
             if kind == 0:
-                value = accel[axis] + (accel_off[axis] + sigmas[0] * noise[2, axis])
+                value = accel[axis] + (accel_off[axis] + sigmas[1] * noise[2, axis])
             elif kind == 1:
-                value = rate[axis] + (rate_off[axis] + sigmas[1] * noise[1, axis])
+                value = rate[axis] + (rate_off[axis] + sigmas[2] * noise[1, axis])
             else:
                 value = 0.0
                 for k in range(3):
                     value += R_earth_sensor[k, axis] * field[k]
-                value += sigmas[2] * noise[3, axis]
+                value += sigmas[3] * noise[3, axis]
             if abs(value) > full[kind]:
                 clipped |= 1 << (3 * kind + axis)
             sensed[axis] = min(max(value, -full[kind]), full[kind])
@@ -86,7 +92,7 @@ def told_vectors(
 
 
 @kernel
-def lean_and_wander(
+def go_on(
     gone_s: float, R_earth_sensor: F64, accel: F64, lean_s: float, lean_rad: F64,
     times_s: F64, wander: F64, noise: F64,
 ) -> None:  # fmt: skip
@@ -105,18 +111,20 @@ def lean_and_wander(
 
 
 @kernel
-def believed_rotation(
-    R_earth_sensor: F64, lean_x: float, lean_y: float, heading_rad: float, R_case: F64
-) -> F64:
-    """An orientation (3, 3) with a false vertical, a false heading, and in a case set askew."""
+def believed(R_earth_sensor: F64, lean_rad: F64, wander: F64, sigmas: F64, R_case: F64) -> F64:
+    """An orientation (3, 3) with a false vertical, a false heading, and in a case set askew.
+
+    Args:
+        lean_rad: (2,). wander: (3,) more of it and the heading's, in sigmas (3,).
+    """
+    lean_x, lean_y = lean_rad[0] + sigmas[0] * wander[0], lean_rad[1] + sigmas[1] * wander[1]
     R = times(turn_about(lean_x, lean_y, 0.0), R_earth_sensor)
-    return times(times(turn_about(0.0, 0.0, heading_rad), R), R_case)
+    return times(times(turn_about(0.0, 0.0, sigmas[2] * wander[2]), R), R_case)
 
 
 def warm() -> None:
     """Run all of them once, so that none is compiled while a host waits for its device."""
     up, one, rows = np.array([0.0, 0.0, 9.81]), np.eye(3), np.zeros((4, 3))
-    told_rotation(one, 0.0, one, 0.0, up, one)
-    told_vectors(up, up, one, up, (0.0, 0.0, 0.0), rows, up, up, up, one)
-    lean_and_wander(0.01, one, up, 1.0, np.zeros(2), np.ones(6), np.zeros(6), np.zeros(6))
-    believed_rotation(one, 0.0, 0.0, 0.0, one)
+    told(one, one, up, up, up, 0.0, (0.0, 0.0, 0.0, 0.0), rows, up, up, up, one, one)
+    go_on(0.01, one, up, 1.0, np.zeros(2), np.ones(6), np.zeros(6), np.zeros(6))
+    believed(one, np.zeros(2), np.zeros(6), np.zeros(3), one)

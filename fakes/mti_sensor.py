@@ -12,7 +12,7 @@ import numpy as np
 from fakes.mti_data import NOWHERE, Sample
 from fakes.mti_errors import ACCEL_NOISE_MPS2, RATE_NOISE_RADPS, SheetErrors
 from fakes.mti_gnss import Place, place_near
-from fakes.mti_kernels import told_rotation, told_vectors, warm
+from fakes.mti_kernels import Sigmas, told, warm
 from fakes.mti_memory import BAD_PARAMETER, Memory
 from fakes.mti_models import Model
 from fakes.mti_rotation import F64, rotation_from_quaternion, rotation_z
@@ -139,11 +139,11 @@ class Sensor:
         earth, case = self._frames()
         believed = self._believed(R_true, accel_mps2, t_s)
         pulled_rad = self._pulled_by(field, t_s)
-        R = told_rotation(earth, pulled_rad, believed, self.angle_noise_rad, noise[0], case)
         sigmas, accel_off, rate_off = self._wrong_by()
-        vectors, clipped = told_vectors(
-            accel_mps2, rate_radps, R_true, field, sigmas, noise, accel_off, rate_off, FULL, case
-        )
+        R, vectors, clipped = told(
+            R_true, believed, accel_mps2, rate_radps, field, pulled_rad,
+            sigmas, noise, accel_off, rate_off, FULL, earth, case,
+        )  # fmt: skip
         bad = math.nan if self.nan else 0.0
         if self.nan or self.yaw_jump_rad:
             R, vectors = rotation_z(self.yaw_jump_rad) @ R + bad, vectors + bad
@@ -169,15 +169,15 @@ class Sensor:
         self._errors.goes_on(t_s, R_earth_sensor, accel_mps2)
         return self._errors.orientation(R_earth_sensor)
 
-    def _wrong_by(self) -> tuple[tuple[float, float, float], F64, F64]:
-        """Noise of acceleration, rate and field (1 sigma); biases (3,) of acceleration and rate."""
+    def _wrong_by(self) -> tuple[Sigmas, F64, F64]:
+        """Noise (1 sigma) of each kind; biases (3,) of acceleration and rate."""
         accel, rate, magnetic = self.accel_noise_mps2, self.rate_noise_radps, self.magnetic_noise
         accel_off, rate_off = self.accel_bias_mps2, self.rate_bias_radps
         if self.sheet_errors:
             accel, rate = max(accel, ACCEL_NOISE_MPS2), max(rate, RATE_NOISE_RADPS)
             accel_off = accel_off + self._errors.accel_bias_mps2
             rate_off = rate_off + self._errors.rate_bias_radps
-        return (accel, rate, magnetic), accel_off, rate_off
+        return (self.angle_noise_rad, accel, rate, magnetic), accel_off, rate_off
 
     def _pulled_by(self, field: F64, t_s: float) -> float:
         """By how much the yaw is off: it follows the magnetic north of a field (3,), slowly.

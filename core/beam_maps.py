@@ -60,6 +60,7 @@ class BeamMaps:
         self.elevation.judge_again(self.ground.numbers, self.ground.numbers, 0.0)
         self.window.put(np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
         lacks_floor(self.cells.flat, 0, self.cells.sub)
+        self.faces.warm()
 
     def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a scan that attitude and odometry cover; how many returns it had.

@@ -142,6 +142,16 @@ def _slides(
     return n
 
 
+@kernel
+def _agreeing(slides: F64) -> tuple[int, float]:
+    """How many of some (n,) agree with their middle, and their mean."""
+    middle_m, count, total_m = np.median(slides), 0, 0.0
+    for k in range(len(slides)):
+        if abs(slides[k] - middle_m) <= AGREE_M:
+            count, total_m = count + 1, total_m + slides[k]
+    return count, total_m / max(count, 1)
+
+
 class Faces:
     """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
 
@@ -150,6 +160,10 @@ class Faces:
         self._slides = np.zeros(MAX_BEAMS)
         self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
         self._leg, self._heading = 1, (math.nan, math.nan)
+
+    def warm(self) -> None:
+        """Run the kernel that few scans need."""
+        _agreeing(self._slides[:1])
 
     def erase(self) -> None:
         """Forget what they told; the cells forget the faces."""
@@ -173,14 +187,10 @@ class Faces:
             cells.flat,
             self._slides,
         )
-        slides = self._slides[:n]
         if n < LEAST:
             return None
-        middle_m = float(np.median(slides))
-        near = slides[np.abs(slides - middle_m) <= AGREE_M]
-        if len(near) < max(LEAST, 0.5 * n):
-            return None
-        return self._maybe_grown(stand, float(near.mean()))
+        count, mean_m = _agreeing(self._slides[:n])
+        return self._maybe_grown(stand, mean_m) if count >= max(LEAST, 0.5 * n) else None
 
     def _maybe_grown(self, stand: Stand, off_m: float) -> Slide | None:
         """What the faces' offsets of some travel say, if they have grown as slip makes them grow.

@@ -291,10 +291,9 @@ class GroundTracker:
         last = self.line
         before_m = last.travel_m if last else stand.travel_m
         moved_m = abs(stand.travel_m - before_m)
-        led_m = moved_m + TURNED_M * self._turned_rad
         if middle_m < CREST_M and self.slope_rad(stand)[0] > CREST_RAD:
             moved_m *= CREST_FASTER
-        led_m = max(moved_m, led_m)
+        led_m = moved_m + TURNED_M * self._turned_rad
         stay = math.exp(-led_m / FOLLOW_M - passed_s / FOLLOW_S)
         most_m = STEEPEST * led_m + 0.02 * passed_s
         rise_m = max(-most_m, min(most_m, (1.0 - stay**2) * middle_m))

@@ -29,6 +29,7 @@ from hw.session import DeviceStatus, NoPort, Port
 
 STATE_LOG_S = 1.0  # counters to the log this often
 SCAN_WAIT = 0.25  # share of a tick of the link that it waits for a scan which is due
+LOOK_S = 0.01  # doubts and ramps are worked out this often where nothing new has come
 ZONE_S = 0.045  # the stop zone is worked out this often: at every second or third map frame
 
 
@@ -101,7 +102,7 @@ class App:
         self.servers: dict[str, DeviceStatus] = {}  # of the register image, by name, for the log
         self.log = structlog.get_logger()
         self._linked_s = self._logged_s = self._overrun_s = self._zone_s = float("-inf")
-        self._mapped_s = float("-inf")
+        self._mapped_s = self._looked_s = float("-inf")
         self.ticks = self.slots_missed = 0
         self._late_s: list[float] = []  # of the ticks since the last log
         self._drop_ahead = False
@@ -147,20 +148,32 @@ class App:
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
         self.ticks += 1
-        for attitude in self.ahrs.step(now_s):
+        attitudes, counted = self.ahrs.step(now_s), self.drive.step(now_s)
+        scans, asked = self.scanner.step(now_s), self.planners.requests.newest
+        for attitude in attitudes:
             self.mapper.add_attitude(attitude)
-        for counts in self.drive.step(now_s):
+        for counts in counted:
             self.mapper.add_counts(counts)
             self._stall.counted(counts)
-        for scan in self.scanner.step(now_s):
+        for scan in scans:
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
         self._mapped_s = now_s if mapped else self._mapped_s
         self.planners.poll(now_s)
-        for pose in self.planners.take_external_poses():
+        poses = self.planners.take_external_poses()
+        for pose in poses:
             self.mapper.odometry.add_external(pose)
+        has_news = bool(attitudes or counted or scans or mapped or poses)
+        has_news = has_news or self.planners.requests.newest is not asked
+        is_due = self._is_due(now_s, mapped)
+        if has_news or is_due or now_s - self._looked_s >= LOOK_S - 1e-6:
+            self._look(now_s, is_due)
+
+    def _look(self, now_s: float, is_due: bool) -> None:
+        """What all of it comes to now: for the planner, if it is due, the motors and the log."""
+        self._looked_s = now_s
         window_trusted, told = self.report(now_s)
-        if self._is_due(now_s, mapped):
+        if is_due:
             self.tell(now_s, told, window_trusted)
             self._linked_s = now_s
         self._drive(now_s, told)

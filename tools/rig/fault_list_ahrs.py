@@ -53,6 +53,7 @@ _AHRS = (
         "ahrs.baud", "another rate of its line until it is off and on", "9600", after=(POWER_UP,)
     ),
     either("ahrs.angle_noise_rad", "floor that wobbles may look like obstacles", "0.01"),
+    either("ahrs.angle_noise_rad", "the gyro carries roll and pitch", "0.06"),
     either("ahrs.rate_noise_radps", "the heading is less sure", "0.2"),
     either("ahrs.rate_bias_radps", "the bias is learnt while it stands", "0,0,0.02"),
     goes_on("ahrs.sheet_errors", "as wrong as its sheet allows"),

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fakes.crossing_kernels import meet_passers, meet_targets
 from fakes.ray_kernels import (
     BLACK,
     F64,
@@ -15,8 +16,6 @@ from fakes.ray_kernels import (
     horizon_from,
     invert,
     kernel,
-    meet_passers,
-    meet_targets,
     pencil_for,
     spans_of_passers,
     spans_of_targets,
@@ -106,10 +105,8 @@ def _put_in(beams: Beams, pencil: Pencil) -> None:
             for axis in range(3):
                 off = right * aside[axis] + high * up[axis]
                 way = ahead[axis] + right_way * aside[axis] + high_way * up[axis]
-                begins[axis, row + sub], ways[axis, row + sub] = (
-                    begin[axis] + off,
-                    way / lengths[sub],
-                )
+                begins[axis, row + sub] = begin[axis] + off
+                ways[axis, row + sub] = way / lengths[sub]
     invert(pencil)
 
 

@@ -14,9 +14,10 @@ import numpy.typing as npt
 from fakes import beam_light, robot
 from fakes.beam_kernels import FAR_M, Beams, echoes_of_beams, middles_of
 from fakes.beam_targets import targets_from
+from fakes.crossing_kernels import ways_through_box
 from fakes.crowd import Crowd
 from fakes.movers import Mover, Part
-from fakes.ray_kernels import Passers, ways_through_box
+from fakes.ray_kernels import Passers
 from fakes.rotations import rotation_y
 from fakes.scene import Scene
 from fakes.solids import Solid

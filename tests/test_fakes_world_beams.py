@@ -8,19 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fakes.crossing_kernels import across_disc, cosine_at, meet_passers, ways_through_box
 from fakes.kinematic_world import KinematicWorld
 from fakes.lms111_head import LaserHead
 from fakes.movers import box, person
-from fakes.ray_kernels import (
-    Passers,
-    across_disc,
-    cosine_at,
-    horizon_from,
-    meet_passers,
-    pencil_from,
-    spans_of_passers,
-    ways_through_box,
-)
+from fakes.ray_kernels import Passers, horizon_from, pencil_from, spans_of_passers
 from fakes.rays import SECOND_SHARE
 from fakes.rig import Rig
 from fakes.scene import Scene, Solid

@@ -106,10 +106,6 @@ class BeamMaps:
         is_straight = moved_m > LEAST_MOVED_M and swept_m < MOST_SWEPT * moved_m
         return is_straight, moved_m < STOOD_M and swept_m < STOOD_SWEPT_M
 
-    def update_layers(self) -> None:
-        """Slope, step and roughness of what was touched since the last time."""
-        self.terrain.update()
-
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name; none where there is none."""
         return maybe_beams_layer(name, self.cells, self.terrain, self.window)

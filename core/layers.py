@@ -92,6 +92,7 @@ def maybe_beams_layer(
         "roughness": terrain.roughness_m,
     }
     if name in judged:
+        terrain.update()
         return view_of(name, cells.grid, judged[name])
     if name == "soft":
         ring = np.empty(cells.cells.shape)
@@ -110,6 +111,7 @@ def maybe_beams_values(
     if name == "state":
         return states_at(window, i, j)
     if name == "slope":
+        terrain.update()
         return at_cells(cells.grid, i, j, terrain.slope_rad)
     if name not in RECORDED:
         return None

@@ -148,8 +148,7 @@ class Mapper:
         return self.maps.maybe_layer(name)
 
     def window(self, trusted: bool) -> ObstacleWindow:
-        """The obstacle map and what changed in it since the last call; layers are up to it."""
-        self.maps.update_layers()
+        """The obstacle map and what changed in it since the last call."""
         window = self.maps.window
         return ObstacleWindow(
             window.cells,

@@ -29,10 +29,6 @@ class Maps(Protocol):
         """Forget everything: nothing in it can be placed any more."""
         ...
 
-    def update_layers(self) -> None:
-        """Work out what layers need since the last time; called at the publishing rate."""
-        ...
-
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name in `core.layers.UNITS`; none where the method has none."""
         ...

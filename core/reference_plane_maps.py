@@ -138,9 +138,6 @@ class ReferencePlaneMaps:
         )
         self.window.put(self._at[:changed], self._new[:changed])
 
-    def update_layers(self) -> None:
-        """Nothing: heights and states are kept as they are."""
-
     def maybe_layer(self, name: str) -> LayerView | None:
         """Height above the reference, or state; none for any other name."""
         return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)

@@ -1,9 +1,10 @@
-"""Slope, step and roughness of the ground about each cell, kept up at the publishing rate.
+"""Slope, step and roughness of the ground about each cell, worked out for whoever asks.
 
 A plane is laid through the heights (map frame) of a cell and its known neighbours. Scans note which
-cells they touched; `update` looks once at each of these and at its neighbours, so that the cost
-grows with what was seen and not with the window. Heights far apart in time also carry the drift of
-the pose between them. Refuses to judge: NaN says that a cell is not known, never that it is flat.
+cells they touched; `update` looks once at each of these and at its neighbours, before a layer is
+read and whenever many wait, so that the cost grows with what was seen and not with the window.
+Heights far apart in time also carry the drift of the pose between them. Refuses to judge: NaN says
+that a cell is not known, never that it is flat.
 Source: step, slope and roughness as Wermelinger et al., Navigation planning for legged robots in
 challenging terrain, 2016.
 """
@@ -20,6 +21,7 @@ from core.records import I8, I32
 F32 = npt.NDArray[np.float32]
 Windowed = tuple[int, int, int, float]  # corner i, corner j, size, edge of a cell in metres
 
+MANY = 1500  # touched cells that may wait until somebody asks: looking at all of them is short
 TOUCHED, LISTED = 1, 2  # bits of a mark: a scan touched the cell; this update looks at it
 EVENLY = 1.0 / math.sqrt(12.0)  # rms about the middle of what lies evenly between two bounds
 
@@ -134,7 +136,8 @@ def _look(
 class Terrain:
     """Layers (size, size) float32 over a `CellGrid`, laid out as it is; NaN where not known.
 
-    A cell at the edge of the window keeps what it was judged with when neighbours leave.
+    They are as of the last `update`, which whoever reads them calls first. A cell at the edge of
+    the window keeps what it was judged with when neighbours leave.
     """
 
     def __init__(self, cells: CellGrid) -> None:
@@ -148,11 +151,15 @@ class Terrain:
         self.looks = 0  # cells looked at so far
 
     def note(self, touched: I32) -> None:
-        """Cells (flat indices) that a scan touched: the next update looks at them."""
+        """Cells (flat indices) that a scan touched: they are looked at when there are many."""
         self._used = _note(touched, self._marks, self._noted, self._used)
+        if self._used > MANY:
+            self.update()
 
     def update(self) -> int:
         """Look again at what was touched since the last update; returns at how many cells."""
+        if self._used == 0:
+            return 0
         window = self._cells.window
         used = int(_list_around(window, self._marks, self._noted, self._used))
         _look(

@@ -16,13 +16,11 @@ from fakes.ray_kernels import (
     horizon_from,
     invert,
     kernel,
-    pencil_for,
     spans_of_passers,
     spans_of_targets,
 )
 
 Vector = tuple[float, float, float]
-BEAMS = 32  # of a pencil
 FAR_M = 30.0  # a beam returns nothing from beyond
 BLACK_REACH_M = 3.0  # nor from what is black, beyond this
 MIDDLE_WEIGHT = 0.28  # of a beam's light; the ring around its middle shares the rest
@@ -61,52 +59,47 @@ def _begin_of(beams: Beams, i: int) -> Vector:
 
 
 @kernel
-def _way_of(beams: Beams, i: int, ahead: float, aside: float, up: float) -> Vector:
-    """What lies so far ahead, aside and up of where beam i looks."""
-    c, s = math.cos(beams.bearings[i]), math.sin(beams.bearings[i])
-    x, y, z = _turned(beams.R_body_lens, c * ahead - s * aside, s * ahead + c * aside, up)
+def _way_of(beams: Beams, i: int, x: float, y: float, z: float) -> Vector:
+    """A vector in the lens's axes as beam i has it, in the map's."""
+    x, y, z = _turned(beams.R_body_lens, x, y, z)
     return _turned(beams.R_map_body[i], x, y, z)
 
 
 @kernel
-def middles_of(beams: Beams) -> tuple[F64, F64]:
-    """Begins and ways (n, 3) of the beams' middles."""
+def aims_of(beams: Beams) -> F64:
+    """Where the beams begin, and their ways ahead, aside and up of unit length: (4, 3, n)."""
     n = len(beams.bearings)
-    begins, ways = np.empty((n, 3)), np.empty((n, 3))
+    aims = np.empty((4, 3, n))
     for i in range(n):
-        begins[i, 0], begins[i, 1], begins[i, 2] = _begin_of(beams, i)
-        ways[i, 0], ways[i, 1], ways[i, 2] = _way_of(beams, i, 1.0, 0.0, 0.0)
-    return begins, ways
+        c, s = math.cos(beams.bearings[i]), math.sin(beams.bearings[i])
+        aims[0, 0, i], aims[0, 1, i], aims[0, 2, i] = _begin_of(beams, i)
+        aims[1, 0, i], aims[1, 1, i], aims[1, 2, i] = _way_of(beams, i, c, s, 0.0)
+        aims[2, 0, i], aims[2, 1, i], aims[2, 2, i] = _way_of(beams, i, -s, c, 0.0)
+        aims[3, 0, i], aims[3, 1, i], aims[3, 2, i] = _way_of(beams, i, 0.0, 0.0, 1.0)
+    return aims
 
 
 @kernel
-def horizon_of(beams: Beams) -> Horizon:
+def horizon_of(beams: Beams, aims: F64) -> Horizon:
     """Where the beams look."""
-    begins, ways = middles_of(beams)
     aside_m = 0.0
     for sub in range(len(beams.pattern)):
         aside_m = max(aside_m, abs(beams.pattern[sub, 0]) + abs(beams.pattern[sub, 1]))
-    return horizon_from(begins, ways, aside_m, beams.spread_rad)
+    return horizon_from(aims[0], aims[1], aside_m, beams.spread_rad)
 
 
 @kernel
-def _put_in(beams: Beams, pencil: Pencil) -> None:
-    """Into a pencil, the rays of its beams."""
-    begins, ways, lengths = pencil.begins, pencil.ways, np.empty(pencil.subs)
-    for sub in range(pencil.subs):
-        lengths[sub] = math.hypot(1.0, math.hypot(beams.pattern[sub, 2], beams.pattern[sub, 3]))
-    for i in range(pencil.beams):
-        beam, row = pencil.first + i, i * pencil.subs
-        begin, ahead = _begin_of(beams, beam), _way_of(beams, beam, 1.0, 0.0, 0.0)
-        aside, up = _way_of(beams, beam, 0.0, 1.0, 0.0), _way_of(beams, beam, 0.0, 0.0, 1.0)
-        for sub in range(pencil.subs):
-            right, high = beams.pattern[sub, 0], beams.pattern[sub, 1]
-            right_way, high_way = beams.pattern[sub, 2], beams.pattern[sub, 3]
-            for axis in range(3):
-                off = right * aside[axis] + high * up[axis]
-                way = ahead[axis] + right_way * aside[axis] + high_way * up[axis]
-                begins[axis, row + sub] = begin[axis] + off
-                ways[axis, row + sub] = way / lengths[sub]
+def _put_in(aims: F64, offsets: F64, pencil: Pencil) -> None:
+    """Into a pencil, that ray of each beam which has these offsets (4,) of a pattern."""
+    right, high, right_way, high_way = offsets
+    length = math.hypot(1.0, math.hypot(right_way, high_way))
+    for axis in range(3):
+        begin, ahead, aside, up = aims[0, axis], aims[1, axis], aims[2, axis], aims[3, axis]
+        begins, ways = pencil.begins[axis], pencil.ways[axis]
+        for i in range(len(begin)):
+            begins[i] = begin[i] + (right * aside[i] + high * up[i])
+        for i in range(len(begin)):
+            ways[i] = (ahead[i] + right_way * aside[i] + high_way * up[i]) / length
     invert(pencil)
 
 
@@ -121,37 +114,37 @@ def echoes_of_beams(
         since_begin_s: (n,) instants, of the passers' clock.
         mixes: of `echoes_from_rays`; glass_cos: of `meet_targets`.
     """
-    n, subs, horizon = len(beams.bearings), len(beams.pattern), horizon_of(beams)
+    n, subs, aims = len(beams.bearings), len(beams.pattern), aims_of(beams)
+    horizon = horizon_of(beams, aims)
     spans, ways = spans_of_targets(horizon, targets), spans_of_passers(horizon, passers)
-    room, echoes = pencil_for(BEAMS, subs), np.full((2, n), np.inf)
-    found, met = np.empty(BEAMS * subs), np.empty(BEAMS * subs, dtype=np.int64)
-    for first in range(0, n, BEAMS):
-        pencil = Pencil(room.begins, room.ways, room.inverses, first, min(BEAMS, n - first), subs)
-        _put_in(beams, pencil)
-        found[:], met[:] = np.inf, -1
+    pencil = Pencil(np.empty((3, n)), np.empty((3, n)), np.empty((3, n)))
+    ranges_m, met = np.full((subs, n), np.inf), np.empty(n, dtype=np.int64)
+    for sub in range(subs):
+        found = ranges_m[sub]
+        met[:] = -1
+        _put_in(aims, beams.pattern[sub], pencil)
         meet_targets(pencil, spans, targets, glass_cos, FAR_M, found, met)
         meet_passers(pencil, ways, since_begin_s, passers, found, met)
-        for row in range(pencil.beams * subs):
-            is_black = met[row] >= 0 and targets.materials[met[row]] == BLACK
-            if found[row] > (BLACK_REACH_M if is_black else FAR_M):
-                found[row] = np.inf
-        last = first + pencil.beams
-        echoes[:, first:last] = echoes_from_rays(found[: pencil.beams * subs], subs, mixes)
-    return echoes, horizon.azimuths
+        for i in range(n):
+            is_black = met[i] >= 0 and targets.materials[met[i]] == BLACK
+            if found[i] > (BLACK_REACH_M if is_black else FAR_M):
+                found[i] = np.inf
+    return echoes_from_rays(ranges_m, mixes), horizon.azimuths
 
 
 @kernel
-def echoes_from_rays(ranges_m: F64, subs: int, mixes: bool) -> F64:
-    """First and second echo (2, n) of beams of `subs` rays (n * subs,); inf where nothing is.
+def echoes_from_rays(ranges_m: F64, mixes: bool) -> F64:
+    """First and second echo (2, n) of beams of rays (subs, n); inf where nothing is.
 
     Surfaces of one beam that follow each other by less than a pulse are one echo: where it `mixes`
     them at the mean of the light that they return, else at the ray nearest to the beam's middle.
     """
-    n = len(ranges_m) // subs
-    echoes = np.full((2, n), np.inf)
+    subs, n = ranges_m.shape
+    echoes, some = np.full((2, n), np.inf), np.empty(subs)
     order = np.empty(subs, dtype=np.int64)
     for i in range(n):
-        some = ranges_m[i * subs : (i + 1) * subs]
+        for k in range(subs):
+            some[k] = ranges_m[k, i]
         least, most, whole = some[0], some[0], MIDDLE_WEIGHT * some[0]
         for k in range(1, subs):
             least, most = min(least, some[k]), max(most, some[k])

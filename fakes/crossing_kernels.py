@@ -5,6 +5,8 @@ A ray is tried against what its beam can meet alone, by the spans that `fakes.ra
 
 import math
 
+import numpy as np
+
 from fakes.ray_kernels import (
     BOX,
     CYLINDER,
@@ -17,7 +19,6 @@ from fakes.ray_kernels import (
     Pencil,
     Targets,
     kernel,
-    rows_of,
 )
 
 # One ray across one body: scalars, which cost a fifth of what rows of arrays do. A ray is its begin
@@ -104,35 +105,60 @@ def _meet_box(
 
 
 @kernel
+def _list_near(
+    pencil: Pencil, first: int, end: int, low: F64, high: F64, far_m: float, found: F64,
+    enters: F64, near: I64,
+) -> int:  # fmt: skip
+    """Put those of the rays first..end that enter a box before what they meet so far into `near`.
+
+    Returns how many they are; enters: (n,), room to work in.
+    """
+    x, y, z = pencil.begins[0, first:end], pencil.begins[1, first:end], pencil.begins[2, first:end]
+    over_x, over_y = pencil.inverses[0, first:end], pencil.inverses[1, first:end]
+    over_z, nearest, room = pencil.inverses[2, first:end], found[first:end], enters[first:end]
+    x0, y0, z0, x1, y1, z1 = low[0], low[1], low[2], high[0], high[1], high[2]
+    for k in range(end - first):  # without a branch, so that many are done at once
+        enter, leave = across_slab(x[k], over_x[k], x0, x1, -math.inf, math.inf)
+        enter, leave = across_slab(y[k], over_y[k], y0, y1, enter, leave)
+        enter, leave = across_slab(z[k], over_z[k], z0, z1, enter, leave)
+        room[k] = enter if (enter < leave) & (leave > 0.0) & (enter < far_m) else math.inf
+    count = 0
+    for k in range(end - first):
+        if room[k] < nearest[k]:
+            near[count] = first + k
+            count += 1
+    return count
+
+
+@kernel
 def _meet_other(
-    pencil: Pencil, row: int, targets: Targets, j: int, glass_cos: float, far_m: float,
+    pencil: Pencil, i: int, targets: Targets, j: int, glass_cos: float, far_m: float,
     found: F64, met: I64,
 ) -> None:  # fmt: skip
-    """The same with one ray and a target of any kind."""
+    """The same as `_meet_box` with one ray that enters the box around a target of any kind."""
     low, high = targets.lows[j], targets.highs[j]
-    x, y, z = pencil.begins[0, row], pencil.begins[1, row], pencil.begins[2, row]
-    over_z = pencil.inverses[2, row]
-    enter, leave = across_slab(x, pencil.inverses[0, row], low[0], high[0], -math.inf, math.inf)
-    enter, leave = across_slab(y, pencil.inverses[1, row], low[1], high[1], enter, leave)
-    enter, leave = across_slab(z, over_z, low[2], high[2], enter, leave)
-    if enter >= leave or leave <= 0.0 or enter >= min(found[row], far_m):
-        return
-    way_x, way_y, way_z = pencil.ways[0, row], pencil.ways[1, row], pencil.ways[2, row]
+    x, y, z = pencil.begins[0, i], pencil.begins[1, i], pencil.begins[2, i]
+    over_z = pencil.inverses[2, i]
+    way_x, way_y, way_z = pencil.ways[0, i], pencil.ways[1, i], pencil.ways[2, i]
     if targets.kinds[j] == HULL:
         first, end = targets.first_planes[j], targets.first_planes[j + 1]
-        enter, leave = across_hull(pencil, row, targets.planes, first, end)
+        enter, leave = across_hull(pencil, i, targets.planes, first, end)
     elif targets.kinds[j] == CYLINDER:
         off_x, off_y = x - (low[0] + high[0]) / 2, y - (low[1] + high[1]) / 2
         enter, leave = across_disc(off_x, off_y, way_x, way_y, (high[0] - low[0]) / 2)
         enter, leave = across_slab(z, over_z, low[2], high[2], enter, leave)
+    else:
+        enter, leave = across_slab(x, pencil.inverses[0, i], low[0], high[0], -math.inf, math.inf)
+        enter, leave = across_slab(y, pencil.inverses[1, i], low[1], high[1], enter, leave)
+        enter, leave = across_slab(z, over_z, low[2], high[2], enter, leave)
     near = enter if enter > 0.0 else leave
-    if enter >= leave or leave <= 0.0 or near >= found[row] or near > far_m:
+    if enter >= leave or leave <= 0.0 or near >= found[i] or near > far_m:
         return
     if targets.materials[j] == GLASS:
         at_x, at_y, at_z = x + near * way_x, y + near * way_y, z + near * way_z
         if cosine_at(at_x, at_y, at_z, way_x, way_y, way_z, low, high) <= glass_cos:
             return
-    found[row], met[row] = near, j
+    found[i], met[i] = near, j
 
 
 @kernel
@@ -140,23 +166,25 @@ def meet_targets(
     pencil: Pencil, spans: I64, targets: Targets, glass_cos: float, far_m: float,
     found: F64, met: I64,
 ) -> None:  # fmt: skip
-    """Bring `found` (r,) and `met` (r,) to what each ray meets first, within far_m.
+    """Bring `found` (n,) and `met` (n,) to what each ray meets first, within far_m.
 
     Glass, always a box, is met only by rays with a greater cosine to its normal than `glass_cos`.
 
     Args:
         spans: (m, 3, 2) of `spans_of_targets`.
     """
+    enters, listed = np.empty(len(found)), np.empty(len(found), dtype=np.int64)
     for j in range(len(targets.kinds)):
+        low, high = targets.lows[j], targets.highs[j]
         is_easy = targets.kinds[j] == BOX and targets.materials[j] != GLASS
         for turn in range(3):
-            first, end = rows_of(pencil, spans[j, turn])
+            first, end = spans[j, turn, 0], spans[j, turn, 1]
             if is_easy and end > first:
-                low, high = targets.lows[j], targets.highs[j]
                 _meet_box(pencil, first, end, low, high, far_m, j, found, met)
             elif end > first:
-                for row in range(first, end):
-                    _meet_other(pencil, row, targets, j, glass_cos, far_m, found, met)
+                count = _list_near(pencil, first, end, low, high, far_m, found, enters, listed)
+                for i in listed[:count]:
+                    _meet_other(pencil, i, targets, j, glass_cos, far_m, found, met)
 
 
 @kernel
@@ -166,55 +194,50 @@ def meet_passers(
     """The same with what moves, each beam at its own instant; `met` becomes -1 there.
 
     Args:
-        spans: (m, 3, 2) of `spans_of_passers`. times_s: (n,) of all beams of the sweep.
+        spans: (m, 3, 2) of `spans_of_passers`. times_s: (n,).
     """
     for j in range(len(passers.radii_m)):
         for turn in range(3):
-            first, end = rows_of(pencil, spans[j, turn])
-            for i in range(first // pencil.subs, end // pencil.subs):
-                at_s = times_s[pencil.first + i]
-                if passers.stays_s[j, 0] <= at_s < passers.stays_s[j, 1]:
-                    _meet_passer(pencil, i, at_s, passers, j, found, met)
+            for i in range(spans[j, turn, 0], spans[j, turn, 1]):
+                if passers.stays_s[j, 0] <= times_s[i] < passers.stays_s[j, 1]:
+                    _meet_passer(pencil, i, times_s[i], passers, j, found, met)
 
 
 @kernel
 def _meet_passer(
     pencil: Pencil, i: int, at_s: float, passers: Passers, j: int, found: F64, met: I64
 ) -> None:
-    """The rays of beam i of a pencil, and passer j where it is at an instant."""
+    """Ray i, and passer j where it is at an instant."""
     places, known = passers.middles_m[:, j], len(passers.middles_m)
     knot = min(max(0.0, (at_s - passers.first_s) / passers.every_s), known - 1.0)
     k = min(int(knot), max(0, known - 2))
     share, after = knot - k, min(k + 1, known - 1)
-    middle_x = (1.0 - share) * places[k, 0] + share * places[after, 0]
-    middle_y = (1.0 - share) * places[k, 1] + share * places[after, 1]
+    x = pencil.begins[0, i] - ((1.0 - share) * places[k, 0] + share * places[after, 0])
+    y = pencil.begins[1, i] - ((1.0 - share) * places[k, 1] + share * places[after, 1])
     radius, half_x, half_y = passers.radii_m[j], passers.halves_m[j, 0], passers.halves_m[j, 1]
-    for row in range(i * pencil.subs, (i + 1) * pencil.subs):
-        x, y = pencil.begins[0, row] - middle_x, pencil.begins[1, row] - middle_y
-        z, over_z = pencil.begins[2, row], pencil.inverses[2, row]
-        low, high = passers.spans_m[j, 0], passers.spans_m[j, 1]
-        enter, leave = across_slab(z, over_z, low, high, 0.0, found[row])
-        if radius > 0.0:
-            near, far = across_disc(x, y, pencil.ways[0, row], pencil.ways[1, row], radius)
-            enter, leave = max(enter, near), min(leave, far)
-        else:
-            enter, leave = across_slab(x, pencil.inverses[0, row], -half_x, half_x, enter, leave)
-            enter, leave = across_slab(y, pencil.inverses[1, row], -half_y, half_y, enter, leave)
-        if enter < leave and enter < found[row]:
-            found[row], met[row] = enter, -1
+    low, high = passers.spans_m[j, 0], passers.spans_m[j, 1]
+    enter, leave = across_slab(pencil.begins[2, i], pencil.inverses[2, i], low, high, 0.0, found[i])
+    if radius > 0.0:
+        near, far = across_disc(x, y, pencil.ways[0, i], pencil.ways[1, i], radius)
+        enter, leave = max(enter, near), min(leave, far)
+    else:
+        enter, leave = across_slab(x, pencil.inverses[0, i], -half_x, half_x, enter, leave)
+        enter, leave = across_slab(y, pencil.inverses[1, i], -half_y, half_y, enter, leave)
+    if enter < leave and enter < found[i]:
+        found[i], met[i] = enter, -1
 
 
 @kernel
 def ways_through_box(begins: F64, ways: F64, low: F64, high: F64, enters: F64, leaves: F64) -> None:
-    """Where rays (n, 3) enter (n,), 0 from inside, and leave (n,) a box; else inf."""
+    """Where rays (3, n) enter (n,), 0 from inside, and leave (n,) a box; else inf."""
     enters[:], leaves[:] = math.inf, math.inf
-    for i in range(len(ways)):
+    for i in range(len(enters)):
         enter, leave = 0.0, math.inf
         for axis in range(3):
-            way = ways[i, axis]
+            way = ways[axis, i]
             inverse = 1.0 / (way if abs(way) >= TINY else TINY)
             enter, leave = across_slab(
-                begins[i, axis], inverse, low[axis], high[axis], enter, leave
+                begins[axis, i], inverse, low[axis], high[axis], enter, leave
             )
         if enter < leave:
             enters[i], leaves[i] = enter, leave

@@ -2,7 +2,7 @@
 
 Each target is tried only by beams whose azimuth lies within what it covers of the horizon. A beam
 may be `subs` rays that share an azimuth but for a little: the beam's width. A sweep's rays come in
-pencils, some beams at a time, which stay in the processor's nearest memory.
+pencils, one of each beam at a time, so that the rays that meet a target lie side by side.
 """
 
 import math
@@ -62,51 +62,40 @@ class Horizon(NamedTuple):
 
 
 class Pencil(NamedTuple):
-    """Rays of some beams of a sweep, `subs` for each, one after the other; map frame."""
+    """One ray of each beam of a sweep, by axis; map frame."""
 
-    begins: F64  # (3, r) x, y, z, m
-    ways: F64  # (3, r) of unit length
-    inverses: F64  # (3, r) one over these, never endless
-    first: int  # beam, in the sweep,
-    beams: int  # and how many; the rest of the arrays is not in use
-    subs: int
+    begins: F64  # (3, n) x, y, z, m
+    ways: F64  # (3, n) of unit length
+    inverses: F64  # (3, n) one over these, never endless
 
 
 @kernel
 def horizon_from(begins: F64, ways: F64, aside_m: float, spread_rad: float) -> Horizon:
-    """Of beams whose middles begin at (n, 3) and go the ways (n, 3).
+    """Of beams whose middles begin at (3, n) and go the ways (3, n).
 
     Args:
         aside_m, spread_rad: by which their other rays begin and look beside the middle.
     """
-    azimuths, in_order = np.empty(len(ways)), True
+    n, in_order = ways.shape[1], True
+    azimuths = np.empty(n)
     x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
-    for i in range(len(ways)):
-        azimuth = math.atan2(ways[i, 1], ways[i, 0])
+    for i in range(n):
+        azimuth = math.atan2(ways[1, i], ways[0, i])
         if i > 0:
             before = azimuths[i - 1]
             azimuth += TURN_RAD * round((before - azimuth) / TURN_RAD)
             in_order = in_order and azimuth > before
         azimuths[i] = azimuth
-        x, y = begins[i, 0], begins[i, 1]
+        x, y = begins[0, i], begins[1, i]
         x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
     room = ((x0 - aside_m, y0 - aside_m), (x1 + aside_m, y1 + aside_m))
     return Horizon(azimuths, in_order, room, spread_rad)
 
 
 @kernel
-def pencil_for(beams: int, subs: int) -> Pencil:
-    """Room for so many beams, whose rays are still to be put in."""
-    rays = beams * subs
-    return Pencil(np.empty((3, rays)), np.empty((3, rays)), np.empty((3, rays)), 0, beams, subs)
-
-
-@kernel
 def pencil_from(begins: F64, ways: F64) -> Pencil:
-    """Beams of one ray each, from begins (n, 3) and ways (n, 3)."""
-    pencil = pencil_for(len(ways), 1)
-    for row in range(len(ways)):
-        pencil.begins[:, row], pencil.ways[:, row] = begins[row], ways[row]
+    """Rays of begins (3, n) and ways (3, n), which it keeps."""
+    pencil = Pencil(begins, ways, np.empty_like(ways))
     invert(pencil)
     return pencil
 
@@ -116,9 +105,9 @@ def invert(pencil: Pencil) -> None:
     """Bring `inverses` to the ways."""
     for axis in range(3):  # each in one go, so that many are divided at once
         ways, inverses = pencil.ways[axis], pencil.inverses[axis]
-        for row in range(pencil.beams * pencil.subs):
-            way = ways[row]
-            inverses[row] = 1.0 / (way if abs(way) >= TINY else TINY)
+        for i in range(len(ways)):
+            way = ways[i]
+            inverses[i] = 1.0 / (way if abs(way) >= TINY else TINY)
 
 
 @kernel
@@ -191,11 +180,3 @@ def spans_of_passers(horizon: Horizon, passers: Passers) -> I64:
             low[axis], high[axis] = places.min() - half, places.max() + half
         spans_of_beams(horizon, low, high, spans[j])
     return spans
-
-
-@kernel
-def rows_of(pencil: Pencil, span: I64) -> tuple[int, int]:
-    """The first row of a pencil that is of a span (2,) of beams, and the one after the last."""
-    first = max(int(span[0]) - pencil.first, 0)
-    end = min(int(span[1]) - pencil.first, pencil.beams)
-    return first * pencil.subs, max(first, end) * pencil.subs

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes import beam_light, robot
-from fakes.beam_kernels import FAR_M, Beams, echoes_of_beams, middles_of
+from fakes.beam_kernels import FAR_M, Beams, aims_of, echoes_of_beams
 from fakes.beam_targets import targets_from
 from fakes.crossing_kernels import ways_through_box
 from fakes.crowd import Crowd
@@ -92,7 +92,8 @@ class Rays:
         begun = round(abs(float(times_s[0])) * 1e6)
         if self._soft:
             random = np.random.default_rng([self._seed, begun, len(times_s)])
-            echoes = self._among_stalks(random, *middles_of(beams), echoes)
+            aims = aims_of(beams)
+            echoes = self._among_stalks(random, aims[0], aims[1], echoes)
         key = (self._seed << 44) + (begun << 8) & KEYS
         if upsets.dust_per_m or upsets.rain_per_m:
             beam_light.through_air(key, upsets.dust_per_m, upsets.rain_per_m, echoes)
@@ -105,8 +106,8 @@ class Rays:
     def _among_stalks(
         self, random: np.random.Generator, begins: F64, ways: F64, behind: F64
     ) -> F64:
-        """Echoes (2, n) where rays (n, 3) that would go to behind (2, n) cross soft things."""
-        n = len(ways)
+        """Echoes (2, n) where rays (3, n) that would go to behind (2, n) cross soft things."""
+        n = ways.shape[1]
         echoes, enter_m, leave_m = [*behind], np.empty(n), np.empty(n)
         for (low, high), solid in zip(self._boxes, self._soft, strict=True):
             ways_through_box(begins, ways, low, high, enter_m, leave_m)

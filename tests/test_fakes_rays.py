@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fakes.beam_kernels import Beams, echoes_of_beams, horizon_of, middles_of
+from fakes.beam_kernels import Beams, aims_of, echoes_of_beams, horizon_of
 from fakes.beam_targets import MODEL, targets_from
 from fakes.rays import FAR_M, GLASS_COS, R_BODY_LENS, Rays
 from fakes.rotations import R_from_angles
@@ -92,7 +92,7 @@ def random_solids(seed: int, count: int = 60) -> list[Shape]:
 
 
 def assert_same(solids: list[Shape], beams: Beams) -> None:
-    begins, ways = middles_of(beams)
+    begins, ways = (np.ascontiguousarray(part.T) for part in aims_of(beams)[:2])
     ours, (theirs, _) = met_by_kernel(solids, beams), MujocoRays(solids).meet(begins, ways)
     both = np.isfinite(ours) & np.isfinite(theirs)
     differ = ~both & (np.isfinite(ours) | np.isfinite(theirs))
@@ -139,8 +139,8 @@ def test_beams_that_are_in_no_order_meet_the_same_as_in_order() -> None:
         R_map_body=beams.R_map_body[order],
         bearings=beams.bearings[order],
     )
-    assert horizon_of(beams).in_order
-    assert not horizon_of(mixed).in_order
+    assert horizon_of(beams, aims_of(beams)).in_order
+    assert not horizon_of(mixed, aims_of(mixed)).in_order
     np.testing.assert_array_equal(met_by_kernel(solids, mixed), met_by_kernel(solids, beams)[order])
 
 

@@ -98,7 +98,7 @@ def test_echoes_of_rays_are_those_of_a_slow_and_obvious_way(mixes: bool) -> None
     random = np.random.default_rng(5)
     ranges_m = random.choice([3.0, 3.2, 3.45, 5.0, 5.4, 9.0, np.inf], (200, 7))
     ranges_m += random.uniform(0.0, 0.01, ranges_m.shape)
-    echoes = echoes_from_rays(ranges_m.ravel(), 7, mixes)
+    echoes = echoes_from_rays(ranges_m.T.copy(), mixes)
     weights = np.array([0.28] + [0.12] * 6)
     for k, row in enumerate(ranges_m):
         groups: list[list[int]] = []

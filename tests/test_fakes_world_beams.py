@@ -207,7 +207,7 @@ def test_a_beam_enters_and_leaves_a_box_on_its_surface(
     start, way = 3.0 * np.array([begin]), np.array([towards])
     way /= np.linalg.norm(way)
     enter, leave = np.empty(1), np.empty(1)
-    ways_through_box(start, way, low, high, enter, leave)
+    ways_through_box(start.T.copy(), way.T.copy(), low, high, enter, leave)
     ways = np.linspace(0.0, 12.0, 2000)
     points = start + ways[:, None] * way
     inside = ((points > low) & (points < high)).all(axis=1)
@@ -233,8 +233,8 @@ def test_a_beam_enters_and_leaves_a_cylinder_on_its_surface(
     found, met, now_s = np.full(1, np.inf), np.full(1, 7), np.zeros(1)
     one, always = np.array([radius_m]), np.array([[-np.inf, np.inf]])
     cylinder = Passers(0.0, 1.0, middle, one, np.zeros((1, 2)), np.array([z]), always)
-    spans = spans_of_passers(horizon_from(start, way, 0.0, 0.0), cylinder)
-    meet_passers(pencil_from(start, way), spans, now_s, cylinder, found, met)
+    spans = spans_of_passers(horizon_from(start.T.copy(), way.T.copy(), 0.0, 0.0), cylinder)
+    meet_passers(pencil_from(start.T.copy(), way.T.copy()), spans, now_s, cylinder, found, met)
     ways = np.linspace(0.0, 12.0, 2000)
     points = start + ways[:, None] * way
     inside = np.hypot(*(points[:, :2] - middle[0]).T) < radius_m

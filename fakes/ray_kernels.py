@@ -168,11 +168,8 @@ def spans_of_targets(horizon: Horizon, targets: Targets) -> I64:
 @kernel
 def spans_of_passers(horizon: Horizon, passers: Passers) -> I64:
     """The same of what moves, wherever it is during the sweep."""
-    spans, low, high = (
-        np.empty((len(passers.radii_m), 3, 2), dtype=np.int64),
-        np.zeros(3),
-        np.zeros(3),
-    )
+    spans = np.empty((len(passers.radii_m), 3, 2), dtype=np.int64)
+    low, high = np.zeros(3), np.zeros(3)
     for j in range(len(spans)):
         for axis in range(2):
             places = passers.middles_m[:, j, axis]

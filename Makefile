@@ -19,17 +19,17 @@ $(VENV)/.ready: pyproject.toml
 	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable '.[dev]'
 	@touch $@
 
-$(VENV)/.warm: $(VENV)/.ready $(wildcard core/*.py hw/*.py fakes/*kernels.py fakes/beam_light.py)
+$(VENV)/.warm: $(VENV)/.ready $(shell find core hw fakes -name "*.py")
 	@echo "mapod: compiling the kernels of the app, then those of the simulated world (a minute, then cached)"
-	@rm -f core/__pycache__/*.nb? hw/__pycache__/*.nb? fakes/__pycache__/*.nb?  # a cached kernel does not see that one it calls has changed
+	@find core hw fakes -name "*.nb?" -delete  # a cached kernel does not see that one it calls has changed
 	@$(BIN)/python main.py --warm
-	@$(BIN)/python -c "from fakes.rig import Rig; from fakes.scene import load_scene; Rig(load_scene('crowd', 1), 1)"
+	@$(BIN)/python -c "from fakes.world.rig import Rig; from fakes.scenes.scene import load_scene; Rig(load_scene('crowd', 1), 1)"
 	@touch $@
 
 setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels
 
 run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
-	@$(BIN)/python -m tools.run --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
+	@$(BIN)/python -m tools.cli.demo --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
 
 rig: setup ## the app as it is, in real time, as rig.toml says: real or fake devices, a planner in C on an emulated MCU [SCENE=aisle SEED=1 SECONDS=60]
 	@$(BIN)/python -m tools.rig.live $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
@@ -67,17 +67,17 @@ format: setup ## put the code into form
 	@$(BIN)/ruff check --fix .
 
 replay: setup ## recorded laser bytes through the same app, and the same picture [UPDATE=1]
-	@$(BIN)/python -m tools.replay $(if $(UPDATE),--store tests/replays/lms111_session.json)
+	@$(BIN)/python -m tools.cli.replay $(if $(UPDATE),--store tests/replays/lms111_session.json)
 
 view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
-	@$(BIN)/python -m tools.view --port $(or $(PORT),udp://127.0.0.1:9750)
+	@$(BIN)/python -m tools.cli.view --port $(or $(PORT),udp://127.0.0.1:9750)
 
 bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
-	@$(BIN)/python -m tools.bench
-	@$(BIN)/python -m tools.bench_link
+	@$(BIN)/python -m tools.bench.bench
+	@$(BIN)/python -m tools.bench.link
 
 link-test: setup ## the planner link's conformance tests against your receiver PORT=udp://127.0.0.1:9751 [ARGS="--only 2,5"]
-	@$(BIN)/python -m tools.link_test $(if $(PORT),--port $(PORT)) $(ARGS)
+	@$(BIN)/python -m tools.cli.link_test $(if $(PORT),--port $(PORT)) $(ARGS)
 
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
 	@$(BIN)/python -m tools.conformance
@@ -89,21 +89,21 @@ experiments: setup ## the paper's experiments and more, both methods: docs/exper
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
 
 calibrate: setup ## height, tilt and roll of the scanner from flat floor [ARGS="--height 1.08 --write"]
-	@$(BIN)/python -m tools.calibrate $(ARGS)
+	@$(BIN)/python -m tools.calibration.calibrate $(ARGS)
 
 fuzz: setup ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
-	@$(BIN)/python -m tests.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
+	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
-	@$(BIN)/python -m tests.c_sizes
+	@$(BIN)/python -m tests.support.c_sizes
 	@$(MAKE) --no-print-directory -C hw/mcu qemu
 
 devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
-	@$(BIN)/python tools/devices.py $(ARGS)
+	@$(BIN)/python tools/cli/devices.py $(ARGS)
 
 compare: setup ## a real device and its fake, asked the same [ARGS="scanner --real tcp://192.168.0.1:2112"]
-	@$(BIN)/python -m tools.compare $(ARGS)
+	@$(BIN)/python -m tools.compare.compare $(ARGS)
 
 clean: ## remove all that the other targets made
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis mapod.egg-info build

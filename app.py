@@ -10,22 +10,22 @@ from itertools import chain
 import numpy as np
 import structlog
 
-from core import drive
 from core.config import Config
-from core.layers import UNITS
-from core.mapper import Mapper
+from core.driving import control as drive
+from core.driving.report import report
+from core.driving.stall import STALLED, StallWatch
+from core.driving.zone import NOT_TRUSTED, ZoneReporter
+from core.mapping.layers import UNITS
+from core.mapping.mapper import Mapper
+from core.mapping.tiles import TileValues
 from core.records import Attitude, PoseReport, Scan, WheelCounts
-from core.report import report
-from core.stall import STALLED, StallWatch
-from core.tiles import TileValues
-from core.zone_report import NOT_TRUSTED, ZoneReporter
-from hw.ax3500_session import Ax3500
-from hw.lms111_session import Lms111
-from hw.modbus_image import RegisterImage
-from hw.mti_session import Mti
-from hw.planners import Planners, Wire
-from hw.port import parse_url
-from hw.session import DeviceStatus, NoPort, Port
+from hw.ax3500.session import Ax3500
+from hw.device import DeviceStatus, NoPort, Port
+from hw.lms1xx.session import Lms111
+from hw.modbus.image import RegisterImage
+from hw.mti.session import Mti
+from hw.planner_link.receivers import Planners, Wire
+from hw.ports.wires import parse_url
 
 STATE_LOG_S = 1.0  # counters to the log this often
 SCAN_WAIT = 0.25  # share of a tick of the link that it waits for a scan which is due

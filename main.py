@@ -22,15 +22,15 @@ import structlog
 
 from app import App, Ports, warm_kernels
 from core.config import Config, ConfigError, key_from_bytes, load_config
-from core.state import restore, state_of, was_moving
-from core.state_bytes import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
-from core.state_check import check_state
+from core.saved.check import check_state
+from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
+from core.saved.state import restore, state_of, was_moving
 from core.summary import robot_in_words
-from hw.ears import Ears
-from hw.modbus_server import ModbusServer
-from hw.port import PortUrlError, open_port, parse_url
-from hw.real_time import Alarm, leave_real_time, take_real_time
-from hw.session import Port
+from hw.device import Port
+from hw.modbus.server import ModbusServer
+from hw.ports.wires import PortUrlError, open_port, parse_url
+from hw.runtime.real_time import Alarm, leave_real_time, take_real_time
+from hw.runtime.wakeup import Ears
 
 __all__ = ["App", "Ports"]
 

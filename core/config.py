@@ -1,7 +1,7 @@
 """`mapod.toml` to frozen, typed, checked structs, or `ConfigError`.
 
 Every key is required and no other is allowed, so the file is complete and is its own manual.
-Degrees appear here and in the file only. Port URLs are checked by `hw.port`, which knows them.
+Degrees appear here and in the file only. Port URLs are checked by `hw.ports.wires`.
 Source: design, section 6.
 """
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from core.cells import CELL
 from core.config import Config
-from core.drive import link_refusal
+from core.driving.control import link_refusal
 from core.geometry import R_from_rpy
+from core.mapping.beams.cells import CELL
 
 MAX_RANGE_M = 20.0  # LMS1xx
 BYTES_PER_CELL = CELL.itemsize + 18  # its record; slope, step, roughness, marks

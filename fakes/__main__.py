@@ -14,7 +14,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-from fakes.serving import Stop, add_options, say, serve
+from fakes.programs.serving import Stop, add_options, say, serve
 
 DEVICES = ("scanner", "ahrs", "drive")
 
@@ -56,13 +56,13 @@ def arguments() -> argparse.Namespace:
 
 def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     """Build all, say where it is, and keep it in step with the host's clock."""
-    from fakes.ax3500 import MODES
-    from fakes.rig import Rig  # these take half a second: after the handlers of main()
-    from fakes.scene import load_scene
-    from fakes.stamps import StampedAttitude, StampedScanner, WatchedWorld, stamps_in
-    from fakes.upsets import as_the_sheets_say
-    from fakes.witness import witness_in
-    from fakes.world import World
+    from fakes.ax3500.device import MODES
+    from fakes.programs.stamps import StampedAttitude, StampedScanner, WatchedWorld, stamps_in
+    from fakes.scenes.scene import load_scene
+    from fakes.world.error_models import as_the_sheets_say
+    from fakes.world.rig import Rig  # these take half a second: after the handlers of main()
+    from fakes.world.truth_log import witness_in
+    from fakes.world.world import World
 
     if given.drive_mode not in MODES:
         raise ValueError(f"--drive-mode: must be one of {', '.join(MODES)}: {given.drive_mode}")
@@ -99,7 +99,7 @@ def serve_on_wires(
     step: Callable[[float], None],
 ) -> None:
     """A wire for each fake that is not left out; `seen` is what stands behind it."""
-    from fakes.wire import PtyWire, TcpWire
+    from fakes.wires.wire import PtyWire, TcpWire
 
     wires: dict[str, tuple[Callable[[], Any], str]] = {
         "scanner": (

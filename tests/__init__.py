@@ -1,1 +1,6 @@
-"""Tests, by room: test_hw_*, test_core_*, test_fakes_*, test_tools_*, test_app_*."""
+"""Tests, by the rooms of the house: tests/core, tests/hw, tests/fakes, tests/tools, tests/app."""
+
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+VECTORS = ROOT / "tests" / "vectors"

@@ -28,7 +28,8 @@ MOST_INPUT = 8192
 
 def frame_of(codec: str, payload: bytes) -> bytes:
     """A right frame around a payload: CoLa by its first bit, MT with its id in front, a line."""
-    from fakes import cola, mt
+    from fakes.lms1xx import cola
+    from fakes.mti import frames as mt
 
     match codec:
         case "lms111" if payload[:1] >= b"\x80":
@@ -43,9 +44,9 @@ def frame_of(codec: str, payload: bytes) -> bytes:
 
 def new_device(codec: str, port: Any) -> Any:
     """A device of mapod, as main.py makes it."""
-    from hw.ax3500_session import Ax3500
-    from hw.lms111_session import Lms111
-    from hw.mti_session import Mti
+    from hw.ax3500.session import Ax3500
+    from hw.lms1xx.session import Lms111
+    from hw.mti.session import Mti
 
     match codec:
         case "lms111":
@@ -77,9 +78,9 @@ def new_fake(codec: str) -> Any:
     """A healthy device, for the seeds."""
     import numpy as np
 
-    from fakes.ax3500 import FakeAx3500
-    from fakes.lms111 import FakeLms111
-    from fakes.mti import FakeMti
+    from fakes.ax3500.device import FakeAx3500
+    from fakes.lms1xx.device import FakeLms111
+    from fakes.mti.device import FakeMti
 
     class Wheels:
         """Wheels that turn nothing."""
@@ -112,7 +113,7 @@ def run_program(codec: str, program: bytes) -> None:
     Raises:
         AssertionError: it holds too much, or did not go on.
     """
-    from fakes.wire import MemoryPort
+    from fakes.wires.wire import MemoryPort
 
     port = MemoryPort()
     device = new_device(codec, port)
@@ -149,7 +150,7 @@ def check_measured(measured: list[Any]) -> None:
 
 def write_seeds(codec: str, folder: Path) -> None:
     """A healthy conversation as programs, whole and from its middle, and the frames of vectors."""
-    from fakes.wire import MemoryPort, Wire
+    from fakes.wires.wire import MemoryPort, Wire
 
     port, listener = MemoryPort(), MemoryPort()
     fake = new_fake(codec)
@@ -186,9 +187,9 @@ def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
     atheris: Any = importlib.import_module("atheris")  # no wheel for some processors, no types
 
     with atheris.instrument_imports(include=["hw"]):
-        import hw.ax3500_session
-        import hw.lms111_session
-        import hw.mti_session  # noqa: F401
+        import hw.ax3500.session
+        import hw.lms1xx.session
+        import hw.mti.session  # noqa: F401
 
     def one_input(program: bytes) -> None:
         run_program(codec, program)

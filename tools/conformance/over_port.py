@@ -3,7 +3,7 @@
 import select
 import time
 
-from hw.port import open_port, parse_url
+from hw.ports.wires import open_port, parse_url
 from tools.conformance.wire import U8, Splitter
 
 TCP_BAUD = 921_600

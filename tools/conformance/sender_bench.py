@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from hw.planner_link import PlannerLink
+from hw.planner_link.sender import PlannerLink
 from tools.conformance.exam import MOST_CELLS, Exam
 from tools.conformance.slow_receiver import SlowReceiver
 from tools.conformance.wire import (

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import StopZoneReport
-from hw.planner_link import PlannerLink
+from hw.planner_link.sender import PlannerLink
 from mapod_link.receiver import Receiver
 from tools.conformance.c_receiver import CReceiver
 from tools.conformance.exam import DeviationError

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from fakes.scene import Solid
-from fakes.trajectory import Way, stand, straight
+from fakes.scenes.scene import Solid
+from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.harness import methods
 from tools.experiments.pictures import draw_maps

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from fakes.scene import Scene
-from fakes.solids import Shape, bump
-from fakes.trajectory import Way, nodding, stand, straight
+from fakes.scenes.scene import Scene
+from fakes.scenes.solids import Shape, bump
+from fakes.world.trajectory import Way, nodding, stand, straight
 from tools.experiments import metrics
 from tools.experiments.harness import methods
 from tools.experiments.pictures import draw_maps

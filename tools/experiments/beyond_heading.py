@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from core.geometry import wrapped
-from fakes.steel import Steel
-from fakes.trajectory import Way, stand, straight
+from fakes.world.magnetic import Steel
+from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.harness import methods
 from tools.experiments.pictures import draw_maps

@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import FREE, OBSTACLE
-from fakes.movers import Mover, person
-from fakes.movers import box as moved_box
-from fakes.scene import Scene, Solid
-from fakes.solids import GLASS
-from fakes.trajectory import Way, stand, straight
+from fakes.scenes.movers import Mover, person
+from fakes.scenes.movers import box as moved_box
+from fakes.scenes.scene import Scene, Solid
+from fakes.scenes.solids import GLASS
+from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.harness import methods
 from tools.experiments.pictures import draw_maps

@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from core.config import Config, load_config, with_changes
-from core.reference_plane_maps import ReferencePlaneMaps
-from fakes.rig import AnyWorld, Rig
-from fakes.scene import Scene
-from fakes.wire import Fake, MemoryPort, Wire
+from core.mapping.paper.maps import ReferencePlaneMaps
+from fakes.scenes.scene import Scene
+from fakes.wires.wire import Fake, MemoryPort, Wire
+from fakes.world.rig import AnyWorld, Rig
 from main import App, Ports
 from tools.experiments.seen import SeenCells
 

@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from fakes.trajectory import Way, stand, straight, tilted
+from fakes.world.trajectory import Way, stand, straight, tilted
 from tools.experiments import metrics
 from tools.experiments.harness import UNCOMPENSATED, methods
 from tools.experiments.pictures import draw_maps

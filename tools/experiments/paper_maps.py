@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from core.beam_maps import BeamMaps
-from core.maps import Maps
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.method import Maps
+from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import OBSTACLE
-from core.reference_plane_maps import ReferencePlaneMaps
-from fakes.trajectory import Way, stand, straight
+from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.harness import methods
 from tools.experiments.pictures import draw_maps, rendered

@@ -7,9 +7,9 @@ import numpy as np
 
 from app import App
 from core.records import OBSTACLE
-from fakes.scene import Scene
-from fakes.slip import Slip
-from fakes.trajectory import Way, stand, straight, turn
+from fakes.scenes.scene import Scene
+from fakes.world.slip import Slip
+from fakes.world.trajectory import Way, stand, straight, turn
 from tools.experiments import metrics
 from tools.experiments.harness import methods
 from tools.experiments.pictures import draw_maps

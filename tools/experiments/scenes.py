@@ -7,8 +7,8 @@ coincides with the map's cells.
 import math
 from collections.abc import Sequence
 
-from fakes.scene import Scene
-from fakes.solids import Shape, Solid
+from fakes.scenes.scene import Scene
+from fakes.scenes.solids import Shape, Solid
 
 DEEP_M = -1.0  # how far floors reach down
 WALL_M = 2.5  # how high walls are

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fakes.robot import LENS_BODY_M, LENS_TILT_DEG
+from fakes.world.robot import LENS_BODY_M, LENS_TILT_DEG
 
 F64 = npt.NDArray[np.float64]
 REACH_M = 20.0  # of the scanner

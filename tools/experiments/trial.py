@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from core.config import Config
-from fakes.kinematic_world import KinematicWorld
-from fakes.scene import Scene
-from fakes.trajectory import Trajectory
+from fakes.scenes.scene import Scene
+from fakes.world.kinematic import KinematicWorld
+from fakes.world.trajectory import Trajectory
 from tools.experiments import metrics
 from tools.experiments.harness import Run, run_of
 from tools.experiments.truth import CellTruth, Truth

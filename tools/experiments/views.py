@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from app import App
-from core.beam_maps import BeamMaps
-from core.grid import RingGrid
-from core.maps import Maps
+from core.grid.ring import RingGrid
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.method import Maps
+from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import I8
-from core.reference_plane_maps import ReferencePlaneMaps
 
 F64 = npt.NDArray[np.float64]
 

@@ -15,19 +15,19 @@ from typing import Any
 
 from rich.text import Text
 
-from fakes.planner import FakePlanner
-from fakes.scene import Scene, load_scene
+from fakes.planner_mcu.receiver import FakePlanner
+from fakes.scenes.scene import Scene, load_scene
 from mapod_link.wires import UdpWire
-from tools.planner_end import PlannerEnd
+from tools.bench.planner_end import PlannerEnd
+from tools.cli.demo import FIRST_MAP_S, ROOT, Child, RunError, ports_of, rewritten
+from tools.cli.screen import BAD, POOR, labelled
+from tools.cli.view import ACK_EVERY, Stop
 from tools.rig.c_planner import PlannerSettings
 from tools.rig.config import DEVICES, SHEET, RigConfig
 from tools.rig.followed import Followed
 from tools.rig.forms import form_of
 from tools.rig.story import AppLog, Doubts, Tour
 from tools.rig.watch import STATES
-from tools.run import FIRST_MAP_S, ROOT, Child, RunError, ports_of, rewritten
-from tools.screen import BAD, POOR, labelled
-from tools.view import ACK_EVERY, Stop
 
 DEVICES_S = 45.0  # for all devices to deliver, a scanner that is just being switched on among them
 LOOK_S = 0.2  # how often goals, truth and log are looked at

@@ -31,7 +31,7 @@ import structlog
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from fakes.scene import campaign_scenes, load_scene
+from fakes.scenes.scene import campaign_scenes, load_scene
 from tools.rig import report
 from tools.rig.c_build import CompileError, MissingToolError
 from tools.rig.c_planner import library

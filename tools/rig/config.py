@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from core.config import ConfigError
-from hw.port_url import PortUrlError, parse_url
+from hw.ports.url import PortUrlError, parse_url
 
 FAKE, BOARD, HOST, OF_SCENE = "fake", "board", "host", "scene"
 SHEET, CLEAN = "sheet", "clean"

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from core.jit import kernel
 from core.records import record
-from fakes.movers import Mover
-from fakes.scene import Scene
-from fakes.solids import Pillar, Shape, Solid
+from fakes.scenes.movers import Mover
+from fakes.scenes.scene import Scene
+from fakes.scenes.solids import Pillar, Shape, Solid
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # x, y, yaw

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from fakes.scene import Scene, load_scene, problems
+from fakes.scenes.scene import Scene, load_scene, problems
 
 PX_PER_M = 20.0
 MARGIN_M = 1.0

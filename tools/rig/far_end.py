@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fakes.planner import FakePlanner
+from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.frames import POSE, Frame
 
 AGE_S, AGE_AT, AGE_MOST = 0.004, 20, 255  # in a POSE frame's body: unit, offset, "that or more"

@@ -1,8 +1,8 @@
 """One fault of the rig's catalogue: how it is ordered of the fakes, and what must come of it.
 
-A fault is one or more orders in the words of `fakes.faults`; what must come of it is what design
-and docs/ say: the robot stops, or goes on, or may do either, and all is well again in time after
-its end.
+A fault is one or more orders in the words of `fakes.faults.timetable`; what must come of it is what
+design and docs/ say: the robot stops, or goes on, or may do either, and all is well again in time
+after its end.
 """
 
 from dataclasses import dataclass

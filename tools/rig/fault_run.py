@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import FREE
-from fakes.planner import FakePlanner
-from fakes.scene import Scene, Solid
+from fakes.planner_mcu.receiver import FakePlanner
+from fakes.scenes.scene import Scene, Solid
 from tools.rig.fault_kinds import Fault
 from tools.rig.loop import Loop
 
@@ -123,7 +123,7 @@ class Drive:
     """One drive in the hall.
 
     Args:
-        orders: faults, in the words of `fakes.faults`.
+        orders: faults, in the words of `fakes.faults.timetable`.
         span_s: of the faults: from, to.
         wait_s: after their end, if the robot stands on.
         scene: another one than the hall.

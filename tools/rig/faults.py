@@ -1,7 +1,7 @@
 """Every fault that the fakes and their wires can be given while the robot drives.
 
-`draw` gives some of them by chance for one run, in the words of `fakes.faults`. What a fake can be
-told and is no fault stands in NO_FAULTS, with the reason: nothing is left out in silence.
+`draw` gives some of them by chance for one run, in a timetable's words. What a fake
+can be told and is no fault stands in NO_FAULTS, with the reason: nothing is left out in silence.
 """
 
 import random
@@ -40,7 +40,7 @@ def drawn_faults(must: Must) -> tuple[Fault, ...]:
 
 
 def draw(seed: int, n: int, from_s: float = DRAW_FROM_S, to_s: float = DRAW_TO_S) -> list[str]:
-    """The orders of n faults by chance, in the words of `fakes.faults`, within a run's seconds.
+    """The orders of n faults by chance, in a timetable's words, within a run's seconds.
 
     The same seed gives the same orders; no device gets two faults at once.
     """

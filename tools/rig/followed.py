@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fakes.scene import Scene
+from fakes.scenes.scene import Scene
 from tools.rig.judge import Judge, Truth
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import record
-from fakes.scene import Scene
+from fakes.scenes.scene import Scene
 from tools.rig.contact import (
     HEIGHT_M,
     NOTHING,

@@ -25,10 +25,10 @@ from rich.table import Table
 
 from mapod_link.client import Link
 from mapod_link.wires import UdpWire
+from tools.cli.demo import ROOT, Child, RunError, ports_of, rewritten, say
+from tools.cli.view import Stop
 from tools.rig.far_end import FarEnd, sent_from_file, told_scans
 from tools.rig.load import loaded
-from tools.run import ROOT, Child, RunError, ports_of, rewritten, say
-from tools.view import Stop
 
 SETTINGS: dict[str, str | float] = {
     "scanner.scan_rate_hz": 50,

@@ -13,14 +13,14 @@ from pathlib import Path
 from rich.console import Console
 
 from core.config import ConfigError
+from tools.cli.demo import ROOT, RunError, folder_kept_on_failure, say
+from tools.cli.screen import has_screen
+from tools.cli.view import Stop, print_summary, watch
 from tools.rig.bench import Bench
 from tools.rig.board import BoardError
 from tools.rig.c_build import CompileError, MissingToolError
 from tools.rig.config import RigConfig, load_rig_file
 from tools.rig.live_picture import show
-from tools.run import ROOT, RunError, folder_kept_on_failure, say
-from tools.screen import has_screen
-from tools.view import Stop, print_summary, watch
 
 SECONDS_WITHOUT_SCREEN = 60.0
 

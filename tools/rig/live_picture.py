@@ -10,11 +10,11 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from fakes.planner import FakePlanner
-from tools.planner_end import PlannerEnd
+from fakes.planner_mcu.receiver import FakePlanner
+from tools.bench.planner_end import PlannerEnd
+from tools.cli.screen import status_lines
+from tools.cli.view import PICTURE_PERIOD_S, WAIT_S, zone_lines
 from tools.rig.watch import GOAL, PANEL_COLUMNS, ROBOT, legend, text_of
-from tools.screen import status_lines
-from tools.view import PICTURE_PERIOD_S, WAIT_S, zone_lines
 
 U8 = npt.NDArray[np.uint8]
 FRONT_M, REAR_M, HALF_M, GOAL_M = 0.52, 0.20, 0.30, 0.3  # of robot and goal, as drawn

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from core.config import Config, load_config, with_changes
-from fakes.faults import Schedule, order_from_text
-from fakes.planner import FakePlanner
-from fakes.rig import AnyWorld, Rig
-from fakes.scene import Scene
-from fakes.upsets import Upsets
-from fakes.wire import DatagramWire, MemoryPort, Wire
+from fakes.faults.timetable import Schedule, order_from_text
+from fakes.planner_mcu.receiver import FakePlanner
+from fakes.scenes.scene import Scene
+from fakes.wires.wire import DatagramWire, MemoryPort, Wire
+from fakes.world.error_models import Upsets
+from fakes.world.rig import AnyWorld, Rig
 from main import App, Ports
 
 SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"

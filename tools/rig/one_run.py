@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from core.config import Config
-from fakes.rig import AnyWorld
-from fakes.scene import Scene, load_scene
-from fakes.upsets import as_the_sheets_say
-from fakes.world import F64, World
+from fakes.scenes.scene import Scene, load_scene
+from fakes.world.error_models import as_the_sheets_say
+from fakes.world.rig import AnyWorld
+from fakes.world.world import F64, World
 from tools.rig.c_planner import CPlanner, PlannerSettings
 from tools.rig.judge import RATE_HZ, Contact, Judge, Truth
 from tools.rig.loop import Loop, Planner
@@ -69,7 +69,7 @@ class RunSpec:
 
     Args:
         scene: a scene, the name of a shipped one, or the path of a scene's file.
-        faults: what goes wrong, and when; see `fakes.faults`.
+        faults: what goes wrong, and when; see `fakes.faults.timetable`.
         baud: of the planner's line; None: datagrams, which come at once.
     """
 

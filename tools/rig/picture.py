@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from fakes.scene import Scene
+from fakes.scenes.scene import Scene
 from tools.rig.contact import FRONT_M, REAR_M, SIDE_M, Place
 from tools.rig.draw_scene import Chart, chart_of
 

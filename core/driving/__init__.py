@@ -1,0 +1,1 @@
+"""May it move, and how fast: stop zone, control, health."""

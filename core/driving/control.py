@@ -1,0 +1,234 @@
+"""From what a commander wants to the power of both wheels, or zero and the reason in words.
+
+Speed grows no faster than the settings allow and ends at once on any doubt: there is no ramp down
+to a standstill that nobody knows to be safe. What stands in the way limits the speed to one from
+which the robot can stop before it.
+Source: design, section 8; planner link, sections 3 and 5.
+"""
+
+import ipaddress
+import math
+from urllib.parse import urlsplit
+
+from core.config import Config
+from core.driving import health
+from core.driving.stop_zone import NOTHING, STANDING_MPS, Obstruction, Place, StopZone
+from core.mapping.method import Maps
+from core.motion.odometry import Pose
+from core.records import OBSTACLE, DriveRequest
+
+Motion = tuple[float, float]  # forward m/s, counter-clockwise rad/s
+Powers = tuple[float, float]  # left and right wheel, -1..1 of full
+
+NOT_ENABLED = "the motors are not enabled ([robot] enable_motors)"
+SILENT = "the commander has fallen silent"
+LONGEST_STEP_S = 0.05  # a late tick may not make the speed jump
+MOVING_MPS = 0.05
+FASTER, FASTER_MPS = 1.15, 0.1  # than told: more than a robot that brakes lags behind
+SET_OUT_MPS = 0.1  # so much must be allowed before a standing robot moves: else it would inch ahead
+DIRTY = 2  # contamination from which a scanner's "nothing there" is not believed
+NEEDED = (
+    (health.SCANNER_OK, "the scanner delivers no scans"),
+    (health.AHRS_OK, "the attitude sensor delivers nothing"),
+    (health.WHEELS_OK, "the wheels' counters are not read"),
+    (health.CLOCKS_LOCKED, "the sensors' clocks are not locked yet"),
+    (health.POSE_VALID, "the pose is not known"),
+    (health.NO_OVERRUN, "the loop was late within the last second"),
+    (health.MAP_VALID, "the map is not valid"),
+)
+FORBIDDEN = (
+    (health.STOP_ASKED, "the emergency stop is pressed"),
+    (health.TOO_STEEP, "the robot stands too steep for its map"),
+)
+
+
+def link_refusal(url: str, has_key: bool, enabled: bool) -> str:
+    """Why nobody may drive over the planner link at this URL, in words; "" if one may."""
+    if not enabled:
+        return NOT_ENABLED
+    parts = urlsplit(url)
+    if has_key or parts.scheme == "serial" or parts.hostname == "localhost":
+        return ""
+    try:
+        own = ipaddress.ip_address(parts.hostname or "").is_loopback
+    except ValueError:
+        own = False
+    return "" if own else "from another machine it takes a key (planner.key_file)"
+
+
+def modbus_refusal(config: Config) -> str:
+    """Why nobody may drive over Modbus, which authenticates nothing, in words; "" if one may."""
+    if not config.modbus.allow_drive:
+        return "Modbus clients may not drive ([modbus] allow_drive)"
+    return "" if config.robot.enable_motors else NOT_ENABLED
+
+
+def doubt(word: int, mode: int, contamination: int | None, others: tuple[str, ...] = ()) -> str:
+    """The first reason to stand still, in words; "" if all that is known speaks for driving."""
+    if mode == health.REPLAYED:
+        return "these are recorded data"
+    for bit, words in FORBIDDEN:
+        if word & bit:
+            return words
+    for words in others:
+        if words:
+            return words
+    for bit, words in NEEDED:
+        if not word & bit:
+            return words
+    if mode != health.RUNNING:
+        return "mapod is not running as it should"
+    return "the scanner's window is too dirty" if (contamination or 0) >= DIRTY else ""
+
+
+class DriveControl:
+    """One robot's motion as commanded: limits, ramps, and what stands in the way."""
+
+    def __init__(self, config: Config, maps: Maps) -> None:
+        robot = config.robot
+        self._robot, self._full_mps = robot, config.drive.full_power_mps
+        self._maps = maps
+        self.zone = StopZone(
+            robot.front_m,
+            robot.rear_m,
+            robot.width_m,
+            robot.stop_margin_m,
+            robot.brake_mps2,
+            robot.unknown_stops,
+        )
+        self.v_mps = self.w_radps = 0.0  # commanded now
+        self.blocked_by = ""  # why it stands although somebody wants it to move, in words
+        self._last_s = -math.inf
+        self._let_go_for = ""  # what made the motors unwilling while somebody wanted them to turn
+
+    def halt(self, reason: str) -> Powers:
+        """Zero, at once."""
+        self.v_mps = self.w_radps = 0.0
+        self.blocked_by = reason
+        return 0.0, 0.0
+
+    def step(
+        self,
+        now_s: float,
+        request: DriveRequest | None,
+        doubt: str,
+        pose: Pose | None,
+        start_vouched: bool,
+        motors_off: str = "",
+        moves: Motion = (0.0, 0.0),
+    ) -> Powers:
+        """Wheel power until the next step.
+
+        Args:
+            doubt: why to stand still, in words.
+            moves: as measured. A robot that is faster than it was told (downhill, or full power is
+                more than the settings say) is slowed down for what is in the way of its real speed.
+            start_vouched: the map still is that of the start.
+            motors_off: why the motors do not obey; when that ends, a request that was there all
+                the time moves nothing: somebody may stand at the emergency stop.
+        """
+        passed_s = max(0.0, min(LONGEST_STEP_S, now_s - self._last_s))
+        self._last_s = now_s
+        asks = request is not None and now_s <= request.valid_until_s and _is_motion(request)
+        self._let_go_for = (motors_off or self._let_go_for) if asks else ""
+        if doubt or motors_off or pose is None:
+            return self.halt(doubt or motors_off or "the pose is not known")
+        if self._let_go_for:
+            return self.halt(f"until the commander lets go once: {self._let_go_for}")
+        if request is None or not now_s <= request.valid_until_s:
+            return self.halt(SILENT if request is not None and _is_motion(request) else "")
+        wanted = self._limited(request.v_mps, request.w_radps)
+        if not all(map(math.isfinite, wanted)):
+            return self.halt("the request is no number")
+        stands = not (self.v_mps or self.w_radps)
+        self._ramp(wanted, passed_s)
+        motion = (self.v_mps, self.w_radps)
+        rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
+        if measured_mps > FASTER * rate_mps + FASTER_MPS:
+            rate_mps = measured_mps
+        found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), start_vouched)
+        allowed_mps = self.zone.allowed_mps(found.free_m)
+        if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
+            return self.halt(self.words(found))
+        share = min(1.0, allowed_mps / rate_mps) if rate_mps >= STANDING_MPS else 1.0
+        self.v_mps, self.w_radps = share * motion[0], share * motion[1]
+        self.blocked_by = ""
+        return self._powers()
+
+    def drop_ahead(
+        self, moves: Motion, request: DriveRequest | None, pose: Pose | None, start_vouched: bool
+    ) -> bool:
+        """Whether the way to a stop, as the robot moves or else is asked to, leads to a drop."""
+        if pose is None:
+            return False
+        motion = self.heading_for(moves, request)
+        return self.is_drop(self.look(pose, motion, 0.0, start_vouched))
+
+    def heading_for(self, moves: Motion, request: DriveRequest | None) -> Motion:
+        """As the robot moves, or else as it is asked to within the settings' limits; or zero."""
+        if self.zone.rate_mps(*moves) >= MOVING_MPS:
+            return moves
+        return self._limited(request.v_mps, request.w_radps) if request else (0.0, 0.0)
+
+    def words(self, found: Obstruction) -> str:
+        """What stands in the way."""
+        if found.state != OBSTACLE:
+            return "ground in the way was not seen to be free"
+        return "a drop is in the way" if self.is_drop(found) else "an obstacle is in the way"
+
+    def at_full_speed(self, motion: Motion) -> Motion:
+        """As fast as the settings allow on the arc of a motion that is not zero."""
+        robot = self._robot
+        share = max(abs(motion[0]) / robot.max_speed_mps, abs(motion[1]) / robot.max_turn_radps)
+        return motion[0] / share, motion[1] / share
+
+    def _limited(self, v_mps: float, w_radps: float) -> Motion:
+        """Within the settings' limits, on the same arc."""
+        robot = self._robot
+        excess = max(1.0, abs(v_mps) / robot.max_speed_mps, abs(w_radps) / robot.max_turn_radps)
+        return v_mps / excess, w_radps / excess
+
+    def _ramp(self, wanted: Motion, passed_s: float) -> None:
+        robot = self._robot
+        self.v_mps = _towards(
+            self.v_mps, wanted[0], robot.max_accel_mps2 * passed_s, robot.brake_mps2 * passed_s
+        )
+        turn = robot.max_turn_accel_radps2 * passed_s
+        self.w_radps = _towards(self.w_radps, wanted[1], turn, turn)
+
+    def look(
+        self, pose: Pose, motion: Motion, from_mps: float, vouched: bool, for_s: float = 0.0
+    ) -> Obstruction:
+        """What a motion would meet on its way to a stop (`StopZone.look`)."""
+        if not any(motion):
+            return NOTHING
+        window, clear = self._maps.window, self.clear(vouched)
+        place = (pose.x_m, pose.y_m, pose.yaw_rad)
+        return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps, for_s)
+
+    def clear(self, vouched: bool) -> Place:
+        """x, y and radius (m) of the ground of the start that the settings vouch for."""
+        return 0.0, 0.0, self._robot.start_clear_m if vouched else 0.0
+
+    def is_drop(self, found: Obstruction) -> bool:
+        """Whether that is lower than the ground, or ground that did not show."""
+        return found.state == OBSTACLE and self._maps.is_low(found.i, found.j)
+
+    def _powers(self) -> Powers:
+        rim_mps = 0.5 * self._robot.track_width_m * self.w_radps
+        left = (self.v_mps - rim_mps) / self._full_mps
+        right = (self.v_mps + rim_mps) / self._full_mps
+        excess = max(1.0, abs(left), abs(right))
+        return left / excess, right / excess
+
+
+def _is_motion(request: DriveRequest) -> bool:
+    return bool(request.v_mps or request.w_radps)
+
+
+def _towards(value: float, wanted: float, faster: float, slower: float) -> float:
+    """`value` moved towards `wanted`: away from zero by `faster` at most, to it by `slower`."""
+    if value * wanted < 0.0:
+        wanted = 0.0
+    most = faster if abs(wanted) > abs(value) else slower
+    return value + max(-most, min(most, wanted - value))

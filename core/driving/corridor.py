@@ -1,0 +1,131 @@
+"""How far it is free straight ahead, and where the nearest obstacles are, from a map of states.
+
+The corridor is the strip that the footprint sweeps going straight: what stands in it stops the
+robot by the rules of the stop zone (`core.driving.stop_zone`), at its margin. All outside the
+window is unknown. Each look goes over the cells of the strip, or of the window, once.
+Source: design, section 8; planner link, section 3 (STOP_ZONE).
+"""
+
+import math
+
+from core.driving.stop_zone import (
+    TOUCH_M,
+    Place,
+    Rect,
+    cell_state,
+    clearance,
+    first_of,
+    gap_to,
+    leaves,
+)
+from core.jit import kernel
+from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
+
+SECTORS = 8
+
+
+@kernel
+def _way_to(
+    i: int,
+    j: int,
+    cell_m: float,
+    place: Place,
+    rect: Rect,
+    keeps: tuple[float, float],
+    is_unknown: bool,
+) -> float:
+    """Metres straight ahead until a cell that is not free is too near; inf: it never is.
+
+    keeps: the margin, and what is to be kept free of cells that are farther than it now.
+    """
+    cx, cy, half = (i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2
+    c, s = math.cos(place[2]), math.sin(place[2])
+    dx, dy = cx - place[0], cy - place[1]
+    reach = half * (abs(c) + abs(s))
+    front = c * dx + s * dy - reach - rect[0]
+    side = abs(c * dy - s * dx) - reach - rect[2]
+    if side >= keeps[0] - TOUCH_M or front < -(rect[0] + rect[1] + 2 * reach):
+        return math.inf
+    gap = gap_to(cx, cy, half, place, rect)
+    if gap < -TOUCH_M:  # under the footprint
+        return math.inf if is_unknown or leaves(cx, cy, place, rect, 1.0, 0.0) else 0.0
+    if gap < keeps[0] - TOUCH_M:  # within the margin: only what comes straight at it counts
+        return 0.0 if side < -TOUCH_M and front >= -TOUCH_M else math.inf
+    if side >= keeps[1] - TOUCH_M or front < 0.0:
+        return math.inf
+    return max(0.0, front - keeps[0])
+
+
+@kernel
+def free_way(
+    cells: I8,
+    window: tuple[int, int, int],
+    cell_m: float,
+    place: Place,
+    rect: Rect,
+    margin: float,
+    longest: float,
+    clear: Place,
+) -> tuple[float, int, int, float]:
+    """(free metres, i, j) of what ends the way straight ahead, and metres to an obstacle (inf).
+
+    window: corner i, corner j, size. rect: ahead of the axle, behind, to either side. clear: x, y
+    and radius of the ground where unknown counts as free. The free way is `longest` at most.
+    """
+    kept = clearance(cells, window, cell_m, place, rect, margin, clear)
+    c, s = math.cos(place[2]), math.sin(place[2])
+    wide = rect[2] + margin + cell_m
+    near, far = rect[0] - cell_m - rect[0] - rect[1], rect[0] + margin + longest + cell_m
+    low_x = place[0] + min(c * near, c * far) - abs(s) * wide
+    high_x = place[0] + max(c * near, c * far) + abs(s) * wide
+    low_y = place[1] + min(s * near, s * far) - abs(c) * wide
+    high_y = place[1] + max(s * near, s * far) + abs(c) * wide
+    best, best_i, best_j, hard, first = longest, 0, 0, math.inf, first_of(window)
+    for j in range(math.floor(low_y / cell_m), math.floor(high_y / cell_m) + 1):
+        for i in range(math.floor(low_x / cell_m), math.floor(high_x / cell_m) + 1):
+            state = cell_state(i, j, cells, window, first, cell_m, clear)
+            if state == FREE:
+                continue
+            way = _way_to(i, j, cell_m, place, rect, (margin, kept), state == UNKNOWN)
+            if way < best:
+                best, best_i, best_j = way, i, j
+            if state == OBSTACLE and way <= longest:
+                hard = min(hard, way)
+    return best, best_i, best_j, hard
+
+
+@kernel
+def nearest_obstacles(
+    cells: I8,
+    window: tuple[int, int, int],
+    cell_m: float,
+    place: Place,
+    rect: Rect,
+    sectors: F64,
+) -> tuple[float, float]:
+    """Metres from the robot's edge to the nearest obstacle cell (inf: none), and its bearing.
+
+    Fills sectors (8,): metres from the axle's middle to the nearest one of each 45 degrees, the
+    first centred ahead, counter-clockwise; inf: none.
+    """
+    sectors[:] = math.inf
+    best, bearing = math.inf, 0.0
+    c, s = math.cos(place[2]), math.sin(place[2])
+    half, size = cell_m / 2, window[2]
+    middle, length = (rect[0] - rect[1]) / 2, (rect[0] + rect[1]) / 2
+    for row in range(size):
+        j = window[1] + (row - window[1]) % size
+        for column in range(size):
+            if cells[row, column] != OBSTACLE:
+                continue
+            i = window[0] + (column - window[0]) % size
+            dx, dy = (i + 0.5) * cell_m - place[0], (j + 0.5) * cell_m - place[1]
+            ahead, aside = c * dx + s * dy, c * dy - s * dx
+            angle = math.atan2(aside, ahead)
+            k = math.floor(angle / (math.tau / SECTORS) + 0.5) % SECTORS
+            sectors[k] = min(sectors[k], max(0.0, math.hypot(dx, dy) - half))
+            beyond = max(0.0, abs(ahead - middle) - length), max(0.0, abs(aside) - rect[2])
+            gap = max(0.0, math.hypot(beyond[0], beyond[1]) - half * (abs(c) + abs(s)))
+            if gap < best:
+                best, bearing = gap, angle
+    return best, bearing

@@ -1,0 +1,59 @@
+"""What the planner is told of pose and health, from the maps' state at one instant.
+
+Source: planner link, section 3; design, section 8.
+"""
+
+import math
+
+from core.driving import health
+from core.mapping.mapper import Mapper
+from core.records import PoseReport
+
+
+def report(
+    mapper: Mapper,
+    now_s: float,
+    *,
+    clocks_locked: bool,
+    overrun: bool,
+    replayed: bool,
+    contaminated: bool,
+    stop_asked: bool,
+    drop_ahead: bool,
+    stalled: bool,
+) -> tuple[bool, PoseReport]:
+    """Whether free may be told, and the pose and health for the planner."""
+    pose = mapper.maybe_pose(now_s)
+    roll_rad, pitch_rad, _ = mapper.attitudes.newest_rpy()
+    inputs = health.Inputs(
+        age_scan_s=now_s - mapper.newest_scan_s,
+        age_scanner_s=now_s - mapper.delivered_scan_s,
+        age_ahrs_s=now_s - mapper.attitudes.newest_s,
+        age_wheels_s=now_s - mapper.delivered_counts_s,
+        clocks_locked=clocks_locked,
+        pose_known=pose is not None,
+        map_begun=mapper.counts.scans_added > 0,
+        overrun=overrun,
+        tilt_rad=max(abs(roll_rad), abs(pitch_rad)),
+        replayed=replayed,
+        contaminated=contaminated,
+        stop_asked=stop_asked,
+        drop_ahead=drop_ahead,
+        stalled=stalled,
+    )
+    word = health.health_word(inputs)
+    rate_z_radps = mapper.attitudes.rate_body_radps[2]
+    return health.trusted(word), PoseReport(
+        x_m=pose.x_m if pose else 0.0,
+        y_m=pose.y_m if pose else 0.0,
+        yaw_rad=pose.yaw_rad if pose else 0.0,
+        pitch_rad=pitch_rad,
+        roll_rad=roll_rad,
+        v_mps=mapper.odometry.v_mps if pose else 0.0,
+        w_radps=mapper.odometry.w_radps if math.isnan(rate_z_radps) else rate_z_radps,
+        health=word,
+        age_scan_s=inputs.age_scan_s,
+        age_ahrs_s=inputs.age_ahrs_s,
+        age_enc_s=inputs.age_wheels_s,
+        mode=health.mode(word, inputs),
+    )

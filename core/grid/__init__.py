@@ -1,0 +1,1 @@
+"""Storage without meaning: cells that follow the robot."""

@@ -1,0 +1,1 @@
+"""Scans to maps: rays, the mapper, what can be asked of a map."""

@@ -1,0 +1,1 @@
+"""Method `beams`: exact geometry for each beam, evidence in cells."""

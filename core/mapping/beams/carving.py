@@ -1,0 +1,177 @@
+"""What is not there any more: beams that pass where something stood.
+
+A beam speaks against a thing if it passes through the very part of a cell where the thing was
+seen, clearly between its lowest and its highest return, and goes on; before a robot that stands,
+also if it passes just where the thing was seen last, and goes on far. Some scans in a row must do
+so, without a return from the thing in between; then what stood in the cell is forgotten, and the
+floor that was seen there counts again. Each beam is looked at every 20 cm, at other places in each
+scan, so that the cost grows with neither the window nor the fineness of the cells.
+Source: design, section 7 (clearing).
+"""
+
+import math
+
+import numpy as np
+
+from core.jit import kernel
+from core.mapping.beams.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
+from core.mapping.beams.ground_plane import ground_m
+from core.mapping.rays import MIN_RANGE_M, Sweep
+from core.records import F64, I32, U8
+
+THROUGH = 8  # scans in a row
+STEP_M = 0.2
+FINER = 5  # places in each step, where something stood
+REACH_M = 15.0  # from the lens
+BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
+MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
+MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
+LEAST_HALF_M = 0.005
+CLEAR_M = 0.7  # so far behind it, at least, the beam went on: it does not graze an edge
+JUST_M = 0.008  # below where it was seen last: who came nearer saw things ever higher up
+GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
+
+
+@kernel
+def _passes(cells: Cells, at: int, bit: int, h: float, r: float, stood: bool, serial: int) -> bool:
+    """Whether a beam, at range r and height h, passes through what stood in a part of a cell."""
+    cell = cells[at]
+    if cell.above == 0 or cell.high_bits & bit == 0 or cell.above_scan == serial:
+        return False
+    is_last = stood and cell.hit_scan == cell.above_scan
+    if is_last and cell.span_low_m - JUST_M <= h <= cell.span_high_m:
+        return True  # just there it was seen last
+    margin = min(MARGIN_M + MARGIN_SLOPE * r, MARGIN_SHARE * (cell.top_m - cell.low_m))
+    middle = 0.5 * (cell.low_m + cell.top_m)
+    half = max(0.5 * (cell.top_m - cell.low_m) - margin, LEAST_HALF_M)
+    return bool(abs(h - middle) <= half)
+
+
+@kernel
+def _goes_through(
+    lens: F64,
+    ray: F64,
+    middle: float,
+    end: float,
+    at: int,
+    ground: F64,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    stood: bool,
+    serial: int,
+) -> bool:
+    """Whether a beam, about a range, is the first of its scan to pass through what stood in a cell.
+
+    Each 5 cm is tried.
+    """
+    if cells[at].above == 0 or cells[at].through_scan == serial:
+        return False
+    for k in range(FINER):
+        r = middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
+            h = lens[2] + r * ray[2] - ground_m(ground, x, y)
+            if _passes(
+                cells, at, part_bit(x, y, window[3], sub), h, r, stood and r < end - CLEAR_M, serial
+            ):
+                return True
+    return False
+
+
+@kernel
+def _note(touched: I32, used: int, cells: Cells, stands: U8) -> None:
+    """Keep up in which cells something stands."""
+    for k in range(used):
+        stands[touched[k]] = 1 if cells[touched[k]].above > 0 else 0
+
+
+@kernel
+def _clear(
+    lenses: F64,
+    rays: F64,
+    ranges_m: F64,
+    ground: F64,
+    window: tuple[int, int, int, float],
+    sub: int,
+    cells: Cells,
+    stands: U8,
+    stood: bool,
+    serial: int,
+    touched: I32,
+    used: int,
+) -> tuple[int, int]:
+    """How many cells `touched` lists, and how many were cleared."""
+    size, per_m, cleared = window[2], 1.0 / window[3], 0
+    first_column, first_row = window[0] % size, window[1] % size
+    for i in range(rays.shape[0]):
+        nearest = math.inf
+        for e in range(ranges_m.shape[0]):
+            if ranges_m[e, i] >= MIN_RANGE_M:
+                nearest = min(nearest, ranges_m[e, i])
+        if math.isinf(nearest):  # black, glass, or nothing: it proves nothing
+            continue
+        phase = (i * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0
+        end = min(nearest - BEFORE_M, REACH_M)
+        r = MIN_RANGE_M + phase * STEP_M
+        lens_x, lens_y, way_x, way_y = lenses[i, 0], lenses[i, 1], rays[i, 0], rays[i, 1]
+        while r < end:
+            column = math.floor((lens_x + r * way_x) * per_m) - window[0]
+            row = math.floor((lens_y + r * way_y) * per_m) - window[1]
+            if 0 <= column < size and 0 <= row < size:  # flat_index() without its divisions
+                column, row = column + first_column, row + first_row
+                column -= size if column >= size else 0
+                row -= size if row >= size else 0
+                at = row * size + column
+                if stands[at] and _goes_through(
+                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
+                ):  # fmt: skip
+                    cells[at].through_scan = serial
+                    cells[at].through += 1
+                    if cells[at].through >= THROUGH:
+                        forget(cells, at)
+                        stands[at] = 0
+                        cleared += 1
+                    used = touch(at, cells, serial, touched, used)
+            r += STEP_M
+    return used, cleared
+
+
+class Clearing:
+    """Clears the cells of a `CellGrid` by the beams of sweeps."""
+
+    def __init__(self, cells: CellGrid) -> None:
+        self._cells = cells
+        self._stands: U8 = cells.grid.layer(np.uint8, 0).reshape(-1)  # 1: something stands there
+        self._is_new = True
+        self.cleared = 0  # cells so far
+
+    def add(self, sweep: Sweep, ground: F64, *, stood: bool = False, jitters: bool = False) -> None:
+        """Take a sweep that was added to the cells just before.
+
+        Args:
+            stood: the robot did not move since the one before.
+            jitters: its heights are not to be trusted; it clears nothing.
+        """
+        cells = self._cells
+        if self._is_new:  # a map that was loaded stands before its first sweep
+            self._stands[:] = cells.flat["above"] > 0
+            self._is_new = False
+        _note(cells.touched, cells.used, cells.flat, self._stands)
+        if jitters:
+            return
+        cells.used, cleared = _clear(
+            sweep.lenses,
+            sweep.rays,
+            sweep.ranges_m,
+            ground,
+            cells.window,
+            cells.sub,
+            cells.flat,
+            self._stands,
+            stood,
+            cells.scan,
+            cells.touched,
+            cells.used,
+        )
+        self.cleared += int(cleared)

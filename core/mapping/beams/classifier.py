@@ -1,0 +1,188 @@
+"""What a cell means: obstacle, free or unknown, in the window that the planner gets.
+
+Definition 1 of the paper on the cell's height, a cell at a bound counting as obstacle; and two
+scans that contradict "floor" make an obstacle whatever the height says, while a cell with only one
+is unknown until the laser has looked again several times. Where floor was due in part of a cell
+and never showed, there is a drop. Of a wall's foot, the laser first sees what looks like floor. So
+a new cell is not free before something has been seen behind it, and one in which something rises
+not before something has been seen all around it. Only touched cells are decided.
+Source: the paper, Definition 1; design, section 7.
+"""
+
+import numpy as np
+
+from core.grid.window import StateWindow, put_state
+from core.jit import kernel
+from core.mapping.beams.cells import CellGrid, Cells, known, ones
+from core.records import FREE, I8, I32, OBSTACLE, UNKNOWN
+
+ENOUGH = 2  # contradicting scans that make an obstacle
+MISSED_ENOUGH = 3  # scans in which a beam went a little below the ground, where floor was due,
+MISSED_SUBS = 1.5  # and in so many parts of a cell, times those along its edge, never was any;
+MOST_SUBS = 2.0  # of so many parts, a scan less is enough
+LOOKED_AGAIN = 6  # scans after which a single contradiction no longer holds a cell unknown
+NEW_LOOKS = 25  # scans that have hit a cell before it no longer counts as new: 1 s at 25 Hz
+SOFT_LEAST = 6  # returns that say "soft",
+SOFT_SHARE = 0.5  # of all that rise,
+DOUBLE_SHARE = 0.25  # and that echo twice
+
+AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
+Bounds = tuple[float, float, float]  # h_pos, h_neg, height up to which soft things are free
+
+
+@kernel
+def is_soft(cells: Cells, at: int) -> bool:
+    """Whether what stands in a cell scatters the beams and lets them in: grass, a curtain."""
+    cell = cells[at]
+    rising = cell.soft + cell.hard
+    return bool(
+        cell.soft >= SOFT_LEAST
+        and cell.soft >= SOFT_SHARE * rising
+        and cell.doubles >= DOUBLE_SHARE * rising
+    )
+
+
+@kernel
+def lacks_floor(cells: Cells, at: int, sub: int) -> bool:
+    """Whether so many parts of a cell lack the floor that was due there that it is a drop."""
+    cell = cells[at]
+    if cell.miss < ENOUGH:
+        return False
+    parts, most = ones(cell.miss_bits & ~cell.floor_bits), sub * sub
+    return bool(
+        (cell.deep >= ENOUGH and parts >= sub)
+        or (cell.miss >= MISSED_ENOUGH and parts >= min(MISSED_SUBS * sub, most))
+        or parts >= min(MOST_SUBS * sub, most)
+    )
+
+
+@kernel
+def _is_among_soft(i: int, j: int, cells: Cells, window: tuple[int, int, int]) -> bool:
+    """Whether nothing stands beside a cell but what is soft as well."""
+    size = window[2]
+    for side in range(8):
+        ni, nj = i + AROUND[side][0], j + AROUND[side][1]
+        at = (nj % size) * size + ni % size
+        if cells[at].above > 0 and not is_soft(cells, at):
+            return False
+    return True
+
+
+@kernel
+def _goes_on(i: int, j: int, sides: int, cells: Cells, window: tuple[int, int, int]) -> bool:
+    """Whether the neighbours on these sides (bits by octant) have all been seen."""
+    size = window[2]
+    for side in range(8):
+        if not sides >> side & 1:
+            continue
+        ni, nj = i + AROUND[side][0], j + AROUND[side][1]
+        if not (0 <= ni - window[0] < size and 0 <= nj - window[1] < size):
+            return False
+        if not known(cells, (nj % size) * size + ni % size):
+            return False
+    return True
+
+
+@kernel
+def _state(
+    i: int, j: int, at: int, cells: Cells, sub: int, bounds: Bounds, window: tuple[int, int, int]
+) -> int:
+    """What one cell means."""
+    cell = cells[at]
+    if cell.count == 0 and not known(cells, at):
+        return UNKNOWN
+    lacks = lacks_floor(cells, at, sub)
+    above, height = cell.above, cell.mean_m
+    may_be_free = bounds[2] > 0.0 and above > 0 and cell.top_m <= bounds[2]
+    if may_be_free and is_soft(cells, at) and _is_among_soft(i, j, cells, window):
+        above, height = 0, cell.floor_m
+    beyond = above + cell.below
+    if above >= ENOUGH or cell.below >= ENOUGH or lacks:
+        return OBSTACLE
+    if cell.count > 0 and not bounds[1] < height < bounds[0]:
+        return OBSTACLE
+    if (beyond > 0 or cell.miss == 1) and cell.looks < LOOKED_AGAIN:
+        return UNKNOWN
+    if cell.count == 0 or cell.looks < 0:
+        return UNKNOWN
+    sides = 0
+    if cell.rising == 1:
+        sides = 0xFF
+    elif cell.looks < NEW_LOOKS:
+        far = int(cell.far_sides)
+        sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
+    return FREE if _goes_on(i, j, sides, cells, window) else UNKNOWN
+
+
+@kernel
+def _decide(
+    touched: I32,
+    layers: Cells,
+    sub: int,
+    bounds: Bounds,
+    from_window: tuple[int, int, int],
+    to_window: tuple[int, int, int],
+    cells: I8,
+    marked: I8,
+    changed: I32,
+    used: int,
+) -> int:
+    """Decide touched cells of the elevation window; windows are (corner i, corner j, size)."""
+    size, out = from_window[2], to_window[2]
+    for at in touched:
+        row, column = at // size, at % size
+        i = from_window[0] + (column - from_window[0]) % size
+        j = from_window[1] + (row - from_window[1]) % size
+        if not (0 <= i - to_window[0] < out and 0 <= j - to_window[1] < out):
+            continue
+        state = _state(i, j, at, layers, sub, bounds, from_window)
+        used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
+    return used
+
+
+class Deciding:
+    """Decides the cells of a `CellGrid` into a `StateWindow`, which may be smaller."""
+
+    def __init__(
+        self,
+        source: CellGrid,
+        window: StateWindow,
+        h_pos_m: float,
+        h_neg_m: float,
+        soft_free_below_m: float,
+    ) -> None:
+        self._source, self._window = source, window
+        self._bounds: Bounds = (h_pos_m, h_neg_m, soft_free_below_m)
+
+    def decide(self, touched: I32) -> None:
+        """Decide cells again (flat indices of the source)."""
+        source, window = self._source, self._window
+        window.used = _decide(
+            touched,
+            source.flat,
+            source.sub,
+            self._bounds,
+            (source.grid.corner_i, source.grid.corner_j, source.grid.size),
+            (window.grid.corner_i, window.grid.corner_j, window.grid.size),
+            window.cells.ravel(),
+            window.marked,
+            window.changed,
+            window.used,
+        )
+
+    def follow(self, x_m: float, y_m: float) -> None:
+        """Move the window with the robot; what enters and is known in the source is decided.
+
+        The source must have moved before.
+        """
+        grid, source = self._window.grid, self._source.grid
+        old_i, old_j = grid.corner_i, grid.corner_j
+        if not self._window.follow(x_m, y_m) or grid.size == source.size:
+            return
+        i = np.arange(grid.corner_i, grid.corner_i + grid.size)
+        j = np.arange(grid.corner_j, grid.corner_j + grid.size)
+        new_i = i[(i < old_i) | (i >= old_i + grid.size)]
+        new_j = j[(j < old_j) | (j >= old_j + grid.size)]
+        columns = (j[:, None] % source.size) * source.size + new_i[None, :] % source.size
+        rows = (new_j[:, None] % source.size) * source.size + i[None, :] % source.size
+        self.decide(np.concatenate([columns.ravel(), rows.ravel()]).astype(np.int32))

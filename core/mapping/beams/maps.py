@@ -1,0 +1,150 @@
+"""Method `beams`: exact geometry for each beam, heights over the tracked ground, evidence in cells.
+
+Source: design, section 7.
+"""
+
+import math
+
+import numpy as np
+
+from core.config import Config
+from core.geometry import R_from_rpy
+from core.grid.window import StateWindow
+from core.mapping.beams.carving import Clearing
+from core.mapping.beams.cells import CellGrid
+from core.mapping.beams.classifier import Deciding, lacks_floor
+from core.mapping.beams.elevation import Elevation
+from core.mapping.beams.ground import GroundTracker
+from core.mapping.beams.ground_plane import Stand
+from core.mapping.beams.slip import Faces
+from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
+from core.mapping.rays import BeamGeometry
+from core.mapping.terrain import Terrain
+from core.motion.attitude import AttitudeRing
+from core.motion.odometry import Odometry
+from core.records import F64, I64, OBSTACLE, Scan
+
+LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
+STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
+LINE_M, MOST_SWEPT = 8.0, 3.0  # how far off it is, and how much more it may be swept aside
+STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it slides along its way
+
+
+class BeamMaps:
+    """The maps of one run, kept up scan by scan."""
+
+    def __init__(self, config: Config) -> None:
+        scanner, obstacle = config.scanner, config.obstacle
+        self._geometry = BeamGeometry(
+            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
+            math.radians(scanner.mount_roll_deg),
+            math.radians(scanner.mount_tilt_deg),
+            math.radians(scanner.mount_yaw_deg),
+        )
+        self.cells = CellGrid(config.map.cells, config.map.cell_m)
+        self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
+        bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
+        filters = config.map.cell_value == "kalman"
+        self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters)
+        self.clearing = Clearing(self.cells)
+        self.ground = GroundTracker(self.cells)
+        self.terrain = Terrain(self.cells)
+        self.faces = Faces(self.cells)
+        self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
+        self._h_neg_m = obstacle.h_neg_m
+        self._stand: Stand | None = None
+
+    def warm(self) -> None:
+        """Run the kernels to which the first scans do not come, once; the maps stay empty."""
+        self.ground.warm()
+        self.elevation.judge_again(self.ground.numbers, self.ground.numbers, 0.0)
+        self.window.put(np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
+        lacks_floor(self.cells.flat, 0, self.cells.sub)
+        self.faces.warm()
+
+    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a scan that attitude and odometry cover; how many returns it had.
+
+        What it says of the place goes to the odometry.
+        """
+        sweep = self._geometry.cast(scan, attitudes, odometry)
+        stand = stand_at(sweep.t_s, attitudes, odometry)
+        self.cells.grid.follow(stand.x_m, stand.y_m)
+        self._deciding.follow(stand.x_m, stand.y_m)
+        self.ground.follow(sweep, stand)
+        self.cells.begin_scan()
+        is_calm = self.ground.is_calm(sweep.t_s, stand)
+        is_straight, stood = self._moved(stand)
+        known = not self.ground.is_guess
+        trust = (known and self.ground.is_sure(stand), is_calm and is_straight, known)
+        if self.ground.is_new:
+            ground = self.ground
+            self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)
+        returns = self.elevation.add(sweep, self.ground.numbers, trust)
+        slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
+        turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
+        if slide is not None and not turns and self.ground.found and is_calm:
+            odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
+        jitters = self.ground.jitters
+        self.clearing.add(sweep, self.ground.numbers, stood=stood, jitters=jitters)
+        touched = self.cells.touched[: self.cells.used]
+        self._deciding.decide(touched)
+        self.terrain.note(touched)
+        return returns
+
+    def _moved(self, stand: Stand) -> tuple[bool, bool]:
+        """Whether the line moves on with the robot, and whether the robot stands.
+
+        A line of a robot that stands or turns meets the floor by chance.
+        """
+        before, self._stand = self._stand, stand
+        if before is None:
+            return False, False
+        moved_m = abs(stand.travel_m - before.travel_m)
+        (ax, ay), (bx, by) = before.heading, stand.heading
+        swept_m = abs(ax * by - ay * bx) * LINE_M
+        is_straight = moved_m > LEAST_MOVED_M and swept_m < MOST_SWEPT * moved_m
+        return is_straight, moved_m < STOOD_M and swept_m < STOOD_SWEPT_M
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """A layer by its name; none where there is none."""
+        return maybe_beams_layer(name, self.cells, self.terrain, self.window)
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """Of a layer, at world cells."""
+        return maybe_beams_values(name, self.cells, self.terrain, self.window, i, j)
+
+    def erase(self) -> None:
+        """Forget everything."""
+        self.cells.grid.erase()
+        self.window.erase()
+        self.ground.erase()
+        self.faces.erase()
+
+    def is_low(self, i: int, j: int) -> bool:
+        """Whether an obstacle cell lies low, or is a place where floor was due and did not show."""
+        grid, window = self.cells.grid, self.window
+        inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
+        shown = window.cells[j % window.grid.size, i % window.grid.size]
+        if not inside or int(shown) != OBSTACLE:
+            return False
+        at = (j % grid.size) * grid.size + i % grid.size
+        cell = self.cells.flat[at]
+        stands = cell["above"] > 0
+        return bool(
+            (cell["count"] > 0 and cell["mean_m"] <= self._h_neg_m)
+            or (
+                not stands
+                and (cell["below"] > 0 or lacks_floor(self.cells.flat, at, self.cells.sub))
+            )
+        )
+
+
+def stand_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Stand:
+    """Where and how the robot stands at a covered instant, map frame."""
+    roll, pitch, yaw = attitudes.rpy_at(t_s)
+    yaw -= odometry.yaw_start_rad
+    nx, ny, nz = (float(part) for part in R_from_rpy(roll, pitch, yaw)[:, 2])
+    x_m, y_m, z_m = (float(part) for part in odometry.xyz_at(t_s))
+    heading = (math.cos(yaw), math.sin(yaw))
+    return Stand(x_m, y_m, z_m, heading, (-nx / nz, -ny / nz), odometry.travel_at(t_s))

@@ -1,0 +1,213 @@
+"""How far the pose has slid along its way, by upright faces that the robot drives towards.
+
+Wheels that slip alike count more than the robot travels, and no gyro sees it. But the front of a
+pillar, a box or a wall stays where it is: returns from it that come to lie before or behind those
+that made it known tell how far the pose is off along the way. Only faces that look along the way
+are used, many returns of a scan must agree in their middle, and what they say must grow evenly with
+the travel, by a few hundredths of it: things that move, or that lie on top of others, do not.
+Source: point-to-line matching, Censi, ICRA 2008, in one direction.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.jit import kernel
+from core.mapping.beams.cells import CellGrid, Cells, flat_index
+from core.mapping.beams.ground_plane import Stand, ground_m
+from core.mapping.rays import MAX_BEAMS, MIN_RANGE_M, Sweep
+from core.records import F64
+
+LOW_M = 0.25  # above the ground: lower returns may be of the top of a thing, or of a slope
+APART = 2  # beams to either side that tell how a face runs
+ALONG_M = 0.3  # and how far off they may be
+UPRIGHT_M = 0.1  # between its lowest and its highest return: a floor or the top of a thing has not
+FACING = 0.95  # cosine between a face's normal and the way
+MADE_OF = 40  # returns that make a face known
+KNOWN = 12  # of them, from which on it tells something
+MOST_M = 0.25
+LEAST = 12  # returns that agree
+AGREE_M = 0.05  # about their middle
+SAME_LEG = math.cos(math.radians(20.0))  # a robot that has turned by more makes its faces anew
+GROWN_M, LEAST_TOLD = 0.7, 12  # travel, and scans of it, over which slip must have grown,
+GAP_M = 0.3  # without a longer gap,
+LEAST_SLIP, MOST_SLIP = 0.015, 0.2  # by this share of the travel,
+ROUGH_M = 0.015  # and evenly
+SIGMA_M = 0.01  # of what that says
+
+
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """The pose lies too far ahead by so much."""
+
+    ahead_m: float
+    heading: tuple[float, float]  # unit vector of the way, map frame
+    variance_m2: float
+
+
+@kernel
+def _normal(
+    lenses: F64, rays: F64, ranges_m: F64, i: int, hx: float, hy: float, normal: F64
+) -> bool:
+    """Whether the surface that a beam meets looks along the way; its normal (2,), along it."""
+    a, b = i - APART, i + APART
+    if a < 0 or b >= rays.shape[0]:
+        return False
+    r, ra, rb = ranges_m[0, i], ranges_m[0, a], ranges_m[0, b]
+    if not (abs(ra - r) < ALONG_M and abs(rb - r) < ALONG_M and ra > MIN_RANGE_M):
+        return False
+    dx = lenses[b, 0] + rb * rays[b, 0] - lenses[a, 0] - ra * rays[a, 0]
+    dy = lenses[b, 1] + rb * rays[b, 1] - lenses[a, 1] - ra * rays[a, 1]
+    length = math.hypot(dx, dy)
+    if length < 1e-3:
+        return False
+    facing = (dy * hx - dx * hy) / length
+    sign = 1.0 if facing > 0 else -1.0
+    normal[0], normal[1] = sign * dy / length, -sign * dx / length
+    return bool(abs(facing) >= FACING)
+
+
+@kernel
+def _is_upright_face(cells: Cells, at: int, leg: int) -> bool:
+    """Whether a cell holds a face that is known, and was met at different heights."""
+    cell = cells[at]
+    is_upright = cell.z_high_m - cell.z_low_m >= UPRIGHT_M
+    return bool(cell.face_leg == leg and cell.face_n >= KNOWN and is_upright)
+
+
+@kernel
+def _off(
+    x: float,
+    y: float,
+    normal: F64,
+    cell_m: float,
+    corner: tuple[int, int],
+    size: int,
+    leg: int,
+    cells: Cells,
+) -> float:
+    """How far a return lies ahead of the nearest known face; inf: there is none near."""
+    best = math.inf
+    for step in range(-1, 2):
+        sx, sy = x + step * cell_m * normal[0], y + step * cell_m * normal[1]
+        at = flat_index(sx, sy, cell_m, corner, size)
+        if at >= 0 and _is_upright_face(cells, at, leg):
+            off = (x - cells[at].face_x_m) * normal[0] + (y - cells[at].face_y_m) * normal[1]
+            if abs(off) < abs(best):
+                best = off
+    return best if abs(best) <= MOST_M else math.inf
+
+
+@kernel
+def _slides(
+    lenses: F64,
+    rays: F64,
+    ranges_m: F64,
+    ground: F64,
+    hx: float,
+    hy: float,
+    window: tuple[int, int, int, float],
+    leg: int,
+    cells: Cells,
+    slides: F64,
+) -> int:
+    """How far (k,) along the way returns lie ahead of the faces they belong to; learns new ones."""
+    corner, size, cell_m = (window[0], window[1]), window[2], window[3]
+    normal, n = np.zeros(2), 0
+    for i in range(rays.shape[0]):
+        r = ranges_m[0, i]
+        if not r >= MIN_RANGE_M or not _normal(lenses, rays, ranges_m, i, hx, hy, normal):
+            continue
+        x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
+        if lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < LOW_M:
+            continue
+        off = _off(x, y, normal, cell_m, corner, size, leg, cells)
+        if math.isfinite(off):
+            slides[n] = off / (normal[0] * hx + normal[1] * hy)
+            n += 1
+        own = flat_index(x, y, cell_m, corner, size)
+        if own < 0:
+            continue
+        if cells[own].face_leg != leg:
+            cells[own].face_leg, cells[own].face_n = leg, 0
+        if cells[own].face_n >= MADE_OF:
+            continue
+        if math.isinf(off) or cells[own].face_n > 0:
+            cell = cells[own]
+            cell.face_n += 1
+            cell.face_x_m += (x - cell.face_x_m) / cell.face_n
+            cell.face_y_m += (y - cell.face_y_m) / cell.face_n
+    return n
+
+
+@kernel
+def _agreeing(slides: F64) -> tuple[int, float]:
+    """How many of some (n,) agree with their middle, and their mean."""
+    middle_m, count, total_m = np.median(slides), 0, 0.0
+    for k in range(len(slides)):
+        if abs(slides[k] - middle_m) <= AGREE_M:
+            count, total_m = count + 1, total_m + slides[k]
+    return count, total_m / max(count, 1)
+
+
+class Faces:
+    """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
+
+    def __init__(self, cells: CellGrid) -> None:
+        self._cells = cells
+        self._slides = np.zeros(MAX_BEAMS)
+        self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
+        self._leg, self._heading = 1, (math.nan, math.nan)
+
+    def warm(self) -> None:
+        """Run the kernel that few scans need."""
+        _agreeing(self._slides[:1])
+
+    def erase(self) -> None:
+        """Forget what they told; the cells forget the faces."""
+        self._told.clear()
+
+    def maybe_slide(self, sweep: Sweep, ground: F64, stand: Stand) -> Slide | None:
+        """What a sweep says, if enough of it agrees; its returns add to the faces."""
+        cells = self._cells
+        (ax, ay), (bx, by) = self._heading, stand.heading
+        if not ax * bx + ay * by >= SAME_LEG:
+            self._leg, self._heading = self._leg + 1, stand.heading
+            self._told.clear()
+        n = _slides(
+            sweep.lenses,
+            sweep.rays,
+            sweep.ranges_m,
+            ground,
+            *stand.heading,
+            cells.window,
+            self._leg,
+            cells.flat,
+            self._slides,
+        )
+        if n < LEAST:
+            return None
+        count, mean_m = _agreeing(self._slides[:n])
+        return self._maybe_grown(stand, mean_m) if count >= max(LEAST, 0.5 * n) else None
+
+    def _maybe_grown(self, stand: Stand, off_m: float) -> Slide | None:
+        """What the faces' offsets of some travel say, if they have grown as slip makes them grow.
+
+        The top of a table moves as fast as the robot, and a thing that stands does not move.
+        """
+        told = self._told
+        if told and abs(stand.travel_m - told[-1][0]) > GAP_M:
+            told.clear()
+        told.append((stand.travel_m, off_m))
+        if len(told) < LEAST_TOLD or abs(stand.travel_m - told[0][0]) < GROWN_M:
+            return None
+        travel_m, off = np.array(told).T
+        share, start = np.polyfit(travel_m - travel_m[0], off, 1)
+        rough_m = float(np.abs(off - start - share * (travel_m - travel_m[0])).max())
+        told.clear()
+        if not LEAST_SLIP <= abs(share) <= MOST_SLIP or rough_m > ROUGH_M:
+            return None
+        grown_m = float(share) * float(travel_m[-1] - travel_m[0])
+        return Slide(grown_m, stand.heading, SIGMA_M**2)

@@ -1,0 +1,152 @@
+"""What can be asked of a map, cell by cell: whole layers by name, or the values of some cells.
+
+Copies, so that nobody who looks can change a map. NaN is "not known" in every layer, never flat and
+never free. "state" is what was decided: whoever tells it on holds FREE back while the map is not
+trusted. A cell may have a state and no height: missing floor is known by what did not show.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from core.grid.ring import RingGrid
+from core.grid.window import StateWindow
+from core.jit import kernel
+from core.mapping.beams.cells import CellGrid, Cells
+from core.mapping.beams.classifier import is_soft
+from core.mapping.terrain import F32, Terrain
+from core.records import F64, I32, I64, UNKNOWN
+
+UNITS = {  # every layer there is
+    "height": "m",  # above the ground that is tracked (`beams`) or expected (`reference_plane`)
+    "variance": "m2",  # of the height: by its error model, or of what fell into the cell
+    "z": "m",  # average height, map frame
+    "slope": "rad",  # of the ground through the cell and its neighbours; 0: level
+    "step": "m",  # largest height difference within the cell and to its neighbours
+    "roughness": "m",  # rms, off the plane through them
+    "soft": "",  # 1: beams go into what stands there; 0: they do not, or nothing stands there
+    "state": "",  # OBSTACLE or FREE
+}
+RECORDED = {"height": "mean_m", "variance": "var_m2", "z": "z_m"}  # fields of a cell's record
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LayerView:
+    """One layer as it was when asked for."""
+
+    name: str
+    values: F32  # (size, size), [row, column] = [j - corner_j, i - corner_i]; NaN: not known
+    corner_i: int  # world cell of values[0, 0]
+    corner_j: int
+    cell_m: float
+
+
+def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
+    """Values (n,) of a ring's layer at world cells i, j (n,); NaN outside its window."""
+    inside = (
+        (i >= grid.corner_i)
+        & (i < grid.corner_i + grid.size)
+        & (j >= grid.corner_j)
+        & (j < grid.corner_j + grid.size)
+    )
+    return np.where(inside, ring[j % grid.size, i % grid.size], np.nan)
+
+
+def states_at(window: StateWindow, i: I64, j: I64) -> F64:
+    """States (n,) at world cells; NaN where nothing is known."""
+    states = at_cells(window.grid, i, j, window.cells)
+    return np.where(states == UNKNOWN, np.nan, states)
+
+
+def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
+    """A layer (size, size) of a ring, unrolled."""
+    shift = (-(grid.corner_j % grid.size), -(grid.corner_i % grid.size))
+    values = np.roll(ring, shift, axis=(0, 1)).astype(np.float32)
+    return LayerView(name, values, grid.corner_i, grid.corner_j, grid.cell_m)
+
+
+def state_view(window: StateWindow) -> LayerView:
+    """The states that were decided."""
+    cells = window.cells
+    return view_of("state", window.grid, np.where(cells == UNKNOWN, np.nan, cells))
+
+
+@kernel
+def _soft(cells: Cells, out: F64) -> None:
+    """1 where what stands in a cell is soft, else 0; as flat as the cells."""
+    for at in range(cells.size):
+        out[at] = 1.0 if is_soft(cells, at) else 0.0
+
+
+def maybe_beams_layer(
+    name: str, cells: CellGrid, terrain: Terrain, window: StateWindow
+) -> LayerView | None:
+    """A layer of method `beams`; none where there is none of this name."""
+    if name == "state":
+        return state_view(window)
+    judged = {
+        "slope": terrain.slope_rad,
+        "step": terrain.step_m,
+        "roughness": terrain.roughness_m,
+    }
+    if name in judged:
+        terrain.update()
+        return view_of(name, cells.grid, judged[name])
+    if name == "soft":
+        ring = np.empty(cells.cells.shape)
+        _soft(cells.flat, ring.reshape(-1))
+    elif name in RECORDED:
+        ring = cells.cells[RECORDED[name]]
+    else:
+        return None
+    return view_of(name, cells.grid, np.where(cells.cells["count"] > 0, ring, np.nan))
+
+
+def maybe_beams_values(
+    name: str, cells: CellGrid, terrain: Terrain, window: StateWindow, i: I64, j: I64
+) -> F64 | None:
+    """Of method `beams`, at world cells i, j (n,); none where there is no such layer to ask for."""
+    if name == "state":
+        return states_at(window, i, j)
+    if name == "slope":
+        terrain.update()
+        return at_cells(cells.grid, i, j, terrain.slope_rad)
+    if name not in RECORDED:
+        return None
+    counts = at_cells(cells.grid, i, j, cells.cells["count"])
+    values = np.where(counts > 0, at_cells(cells.grid, i, j, cells.cells[RECORDED[name]]), np.nan)
+    if name == "variance":  # one return has no spread, and is not therefore exact
+        values[values == 0.0] = np.nan
+    return values
+
+
+def maybe_plane_values(
+    name: str, average_m: F64, source: I32, window: StateWindow, i: I64, j: I64
+) -> F64 | None:
+    """Of method `reference_plane`, as `maybe_beams_values`; arguments of `maybe_plane_layer`."""
+    if name == "state":
+        return states_at(window, i, j)
+    if name != "height":
+        return None
+    sources = at_cells(window.grid, i, j, source)
+    known = sources >= 0
+    return np.where(known, average_m.reshape(-1)[np.where(known, sources, 0).astype(int)], np.nan)
+
+
+def maybe_plane_layer(
+    name: str, average_m: F64, source: I32, window: StateWindow
+) -> LayerView | None:
+    """A layer of method `reference_plane`, which has heights and states only.
+
+    Args:
+        average_m: the paper's heights, of its own frame.
+        source: for each cell of the window (size, size) the flat index of its height; -1: none.
+    """
+    if name == "state":
+        return state_view(window)
+    if name != "height":
+        return None
+    heights_m = np.where(source >= 0, average_m.reshape(-1)[source], np.nan)
+    return view_of(name, window.grid, heights_m)

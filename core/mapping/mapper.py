@@ -1,0 +1,160 @@
+"""Records in, maps out: holds scans until attitude and pose reach them, then adds them.
+
+A scan waits a bounded time for the attitude and the pose of its last beam; what never gets them is
+counted and dropped, not guessed. Where the odometry's chain breaks, the maps are erased.
+Source: design, sections 2, 4 and 7.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from core.config import Config
+from core.driving.health import MAX_SLOPE_RAD
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.layers import LayerView
+from core.mapping.method import Maps
+from core.mapping.paper.maps import ReferencePlaneMaps
+from core.motion.attitude import AttitudeRing
+from core.motion.odometry import Odometry, Pose
+from core.records import F64, Attitude, ObstacleWindow, Scan, WheelCounts
+
+WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
+WAITING = 4  # scans; fewer than the scanner codec has slots
+
+
+@dataclass(slots=True)
+class MapperCounts:
+    """What became of the records."""
+
+    scans_added: int = 0
+    scans_dropped: int = 0  # no attitude or pose came in time
+    scans_tilted: int = 0  # the robot leant too far for a map
+    scans_early: int = 0  # before there was any pose
+    points: int = 0
+    erased: int = 0
+
+
+def _last_beam_s(scan: Scan) -> float:
+    """When the last beam of a scan left."""
+    return scan.t_s + float(scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
+
+
+class Mapper:
+    """Attitude, odometry and the maps of one run, by the method that the settings name."""
+
+    def __init__(self, config: Config) -> None:
+        robot, ahrs = config.robot, config.ahrs
+        is_paper = config.map.method == "reference_plane"  # which takes the sensor's angles
+        self.attitudes = AttitudeRing(
+            math.radians(ahrs.mount_roll_deg),
+            math.radians(ahrs.mount_pitch_deg),
+            math.radians(ahrs.mount_yaw_deg),
+            levels=not is_paper,
+        )
+        self.odometry = Odometry(
+            self.attitudes,
+            robot.wheel_radius_m,
+            robot.encoder_ppr,
+            robot.gear_ratio,
+            robot.track_width_m,
+        )
+        self.maps: Maps = ReferencePlaneMaps(config) if is_paper else BeamMaps(config)
+        self.counts = MapperCounts()
+        self.continued = False  # the map is that of an earlier run
+        self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
+        self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
+        self.delivered_counts_s = float("-inf")  # instant of the newest encoder counts
+        self._waiting: deque[Scan] = deque()
+        self._breaks = 0
+        self._pose_s = math.nan  # asked since the last settling,
+        self._pose: Pose | None = None  # and its answer
+
+    def go_on_from(self, xyz_m: F64, yaw_rad: float, travel_m: float) -> None:
+        """Before anything has come: the map frame is an earlier run's, the body stands here."""
+        self.odometry.start_at(xyz_m, yaw_rad, travel_m)
+        self.continued = True
+
+    @property
+    def waits(self) -> bool:
+        """Whether a scan waits for its attitude or its pose."""
+        return bool(self._waiting)
+
+    def add_attitude(self, attitude: Attitude) -> None:
+        """Take one sample of the attitude sensor."""
+        self._pose_s = math.nan
+        self.attitudes.add(attitude)
+
+    def add_counts(self, counts: WheelCounts) -> None:
+        """Take one pair of encoder counts."""
+        self.delivered_counts_s = max(self.delivered_counts_s, counts.t_s)
+        self.odometry.add(counts)
+
+    def add_scan(self, scan: Scan) -> None:
+        """Take one scan; it is mapped by a later `settle`."""
+        self.delivered_scan_s = max(self.delivered_scan_s, _last_beam_s(scan))
+        self._waiting.append(scan)
+        if len(self._waiting) > WAITING:
+            self._waiting.popleft()
+            self.counts.scans_dropped += 1
+
+    def settle(self, now_s: float) -> int:
+        """Map the scans that attitude and pose reach by now; returns how many."""
+        self._pose_s = math.nan
+        self.odometry.settle()
+        if self.odometry.breaks != self._breaks:
+            self._breaks = self.odometry.breaks
+            self.erase()
+        added = 0
+        while self._waiting:
+            scan = self._waiting[0]
+            last_s = _last_beam_s(scan)
+            if self.attitudes.reaches(scan.t_s, last_s) and self.odometry.covers(scan.t_s, last_s):
+                self._add(self._waiting.popleft(), last_s)
+                added += 1
+            elif now_s - scan.arrived_s > WAIT_S:
+                self._waiting.popleft()
+                if self.odometry.started:
+                    self.counts.scans_dropped += 1
+                else:
+                    self.counts.scans_early += 1
+            else:
+                break
+        return added
+
+    def _add(self, scan: Scan, last_s: float) -> None:
+        roll_rad, pitch_rad, _ = self.attitudes.rpy_at(last_s)
+        if max(abs(roll_rad), abs(pitch_rad)) > MAX_SLOPE_RAD:
+            self.counts.scans_tilted += 1
+            return
+        self.counts.points += self.maps.add(scan, self.attitudes, self.odometry)
+        self.newest_scan_s = last_s
+        self.counts.scans_added += 1
+
+    def erase(self) -> None:
+        """Forget both maps: nothing in them can be placed any more."""
+        self.maps.erase()
+        self.newest_scan_s = float("-inf")
+        self.counts.erased += 1
+
+    def maybe_pose(self, now_s: float) -> Pose | None:
+        """The body's pose now, or none; what is taken in meanwhile counts from `settle` on."""
+        if now_s != self._pose_s:
+            self._pose, self._pose_s = self.odometry.maybe_pose(now_s), now_s
+        return self._pose
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """A layer by its name in `core.mapping.layers.UNITS`, a copy; None where there is none."""
+        return self.maps.maybe_layer(name)
+
+    def window(self, trusted: bool) -> ObstacleWindow:
+        """The obstacle map and what changed in it since the last call."""
+        window = self.maps.window
+        return ObstacleWindow(
+            window.cells,
+            window.grid.corner_i,
+            window.grid.corner_j,
+            window.take_changed(),
+            window.epoch,
+            trusted,
+        )

@@ -1,0 +1,42 @@
+"""What a mapping method gives to the rest of the app, whichever it is."""
+
+from typing import Protocol
+
+from core.grid.window import StateWindow
+from core.mapping.layers import LayerView
+from core.motion.attitude import AttitudeRing
+from core.motion.odometry import Odometry
+from core.records import F64, I64, Scan
+
+
+class Maps(Protocol):
+    """An elevation map and the obstacle map made of it, kept up by one method."""
+
+    window: StateWindow
+
+    def warm(self) -> None:
+        """Run the kernels to which the first scans do not come, once; the maps stay as they are."""
+        ...
+
+    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a scan that attitude and odometry cover from its first beam to its last.
+
+        Returns how many of its returns were used.
+        """
+        ...
+
+    def erase(self) -> None:
+        """Forget everything: nothing in it can be placed any more."""
+        ...
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """A layer by its name in `core.mapping.layers.UNITS`; none where the method has none."""
+        ...
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """What a layer holds at world cells i, j (n,); NaN: not known. None: no such layer."""
+        ...
+
+    def is_low(self, i: int, j: int) -> bool:
+        """Whether an obstacle cell (world cell indices) is a drop, not something that stands."""
+        ...

@@ -1,0 +1,165 @@
+"""The paper's maps as a mapping method: scans in, the planner's window out.
+
+One attitude and one displacement per scan, those of its last beam; of two echoes the first. Height
+and tilt of the mount count; its roll and yaw are not in the paper and are left out. The paper's map
+turns with the robot, the window does not: after each scan each cell of the window takes the state
+of the paper's cell in which its centre lies. A cell of the one may be met by no centre of the
+other, so an obstacle is also put where its own centre lies: none is lost between the two.
+Source: the paper, chapter 4; design, section 7.
+"""
+
+import math
+
+import numpy as np
+
+from core.config import Config
+from core.grid.window import StateWindow
+from core.jit import kernel
+from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
+from core.mapping.paper.grid import centre_of, index_of
+from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
+from core.mapping.rays import MIN_RANGE_M
+from core.motion.attitude import AttitudeRing
+from core.motion.odometry import Odometry
+from core.records import F64, I8, I32, I64, OBSTACLE, UNKNOWN, Scan
+
+MAX_RANGE_M = 20.0  # lms111 sheet, section 1: range
+NOWHERE = -1  # a cell of the window that lies outside the paper's maps
+
+
+@kernel
+def _find_sources(
+    corner: tuple[int, int],
+    lens: tuple[float, float, float],
+    states: I8,
+    cell_m: float,
+    source: I32,
+) -> None:
+    """For each cell of the window (size, size) the paper's cell, as a flat index, or NOWHERE.
+
+    `lens` is x, y and yaw of the body's forward direction at the lens, map frame.
+    """
+    size, cells = source.shape[0], states.shape[0]
+    c, s = math.cos(lens[2]), math.sin(lens[2])
+    for j in range(corner[1], corner[1] + size):
+        dy_m = (j + 0.5) * cell_m - lens[1]
+        for i in range(corner[0], corner[0] + size):
+            dx_m = (i + 0.5) * cell_m - lens[0]
+            column = index_of(s * dx_m - c * dy_m, cell_m, cells)
+            row = index_of(c * dx_m + s * dy_m, cell_m, cells)
+            inside = 0 <= row < cells and 0 <= column < cells
+            source[j % size, i % size] = row * cells + column if inside else NOWHERE
+    for row in range(cells):
+        for column in range(cells):
+            if states[row, column] == OBSTACLE:
+                right_m, ahead_m = centre_of(column, cell_m, cells), centre_of(row, cell_m, cells)
+                i = math.floor((lens[0] + c * ahead_m + s * right_m) / cell_m)
+                j = math.floor((lens[1] + s * ahead_m - c * right_m) / cell_m)
+                if 0 <= i - corner[0] < size and 0 <= j - corner[1] < size:
+                    source[j % size, i % size] = row * cells + column
+
+
+@kernel
+def _list_changes(source: I32, states: I8, shown: I8, at: I32, new: I8) -> int:
+    """Where the window (flat) shows other than its sources' states; returns how many cells."""
+    used = 0
+    for k in range(source.size):
+        state = states[source[k]] if source[k] != NOWHERE else UNKNOWN
+        if shown[k] != state:
+            at[used], new[used] = k, state
+            used += 1
+    return used
+
+
+class ReferencePlaneMaps:
+    """`Maps` by the paper's method; `plane` has its own two maps, in its own frame."""
+
+    def __init__(self, config: Config, compensated: bool = True) -> None:
+        scanner, obstacle, ground = config.scanner, config.obstacle, config.ground
+        settings = PaperSettings(
+            lens_height_m=scanner.mount_z_m,
+            tilt_rad=math.radians(scanner.mount_tilt_deg),
+            max_range_m=MAX_RANGE_M,
+            cells=config.map.cells,
+            cell_m=config.map.cell_m,
+            h_pos_m=obstacle.h_pos_m,
+            h_neg_m=obstacle.h_neg_m,
+            epsilon_rad=math.radians(ground.total_pitch_deg),
+            eta_rad=math.radians(ground.step_pitch_deg),
+            compensated=compensated,
+        )
+        self.plane = ReferencePlane(settings, np.zeros(0))
+        self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
+        size = obstacle.window_cells
+        self._mount_xy_m = scanner.mount_x_m, scanner.mount_y_m
+        self._source: I32 = np.full((size, size), NOWHERE, dtype=np.int32)
+        self._at: I32 = np.zeros(size**2, dtype=np.int32)
+        self._new: I8 = np.zeros(size**2, dtype=np.int8)
+        self._beams = (0, 0.0, 0.0)
+
+    def warm(self) -> None:
+        """The first scan runs all kernels."""
+
+    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a scan that both cover to its last beam; returns how many returns were used."""
+        last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
+        self._follow_beams(scan)
+        roll_rad, pitch_rad, yaw_rad = attitudes.rpy_at(last_s)
+        ranges_m = np.where(scan.ranges_m[0] >= MIN_RANGE_M, scan.ranges_m[0], np.nan)
+        restarts = self.plane.restarts
+        used = self.plane.add(ranges_m, yaw_rad, pitch_rad, roll_rad, odometry.travel_at(last_s))
+        if self.plane.restarts != restarts:
+            self.window.erase()
+        self._show(odometry.xy_at(last_s), yaw_rad - odometry.yaw_start_rad)
+        return used
+
+    def _follow_beams(self, scan: Scan) -> None:
+        """Other beams than so far are another reference plane: all starts anew."""
+        beams = scan.ranges_m.shape[1], scan.first_rad, scan.step_rad
+        if beams != self._beams:
+            bearing_rad = scan.first_rad + scan.step_rad * np.arange(beams[0], dtype=np.float64)
+            self.plane.set_beams(sigma_from_bearing(bearing_rad))
+            if self._beams[0] != 0:
+                self.erase()
+            self._beams = beams
+
+    def _show(self, xy_m: F64, yaw_rad: float) -> None:
+        """The paper's states in the window, from the body's position (2,) and yaw in the map."""
+        x_m, y_m = float(xy_m[0]), float(xy_m[1])
+        self.window.follow(x_m, y_m)
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        forward_m, left_m = self._mount_xy_m
+        lens = x_m + c * forward_m - s * left_m, y_m + s * forward_m + c * left_m, yaw_rad
+        corner = self.window.grid.corner_i, self.window.grid.corner_j
+        states, cell_m = self.plane.obstacles, self.plane.settings.cell_m
+        _find_sources(corner, lens, states, cell_m, self._source)
+        changed = _list_changes(
+            self._source.ravel(), states.ravel(), self.window.cells.ravel(), self._at, self._new
+        )
+        self.window.put(self._at[:changed], self._new[:changed])
+
+    def maybe_layer(self, name: str) -> LayerView | None:
+        """Height above the reference, or state; none for any other name."""
+        return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """Of a layer, at world cells."""
+        return maybe_plane_values(name, self.plane.elevation_m, self._source, self.window, i, j)
+
+    def erase(self) -> None:
+        """Forget both maps and the window."""
+        self.plane.erase()
+        self.window.erase()
+        self._source[...] = NOWHERE
+
+    def heights_m(self) -> F64:
+        """Average heights (size, size) of what the window shows, in its layout; NaN: nothing."""
+        averages_m = self.plane.elevation_m.ravel()
+        return np.where(self._source == NOWHERE, np.nan, averages_m[self._source])
+
+    def is_low(self, i: int, j: int) -> bool:
+        """Whether what makes an obstacle of a window's cell lies below the ground."""
+        size = self.window.grid.size
+        at = int(self._source[j % size, i % size])
+        low_m = self.plane.settings.h_neg_m
+        return at != NOWHERE and bool(self.plane.elevation_m.flat[at] <= low_m)

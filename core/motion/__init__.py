@@ -1,0 +1,1 @@
+"""Where the body was at an instant: attitude, heading, place."""

@@ -1,0 +1,375 @@
+"""Pose at a time, or none: travel from the wheels' encoders, heading from the heading filter.
+
+Each pair of counts closes an interval; its travel is laid along the heading in the middle of it,
+made horizontal by the pitch there. Behind the newest pair the pose goes on at the last speed for a
+short, bounded time. Where the chain breaks (counters restarted, an input away for too long while
+the robot turned), `breaks` grows: positions from before have no relation to those after. Poses of
+a positioning system correct the path, and replace the wheels while these do not tell.
+Source: design, sections 4 and 5; the paper, section 4.5 (encoder displacement projected by yaw).
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from core.geometry import wrapped
+from core.motion.attitude import AttitudeRing
+from core.motion.error_state import SCALE, SIZE, YAW, X, Y
+from core.motion.external_pose import JUMP_M, Positioning, is_sound
+from core.motion.path import Path
+from core.motion.wheel_check import Turn, WheelCheck
+from core.records import F64, ExternalPose, WheelCounts, record
+
+EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
+WAITING = 64  # pairs that may wait for an attitude to cover them
+POSES_WAITING = 16  # of a positioning system, likewise
+COUNTS_LATE_S = 0.15  # a pose waits so long for counts around it
+SILENT_S = 0.25  # a pose so long after the newest counts stands for itself
+LEAST_S = 1e-3  # nearer neighbours in time are one and the same
+GAP_S = 0.5  # an interval longer than this is checked for what it can hide
+HIDDEN_M = 0.1  # position error that such an interval may hide
+BLIND_M = 0.005  # travel without any heading that still counts as standing
+STILL_COUNTS = 1.5  # less than this in an interval is no movement: a wheel may rest on an edge
+MOST_COUNTS = 1e12  # beyond this no counter gets
+ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
+OWED_MPS = 0.1  # position is corrected no faster, so that the map is not torn
+UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
+GATE = 3.0  # standard deviations of what a face is believed
+
+
+@record()
+class Pose:
+    """The body in the map frame at one instant."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    pitch_rad: float
+    roll_rad: float
+
+
+class Odometry:
+    """The path of the body in the map frame, for as long as the attitudes last."""
+
+    def __init__(
+        self,
+        attitudes: AttitudeRing,
+        wheel_radius_m: float,
+        encoder_ppr: int,
+        gear_ratio: float,
+        track_width_m: float,
+    ) -> None:
+        self._attitudes, self._state = attitudes, attitudes.heading.state
+        self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
+        self._track_width_m = track_width_m
+        self._path = Path()
+        self._wheels = WheelCheck(self._state, track_width_m, self._m_per_count)
+        self.positioning = Positioning(self._state)
+        self._waiting: deque[WheelCounts] = deque()
+        self._poses: deque[ExternalPose] = deque()
+        self._pose_s = -math.inf  # of the newest pose that came
+        self._last: WheelCounts | None = None
+        self._yaw_last_rad = 0.0
+        self._replaced = False  # since the last counts, a positioning system told the place
+        self._start_m, self._start_yaw_rad, self._start_travel_m = np.zeros(3), 0.0, 0.0
+        self.yaw_start_rad = 0.0  # of the body in the earth frame where the map's x axis points
+        self.v_mps = 0.0
+        self.w_radps = 0.0  # from the wheels
+        self.breaks = 0
+
+    @property
+    def started(self) -> bool:
+        """True once there is a position at all."""
+        return len(self._path) > 0
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the newest position that is measured; -inf when there is none."""
+        return self._path.newest_s
+
+    @property
+    def slipping(self) -> bool:
+        """True while the wheels turn the body otherwise than the gyro says, and shortly after."""
+        return self._wheels.slipping
+
+    @property
+    def slips(self) -> int:
+        """How often a slip began."""
+        return self._wheels.slips
+
+    @property
+    def scale(self) -> float:
+        """True travel over that of the wheels, as estimated; 1 without a positioning system."""
+        return 1.0 + float(self._state.value[SCALE])
+
+    @property
+    def covariance(self) -> F64:
+        """Of the newest x (m), y (m), yaw (rad) in the map frame: (3, 3), since the newest break.
+
+        It is that of the estimate, which the told pose follows within its pace.
+        """
+        return self._state.P[:3, :3].copy()
+
+    def start_at(self, xyz_m: F64, yaw_rad: float, travel_m: float) -> None:
+        """Before anything has come: where (3,) the body stands in a map frame that goes on."""
+        self._start_m, self._start_yaw_rad, self._start_travel_m = xyz_m.copy(), yaw_rad, travel_m
+
+    def add(self, counts: WheelCounts) -> None:
+        """Take one pair of counts; it counts once the attitude at its time is known."""
+        newest = self._waiting[-1] if self._waiting else self._last
+        if newest is not None and not counts.t_s >= newest.t_s + LEAST_S:
+            return
+        if not (math.isfinite(counts.t_s) and _is_count(counts.left) and _is_count(counts.right)):
+            return
+        self._waiting.append(counts)
+        if len(self._waiting) > WAITING:
+            self._waiting.popleft()
+
+    def add_external(self, pose: ExternalPose) -> bool:
+        """Take a pose of a positioning system; False if it can't be true, or is no newer one."""
+        if not is_sound(pose) or pose.t_s < self._pose_s + LEAST_S:
+            return False
+        self._pose_s = pose.t_s
+        self._poses.append(pose)
+        if len(self._poses) > POSES_WAITING:
+            self._poses.popleft()
+        return True
+
+    def correct_along(self, way: tuple[float, float], off_m: float, variance_m2: float) -> bool:
+        """Take that the told place lies off_m too far along a direction (unit vector, map frame).
+
+        False: it was not believed. It goes into the place slowly, as all corrections do.
+        """
+        h = np.zeros(SIZE)
+        h[X], h[Y] = way
+        innovation_m = -off_m - float(h @ self._state.value)
+        if innovation_m**2 > GATE**2 * (self._state.spread(h) + variance_m2):
+            return False
+        self._state.correct_some((X, Y, SCALE), h, innovation_m, variance_m2)
+        return True
+
+    def settle(self) -> None:
+        """Lay the intervals and use the poses whose attitudes have arrived by now."""
+        attitudes = self._attitudes
+        while self._waiting and attitudes.count > 1 and attitudes.newest_s >= self._waiting[0].t_s:
+            counts = self._waiting.popleft()
+            if attitudes.spans(counts.t_s, counts.t_s):
+                self._lay(counts)
+        while self._poses and attitudes.newest_s >= self._poses[0].t_s:
+            pose = self._poses[0]
+            late = self._replaced or attitudes.newest_s >= pose.t_s + COUNTS_LATE_S
+            if self.newest_s < pose.t_s and not late:
+                break
+            self._poses.popleft()
+            if attitudes.spans(pose.t_s, pose.t_s):
+                self._use(pose)
+
+    # From the wheels
+
+    def _lay(self, counts: WheelCounts) -> None:
+        _, _, yaw_rad = self._attitudes.rpy_at(counts.t_s)
+        last = self._last
+        if not self.started:
+            self._begin(counts.t_s, yaw_rad)
+        elif last is None or self._replaced:
+            self._resume(counts.t_s)
+        elif counts.restarts != last.restarts:
+            self._break(counts.t_s)
+        elif counts.t_s > self.newest_s:
+            self._travel(last, counts, wrapped(yaw_rad - self._yaw_last_rad))
+        self._last, self._yaw_last_rad, self._replaced = counts, yaw_rad, False
+
+    def _begin(self, t_s: float, yaw_rad: float) -> None:
+        """Here and now is the map's frame, or where `start_at` said."""
+        self.yaw_start_rad = wrapped(yaw_rad - self._start_yaw_rad)
+        self._path.append(t_s, self._start_m, self._start_travel_m)
+        self._state.begin_map()
+
+    def _resume(self, t_s: float) -> None:
+        """Counts again, after a positioning system told the place."""
+        if t_s > self.newest_s + EXTRAPOLATED_S:
+            self._break(t_s)
+        elif t_s > self.newest_s:
+            self._path.append(t_s, self.xyz_at(t_s), self._path.travel_m)
+        self._wheels.restart()
+
+    def _travel(self, last: WheelCounts, counts: WheelCounts, turned_rad: float) -> None:
+        dt_s = counts.t_s - last.t_s
+        left_m = (counts.left - last.left) * self._m_per_count
+        right_m = (counts.right - last.right) * self._m_per_count
+        travel_m = 0.5 * (left_m + right_m)
+        middle_s = 0.5 * (last.t_s + counts.t_s)
+        unseen_turn = dt_s > GAP_S and abs(travel_m * turned_rad) > HIDDEN_M
+        blind = self._attitudes.gap_s_at(middle_s) > GAP_S and abs(travel_m) > BLIND_M
+        if unseen_turn or blind:
+            self._break(counts.t_s)
+            return
+        moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
+        wheels_rad = (right_m - left_m) / self._track_width_m
+        self._attitudes.heading.note_wheels(last.t_s, counts.t_s, wheels_rad, moved=moved)
+        gyro_rad = self._gyro_turn(last.t_s, counts.t_s)
+        self._wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
+        level_m = np.array(self._step(travel_m * self.scale, middle_s))
+        self._doubt(level_m, dt_s, abs(travel_m * turned_rad))
+        place = self._path.newest_m + level_m
+        place[:2] += self._paid(dt_s)
+        self._path.append(counts.t_s, place, self._path.travel_m + travel_m)
+        self.v_mps = travel_m * self.scale / dt_s
+        self.w_radps = wheels_rad / dt_s
+
+    def _gyro_turn(self, from_s: float, to_s: float) -> float:
+        """What the gyro turned meanwhile, bias and all; NaN where it did not tell throughout."""
+        attitudes = self._attitudes
+        if attitudes.heading.gyro_since_s > from_s or not attitudes.spans(from_s, to_s):
+            return math.nan
+        return attitudes.turned_rad_at(to_s) - attitudes.turned_rad_at(from_s)
+
+    def _doubt(self, step_m: F64, dt_s: float, hidden_m: float) -> None:
+        """What a step makes less sure, and what the told heading does not lay as estimated."""
+        dx_m, dy_m = float(step_m[0]), float(step_m[1])
+        driven_m = math.hypot(dx_m, dy_m)
+        slip_m = 0.5 * self._track_width_m * self._wheels.unexplained_rad if self.slipping else 0.0
+        unseen_m = hidden_m if dt_s > GAP_S else 0.0
+        self._state.travel(
+            dx_m,
+            dy_m,
+            ALONG_M**2 * driven_m + slip_m**2 + unseen_m**2,
+            ACROSS_M**2 * driven_m + unseen_m**2,
+        )
+        owed_rad = float(self._state.value[YAW])
+        self._state.value[X] -= owed_rad * dy_m
+        self._state.value[Y] += owed_rad * dx_m
+
+    def _paid(self, dt_s: float) -> F64:
+        """How much (2,) of what is owed to the position is told in this interval."""
+        owed_m = self._state.value[[X, Y]]
+        length_m, most_m = float(np.hypot(*owed_m)), OWED_MPS * dt_s
+        paid_m = owed_m if length_m <= most_m else owed_m * (most_m / length_m)
+        self._state.value[[X, Y]] = owed_m - paid_m
+        return np.asarray(paid_m)
+
+    def _step(self, travel_m: float, at_s: float) -> tuple[float, float, float]:
+        """A travel along the body's x axis at a spanned instant, as x, y, z of the map frame."""
+        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(at_s)
+        heading_rad = yaw_rad - self.yaw_start_rad
+        level_m = travel_m * math.cos(pitch_rad)
+        return (
+            level_m * math.cos(heading_rad),
+            level_m * math.sin(heading_rad),
+            -travel_m * math.sin(pitch_rad),
+        )
+
+    def _break(self, t_s: float) -> None:
+        """Go on from the same place, as an island of its own."""
+        place, travel_m = self._path.newest_m, self._path.travel_m
+        self._path.forget()
+        self._path.append(t_s, place, travel_m)
+        for row in (X, Y):
+            self._state.forget(row, 0.0)
+            self._state.value[row] = 0.0
+        self.positioning.forget()
+        self._wheels.restart()
+        self.v_mps = self.w_radps = 0.0
+        self.breaks += 1
+
+    # From a positioning system
+
+    def _use(self, pose: ExternalPose) -> None:
+        """A pose whose instant the attitudes span."""
+        _, _, yaw_rad = self._attitudes.rpy_at(pose.t_s)
+        if not self.started:
+            self._begin(pose.t_s, yaw_rad)
+        if pose.t_s < self._path.oldest_s:
+            return
+        yaw_rad += float(self._state.value[YAW]) - self.yaw_start_rad
+        ahead_s = pose.t_s - self.newest_s
+        silent = ahead_s > (LEAST_S if self._replaced else SILENT_S)
+        if silent and self.positioning.aligned:
+            self._replace(pose, yaw_rad)
+        elif self.covers(pose.t_s, pose.t_s):
+            here_m = self.xy_at(pose.t_s) + self._state.value[[X, Y]]
+            if self.positioning.take(pose, here_m, yaw_rad):
+                self._leap()
+
+    def _replace(self, pose: ExternalPose, yaw_rad: float) -> None:
+        """The wheels are silent: the place is where the positioning system says."""
+        dt_s = pose.t_s - self.newest_s
+        unseen_m, before, used = UNSEEN_MPS * dt_s, self._path.newest_m, self.positioning.used
+        self._state.travel(0.0, 0.0, unseen_m**2, unseen_m**2)
+        here_m = before[:2] + self._state.value[[X, Y]]
+        leaps = self.positioning.take(pose, here_m, yaw_rad, JUMP_M + unseen_m)
+        if self.positioning.used == used:
+            return
+        place = before + np.array([*self._state.value[[X, Y]], 0.0])
+        self._state.value[[X, Y]] = 0.0
+        ahead = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
+        self._path.append(pose.t_s, place, self._path.travel_m)
+        self.v_mps = float(ahead @ (place - before)[:2]) / dt_s
+        self._replaced = True
+        if leaps:
+            self._leap()
+
+    def _leap(self) -> None:
+        """Take the whole correction at once: the map from before has its places elsewhere."""
+        owed_m = self._state.value[[X, Y]]
+        self._path.move(float(owed_m[0]), float(owed_m[1]))
+        self._state.value[[X, Y]] = 0.0
+        turn_rad = self._attitudes.heading.pay_all()
+        self._attitudes.turn_all(turn_rad)
+        self._yaw_last_rad += turn_rad
+        self.breaks += 1
+
+    # What is known of an instant
+
+    def covers(self, from_s: float, to_s: float) -> bool:
+        """True if the position is known, or well continued, from..to."""
+        return self._path.oldest_s <= from_s and to_s <= self.newest_s + EXTRAPOLATED_S
+
+    def xy_at(self, at_s: float) -> F64:
+        """Position (2,) in the map frame at a covered instant."""
+        return self.xyz_at(at_s)[:2]
+
+    def xyz_at(self, at_s: float) -> F64:
+        """Position (3,) in the map frame at a covered instant; z from travel and pitch alone."""
+        ahead_s = at_s - self.newest_s
+        if ahead_s <= 0:
+            return self._path.at(at_s)[:3]
+        return np.asarray(self._path.newest_m + self._on_from_newest(ahead_s))
+
+    def _on_from_newest(self, ahead_s: float) -> tuple[float, float, float]:
+        """The way x, y, z gone on since the newest place, at the newest speed."""
+        middle_s = min(self.newest_s + ahead_s / 2, self._attitudes.newest_s)
+        return self._step(self.v_mps * ahead_s, middle_s)
+
+    @property
+    def travel_m(self) -> float:
+        """Mean of both wheels' signed travel since the start, at the newest laid pair."""
+        return self._path.travel_m
+
+    def travel_at(self, at_s: float) -> float:
+        """The same at a covered instant."""
+        ahead_s = at_s - self.newest_s
+        if ahead_s <= 0:
+            return float(self._path.at(at_s)[3])
+        return self.travel_m + self.v_mps / self.scale * ahead_s
+
+    def maybe_pose(self, at_s: float) -> Pose | None:
+        """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
+        if not self._attitudes.count or not self.covers(at_s, at_s):
+            return None
+        ahead_s = at_s - self.newest_s
+        if ahead_s <= 0:
+            x_m, y_m = self.xy_at(at_s).tolist()
+        else:  # as `xyz_at` does, without arrays: twice a tick
+            (x_m, y_m), (dx_m, dy_m, _) = self._path.newest_xy_m, self._on_from_newest(ahead_s)
+            x_m, y_m = x_m + dx_m, y_m + dy_m
+        roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
+        yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
+        return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)
+
+
+def _is_count(count: float) -> bool:
+    """Whether a counter can read so."""
+    return math.isfinite(count) and abs(count) <= MOST_COUNTS

@@ -1,0 +1,126 @@
+"""What wheels and gyro say of each other: slip, the gyro's bias, and wheels of unequal size.
+
+Where the wheels turn the body otherwise than the gyro says, a wheel slips: then their turn is not
+believed, and their travel only with a wide error. Both wheels slipping alike turn nothing and are
+not seen here, unless they gain speed faster than any floor lets a robot: what a loaded or worn
+wheel does steadily is the scale that only a positioning system can tell.
+"""
+
+import math
+from collections import deque
+
+import numpy as np
+
+from core.motion.error_state import ASYMMETRY, BIAS, SIZE, ErrorState
+from core.records import record
+
+SHORT_S = 0.25  # slip is looked for in windows of so long
+LONG_S = 1.0  # and the bias in those
+SLIP_RAD = 0.02  # a turn by the wheels in a short window that the gyro did not see,
+SLIP_TURN = 0.08  # beyond this share of the turn: track width, and turning on broad tyres
+SLIP_TRAVEL = 0.02  # and this share of the travel over the track: unequal wheels
+GONE_S = 0.5  # so long without a sign, and the slip is over
+GRIP_MPS2 = 6.0  # faster no floor moves a robot
+GRIP_MPS = 0.1  # and this much is the rounding of two readings
+COUNTS = 1.0  # rounding of a counter difference, each wheel
+TURN_SHARE = 0.03  # error of the track width
+WANDER_RAD = math.radians(0.3)  # of the heading by wheels, in the root of a metre
+FLOOR_RAD = math.radians(0.1)
+GYRO_RAD = math.radians(0.05)  # of the gyro's turn, in the root of a second
+GATE = 4.0  # standard deviations
+
+
+@record()
+class Turn:
+    """What an interval between two pairs of counts held."""
+
+    dt_s: float
+    travel_m: float  # of the middle, forward
+    wheels_rad: float  # turned, by the wheels
+    gyro_rad: float  # turned, by the gyro with its bias
+
+
+class WheelCheck:
+    """Compares the wheels' turn with the gyro's, interval by interval."""
+
+    def __init__(self, state: ErrorState, track_width_m: float, m_per_count: float) -> None:
+        self._state, self._track_width_m = state, track_width_m
+        self._round_rad = COUNTS * m_per_count / track_width_m
+        self._short: deque[Turn] = deque()
+        self._long: list[Turn] = []
+        self._speed_mps = math.nan
+        self._clear_s = math.inf  # since the last sign of slip
+        self.slips = 0  # how often it began
+        self.unexplained_rad = 0.0  # of the newest short window
+
+    @property
+    def slipping(self) -> bool:
+        """True while there are signs of it, and shortly after."""
+        return self._clear_s < GONE_S
+
+    def restart(self) -> None:
+        """The interval before the next one is not known."""
+        self._short.clear()
+        self._long.clear()
+        self._speed_mps = math.nan
+
+    def take(self, turn: Turn) -> None:
+        """The next interval; a gyro turn of NaN: none was delivered."""
+        speed_mps = turn.travel_m / turn.dt_s
+        leapt = abs(speed_mps - self._speed_mps) > GRIP_MPS2 * turn.dt_s + GRIP_MPS
+        self._speed_mps = speed_mps
+        if math.isnan(turn.gyro_rad):
+            self._short.clear()
+            self._long.clear()
+        else:
+            self._short.append(turn)
+            while len(self._short) > 1 and sum(each.dt_s for each in self._short) > SHORT_S:
+                self._short.popleft()
+            self._long.append(turn)
+        self._judge(turn.dt_s, leapt)
+        if self.slipping:
+            self._long.clear()
+        elif sum(each.dt_s for each in self._long) >= LONG_S:
+            self._learn()
+            self._long.clear()
+
+    def _judge(self, dt_s: float, leapt: bool) -> None:
+        bias_radps = float(self._state.value[BIAS])
+        seconds = sum(each.dt_s for each in self._short)
+        wheels_rad = sum(each.wheels_rad for each in self._short)
+        turned_rad = sum(each.gyro_rad for each in self._short) - bias_radps * seconds
+        travel_m = sum(abs(each.travel_m) for each in self._short)
+        bias_rad = GATE * math.sqrt(float(self._state.P[BIAS, BIAS])) * seconds
+        allowed_rad = (
+            SLIP_RAD
+            + bias_rad
+            + 2 * self._round_rad
+            + SLIP_TURN * abs(turned_rad)
+            + SLIP_TRAVEL * travel_m / self._track_width_m
+        )
+        self.unexplained_rad = wheels_rad - turned_rad
+        if leapt or abs(self.unexplained_rad) > allowed_rad:
+            self.slips += not self.slipping
+            self._clear_s = 0.0
+        else:
+            self._clear_s += dt_s
+
+    def _learn(self) -> None:
+        """Bias and asymmetry from a second in which nothing slipped."""
+        seconds = sum(each.dt_s for each in self._long)
+        wheels_rad = sum(each.wheels_rad for each in self._long)
+        gyro_rad = sum(each.gyro_rad for each in self._long)
+        travel_m = sum(each.travel_m for each in self._long)
+        driven_m = sum(abs(each.travel_m) for each in self._long)
+        h, state = np.zeros(SIZE), self._state
+        h[BIAS], h[ASYMMETRY] = seconds, travel_m / self._track_width_m
+        innovation_rad = gyro_rad - wheels_rad - float(h @ state.value)
+        variance = (
+            FLOOR_RAD**2
+            + 2 * self._round_rad**2
+            + GYRO_RAD**2 * seconds
+            + WANDER_RAD**2 * driven_m
+            + (TURN_SHARE * wheels_rad) ** 2
+        )
+        if innovation_rad**2 <= GATE**2 * (state.spread(h) + variance):
+            state.correct(h, innovation_rad, variance)

@@ -1,0 +1,185 @@
+"""Whether the arrays of a saved state can be true, and belong to these settings.
+
+Names the first thing that is wrong; repairs nothing, and takes no part of a state for the whole.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from core.config import Config
+from core.mapping.beams.cells import CELL
+from core.records import FREE, OBSTACLE, UNKNOWN
+from core.saved.encoding import Arrays, StateError
+
+FORMAT, VERSION = "mapod map state", 1
+I64, I32, I8, FLOAT = np.dtype(np.int64), np.dtype(np.int32), np.dtype(np.int8), np.dtype(float)
+UNSEEN = -1  # `looks` of a cell of a loaded map in which nothing was seen since
+MOST_M = 1e6  # no place and no height is farther off
+MOST_S = 1e9  # nor anything longer ago
+MOST_CELLS = 100_000_000  # nor a cell's index
+MOST_SCANS = 2**31 - 2  # as many as a record can number
+UNBOUNDED = ("low_m", "top_m")  # +inf and -inf while nothing rises
+COUNTED_IN = ("hit_scan", "stamp", "above_scan", "below_scan", "miss_scan", "through_scan")
+
+Shapes = dict[str, tuple[np.dtype[Any], tuple[int | None, ...]]]  # None: as many as there are
+
+
+def settings_of(config: Config) -> list[str]:
+    """The settings that a map was made with and can only be used with, as `key=value`."""
+    return [
+        f"map.method={config.map.method}",
+        f"map.cells={config.map.cells}",
+        f"map.cell_m={config.map.cell_m!r}",
+        f"map.cell_value={config.map.cell_value}",
+        f"obstacle.window_cells={config.obstacle.window_cells}",
+        f"obstacle.h_pos_m={config.obstacle.h_pos_m!r}",
+        f"obstacle.h_neg_m={config.obstacle.h_neg_m!r}",
+    ]
+
+
+def shapes_of(config: Config) -> Shapes:
+    """Every array of a state but for its head: type and shape."""
+    window, cells = config.obstacle.window_cells, config.map.cells
+    shapes: Shapes = {
+        "pose": (FLOAT, (4,)),  # x, y, z (m), yaw (rad), map frame
+        "travel_m": (FLOAT, ()),  # signed, since the first run's start
+        "motion": (FLOAT, (2,)),  # m/s, rad/s, at that instant
+        "window.corner": (I64, (2,)),  # world cell i, j
+        "window.epoch": (I64, ()),
+        "window.cells": (I8, (window, window)),  # as the ring lays them out
+    }
+    if config.map.method == "reference_plane":
+        shapes["plane.average_m"] = (FLOAT, (cells, cells))
+        shapes["plane.count"] = (I32, (cells, cells))
+        shapes["plane.states"] = (I8, (cells, cells))
+        return shapes
+    shapes["ground.line"] = (FLOAT, (None, 6))  # none, or x, y, z, slopes along x and y, travel
+    shapes["cells.corner"] = (I64, (2,))
+    shapes["cells.scan"] = (I64, ())
+    shapes["cells.at"] = (I32, (None,))  # flat indices of those of which anything is known
+    for name in CELL.names or ():
+        shapes[f"cells.{name}"] = (CELL[name], (None,))
+    return shapes
+
+
+def check_state(arrays: Arrays, config: Config) -> None:
+    """Let a state pass that these settings can go on from.
+
+    Raises:
+        StateError: anything in it that can't be.
+    """
+    _check_head(arrays, config)
+    shapes = shapes_of(config)
+    foreign = sorted(arrays.keys() - shapes.keys() - {"format", "version", "settings"})
+    if foreign:
+        raise StateError(f"it holds what this version does not know: {', '.join(foreign)}")
+    for name, (dtype, shape) in shapes.items():
+        _check_shape(name, arrays.get(name), dtype, shape)
+    _check_window(arrays)
+    if config.map.method == "reference_plane":
+        _check_plane(arrays)
+    else:
+        _check_cells(arrays, config)
+
+
+def _check_head(arrays: Arrays, config: Config) -> None:
+    """What it is, of which version, and for which settings."""
+    kind, version = arrays.get("format"), arrays.get("version")
+    if kind is None or kind.shape != () or str(kind) != FORMAT:
+        raise StateError("it is no saved map")
+    if version is None or version.dtype != I64 or version.shape != ():
+        raise StateError("version: is missing or no number")
+    if int(version) != VERSION:
+        age = "a newer" if int(version) > VERSION else "another"
+        raise StateError(f"it is of {age} version, {int(version)}; this one reads {VERSION}")
+    settings = arrays.get("settings")
+    if settings is None or settings.dtype.kind != "U" or settings.ndim != 1:
+        raise StateError("settings: are missing")
+    for had, has in zip(settings.tolist(), settings_of(config), strict=False):
+        if had != has:
+            raise StateError(f"it was made with {had}, the settings say {has}")
+    if len(settings) != len(settings_of(config)):
+        raise StateError("settings: there are more or fewer than this version compares")
+
+
+def _check_shape(
+    name: str,
+    array: npt.NDArray[Any] | None,
+    dtype: np.dtype[Any],
+    shape: tuple[int | None, ...],
+) -> None:
+    if array is None:
+        raise StateError(f"{name}: is missing")
+    if array.dtype != dtype:
+        raise StateError(f"{name}: must be of type {dtype}, is {array.dtype}")
+    fits = len(array.shape) == len(shape) and all(
+        want in (None, has) for has, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        raise StateError(f"{name}: must have the shape {shape}, has {array.shape}")
+
+
+def _check_within(name: str, array: npt.NDArray[Any], least: float, most: float) -> None:
+    """NaN is within nothing."""
+    if array.size and not (array.min() >= least and array.max() <= most):
+        raise StateError(f"{name}: holds what can't be; it must lie within {least:g}..{most:g}")
+
+
+def _check_window(arrays: Arrays) -> None:
+    """Pose and window."""
+    _check_within("pose", arrays["pose"][:3], -MOST_M, MOST_M)
+    _check_within("pose", arrays["pose"][3:], -2 * math.pi, 2 * math.pi)
+    _check_within("travel_m", arrays["travel_m"], -MOST_M, MOST_M)
+    _check_within("motion", arrays["motion"], -100.0, 100.0)
+    _check_within("window.corner", arrays["window.corner"], -MOST_CELLS, MOST_CELLS)
+    _check_within("window.epoch", arrays["window.epoch"], 0, MOST_SCANS)
+    _check_within("window.cells", arrays["window.cells"], FREE, OBSTACLE)
+
+
+def _check_plane(arrays: Arrays) -> None:
+    """Both maps of method `reference_plane`: heights where something was counted, only there."""
+    average_m, count, states = (
+        arrays[f"plane.{name}"] for name in ("average_m", "count", "states")
+    )
+    _check_within("plane.count", count, 0, MOST_SCANS)
+    _check_within("plane.states", states, FREE, OBSTACLE)
+    _check_within("plane.average_m", average_m[count > 0], -MOST_M, MOST_M)
+    if not np.isnan(average_m[count == 0]).all() or (states[count == 0] != UNKNOWN).any():
+        raise StateError("plane.average_m: knows of cells in which nothing was counted")
+
+
+def _bounds_of(name: str, newest_scan: int) -> tuple[float, float]:
+    """Least and most that a field of a record can be."""
+    if name == "t_s":
+        return -MOST_S, MOST_S
+    if CELL[name].kind == "f":
+        return (0.0 if name == "var_m2" else -MOST_M), MOST_M
+    return (UNSEEN if name == "looks" else 0), (newest_scan if name in COUNTED_IN else MOST_SCANS)
+
+
+def _check_cells(arrays: Arrays, config: Config) -> None:
+    """The records of method `beams`, and its ground."""
+    size, at = config.map.cells, arrays["cells.at"]
+    line = arrays["ground.line"]
+    _check_within("ground.line", line, -MOST_M, MOST_M)
+    if len(line) > 1:
+        raise StateError(f"ground.line: there can be one, there are {len(line)}")
+    _check_within("cells.corner", arrays["cells.corner"], -MOST_CELLS, MOST_CELLS)
+    _check_within("cells.scan", arrays["cells.scan"], 0, MOST_SCANS)
+    _check_within("cells.at", at, 0, size**2 - 1)
+    if (np.diff(at) <= 0).any():
+        raise StateError("cells.at: holds a cell twice, or out of order")
+    newest = int(arrays["cells.scan"])
+    for name in CELL.names or ():
+        field = arrays[f"cells.{name}"]
+        if field.shape != at.shape:
+            raise StateError(f"cells.{name}: has {len(field)} cells, cells.at has {len(at)}")
+        if name in UNBOUNDED:
+            field = np.where(np.isinf(field), 0.0, field)
+        _check_within(f"cells.{name}", field, *_bounds_of(name, newest))
+    seen = arrays["cells.count"] > 0
+    if (arrays["cells.z_low_m"] > arrays["cells.z_high_m"])[seen].any():
+        raise StateError("cells.z_low_m: lies above cells.z_high_m")

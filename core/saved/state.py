@@ -1,0 +1,145 @@
+"""The whole state of a map as named arrays, and a map that goes on from them.
+
+A loaded map is not believed as the same map is within a run: nobody saw what moved meanwhile.
+- What was an obstacle is one until beams pass through it, as ever.
+- What was free is unknown until a beam of this run meets its floor. Its height is kept.
+- The map frame goes on from the saved pose. So the robot must stand where it stood when the map was
+  saved; nothing here can tell. Where it does not, obstacles lie wrong, but free does not.
+- Method `reference_plane` counts yaw, displacement and its plane anew, as it does at a restart.
+Numbers of the run itself (scans added and dropped, ages) are not part of the state.
+"""
+
+from dataclasses import astuple
+
+import numpy as np
+
+from core.config import Config
+from core.grid.window import StateWindow
+from core.mapping.beams.cells import CELL
+from core.mapping.beams.ground_plane import Line
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.mapper import Mapper
+from core.mapping.paper.maps import ReferencePlaneMaps
+from core.records import FREE, OBSTACLE, UNKNOWN
+from core.saved.check import FORMAT, UNSEEN, VERSION, check_state, settings_of
+from core.saved.encoding import Arrays, StateError
+
+OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers")  # begin anew with it
+STILL = 0.02  # m/s and rad/s
+AWAY_VAR_M2 = 0.05**2  # what a filtered height is less sure of after a time that nobody saw
+
+
+def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
+    """All that a map needs to go on, as copies.
+
+    Args:
+        now_s: host clock; the pose is that of now.
+
+    Raises:
+        StateError: the pose is not known, so that nobody could go on from it.
+    """
+    pose = mapper.maybe_pose(now_s)
+    if pose is None:
+        raise StateError("the robot's pose is not known now")
+    z_m = float(mapper.odometry.xyz_at(now_s)[2])
+    maps = mapper.maps
+    arrays: Arrays = {
+        "format": np.array(FORMAT),
+        "version": np.array(VERSION, dtype=np.int64),
+        "settings": np.array(settings_of(config)),
+        "pose": np.array([pose.x_m, pose.y_m, z_m, pose.yaw_rad]),
+        "travel_m": np.array(mapper.odometry.travel_at(now_s)),
+        "motion": np.array([mapper.odometry.v_mps, mapper.odometry.w_radps]),
+        **_of_window(maps.window),
+    }
+    if isinstance(maps, BeamMaps):
+        arrays |= _of_beams(maps, now_s)
+    elif isinstance(maps, ReferencePlaneMaps):
+        grid = maps.plane.grid
+        arrays["plane.average_m"] = grid.average_m.copy()
+        arrays["plane.count"] = grid.count.copy()
+        arrays["plane.states"] = grid.states.copy()
+    check_state(arrays, config)
+    return arrays
+
+
+def _of_window(window: StateWindow) -> Arrays:
+    corner = window.grid.corner_i, window.grid.corner_j
+    return {
+        "window.corner": np.array(corner, dtype=np.int64),
+        "window.epoch": np.array(window.epoch, dtype=np.int64),
+        "window.cells": window.cells.copy(),
+    }
+
+
+def _of_beams(maps: BeamMaps, now_s: float) -> Arrays:
+    """The records that were ever touched, instants as ages; and the ground ahead."""
+    cells, line = maps.cells, maps.ground.line
+    at = np.flatnonzero(cells.flat["stamp"]).astype(np.int32)
+    records = cells.flat[at]
+    arrays: Arrays = {
+        "cells.corner": np.array([cells.grid.corner_i, cells.grid.corner_j], dtype=np.int64),
+        "cells.scan": np.array(cells.scan, dtype=np.int64),
+        "cells.at": at,
+        "ground.line": np.zeros((0, 6)),
+    }
+    for name in CELL.names or ():
+        arrays[f"cells.{name}"] = records[name].copy()
+    arrays["cells.t_s"] = np.where(records["count"] > 0, now_s - records["t_s"], 0.0)
+    if line is not None:
+        arrays["ground.line"] = np.array([astuple(line)])
+    return arrays
+
+
+def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> None:
+    """Let a new mapper, that has taken nothing yet, go on from a state.
+
+    Raises:
+        StateError: the state can't be true, or was made with other settings; nothing is changed.
+    """
+    if mapper.odometry.started or mapper.counts.scans_added:
+        raise ValueError("a mapper that has begun can't go on from another state")
+    check_state(arrays, config)
+    x_m, y_m, z_m, yaw_rad = (float(part) for part in arrays["pose"])
+    mapper.go_on_from(np.array([x_m, y_m, z_m]), yaw_rad, float(arrays["travel_m"]))
+    maps = mapper.maps
+    if isinstance(maps, BeamMaps):
+        filters = config.map.cell_value == "kalman"
+        _into_beams(maps, arrays, now_s, AWAY_VAR_M2 if filters else 0.0)
+    elif isinstance(maps, ReferencePlaneMaps):
+        grid, states = maps.plane.grid, arrays["plane.states"]
+        grid.average_m[...] = arrays["plane.average_m"]
+        grid.count[...] = arrays["plane.count"]
+        grid.states[...] = np.where(states == FREE, UNKNOWN, states)
+    _into_window(maps.window, arrays)
+
+
+def _into_window(window: StateWindow, arrays: Arrays) -> None:
+    """Its obstacles, as changes that are still to be told; nothing told before holds."""
+    window.erase()
+    window.epoch = int(arrays["window.epoch"]) + 1
+    window.grid.corner_i, window.grid.corner_j = (int(part) for part in arrays["window.corner"])
+    at = np.flatnonzero(arrays["window.cells"] == OBSTACLE).astype(np.int32)
+    window.put(at, np.full(at.size, OBSTACLE, dtype=np.int8))
+
+
+def _into_beams(maps: BeamMaps, arrays: Arrays, now_s: float, away_var_m2: float) -> None:
+    cells, at = maps.cells, arrays["cells.at"]
+    maps.erase()
+    cells.grid.corner_i, cells.grid.corner_j = (int(part) for part in arrays["cells.corner"])
+    cells.scan = int(arrays["cells.scan"])
+    records = np.zeros(at.size, dtype=CELL)
+    for name in CELL.names or ():
+        records[name] = 0 if name in OF_THIS_RUN else arrays[f"cells.{name}"]
+    records["looks"] = UNSEEN
+    records["t_s"] = now_s - arrays["cells.t_s"]
+    records["var_m2"] += away_var_m2
+    cells.flat[at] = records
+    maps.terrain.note(at)
+    for row in arrays["ground.line"]:
+        maps.ground.line = Line(*(float(part) for part in row))
+
+
+def was_moving(arrays: Arrays) -> bool:
+    """Whether the robot moved when it was saved: then it stands elsewhere by now."""
+    return bool(np.abs(arrays["motion"]).max() > STILL)

@@ -1,0 +1,1 @@
+"""Fake Roboteq AX3500."""

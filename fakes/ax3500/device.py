@@ -1,0 +1,324 @@
+"""Fake Roboteq AX3500 with encoder module, written from its sheet. Nothing of hw/ or core/ in it.
+
+It offers nothing of the later Roboteq families: what it does not know it echoes and answers `-`.
+Left open by the sheet and chosen here, most of it as attributes: the boot takes 0.7 s; a logging
+line breaks off where RS-232 mode begins; in mixed mode channel 1 gets sum, channel 2 difference;
+only a loss of power, no reset, wakes an encoder module that hangs.
+
+As a program: `python -m fakes.programs.ax3500 --link $HOME/ax3500 --mode rc --fault mute@5s-7s`.
+
+Source: AX3500 sheet; section numbers stand where they help.
+"""
+
+import math
+import random
+import re
+from collections.abc import Sequence
+from typing import Literal
+
+from fakes.ax3500.encoders import EncoderModule, hex_from_counter
+from fakes.ax3500.line import BAUD, SerialLine
+from fakes.ax3500.motors import Motors, Wheels
+from fakes.ax3500.power import Model
+
+Mode = Literal["rc", "rs232", "rs232_watchdog", "analog"]
+MODES: tuple[Mode, ...] = ("rc", "rs232", "rs232_watchdog", "analog")  # as ^00 counts them
+CR = 0x0D
+BANNER, ENCODER_BANNER = "Roboteq v1.9b 06/01/07\rs\r", "Encoder v1.7\r00\r"  # section 11
+LOG_CHARACTER_S = 0.008
+WATCHDOG_S = 1.0
+TAKE_OVER = 10  # CR in a row that end R/C or analog mode
+NO_Z_S = 1.0  # after a reset: the letter would set off firmware loading
+LONGEST_LINE = 32
+HEXADECIMAL = re.compile(r"([*$^])([0-9A-Fa-f]{2})(?: ([0-9A-Fa-f]{2}))?")
+COUNTER = re.compile("Q[0-9]")
+OF_ENCODERS = re.compile(r"[*$]|[?!][Qq]|\?[ZzKkDdWw]")
+APPLY_S = 0.1  # that ^FF takes
+
+
+class FakeAx3500(Motors):
+    """One controller, running, in the mode that ^00 says; faults and properties as attributes."""
+
+    def __init__(
+        self,
+        wheels: Wheels,
+        seed: int,
+        mode: Mode = "rs232",
+        *,
+        model: Model = "AX3500",
+        paced: bool = True,
+    ) -> None:
+        super().__init__(wheels, MODES.index(mode), model)
+        self.baud = BAUD  # of its line
+        self.mute = False  # hears and counts, says nothing
+        self.deaf = False  # hears nothing: no echo, no answer, and the watchdog strikes
+        self.frozen = False  # its counters stand still, whatever the wheels do
+        self.late_s = 0.0  # all that it says arrives so late
+        self.counter_offset = (0, 0)  # moves the counters, say close to their ends
+        self.rollover: Literal["wrap", "zero"] = "wrap"  # what a counter does beyond its ends
+        self.reply_delay_s = 0.001  # from a command's CR to its answer
+        self.boot_s = 0.7  # deaf after a reset
+        self.reset_after = 0  # characters to hear until it resets by itself; 0: it does not
+        self.w_rate = 0.0  # chance of a W in front of each character sent
+        self.echoes = True  # whether it sends back what it hears
+        self.echoes_take_over = False  # whether the ten CR come back
+        self.plus_after_read = True  # after ^nn and *nn
+        self.minus_on_empty = False  # to a lone CR
+        self.lf_after_cr = False  # LF after each CR sent
+        self.says_ok = True  # OK after the ten CR, and after the prompt in RS-232 mode
+        self.refuse: set[str] = set()  # lines that it answers with a minus, say ?R
+        self.register_sign: Literal["*", "$"] = "*"  # of the encoder module; $ before firmware 1.7
+        self.log_numbers = 13  # in a logging line: 12, 13, 14 or 16
+        self.analog_v = (2.5, 2.5, 2.5, 2.5)  # inputs 1..4
+        self.inputs = (0, 0)  # E and F
+        self.watchdog_stops = 0
+        self._random = random.Random(seed)
+        self._held = wheels.counts()  # while frozen
+        self.encoders = EncoderModule(self._turned)
+        self._wire = SerialLine()
+        self._wire.paced = paced
+        self._text = bytearray()  # of the line that the host is writing
+        self._returns = 0  # CR in a row
+        self._now_s = self._reset_s = -math.inf
+        self._wake_s = self._watchdog_s = self._log_s = math.inf  # next of each; inf: none
+        self._log_rest = b""
+        self._mode: Mode = mode
+        self._follows_radio = mode in ("rc", "analog")
+
+    @property
+    def mode(self) -> Mode:
+        """The mode it is in; settable."""
+        return self._mode
+
+    @mode.setter
+    def mode(self, mode: Mode) -> None:
+        self._change_mode(mode, self._now_s)
+
+    @property
+    def paced(self) -> bool:
+        """Whether characters take their time on the wire; settable."""
+        return self._wire.paced
+
+    @paced.setter
+    def paced(self, paced: bool) -> None:
+        self._wire.paced = paced
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """Take what the host wrote; give all that the controller has sent up to now_s."""
+        self._look(now_s)
+        self._wire.write(now_s, b"" if self.deaf else received)
+        while (at_s := self._next_s()) <= now_s:
+            match at_s:  # of two at the same instant the first here
+                case self._wire.next_arrival_s:
+                    self._hear(at_s)
+                case self._wake_s:
+                    self._wake(at_s)
+                case self._watchdog_s:
+                    self._stop(at_s)
+                case _:
+                    self._log(at_s)
+        self._apply()
+        sent = self._wire.sent(now_s - self.late_s)
+        return b"" if self.mute else sent
+
+    def _next_s(self) -> float:
+        """When the next thing happens."""
+        return min(self._wire.next_arrival_s, self._wake_s, self._watchdog_s, self._log_s)
+
+    def restart(self, now_s: float) -> None:
+        """Power fails and comes back: whatever was on the way is lost."""
+        self._look(now_s)
+        self._wire.clear()
+        self.encoders.hung = False
+        self._reset(now_s)
+        self._apply()
+
+    def power_cycle(self, now_s: float) -> None:
+        """Off and on; the same as `restart`."""
+        self.restart(now_s)
+
+    def reset(self, now_s: float) -> None:
+        """What %rrrrrr does: the power stays, and so does what was on the way."""
+        self._look(now_s)
+        self._reset(now_s)
+        self._apply()
+
+    def send_w(self) -> None:
+        """A watchdog letter that means nothing, now."""
+        self._send(self._now_s, "W")
+
+    def _turned(self) -> tuple[float, float]:
+        if not self.frozen:
+            self._held = self._wheels.counts()
+        return self._held
+
+    def _look(self, now_s: float) -> None:
+        first, self._now_s = self._now_s == -math.inf, now_s
+        self.heat(now_s)
+        self.encoders.offset, self.encoders.rollover = self.counter_offset, self.rollover
+        self.encoders.sample(now_s)
+        if first:
+            self._change_mode(self._mode, now_s)
+
+    def _change_mode(self, mode: Mode, at_s: float) -> None:
+        self._mode, self._returns, self._log_rest = mode, 0, b""
+        self._follows_radio = mode in ("rc", "analog")
+        if self._follows_radio:
+            self._halt()
+        self._text.clear()
+        running = math.isfinite(at_s) and self._wake_s == math.inf
+        self._log_s = at_s if running and mode in ("rc", "analog") else math.inf
+        watched = running and mode == "rs232_watchdog"
+        self._watchdog_s = at_s + WATCHDOG_S if watched else math.inf
+
+    def _reset(self, at_s: float) -> None:
+        self.status, self._reset_s = 0x00, at_s
+        self._halt()
+        self._adopt_motor_mode()
+        self.encoders.reset(at_s)
+        self._wake_s, self._awake = at_s + self.boot_s, False
+        self._change_mode(MODES[self.parameters[0x00]], at_s)
+
+    def _wake(self, at_s: float) -> None:
+        self._wake_s, self._awake = math.inf, True
+        self._change_mode(self._mode, at_s)
+        says_ok = self.says_ok and self._log_s == math.inf
+        self._send(
+            at_s,
+            BANNER + (ENCODER_BANNER if self.encoder else "") + ("OK\r" if says_ok else ""),
+        )
+
+    def _stop(self, at_s: float) -> None:
+        """The watchdog: a second without a character."""
+        self._halt()
+        self.watchdog_stops += 1
+        self._watchdog_s = at_s + WATCHDOG_S
+        self._send(at_s, "W")
+
+    def _log(self, at_s: float) -> None:
+        """The next character of the logging line (section 8)."""
+        self._log_rest = self._log_rest or self._log_line(at_s)
+        self._send(at_s, chr(self._log_rest[0]))
+        self._log_rest = self._log_rest[1:]
+        self._log_s = at_s + LOG_CHARACTER_S
+
+    def _log_line(self, at_s: float) -> bytes:
+        numbers = [command & 0xFF for command in self.wanted()]
+        for query in "VPAME":
+            numbers += [value & 0xFF for value in self._values(query, at_s) or []]
+        numbers += [*(speed & 0xFF for speed in self.encoders.speeds()), 0, 0]
+        return f":{bytes(numbers[: self.log_numbers]).hex().upper()}\r".encode("ascii")
+
+    def _hear(self, at_s: float) -> None:
+        """One character has arrived."""
+        character = self._wire.take() & 0x7F
+        if character == ord("Z") and at_s < self._reset_s + NO_Z_S:
+            self.encoders.hung = True
+        if self.reset_after:
+            self.reset_after -= 1
+            if not self.reset_after:
+                self._reset(at_s)
+        if self._wake_s < math.inf:
+            return
+        if self._mode in ("rc", "analog"):
+            self._returns = self._returns + 1 if character == CR else 0
+            if character == CR and self.echoes_take_over:
+                self._send(at_s, "\r")
+            if self._returns == TAKE_OVER:
+                self._change_mode("rs232_watchdog", at_s)
+                self._send(at_s + self.reply_delay_s, "OK\r" if self.says_ok else "")
+            return
+        if self._mode == "rs232_watchdog":
+            self._watchdog_s = at_s + WATCHDOG_S
+        if self.echoes:
+            self._send(at_s, chr(character))
+        if character == CR:
+            text = self._text.decode("ascii")
+            self._text.clear()
+            delay_s = APPLY_S if text.upper() == "^FF" else self.reply_delay_s
+            answer = ["-"] if len(text) > LONGEST_LINE else self._answer(text, at_s)
+            self._send(at_s + delay_s, "".join(f"{line}\r" for line in answer))
+        elif character not in (0x00, 0x0A) and len(self._text) <= LONGEST_LINE:
+            self._text.append(character)
+
+    def _answer(self, text: str, at_s: float) -> list[str]:
+        """Do what a line says; the lines of the answer, after the echo."""
+        if text == "":
+            return ["-"] if self.minus_on_empty else []
+        if self.refuse and text.upper() in {line.upper() for line in self.refuse}:
+            return ["-"]
+        if text == "%rrrrrr":
+            self._reset(at_s)
+            return []
+        if text.upper() == "^FF":
+            self._adopt_motor_mode()
+            self._change_mode(MODES[self.parameters[0x00]], at_s)
+            return ["+"]
+        if OF_ENCODERS.match(text):
+            if not self.encoder or text[0] in "*$".replace(self.register_sign, ""):
+                return ["-"]
+            if self.encoders.hung:
+                return []
+        if text[0] == "?":
+            return self._query(text[1:].upper(), at_s)
+        if text[0] == "!":
+            return ["+" if self._order(text[1:], at_s) else "-"]
+        hexadecimal = HEXADECIMAL.fullmatch(text)
+        if hexadecimal is None:
+            return ["-"]
+        sort, address, value = hexadecimal.groups()
+        if value is not None:
+            write = self.set_parameter if sort == "^" else self.encoders.set_register
+            return ["+" if write(int(address, 16), int(value, 16)) else "-"]
+        if sort != "^":
+            return self._read_reply(self.encoders.maybe_register(int(address, 16), at_s))
+        return self._read_reply(self.maybe_parameter(int(address, 16))) or ["-"]
+
+    def _read_reply(self, value: int | None) -> list[str]:
+        if value is None:
+            return []
+        return [f"{value:02X}", "+"] if self.plus_after_read else [f"{value:02X}"]
+
+    def _query(self, which: str, at_s: float) -> list[str]:
+        if COUNTER.fullmatch(which):
+            counter = self.encoders.maybe_read(int(which[1]), at_s)
+            return ["-"] if counter is None else [hex_from_counter(counter)]
+        values = self._values(which, at_s)
+        return ["-"] if values is None else [f"{value & 0xFF:02X}" for value in values]
+
+    def _values(self, which: str, at_s: float) -> Sequence[int] | None:
+        """The bytes, signed or not, that a query gives (section 4); None: no such query."""
+        match which:
+            case "V":
+                return [abs(power) for power in self.powers()]
+            case "A":
+                return self.amps_bytes()
+            case "P" | "R":
+                volts = self.analog_v[:2] if which == "P" else self.analog_v[2:]
+                return [max(-127, min(127, round((volt - 2.5) / 2.5 * 127))) for volt in volts]
+            case "M":
+                return self.thermistor_bytes()
+            case "E":
+                return self.voltage_bytes()
+            case "I":
+                return [*self.inputs, 0 if self.condition() & 0x80 else 1]
+            case "K" | "Z":
+                return self.encoders.speeds()
+            case "D":
+                return self.encoders.distances(at_s)
+            case "W":
+                return [self.encoders.maybe_register(0x85, at_s) or 0]
+        return None
+
+    def _order(self, order: str, at_s: float) -> bool:
+        """What `!` asks for; False: nothing that it knows."""
+        if re.fullmatch("[Qq][0-9]", order):
+            return self.encoders.order(int(order[1]), at_s)
+        return self._obey(order)
+
+    def _send(self, at_s: float, text: str) -> None:
+        text = text.replace("\r", "\r\n") if self.lf_after_cr else text
+        if self.w_rate > 0:
+            hits = (self._random.random() < self.w_rate for _ in text)
+            text = "".join(f"W{one}" if hit else one for one, hit in zip(text, hits, strict=True))
+        self._wire.send(at_s, text.encode())

@@ -1,0 +1,1 @@
+"""Fake SICK LMS1xx."""

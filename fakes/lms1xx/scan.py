@@ -1,0 +1,200 @@
+"""What an LMS111 is set to, and its scan telegram.
+
+Source: lms111 sheet, sections 1, 3 and 5.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+import numpy.typing as npt
+
+from fakes.lms1xx.cola_values import Value
+
+U16 = npt.NDArray[np.uint16]
+AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
+MODES = ((5000, 5000), (2500, 2500), (2500, 5000))  # 1/100 Hz, 1/10000 deg
+REPORTED_RESOLUTION = 5000  # in LMPoutputRange of many, at whatever resolution they scan
+NO_ECHO, FIRST_VALID = 0, 16
+SERIAL_NUMBER = 18_090_362
+CONTENT = "BBBBBBBBBBBH"  # arguments of LMDscandatacfg
+SCAN_CONFIG, OUTPUT_RANGE, TIME = "IHIii", "HIii", "HBBBBBI"
+
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What a scan telegram carries: the arguments of LMDscandatacfg."""
+
+    channels: int = 1  # bit 0: first echo, bit 1: second
+    rssi: bool = False
+    rssi_wide: bool = False  # 16 bit instead of 8
+    encoder: bool = False
+    position: bool = False
+    name: bool = False
+    comment: bool = False
+    time: bool = False
+    interval: int = 1  # every n-th scan is sent
+
+    @classmethod
+    def maybe_from(cls, arguments: tuple[int, ...]) -> "Content | None":
+        """From the twelve arguments of the wire; None if a value is out of range."""
+        low, high, rssi, wide, unit, encoder, encoder_high, *flags = arguments
+        position, name, comment, time, interval = flags
+        switches = (rssi, wide, encoder, position, name, comment, time)
+        if low not in (1, 2, 3) or high or unit or encoder_high or max(switches) > 1:
+            return None
+        if not 1 <= interval <= 50_000:
+            return None
+        rssi, wide, encoder, position, name, comment, time = map(bool, switches)
+        return cls(low, rssi, wide, encoder, position, name, comment, time, interval)
+
+    def values(self) -> list[Value]:
+        """The twelve arguments of the wire."""
+        numbers = (
+            self.channels, 0, self.rssi, self.rssi_wide, 0, self.encoder, 0,
+            self.position, self.name, self.comment, self.time, self.interval,
+        )  # fmt: skip
+        return list(zip(CONTENT, map(int, numbers), strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class ScanSettings:
+    """All settings of a scan; those of the factory if nothing else is said."""
+
+    frequency: int = 5000  # 1/100 Hz
+    resolution: int = 5000  # 1/10000 deg
+    start: int = AREA_START  # of the output, as written
+    stop: int = AREA_STOP
+    content: Content = Content()
+
+    @property
+    def period_s(self) -> float:
+        """One turn of the mirror."""
+        return 100.0 / self.frequency
+
+    @property
+    def first_index(self) -> int:
+        """Of the first point that is sent, counted from the begin of the field of view."""
+        return round((self.start - AREA_START) / self.resolution)
+
+    @property
+    def points(self) -> int:
+        """How many points are sent; the output range is rounded to the grid."""
+        return round((self.stop - AREA_START) / self.resolution) - self.first_index + 1
+
+    @property
+    def first_angle(self) -> int:
+        """Of the first point that is sent, 1/10000 deg."""
+        return AREA_START + self.first_index * self.resolution
+
+    def scan_config(self) -> list[Value]:
+        """Of LMPscancfg: the area is always that of the mirror."""
+        numbers = (self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
+        return list(zip(SCAN_CONFIG, numbers, strict=True))
+
+    def output_range(self, untrue_step: bool) -> list[Value]:
+        """Of LMPoutputRange."""
+        step = REPORTED_RESOLUTION if untrue_step else self.resolution
+        numbers = (1, step, self.start, self.stop)
+        return list(zip(OUTPUT_RANGE, numbers, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """One row of values in a telegram."""
+
+    name: bytes  # DIST1, DIST2, RSSI1, RSSI2
+    raw: U16  # (n,)
+    first: int  # angle of raw[0], 1/10000 deg
+    step: int
+    wide: bool = True  # 16 bit per value, else 8
+    scale: float = 1.0
+
+    def values(self) -> list[Value]:
+        """Head and row."""
+        head = (self.name, self.scale, 0.0, self.first, self.step, len(self.raw))
+        return [*zip("NffiHH", head, strict=True), ("W" if self.wide else "w", self.raw)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanTelegram:
+    """One scan as the device tells it, without type and name."""
+
+    status: bytes  # 2 bytes
+    telegrams: int  # counters
+    scans: int
+    scan_us: int  # the device's microseconds, modulo 2^32
+    sent_us: int
+    outputs: bytes  # 2 bytes
+    frequency: int  # 1/100 Hz
+    shots: int  # measurement frequency, 100 Hz
+    channels: tuple[Channel, ...]
+    encoders: tuple[tuple[int, int], ...] = ()  # position, speed
+    position: bool = False
+    name: bytes | None = None
+    comment: bytes | None = None
+    when: datetime | None = None
+    version: int = 1
+
+    def values(self) -> list[Value]:
+        """From the version to the event flag."""
+        counters = (self.telegrams % 2**16, self.scans % 2**16)
+        times = (self.scan_us % 2**32, self.sent_us % 2**32)
+        values: list[Value] = [
+            *zip("HHI", (self.version, 1, SERIAL_NUMBER), strict=True),
+            *zip("BB", self.status, strict=True),
+            *zip("HHII", (*counters, *times), strict=True),
+            *zip("BBBB", (0, 0, *self.outputs), strict=True),
+            *zip("HIIH", (0, self.frequency, self.shots, len(self.encoders)), strict=True),
+        ]
+        for encoder in self.encoders:
+            values += zip("Ih", encoder, strict=True)
+        for wide in (True, False):
+            rows = [channel for channel in self.channels if channel.wide == wide]
+            values.append(("H", len(rows)))
+            for row in rows:
+                values += row.values()
+        place = [*(("f", 0.0) for _ in range(6)), ("B", 0)]
+        values += _optional(place if self.position else None)
+        values += _optional(None if self.name is None else [("s", self.name)])
+        values += _optional(None if self.comment is None else [("s", self.comment)])
+        values += _optional(time_values(self.when) if self.when else None)
+        return values + _optional(None)  # event
+
+
+def _optional(block: list[Value] | None) -> list[Value]:
+    return [("H", 0)] if block is None else [("H", 1), *block]
+
+
+def time_values(when: datetime) -> list[Value]:
+    """Date and time."""
+    day = (when.year, when.month, when.day)
+    return list(
+        zip(TIME, (*day, when.hour, when.minute, when.second, when.microsecond), strict=True)
+    )
+
+
+def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Channel, ...]:
+    """The rows that the settings ask for.
+
+    Args:
+        echoes_mm: first and second echo, (n,) codes each of the points that are sent.
+    """
+    content, rows = settings.content, []
+    where = (settings.first_angle, settings.resolution)
+    wanted = [k for k in (0, 1) if content.channels >> k & 1]
+    rows += [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
+    if content.rssi:
+        wide = content.rssi_wide
+        rows += [
+            Channel(b"RSSI%d" % (k + 1), _remission(echoes_mm[k], wide), *where, wide=wide)
+            for k in wanted
+        ]
+    return tuple(rows)
+
+
+def _remission(echo_mm: U16, wide: bool) -> U16:
+    """How bright an echo (n,) comes back: less from afar, 0 for none."""
+    bright = np.round(254 * np.exp(-echo_mm / 15_000.0)).astype(np.uint16)
+    bright[echo_mm < FIRST_VALID] = 0
+    return bright * np.uint16(257 if wide else 1)

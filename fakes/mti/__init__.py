@@ -1,0 +1,1 @@
+"""Fake Xsens MTi."""

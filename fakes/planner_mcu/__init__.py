@@ -1,0 +1,1 @@
+"""The planner's end of the link: a demonstration."""

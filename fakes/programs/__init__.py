@@ -1,0 +1,1 @@
+"""The fakes as programs of their own."""

@@ -1,0 +1,167 @@
+"""What the scanner's beams meet in a scene, from wherever the lens is.
+
+Each beam leaves from the pose of its own instant, and meets what stands, who walks, glass, black
+and soft things in closed formulas. A wide beam is a bundle of rays. The robot itself is in nobody's
+way.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from fakes.rays import light as beam_light
+from fakes.rays.beam_kernels import FAR_M, Beams, aims_of, echoes_of_beams
+from fakes.rays.crossing_kernels import ways_through_box
+from fakes.rays.kernels import Passers
+from fakes.rays.targets import targets_from
+from fakes.scenes.movers import Mover, Part
+from fakes.scenes.scene import Scene
+from fakes.scenes.solids import Solid
+from fakes.world import robot
+from fakes.world.crowd import Crowd
+from fakes.world.error_models import NONE, Upsets
+from fakes.world.rotations import rotation_y
+
+__all__ = ["FAR_M", "Rays"]
+
+F64 = npt.NDArray[np.float64]
+GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
+SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too
+KEYS = 2**62 - 1  # of what is left to chance in a sweep
+KNOT_S = 0.0025  # between the instants at which movers are asked where they are
+R_BODY_LENS = rotation_y(math.radians(robot.LENS_TILT_DEG))
+LENS_BODY_M = np.array(robot.LENS_BODY_M)
+
+Poses = Callable[[F64], tuple[F64, F64]]  # instants (m,) to t_map_body (m, 3), R_map_body (m, 3, 3)
+
+
+class Rays:
+    """Beams through a scene. The same beams at the same instants meet the same, whenever asked.
+
+    Args:
+        seed: of what they meet in soft things and in the air.
+        upsets: of light and air, and how wide beams are.
+        crowd: people who are in the way besides the scene's movers.
+
+    Raises:
+        ValueError: glass or a soft thing is no upright box.
+    """
+
+    def __init__(
+        self, scene: Scene, seed: int, upsets: Upsets = NONE, crowd: Crowd | None = None
+    ) -> None:
+        returning = [s for s in scene.solids if s.material.kind != "soft"]
+        self._soft = [s for s in scene.solids if s.material.kind == "soft"]
+        for solid in (*self._soft, *(s for s in returning if s.material.kind == "glass")):
+            _check_upright(solid)
+        self._targets = targets_from(returning)
+        self._boxes = [(_corner(s, 0), _corner(s, 1)) for s in self._soft]
+        self._upsets, self._seed, self._crowd = upsets, seed, crowd
+        self._pattern = beam_light.pattern_of(upsets)
+        self._passers = _Passers(scene.movers, crowd)
+
+    @property
+    def echoes(self) -> int:
+        """How many a beam may have: 2 where something lets light through or beams are wide."""
+        upsets = self._upsets
+        two = self._soft or upsets.beam_rad or upsets.dust_per_m or upsets.rain_per_m
+        return 2 if two else 1
+
+    def ranges_m(self, poses_at: Poses, times_s: F64, bearings_rad: F64, begin_s: float) -> F64:
+        """What beams from the lens meet: metres, NaN where nothing is within 30 m.
+
+        Args:
+            poses_at: where the body is at an instant.
+            times_s: (n,) instants, in order.
+            bearings_rad: (n,) in the scan plane, from straight ahead, counter-clockwise.
+            begin_s: the instant at which the movers' time is zero.
+
+        Returns:
+            (n,), or (2, n) with the second echoes of a scene that has them; -inf where a beam came
+            back dazzled.
+        """
+        bodies, turns = poses_at(times_s)
+        lens, upsets = (LENS_BODY_M, R_BODY_LENS), self._upsets
+        beams = Beams(bodies, turns, *lens, bearings_rad, self._pattern, upsets.beam_rad)
+        since_begin_s = times_s - begin_s
+        passers = self._passers.between(since_begin_s[0], since_begin_s[-1])
+        echoes, azimuths = echoes_of_beams(
+            beams, since_begin_s, self._targets, passers, GLASS_COS, upsets.mixed_pixels
+        )
+        begun = round(abs(float(times_s[0])) * 1e6)
+        if self._soft:
+            random = np.random.default_rng([self._seed, begun, len(times_s)])
+            aims = aims_of(beams)
+            echoes = self._among_stalks(random, aims[0], aims[1], echoes)
+        key = (self._seed << 44) + (begun << 8) & KEYS
+        if upsets.dust_per_m or upsets.rain_per_m:
+            beam_light.through_air(key, upsets.dust_per_m, upsets.rain_per_m, echoes)
+        if upsets.sunlight_rate:
+            sun = (upsets.sunlight_rate, upsets.sun_azimuth_rad, upsets.sun_half_rad)
+            beam_light.in_sunlight(key, *sun, azimuths, echoes)
+        echoes[echoes > FAR_M] = np.nan
+        return echoes if self.echoes == 2 else echoes[0]
+
+    def _among_stalks(
+        self, random: np.random.Generator, begins: F64, ways: F64, behind: F64
+    ) -> F64:
+        """Echoes (2, n) where rays (3, n) that would go to behind (2, n) cross soft things."""
+        n = ways.shape[1]
+        echoes, enter_m, leave_m = [*behind], np.empty(n), np.empty(n)
+        for (low, high), solid in zip(self._boxes, self._soft, strict=True):
+            ways_through_box(begins, ways, low, high, enter_m, leave_m)
+            gap_m = 1.0 / solid.material.density_per_m
+            stalks_m = enter_m + np.cumsum(random.exponential(gap_m, (2, n)), axis=0)
+            echoes += list(np.where(stalks_m < np.minimum(leave_m, behind[0]), stalks_m, np.inf))
+        first, second = np.sort(echoes, axis=0)[:2]
+        second[random.random(n) >= SECOND_SHARE] = np.inf
+        return np.stack([first, second])
+
+
+class _Passers:
+    """All upright parts of movers and walkers, and where they are during a sweep."""
+
+    def __init__(self, movers: tuple[Mover, ...], crowd: Crowd | None) -> None:
+        self._crowd = crowd
+        self._of_movers = [(mover, part) for mover in movers for part in mover.parts]
+        walking = crowd.parts if crowd is not None else ()
+        self.parts: tuple[Part, ...] = (*(part for _, part in self._of_movers), *walking)
+        stays = [(mover.from_s, mover.until_s) for mover, _ in self._of_movers]
+        self._stays_s = np.array([*stays, *[(-math.inf, math.inf)] * len(walking)]).reshape(-1, 2)
+        self._radii_m = np.array([part.radius_m for part in self.parts])
+        self._halves_m = np.array([part.half_m or (0.0, 0.0) for part in self.parts]).reshape(-1, 2)
+        self._spans_m = np.array([part.z for part in self.parts]).reshape(-1, 2)
+
+    def between(self, first_s: float, last_s: float) -> Passers:
+        """For a sweep from first_s to last_s, seconds since the world's begin."""
+        knots = 1 + math.ceil((last_s - first_s) / KNOT_S) if self.parts else 1
+        every_s = (last_s - first_s) / (knots - 1) if knots > 1 else 1.0
+        middles_m = np.zeros((1, 0, 2))
+        if self.parts:
+            knots_s = np.linspace(first_s, last_s, knots)
+            middles = [mover.middles_m(part, knots_s)[:, None] for mover, part in self._of_movers]
+            if self._crowd is not None:
+                middles.append(self._crowd.parts_m(knots_s))
+            middles_m = np.concatenate(middles, axis=1)
+        return Passers(
+            float(first_s),
+            float(every_s),
+            middles_m,
+            self._radii_m,
+            self._halves_m,
+            self._spans_m,
+            self._stays_s,
+        )
+
+
+def _check_upright(shape: object) -> None:
+    if not isinstance(shape, Solid) or shape.rise_rad or shape.rise_x_rad:
+        raise ValueError("what is glass or soft must be an upright box")
+
+
+def _corner(shape: object, end: int) -> F64:
+    """Lowest (0) or highest (1) corner (3,) of an upright box."""
+    assert isinstance(shape, Solid)
+    return np.array([shape.x[end], shape.y[end], shape.z[end]])

@@ -1,0 +1,1 @@
+"""Scenes: files, and what they leave to chance."""

@@ -1,0 +1,230 @@
+"""A scene, read from a TOML file of fakes/scenes: solids, route, what moves, what upsets sensors.
+
+Everything is in the map frame, metres. A scene is data: what moves in it does so by a timetable,
+but for walkers, who see where they go. What a file leaves to chance (see chance.py) is drawn from a
+seed.
+"""
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fakes.scenes.chance import check_keys, has_chance, maybe_drawn
+from fakes.scenes.movers import Mover, box_from, person_from
+from fakes.scenes.reach import check_place
+from fakes.scenes.solids import Shape, Solid
+from fakes.world.crowd import Walker
+from fakes.world.error_models import NONE, Patch, Upsets, patch_from, upsets_from
+from fakes.world.magnetic import Steel, steel_from
+from fakes.world.slip import Slip, slip_from
+
+__all__ = ["Scene", "Solid", "campaign_scenes", "load_scene", "mjcf_from_solids", "problems"]
+
+F64 = npt.NDArray[np.float64]
+SCENES = Path(__file__).parent
+GROUND_FROM_M = 0.1  # what begins higher hangs in the air, and no wheel rolls on it
+NEAR_M = 1.0  # of the body's origin, so that all wheels are nearer
+PERSON_M = 1.75  # how high a walker is
+START_CLEAR_M = 9.0  # where the file says nothing else
+ATTEMPTS = 200  # to draw a scene in which all goals can be reached
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """All that is there, and the way that the driver takes through it.
+
+    Args:
+        waypoints: (x, y), or (x, y, speed_mps on the way there).
+        goals: (x, y) for a planner, in the order to be visited.
+        start_clear_m: how far around the origin the operator vouches for the ground.
+        campaign: belongs to the mix of scenes that campaigns are made of.
+        friction: of all ground under the wheels, but for `patches`.
+        walkers: people who give way; `movers` do not.
+    """
+
+    name: str
+    solids: tuple[Shape, ...]
+    waypoints: tuple[tuple[float, ...], ...] = ()
+    speed_mps: float = 0.6
+    x_axis_east_of_north_rad: float = 0.0
+    movers: tuple[Mover, ...] = ()
+    steels: tuple[Steel, ...] = ()
+    slips: tuple[Slip, ...] = ()
+    goals: tuple[tuple[float, float], ...] = ()
+    start_clear_m: float = 9.0
+    campaign: bool = False
+    friction: float = 1.0
+    patches: tuple[Patch, ...] = ()
+    upsets: Upsets = NONE
+    walkers: tuple[Walker, ...] = ()
+    description: str = ""
+    _bounds: F64 = field(init=False, repr=False, compare=False)  # of the solids, see _near
+
+    def __post_init__(self) -> None:
+        spans = [(*solid.x, *solid.y) for solid in self.solids]
+        object.__setattr__(self, "_bounds", np.array(spans, dtype=float).reshape(-1, 4))
+
+    def _near(self, x: F64, y: F64) -> list[Shape]:
+        """The solids over whose bounds any of the points (n,) may lie."""
+        if not x.size:
+            return []
+        low_x, high_x, low_y, high_y = self._bounds.T
+        near = (low_x <= x.max()) & (high_x >= x.min()) & (low_y <= y.max()) & (high_y >= y.min())
+        return [self.solids[k] for k in np.flatnonzero(near)]
+
+    def height_at(
+        self,
+        x: npt.ArrayLike,
+        y: npt.ArrayLike,
+        since_begin_s: float | None = None,
+        people: F64 | None = None,
+    ) -> F64:
+        """Height (n,) of the highest surface at x (n,), y (n,); NaN where there is none.
+
+        Glass and soft things have a height like all others.
+
+        Args:
+            since_begin_s: when; without it only what stands still counts.
+            people: x, y, radius (k, 3) of walkers, where they count, too.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        heights = np.full(x.shape, -np.inf)
+        for solid in self._near(x, y):
+            np.maximum(heights, solid.tops_m(x, y), out=heights)
+        for mover in self.movers if since_begin_s is not None else ():
+            assert since_begin_s is not None
+            np.maximum(heights, mover.tops_m(x, y, since_begin_s), out=heights)
+        for x_m, y_m, radius_m in () if people is None else people:
+            heights[np.hypot(x - x_m, y - y_m) <= radius_m] = PERSON_M
+        heights[np.isneginf(heights)] = np.nan
+        return heights
+
+    def blocks(
+        self,
+        x: npt.ArrayLike,
+        y: npt.ArrayLike,
+        z_low_m: npt.ArrayLike,
+        z_high_m: npt.ArrayLike,
+        since_begin_s: float | None = None,
+        people: F64 | None = None,
+    ) -> npt.NDArray[np.bool_]:
+        """Whether something firm fills any height between two over points x (n,), y (n,).
+
+        Glass does, soft things do not; what only touches either height does not. Quick where the
+        points lie near each other.
+
+        Args:
+            z_low_m, z_high_m: one height, or (n,).
+            since_begin_s: when; without it only what stands still counts.
+            people: x, y, radius (k, 3) of walkers, where they count, too; they fill all heights.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        low, high = np.asarray(z_low_m, dtype=float), np.asarray(z_high_m, dtype=float)
+        found = np.zeros(x.shape, dtype=bool)
+        for solid in self._near(x, y):
+            if solid.material.kind != "soft":
+                found |= (solid.tops_m(x, y) > low) & (solid.bottom_m < high)
+        for mover in self.movers if since_begin_s is not None else ():
+            assert since_begin_s is not None
+            found |= mover.fills(x, y, low, high, since_begin_s)
+        for x_m, y_m, radius_m in () if people is None else people:
+            found |= np.hypot(x - x_m, y - y_m) <= radius_m
+        return found
+
+    @property
+    def firm(self) -> tuple[Shape, ...]:
+        """The solids that wheels cannot pass."""
+        return tuple(solid for solid in self.solids if solid.material.kind != "soft")
+
+    def ground_near(self, x: F64, y: F64) -> "Scene":
+        """What bodies with their origins over x (n,), y (n,) stand on; without what hangs above."""
+        low_x, high_x = x.min() - NEAR_M, x.max() + NEAR_M
+        low_y, high_y = y.min() - NEAR_M, y.max() + NEAR_M
+        ground = tuple(
+            solid
+            for solid in self.firm
+            if solid.bottom_m <= GROUND_FROM_M
+            and not (solid.x[1] < low_x or solid.x[0] > high_x)
+            and not (solid.y[1] < low_y or solid.y[0] > high_y)
+        )
+        return replace(self, solids=ground, movers=())
+
+
+def load_scene(name: str | Path, seed: int = 1) -> Scene:
+    """The scene of a file, or of the shipped one with this name.
+
+    Args:
+        seed: of what the file leaves to chance; the same seed gives the same scene, everywhere.
+
+    Raises:
+        FileNotFoundError, KeyError, ValueError: no such scene, not a scene, or nothing that this
+            seed draws lets a robot reach its goals; `fair = false` in the file allows that.
+    """
+    shipped = SCENES / f"{name}.toml"
+    path = shipped if shipped.exists() else Path(name)
+    if not path.exists():
+        names = ", ".join(sorted(known.stem for known in SCENES.glob("*.toml")))
+        raise FileNotFoundError(f"no scene '{name}': neither a file nor one of {names}")
+    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    check_keys(table, path.name)
+    wrong = ["no place for what it scatters"]
+    for attempt in range(ATTEMPTS if has_chance(table) else 1):
+        scene = _scene_from(path.stem, table, seed, attempt)
+        if scene is None:
+            continue
+        wrong = problems(scene) if scene.goals and table.get("fair", True) else []
+        if not wrong:
+            return scene
+    raise ValueError(f"{path.name}: seed {seed} draws no scene without problems: {wrong[0]}")
+
+
+def campaign_scenes() -> tuple[str, ...]:
+    """Names of the shipped scenes that campaigns are made of, in the order of the alphabet."""
+    tables = {path.stem: tomllib.loads(path.read_text("utf-8")) for path in SCENES.glob("*.toml")}
+    return tuple(sorted(name for name, table in tables.items() if table.get("campaign", False)))
+
+
+def problems(scene: Scene) -> list[str]:
+    """What keeps a robot from its goals there, or makes its start less clear than is said."""
+    return check_place(scene.solids, scene.goals, scene.walkers, scene.start_clear_m)
+
+
+def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Scene | None:
+    """A scene of a file's table; None where this attempt finds no place for a thing."""
+    drawn = maybe_drawn(table, name, seed, attempt)
+    if drawn is None:
+        return None
+    table = drawn.table
+    people = [person_from(entry) for entry in table.get("person", [])]
+    boxes = [box_from(entry) for entry in table.get("moved_box", [])]
+    route = table.get("route", {"speed_mps": 0.6, "waypoints": []})
+    return Scene(
+        name=name,
+        solids=drawn.solids,
+        waypoints=tuple(tuple(float(part) for part in point) for point in route["waypoints"]),
+        speed_mps=float(route["speed_mps"]),
+        x_axis_east_of_north_rad=math.radians(table["x_axis_east_of_north_deg"]),
+        movers=(*people, *boxes),
+        steels=tuple(steel_from(entry) for entry in table.get("steel", [])),
+        slips=tuple(slip_from(entry) for entry in table.get("slip", [])),
+        goals=drawn.goals,
+        start_clear_m=float(table.get("start_clear_m", START_CLEAR_M)),
+        campaign=bool(table.get("campaign", False)),
+        friction=float(table.get("friction", 1.0)),
+        patches=tuple(patch_from(entry) for entry in table.get("patch", [])),
+        upsets=upsets_from(table.get("upsets", {})),
+        walkers=drawn.walkers,
+        description=str(table.get("description", "")),
+    )
+
+
+def mjcf_from_solids(solids: Sequence[Shape]) -> tuple[str, str]:
+    """(assets, geoms) of solids as MuJoCo XML, the k-th one's geom being `solid<k>`."""
+    parts = [solid.mjcf(f"solid{k}") for k, solid in enumerate(solids)]
+    return "\n".join(asset for asset, _ in parts if asset), "\n".join(geom for _, geom in parts)

@@ -1,0 +1,1 @@
+"""What is true: robot, terrain, people, and the errors of sensors."""

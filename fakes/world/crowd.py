@@ -1,0 +1,255 @@
+"""People who see the robot and each other: they walk about, give way, and wait.
+
+Each goes to and fro between waypoints. Five times a second everyone looks how the robot and all
+others go on, and takes, of a few ways to go on for two seconds, the best one. They never walk into
+a robot that stands, keep away from its sides and its rear, and cross in front of one that drives
+only with room to spare: more, the faster it is. A robot that comes at them they leave the way for,
+if they can. What they do follows from the seed and from the robot's path alone. Map frame, metres;
+instants are seconds since the world's begin.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from fakes.scenes.movers import STRIDE_M, Part, person
+from fakes.world.crowd_kernels import FRONT_M, HALF_WIDTH_M, REAR_M, parts_at, walk
+from fakes.world.kernels import rows_at
+
+F64 = npt.NDArray[np.float64]
+Place = tuple[float, float, float]  # of the robot: x, y, yaw
+KEPT = 64  # steps that can be asked about: 1.28 s of steps of 20 ms
+PLANNED_M = 0.55  # what they plan to keep
+OTHERS_M = 0.25  # between two bodies
+AHEAD_S = 1.3  # way of a driving robot that nobody crosses right before it
+DECIDE_S = 0.2  # between two looks around
+HORIZON_S = np.arange(1, 9) * 0.25
+TURNS_RAD = np.radians([0.0, -25.0, 25.0, -50.0, 50.0, -80.0, 80.0, -120.0, 120.0, 180.0])
+PACES = (1.0, 0.5)
+PATIENCE_S = 4.0  # without getting on, until somebody turns round
+THERE_M = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Walker:
+    """Somebody who walks to and fro between waypoints and gives way.
+
+    Args:
+        pause_s: how long he stays at a waypoint, at most; drawn each time.
+        aside_m: how far he leaves the straight line between two waypoints to let somebody by.
+    """
+
+    name: str
+    waypoints: tuple[tuple[float, float], ...]
+    speed_mps: float = 1.2
+    start_s: float = 0.0
+    pause_s: float = 3.0
+    radius_m: float = 0.22
+    aside_m: float = 1.2
+
+    def __post_init__(self) -> None:
+        if len(self.waypoints) < 2 or not 0.0 < self.speed_mps <= 2.0:
+            raise ValueError(f"{self.name}: needs two waypoints, and 0..2 m/s")
+        if any(math.dist(*leg) < 1.0 for leg in pairwise(self.waypoints)):
+            raise ValueError(f"{self.name}: waypoints must be 1 m apart")
+
+
+class Crowd:
+    """All walkers of a scene, stepped with the robot's place.
+
+    Args:
+        seed: of their pauses.
+    """
+
+    def __init__(self, walkers: Sequence[Walker], seed: int) -> None:
+        self.walkers = tuple(walkers)
+        self.parts: tuple[Part, ...] = tuple(
+            part
+            for walker in self.walkers
+            for part in person(walker.name, walker.waypoints[:1], radius_m=walker.radius_m).parts
+        )
+        n = len(self.walkers)
+        one = self.parts[: len(self.parts) // n] if n else ()  # torso, left leg, right leg
+        self._asides_m = np.array([part.aside_m for part in one])
+        self._swings_m = np.array([part.swing_m for part in one])
+        self._random = np.random.default_rng([seed, n])
+        self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float).reshape(n, 2)
+        self._v, self._wanted = np.zeros((n, 2)), np.zeros((n, 2))  # m/s
+        self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers]).reshape(n, 2)
+        self._gone_m = np.zeros(n)
+        self._radius_m = np.array([w.radius_m for w in self.walkers])
+        self._speed_mps = np.array([w.speed_mps for w in self.walkers])
+        self._aside_most_m = np.array([w.aside_m for w in self.walkers])
+        self._goal, self._way = [1] * n, [1] * n  # waypoint, and which way through them
+        self._rests_until_s = [w.start_s for w in self.walkers]
+        self._nearest_m, self._nearest_s = [math.inf] * n, [0.0] * n  # to the waypoint, and when
+        self._ring = np.zeros((KEPT, n, 6))  # x y, ahead x y, way gone, how far legs swing 0..1
+        self._times_s = np.full(KEPT, -math.inf)
+        self._steps = 0
+        self._now_s, self._decided_s = 0.0, -math.inf
+        self._robot: Place | None = None
+        self._robot_v, self._robot_w = 0.0, 0.0
+
+    # -- what others ask ------------------------------------------------------------------------
+
+    def people(self, t_s: float | None = None) -> F64:
+        """x, y, radius (n, 3) of everybody, now or at an instant of the last second."""
+        people = np.empty((len(self.walkers), 3))
+        people[:, 2] = self._radius_m
+        people[:, :2] = self._at if t_s is None else self._rows(np.array([t_s]))[0, :, :2]
+        return people
+
+    def parts_m(self, times_s: F64) -> F64:
+        """x, y (n, parts, 2) of the middles of all `parts` at instants (n,) of the last second."""
+        return parts_at(self._rows(times_s), self._asides_m, self._swings_m, STRIDE_M)
+
+    def _rows(self, times_s: F64) -> F64:
+        """Rows (n, walkers, 6), interpolated; before the first step all stand where they begin."""
+        if not self._steps:
+            self._record()
+        return rows_at(self._ring, self._times_s, self._steps, times_s)
+
+    # -- time -----------------------------------------------------------------------------------
+
+    def step(self, now_s: float, place: Place) -> None:
+        """Everybody goes on to an instant, with the robot at x, y, yaw."""
+        span_s = now_s - self._now_s if self._steps else 0.0
+        self._follow_robot(place, span_s)
+        self._now_s = now_s
+        if self.walkers and now_s - self._decided_s >= DECIDE_S - 1e-9:
+            self._decided_s = now_s
+            self._decide()
+        if span_s > 0.0:
+            walks = self._at, self._v, self._ahead, self._gone_m
+            walk(span_s, place, self._wanted, self._radius_m, *walks)
+        self._record()
+
+    def _follow_robot(self, place: Place, span_s: float) -> None:
+        if self._robot is not None and span_s > 0.0:
+            x, y, yaw = self._robot
+            v = ((place[0] - x) * math.cos(yaw) + (place[1] - y) * math.sin(yaw)) / span_s
+            w = math.remainder(place[2] - yaw, math.tau) / span_s
+            share = min(1.0, span_s / 0.1)
+            self._robot_v += share * (v - self._robot_v)
+            self._robot_w += share * (w - self._robot_w)
+        self._robot = place
+
+    def _record(self) -> None:
+        row = self._ring[self._steps % KEPT]
+        row[:, :2], row[:, 2:4], row[:, 4] = self._at, self._ahead, self._gone_m
+        speeds = np.hypot(self._v[:, 0], self._v[:, 1])
+        row[:, 5] = np.minimum(1.0, speeds / 0.6)
+        self._times_s[self._steps % KEPT] = self._now_s
+        self._steps += 1
+
+    # -- where to go ----------------------------------------------------------------------------
+
+    def _decide(self) -> None:
+        """Who wants which velocity for the next moments."""
+        headings, paces = self._ahead.copy(), np.zeros(len(self.walkers))
+        for k, walker in enumerate(self.walkers):
+            if self._now_s >= self._rests_until_s[k]:
+                self._next_waypoint(k)
+                headings[k] = _towards(self._at[k], walker.waypoints[self._goal[k]])
+                paces[k] = walker.speed_mps
+        ways = _ways(headings, self._speed_mps)  # (walkers, ways, 2)
+        spots = self._at[:, None, None] + ways[:, :, None] * HORIZON_S[:, None]  # and instants
+        off = ways - (paces[:, None] * headings)[:, None]
+        loss = np.hypot(off[..., 0], off[..., 1]) + 0.02 * np.arange(ways.shape[1]) / ways.shape[1]
+        loss += 30.0 * np.maximum(0.0, PLANNED_M - self._robot_gaps_m(spots))
+        loss += 10.0 * np.maximum(0.0, OTHERS_M - self._other_gaps_m(spots))
+        loss += 4.0 * np.maximum(0.0, self._aside_m(spots) - self._aside_most_m[:, None])
+        self._wanted = ways[np.arange(len(ways)), loss.argmin(axis=1)]
+
+    def _next_waypoint(self, k: int) -> None:
+        """Turn to the next one where this one is reached, or cannot be."""
+        walker = self.walkers[k]
+        left_m = math.dist(self._at[k], walker.waypoints[self._goal[k]])
+        if left_m < self._nearest_m[k] - 0.1:
+            self._nearest_m[k], self._nearest_s[k] = left_m, self._now_s
+        stuck = self._now_s - self._nearest_s[k] > PATIENCE_S
+        if left_m > THERE_M and not stuck:
+            return
+        self._way[k] *= -1 if stuck else 1
+        if not 0 <= self._goal[k] + self._way[k] < len(walker.waypoints):
+            self._way[k] *= -1
+        self._goal[k] += self._way[k]
+        self._nearest_m[k], self._nearest_s[k] = math.inf, self._now_s
+        rest_s = 0.0 if stuck else float(self._random.uniform(0.0, walker.pause_s))
+        self._rests_until_s[k] = self._now_s + rest_s
+        self._nearest_s[k] += rest_s
+
+    def _robot_gaps_m(self, spots: F64) -> F64:
+        """Least gaps (walkers, ways) to the robot and the way right before it, as it goes on."""
+        assert self._robot is not None
+        rx, ry, yaw = self._robot
+        yaws = yaw + self._robot_w * HORIZON_S
+        middle = yaw + self._robot_w * HORIZON_S / 2
+        xs = rx + self._robot_v * HORIZON_S * np.cos(middle)
+        ys = ry + self._robot_v * HORIZON_S * np.sin(middle)
+        dx, dy = spots[..., 0] - xs, spots[..., 1] - ys
+        ahead = np.cos(yaws) * dx + np.sin(yaws) * dy
+        aside = np.abs(np.cos(yaws) * dy - np.sin(yaws) * dx)
+        front = FRONT_M + AHEAD_S * max(0.0, self._robot_v)
+        rear = REAR_M + AHEAD_S * max(0.0, -self._robot_v)
+        over = np.maximum(np.maximum(ahead - front, -rear - ahead), 0.0)
+        beside = np.maximum(aside - HALF_WIDTH_M, 0.0)
+        # within the keep-out: the nearer to its middle line, the worse, so that the way out shows
+        inside = np.where((over == 0.0) & (beside == 0.0), HALF_WIDTH_M - aside, 0.0)
+        return np.asarray((np.hypot(over, beside) - inside).min(axis=2) - self._radius_m[:, None])
+
+    def _other_gaps_m(self, spots: F64) -> F64:
+        """Least gaps (walkers, ways) to all other walkers, as they go on."""
+        theirs = self._at[:, None] + self._v[:, None] * HORIZON_S[:, None]  # (others, instants, 2)
+        apart = spots[:, :, None] - theirs  # (walkers, ways, others, instants, 2)
+        gaps = np.hypot(apart[..., 0], apart[..., 1]).min(axis=3)
+        gaps -= (self._radius_m[:, None] + self._radius_m)[:, None]
+        own = np.arange(len(gaps))
+        gaps[own, :, own] = math.inf
+        return np.asarray(gaps.min(axis=2))
+
+    def _aside_m(self, spots: F64) -> F64:
+        """How far (walkers, ways) each comes from the line between his waypoints in a second."""
+        legs = [
+            (walker.waypoints[goal - way], walker.waypoints[goal])
+            for walker, goal, way in zip(self.walkers, self._goal, self._way, strict=True)
+        ]
+        begins, ends = np.array(legs).transpose(1, 0, 2)
+        along = ends - begins
+        long_m = np.hypot(along[:, 0], along[:, 1])[:, None]
+        along_x, along_y = (along / long_m).T[:, :, None]
+        off = spots[:, :, 3] - begins[:, None]
+        beside = off[..., 0] * along_y - off[..., 1] * along_x
+        way_m = off[..., 0] * along_x + off[..., 1] * along_y
+        return np.asarray(np.hypot(beside, np.maximum(np.maximum(-way_m, way_m - long_m), 0.0)))
+
+
+def _towards(begin: Sequence[float] | F64, end: Sequence[float] | F64) -> tuple[float, float]:
+    """The direction from a place to another; along x where they are one."""
+    dx, dy = float(end[0] - begin[0]), float(end[1] - begin[1])
+    away_m = math.hypot(dx, dy)
+    return (dx / away_m, dy / away_m) if away_m > 1e-9 else (1.0, 0.0)
+
+
+def _ways(headings: F64, speeds_mps: F64) -> F64:
+    """Velocities (walkers, ways, 2) to choose from: standing, and two paces in all directions."""
+    c, s = np.cos(TURNS_RAD), np.sin(TURNS_RAD)
+    x, y = headings[:, :1], headings[:, 1:]
+    turned = np.stack([c * x - s * y, s * x + c * y], -1) * speeds_mps[:, None, None]
+    return np.concatenate(
+        [np.zeros((len(headings), 1, 2)), *(pace * turned for pace in PACES)], axis=1
+    )
+
+
+def walker_from(entry: dict[str, object]) -> Walker:
+    """A [[walker]] of a scene's file: name, waypoints; speed_mps, start_s, pause_s, radius_m,
+    aside_m.
+    """
+    points = tuple((float(x), float(y)) for x, y in entry["waypoints"])  # type: ignore[attr-defined]
+    numbers = ("speed_mps", "start_s", "pause_s", "radius_m", "aside_m")
+    given = {key: float(entry[key]) for key in numbers if key in entry}  # type: ignore[arg-type]
+    return Walker(str(entry["name"]), points, **given)

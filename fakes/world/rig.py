@@ -1,0 +1,74 @@
+"""The rig: one world, the three devices of its robot, and the driver, on whatever clock steps them.
+
+It moves no bytes: the caller puts a wire on each device.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from fakes.ax3500.device import FakeAx3500
+from fakes.lms1xx.device import FakeLms111
+from fakes.mti.device import FakeMti
+from fakes.scenes.scene import Scene
+from fakes.world.driver import Driver
+from fakes.world.error_models import Upsets
+from fakes.world.kinematic import KinematicWorld
+from fakes.world.world import F64, World
+
+AnyWorld = World | KinematicWorld
+
+LOAD_A = 12.0  # of a motor of this robot at full power
+
+
+class Rig:
+    """World, devices and driver; `step` first, then the wires, with the same `now_s`.
+
+    The driver holds a radio that moves the robot even while the controller is in RS-232 mode, which
+    no real one does: so the robot drives by itself while its counters are read.
+
+    Args:
+        scene: or a world that is ready; its robot may be one that moves as it is told.
+        start_delay_s: from the first step to the driver's first command.
+        drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
+        upsets: instead of the scene's own; a world that is ready keeps its own.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path | AnyWorld,
+        seed: int,
+        start_delay_s: float = 3.0,
+        drives: bool = True,
+        upsets: Upsets | None = None,
+    ) -> None:
+        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed, upsets)
+        self.scanner = FakeLms111(self._ranges_m_at, seed)
+        self.ahrs = FakeMti(self.world.motion_at, seed + 1)
+        self._upset(self.world.upsets, seed)
+        if self.world.scene.steels:
+            self.ahrs.distortion_at = self.world.distortion_at
+        self.drive = FakeAx3500(self.world.wheels, seed + 2)
+        self.drive.load_a, self.drive.radio_overrides = LOAD_A, drives
+        route = self.world.scene
+        self.driver = Driver(
+            self.world.pose,
+            self.drive.command,
+            route.waypoints if drives and self.world.obeys else (),
+            route.speed_mps,
+            start_delay_s,
+        )
+
+    def _upset(self, upsets: Upsets, seed: int) -> None:
+        """What is wrong with the devices themselves."""
+        share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
+        self.scanner.offset_m = upsets.range_offset_m * float(share)
+        self.ahrs.sheet_errors = upsets.ahrs_sheet_errors
+
+    def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        return self.world.ranges_m(times_s, bearings_rad)
+
+    def step(self, now_s: float) -> None:
+        """Physics and driver up to `now_s`."""
+        self.world.step_to(now_s)
+        self.driver.step(now_s)

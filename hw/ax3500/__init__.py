@@ -1,0 +1,1 @@
+"""Roboteq AX3500 motor controllers with encoders."""

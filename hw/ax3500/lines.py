@@ -1,0 +1,159 @@
+"""Roboteq AX3500 bytes to lines, lines to numbers, queries to bytes. No I/O, no clock, no logging.
+
+Nothing here moves a motor, writes a parameter or resets the controller.
+
+Source: AX3500 sheet, sections 1, 2, 4, 5 and 7. ASCII, 7 bits, CR ends a line in both directions.
+"""
+
+import re
+from dataclasses import dataclass
+
+from core.records import record
+from hw.device import BadFrame
+
+CR = b"\r"
+CHARACTER_S = 10 / 9600  # start, 7 bits, parity, stop
+MAX_LINE = 64  # no line of the device is longer
+READ_COUNTER = ("?Q0", "?Q1")  # absolute, channel 1 and 2: a lost reply loses no travel
+READ_IDENTITY = "^8A"
+ENCODER_BIT = 0x20  # of the identity
+QUERY = re.compile(r"\?[VAPRMEIKDZ]|\?Q[0-2]|\^[0-9A-F]{2}")  # nothing that changes anything
+
+COUNTER = re.compile(r"[0-9A-Fa-f]{1,8}")
+BYTE = re.compile(r"[0-9A-Fa-f]{2}")
+LOG_LINE = re.compile(r":(?:[0-9A-Fa-f]{2}){12,16}")  # R/C and analog mode, unasked (section 8)
+
+HALF, TURN = 2**31, 2**32
+ROLLOVER_ZONE = 10**6  # counts from either end within which "rolls over to zero" is believed
+
+# thermistor bytes from -40 C up, one each 5 C (section 7)
+THERMISTOR = (
+    *(248, 246, 243, 240, 235, 230, 224, 217, 208, 199, 188, 177, 165, 153, 140, 128, 116, 104, 93),
+    *(83, 74, 65, 58, 51, 45, 40, 35, 31, 27, 24, 21, 19, 17, 15, 13, 12, 11, 9, 8),
+)
+
+
+@record()
+class Line:
+    """What stood between two CR, without `W`, NUL and LF; never empty."""
+
+    text: str
+    began_s: float  # host clock, when its first character was read
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogStop:
+    """A `W`: for 1 s nothing that we sent has reached the controller; it stopped the motors."""
+
+
+class LineParser:
+    """Takes a stream cut anywhere; gives Line, WatchdogStop, BadFrame; keeps less than a line."""
+
+    def __init__(self) -> None:
+        self._text = bytearray()
+        self._began_s = 0.0
+        self._too_long = False  # dropping until the next CR
+
+    def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
+        """The events that these bytes complete."""
+        events: list[Line | WatchdogStop | BadFrame] = []
+        for byte in data:
+            character = byte & 0x7F  # a pty passes the bit that was the parity's
+            if character == 0x57:
+                events.append(WatchdogStop())
+            elif character == 0x0D:
+                events += self._end()
+            elif character not in (0x00, 0x0A):
+                if not self._text:
+                    self._began_s = now_s
+                self._text.append(character)
+                if len(self._text) > MAX_LINE:
+                    events.append(BadFrame("line without an end", self._take()))
+                    self._too_long = True
+        return events
+
+    def _end(self) -> list[Line | WatchdogStop | BadFrame]:
+        text, rest_of_long = self._take(), self._too_long
+        self._too_long = False
+        if not text:
+            return []
+        if rest_of_long:
+            return [BadFrame("end of a line that was too long", text)]
+        if not (text.isascii() and text.decode("ascii").isprintable()):
+            return [BadFrame("line with control characters", text)]
+        return [Line(text.decode("ascii"), self._began_s)]
+
+    def _take(self) -> bytes:
+        text = bytes(self._text)
+        self._text.clear()
+        return text
+
+
+def encode_query(query: str) -> bytes:
+    """A query that only reads; anything else is refused with ValueError.
+
+    >>> encode_query("?Q0")
+    b'?Q0\\r'
+    """
+    if not QUERY.fullmatch(query):
+        raise ValueError(f"query: one that only reads, given {query!r}")
+    return query.encode("ascii") + CR
+
+
+def maybe_counter(text: str) -> int | None:
+    """A counter from its shortened hexadecimal form; None where the line is damaged (section 5).
+
+    >>> maybe_counter("0FA"), maybe_counter("F15"), maybe_counter("123456789")
+    (250, -235, None)
+    """
+    if not COUNTER.fullmatch(text):
+        return None
+    number = int(text, 16)
+    return number - 16 ** len(text) if int(text[0], 16) >= 8 else number
+
+
+def counter_text(count: int) -> str:
+    """The shortened form in which the controller writes a counter of 32 bits (section 5)."""
+    if not -HALF <= count < HALF:
+        raise ValueError(f"count: 32 bits, given {count}")
+    digits = f"{count % TURN:08X}"
+    filler, first_of_own_sign = ("0", "01234567") if count >= 0 else ("F", "89ABCDEF")
+    short = digits.lstrip(filler) or filler
+    return short if short[0] in first_of_own_sign else filler + short
+
+
+def maybe_byte(text: str) -> int | None:
+    """0..255 from exactly two digits."""
+    return int(text, 16) if BYTE.fullmatch(text) else None
+
+
+def wrap_difference(new: int, old: int) -> int:
+    """Counts from old to new, the short way round the 32-bit circle."""
+    return (new - old + HALF) % TURN - HALF
+
+
+def maybe_rollover(new: int, old: int) -> int | None:
+    """Counts from old to new if the counter passed an end and went on from zero, else None."""
+    if abs(old) <= HALF - ROLLOVER_ZONE or abs(new) >= ROLLOVER_ZONE:
+        return None
+    return new + HALF - old if old > 0 else new - 1 - HALF - old
+
+
+def battery_v_from_byte(value: int) -> float:
+    """Main battery (`?E`, first value)."""
+    return 55.0 * value / 256.0
+
+
+def internal_v_from_byte(value: int) -> float:
+    """Internal 12 V supply (`?E`, second value)."""
+    return 28.5 * value / 256.0
+
+
+def celsius_from_thermistor(value: int) -> float:
+    """Heat sink temperature (`?M`), -40 to 150; linear between the table's points."""
+    if value >= THERMISTOR[0]:
+        return -40.0
+    for k, (warm, cool) in enumerate(zip(THERMISTOR[1:], THERMISTOR, strict=False)):
+        if value >= warm:
+            return -40.0 + 5.0 * (k + (cool - value) / (cool - warm))
+    return 150.0

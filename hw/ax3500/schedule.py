@@ -1,0 +1,128 @@
+"""Which query goes out next on a line of 960 characters/s, one at a time.
+
+Characters of an exchange: what is sent, one for the echo of its last, and the answer (section 10).
+    one counter of n digits            4 + 1 + n + 1       12 at n = 6
+    ?E ?A ?M ?V ?P ?R ?Z, each 2 s     3 + 1 + 6 = 10      35 characters/s in all
+    ^89, each s, with its optional +   4 + 1 + 3 + 2 = 10  10
+    ?I, each s                         3 + 1 + 9 = 13      13
+    motor command, two each 0.4 s      5 + 1 + 2 = 8       40; at a change each 50 ms 320
+so both counters fit (960 - 58) / (2 (6 + n)) times a second: 45.1 at 4 digits, 37.6 at 6, 32.2 at
+8; with motors kept running 43.1, 35.9, 30.8; with motors that change all the time 29.1, 24.2, 20.8.
+That is reached where the loop wakes for each answer, and sends the next query at that instant. The
+controller's own delay, and a loop that looks only now and then, lengthen every exchange: what fits
+is therefore reckoned from how long exchanges really take. Where little fits, slow values wait: at
+most one goes out between two pairs that are due, so a pair never takes longer than three exchanges
+(and the motors' commands), and their periods stretch evenly.
+
+Source: AX3500 sheet, section 10.
+"""
+
+from hw.ax3500.lines import CHARACTER_S, READ_COUNTER
+
+SLOW_S = {
+    "^89": 1.0,
+    "?I": 1.0,
+    "?E": 2.0,
+    "?A": 2.0,
+    "?M": 2.0,
+    "?V": 2.0,
+    "?P": 2.0,
+    "?R": 2.0,
+    "?Z": 2.0,
+}
+CHARACTERS = dict.fromkeys(SLOW_S, 10) | {"?I": 13}
+MAY, MUST = 0.6, 0.85  # of its period: fills a gap from then on, goes first from then on
+REFUSED_S = 30.0  # to the next try of what the controller refuses
+SMOOTHING = 0.05
+JUDGE_S, REJUDGE_S = 5.0, 10.0  # from the beginning to the first remark, and to each next
+ENOUGH, ENOUGH_AGAIN = 0.95, 0.98  # of the pairs asked; the second ends a complaint
+NEWS = 0.15  # share by which the pairs that fit must change to be told anew
+MOTOR_CHARACTERS, REFRESH_S, CHANGE_S = 16, 0.4, 0.05  # both channels
+
+
+def pairs_per_s(digits: int, motors: str = "none") -> float:
+    """Both counters, beside the slow values; motors "none", "steady" or "changing"."""
+    slow = sum(CHARACTERS[query] / SLOW_S[query] for query in SLOW_S)
+    motor = {"none": 0.0, "steady": 1 / REFRESH_S, "changing": 1 / CHANGE_S}[motors]
+    return (1 / CHARACTER_S - slow - MOTOR_CHARACTERS * motor) / (2 * (6 + digits))
+
+
+class Schedule:
+    """Counters at their pace, slow values in the gaps, and before them only when overdue."""
+
+    def __init__(self, poll_hz: float) -> None:
+        self._poll_hz = poll_hz
+        self._pair_due_s = 0.0
+        self._second = False  # of a pair is next
+        self._slow_went = False  # since the last pair
+        self._judge_s, self._told_fits = 0.0, float("inf")  # pairs/s in the remark; inf: none
+        self._asked_s: dict[str, float] = {}
+        self._pair_s = 2 * 12 * CHARACTER_S  # smoothed
+
+    def begin(self, now_s: float) -> None:
+        """Counters first; slow values are spread over their first period."""
+        self._pair_due_s, self._second, self._slow_went = now_s, False, False
+        self._judge_s, self._told_fits = now_s + JUDGE_S, float("inf")
+        for k, (query, period_s) in enumerate(SLOW_S.items()):
+            self._asked_s[query] = now_s - period_s * MAY + 0.1 + 0.05 * k
+
+    def maybe_next(self, now_s: float, forbidden: frozenset[str]) -> str | None:
+        """The query that is due; None: wait."""
+        if self._second:
+            self._second = False
+            return READ_COUNTER[0]
+        allowed = [query for query in SLOW_S if query not in forbidden]
+        slow = max(allowed, key=lambda query: self._age(query, now_s))
+        is_due = now_s >= self._pair_due_s
+        if self._age(slow, now_s) >= MUST and not (is_due and self._slow_went):
+            return self._ask(slow, now_s)
+        if is_due:
+            period_s = 1.0 / self._poll_hz
+            self._pair_due_s = max(self._pair_due_s + period_s, now_s - period_s)
+            self._second, self._slow_went = True, False
+            return READ_COUNTER[1]
+        gap_s = self._pair_due_s - now_s
+        if self._age(slow, now_s) >= MAY and gap_s > 0.5 * self._pair_s:
+            return self._ask(slow, now_s)
+        return None
+
+    def _age(self, query: str, now_s: float) -> float:
+        return (now_s - self._asked_s[query]) / SLOW_S[query]
+
+    def _ask(self, query: str, now_s: float) -> str:
+        self._asked_s[query], self._slow_went = now_s, True
+        return query
+
+    def refused(self, query: str, now_s: float) -> None:
+        """The controller does not know a slow query: seldom again."""
+        self._asked_s[query] = now_s + REFUSED_S
+
+    def counter_took(self, took_s: float) -> None:
+        """How long one counter's exchange took."""
+        self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
+
+    def remark(self, now_s: float, motors_hz: float) -> str:
+        """In words, where less fits than is asked; motors_hz: commands of both channels.
+
+        Judged when the measure has settled and seldom afterwards, so that words stay readable.
+        """
+        if now_s >= self._judge_s:
+            self._judge_s = now_s + REJUDGE_S
+            self._judge(self.fits_per_s(motors_hz))
+        if self._told_fits == float("inf"):
+            return ""
+        return f"{self._poll_hz:g} pairs/s asked, {self._told_fits:.0f} fit"
+
+    def fits_per_s(self, motors_hz: float) -> float:
+        """Pairs a second beside slow values and motors, as long as exchanges really take."""
+        exchange_s = self._pair_s / 2.0  # a slow one takes about as long as one counter's
+        exchanges = max(0.0, 1.0 / exchange_s - 2.0 * motors_hz)  # a second, beside the motors'
+        slow_hz = sum(1.0 / period_s for period_s in SLOW_S.values())
+        return max((exchanges - slow_hz) / 2.0, exchanges / 3.0)  # the second: one slow each pair
+
+    def _judge(self, fits: float) -> None:
+        complains = self._told_fits != float("inf")
+        if fits >= (ENOUGH_AGAIN if complains else ENOUGH) * self._poll_hz:
+            self._told_fits = float("inf")
+        elif not complains or abs(fits - self._told_fits) > NEWS * self._told_fits:
+            self._told_fits = fits

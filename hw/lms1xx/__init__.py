@@ -1,0 +1,1 @@
+"""SICK LMS1xx laser scanners."""

@@ -1,0 +1,162 @@
+"""CoLa telegrams, binary (B) and text (A): a SICK scanner's stream to payloads and back. No I/O.
+
+CoLa-B: 02 02 02 02 | length u32 | payload | XOR of the payload; big-endian.
+CoLa-A: 02 | payload | 03; text has no checksum, so a digit altered into another is not noticed.
+Source: lms111 sheet, section 2.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Generic, Literal, TypeVar
+
+import numpy as np
+
+from hw.device import BadFrame
+
+Event = TypeVar("Event")
+Dialect = Literal["binary", "ascii"]
+
+START = b"\x02\x02\x02\x02"
+HEAD_SIZE = 8
+TEXT_START, TEXT_END = b"\x02", b"\x03"
+MAX_PAYLOAD = 0x4FFF  # four 16-bit channels of 2000 points are less
+MAX_TEXT = 0xFFFF  # the same in digits, and six channels of a sister model
+# What can be a telegram's first bytes: start, a length up to MAX_PAYLOAD, the `s` of all telegrams.
+HEADS = {
+    "binary": re.compile(rb"\x02\x02\x02\x02\x00\x00[\x00-\x4f].s", re.DOTALL),
+    "ascii": re.compile(rb"\x02s"),
+    "auto": re.compile(rb"\x02(?:s|\x02\x02\x02\x00\x00[\x00-\x4f].s)", re.DOTALL),
+}
+HEAD_CUT = re.compile(rb"\x02(\x02(\x02(\x02(\x00(\x00([\x00-\x4f].?)?)?)?)?)?)?\Z", re.DOTALL)
+TEXT_STOP = re.compile(rb"[\x02\x03]")
+INCOMPLETE_S = 0.5  # a telegram that takes longer was none: its length is not to be believed
+REPORTED_SIZE = 4096  # junk is told at the latest when so much has come
+
+
+class PayloadError(Exception):
+    """A payload that can't be what its frame says; the text says why."""
+
+
+def encode_frame(payload: bytes) -> bytes:
+    """A payload with start, length and checksum around it: CoLa-B."""
+    return START + len(payload).to_bytes(4, "big") + payload + bytes([_xor(payload)])
+
+
+def encode_text(payload: bytes) -> bytes:
+    """A payload between its marks: CoLa-A."""
+    return TEXT_START + payload + TEXT_END
+
+
+def _xor(payload: bytes | bytearray) -> int:
+    return int(np.bitwise_xor.reduce(np.frombuffer(payload, np.uint8), initial=0))
+
+
+class ColaParser(Generic[Event]):
+    """Takes a stream cut anywhere; finds its way back after damage; keeps less than one telegram.
+
+    `decode` makes an event of (now_s, payload, dialect), or raises PayloadError: then, as after a
+    wrong checksum, the search goes on one byte further. All junk between two telegrams is one
+    BadFrame. "auto" takes telegrams of either dialect as they come.
+    """
+
+    def __init__(
+        self,
+        decode: Callable[[float, bytes, Dialect], Event],
+        dialect: Literal["auto", "binary", "ascii"] = "binary",
+    ) -> None:
+        self._decode, self._head = decode, HEADS[dialect]
+        self._buffer = bytearray()
+        self._searched = 0  # so much of the text at the front holds no mark: not looked at again
+        self._waiting_since_s: float | None = None  # for the rest of the telegram at the front
+        self._skipped, self._reason, self._skipped_s = bytearray(), "", 0.0
+
+    def feed(self, now_s: float, data: bytes) -> list[Event | BadFrame]:
+        """The events that these bytes complete; they arrived at now_s (host, seconds)."""
+        self._buffer += data
+        events: list[Event | BadFrame] = []
+        if self._skipped and now_s - self._skipped_s >= INCOMPLETE_S:
+            self._report(events)
+        at = 0
+        while True:
+            head = self._head.search(self._buffer, at)
+            start = head.start() if head else self._junk_end(at)
+            at = self._skip(now_s, at, start, "no telegram", events)
+            if head is None:
+                break
+            is_text = self._buffer[at + 1] == ord("s")
+            end, is_whole = self._text_end(at) if is_text else self._binary_end(at)
+            if end is None:
+                if not self._is_overdue(now_s):
+                    break
+                at = self._skip(now_s, at, at + 1, "telegram never completed", events)
+                continue
+            if not is_whole:
+                at = self._skip(now_s, at, end, "telegram cut short", events)
+                continue
+            self._waiting_since_s, self._searched = None, 0
+            try:
+                event = self._text(now_s, at, end) if is_text else self._binary(now_s, at, end)
+            except PayloadError as error:
+                at = self._skip(now_s, at, at + 1, str(error), events)
+                continue
+            self._report(events)
+            events.append(event)
+            at = end
+        del self._buffer[:at]
+        return events
+
+    def _binary_end(self, at: int) -> tuple[int | None, bool]:
+        """Where the binary telegram ends; None while its end is not there yet."""
+        size = int.from_bytes(self._buffer[at + 4 : at + HEAD_SIZE], "big")
+        end = at + HEAD_SIZE + size + 1
+        return (end if end <= len(self._buffer) else None), True
+
+    def _text_end(self, at: int) -> tuple[int | None, bool]:
+        """The same of a text, and whether it ends as one; a new start, or endlessness, is junk."""
+        stop = TEXT_STOP.search(self._buffer, at + max(1, self._searched))
+        if stop is None:
+            self._searched = len(self._buffer) - at
+            return (at + 1, False) if self._searched > MAX_TEXT else (None, True)
+        is_whole = stop.group() == TEXT_END
+        return stop.end() if is_whole else stop.start(), is_whole
+
+    def _binary(self, now_s: float, at: int, end: int) -> Event:
+        """What a binary telegram's payload and checksum say."""
+        rest = bytes(self._buffer[at + HEAD_SIZE : end])
+        if _xor(rest) != 0:  # the payload with its own checksum
+            raise PayloadError("wrong checksum")
+        return self._decode(now_s, rest[:-1], "binary")
+
+    def _text(self, now_s: float, at: int, end: int) -> Event:
+        return self._decode(now_s, bytes(self._buffer[at + 1 : end - 1]), "ascii")
+
+    def _is_overdue(self, now_s: float) -> bool:
+        if self._waiting_since_s is None:
+            self._waiting_since_s = now_s
+        return now_s - self._waiting_since_s >= INCOMPLETE_S
+
+    def _junk_end(self, at: int) -> int:
+        """Where the bytes begin that may be the start of a telegram cut short, after `at`."""
+        cut = HEAD_CUT.search(self._buffer, max(at, len(self._buffer) - HEAD_SIZE))
+        return cut.start() if cut else len(self._buffer)
+
+    def _skip(
+        self, now_s: float, at: int, end: int, reason: str, events: list[Event | BadFrame]
+    ) -> int:
+        """Take the bytes up to `end` as junk; returns `end`."""
+        if at < end:  # what was at the front is no longer there
+            self._waiting_since_s, self._searched = None, 0
+        while at < end:
+            if not self._skipped:
+                self._reason, self._skipped_s = reason, now_s
+            taken = min(end - at, REPORTED_SIZE - len(self._skipped))
+            self._skipped += self._buffer[at : at + taken]
+            at += taken
+            if len(self._skipped) >= REPORTED_SIZE:
+                self._report(events)
+        return end
+
+    def _report(self, events: list[Event | BadFrame]) -> None:
+        if self._skipped:
+            events.append(BadFrame(self._reason, bytes(self._skipped)))
+            self._skipped.clear()

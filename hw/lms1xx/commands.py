@@ -1,0 +1,227 @@
+"""Commands to a SICK LMS1xx, each in both dialects, and readers of their answers. No I/O, no clock.
+
+A command's answer has its `answer` type and name. LMS1xx differ in what they call good: 0 after
+start, stop and standby; 1 after login, Run, storing and setting the clock (`is_good`).
+Source: lms111 sheet, sections 2 to 4.
+"""
+
+import struct
+from dataclasses import dataclass
+from datetime import datetime
+
+from hw.lms1xx.cola import Dialect, PayloadError, encode_frame, encode_text
+from hw.lms1xx.telegrams import FIELD_FIRST, FIELD_LAST, Answer, Echo
+
+ANSWERS = {"sRN": "sRA", "sWN": "sWA", "sMN": "sAN", "sEN": "sEA"}
+HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords as delivered, by level
+GOOD_IS_ZERO = {"LMCstartmeas", "LMCstopmeas", "LMCstandby"}
+
+_SCAN_CONFIG = "IHIii"  # frequency 1/100 Hz, sectors, resolution, first, last (1/10000 deg)
+_OUTPUT_RANGE = "HIii"  # sectors, resolution, first, last
+# Channels, remission (on, 16 bit, unit), encoders, position, name, comment, time, interval.
+_CONTENT = "2B3B2B4BH"
+_DATE_TIME = "H5BI"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One request: packed values for CoLa-B, the same written out for CoLa-A."""
+
+    kind: str  # sRN, sWN, sMN, sEN
+    name: str
+    values: bytes = b""
+    text: str = ""
+
+    @property
+    def answer(self) -> str:
+        """Type and name of its answer."""
+        return f"{ANSWERS[self.kind]} {self.name}"
+
+    def encode(self, dialect: Dialect) -> bytes:
+        """As a whole telegram."""
+        head = f"{self.kind} {self.name}"
+        if dialect == "ascii":
+            return encode_text(f"{head} {self.text}".rstrip().encode())
+        return encode_frame(head.encode() + (b" " + self.values if self.values else b""))
+
+
+def read(name: str) -> Command:
+    """Read a variable."""
+    return Command("sRN", name)
+
+
+def login(level: int = 3, password_hash: int = HASHES[3]) -> Command:
+    """`SetAccessMode`; it ends measuring until Run."""
+    values = struct.pack(">bI", level, password_hash)
+    return Command("sMN", "SetAccessMode", values, f"{level:02} {password_hash:08X}")
+
+
+def subscribe(is_wanted: bool = True) -> Command:
+    """Scans as they are measured, or no more."""
+    return Command("sEN", "LMDscandata", bytes([is_wanted]), str(int(is_wanted)))
+
+
+READ_SCAN_CONFIG = read("LMPscancfg")
+READ_OUTPUT_RANGE = read("LMPoutputRange")
+READ_CONTENT = read("LMDscandatacfg")
+READ_STATE = read("STlms")
+READ_DEVICE_STATE = read("SCdevicestate")
+READ_CONTAMINATION = read("LCMstate")
+READ_FIRMWARE = read("FirmwareVersion")
+READ_IDENT = read("DeviceIdent")
+READ_HOURS = read("ODoprh")
+READ_POWER_ONS = read("ODpwrc")
+READ_LOCATION = read("LocationName")
+READ_DIALECT = read("EIHstCola")
+POLL_SCAN = read("LMDscandata")
+START_MEASURING = Command("sMN", "LMCstartmeas")
+STOP_MEASURING = Command("sMN", "LMCstopmeas")
+STANDBY = Command("sMN", "LMCstandby")
+RUN = Command("sMN", "Run")  # logs out; settings take effect
+REBOOT = Command("sMN", "mSCreboot")
+STORE = Command("sMN", "mEEwriteall")  # wears the memory out: for a person to ask for, only
+
+
+def set_dialect(dialect: Dialect) -> Command:
+    """`EIHstCola`: answered in the old dialect; the new one counts from the next connection on."""
+    is_binary = dialect == "binary"
+    return Command("sWN", "EIHstCola", bytes([is_binary]), str(int(is_binary)))
+
+
+@dataclass(frozen=True, slots=True)
+class ScanConfig:
+    """`LMPscancfg`: how the device scans; its field of view is fixed."""
+
+    centihertz: int
+    step: int  # 1/10000 deg
+
+
+def set_scan_config(config: ScanConfig) -> Command:
+    """`mLMPsetscancfg`: answered by a status and the values that the device took."""
+    values = (config.centihertz, 1, config.step, FIELD_FIRST, FIELD_LAST)
+    packed = struct.pack(">" + _SCAN_CONFIG, *values)
+    return Command("sMN", "mLMPsetscancfg", packed, _decimal(values))
+
+
+def set_content(echo: Echo) -> Command:
+    """`LMDscandatacfg`: one or both echoes, no remission, with the time block, every scan."""
+    values = content(echo)
+    one, two, rssi, wide, unit, e1, e2, *options, interval = values
+    text = f"{one:02} {two:02} {rssi} {wide} {unit} {e1:02} {e2:02} "
+    text += " ".join(map(str, options)) + f" +{interval}"
+    return Command("sWN", "LMDscandatacfg", struct.pack(">" + _CONTENT, *values), text)
+
+
+def content(echo: Echo) -> tuple[int, ...]:
+    """The twelve values of `LMDscandatacfg` that are wanted."""
+    return (1 if echo == "first" else 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1)
+
+
+def set_output_range(step: int, first: int = FIELD_FIRST, last: int = FIELD_LAST) -> Command:
+    """`LMPoutputRange`, 1/10000 deg; by default the whole field of view."""
+    values = struct.pack(">" + _OUTPUT_RANGE, 1, step, first, last)
+    text = f"1 {step:X} {first & 0xFFFFFFFF:X} {last & 0xFFFFFFFF:X}"
+    return Command("sWN", "LMPoutputRange", values, text)
+
+
+def set_clock(time: datetime) -> Command:
+    """`LSPsetdatetime`: needs a login."""
+    day = (time.year, time.month, time.day)
+    values = (*day, time.hour, time.minute, time.second, time.microsecond)
+    return Command(
+        "sMN", "LSPsetdatetime", struct.pack(">" + _DATE_TIME, *values), _decimal(values)
+    )
+
+
+def _decimal(values: tuple[int, ...]) -> str:
+    """Numbers with a sign: without one they would be hexadecimal."""
+    return " ".join(f"{value:+d}" for value in values)
+
+
+# --- answers
+
+
+def maybe_number(answer: Answer, layout: str = "B") -> int | None:
+    """The first value; None if there is none."""
+    try:
+        value: int = answer.fields().fields(layout)[0]
+    except PayloadError:
+        return None
+    return value
+
+
+def is_good(answer: Answer) -> bool:
+    """Whether a method's result says that it was done; a write's answer has no result."""
+    if answer.kind == "sWA" or answer.name == "mSCreboot":
+        return True
+    return maybe_number(answer) == (0 if answer.name in GOOD_IS_ZERO else 1)
+
+
+def _maybe_values(answer: Answer, layout: str) -> tuple[int, ...] | None:
+    """All values by a layout, and nothing after them; None if they are not that."""
+    fields = answer.fields()
+    try:
+        values = fields.fields(layout)
+    except PayloadError:
+        return None
+    return None if fields.rest() else values
+
+
+def maybe_scan_config(answer: Answer) -> ScanConfig | None:
+    """What `LMPscancfg` says."""
+    values = _maybe_values(answer, _SCAN_CONFIG)
+    return ScanConfig(values[0], values[2]) if values else None
+
+
+def maybe_taken_config(answer: Answer) -> tuple[int, ScanConfig | None] | None:
+    """Status of `mLMPsetscancfg` (0: good), and the values that were taken."""
+    status = maybe_number(answer)
+    values = _maybe_values(answer, "B" + _SCAN_CONFIG)
+    if status is None:
+        return None
+    return status, ScanConfig(values[1], values[3]) if values else None
+
+
+def maybe_content(answer: Answer) -> tuple[int, ...] | None:
+    """The twelve values of `LMDscandatacfg`."""
+    return _maybe_values(answer, _CONTENT)
+
+
+def maybe_output_range_deg(answer: Answer) -> tuple[float, float] | None:
+    """First and last angle of `LMPoutputRange` (its resolution is often untrue), or None."""
+    values = _maybe_values(answer, _OUTPUT_RANGE)
+    return (values[2] / 10_000, values[3] / 10_000) if values else None
+
+
+def maybe_state(answer: Answer) -> tuple[int, bool | None] | None:
+    """`STlms`: its code (7: measuring), and whether the temperature is within range.
+
+    Some firmware writes one digit of text even where all else is packed.
+    """
+    values = answer.values
+    if values[:1].isdigit() and values[1:2] in (b"", b" "):
+        return int(values[:1]), {b"0": True, b"1": False}.get(values[2:3])
+    fields = answer.fields()
+    try:
+        (code,) = fields.fields("H")
+    except PayloadError:
+        return None
+    try:
+        return code, fields.fields("B")[0] == 0
+    except PayloadError:
+        return code, None
+
+
+def maybe_texts(answer: Answer, count: int = 1) -> tuple[str, ...] | None:
+    """Texts with their lengths: `FirmwareVersion`, `LocationName`; `DeviceIdent` has two."""
+    fields = answer.fields()
+    try:
+        return tuple(fields.text("H").strip() for _ in range(count))
+    except PayloadError:
+        return None
+
+
+def maybe_hours(answer: Answer) -> float | None:
+    """`ODoprh`: hours of operation."""
+    value = maybe_number(answer, "I")
+    return None if value is None else value / 10

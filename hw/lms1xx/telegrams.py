@@ -1,0 +1,260 @@
+"""SICK LMS1xx: CoLa payloads to scan telegrams, answers and refusals. No I/O, no clock.
+
+Refuses telegrams that can't be true (no points, no frequency, lengths that disagree); decodes all
+channels and options that the sheet names, those of sister models too, in both dialects. Device
+units end in `ranges_m_from_channel`. Source: lms111 sheet, sections 2 and 5.
+"""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from core.records import F64
+from hw.lms1xx.cola import ColaParser, Dialect, PayloadError
+from hw.lms1xx.cola_fields import BinaryFields, Fields, Raw, TextFields
+
+Echo = Literal["first", "last", "both"]
+
+MAX_POINTS, MAX_CHANNELS, MAX_ENCODERS = 2000, 16, 8
+LEAST_RANGE_RAW = 16  # smaller values say why there is no measurement
+FIELD_FIRST, FIELD_LAST = -450_000, 2_250_000  # whole field of view, 1/10000 deg
+CONTENT = re.compile(r"[A-Z]{4}[1-9]")  # DIST1, RSSI2; sister models have more, and of others
+# Raw distances below LEAST_RANGE_RAW (section 5; the words of 2 and 3 are not confirmed there).
+CODES = {0: "no echo", 1: "dazzled", 2: "implausible", 3: "filtered"}
+RESERVED = "reserved"  # 4..15
+
+_TYPES = {b"sRA", b"sWA", b"sAN", b"sEA", b"sSN"}
+# After the name: version, device, serial number, status, counters, stamps, inputs, outputs,
+# layer, scan and measurement frequency, number of encoders.
+_FIXED = "HHI2BHHII2B2BHIIH"
+_CHANNEL = "5sffiHH"  # content, scale, offset, first angle, step, points
+
+REFUSALS = {
+    0x01: "access denied",
+    0x02: "unknown method",
+    0x03: "unknown variable",
+    0x04: "value out of range",
+    0x05: "invalid data",
+    0x06: "unknown error",
+    0x07: "buffer overflow",
+    0x08: "arguments too short",
+    0x09: "unknown type",
+    0x0A: "write access denied",
+    0x0B: "unknown command for the name server",
+    0x0C: "unknown command",
+    0x0D: "server busy",
+    0x0E: "array out of bounds",
+    0x0F: "unknown event",
+    0x10: "text: value overflow",
+    0x11: "text: invalid character",
+    0x12: "no system message",
+    0x13: "no answer from the system",
+    0x14: "internal error",
+    0x15: "hub address corrupted",
+    0x16: "hub address not decoded",
+    0x17: "hub address exceeded",
+    0x18: "hub address: blank expected",
+    0x19: "asynchronous methods suppressed",
+    0x1A: "complex arrays not supported",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """One block of values, as the device sent them."""
+
+    content: str  # DIST1, DIST2, RSSI1, RSSI2, ...
+    scale: float
+    offset: float
+    first_deg: float  # device angle of value 0
+    step_deg: float
+    raw: Raw  # (n,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanTelegram:
+    """`LMDscandata`, in the device's own units and clock."""
+
+    arrived_s: float  # host clock
+    polled: bool  # asked for, not streamed
+    version: int
+    device_number: int
+    serial_number: int
+    status: tuple[int, int]  # (0, 0): measurements are valid
+    telegram_counter: int
+    scan_counter: int
+    scan_us: int  # at the scan's zero index; since the device's start, wraps at 2^32
+    sent_us: int  # when transmission began
+    inputs: tuple[int, int]
+    outputs: tuple[int, int]
+    layer_raw: int  # of sister models; 0
+    scan_hz: float
+    measurement_hz: float
+    encoders: tuple[tuple[int, int], ...]  # position, speed
+    channels: dict[str, Channel]  # by content
+    position: tuple[float, ...] | None  # x, y, z, rotation about them, type of rotation
+    name: str | None
+    comment: str | None
+    clock: tuple[int, ...] | None  # year, month, day, hour, minute, second, microsecond
+    event: bytes | None  # its layout is not known
+    dialect: Dialect = "binary"
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Any other telegram: an answer to a command of that name, or an event (sSN)."""
+
+    kind: str  # sRA, sWA, sAN, sEA, sSN
+    name: str
+    values: bytes  # packed, or written out
+    dialect: Dialect = "binary"
+
+    def fields(self) -> Fields:
+        """A reader of the values."""
+        return BinaryFields(self.values) if self.dialect == "binary" else TextFields(self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """`sFA`: the device does not do what the command said; it does not say which command."""
+
+    code: int
+    dialect: Dialect = "binary"
+
+    @property
+    def reason(self) -> str:
+        """The code in words."""
+        return REFUSALS.get(self.code, f"error code {self.code}")
+
+
+Telegram = ScanTelegram | Answer | Refusal
+
+
+def new_parser(dialect: Literal["auto", "binary", "ascii"] = "binary") -> ColaParser[Telegram]:
+    """A parser for the stream of one connection."""
+    return ColaParser(decode, dialect)
+
+
+def decode(now_s: float, payload: bytes, dialect: Dialect = "binary") -> Telegram:
+    """What a payload says; it arrived at now_s.
+
+    Raises:
+        PayloadError: not one of the sheet's telegrams, or a scan that can't be true.
+    """
+    kind = payload[:3]
+    if kind == b"sFA":
+        return _refusal(payload, dialect)
+    if kind not in _TYPES or payload[3:4] != b" ":
+        raise PayloadError("unknown telegram")
+    name, space, values = payload[4:].partition(b" ")
+    if name == b"LMDscandata" and space and kind in (b"sSN", b"sRA"):
+        reader: Callable[[bytes, int], Fields] = TextFields if dialect == "ascii" else BinaryFields
+        return _scan_telegram(now_s, kind == b"sRA", reader(payload, 16), dialect)
+    if not (name.isascii() and name.isalnum()):
+        raise PayloadError("unknown telegram")
+    return Answer(kind.decode(), name.decode(), values, dialect)
+
+
+def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
+    """Binary: two bytes right after the type; text: after a space."""
+    if dialect == "ascii" and payload[3:4] == b" ":
+        return Refusal(TextFields(payload, 3).fields("H")[0], dialect)
+    if dialect == "binary" and len(payload) == 5:
+        return Refusal(int.from_bytes(payload[3:], "big"), dialect)
+    raise PayloadError("unknown telegram")
+
+
+def _scan_telegram(now_s: float, polled: bool, fields: Fields, dialect: Dialect) -> ScanTelegram:
+    version, device, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(
+        _FIXED
+    )
+    i1, i2, o1, o2, layer, centihertz, hectohertz, encoders = rest
+    if centihertz == 0:
+        raise PayloadError("scan frequency is 0")
+    if encoders > MAX_ENCODERS:
+        raise PayloadError(f"{encoders} encoders")
+    return ScanTelegram(
+        arrived_s=now_s,
+        polled=polled,
+        version=version,
+        device_number=device,
+        serial_number=serial,
+        status=(s1, s2),
+        telegram_counter=telegrams,
+        scan_counter=scans,
+        scan_us=scan_us,
+        sent_us=sent_us,
+        inputs=(i1, i2),
+        outputs=(o1, o2),
+        layer_raw=layer,
+        scan_hz=centihertz / 100,
+        measurement_hz=hectohertz * 100.0,
+        encoders=tuple((p, s) for p, s in (fields.fields("Ih") for _ in range(encoders))),
+        channels=_channels(fields),
+        **_options(fields),
+        dialect=dialect,
+    )
+
+
+def _channels(fields: Fields) -> dict[str, Channel]:
+    """All 16-bit channels, then all 8-bit ones."""
+    channels = {}
+    for kind in (">u2", "u1"):
+        (count,) = fields.fields("H")
+        if count > MAX_CHANNELS:
+            raise PayloadError(f"{count} channels")
+        for _ in range(count):
+            content, scale, offset, first, step, points = fields.fields(_CHANNEL)
+            name = str(content, "latin-1")
+            if not CONTENT.fullmatch(name):
+                raise PayloadError(f"unknown channel {content!r}")
+            if not (1 <= points <= MAX_POINTS and step > 0):
+                raise PayloadError(f"{points} points at a step of {step}")
+            if not (0 < scale <= 1000 and abs(offset) <= 1e6):  # false for NaN, too
+                raise PayloadError(f"scale {scale}, offset {offset}")
+            raw = fields.array(kind, points)
+            channels[name] = Channel(name, scale, offset, first / 10_000, step / 10_000, raw)
+    return channels
+
+
+def _options(fields: Fields) -> dict[str, Any]:
+    """What may follow the channels. The layout of the last, an event, is not known."""
+    options: dict[str, Any] = {
+        "position": fields.fields("6fB") if _flag(fields, "position") else None,
+        "name": fields.text("B") if _flag(fields, "name") else None,
+        "comment": fields.text("B") if _flag(fields, "comment") else None,
+        "clock": fields.fields("H5BI") if _flag(fields, "time") else None,
+    }
+    has_event = _flag(fields, "event")
+    rest = fields.rest()
+    if rest and not has_event:
+        raise PayloadError("scan telegram goes on after its end")
+    return options | {"event": rest if has_event else None}
+
+
+def _flag(fields: Fields, what: str) -> bool:
+    """Whether an optional block follows."""
+    (value,) = fields.fields("H")
+    if value > 1:
+        raise PayloadError(f"{what} flag is {value}")
+    return bool(value)
+
+
+def ranges_m_from_channel(channel: Channel, part: slice, out: F64) -> None:
+    """Ranges of a part of a DIST channel into `out` (k,); NaN where nothing was measured."""
+    raw = channel.raw[part]
+    np.multiply(raw, channel.scale / 1000, out=out, dtype=np.float64)
+    if channel.offset:
+        out += channel.offset / 1000
+    out[(raw < LEAST_RANGE_RAW) | (out <= 0)] = math.nan
+
+
+def beams_lost(channel: Channel, part: slice) -> dict[str, int]:
+    """How many beams of a part of a DIST channel measured nothing, by cause."""
+    raw = channel.raw[part]
+    counts = np.bincount(raw[raw < LEAST_RANGE_RAW], minlength=LEAST_RANGE_RAW).tolist()
+    return {words: counts[code] for code, words in CODES.items()} | {RESERVED: sum(counts[4:])}

@@ -1,0 +1,1 @@
+"""The register image and its server."""

@@ -1,0 +1,193 @@
+"""One Modbus client as the server sees it: requests in, answers out at a bounded pace.
+
+A client that asks as fast as it can is slowed, not dropped: its answers come later. All clients
+together have a pace as well, and no call answers more than a few requests, so that whatever else
+lives in the loop has its turn. Drive requests from another machine are refused: nothing in Modbus
+says who sent them.
+"""
+
+import ipaddress
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from hw.modbus.framing import Request
+from hw.modbus.image import RegisterImage, View
+from hw.modbus.layout import LATCH
+from hw.modbus.pdu import Answer, answer, refused
+from hw.modbus.refusals import Refusal
+from hw.modbus.token_bucket import Pace
+
+CLIENT_HZ, CLIENT_BURST = 400.0, 60.0  # requests: lasting, and at once after a rest
+BATCH = 4  # requests answered in one call
+MOST_WAITING = 512  # requests of one client
+
+Send = Callable[[Request, bytes], None]
+
+
+@dataclass(slots=True)
+class ModbusCounters:
+    """What happened since the start, for the log."""
+
+    requests: int = 0
+    exceptions: int = 0  # answers that refuse
+    rejected: int = 0  # bytes on a line, or pieces from a network, that were no frame
+    dropped: int = 0  # requests that were too many to wait
+    delayed: int = 0  # answers that had to wait for the pace
+    turned_away: int = 0  # connections, for there were too many
+    idle_closed: int = 0  # connections on which nothing was asked for long
+
+
+class Timer(Protocol):
+    """A call to come."""
+
+    def cancel(self) -> object:
+        """It shall not come."""
+
+
+class Loop(Protocol):
+    """The two calls of an asyncio loop that are used."""
+
+    def call_soon(self, callback: Callable[[], object], /) -> Timer:
+        """Once whatever is due has had its turn."""
+
+    def call_later(self, delay_s: float, callback: Callable[[], object], /) -> Timer:
+        """After a time."""
+
+
+@dataclass(slots=True)
+class Desk:
+    """What all clients of one server share."""
+
+    image: RegisterImage
+    clock: Callable[[], float]
+    utc_s: Callable[[], float]
+    loop: Loop
+    views: Mapping[int, View | None]  # by unit id, those that are ours; None: the live registers
+    is_silent: bool  # to requests for other units, as a serial line demands
+    identity: Mapping[int, bytes]
+    counters: ModbusCounters = field(default_factory=ModbusCounters)
+
+
+@dataclass(slots=True)
+class Access:
+    """The registers as one request may use them."""
+
+    desk: Desk
+    identity: Mapping[int, bytes]
+    view: View | None
+    who: str
+    is_local: bool
+    now_s: float
+    arrived_s: float
+
+    def read(self, first: int, count: int) -> Answer:
+        """Their bytes."""
+        return self.desk.image.read(self.now_s, self.view, first, count, self.desk.utc_s())
+
+    def can_read(self, first: int, count: int) -> bool:
+        """Whether there are such registers."""
+        return self.desk.image.can_read(first, count)
+
+    def write(self, first: int, words: list[int]) -> Refusal:
+        """Take them, or say why not."""
+        image = self.desk.image
+        if image.drive is not None and first != LATCH and not self.is_local:
+            return Refusal.FUNCTION
+        return image.write(self.now_s, self.arrived_s, self.view, self.who, first, words)
+
+
+class Client:
+    """The requests of one client, in order."""
+
+    def __init__(self, desk: Desk, who: str, is_local: bool, send: Send) -> None:
+        self._desk, self._who, self._is_local = desk, who, is_local
+        self._send: Send | None = send
+        self._waiting: deque[tuple[float, Request]] = deque()
+        self._pace = Pace(CLIENT_HZ, CLIENT_BURST)
+        self._timer: Timer | None = None
+        self._has_place = False  # at both paces, for the next request
+        self._is_held = False
+        self.asked_s = desk.clock()  # when it last asked something
+
+    @property
+    def waiting(self) -> int:
+        """Requests that are not answered yet."""
+        return len(self._waiting)
+
+    def offer(self, requests: list[Request]) -> bool:
+        """Take requests that have just arrived; False if too many wait, which are dropped."""
+        if not requests:
+            return True
+        now_s = self.asked_s = self._desk.clock()
+        room = MOST_WAITING - len(self._waiting)
+        self._waiting.extend((now_s, request) for request in requests[:room])
+        self._desk.counters.dropped += max(0, len(requests) - room)
+        if self._timer is None:
+            self._work()
+        return len(requests) <= room
+
+    def hold(self, is_held: bool) -> None:
+        """Answer nothing while its answers are not taken."""
+        self._is_held = is_held
+        if not is_held and self._timer is None:
+            self._work()
+
+    def close(self) -> None:
+        """It is gone."""
+        self._waiting.clear()
+        self._send = None
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _work(self) -> None:
+        """Answer some of what waits, as the pace allows."""
+        self._timer, desk = None, self._desk
+        for _ in range(BATCH):
+            if not self._waiting or self._is_held:
+                return
+            now_s = desk.clock()
+            if not self._has_place:
+                self._has_place = True
+                wait_s = max(self._pace.book(now_s), desk.image.pace.book(now_s))
+                if wait_s > 0.0:
+                    desk.counters.delayed += 1
+                    self._timer = desk.loop.call_later(wait_s, self._work)
+                    return
+            self._has_place = False
+            self._answer(now_s, *self._waiting.popleft())
+        if self._waiting:
+            self._timer = desk.loop.call_soon(self._work)
+
+    def _answer(self, now_s: float, arrived_s: float, request: Request) -> None:
+        desk = self._desk
+        if request.unit not in desk.views:
+            if desk.is_silent:
+                return
+            pdu = refused(request.pdu[0], Refusal.NO_UNIT)
+        else:
+            view, identity = desk.views[request.unit], desk.identity
+            access = Access(desk, identity, view, self._who, self._is_local, now_s, arrived_s)
+            pdu = answer(request.pdu, access)
+        desk.counters.requests += 1
+        desk.counters.exceptions += pdu[0] >> 7
+        if self._send is not None:
+            self._send(request, pdu)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is of this very machine's own.
+
+    >>> is_loopback("127.0.0.1"), is_loopback("::1"), is_loopback("::ffff:127.0.0.1")
+    (True, True, True)
+    >>> is_loopback("192.168.0.7"), is_loopback("fe80::1%eth0"), is_loopback("")
+    (False, False, False)
+    """
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    mapped = getattr(address, "ipv4_mapped", None)
+    return bool((mapped or address).is_loopback)

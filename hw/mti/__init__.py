@@ -1,0 +1,1 @@
+"""Xsens MTi attitude sensors."""

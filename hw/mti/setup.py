@@ -1,0 +1,223 @@
+"""Finds out which MTi it is and sets what it needs; reads back what it took.
+
+Settings wear the device's memory, so only what differs is set. Legacy devices (MTData) know
+SetOutputMode, newer ones (MTData2) SetOutputConfiguration: the device id tells which to try first,
+the answers decide.
+
+Source: MTi sheet, sections 3, 8 and 9.
+"""
+
+import math
+import struct
+from dataclasses import dataclass, field
+
+from hw.mti.conversation import NO_ANSWER, Conversation, StartAgainError, Talk
+from hw.mti.frames import NOT_IMPLEMENTED, TIMER_OVERFLOW, TOO_MUCH_OUTPUT, Mid
+from hw.mti.mtdata import NED, MtDataDecoder
+from hw.mti.mtdata2 import ORIENTATIONS, Received
+from hw.mti.output import (
+    ALWAYS,
+    FINE_TIME,
+    MAGNETIC,
+    PACKET_COUNTER,
+    RATE_OF_TURN,
+    TICKS_PER_S,
+    NewOutput,
+    legacy_output,
+    new_outputs,
+)
+from hw.mti.service import (
+    MtConfiguration,
+    decode_configuration,
+    decode_output_configuration,
+    output_in_words,
+)
+
+LEGACY_TYPES = (0x3, 0x5)  # bits 00F00000 of the device id: MTi and MTx, MTi-G
+SLOWER_HZ = (400, 256, 200, 120, 100, 50)  # to fall back to; 120 is what the makers promise
+TOO_MUCH = (TIMER_OVERFLOW, 0x23, 0x24, TOO_MUCH_OUTPUT)
+OUTPUT_SIZES = tuple(range(0, 129, 4))  # bytes of an output configuration
+
+
+@dataclass(slots=True)
+class MtStream:
+    """What the session knows of the device and its stream, for the side that measures."""
+
+    starts: int = 0
+    period_s: float = math.nan
+    device_id: str = ""  # hexadecimal
+    product: str = ""
+    firmware: str = ""
+    hardware: str = ""  # newer devices only
+    configuration: MtConfiguration | None = None
+    legacy: MtDataDecoder | None = None  # None: the stream is MTData2
+    with_rate: bool = True  # of turn
+    remark: str = ""  # what is not as configured, in words
+    samples: list[Received] = field(default_factory=list)  # of this tick
+
+    @property
+    def seems_legacy(self) -> bool:
+        """By its id; the answers to requests decide."""
+        if len(self.device_id) != 8:  # 600 series: 8 bytes
+            return False
+        return int(self.device_id, 16) >> 20 & 0xF in LEGACY_TYPES
+
+    def note(self, remark: str) -> None:
+        """The first thing said stays: what follows is mostly its consequence."""
+        self.remark = self.remark or remark
+
+
+def identify(talk: Conversation, stream: MtStream) -> Talk[None]:
+    """Who it is; only the id is insisted on."""
+    answer = yield from talk.ask(Mid.ReqDID, b"", 4, 8)
+    stream.device_id = answer.hex() if isinstance(answer, bytes) else ""
+    answer = yield from talk.ask(Mid.ReqProductCode, b"", *range(1, 21), optional=True)
+    if isinstance(answer, bytes):
+        stream.product = answer.decode("ascii", "replace").strip("\0 ")
+    answer = yield from talk.ask(Mid.ReqFWRev, b"", 3, 11, optional=True)
+    if isinstance(answer, bytes):
+        stream.firmware = ".".join(str(part) for part in answer[:3])
+    if not stream.seems_legacy:
+        answer = yield from talk.ask(Mid.ReqHardwareVersion, b"", 2, optional=True, tries=1)
+        if isinstance(answer, bytes):
+            stream.hardware = f"{answer[0]}.{answer[1]}"
+    answer = yield from talk.ask(Mid.ReqConfiguration, b"", 118, optional=True)
+    stream.configuration = decode_configuration(answer) if isinstance(answer, bytes) else None
+
+
+def set_up(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> Talk[None]:
+    """Output and rate, by whichever messages the device knows."""
+    probes = [(Mid.SetOutputMode, (2,)), (Mid.SetOutputConfiguration, OUTPUT_SIZES)]
+    for mid, sizes in probes if stream.seems_legacy else probes[::-1]:
+        answer = yield from talk.ask(mid, b"", *sizes, optional=True)
+        if answer in (NOT_IMPLEMENTED, NO_ANSWER):
+            continue
+        if mid == Mid.SetOutputConfiguration:  # an Error may come in reply to reading, too
+            now = decode_output_configuration(answer) if isinstance(answer, bytes) else []
+            yield from _set_up_new(talk, stream, now, new_outputs(rate_hz, baud))
+        elif isinstance(answer, int):
+            raise StartAgainError(talk.refused(mid, answer))
+        else:
+            yield from _set_up_legacy(talk, stream, rate_hz, baud)
+        return
+    raise StartAgainError("the MTi knows neither SetOutputMode nor SetOutputConfiguration")
+
+
+def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> Talk[None]:
+    """Mode, settings and period; a shorter period of another host goes first: it may overflow."""
+    wanted = legacy_output(rate_hz, baud)
+    stream.note(wanted.remark)
+    period = yield from talk.read(Mid.SetPeriod, 2)
+    if period < wanted.period:
+        period = yield from _set_period(talk, stream, period, wanted.period)
+    mode = yield from _set(talk, Mid.SetOutputMode, 2, wanted.mode)
+    settings = yield from _set(talk, Mid.SetOutputSettings, 4, wanted.settings)
+    if (mode, settings & ~NED) != (wanted.mode, wanted.settings):
+        raise StartAgainError(
+            f"the MTi has output mode {mode:04X} and settings {settings:08X}, "
+            f"not {wanted.mode:04X} and {wanted.settings:08X} as it was told"
+        )
+    if period > wanted.period:
+        period = yield from _set_period(talk, stream, period, wanted.period)
+    period *= 1 + (yield from _clear_skip_factor(talk))
+    given_hz = TICKS_PER_S / max(period, 1)
+    if abs(given_hz - rate_hz) > 0.01 * rate_hz:
+        stream.note(f"the MTi gives {given_hz:.1f} samples a second, not {rate_hz:g} as configured")
+    configuration = yield from talk.ask(Mid.ReqConfiguration, b"", 118, optional=True)
+    if isinstance(configuration, bytes):
+        stream.configuration = decode_configuration(configuration)
+        if struct.unpack_from(">HI", configuration, 104) != (mode, settings):
+            stream.note("the MTi's configuration block contradicts its settings")
+    stream.legacy = MtDataDecoder(mode, settings)
+    stream.with_rate = "rate" in stream.legacy
+    stream.period_s = max(period, 1) / TICKS_PER_S
+
+
+def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Talk[int]:
+    """A setting as the device has it in the end: set only if it differs."""
+    held = yield from talk.read(mid, size)
+    if held & ~NED == wanted:
+        return held
+    yield from talk.ask(mid, wanted.to_bytes(size, "big"))
+    return (yield from talk.read(mid, size))
+
+
+def _set_period(talk: Conversation, stream: MtStream, held: int, wanted: int) -> Talk[int]:
+    """The period in the end; one that is refused gives way to longer ones, then to the old one."""
+    longer = [TICKS_PER_S // hz for hz in SLOWER_HZ if TICKS_PER_S // hz > wanted]
+    for period in [wanted, *longer]:
+        if period == held:
+            return held
+        answer = yield from talk.ask(Mid.SetPeriod, period.to_bytes(2, "big"), optional=True)
+        if answer == NO_ANSWER:
+            raise StartAgainError(talk.refused(Mid.SetPeriod, NO_ANSWER))
+        if isinstance(answer, bytes):
+            return (yield from talk.read(Mid.SetPeriod, 2))
+        stream.note(talk.refused(Mid.SetPeriod, answer))
+    return held
+
+
+def _clear_skip_factor(talk: Conversation) -> Talk[int]:
+    """Samples left out after each one, in the end; some devices do not know the message."""
+    skip = yield from talk.ask(Mid.SetOutputSkipFactor, b"", 2, optional=True)
+    if not isinstance(skip, bytes) or skip == b"\0\0":
+        return 0
+    yield from talk.ask(Mid.SetOutputSkipFactor, b"\0\0")
+    left = yield from talk.read(Mid.SetOutputSkipFactor, 2)
+    if left == 0xFFFF:
+        raise StartAgainError("the MTi sends only on request: it keeps skip factor FFFF")
+    return left
+
+
+def _set_up_new(
+    talk: Conversation, stream: MtStream, held: list[tuple[int, int]], choices: list[NewOutput]
+) -> Talk[None]:
+    """The first choice that the device takes; its answer carries what it made of it."""
+    for number, choice in enumerate(choices):
+        if sorted(held) == sorted(choice.outputs):
+            _note_outputs(stream, choice, held)
+            return
+        data = b"".join(struct.pack(">HH", *output) for output in choice.outputs)
+        answer = yield from talk.ask(
+            Mid.SetOutputConfiguration, data, *OUTPUT_SIZES, optional=number < len(choices) - 1
+        )
+        if isinstance(answer, bytes):
+            read = yield from talk.ask(Mid.SetOutputConfiguration, b"", *OUTPUT_SIZES)
+            assert isinstance(read, bytes)
+            _note_outputs(stream, choice, decode_output_configuration(read))
+            return
+        if answer not in TOO_MUCH:
+            raise StartAgainError(talk.refused(Mid.SetOutputConfiguration, answer))
+        stream.note(talk.refused(Mid.SetOutputConfiguration, answer))
+
+
+def _note_outputs(stream: MtStream, choice: NewOutput, held: list[tuple[int, int]]) -> None:
+    """What the device gives, against what it was asked for; formats and frames may differ."""
+    stream.note(choice.remark)
+    given = {identifier & 0xFFF0: rate_hz for identifier, rate_hz in held}
+    orientation_hz = max((given.get(kind, 0) for kind in ORIENTATIONS), default=0)
+    if not orientation_hz:
+        raise StartAgainError(f"the MTi does not offer output {_names(choice, ORIENTATIONS)}")
+    for identifier, rate_hz in choice.outputs:
+        if identifier in (PACKET_COUNTER, FINE_TIME, MAGNETIC):
+            continue  # what runs as well without them
+        given_hz = given.get(identifier, 0)
+        if not given_hz:
+            stream.note(f"the MTi does not offer output {_named(identifier)}")
+        elif given_hz not in (rate_hz, ALWAYS):
+            stream.note(
+                f"the MTi gives output {_named(identifier)} at {given_hz} Hz, not {rate_hz}"
+            )
+    if not given.keys() & {PACKET_COUNTER, FINE_TIME}:
+        stream.note("the MTi gives neither counter nor time: samples are dated by their arrival")
+    stream.legacy = None
+    stream.with_rate = RATE_OF_TURN in given
+    stream.period_s = 1.0 / (choice.rate_hz if orientation_hz == ALWAYS else orientation_hz)
+
+
+def _names(choice: NewOutput, kinds: dict[int, int]) -> str:
+    return ", ".join(_named(identifier) for identifier, _ in choice.outputs if identifier in kinds)
+
+
+def _named(identifier: int) -> str:
+    return f"{identifier:04X} ({output_in_words(identifier)})"

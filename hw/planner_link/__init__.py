@@ -1,0 +1,1 @@
+"""The planner link: maps out, requests in."""

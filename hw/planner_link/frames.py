@@ -1,0 +1,181 @@
+"""Frames of the planner link, version 1: what all have in common, and what goes to the planner.
+
+No I/O, no clock. What comes back is decoded in hw/planner_link/messages.py.
+Source: planner link, sections 2, 3 and 9 (docs/planner-link.md).
+"""
+
+import hashlib
+import math
+import struct
+import zlib
+from dataclasses import dataclass
+
+from cobs import cobs
+
+from core.records import PoseReport, StopZoneReport
+from hw.device import BadFrame
+
+VERSION = 1
+GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE = 1, 2, 3, 4, 5, 6
+ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE = 8, 9, 10, 11, 12
+MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
+KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
+CRC_START = 0x2994717F  # CRC-32 of b"MPL1": frames of other layouts never pass
+MAX_FRAME = 368
+HEAD, CRC, TAG_BYTES = struct.Struct("<BBHI"), struct.Struct("<I"), 8
+GEOM_BODY, POSE_BODY = struct.Struct("<BxHHHIHH"), struct.Struct("<iihhhhhHBBBB")
+MAP_HEAD, DIGEST_BODY = struct.Struct("<hhHB3s"), struct.Struct("<BxxxI")
+STOP_ZONE_BODY = struct.Struct("<HHHHHHHHhBB")
+TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
+AGE_UNIT_S = 0.004
+NONE, MOST = 0xFFFF, 0xFFFE  # of a u16 that may say "none": that, and the greatest number
+
+
+@dataclass(frozen=True, slots=True)
+class Secret:
+    """What the authentication tag is made with besides the frame."""
+
+    key: bytes  # 32
+    session: int
+    nonce: int
+
+    def tag(self, frame: bytes) -> bytes:
+        """The tag of a frame's bytes up to the tag."""
+        data = struct.pack("<II", self.session, self.nonce) + frame
+        return hashlib.blake2s(data, key=self.key, digest_size=TAG_BYTES).digest()
+
+
+def encode_frame(
+    kind: int, flags: int, seq: int, t_ms: int, body: bytes, secret: Secret | None = None
+) -> bytes:
+    """One whole frame, not yet COBS-encoded."""
+    flags |= AUTH if secret else 0
+    frame = HEAD.pack(VERSION << 4 | kind, flags, seq % 2**16, t_ms % 2**32) + body
+    if secret:
+        frame += secret.tag(frame)
+    return frame + CRC.pack(zlib.crc32(frame, CRC_START))
+
+
+def encode_serial(frame: bytes) -> bytes:
+    """A frame as it goes over a serial line."""
+    encoded: bytes = cobs.encode(frame)  # type: ignore[no-untyped-call]
+    return encoded + b"\0"
+
+
+def serial_bytes(frame_bytes: int) -> int:
+    """The most that a frame of so many bytes takes on a serial line."""
+    return frame_bytes + frame_bytes // 254 + 2
+
+
+def encode_geom(
+    geom_id: int, size: int, cell_mm: int, session: int, tick_s: float, stale_ms: int
+) -> bytes:
+    """Body of a GEOM frame; the window is square."""
+    tick_ms = min(0xFFFF, round(tick_s * 1000))
+    return GEOM_BODY.pack(geom_id, size, size, cell_mm, session, tick_ms, stale_ms)
+
+
+def encode_pose(pose: PoseReport) -> bytes:
+    """Body of a POSE frame; what does not fit is told as the nearest that does."""
+    return POSE_BODY.pack(
+        _int(pose.x_m * 1000, 31),
+        _int(pose.y_m * 1000, 31),
+        max(-31416, min(31415, _int(pose.yaw_rad * 10_000, 15))),
+        _int(pose.pitch_rad * 10_000, 15),
+        _int(pose.roll_rad * 10_000, 15),
+        _int(pose.v_mps * 1000, 15),
+        _int(pose.w_radps * 1000, 15),
+        pose.health & 0xFFFF,
+        _age(pose.age_scan_s),
+        _age(pose.age_ahrs_s),
+        _age(pose.age_enc_s),
+        pose.mode,
+    )
+
+
+def _int(value: float, bits: int) -> int:
+    """Rounded and saturated to a signed number; 0 for what is no number."""
+    if math.isnan(value):
+        return 0
+    return round(max(-(2.0**bits), min(2.0**bits - 1, value)))
+
+
+def _age(age_s: float) -> int:
+    """Units of 4 ms; 255 is 1020 ms and more, and never."""
+    return int(max(0.0, min(255.0, age_s / AGE_UNIT_S)))
+
+
+def encode_map(
+    origin: tuple[int, int], repaired: int, geom_id: int, start: int, ops: bytes
+) -> bytes:
+    """Body of a MAP frame; `origin` is the world cell (i, j) of the window's lowest corner."""
+    ox, oy = int16(origin[0]), int16(origin[1])
+    return MAP_HEAD.pack(ox, oy, repaired % 2**16, geom_id, start.to_bytes(3, "little")) + ops
+
+
+def encode_digest(geom_id: int, window_crc: int) -> bytes:
+    """Body of a DIGEST frame."""
+    return DIGEST_BODY.pack(geom_id, window_crc)
+
+
+def encode_stop_zone(zone: StopZoneReport) -> bytes:
+    """Body of a STOP_ZONE frame: distances, times and speeds are told as no more than they are."""
+    has_nearest = zone.nearest_m < math.inf
+    return STOP_ZONE_BODY.pack(
+        min(MOST, _thousandths(zone.free_ahead_m)),
+        _thousandths(zone.obstacle_ahead_m),
+        min(MOST, _thousandths(zone.free_behind_m)),
+        _thousandths(zone.obstacle_behind_m),
+        _thousandths(zone.contact_s),
+        min(MOST, _thousandths(zone.allowed_ahead_mps)),
+        min(MOST, _thousandths(zone.allowed_behind_mps)),
+        _thousandths(zone.nearest_m),
+        _int(zone.bearing_rad * 10_000, 15) if has_nearest else 0,
+        zone.state,
+        zone.causes,
+    )
+
+
+def _thousandths(value: float) -> int:
+    """Rounded down to what a u16 can say; NONE for infinite, 0 for what is no number."""
+    if value == math.inf:
+        return NONE
+    return int(max(0.0, min(float(MOST), value * 1000 + 1e-6))) if value > 0.0 else 0
+
+
+def int16(number: int) -> int:
+    """The signed 16-bit number that equals it modulo 65 536."""
+    return (number + 0x8000) % 0x10000 - 0x8000
+
+
+class Deframer:
+    """Takes a serial stream cut anywhere; gives the frames between its zeros."""
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self._skipping = False
+
+    def feed(self, data: bytes) -> list[bytes | BadFrame]:
+        """The frames that these bytes complete."""
+        frames: list[bytes | BadFrame] = []
+        for part in data.split(b"\0")[:-1]:
+            self._buffer += part
+            encoded, self._buffer = bytes(self._buffer), bytearray()
+            if self._skipping:
+                self._skipping = False
+            elif encoded:
+                frames.append(_decoded(encoded))
+        self._buffer += data.rsplit(b"\0", 1)[-1]
+        if len(self._buffer) > serial_bytes(MAX_FRAME):
+            if not self._skipping:
+                frames.append(BadFrame("frame too long", bytes(self._buffer)))
+            self._buffer, self._skipping = bytearray(), True
+        return frames
+
+
+def _decoded(encoded: bytes) -> bytes | BadFrame:
+    try:
+        frame: bytes = cobs.decode(encoded)  # type: ignore[no-untyped-call]
+        return frame
+    except cobs.DecodeError:
+        return BadFrame("not COBS", encoded)

@@ -1,0 +1,164 @@
+"""The map frames of one tick: changes in the order of their weight, then a slice of the refresh.
+
+Source: planner link, sections 4, 6 and 7 (docs/planner-link.md).
+"""
+
+import math
+
+from core.records import I32, ObstacleWindow
+from hw.planner_link import kernels as map_kernels
+from hw.planner_link.frames import MAP, MAP_HEAD, REFRESH, encode_map
+from hw.planner_link.kernels import LONGEST_OP
+from hw.planner_link.publisher import MapSender
+from hw.planner_link.recovery import Repair, SentMap
+from hw.planner_link.refresh import Round
+from hw.planner_link.scheduler import Outbox
+
+SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
+SLICE_BODY = MAP_HEAD.size + SLICE_OPS
+LEAST_SLICE_OPS = 32  # the MAP frame that every tick has
+PASS_S = 0.2  # one refresh pass, where bandwidth allows
+MOST_PER_CELL = LONGEST_OP + 1  # bytes of operations: its run, and a KEEP up to it
+URGENT_KINDS = (
+    map_kernels.NEW_NEAR,
+    map_kernels.NEW_ANY,
+    map_kernels.LOST_ANY,
+    map_kernels.GONE_ANY,
+)
+LEAST_ROOM = 3 * LONGEST_OP  # bytes of operations, without which no frame is begun
+
+
+class MapTeller:
+    """One planner's map: what it was told, what comes next."""
+
+    def __init__(self, outbox: Outbox, ring: MapSender, repair: Repair) -> None:
+        self._outbox, self._map, self._repair = outbox, ring, repair
+        self._cells = ring.size**2
+        self._due_cells = 0.0  # of the refresh, by its pace
+        self._round = Round(ring.size)
+        self._rest_cell = 0  # where to go on with what did not fit
+        self._origin: tuple[int, int] | None = None  # of the newest MAP frame
+        self._has_map = False  # a MAP frame goes out in this tick
+        self.geom_id = 0
+
+    def begin_epoch(self, geom_id: int) -> None:
+        """Both ends start from unknown."""
+        self.geom_id = geom_id
+        self._map.forget()
+        self._repair.begin_epoch(self._outbox.seq)
+        self._round.begin()
+
+    def follow(self, window: ObstacleWindow) -> None:
+        """Take in the map as it is meant now."""
+        careful = self._repair.in_step or self._map.corner != self._origin
+        old = self._map.update(window, careful)
+        if old is not None:
+            self._round.follow(window.corner_i - old[0], window.corner_j - old[1])
+
+    def tell_changes(self) -> None:
+        """All marked cells in one raster pass if they fit; else what weighs most first."""
+        self._has_map = False
+        self._map.mark_again()
+        if self._map.marked == 0:
+            return
+        if self._fit(map_kernels.EVERY):
+            self._tell(map_kernels.EVERY)
+        elif self._tell_urgent() and self._tell(map_kernels.NEAR):
+            self._tell_rest()
+
+    def _tell_urgent(self) -> bool:
+        """Obstacles that came or went, and what got lost; True if all of it fitted."""
+        if not self._map.urgent:
+            return True
+        if self._fit(map_kernels.URGENT):
+            return self._tell(map_kernels.URGENT)
+        return all(self._tell(kind) for kind in URGENT_KINDS)
+
+    @property
+    def _budget(self) -> float:
+        """Wire bytes for changes: the refresh's share stays, once it is enough for a slice."""
+        outbox = self._outbox
+        is_due = outbox.saved >= outbox.cost(SLICE_BODY)
+        return outbox.credit - (outbox.saved if is_due else 0.0)
+
+    def _fit(self, kind: int) -> bool:
+        """Whether one raster pass over the cells of a kind fits into this tick's budget."""
+        budget, cell = self._budget, 0
+        room = self._outbox.room(budget, MAP_HEAD.size)
+        if self._map.marked * MOST_PER_CELL + LEAST_ROOM < room:
+            return True
+        while cell < self._cells:
+            room = self._outbox.room(budget, MAP_HEAD.size)
+            if room < LEAST_ROOM:
+                return False
+            used, cell = self._map.measure(kind, cell, self._cells, room)
+            budget -= self._outbox.cost(MAP_HEAD.size + used) if used else 0
+        return True
+
+    def _tell(self, kind: int) -> bool:
+        """MAP frames with the cells of one kind; True if all of them fitted."""
+        return self._tell_from(kind, 0, self._cells) == self._cells
+
+    def _tell_from(self, kind: int, cell: int, end: int) -> int:
+        """MAP frames with the cells of one kind of cell..end; where to go on."""
+        while cell < end:
+            room = self._outbox.room(self._budget, MAP_HEAD.size)
+            if room < LEAST_ROOM:
+                return cell
+            start, ops, cell, marked = self._map.encode(kind, cell, end, room)
+            if start >= 0:
+                self._queue(0, start, ops, marked)
+        return cell
+
+    def _tell_rest(self) -> None:
+        """What is left, from where the last tick had to stop: no corner waits for ever."""
+        begun = self._rest_cell
+        self._rest_cell = self._tell_from(map_kernels.REST, begun, self._cells)
+        if self._rest_cell == self._cells:
+            self._rest_cell = self._tell_from(map_kernels.REST, 0, begun)
+
+    def refresh(self, dt_s: float, spare: float) -> None:
+        """Slices of the rolling refresh, by its pace, of its share and what else may be spent.
+
+        A short slice at least goes out if no other MAP frame does.
+
+        Args:
+            spare: wire bytes that it may use beyond its share.
+        """
+        outbox, slice_cost = self._outbox, self._outbox.cost(SLICE_BODY)
+        least = outbox.cost(MAP_HEAD.size + LEAST_SLICE_OPS) + 2
+        self._due_cells = min(self._due_cells + self._cells * dt_s / PASS_S, self._cells)
+        floor = outbox.credit - spare
+        while True:
+            left = max(outbox.credit - floor, min(outbox.saved, outbox.credit))
+            if outbox.saved < outbox.most_saved:  # else its share is due, whatever it delays
+                left = min(left, outbox.line_left)
+            if self._has_map and (self._due_cells < 1 or left < slice_cost):
+                break
+            before = outbox.credit
+            passed = self._tell_slice(outbox.room(max(least, left), MAP_HEAD.size))
+            self._due_cells = max(0.0, self._due_cells - passed)
+            outbox.saved = max(0.0, outbox.saved - (before - outbox.credit))
+        if self._due_cells < 1:
+            outbox.saved = 0.0  # it keeps its pace: what it leaves is free for all else
+
+    def _tell_slice(self, room: int) -> int:
+        """The next cells of the round in one frame; how many."""
+        begun, due = self._round.cell, max(1, math.floor(self._due_cells))
+        end = min(self._cells, begun + due)
+        self._round.note_slice(self._outbox.seq + 1)
+        start, ops, cell, marked = self._map.encode(map_kernels.REFRESH, begun, end, room)
+        if seq := self._round.advance(cell):
+            self._repair.note_round(seq)
+        self._queue(REFRESH, start, ops, marked)
+        return cell - begun
+
+    def _queue(self, flags: int, start: int, ops: bytes, marked: I32) -> None:
+        """A frame with cells that were just encoded: it may say that it has repaired all."""
+        assert self._map.corner is not None
+        self._repair.settle()
+        self._origin, self._has_map = self._map.corner, True
+        repaired = self._repair.repaired
+        body = encode_map(self._origin, repaired, self.geom_id, start, ops)
+        self._outbox.queue(MAP, body, flags)
+        self._repair.note_map(SentMap(self._outbox.seq, marked, self._origin))

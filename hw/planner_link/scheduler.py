@@ -1,0 +1,143 @@
+"""Frames on their way to one planner: their numbers, their sizes, and what the line carries.
+
+A tick's frames go out together or not at all. The budget grows with time by what the line carries;
+what is left over is kept for a few ticks, a share of it for the refresh.
+Source: planner link, sections 2 and 7 (docs/planner-link.md).
+"""
+
+import math
+from array import array
+
+from hw.device import Port
+from hw.planner_link.frames import (
+    CRC,
+    HEAD,
+    MAX_FRAME,
+    MORE,
+    TAG_BYTES,
+    Secret,
+    encode_frame,
+    encode_serial,
+    serial_bytes,
+)
+
+UDP_BAUD = 4_000_000  # a datagram link is used as if it were a line of this rate
+LINE_SHARE = 0.85  # of what the line carries
+REFRESH_SHARE = 0.2  # of the budget, saved up
+LONGEST_BURST = 1.85  # ticks of the whole line that one tick may fill: the next finds most done
+SAVED_TICKS = LONGEST_BURST / LINE_SHARE  # budget that may be saved up
+UNTIMED = 1024  # newest frames, of which an ACK that tells no time is believed
+IDLE_S = 0.020  # after such a pause a zero ends what noise has begun in the receiver
+
+
+class Outbox:
+    """Numbers, paces and writes the frames of one planner."""
+
+    def __init__(
+        self,
+        port: Port,
+        *,
+        line_baud: int | None,
+        tick_s: float,
+        secret: Secret | None,
+        slice_body: int,
+        first_seq: int,
+    ) -> None:
+        self.port, self.secret, self._tick_s = port, secret, tick_s
+        self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
+        self.tick_bytes = self._bytes_per_s * tick_s  # what the line carries in one tick
+        self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
+        self.max_frame = MAX_FRAME
+        self.credit = self.saved = 0.0  # bytes: of the line, and of the refresh's share
+        self.most_saved = 0.0
+        self.line_left = 0.0  # bytes that the line carries until the next tick, beside the queued
+        self._slice_body = slice_body  # bytes of the body that the share is saved up for
+        self._earned_s = self._written_s = -math.inf
+        self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
+        self._t_ms = array("I", bytes(4 * 2**16))  # of the newest of a number
+        self.frames_sent = self.bytes_sent = 0
+
+    def earn(self, now_s: float) -> float:
+        """Budget for the time since the last tick, which is returned (s, bounded).
+
+        What the wire still holds of earlier ticks is part of what this one may fill.
+        """
+        dt_s = max(0.0, min(now_s - self._earned_s, SAVED_TICKS * self._tick_s))
+        self._earned_s = now_s
+        earned, most = self._bytes_per_s * dt_s, self.tick_bytes * SAVED_TICKS
+        waiting = min(float(self.port.backlog), self._line_bytes)
+        longest = LONGEST_BURST * self._line_bytes - waiting
+        self.credit = min(self.credit + earned, most, longest)
+        share = REFRESH_SHARE * earned
+        self.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
+        self.saved = min(self.saved + share, self.most_saved)
+        self.line_left = self._line_bytes - waiting
+        return dt_s
+
+    @property
+    def _line_bytes(self) -> float:
+        """What the line could carry in one tick, were it used to the full."""
+        return self.tick_bytes / LINE_SHARE
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the wire is more than a tick behind, or the budget is overdrawn."""
+        return self.port.backlog > self._line_bytes or self.credit < 0.0
+
+    def _frame_bytes(self, body_bytes: int) -> int:
+        return HEAD.size + body_bytes + CRC.size + (TAG_BYTES if self.secret else 0)
+
+    def cost(self, body_bytes: int) -> int:
+        """Wire bytes of a frame with a body of so many, at most."""
+        frame_bytes = self._frame_bytes(body_bytes)
+        return frame_bytes if self.port.datagrams else serial_bytes(frame_bytes)
+
+    def room(self, budget: float, head_bytes: int) -> int:
+        """Bytes that a body may have behind its head under a budget; may be negative."""
+        return min(self.most_room(head_bytes), math.floor(budget) - self.cost(head_bytes) - 2)
+
+    def most_room(self, head_bytes: int) -> int:
+        """Bytes that a body may have behind its head, whatever the budget."""
+        return self.max_frame - self._frame_bytes(head_bytes)
+
+    def fits(self, body_bytes: int) -> bool:
+        """Whether the planner takes a frame with a body of so many bytes."""
+        return self._frame_bytes(body_bytes) <= self.max_frame
+
+    def queue(self, kind: int, body: bytes, flags: int = 0) -> None:
+        """One more frame of this tick; left out if the planner can't take one so long."""
+        if self.fits(len(body)):
+            self.seq += 1
+            self._queued.append((kind, flags, body))
+            cost = self.cost(len(body))
+            self.credit -= cost
+            self.line_left -= cost
+
+    def write(self, now_s: float) -> None:
+        """All frames of this tick to the port."""
+        if not self._queued:
+            return
+        t_ms, first = round(now_s * 1000) % 2**32, self.seq - len(self._queued) + 1
+        lead = b"" if now_s - self._written_s <= IDLE_S or self.port.datagrams else b"\0"
+        self.credit -= len(lead)
+        for k, (kind, flags, body) in enumerate(self._queued):
+            more = MORE if k + 1 < len(self._queued) else 0
+            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)
+            data = frame if self.port.datagrams else lead + encode_serial(frame)
+            self.port.write(data)
+            lead = b""
+            self._t_ms[(first + k) % 2**16] = t_ms
+            self.frames_sent += 1
+            self.bytes_sent += len(data)
+        self._queued.clear()
+        self._written_s = now_s
+
+    def maybe_sent(self, last_seq: int, t_ms: int) -> int | None:
+        """The unwrapped number of the newest frame of that number, if `t_ms` was its time.
+
+        Who tells 0 keeps no times: believed of the newest frames alone.
+        """
+        newest = self.seq - (self.seq - last_seq) % 2**16
+        is_recent = t_ms == 0 and self.seq - newest < UNTIMED
+        is_its_time = self._t_ms[last_seq] == t_ms or is_recent
+        return newest if newest >= self._first_seq and is_its_time else None

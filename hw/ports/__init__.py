@@ -1,0 +1,1 @@
+"""Wires by URL that open, lose and reopen without waiting."""

@@ -1,0 +1,1 @@
+"""Wake-up, timer and real-time rights of the loop."""

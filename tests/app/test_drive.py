@@ -1,0 +1,312 @@
+"""A planner drives the simulated robot through link, app and controller, and everything stops it.
+
+Judged by the world's truth: the power of its wheels and the place of its body.
+"""
+
+from typing import Any
+
+import pytest
+
+from core.config import Config, load_config, with_changes
+from core.driving.stall import STALLED
+from fakes.scenes.scene import Scene, Solid
+from fakes.world.robot import MAX_SPEED_MPS
+from main import App, Ports
+from mapod_link.asking import drive_body
+from mapod_link.frames import DRIVE, bytes_from_frame
+from tests.support.closed_loop import SESSION, SHIPPED, ClosedLoop
+
+FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
+FRONT_M = 0.50  # of the simulated chassis, ahead of the axle
+START_S = 2.0  # until all devices run
+READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
+BEFORE_STANDING_S = 1.0  # request, exchange with the controller, and the motors' own slowness
+
+
+def settings(**robot: Any) -> Config:
+    """The shipped robot, with motors enabled, and what is told."""
+    return with_changes(load_config(SHIPPED.read_text(encoding="utf-8")), robot=READY | robot)
+
+
+class Commander:
+    """A loop whose planner asks for a motion, 20 times a second, as long as it is told to."""
+
+    def __init__(self, *solids: Solid, key: bytes | None = None, **robot: Any) -> None:
+        scene = Scene("hall", solids or (FLOOR,))
+        self.loop = ClosedLoop(settings(**robot), scene, drives=False, key=key)
+        self.asks: tuple[float, float] | None = None
+        self.valid_s = 0.2
+        self.powers: set[tuple[int, int]] = set()
+        self.run(START_S)
+
+    def run(self, seconds: float) -> None:
+        """Step for so long; notes every power that the motors got."""
+        for _ in range(round(seconds * 200)):
+            if self.asks and self.loop.ticks % 10 == 0:
+                self.loop.planner.drive(self.loop.now_s, *self.asks, self.valid_s)
+            self.loop.step()
+            self.powers.add(self.loop.rig.drive.powers())
+
+    def drive(self, v_mps: float, w_radps: float, seconds: float) -> None:
+        """Ask for a motion so long."""
+        self.asks = (v_mps, w_radps)
+        self.run(seconds)
+
+    @property
+    def has_moved(self) -> bool:
+        return self.powers != {(0, 0)}
+
+    @property
+    def wheels_ok(self) -> bool:
+        pose = self.loop.planner.pose
+        return pose is not None and bool(pose.health & 1 << 2)
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """The world's x, y, yaw."""
+        return self.loop.rig.world.pose()[:3]
+
+    @property
+    def blocked_by(self) -> str:
+        return self.loop.app.control.blocked_by
+
+    def assert_stands(self, within_s: float = BEFORE_STANDING_S) -> None:
+        """No power within so long, and no motion after that."""
+        self.run(within_s)
+        self.powers = set()
+        before = self.place
+        self.run(0.4)
+        assert self.powers == {(0, 0)}
+        assert self.place == pytest.approx(before, abs=0.01)
+
+
+def driving(v_mps: float = 0.6, **robot: Any) -> Commander:
+    """One that moves."""
+    commander = Commander(**robot)
+    commander.drive(v_mps, 0.0, 1.4)
+    assert commander.loop.rig.drive.powers() == pytest.approx(
+        (127 * v_mps / MAX_SPEED_MPS,) * 2, abs=1
+    )
+    return commander
+
+
+def test_a_request_moves_the_robot_at_its_speed_and_no_faster_than_the_ramp() -> None:
+    commander = Commander()
+    commander.drive(0.6, 0.0, 0.6)
+    assert 0 < commander.loop.app.control.v_mps <= 0.5 * 0.6 + 0.01
+    commander.run(1.4)
+    from_m = commander.place[0]
+    commander.run(1.0)
+    assert commander.place[0] - from_m == pytest.approx(0.6, abs=0.04)
+    assert commander.loop.app.mapper.odometry.v_mps == pytest.approx(0.6, abs=0.05)
+    commander.drive(0.0, 0.5, 2.2)
+    from_rad = commander.place[2]
+    commander.run(1.0)
+    assert commander.place[2] - from_rad == pytest.approx(0.5, abs=0.06)
+
+
+def test_what_is_asked_for_beyond_the_limits_is_limited() -> None:
+    commander = Commander(max_speed_mps=0.4)
+    commander.drive(5.0, 0.0, 2.0)
+    assert commander.loop.app.control.v_mps == pytest.approx(0.4)
+    assert max(max(powers) for powers in commander.powers) <= round(0.4 * 127) + 1
+
+
+@pytest.mark.parametrize("loss", ["mute", "silent"])
+def test_without_its_commander_the_robot_stops(loss: str) -> None:
+    commander = driving()
+    if loss == "mute":
+        commander.loop.planner.mute = True
+    else:
+        commander.asks = None
+    commander.assert_stands()
+    assert commander.blocked_by == "the commander has fallen silent"
+
+
+def test_a_request_to_stop_now_stops_it_without_a_ramp() -> None:
+    commander = driving()
+    commander.asks, commander.valid_s = (0.0, 0.0), 0.0
+    commander.run(0.15)  # a frame, and an exchange with the controller
+    assert commander.loop.rig.drive.powers() == (0, 0)
+    assert commander.blocked_by == ""
+
+
+@pytest.mark.parametrize(
+    ("device", "fault", "said"),
+    [
+        ("scanner", "cut", "the scanner delivers no scans"),
+        ("ahrs", "cut", "the attitude sensor delivers nothing"),
+        ("drive", "cut", ""),
+        ("drive", "mute", ""),
+    ],
+)
+def test_an_input_that_falls_silent_stops_it(device: str, fault: str, said: str) -> None:
+    commander = driving()
+    setattr(commander.loop.wires[device], fault, True)
+    commander.assert_stands(1.5)  # the controller's own watchdog, where its wire is cut
+    assert said in commander.blocked_by
+    assert commander.blocked_by
+
+
+def test_it_stops_before_an_obstacle_says_so_and_can_back_off() -> None:
+    commander = Commander(FLOOR, Solid("box", (4.53, 5.03), (-0.83, 0.87), (0.0, 0.93)))
+    commander.drive(0.9, 0.0, 7.5)
+    x_m = commander.place[0]
+    assert 4.53 - 0.7 < x_m + FRONT_M < 4.53 - 0.10
+    assert commander.blocked_by == "an obstacle is in the way"
+    commander.assert_stands()
+    commander.drive(-0.4, 0.0, 2.0)
+    assert commander.place[0] < x_m - 0.3
+
+
+def test_it_stops_before_a_drop_and_the_planner_is_told_of_it() -> None:
+    near = Solid("floor before the drop", (-20.0, 9.27), (-20.0, 20.0), (-1.0, 0.0))
+    far = Solid("floor of the ditch", (9.27, 40.0), (-20.0, 20.0), (-1.0, -0.6))
+    commander = Commander(near, far)
+    told = 0
+    commander.asks = (0.9, 0.0)
+    for _ in range(80):
+        commander.run(0.2)
+        assert commander.loop.planner.pose is not None
+        told |= commander.loop.planner.pose.health
+    assert 7.7 < commander.place[0] + FRONT_M < 9.27 - 0.05
+    assert commander.blocked_by == "a drop is in the way"
+    assert told & 1 << 7
+
+
+def test_ground_that_was_not_seen_to_be_free_stops_it_unless_somebody_vouches_for_it() -> None:
+    commander = Commander(start_clear_m=0.0)
+    commander.drive(0.5, 0.0, 1.0)
+    assert not commander.has_moved
+    assert commander.blocked_by == "ground in the way was not seen to be free"
+    commander = Commander(start_clear_m=2.5)
+    commander.drive(0.5, 0.0, 6.0)
+    assert 1.0 < commander.place[0] + FRONT_M < 2.5
+    assert commander.blocked_by == "ground in the way was not seen to be free"
+    commander = Commander(start_clear_m=0.0, unknown_stops=False)
+    commander.drive(0.5, 0.0, 1.5)
+    assert commander.place[0] > 0.2
+
+
+def test_after_an_emergency_stop_the_commander_must_let_go_first() -> None:
+    commander = driving(unknown_stops=False)  # a restart of the controller ends the map
+    commander.loop.rig.drive.emergency_stop = True
+    commander.assert_stands(1.5)
+    assert commander.loop.planner.pose is not None
+    assert commander.loop.planner.pose.health & 1 << 15
+    assert "emergency stop" in commander.blocked_by
+    commander.loop.rig.drive.emergency_stop = False
+    commander.loop.rig.drive.reset(commander.loop.now_s)
+    commander.asks = (0.6, 0.0)
+    commander.powers = set()
+    commander.run(4.0)
+    assert not commander.has_moved
+    assert "lets go" in commander.blocked_by
+    commander.drive(0.0, 0.0, 0.5)
+    commander.drive(0.6, 0.0, 1.0)
+    assert commander.has_moved
+
+
+def test_an_app_that_hangs_is_stopped_by_the_controllers_watchdog() -> None:
+    commander, seconds = driving(), 0.0
+    loop = commander.loop
+    while loop.rig.drive.powers() != (0, 0):
+        seconds += 0.005
+        loop.rig.step(loop.now_s + seconds)
+        loop.wires["drive"].step(loop.now_s + seconds)
+        assert seconds < 1.2
+    assert loop.rig.drive.watchdog_stops == 1
+
+
+def test_shutting_down_stops_the_motors_at_once() -> None:
+    commander = driving()
+    commander.loop.app.stop()
+    for tick in range(20):
+        commander.loop.rig.step(commander.loop.now_s + tick * 0.005)
+        commander.loop.wires["drive"].step(commander.loop.now_s + tick * 0.005)
+    assert commander.loop.rig.drive.powers() == (0, 0)
+
+
+def test_motors_that_are_not_enabled_never_move_however_many_requests_come() -> None:
+    commander = Commander(enable_motors=False)
+    commander.valid_s = 1.0
+    written = bytearray()
+    port = commander.loop.ports["drive"]
+    write = port.write
+
+    def note(data: bytes) -> None:
+        written.extend(data)
+        write(data)
+
+    port.write = note  # type: ignore[method-assign]
+    for motion in ((0.6, 0.0), (-0.6, 0.0), (0.0, 1.0), (32.0, 32.0)):
+        commander.drive(*motion, 0.7)
+    commander.loop.app.stop()
+    commander.run(0.2)
+    assert not commander.has_moved
+    assert b"!" not in written
+    assert len(written) > 100
+    requests = commander.loop.app.planners.requests
+    assert requests.accepted == 0
+    assert requests.refused.total() > 40
+    assert "not enabled" in requests.last_refusal
+
+
+def test_a_recording_that_is_played_never_moves_a_motor() -> None:
+    commander = Commander()
+    loop = commander.loop
+    ports = Ports(loop.ports["scanner"], loop.ports["ahrs"], loop.ports["drive"], loop.link_port)
+    loop.app = App(loop.config, ports, session=SESSION, replayed=True)
+    commander.run(3.0)
+    commander.drive(0.5, 0.0, 1.0)
+    assert not commander.has_moved
+    assert commander.blocked_by == "these are recorded data"
+
+
+def test_where_there_is_a_key_only_signed_requests_are_obeyed() -> None:
+    commander = Commander(key=bytes(range(32)))
+    loop = commander.loop
+    for seq in range(100):
+        body = drive_body(SESSION, loop.planner.nonce, 0.5, 0.0, 0.5)
+        frame = bytes_from_frame(DRIVE, 500 + seq, round(loop.now_s * 1000), body)
+        loop.link_port.give(frame)
+        commander.run(0.01)
+    assert not commander.has_moved
+    assert loop.app.planners.requests.refused == {"no valid tag": 100}
+    commander.drive(0.5, 0.0, 1.0)
+    assert commander.has_moved
+
+
+def test_a_planner_that_says_it_has_stopped_is_believed() -> None:
+    commander = driving()
+    commander.loop.planner.stopped = True
+    commander.assert_stands()
+    assert commander.blocked_by == "the planner says it stopped"
+
+
+def test_a_late_loop_stops_it_for_a_second() -> None:
+    commander = driving()
+    commander.loop.app.note_missed(commander.loop.now_s, 3)
+    commander.run(0.3)
+    assert commander.loop.rig.drive.powers() == (0, 0)
+    assert "late" in commander.blocked_by
+    commander.run(2.0)
+    assert commander.loop.rig.drive.powers() != (0, 0)
+
+
+def test_counters_that_stand_still_while_the_robot_drives_stop_it_until_they_move() -> None:
+    commander = driving(0.6)
+    commander.loop.rig.drive.frozen = True
+    before_m = commander.place[0]
+    commander.run(3.0)
+    assert commander.place[0] - before_m < 0.6
+    assert commander.blocked_by == STALLED
+    assert not commander.wheels_ok
+    commander.asks = (0.0, 0.0)
+    commander.run(0.5)
+    commander.drive(0.6, 0.0, 1.0)  # letting go is not enough
+    assert commander.blocked_by == STALLED
+    commander.loop.rig.drive.frozen = False
+    commander.run(3.0)
+    assert commander.wheels_ok
+    assert commander.blocked_by == "ground in the way was not seen to be free"  # nor vouched for

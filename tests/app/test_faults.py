@@ -1,0 +1,145 @@
+"""The app under faults on its wires: it runs on, counts, recovers, and takes free back."""
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from core.records import FREE
+from tests.support.closed_loop import ClosedLoop
+
+DEVICES = ("scanner", "ahrs", "drive")
+HEALTH_BIT = {"scanner": 1 << 0, "ahrs": 1 << 1, "drive": 1 << 2}
+STALE_S = 0.45 + 0.15  # the longest of the inputs' limits, and one of the link
+
+
+def running() -> ClosedLoop:
+    """A loop in which everything has started."""
+    loop = ClosedLoop()
+    loop.run(6.0)
+    pose = loop.planner.pose
+    assert pose is not None
+    assert pose.mode == 1
+    return loop
+
+
+def is_well(loop: ClosedLoop) -> bool:
+    """All inputs fresh, as the planner was told."""
+    pose = loop.planner.pose
+    return (
+        pose is not None
+        and pose.mode == 1
+        and pose.health & 0x37 == 0x37
+        and not loop.planner.stale(loop.now_s)
+    )
+
+
+def run_until_well(loop: ClosedLoop, within_s: float) -> float:
+    """Seconds until all is well; fails if it takes longer than allowed."""
+    for tick in range(round(within_s * 200)):
+        if is_well(loop):
+            return tick / 200
+        loop.step()
+    raise AssertionError(f"not well after {within_s} s: {loop.planner.pose}")
+
+
+def free_told(loop: ClosedLoop) -> int:
+    """Free cells that the planner holds."""
+    return int((loop.planner.window() == 1).sum())
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("fault", ["mute", "cut"])
+def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
+    device: str, fault: str
+) -> None:
+    loop = running()
+    assert free_told(loop) > 80
+    setattr(loop.wires[device], fault, True)
+    loop.run(STALE_S)
+    pose = loop.planner.pose
+    assert pose is not None
+    assert not pose.health & HEALTH_BIT[device]
+    assert pose.mode == 3
+    others = [bit for name, bit in HEALTH_BIT.items() if name != device and name != "scanner"]
+    assert all(pose.health & bit for bit in others)
+    loop.run(0.5)
+    assert free_told(loop) == 0
+    assert int((loop.planner.window() == 2).sum()) > 20  # obstacles stay
+    loop.run(1.0)
+    setattr(loop.wires[device], fault, False)
+    run_until_well(loop, 6.0)
+    loop.run(1.0)
+    assert free_told(loop) > 80
+    assert not loop.planner.suspect
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_no_free_is_told_for_ground_while_an_input_is_away(device: str) -> None:
+    loop = running()
+    loop.wires[device].mute = True
+    loop.run(STALE_S + 0.5)
+    before = loop.planner.window().copy()
+
+    def check() -> None:
+        assert int((loop.planner.window() == 1).sum()) == 0
+
+    loop.run(1.0, check)
+    assert before.shape == loop.planner.window().shape
+
+
+@given(
+    device=st.sampled_from(DEVICES),
+    offset=st.integers(0, 3000),
+    mask=st.integers(1, 255),
+    what=st.sampled_from(["alter", "drop", "delay"]),
+)
+@settings(max_examples=15, phases=[Phase.generate])
+def test_any_byte_altered_cut_out_or_delayed_is_survived(
+    device: str, offset: int, mask: int, what: str
+) -> None:
+    loop = ClosedLoop()
+    wire = loop.wires[device]
+    if what == "alter":
+        wire.alter_at = {offset: mask}
+    elif what == "drop":
+        wire.drop_at = {offset}
+    else:
+        wire.delay_s = 0.001 * (offset % 60)
+    loop.run(4.0)
+    wire.delay_s = 0.0
+    run_until_well(loop, 8.0)
+    cells = loop.map_now()
+    assert int((cells == FREE).sum()) > 10
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
+    loop = running()
+    loop.wires[device].damage_rate = 0.001
+    loop.run(5.0)
+    loop.wires[device].damage_rate = 0.0
+    run_until_well(loop, 8.0)
+    assert getattr(loop.app, device).status.rejected > 0
+
+
+def test_a_planner_that_comes_late_or_loses_frames_still_gets_the_whole_map() -> None:
+    loop = ClosedLoop()
+    loop.listening = False
+    loop.run(6.0)
+    loop.listening = True
+    loop.planner.loss_rate = 0.05
+    loop.run(3.0)
+    loop.planner.loss_rate = 0.0
+    loop.run(1.5)
+    meant = np.array([0, 2, 1], dtype=np.uint8)[loop.map_now()]
+    assert int((loop.planner.window() != meant).sum()) <= 20
+    assert not loop.planner.suspect
+
+
+def test_two_runs_of_the_same_world_send_the_same_bytes() -> None:
+    first, second = ClosedLoop(), ClosedLoop()
+    first.run(5.0)
+    second.run(5.0)
+    assert len(first.sent) > 10_000
+    assert first.sent == second.sent

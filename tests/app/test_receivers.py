@@ -1,0 +1,199 @@
+"""Several receivers of one app: each has its own link, and only one of them drives."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.config import ConfigError, load_config, with_changes
+from core.records import FREE, OBSTACLE
+from fakes.planner_mcu.receiver import FakePlanner
+from fakes.wires.wire import MemoryPort, Wire
+from fakes.world.rig import Rig
+from main import App, Ports, open_ports
+from mapod_link import serial_from_frame
+from tests.support.closed_loop import SESSION, SHIPPED, START_S
+
+SETTINGS = load_config(SHIPPED.read_text(encoding="utf-8"))
+URLS = ["udp://127.0.0.1:9750", "serial:///dev/planner?baud=921600", "udp://127.0.0.1:9751"]
+CODE = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown, obstacle (1), free (-1)
+
+
+class Company:
+    """An app and three receivers: over UDP, over a serial line, and one that only asks."""
+
+    def __init__(self, *, drives: bool = True, **robot: Any) -> None:
+        config = with_changes(SETTINGS, planner={"port": URLS}, robot=robot)
+        self.rig = Rig("corridor", 1, drives=drives)
+        names = ("scanner", "ahrs", "drive")
+        devices = {name: MemoryPort() for name in names}
+        self._wires = [
+            Wire(getattr(self.rig, name), devices[name], k) for k, name in enumerate(names)
+        ]
+        self.ports = [MemoryPort(datagrams=url.startswith("udp")) for url in URLS]
+        self.planners = [
+            FakePlanner(seed=1),
+            FakePlanner(seed=2),
+            FakePlanner(seed=3, poll_only=True),
+        ]
+        self.app = App(
+            config,
+            Ports(
+                devices["scanner"],
+                devices["ahrs"],
+                devices["drive"],
+                self.ports[0],
+                tuple(self.ports[1:]),
+            ),
+            session=SESSION,
+        )
+        self.now_s, self.ticks = START_S, 0
+
+    def run(self, seconds: float) -> None:
+        """Step everything for so long."""
+        for _ in range(round(seconds * 200)):
+            self.ticks += 1
+            self.now_s = START_S + self.ticks / 200
+            self.rig.step(self.now_s)
+            for wire in self._wires:
+                wire.step(self.now_s)
+            self.app.step(self.now_s)
+            for port, planner in zip(self.ports, self.planners, strict=True):
+                self._carry(port, planner)
+
+    def _carry(self, port: MemoryPort, planner: FakePlanner) -> None:
+        if port.datagrams:
+            for datagram in port.take_datagrams():
+                planner.feed_datagram(self.now_s, datagram)
+        else:
+            planner.feed_stream(self.now_s, port.take())
+        for answer in planner.poll(self.now_s):
+            port.give(answer if port.datagrams else serial_from_frame(answer))
+
+    def meant(self) -> Any:
+        """The map as the app has it, in the link's codes."""
+        window = self.app.mapper.maps.window
+        corner = (-window.grid.corner_j, -window.grid.corner_i)
+        return CODE[np.roll(window.cells, corner, axis=(0, 1))]
+
+
+@pytest.fixture(scope="module")
+def company() -> Company:
+    """Four seconds of driving."""
+    company = Company()
+    company.planners[1].loss_rate = 0.02
+    company.run(4.0)
+    return company
+
+
+def test_each_receiver_gets_the_map_whatever_the_others_lose(company: Company) -> None:
+    company.planners[1].loss_rate = 0.0
+    company.run(1.0)
+    for planner in company.planners[:2]:
+        assert not planner.suspect
+        wrong = planner.window() != company.meant()
+        assert int(wrong.sum()) <= 30  # of this very tick
+    assert company.planners[1].missing > 0
+    assert company.planners[0].missing == 0
+
+
+def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(company: Company) -> None:
+    asker = company.planners[2]
+    asker.accepted.clear()
+    company.run(0.5)
+    assert set(asker.accepted) <= {1}  # GEOM, for its HELLO
+    size = company.app.config.obstacle.window_cells
+    tiles = {
+        layer: asker.ask_tile(layer, 0, 0, size, size, in_window=True)
+        for layer in ("class", "height", "variance", "slope")
+    }
+    asker.ask(company.now_s, pose=True, stop_zone=True)
+    company.run(1.5)
+    assert all(tile.complete for tile in tiles.values())
+    meant = company.meant()
+    states = tiles["class"].values
+    assert int((states != meant).sum()) <= 400  # the robot drives while pieces come
+    floor = tiles["height"].values[meant == CODE[FREE]]
+    assert abs(float(np.nanmedian(floor))) < 0.02
+    assert float(np.nanmax(tiles["height"].values[meant == CODE[OBSTACLE]])) > 0.3
+    assert asker.pose is not None
+    assert asker.stop_zone is not None
+
+
+def test_one_receiver_drives_at_a_time_and_anybody_may_stop() -> None:
+    company = Company(enable_motors=True, start_clear_m=9.0)
+    company.run(2.0)
+    first, second, _ = company.planners
+    first.drive(company.now_s, 0.2, 0.0, 0.5)
+    company.run(0.1)
+    assert company.app.planners.requests.newest is not None
+    second.drive(company.now_s, 0.1, 0.0, 0.5)
+    company.run(0.1)
+    assert "somebody else is driving" in company.app.planners.requests.refused
+    second.drive(company.now_s, 0.0, 0.0, 0.0)
+    company.run(0.1)
+    request = company.app.planners.requests.newest
+    assert request is not None
+    assert request.v_mps == 0.0
+
+
+def test_the_same_port_twice_is_refused_in_words() -> None:
+    with pytest.raises(ConfigError, match=r"planner\.port: each port may be given once"):
+        with_changes(SETTINGS, planner={"port": URLS[:1] * 2})
+
+
+def test_every_port_of_the_list_is_looked_at_before_any_opens() -> None:
+    config = with_changes(SETTINGS, planner={"port": [URLS[0], "udp://nowhere"]})
+    with pytest.raises(ConfigError, match=r"planner\.port: 'udp://nowhere': must be udp://host"):
+        open_ports(config)
+    config = with_changes(SETTINGS, modbus={"port": ["tcp://127.0.0.1:5020", "rtu:///dev/x"]})
+    with pytest.raises(ConfigError, match=r"modbus\.port: 'rtu:///dev/x': no such kind of port"):
+        open_ports(config)
+
+
+@pytest.mark.parametrize(
+    ("sections", "said"),
+    [
+        (
+            {"planner": {"port": "serial:///dev/x?baud=115200&bytesize=7"}},
+            r"planner\.port: bytesize must be 8 here",
+        ),
+        (
+            {"modbus": {"port": "serial:///dev/x?baud=19200&bytesize=7"}},
+            r"modbus\.port: bytesize must be 8 here",
+        ),
+        (
+            {"planner": {"port": "serial:///dev/mti?baud=921600"}},
+            r"planner\.port: .* is ahrs\.port already",
+        ),
+        (
+            {
+                "planner": {"port": "serial:///dev/plc?baud=19200"},
+                "modbus": {"port": "serial:///dev/plc?baud=19200&parity=E"},
+            },
+            r"modbus\.port: .* is planner\.port already",
+        ),
+    ],
+)
+def test_a_line_that_cannot_work_is_refused_before_any_opens(
+    sections: dict[str, dict[str, str]], said: str
+) -> None:
+    with pytest.raises(ConfigError, match=said):
+        open_ports(with_changes(SETTINGS, **sections))
+
+
+def test_the_stop_zone_speaks_of_a_request_only_as_long_as_that_holds() -> None:
+    company = Company(drives=False, enable_motors=True, start_clear_m=3.0)
+    company.run(2.0)
+    app, window = company.app, company.app.mapper.maps.window
+    pose = app.mapper.maybe_pose(company.now_s)
+    assert pose is not None
+    i, j = window.grid.cell_of(pose.x_m - 0.5, pose.y_m)
+    window.cells[j % window.grid.size, i % window.grid.size] = OBSTACLE  # behind it
+    company.run(0.1)
+    ahead = app.zone.state
+    company.planners[0].drive(company.now_s, -0.2, 0.0, 0.3)
+    company.run(0.2)
+    assert app.zone.state == 3
+    company.run(0.5)
+    assert app.zone.state == ahead != 3

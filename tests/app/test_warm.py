@@ -1,0 +1,41 @@
+"""No kernel is compiled, or read from its cache, while a robot drives: all are warmed before."""
+
+import ast
+import importlib
+from pathlib import Path
+
+from numba.core.dispatcher import Dispatcher
+
+from app import warm_kernels
+from core.config import load_config
+from tests import ROOT
+from tests.support.closed_loop import SHIPPED
+
+OTHER = ("core.mapping.paper.steps", "hw.modbus")  # another method; a server that is off as shipped
+
+
+def called_from_python(path: Path) -> set[str]:
+    """Names that functions of a module call which are no kernels themselves."""
+    functions = [
+        node
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+        and not any("kernel" in ast.unparse(mark) for mark in node.decorator_list)
+    ]
+    calls = [node for f in functions for node in ast.walk(f) if isinstance(node, ast.Call)]
+    return {call.func.id for call in calls if isinstance(call.func, ast.Name)}
+
+
+def test_every_kernel_that_the_shipped_settings_can_come_to_is_warm() -> None:
+    warm_kernels(load_config(SHIPPED.read_text(encoding="utf-8")))
+    cold, seen = [], 0
+    for path in sorted([*ROOT.glob("core/*.py"), *ROOT.glob("hw/*.py")]):
+        name = f"{path.parent.name}.{path.stem}"
+        module = importlib.import_module(name)
+        for called in called_from_python(path):
+            kernel = getattr(module, called, None)
+            if isinstance(kernel, Dispatcher) and not name.startswith(OTHER):
+                seen += 1
+                cold += [] if kernel.signatures else [f"{name}: {called}"]
+    assert seen > 20
+    assert cold == []

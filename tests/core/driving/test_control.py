@@ -1,0 +1,268 @@
+"""From requests to power: limits, ramps, and zero with a reason on any doubt."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.config import load_config, with_changes
+from core.driving import health
+from core.driving.control import NOT_ENABLED, SILENT, DriveControl, doubt, link_refusal
+from core.mapping.beams.maps import BeamMaps
+from core.motion.odometry import Pose
+from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
+from tests import ROOT
+
+SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+HERE = Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+WELL = 0x7F
+PERIOD_S = 0.005
+
+
+class Robot:
+    """A control on free ground, and its clock."""
+
+    def __init__(self, **robot: Any) -> None:
+        self.config = with_changes(load_config(SHIPPED), robot={"enable_motors": True, **robot})
+        self.maps = BeamMaps(self.config)
+        self.window = self.maps.window
+        self.window.cells[...] = FREE
+        self.control = DriveControl(self.config, self.maps)
+        self.now_s = 100.0
+        self.powers = (0.0, 0.0)
+        self.step(DriveRequest(0.0, 0.0, 1e9))
+
+    def step(self, request: DriveRequest | None, doubt: str = "", **kw: Any) -> None:
+        self.now_s += PERIOD_S
+        pose = kw.pop("pose", HERE)
+        self.powers = self.control.step(self.now_s, request, doubt, pose, True, **kw)
+
+    def run(self, v_mps: float, w_radps: float, seconds: float) -> None:
+        for _ in range(round(seconds / PERIOD_S)):
+            self.step(DriveRequest(v_mps, w_radps, self.now_s + 1.0))
+
+    def mark(self, x: float, y: float, state: int) -> tuple[int, int]:
+        """Set a cell of the window; its place in the arrays."""
+        i, j = self.window.grid.cell_of(x, y)
+        at = j % 101, i % 101
+        self.window.cells[at] = state
+        return at
+
+
+def test_the_speed_grows_by_the_ramp_to_what_was_asked_and_becomes_power() -> None:
+    robot = Robot()
+    robot.run(0.5, 0.0, 0.5)
+    assert robot.control.v_mps == pytest.approx(0.25, abs=0.01)
+    robot.run(0.5, 0.0, 1.0)
+    assert robot.powers == pytest.approx((0.5, 0.5))
+    robot.run(0.0, 0.8, 2.0)
+    assert robot.powers == pytest.approx((-0.8 * 0.25, 0.8 * 0.25))
+
+
+@given(
+    requests=st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=30)
+)
+def test_speed_turn_ramp_and_power_never_pass_their_limits(
+    requests: list[tuple[float, float]],
+) -> None:
+    robot, before = Robot(), (0.0, 0.0)
+    limits = robot.config.robot
+    for v_mps, w_radps in requests:
+        for _ in range(20):
+            robot.step(DriveRequest(v_mps, w_radps, robot.now_s + 1.0))
+            now = robot.control.v_mps, robot.control.w_radps
+            assert abs(now[0]) <= limits.max_speed_mps + 1e-9
+            assert abs(now[1]) <= limits.max_turn_radps + 1e-9
+            assert abs(now[0]) - abs(before[0]) <= limits.max_accel_mps2 * PERIOD_S + 1e-9
+            assert abs(now[1]) - abs(before[1]) <= limits.max_turn_accel_radps2 * PERIOD_S + 1e-9
+            assert max(map(abs, robot.powers)) <= 1.0
+            before = now
+
+
+def test_a_request_beyond_the_limits_keeps_its_arc() -> None:
+    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=100.0)
+    robot.run(4.0, 2.0, 1.0)
+    assert robot.control.v_mps == pytest.approx(1.0)
+    assert robot.control.w_radps == pytest.approx(0.5)
+
+
+def test_more_than_full_power_of_one_wheel_lowers_both() -> None:
+    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=100.0)
+    robot.run(1.0, 1.0, 1.0)
+    left, right = robot.powers
+    assert right == 1.0
+    assert left / right == pytest.approx(0.75 / 1.25)
+
+
+def test_what_turns_round_passes_through_standing() -> None:
+    robot = Robot()
+    robot.run(0.5, 0.0, 2.0)
+    seen = set()
+    for _ in range(400):
+        robot.run(-0.5, 0.0, PERIOD_S)
+        seen.add(round(robot.control.v_mps, 6))
+    assert 0.0 in seen
+    assert robot.control.v_mps == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize(
+    ("request_", "doubt_", "pose", "reason"),
+    [
+        (DriveRequest(0.5, 0.0, 1e9), "the sky falls", HERE, "the sky falls"),
+        (DriveRequest(0.5, 0.0, 1e9), "", None, "the pose is not known"),
+        (DriveRequest(0.5, 0.0, 100.0), "", HERE, SILENT),
+        (DriveRequest(0.5, 0.0, math.nan), "", HERE, SILENT),
+        (DriveRequest(math.nan, 0.0, 1e9), "", HERE, "the request is no number"),
+        (DriveRequest(0.0, 0.0, -math.inf), "", HERE, ""),
+        (None, "", HERE, ""),
+    ],
+)
+def test_any_doubt_ends_the_motion_at_once_and_says_why(
+    request_: DriveRequest | None, doubt_: str, pose: Pose | None, reason: str
+) -> None:
+    robot = Robot()
+    robot.run(0.8, 0.2, 3.0)
+    assert min(robot.powers) > 0.5
+    robot.step(request_, doubt_, pose=pose)
+    assert robot.powers == (0.0, 0.0)
+    assert robot.control.blocked_by == reason
+    robot.run(0.8, 0.2, 2 * PERIOD_S)
+    assert 0 < max(robot.powers) < 0.02  # from standing again
+
+
+def test_a_request_during_trouble_of_the_motors_does_not_count_when_it_ends() -> None:
+    robot = Robot()
+    asks = DriveRequest(0.5, 0.0, 1e9)
+    robot.step(asks, motors_off="the emergency stop is pressed")
+    robot.step(asks)
+    assert robot.powers == (0.0, 0.0)
+    assert robot.control.blocked_by == (
+        "until the commander lets go once: the emergency stop is pressed"
+    )
+    robot.step(DriveRequest(0.0, 0.0, 1e9))
+    robot.step(asks)
+    assert min(robot.powers) > 0.0
+
+
+def test_before_an_obstacle_it_slows_down_and_stands() -> None:
+    robot = Robot()
+    robot.mark(3.1, 0.1, OBSTACLE)
+    x_m, speeds = 0.0, []
+    for _ in range(3000):
+        robot.step(
+            DriveRequest(1.0, 0.0, robot.now_s + 1.0), pose=Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0)
+        )
+        x_m += robot.control.v_mps * PERIOD_S
+        speeds.append(robot.control.v_mps)
+    assert max(speeds) > 0.7
+    assert robot.powers == (0.0, 0.0)
+    assert robot.control.blocked_by == "an obstacle is in the way"
+    margin_m = robot.config.robot.stop_margin_m + robot.config.robot.front_m
+    assert 3.0 - margin_m - 0.25 < x_m < 3.0 - margin_m
+    braking = np.diff(speeds)
+    assert braking.min() > -0.1  # lowered step by step, not in one
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
+def test_a_robot_that_is_faster_than_it_was_told_stops_before_it_too(factor: float) -> None:
+    robot = Robot()
+    robot.mark(3.1, 0.1, OBSTACLE)
+    x_m, v_mps = 0.0, 0.0
+    for _ in range(3000):
+        told_mps = factor * robot.control.v_mps
+        brake = robot.config.robot.brake_mps2 * PERIOD_S
+        v_mps = told_mps if told_mps > v_mps else max(told_mps, v_mps - brake)
+        x_m += v_mps * PERIOD_S
+        robot.step(
+            DriveRequest(1.0, 0.0, robot.now_s + 1.0),
+            pose=Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0),
+            moves=(v_mps, 0.0),
+        )
+    assert x_m + robot.config.robot.front_m < 3.0
+
+
+@pytest.mark.parametrize(
+    ("seen", "is_drop"),
+    [
+        ({"mean_m": -0.3, "count": 5}, True),
+        ({"mean_m": 0.3, "count": 5, "above": 3}, False),
+        ({"mean_m": 0.0, "count": 9, "below": 2}, True),
+        ({"mean_m": 0.0, "count": 9, "below": 1, "above": 2}, False),
+        ({"count": 0, "miss": 2, "miss_bits": 0xFFFF}, True),
+        ({"count": 9, "miss": 2, "deep": 2, "miss_bits": 0xFFFF, "floor_bits": 0x0FFF}, True),
+        ({"count": 9, "miss": 2, "miss_bits": 0xFFFF, "above": 2, "mean_m": 0.2}, False),
+    ],
+)
+def test_a_drop_is_told_from_what_stands_up(seen: dict[str, float], is_drop: bool) -> None:
+    robot = Robot()
+    at = robot.mark(1.0, 0.1, OBSTACLE)
+    for name, value in seen.items():
+        robot.maps.cells.cells[name][at] = value
+    asks = DriveRequest(0.5, 0.0, 1e9)
+    assert robot.control.drop_ahead((0.5, 0.0), None, HERE, True) is is_drop
+    assert robot.control.drop_ahead((0.0, 0.0), asks, HERE, True) is is_drop
+    assert not robot.control.drop_ahead((-0.5, 0.0), asks, HERE, True)
+    assert not robot.control.drop_ahead((0.5, 0.0), asks, None, True)
+    robot.run(0.5, 0.0, 0.2)
+    said = "a drop is in the way" if is_drop else "an obstacle is in the way"
+    assert robot.control.blocked_by in ("", said)
+
+
+def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -> None:
+    asks = DriveRequest(0.5, 0.0, 1e9)
+    for clear_m, vouched, goes in ((3.0, True, True), (3.0, False, False), (0.3, True, False)):
+        robot = Robot(start_clear_m=clear_m)
+        robot.window.cells[...] = UNKNOWN
+        powers = robot.control.step(robot.now_s + PERIOD_S, asks, "", HERE, vouched)
+        assert (powers != (0.0, 0.0)) is goes
+
+
+# Doubts
+
+
+def test_all_well_leaves_no_doubt_and_every_missing_bit_makes_one() -> None:
+    assert doubt(WELL, health.RUNNING, 0) == ""
+    assert doubt(WELL, health.RUNNING, None) == ""
+    for bit in range(7):
+        assert doubt(WELL & ~(1 << bit), health.RUNNING, 0), bit
+    for bit in (9, 15):
+        assert doubt(WELL | 1 << bit, health.RUNNING, 0), bit
+
+
+@given(
+    word=st.integers(0, 0xFFFF),
+    mode=st.integers(0, 4),
+    dirt=st.one_of(st.none(), st.integers(0, 3)),
+    other=st.sampled_from(["", "something else"]),
+)
+def test_there_is_no_doubt_only_if_all_is_known_to_be_well(
+    word: int, mode: int, dirt: int | None, other: str
+) -> None:
+    well = word & WELL == WELL and not word & (1 << 9 | 1 << 15) and mode == health.RUNNING
+    well = well and (dirt or 0) < 2 and not other
+    assert (doubt(word, mode, dirt, (other,)) == "") is well
+
+
+@pytest.mark.parametrize(
+    ("url", "has_key", "allowed"),
+    [
+        ("udp://127.0.0.1:9750", False, True),
+        ("udp://127.1.2.3:9750", False, True),
+        ("udp://localhost:9750", False, True),
+        ("udp://[::1]:9750", False, True),
+        ("udp://192.168.0.7:9750", False, False),
+        ("udp://planner:9750", False, False),
+        ("udp://0.0.0.0:9750", False, False),
+        ("udp://192.168.0.7:9750", True, True),
+        ("tcp://192.168.0.7:9750", False, False),
+        ("serial:///dev/planner?baud=115200", False, True),
+    ],
+)
+def test_who_may_drive_over_which_link(url: str, has_key: bool, allowed: bool) -> None:
+    refusal = link_refusal(url, has_key, True)
+    assert (refusal == "") is allowed
+    assert allowed or "key" in refusal
+    assert link_refusal(url, has_key, False) == NOT_ENABLED

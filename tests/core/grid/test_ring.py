@@ -1,0 +1,58 @@
+"""RingGrid against a slow and obvious model: a dict from world cells to values."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.grid.ring import HYSTERESIS_CELLS, RingGrid
+
+STEPS = st.lists(
+    st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.integers(1, 9)), min_size=1, max_size=30
+)
+
+
+@given(steps=STEPS, size=st.integers(3, 12))
+def test_cells_live_on_while_the_window_covers_them_and_enter_blank(
+    steps: list[tuple[float, float, int]], size: int
+) -> None:
+    grid = RingGrid(size, 0.25)
+    layer = grid.layer(int, 0)
+    model: dict[tuple[int, int], int] = {}
+    x = y = 0.0
+    for dx, dy, value in steps:
+        x, y = x + dx, y + dy
+        grid.follow(x, y)
+        covered = {
+            (i, j)
+            for i in range(grid.corner_i, grid.corner_i + size)
+            for j in range(grid.corner_j, grid.corner_j + size)
+        }
+        model = {cell: value for cell, value in model.items() if cell in covered}
+        i, j = grid.cell_of(x, y)
+        if (i, j) in covered:
+            layer[j % size, i % size] = model[i, j] = value
+        for i, j in covered:
+            assert layer[j % size, i % size] == model.get((i, j), 0)
+
+
+@given(x=st.floats(-100, 100), y=st.floats(-100, 100))
+def test_the_robot_is_never_further_off_centre_than_the_hysteresis(x: float, y: float) -> None:
+    grid = RingGrid(21, 0.2)
+    for share in (0.1, 0.5, 0.51, 1.0):
+        grid.follow(x * share, y * share)
+        i, j = grid.cell_of(x * share, y * share)
+        assert abs(i - grid.corner_i - 10) <= HYSTERESIS_CELLS
+        assert abs(j - grid.corner_j - 10) <= HYSTERESIS_CELLS
+
+
+def test_hovering_on_a_cell_edge_does_not_move_the_window() -> None:
+    grid = RingGrid(21, 0.2)
+    grid.follow(1.0, 0.0)
+    corner = grid.corner_i
+    moved = [grid.follow(1.0 + dx, 0.0) for dx in (-0.01, 0.01, -0.3, 0.3)]
+    assert moved == [False] * 4
+    assert grid.corner_i == corner
+
+
+def test_negative_coordinates_fall_into_cells_of_their_own() -> None:
+    grid = RingGrid(21, 0.2)
+    assert grid.cell_of(-0.1, 0.1) == (-1, 0)

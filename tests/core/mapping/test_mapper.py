@@ -1,0 +1,130 @@
+"""The mapper: scans wait for what covers them, and a broken chain erases the maps."""
+
+import math
+
+import numpy as np
+
+from core.config import load_config, with_changes
+from core.mapping.beams.classifier import NEW_LOOKS
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.mapper import WAIT_S, WAITING, Mapper
+from core.mapping.paper.maps import ReferencePlaneMaps
+from core.records import FREE, OBSTACLE, Scan, WheelCounts
+from core.summary import robot_in_words
+from tests import ROOT
+from tests.core.mapping.test_rays import scan_of
+from tests.core.motion.test_attitude import attitude
+
+CONFIG = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+
+
+def wall_and_floor(t_s: float) -> Scan:
+    """What a level, standing robot sees of the floor, with a wall 5 m ahead in the middle."""
+    bearings = np.radians(np.linspace(-60, 60, 481))
+    to_floor = 1.08 / (np.cos(bearings) * math.sin(math.radians(7.5)))
+    to_wall = 5.0 / (np.cos(bearings) * math.cos(math.radians(7.5)))
+    ranges = np.where(np.abs(bearings) < 0.3, np.minimum(to_wall, to_floor), to_floor)
+    return scan_of(np.where(ranges <= 20, ranges, np.nan)[None, :], t_s)
+
+
+def standing(until_s: float, mapper: Mapper | None = None) -> Mapper:
+    """A mapper that has been told of a standing robot up to an instant."""
+    mapper = mapper or Mapper(CONFIG)
+    for k in range(round(until_s * 100) + 1):
+        mapper.add_attitude(attitude(0.01 * k))
+        if k % 5 == 0:
+            mapper.add_counts(WheelCounts(0.01 * k, 0.0, 0.0, 0))
+    return mapper
+
+
+def state(mapper: Mapper, x: float, y: float) -> int:
+    """What the planner would be told of a place."""
+    window = mapper.window(True)
+    i, j = mapper.maps.window.grid.cell_of(x, y)
+    return int(window.cells[j % 101, i % 101])
+
+
+def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
+    mapper = standing(1.0)
+    for k in range(NEW_LOOKS):
+        mapper.add_scan(wall_and_floor(0.3 + 0.02 * k))
+        assert mapper.settle(1.0) == 1
+    assert state(mapper, 5.25, 0.1) == OBSTACLE
+    assert state(mapper, 8.45, 4.0) == FREE
+    assert state(mapper, 7.0, 0.1) == 0
+    assert state(mapper, 1.0, 0.1) == 0
+
+
+def test_the_settings_name_the_method() -> None:
+    for method, kind in (("beams", BeamMaps), ("reference_plane", ReferencePlaneMaps)):
+        mapper = Mapper(with_changes(CONFIG, map={"method": method}))
+        assert isinstance(mapper.maps, kind)
+        assert not mapper.window(True).cells.any()
+
+
+def test_what_is_told_is_the_methods_window_and_each_change_once() -> None:
+    mapper = standing(1.0)
+    mapper.add_scan(wall_and_floor(0.5))
+    mapper.settle(1.0)
+    told = mapper.window(False)
+    assert told.cells is mapper.maps.window.cells
+    assert not told.trusted
+    assert set(told.changed.tolist()) == set(np.flatnonzero(told.cells).tolist())
+    assert len(mapper.window(True).changed) == 0
+    assert mapper.counts.points == np.count_nonzero(wall_and_floor(0.5).ranges_m > 0)
+
+
+def test_a_scan_waits_for_the_attitude_of_its_last_beam() -> None:
+    mapper = standing(0.40)
+    mapper.add_scan(wall_and_floor(0.395))
+    assert mapper.settle(0.40) == 0
+    mapper.add_attitude(attitude(0.41))
+    assert mapper.settle(0.41) == 1
+
+
+def test_a_scan_that_nothing_covers_is_dropped_and_counted() -> None:
+    mapper = standing(0.40)
+    mapper.add_scan(wall_and_floor(0.395))
+    scan_arrived_s = 0.395 + 0.02
+    assert mapper.settle(scan_arrived_s + WAIT_S - 0.001) == 0
+    assert mapper.counts.scans_dropped == 0
+    assert mapper.settle(scan_arrived_s + WAIT_S + 0.001) == 0
+    assert mapper.counts.scans_dropped == 1
+
+
+def test_no_more_scans_wait_than_the_codec_has_slots_for() -> None:
+    mapper = standing(0.40)
+    for k in range(WAITING + 3):
+        mapper.add_scan(wall_and_floor(0.5 + 0.01 * k))
+    assert mapper.counts.scans_dropped == 3
+
+
+def test_before_any_pose_scans_are_counted_apart() -> None:
+    mapper = Mapper(CONFIG)
+    mapper.add_scan(wall_and_floor(0.4))
+    mapper.settle(1.0)
+    assert (mapper.counts.scans_early, mapper.counts.scans_dropped) == (1, 0)
+
+
+def test_restarted_counters_erase_both_maps_and_begin_a_new_epoch() -> None:
+    mapper = standing(1.0)
+    mapper.add_scan(wall_and_floor(0.5))
+    mapper.settle(1.0)
+    epoch = mapper.window(True).epoch
+    mapper.add_counts(WheelCounts(1.05, 0.0, 0.0, 1))
+    mapper.add_attitude(attitude(1.06))
+    mapper.settle(1.06)
+    window = mapper.window(True)
+    assert window.epoch > epoch
+    assert not window.cells.any()
+    assert mapper.newest_scan_s == -math.inf
+
+
+def test_the_summary_says_where_the_papers_laser_looks() -> None:
+    text = robot_in_words(CONFIG, [None])
+    assert "meets the ground 8.45 m ahead of the axle (range 8.27 m)" in text
+    assert "481 beams from 30 to 150 deg, 25 scans/s" in text
+    assert "101 x 101 cells of 0.2 m = 20.2 m square" in text
+    assert "width of ground seen there: 28.7 m" in text
+    assert "too little" not in text
+    assert "too little" in robot_in_words(CONFIG, [19_200])

@@ -1,0 +1,253 @@
+"""Slope, step and roughness against least squares done plainly; layers against their cells."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.grid.window import StateWindow
+from core.mapping.beams.cells import CellGrid
+from core.mapping.beams.classifier import SOFT_LEAST
+from core.mapping.layers import UNITS, LayerView, maybe_beams_layer, maybe_plane_layer
+from core.mapping.terrain import Terrain
+from core.records import FREE, OBSTACLE
+
+F64 = npt.NDArray[np.float64]
+SIZE, CELL_M = 9, 0.2
+HEIGHTS = st.dictionaries(
+    st.tuples(st.integers(0, SIZE - 1), st.integers(0, SIZE - 1)),
+    st.tuples(st.floats(-1, 1), st.floats(0, 0.5)),
+    max_size=SIZE * SIZE,
+)
+
+
+def put(cells: CellGrid, i: int, j: int, z_m: float, relief_m: float = 0.0) -> int:
+    """Let a world cell have a height; its flat index."""
+    at = (j % cells.grid.size) * cells.grid.size + i % cells.grid.size
+    cell = cells.flat[at]
+    cell["count"], cell["z_m"] = 10, z_m
+    cell["z_low_m"], cell["z_high_m"] = z_m - 0.5 * relief_m, z_m + 0.5 * relief_m
+    return at
+
+
+def surface(slope_x: float, slope_y: float, size: int = SIZE) -> tuple[CellGrid, Terrain]:
+    """A plane that fills the window, each cell with the relief that its slope makes."""
+    cells = CellGrid(size, CELL_M)
+    terrain = Terrain(cells)
+    relief_m = CELL_M * (abs(slope_x) + abs(slope_y))
+    corner = cells.grid.corner_i
+    ats = [
+        put(cells, i, j, CELL_M * (slope_x * i + slope_y * j), relief_m)
+        for i in range(corner, corner + size)
+        for j in range(corner, corner + size)
+    ]
+    terrain.note(np.array(ats, dtype=np.int32))
+    terrain.update()
+    return cells, terrain
+
+
+def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> list[float]:
+    """Slope, step and roughness of one cell, by the book."""
+    near = {
+        (di, dj): known[i + di, j + dj][0]
+        for di in (-1, 0, 1)
+        for dj in (-1, 0, 1)
+        if (i + di, j + dj) in known
+    }
+    z_m, relief_m = known[i, j]
+    step_m = max([relief_m] + [abs(other - z_m) for other in near.values()])
+    design = np.array([(1.0, di * CELL_M, dj * CELL_M) for di, dj in near])
+    if np.linalg.matrix_rank(design, tol=1e-6) < 3:
+        return [math.nan, step_m, math.nan]
+    heights = np.array(list(near.values()))
+    solution = np.linalg.lstsq(design, heights, rcond=None)[0]
+    off = np.mean((design @ solution - heights) ** 2)
+    own = max(0.0, relief_m - CELL_M * np.abs(solution[1:]).sum()) / math.sqrt(12)
+    slope_rad = math.atan(float(np.hypot(solution[1], solution[2])))
+    return [slope_rad, step_m, math.sqrt(off + own**2)]
+
+
+@settings(max_examples=60, deadline=None)
+@given(heights=HEIGHTS, x_cells=st.integers(-20, 20), y_cells=st.integers(-20, 20))
+def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
+    heights: dict[tuple[int, int], tuple[float, float]], x_cells: int, y_cells: int
+) -> None:
+    cells = CellGrid(SIZE, CELL_M)
+    terrain = Terrain(cells)
+    cells.grid.follow(x_cells * CELL_M, y_cells * CELL_M)
+    corner = cells.grid.corner_i, cells.grid.corner_j
+    ats = [
+        put(cells, corner[0] + i, corner[1] + j, z_m, relief_m)
+        for (i, j), (z_m, relief_m) in heights.items()
+    ]
+    terrain.note(np.array(ats, dtype=np.int32))
+    terrain.update()
+    window = StateWindow(SIZE, CELL_M)
+    expected = np.full((3, SIZE, SIZE), np.nan)
+    for i, j in heights:
+        expected[:, j, i] = plain(heights, i, j)
+    for name, values in zip(("slope", "step", "roughness"), expected, strict=True):
+        view = maybe_beams_layer(name, cells, terrain, window)
+        assert view is not None
+        np.testing.assert_allclose(view.values, values, atol=2e-6)
+
+
+@pytest.mark.parametrize("slope_deg", [0.0, 1.0, 8.0, 25.0])
+@pytest.mark.parametrize("heading_deg", [0.0, 90.0, 37.0, 225.0])
+def test_a_smooth_ramp_has_its_slope_and_no_roughness(slope_deg: float, heading_deg: float) -> None:
+    rise, heading = math.tan(math.radians(slope_deg)), math.radians(heading_deg)
+    _, terrain = surface(rise * math.cos(heading), rise * math.sin(heading))
+    np.testing.assert_allclose(np.degrees(terrain.slope_rad), slope_deg, atol=1e-4)
+    np.testing.assert_allclose(terrain.roughness_m, 0.0, atol=1e-6)
+
+
+def test_a_kerb_is_a_step_in_the_cells_on_both_its_sides_and_in_no_other() -> None:
+    cells, terrain = surface(0.0, 0.0)
+    corner = cells.grid.corner_i
+    upper = [(i, j) for i in range(1, 5) for j in range(corner, corner + SIZE)]
+    ats = [put(cells, i, j, 0.12) for i, j in upper]
+    terrain.note(np.array(ats, dtype=np.int32))
+    terrain.update()
+    view = maybe_beams_layer("step", cells, terrain, StateWindow(SIZE, CELL_M))
+    assert view is not None
+    columns = np.arange(view.corner_i, view.corner_i + SIZE)
+    stepped = np.isclose(view.values, 0.12)
+    assert (stepped == np.isin(columns, (0, 1))).all()
+
+
+def test_what_is_not_known_is_nan_and_what_has_too_few_neighbours_has_no_slope() -> None:
+    cells = CellGrid(SIZE, CELL_M)
+    terrain = Terrain(cells)
+    alone = put(cells, -3, -3, 0.1)
+    row = [put(cells, i, 2, 0.1 * i) for i in (0, 1, 2)]
+    terrain.note(np.array([alone, *row], dtype=np.int32))
+    terrain.update()
+    assert np.isnan(terrain.slope_rad).all()
+    assert np.isnan(terrain.roughness_m).all()
+    known = terrain.step_m.reshape(-1)[[alone, *row]]
+    np.testing.assert_allclose(known, [0.0, 0.1, 0.1, 0.1], atol=1e-6)
+    assert np.isnan(terrain.step_m).sum() == SIZE**2 - 4
+
+
+def test_cells_at_opposite_edges_of_the_window_are_no_neighbours() -> None:
+    cells = CellGrid(SIZE, CELL_M)
+    terrain = Terrain(cells)
+    corner = cells.grid.corner_i
+    ats = [put(cells, corner, 0, 0.0), put(cells, corner + SIZE - 1, 0, 1.0)]
+    terrain.note(np.array(ats, dtype=np.int32))
+    terrain.update()
+    np.testing.assert_allclose(terrain.step_m.reshape(-1)[ats], 0.0)
+
+
+def test_only_what_was_touched_and_its_neighbours_are_looked_at_each_once() -> None:
+    for size in (21, 201):
+        cells = CellGrid(size, CELL_M)
+        terrain = Terrain(cells)
+        pair = np.array([put(cells, 0, 0, 0.0), put(cells, 1, 0, 0.0)], dtype=np.int32)
+        for _ in range(3):
+            terrain.note(pair)
+        assert terrain.update() == 12
+        assert terrain.update() == 0
+
+
+def test_a_change_reaches_the_neighbours_of_what_changed() -> None:
+    cells, terrain = surface(0.0, 0.0)
+    middle = put(cells, 0, 0, 0.3)
+    terrain.note(np.array([middle], dtype=np.int32))
+    assert terrain.update() == 9
+    around = [(j % SIZE) * SIZE + i % SIZE for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    np.testing.assert_allclose(terrain.step_m.reshape(-1)[around], 0.3, atol=1e-6)
+    assert (terrain.roughness_m.reshape(-1)[around] > 0.05).all()
+    assert np.count_nonzero(terrain.step_m) == 9
+
+
+def test_a_cell_of_which_the_height_was_forgotten_is_unknown_again() -> None:
+    cells, terrain = surface(0.0, 0.0)
+    at = put(cells, 0, 0, 0.0)
+    cells.flat[at]["count"] = 0
+    terrain.note(np.array([at], dtype=np.int32))
+    terrain.update()
+    assert np.isnan(terrain.step_m.reshape(-1)[at])
+    assert np.isnan(terrain.slope_rad.reshape(-1)[at])
+
+
+def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> None:
+    cells, terrain = surface(0.1, 0.0)
+    cells.grid.follow(4 * CELL_M, 0.0)
+    assert np.isnan(terrain.slope_rad).sum() == 4 * SIZE
+    terrain.note(np.array([0], dtype=np.int32))
+    cells.grid.erase()
+    terrain.update()
+    for layer in (terrain.slope_rad, terrain.step_m, terrain.roughness_m):
+        assert np.isnan(layer).all()
+
+
+def views_of(cells: CellGrid, window: StateWindow) -> dict[str, LayerView]:
+    """All layers of method `beams`, by name."""
+    terrain = Terrain(cells)
+    terrain.note(np.arange(cells.flat.size, dtype=np.int32))
+    terrain.update()
+    views = {name: maybe_beams_layer(name, cells, terrain, window) for name in UNITS}
+    return {name: view for name, view in views.items() if view is not None}
+
+
+def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
+    cells, window = CellGrid(SIZE, CELL_M), StateWindow(5, CELL_M)
+    for grid in (cells.grid, window.grid):
+        grid.follow(3.0, -2.0)
+    i, j = cells.grid.cell_of(3.1, -2.1)
+    at = put(cells, i, j, 0.4, 0.1)
+    cells.flat[at]["mean_m"], cells.flat[at]["var_m2"] = 0.3, 0.01
+    ring_at = np.array([(j % 5) * 5 + i % 5], dtype=np.int32)
+    window.put(ring_at, np.array([OBSTACLE], dtype=np.int8))
+    expected = {"height": 0.3, "variance": 0.01, "z": 0.4, "step": 0.1, "soft": 0, "state": 1}
+    views = views_of(cells, window)
+    assert views.keys() == UNITS.keys()
+    for name, value in expected.items():
+        view = views[name]
+        assert view.name == name
+        assert view.values.dtype == np.float32
+        assert view.values[j - view.corner_j, i - view.corner_i] == pytest.approx(value, abs=1e-6)
+        assert np.isnan(view.values).sum() == view.values.size - 1
+    assert maybe_beams_layer("colour", cells, Terrain(cells), window) is None
+
+
+def test_a_layer_is_a_copy() -> None:
+    cells, window = CellGrid(SIZE, CELL_M), StateWindow(SIZE, CELL_M)
+    for view in views_of(cells, window).values():
+        view.values[...] = 7.0
+    assert not cells.cells["mean_m"].any()
+    assert not window.cells.any()
+
+
+def test_soft_things_are_marked_soft() -> None:
+    cells, window = CellGrid(SIZE, CELL_M), StateWindow(SIZE, CELL_M)
+    at = put(cells, 0, 0, 0.2)
+    cells.flat[at]["soft"] = cells.flat[at]["doubles"] = SOFT_LEAST
+    put(cells, 1, 0, 0.0)
+    soft = views_of(cells, window)["soft"]
+    i, j = -soft.corner_i, -soft.corner_j
+    np.testing.assert_array_equal(soft.values[j, i : i + 3], [1.0, 0.0, np.nan])
+
+
+def test_the_papers_heights_are_shown_where_the_window_takes_them_from() -> None:
+    window = StateWindow(5, CELL_M)
+    window.follow(2.0, 0.0)
+    i, j = window.grid.corner_i + 1, window.grid.corner_j + 2
+    source = np.full((5, 5), -1, dtype=np.int32)
+    source[j % 5, i % 5] = 7
+    window.put(np.array([(j % 5) * 5 + i % 5], dtype=np.int32), np.array([FREE], dtype=np.int8))
+    average_m = np.full((4, 4), 9.0)
+    average_m[1, 3] = -0.05
+    height = maybe_plane_layer("height", average_m, source, window)
+    state = maybe_plane_layer("state", average_m, source, window)
+    assert height is not None
+    assert state is not None
+    assert height.values[2, 1] == pytest.approx(-0.05)
+    assert state.values[2, 1] == FREE
+    for view in (height, state):
+        assert np.isnan(view.values).sum() == 24
+    assert maybe_plane_layer("slope", average_m, source, window) is None

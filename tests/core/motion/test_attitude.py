@@ -1,0 +1,181 @@
+"""The attitude ring: interpolation, gaps, what it refuses."""
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.geometry import R_from_rpy, q_from_R
+from core.motion.attitude import AHEAD_S, KEPT, MAX_GAP_S, AttitudeRing
+from core.records import Attitude
+
+NO_RATE = (float("nan"),) * 3
+
+
+def attitude(t_s: float, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> Attitude:
+    """A sample of a sensor that is mounted straight."""
+    w, x, y, z = (float(part) for part in q_from_R(R_from_rpy(roll, pitch, yaw)))
+    return Attitude(t_s, (w, x, y, z), NO_RATE)
+
+
+def ring_of(*samples: Attitude, mount: tuple[float, float, float] = (0, 0, 0)) -> AttitudeRing:
+    """A ring that has taken these samples."""
+    ring = AttitudeRing(*mount)
+    for sample in samples:
+        ring.add(sample)
+    return ring
+
+
+@given(rate=st.floats(-3, 3), at=st.floats(0.0, 0.09), start=st.floats(-math.pi, math.pi))
+def test_a_steady_turn_is_interpolated_even_across_plus_minus_180_deg(
+    rate: float, at: float, start: float
+) -> None:
+    ring = ring_of(*(attitude(0.01 * k, yaw=start + rate * 0.01 * k) for k in range(11)))
+    _, _, yaw = ring.rpy_at(at)
+    assert math.isclose(math.cos(yaw - start - rate * at), 1.0, abs_tol=1e-9)
+
+
+def test_an_instant_is_covered_only_between_close_samples() -> None:
+    ring = ring_of(attitude(1.00), attitude(1.01), attitude(1.02 + MAX_GAP_S), attitude(1.10))
+    assert ring.covers(1.0, 1.01)
+    assert not ring.covers(0.999, 1.01)
+    assert not ring.covers(1.005, 1.03)
+    assert ring.covers(1.085, 1.10)
+    assert not ring.covers(1.085, 1.1001)
+    assert ring.spans(1.0, 1.1)
+    assert math.isclose(ring.gap_s_at(1.05), 0.01 + MAX_GAP_S)
+    assert ring.gap_s_at(2.0) == math.inf
+
+
+def test_an_empty_ring_and_a_single_sample_cover_nothing() -> None:
+    assert not ring_of().covers(0.0, 0.0)
+    assert not ring_of(attitude(1.0)).covers(1.0, 1.0)
+
+
+def test_samples_out_of_order_or_without_orientation_are_counted_and_left() -> None:
+    ring = ring_of(attitude(1.0))
+    assert not ring.add(attitude(1.0))
+    assert not ring.add(attitude(0.5))
+    assert not ring.add(Attitude(2.0, (0.0, 0.0, 0.0, 0.0), NO_RATE))
+    assert not ring.add(Attitude(2.0, (float("nan"), 0.0, 0.0, 1.0), NO_RATE))
+    assert not ring.add(Attitude(float("nan"), (1.0, 0.0, 0.0, 0.0), NO_RATE))
+    assert ring.rejected == 5
+    assert ring.newest_s == 1.0
+
+
+def test_the_ring_forgets_the_oldest_and_keeps_the_order() -> None:
+    ring = ring_of(*(attitude(0.01 * k, pitch=0.0001 * k) for k in range(KEPT + 100)))
+    assert not ring.covers(0.98, 1.2)
+    assert ring.covers(1.01, 0.01 * (KEPT + 99))
+    _, pitch, _ = ring.rpy_at(2.345)
+    assert math.isclose(pitch, 0.02345, abs_tol=1e-9)
+
+
+@given(
+    mount=st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+    body=st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+)
+def test_the_mount_is_taken_off_orientation_and_rate(
+    mount: tuple[float, float, float], body: tuple[float, float, float]
+) -> None:
+    R_body_sensor = R_from_rpy(*mount)
+    q = q_from_R(R_from_rpy(*body) @ R_body_sensor)
+    rate_body = np.array([0.1, -0.2, 0.3])
+    rate_sensor = R_body_sensor.T @ rate_body
+    sample = Attitude(0.0, tuple(map(float, q)), tuple(map(float, rate_sensor)))  # type: ignore[arg-type]
+    ring = ring_of(sample, mount=mount)
+    np.testing.assert_allclose(R_from_rpy(*ring.newest_rpy()), R_from_rpy(*body), atol=1e-6)
+    np.testing.assert_allclose(ring.rate_body_radps, rate_body, atol=1e-9)
+
+
+def turning(rate_radps: float, bias_radps: float) -> AttitudeRing:
+    """A second of turning left, with a gyro that has a bias."""
+    ring = AttitudeRing(0, 0, 0)
+    for k in range(101):
+        q = attitude(0.0, yaw=rate_radps * 0.01 * k).q_earth_sensor
+        ring.add(Attitude(0.01 * k, q, (0.0, 0.0, rate_radps + bias_radps)))
+    return ring
+
+
+def test_the_gyros_turn_is_kept_for_each_instant_with_its_bias() -> None:
+    ring = turning(0.5, 0.01)
+    assert math.isclose(ring.turned_rad_at(0.805) - ring.turned_rad_at(0.3), 0.505 * 0.51)
+
+
+def test_all_orientations_turn_at_once_about_the_vertical() -> None:
+    ring = turning(0.5, 0.0)
+    before = [ring.rpy_at(0.1 * k) for k in range(1, 10)]
+    ring.turn_all(0.25)
+    for k, (roll, pitch, yaw) in enumerate(before, start=1):
+        np.testing.assert_allclose(ring.rpy_at(0.1 * k), (roll, pitch, yaw + 0.25), atol=1e-9)
+
+
+def test_a_rate_that_no_body_has_is_as_none() -> None:
+    for wrong in (math.nan, math.inf, 1e300, 101.0):
+        ring = ring_of(Attitude(0.0, (1.0, 0.0, 0.0, 0.0), (0.0, wrong, 0.1)))
+        assert np.isnan(ring.rate_body_radps).all()
+
+
+def test_a_sample_from_the_end_of_time_is_left() -> None:
+    ring = ring_of(attitude(1.0))
+    assert not ring.add(attitude(math.inf))
+    assert ring.add(attitude(1.01))
+
+
+def test_roll_and_pitch_are_the_sensors_whatever_the_filter_makes_of_yaw() -> None:
+    ring = AttitudeRing(0, 0, 0)
+    for k in range(200):
+        pulled = attitude(0.0, 0.1, -0.2, 0.5 if k > 100 else 0.0).q_earth_sensor
+        ring.add(Attitude(0.01 * k, pulled, (0.0, 0.0, 0.0)))
+    np.testing.assert_allclose(ring.newest_rpy(), (0.1, -0.2, 0.0), atol=1e-6)
+
+
+def ring_that_turns(
+    rate_radps: tuple[float, float, float], mount_roll_rad: float = 0.0
+) -> AttitudeRing:
+    """Ten samples at 100 Hz of a sensor that turns about its own axes, from level."""
+    ring = AttitudeRing(mount_roll_rad, 0.0, 0.0)
+    axis = np.array(rate_radps)
+    rate = float(np.linalg.norm(axis))
+    for k in range(10):
+        half_rad = 0.5 * rate * 0.01 * k
+        w, (x, y, z) = math.cos(half_rad), math.sin(half_rad) * axis / rate
+        ring.add(Attitude(0.01 * k, (w, float(x), float(y), float(z)), rate_radps))
+    return ring
+
+
+@given(
+    rate=st.tuples(*[st.floats(-2, 2)] * 3).filter(lambda rate: np.linalg.norm(rate) > 0.1),
+    ahead_s=st.floats(1e-6, AHEAD_S),
+    mount_roll_rad=st.sampled_from([0.0, math.pi / 2]),
+)
+def test_the_newest_sample_is_carried_on_by_its_rate_of_turn(
+    rate: tuple[float, float, float], ahead_s: float, mount_roll_rad: float
+) -> None:
+    ring, later = ring_that_turns(rate, mount_roll_rad), ring_that_turns(rate, mount_roll_rad)
+    half_rad = 0.5 * float(np.linalg.norm(rate)) * (0.09 + ahead_s)
+    x, y, z = math.sin(half_rad) * np.array(rate) / np.linalg.norm(rate)
+    q = (math.cos(half_rad), float(x), float(y), float(z))
+    later.add(Attitude(0.09 + ahead_s + 1e-9, q, rate))
+    assert ring.reaches(0.0, 0.09 + ahead_s)
+    assert not ring.covers(0.0, 0.09 + ahead_s)
+    roll, pitch, _ = later.rpy_at(0.09 + ahead_s)  # yaw is the heading filter's
+    np.testing.assert_allclose(ring.rpy_at(0.09 + ahead_s)[:2], (roll, pitch), atol=5e-4)
+
+
+def test_no_farther_than_a_sample_and_not_without_a_rate_of_turn() -> None:
+    ring = ring_that_turns((0.0, 0.0, 0.5))
+    assert not ring.reaches(0.0, 0.09 + AHEAD_S + 1e-6)
+    assert not ring.reaches(-0.01, 0.09)
+    still = ring_of(*(attitude(0.01 * k) for k in range(10)))
+    assert still.reaches(0.0, 0.09)
+    assert not still.reaches(0.0, 0.0901)
+
+
+def test_what_is_carried_on_bridges_no_gap() -> None:
+    ring = ring_that_turns((0.0, 0.0, 0.5))
+    ring.add(Attitude(0.2, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.5)))
+    assert not ring.reaches(0.05, 0.205)
+    ring.add(Attitude(0.21, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.5)))
+    assert ring.reaches(0.201, 0.215)

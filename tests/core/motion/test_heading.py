@@ -1,0 +1,205 @@
+"""The heading filter: a steel door, standing, turning by hand, and what it does without inputs."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.geometry import wrapped
+from core.motion.heading import HeadingFilter, yaw_rate
+from core.motion.magnetic import FieldReference, strength_and_dip
+from tests.support.turning_robot import Errors, Robot
+
+RAD = math.radians
+STOOD_S, DROVE_S = 3.0, 5.0
+DOOR_S = STOOD_S + DROVE_S
+NO_RATE = np.full(3, math.nan)
+
+
+def nothing(t_s: float) -> float:
+    return 0.0
+
+
+def speed(t_s: float, stood_s: float = STOOD_S) -> float:
+    """From standing to 0.4 m/s within half a second."""
+    return 0.4 * max(0.0, min(1.0, (t_s - stood_s) / 0.5))
+
+
+def slalom(t_s: float, stood_s: float = STOOD_S) -> float:
+    return 0.5 * math.sin(1.3 * (t_s - stood_s)) if t_s > stood_s else 0.0
+
+
+def jump(t_s: float) -> float:
+    """40 deg at once, for six seconds."""
+    return RAD(40) if DOOR_S <= t_s < DOOR_S + 6 else 0.0
+
+
+def slow_pull(t_s: float) -> float:
+    """40 deg within four seconds, and back."""
+    return RAD(40) * max(0.0, min(1.0, (t_s - DOOR_S) / 4, (DOOR_S + 10 - t_s) / 4))
+
+
+def lasting_pull(t_s: float) -> float:
+    """40 deg that stay."""
+    return RAD(40) * max(0.0, min(1.0, (t_s - DOOR_S) / 4))
+
+
+def beside_a_door(pull: Callable[[float], float], *, magnetic: bool, seed: int) -> Robot:
+    """A slalom past steel, with a noisy, biased gyro."""
+    errors = Errors(
+        gyro_bias=RAD(0.2),
+        pull=pull,
+        bend=lambda t_s: 0.5 * pull(t_s) / RAD(40),
+        magnetic=magnetic,
+    )
+    return Robot(speed, slalom, errors, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("magnetic", [True, False])
+@pytest.mark.parametrize("pull", [jump, slow_pull])
+def test_beside_a_steel_door_the_heading_stays_within_one_degree(
+    pull: Callable[[float], float], magnetic: bool, seed: int
+) -> None:
+    robot = beside_a_door(pull, magnetic=magnetic, seed=seed).drive(DOOR_S + 10)
+    heading = robot.ring.heading
+    assert robot.worst_yaw_rad < RAD(1.0)
+    assert heading.disturbed == 1
+    assert not heading.trusted  # the sensor takes seconds to find back
+    robot.drive(6)
+    assert heading.trusted
+    assert robot.worst_yaw_rad < RAD(1.0)
+
+
+def test_without_any_standing_before_it_the_door_is_passed_as_well() -> None:
+    errors = Errors(gyro_bias=RAD(0.2), pull=slow_pull, magnetic=False)
+    robot = Robot(lambda t: speed(t, 0.0), lambda t: slalom(t, 0.0), errors).drive(DOOR_S + 10)
+    assert robot.worst_yaw_rad < RAD(1.0)
+
+
+def test_a_heading_that_stays_away_is_taken_anew_and_the_first_one_when_it_is_back() -> None:
+    robot = beside_a_door(lasting_pull, magnetic=True, seed=4).drive(DOOR_S + 45)
+    heading = robot.ring.heading
+    assert (heading.trusted, heading.adopted) == (True, 1)
+    away_rad = robot.yaw_error_rad
+    assert abs(away_rad) < RAD(3.0)  # what the gyro lost meanwhile
+    robot.errors.pull = robot.errors.bend = nothing
+    robot.drive(8)
+    assert heading.disturbed == 2
+    assert abs(robot.yaw_error_rad - away_rad) < RAD(1.0)
+
+
+def test_standing_beside_steel_teaches_nothing() -> None:
+    errors = Errors(pull=lambda t: RAD(40) if t > 3 else 0.0, magnetic=False)
+    robot = Robot(nothing, nothing, errors).drive(45)
+    assert robot.ring.heading.adopted == 0
+    assert abs(robot.yaw_error_rad) < RAD(0.2)
+
+
+def test_where_the_gyro_is_not_delivered_the_wheels_pass_the_door() -> None:
+    errors = Errors(pull=slow_pull, bend=lambda t: 0.5 * slow_pull(t) / RAD(40), rates=False)
+    robot = Robot(speed, slalom, errors).drive(DOOR_S + 10)
+    assert robot.worst_yaw_rad < RAD(12.0)  # the field shows it late: not what a gyro does
+    assert robot.ring.heading.disturbed >= 1
+
+
+def test_while_standing_the_yaw_stands_and_the_gyro_tells_its_bias() -> None:
+    errors = Errors(gyro_bias=RAD(0.3), wander=RAD(1.5))
+    robot = Robot(nothing, nothing, errors).drive(3)
+    before_rad = robot.ring.heading.told_rad
+    robot.drive(30)
+    assert robot.ring.heading.standing
+    assert abs(robot.ring.heading.told_rad - before_rad) < RAD(0.02)
+    assert robot.ring.heading.bias_radps == pytest.approx(RAD(0.3), abs=RAD(0.02))
+
+
+@pytest.mark.parametrize("w_degps", [2.0, 10.0, -40.0])
+def test_a_robot_that_is_turned_by_hand_with_still_wheels_turns(w_degps: float) -> None:
+    w = RAD(w_degps)
+    errors = Errors(
+        gyro_bias=RAD(0.3),
+        slip_left_mps=lambda t: 0.25 * w if 5 < t < 10 else 0.0,
+        slip_right_mps=lambda t: -0.25 * w if 5 < t < 10 else 0.0,
+    )
+    robot = Robot(nothing, lambda t: w if 5 < t < 10 else 0.0, errors).drive(12)
+    assert robot.left == pytest.approx(0.0, abs=1e-6)
+    assert abs(robot.yaw_error_rad) < RAD(0.6)
+
+
+def test_a_turn_from_standing_loses_nothing_of_its_begin() -> None:
+    errors = Errors(gyro_noise=0.0, yaw_noise=0.0)
+    robot = Robot(nothing, lambda t: max(0.0, t - 5.0), errors).drive(5.5)
+    assert abs(robot.yaw_error_rad) < RAD(0.05)
+
+
+def test_roll_and_pitch_turn_the_rate_to_the_vertical() -> None:
+    assert yaw_rate(0.0, 0.3, np.array([0.0, 0.0, 0.5])) == pytest.approx(0.5 / math.cos(0.3))
+    assert yaw_rate(0.2, 0.0, np.array([9.0, 0.5, 0.0])) == pytest.approx(0.5 * math.sin(0.2))
+    assert math.isnan(yaw_rate(0.0, math.pi / 2, np.array([0.0, 0.0, 0.5])))
+
+
+def test_without_a_gyro_the_yaw_is_the_sensors() -> None:
+    heading = HeadingFilter()
+    for k in range(200):
+        told_rad = heading.step(0.01 * k, (0.0, 0.0, wrapped(0.02 * k)), NO_RATE)
+        assert wrapped(told_rad - 0.02 * k) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_gap_between_samples_is_bridged_by_the_sensors_own_turn() -> None:
+    heading = HeadingFilter()
+    for k in range(100):
+        heading.step(0.01 * k, (0.0, 0.0, 0.0), np.zeros(3))
+    told_rad = heading.step(1.6, (0.0, 0.0, 0.4), np.zeros(3))
+    assert told_rad == pytest.approx(0.4, abs=0.01)
+    assert heading.gyro_since_s == math.inf
+
+
+def test_strength_and_dip_need_no_heading() -> None:
+    half = math.sqrt(0.5)
+    level = strength_and_dip((1.0, 0.0, 0.0, 0.0), (0.6, 0.0, -0.8))
+    turned = strength_and_dip((half, 0.0, 0.0, half), (0.0, -0.6, -0.8))
+    assert level == pytest.approx((1.0, math.asin(0.8)))
+    assert turned == pytest.approx(level)
+    assert strength_and_dip((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)) == (0.0, 0.0)
+
+
+def test_a_field_is_plain_while_strength_and_dip_are_as_at_first() -> None:
+    level = (1.0, 0.0, 0.0, 0.0)
+    reference = FieldReference()
+    for _ in range(150):
+        assert reference.is_plain(0.01, level, (0.4, 0.0, -0.9), agrees=True)
+    assert reference.is_plain(0.01, level, (0.0, 0.4, -0.9), agrees=True)
+    assert reference.is_plain(0.01, level, None, agrees=True)
+    for field in ((0.6, 0.0, -0.9), (0.9, 0.0, -0.4), (0.0, 0.0, 0.0), (math.nan, 0.0, 1.0)):
+        assert not reference.is_plain(0.01, level, field, agrees=True)
+    for _ in range(500):
+        reference.is_plain(0.01, level, (0.9, 0.0, -0.4), agrees=False)
+    reference.adopt()
+    assert reference.is_plain(0.01, level, (0.9, 0.0, -0.4), agrees=True)
+
+
+NUMBER = st.floats(-200, 200) | st.sampled_from([math.nan, math.inf, -math.inf])
+VECTOR = st.tuples(NUMBER, NUMBER, NUMBER)
+SAMPLE = st.tuples(
+    st.sampled_from([1e-4, 0.01, 0.05, 0.3, 20.0]),
+    st.tuples(*[st.floats(-math.pi, math.pi)] * 3),
+    VECTOR,
+    st.none() | VECTOR,
+    st.booleans(),
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(SAMPLE, max_size=40))
+def test_no_samples_make_the_yaw_anything_but_a_number(samples: list[tuple]) -> None:  # type: ignore[type-arg]
+    heading, t_s = HeadingFilter(), 0.0
+    for dt_s, rpy_rad, rates, magnetic, moved in samples:
+        t_s += dt_s
+        told_rad = heading.step(t_s, rpy_rad, np.array(rates), (1.0, 0.0, 0.0, 0.0), magnetic)
+        heading.note_wheels(t_s - 0.5 * dt_s, t_s, 0.1, moved=moved)
+        assert math.isfinite(told_rad)
+        assert np.isfinite(heading.state.P).all()
+        assert np.linalg.eigvalsh(heading.state.P)[0] > -1e-6

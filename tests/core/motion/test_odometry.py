@@ -1,0 +1,268 @@
+"""Odometry against exact paths, and where its chain must break."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.motion.attitude import AttitudeRing
+from core.motion.heading import OFFSET_RAD
+from core.motion.odometry import EXTRAPOLATED_S, Odometry
+from core.records import Attitude, ExternalPose, WheelCounts
+from tests.core.motion.test_attitude import attitude
+from tests.support.turning_robot import Errors, Robot
+
+TRACK_M, COUNTS_PER_M = 0.5, 2000 / (2 * math.pi * 0.15)
+
+
+def drive(
+    v: float, w: float, seconds: float, *, pitch: float = 0.0, yaw0: float = 0.0
+) -> tuple[AttitudeRing, Odometry]:
+    """A robot on a circle, its attitude sensor at 100 Hz and its counters at 20 Hz."""
+    ring = AttitudeRing(0, 0, 0)
+    odometry = Odometry(ring, 0.15, 500, 1.0, TRACK_M)
+    for k in range(round(seconds * 100) + 1):
+        t = 0.01 * k
+        ring.add(attitude(t, pitch=pitch, yaw=yaw0 + w * t))
+        if k % 5 == 0:
+            left, right = (v - w * TRACK_M / 2) * t, (v + w * TRACK_M / 2) * t
+            odometry.add(WheelCounts(t, left * COUNTS_PER_M, right * COUNTS_PER_M, 0))
+        odometry.settle()
+    return ring, odometry
+
+
+@given(v=st.floats(-1, 1), w=st.floats(-1, 1), yaw0=st.floats(-3, 3))
+def test_a_circle_is_followed_within_two_millimetres(v: float, w: float, yaw0: float) -> None:
+    _, odometry = drive(v, w, 2.0, yaw0=yaw0)
+    turned = w * 2.0
+    if abs(w) < 1e-6:
+        x, y = v * 2.0, 0.0
+    else:
+        x, y = v / w * math.sin(turned), v / w * (1 - math.cos(turned))
+    np.testing.assert_allclose(odometry.xy_at(2.0), [x, y], atol=2e-3)
+    assert math.isclose(odometry.w_radps, w, abs_tol=1e-6)
+
+
+def test_travel_on_a_slope_is_made_horizontal() -> None:
+    _, odometry = drive(0.5, 0.0, 2.0, pitch=math.radians(-6))
+    assert odometry.xy_at(2.0)[0] == pytest.approx(1.0 * math.cos(math.radians(6)), abs=1e-6)
+
+
+def test_the_pose_goes_on_at_the_last_speed_for_a_bounded_time_only() -> None:
+    ring, odometry = drive(0.5, 0.0, 1.0)
+    for k in range(1, 100):
+        ring.add(attitude(1.0 + 0.01 * k))
+    assert odometry.covers(0.9, 1.0 + EXTRAPOLATED_S)
+    assert odometry.xy_at(1.2)[0] == pytest.approx(0.6)
+    assert not odometry.covers(0.9, 1.01 + EXTRAPOLATED_S)
+    assert odometry.maybe_pose(1.01 + EXTRAPOLATED_S) is None
+    pose = odometry.maybe_pose(1.2)
+    assert pose is not None
+    assert pose.x_m == pytest.approx(0.6)
+
+
+def test_counts_wait_for_the_attitude_of_their_instant() -> None:
+    ring = AttitudeRing(0, 0, 0)
+    odometry = Odometry(ring, 0.15, 500, 1.0, TRACK_M)
+    odometry.add(WheelCounts(0.005, 0, 0, 0))
+    odometry.settle()
+    assert not odometry.started
+    ring.add(attitude(0.0))
+    ring.add(attitude(0.01))
+    odometry.settle()
+    assert odometry.started
+
+
+def test_restarted_counters_break_the_chain_and_add_no_travel() -> None:
+    ring, odometry = drive(0.5, 0.0, 1.0)
+    ring.add(attitude(1.05))
+    odometry.add(WheelCounts(1.05, 7.0, 7.0, 1))
+    odometry.settle()
+    assert odometry.breaks == 1
+    assert odometry.xy_at(1.05)[0] == pytest.approx(0.5)
+    assert odometry.v_mps == 0.0
+
+
+def gone_for(seconds: float, left_m: float, right_m: float, yaw: float) -> Odometry:
+    """A robot whose counters were not read for a while."""
+    ring, odometry = drive(0.5, 0.0, 1.0)
+    for k in range(1, round(100 * seconds) + 1):
+        ring.add(attitude(1.0 + 0.01 * k, yaw=yaw * k / (100 * seconds)))
+    odometry.add(
+        WheelCounts(1.0 + seconds, (0.5 + left_m) * COUNTS_PER_M, (0.5 + right_m) * COUNTS_PER_M, 0)
+    )
+    odometry.settle()
+    return odometry
+
+
+def test_counters_away_on_a_straight_lose_nothing() -> None:
+    odometry = gone_for(2.0, 1.0, 1.0, yaw=0.0)
+    assert odometry.breaks == 0
+    assert odometry.xy_at(3.0)[0] == pytest.approx(1.5)
+
+
+def test_counters_away_while_the_robot_turned_and_moved_break_the_chain() -> None:
+    assert gone_for(2.0, 1.0, 1.3, yaw=0.6).breaks == 1
+
+
+def test_turning_on_the_spot_unread_keeps_the_chain() -> None:
+    assert gone_for(2.0, -0.15, 0.15, yaw=0.6).breaks == 0
+
+
+def test_driving_without_any_attitude_breaks_the_chain_but_standing_does_not() -> None:
+    for moved_m, breaks in ((0.0, 0), (0.5, 1)):
+        ring, odometry = drive(0.5, 0.0, 1.0)
+        for k in range(1, 41):
+            counts = (0.5 + moved_m * k / 40) * COUNTS_PER_M
+            odometry.add(WheelCounts(1.0 + 0.05 * k, counts, counts, 0))
+        ring.add(attitude(3.0))
+        odometry.settle()
+        assert (odometry.breaks > 0) == bool(breaks)
+
+
+def test_an_old_or_repeated_pair_is_left_out() -> None:
+    _, odometry = drive(0.5, 0.0, 1.0)
+    odometry.add(WheelCounts(0.5, 1e6, 1e6, 0))
+    odometry.settle()
+    assert odometry.xy_at(1.0)[0] == pytest.approx(0.5)
+
+
+def test_height_and_travel_come_from_wheels_and_pitch_and_go_on_alike() -> None:
+    ring, odometry = drive(0.5, 0.0, 2.0, pitch=math.radians(-6))
+    ring.add(attitude(2.01, pitch=math.radians(-6)))
+    assert odometry.travel_m == pytest.approx(1.0)
+    assert odometry.travel_at(1.0) == pytest.approx(0.5)
+    assert odometry.travel_at(2.2) == pytest.approx(1.1)
+    climb = math.sin(math.radians(6))
+    for at_s, driven_m in ((1.0, 0.5), (2.0, 1.0), (2.2, 1.1)):
+        xyz_m = odometry.xyz_at(at_s)
+        assert xyz_m[2] == pytest.approx(driven_m * climb, abs=1e-6)
+        np.testing.assert_array_equal(xyz_m[:2], odometry.xy_at(at_s))
+
+
+def test_driving_backwards_is_travel_below_zero() -> None:
+    _, odometry = drive(-0.5, 0.0, 2.0)
+    assert odometry.travel_m == pytest.approx(-1.0)
+    assert odometry.xyz_at(2.0)[0] == pytest.approx(-1.0)
+
+
+def test_travel_goes_on_over_a_break() -> None:
+    ring, odometry = drive(0.5, 0.0, 1.0)
+    ring.add(attitude(1.05))
+    odometry.add(WheelCounts(1.05, 7.0, 7.0, 1))
+    odometry.settle()
+    assert odometry.travel_m == pytest.approx(0.5)
+    np.testing.assert_array_equal(odometry.covariance[:2], np.zeros((2, 3)))
+
+
+def test_the_covariance_tells_the_errors_that_there_are() -> None:
+    """Squared errors over their variances: about 3 for three numbers, in the mean of many runs."""
+    squares = []
+    for seed in range(20):
+        random = np.random.default_rng(1000 + seed)
+        errors = Errors(
+            gyro_bias=math.radians(0.3) * random.standard_normal(),
+            yaw_noise=math.radians(0.2),
+            wander=OFFSET_RAD,
+            scale=0.04 * random.standard_normal(),
+            asymmetry=0.005 * random.standard_normal(),
+            roughness=0.01,
+        )
+        robot = Robot(ramp, winding, errors, seed=seed).drive(20)
+        error = robot.error
+        squares.append(error @ np.linalg.solve(robot.odometry.covariance, error))
+    assert 1.5 < np.mean(squares) < 5.0
+    assert max(squares) < 20.0
+
+
+def ramp(t_s: float) -> float:
+    return 0.5 * max(0.0, min(1.0, t_s - 2.0))
+
+
+def winding(t_s: float) -> float:
+    return 0.4 * math.sin(0.7 * (t_s - 2.0)) + 0.1 if t_s > 2.0 else 0.0
+
+
+def test_a_wheel_that_slips_is_noticed_and_the_position_is_less_sure() -> None:
+    errors = Errors(slip_left_mps=lambda t: 0.3 if 6 < t < 7 else 0.0)
+    robot = Robot(ramp, lambda t: 0.0, errors).drive(5.9)
+    before = robot.odometry.covariance
+    assert (robot.odometry.slipping, robot.odometry.slips) == (False, 0)
+    robot.drive(0.8)
+    assert robot.odometry.slipping
+    robot.drive(3)
+    assert (robot.odometry.slipping, robot.odometry.slips) == (False, 1)
+    assert abs(robot.yaw_error_rad) < math.radians(0.3)  # the gyro alone tells the heading
+    off_m, sure_m = abs(float(robot.error[0])), math.sqrt(robot.odometry.covariance[0, 0])
+    assert off_m == pytest.approx(0.15, abs=0.02)
+    assert off_m < 2 * sure_m
+    assert sure_m > math.sqrt(before[0, 0]) + 0.1
+
+
+def test_both_wheels_spinning_at_once_are_noticed_by_their_leap() -> None:
+    spin = Errors(slip_left_mps=spinning, slip_right_mps=spinning)
+    assert Robot(ramp, lambda t: 0.0, spin).drive(8).odometry.slips > 0
+
+
+def spinning(t_s: float) -> float:
+    return 1.0 if 6 < t_s < 7 else 0.0
+
+
+def test_a_brisk_slalom_is_no_slip() -> None:
+    for seed in range(4):
+        errors = Errors(gyro_bias=math.radians(0.3), asymmetry=0.005)
+        robot = Robot(lambda t: 2 * ramp(t), lambda t: 4 * winding(t) - 0.4, errors, seed=seed)
+        assert robot.drive(15).odometry.slips == 0
+
+
+def test_two_runs_give_the_same_bits() -> None:
+    first, second = (Robot(ramp, winding, Errors(gyro_bias=0.004)).drive(8) for _ in range(2))
+    np.testing.assert_array_equal(first.odometry.xyz_at(8.0), second.odometry.xyz_at(8.0))
+    np.testing.assert_array_equal(first.odometry.covariance, second.odometry.covariance)
+    np.testing.assert_array_equal(first.ring.q_earth_body, second.ring.q_earth_body)
+
+
+WRONG = st.sampled_from([math.nan, math.inf, -math.inf, 1e300])
+TIME = st.floats(0, 3) | WRONG
+NUMBER = st.floats(-50, 50) | WRONG
+TRIPLE = st.tuples(NUMBER, NUMBER, NUMBER)
+RECORD = (
+    st.builds(WheelCounts, TIME, NUMBER, NUMBER, st.integers(0, 1))
+    | st.builds(
+        lambda t_s, yaw, rates, magnetic: Attitude(
+            t_s, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)), rates, magnetic
+        ),
+        TIME,
+        st.floats(-3, 3),
+        TRIPLE,
+        st.none() | TRIPLE,
+    )
+    | st.builds(ExternalPose, *[TIME, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER, NUMBER])
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(RECORD, max_size=40), st.integers(0, 20))
+def test_no_records_in_any_order_raise_or_give_a_pose_that_is_no_number(
+    records: list[WheelCounts | Attitude | ExternalPose], every: int
+) -> None:
+    ring = AttitudeRing(0, 0, 0)
+    odometry = Odometry(ring, 0.15, 500, 1.0, TRACK_M)
+    for k, record in enumerate(records):
+        match record:
+            case WheelCounts():
+                odometry.add(record)
+            case Attitude():
+                ring.add(record)
+            case ExternalPose():
+                odometry.add_external(record)
+        if every == 0 or k % every == 0:
+            odometry.settle()
+        for at_s in (0.5 * k / 10, odometry.newest_s):
+            pose = odometry.maybe_pose(at_s)
+            if pose is not None:
+                told = (pose.x_m, pose.y_m, pose.yaw_rad, odometry.v_mps, odometry.w_radps)
+                assert all(map(math.isfinite, told))
+        assert np.isfinite(odometry.covariance).all()

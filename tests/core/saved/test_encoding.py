@@ -1,0 +1,184 @@
+"""The file of a saved map: the same arrays come back, and every damage is refused with a reason."""
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.config import with_changes
+from core.mapping.beams.cells import CELL
+from core.mapping.mapper import Mapper
+from core.records import OBSTACLE
+from core.saved.check import VERSION, check_state
+from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
+from core.saved.state import restore
+from tests.core.saved.test_state import LATER_S, METHODS, SHIPPED, STATE, config_of, saved, states
+
+DATA = bytes_from_arrays(STATE["beams"])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_state_survives_its_file_bit_by_bit(method: str) -> None:
+    read = arrays_from_bytes(bytes_from_arrays(STATE[method]))
+    assert read.keys() == STATE[method].keys()
+    for name, array in STATE[method].items():
+        assert read[name].dtype == array.dtype
+        np.testing.assert_array_equal(read[name], array)
+    check_state(read, config_of(method))
+
+
+def test_the_file_is_an_npz_without_pickles_and_the_same_state_gives_the_same_bytes() -> None:
+    with np.load(io.BytesIO(DATA), allow_pickle=False) as archive:
+        assert archive["version"] == VERSION
+        np.testing.assert_array_equal(archive["pose"], STATE["beams"]["pose"])
+    assert bytes_from_arrays(saved()) == DATA
+
+
+@settings(max_examples=150, deadline=None)
+@given(place=st.integers(0, len(DATA) - 1), bit=st.integers(0, 7))
+def test_a_flipped_bit_is_refused_wherever_it_is(place: int, bit: int) -> None:
+    damaged = bytearray(DATA)
+    damaged[place] ^= 1 << bit
+    with pytest.raises(StateError):
+        arrays_from_bytes(bytes(damaged))
+
+
+@settings(max_examples=80, deadline=None)
+@given(length=st.integers(0, len(DATA) - 1), more=st.binary(max_size=20))
+def test_a_cut_or_continued_file_is_refused(length: int, more: bytes) -> None:
+    for damaged in (DATA[:length], DATA[len(DATA) - length :], DATA + b"\0" + more):
+        with pytest.raises(StateError):
+            arrays_from_bytes(damaged)
+
+
+@settings(max_examples=100, deadline=None)
+@given(data=st.binary(max_size=300))
+def test_no_bytes_are_taken_for_a_map_and_none_make_it_raise_anything_else(data: bytes) -> None:
+    with pytest.raises(StateError):
+        arrays_from_bytes(data)
+
+
+def other_zip() -> bytes:
+    """An .npz of somebody else."""
+    content = io.BytesIO()
+    np.savez(content, pose=np.zeros(4))
+    return content.getvalue()
+
+
+def test_what_is_no_saved_map_is_refused_with_a_reason() -> None:
+    for data, reason in (
+        (b"", "empty"),
+        (other_zip(), "no saved map"),
+        (DATA[:-1], "end is missing"),
+        (DATA[:100] + b"x" + DATA[101:], "damaged"),
+    ):
+        with pytest.raises(StateError, match=reason):
+            arrays_from_bytes(data)
+
+
+def changed(method: str, **entries: Any) -> Arrays:
+    """A state of which some entries are others; None: they are missing. `__` stands for a dot."""
+    arrays = {name: array.copy() for name, array in STATE[method].items()}
+    for key, value in entries.items():
+        name = key.replace("__", ".")
+        if value is None:
+            del arrays[name]
+        else:
+            arrays[name] = value(arrays[name].copy()) if callable(value) else value
+    return arrays
+
+
+def put(index: Any, value: float) -> Any:
+    """A change of an array at an index."""
+
+    def change(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        array[index] = value
+        return array
+
+    return change
+
+
+NEW = np.array(VERSION + 1, dtype=np.int64)
+WRONG: list[tuple[str, dict[str, Any], str]] = [
+    ("beams", {"format": np.array("something else")}, "no saved map"),
+    ("beams", {"format": None}, "no saved map"),
+    ("beams", {"version": NEW}, "newer version"),
+    ("beams", {"version": np.array(0, dtype=np.int64)}, "another version"),
+    ("beams", {"version": np.array(1.0)}, "version"),
+    ("beams", {"settings": None}, "settings"),
+    ("beams", {"settings": lambda old: old[:-1]}, "settings"),
+    ("beams", {"pose": None}, "pose: is missing"),
+    ("beams", {"pose": put(0, math.nan)}, "pose"),
+    ("beams", {"pose": put(3, math.inf)}, "pose"),
+    ("beams", {"pose": np.zeros(3)}, "pose: must have the shape"),
+    ("beams", {"pose": np.zeros(4, dtype=np.float32)}, "pose: must be of type"),
+    ("beams", {"travel_m": np.array(math.nan)}, "travel_m"),
+    ("beams", {"motion": put(0, math.nan)}, "motion"),
+    ("beams", {"window__cells": put((3, 3), 2)}, "window.cells"),
+    ("beams", {"window__cells": np.zeros((100, 101), np.int8)}, "window.cells: must have"),
+    ("beams", {"window__corner": put(0, 2**40)}, "window.corner"),
+    ("beams", {"window__epoch": np.array(-1)}, "window.epoch"),
+    ("beams", {"extra": np.zeros(1)}, "does not know: extra"),
+    ("beams", {"cells__at": put(0, -1)}, "cells.at"),
+    ("beams", {"cells__at": put(-1, 101 * 101)}, "cells.at"),
+    ("beams", {"cells__at": lambda old: old[::-1].copy()}, "out of order"),
+    ("beams", {"cells__mean_m": put(0, math.nan)}, "cells.mean_m"),
+    ("beams", {"cells__mean_m": None}, "cells.mean_m: is missing"),
+    ("beams", {"cells__mean_m": lambda old: old[:-1]}, "cells.mean_m: has"),
+    ("beams", {"cells__var_m2": put(0, -1e-3)}, "cells.var_m2"),
+    ("beams", {"cells__low_m": put(0, math.nan)}, "cells.low_m"),
+    ("beams", {"cells__count": put(0, -1)}, "cells.count"),
+    ("beams", {"cells__hit_scan": put(0, 10**6)}, "cells.hit_scan"),
+    ("beams", {"cells__z_low_m": lambda old: old + 10.0}, "z_low_m: lies above"),
+    ("beams", {"cells__scan": np.array(-1)}, "cells.scan"),
+    ("beams", {"ground__line": put((0, 0), math.inf)}, "ground.line"),
+    ("beams", {"ground__line": np.zeros((2, 6))}, "ground.line: there can be one"),
+    ("reference_plane", {"plane__average_m": put((0, 0), 1.0)}, "nothing was counted"),
+    ("reference_plane", {"plane__states": put((0, 0), OBSTACLE)}, "nothing was counted"),
+    ("reference_plane", {"plane__count": put((0, 0), 1)}, "plane.average_m"),
+    ("reference_plane", {"plane__count": put((0, 0), -1)}, "plane.count"),
+    ("reference_plane", {"plane__states": put((0, 0), 5)}, "plane.states"),
+    ("reference_plane", {"cells__at": np.zeros(0, np.int32)}, "does not know"),
+]
+
+
+@pytest.mark.parametrize(
+    ("method", "entries", "reason"), WRONG, ids=[f"{'+'.join(w[1])}: {w[2]}" for w in WRONG]
+)
+def test_a_state_that_can_not_be_true_is_refused_with_a_reason_and_changes_nothing(
+    method: str, entries: dict[str, Any], reason: str
+) -> None:
+    mapper = Mapper(config_of(method))
+    with pytest.raises(StateError, match=reason):
+        restore(mapper, changed(method, **entries), config_of(method), LATER_S)
+    assert not states(mapper).any()
+    assert not mapper.continued
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value"),
+    [
+        ("map", "method", "reference_plane"),
+        ("map", "cells", 151),
+        ("map", "cell_m", 0.1),
+        ("map", "cell_value", "kalman"),
+        ("obstacle", "window_cells", 51),
+        ("obstacle", "h_pos_m", 0.12),
+        ("obstacle", "h_neg_m", -0.12),
+    ],
+)
+def test_a_map_made_with_other_settings_is_refused_and_the_key_named(
+    section: str, key: str, value: Any
+) -> None:
+    config = with_changes(SHIPPED, **{section: {key: value}})
+    with pytest.raises(StateError, match=f"made with {section}.{key}="):
+        restore(Mapper(config), STATE["beams"], config, LATER_S)
+
+
+def test_every_field_of_a_cell_is_saved() -> None:
+    assert {f"cells.{name}" for name in CELL.names or ()} <= STATE["beams"].keys()

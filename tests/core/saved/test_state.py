@@ -1,0 +1,243 @@
+"""A saved map goes on as the same map, and believes nothing that it can't know."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from core.config import Config, load_config, with_changes
+from core.mapping.beams.cells import CELL
+from core.mapping.beams.classifier import NEW_LOOKS
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.mapper import Mapper
+from core.mapping.paper.maps import ReferencePlaneMaps
+from core.records import FREE, OBSTACLE, UNKNOWN, Scan, WheelCounts
+from core.saved.encoding import Arrays, StateError
+from core.saved.state import AWAY_VAR_M2, restore, state_of, was_moving
+from tests import ROOT
+from tests.core.mapping.test_rays import scan_of
+from tests.core.motion.test_attitude import attitude
+
+SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+END_S, LATER_S = 2.0, 5000.0
+METHODS = ("beams", "reference_plane")
+WALL_M = 5.0
+
+
+def config_of(method: str = "beams", cell_value: str = "mean") -> Config:
+    """The shipped settings, of another method."""
+    return with_changes(SHIPPED, map={"method": method, "cell_value": cell_value})
+
+
+def room(t_s: float, wall_m: float = WALL_M) -> Scan:
+    """What a level, standing robot sees of the floor, with a wall ahead in the middle."""
+    bearings = np.radians(np.linspace(-60, 60, 481))
+    to_floor = 1.08 / (np.cos(bearings) * math.sin(math.radians(7.5)))
+    to_wall = wall_m / (np.cos(bearings) * math.cos(math.radians(7.5)))
+    ranges = np.where(np.abs(bearings) < 0.3, np.minimum(to_wall, to_floor), to_floor)
+    return scan_of(np.where(ranges <= 20, ranges, np.nan)[None, :], t_s)
+
+
+def stand(
+    mapper: Mapper, from_s: float, yaw_rad: float = 0.0, wall_m: float = WALL_M, scans: int = 30
+) -> Mapper:
+    """Let a mapper's robot stand for 2 s, and scan the room."""
+    for k in range(round(END_S * 100) + 5):
+        mapper.add_attitude(attitude(from_s + 0.01 * k, yaw=yaw_rad))
+        if k % 5 == 0:
+            mapper.add_counts(WheelCounts(from_s + 0.01 * k, 0.0, 0.0, 0))
+    for k in range(scans):
+        mapper.add_scan(room(from_s + 0.1 + 0.04 * k, wall_m))
+        assert mapper.settle(from_s + END_S) == 1
+    mapper.settle(from_s + END_S)
+    return mapper
+
+
+def saved(method: str = "beams", cell_value: str = "mean", yaw_rad: float = 0.0) -> Arrays:
+    """The state of a robot that has seen the room."""
+    config = config_of(method, cell_value)
+    return state_of(stand(Mapper(config), 0.0, yaw_rad), config, END_S)
+
+
+def loaded(arrays: Arrays, method: str = "beams", cell_value: str = "mean") -> Mapper:
+    """A new run's mapper that goes on from a state."""
+    config = config_of(method, cell_value)
+    mapper = Mapper(config)
+    restore(mapper, arrays, config, LATER_S)
+    return mapper
+
+
+STATE = {method: saved(method) for method in METHODS}
+
+
+def states(mapper: Mapper) -> npt.NDArray[np.int8]:
+    """The window as a ring."""
+    return mapper.maps.window.cells
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_obstacles_are_kept_and_what_was_free_is_unknown(method: str) -> None:
+    before = STATE[method]["window.cells"]
+    assert (before == OBSTACLE).sum() > 5
+    assert (before == FREE).sum() > 50
+    mapper = loaded(STATE[method], method)
+    expected = np.where(before == OBSTACLE, OBSTACLE, UNKNOWN)
+    np.testing.assert_array_equal(states(mapper), expected)
+    window = mapper.window(True)
+    np.testing.assert_array_equal(np.sort(window.changed), np.flatnonzero(before == OBSTACLE))
+    assert window.epoch > int(STATE[method]["window.epoch"])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_run_goes_on_in_the_same_map_when_the_robot_stands_where_it_stood(method: str) -> None:
+    arrays = saved(method, yaw_rad=0.3)
+    arrays["pose"][:] = 0.5, -0.25, 0.125, 1.0
+    arrays["travel_m"] = np.array(7.0)
+    mapper = stand(loaded(arrays, method), LATER_S, yaw_rad=-2.0, scans=0)
+    pose = mapper.maybe_pose(LATER_S + END_S)
+    assert pose is not None
+    assert (pose.x_m, pose.y_m) == pytest.approx((0.5, -0.25))
+    assert pose.yaw_rad == pytest.approx(1.0)
+    assert mapper.odometry.xyz_at(LATER_S + END_S)[2] == pytest.approx(0.125)
+    assert mapper.odometry.travel_m == pytest.approx(7.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_seen_again_is_free_again_and_nothing_else(method: str) -> None:
+    mapper = stand(loaded(STATE[method], method), LATER_S)
+    fresh = stand(Mapper(config_of(method)), LATER_S)
+    before = STATE[method]["window.cells"]
+    assert (states(mapper)[states(fresh) == OBSTACLE] == OBSTACLE).all()
+    assert (states(fresh)[states(mapper) == FREE] == FREE).all()
+    again = (states(fresh) == FREE) & (before == FREE)
+    assert (states(mapper)[again] == FREE).all()
+    if method == "beams":
+        assert (states(mapper) == FREE).sum() > 50
+
+
+def test_what_is_new_is_not_free_because_an_earlier_run_saw_floor_behind_it() -> None:
+    arrays = {name: array.copy() for name, array in STATE["beams"].items()}
+    floor = np.flatnonzero((arrays["cells.count"] > 20) & (arrays["cells.above"] == 0))[0]
+    everywhere, hit = np.arange(101 * 101, dtype=np.int32), arrays["cells.count"] > 0
+    for name in CELL.names or ():
+        field = np.full(everywhere.size, arrays[f"cells.{name}"][floor])
+        field[arrays["cells.at"][hit]] = arrays[f"cells.{name}"][hit]
+        arrays[f"cells.{name}"] = field
+    arrays["cells.at"] = everywhere
+    few = NEW_LOOKS // 2
+    mapper = stand(loaded(arrays), LATER_S, scans=few)
+    fresh = stand(Mapper(config_of()), LATER_S, scans=few)
+    assert (states(fresh)[states(mapper) == FREE] == FREE).all()
+
+
+def test_floor_that_was_free_but_is_not_seen_stays_unknown_beside_what_is_seen() -> None:
+    mapper = loaded(STATE["beams"])
+    half = room(LATER_S + 0.1)
+    half.ranges_m[0, :240] = np.nan
+    stand(mapper, LATER_S, scans=0)
+    for k in range(NEW_LOOKS + 5):
+        scan = room(LATER_S + 0.1 + 0.04 * k)
+        scan.ranges_m[0, :240] = np.nan
+        mapper.add_scan(scan)
+        mapper.settle(LATER_S + END_S)
+    grid = mapper.maps.window.grid
+    rows = np.arange(grid.corner_j, grid.corner_j + grid.size)
+    right = states(mapper)[rows[rows < -2] % grid.size]
+    left = states(mapper)[rows[rows > 2] % grid.size]
+    assert (right != FREE).all()
+    assert (left == FREE).any()
+
+
+def test_a_wall_that_has_gone_meanwhile_is_cleared_and_its_place_unknown_until_seen() -> None:
+    arrays = {name: array.copy() for name, array in STATE["beams"].items()}
+    stands = arrays["cells.above"] > 0  # as if seen over all its height, which beams now cross
+    arrays["cells.low_m"][stands], arrays["cells.top_m"][stands] = 0.1, 1.0
+    arrays["cells.high_bits"][stands] = 0xFFFF
+    mapper = stand(loaded(arrays), LATER_S, wall_m=100.0)
+    wall = STATE["beams"]["window.cells"] == OBSTACLE
+    assert (states(mapper)[wall] != FREE).all()
+    assert (states(mapper)[wall] == UNKNOWN).any()
+
+
+def test_a_wall_that_has_come_meanwhile_is_an_obstacle_at_once() -> None:
+    mapper = stand(loaded(STATE["beams"]), LATER_S, wall_m=3.0, scans=3)
+    fresh = stand(Mapper(config_of()), LATER_S, wall_m=3.0, scans=3)
+    new = states(fresh) == OBSTACLE
+    assert new.sum() > 5
+    assert (states(mapper)[new] == OBSTACLE).all()
+
+
+def test_heights_variances_and_the_ground_are_kept() -> None:
+    config = config_of()
+    mapper = stand(Mapper(config), 0.0)
+    again = loaded(state_of(mapper, config, END_S))
+    assert isinstance(mapper.maps, BeamMaps)
+    assert isinstance(again.maps, BeamMaps)
+    for name in ("height", "variance", "z", "slope", "step", "roughness", "soft"):
+        mapper.window(True)
+        again.window(True)
+        old, new = mapper.maybe_layer(name), again.maybe_layer(name)
+        assert old is not None
+        assert new is not None
+        np.testing.assert_array_equal(new.values, old.values)
+        assert (new.corner_i, new.corner_j) == (old.corner_i, old.corner_j)
+    assert again.maps.ground.line == mapper.maps.ground.line
+    np.testing.assert_array_equal(again.maps.cells.flat["above"], mapper.maps.cells.flat["above"])
+
+
+def test_a_loaded_map_of_which_nothing_was_seen_again_can_be_saved_again() -> None:
+    config = config_of()
+    mapper = stand(loaded(STATE["beams"]), LATER_S, scans=0)
+    again = state_of(mapper, config, LATER_S + END_S)
+    for name in ("cells.at", "cells.mean_m", "cells.above", "ground.line"):
+        np.testing.assert_array_equal(again[name], STATE["beams"][name])
+    assert (
+        (again["window.cells"] == OBSTACLE) == (STATE["beams"]["window.cells"] == OBSTACLE)
+    ).all()
+    restore(Mapper(config), again, config, 0.0)
+
+
+def test_a_filtered_height_is_less_sure_after_a_time_that_nobody_saw() -> None:
+    arrays = saved(cell_value="kalman")
+    again = loaded(arrays, cell_value="kalman")
+    assert isinstance(again.maps, BeamMaps)
+    at = arrays["cells.at"]
+    np.testing.assert_allclose(
+        again.maps.cells.flat["var_m2"][at], arrays["cells.var_m2"] + AWAY_VAR_M2
+    )
+    hit = arrays["cells.count"] > 0
+    ages_s = LATER_S - again.maps.cells.flat["t_s"][at][hit]
+    assert ((ages_s > 0) & (ages_s < END_S)).all()
+
+
+def test_the_papers_maps_are_kept() -> None:
+    mapper = loaded(STATE["reference_plane"], "reference_plane")
+    assert isinstance(mapper.maps, ReferencePlaneMaps)
+    grid = mapper.maps.plane.grid
+    np.testing.assert_array_equal(grid.average_m, STATE["reference_plane"]["plane.average_m"])
+    np.testing.assert_array_equal(grid.count, STATE["reference_plane"]["plane.count"])
+    assert not (grid.states == FREE).any()
+
+
+def test_ground_around_an_earlier_runs_start_is_not_vouched_for() -> None:
+    assert loaded(STATE["beams"]).continued
+    assert not Mapper(config_of()).continued
+
+
+def test_without_a_pose_nothing_is_saved() -> None:
+    config = config_of()
+    with pytest.raises(StateError, match="pose is not known"):
+        state_of(Mapper(config), config, 0.0)
+    with pytest.raises(StateError, match="pose is not known"):
+        state_of(stand(Mapper(config), 0.0), config, END_S + 10.0)
+
+
+def test_a_run_that_has_begun_goes_on_from_nothing_else() -> None:
+    with pytest.raises(ValueError, match="begun"):
+        restore(stand(Mapper(config_of()), 0.0), STATE["beams"], config_of(), LATER_S)
+
+
+def test_a_state_says_whether_the_robot_moved() -> None:
+    assert not was_moving(STATE["beams"])
+    assert was_moving({**STATE["beams"], "motion": np.array([0.3, 0.0])})

@@ -1,0 +1,53 @@
+"""What `--check` tells of the motors, and what a planner is told before anything is known."""
+
+import math
+from typing import Any
+
+import pytest
+
+from core.config import load_config, with_changes
+from core.driving import health
+from core.driving.report import report
+from core.mapping.mapper import Mapper
+from core.summary import robot_in_words
+from tests import ROOT
+
+SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+
+
+def told(**sections: dict[str, Any]) -> str:
+    return robot_in_words(with_changes(SHIPPED, **sections), [None])
+
+
+def test_as_shipped_motors_never_move() -> None:
+    assert "motors    never move (robot.enable_motors is false)" in told()
+
+
+@pytest.mark.parametrize(
+    ("robot", "planner", "words"),
+    [
+        ({}, {}, "which nobody has to sign: up to 1 m/s"),
+        ({}, {}, "it cannot set out (robot.start_clear_m is 0)"),
+        ({}, {"key_file": "key"}, "signed with the key"),
+        ({}, {"port": "udp://10.0.0.2:9750"}, "never move: from another machine"),
+        ({"start_clear_m": 9.0}, {}, "9 m around the start, which must be clear"),
+        ({"unknown_stops": False}, {}, "drives onto ground that it has not seen"),
+        ({"stop_margin_m": 0.3}, {}, "stops 0.3 m before obstacles"),
+    ],
+)
+def test_what_enabled_motors_will_do_is_told(
+    robot: dict[str, Any], planner: dict[str, Any], words: str
+) -> None:
+    assert words in told(robot={"enable_motors": True, **robot}, planner=planner)
+
+
+def test_a_planner_is_told_what_is_not_known() -> None:
+    trusted, pose = report(
+        Mapper(SHIPPED), 5.0, clocks_locked=False, overrun=True, replayed=False,
+        contaminated=True, stop_asked=True, drop_ahead=True, stalled=False,
+    )  # fmt: skip
+    assert not trusted
+    assert pose.mode == health.BOOTING
+    assert pose.health == health.CONTAMINATED | health.STOP_ASKED | health.DROP_AHEAD
+    assert pose.age_scan_s == pose.age_ahrs_s == pose.age_enc_s == math.inf
+    assert (pose.x_m, pose.y_m, pose.yaw_rad, pose.v_mps) == (0.0, 0.0, 0.0, 0.0)

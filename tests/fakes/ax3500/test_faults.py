@@ -1,0 +1,326 @@
+"""The fake controller's faults, each one attribute; its sisters; who moves the wheels, and when."""
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from fakes.ax3500.device import MODES, FakeAx3500, Mode
+from fakes.ax3500.power import Model, thermistor_from_celsius
+from tests.support.bench_ax3500 import Bench, HeldWheels
+
+# who moves the wheels
+
+
+@pytest.mark.parametrize("mode", ["rs232", "rs232_watchdog"])
+def test_in_rs232_mode_the_radio_moves_nothing(mode: Mode) -> None:
+    bench = Bench(mode)
+    bench.fake.command(100, 100)
+    bench.run(0.1, b"!A10\r")
+    assert bench.wheels.powers == [(16 / 127, 0.0)]
+
+
+def test_entering_rs232_mode_takes_the_vehicle_from_its_radio() -> None:
+    bench = Bench("rc")
+    bench.fake.command(100, -50)
+    bench.run(0.02)
+    bench.run(0.02, b"\r" * 10)
+    assert bench.wheels.powers == [(100 / 127, -50 / 127), (0.0, 0.0)]
+    bench.fake.command(90, 90)
+    assert len(bench.wheels.powers) == 2
+
+
+def test_a_radio_that_overrides_drives_in_rs232_mode_too() -> None:
+    bench = Bench("rs232", radio_overrides=True)
+    bench.fake.command(64, 0)
+    bench.run(0.1, b"!A10\r")
+    bench.fake.command(64, 0)
+    assert bench.wheels.powers == [(64 / 127, 0.0), (16 / 127, 0.0), (64 / 127, 0.0)]
+
+
+def test_the_stick_that_is_still_held_counts_again_once_the_controller_is_up() -> None:
+    bench = Bench("rc")
+    bench.fake.command(64, 64)
+    bench.fake.power_cycle(bench.now_s)
+    assert bench.run(0.6) == b""
+    assert bench.wheels.powers[-1] == (0.0, 0.0)
+    bench.run(0.2)
+    assert bench.wheels.powers[-1] == (64 / 127, 64 / 127)
+
+
+# power, heat, status
+
+
+@pytest.mark.parametrize(
+    ("attribute", "bad", "good", "bit"),
+    [
+        ("battery_v", 45.0, 24.0, 0x01),
+        ("celsius", (20.0, 90.0), (20.0, 60.0), 0x02),
+        ("battery_v", 7.0, 24.0, 0x04),
+        ("status", 0x08, 0x00, 0x08),
+    ],
+)
+def test_a_condition_takes_the_power_and_ends_by_itself(
+    attribute: str, bad: object, good: object, bit: int
+) -> None:
+    bench = Bench()
+    bench.drive(100, 100)
+    setattr(bench.fake, attribute, bad)
+    assert bench.ask("^89") == [f"{bit:02X}", "+"]
+    assert (bench.ask("?V"), bench.wheels.powers[-1]) == (["00", "00"], (0.0, 0.0))
+    setattr(bench.fake, attribute, good)
+    assert bench.ask("^89") == ["00", "+"]
+    assert bench.wheels.powers[-1] == (100 / 127, 100 / 127)
+
+
+def test_an_emergency_stop_stays_until_a_reset_and_is_back_while_the_button_is_in() -> None:
+    bench = Bench()
+    bench.drive(100, 100)
+    bench.fake.emergency_stop = True
+    assert (bench.ask("?I"), bench.ask("^89")) == (["00", "00", "00"], ["80", "+"])
+    assert bench.wheels.powers[-1] == (0.0, 0.0)
+    bench.fake.reset(bench.now_s)
+    bench.run(0.71)
+    assert bench.ask("^89") == ["80", "+"]
+    bench.fake.emergency_stop = False
+    assert bench.ask("^89") == ["80", "+"]
+    bench.fake.reset(bench.now_s)
+    bench.run(0.71)
+    assert (bench.ask("^89"), bench.ask("?I")) == (["00", "+"], ["00", "00", "01"])
+
+
+def test_a_load_shows_in_amps_volts_and_heat_and_passes() -> None:
+    bench = Bench(load_a=20.0)
+    cold = bench.ask("?M")
+    bench.drive(127, -64)
+    assert bench.ask("?A") == ["28", "14"]  # 20 A, 10 A
+    assert bench.ask("?E") == [f"{round((24.06 - 0.06 * 30.08) * 256 / 55):02X}", "6C"]
+    bench.run(120.0, step_s=0.5)
+    hot = bench.ask("?M")
+    assert int(hot[0], 16) < int(hot[1], 16) < int(cold[0], 16)
+    bench.drive(0, 0)
+    assert (bench.ask("?A"), bench.ask("?E")) == (["00", "00"], ["70", "6C"])
+    bench.run(900.0, step_s=0.5)
+    assert bench.ask("?M") == cold
+
+
+def test_the_thermistors_table_holds_at_its_points_and_between() -> None:
+    assert [thermistor_from_celsius(c) for c in (-40, 35, 150, -99, 999)] == [248, 128, 8, 248, 8]
+    assert thermistor_from_celsius(25.4) == 152  # the sheet's example
+
+
+@pytest.mark.parametrize(
+    ("model", "identity", "amps", "output_d"),
+    [
+        ("AX3500", "68", "0B", ["-"]),
+        ("AX1500", "22", "16", ["-"]),
+        ("AX2850", "24", "06", ["+"]),
+    ],
+)
+def test_each_of_the_family_has_its_identity_and_its_amps(
+    model: Model, identity: str, amps: str, output_d: list[str]
+) -> None:
+    bench = Bench()
+    bench.fake = FakeAx3500(bench.wheels, 1, "rs232", model=model, paced=False)
+    bench.fake.reply_delay_s, bench.fake.amps = 0.0, (5.5, 0.0)
+    bench.fake.exchange(bench.now_s, b"")
+    assert bench.ask("^8A") == [identity, "+"]
+    assert bench.ask("?A") == [amps, "00"]
+    assert bench.ask("!D") == output_d
+
+
+def test_without_its_encoder_module_it_says_so_and_counts_nothing() -> None:
+    bench = Bench(encoder=False)
+    assert bench.ask("^8A") == ["48", "+"]
+    for line in ("?Q0", "?Z", "!Q2", "*A2", "?W"):
+        assert bench.ask(line) == ["-"]
+    bench.fake.restart(bench.now_s)
+    assert bench.run(0.71) == b"Roboteq v1.9b 06/01/07\rs\rOK\r"
+
+
+# what it says, and how
+
+
+def test_without_echo_the_answer_stands_alone() -> None:
+    bench = Bench(echoes=False)
+    assert bench.run(0.0, b"?E\r!C\r") == b"70\r6C\r+\r"
+
+
+def test_a_line_feed_may_follow_each_cr() -> None:
+    bench = Bench(lf_after_cr=True)
+    assert bench.run(0.0, b"?E\r") == b"?E\r\n70\r\n6C\r\n"
+
+
+def test_it_may_enter_rs232_mode_without_a_word() -> None:
+    bench = Bench("rc", says_ok=False)
+    sent = bench.run(0.0, b"\r" * 10)
+    assert b"OK" not in sent
+    assert bench.fake.mode == "rs232_watchdog"
+    assert bench.ask("?Q0") == ["0"]
+
+
+def test_chosen_lines_are_refused() -> None:
+    bench = Bench(refuse={"?r", "^01"})
+    assert [bench.ask(line) for line in ("?R", "?r", "^01")] == [["-"]] * 3
+    assert bench.ask("?P") == ["00", "00"]
+
+
+def test_old_encoder_modules_want_another_sign() -> None:
+    bench = Bench(register_sign="$")
+    assert (bench.ask("$A2"), bench.ask("*A2")) == (["04", "+"], ["-"])
+    bench.fake.register_sign = "*"
+    assert (bench.ask("$A2"), bench.ask("*A2")) == (["-"], ["04", "+"])
+
+
+# faults
+
+
+def test_deaf_it_neither_echoes_nor_answers_and_its_watchdog_strikes() -> None:
+    bench = Bench("rs232_watchdog", deaf=True)
+    assert bench.run(2.1, b"?Q0\r") == b"WW"
+    bench.fake.deaf = False
+    assert bench.ask("?Q0") == ["0"]
+
+
+def test_late_it_says_the_same_later() -> None:
+    plain, late = Bench(paced=True), Bench(paced=True, late_s=0.3)
+    assert late.run(0.29, b"?Q0\r?E\r") == b""
+    assert late.run(0.1) == plain.run(0.39, b"?Q0\r?E\r")
+
+
+def test_frozen_its_counters_stand_and_jump_afterwards() -> None:
+    bench = Bench()
+    bench.place(100, 200)
+    assert bench.ask("?Q0") == ["64"]
+    bench.fake.frozen = True
+    bench.place(5000, 6000)
+    bench.run(0.1)
+    assert (bench.ask("?Q0"), bench.ask("?Z")) == (["64"], ["00", "00"])
+    bench.fake.frozen = False
+    bench.run(0.01)
+    assert bench.ask("?Q0") == ["1388"]
+
+
+@pytest.mark.parametrize("after", range(1, 6))
+def test_it_resets_by_itself_in_the_middle_of_a_poll(after: int) -> None:
+    bench = Bench(reset_after=after)
+    bench.place(1000, 1000)
+    sent = bench.run(0.71, b"?Q0\r?Q1\r")
+    assert sent.startswith(b"?Q0\r"[: after - 1] if after < 5 else b"?Q0\r3E8\r")
+    assert sent.endswith(b"OK\r")
+    assert (bench.ask("?Q0"), bench.fake.reset_after) == (["0"], 0)
+
+
+def test_a_reset_keeps_what_was_on_the_way_and_a_power_cycle_loses_it() -> None:
+    for cycle, kept in (("reset", b"?Q0\r0\r"), ("power_cycle", b"")):
+        bench = Bench(paced=True, reply_delay_s=0.0)
+        bench.fake.exchange(bench.now_s, b"?Q0\r")
+        bench.now_s += 0.0045
+        bench.fake.encoders.sample(bench.now_s)
+        answered = bench.fake.exchange(bench.now_s, b"")
+        getattr(bench.fake, cycle)(bench.now_s)
+        rest = bench.run(0.8)
+        assert (answered + rest).startswith(kept or answered)
+        assert rest.endswith(b"OK\r")
+        assert (b"\r0\r" in answered + rest[:4]) == bool(kept)
+
+
+def test_a_bad_address_hangs_the_module_over_a_reset_but_not_over_a_loss_of_power() -> None:
+    bench = Bench()
+    assert bench.ask("*99") == ["00", "+"]  # a destination
+    assert bench.ask("*9C") == []
+    bench.run(0.71, b"%rrrrrr\r")
+    assert (bench.ask("?Q0"), bench.ask("?E")) == ([], ["70", "6C"])
+    bench.fake.power_cycle(bench.now_s)
+    bench.run(0.71)
+    assert bench.ask("?Q0") == ["0"]
+
+
+class Controller(RuleBasedStateMachine):
+    """Anything may happen to it; what it does to the wheels and the wire stays within its rules."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wheels = HeldWheels()
+        self.fake = FakeAx3500(self.wheels, 1)
+        self.now_s, self.begin_s, self.sent = 50.0, 50.0, 0
+
+    def pass_time(self, seconds: float, written: bytes = b"") -> None:
+        self.sent += len(self.fake.exchange(self.now_s, written))
+        self.now_s += seconds
+        self.sent += len(self.fake.exchange(self.now_s, b""))
+
+    @rule(
+        written=st.sampled_from(
+            [b"?Q0\r", b"?Q1\r", b"!A40\r", b"!b7F\r", b"^89\r", b"?I\r", b"\r" * 12, b"%rrrrrr\r"]
+        )
+        | st.binary(max_size=6),
+        seconds=st.floats(0.0, 1.5),
+    )
+    def write(self, written: bytes, seconds: float) -> None:
+        """The host does something."""
+        self.pass_time(seconds, written)
+
+    @rule(
+        name=st.sampled_from(["mute", "deaf", "frozen", "echoes", "emergency_stop", "lf_after_cr"]),
+        on=st.booleans(),
+    )
+    def fault(self, name: str, on: bool) -> None:
+        """A fault begins or ends."""
+        setattr(self.fake, name, on)
+        self.pass_time(0.0)
+
+    @rule(volts=st.sampled_from([0.0, 24.0, 50.0]), late_s=st.sampled_from([0.0, 0.2]))
+    def supply(self, volts: float, late_s: float) -> None:
+        """The battery is what it is; so is the delay."""
+        self.fake.battery_v, self.fake.late_s = volts, late_s
+        self.pass_time(0.0)
+
+    @rule(one=st.integers(-200, 200), two=st.integers(-200, 200))
+    def steer(self, one: int, two: int) -> None:
+        """Somebody moves the sticks."""
+        self.fake.command(one, two)
+
+    @rule(mode=st.sampled_from(MODES))
+    def switch(self, mode: Mode) -> None:
+        """Another mode."""
+        self.fake.mode = mode
+        self.pass_time(0.0)
+
+    @rule(power=st.booleans())
+    def restart(self, power: bool) -> None:
+        """Down and up."""
+        (self.fake.power_cycle if power else self.fake.reset)(self.now_s)
+
+    @rule(one=st.integers(-(2**33), 2**33))
+    def turn(self, one: int) -> None:
+        """The wheels turn."""
+        self.wheels.turned = (float(one), float(-one))
+
+    @invariant()
+    def a_condition_means_no_power(self) -> None:
+        """Any bit of the status, and the wheels are without power."""
+        if self.fake.condition() and self.wheels.powers:
+            self.fake.exchange(self.now_s, b"")
+            assert self.wheels.powers[-1] == (0.0, 0.0)
+
+    @invariant()
+    def the_wire_is_never_faster_than_it_can(self) -> None:
+        """960 characters a second."""
+        assert self.sent <= (self.now_s - self.begin_s) * 960 + 2
+
+    def teardown(self) -> None:
+        """With all faults gone, and power on again, it answers as new."""
+        for name in ("mute", "deaf", "frozen", "emergency_stop", "lf_after_cr"):
+            setattr(self.fake, name, False)
+        self.fake.echoes, self.fake.battery_v, self.fake.late_s = True, 24.0, 0.0
+        self.fake.parameters[0x00] = MODES.index("rs232")
+        self.pass_time(1.0)
+        self.fake.power_cycle(self.now_s)
+        self.pass_time(1.5)
+        self.fake.exchange(self.now_s, b"?I\r")
+        assert self.fake.exchange(self.now_s + 0.1, b"") == b"?I\r00\r00\r01\r"
+
+
+TestController = Controller.TestCase
+TestController.settings = settings(max_examples=40, stateful_step_count=25)

@@ -1,0 +1,396 @@
+"""The fake LMS111 against the frames of its sheet and against the recorded session."""
+
+import csv
+import math
+import struct
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.lms1xx.cola_values import packed, written
+from fakes.lms1xx.device import FakeLms111
+from fakes.lms1xx.scan import Channel, ScanTelegram
+from tests.support.bench_lms111 import (
+    F64,
+    FRAMES,
+    START_S,
+    TEXTS,
+    Bench,
+    counters,
+    five_metres,
+    framed,
+    payloads,
+    raw_of,
+)
+
+
+def test_each_answer_printed_in_the_sheet_comes_byte_for_byte() -> None:
+    bench = Bench()
+    conversation = [
+        (framed("sMN SetAccessMode ", b"\3\0\0\0\0"), FRAMES["not logged in"]),
+        (FRAMES["read scan"], FRAMES["scan is 50"]),
+        (FRAMES["write range"], FRAMES["write denied"]),
+        (FRAMES["write content"], FRAMES["write denied"]),
+        (framed("sMN LMCstartmeas"), framed("sFA\0\1")),
+        (FRAMES["scan 50"], framed("sFA\0\1")),
+        (FRAMES["login"], FRAMES["logged in"]),
+        (FRAMES["scan 25"], FRAMES["scan 25 taken"]),
+        (FRAMES["read scan"], FRAMES["scan is 25"]),
+        (FRAMES["write range"], FRAMES["range written"]),
+        (FRAMES["read range"], FRAMES["range is"]),
+        (FRAMES["write content"], FRAMES["content written"]),
+        (FRAMES["read content"], FRAMES["content is"]),
+        (FRAMES["write content rssi"], FRAMES["content written"]),
+        (FRAMES["write content all"], FRAMES["content written"]),
+        (FRAMES["write range 180"], FRAMES["range written"]),
+        (FRAMES["store"], framed("sAN mEEwriteall ", b"\1")),
+        (FRAMES["set time"], FRAMES["time set"]),
+        (FRAMES["stop"], framed("sAN LMCstopmeas ", b"\0")),
+        (FRAMES["standby"], framed("sAN LMCstandby ", b"\0")),
+        (FRAMES["start"], framed("sAN LMCstartmeas ", b"\0")),
+        (FRAMES["run"], framed("sAN Run ", b"\1")),
+        (FRAMES["read contamination"], FRAMES["clean"]),
+        (FRAMES["subscribe"], FRAMES["subscribed"]),
+        (FRAMES["unsubscribe"], FRAMES["unsubscribed"]),
+        (framed("sRN FREchoFilter"), FRAMES["unknown variable"]),
+    ]
+    for command, answer in conversation:
+        assert bench.ask(command) == answer, command
+    bench.listen(0.5)
+    assert bench.ask(FRAMES["read device state"]) == FRAMES["device ready"]
+    assert payloads(bench.ask(FRAMES["read state"]))[0].startswith(b"sRA STlms \0\7\0\0\x0812:34:5")
+
+
+@pytest.mark.parametrize("login", ["login 2", "login 4"])
+def test_the_other_levels_log_in_and_only_service_may_also_set(login: str) -> None:
+    bench = Bench()
+    assert bench.ask(FRAMES[login]) == FRAMES["logged in"]
+    service = login == "login 4"
+    assert (b"sFA" in bench.ask(FRAMES["write content"])) is not service
+
+
+def test_the_telegrams_printed_in_the_sheet_are_encoded_byte_for_byte() -> None:
+    when = datetime(2021, 3, 2, 12, 34, 56, 789000)
+    common = {
+        "status": b"\0\0", "telegrams": 0xF770, "scans": 0xC, "scan_us": 0x742AF1D6,
+        "sent_us": 0x742AFE0A, "outputs": b"\4\0", "shots": 360,
+    }  # fmt: skip
+
+    def row(name: bytes, raw: list[int], first: int, step: int, **kind: bool | float) -> Channel:
+        return Channel(name, np.array(raw, dtype=np.uint16), first, step, **kind)  # type: ignore[arg-type]
+
+    at = (900_000, 5000)
+    rows = (row(b"DIST1", [1337, 3, 0], *at), row(b"RSSI1", [254, 0, 16], *at, wide=False))
+    a = ScanTelegram(frequency=5000, channels=rows, when=when, **common)  # type: ignore[arg-type]
+    assert framed("sSN LMDscandata ", packed(a.values())) == FRAMES["scan A"]
+    assert b"sSN LMDscandata " + written(a.values()) == TEXTS["scan A"]
+    at = (-450_000, 2500)
+    many = (
+        row(b"DIST1", [700, 0, 16], *at, scale=2.0),
+        row(b"DIST2", [800, 0, 0], *at, scale=2.0),
+        row(b"RSSI1", [0xFFFF, 0, 1], *at),
+        row(b"RSSI2", [12, 0, 0], *at),
+    )
+    b = ScanTelegram(frequency=2500, channels=many, encoders=((1000, -5),), name=b"front", **common)  # type: ignore[arg-type]
+    assert framed("sRA LMDscandata ", packed(b.values())) == FRAMES["scan B"]
+    assert b"sRA LMDscandata " + written(b.values()) == TEXTS["scan B"]
+
+
+def recorded(vectors: Path) -> list[tuple[str, bytes]]:
+    streams = {d: (vectors / f"lms111_session_{d}.bin").read_bytes() for d in ("h2d", "d2h")}
+    with (vectors / "lms111_session_index.csv").open(encoding="utf-8") as file:
+        rows = [(r["dir"], int(r["offset"]), int(r["length"])) for r in csv.DictReader(file)]
+    return [(way, streams[way][at : at + size]) for way, at, size in rows]
+
+
+def test_the_recorded_host_gets_the_recorded_answers(vectors: Path) -> None:
+    bench, session = Bench(), recorded(vectors)
+    for k, ((way, command), (_, answer)) in enumerate(pairwise(session[:98])):
+        if way == "d2h":
+            continue
+        [ours] = payloads(bench.ask(command))
+        theirs = answer[8:-1]
+        name = command[12:-1].split(b" ")[0]
+        assert ours.split(b" ")[:2] == theirs.split(b" ")[:2]
+        if name in {b"field%03d" % k for k in range(10)}:  # drawn by that device's owner
+            assert ours == b"sRA " + name + b" \0"
+        elif k != 14:  # the first read of the range, which its owner had set before
+            assert ours == theirs
+
+
+def test_a_scan_telegram_has_the_recorded_layout(vectors: Path) -> None:
+    bench, session = Bench(), recorded(vectors)
+    for way, command in session[:98]:
+        if way == "h2d":
+            bench.ask(command)
+    heard = bench.listen(1.0)
+    theirs = [t[8:-1] for way, t in session if way == "d2h" and t[8:].startswith(b"sSN")]
+    ours = [payload for payload in heard if payload.startswith(b"sSN LMDscandata ")]
+    theirs_scans = [payload for payload in theirs if payload.startswith(b"sSN LMDscandata ")]
+    for k in (0, 6, 7, 20):
+        mine, real = ours[k], theirs_scans[k]
+        assert len(framed("", mine)) == 1191
+        assert mine[:26] == real[:26]  # up to the device status
+        assert mine[38:77] == real[38:77]  # inputs .. first channel's head
+        assert mine[-23:-9] == real[-23:-9]  # flags, and the date of an unset clock
+        assert mine[-2:] == real[-2:]
+    assert [telegram[24:26] for telegram in ours[:8]] == [b"\1\0"] * 7 + [b"\0\0"]
+    told = next(p for p in theirs if p.startswith(b"sSN LIDoutputstate "))
+    [mine] = [p for p in heard if p.startswith(b"sSN LIDoutputstate ")]
+    assert mine[:21] == told[:21]
+    assert mine[25:84] == told[25:84]
+    assert len(mine) == len(told)
+
+
+def test_beams_are_seen_at_their_own_instants_and_told_after_the_sweep() -> None:
+    asked: list[tuple[float, F64, F64]] = []
+
+    def truth(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        asked.append((t_first_s, times_s, bearings_rad))
+        return np.linspace(1.0, 6.4, len(times_s))
+
+    bench = Bench(truth)
+    bench.fake.noise_m = 0.0
+    bench.start(FRAMES["scan 25"])
+    sent, came_s = b"", math.nan
+    while not sent:
+        bench.now_s += 0.0001
+        sent, came_s = bench.fake.exchange(bench.now_s, b""), bench.now_s
+    [scan] = payloads(sent)
+    [(t_first_s, times_s, bearings_rad)] = asked
+    assert t_first_s == times_s[0]
+    assert len(times_s) == 1081
+    np.testing.assert_allclose(np.diff(times_s), 0.25 / 360 / 25, rtol=1e-6)
+    np.testing.assert_allclose(np.degrees(bearings_rad[[0, 540, -1]]), [-135, 0, 135], atol=1e-9)
+    assert raw_of(scan) == [round(1000 + 5 * k) for k in range(1081)]
+    stamp_us, sent_us = struct.unpack_from(">II", scan, 30)
+    assert sent_us - stamp_us == 3100
+    assert sent_us * 1e-6 + START_S == pytest.approx(times_s[-1] + 1e-4, abs=2e-6)
+    assert 0 <= came_s - (times_s[-1] + 1e-4) < 0.00011
+
+
+@given(st.floats(0.0, 25.0) | st.sampled_from([math.nan, math.inf, -1.0, 0.0, 0.017]))
+def test_ranges_become_noisy_millimetres_and_nothing_comes_from_afar(range_m: float) -> None:
+    bench = Bench(lambda t_s, times_s, bearings_rad: np.full(len(times_s), range_m))
+    bench.start()
+    raw = np.array([raw_of(scan) for scan in bench.scans(0.1)])
+    valid = raw[raw > 0]
+    assert raw.shape[1] == 541
+    assert not len(valid) or (valid.min() >= 16 and valid.max() <= 20_000)
+    if 0.1 < range_m < 19.9:
+        assert len(valid) == raw.size
+        assert abs(valid.mean() - 1000 * range_m) < 1.5
+        assert 11 < valid.std() < 13
+    if not range_m <= 20.1 or range_m < 0:
+        assert not len(valid)
+
+
+def test_the_output_range_cuts_points_off_and_leaves_the_rest_where_it_was() -> None:
+    whole, part = Bench(lambda t, s, b: b + 4.0), Bench(lambda t, s, b: b + 4.0)
+    for bench, settings in (
+        (whole, (FRAMES["scan 25"],)),
+        (part, (FRAMES["scan 25"], FRAMES["write range 180"])),
+    ):
+        bench.fake.noise_m = 0.0
+        bench.start(*settings)
+    all_of_it, some = whole.scans(0.1)[0], part.scans(0.1)[0]
+    assert struct.unpack_from(">iHH", some, 69) == (0, 2500, 721)
+    assert raw_of(some) == raw_of(all_of_it)[180:901]
+    resolution = payloads(part.ask(FRAMES["read range"]))[0][21:25]
+    assert resolution == bytes.fromhex("00001388")  # at 0.25 deg as well: the sheet's pitfall
+
+
+@pytest.mark.parametrize(
+    ("values", "status"),
+    [
+        ((5000, 1, 5000, -450_000, 2_250_000), 0),
+        ((2500, 1, 2500, -450_000, 2_250_000), 0),
+        ((2500, 1, 5000, -450_000, 2_250_000), 0),
+        ((5000, 1, 2500, -450_000, 2_250_000), 2),
+        ((3500, 1, 2500, -450_000, 2_250_000), 1),
+        ((5000, 1, 1000, -450_000, 2_250_000), 2),
+        ((3500, 1, 1000, -450_000, 2_250_000), 3),
+        ((5000, 1, 5000, -450_001, 2_250_000), 4),
+        ((5000, 2, 5000, -450_000, 2_250_000), 5),
+    ],
+)
+def test_only_the_modes_of_the_device_are_taken(values: tuple[int, ...], status: int) -> None:
+    bench = Bench()
+    bench.ask(FRAMES["login"])
+    [answer] = payloads(bench.ask(framed("sMN mLMPsetscancfg ", struct.pack(">IhIii", *values))))
+    taken = values if status == 0 else (5000, 1, 5000, -450_000, 2_250_000)
+    assert answer[19:] == bytes([status]) + struct.pack(">IhIii", *taken)
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        (framed("sMN Fly"), 2),
+        (framed("sRN Fly"), 3),
+        (framed("sWN Fly ", b"\1"), 3),
+        (framed("sRN field030"), 3),
+        (framed("sEN Fly ", b"\1"), 0x0F),
+        (framed("sXX Fly"), 0x0C),
+        (framed(""), 0x0C),
+        (framed("sWN STlms ", b"\1"), 0x0A),
+        (framed("sMN mLMPsetscancfg ", b"\0\0"), 8),
+        (framed("sMN SetAccessMode ", b"\3"), 8),
+        (framed("sWN LMPoutputRange ", struct.pack(">HIii", 1, 5000, -450_001, 0)), 4),
+        (framed("sWN LMPoutputRange ", struct.pack(">HIii", 1, 5000, 0, 2_250_001)), 4),
+        (framed("sWN LMPoutputRange ", struct.pack(">HIii", 1, 5000, 10, 0)), 4),
+        (framed("sWN LMDscandatacfg ", bytes(13)), 4),
+        (framed("sWN LMDscandatacfg ", b"\1" + bytes(10)), 8),
+        (framed("sWN LMDscandatacfg ", b"\1" + bytes(20)), 7),
+        (framed("sRN LMDscandata"), 4),
+    ],
+)
+def test_a_wrong_command_gets_its_code(command: bytes, code: int) -> None:
+    bench = Bench()
+    bench.ask(FRAMES["login"])
+    assert payloads(bench.ask(command)) == [b"sFA" + struct.pack(">H", code)]
+
+
+@pytest.mark.parametrize(
+    "left_out", [FRAMES["login"], FRAMES["start"], FRAMES["run"], FRAMES["subscribe"]]
+)
+def test_there_are_no_scans_if_a_step_is_left_out(left_out: bytes) -> None:
+    bench = Bench()
+    for command in (
+        FRAMES["login"],
+        FRAMES["write content"],
+        FRAMES["start"],
+        FRAMES["run"],
+        FRAMES["subscribe"],
+    ):
+        if command != left_out:
+            bench.ask(command)
+    assert not bench.scans(1.0)
+
+
+def test_it_becomes_ready_only_after_spinning_up() -> None:
+    bench = Bench()
+
+    def state() -> int:
+        return payloads(bench.ask(FRAMES["read state"], 0.01))[0][11]
+
+    assert state() == 3
+    bench.ask(FRAMES["login"])
+    assert state() == 2
+    bench.ask(FRAMES["start"])
+    assert state() == 4  # some drivers wait for 7 and send Run then
+    bench.ask(FRAMES["run"], 0.01)
+    assert state() == 4
+    assert payloads(bench.ask(FRAMES["read device state"]))[0].endswith(b"\0")
+    bench.listen(0.3)
+    assert state() == 7
+
+
+def test_settings_count_from_run_on_and_a_login_ends_measuring() -> None:
+    bench = Bench()
+    bench.start()
+    assert len(bench.scans(0.5)) == pytest.approx(25, abs=1)
+    bench.ask(FRAMES["login"])
+    assert not bench.scans(0.2)
+    assert payloads(bench.ask(FRAMES["read device state"]))[0].endswith(b"\0")
+    bench.ask(FRAMES["scan 25"])
+    assert bench.fake.settings.frequency == 5000
+    bench.ask(FRAMES["start"])
+    bench.ask(FRAMES["run"])
+    scans = bench.scans(1.3)
+    assert len(scans) == pytest.approx(25, abs=1)
+    assert counters(scans) == list(range(len(scans)))
+    assert {len(scan) for scan in scans} == {0x49E + 2 * 540 - 11}  # without the time block
+    assert b"sFA\0\x0a" in payloads(bench.ask(FRAMES["write content"]))  # Run has logged out
+
+
+def test_a_new_client_finds_it_measuring_but_must_subscribe_and_log_in_again() -> None:
+    bench = Bench()
+    bench.start(FRAMES["scan 25"])
+    bench.scans(0.3)
+    bench.fake.reconnected(bench.now_s)
+    assert not bench.listen(0.2)
+    assert bench.ask(FRAMES["write content"]) == FRAMES["write denied"]
+    assert payloads(bench.ask(FRAMES["read state"]))[0][11] == 7
+    bench.ask(FRAMES["subscribe"])
+    scans = bench.scans(0.2)
+    assert len(raw_of(scans[0])) == 1081
+    assert counters(scans)[0] > 10
+    assert bench.ask(FRAMES["poll"])[8:23] == b"sRA LMDscandata"
+
+
+def test_without_storing_a_reboot_loses_the_settings() -> None:
+    for store, points in ((FRAMES["store"], 1081), (FRAMES["read scan"], 541)):
+        bench = Bench()
+        bench.start(FRAMES["scan 25"], store)
+        bench.scans(0.2)
+        bench.fake.reboot(bench.now_s)
+        assert not bench.listen(0.5)
+        bench.start()
+        assert {len(raw_of(scan)) for scan in bench.scans(0.2)} == {points}
+        [power_ons] = [p for p in payloads(bench.ask(framed("sRN ODpwrc"))) if p.startswith(b"sRA")]
+        assert power_ons[-1] == 0x40
+
+
+def test_rebooting_by_command_is_answered_and_restarts_the_clock() -> None:
+    bench = Bench()
+    bench.listen(5.0)
+    bench.ask(FRAMES["login"])
+    assert payloads(bench.ask(FRAMES["reboot"])) == [b"sAN mSCreboot "]
+    bench.start()
+    [scan] = bench.scans(0.03)
+    assert struct.unpack_from(">I", scan, 34)[0] < 1_000_000
+
+
+def test_content_and_interval_of_the_telegram_are_as_set() -> None:
+    bench = Bench()
+    everything = bytes.fromhex("0300 01 00 00 0100 01 01 01 01 0003")
+    bench.start(framed("sWN LMDscandatacfg ", everything))
+    scans = bench.scans(0.5)
+    assert {b - a for a, b in pairwise(counters(scans))} == {3}
+    scan = scans[0]
+    assert struct.unpack_from(">H", scan, 52)[0] == 1  # encoder
+    at, size = 60, 21 + 2 * 541
+    assert scan[at : at + 7] == b"\0\2DIST1"
+    assert scan[at + 2 + size :].startswith(b"DIST2")
+    assert raw_of(scan[:54] + scan[60:])[270] == pytest.approx(5000, abs=60)
+    at += 2 + 2 * size
+    assert scan[at : at + 7] == b"\0\2RSSI1"
+    rssi = scan[at + 23 : at + 23 + 541]
+    assert 0 < min(rssi) <= max(rssi) < 255
+    assert scan[at + 2 + 21 + 541 :].startswith(b"RSSI2")
+    at += 2 + 2 * (21 + 541)
+    assert scan[at:] == (
+        b"\0\1" + bytes(25) + b"\0\1\x0bnot defined" + b"\0\1\0" + scan[-15:-2] + b"\0\0"
+    )
+    assert scan[-15:-11] == b"\0\1\x07\xb2"
+
+
+def test_its_clock_wraps_and_drifts_and_paces_the_scans() -> None:
+    bench = Bench()
+    bench.fake.clock_offset_us = 2**32 - 600_000
+    bench.fake.drift_ppm = 10_000.0
+    bench.start()
+    scans = bench.scans(2.0)
+    assert len(scans) == pytest.approx(101, abs=1)
+    sent_us = [struct.unpack_from(">I", scan, 34)[0] for scan in scans]
+    assert {(b - a) % 2**32 for a, b in pairwise(sent_us)} <= {19_999, 20_000, 20_001}
+    assert sum(b < a for a, b in pairwise(sent_us)) == 1
+
+
+def test_one_that_measures_at_power_up_needs_only_a_subscription() -> None:
+    fake = FakeLms111(five_metres, seed=1)
+    fake.measures_at_power_up = True
+    fake.exchange(0.0, FRAMES["subscribe"])
+    assert len(payloads(fake.exchange(0.5, b""))) > 5
+
+
+def test_two_with_the_same_seed_say_the_same() -> None:
+    benches = [Bench(), Bench()]
+    for bench in benches:
+        bench.start()
+    assert benches[0].scans(0.3) == benches[1].scans(0.3)

@@ -1,0 +1,349 @@
+"""The fake MTi against the frames and the conversation of its sheet."""
+
+import math
+import struct
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.mti.device import FakeMti, State
+from tests.support.bench_mti import (
+    ACCEL_MPS2,
+    RATE_RADPS,
+    Bench,
+    counters,
+    framed,
+    frames,
+    messages,
+    turned,
+    wire,
+)
+
+COUNTER_ONLY = framed(0xD0, b"\0\0")
+
+
+def configuration(tail_102: str) -> bytes:
+    """The Configuration frame of section 8; bytes 102..109 are given."""
+    data = bytes.fromhex("00300D2A 04800000") + bytes(88) + bytes.fromhex("0001 00300D2A")
+    return framed(0x0D, data + bytes.fromhex(tail_102 + "0003 020601 330208"))
+
+
+def test_the_start_up_conversation_of_the_sheet_comes_byte_for_byte() -> None:
+    before, after = configuration("0012 0004 00000001"), configuration("0032 0006 00000005")
+    assert (before[-1], after[-1]) == (0xCB, 0xA5)  # as printed
+    bench = Bench()
+    bench.write(b"")
+    assert bench.write(wire("GoToConfig")).endswith(wire("GoToConfigAck"))
+    for request, answer in [
+        (wire("GoToConfig"), wire("GoToConfigAck")),
+        (wire("ReqDID"), wire("DeviceID")),
+        (wire("ReqProductCode"), wire("ProductCode")),
+        (wire("ReqFWRev"), wire("FirmwareRev")),
+        (wire("ReqConfiguration"), before),
+        (wire("SetOutputMode"), wire("SetOutputModeAck")),
+        (wire("SetOutputSettings"), wire("SetOutputSettingsAck")),
+        (wire("SetPeriod"), wire("SetPeriodAck")),
+        (wire("SetOutputSkipFactor"), wire("SetOutputSkipFactorAck")),
+        (wire("ReqOutputMode"), wire("OutputMode")),
+        (wire("ReqOutputSettings"), wire("OutputSettings")),
+        (wire("ReqPeriod"), wire("Period")),
+        (wire("ReqConfiguration"), after),
+        (wire("ReqDataLength"), wire("DataLength")),
+    ]:
+        assert bench.write(request) == answer, request.hex()
+    assert bench.write(wire("GoToMeasurement"), 0.002) == wire("GoToMeasurementAck")
+    bench.fake.counter = 0x1234
+    assert bench.write(b"", 0.02) == wire("MTData 0006 00000005")
+
+
+def test_each_other_frame_of_the_sheet_gets_the_printed_answer() -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    done = [framed(mid) for mid in (0x0F, 0x6B, 0xDB)]
+    for request, answer in [
+        (wire("ReqBaudrate"), wire("Baudrate")),
+        (wire("SetBaudrate", 0), wire("SetBaudrateAck")),
+        (wire("SetBaudrate", 1), wire("SetBaudrateAck")),
+        (wire("ResetOrientation", 2), wire("ResetOrientationAck")),
+        (wire("ReqScenario"), wire("Scenario")),
+        (wire("SetScenario"), wire("SetScenarioAck")),
+        (wire("SetHeading"), wire("SetHeadingAck")),
+        (framed(0x82), framed(0x83, struct.pack(">f", 0.5))),
+        (wire("SetMagneticDeclination"), done[1]),
+        (framed(0x6A), framed(0x6B, struct.pack(">f", 0.05))),
+        (wire("SetErrorMode"), done[2]),
+        (framed(0x84, b"\1\2"), framed(0x85)),
+        (framed(0x84), framed(0x85, b"\1\2")),
+        (framed(0x02), framed(0x03, bytes.fromhex("00300D2A"))),
+        (wire("RestoreFactoryDef"), done[0]),
+        (framed(0x84), framed(0x85, b"\0\0")),
+    ]:
+        assert bench.write(request) == answer, request.hex()
+    [(mid, scenarios)] = frames(bench.write(wire("ReqAvailableScenarios")))
+    assert (mid, len(scenarios)) == (0x63, 110)
+    assert scenarios[:2] == b"\3\x08"
+    assert bench.write(framed(0x24), 0.9) == b""
+    assert bench.write(b"", 0.2) == framed(0x25, b"\x01\xff")
+
+
+@pytest.mark.parametrize(
+    ("request_", "code"),
+    [
+        (wire("ReqOutputConfiguration"), 4),  # tells a legacy device
+        (wire("SetOutputConfiguration"), 4),
+        (framed(0x8E, b"\0\0"), 4),
+        (framed(0x1E), 4),
+        (framed(0x55), 4),
+        (framed(0x31), 4),
+        (wire("ReqData"), 4),
+        (framed(0x04, struct.pack(">H", 224)), 3),
+        (framed(0x04, b"\1"), 0x21),
+        (framed(0x18, b"\x0c"), 0x20),
+        (framed(0x64, b"\0\x09"), 0x21),
+        (framed(0x82, struct.pack(">f", 3.2)), 0x21),
+        (framed(0x82, struct.pack(">f", math.nan)), 0x21),
+        (framed(0xA4, b"\0\1"), 0x21),  # only while measuring
+        (framed(0xD0, b"\x00\x10"), 0x21),  # position: MTi-G
+        (framed(0xD0, b"\x40\x04"), 0x21),  # raw excludes the rest
+        (framed(0xD2, b"\x80\0\0\1"), 0x21),  # NED: MTi-G
+        (framed(0xD2, b"\0\0\0\x0c"), 0x21),
+        (framed(0xDA, b"\0\4"), 0x21),
+        (framed(0xE0, struct.pack(">9f", *[1.0] * 9)), 0x21),
+        (framed(0x00, b"\0"), 0x21),
+    ],
+)
+def test_what_it_does_not_take_gets_an_error(request_: bytes, code: int) -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    before = bench.write(wire("ReqConfiguration"))
+    assert bench.write(request_) == framed(0x42, bytes([code]))
+    assert bench.write(wire("ReqConfiguration")) == before
+
+
+def test_the_errors_printed_in_the_sheet_are_its_own() -> None:
+    assert [framed(0x42, bytes([code])) for code in (3, 4, 0x20, 0x21)] == [
+        wire("Error", k) for k in range(4)
+    ]
+
+
+def test_a_request_to_bus_id_1_is_answered_with_bus_id_1() -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    assert bench.write(bytes.fromhex("FA 01 00 00 FF"))[:3] == b"\xfa\x01\x01"
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "settings", "angles_deg", "counter"),
+    [
+        ("MTData 0806 00000005", 0x0806, 0x005, (1.5, -2.25, 90.0), 0x1235),
+        ("MTData 0004 00000001", 0x0004, 0x001, (0.0, 0.0, 90.0), 0),
+        ("MTData 0004 00000105", 0x0004, 0x105, (1.5, -2.25, 90.0), 0x1236),
+        ("MTData 0004 00000205", 0x0004, 0x205, (1.5, -2.25, 90.0), 0x1237),
+        ("MTData 0004 00000005", 0x0004, 0x005, (1.0, 0.0, 0.0), 64255),
+    ],
+)
+def test_each_data_message_of_the_sheet_comes_byte_for_byte(
+    name: str, mode: int, settings: int, angles_deg: tuple[float, float, float], counter: int
+) -> None:
+    bench = Bench(*angles_deg)
+    mode_set, settings_set = struct.pack(">H", mode), struct.pack(">I", settings)
+    bench.configure(framed(0xD0, mode_set), framed(0xD2, settings_set))
+    bench.fake.counter = counter
+    assert bench.write(b"", 0.02) == wire(name)
+
+
+@pytest.mark.parametrize(
+    ("mode", "settings", "size"),
+    [
+        (0x0004, 0x1, 18), (0x0004, 0x5, 14), (0x0004, 0x9, 38), (0x0002, 0x1, 38),
+        (0x0006, 0x5, 50), (0x0006, 0x1, 54), (0x0006, 0x9, 74), (0x0806, 0x5, 51),
+        (0x0006, 0x55, 26), (0x0007, 0x5, 54), (0x0006, 0x105, 50), (0x0006, 0x205, 74),
+        (0x0006, 0x305, 98), (0x4000, 0x1, 22), (0x080F, 0x405, 57),
+    ],
+)  # fmt: skip
+def test_messages_have_the_lengths_of_the_sheets_table(mode: int, settings: int, size: int) -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    bench.write(framed(0xD0, struct.pack(">H", mode)))
+    bench.write(framed(0xD2, struct.pack(">I", settings)))
+    assert bench.write(wire("ReqDataLength")) == framed(0x0B, struct.pack(">H", size))
+    assert bench.write(wire("GoToMeasurement"), 0.002)
+    assert {len(data) for mid, data in bench.listen(0.1)} == {size}
+
+
+def test_a_matrix_is_sent_column_by_column() -> None:
+    bench = Bench()
+    bench.configure(framed(0xD2, bytes.fromhex("00000309")))
+    data = messages(bench.listen(0.05))[0]
+    np.testing.assert_allclose(struct.unpack(">9d", data[:72]), bench.R.T.ravel(), atol=1e-12)
+
+
+@given(*[st.floats(-179.0, 179.0)] * 3)
+def test_quaternion_and_euler_angles_tell_the_same_rotation(
+    roll_deg: float, pitch_deg: float, yaw_deg: float
+) -> None:
+    bench = Bench(roll_deg, pitch_deg / 2, yaw_deg)
+    bench.configure(framed(0xD2, bytes.fromhex("00000301")))
+    w, x, y, z = struct.unpack(">4d", messages(bench.listen(0.05))[0][:32])
+    v = np.array([x, y, z])
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    R = (w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * cross
+    np.testing.assert_allclose(R, bench.R, atol=1e-9)
+    bench.configure(framed(0xD2, bytes.fromhex("00000305")))
+    euler_deg = struct.unpack(">3d", messages(bench.listen(0.05))[0][:24])
+    np.testing.assert_allclose(turned(*euler_deg), bench.R, atol=1e-9)
+
+
+# -- states and pace --------------------------------------------------------------------------
+
+
+def test_it_is_found_streaming_as_shipped_and_ignores_what_belongs_to_config() -> None:
+    bench = Bench()
+    heard = bench.listen(1.0)
+    assert {(mid, len(data)) for mid, data in heard} == {(0x32, 18)}
+    assert len(heard) == pytest.approx(100, abs=1)
+    bench.fake.exchange(bench.now_s, wire("ReqDID") + wire("SetOutputMode") + framed(0x55))
+    assert {mid for mid, _ in bench.listen(0.1)} == {0x32}
+
+
+def test_data_still_on_the_line_comes_before_the_acknowledgement() -> None:
+    bench = Bench()
+    while len(bench.sampled_s) < 3:
+        bench.write(b"", 0.001)
+    mids = [mid for mid, _ in frames(bench.write(wire("GoToConfig"), 0.1))]
+    assert mids == [0x32, 0x31]
+
+
+def test_samples_are_at_exact_periods_and_come_after_latency_and_line() -> None:
+    bench = Bench()
+    bench.fake.drift_ppm = -500.0
+    bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
+    bench.sampled_s.clear()
+    pieces = bench.pieces(0.5, 0.0001)
+    stream = b"".join(data for _, data in pieces)
+    assert max(len(data) for _, data in pieces) <= 2  # 1.15 bytes in a step
+    arrivals_s = [came_s for came_s, data in pieces for _ in data]
+    last_bytes_s = arrivals_s[54::55]
+    assert stream[0::55] == b"\xfa" * len(stream[0::55])
+    steps_s = np.diff(bench.sampled_s)
+    np.testing.assert_allclose(steps_s, 0.01 / (1 - 500e-6), rtol=1e-9)
+    for sampled_s, came_s in zip(bench.sampled_s, last_bytes_s, strict=False):
+        assert 0 <= came_s - sampled_s - 0.00255 - 550 / 115200 < 0.00011
+
+
+def test_period_skip_factor_and_baud_rate_are_as_set() -> None:
+    bench = Bench()
+    bench.configure(framed(0x04, struct.pack(">H", 2304)))
+    assert len(bench.listen(1.0)) == pytest.approx(50, abs=1)
+    bench.configure(framed(0xD4, b"\0\4"))
+    data = messages(bench.listen(1.0))
+    assert len(data) == pytest.approx(10, abs=1)
+    assert {b - a for a, b in pairwise(counters(data))} == {1}
+    bench.configure(wire("SetBaudrate", 1))
+    assert bench.fake.baud == 115200
+    bench.fake.power_up(bench.now_s)
+    bench.write(b"", 0.01)
+    assert bench.fake.baud == 921600
+
+
+def test_with_skip_factor_ffff_data_comes_only_on_request() -> None:
+    bench = Bench()
+    bench.configure(framed(0xD4, b"\xff\xff"))
+    assert not bench.listen(0.5)
+    assert [mid for mid, _ in frames(bench.write(wire("ReqData")))] == [0x32]
+    assert not bench.listen(0.5)
+
+
+def test_a_line_too_slow_for_the_data_loses_messages() -> None:
+    bench = Bench()
+    bench.fake.baud = 9600
+    data = messages(bench.listen(3.0))
+    assert 35 < len(data) / 3.0 < 43  # 23 bytes at 960 a second
+    assert max(b - a for a, b in pairwise(counters(data))) > 1
+
+
+def test_after_power_up_it_waits_for_the_host_and_then_streams() -> None:
+    bench = Bench()
+    bench.fake.power_up(bench.now_s)
+    assert bench.write(b"", 0.01) == wire("WakeUp")
+    assert bench.write(wire("GoToConfig"), 0.4) == b""
+    heard = bench.listen(0.5)
+    assert [(mid, len(data)) for mid, data in heard[:3]] == [(0x0D, 118), (0x91, 1320), (0x32, 18)]
+
+
+def test_a_wake_up_ack_leads_to_config_with_all_settings_kept() -> None:
+    bench = Bench()
+    bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
+    bench.fake.power_up(bench.now_s)
+    assert bench.write(b"", 0.3) == wire("WakeUp")
+    assert bench.write(wire("WakeUpAck"), 1.0) == b""
+    assert bench.fake.state is State.CONFIG
+    assert bench.write(wire("ReqOutputMode")) == wire("OutputMode")
+    assert bench.write(wire("ReqOutputSettings")) == wire("OutputSettings")
+
+
+def test_reset_is_answered_and_followed_by_wake_up() -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    assert bench.write(wire("Reset"), 0.2) == wire("ResetAck") + wire("WakeUp")
+    assert counters(messages(bench.listen(0.8)))[0] < 30
+
+
+def test_heading_reset_makes_yaw_zero_until_power_up_unless_stored() -> None:
+    bench = Bench()
+    bench.configure(framed(0xD2, bytes.fromhex("00000305")))
+
+    def euler_deg() -> tuple[float, ...]:
+        return struct.unpack(">3d", messages(bench.listen(0.05))[-1][:24])
+
+    assert euler_deg() == pytest.approx((1.5, -2.25, 90.0))
+    bench.write(wire("ResetOrientation", 0))
+    assert euler_deg() == pytest.approx((1.5, -2.25, 0.0), abs=1e-9)
+    bench.fake.power_up(bench.now_s)
+    bench.listen(1.0)
+    assert euler_deg() == pytest.approx((1.5, -2.25, 90.0))
+    bench.write(wire("ResetOrientation", 1))  # alignment: level as well
+    assert euler_deg() == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    bench.configure(wire("ResetOrientation", 2))  # stored
+    bench.fake.power_up(bench.now_s)
+    bench.listen(1.0)
+    assert euler_deg() == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
+    bench.configure(framed(0x0E), framed(0xD2, bytes.fromhex("00000305")))
+    bench.configure(framed(0x82, struct.pack(">f", -0.5)))
+    assert euler_deg()[2] == pytest.approx(90 - math.degrees(0.5), abs=1e-5)
+
+
+def test_an_object_alignment_turns_the_data_too() -> None:
+    bench = Bench(0.0, 0.0, 0.0)
+    quarter = turned(0.0, 0.0, 90.0)  # the object's y axis is the sensor's -x
+    bench.configure(
+        wire("SetOutputMode"),
+        framed(0xD2, bytes.fromhex("00000305")),
+        framed(0xE0, struct.pack(">9f", *quarter.ravel())),
+    )
+    values = struct.unpack(">12d", messages(bench.listen(0.05))[0][:96])
+    np.testing.assert_allclose(values[:3], quarter @ ACCEL_MPS2, atol=1e-6)
+    np.testing.assert_allclose(values[3:6], quarter @ RATE_RADPS, atol=1e-6)
+    assert values[11] == pytest.approx(-90.0, abs=1e-5)
+
+
+def test_noise_has_its_size_and_follows_the_seed() -> None:
+    def data(seed: int) -> bytes:
+        fake = FakeMti(Bench().motion_at, seed)
+        fake.memory.mode, fake.memory.settings = 0x0006, 0x301
+        fake.exchange(0.0, b"")
+        stream = b"".join(fake.exchange(0.5 * k, b"") for k in range(1, 21))
+        return stream[: len(stream) // 111 * 111]  # whole messages
+
+    assert data(1) == data(1)
+    samples = [struct.unpack(">13d", d[:-2]) for _, d in frames(data(1))]
+    rates = np.array([sample[3:6] for sample in samples])
+    np.testing.assert_allclose(rates.std(axis=0), math.radians(0.3), rtol=0.1)
+    np.testing.assert_allclose(rates.mean(axis=0), RATE_RADPS, atol=5e-4)
+    q = np.array([sample[9:13] for sample in samples])
+    middle = q.mean(axis=0) / np.linalg.norm(q.mean(axis=0))
+    spread_rad = 2 * np.arccos(np.minimum(1.0, np.abs(q @ middle)))
+    assert np.sqrt((spread_rad**2).mean()) == pytest.approx(math.radians(0.05 * 3**0.5), rel=0.1)

@@ -1,0 +1,204 @@
+"""The fake MTi with faults, and under bytes that no host would send."""
+
+import math
+import struct
+from itertools import pairwise
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.mti.device import State
+from tests.support.bench_mti import (
+    START_S,
+    Bench,
+    bench_with,
+    counters,
+    framed,
+    frames,
+    messages,
+    wire,
+)
+
+
+def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:
+    bench = Bench()
+    bench.fake.mute = True
+    assert not bench.write(wire("GoToConfig"))
+    bench.fake.mute = False
+    assert not bench.listen(0.1)
+    assert bench.fake.state is State.CONFIG
+
+
+def test_frozen_repeats_the_same_data() -> None:
+    bench = Bench()
+    last = messages(bench.listen(0.2))[-1]
+    bench.fake.frozen = True
+    repeated = messages(bench.listen(0.2))
+    assert len(repeated) == 20
+    assert set(repeated[1:]) == {repeated[0]}
+    assert counters([repeated[0]])[0] - counters([last])[0] in (0, 1)
+
+
+def test_bursts_come_at_multiples_of_the_adapters_time() -> None:
+    bench = Bench()
+    bench.fake.burst_s = 0.016
+    pieces = bench.pieces(1.0, 0.001)
+    assert len(pieces) == 62
+    assert {b - a > 0.0149 for (a, _), (b, _) in pairwise(pieces)} == {True}
+    stream = b"".join(piece for _, piece in pieces)
+    data = messages(frames(stream[: len(stream) // 23 * 23]))  # whole messages of 23 bytes
+    assert {(b - a) % 2**16 for a, b in pairwise(counters(data))} == {1}
+
+
+def test_wrong_checksums_are_wrong() -> None:
+    bench = bench_with(lambda fake: setattr(fake, "wrong_checksum_rate", 1.0))
+    piece = bench.pieces(0.1, 0.001)[0][1]
+    assert sum(piece[1:]) & 0xFF != 0
+
+
+def test_a_gap_jumps_in_the_counter_once() -> None:
+    bench = Bench()
+    bench.listen(0.1)
+    bench.fake.gap = 40
+    counted = counters(messages(bench.listen(0.3)))
+    assert sorted({(b - a) % 2**16 for a, b in pairwise(counted)}) == [1, 41]
+    assert bench.fake.gap == 0
+
+
+def test_lost_messages_are_missing_in_the_counter() -> None:
+    bench = bench_with(lambda fake: setattr(fake, "lost_rate", 0.3))
+    data = messages(bench.listen(2.0))
+    assert 100 < len(data) < 180
+    assert {1, 2} <= {(b - a) % 2**16 for a, b in pairwise(counters(data))}
+
+
+def test_nan_comes_in_every_number_format() -> None:
+    bench = bench_with(lambda fake: setattr(fake, "nan", True))
+    for settings, form in ((0x001, ">4f"), (0x005, ">3f"), (0x009, ">9f"), (0x301, ">4d")):
+        bench.configure(framed(0xD2, struct.pack(">I", settings)))
+        data = messages(bench.listen(0.05))[0]
+        assert np.isnan(struct.unpack(form, data[:-2])).all()
+    for fixed in (0x101, 0x201):
+        bench.configure(framed(0xD2, struct.pack(">I", fixed)))
+        assert bench.listen(0.05)
+
+
+def test_a_yaw_jump_turns_the_orientation_and_not_the_rates() -> None:
+    bench = Bench()
+    bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
+    before = messages(bench.listen(0.1))[-1]
+    bench.fake.yaw_jump_rad = -0.5
+    after = messages(bench.listen(0.1))[-1]
+    assert after[:36] == before[:36]
+    jumped_deg = struct.unpack(">f", after[44:48])[0] - struct.unpack(">f", before[44:48])[0]
+    assert math.isclose(jumped_deg, math.degrees(-0.5), abs_tol=1e-4)
+
+
+def test_the_first_acknowledgements_are_swallowed_and_obeyed() -> None:
+    bench = Bench()
+    bench.fake.deaf_acks = 2
+    assert 0x31 not in [mid for mid, _ in frames(bench.write(wire("GoToConfig")))]
+    assert bench.write(wire("SetOutputMode")) == b""
+    assert bench.write(wire("ReqOutputMode")) == wire("OutputMode")
+
+
+def test_a_brown_out_cuts_a_message_and_wakes_up_again() -> None:
+    bench = Bench()
+    bench.configure(wire("SetOutputMode"))
+    bench.listen(0.2)
+    bench.fake.brown_out(bench.now_s)
+    heard = bench.write(b"", 0.02)
+    assert heard.endswith(wire("WakeUp"))
+    assert heard[:4] == bytes.fromhex("FAFF3236")
+    assert len(heard) == 27 + 5
+    assert counters(messages(bench.listen(1.0)))[:2] == [2, 3]  # 0D and 91 held the line so long
+    assert bench.fake.memory.mode == 0x0006
+    bench.fake.brown_out(bench.now_s, forgets=True)
+    assert bench.fake.memory.mode == 0x0004
+
+
+def test_after_a_hold_up_it_does_not_make_up_for_what_it_could_not_keep() -> None:
+    bench = Bench()
+    first = counters(messages(bench.listen(0.1)))[-1]
+    sampled = len(bench.sampled_s)
+    bench.now_s += 1000.0
+    data = messages(bench.listen(0.005))
+    assert 88 <= len(data) <= 92
+    assert len(bench.sampled_s) - sampled <= 92
+    assert abs((counters(data)[-1] - first) % 2**16 - 100_000 % 2**16) <= 2
+
+
+# Any bytes.
+
+CONVERSATION = [
+    wire("GoToConfig"),
+    wire("ReqDID"),
+    wire("SetOutputMode"),
+    wire("SetOutputSettings"),
+    wire("SetPeriod"),
+    framed(0xE0, struct.pack(">9f", 1, 0, 0, 0, 1, 0, 0, 0, 1)),
+    wire("ReqConfiguration"),
+    wire("ReqAvailableScenarios"),
+    wire("GoToMeasurement"),
+]
+PIECES = st.lists(
+    st.binary(max_size=40)
+    | st.sampled_from([*CONVERSATION, wire("Reset"), wire("WakeUpAck"), wire("ReqData")])
+    | st.builds(framed, st.integers(0, 255), st.binary(max_size=40)),
+    max_size=15,
+)
+
+
+@given(PIECES, st.sampled_from([0.0, 0.01, 0.3, 5.0]))
+def test_no_bytes_make_it_raise(pieces: list[bytes], step_s: float) -> None:
+    bench = Bench()
+    for piece in pieces:
+        bench.write(piece, step_s)
+
+
+@given(
+    st.sampled_from([0x04, 0x18, 0x20, 0x64, 0x66, 0x6A, 0x82, 0x86, 0xD0, 0xD2, 0xD4, 0xE0]),
+    st.binary(min_size=1, max_size=4) | st.binary(min_size=36, max_size=36),
+)
+def test_no_setting_that_it_takes_makes_it_raise(mid: int, data: bytes) -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    bench.write(framed(mid, data))
+    [(answered, value)] = frames(bench.write(framed(mid)))
+    assert answered == mid + 1
+    assert value
+    bench.write(wire("GoToMeasurement"))
+    bench.listen(0.2)
+
+
+@given(st.lists(st.integers(0, 200)))
+def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> None:
+    stream = b"".join(CONVERSATION)
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    whole, cut = Bench(), Bench()
+    whole.fake.exchange(START_S, stream)
+    for a, b in pairwise(edges):
+        assert cut.fake.exchange(START_S, stream[a:b]) == b""
+    assert cut.listen(0.5) == whole.listen(0.5)
+
+
+@given(st.binary(max_size=60))
+def test_a_request_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"), 0.2)
+    bench.write(junk, 0.2)
+    bench.write(wire("GoToConfig"), 0.2)  # may be taken for the rest of what the junk began
+    bench.write(b"", 1.0)
+    if bench.fake.state is State.CONFIG:
+        assert wire("GoToConfigAck") in bench.write(wire("GoToConfig"), 0.2)
+
+
+def test_a_damaged_request_is_ignored() -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"))
+    for k in range(1, 7):
+        damaged = bytearray(wire("SetOutputMode"))
+        damaged[k] ^= 0x08
+        bench.write(bytes(damaged), 0.3)
+    assert bench.fake.memory.mode == 0x0004

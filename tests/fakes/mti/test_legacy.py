@@ -1,0 +1,353 @@
+"""The fake's legacy models: all modes and settings, the receiver, requests, and usual clients."""
+
+import struct
+from collections.abc import Callable
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fakes.mti.device import FakeMti, State
+from fakes.mti.models import MODELS
+from tests.support.bench_mti import (
+    ACCEL_MPS2,
+    RATE_RADPS,
+    Bench,
+    framed,
+    frames,
+    messages,
+    turned,
+    wire,
+)
+
+MAGNETIC = (0.45, -0.10, -0.89)
+MODES = (1, 2, 4, 8, 0x10, 0x20, 0x800, 0x1000)
+VELOCITY_MPS = (1.0, -2.0, 0.5)
+
+
+class Reader:
+    """An independent decoder: takes a message's fields from its front."""
+
+    def __init__(self, data: bytes, number_format: int) -> None:
+        self.data, self._format = data, number_format
+
+    def take(self, size: int) -> bytes:
+        taken, self.data = self.data[:size], self.data[size:]
+        assert len(taken) == size
+        return taken
+
+    def numbers(self, count: int) -> list[float]:
+        return [self._number() for _ in range(count)]
+
+    def _number(self) -> float:
+        if self._format == 0:
+            return float(struct.unpack(">f", self.take(4))[0])
+        if self._format == 1:
+            return int(struct.unpack(">i", self.take(4))[0]) / 2**20
+        if self._format == 3:
+            return float(struct.unpack(">d", self.take(8))[0])
+        fraction, whole = struct.unpack(">Ih", self.take(6))
+        return float(whole + fraction / 2**32)
+
+
+def check_truth(bench: Bench, data: bytes, mode: int, word: int) -> None:
+    """Every block of an MTData message against what is true."""
+    reader, atol = Reader(data, word >> 8 & 3), 3e-5
+    ned = np.diag([1.0, -1.0, -1.0]) if word >> 31 else np.eye(3)
+    if mode & 0x1000:
+        block = struct.unpack(">HBI6i3IB", reader.take(44))
+        assert block[3:6] == (576_794_000, 118_825_000, 81_000)
+        assert block[6:9] == (100, 200, -50)  # north, east, down
+    if mode & 0x1:
+        assert reader.numbers(1) == [35.0]
+    if mode & 0x2:
+        for bit, truth in zip((4, 5, 6), (ACCEL_MPS2, RATE_RADPS, MAGNETIC), strict=True):
+            if not word >> bit & 1:
+                np.testing.assert_allclose(reader.numbers(3), truth, atol=atol)
+    if mode & 0x4:
+        kind = word >> 2 & 3
+        told = reader.numbers((4, 3, 9)[kind])
+        R = ned @ bench.R
+        if kind == 0:
+            w, x, y, z = told
+            first = [w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)]
+            np.testing.assert_allclose(first, R[:, 0], atol=atol)
+        elif kind == 1:
+            np.testing.assert_allclose(turned(*told), R, atol=atol)
+        else:
+            np.testing.assert_allclose(np.array(told).reshape(3, 3).T, R, atol=atol)
+    if mode & 0x8:
+        analog = [struct.unpack(">H", reader.take(2))[0] for k in (10, 11) if not word >> k & 1]
+        assert analog == [volts for k, volts in ((10, 111), (11, 222)) if not word >> k & 1]
+    if mode & 0x10:
+        assert reader.numbers(3) == pytest.approx([57.6794, 11.8825, 81.0], abs=atol)
+    if mode & 0x20:
+        assert reader.numbers(3) == pytest.approx(list(ned @ VELOCITY_MPS), abs=atol)
+    if mode & 0x800:
+        assert reader.take(1)[0] & 0x07 == 0x07
+    if word & 1:
+        reader.take(2)
+    if word & 2:
+        assert reader.take(12)[-1] == 1
+    assert reader.data == b""
+
+
+@pytest.mark.parametrize("mode_bits", [1, 2, 4, 8, 12, 7, 255, 0x51, 0xB6])
+def test_every_mode_in_all_settings_decodes_back_to_the_truth(mode_bits: int) -> None:
+    mode = sum(bit for k, bit in enumerate(MODES) if mode_bits >> k & 1)
+    bench = Bench(model="MTi-G")
+    bench.fake.travel_at = lambda t_s: (np.zeros(3), np.array(VELOCITY_MPS))
+    bench.fake.analog_1, bench.fake.analog_2 = 111, 222
+    bench.fake.baud = 921600
+    bench.write(wire("GoToConfig"))
+    for time_bits, kind, off, number_format, analog, ned in product(
+        range(4), range(3), (0, 1, 2, 5), range(4), (0, 2), (0, 1)
+    ):
+        word = time_bits | kind << 2 | off << 4 | number_format << 8 | analog << 10 | ned << 31
+        bench.fake.memory.mode, bench.fake.memory.settings = mode, word
+        bench.fake._message(0.0)  # one, without waiting for its period
+        check_truth(bench, bench.fake._last[1], mode, word)
+        assert len(bench.fake._last[1]) == bench.fake.memory.length()
+
+
+def test_what_a_setting_says_is_what_comes_over_the_wire() -> None:
+    bench = Bench(model="MTi-G")
+    bench.fake.travel_at = lambda t_s: (np.zeros(3), np.array(VELOCITY_MPS))
+    word = 0x8000_0307
+    bench.configure(framed(0xD0, b"\x18\x37"), framed(0xD2, struct.pack(">I", word)))
+    data = messages(bench.listen(0.1))
+    assert data
+    check_truth(bench, data[-1], 0x1837, word)
+    assert messages(bench.listen(0.05))[0][-12:-8] != data[-1][-12:-8]  # UTC runs
+
+
+def test_the_mti_g_has_its_own_messages_and_refusals() -> None:
+    bench = Bench(model="MTi-G")
+    bench.write(wire("GoToConfig"))
+    arm = struct.pack(">3f", 0.5, 0.0, 1.0)
+    assert bench.write(framed(0x68, arm)) == framed(0x69)
+    assert bench.write(framed(0x68)) == framed(0x69, arm)
+    assert bench.write(framed(0x6E, bytes(18))) == framed(0x6F)
+    [(mid, moment)] = frames(bench.write(framed(0x60)))
+    assert (mid, len(moment), moment[-1]) == (0x61, 12, 1)
+    bench.fake.gps_fix = False
+    assert frames(bench.write(framed(0x60)))[0][1][-1] == 0
+    for request in (wire("ReqOutputConfiguration"), framed(0x8E), framed(0xEC, b"\0")):
+        assert bench.write(request) == framed(0x42, b"\x04")
+    [(_, configuration)] = frames(bench.write(wire("ReqConfiguration")))
+    assert configuration[110:] == bytes.fromhex("070A 020601 360202")  # as a real one's
+    bench.write(wire("GoToMeasurement"), 0.05)
+    assert wire("Error", 3) in bench.write(wire("ResetOrientation", 0))  # no heading reset
+    plain = Bench()
+    plain.write(wire("GoToConfig"))
+    for mid in (0x60, 0x68, 0x6E):
+        assert plain.write(framed(mid)) == framed(0x42, b"\x04")
+
+
+@pytest.mark.parametrize(
+    ("mode", "errors", "state"),
+    [(0, False, State.MEASURING), (1, False, State.MEASURING), (2, True, State.MEASURING),
+     (3, True, State.CONFIG)],
+)  # fmt: skip
+def test_the_error_mode_says_what_a_full_line_does(mode: int, errors: bool, state: State) -> None:
+    bench = Bench()
+    bench.configure(framed(0xDA, struct.pack(">H", mode)))
+    bench.fake.baud = 9600
+    heard = bench.listen(3.0)
+    assert ((0x42, b"\x1e") in heard) is errors
+    assert bench.fake.state is state
+    counted = [int.from_bytes(data[-2:], "big") for data in messages(heard)]
+    steps = {b - a for a, b in pairwise(counted)}
+    assert (max(steps) > 1) is (mode in (1, 2))  # 3 stops at once
+
+
+def test_the_byte_de_at_power_up_brings_the_usual_baud_rate_back() -> None:
+    bench = Bench()
+    bench.configure(framed(0x18, b"\x09"))
+    bench.fake.power_up(bench.now_s)
+    assert bench.write(b"\xde" * 8, 0.02) == wire("WakeUp")
+    assert bench.fake.baud == 115200
+    bench.write(wire("WakeUpAck"))
+    assert bench.write(wire("ReqBaudrate")) == wire("Baudrate")
+
+
+# -- clients ----------------------------------------------------------------------------------
+
+
+class Client:
+    """The usual tool: one request at a time, repeated every 0.25 s, data frames skipped."""
+
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+
+    def ask(self, mid: int, data: bytes = b"") -> bytes:
+        """The answer's data; fails after four tries."""
+        for _ in range(4):
+            for answered, found in self._heard(framed(mid, data)):
+                assert answered != 0x42
+                if answered == mid + 1:
+                    return found
+        raise AssertionError(f"no answer to {mid:02X}")
+
+    def _heard(self, request: bytes) -> list[tuple[int, bytes]]:
+        stream, found = self.bench.write(request, 0.25), []
+        while (start := stream.find(b"\xfa\xff")) >= 0:
+            stream = stream[start:]
+            size = stream[3] + 5 if len(stream) > 3 else 999
+            if len(stream) >= size and sum(stream[1:size]) & 0xFF == 0:
+                found.append((stream[2], stream[4 : size - 1]))
+                stream = stream[size:]
+            else:
+                stream = stream[1:]
+        return found
+
+    def inspect(self) -> None:
+        """All that it reads before it measures."""
+        self.ask(0x30)
+        identity = self.ask(0x02)
+        assert self.ask(0x00) == identity
+        assert len(self.ask(0x0C)) == 118
+        assert len(self.ask(0x12)) in (3, 11)
+        assert self.ask(0x1C).strip().startswith(b"MTi")
+        kinds = self.ask(0x62)
+        assert len(kinds) == 110
+        version, kind = self.ask(0x64)
+        assert bytes([kind, version]) in [kinds[k : k + 2] for k in range(0, 110, 22)]
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("deaf_acks", [0, 2])
+def test_the_usual_tool_reads_all_it_wants_and_measures(model: str, deaf_acks: int) -> None:
+    bench = Bench(model=model)
+    bench.fake.deaf_acks = deaf_acks
+    bench.write(b"", 0.123)
+    client = Client(bench)
+    client.inspect()
+    if MODELS[model].legacy:
+        assert client.ask(0xD0) == b"\0\4"
+        assert client.ask(0xD2) == b"\0\0\0\1"
+        assert (client.ask(0x04), client.ask(0xD4)) == (b"\4\x80", b"\0\0")
+    else:
+        assert client.ask(0xC0)[:2] == b"\x10\x20"
+    client.ask(0x10)
+    assert {mid for mid, _ in bench.listen(0.2)} == {0x32 if MODELS[model].legacy else 0x36}
+
+
+# -- faults -----------------------------------------------------------------------------------
+
+
+def whole(stream: bytes) -> list[bytes]:
+    """The data of undamaged messages among anything."""
+    parts = [b"\xfa\xff\x32" + part for part in stream.split(b"\xfa\xff\x32")[1:]]
+    return [part[4:-1] for part in parts if sum(part[1:]) & 0xFF == 0 and len(part) == part[3] + 5]
+
+
+@pytest.mark.parametrize("word", [0x001, 0x105, 0x205, 0x309])
+def test_fa_ff_occurs_in_data_that_are_nearly_true(word: int) -> None:
+    bench = Bench()
+    bench.fake.fa_ff = True
+    bench.configure(wire("SetOutputMode"), framed(0xD2, struct.pack(">I", word)))
+    for data in messages(bench.listen(0.1)):
+        assert b"\xfa\xff" in data
+        acceleration = Reader(data, word >> 8 & 3).numbers(3)
+        np.testing.assert_allclose(acceleration, ACCEL_MPS2, atol=1e-3)
+
+
+def set_and_listened(change: Callable[[FakeMti], None], seconds: float = 1.0) -> bytes:
+    """What a legacy fake sends with a fault, in mid-stream."""
+    bench = Bench()
+    bench.listen(0.1)
+    change(bench.fake)
+    return b"".join(data for _, data in bench.pieces(seconds, 0.001))
+
+
+def test_a_half_frame_a_length_and_lost_bytes_damage_what_they_say() -> None:
+    assert len(whole(set_and_listened(lambda fake: setattr(fake, "half_frame", True)))) in (98, 99)
+    longer = whole(set_and_listened(lambda fake: setattr(fake, "length_off", 3)))
+    assert {len(data) for data in longer[1:]} == {21}
+    shorter = whole(set_and_listened(lambda fake: setattr(fake, "length_off", -3)))
+    assert {len(data) for data in shorter[1:]} == {15}
+    lost = set_and_listened(lambda fake: setattr(fake, "lost_byte_rate", 0.02), 3.0)
+    assert 6500 < len(lost) < 6850
+    assert 130 < len(whole(lost)) < 240
+
+
+def test_late_bytes_and_jitter_move_arrivals_and_keep_the_order() -> None:
+    def arrivals_s(change: Callable[[FakeMti], None]) -> list[float]:
+        bench = Bench()
+        change(bench.fake)
+        return [when_s for when_s, data in bench.pieces(2.0, 0.0005) for _ in data][22::23]
+
+    plain, late = arrivals_s(lambda f: None), arrivals_s(lambda f: setattr(f, "late_s", 0.03))
+    np.testing.assert_allclose(np.array(late) - plain[: len(late)], 0.03, atol=0.0006)
+    jittered = arrivals_s(lambda f: setattr(f, "jitter_s", 0.005))
+    delays_s = np.array(jittered) - plain[: len(jittered)]
+    assert delays_s.min() > -0.0006
+    assert 0.003 < delays_s.mean() < 0.009
+    assert jittered == sorted(jittered)
+
+
+def test_an_error_unasked_and_data_before_the_acknowledgement() -> None:
+    bench = Bench()
+    bench.listen(0.1)
+    bench.fake.error_next = 0x1E
+    assert (0x42, b"\x1e") in bench.listen(0.05)
+    bench.fake.late_data = 3
+    assert [mid for mid, _ in frames(bench.write(wire("GoToConfig"), 0.2))][-4:] == [0x32] * 3 + [
+        0x31
+    ]
+
+
+def test_deaf_it_speaks_on_and_another_host_changes_what_it_says() -> None:
+    bench = Bench()
+    bench.fake.deaf = True
+    bench.write(wire("GoToConfig"))
+    assert bench.fake.state is State.MEASURING
+    bench.fake.another_host(0x0002, 0x1)
+    bench.write(b"", 0.05)
+    assert 38 in {len(data) for data in whole(bench.write(b"", 0.1))}
+
+
+def test_a_self_test_that_failed_is_told_in_the_status_too() -> None:
+    bench = Bench()
+    bench.fake.self_test = 0x00F7
+    bench.configure(framed(0xD0, b"\x08\0"))
+    assert messages(bench.listen(0.1))[0][0] & 1 == 0
+    bench.write(wire("GoToConfig"), 0.2)
+    assert bench.write(framed(0x24), 1.2) == framed(0x25, b"\0\xf7")
+
+
+# -- any request in any state -----------------------------------------------------------------
+
+REQUESTS = st.tuples(
+    st.sampled_from([*range(0, 256, 2), 0x30, 0x10, 0x40, 0x3F, 0xC0, 0xD0, 0xEC]),
+    st.sampled_from([b"", b"\0", b"\0\0", b"\0\4", b"\1\2\3", bytes(4), bytes(12), bytes(17)])
+    | st.binary(max_size=24),
+    st.sampled_from([0.03, 0.6]),
+)
+
+
+@settings(max_examples=60)
+@given(st.sampled_from(list(MODELS)), st.lists(REQUESTS, max_size=12))
+def test_any_request_gets_one_answer_or_silence_and_settings_last(
+    model: str, requests: list[tuple[int, bytes, float]]
+) -> None:
+    bench = Bench(model=model)
+    bench.write(wire("GoToConfig"), 0.2)
+    for mid, data, wait_s in requests:
+        if mid == 0x24:  # takes a second, and all answers after it wait
+            continue
+        before = bench.fake.state
+        heard = bench.fake.exchange(bench.now_s, b"") + bench.write(framed(mid, data), wait_s)
+        if before is State.CONFIG and mid not in (0x10, 0x3E, 0x40):
+            answers = [answered for answered, _ in frames(heard)]
+            silent = mid in MODELS[model].silent_mids
+            assert answers in ([mid + 1], [0x42]) if not silent else answers == []
+    memory = bench.fake.memory
+    if bench.fake.state is State.CONFIG:
+        kept = memory.configuration()
+        bench.fake.power_up(bench.now_s)
+        assert bench.listen(1.0)[1] == (0x0D, kept)
+        assert bench.fake.memory.configuration() == kept

@@ -1,0 +1,294 @@
+"""The fake's newer models: MTData2 against the sheet, the recordings and the truth."""
+
+import math
+import struct
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from fakes.mti.device import FakeMti
+from tests import VECTORS
+from tests.support.bench_mti import ACCEL_MPS2, F64, RATE_RADPS, Bench, framed, frames, turned, wire
+
+NEWER = ("MTi-30", "MTi-3", "MTi-G-700", "MTi-630")
+SIZES = (4, 4, 6, 8)
+FAST = framed(0x18, b"\x80")
+RECORDINGS = (1, 2, 3, 4, 5)
+
+
+def recording(n: int) -> list[tuple[int, bytes]]:
+    """The frames of a recording."""
+    return frames((VECTORS / f"mti_rec{n}.bin").read_bytes())
+
+
+def recorded_outputs(n: int) -> list[tuple[int, int]]:
+    """The configuration that it was made with: id and rate."""
+    return list(struct.iter_unpack(">HH", (VECTORS / f"mti_rec{n}.cfg.bin").read_bytes()))
+
+
+def packets(data: bytes) -> list[tuple[int, bytes]]:
+    """(id, data) of an MTData2 message by the packets' own rule."""
+    found = []
+    while data:
+        identifier, size = struct.unpack(">HB", data[:3])
+        assert len(data) >= 3 + size
+        found.append((identifier, data[3 : 3 + size]))
+        data = data[3 + size :]
+    return found
+
+
+def structure(data: bytes) -> tuple[tuple[int, int], ...]:
+    """Ids and sizes of a message's packets, in order."""
+    return tuple((identifier, len(content)) for identifier, content in packets(data))
+
+
+def values(identifier: int, data: bytes) -> list[float]:
+    """The numbers of a packet."""
+    size = SIZES[identifier & 3]
+    parts = [data[k : k + size] for k in range(0, len(data), size)]
+    if identifier & 3 in (0, 3):
+        return [struct.unpack(">f" if size == 4 else ">d", part)[0] for part in parts]
+    if identifier & 3 == 1:
+        return [int.from_bytes(part, "big", signed=True) / 2**20 for part in parts]
+    whole = [int.from_bytes(part[4:] + part[:4], "big", signed=True) for part in parts]
+    return [number / 2**32 for number in whole]
+
+
+def entries(*asked: tuple[int, int]) -> bytes:
+    """A SetOutputConfiguration message."""
+    return framed(0xC0, b"".join(struct.pack(">HH", *entry) for entry in asked))
+
+
+def asked_for(
+    bench: Bench, *asked: tuple[int, int], seconds: float = 0.1
+) -> list[dict[int, bytes]]:
+    """The messages of a configuration as id to data; the line is fast."""
+    bench.write(wire("GoToConfig"), 0.2)
+    bench.write(FAST)
+    bench.fake.baud = 921600
+    assert frames(bench.write(entries(*asked), 0.2))[0][0] == 0xC1
+    assert bench.write(wire("GoToMeasurement"), 0.002)[2] == 0x11
+    return [dict(packets(data)) for mid, data in bench.listen(seconds) if mid == 0x36]
+
+
+def test_the_message_of_the_sheet_comes_byte_for_byte() -> None:
+    bench = Bench(1.5, -2.25, 0.0, model="MTi-30")  # x to north: ENU yaw is 90
+    bench.write(wire("GoToConfig"), 0.2)
+    assert bench.write(wire("SetOutputConfiguration", 1), 0.1) == wire("OutputConfiguration")
+    assert bench.write(wire("ReqOutputConfiguration"), 0.1) == wire("OutputConfiguration")
+    bench.write(wire("GoToMeasurement"), 0.015)  # the first has no orientation
+    bench.fake.counter, bench.fake.fine_next = 0x1234, 12_345_678
+    assert wire("MTData2") in bench.write(b"", 0.02)
+
+
+@pytest.mark.parametrize("n", RECORDINGS)
+def test_messages_have_the_structures_that_were_recorded(n: int) -> None:
+    recorded = Counter(structure(data) for _, data in recording(n))
+    bench = Bench(model="MTi-G-700")
+    bench.fake.utc_at_zero_s = 1_548_000_000.0
+    came = asked_for(bench, *recorded_outputs(n), seconds=2.0)
+    ours = Counter(tuple((i, len(d)) for i, d in message.items()) for message in came)
+    assert {kind for kind, count in recorded.items() if count > 1} <= set(ours)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_from_the_same_instant_on_the_order_is_the_recordings_own(n: int) -> None:
+    recorded = [structure(data) for _, data in recording(n)]
+    first_ns = struct.unpack(">I", dict(packets(recording(n)[0][1]))[0x1010][:4])[0]
+    bench = Bench(model="MTi-G-700")
+    bench.write(wire("GoToConfig"), 0.2)
+    bench.write(FAST)
+    bench.fake.baud = 921600
+    bench.write(entries(*recorded_outputs(n)), 0.2)
+    bench.fake.utc_at_zero_s = 1_548_000_000.0 + 1e-9 * first_ns - bench.now_s - 0.01
+    bench.write(wire("GoToMeasurement"), 0.002)
+    assert [structure(data) for _, data in bench.listen(1.2)][:100] == recorded
+
+
+@pytest.mark.parametrize("number_format", [0, 1, 2, 3])
+@pytest.mark.parametrize(("bits", "earth"), [(0, "ENU"), (4, "NED"), (8, "NWU")])
+def test_orientation_is_the_truth_in_each_earth_frame(
+    number_format: int, bits: int, earth: str
+) -> None:
+    y = bits | number_format
+    bench = Bench(10.0, -20.0, 30.0, model="MTi-630")
+    asked = [(0x2010 | y, 100), (0x2020 | y, 100), (0x2030 | y, 100), (0x4030 | y, 100)]
+    message = asked_for(bench, *asked)[-1]
+    R_nwu = {
+        "ENU": turned(0, 0, 90), "NED": np.diag([1.0, -1.0, -1.0]), "NWU": np.eye(3)
+    }[earth]  # fmt: skip
+    R = R_nwu @ bench.R
+    atol = 2e-6 if number_format < 2 else 1e-6
+    matrix = np.array(values(0x2020 | y, message[0x2020 | y])).reshape(3, 3).T
+    np.testing.assert_allclose(matrix, R, atol=atol)
+    np.testing.assert_allclose(turned(*values(y, message[0x2030 | y])), R, atol=1e-5)
+    np.testing.assert_allclose(rotated(values(y, message[0x2010 | y])), R, atol=1e-5)
+    free = R @ ACCEL_MPS2 - R_nwu @ [0.0, 0.0, 9.81]
+    np.testing.assert_allclose(values(y, message[0x4030 | y]), free, atol=1e-5)
+
+
+def rotated(q: list[float]) -> F64:
+    """The matrix of a quaternion, by turning each axis."""
+    w, v = q[0], np.array(q[1:])
+    turned_axes = [
+        axis + 2 * w * np.cross(v, axis) + 2 * np.cross(v, np.cross(v, axis)) for axis in np.eye(3)
+    ]
+    return np.array(turned_axes).T
+
+
+@pytest.mark.parametrize(
+    ("bits", "angles_deg"), [(0, (0, 0, 90)), (8, (0, 0, 0)), (4, (180, 0, 0))]
+)
+def test_a_flat_sensor_to_the_north_reads_what_the_sheet_says(
+    bits: int, angles_deg: tuple[float, float, float]
+) -> None:
+    bench = Bench(0.0, 0.0, 0.0, model="MTi-30")
+    message = asked_for(bench, (0x2030 | bits, 100))[-1]
+    got = values(0, message[0x2030 | bits])
+    np.testing.assert_allclose(np.abs(got), angles_deg, atol=1e-6)  # 180 is -180
+
+
+def test_vectors_increments_and_position_are_the_truth() -> None:
+    bench = Bench(model="MTi-G-700")
+    velocity = np.array([1.0, 2.0, 0.5])
+    bench.fake.travel_at = lambda t_s: (np.array([100.0, -50.0, 3.0]), velocity)
+    bench.fake.home = (48.0, 11.0, 500.0)
+    ids = (0x4023, 0x8023, 0xC023, 0x4013, 0x8033, 0x0813, 0x5043, 0x5023, 0x5033, 0xD013, 0xD01B)
+    message = asked_for(bench, *((i, 100) for i in ids), (0x3010, 50), seconds=1.0)[-2]
+    got = {i: values(3, data) for i, data in message.items() if i in ids}
+    np.testing.assert_allclose(got[0x4023], ACCEL_MPS2, atol=1e-9)
+    np.testing.assert_allclose(got[0x8023], RATE_RADPS, atol=1e-9)
+    np.testing.assert_allclose(got[0xC023], (0.45, -0.10, -0.89), atol=1e-9)
+    np.testing.assert_allclose(got[0x4013], np.array(ACCEL_MPS2) / 100, atol=1e-9)
+    np.testing.assert_allclose(got[0x8033][1:], np.array(RATE_RADPS) / 200, atol=1e-6)
+    assert got[0x0813] == [35.0]
+    assert got[0x5043] == pytest.approx([48.0 + 100 / 111_200, 11.0 + 50 / 74_500], abs=2e-6)
+    assert got[0x5023] == pytest.approx([503.0])
+    np.testing.assert_allclose(np.linalg.norm(got[0x5033]), 6_366_700, atol=3_000)
+    np.testing.assert_allclose(got[0xD013], (-2.0, 1.0, 0.5), atol=1e-9)  # east, north, up
+    np.testing.assert_allclose(got[0xD01B], velocity, atol=1e-9)
+
+
+def test_rates_differ_and_packets_are_split_over_messages() -> None:
+    bench = Bench(model="MTi-30")
+    asked = ((0x1020, 0xFFFF), (0x4020, 200), (0x2010, 50), (0x0810, 0), (0xC020, 400))
+    messages = asked_for(bench, *asked, seconds=2.0)
+    counts = Counter(identifier for message in messages for identifier in message)
+    assert counts[0x1020] == len(messages)
+    assert counts[0x4020] == pytest.approx(400, abs=3)
+    assert counts[0x2010] == pytest.approx(100, abs=2)
+    assert counts[0x0810] == pytest.approx(2, abs=1)
+    assert counts[0xC020] == pytest.approx(200, abs=2)  # 100 Hz is its most
+    counters = [int.from_bytes(message[0x1020], "big") for message in messages]
+    assert {(b - a) % 2**16 for a, b in pairwise(counters)} == {1}
+
+
+def test_a_large_message_has_an_extended_length() -> None:
+    bench = Bench(model="MTi-630")
+    asked = [(kind | 3, 100) for kind in (0x2010, 0x2020, 0x2030, 0x4010, 0x4020, 0x4030, 0x8020)]
+    messages = asked_for(bench, *asked, (0x8033, 100), (0xC023, 100))
+    assert sum(len(data) + 3 for data in messages[-1].values()) > 255
+
+
+@pytest.mark.parametrize(("model", "wrap"), [("MTi-30", 864_000_000), ("MTi-630", 2**32)])
+def test_counter_and_fine_time_wrap(model: str, wrap: int) -> None:
+    bench = Bench(model=model)
+    asked_for(bench, (0x1020, 0), (0x1060, 0), (0x1070, 0), (0x4020, 100))
+    bench.fake.counter, bench.fake.fine_next = 65534, wrap - 150
+    messages = [dict(packets(data)) for _, data in bench.listen(0.08)]
+    while messages[0][0x1020] != b"\xff\xfe":  # what was sampled before
+        messages.pop(0)
+    assert [int.from_bytes(m[0x1020], "big") for m in messages][:4] == [65534, 65535, 0, 1]
+    fine = [int.from_bytes(m[0x1060], "big") for m in messages][:4]
+    assert fine == [wrap - 150, wrap - 50, 50, 150]
+    assert int.from_bytes(messages[3][0x1070], "big") == 0
+
+
+def test_a_list_that_the_line_cannot_carry_is_error_29() -> None:
+    bench = Bench(model="MTi-30")
+    bench.write(wire("GoToConfig"), 0.2)
+    before = bench.write(wire("ReqOutputConfiguration"))
+    assert bench.write(entries((0x2023, 400), (0x4023, 400))) == framed(0x42, b"\x29")
+    assert bench.write(wire("ReqOutputConfiguration")) == before
+    bench.write(framed(0x18, b"\x0b"))  # 4800
+    assert bench.write(wire("ReqOutputConfiguration")) == framed(0x42, b"\x29")
+
+
+def test_values_are_taken_as_the_device_can() -> None:
+    bench = Bench(model="MTi-30")
+    bench.write(wire("GoToConfig"), 0.2)
+    asked = entries((0x1020, 1), (0x4020, 150), (0x5040, 4), (0xC020, 0xFFFF), (0xE020, 7))
+    taken = [(0x1020, 0xFFFF), (0x4020, 100), (0xC020, 100), (0xE020, 0xFFFF)]
+    answer = framed(0xC1, b"".join(struct.pack(">HH", *entry) for entry in taken))
+    assert bench.write(asked, 0.1) == answer
+    assert bench.write(entries(*[(0x4020, 1)] * 33), 0.1) == framed(0x42, b"\x21")
+    newest = Bench(model="MTi-630")
+    newest.write(wire("GoToConfig"), 0.2)
+    assert newest.write(entries((0x5040, 4))) == framed(0x42, b"\x21")
+
+
+@pytest.mark.parametrize("model", NEWER)
+def test_legacy_requests_are_refused_and_new_ones_known(model: str) -> None:
+    bench = Bench(model=model)
+    bench.write(wire("GoToConfig"), 0.2)
+    for mid in (0xD0, 0xD2, 0xD4, 0x0A, 0x82, 0xE0, 0x55):
+        assert bench.write(framed(mid)) == framed(0x42, b"\x04"), hex(mid)
+    [(_, device)] = frames(bench.write(framed(0x00)))
+    assert len(device) == (8 if model == "MTi-630" else 4)
+    assert len(frames(bench.write(framed(0x12)))[0][1]) == 11
+    assert len(frames(bench.write(framed(0x1E)))[0][1]) == 2
+    [(mid, configuration)] = frames(bench.write(framed(0x0C)))
+    assert (mid, len(configuration)) == (0x0D, 118)
+    assert configuration[102:110] == bytes(8)
+    for mid in (0xDA, 0xDC, 0x8E, 0x86):
+        answer = bench.write(framed(mid))
+        assert (answer == b"") is (model == "MTi-3")
+    [(_, profile)] = frames(bench.write(framed(0x64)))
+    [(_, profiles)] = frames(bench.write(framed(0x62)))
+    assert bytes([profile[1], profile[0]]) in profiles  # (version, type) against (type, version)
+
+
+def test_an_alignment_rotation_turns_orientation_and_vectors() -> None:
+    bench = Bench(0.0, 0.0, 0.0, model="MTi-30")
+    bench.write(wire("GoToConfig"), 0.2)
+    half = math.sqrt(0.5)
+    quarter = struct.pack(">B4f", 0, half, 0, 0, half)
+    assert bench.write(framed(0xEC, quarter)) == framed(0xED)
+    assert bench.write(framed(0xEC, b"\0")) == framed(0xED, quarter)
+    assert bench.write(framed(0xEC, b"\2")) == framed(0x42, b"\x21")
+    message = asked_for(bench, (0x2038, 100), (0x4020, 100))[-1]
+    assert values(0, message[0x2038])[2] == pytest.approx(-90.0, abs=1e-4)
+    x, y, z = ACCEL_MPS2
+    assert values(0, message[0x4020]) == pytest.approx([-y, x, z], abs=1e-5)
+
+
+def test_a_fourth_generation_device_can_be_switched_to_legacy_data() -> None:
+    bench = Bench(model="MTi-30")
+    bench.write(wire("GoToConfig"), 0.2)
+    assert bench.write(wire("SetOutputConfiguration", 0)) == framed(0xC1, bytes(4))
+    assert bench.write(wire("SetOutputMode")) == wire("SetOutputModeAck")
+    assert bench.write(wire("SetOutputSettings")) == wire("SetOutputSettingsAck")
+    bench.write(wire("GoToMeasurement"), 0.002)
+    assert {(mid, len(data)) for mid, data in bench.listen(0.1)} == {(0x32, 50)}
+
+
+def test_strings_stand_between_the_messages() -> None:
+    bench = Bench(0.0, 0.0, 0.0, model="MTi-30")
+    bench.write(wire("GoToConfig"), 0.2)
+    assert bench.write(framed(0x8E, b"\1\1")) == framed(0x8F)
+    heard = bench.write(wire("GoToMeasurement"), 0.5)
+    assert b"$HCHDM,0.0,M*" in heard
+    assert heard.count(b"$HEHDT,0.0,T*") >= 4
+
+
+def test_every_model_streams_as_shipped_and_wakes_up_again() -> None:
+    for model in NEWER:
+        bench = Bench(model=model)
+        assert {mid for mid, _ in bench.listen(0.2)} == {0x36}
+        bench.fake.power_up(bench.now_s)
+        heard = bench.listen(1.0)
+        assert [mid for mid, _ in heard[:4]] == [0x3E, 0x0D, 0x91, 0x36]
+    with pytest.raises(ValueError, match="model must be one of MTi-28"):
+        FakeMti(bench.motion_at, 1, "MTi-99")

@@ -1,0 +1,92 @@
+"""The fake planner is the public receiver with faults: each by one attribute."""
+
+import pytest
+
+from fakes.planner_mcu.receiver import FakePlanner
+from mapod_link.frames import ACK, GEOM, MAP, POSE, frame_from_bytes
+from mapod_link.receiver import Receiver
+from tests.support.planner_sender import begun, map_body, pose_body, vector
+
+
+def test_without_faults_it_is_the_public_receiver() -> None:
+    planner, receiver = FakePlanner(), Receiver(1)
+    for name in ("geom", "pose", "map", "digest", "stop_zone"):
+        for end in (planner, receiver):
+            end.feed_datagram(10.0, vector(name))
+    assert planner.digest() == receiver.digest()
+    assert planner.digest_ok
+    assert planner.ack(10.1) == receiver.ack(10.1)
+
+
+def test_the_acknowledgement_is_that_of_the_sheet() -> None:
+    planner = FakePlanner()
+    for name in ("geom", "pose", "map"):
+        planner.feed_datagram(52.3087, vector(name))
+    planner.numbers.gap = 3  # set here only to show the bit, as in the sheet
+    assert planner.poll(52.31) == [vector("ack")]
+
+
+def test_a_mute_planner_hears_and_says_nothing() -> None:
+    planner = FakePlanner()
+    planner.mute = True
+    planner.feed_datagram(0.0, vector("geom"))
+    assert planner.geom is not None
+    assert planner.poll(0.0) == []
+    planner.mute = False
+    [frame] = [frame_from_bytes(data) for data in planner.poll(0.2)]
+    assert not isinstance(frame, str)
+    assert frame.type == ACK
+
+
+def test_a_deaf_planner_hears_nothing() -> None:
+    planner = FakePlanner()
+    planner.deaf = True
+    assert not planner.feed_datagram(0.0, vector("geom"))
+    planner.feed_stream(0.0, vector("geom_serial"))
+    assert planner.geom is None
+    assert not planner.rejected
+
+
+def test_a_one_way_link_keeps_it_silent() -> None:
+    planner = FakePlanner(ack_every=0)
+    planner.feed_datagram(0.0, vector("geom"))
+    assert planner.poll(0.0) == []
+    assert planner.nonce == 0
+
+
+@pytest.mark.parametrize("loss_rate", [0.1, 0.5])
+def test_it_loses_the_share_of_frames_that_it_is_told_to(loss_rate: float) -> None:
+    line = begun()
+    line.planner.loss_rate = loss_rate
+    before = line.planner.accepted.total()
+    for _ in range(2000):
+        line.send(POSE, pose_body())
+    heard = line.planner.accepted.total() - before
+    assert heard == pytest.approx(2000 * (1 - loss_rate), abs=90)
+    assert line.planner.missing == pytest.approx(2000 - heard, abs=5)
+
+
+def test_the_same_seed_loses_the_same_frames_and_draws_the_same_nonce() -> None:
+    planners = [FakePlanner(seed) for seed in (4, 4, 5)]
+    for planner in planners:
+        planner.loss_rate = 0.5
+        for now_s in range(20):
+            planner.feed_datagram(float(now_s), vector("geom"))
+    assert planners[0].nonce == planners[1].nonce != planners[2].nonce
+    assert planners[0].repeated == planners[1].repeated
+
+
+def test_it_tells_what_it_has_heard_and_how_large_that_was() -> None:
+    line = begun()
+    line.send(MAP, map_body(b"\x80"))
+    assert [frame.type for frame in line.planner.heard] == [GEOM, POSE, MAP, MAP]
+    assert [frame.size for frame in line.planner.heard] == [28, 36, 22, 23]
+    assert line.planner.heard[-1].arrived_s == line.now_s
+
+
+def test_on_a_serial_line_it_takes_and_gives_bytes() -> None:
+    planner = FakePlanner()
+    answer = planner.exchange(0.0, vector("geom_serial") + vector("pose_serial"))
+    assert planner.pose is not None
+    assert answer.count(b"\0") == 1
+    assert answer.endswith(b"\0")

@@ -1,0 +1,254 @@
+"""Each fake as a process of its own, asked by sockets and terminals; and the rig's process."""
+
+import json
+import os
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from tests import ROOT
+
+PATIENCE_S = 60.0  # bounds what a hung process can cost
+Start = Callable[..., "Program"]
+
+
+def started(arguments: Sequence[str]) -> list[str]:
+    """The command of a module and its arguments; of the fakes' own, its function is called."""
+    module, *rest = arguments
+    run = {"fakes.programs.lms1xx": "run_scanner", "fakes.programs.mti": "run_attitude"}.get(module)
+    code = f"import sys; from fakes.programs.program import {run}; sys.exit({run}())"
+    return [sys.executable, *(("-c", code) if run else ("-m", module)), *rest]
+
+
+class Program:
+    """A program of the fakes, running."""
+
+    def __init__(self, *arguments: str) -> None:
+        self.process = subprocess.Popen(
+            [*started(arguments), "--until-stdin-closes", "--seconds", "50"],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout
+        assert self.process.stderr
+        self.errors: IO[str] = self.process.stderr
+        line = self.process.stdout.readline()
+        assert line, self.errors.read()
+        self.ports: dict[str, str | None] = json.loads(line)
+
+    def url(self, name: str) -> str:
+        """Where a device is."""
+        url = self.ports[name]
+        assert url is not None
+        return url
+
+    def path(self, name: str) -> str:
+        """Of a device's terminal."""
+        return self.url(name).removeprefix("serial://").split("?")[0]
+
+    def connect(self, name: str) -> socket.socket:
+        """To a device on TCP."""
+        host, port = self.url(name).removeprefix("tcp://").split(":")
+        return socket.create_connection((host, int(port)), timeout=PATIENCE_S)
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Starts programs, which end with the test."""
+    programs: list[Program] = []
+
+    def one(*arguments: str) -> Program:
+        programs.append(Program(*arguments))
+        return programs[-1]
+
+    yield one
+    for program in programs:
+        program.process.kill()
+        program.process.communicate()
+
+
+def read_until(done: Callable[[bytes], object], read: Callable[[], bytes], file: int) -> bytes:
+    """All that comes until it is enough; fails if that takes too long."""
+    got, end_s = b"", time.monotonic() + PATIENCE_S
+    while not done(got):
+        assert time.monotonic() < end_s, got
+        if select.select([file], [], [], 1.0)[0]:
+            got += read()
+    return got
+
+
+def asked(line: int, question: bytes, ending: bytes) -> bytes:
+    """What a terminal answers, up to an ending."""
+    os.write(line, question)
+    return read_until(lambda got: got.endswith(ending), lambda: os.read(line, 4096), line)
+
+
+def cola_b(payload: bytes) -> bytes:
+    checksum = 0
+    for byte in payload:
+        checksum ^= byte
+    return b"\x02" * 4 + struct.pack(">I", len(payload)) + payload + bytes([checksum])
+
+
+def refused(*arguments: str) -> str:
+    """The one line of a program that does not start."""
+    done = subprocess.run(
+        started(arguments),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    return done.stderr
+
+
+def test_the_drive_answers_on_its_link_until_a_fault_and_ends_at_a_signal(
+    start: Start, tmp_path: Path
+) -> None:
+    link = tmp_path / "ax3500"
+    program = start(
+        *("fakes.programs.ax3500", "--link", str(link), "--mode", "rs232"),
+        *("--fault", "battery_v=12@0s", "--fault", "refuse=?R@0s"),
+    )
+    assert program.ports == {"ax3500": f"serial://{link}?baud=9600&parity=E&bytesize=7"}
+    line = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    assert asked(line, b"?Q0\r", b"0\r0\r") == b"?Q0\r0\r"
+    assert asked(line, b"?E\r", b"6C\r") == b"?E\r38\r6C\r"
+    assert asked(line, b"?R\r", b"-\r") == b"?R\r-\r"
+    assert asked(line, b"!A40\r", b"+\r") == b"!A40\r+\r"
+    os.close(line)
+    program.process.send_signal(signal.SIGTERM)
+    _, errors = program.process.communicate(timeout=PATIENCE_S)
+    assert program.process.returncode == 0
+    assert errors.splitlines() == ["ax3500: battery_v=12 on", "ax3500: refuse=?R on"]
+    assert not os.path.lexists(link)
+
+
+def test_the_drive_is_reached_over_tcp_too_and_tells_who_comes(start: Start) -> None:
+    program = start("fakes.programs.ax3500", "--port", "0", "--model", "AX2850", "--unpaced")
+    with program.connect("ax3500") as client:
+        client.sendall(b"^8A\r")
+        read_until(lambda got: got == b"^8A\r24\r+\r", lambda: client.recv(64), client.fileno())
+        name = "{}:{}".format(*client.getsockname())
+        assert program.errors.readline() == f"ax3500: client {name} connected\n"
+
+
+def test_a_host_at_the_wrong_speed_is_told_of(start: Start) -> None:
+    program = start("fakes.programs.ax3500")
+    line = os.open(program.path("ax3500"), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    settings = termios.tcgetattr(line)
+    settings[4] = settings[5] = termios.B115200
+    termios.tcsetattr(line, termios.TCSANOW, settings)
+    assert program.errors.readline() == "ax3500: host at 115200 baud, device at 9600\n"
+    os.close(line)
+
+
+def test_a_drive_in_radio_mode_logs_by_itself(start: Start) -> None:
+    program = start("fakes.programs.ax3500", "--mode", "rc", "--model", "AX1500", "--seed", "3")
+    line = os.open(program.path("ax3500"), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    logged = read_until(lambda got: got.count(b"\r") >= 2, lambda: os.read(line, 4096), line)
+    assert logged.split(b"\r")[1].startswith(b":0000")
+    os.close(line)
+
+
+def test_the_attitude_sensor_streams_until_it_falls_mute(start: Start) -> None:
+    program = start(
+        "fakes.programs.mti", "--port", "0", "--scene", "turning", "--fault", "mute@500ms-1s"
+    )
+    with program.connect("mti") as client:
+        read_until(
+            lambda got: got.count(b"\xfa\xff\x32") > 3, lambda: client.recv(4096), client.fileno()
+        )
+        told = [program.errors.readline() for _ in range(3)]
+        assert [line.split()[-1] for line in told] == ["connected", "on", "off"]
+        client.sendall(bytes.fromhex("FAFF3000D1"))  # GoToConfig
+        read_until(
+            lambda got: b"\xfa\xff\x31\x00\xd0" in got, lambda: client.recv(4096), client.fileno()
+        )
+
+
+@pytest.mark.parametrize("rate_hz", [25, 50])
+def test_the_scanner_answers_on_tcp_as_it_was_set(start: Start, rate_hz: int) -> None:
+    program = start("fakes.programs.lms1xx", "--port", "0", "--scan-rate", str(rate_hz))
+    with program.connect("lms111") as client:
+        client.sendall(cola_b(b"sRN LMPscancfg"))
+        answer = read_until(
+            lambda got: b"LMPscancfg" in got and len(got) > 40,
+            lambda: client.recv(4096),
+            client.fileno(),
+        )
+        assert answer[8:].startswith(b"sRA LMPscancfg " + struct.pack(">I", 100 * rate_hz))
+
+
+def test_a_cut_throws_the_scanners_client_out(start: Start) -> None:
+    program = start("fakes.programs.lms1xx", "--port", "0", "--fault", "cut@300ms")
+    with program.connect("lms111") as client:
+        assert client.recv(100) == b""
+
+
+def test_the_list_of_faults_tells_all_and_ends() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "fakes.programs.ax3500", "--list-faults"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    names = [line.split()[0] for line in done.stdout.splitlines()]
+    assert {"mute", "wire.mute", "gone", "rollover", "power_cycle", "w_rate"} <= set(names)
+    assert done.stderr == ""
+
+
+def test_what_there_is_not_is_one_line_and_status_two() -> None:
+    assert "'moote': no such fault; there are " in refused(
+        "fakes.programs.ax3500", "--fault", "moote@1s"
+    )
+    assert "takes on|off, given '3'" in refused("fakes.programs.mti", "--fault", "mute=3@1s")
+    assert "no scene 'wall:x'; there are room" in refused(
+        "fakes.programs.lms1xx", "--scene", "wall:x"
+    )
+    assert "write one of scanner, ahrs, drive" in refused("fakes", "--fault", "mute@1s")
+
+
+# the rig
+
+
+def test_a_device_that_is_left_out_has_no_port(start: Start, tmp_path: Path) -> None:
+    link = tmp_path / "drive"
+    program = start(
+        *("fakes", "--leave-out", "scanner", "--leave-out", "ahrs", "--no-driver"),
+        *("--drive-link", str(link), "--drive-mode", "rc", "--fault", "drive.cut@0s-100ms"),
+    )
+    assert program.ports == {
+        "scanner": None,
+        "ahrs": None,
+        "drive": f"serial://{link}?baud=9600&parity=E&bytesize=7",
+    }
+    assert [program.errors.readline() for _ in range(2)] == [
+        "fakes: drive.cut on\n",
+        "fakes: drive.cut off\n",
+    ]
+    line = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    read_until(lambda got: b":00" in got, lambda: os.read(line, 4096), line)
+    os.close(line)
+
+
+def test_a_fault_of_a_device_that_is_left_out_is_refused() -> None:
+    told = refused("fakes", "--leave-out", "ahrs", "--fault", "ahrs.mute@1s")
+    assert "no device 'ahrs'; write one of scanner, drive" in told

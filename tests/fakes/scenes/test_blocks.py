@@ -1,0 +1,101 @@
+"""What fills a place between two heights, and how high it is with people in it: the truth."""
+
+import numpy as np
+import pytest
+
+from fakes.scenes.movers import box, person
+from fakes.scenes.scene import Scene, Solid, load_scene
+from fakes.scenes.solids import GLASS, Pillar, soft
+
+FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
+
+
+def blocks(*things: Solid | Pillar, low: float = 0.15, high: float = 1.30) -> bool:
+    """Whether something of a robot's height meets these at 5, 0."""
+    scene = Scene("some", (FLOOR, *things))
+    return bool(scene.blocks([5.0], [0.0], low, high)[0])
+
+
+def thing(z: tuple[float, float], **more: object) -> Solid:
+    """Something around 5, 0."""
+    return Solid("thing", (4.5, 5.5), (-0.5, 0.5), z, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("z", "bars"),
+    [
+        ((0.0, 0.14), False),
+        ((0.0, 0.15), False),  # touches
+        ((0.0, 0.16), True),
+        ((0.70, 0.72), True),  # a table top
+        ((1.29, 1.50), True),
+        ((1.30, 1.50), False),
+        ((1.40, 2.50), False),
+        ((-1.0, 3.0), True),
+    ],
+)
+def test_what_reaches_between_two_heights_blocks(z: tuple[float, float], bars: bool) -> None:
+    assert blocks(thing(z)) is bars
+
+
+def test_the_floor_does_not_block_and_glass_does_and_grass_does_not() -> None:
+    assert not blocks()
+    assert blocks(thing((0.0, 1.0), material=GLASS))
+    assert not blocks(thing((0.0, 1.0), material=soft(3.0)))
+    assert blocks(low=-0.5)  # the floor itself, asked for
+
+
+def test_heights_may_be_told_point_by_point() -> None:
+    scene = Scene("some", (FLOOR, thing((0.0, 0.5))))
+    x, y = np.array([5.0, 5.0, 8.0]), np.zeros(3)
+    low = np.array([0.4, 0.6, 0.4])
+    np.testing.assert_array_equal(scene.blocks(x, y, low, low + 1.0), [True, False, False])
+
+
+def test_pillars_block_where_they_are_round() -> None:
+    scene = Scene("some", (FLOOR, Pillar("post", (5.0, 0.0), 0.5, (0.0, 2.0))))
+    found = scene.blocks([5.49, 5.4, 5.51], [0.0, 0.4, 0.0], 0.15, 1.3)
+    np.testing.assert_array_equal(found, [True, False, False])
+
+
+def test_movers_block_while_they_are_there() -> None:
+    parcel = box("parcel", (4.8, 5.2), (-0.2, 0.2), (0.0, 0.4), until_s=10.0)
+    walks = person("walks", ((2.0, 3.0), (8.0, 3.0)), 1.0, legs=False)
+    scene = Scene("some", (FLOOR,), movers=(parcel, walks))
+    x, y = np.array([5.0, 5.0]), np.array([0.0, 3.0])
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), [False, False])
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 3.0), [True, True])
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 11.0), [False, False])
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.5, 1.3, 3.0), [False, True])
+
+
+def test_people_block_and_stand_high_where_they_are_told() -> None:
+    scene = Scene("some", (FLOOR,))
+    people = np.array([[5.0, 0.0, 0.22]])
+    x, y = np.array([5.2, 5.3]), np.zeros(2)
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 1.0, people), [True, False])
+    np.testing.assert_array_equal(scene.height_at(x, y, 1.0, people), [1.75, 0.0])
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), [False, False])
+
+
+def test_asking_few_points_finds_what_asking_all_finds() -> None:
+    """Solids are left out by their bounds; that changes nothing."""
+    scene = load_scene("yard")
+    random = np.random.default_rng(2)
+    x, y = random.uniform([-10, -10], [35, 10], (400, 2)).T
+    slow = np.zeros(400, dtype=bool)
+    tops = np.full(400, -np.inf)
+    for solid in scene.solids:
+        tops = np.maximum(tops, solid.tops_m(x, y))
+        if solid.material.kind != "soft":
+            slow |= (solid.tops_m(x, y) > 0.15) & (solid.bottom_m < 1.3)
+    one_by_one = [bool(scene.blocks([a], [b], 0.15, 1.3)[0]) for a, b in zip(x, y, strict=True)]
+    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), slow)
+    np.testing.assert_array_equal(one_by_one, slow)
+    np.testing.assert_array_equal(scene.height_at(x, y), np.where(np.isinf(tops), np.nan, tops))
+
+
+def test_no_points_are_no_question() -> None:
+    scene = Scene("some", (FLOOR,))
+    assert scene.blocks(np.zeros(0), np.zeros(0), 0.0, 1.0).shape == (0,)
+    assert scene.height_at(np.zeros(0), np.zeros(0)).shape == (0,)

@@ -1,0 +1,92 @@
+"""The shipped scenes of campaigns: each seed's start is honest, each goal can be reached."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from fakes.scenes.scene import Scene, campaign_scenes, load_scene, problems
+from fakes.scenes.solids import Solid
+from fakes.world.robot import mjcf
+
+NAMES = ("aisle", "crowd", "dock", "hall", "kerbs", "office", "passage", "ramp", "rooms", "turn")
+SEEDS = range(20)
+MOST_SOLIDS = 120
+
+
+@functools.cache
+def loaded(name: str, seed: int) -> Scene:
+    """A scene of a seed, loaded once."""
+    return load_scene(name, seed)
+
+
+def test_the_campaign_has_ten_scenes() -> None:
+    assert campaign_scenes() == NAMES
+
+
+def is_free(scene: Scene, x: float, y: float, radius_m: float) -> bool:
+    """Whether a disc of ground is even and nothing stands on it up to 1.3 m."""
+    dx, dy = (part.ravel() for part in np.mgrid[-1:1:41j, -1:1:41j] * radius_m)
+    inside = np.hypot(dx, dy) <= radius_m
+    xs, ys = x + dx[inside], y + dy[inside]
+    ground = scene.height_at([x], [y])[0]
+    heights = scene.height_at(xs, ys)
+    even = bool((np.abs(heights - ground) < 0.10).all())
+    return even and not scene.blocks(xs, ys, ground + 0.10, ground + 1.30).any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_seed_gives_a_start_and_goals_that_are_free(name: str) -> None:
+    scenes = [loaded(name, seed) for seed in SEEDS]
+    assert len({(scene.solids, scene.goals) for scene in scenes}) == len(SEEDS)
+    for scene in scenes:
+        assert scene.campaign
+        assert scene.description
+        assert 1 <= len(scene.goals) <= 3
+        assert len(scene.solids) <= MOST_SOLIDS
+        assert is_free(scene, 0.0, 0.0, 1.2)
+        for x, y in scene.goals:
+            assert is_free(scene, x, y, 0.95)
+            assert 10.0 < math.hypot(x, y) < 32.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_way_is_not_trivial_for_all_seeds(name: str) -> None:
+    """Beyond the clear start something other stands in each seed, and no goal is the same twice."""
+    goals = {goal for seed in SEEDS for goal in loaded(name, seed).goals}
+    assert len(goals) >= len(SEEDS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_loaded_again_has_no_problems_and_is_the_same(name: str) -> None:
+    scene = loaded(name, 7)
+    assert problems(scene) == []
+    assert load_scene(name, 7) == scene
+    assert mjcf(scene).count("<geom name=") >= len(scene.firm)
+
+
+def test_rooms_differ_in_number_and_size() -> None:
+    counts, lengths = set(), set()
+    for seed in SEEDS:
+        walls = [s for s in loaded("rooms", seed).solids if s.name.endswith("right wall")]
+        counts.add(len(walls))
+        assert isinstance(walls[1], Solid)
+        lengths.add(round(walls[1].x[1] - walls[1].x[0], 3))
+    assert counts == {2, 3}
+    assert len(lengths) == len(SEEDS)
+
+
+def test_turns_go_to_the_left_and_to_the_right() -> None:
+    sides = [math.copysign(1.0, loaded("turn", seed).goals[0][1]) for seed in SEEDS]
+    assert 4 <= sides.count(1.0) <= 16
+
+
+def test_the_ramp_rises_and_the_dock_falls_away() -> None:
+    for seed in (1, 2, 3):
+        ramp = loaded("ramp", seed)
+        assert 0.25 < ramp.height_at([30.0], [0.0])[0] < 0.5
+        dock = loaded("dock", seed)
+        sides = dock.height_at([30.0, 12.0, 12.0], [0.0, 4.5, -4.5])
+        assert sides[0] == -1.2
+        assert -1.2 in sides[1:]

@@ -1,0 +1,261 @@
+"""Whether a robot can do what a scene asks: what is found wrong with places made for it."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from fakes.scenes.reach import Ground, check_place
+from fakes.scenes.reach_kernels import flood, grown, is_clear, seen, ways_to
+from fakes.scenes.scene import Scene, Solid, problems
+from fakes.scenes.solids import BLACK, GLASS, Pillar, Shape, bump, soft
+from fakes.world.crowd import Walker
+from fakes.world.kinematic import KinematicWorld
+from fakes.world.rotations import R_from_angles
+from fakes.world.trajectory import held
+
+F64 = npt.NDArray[np.float64]
+FLOOR = Solid("floor", (-14.0, 40.0), (-14.0, 14.0), (-1.0, 0.0))
+
+
+def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Solid:
+    """Something upright."""
+    return Solid("thing", x, y, z)
+
+
+def found(*solids: Shape, goal: tuple[float, float] = (16.0, 0.0), clear_m: float = 9.0) -> str:
+    """The first thing that is wrong with a floor on which something stands; "" if nothing."""
+    return "; ".join(check_place((FLOOR, *solids), [goal], (), clear_m)[:1])
+
+
+def walls_about(x: float, gap_m: float) -> tuple[Solid, Solid]:
+    """A wall across the floor with a gap about y = 0."""
+    return (
+        box((x, x + 0.2), (-14.0, -gap_m / 2), (-1.0, 2.5)),
+        box((x, x + 0.2), (gap_m / 2, 14.0), (-1.0, 2.5)),
+    )
+
+
+def test_an_empty_floor_has_no_problems() -> None:
+    assert found() == ""
+
+
+def test_things_that_leave_a_wide_way_are_no_problem() -> None:
+    assert found(box((12.0, 13.0), (-0.5, 0.5), (0.0, 0.2))) == ""
+    assert found(Pillar("post", (12.0, 0.0), 0.1, (0.0, 2.0))) == ""
+    assert found(*walls_about(12.0, 2.0)) == ""
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        box((-0.2, 0.2), (0.4, 0.6), (0.0, 2.0)),
+        Solid("drop", (0.5, 0.9), (-0.2, 0.2), (0.3, 0.4)),
+    ],
+)
+def test_a_start_that_is_not_free_is_found(thing: Solid) -> None:
+    assert found(thing) == "the start is not free"
+
+
+def test_a_doorway_is_wide_enough_from_1_6_metres_on() -> None:
+    assert "no way" in found(*walls_about(12.0, 1.4))
+    assert found(*walls_about(12.0, 1.8)) == ""
+
+
+@pytest.mark.parametrize(
+    "bar",
+    [
+        box((12.0, 12.3), (-14.0, 14.0), (0.0, 0.16)),  # a kerb right across
+        Solid("glass", (12.0, 12.02), (-14.0, 14.0), (0.0, 2.0), material=GLASS),
+        Solid("mat", (12.0, 14.0), (-14.0, 14.0), (0.0, 0.004), material=BLACK),
+        Solid("grass", (12.0, 13.0), (-14.0, 14.0), (0.0, 0.3), material=soft(5.0)),
+        box((12.0, 13.0), (-14.0, 14.0), (0.7, 0.72)),  # a table as wide as the hall
+    ],
+)
+def test_what_nobody_should_drive_over_bars_the_way(bar: Solid) -> None:
+    assert "goal 16.00, 0.00" in found(bar)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        box((12.0, 12.2), (-14.0, 14.0), (0.0, 0.006)),
+        box((12.0, 13.0), (-14.0, 14.0), (1.6, 1.8)),
+        bump("bump", (12.0, 12.8), (-14.0, 14.0), 0.03),
+        Solid("up", (11.0, 20.0), (-14.0, 14.0), (-1.0, 0.0), rise_x_rad=math.radians(2.0)),
+    ],
+)
+def test_cables_bumps_ramps_and_what_hangs_high_bar_nothing(thing: Shape) -> None:
+    assert found(thing) == ""
+
+
+def test_a_goal_needs_a_metre_around_it() -> None:
+    assert "not free" in found(box((16.8, 17.0), (-0.3, 0.3), (0.0, 0.3)))
+    assert found(box((17.2, 17.4), (-0.3, 0.3), (0.0, 0.3))) == ""
+
+
+# -- the clear start --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        box((5.0, 5.5), (2.0, 2.5), (0.0, 0.5)),
+        box((-5.0, -4.5), (2.0, 2.5), (0.0, 0.9)),
+        box((5.0, 6.0), (2.0, 2.5), (0.7, 1.3)),  # a top without legs
+        Solid("glass", (5.0, 7.0), (2.0, 2.02), (0.0, 2.0), material=GLASS),
+        Solid("mat", (5.0, 7.0), (2.0, 3.0), (0.0, 0.004), material=BLACK),
+    ],
+)
+def test_what_is_hard_to_see_must_not_stand_in_the_clear_start(thing: Solid) -> None:
+    assert "within the clear start" in found(thing)
+    assert "clear start" not in found(thing, clear_m=2.0)
+
+
+def test_tall_things_may_stand_in_the_clear_start_and_hide_what_is_behind() -> None:
+    assert found(box((5.0, 5.5), (2.0, 2.5), (0.0, 1.3))) == ""
+    wall = box((-14.0, 12.0), (3.0, 3.2), (-1.0, 1.3))
+    low_behind = box((4.0, 5.0), (3.3, 3.6), (0.0, 0.3))
+    assert "clear start" in found(low_behind)
+    narrow = Solid("floor", (-14.0, 40.0), (-14.0, 4.0), (-1.0, 0.0))
+    end = box((12.0, 12.2), (3.0, 4.0), (-1.0, 1.3))
+    assert check_place([narrow, wall, end, low_behind], [(16.0, 0.0)], (), 9.0) == []
+
+
+def test_an_edge_must_not_lie_in_the_clear_start() -> None:
+    platform = Solid("platform", (-14.0, 40.0), (-14.0, 4.0), (-1.0, 0.0))
+    wall = box((-14.0, 10.0), (3.8, 4.0), (-1.0, 1.3))
+    assert "clear start" in check_place([platform], [(16.0, 0.0)], (), 9.0)[0]
+    assert check_place([platform, wall], [(16.0, 0.0)], (), 9.0) == []
+
+
+# -- what the laser sees ----------------------------------------------------------------------
+
+
+def test_a_goal_right_behind_a_wall_cannot_be_seen_before() -> None:
+    """A corridor 3 m wide that bends sharply: nobody can look into it from 8.45 m away."""
+    walls = (
+        box((-14.0, 12.0), (1.5, 14.0), (-1.0, 2.5)),
+        box((-14.0, 15.2), (-14.0, -1.5), (-1.0, 2.5)),
+        box((15.0, 15.2), (-1.5, 14.0), (-1.0, 2.5)),
+    )
+    assert "the laser does not see" in found(*walls, goal=(13.5, 6.0))
+
+
+def test_a_wide_bend_can_be_looked_into_on_a_detour() -> None:
+    walls = (
+        box((-14.0, 11.5), (3.5, 14.0), (-1.0, 2.5)),
+        box((-14.0, 18.7), (-14.0, -3.5), (-1.0, 2.5)),
+        box((18.5, 18.7), (-3.5, 14.0), (-1.0, 2.5)),
+    )
+    assert found(*walls, goal=(15.0, 8.0)) == ""
+    ground = Ground((FLOOR, *walls), [(15.0, 8.0)])
+    ways = ground.ways((0.0, 0.0), (15.0, 8.0))
+    lengths = [sum(map(math.dist, way[:-1], way[1:])) for way in ways]
+    assert len(lengths) > 3
+    assert lengths[0] < min(lengths) + 0.5  # drawn tight along cells, so nearly the shortest
+    assert max(lengths) < lengths[0] + 8.5
+
+
+def test_the_lasers_line_is_where_the_world_has_it() -> None:
+    """Beams of the simulated laser end on places that count as seen, and a step nearer do not."""
+    random = np.random.default_rng(4)
+    pillar = Pillar("post", (5.0, 1.0), 0.3, (0.0, 2.0))
+    ground = Ground((FLOOR, pillar), [(12.0, 0.0)])
+    corner = (*ground.raster.low, 0.1)
+    for yaw in random.uniform(-0.5, 0.5, 8):
+        world = KinematicWorld(Scene("some", (FLOOR, pillar)), held(place=(0.0, 0.0, yaw)))
+        world.step_to(1000.0)
+        bearings = np.radians(np.linspace(-48.0, 48.0, 97))
+        ranges = world.ranges_m(np.full(97, 1000.0), bearings)
+        rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(97)], -1)
+        tilt = R_from_angles(np.array([yaw]), np.radians([7.5]), np.zeros(1))[0]
+        ends = ranges[:, None] * (rays @ tilt.T)
+        ends[:, 0] += 0.25 * math.cos(yaw)
+        ends[:, 1] += 0.25 * math.sin(yaw)
+        on_floor = ends[:, 2] < -1.07
+        near = (abs(ends[:, :2]) < 9.8).all(axis=1) & on_floor
+        eyes = np.array([[0.0, 0.0, yaw, 0.0, 0.0]])
+        targets = np.column_stack([ends[:, :2], np.zeros(97)])
+
+        def ask(places: F64, turn_rad: float) -> npt.NDArray[np.bool_]:
+            return seen(
+                ground.raster.tops_m,
+                corner,
+                eyes,  # noqa: B023
+                places,
+                np.array([turn_rad]),
+                np.ones(len(places), dtype=np.int64),
+            )
+
+        edges = np.convolve(on_floor, np.ones(5), "same") < 5  # a cell beside the pillar's shadow
+        assert ask(targets[near & ~edges], 0.02).mean() > 0.95  # the raster is a little too wide
+        assert not ask(targets[near] * [0.9, 0.9, 1.0], 0.02).any()
+        behind = targets[~on_floor] * [3.0, 3.0, 0.0]
+        assert len(behind) == 0 or not ask(behind, 0.5)[1:-1].any()
+
+
+# -- people -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("points", "says"),
+    [
+        (((1.0, 0.0), (8.0, 0.0)), "stands on the start"),
+        (((10.0, -5.0), (10.0, 5.0)), "something in the way"),
+        (((10.0, -5.0), (14.0, -5.0)), ""),
+    ],
+)
+def test_people_need_a_free_way_that_does_not_begin_at_the_robot(
+    points: tuple[tuple[float, float], ...], says: str
+) -> None:
+    post = Pillar("post", (10.5, 0.0), 0.2, (0.0, 2.0))
+    scene = Scene("some", (FLOOR, post), goals=((16.0, 0.0),), walkers=(Walker("who", points),))
+    assert says in "; ".join(problems(scene))
+    assert bool(says) is bool(problems(scene))
+
+
+# -- kernels against slow models --------------------------------------------------------------
+
+
+def test_ways_on_a_raster_are_the_shortest_ones() -> None:
+    """Against Dijkstra's, cell by cell."""
+    random = np.random.default_rng(8)
+    for _ in range(10):
+        closed = random.random((12, 15)) < 0.3
+        closed[3, 4] = False
+        lengths = ways_to(closed, 3, 4)
+        known, open_cells = {(3, 4): 0.0}, {(3, 4)}
+        while open_cells:
+            cell = min(open_cells, key=lambda c: known[c])
+            open_cells.remove(cell)
+            for dj in (-1, 0, 1):
+                for di in (-1, 0, 1):
+                    b, a = cell[0] + dj, cell[1] + di
+                    if not (0 <= b < 12 and 0 <= a < 15) or closed[b, a]:
+                        continue
+                    length = known[cell] + math.hypot(dj, di)
+                    if length < known.get((b, a), math.inf) - 1e-9:
+                        known[b, a] = length
+                        open_cells.add((b, a))
+        for j in range(12):
+            for i in range(15):
+                assert lengths[j, i] == pytest.approx(known.get((j, i), math.inf))
+
+
+def test_growing_and_flooding_do_what_they_say() -> None:
+    random = np.random.default_rng(9)
+    flags = random.random((20, 25)) < 0.05
+    flags[5:12, 8:14] = True
+    wider = grown(flags, 2.5)
+    set_j, set_i = np.nonzero(flags)
+    for j in range(20):
+        for i in range(25):
+            assert wider[j, i] == (np.hypot(set_j - j, set_i - i).min() <= 2.5)
+    heights = np.zeros((6, 6))
+    heights[:, 3] = 0.1
+    assert flood(heights, 0, 0, 0.05).sum() == 18
+    assert flood(heights, 0, 0, 0.2).all()
+    assert is_clear(heights > 0, 0.5, 0.5, 2.5, 5.5)
+    assert not is_clear(heights > 0, 0.5, 0.5, 4.5, 5.5)

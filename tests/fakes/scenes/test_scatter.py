@@ -1,0 +1,306 @@
+"""What scenes leave to chance: things that are scattered, slopes, mirrors, rooms, goals."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fakes.scenes.chance import mirrored
+from fakes.scenes.scatter import apart_m, away_m, cut, ground_m
+from fakes.scenes.scene import Scene, load_scene
+from fakes.scenes.solids import Pillar, Ridge, Shape, Solid, bump
+from fakes.scenes.things import MAKERS, SIZES, Frame, lifted
+
+FLOOR = """
+x_axis_east_of_north_deg = 0.0
+[[solid]]
+name = "floor"
+x = [-12.0, 30.0]
+y = [-10.0, 10.0]
+z = [-1.0, 0.0]
+"""
+
+
+def scene_of(folder: Path, text: str, seed: int = 1) -> Scene:
+    """A floor and what is told."""
+    file = folder / "some.toml"
+    file.write_text(FLOOR + text)
+    return load_scene(file, seed)
+
+
+def scattered(kind: str, more: str = "", count: str = "[3, 6]", area: str = "[10, 28]") -> str:
+    """A [[scatter]] of one kind."""
+    return f'[[scatter]]\nkind = "{kind}"\ncount = {count}\nx = {area}\ny = [-9, 9]\n{more}\n'
+
+
+def test_a_seed_gives_the_same_scene_always_and_others_give_others(tmp_path: Path) -> None:
+    text = scattered("box") + scattered("walker")
+    scenes = [scene_of(tmp_path, text, seed) for seed in (1, 1, 2, 3)]
+    assert scenes[0] == scenes[1]
+    assert len({scene.solids for scene in scenes}) == 3
+    assert len({scene.walkers for scene in scenes}) == 3
+
+
+def test_a_scene_without_chance_is_the_same_for_all_seeds() -> None:
+    assert load_scene("corridor", 1) == load_scene("corridor", 99)
+    assert load_scene("corridor").goals == ()
+
+
+def test_counts_sizes_and_areas_are_kept(tmp_path: Path) -> None:
+    text = scattered("box", "size_m = [0.3, 0.5]\nheight_m = [0.2, 0.4]", "[2, 4]")
+    counts = set()
+    for seed in range(20):
+        _, *boxes = scene_of(tmp_path, text, seed).solids
+        counts.add(len(boxes))
+        for box in boxes:
+            assert isinstance(box, Solid)
+            assert 0.3 <= box.x[1] - box.x[0] <= 0.5
+            assert 0.2 <= box.z[1] <= 0.4
+            assert 10.0 <= sum(box.x) / 2 <= 28.0
+    assert counts == {2, 3, 4}
+
+
+def test_things_keep_away_from_the_start_the_goals_and_each_other(tmp_path: Path) -> None:
+    goals = "[goals]\nareas = [{x = [12, 20], y = [-3, 3]}]\n"
+    more = "keep_m = 12.0\ngap_m = 2.0\ngoal_m = 2.5"
+    text = goals + scattered("box", more, "[4, 8]", "[0, 28]")
+    for seed in range(10):
+        scene = scene_of(tmp_path, text, seed)
+        rects = [(solid.x, solid.y) for solid in scene.solids[1:]]
+        assert min(away_m((0.0, 0.0), rect) for rect in rects) >= 12.0
+        assert min(away_m(scene.goals[0], rect) for rect in rects) >= 2.5
+        pairs = [(a, b) for k, a in enumerate(rects) for b in rects[:k]]
+        assert min(apart_m(a, b) for a, b in pairs) >= 2.0
+
+
+def test_nothing_is_put_into_what_stands_there(tmp_path: Path) -> None:
+    wall = '[[solid]]\nname = "wall"\nx = [15, 25]\ny = [-8, 8]\nz = [-1, 2.5]\n'
+    for seed in range(10):
+        _, stands, *boxes = scene_of(tmp_path, wall + scattered("box"), seed).solids
+        assert all(apart_m((stands.x, stands.y), (box.x, box.y)) > 0.0 for box in boxes)
+
+
+def test_what_finds_no_place_makes_the_scene_be_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="seed 1 draws no scene"):
+        scene_of(tmp_path, scattered("box", "keep_m = 80.0", "[1, 1]"))
+
+
+def test_a_goal_that_cannot_be_reached_is_refused_unless_the_file_says_that_it_may_be_so(
+    tmp_path: Path,
+) -> None:
+    text = """
+[goals]
+areas = [{x = [15, 15], y = [0, 0]}]
+[[solid]]
+name = "wall"
+x = [12.0, 12.2]
+y = [-10.0, 10.0]
+z = [-1.0, 2.5]
+"""
+    with pytest.raises(ValueError, match=r"without problems: goal 15\.00, 0\.00"):
+        scene_of(tmp_path, text)
+    file = tmp_path / "unfair.toml"
+    file.write_text("fair = false" + FLOOR + text)
+    assert load_scene(file).goals == ((15.0, 0.0),)
+
+
+def test_things_stand_on_the_ground_and_not_across_a_kerb(tmp_path: Path) -> None:
+    low = '[[solid]]\nname = "road"\nx = [30, 60]\ny = [-10, 10]\nz = [-1, -0.2]\n'
+    heights = set()
+    for seed in range(12):
+        scene = scene_of(tmp_path, low + scattered("pallet", "", "[4, 4]", "[25, 35]"), seed)
+        for wood in scene.solids[2:]:
+            if wood.name.endswith("wood"):
+                top = float(
+                    wood.tops_m(np.array([sum(wood.x) / 2]), np.array([sum(wood.y) / 2]))[0]
+                )
+                heights.add(round(top, 6))
+                assert not wood.x[0] < 30.0 < wood.x[1]
+    assert heights == {0.16, -0.04}
+
+
+def test_on_a_slope_nothing_is_lower_than_it_was_made(tmp_path: Path) -> None:
+    slope = '[[ramp]]\nname = "up"\nx = [30, 60]\ny = [-10, 10]\nrise_deg = 3.0\nalong = "x"\n'
+    text = slope + scattered("box", "height_m = [0.3, 0.3]", "[3, 3]", "[35, 50]")
+    _, ramp, *boxes = scene_of(tmp_path, text).solids
+    for box in boxes:
+        assert isinstance(box, Solid)
+        under = [ramp.tops_m(np.array([x]), np.array([0.0]))[0] for x in box.x]
+        assert box.z[1] == pytest.approx(max(under) + 0.3)
+        assert box.z[0] < min(under)
+
+
+@pytest.mark.parametrize("kind", sorted(MAKERS))
+def test_every_kind_stands_around_its_place_also_when_turned(kind: str) -> None:
+    spans = []
+    for turned in (False, True):
+        frame = Frame("it", 20.0, 3.0, turned)
+        thing = MAKERS[kind](frame, np.random.default_rng(5), {})
+        spans.append([high - low for low, high in thing.spans])
+        assert away_m((20.0, 3.0), thing.spans) < 0.5
+        lowest = min((shape.bottom_m for shape in thing.shapes), default=0.0)
+        assert lowest == 0.0
+    if kind not in ("pillar",):
+        np.testing.assert_allclose(spans[0], spans[1][::-1], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", sorted({"table", "chair", "desk", "rack", "truck"}))
+def test_furniture_has_room_below_it(kind: str) -> None:
+    thing = MAKERS[kind](Frame("it", 0.0, 0.0, False), np.random.default_rng(1), {})
+    hanging = [shape for shape in thing.shapes if shape.bottom_m > 0.05]
+    assert hanging
+    assert all(isinstance(shape, Solid | Pillar) for shape in thing.shapes)
+
+
+def test_what_is_lifted_sinks_in_where_it_stood_and_hangs_as_high_as_before() -> None:
+    foot = lifted(Pillar("leg", (0.0, 0.0), 0.1, (0.0, 0.5)), 0.10, 0.14)
+    top = lifted(Solid("top", (0.0, 1.0), (0.0, 1.0), (0.5, 0.6)), 0.10, 0.14)
+    assert isinstance(foot, Pillar)
+    assert isinstance(top, Solid)
+    np.testing.assert_allclose(foot.z, (0.08, 0.64))
+    np.testing.assert_allclose(top.z, (0.64, 0.74))
+
+
+# -- holes ------------------------------------------------------------------------------------
+
+
+def test_a_ditch_is_cut_out_of_the_floor_and_nothing_else(tmp_path: Path) -> None:
+    text = scattered("ditch", "depth_m = [0.4, 0.4]\nlong_m = [2, 2]\nwide_m = [1, 1]", "[2, 2]")
+    scene = scene_of(tmp_path, text)
+    x, y = (
+        part.ravel() for part in np.meshgrid(np.arange(-11.9, 30, 0.1), np.arange(-9.9, 10, 0.1))
+    )
+    heights = scene.height_at(x, y)
+    assert set(np.unique(heights)) == {-0.4, 0.0}
+    assert (heights < 0).sum() * 0.01 == pytest.approx(4.0, abs=0.5)
+    assert len(scene.solids) == 1 + 2 * 4
+
+
+def test_a_hole_that_no_floor_holds_is_not_cut() -> None:
+    floor = Solid("floor", (0.0, 10.0), (0.0, 10.0), (-1.0, 0.0))
+    floors: list[Shape] = [floor]
+    assert not cut(floors, (8.0, 11.0), (2.0, 3.0), 0.5)
+    assert floors == [floor]
+    assert cut(floors, (8.0, 9.0), (2.0, 3.0), 0.5)
+    assert not cut(floors, (4.0, 6.0), (1.5, 2.5), 0.5)  # across two pieces of what is left
+    assert len(floors) == 5
+    assert ground_m([floor], [(5.0, 5.0), (11.0, 5.0)]) == [0.0, -math.inf]
+
+
+# -- the other side ---------------------------------------------------------------------------
+
+
+def test_a_mirrored_scene_is_the_same_on_the_other_side(tmp_path: Path) -> None:
+    """Which seeds are mirrored chance decides; both sides come, and all things change sides."""
+    text = """
+mirror = true
+[goals]
+areas = [{x = [15, 15], y = [2, 2]}]
+[[ramp]]
+name = "side slope"
+x = [30, 40]
+y = [-10, 10]
+rise_deg = 2.0
+[[pillar]]
+name = "post"
+at = [12.0, 5.0]
+radius_m = 0.2
+z = [0.0, 2.0]
+[[bump]]
+name = "bump"
+x = [20, 21]
+y = [-2, 3]
+height_m = 0.02
+[[steel]]
+name = "door"
+at = [9.0, 4.0]
+yaw_deg = 20.0
+[[slip]]
+left = 0.1
+right = 0.0
+from_s = 1.0
+until_s = 2.0
+[[walker]]
+name = "walks"
+waypoints = [[12.0, -6.0], [18.0, -6.0]]
+[[patch]]
+name = "wet"
+x = [10, 11]
+y = [1, 2]
+friction = 0.3
+"""
+    file = tmp_path / "some.toml"
+    file.write_text(FLOOR.replace("[[solid]]", text + "[[solid]]"))
+    scenes = {scene.goals[0][1]: scene for scene in (load_scene(file, k) for k in range(12))}
+    assert set(scenes) == {2.0, -2.0}
+    one, other = scenes[2.0], scenes[-2.0]
+    x, y = np.random.default_rng(1).uniform([-5, -10], [40, 10], (500, 2)).T
+    np.testing.assert_allclose(one.height_at(x, y), other.height_at(x, -y), atol=1e-9)
+    assert one.steels[0].yaw_rad == -other.steels[0].yaw_rad
+    assert one.steels[0].at == (9.0, -other.steels[0].at[1])
+    assert (one.slips[0].left, one.slips[0].right) == (other.slips[0].right, other.slips[0].left)
+    assert one.walkers[0].waypoints[1] == (18.0, -other.walkers[0].waypoints[1][1])
+    assert one.patches[0].y == (-other.patches[0].y[1], -other.patches[0].y[0])
+
+
+def test_ridges_along_y_have_another_side_too() -> None:
+    ridge = Ridge("step", (0.0, 1.0), (1.0, 3.0), ((0.0, 0.1), (0.5, 0.1), (2.0, 0.0)), "y")
+    y = np.linspace(1.01, 2.99, 20)
+    x = np.full(20, 0.5)
+    np.testing.assert_allclose(mirrored(ridge).tops_m(x, -y), ridge.tops_m(x, y), atol=1e-12)
+    even = bump("bump", (0.0, 1.0), (1.0, 3.0), 0.1)
+    np.testing.assert_allclose(mirrored(even).tops_m(x, -y), even.tops_m(x, y), atol=1e-12)
+
+
+# -- slopes, entries that may be there, keys ---------------------------------------------------
+
+
+def test_a_slope_is_eased_at_both_ends_and_ends_where_the_level_ground_begins(
+    tmp_path: Path,
+) -> None:
+    text = (
+        '[[slope]]\nname = "up"\nx = [30, 40]\ny = [-5, 5]\nrise_deg = [2.0, 4.0]\nuntil_x = 50\n'
+    )
+    rises = set()
+    for seed in range(3):
+        scene = scene_of(tmp_path, text, seed)
+        x = np.arange(29.9, 49.9, 0.01)
+        heights = scene.height_at(x, np.zeros(len(x)))
+        slopes = np.degrees(np.arctan(np.diff(heights) / 0.01))
+        assert slopes.max() < 4.0 + 1e-6
+        steepest = float(np.median(slopes[(x[:-1] > 32) & (x[:-1] < 38)]))
+        np.testing.assert_allclose(
+            slopes[(x[:-1] > 30.1) & (x[:-1] < 31.4)], steepest / 2, atol=0.02
+        )
+        assert abs(slopes[x[:-1] > 40.1]).max() < 1e-6
+        rises.add(round(steepest, 3))
+    assert len(rises) == 3
+
+
+def test_an_entry_with_a_chance_is_there_for_some_seeds(tmp_path: Path) -> None:
+    text = '[[pillar]]\nname = "post"\nat = [5, 5]\nradius_m = 0.1\nz = [0, 2]\nchance = 0.5\n'
+    there = [len(scene_of(tmp_path, text, seed).solids) - 1 for seed in range(20)]
+    assert 4 <= sum(there) <= 16
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[[scatter]]\nkind = "cow"\n', "no kind 'cow'"),
+        (scattered("box", "radius_m = [1, 2]"), "scatter, box: no key 'radius_m'"),
+        (scattered("walker", "gap_m = 2.0"), "scatter, walker: no key 'gap_m'"),
+        ("[goals]\nnumber = 3\n", "goals: no key 'number'"),
+        ("[goals]\nareas = [{x = [1, 2], z = [0, 1]}]\n", "an area has x and y"),
+        ("[goals]\nareas = [{x = [2, 1], y = [0, 1]}]\n", "from <= to"),
+        ("[upsets]\nfog = 1.0\n", "no key 'fog'"),
+        ("[rooms]\ncolour = 1\n", "rooms: no key 'colour'"),
+    ],
+)
+def test_what_a_file_says_wrongly_is_refused_by_name(tmp_path: Path, text: str, says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        scene_of(tmp_path, text)
+
+
+def test_all_sizes_of_all_kinds_are_known() -> None:
+    assert SIZES.keys() == MAKERS.keys()

@@ -1,0 +1,273 @@
+"""The driver on the shipped route, the rig, and the process of the fakes from outside."""
+
+import json
+import math
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.programs.serving import MOST_S, Pace
+from fakes.world import robot
+from fakes.world.driver import PERIOD_S, TURN_RADPS, Driver
+from fakes.world.rig import Rig
+from fakes.world.world import World
+from tests import ROOT
+
+F64 = npt.NDArray[np.float64]
+SERVE = [sys.executable, "-m", "fakes"]
+PATIENCE_S = 60.0  # bounds what a hung process can cost
+
+
+@dataclass
+class Lap:
+    """One lap of the shipped route."""
+
+    world: World
+    poses: F64  # (n, 5) every 10 ms
+    end_s: float
+    reached_at: list[tuple[float, float]]
+
+
+@pytest.fixture(scope="module")
+def lap() -> Lap:
+    world = World("corridor", 3)
+
+    def command(one: int, two: int) -> None:
+        world.wheels.set_power(one / 127, two / 127)
+
+    scene = world.scene
+    driver = Driver(world.pose, command, scene.waypoints, scene.speed_mps, 3.0)
+    poses, reached_at, now_s = [], [], 0.0
+    while driver.laps < 1 and now_s < 90.0:
+        now_s += 0.01
+        world.step_to(now_s)
+        before = driver.reached
+        driver.step(now_s)
+        poses.append(world.pose())
+        if driver.reached > before:
+            reached_at.append(world.pose()[:2])
+    return Lap(world, np.array(poses), now_s, reached_at)
+
+
+def test_the_shipped_drive_takes_about_a_minute(lap: Lap) -> None:
+    assert 45.0 < lap.end_s < 63.0
+
+
+def test_the_driver_reaches_each_waypoint_in_order(lap: Lap) -> None:
+    np.testing.assert_allclose(lap.reached_at, lap.world.scene.waypoints, atol=0.11)
+
+
+def test_the_robot_stays_clear_of_all_that_is_higher_or_lower_than_the_cable_cover(
+    lap: Lap,
+) -> None:
+    ahead = np.linspace(-robot.HALF_WIDTH_M, robot.HALF_LENGTH_M, 9) * 1.2
+    aside = np.linspace(-robot.HALF_WIDTH_M, robot.HALF_WIDTH_M, 7) * 1.2
+    u, v = (part.ravel() for part in np.meshgrid(ahead, aside))
+    x, y, yaw = (lap.poses[::20, k, None] for k in range(3))
+    ground = lap.world.height_at(
+        (x + u * np.cos(yaw) - v * np.sin(yaw)).ravel(),
+        (y + u * np.sin(yaw) + v * np.cos(yaw)).ravel(),
+    )
+    assert np.abs(ground).max() <= 0.006
+
+
+def test_the_driver_keeps_to_its_speeds(lap: Lap) -> None:
+    velocity = np.diff(lap.poses[:, :2], axis=0) / 0.01
+    turning = np.diff(np.unwrap(lap.poses[:, 2])) / 0.01
+    assert np.hypot(*velocity.T).max() < 1.1 * lap.world.scene.speed_mps
+    smooth = np.convolve(turning, np.full(10, 0.1), "valid")
+    assert np.abs(smooth).max() < 1.1 * TURN_RADPS
+
+
+def test_the_drive_nods_the_body_but_ends_level(lap: Lap) -> None:
+    pitch_deg = np.degrees(lap.poses[:, 3])
+    assert pitch_deg.min() < -0.5
+    assert pitch_deg.max() > 0.5
+    assert np.abs(pitch_deg).max() < 3.0
+    assert np.degrees(np.abs(lap.poses[:250, 3:])).max() < 0.05  # standing, before the start
+
+
+def test_after_twenty_seconds_the_robot_has_driven_up_to_the_ditch(lap: Lap) -> None:
+    assert lap.poses[1999, 0] > 8.5
+
+
+def test_the_driver_waits_and_then_commands_twenty_times_a_second() -> None:
+    given_at: list[float] = []
+    now_s = 100.0
+    driver = Driver(
+        lambda: (0.0, 0.0, 0.0, 0.0, 0.0), lambda one, two: given_at.append(now_s), [(5, 0)], 0.5, 2
+    )
+    for k in range(1001):
+        now_s = 100.0 + k * 0.004
+        driver.step(now_s)
+    assert given_at[0] == pytest.approx(102.0, abs=0.005)
+    assert len(given_at) == pytest.approx(2.0 / PERIOD_S, abs=1)
+
+
+def test_a_driver_without_a_route_leaves_the_motors_alone() -> None:
+    def command(one: int, two: int) -> None:
+        raise AssertionError("commanded")
+
+    driver = Driver(lambda: (0.0, 0.0, 0.0, 0.0, 0.0), command, [], 0.5, 0.0)
+    for k in range(100):
+        driver.step(k * 0.1)
+    assert driver.laps == 0
+
+
+@given(goal=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), yaw=st.floats(-math.pi, math.pi))
+def test_from_anywhere_the_driver_finds_its_waypoint(goal: tuple[float, float], yaw: float) -> None:
+    """On wheels that do at once what they are told."""
+    pose = [0.0, 0.0, yaw]
+    power = [0, 0]
+
+    def command(one: int, two: int) -> None:
+        power[:] = one, two
+
+    driver = Driver(lambda: (pose[0], pose[1], pose[2], 0.0, 0.0), command, [goal], 0.6, 0.0)
+    for k in range(2000):
+        driver.step(k * 0.02)
+        if driver.reached:
+            break
+        left, right = (p / 127 for p in power)
+        pose[0] += (left + right) / 2 * math.cos(pose[2]) * 0.02
+        pose[1] += (left + right) / 2 * math.sin(pose[2]) * 0.02
+        pose[2] += (right - left) / 0.5 * 0.02
+    assert driver.reached == 1
+    assert math.dist(pose[:2], goal) < 0.15
+
+
+def driven_rig(seconds: float) -> tuple[Rig, bytes]:
+    """A rig after so long in steps of 5 ms, and all that the controller answered."""
+    rig, answers = Rig("corridor", 5, start_delay_s=0.5), b""
+    for k in range(round(seconds / 0.005) + 1):
+        now_s = 20.0 + k * 0.005
+        rig.step(now_s)
+        answers += rig.drive.exchange(now_s, b"?Q0\r" if k % 20 == 0 else b"")
+    return rig, answers
+
+
+def test_the_rig_drives_through_its_motor_controller() -> None:
+    rig, answers = driven_rig(5.0)
+    x_m = rig.world.pose()[0]
+    assert x_m > 1.5
+    last = int(re.findall(rb"\?Q0\r([0-9A-F]+)\r", answers)[-1], 16)
+    assert abs(last / 2000 * math.tau * robot.WHEEL_RADIUS_M - x_m) < 0.15
+
+
+def test_without_a_driver_the_wheels_obey_the_wire_alone() -> None:
+    rig = Rig("corridor", 5, start_delay_s=0.0, drives=False)
+    for k in range(400):
+        now_s = 20.0 + k * 0.005
+        rig.step(now_s)
+        rig.drive.exchange(now_s, b"!A40\r!B40\r" if k == 200 else b"")
+        if k == 200:
+            assert abs(rig.world.pose()[0]) < 0.001
+    assert rig.world.pose()[0] > 0.1
+    rig.drive.command(-127, -127)  # the radio counts for nothing
+    assert rig.drive.exchange(now_s + 0.1, b"?V\r") == b""
+    assert b"40\r40\r" in rig.drive.exchange(now_s + 0.2, b"")
+
+
+def test_with_a_driver_the_robot_drives_on_whatever_the_mode() -> None:
+    rig = Rig("corridor", 5, start_delay_s=0.5)
+    for k in range(600):
+        rig.step(20.0 + k * 0.005)
+        rig.drive.exchange(20.0 + k * 0.005, b"\r")
+        if k == 300:
+            rig.drive.mode = "rc"
+    assert rig.drive.mode == "rs232_watchdog"  # the CR have taken it over
+    assert rig.world.pose()[0] > 0.5
+
+
+def test_two_rigs_of_one_seed_do_the_same_to_the_bit() -> None:
+    (one, answers), (two, same_answers) = driven_rig(3.0), driven_rig(3.0)
+    assert one.world.pose() == two.world.pose()
+    assert answers == same_answers
+
+
+@given(st.lists(st.floats(0.0, 3.0), max_size=40))
+def test_the_rigs_clock_never_jumps_and_never_runs_ahead(waits_s: list[float]) -> None:
+    pace, host_s = Pace(10.0), 10.0
+    for wait_s in waits_s:
+        before_s, host_s = pace.now_s, host_s + wait_s
+        pace.step(host_s)
+        assert before_s <= pace.now_s <= host_s
+        assert pace.now_s - before_s <= MOST_S + 1e-9
+
+
+def test_the_rigs_clock_makes_up_for_short_holdups() -> None:
+    pace = Pace(0.0)
+    assert all(pace.step(host_s) for host_s in (0.01, 0.02, 0.4, 0.41))
+    assert pace.now_s == 0.41
+    assert not pace.step(2.0)
+    assert pace.now_s == pytest.approx(0.41 + MOST_S)
+
+
+@pytest.fixture
+def served() -> Iterator[subprocess.Popen[str]]:
+    """The process, until whoever started it is gone."""
+    process = subprocess.Popen(
+        [*SERVE, "--until-stdin-closes", "--seconds", "40"],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_the_process_says_where_its_devices_are_and_ends_by_itself() -> None:
+    done = subprocess.run(
+        [*SERVE, "--scene", "corridor", "--seed", "2", "--seconds", "0.3"],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    )
+    ports = json.loads(done.stdout)
+    assert list(ports) == ["scanner", "ahrs", "drive"]
+    assert ports["scanner"].startswith("tcp://127.0.0.1:")
+    assert ports["ahrs"].endswith("?baud=115200")
+    assert ports["drive"].endswith("?baud=9600&parity=E&bytesize=7")
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_process_without_complaint(
+    served: subprocess.Popen[str], number: signal.Signals
+) -> None:
+    assert served.stdout
+    assert json.loads(served.stdout.readline())["ahrs"].startswith("serial:///dev/")
+    served.send_signal(number)
+    assert served.communicate(timeout=PATIENCE_S) == ("", "")
+    assert served.returncode == 0
+
+
+def test_the_process_ends_when_its_starter_is_gone(served: subprocess.Popen[str]) -> None:
+    assert served.stdout
+    served.stdout.readline()
+    assert served.communicate(timeout=PATIENCE_S) == ("", "")  # closes its standard input
+    assert served.returncode == 0
+
+
+def test_a_scene_that_does_not_exist_is_one_line_and_status_two() -> None:
+    done = subprocess.run(
+        [*SERVE, "--scene", "nowhere"], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1

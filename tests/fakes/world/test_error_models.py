@@ -1,0 +1,257 @@
+"""Upsets of the scanner: wide beams, both echoes, sunlight, dust, rain; and where they are set."""
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from fakes.lms1xx.head import LaserHead
+from fakes.rays.beam_kernels import PULSE_M, echoes_from_rays
+from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE, pattern_of
+from fakes.scenes.scene import Scene, Solid
+from fakes.world.error_models import NONE, Upsets, as_the_sheets_say, patch_from, upsets_from
+from fakes.world.kinematic import KinematicWorld
+from fakes.world.rig import Rig
+from fakes.world.trajectory import held
+from fakes.world.world import World
+
+F64 = npt.NDArray[np.float64]
+FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
+FLAT = Scene("flat", (FLOOR,))
+TILT = math.radians(7.5)
+LENS_X_M = 0.25 * math.cos(TILT) - 1.08 * math.sin(TILT)
+SWEEP_RAD = np.radians(np.linspace(-60.0, 60.0, 481))
+WIDE = Upsets(beam_rad=0.015, beam_exit_m=0.008, mixed_pixels=True)
+
+
+def sweeps(scene: Scene, upsets: Upsets, count: int = 1, seed: int = 1) -> F64:
+    """Echoes (2, count * 481) of a lens that stands with a level scan plane, x ahead."""
+    world = KinematicWorld(replace(scene, upsets=upsets), held(pitch_rad=-TILT), seed=seed)
+    world.step_to(100.0)
+    world.step_to(101.0)
+    return np.concatenate(
+        [
+            np.atleast_2d(world.ranges_m(np.full(481, 100.0 + 0.04 * k), SWEEP_RAD))
+            for k in range(count)
+        ],
+        axis=1,
+    )
+
+
+def walls(*near_and_far: tuple[float, float, float]) -> Scene:
+    """Upright plates across the way: x, from y, to y."""
+    plates = (Solid(f"{x}", (x, x + 0.01), (low, high), (0, 3)) for x, low, high in near_and_far)
+    return Scene("walls", (FLOOR, *plates))
+
+
+# -- wide beams -------------------------------------------------------------------------------
+
+
+def test_without_upsets_a_beam_is_one_thin_ray_and_has_one_echo() -> None:
+    assert pattern_of(NONE).tolist() == [[0.0] * 4]
+    assert len(sweeps(walls((4.0, -20, 20)), NONE)) == 1
+
+
+def test_a_wide_beam_on_a_wall_is_as_long_as_a_thin_one() -> None:
+    scene = walls((4.0, -20.0, 20.0))
+    wide, thin = sweeps(scene, WIDE), sweeps(scene, NONE)
+    ahead = np.abs(SWEEP_RAD) < math.radians(20.0)
+    np.testing.assert_allclose(wide[0, ahead], thin[0, ahead], atol=2e-3)
+    assert np.isnan(wide[1]).all()
+
+
+def test_a_beam_over_an_edge_has_two_echoes_where_the_surfaces_lie_far_behind_each_other() -> None:
+    scene = walls((4.0, -20.0, 0.0), (7.0, -20.0, 20.0))
+    first, second = sweeps(scene, WIDE)
+    twice = np.isfinite(second)
+    assert 3 <= twice.sum() <= 5  # 60 mm at 4 m, beams every 17 mm
+    assert (np.abs(SWEEP_RAD[twice]) < 0.010).all()
+    x = np.cos(SWEEP_RAD[twice])
+    np.testing.assert_allclose(first[twice] * x, 4.0 - LENS_X_M, atol=5e-3)
+    np.testing.assert_allclose(second[twice] * x, 7.0 - LENS_X_M, atol=5e-3)
+
+
+def test_a_beam_over_an_edge_of_surfaces_close_behind_each_other_ends_between_them() -> None:
+    scene = walls((4.0, -20.0, 0.0), (4.3, -20.0, 20.0))
+    mixed, apart = sweeps(scene, WIDE), sweeps(scene, replace(WIDE, mixed_pixels=False))
+    for echoes, between in ((mixed, 3), (apart, 0)):
+        ahead_m = echoes[0] * np.cos(SWEEP_RAD) + LENS_X_M
+        near = np.abs(SWEEP_RAD) < math.radians(5.0)
+        is_between = (ahead_m > 4.02) & (ahead_m < 4.28) & near
+        assert between <= is_between.sum() <= between + 2
+        assert np.isnan(echoes[1, near]).all()
+
+
+def test_a_thin_post_before_a_far_wall_is_seen_by_more_beams_than_it_is_wide() -> None:
+    scene = walls((6.0, -0.005, 0.005), (9.0, -20.0, 20.0))
+    thin, wide = sweeps(scene, NONE)[0], sweeps(scene, WIDE)
+    met = np.abs(wide[0] * np.cos(SWEEP_RAD) + LENS_X_M - 6.0) < 0.05
+    assert (thin < 6.5).sum() <= 1
+    assert met.sum() >= 3
+    assert (wide[1, met] > 8.5).all()
+
+
+@pytest.mark.parametrize("mixes", [True, False])
+def test_echoes_of_rays_are_those_of_a_slow_and_obvious_way(mixes: bool) -> None:
+    random = np.random.default_rng(5)
+    ranges_m = random.choice([3.0, 3.2, 3.45, 5.0, 5.4, 9.0, np.inf], (200, 7))
+    ranges_m += random.uniform(0.0, 0.01, ranges_m.shape)
+    echoes = echoes_from_rays(ranges_m.T.copy(), mixes)
+    weights = np.array([0.28] + [0.12] * 6)
+    for k, row in enumerate(ranges_m):
+        groups: list[list[int]] = []
+        for ray in np.argsort(row, kind="stable"):
+            if np.isinf(row[ray]):
+                break
+            if not groups or row[ray] - row[groups[-1][-1]] > PULSE_M:
+                groups.append([])
+            groups[-1].append(int(ray))
+        wanted = [
+            float(np.average(row[group], weights=weights[group])) if mixes else row[min(group)]
+            for group in groups
+        ]
+        np.testing.assert_allclose(echoes[:, k], [*wanted, np.inf, np.inf][:2], atol=1e-12)
+
+
+# -- sunlight, dust, rain ---------------------------------------------------------------------
+
+
+def test_beams_into_the_sun_come_back_dazzled_silent_or_short_and_others_rarely() -> None:
+    sun = Upsets(sunlight_rate=0.4, sun_azimuth_rad=0.5, sun_half_rad=0.2)
+    scene = walls((8.0, -20.0, 20.0))
+    [echo], [true_m] = sweeps(scene, sun, 25), sweeps(scene, NONE, 25)
+    into = np.abs(np.tile(SWEEP_RAD, 25) - 0.5) < 0.2
+    is_upset = ~(echo == true_m)
+    assert is_upset[into].mean() == pytest.approx(0.4, abs=0.03)
+    assert is_upset[~into].mean() == pytest.approx(0.4 * ELSEWHERE, abs=0.005)
+    upset = echo[into & is_upset]
+    assert np.isneginf(upset).mean() == pytest.approx(0.5, abs=0.06)
+    assert np.isnan(upset).mean() == pytest.approx(0.3, abs=0.06)
+    short = upset[np.isfinite(upset)]
+    assert (short < true_m[into & is_upset][np.isfinite(upset)]).all()
+    assert 3.0 < short.mean() < 5.5
+
+
+def test_dust_returns_single_beams_mostly_from_near_and_lets_some_go_on() -> None:
+    dust = Upsets(dust_per_m=0.05)
+    scene = walls((8.0, -20.0, 20.0))
+    first, second = sweeps(scene, dust, 25)
+    [true_m] = sweeps(scene, NONE, 25)
+    met = first < true_m
+    assert met.mean() == pytest.approx(1 - math.exp(-0.05 * DUST_REACH_M), abs=0.01)
+    assert np.median(first[met]) == pytest.approx(DUST_REACH_M * math.log(2), abs=0.15)
+    assert np.isfinite(second[met]).mean() == pytest.approx(THROUGH_SHARE, abs=0.05)
+    through = met & np.isfinite(second)
+    np.testing.assert_array_equal(second[through], true_m[through])
+
+
+def test_rain_returns_beams_evenly_along_their_way() -> None:
+    scene = walls((6.0, -20.0, 20.0))
+    first, _ = sweeps(scene, Upsets(rain_per_m=0.02), 25)
+    [true_m] = sweeps(scene, NONE, 25)
+    met = first < true_m
+    assert met.mean() == pytest.approx(np.mean(1 - np.exp(-0.02 * true_m)), abs=0.01)
+    assert np.mean(first[met] / true_m[met]) == pytest.approx(0.5, abs=0.04)
+
+
+@pytest.mark.parametrize(
+    "upsets", [Upsets(dust_per_m=0.05), Upsets(sunlight_rate=0.3), Upsets(rain_per_m=0.05)]
+)
+def test_the_same_seed_upsets_the_same_beams_whenever_asked_and_another_others(
+    upsets: Upsets,
+) -> None:
+    scene = walls((8.0, -20.0, 20.0))
+    np.testing.assert_array_equal(sweeps(scene, upsets), sweeps(scene, upsets))
+    one, other = sweeps(scene, upsets, 5), sweeps(scene, upsets, 5, seed=2)
+    assert not np.array_equal(one, other, equal_nan=True)
+
+
+# -- where they are set -----------------------------------------------------------------------
+
+
+def test_a_dazzled_beam_is_told_with_the_devices_code_for_it() -> None:
+    ranges_m = np.array([np.nan, -np.inf, 2.0, np.inf])
+
+    def look(first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        return np.resize(ranges_m, len(times_s))
+
+    head = LaserHead(look, 1)
+    head.noise_m, head.offset_m = 0.0, 0.03
+    head._sweep_from(0.0)
+    codes, _ = head._echoes_mm(0)
+    assert codes[:4].tolist() == [0, 1, 2030, 0]
+
+
+def test_the_sheets_upsets_keep_what_a_scene_has_of_its_own() -> None:
+    own = Upsets(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=3.0)
+    both = as_the_sheets_say(own)
+    assert (both.sunlight_rate, both.dust_per_m, both.slip_bursts_per_min) == (0.1, 0.01, 3.0)
+    assert both.beam_rad == pytest.approx(0.015, abs=1e-4)
+    assert both.ahrs_sheet_errors
+    assert both.mixed_pixels
+    assert as_the_sheets_say(both) == both
+    assert all(not getattr(NONE, f.name) for f in fields(NONE) if f.name != "sun_half_rad")
+
+
+def test_the_rig_gives_the_devices_the_upsets_of_the_scene_or_those_that_it_is_told() -> None:
+    sheet = as_the_sheets_say()
+    plain, own = Rig(FLAT, 1), Rig(replace(FLAT, upsets=sheet), 1)
+    told, other = Rig(FLAT, 1, upsets=sheet), Rig(FLAT, 2, upsets=sheet)
+    assert plain.scanner.offset_m == 0.0
+    assert not plain.ahrs.sheet_errors
+    assert own.scanner.offset_m == told.scanner.offset_m != other.scanner.offset_m
+    for rig in (own, told, other):
+        assert 0.0 < abs(rig.scanner.offset_m) <= 0.030
+        assert rig.ahrs.sheet_errors
+
+
+def test_two_rigs_of_one_seed_with_all_upsets_are_the_same_to_the_bit() -> None:
+    upsets = as_the_sheets_say(Upsets(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=60))
+    scene, told = walls((8.0, -20.0, 20.0)), []
+    for _ in range(2):
+        rig, sums = Rig(scene, 3, upsets=upsets), []
+        for k in range(60):
+            rig.step(50.0 + k * 0.02)
+            rig.drive.command(60, 50)
+            sums.append(rig.world.ranges_m(np.full(9, 50.0 + k * 0.02), SWEEP_RAD[::60]).tolist())
+            sample = rig.ahrs._sample(50.0 + k * 0.02, 0)
+            sums.append([*sample.R_earth_sensor.ravel().tolist(), *sample.rate_radps.tolist()])
+        told.append(repr((sums, rig.world.wheels.counts())))
+    assert told[0] == told[1]
+
+
+def test_upsets_of_a_file_are_in_degrees_and_what_is_wrong_is_refused() -> None:
+    told = upsets_from({"sunlight_rate": 0.2, "sun_azimuth_deg": -90, "mixed_pixels": True})
+    assert told.sun_azimuth_rad == pytest.approx(-math.pi / 2)
+    assert (told.sunlight_rate, told.mixed_pixels) == (0.2, True)
+    for wrong in (
+        {"fog": 1.0},
+        {"sun_azimuth_rad": 1.0},
+        {"sunlight_rate": 1.5},
+        {"sunlight_rate": True},
+        {"mixed_pixels": 1},
+        {"dust_per_m": -0.1},
+        {"rain_per_m": "much"},
+        {"beam_deg": math.nan},
+    ):
+        with pytest.raises(ValueError, match=r"upsets|must|goes"):
+            upsets_from(wrong)
+
+
+def test_a_patch_of_ground_has_a_place_and_a_friction() -> None:
+    patch = patch_from({"name": "wet", "x": [1, 2], "y": [0, 3], "friction": 0.3})
+    assert (patch.x, patch.y, patch.friction) == ((1.0, 2.0), (0.0, 3.0), 0.3)
+    for wrong in ({"x": [2, 1]}, {"friction": 0.0}, {"friction": 3.0}):
+        with pytest.raises(ValueError, match="patch"):
+            patch_from({"name": "wet", "x": [1, 2], "y": [0, 3], "friction": 0.3, **wrong})
+
+
+def test_a_world_that_is_told_its_upsets_leaves_the_scenes_alone() -> None:
+    scene = replace(FLAT, upsets=Upsets(dust_per_m=0.1))
+    world = World(scene, 1, NONE)
+    world.step_to(0.0)
+    world.step_to(0.1)
+    assert world.ranges_m(np.full(3, 0.1), np.zeros(3)).shape == (3,)
+    assert World(scene, 1).upsets == scene.upsets

@@ -1,0 +1,227 @@
+"""Upsets of the rest of the robot: a sensor as wrong as its sheet says, slippery ground, people."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from fakes.mti.errors import HEADING_RAD, STATIC_RAD, SheetErrors
+from fakes.mti.models import MODELS
+from fakes.mti.rotation import EULER, orientation
+from fakes.mti.sensor import Sensor
+from fakes.scenes.movers import STRIDE_M, person
+from fakes.scenes.scene import Scene, Solid
+from fakes.world.crowd import Walker
+from fakes.world.error_models import Patch, Upsets
+from fakes.world.kinematic import KinematicWorld
+from fakes.world.slip import BURST_S, BURST_SHARE, BURSTS_UNTIL_S, bursts
+from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
+from fakes.world.world import World
+
+F64 = npt.NDArray[np.float64]
+FLOOR = Solid("floor", (-15.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
+FLAT = Scene("flat", (FLOOR,))
+
+
+def errors_deg(trajectory: Trajectory, seconds: float, seed: int) -> F64:
+    """Errors (n, 3) of yaw, pitch, roll of a sensor on a robot that drives, 100 a second."""
+    world = KinematicWorld(FLAT, trajectory)
+    world.step_to(0.0)
+    sensor, rows = Sensor(world.motion_at, seed, MODELS["MTi-28"]), []
+    sensor.sheet_errors, sensor.angle_noise_rad = True, 0.0
+    for t_s in np.arange(0.0, seconds, 0.01).tolist():
+        world.step_to(t_s)
+        told = np.radians(orientation(sensor._sample(t_s, 0).R_earth_sensor, EULER)[::-1])
+        true = world.pose()[2:]
+        rows.append([math.remainder(a - b, math.tau) for a, b in zip(told, true, strict=True)])
+    return np.degrees(rows)
+
+
+# -- the attitude sensor ----------------------------------------------------------------------
+
+
+def test_at_rest_the_sensor_is_off_by_no_more_than_its_sheet_says() -> None:
+    off = np.array([errors_deg(held(), 0.02, seed)[-1] for seed in range(40)])
+    assert np.percentile(np.abs(off[:, 1:]), 90) < 0.5
+    assert 0.15 < off[:, 1:].std() < 0.35
+    assert np.percentile(np.abs(off[:, 0]), 90) < 1.0
+    assert (np.abs(off).max(axis=0) > 0.2).all()
+    assert math.degrees(STATIC_RAD) == 0.5
+    assert math.degrees(HEADING_RAD) == 1.0
+
+
+def test_a_brake_makes_it_take_the_robot_for_leaning_and_it_forgets_that_again() -> None:
+    ends_s = 4.25  # 1.25 s of speeding up, on at 1 m/s, 1.25 s of braking
+
+    def brake(t_s: F64) -> F64:
+        up, down = np.clip(t_s, 0.0, 1.25), np.clip(t_s - 3.0, 0.0, 1.25)
+        x = 0.4 * up**2 + np.maximum(0.0, t_s - 1.25) - 0.4 * down**2
+        x -= np.maximum(0.0, t_s - ends_s)
+        zero = np.zeros_like(x)
+        return np.column_stack([x, zero, zero, zero, zero, zero])
+
+    pitch = np.mean([errors_deg(brake, 14.0, seed)[:, 1] for seed in range(6)], axis=0)
+    pitch = pitch - pitch[0]
+    assert 0.7 < pitch[round(100 * ends_s)] - pitch[299] < 1.6  # nose down, by a degree
+    assert abs(pitch[-1] - pitch[0]) < 0.4
+
+
+def test_on_a_drive_with_turns_roll_and_pitch_are_off_by_about_half_a_degree_rms() -> None:
+    """The sheet allows 2 deg; gentle driving makes less of it."""
+    way = Way(stand(2.0), straight(4.0, 0.8), turn(1.5, 0.8), straight(3.0, 0.8), stand(2.0))
+    off = np.concatenate([errors_deg(way, way.duration_s, seed)[:, 1:] for seed in range(5)])
+    assert 0.2 < math.sqrt((off**2).mean()) < 1.0
+
+
+def test_without_sheet_errors_the_sensor_is_as_before() -> None:
+    world = KinematicWorld(FLAT, held())
+    world.step_to(0.0)
+    sensor = Sensor(world.motion_at, 1, MODELS["MTi-28"])
+    sensor.angle_noise_rad = sensor.rate_noise_radps = sensor.accel_noise_mps2 = 0.0
+    sample = sensor._sample(0.0, 0)
+    np.testing.assert_allclose(sample.R_earth_sensor, np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(sample.rate_radps, 0.0, atol=1e-12)
+    np.testing.assert_allclose(sample.accel_mps2, [0.0, 0.0, 9.81], atol=1e-6)
+
+
+def test_rates_have_a_bias_that_stays_for_seconds_and_wanders_in_minutes() -> None:
+    biases, late = [], []
+    up, level = np.array([0.0, 0.0, 9.81]), np.eye(3)
+    for seed in range(60):
+        errors = SheetErrors(seed)
+        errors.goes_on(0.0, level, up)
+        first = errors.rate_bias_radps
+        errors.goes_on(0.01, level, up)
+        assert np.abs(errors.rate_bias_radps - first).max() < math.radians(0.005)
+        for t_s in np.arange(1.0, 400.0).tolist():
+            errors.goes_on(t_s, level, up)
+        biases.append(first)
+        late.append(errors.rate_bias_radps - first)
+    assert math.degrees(float(np.std(biases))) == pytest.approx(0.104, rel=0.2)
+    assert math.degrees(float(np.std(late))) == pytest.approx(0.03 * math.sqrt(2), rel=0.25)
+
+
+def test_an_instant_that_is_asked_twice_changes_nothing() -> None:
+    errors = SheetErrors(1)
+    up, level = np.array([1.0, 0.0, 9.81]), np.eye(3)
+    for t_s in (0.0, 0.5, 0.5, 0.3):
+        errors.goes_on(t_s, level, up)
+    again = SheetErrors(1)
+    for t_s in (0.0, 0.5):
+        again.goes_on(t_s, level, up)
+    np.testing.assert_array_equal(errors.orientation(level), again.orientation(level))
+
+
+# -- slip -------------------------------------------------------------------------------------
+
+
+def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> None:
+    slips = bursts(2.0, 5)
+    assert len(slips) == pytest.approx(2.0 * BURSTS_UNTIL_S / 60, rel=0.35)
+    assert slips == bursts(2.0, 5) != bursts(2.0, 6)
+    assert bursts(0.0, 5) == ()
+    for slip in slips:
+        assert BURST_S[0] <= slip.until_s - slip.from_s <= BURST_S[1]
+        assert BURST_SHARE[0] <= max(slip.left, slip.right) <= BURST_SHARE[1]
+
+
+def test_in_bursts_wheels_count_more_than_the_robot_drives() -> None:
+    ways, counts = [], []
+    for upsets in (Upsets(), Upsets(slip_bursts_per_min=30.0)):
+        world = World(FLAT, 1, upsets)
+        world.step_to(0.0)
+        world.wheels.set_power(0.4, 0.4)
+        world.step_to(20.0)
+        ways.append(world.pose())
+        counts.append(sum(world.wheels.counts()))
+    assert ways[0] == ways[1]
+    assert 1.005 < counts[1] / counts[0] < 1.2
+
+
+# -- friction ---------------------------------------------------------------------------------
+
+
+def way_after(scene: Scene, seconds: float, power: float) -> tuple[float, float]:
+    """How far the robot got, and how far its wheels turned, m."""
+    world = World(scene, 1)
+    world.step_to(0.0)
+    world.wheels.set_power(power, power)
+    world.step_to(seconds)
+    return world.pose()[0], sum(world.wheels.counts()) / 2 / 2000 * math.tau * 0.15
+
+
+def test_on_slippery_ground_wheels_spin_and_the_robot_gets_less_far() -> None:
+    dry_m, dry_turned_m = way_after(FLAT, 2.0, 1.0)
+    ice_m, ice_turned_m = way_after(replace(FLAT, friction=0.05), 2.0, 1.0)
+    assert dry_turned_m == pytest.approx(dry_m, rel=0.02)
+    assert ice_m < 0.7 * dry_m
+    assert ice_turned_m > 1.2 * ice_m
+
+
+def test_a_patch_of_ice_lets_the_robot_slide_on_where_it_brakes_and_nowhere_else() -> None:
+    stops = []
+    for x in ((2.0, 9.0), (20.0, 25.0)):
+        scene = replace(FLAT, patches=(Patch("ice", x, (-2.0, 2.0), 0.03),))
+        world = World(scene, 1)
+        world.step_to(0.0)
+        world.wheels.set_power(1.0, 1.0)
+        world.step_to(3.2)
+        world.wheels.set_power(0.0, 0.0)
+        world.step_to(6.0)
+        stops.append(world.pose()[0])
+    assert stops[0] > stops[1] + 0.3
+
+
+def test_where_all_ground_is_dry_patches_change_nothing() -> None:
+    far = Patch("ice", (20.0, 25.0), (-2.0, 2.0), 0.1)
+    for power in (0.3, 0.9):
+        there = way_after(FLAT, 3.0, power)
+        assert way_after(replace(FLAT, patches=(far,)), 3.0, power) == pytest.approx(there, 1e-9)
+
+
+# -- people -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("x", [4.0, 7.0])
+def test_people_who_give_way_are_in_the_beams_where_the_world_says_that_they_are(x: float) -> None:
+    walkers = (Walker("one", ((x, -2.0), (x, 2.0)), start_s=0.5),)
+    world = World(replace(FLAT, walkers=walkers), 1)
+    for k in range(1, 120):
+        world.step_to(10.0 + 0.05 * k)
+        [[x, y, radius]] = world.people()
+        away_m, fan = math.hypot(x - 0.25, y), np.linspace(-0.35, 0.35, 41)
+        bearings = math.atan2(y, x - 0.25) + fan / away_m
+        ranges_m = world.ranges_m(np.full(41, 10.0 + 0.05 * k), bearings)
+        near_m = ranges_m.min() * math.cos(math.radians(7.5))
+        assert away_m - radius - 0.25 < near_m < away_m + 0.1  # legs swing about the torso
+    assert len(World(FLAT, 1).people()) == 0
+
+
+def test_people_are_where_they_were_when_they_are_asked_later() -> None:
+    walkers = (Walker("one", ((4.0, -2.0), (4.0, 2.0))), Walker("two", ((3.0, 2.0), (6.0, -3.0))))
+    world = World(replace(FLAT, walkers=walkers), 1)
+    sweep_rad, times_s = np.linspace(-1.0, 1.0, 241), 11.0 - np.linspace(0.03, 0.0, 241)
+    world.step_to(10.0)
+    world.step_to(11.0)
+    first = world.ranges_m(times_s, sweep_rad)
+    world.step_to(11.3)
+    later = world.ranges_m(times_s, sweep_rad)
+    same = np.isclose(first, later, atol=1e-9, equal_nan=True)
+    assert np.isfinite(first).sum() > 100
+    assert same.all()
+
+
+def test_a_mover_is_met_where_it_is_at_each_beams_own_instant() -> None:
+    walker = person("walks", ((3.0, -4.0), (3.0, 4.0)), speed_mps=1.5, legs=True)
+    world = KinematicWorld(replace(FLAT, movers=(walker,)), held(pitch_rad=math.radians(2.0)))
+    world.step_to(0.0)
+    world.step_to(6.0)
+    bearings = np.linspace(-1.0, 1.0, 481)
+    times_s = 2.0 + np.linspace(0.0, 0.02, 481)
+    whole = world.ranges_m(times_s, bearings)
+    single = [world.ranges_m(times_s[k : k + 1], bearings[k : k + 1])[0] for k in range(481)]
+    np.testing.assert_allclose(whole, single, atol=2e-4)
+    assert (whole < 3.2).sum() > 10
+    assert STRIDE_M > 1.0

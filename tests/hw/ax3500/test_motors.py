@@ -1,0 +1,349 @@
+"""Motors on the fake controller: never without leave, and zero on any doubt."""
+
+import math
+from typing import Any
+
+import pytest
+
+from fakes.ax3500.device import Mode
+from hw.ax3500.motors import Motors, encode_motor
+from tests.support.bench_ax3500_session import FakeBench
+
+HALF = pytest.approx((0.5, 0.5), abs=0.01)
+STOPPED = (0.0, 0.0)
+
+
+def motor_bench(mode: Mode = "rs232_watchdog", **settings: Any) -> FakeBench:
+    """A session that may command its controller; the controller's watchdog is on."""
+    return FakeBench(mode, enable=True, **settings)
+
+
+def idle_motors() -> Motors:
+    """Both channels at an acknowledged zero, zero wished."""
+    motors = Motors(True, 1, 2, ())
+    motors.adopt_modes(2, 0, False)
+    motors.look(1.0)
+    for channel in (1, 2):
+        assert motors.maybe_command("") == (channel, 0)
+        motors.sent(channel, 0)
+        motors.acknowledged(channel, 0)
+    assert motors.maybe_command("") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.1)
+    return motors
+
+
+# ---- leave
+
+
+def test_motors_never_move_without_leave() -> None:
+    bench = FakeBench("rc", enter=True)
+    bench.start((0.5, 0.5))
+    bench.ax.stop()
+    bench.run(0.5, (0.5, 0.5))
+    assert bench.wheels.powers == []
+    assert b"!" not in bench.port.written
+    assert bench.ax.controller.trouble == ""
+    with pytest.raises(ValueError, match="not enabled"):
+        encode_motor(1, 0, enabled=False)
+
+
+@pytest.mark.parametrize(("channel", "power"), [(0, 0), (3, 0), (1, 128), (2, -128)])
+def test_a_command_that_the_controller_does_not_know_is_refused(channel: int, power: int) -> None:
+    with pytest.raises(ValueError, match="motors: channel"):
+        encode_motor(channel, power, enabled=True)
+
+
+@pytest.mark.parametrize(
+    ("mode", "moves"),
+    [(0xC0, True), (0xC4, True), (0xC5, True), (0x01, True), (0x02, False), (0x03, False)],
+)
+def test_the_motor_mode_decides_what_a_command_means(mode: int, moves: bool) -> None:
+    bench = motor_bench()
+    bench.fake.set_parameter(0x01, mode)
+    bench.fake.reset(0.0)
+    bench.start((0.5, -0.25), seconds=5.0)
+    assert bench.wheels.power() == pytest.approx((0.5, -0.25) if moves else STOPPED, abs=0.02)
+    assert ("position" in bench.ax.controller.trouble) is not moves
+    assert ("position" in bench.ax.status.cause) is not moves
+
+
+@pytest.mark.parametrize("parameter", ["^00", "^01"])
+def test_an_unreadable_mode_keeps_the_motors_off(parameter: str) -> None:
+    bench = motor_bench()
+    bench.fake.refuse = {parameter}
+    bench.start((0.5, 0.5))
+    bench.ax.stop()
+    assert b"!" not in bench.port.written
+    assert parameter in bench.ax.status.cause
+    assert bench.ax.status.state == "running"
+
+
+def test_a_controller_without_watchdog_gets_no_commands() -> None:
+    bench = motor_bench("rs232")
+    bench.start((0.5, 0.5))
+    assert b"!" not in bench.port.written
+    assert "without watchdog (^00 is 01, must be 02)" in bench.ax.status.cause
+
+
+@pytest.mark.parametrize("refused", [set[str](), {"^00"}])
+def test_entering_rs232_mode_switches_the_watchdog_on(refused: set[str]) -> None:
+    bench = motor_bench("rc", enter=True)
+    bench.fake.refuse = refused
+    bench.start((0.5, 0.5), seconds=4.0)
+    assert bench.wheels.power() == HALF
+
+
+@pytest.mark.parametrize("query", ["^89", "?I"])
+def test_a_status_that_is_not_told_keeps_the_motors_off(query: str) -> None:
+    bench = motor_bench()
+    bench.fake.refuse = {query}
+    bench.start((0.5, 0.5))
+    assert bench.wheels.powers == []
+    assert "does not tell its status" in bench.ax.status.cause
+
+
+# ---- wishes
+
+
+def test_motors_follow_the_wish_and_are_refreshed_within_the_watchdog() -> None:
+    bench = motor_bench()
+    bench.start((0.5, -0.25))
+    assert bench.wheels.power() == pytest.approx((0.5, -0.25), abs=0.01)
+    changes = len(bench.wheels.powers)
+    bench.run(5.0, (0.5, -0.25))
+    assert (bench.fake.watchdog_stops, len(bench.wheels.powers)) == (0, changes)
+
+
+def test_a_wish_that_changes_is_followed_within_a_tenth_of_a_second() -> None:
+    bench = motor_bench()
+    bench.start((0.2, 0.2))
+    for k in range(20):
+        wish = (0.2 + 0.02 * k, -0.02 * k)
+        bench.run(0.1, wish)
+        assert bench.wheels.power() == pytest.approx(wish, abs=0.01)
+
+
+@pytest.mark.parametrize("wish", [None, (math.nan, 0.5), (0.5, math.inf), (0.0, 0.0)])
+def test_no_wish_or_nonsense_is_zero(wish: tuple[float, float] | None) -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    assert bench.wheels.power() == HALF
+    bench.run(0.16, wish)
+    assert bench.wheels.power() == STOPPED
+    bench.run(0.1, (0.5, 0.5))
+    assert bench.wheels.power() == HALF
+
+
+def test_channels_and_signs_hold_for_motors_too() -> None:
+    bench = motor_bench(left_channel=2, right_channel=1, inverted_channels=(1,))
+    bench.start((0.5, 0.25))
+    assert bench.wheels.power() == pytest.approx((-0.25, 0.5), abs=0.01)
+
+
+def test_more_than_full_power_is_full_power() -> None:
+    bench = motor_bench()
+    bench.start((7.0, -7.0))
+    assert bench.wheels.power() == (1.0, -1.0)
+
+
+def test_stop_writes_zero_at_once() -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    bench.ax.stop()
+    assert bench.port.written.endswith(b"\r!A00\r!B00\r")
+    for _ in range(6):
+        bench.now_s += 0.005
+        bench.wire.step(bench.now_s)
+    assert bench.wheels.power() == STOPPED
+
+
+# ---- trouble
+
+
+@pytest.mark.parametrize("what", ["emergency stop", "status bit", "W", "restart", "lost", "cut"])
+def test_after_trouble_the_stick_must_be_let_go_first(what: str) -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    match what:
+        case "emergency stop":
+            bench.fake.emergency_stop = True
+        case "status bit":
+            bench.fake.status = 0x02
+        case "W":
+            bench.fake.send_w()
+        case "restart":
+            bench.fake.restart(bench.now_s)
+        case "lost":
+            bench.fake.mute = True
+        case "cut":
+            bench.wire.cut = True
+    bench.run(3.0, (0.5, 0.5))
+    assert bench.wheels.power() == STOPPED
+    assert bench.ax.controller.trouble != ""
+    bench.fake.emergency_stop = bench.fake.mute = bench.wire.cut = False
+    bench.fake.status = 0
+    seen = len(bench.wheels.powers)
+    bench.run(5.0, (0.5, 0.5))
+    assert bench.ax.status.state == "running"
+    assert bench.wheels.powers[seen:] == []
+    assert "let go of the stick" in bench.ax.controller.trouble
+    assert "let go of the stick" in bench.ax.status.cause
+    bench.run(0.02, (0.0, 0.0))
+    assert bench.ax.controller.trouble == ""
+    bench.run(0.3, (0.5, 0.5))
+    assert bench.wheels.power() == HALF
+    assert bench.ax.status.cause == ""
+
+
+def test_a_stick_let_go_before_the_trouble_is_over_does_not_count() -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    bench.fake.status = 0x01
+    bench.run(2.0, (0.0, 0.0))
+    bench.run(1.0, (0.5, 0.5))
+    bench.fake.status = 0
+    bench.run(3.0, (0.5, 0.5))
+    assert bench.wheels.power() == STOPPED
+
+
+def test_trouble_is_told_in_words() -> None:
+    bench = motor_bench()
+    bench.run(2.0, (0.5, 0.5))
+    assert bench.ax.controller.trouble.endswith("(let go of the stick): the connection is new")
+    bench.run(0.1, (0.0, 0.0))
+    bench.fake.emergency_stop = True
+    bench.run(2.0, (0.5, 0.5))
+    words = "the controller reports emergency stop; the emergency stop is pressed"
+    assert bench.ax.controller.trouble.startswith(words)
+    assert bench.ax.status.cause == words
+
+
+def test_a_status_that_is_lost_once_stops_nothing() -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    seen = len(bench.wheels.powers)
+    taken_s = bench.ax.controller.taken_s["status"]
+    while bench.ax.controller.taken_s["status"] == taken_s:
+        bench.tick((0.5, 0.5))
+    while not bench.port.written.endswith(b"^89\r"):
+        bench.tick((0.5, 0.5))
+    bench.wire.mute = True
+    bench.run(0.05, (0.5, 0.5))
+    bench.wire.mute = False
+    bench.run(3.0, (0.5, 0.5))
+    assert bench.wheels.power() == HALF
+    assert [power for power in bench.wheels.powers[seen:] if power[0] not in (0.0, 64 / 127)] == []
+    assert bench.ax.controller.trouble == ""
+
+
+@pytest.mark.parametrize("fault", ["mute", "damage", "cut", "reset", "deaf", "noisy", "W"])
+def test_motors_are_zero_within_a_second_of_any_fault(fault: str) -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    assert bench.wheels.power() == HALF
+    match fault:
+        case "mute" | "deaf":
+            setattr(bench.fake, fault, True)
+        case "damage":
+            bench.wire.damage_rate = 1.0
+        case "cut":
+            bench.wire.cut = True
+        case "reset":
+            bench.fake.reset(bench.now_s)
+        case "noisy":
+            bench.fake.w_rate = 0.1
+        case "W":
+            bench.fake.send_w()
+    bench.run(1.02, (0.5, 0.5))
+    assert bench.wheels.power() == STOPPED
+    bench.run(5.0, (0.5, 0.5))
+    assert bench.wheels.power() == STOPPED
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_line_that_spoils_every_zero_is_starved_for_the_watchdog(seed: int) -> None:
+    bench = motor_bench(seed=seed)
+    bench.start((0.5, 0.5))
+    bench.wire.host_damage_rate = 0.6
+    began_s, seen = bench.now_s, len(bench.wheels.powers)
+    while bench.wheels.power() != STOPPED:
+        bench.tick((0.5, 0.5))
+    assert bench.now_s - began_s < 1.9
+    assert bench.wheels.powers[seen:]
+
+
+def test_a_cable_that_is_back_at_once_brings_zero_first() -> None:
+    bench = motor_bench()
+    bench.start((0.5, 0.5))
+    bench.wire.cut = True
+    bench.run(0.3, (0.5, 0.5))
+    bench.wire.cut, begun = False, len(bench.port.written)
+    bench.run(0.1, (0.5, 0.5))
+    assert bench.wheels.power() == STOPPED
+    assert bench.port.written[begun:].startswith(b"\r!A00\r!B00\r")
+
+
+def test_a_refused_command_is_repeated_at_once() -> None:
+    motors = idle_motors()
+    motors.wish(0.5, 0.0)
+    motors.look(1.2)
+    assert motors.maybe_command("") == (1, 64)
+    motors.sent(1, 64)
+    motors.look(1.23)
+    motors.wish(0.5, 0.0)
+    motors.look(1.24)
+    assert motors.maybe_command("") == (1, 64)
+
+
+def test_a_wish_from_before_a_doubt_is_forgotten() -> None:
+    motors = idle_motors()
+    motors.wish(1.0, 1.0)
+    motors.doubt()
+    motors.look(2.0)
+    for channel in (1, 2):
+        assert motors.maybe_command("") == (channel, 0)
+        motors.sent(channel, 0)
+        motors.acknowledged(channel, 0)
+    assert motors.maybe_command("") is None
+    motors.wish(1.0, 1.0)
+    motors.look(2.1)
+    assert motors.maybe_command("") == (1, 127)
+
+
+def test_nothing_is_commanded_where_motors_are_disabled() -> None:
+    motors = Motors(False, 1, 2, ())
+    motors.adopt_modes(2, 0, True)
+    motors.wish(1.0, 1.0)
+    motors.look(1.0)
+    assert motors.maybe_command("") is None
+    assert (motors.stop_bytes(), motors.why_off, motors.may_move) == (b"", "", False)
+    with pytest.raises(ValueError, match="not enabled"):
+        motors.sent(1, 0)
+
+
+def test_zero_wished_during_the_trouble_does_not_end_it() -> None:
+    motors = idle_motors()
+    assert motors.maybe_command("too hot") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.2)
+    assert motors.why_off.endswith("too hot")
+    assert motors.maybe_command("") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.3)
+    assert motors.why_off == ""
+
+
+def test_after_a_restart_nothing_moves_before_the_status_is_told_anew() -> None:
+    bench = motor_bench()
+    bench.fake.boot_s = 0.05
+    bench.start((0.5, 0.5))
+    bench.fake.restart(bench.now_s)
+    bench.run(0.05)
+    begun = len(bench.port.written)
+    for _ in range(40):
+        bench.run(0.05, (0.0, 0.0))
+        bench.run(0.05, (0.5, 0.5))
+    lines = bytes(bench.port.written[begun:]).split(b"\r")
+    assert b"!A40" in lines
+    assert max(lines.index(b"^89"), lines.index(b"?I")) < lines.index(b"!A40")

@@ -1,0 +1,183 @@
+"""How many pairs a paced line carries: derived from its bytes, measured on the fake."""
+
+import itertools
+import math
+
+import pytest
+
+from hw.ax3500.schedule import SLOW_S, Schedule, pairs_per_s
+from tests.support.bench_ax3500_session import FakeBench
+
+AT_DIGITS = {4: 4_000, 6: 2_000_000, 8: 1_000_000_000}  # counts whose text is so long
+LOOK_S = 0.0005  # what a character takes, halved: a loop that wakes when bytes arrive
+
+
+def measured_hz(bench: FakeBench, digits: int, wish: tuple[float, float] | None = None) -> float:
+    bench.fake.counter_offset = (AT_DIGITS[digits],) * 2
+    bench.start(wish)
+    return len(bench.run(5.0, wish)) / 5.0
+
+
+@pytest.mark.parametrize(
+    ("motors", "pairs"),
+    [
+        ("none", (45.1, 37.6, 32.2)),
+        ("steady", (43.1, 35.9, 30.8)),
+        ("changing", (29.1, 24.2, 20.8)),
+    ],
+)
+def test_the_budget_is_as_the_module_says(motors: str, pairs: tuple[float, ...]) -> None:
+    assert [pairs_per_s(digits, motors) for digits in (4, 6, 8)] == pytest.approx(pairs, abs=0.06)
+
+
+@pytest.mark.parametrize("digits", [4, 6, 8])
+def test_a_loop_that_wakes_for_each_answer_gets_what_is_derived(digits: int) -> None:
+    bench = FakeBench(poll_hz=60.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = 0.0
+    assert 0.95 < measured_hz(bench, digits) / pairs_per_s(digits) < 1.06
+    assert bench.ax.status.rejected == 0
+    assert "fit" in bench.ax.status.cause
+
+
+@pytest.mark.parametrize("digits", [4, 8])
+def test_motors_that_are_kept_running_cost_what_is_derived(digits: int) -> None:
+    bench = FakeBench("rs232_watchdog", enable=True, poll_hz=60.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = 0.0
+    hz = measured_hz(bench, digits, (0.01, 0.01))
+    assert 0.95 < hz / pairs_per_s(digits, "steady") < 1.06
+    assert bench.wheels.power() != (0.0, 0.0)
+
+
+@pytest.mark.parametrize("digits", [4, 6, 8])
+def test_a_loop_of_5_ms_ticks_alone_gets_what_whole_ticks_allow(digits: int) -> None:
+    """Every exchange then takes whole ticks: 15 ms for a counter, however few its digits."""
+    bench = FakeBench(poll_hz=60.0)
+    bench.fake.reply_delay_s = 0.0
+    slow_hz = sum(1.0 / period_s for period_s in SLOW_S.values())
+    whole_ticks = (1.0 - 0.015 * slow_hz) / 0.030
+    assert measured_hz(bench, digits) == pytest.approx(whole_ticks, rel=0.03)
+
+
+@pytest.mark.parametrize("poll_hz", [1.0, 10.0, 20.0, 30.0])
+@pytest.mark.parametrize("look_s", [math.inf, LOOK_S])
+def test_the_paced_line_carries_the_pairs_that_are_asked_for(poll_hz: float, look_s: float) -> None:
+    bench = FakeBench(poll_hz=poll_hz, look_s=look_s)
+    assert measured_hz(bench, 6) == pytest.approx(poll_hz, rel=0.02, abs=0.25)
+    assert (bench.ax.status.rejected, bench.ax.status.cause) == (0, "")
+
+
+def test_more_than_fits_is_said_with_figures() -> None:
+    bench = FakeBench(poll_hz=30.0)
+    bench.fake.reply_delay_s = 0.025
+    hz = measured_hz(bench, 6)
+    asked, _, fits = bench.ax.status.cause.partition(" pairs/s asked, ")
+    assert asked == "30"
+    assert float(fits.removesuffix(" fit")) == pytest.approx(hz, rel=0.1)
+
+
+@pytest.mark.parametrize("delay_s", [0.04, 0.06, 0.08])
+def test_a_slow_controller_is_still_polled_by_turns(delay_s: float) -> None:
+    """Two counters and at most one slow value: no gap beyond that, and no restart made up."""
+    bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = delay_s
+    bench.start()
+    bench.wheels.counts_per_s = [1500.0, 1490.0]
+    measured = bench.run(8.0)
+    exchange_s = 0.012 + delay_s
+    assert len(measured) / 8.0 > 0.95 / (3 * exchange_s + 0.01)
+    gaps_s = [b.t_s - a.t_s for a, b in itertools.pairwise(measured)]
+    assert max(gaps_s) < 3 * exchange_s + 0.03 < 0.4
+    assert {counts.restarts for counts in measured} == {0}
+    taken_s = bench.ax.controller.taken_s
+    assert bench.now_s - min(taken_s["status"], taken_s["emergency_stop"]) < 2.5
+
+
+@pytest.mark.parametrize(("delay_s", "gap_s"), [(0.002, 0.1), (0.02, 0.22), (0.06, 0.4)])
+def test_a_stick_that_moves_all_the_time_leaves_the_counters_their_turn(
+    delay_s: float, gap_s: float
+) -> None:
+    bench = FakeBench("rs232_watchdog", enable=True, poll_hz=20.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = delay_s
+    bench.start((0.0, 0.0))
+    measured = []
+    for k in range(200):
+        wish = 0.2 + 0.005 * (k % 100)
+        measured += bench.run(0.02, (wish, wish))
+    gaps_s = [b.t_s - a.t_s for a, b in itertools.pairwise(measured)]
+    assert max(gaps_s) < gap_s
+    assert (bench.ax.status.losses, bench.ax.controller.motors_off) == (0, "")
+    assert min(bench.wheels.power()) > 0.3
+    bench.run(0.1 + 3 * (delay_s + 0.012), (0.0, 0.0))  # the exchange under way, and two zeros
+    assert bench.wheels.power() == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("delay_s", [0.06, 0.08])
+def test_one_lost_answer_of_a_slow_controller_makes_up_no_restart(delay_s: float) -> None:
+    bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = delay_s
+    bench.start()
+    bench.wheels.counts_per_s = [1500.0, 1500.0]
+    first = bench.run(1.0)[-1]
+    bench.fake.mute = True
+    bench.run(0.05)
+    bench.fake.mute = False
+    last = bench.run(2.0)[-1]
+    assert last.restarts == 0
+    assert last.left - first.left == pytest.approx(1500.0 * (last.t_s - first.t_s), abs=25)
+
+
+@pytest.mark.parametrize("delay_s", [0.01, 0.015, 0.025, 0.06])
+def test_the_remark_changes_at_most_once_in_ten_seconds(delay_s: float) -> None:
+    bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = delay_s
+    bench.start()
+    causes = []
+    for _ in range(200):
+        bench.run(0.1)
+        causes.append(bench.ax.status.cause)
+    assert causes[0] == ""
+    assert sum(a != b for a, b in itertools.pairwise(causes)) <= 2
+
+
+def test_a_controller_that_turns_slow_and_quick_again_is_told_and_no_longer_told() -> None:
+    schedule = Schedule(20.0)
+    schedule.begin(0.0)
+    told = []
+    for k in range(600):
+        schedule.counter_took(0.08 if 100 <= k < 300 else 0.015)
+        told.append(schedule.remark(0.1 * k, 0.0))
+    assert told[0] == told[-1] == ""
+    assert "20 pairs/s asked, 4 fit" in told
+    assert sum(a != b for a, b in itertools.pairwise(told)) == 2
+
+
+def test_nearly_all_the_pairs_that_are_asked_are_no_complaint() -> None:
+    for exchange_s, remark in ((0.0142, ""), (0.0158, ""), (0.02, "30 pairs/s asked, 22 fit")):
+        schedule = Schedule(30.0)
+        schedule.begin(0.0)
+        for _ in range(200):
+            schedule.counter_took(exchange_s)
+        assert schedule.remark(4.9, 0.0) == ""
+        assert schedule.remark(6.0, 0.0) == remark
+
+
+@pytest.mark.parametrize("poll_hz", [5.0, 60.0])
+def test_slow_values_are_never_older_than_their_period_and_a_bit(poll_hz: float) -> None:
+    bench = FakeBench(poll_hz=poll_hz, look_s=LOOK_S)
+    bench.start(seconds=4.0)
+    for _ in range(12):
+        bench.run(0.25)
+        taken_s = bench.ax.controller.taken_s
+        assert bench.now_s - min(taken_s["status"], taken_s["emergency_stop"]) < 1.1
+        assert bench.now_s - min(taken_s.values()) < 2.1
+
+
+def test_counts_are_true_at_their_instant_when_heard_between_ticks() -> None:
+    bench = FakeBench(poll_hz=30.0, look_s=LOOK_S)
+    bench.start()
+    bench.wheels.counts_per_s = [1500.0, 1500.0]
+    measured = bench.run(2.0)[10:]
+    zero = measured[0].left - 1500.0 * measured[0].t_s
+    for counts in measured:
+        assert counts.left - zero == pytest.approx(1500.0 * counts.t_s, abs=4)
+        assert counts.right == pytest.approx(counts.left, abs=4)

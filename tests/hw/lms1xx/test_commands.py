@@ -1,0 +1,170 @@
+"""Commands to an LMS1xx and the values of its answers: the sheet's frames and texts."""
+
+from datetime import datetime
+from typing import Any
+
+import pytest
+
+from hw.lms1xx import commands
+from hw.lms1xx.cola import Dialect
+from hw.lms1xx.commands import Command, ScanConfig
+from hw.lms1xx.telegrams import Answer, new_parser
+from tests import VECTORS
+
+
+def rows(name: str) -> dict[str, str]:
+    lines = (VECTORS / name).read_text(encoding="utf-8").splitlines()
+    return {row.split("\t")[1]: row.split("\t")[2] for row in lines if not row.startswith("#")}
+
+
+FRAMES = {name: bytes.fromhex(frame) for name, frame in rows("lms111_frames.tsv").items()}
+TEXTS = {name: b"\x02" + text.encode() + b"\x03" for name, text in rows("lms111_texts.tsv").items()}
+TIME = datetime(2021, 3, 2, 12, 34, 56, 789_000)
+
+
+def heard(stream: bytes) -> Any:
+    [event] = new_parser("auto").feed(0.0, stream)
+    return event
+
+
+def made_up(text: str) -> Answer:
+    """A text answer."""
+    kind, name, *values = text.split(" ", 2)
+    return Answer(kind, name, " ".join(values).encode(), "ascii")
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("login", commands.login()),
+        ("login 2", commands.login(2, 0xB21ACE26)),
+        ("login 4", commands.login(4, 0x81BE23AA)),
+        ("read scan", commands.READ_SCAN_CONFIG),
+        ("scan 50", commands.set_scan_config(ScanConfig(5000, 5000))),
+        ("scan 25", commands.set_scan_config(ScanConfig(2500, 2500))),
+        ("read range", commands.READ_OUTPUT_RANGE),
+        ("write range 180", commands.set_output_range(5000, 0, 1_800_000)),
+        ("write range", commands.set_output_range(5000, -449_997, 2_249_997)),
+        ("write content", commands.set_content("first")),
+        ("read content", commands.READ_CONTENT),
+        ("start", commands.START_MEASURING),
+        ("stop", commands.STOP_MEASURING),
+        ("standby", commands.STANDBY),
+        ("store", commands.STORE),
+        ("run", commands.RUN),
+        ("reboot", commands.REBOOT),
+        ("read state", commands.READ_STATE),
+        ("read device state", commands.READ_DEVICE_STATE),
+        ("read contamination", commands.READ_CONTAMINATION),
+        ("poll", commands.POLL_SCAN),
+        ("subscribe", commands.subscribe()),
+        ("unsubscribe", commands.subscribe(False)),
+        ("set time", commands.set_clock(TIME)),
+        ("set ascii", commands.set_dialect("ascii")),
+        ("set binary", commands.set_dialect("binary")),
+    ],
+)
+def test_commands_are_the_sheets_frames(name: str, command: Command) -> None:
+    assert command.encode("binary").hex(" ", 4) == FRAMES[name].hex(" ", 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("login", commands.login()),
+        ("read scan", commands.READ_SCAN_CONFIG),
+        ("scan 50", commands.set_scan_config(ScanConfig(5000, 5000))),
+        ("write range 180", commands.set_output_range(5000, 0, 1_800_000)),
+        ("set time", commands.set_clock(TIME)),
+    ],
+)
+def test_commands_are_the_sheets_texts(name: str, command: Command) -> None:
+    assert command.encode("ascii") == TEXTS[name]
+
+
+def test_other_commands_are_written_out_as_the_sheet_writes_its_own() -> None:
+    texts = {
+        commands.set_content("first"): "sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 1 +1",
+        commands.set_content("both"): "sWN LMDscandatacfg 03 00 0 0 0 00 00 0 0 0 1 +1",
+        commands.set_output_range(2500): "sWN LMPoutputRange 1 9C4 FFF92230 225510",
+        commands.subscribe(): "sEN LMDscandata 1",
+        commands.subscribe(False): "sEN LMDscandata 0",
+        commands.set_dialect("binary"): "sWN EIHstCola 1",
+        commands.RUN: "sMN Run",
+    }
+    for command, text in texts.items():
+        assert command.encode("ascii") == b"\x02" + text.encode() + b"\x03"
+
+
+def test_both_echoes_are_asked_for_where_one_is_not_enough() -> None:
+    for echo in ("last", "both"):
+        frame = commands.set_content(echo).encode("binary")
+        assert frame[8:-1] == b"sWN LMDscandatacfg \3\0" + bytes(8) + b"\1\0\1"
+
+
+# --- answers
+
+
+def test_settings_are_read_in_both_dialects() -> None:
+    assert commands.maybe_scan_config(heard(FRAMES["scan is 25"])) == ScanConfig(2500, 2500)
+    assert commands.maybe_scan_config(heard(TEXTS["scan is 50"])) == ScanConfig(5000, 5000)
+    taken = commands.maybe_taken_config(heard(FRAMES["scan 25 taken"]))
+    assert taken == (0, ScanConfig(2500, 2500))
+    taken = commands.maybe_taken_config(heard(TEXTS["scan 50 taken"]))
+    assert taken == (0, ScanConfig(5000, 5000))
+    assert commands.maybe_output_range_deg(heard(FRAMES["range is"])) == (-44.9997, 224.9997)
+    assert commands.maybe_output_range_deg(heard(TEXTS["range is"])) == (-45.0, 225.0)
+    assert commands.maybe_content(heard(FRAMES["content is"])) == commands.content("first")
+    lower = made_up("sRA LMDscandatacfg 1  0 0 0 0 0 0 00 0 0 01 +1 ")
+    assert commands.maybe_content(lower) == commands.content("first")
+
+
+@pytest.mark.parametrize("dialect", ["binary", "ascii"])
+@pytest.mark.parametrize("values", [b"", b"\x00", b"0 1 xyz", b"00", b"1 2 3 4 5 6 7 8" * 3])
+def test_values_that_are_something_else_are_none(values: bytes, dialect: Dialect) -> None:
+    assert commands.maybe_scan_config(Answer("sRA", "LMPscancfg", values, dialect)) is None
+    assert commands.maybe_content(Answer("sRA", "LMDscandatacfg", values, dialect)) is None
+    range_is = Answer("sRA", "LMPoutputRange", values, dialect)
+    assert commands.maybe_output_range_deg(range_is) is None
+
+
+def test_states_are_read_whichever_way_they_are_written() -> None:
+    binary = [b"\x00\x07\x00rest", b"\x00\x04\x01", b"7", b"6 1 8 00:34:19", b"\x00\x05", b"\x07"]
+    states = [commands.maybe_state(Answer("sRA", "STlms", values)) for values in binary]
+    assert states == [(7, True), (4, False), (7, None), (6, False), (5, None), None]
+    assert commands.maybe_state(heard(TEXTS["state is 7"])) == (7, True)
+    assert commands.maybe_state(made_up("sRA STlms 07 1")) == (7, False)
+    assert commands.maybe_state(made_up("sRA STlms")) is None
+
+
+def test_texts_are_read_by_their_lengths() -> None:
+    firmware = Answer("sRA", "FirmwareVersion", b"\x00\x09V1.80.2  ")
+    assert commands.maybe_texts(firmware) == ("V1.80.2",)
+    assert commands.maybe_texts(heard(TEXTS["firmware"])) == ("V1.80.1",)
+    ident = heard(TEXTS["ident"])
+    assert commands.maybe_texts(ident, 2) == ("LMS10x_FieldEval", "V1.36-21.10.2010")
+    assert commands.maybe_texts(heard(TEXTS["location"])) == ("not defined",)
+    decimal = made_up("sRA DeviceIdent 16 LMS10x_FieldEval 16 V1.36-21.10.2010")
+    assert commands.maybe_texts(decimal, 2) == ("LMS10x_FieldEval", "V1.36-21.10.2010")
+    assert commands.maybe_texts(made_up("sRA DeviceIdent"), 2) is None
+    assert commands.maybe_texts(Answer("sRA", "FirmwareVersion", b"\x00\x09V1")) is None
+
+
+def test_counters_are_read() -> None:
+    hours = Answer("sRA", "ODoprh", bytes.fromhex("0004563c"))
+    assert commands.maybe_hours(hours) == 28422.0
+    assert commands.maybe_hours(made_up("sRA ODoprh 4563C")) == 28422.0
+    assert commands.maybe_hours(made_up("sRA ODoprh")) is None
+    assert commands.maybe_number(made_up("sRA ODpwrc 3F"), "I") == 63
+    assert commands.maybe_number(heard(FRAMES["clean"])) == 0
+
+
+def test_methods_differ_in_what_they_call_good() -> None:
+    assert commands.is_good(heard(FRAMES["logged in"]))
+    assert not commands.is_good(heard(FRAMES["not logged in"]))
+    assert commands.is_good(heard(FRAMES["range written"]))
+    assert commands.is_good(made_up("sAN LMCstartmeas 0"))
+    assert not commands.is_good(made_up("sAN LMCstopmeas 1"))
+    assert commands.is_good(made_up("sAN mEEwriteall 1"))
+    assert commands.is_good(made_up("sAN mSCreboot"))
+    assert not commands.is_good(made_up("sAN Run"))

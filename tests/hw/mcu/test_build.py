@@ -1,0 +1,174 @@
+"""The C header compiles without a warning wherever it should, and keeps to its figures."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests import VECTORS
+from tests.support.c_link import MCU, STRICT, compile_c, needs
+from tests.support.c_sizes import (
+    AUTH,
+    CORE_SET,
+    CORES,
+    NO_TILES,
+    PACKAGE,
+    deepest_stack,
+    linked,
+    state_bytes,
+    undefined,
+)
+
+SETTINGS = {
+    "as it is": (),
+    "with tags": (AUTH,),
+    "without tiles": (NO_TILES,),
+    "static": ("-DMAPOD_LINK_STATIC",),
+    "short frames": ("-DMAPOD_FRAME_MAX=64u",),
+    "big endian": ("-DMAPOD_LINK_BIG_ENDIAN", AUTH),
+}
+KIBIBYTE = 1024
+# Section 12 of the protocol
+CODE = {"cortex-m0": 2.4 * KIBIBYTE, "cortex-m3": 2.1 * KIBIBYTE, "cortex-m4": 2.1 * KIBIBYTE}
+STATE, STACK, CRC_TABLE = 460, 200, 64
+MORE_CODE_WITH_TAGS, MORE_STACK_WITH_TAGS = 856, 350
+
+
+@pytest.mark.parametrize("settings", list(SETTINGS))
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_it_compiles_strictly_on_a_host(compiler: str, settings: str, tmp_path: Path) -> None:
+    for level in ("-O0", "-O2"):
+        words = (*STRICT, level, *SETTINGS[settings], "-c", str(MCU / "example.c"))
+        compile_c(compiler, compiler, tmp_path / "x.o", *words)
+
+
+@pytest.mark.parametrize("settings", list(SETTINGS))
+@pytest.mark.parametrize("core", CORES)
+def test_it_compiles_strictly_for_a_cortex_m(core: str, settings: str, tmp_path: Path) -> None:
+    words = (*STRICT, "-Os", f"-mcpu={core}", "-mthumb", *SETTINGS[settings])
+    compile_c("arm-none-eabi-gcc", PACKAGE, tmp_path / "x.o", *words, "-c", str(MCU / "example.c"))
+
+
+@pytest.mark.parametrize("core", CORES)
+def test_clang_compiles_it_for_a_cortex_m_without_any_system_header(
+    core: str, tmp_path: Path
+) -> None:
+    (tmp_path / "string.h").write_text(
+        "#include <stddef.h>\n"
+        "void *memset(void *to, int value, size_t count);\n"
+        "void *memcpy(void *to, const void *from, size_t count);\n"
+    )
+    alone = ("--target=arm-none-eabi", f"-mcpu={core}", "-mthumb", "-ffreestanding")
+    words = (*STRICT, "-Os", *alone, f"-I{tmp_path}", "-c", str(MCU / "example.c"))
+    compile_c("clang", "clang", tmp_path / "x.o", *words)
+
+
+@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+def test_it_compiles_strictly_as_cpp_and_links_with_the_c_of_another_file(
+    compiler: str, tmp_path: Path
+) -> None:
+    strict = [word for word in STRICT if word != "-std=c99"]
+    user = tmp_path / "user.cpp"
+    user.write_text(
+        '#include "mapod_link.h"\n'
+        "static mapod_link link_to_mapod;\n"
+        "static std::uint8_t cells[MAPOD_CELL_BYTES(3, 3)];\n"
+        "int main() {\n"
+        "    mapod_link_init(&link_to_mapod, cells, 9);\n"
+        "    return mapod_link_advice(&link_to_mapod, 0) == MAPOD_STOP ? 0 : 1;\n"
+        "}\n".replace("std::uint8_t", "uint8_t")
+    )
+    whole = tmp_path / "whole.c"
+    whole.write_text('#define MAPOD_LINK_IMPLEMENTATION\n#include "mapod_link.h"\n')
+    both = ("-x", "c++", "-std=c++11", *strict)
+    compile_c(compiler, "g++ clang", tmp_path / "alone.o", *both, "-c", str(whole))
+    c_object = compile_c("gcc", "gcc", tmp_path / "whole.o", *STRICT, "-c", str(whole))
+    words = ("-std=c++11", *strict, str(user), str(c_object))
+    program = compile_c(compiler, "g++ clang", tmp_path / "user", *words)
+    assert subprocess.run([str(program)], check=False).returncode == 0
+
+
+def test_a_frame_buffer_of_a_wrong_size_is_refused(tmp_path: Path) -> None:
+    gcc = needs("gcc", "gcc")
+    for size in (63, 369):
+        words = (f"-I{MCU}", f"-DMAPOD_FRAME_MAX={size}u", "-c", str(MCU / "example.c"))
+        command = [gcc, *words, "-o", str(tmp_path / "x.o")]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert "must be within 64 to 368" in done.stderr
+
+
+@pytest.mark.parametrize("core", CORES)
+def test_code_state_and_stack_are_within_the_protocols_figures(core: str) -> None:
+    size = linked(core, CORE_SET, NO_TILES)
+    assert size.code <= CODE[core]
+    assert size.tables <= CRC_TABLE + 16
+    assert state_bytes(core)[0] <= STATE
+    assert deepest_stack(core, CORE_SET) < STACK
+
+
+@pytest.mark.parametrize("core", CORES)
+def test_tags_cost_no_more_than_the_protocol_says(core: str) -> None:
+    plain = linked(core, CORE_SET, NO_TILES)
+    keyed = linked(core, (*CORE_SET, "mapod_link_set_key"), NO_TILES, AUTH)
+    assert keyed.code - plain.code <= MORE_CODE_WITH_TAGS * (1.1 if core == "cortex-m0" else 1)
+    more = deepest_stack(core, CORE_SET, AUTH) - deepest_stack(core, CORE_SET)
+    assert more <= MORE_STACK_WITH_TAGS
+
+
+@pytest.mark.parametrize("core", CORES)
+def test_nothing_is_taken_from_outside_but_memset_and_memcpy(core: str) -> None:
+    assert undefined(core, AUTH) <= {"memset", "memcpy"}
+
+
+BOARD = """
+#include <stdio.h>
+#include "mapod_link.h"
+static const uint8_t heard[] = {%s};
+static uint32_t at, written;
+static uint8_t seen[8];
+void planner_start(void);
+void planner_loop(void);
+uint32_t board_now_ms(void);
+bool board_read(uint8_t *byte);
+void board_write(const uint8_t *bytes, uint32_t count);
+uint32_t board_random(void);
+void board_move(enum mapod_advice advice, uint8_t in_front);
+uint32_t board_now_ms(void) { return 5000u; }
+bool board_read(uint8_t *byte)
+{
+    if (at == sizeof heard) {
+        return false;
+    }
+    *byte = heard[at];
+    at++;
+    return true;
+}
+void board_write(const uint8_t *bytes, uint32_t count)
+{
+    seen[written] = bytes[1];
+    written += (count > 0u) ? 1u : 0u;
+}
+uint32_t board_random(void) { return 4711u; }
+void board_move(enum mapod_advice advice, uint8_t in_front)
+{
+    (void)printf("%%d %%u %%02x\\n", (int)advice, in_front, seen[0]);
+}
+int main(void)
+{
+    planner_start();
+    planner_loop();
+    return 0;
+}
+"""
+
+
+def test_the_example_runs_as_it_is_printed(tmp_path: Path) -> None:
+    vectors = json.loads((VECTORS / "planner_link.json").read_text())
+    line = b"".join(bytes.fromhex(vectors[f"{name}_serial"]) for name in ("geom", "pose", "map"))
+    board = tmp_path / "board.c"
+    board.write_text(BOARD % ", ".join(map(str, line)))
+    sources = (str(board), str(MCU / "example.c"))
+    program = compile_c("gcc", "gcc", tmp_path / "example", *STRICT, *sources)
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
+    assert done.stdout == "2 0 18\n", "go, unknown in front, an ACK was sent"

@@ -1,0 +1,89 @@
+"""The C header as a program answers on standard input and output, TCP and UDP."""
+
+import json
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from mapod_link.frames import Frame, frame_from_bytes
+from mapod_link.serial_line import Deframer
+from tests import ROOT
+from tests.support.c_link import build_receiver
+
+VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
+NAMES = ("geom", "pose", "map")
+SERIAL = b"".join(bytes.fromhex(VECTORS[f"{name}_serial"]) for name in NAMES)
+ACK, HELLO = 8, 9
+GENEROUS_S = 60.0
+
+
+def frames_of(line: bytes) -> list[Frame]:
+    """The frames in a serial stream; all are whole."""
+    pieces = Deframer().feed(line)
+    frames = [frame_from_bytes(piece) for piece in pieces if piece is not None]
+    assert len(frames) == len(pieces)
+    return [frame for frame in frames if not isinstance(frame, str)]
+
+
+def last_of(ack: Frame) -> int:
+    """Number of the newest frame that an ACK tells of."""
+    return int.from_bytes(ack.body[:2], "little")
+
+
+def test_it_acknowledges_on_standard_output_and_ends_with_its_input() -> None:
+    done = subprocess.run(
+        [str(build_receiver()), "stdio"], input=SERIAL, capture_output=True, check=True
+    )
+    frames = frames_of(done.stdout)
+    assert {frame.type for frame in frames} <= {ACK, HELLO}
+    assert [last_of(frame) for frame in frames if frame.type == ACK][-1] == 3
+
+
+def test_it_answers_whoever_sends_datagrams() -> None:
+    with (
+        subprocess.Popen([str(build_receiver()), "udp", "0"], stderr=subprocess.PIPE) as program,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        try:
+            assert program.stderr is not None
+            port = int(program.stderr.readline().split()[1])
+            sender.settimeout(GENEROUS_S)
+            for name in NAMES:
+                sender.sendto(bytes.fromhex(VECTORS[name]), ("127.0.0.1", port))
+            last = 0
+            while last != 3:
+                frame = frame_from_bytes(sender.recv(2048))
+                assert isinstance(frame, Frame)
+                last = last_of(frame) if frame.type == ACK else last
+        finally:
+            program.kill()
+
+
+def test_it_serves_one_client_after_the_other_on_tcp(tmp_path: Path) -> None:
+    key = tmp_path / "key"
+    key.write_text(VECTORS["auth_key"].replace(" ", "") + "\n")
+    command = [str(build_receiver()), "tcp", "0", str(key)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE) as program:
+        try:
+            assert program.stderr is not None
+            port = int(program.stderr.readline().split()[1])
+            for _ in range(2):
+                with socket.create_connection(("127.0.0.1", port), GENEROUS_S) as client:
+                    client.sendall(SERIAL)
+                    heard = b""
+                    while b"\0" not in heard:
+                        heard += client.recv(64)
+                    assert frames_of(heard[: heard.index(0) + 1])[0].type == HELLO
+        finally:
+            program.kill()
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["serial"], ["udp"], ["udp", "0", "/nowhere"], ["stdio", "x", "y"]]
+)
+def test_wrong_words_are_refused(words: list[str]) -> None:
+    done = subprocess.run([str(build_receiver()), *words], capture_output=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr

@@ -1,0 +1,339 @@
+"""The C header keeps the receiver's rules: what sets and clears each state, and what is refused."""
+
+import struct
+
+import pytest
+
+from mapod_link.frames import bytes_from_frame, signed_bytes_from_frame
+from tests.support.c_link import CReceiver
+from tests.support.c_types import NO_YAW, NOT_KNOWN, Ask, ExternalPose
+
+GEOM, POSE, MAP, DIGEST, ZONE, TILE = 1, 2, 3, 4, 5, 6
+SESSION, KEY, NONCE = 0x5A17C0DE, bytes(range(32)), 99
+GOOD = 0x007F
+FREE_ROW = bytes([1 << 6 | 8])  # 9 cells FREE
+
+
+def geom(
+    geom_id: int = 7, width: int = 9, height: int = 5, session: int = SESSION, stale_ms: int = 150
+) -> bytes:
+    return struct.pack("<BxHHHIHH", geom_id, width, height, 50, session, 20, stale_ms)
+
+
+def pose(health: int = GOOD, mode: int = 1) -> bytes:
+    return struct.pack("<ii5hHBBBB", 1, 2, 3, 4, 5, 6, 7, health, 1, 1, 1, mode)
+
+
+def cells(
+    ops: bytes = b"", start: int = 0, ox: int = 0, oy: int = 0, repaired: int = 0, geom_id: int = 7
+) -> bytes:
+    place = struct.pack("<HHHB", ox % 65536, oy % 65536, repaired % 65536, geom_id)
+    return place + start.to_bytes(3, "little") + ops
+
+
+class Line:
+    """A sender without a mind, and its receiver."""
+
+    def __init__(self, key: bytes | None = None, seq: int = 0, max_cells: int = 100) -> None:
+        self.receiver = CReceiver(NONCE, key=key, max_cells=max_cells)
+        self.seq, self.now_s, self.key, self.session = seq, 10.0, key, SESSION
+
+    def send(self, kind: int, body: bytes, *, lost: bool = False, t_ms: int | None = None) -> bool:
+        """The next frame; whether it was accepted."""
+        self.seq, self.now_s = (self.seq + 1) % 65536, self.now_s + 0.01
+        return not lost and self.repeat(kind, body, self.seq, t_ms)
+
+    def repeat(self, kind: int, body: bytes, seq: int, t_ms: int | None = None) -> bool:
+        """A frame with a number of the caller's choice."""
+        t_ms = round(self.now_s * 1000) if t_ms is None else t_ms
+        numbers = kind, seq, t_ms, body
+        frame = (
+            signed_bytes_from_frame(*numbers, self.key, self.session, NONCE)
+            if self.key
+            else bytes_from_frame(*numbers)
+        )
+        return self.receiver.feed_datagram(self.now_s, frame)
+
+    def begin(self) -> "Line":
+        """Geometry 7, a pose, and a row of FREE cells."""
+        assert self.send(GEOM, geom())
+        assert self.send(POSE, pose())
+        assert self.send(MAP, cells(FREE_ROW))
+        return self
+
+    def advice(self) -> tuple[str, str]:
+        return self.receiver.link_advice(self.now_s)
+
+
+def test_it_is_blank_and_says_stop_until_the_first_map() -> None:
+    line = Line()
+    assert line.advice() == ("stop", "no map yet")
+    line.send(GEOM, geom())
+    line.send(POSE, pose())
+    assert line.receiver.blank
+    assert line.receiver.stale(line.now_s)
+    assert line.advice() == ("stop", "no map yet")
+    line.send(MAP, cells(FREE_ROW))
+    assert line.advice() == ("go", "")
+    assert line.receiver.window()[0].tolist() == [1] * 9
+
+
+@pytest.mark.parametrize(
+    ("health", "mode", "why"),
+    [
+        (GOOD, 0, "mode"),
+        (GOOD, 3, "mode"),
+        (GOOD, 4, "mode"),
+        (GOOD & ~0x10, 1, "pose not valid"),
+        (GOOD & ~0x20, 1, "map not valid"),
+        (GOOD | 0x200, 1, "attitude out of range"),
+        (GOOD | 0x80, 2, "drop-off ahead"),
+        (GOOD | 0x8000, 2, "operator stop"),
+    ],
+)
+def test_each_line_of_the_table_stops_the_planner(health: int, mode: int, why: str) -> None:
+    line = Line().begin()
+    line.send(POSE, pose(health, mode))
+    assert line.advice() == ("stop", why)
+    line.send(POSE, pose(GOOD, 2))
+    assert line.advice() == ("go", "")
+
+
+def test_a_gap_makes_it_suspect_until_what_was_lost_is_repaired() -> None:
+    line = Line().begin()
+    line.send(MAP, cells(), lost=True)
+    line.send(POSE, pose())
+    assert line.advice() == ("slow", "a frame is missing")
+    line.send(MAP, cells(repaired=line.seq - 2))
+    assert line.receiver.suspect
+    line.send(MAP, cells(repaired=4))
+    assert not line.receiver.suspect
+    state = line.receiver.state(line.now_s)
+    assert state.mask == 0b111011
+
+
+@pytest.mark.parametrize(("pose_stops", "limit_ms"), [(True, 150), (False, 150)])
+def test_it_is_stale_when_one_half_of_the_sender_is_silent(pose_stops: bool, limit_ms: int) -> None:
+    line = Line().begin()
+    begun_s = line.now_s
+    for _ in range(40):
+        line.send(*((MAP, cells()) if pose_stops else (POSE, pose())))
+        silent_ms = round((line.now_s - begun_s) * 1000) + (10 if pose_stops else 0)
+        assert line.receiver.stale(line.now_s) == (silent_ms > limit_ms)
+    line.send(*((POSE, pose()) if pose_stops else (MAP, cells())))
+    assert not line.receiver.stale(line.now_s)
+
+
+def test_what_is_stale_stays_so_when_the_millisecond_clock_wraps() -> None:
+    line = Line().begin()
+    day_s = 86_400
+    for day in range(1, 51):
+        assert line.receiver.stale(line.now_s + day * day_s)
+    assert line.receiver.stale(line.now_s + 2**32 / 1000)
+
+
+def test_it_works_across_the_wrap_of_clock_numbers_and_origin() -> None:
+    line = Line(seq=65_533)
+    line.now_s = 2**32 / 1000 - 0.025
+    line.begin()
+    for k in range(10):
+        line.send(POSE, pose())
+        line.send(MAP, cells(FREE_ROW, ox=32_766 + k, oy=-32_766 - k, start=9))
+        assert not line.receiver.stale(line.now_s)
+        assert not line.receiver.suspect
+    window = line.receiver.window()
+    assert window[1].tolist() == [1] * 9
+    assert window[2].tolist() == [1] * 8 + [0]
+
+
+def test_old_and_repeated_frames_are_dropped_in_silence() -> None:
+    line = Line().begin()
+    assert not line.repeat(MAP, cells(bytes([2 << 6])), line.seq)
+    assert not line.repeat(MAP, cells(bytes([2 << 6])), line.seq - 1)
+    assert not line.repeat(MAP, cells(bytes([2 << 6])), (line.seq + 0x8000) % 65536)
+    assert line.receiver.state(line.now_s).bad_frames == 0
+    assert line.receiver.window()[0].tolist() == [1] * 9
+
+
+def test_an_operation_that_passes_the_last_cell_rejects_the_frame_whole() -> None:
+    line = Line().begin()
+    before = line.receiver.window()
+    wrong = [
+        cells(bytes([2 << 6, 2 << 6 | 44])),
+        cells(bytes([2 << 6]), start=45),
+        cells(bytes([2 << 6, 1 << 6 | 63])),
+        cells(bytes([2 << 6, 3 << 6 | 63, 0x80, 0x80, 0x80])),
+        cells(bytes([2 << 6]))[:9],
+    ]
+    for body in wrong:
+        assert not line.send(MAP, body)
+    assert (line.receiver.window() == before).all()
+    assert line.receiver.rejected == {"body": len(wrong)}
+    assert line.send(MAP, cells(bytes([2 << 6, 1 << 6 | 43])))
+    assert line.receiver.suspect
+
+
+def test_a_new_session_restarts_the_count_and_forgets_all_of_the_old_one() -> None:
+    line = Line(seq=500).begin()
+    assert line.repeat(GEOM, geom(session=5), 1)
+    state = line.receiver.state(line.now_s)
+    assert (state.last, state.mask, state.blank, state.has_pose) == (1, 0, True, False)
+    assert not line.receiver.window().any()
+
+
+def test_a_new_geometry_empties_the_map_and_maps_of_another_one_ask_for_it() -> None:
+    line = Line().begin()
+    assert line.send(MAP, cells(FREE_ROW, geom_id=8))
+    assert line.receiver.state(line.now_s).need_geom
+    assert line.receiver.accepted["foreign_map"] == 1
+    line.send(GEOM, geom(8))
+    state = line.receiver.state(line.now_s)
+    assert (state.need_geom, state.blank, state.geom_id) == (False, True, 8)
+
+
+def test_a_window_that_is_too_large_leaves_no_map() -> None:
+    line = Line().begin()
+    line.send(GEOM, geom(8, width=11, height=10))
+    assert line.receiver.accepted["too_large"] == 1
+    assert line.receiver.window().size == 0
+    assert line.advice() == ("stop", "no map yet")
+    line.receiver.poll(line.now_s)
+    assert line.receiver.poll(line.now_s + 0.25)[0][0] == 0x19
+    line.send(GEOM, geom(9))
+    line.send(POSE, pose())
+    line.send(MAP, cells(FREE_ROW, geom_id=9))
+    assert line.advice() == ("go", "")
+
+
+def test_after_a_minutes_silence_numbers_say_nothing_and_all_is_unknown() -> None:
+    line = Line().begin()
+    t_ms = round(line.now_s * 1000)
+    line.now_s += 59
+    assert not line.repeat(POSE, pose(), line.seq - 1, t_ms + 59_999)
+    assert line.receiver.window().any()
+    assert line.repeat(POSE, pose(), line.seq - 1, t_ms + 60_000)
+    assert not line.receiver.window().any()
+    assert not line.receiver.suspect
+    assert line.receiver.state(line.now_s).mask == 0
+
+
+def test_a_digest_that_differs_stops_the_planner_and_asks_for_everything() -> None:
+    line = Line().begin()
+    right = line.receiver.digest()
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right))
+    assert line.receiver.state(line.now_s).digest_ok
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 1))
+    state = line.receiver.state(line.now_s)
+    assert (state.digest_ok, state.need_full) == (False, True)
+    assert line.advice() == ("stop", "the map is not the sender's")
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right))
+    assert line.advice() == ("go", "")
+    assert not line.receiver.state(line.now_s).need_full
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 2))
+    line.send(POSE, pose(), lost=True)
+    line.send(DIGEST, struct.pack("<BxxxI", 7, right))
+    state = line.receiver.state(line.now_s)
+    assert (state.suspect, state.digest_ok, state.need_full) == (True, False, True)
+    line.send(GEOM, geom(8))
+    assert not line.receiver.state(line.now_s).need_full
+
+
+def test_echoes_of_what_travels_the_other_way_are_left_alone() -> None:
+    line = Line().begin()
+    last = line.receiver.state(line.now_s).last
+    for kind in range(8, 13):
+        assert not line.repeat(kind, bytes(16), (last + 50) % 65536)
+    assert line.receiver.state(line.now_s).last == last
+    for kind in (0, 7, 13, 15):
+        assert line.send(kind, bytes(3))
+    assert line.receiver.accepted["unknown_type"] == 4
+    assert not line.receiver.suspect
+
+
+def test_with_a_key_frames_of_the_past_are_not_taken_up_again() -> None:
+    line = Line(KEY).begin()
+    t_ms = round(line.now_s * 1000)
+    assert not line.send(POSE, pose(), t_ms=t_ms - 1)
+    line.session = 6
+    assert line.send(GEOM, geom(session=6))
+    line.session = SESSION
+    assert not line.send(GEOM, geom())
+    assert line.receiver.state(line.now_s).auth_failed
+    assert line.receiver.rejected == {"tag": 1}
+    line.receiver.poll(line.now_s)
+    assert line.receiver.poll(line.now_s + 0.3)[0][0] == 0x19
+
+
+def test_a_receiver_that_only_asks_says_so_and_acknowledges_nothing() -> None:
+    receiver = CReceiver(NONCE, poll_only=True)
+    [hello] = receiver.poll(1.0)
+    assert hello[8 + 10] == 1
+    receiver.feed_datagram(1.0, bytes_from_frame(GEOM, 1, 1, geom()))
+    assert receiver.poll(2.0) == []
+
+
+def test_a_stop_zone_counts_for_a_third_of_a_second_by_either_clock() -> None:
+    line = Line().begin()
+    body = struct.pack("<8HhBB", 900, 65_535, 0, 65_535, 65_535, 500, 0, 65_535, 0, 1, 0)
+    assert line.receiver.zone_advice(line.now_s) == "stop"
+    line.send(ZONE, body)
+    assert line.receiver.zone_advice(line.now_s + 0.35) == "go"
+    assert line.receiver.zone_advice(line.now_s + 0.351) == "stop"
+    assert line.receiver.zone_advice(line.now_s) == "stop"
+    line.send(ZONE, body)
+    assert line.receiver.zone_advice(line.now_s) == "go"
+    line.send(POSE, pose(), t_ms=round(line.now_s * 1000) + 400)
+    assert line.receiver.zone_advice(line.now_s) == "stop"
+    assert not line.send(ZONE, body[:-1])
+
+
+def test_pieces_of_tiles_that_contradict_themselves_are_rejected() -> None:
+    line = Line().begin()
+
+    def tile(count: int, values: bytes, layer: int = 1, status: int = 0, first: int = 0) -> bytes:
+        head = struct.pack("<HBBhhHH", 9, layer, status, -3, 4, 5, 3)
+        return head + first.to_bytes(3, "little") + struct.pack("<BHH", 7, count, 50) + values
+
+    assert line.send(TILE, tile(3, struct.pack("<3h", 5, -32_768, -6)))
+    assert line.receiver.pieces[-1].values[:4] == [5, NOT_KNOWN, -6, 0]
+    assert line.send(TILE, tile(5, bytes([0b11_10_01_00, 2]), layer=0))
+    assert line.receiver.pieces[-1].values[:5] == [0, 1, 2, 0, 2]
+    assert line.send(TILE, tile(0, b"", status=2))
+    assert line.send(TILE, tile(4, b"??", layer=9))
+    assert line.receiver.pieces[-1].count == 0
+    for wrong in (
+        tile(3, bytes(5)),
+        tile(0, b""),
+        tile(15, bytes(30), first=1),
+        tile(1, b"", status=2),
+        tile(1, bytes(2))[:19],
+    ):
+        assert not line.send(TILE, wrong)
+    assert line.receiver.rejected == {"body": 5}
+
+
+def test_values_that_no_frame_tells_are_not_sent() -> None:
+    line = Line()
+    assert not line.receiver.drive(1.0, 0.1, 0.0, 0.3), "the run of the sender is not known"
+    line.begin()
+    assert line.receiver.drive(1.0, -32.767, 32.767, 1.0)
+    assert not line.receiver.drive(1.0, -32.768, 0.0, 0.3)
+    assert not line.receiver.drive(1.0, 0.0, 0.0, 1.001)
+    good = ExternalPose(1, 2, NO_YAW, 5, 5, 0, 0, 0)
+    assert line.receiver.external_pose(1.0, good)
+    for wrong in (
+        ExternalPose(-(2**31), 2, NO_YAW, 5, 5, 0, 0, 0),
+        ExternalPose(1, 2, 31_416, 5, 5, 0, 9, 0),
+        ExternalPose(1, 2, 0, 5, 5, 0, 0, 0),
+        ExternalPose(1, 2, 0, 0, 5, 0, 9, 0),
+        ExternalPose(1, 2, 0, 5, 5, 10_001, 9, 0),
+        ExternalPose(1, 2, 0, 5, 5, 0, 9, 1001),
+    ):
+        assert not line.receiver.external_pose(1.0, wrong)
+    assert line.receiver.ask(1.0, Ask(1, 0x84))
+    assert not line.receiver.ask(1.0, Ask(1, 0x80))
+    assert not line.receiver.ask(1.0, Ask(1, 0x18))
+    line.receiver.say("stopped")
+    line.receiver.take()
+    line.receiver.acknowledge(1.0)
+    assert line.receiver.take()[0][8 + 14] & 0x10

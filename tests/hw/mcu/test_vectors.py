@@ -1,0 +1,191 @@
+"""The C header reads and writes the frames that the protocol prints, byte for byte."""
+
+import json
+
+import pytest
+
+from tests import ROOT
+from tests.support.c_link import CReceiver, serial_from_frame
+from tests.support.c_types import NOT_KNOWN, Ask, ExternalPose
+
+VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
+KEY, NONCE = bytes.fromhex(VECTORS["auth_key"]), int(VECTORS["auth_nonce"], 0)
+SENT = ["ack", "drive", "external_pose", "hello", "ask_tile", "ask_now", "ask_window"]
+HEARD = ["geom", "pose", "map", "digest", "stop_zone", "tile_class"]
+HEARD += ["tile_height", "tile_variance", "tile_slope", "tile_refused"]
+RECTANGLE = (236, -40, 5, 3)  # i, j, width, height
+
+
+def vector(name: str) -> bytes:
+    return bytes.fromhex(VECTORS[name])
+
+
+def begun(key: bytes | None = None) -> CReceiver:
+    """A receiver that has heard the geometry of the worked example."""
+    receiver = CReceiver(NONCE, key=key, max_cells=101 * 101)
+    if key:
+        assert receiver.feed_datagram(1.0, signed("geom"))
+        assert receiver.feed_datagram(1.02, signed("pose"))
+        assert receiver.feed_datagram(1.02, vector("map_auth"))
+    else:
+        for name in ("geom", "pose", "map"):
+            assert receiver.feed_datagram(1.02, vector(name))
+    receiver.poll(1.02)
+    return receiver
+
+
+def signed(name: str) -> bytes:
+    """A frame of the worked example with its tag (the protocol prints none for these)."""
+    from mapod_link.frames import frame_from_bytes, signed_bytes_from_frame
+
+    frame = frame_from_bytes(vector(name))
+    assert not isinstance(frame, str)
+    numbers = frame.type, frame.seq, frame.t_ms, frame.body
+    return signed_bytes_from_frame(*numbers, KEY, 0x5A17C0DE, NONCE)
+
+
+@pytest.mark.parametrize("name", HEARD)
+def test_a_printed_frame_is_accepted_as_datagram_and_from_a_serial_line(name: str) -> None:
+    for serial in (False, True):
+        receiver = CReceiver(NONCE, max_cells=101 * 101)
+        before = HEARD[: HEARD.index(name)]
+        for earlier in (*before, name):
+            if serial:
+                receiver.feed_stream(1.0, vector(f"{earlier}_serial"))
+            else:
+                receiver.feed_datagram(1.0, vector(earlier))
+        assert receiver.accepted[name.split("_")[0] if "tile" in name else name] > 0
+        assert receiver.accepted.total() == len(before) + 1
+        assert not receiver.rejected
+
+
+def test_the_map_of_the_worked_example_stands_as_printed() -> None:
+    receiver = begun()
+    expected = {(60, 40): 2, (60, 42): 2, (60, 43): 0, (61, 40): 2, (62, 39): 0, (62, 40): 1}
+    expected |= {(62, 100): 1, (63, 0): 1, (63, 8): 1, (63, 9): 0}
+    assert {at: receiver.cell(at[1], at[0]) for at in expected} == expected
+    window = receiver.window()
+    assert [int((window == code).sum()) for code in (1, 2)] == [70, 6]
+    assert receiver.origin == (196, -100)
+    assert receiver.digest() == int(VECTORS["digest_crc"], 0)
+    assert receiver.cell_at((196 + 40) * 0.05 + 0.01, (-100 + 60) * 0.05 + 0.01) == 2
+    assert receiver.cell_at((196 + 40) * 0.05 - 0.01, (-100 + 60) * 0.05 + 0.01) == 0
+
+
+def test_the_pose_of_the_worked_example_is_read_as_printed() -> None:
+    pose = begun().pose
+    assert pose is not None
+    assert (pose.t_ms, pose.x_mm, pose.y_mm) == (1020, 12_340, -2_500)
+    assert (pose.yaw, pose.pitch, pose.roll) == (7854, -52, 17)
+    assert (pose.v_mmps, pose.w_mradps, pose.health, pose.mode) == (650, -120, 0x7F, 1)
+    assert (pose.age_scan, pose.age_attitude, pose.age_encoders) == (3, 1, 2)
+
+
+def test_the_way_for_big_endian_processors_reads_the_same() -> None:
+    receivers = [CReceiver(NONCE, settings=words) for words in ((), ("-DMAPOD_LINK_BIG_ENDIAN",))]
+    for receiver in receivers:
+        for name in ("geom", "pose", "map", "geom"):
+            receiver.feed_datagram(1.02, vector(name))
+    poses = [bytes(receiver.pose) for receiver in receivers if receiver.pose]
+    assert poses[0] == poses[1]
+    states = [bytes(receiver.state(1.03)) for receiver in receivers]
+    assert states[0] == states[1]
+    assert (receivers[0].window() == receivers[1].window()).all()
+
+
+def test_a_receiver_of_short_frames_that_only_asks_says_so_as_printed() -> None:
+    short = ("-DMAPOD_FRAME_MAX=128u",)
+    receiver = CReceiver(NONCE, max_cells=101 * 101, poll_only=True, settings=short)
+    for _ in range(3):
+        receiver.hello(1.0)
+    receiver.take()
+    receiver.hello(52.37)
+    assert receiver.take()[0].hex(" ") == VECTORS["hello_poll"]
+    assert serial_from_frame(vector("hello_poll")) == vector("hello_poll_serial")
+    assert not receiver.feed_datagram(1.0, bytes(129))
+    assert receiver.rejected == {"length": 1}
+
+
+def answers(receiver: CReceiver) -> dict[str, bytes]:
+    """What the protocol prints as said by this receiver, in its order of numbers."""
+    external = ExternalPose(105_250, -48_900, 12_345, 20, 30, -2_500, 175, 40)
+    receiver.acknowledge(52.31, 0.0013)
+    assert receiver.drive(52.34, 0.65, -0.12, 0.3)
+    assert receiver.external_pose(52.36, external)
+    receiver.hello(52.37)
+    assert receiver.ask(52.38, Ask(0x102, 0x08, 1, *RECTANGLE))
+    assert receiver.ask(52.39, Ask(0x103, 0x07, 0, *RECTANGLE))
+    assert receiver.ask(52.4, Ask(0x104, 0x88, 0, 40, 60, 5, 3))
+    return dict(zip(SENT, receiver.take(), strict=True))
+
+
+def test_each_answer_is_built_as_printed() -> None:
+    receiver = CReceiver(NONCE, max_cells=101 * 101)
+    for name in ("geom", "pose", "map"):
+        receiver.feed_datagram(52.309, vector(name))
+    receiver.say("suspect")  # set in the printed ACK to show the bit
+    told = answers(receiver)
+    for name in SENT:
+        assert told[name].hex(" ") == VECTORS[name], name
+        assert serial_from_frame(told[name]).hex(" ") == VECTORS[f"{name}_serial"]
+
+
+def test_each_authenticated_answer_is_built_as_printed() -> None:
+    receiver = CReceiver(NONCE, key=KEY, max_cells=101 * 101)
+    receiver.feed_datagram(52.0, signed("geom"))
+    told = answers(receiver)
+    for name in SENT[1:]:
+        printed = VECTORS.get(f"{name}_auth", VECTORS[name])  # HELLO has no tag
+        assert told[name].hex(" ") == printed, name
+
+
+@pytest.mark.parametrize("name", ["map", "digest", "stop_zone", "tile_class", "tile_height"])
+def test_an_authenticated_frame_is_accepted_as_printed_and_not_with_a_bit_turned(name: str) -> None:
+    receiver = CReceiver(NONCE, key=KEY, max_cells=101 * 101)
+    receiver.feed_datagram(1.0, signed("geom"))
+    frame = vector(f"{name}_auth")
+    assert not receiver.feed_datagram(1.0, vector(name))
+    assert receiver.state(1.0).auth_failed
+    assert receiver.feed_datagram(1.0, frame)
+    assert not receiver.state(1.0).auth_failed
+
+
+def test_the_digest_of_the_worked_example_agrees() -> None:
+    receiver = begun()
+    receiver.feed_datagram(1.1, vector("digest"))
+    assert receiver.state(1.1).digest_ok
+    assert not receiver.state(1.1).need_full
+
+
+def test_the_stop_zone_is_read_as_printed() -> None:
+    receiver = begun()
+    receiver.feed_datagram(1.1, vector("stop_zone"))
+    zone = receiver.zone
+    assert (zone.free_ahead_mm, zone.obstacle_ahead_mm) == (1250, 1480)
+    assert (zone.free_behind_mm, zone.obstacle_behind_mm, zone.contact_ms) == (0, 65_535, 1920)
+    assert (zone.allowed_ahead_mmps, zone.allowed_behind_mmps) == (650, 0)
+    assert (zone.nearest_mm, zone.bearing) == (430, -7854)
+    assert (zone.state, zone.causes) == (2, 3)
+    assert receiver.zone_advice(1.3) == "slow"
+    assert receiver.zone_advice(1.5) == "stop"
+
+
+TILES = {
+    "tile_class": [2, 2, 2, 0, 0, 2, 2, 2, 0, 0, 1, 1, 1, 1, 1],
+    "tile_height": [152, 149, 151, None, None, 40, 148, 150, None, None, 3, -2, 0, 1, -4],
+    "tile_variance": [400, 25, 30, None, None, 9, 9, 9, 10, 65_534],
+    "tile_slope": [7854, 7850, 7860, None, None],
+    "tile_refused": [],
+}
+
+
+@pytest.mark.parametrize("name", list(TILES))
+def test_a_tile_is_read_as_printed(name: str) -> None:
+    receiver = begun()
+    receiver.feed_datagram(1.1, vector(name))
+    [piece] = receiver.pieces
+    assert (piece.i, piece.j, piece.width, piece.height) == RECTANGLE
+    assert (piece.geom_id, piece.cell_mm, piece.id) == (7, 50, 0x102)
+    assert (piece.status, piece.first) == (int("refused" in name), 5 * (name == "tile_variance"))
+    values = [None if v == NOT_KNOWN else v for v in piece.values[: piece.count]]
+    assert values == TILES[name]

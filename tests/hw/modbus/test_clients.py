@@ -1,0 +1,216 @@
+"""The register image read by others' clients: pymodbus's own, libmodbus (C) and mbpoll."""
+
+import asyncio
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pymodbus import FramerType
+from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient, AsyncModbusUdpClient
+from pymodbus.client.base import ModbusBaseClient
+from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
+
+from core.records import ObstacleWindow
+from hw.modbus.image import RegisterImage
+from hw.modbus.layout import COARSE, WINDOW, WINDOW_CELLS, stride_of
+from hw.modbus.refusals import Refusal
+from tests.support.modbus_rig import (
+    CLEAR,
+    GOOD,
+    SIZE,
+    START_S,
+    Clock,
+    Line,
+    free_port,
+    new_image,
+    serving,
+    some_cells,
+    until,
+    window_of,
+)
+
+COUNT = 10 + SIZE * stride_of(SIZE) + 1  # registers of a window: head, cells, generation
+SOURCE = Path(__file__).parent / "modbus_reader.c"
+
+
+def expected(image: RegisterImage, first: int, count: int) -> list[int]:
+    """What the image holds, without a wire."""
+    found: list[int] = []
+    while count:
+        size = min(count, 125)
+        data = image.read(START_S, None, first, size)
+        assert not isinstance(data, Refusal)
+        found += [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(size)]
+        first, count = first + size, count - size
+    return found
+
+
+def client_of(kind: str, port: int, path: str) -> ModbusBaseClient:
+    """One of pymodbus's own."""
+    if kind == "rtu":
+        return AsyncModbusSerialClient(path, framer=FramerType.RTU, baudrate=115200)
+    client = AsyncModbusTcpClient if kind == "tcp" else AsyncModbusUdpClient
+    return client("127.0.0.1", port=port)
+
+
+async def talk(client: ModbusBaseClient, image: RegisterImage) -> None:
+    """All that pymodbus's client is asked to do; the window while maps go by."""
+    assert await client.connect()
+    status = await client.read_holding_registers(0, count=80, device_id=1)
+    assert list(status.registers) == expected(image, 0, 80)
+    coarse = await client.read_input_registers(COARSE, count=71, device_id=1)
+    assert list(coarse.registers) == expected(image, COARSE, 71)
+    wrong = await client.read_holding_registers(60000, count=1, device_id=1)
+    assert (wrong.isError(), wrong.exception_code) == (True, 2)
+    written = await client.write_register(1, 3, device_id=1)
+    assert (written.isError(), written.exception_code) == (True, 2)
+    assert not (await client.write_register(90, 0, device_id=2)).isError()
+    bits = await client.read_coils(0, count=16, device_id=1)
+    assert [k for k, bit in enumerate(bits.bits) if bit] == [4, 6, 8, 10, 11, 14]
+    names = await client.read_device_information(read_code=2, device_id=1)
+    assert isinstance(names, ReadDeviceInformationResponse)
+    assert names.information[0] == b"mapod"
+    whole = expected(image, WINDOW, COUNT)
+    read: list[int] = []
+    while len(read) < COUNT:
+        size = min(7, COUNT - len(read))
+        piece = await client.read_holding_registers(WINDOW + len(read), count=size, device_id=2)
+        read += piece.registers
+        image.publish(START_S, GOOD, CLEAR, next_window(len(read)))
+    assert read == whole
+    assert expected(image, WINDOW, 1) != whole[:1]
+    client.close()
+
+
+def next_window(epoch: int) -> ObstacleWindow:
+    """Another map at every call."""
+    return window_of(some_cells(epoch), (epoch, epoch), epoch=epoch)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp", "rtu"])
+def test_pymodbus_reads_the_image_and_a_frozen_window_while_maps_go_by(kind: str) -> None:
+    async def run() -> None:
+        image, port, line, end = new_image(), free_port(), Line(), Line()
+        url = line.url() if kind == "rtu" else f"{kind}://127.0.0.1:{port}"
+        async with serving(url, image, Clock()) as server:
+            join(line, end)  # two ptys: each client opens a line itself
+            await talk(client_of(kind, port, end.path), image)
+            unjoin(line, end)
+            assert server.counters.exceptions == 2
+        line.close()
+        end.close()
+
+    asyncio.run(run())
+
+
+def join(one: Line, other: Line) -> None:
+    """What comes out of either pty goes into the other."""
+    loop = asyncio.get_running_loop()
+
+    def carry(source: Line, to: Line) -> Callable[[], None]:
+        def move() -> None:
+            source.listen()
+            to.send(bytes(source.heard))
+            source.heard.clear()
+
+        return move
+
+    loop.add_reader(one.master, carry(one, other))
+    loop.add_reader(other.master, carry(other, one))
+
+
+def unjoin(*lines: Line) -> None:
+    """No more."""
+    for line in lines:
+        asyncio.get_running_loop().remove_reader(line.master)
+
+
+async def output_of(*command: str) -> str:
+    """What a program prints while the server goes on in this loop."""
+    process = await asyncio.create_subprocess_exec(
+        *command, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
+    )
+    out, err = await asyncio.wait_for(process.communicate(), 20)
+    assert process.returncode == 0, err.decode() + out.decode()
+    return out.decode()
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The C program, built."""
+    if shutil.which("gcc") is None:
+        pytest.skip("needs gcc: apt install gcc")
+    if not any(Path("/usr").glob("include/modbus/modbus.h")):
+        pytest.skip("needs libmodbus: apt install libmodbus-dev")
+    program = tmp_path_factory.mktemp("reader") / "reader"
+    command = ["gcc", "-std=gnu99", "-Wall", "-Wextra", "-Werror", "-I/usr/include/modbus"]
+    subprocess.run([*command, str(SOURCE), "-o", str(program), "-lmodbus"], check=True)
+    return str(program)
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
+    async def run() -> None:
+        image, port, line, end = new_image(), free_port(), Line(), Line()
+        url = line.url() if kind == "rtu" else f"tcp://127.0.0.1:{port}"
+        where = ["rtu", end.path, "115200"] if kind == "rtu" else ["tcp", str(port)]
+        async with serving(url, image, Clock()):
+            join(line, end)
+            out = await output_of(reader, *where, "2")
+            unjoin(line, end)
+        status, coarse, window = ([int(word) for word in row.split()] for row in out.splitlines())
+        assert status == expected(image, 0, 80)
+        assert coarse == expected(image, COARSE, 71)
+        assert window == expected(image, WINDOW, COUNT)
+        assert window[0] == window[-1] == 1
+        line.close()
+        end.close()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+@pytest.mark.parametrize("table", ["3", "4"])
+def test_mbpoll_reads_the_image(kind: str, table: str) -> None:
+    if shutil.which("mbpoll") is None:
+        pytest.skip("needs mbpoll: apt install mbpoll")
+
+    async def run() -> None:
+        image, port, line, end = new_image(), free_port(), Line(), Line()
+        url = line.url(19200) if kind == "rtu" else f"tcp://127.0.0.1:{port}"
+        mode = ["-m", "rtu", "-b", "19200", "-P", "none"] if kind == "rtu" else ["-p", str(port)]
+        where = end.path if kind == "rtu" else "127.0.0.1"
+        async with serving(url, image, Clock()):
+            join(line, end)
+            common = ["-a", "1", "-0", "-1", "-t", f"{table}:hex", "-o", "3"]
+            out = await output_of(
+                "mbpoll", *mode, *common, "-r", str(WINDOW_CELLS), "-c", "100", where
+            )
+            unjoin(line, end)
+        told = [int(row.split("0x")[1], 16) for row in out.splitlines() if row.startswith("[")]
+        assert told == expected(image, WINDOW_CELLS, 100)
+        line.close()
+        end.close()
+
+    asyncio.run(run())
+
+
+def test_mbpoll_is_refused_what_is_not_there() -> None:
+    if shutil.which("mbpoll") is None:
+        pytest.skip("needs mbpoll: apt install mbpoll")
+
+    async def run() -> None:
+        port = free_port()
+        async with serving(f"tcp://127.0.0.1:{port}", new_image(), Clock()) as server:
+            process = await asyncio.create_subprocess_exec(
+                *("mbpoll", "-p", str(port), "-a", "17", "-r", "1", "-1", "127.0.0.1"),
+                stdout=asyncio.subprocess.PIPE,
+                stderr=asyncio.subprocess.PIPE,
+            )
+            _, err = await process.communicate()
+            assert b"Target device failed to respond" in err
+            await until(lambda: server.counters.exceptions == 1)
+
+    asyncio.run(run())

@@ -1,0 +1,46 @@
+"""docs/modbus.md says what the code does: its tables are made from it, its rules are tried here."""
+
+import re
+from pathlib import Path
+
+from hw.modbus import layout
+from hw.modbus.refusals import Refusal
+from tests.support.modbus_rig import START_S, new_image
+from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled, main
+
+TEXT = DOCUMENT.read_text(encoding="utf-8")
+
+
+def test_the_tables_of_the_document_are_those_of_the_code() -> None:
+    assert filled(TEXT) == TEXT
+    assert main(["--check"]) == 0
+
+
+def test_the_document_has_every_table_once() -> None:
+    names = [found[1] for found in MARKS.finditer(TEXT)]
+    assert sorted(names) == sorted(SECTIONS)
+    assert set(MEANINGS) == set(Refusal) - {Refusal.NONE}
+
+
+def test_the_tool_writes_what_is_missing_and_finds_what_is_wrong(tmp_path: Path) -> None:
+    copy = tmp_path / "modbus.md"
+    copy.write_text(MARKS.sub(r"<!-- begin \1 -->\nold\n<!-- end \1 -->", TEXT), encoding="utf-8")
+    assert main(["--check", str(copy)]) == 1
+    assert main([str(copy)]) == 0
+    assert copy.read_text(encoding="utf-8") == TEXT
+
+
+def test_registers_that_the_text_names_are_where_it_says() -> None:
+    blocks = [layout.STATUS_BLOCK, layout.DRIVE_BLOCK, layout.window_block(101)]
+    places = {(entry.name, entry.address) for block in blocks for entry in block.entries}
+    named = {(name, int(at)) for name, at in re.findall(r"`(\w+)` \((\d+)\)", TEXT)}
+    assert len(named) > 8
+    assert named <= places
+
+
+def test_what_the_least_cycle_reads_can_be_read_in_one_request() -> None:
+    image = new_image()
+    for first, count in ((0, 80), (layout.COARSE, 71), (0, 125), (layout.WINDOW, 10)):
+        data = image.read(START_S, None, first, count)
+        assert not isinstance(data, Refusal)
+        assert len(data) == 2 * count

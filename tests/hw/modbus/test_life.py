@@ -1,0 +1,206 @@
+"""A Modbus server through its life: busy ports, lines that go and come, any bytes, no leaks."""
+
+import asyncio
+import gc
+import os
+import random
+import socket
+import weakref
+from pathlib import Path
+
+import pytest
+
+from hw.modbus.server import ModbusServer, _why_closed
+from hw.ports.url import PortUrlError, parse_url
+from tests.support.modbus_rig import (
+    READ_TEN,
+    Clock,
+    Line,
+    Tcp,
+    Udp,
+    free_port,
+    new_image,
+    serving,
+    until,
+)
+
+
+def test_connections_leave_nothing_behind_while_the_collector_is_off() -> None:
+    async def run() -> None:
+        port, clock = free_port(), Clock()
+        url = f"tcp://127.0.0.1:{port}"
+        async with serving(url, new_image(), clock) as server:
+            connections = server._service.connections  # type: ignore[union-attr]
+            seen: list[weakref.ref[object]] = []
+            for k in range(20):
+                client = await Tcp.connect(port)
+                clock.now_s += 1.0
+                await client.ask(READ_TEN)
+                seen += [weakref.ref(handler) for handler in connections]
+                seen += [weakref.ref(handler.transport) for handler in connections]
+                if k % 2:
+                    client.writer.write(b"\xff" * 20)
+                    await client.ended()
+                client.close()
+                await until(lambda: not connections)
+            await asyncio.sleep(0)
+            assert len(seen) == 2 * 20
+            await until(lambda: not any(handler() for handler in seen))
+
+    gc.collect()
+    gc.disable()
+    try:
+        asyncio.run(run())
+    finally:
+        gc.enable()
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp"])
+def test_a_busy_port_is_told_and_taken_once_it_is_free(kind: str) -> None:
+    async def run() -> None:
+        number = socket.SOCK_STREAM if kind == "tcp" else socket.SOCK_DGRAM
+        other = socket.socket(socket.AF_INET, number)
+        other.bind(("127.0.0.1", 0))
+        if kind == "tcp":
+            other.listen()
+        port, clock = other.getsockname()[1], Clock()
+        server = ModbusServer(f"{kind}://127.0.0.1:{port}", new_image(), clock)
+        server.start()
+        await until(lambda: "in use by another program" in server.status.cause)
+        assert server.status.state == "closed"
+        other.close()
+        clock.now_s += 1
+        await until(lambda: server.status.state == "running")
+        assert server.status.cause == ""
+        await server.stop()
+        assert server.status.state == "closed"
+        assert server.status.losses == 1
+
+    asyncio.run(run())
+
+
+def test_what_can_not_be_served_is_told_in_words(tmp_path: Path) -> None:
+    async def run(url: str, cause: str) -> None:
+        server = ModbusServer(url, new_image(), Clock())
+        await server.tend()
+        assert cause in server.status.cause
+        await server.stop()
+
+    asyncio.run(run("tcp://192.0.2.1:5020", "does not have the address 192.0.2.1"))
+    asyncio.run(run(f"serial://{tmp_path}/none?baud=9600", "no such device"))
+    nobody = _why_closed(socket.gaierror(-2, "unknown"), parse_url("tcp://nobody:5020"))
+    assert nobody == "the host 'nobody' has no known address"
+    with pytest.raises(PortUrlError):
+        ModbusServer("http://nowhere", new_image(), Clock())
+    with pytest.raises(ValueError, match="unit must be within"):
+        ModbusServer("tcp://127.0.0.1:5020", new_image(), Clock(), unit=239)
+
+
+def test_a_line_with_parity_comes_back_after_it_was_lost(tmp_path: Path) -> None:
+    async def run() -> None:
+        first, clock = Line(), Clock()
+        path = tmp_path / "line"
+        path.symlink_to(first.path)
+        url = f"serial://{path}?baud=19200&parity=E"
+        async with serving(url, new_image(), clock, unit=5) as server:
+            ask = bytes.fromhex("05 03 00 00 00 01 85 8E")
+            assert (await first.ask(ask, 7)).hex() == "0503024d507ce8"
+            first.close()
+            await until(lambda: server.status.state == "closed")
+            assert server.status.cause
+            second = Line()
+            path.unlink()
+            path.symlink_to(second.path)
+            clock.now_s += 10
+            await until(lambda: server.status.state == "running")
+            assert (await second.ask(ask, 7)).hex() == "0503024d507ce8"
+            assert server.status.losses == 1
+            second.close()
+
+    asyncio.run(run())
+
+
+def test_a_line_that_nobody_reads_does_not_stall_the_loop() -> None:
+    async def run() -> None:
+        line, clock = Line(), Clock()
+        async with serving(line.url(), new_image(), clock) as server:
+            ask = bytes.fromhex("01 04 00 00 00 7D 30 2B")
+            for k in range(150):  # more answers than a pty keeps
+                clock.now_s += 1.0
+                os.write(line.master, ask)
+                await until(lambda k=k: server.counters.requests > k)  # type: ignore[misc]
+            assert server.status.state == "running"
+            line.close()
+
+    asyncio.run(run())
+
+
+def test_a_line_that_is_never_silent_gets_its_answers_all_the_same() -> None:
+    async def run() -> None:
+        line, clock = Line(), Clock()
+        async with serving(line.url(), new_image(), clock):
+            line.send(bytes.fromhex("01 03 00 00 00 0A C5 CD"))
+            for _ in range(2000):
+                clock.now_s += 0.001
+                line.send(bytes.fromhex("11 03 02 00 05 38 44"))
+                await asyncio.sleep(0)
+                if line.listen():
+                    break
+            assert line.listen()[:3] == bytes.fromhex("01 03 14")
+        line.close()
+
+    asyncio.run(run())
+
+
+def test_a_mistake_of_ours_ends_the_server_and_is_not_kept_secret() -> None:
+    async def run() -> None:
+        def broken() -> float:
+            raise ZeroDivisionError
+
+        server = ModbusServer(f"tcp://127.0.0.1:{free_port()}", new_image(), broken)
+        server.start()
+        await until(lambda: server.status.cause == "ended by a mistake of ours")
+        with pytest.raises(ZeroDivisionError):
+            await server.stop()
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("kind", ["tcp", "udp", "serial"])
+def test_random_bytes_never_end_the_server(kind: str) -> None:
+    async def run() -> None:
+        chance, clock, port = random.Random(5), Clock(), free_port()
+        line = Line()
+        url = line.url() if kind == "serial" else f"{kind}://127.0.0.1:{port}"
+        async with serving(url, new_image(), clock) as server:
+            for k in range(150):
+                clock.now_s += 1.0
+                junk = chance.randbytes(chance.randrange(1, 80))
+                if k % 2:
+                    junk = bytes((0, k, 0, 0, 0, chance.randrange(2, 12), 1)) + junk
+                if kind == "serial":
+                    line.send(junk)
+                    line.listen()
+                elif kind == "udp":
+                    client = await Udp.connect(port)
+                    client.send(junk)
+                    client.close()
+                else:
+                    stream = await Tcp.connect(port)
+                    stream.writer.write(junk)
+                    await stream.writer.drain()
+                    stream.close()
+                await asyncio.sleep(0.001)
+            assert server.status.state == "running"
+            clock.now_s += 100
+            if kind == "serial":
+                await line.is_silent()
+                line.heard.clear()
+                assert (await line.ask(bytes.fromhex("01 03 00 00 00 0A C5 CD"), 25))[0] == 1
+            else:
+                asker = await (Tcp if kind == "tcp" else Udp).connect(port)
+                assert len(await asker.ask(READ_TEN)) == 29
+                asker.close()
+        line.close()
+
+    asyncio.run(run())

@@ -1,0 +1,187 @@
+"""What a Modbus client may take: its pace, what waits for it, and how many there may be."""
+
+import asyncio
+import contextlib
+import socket
+
+import pytest
+
+from hw.modbus.client import (
+    BATCH,
+    CLIENT_BURST,
+    CLIENT_HZ,
+    MOST_WAITING,
+    Client,
+)
+from hw.modbus.framing import Request
+from hw.modbus.handlers import IDLE_S, MOST_CONNECTIONS, SPARED_S
+from hw.modbus.image import ALL_BURST, ALL_HZ
+from hw.modbus.token_bucket import Pace
+from tests.support.modbus_rig import (
+    CLEAR,
+    GOOD,
+    READ_TEN,
+    START_S,
+    Clock,
+    Loop,
+    Tcp,
+    desk_of,
+    free_port,
+    new_image,
+    read_request,
+    serving,
+    some_cells,
+    window_of,
+    words_of,
+)
+
+READ = Request(1, bytes.fromhex("03 00 00 00 7D"))
+
+
+def at_full_speed(clients: int, seconds: float) -> tuple[list[int], int]:
+    """Answers of each of so many clients that ask again at once, and the most in one call."""
+    clock = Clock()
+    desk = desk_of(new_image(), clock)
+    loop = desk.loop
+    assert isinstance(loop, Loop)
+    answers = [0] * clients
+    asking: list[Client] = []
+
+    def client_of(number: int) -> Client:
+        def reply(request: Request, pdu: bytes) -> None:
+            answers[number] += 1
+            loop.call_soon(lambda: asking[number].offer([READ] * 3))
+
+        return Client(desk, str(number), True, reply)
+
+    asking += [client_of(number) for number in range(clients)]
+    for client in asking:
+        client.offer([READ])
+    most = 0
+    while loop.calls and clock.now_s < START_S + seconds:
+        before = sum(answers)
+        loop.step()
+        most = max(most, sum(answers) - before)
+    return answers, most
+
+
+@pytest.mark.parametrize("clients", [1, 4, 8])
+def test_clients_at_full_speed_are_slowed_fairly_and_no_call_takes_long(clients: int) -> None:
+    seconds = 2.0
+    answers, most = at_full_speed(clients, seconds)
+    assert most <= BATCH
+    assert max(answers) <= CLIENT_BURST + CLIENT_HZ * seconds + 1
+    assert sum(answers) <= ALL_BURST + ALL_HZ * seconds + 1
+    share = min(CLIENT_HZ, ALL_HZ / clients) * seconds
+    assert min(answers) > 0.8 * share
+
+
+def test_a_pace_allows_a_burst_after_a_rest_and_then_its_rate() -> None:
+    pace = Pace(10.0, 3.0)
+    waits = [round(pace.book(START_S), 6) for _ in range(6)]
+    assert waits == [0.0, 0.0, 0.0, 0.1, 0.2, 0.3]
+    assert [round(pace.book(START_S + 9), 6) for _ in range(4)] == [0.0, 0.0, 0.0, 0.1]
+
+
+def test_what_waits_for_a_client_is_bounded() -> None:
+    desk = desk_of(new_image(), Clock())
+    client = Client(desk, "me", True, lambda request, pdu: None)
+    client.hold(True)
+    assert client.offer([READ] * MOST_WAITING)
+    assert not client.offer([READ] * 3)
+    assert (client.waiting, desk.counters.dropped) == (MOST_WAITING, 3)
+    client.hold(False)
+    assert client.waiting == MOST_WAITING - BATCH
+    client.close()
+    assert client.waiting == 0
+
+
+def test_a_client_that_takes_no_answers_fills_no_memory_and_stops_nobody() -> None:
+    async def run() -> None:
+        port, clock = free_port(), Clock()
+        async with serving(f"tcp://127.0.0.1:{port}", new_image(), clock) as server:
+            deaf = socket.create_connection(("127.0.0.1", port))
+            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+            deaf.setblocking(False)
+            request = read_request(0, 125) * 50
+            with contextlib.suppress(OSError):  # in the end the server closes it
+                for _ in range(2000):
+                    clock.now_s += 1
+                    with contextlib.suppress(BlockingIOError):
+                        deaf.send(request)
+                    await asyncio.sleep(0)
+            assert server.counters.dropped
+            assert server.counters.requests < 5000
+            other = await Tcp.connect(port)
+            assert len(await other.ask(READ_TEN)) == 29
+            other.close()
+            deaf.close()
+
+    asyncio.run(run())
+
+
+def test_who_ends_asking_still_gets_the_answers() -> None:
+    async def run() -> None:
+        port, clock = free_port(), Clock()
+        async with serving(f"tcp://127.0.0.1:{port}", new_image(), clock):
+            client = await Tcp.connect(port)
+            client.writer.write(READ_TEN * 10)
+            client.writer.write_eof()
+            assert len(await client.reader.read(-1)) == 29 * 10
+            client.close()
+
+    asyncio.run(run())
+
+
+def test_there_is_room_for_so_many_connections_and_idle_ones_make_room() -> None:
+    async def run() -> None:
+        port, clock = free_port(), Clock()
+        async with serving(f"tcp://127.0.0.1:{port}", new_image(), clock) as server:
+            clients = [await Tcp.connect(port) for _ in range(MOST_CONNECTIONS)]
+            for client in clients:
+                assert len(await client.ask(READ_TEN)) == 29
+            surplus = await Tcp.connect(port)
+            assert await surplus.ended()
+            assert server.counters.turned_away == 1
+            clock.now_s += SPARED_S + 1
+            for client in clients[1:]:
+                await client.ask(READ_TEN)
+            newcomer = await Tcp.connect(port)
+            assert len(await newcomer.ask(READ_TEN)) == 29
+            assert await clients[0].ended()
+            clock.now_s += IDLE_S / 2
+            await newcomer.ask(READ_TEN)
+            clock.now_s += IDLE_S / 2 + 1
+            await server.tend()
+            assert server.counters.idle_closed == 1 + MOST_CONNECTIONS - 1
+            assert await clients[1].ended()
+            assert len(await newcomer.ask(READ_TEN)) == 29
+            for client in [*clients, surplus, newcomer]:
+                client.close()
+
+    asyncio.run(run())
+
+
+def test_each_port_has_views_of_its_own_and_all_share_one_pace() -> None:
+    async def run() -> None:
+        image, clock = new_image(), Clock()
+        one, other = free_port(), free_port()
+        async with (
+            serving(f"tcp://127.0.0.1:{one}", image, clock),
+            serving(f"tcp://127.0.0.1:{other}", image, clock, unit=2),
+        ):
+            first, second = await Tcp.connect(one), await Tcp.connect(other)
+            assert words_of(await first.ask(read_request(1000, 1, unit=3))) == [1]
+            image.publish(START_S + 0.1, GOOD, CLEAR, window_of(some_cells(2)))
+            clock.now_s += 0.1
+            assert words_of(await second.ask(read_request(1000, 1, unit=3))) == [2]
+            assert words_of(await second.ask(read_request(90, 1, unit=10))) == [0]
+            assert words_of(await first.ask(read_request(1003, 2, unit=3))) == [64236, 0]
+            assert words_of(await first.ask(read_request(90, 1, unit=3))) == [1]
+            for _ in range(int(ALL_BURST)):
+                image.pace.book(clock.now_s)
+            assert image.pace.book(clock.now_s) > 0
+            first.close()
+            second.close()
+
+    asyncio.run(run())

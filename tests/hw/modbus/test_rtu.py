@@ -1,0 +1,203 @@
+"""RTU frames out of a stream: cut anywhere, after noise, between what other slaves say; and
+requests of any bytes whatever, none of which may make a server raise."""
+
+from itertools import pairwise
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.modbus.client import Access
+from hw.modbus.framing import Request, datagram_requests, take_requests
+from hw.modbus.image import RegisterImage, View
+from hw.modbus.layout import MOST_READ
+from hw.modbus.pdu import SERVED, answer
+from hw.modbus.rtu import KEPT, RtuReceiver, answer_size, crc16
+from tests.support.modbus_rig import START_S, Clock, desk_of, new_image
+
+OURS = frozenset({1, 2})
+READ = bytes.fromhex("01 03 00 00 00 0A C5 CD")
+FUNCTIONS = st.sampled_from(sorted(SERVED))
+WORDS = st.integers(0, 0xFFFF).map(lambda word: word.to_bytes(2, "big"))
+OTHERS = st.integers(3, 255)
+
+
+def framed(unit: int, pdu: bytes) -> bytes:
+    """With its checksum."""
+    frame = bytes((unit,)) + pdu
+    return frame + crc16(frame).to_bytes(2, "little")
+
+
+def access_to(image: RegisterImage, view: View | None = None) -> Access:
+    """As a client of this machine has it."""
+    desk = desk_of(image, Clock())
+    return Access(desk, desk.identity, view, "me", True, START_S, START_S)
+
+
+def slow_crc(data: bytes) -> int:
+    """Bit by bit, as the standard draws it."""
+    crc = 0xFFFF
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ 0xA001 if crc & 1 else crc >> 1
+    return crc
+
+
+@st.composite
+def requests(draw: st.DrawFn) -> bytes:
+    """A well-formed request: function code and data."""
+    code = draw(st.sampled_from([1, 2, 3, 4, 5, 6, 15, 16, 22, 23, 43]))
+    if code == 43:
+        return bytes((43, 14, draw(st.integers(0, 255)), draw(st.integers(0, 255))))
+    pdu = bytes((code,)) + draw(WORDS) + draw(WORDS)
+    if code == 22:
+        return pdu + draw(WORDS)
+    data = draw(st.binary(max_size=40))
+    if code in (15, 16):
+        return pdu + bytes((len(data),)) + data
+    if code == 23:
+        return pdu + draw(WORDS) + draw(WORDS) + bytes((len(data),)) + data
+    return pdu
+
+
+@st.composite
+def spoken_by_others(draw: st.DrawFn) -> bytes:
+    """A read of another unit, and its answer, in which there may be a request for us."""
+    unit, code = draw(OTHERS), draw(st.sampled_from([3, 4]))
+    inside = draw(st.sampled_from([b"", READ, READ * 2])) + draw(st.binary(max_size=10))
+    inside += b"\0" * (len(inside) % 2)
+    ask = framed(unit, bytes((code, 0, 0, 0, len(inside) // 2)))
+    how = draw(st.sampled_from(["answers", "refuses", "is not there"]))
+    if how == "refuses":
+        return ask + framed(unit, bytes((code | 0x80, 2)))
+    return ask + (framed(unit, bytes((code, len(inside))) + inside) if how == "answers" else b"")
+
+
+def cut(data: bytes, cuts: list[int]) -> list[bytes]:
+    """Pieces."""
+    edges = [0, *sorted(min(at, len(data)) for at in cuts), len(data)]
+    return [data[a:b] for a, b in pairwise(edges)]
+
+
+CUTS = st.lists(st.integers(0, 300), max_size=6)
+
+
+@given(st.binary(max_size=300))
+def test_the_checksum_is_that_of_the_standard(data: bytes) -> None:
+    assert crc16(data) == slow_crc(data)
+    assert crc16(data + crc16(data).to_bytes(2, "little")) == 0
+
+
+@given(
+    parts=st.lists(
+        st.one_of(requests().map(lambda pdu: framed(1, pdu)), spoken_by_others()), max_size=6
+    ),
+    cuts=CUTS,
+    pauses=st.sets(st.integers(0, 6)),
+)
+def test_requests_for_us_are_found_among_what_others_say_wherever_it_is_cut_or_pauses(
+    parts: list[bytes], cuts: list[int], pauses: set[int]
+) -> None:
+    receiver = RtuReceiver(OURS)
+    found: list[Request] = []
+    for number, piece in enumerate(cut(b"".join(parts), cuts)):
+        found += receiver.feed(piece)
+        if number in pauses:  # an adapter that holds bytes back for a while
+            found += receiver.silence(long=False)
+    assert [framed(*one[:2]) for one in found] == [part for part in parts if part[0] == 1]
+    assert receiver.rejected == 0
+    assert not receiver.waits
+
+
+@given(noise=st.binary(max_size=60), pdu=requests(), cuts=CUTS)
+def test_the_last_request_is_found_after_any_noise_at_the_latest_after_a_long_silence(
+    noise: bytes, pdu: bytes, cuts: list[int]
+) -> None:
+    receiver = RtuReceiver(OURS)
+    found: list[Request] = []
+    for piece in cut(noise + framed(1, pdu), cuts):
+        found += receiver.feed(piece)
+    found += receiver.silence(long=False)
+    found += receiver.silence(long=True)
+    assert (1, pdu) in [one[:2] for one in found]
+    assert not receiver.waits
+    assert receiver.feed(framed(2, pdu)) == [Request(2, pdu)]
+
+
+@given(st.lists(st.one_of(st.binary(max_size=300), st.booleans()), max_size=20))
+def test_no_bytes_make_the_receiver_raise_or_keep_much(pieces: list[bytes | bool]) -> None:
+    receiver = RtuReceiver(OURS)
+    for piece in pieces:
+        if isinstance(piece, bool):
+            receiver.silence(long=piece)
+        else:
+            receiver.feed(piece)
+        assert len(receiver._buffer) <= KEPT
+
+
+def test_a_frame_of_an_unknown_function_ends_with_silence() -> None:
+    receiver = RtuReceiver(OURS)
+    assert receiver.feed(framed(1, b"\x63\x01\x02")) == []
+    assert receiver.silence(long=False) == [Request(1, b"\x63\x01\x02")]
+    assert receiver.feed(framed(1, b"\x83\x02")) == []  # an answer: our own, come back
+    assert receiver.feed(framed(9, b"\x63\x01\x02")) + receiver.silence(long=False) == []
+    assert not receiver.waits
+
+
+def test_while_another_slave_answers_a_pause_makes_no_request_of_its_bytes() -> None:
+    receiver = RtuReceiver(OURS)
+    reply = framed(17, bytes((3, 20)) + b"\0\0" + READ + b"\0" * 10)
+    assert receiver.feed(framed(17, bytes.fromhex("03 00 00 00 0A"))) == []
+    assert receiver.silence(long=True) == []  # a slow slave
+    assert receiver.feed(reply[:13]) == []
+    assert receiver.silence(long=False) == []
+    assert receiver.feed(reply[13:]) == []
+    assert not receiver.waits
+    assert receiver.rejected == 0
+
+
+def test_answers_of_all_functions_are_stepped_over() -> None:
+    texts = bytes.fromhex("2B 0E 01 83 00 00 02 00 02 41 42 01 01 43")
+    for pdu in (texts, b"\x07\x01", b"\x11\x02\x01\xff", bytes.fromhex("16 00 04 00 F2 00 25")):
+        frame = framed(9, pdu)
+        assert answer_size(frame) == len(frame)
+        receiver = RtuReceiver(OURS)
+        assert receiver.feed(frame[:-1]) == []
+        assert receiver.feed(frame[-1:]) == []
+        assert receiver.others == 1
+
+
+@given(st.binary(max_size=600))
+def test_no_bytes_make_the_network_frames_raise(data: bytes) -> None:
+    stream = bytearray(data)
+    found, reason = take_requests(stream)
+    assert datagram_requests(data) == ([] if stream or reason else found)
+    assert all(one.pdu for one in found)
+
+
+@given(st.lists(st.one_of(requests(), st.binary(min_size=1, max_size=30)), max_size=20))
+def test_every_request_has_one_answer_that_is_no_longer_than_allowed(pdus: list[bytes]) -> None:
+    image = new_image(drive_refusal="")
+    for view in (None, image.new_view()):
+        access = access_to(image, view)
+        for pdu in pdus:
+            told = answer(pdu, access)
+            assert told[0] & 0x7F == pdu[0] & 0x7F
+            assert len(told) == 2 if told[0] & 0x80 else 2 <= len(told) <= 2 + 2 * MOST_READ
+
+
+def test_single_bits_are_those_of_the_registers() -> None:
+    access = access_to(new_image())
+    assert answer(bytes.fromhex("01 00 00 00 10"), access).hex() == "0102504d"
+    assert answer(bytes.fromhex("02 01 51 00 04"), access).hex() == "02010f"
+    whole = answer(bytes.fromhex("01 00 00 07 D0"), access)
+    assert len(whole) == 2 + 250
+    assert answer(bytes.fromhex("02 0A AF 00 01"), access)[0] == 2
+    assert answer(bytes.fromhex("02 0A B0 00 01"), access) == b"\x82\x02"
+
+
+def test_writing_and_reading_in_one_request_writes_first() -> None:
+    image = new_image()
+    access = access_to(image, image.new_view())
+    assert answer(bytes.fromhex("17 00 5A 00 01 00 5A 00 01 02 00 01"), access).hex() == "17020001"
+    assert answer(bytes.fromhex("16 00 5A 00 00 00 01"), access).hex() == "16005a00000001"

@@ -1,0 +1,186 @@
+"""MT frames: the sheet's own, damaged ones, and when they arrived."""
+
+from itertools import pairwise
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.device import BadFrame
+from hw.mti.frames import ERRORS, MtFrame, MtParser, encode_frame, error_in_words
+from tests import VECTORS
+
+BAUD = 115200
+FRAMES = [
+    line.split("\t")
+    for line in (VECTORS / "mti_frames.tsv").read_text().splitlines()
+    if not line.startswith("#")
+]
+EULER_FRAME = next(bytes.fromhex(row[2]) for row in FRAMES if row[1] == "MTData 0006 00000005")
+DATA_WITH_PREAMBLE = bytes.fromhex("3F80 0000 0000 0000 0000 0000 FAFF")
+MIDS = st.integers(0, 255)
+JUNK = st.binary(max_size=20).map(lambda junk: junk.replace(b"\xfa", b""))
+
+
+def frames_of(data: bytes, now_s: float = 0.0) -> list[MtFrame]:
+    return [e for e in MtParser(BAUD).feed(now_s, data) if isinstance(e, MtFrame)]
+
+
+@pytest.mark.parametrize("row", FRAMES, ids=lambda row: f"{row[1]} {row[3]}")
+def test_each_frame_of_the_sheet_is_read_and_written_byte_for_byte(row: list[str]) -> None:
+    wire = bytes.fromhex(row[2])
+    events = MtParser(BAUD).feed(0.0, wire)
+    assert events == [MtFrame(wire[2], wire[4:-1])]
+    assert encode_frame(wire[2], wire[4:-1]) == wire
+    assert frames_of(wire)[0].wire_bytes == len(wire)
+
+
+def test_the_extended_length_begins_at_255_bytes() -> None:
+    assert encode_frame(0x36, bytes(260)).hex(" ").startswith("fa ff 36 ff 01 04")
+    for size in (254, 255, 256, 1320, 2048):
+        wire = encode_frame(0x91, bytes(size))
+        assert frames_of(wire) == [MtFrame(0x91, bytes(size))]
+        assert frames_of(wire)[0].wire_bytes == len(wire)
+    with pytest.raises(ValueError, match="2048"):
+        encode_frame(0x91, bytes(2049))
+
+
+def test_a_device_on_bus_id_1_is_heard_and_other_ids_are_not() -> None:
+    assert frames_of(bytes.fromhex("FA 01 00 00 FF")) == [MtFrame(0, b"")]
+    assert MtParser(BAUD).feed(0.0, bytes.fromhex("FA 02 00 00 FE")) == [
+        BadFrame("unknown bus id", bytes.fromhex("FA 02 00 00 FE"))
+    ]
+
+
+@pytest.mark.parametrize("wire", ["FA FF 31 00 D1", "FA FF 42 01 04 BB"])
+def test_a_wrong_checksum_is_dropped(wire: str) -> None:
+    [event] = MtParser(BAUD).feed(0.0, bytes.fromhex(wire))
+    assert event == BadFrame("bad checksum", bytes.fromhex(wire))
+
+
+def test_an_extended_length_over_2048_is_refused_at_once() -> None:
+    [bad, good] = MtParser(BAUD).feed(0.0, bytes.fromhex("FA FF 36 FF 08 01 FA FF 31 00 D0"))
+    assert isinstance(bad, BadFrame)
+    assert bad.reason == "bad extended length"
+    assert good == MtFrame(0x31, b"")
+
+
+def test_a_preamble_inside_data_does_not_split_its_frame() -> None:
+    assert (
+        frames_of(encode_frame(0x32, DATA_WITH_PREAMBLE) * 3)
+        == [MtFrame(0x32, DATA_WITH_PREAMBLE)] * 3
+    )
+
+
+def test_a_claimed_frame_that_never_completes_is_given_up_in_time() -> None:
+    parser = MtParser(BAUD)
+    assert parser.feed(0.0, bytes.fromhex("FA FF 32 FE 00 00") + EULER_FRAME) == []
+    assert parser.feed(0.1, b"") == []
+    [bad, good] = parser.feed(0.13, b"")
+    assert isinstance(bad, BadFrame)
+    assert bad.reason == "frame not completed in time"
+    assert good == MtFrame(0x32, EULER_FRAME[4:-1])
+
+
+def test_a_frame_that_a_stalled_host_reads_in_two_halves_is_whole() -> None:
+    parser = MtParser(BAUD)
+    assert parser.feed(0.0, EULER_FRAME[:20]) == []
+    [frame] = parser.feed(1.0, EULER_FRAME[20:])
+    assert isinstance(frame, MtFrame)
+
+
+@given(position=st.integers(0, len(EULER_FRAME) - 1), other=st.integers(1, 255))
+def test_a_frame_with_any_one_byte_altered_is_rejected(position: int, other: int) -> None:
+    wire = bytearray(EULER_FRAME)
+    wire[position] ^= other
+    parser = MtParser(BAUD)
+    events = parser.feed(0.0, bytes(wire)) + parser.feed(1.0, b"\0" * 2100)
+    assert not [event for event in events if isinstance(event, MtFrame)]
+
+
+@given(
+    parts=st.lists(st.tuples(JUNK, MIDS, st.binary(max_size=300))),
+    cuts=st.lists(st.integers(0, 2000)),
+)
+def test_frames_survive_junk_and_any_cutting(
+    parts: list[tuple[bytes, int, bytes]], cuts: list[int]
+) -> None:
+    stream = b"".join(junk + encode_frame(mid, data) for junk, mid, data in parts)
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    parser = MtParser(BAUD)
+    events = [event for a, b in pairwise(edges) for event in parser.feed(0.0, stream[a:b])]
+    frames = [event for event in events if isinstance(event, MtFrame)]
+    assert frames == [MtFrame(mid, data) for _, mid, data in parts]
+    skipped = b"".join(event.skipped for event in events if isinstance(event, BadFrame))
+    assert skipped == b"".join(junk for junk, _, _ in parts)
+
+
+@given(junk=st.lists(st.sampled_from([b"\xfa", b"\xff", b"\x32", b"\x36", b"\x00"])).map(b"".join))
+def test_any_junk_has_passed_soon_after_its_time_out(junk: bytes) -> None:
+    parser = MtParser(BAUD)
+    parser.feed(0.0, junk)
+    parser.feed(0.5, b"\0")  # claims within claims were all heard at 0.0
+    parser.feed(1.0, b"\0")
+    assert parser.feed(2.0, EULER_FRAME)[-1] == MtFrame(0x32, EULER_FRAME[4:-1])
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1.0), st.binary(max_size=64))))
+def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_frame(
+    pieces: list[tuple[float, bytes]],
+) -> None:
+    parser = MtParser(BAUD)
+    for now_s, piece in pieces:
+        parser.feed(now_s, b"\xfa\xff\x36" + piece)
+        parser.feed(now_s, piece)
+        assert len(parser._buffer) <= 2048 + 7
+        assert len(parser._arrivals) <= len(parser._buffer)
+
+
+def test_a_frame_knows_when_its_last_byte_was_read() -> None:
+    parser = MtParser(BAUD)
+    assert parser.feed(1.0, EULER_FRAME * 2 + EULER_FRAME[:20])[1].arrived_s == 1.0  # type: ignore
+    [third] = parser.feed(2.0, EULER_FRAME[20:])
+    assert isinstance(third, MtFrame)
+    assert third.arrived_s == 2.0
+
+
+def test_a_frame_that_stood_behind_a_false_claim_has_its_true_time_of_arrival() -> None:
+    parser = MtParser(BAUD)
+    parser.feed(1.00, bytes.fromhex("FA FF 32 FE 00 00"))
+    parser.feed(1.01, EULER_FRAME)
+    parser.feed(1.02, EULER_FRAME[:-1])
+    events = parser.feed(1.30, EULER_FRAME[-1:])
+    frames = [event for event in events if isinstance(event, MtFrame)]
+    assert [frame.arrived_s for frame in frames] == [1.01, 1.30]
+
+
+@pytest.mark.parametrize("cut", [1, 7, 32, 4096])
+def test_a_stream_with_one_byte_in_a_hundred_damaged_costs_little_more_than_a_clean_one(
+    cut: int,
+) -> None:
+    """Work: bytes summed for a checksum, and events made."""
+    random = Random(1)
+    clean = EULER_FRAME * 1000
+    damaged = bytes(b ^ random.randrange(1, 256) if random.random() < 0.01 else b for b in clean)
+    work = []
+    for stream in (clean, damaged):
+        parser, spent = MtParser(BAUD), 0
+        for start in range(0, len(stream), cut):
+            for event in parser.feed(start * 10 / BAUD, stream[start : start + cut]):
+                size = event.wire_bytes if isinstance(event, MtFrame) else 0
+                if isinstance(event, BadFrame) and event.reason == "bad checksum":
+                    head = event.skipped + bytes(parser._buffer[:6])
+                    long = head[3] == 0xFF
+                    size = int.from_bytes(head[4:6], "big") + 7 if long else head[3] + 5
+                spent += size + 20
+        work.append(spent)
+    assert work[1] < 3 * work[0]
+
+
+@pytest.mark.parametrize("code", [*ERRORS, 0x77])
+def test_every_error_has_its_code_and_words(code: int) -> None:
+    words = error_in_words(bytes([code]))
+    assert words.startswith(f"error {code:02X}, ")
+    assert (code == 0x77) == ("not listed" in words)
+    assert error_in_words(b"") == "an error without a code"

@@ -1,0 +1,207 @@
+"""MTData of every output mode and every output settings, against a slow encoder."""
+
+import math
+import struct
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.device import BadFrame
+from hw.mti.mtdata import MtDataDecoder, data_bytes
+from hw.mti.numbers import vector_nwu
+from hw.mti.sample import MtSample, Utc
+from tests.support.scripted_mti import ROWS, Truth, slow_mtdata, slow_number, wire
+
+EULER_FRAME = wire("MTData 0006 00000005")
+MODES = [
+    sum(bits)
+    for bits in product((0, 1), (0, 2), (0, 4), (0, 8), (0, 0x30), (0, 0x800), (0, 0x1000))
+]
+RAW_MODES = [0x4000, 0x5000, 0x4800, 0x5806, 0x403F]
+SETTINGS = [
+    sum(bits)
+    for bits in product(
+        (0, 1), (0, 2), (0, 4, 8), (0, 0x10), (0, 0x20), (0, 0x40), (0, 0x100, 0x200, 0x300),
+        (0, 0x400), (0, 0x800),
+    )
+]  # fmt: skip
+HALF = math.sqrt(0.5)
+ORIENTATIONS = {  # roll 90, pitch 0, yaw 90 degrees
+    0: (0.5, 0.5, 0.5, 0.5),
+    1: (90.0, 0.0, 90.0),
+    2: (0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0),  # column by column
+}
+GPS = struct.pack(">HBI3i3i3IB", 99, 1, 345_600_250, 576794453, 118825704, 81777,
+                  -127, 10, 299, 2259, 2072, 350, 2)  # fmt: skip
+
+
+def sample_of(message: str) -> MtSample:
+    """The sheet's message, decoded."""
+    [row] = [row for row in ROWS if row[1] == message]
+    _, mode, settings = message.split()
+    sample = MtDataDecoder(int(mode, 16), int(settings, 16)).decode(bytes.fromhex(row[2])[4:-1])
+    assert isinstance(sample, MtSample)
+    return sample
+
+
+def euler_deg(q: tuple[float, float, float, float] | None) -> list[float]:
+    """Roll, pitch and yaw by the formulas of section 6."""
+    assert q is not None
+    w, x, y, z = q
+    roll = math.atan2(2 * (y * z + w * x), 2 * w * w + 2 * z * z - 1)
+    pitch = -math.asin(2 * x * z - 2 * w * y)
+    yaw = math.atan2(2 * (x * y + w * z), 2 * w * w + 2 * x * x - 1)
+    return [math.degrees(angle) for angle in (roll, pitch, yaw)]
+
+
+def truth_of(settings: int) -> Truth:
+    return Truth(orientation=ORIENTATIONS[settings >> 2 & 3], gps=GPS)
+
+
+def near(value: tuple[float, ...] | None, expected: tuple[float, ...] | None) -> bool:
+    """Equal but for a number's format: 12.20 is the coarsest of small, float32 of large ones."""
+    if value is None or expected is None:
+        return value is expected
+    return len(value) == len(expected) and all(
+        abs(a - b) <= 1e-6 + 1e-7 * abs(b) for a, b in zip(value, expected, strict=True)
+    )
+
+
+def check(mode: int, settings: int, decoder: MtDataDecoder) -> None:
+    """Every field of the sample, there or not there."""
+    truth = truth_of(settings)
+    data = slow_mtdata(mode, settings, truth)
+    assert decoder.size == len(data) == data_bytes(mode, settings)
+    sample = decoder.decode(data)
+    assert isinstance(sample, MtSample), sample
+    computed = 0 if mode & 0x4000 else mode
+    calibrated = computed & 2
+    assert near(sample.accel_mps2, truth.accel if calibrated and not settings & 0x10 else None)
+    assert near(sample.rate_radps, truth.rate if calibrated and not settings & 0x20 else None)
+    assert near(sample.magnetic, truth.magnetic if calibrated and not settings & 0x40 else None)
+    assert near(sample.q_earth_sensor, ORIENTATIONS[0] if computed & 4 else None)
+    assert sample.temperature_c == (truth.temperature if computed & 1 else None)
+    analog = tuple(
+        v for v, bit in zip(truth.analog, (0x400, 0x800), strict=True) if not settings & bit
+    )
+    assert sample.analog == (analog if computed & 8 and analog else None)
+    assert near(sample.lat_lon_deg, truth.position[:2] if computed & 0x10 else None)
+    assert (sample.altitude_m is not None) == bool(computed & 0x10)
+    assert near(sample.velocity_mps, truth.velocity if computed & 0x20 else None)
+    assert sample.status == (truth.status if mode & 0x800 else None)
+    assert sample.counter == (truth.counter if settings & 1 else None)
+    assert sample.raw == (struct.unpack(">10H", truth.raw) if mode & 0x4000 else None)
+    assert sample.utc == (Utc(1, 2010, 1, 2, 3, 4, 5, 1) if settings & 2 else None)
+    assert (sample.gps is not None) == bool(mode & 0x1000)
+
+
+@pytest.mark.parametrize("mode", [*MODES, *RAW_MODES], ids=hex)
+def test_every_output_mode_is_decoded_with_settings_that_cover_each_switch(mode: int) -> None:
+    """All 1536 settings for the modes that they change; a seventh of them for the others."""
+    step = 1 if mode in (0x0006, 0x000F, 0x183F) else 7
+    for settings in SETTINGS[mode % step :: step]:
+        check(mode, settings, MtDataDecoder(mode, settings))
+
+
+def test_the_gps_block_in_si_units() -> None:
+    sample = MtDataDecoder(0x1000, 0).decode(GPS)
+    assert isinstance(sample, MtSample)
+    assert sample.gps is not None
+    assert (sample.gps.itow_s, sample.gps.height_m) == (345_600.25, 81.777)
+    np.testing.assert_allclose([sample.gps.lat_deg, sample.gps.lon_deg], [57.6794453, 11.8825704])
+    np.testing.assert_allclose(sample.gps.velocity_ned_mps, [-1.27, 0.1, 2.99])
+    assert (sample.gps.pressure_raw, sample.gps.pressure_age, sample.gps.age) == (99, 1, 2)
+
+
+@pytest.mark.parametrize(
+    ("number_format", "value", "expected"),
+    [
+        (1, 1.5, "00180000"), (1, -2.25, "FFDC0000"), (1, 9.81, "009CF5C3"),
+        (2, 1.5, "800000000001"), (2, -2.25, "C0000000FFFD"), (2, 90, "00000000005A"),
+        (2, -0.34, "A8F5C28FFFFF"),
+    ],
+)  # fmt: skip
+def test_fixed_numbers_of_the_sheet(number_format: int, value: float, expected: str) -> None:
+    assert slow_number(value, number_format) == bytes.fromhex(expected)
+    sample = MtDataDecoder(0x0001, number_format << 8).decode(bytes.fromhex(expected))
+    assert isinstance(sample, MtSample)
+    assert sample.temperature_c == pytest.approx(value, abs=1e-6)
+
+
+def test_the_velocity_of_a_device_set_to_north_east_down_is_turned_z_up() -> None:
+    sample = MtDataDecoder(0x0020, 0x8000_0000).decode(struct.pack(">3f", 1.5, -0.25, 0.125))
+    assert isinstance(sample, MtSample)
+    assert sample.velocity_mps == vector_nwu((1.5, -0.25, 0.125), 1) == (1.5, 0.25, -0.125)
+
+
+def test_a_position_that_is_none_is_left_out() -> None:
+    sample = MtDataDecoder(0x0030, 1).decode(struct.pack(">6fH", *[math.nan] * 6, 7))
+    assert sample == MtSample(counter=7)
+
+
+@given(mode=st.integers(0, 0xFFFF), settings=st.integers(0, 2**32 - 1), data=st.data())
+def test_no_data_of_any_mode_and_settings_makes_the_decoder_raise(
+    mode: int, settings: int, data: st.DataObject
+) -> None:
+    decoder = MtDataDecoder(mode, settings)
+    given_bytes = data.draw(st.binary(min_size=decoder.size, max_size=decoder.size))
+    decoder.decode(given_bytes)
+    assert isinstance(decoder.decode(given_bytes + b"\0"), BadFrame)
+
+
+@pytest.mark.parametrize(
+    ("mode", "settings", "size"),
+    [
+        (0x0004, 0x001, 18),
+        (0x0004, 0x005, 14),
+        (0x0004, 0x009, 38),
+        (0x0002, 0x001, 38),
+        (0x0006, 0x005, 50),
+        (0x0006, 0x001, 54),
+        (0x0006, 0x009, 74),
+        (0x0806, 0x005, 51),
+        (0x0006, 0x055, 26),
+        (0x0007, 0x005, 54),
+        (0x0006, 0x105, 50),
+        (0x0006, 0x205, 74),
+        (0x0006, 0x305, 98),
+        (0x4000, 0x001, 22),
+        (0x5806, 0x003, 20 + 44 + 1 + 2 + 12),  # raw keeps only GPS, status, counter and UTC
+        (0x003E, 0x400, 4 * (9 + 4 + 3 + 3) + 2),
+    ],
+)
+def test_data_lengths_are_those_of_the_sheet(mode: int, settings: int, size: int) -> None:
+    assert MtDataDecoder(mode, settings).size == size
+
+
+def test_calibrated_data_and_euler_angles_of_the_sheet() -> None:
+    sample = sample_of("MTData 0006 00000005")
+    np.testing.assert_allclose(sample.accel_mps2 or (), [0.12, -0.34, 9.81], rtol=1e-6)
+    np.testing.assert_allclose(sample.rate_radps or (), [0.01, -0.02, 0.25], rtol=1e-6)
+    np.testing.assert_allclose(sample.magnetic or (), [0.45, -0.10, -0.89], rtol=1e-6)
+    np.testing.assert_allclose(euler_deg(sample.q_earth_sensor), [1.5, -2.25, 90.0], rtol=1e-9)
+    assert (sample.counter, sample.status) == (4660, None)
+    with_status = sample_of("MTData 0806 00000005")
+    assert (with_status.counter, with_status.status) == (4661, 3)
+    assert with_status.q_earth_sensor == sample.q_earth_sensor
+
+
+def test_the_other_number_formats_and_the_quaternion_of_the_sheet() -> None:
+    for message, counter in (("MTData 0004 00000105", 0x1236), ("MTData 0004 00000205", 0x1237)):
+        sample = sample_of(message)
+        np.testing.assert_allclose(euler_deg(sample.q_earth_sensor), [1.5, -2.25, 90], rtol=1e-9)
+        assert sample.counter == counter
+        assert sample.rate_radps is None
+    yaw_90 = sample_of("MTData 0004 00000001")
+    np.testing.assert_allclose(yaw_90.q_earth_sensor or (), [0.5**0.5, 0, 0, 0.5**0.5], atol=1e-7)
+    assert sample_of("MTData 0004 00000005").counter == 64255
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
+def test_values_that_no_device_measures_make_a_bad_frame(value: float) -> None:
+    data = bytearray(EULER_FRAME[4:-1])
+    data[12:16] = struct.pack(">f", value)
+    assert isinstance(MtDataDecoder(6, 5).decode(bytes(data)), BadFrame)

@@ -1,0 +1,294 @@
+"""MTData2: every packet of the sheet, recordings of a real device, and split messages."""
+
+import math
+import struct
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.device import BadFrame
+from hw.mti.frames import Mid, MtFrame, MtParser
+from hw.mti.mtdata2 import (
+    Received,
+    SampleMerger,
+    decode_mtdata2,
+    maybe_packets,
+    packet_bytes,
+)
+from hw.mti.numbers import NUMBER_SIZES
+from hw.mti.sample import MtSample, Satellite, Utc
+from hw.mti.service import OUTPUTS, decode_output_configuration
+from tests.support.scripted_mti import ROWS as FRAMES
+from tests.support.scripted_mti import framed, slow_number
+
+BAUD = 115200
+
+
+def frames_of(data: bytes) -> list[MtFrame]:
+    return [event for event in MtParser(BAUD).feed(0.0, data) if isinstance(event, MtFrame)]
+
+
+def euler_deg(q: tuple[float, float, float, float] | None) -> list[float]:
+    """Roll, pitch and yaw by the formulas of section 6."""
+    assert q is not None
+    w, x, y, z = q
+    roll = math.atan2(2 * (y * z + w * x), 2 * w * w + 2 * z * z - 1)
+    pitch = -math.asin(2 * x * z - 2 * w * y)
+    yaw = math.atan2(2 * (x * y + w * z), 2 * w * w + 2 * x * x - 1)
+    return [math.degrees(angle) for angle in (roll, pitch, yaw)]
+
+
+def test_mtdata2_messages_of_the_sheet() -> None:
+    first, second = (
+        decode_mtdata2(frames_of(bytes.fromhex(row[2]))[0].data)
+        for row in FRAMES
+        if row[1] == "MTData2"
+    )
+    assert isinstance(first, MtSample)
+    assert isinstance(second, MtSample)
+    assert (first.counter, first.fine_ticks, first.status) == (4660, 12345678, 3)
+    np.testing.assert_allclose(euler_deg(first.q_earth_sensor), [1.5, -2.25, 0.0], atol=1e-9)
+    np.testing.assert_allclose(first.rate_radps or (), [0.01, -0.02, 0.25], rtol=1e-6)
+    assert (second.counter, second.fine_ticks, second.status) == (57285, 4562336, 0x81)
+    np.testing.assert_allclose(second.accel_mps2 or (), [-0.430870, 0.830554, 9.795761], atol=1e-6)
+    np.testing.assert_allclose(second.rate_radps or (), [-0.005199, 0.004283, -0.003943], atol=1e-6)
+    assert second.q_earth_sensor is None
+
+
+@pytest.mark.parametrize("number", range(1, 6))
+def test_every_frame_of_the_recordings_is_read(vectors: Path, number: int) -> None:
+    events = MtParser(BAUD).feed(0.0, (vectors / f"mti_rec{number}.bin").read_bytes())
+    assert len(events) == 100
+    assert all(isinstance(event, MtFrame) and event.mid == Mid.MTData2 for event in events)
+    samples = [decode_mtdata2(event.data) for event in events if isinstance(event, MtFrame)]
+    good = [sample for sample in samples if isinstance(sample, MtSample)]
+    assert len(good) == 100
+    counters = [sample.counter or 0 for sample in good]
+    assert counters == list(range(counters[0], counters[0] + 100))
+    oriented = [sample for sample in good if sample.q_earth_sensor]
+    assert len(oriented) >= 90
+    ticks = np.diff([sample.fine_ticks or 0 for sample in good])
+    assert np.median(ticks) == 100
+
+
+def test_the_first_values_of_a_recording(vectors: Path) -> None:
+    frame = frames_of((vectors / "mti_rec1.bin").read_bytes())[0]
+    sample = decode_mtdata2(frame.data)
+    assert isinstance(sample, MtSample)
+    assert (sample.counter, sample.fine_ticks) == (43398, 51703123)
+    np.testing.assert_allclose(
+        sample.accel_mps2 or (), [-0.017374, -7.255745, -1.209553], atol=1e-6
+    )
+    np.testing.assert_allclose(
+        sample.rate_radps or (), [-0.0029657, 0.0022035, 0.0017226], atol=1e-7
+    )
+    assert sample.q_earth_sensor is None
+
+
+def test_the_recorded_matrix_says_the_same_as_the_quaternion_beside_it(vectors: Path) -> None:
+    compared = 0
+    for frame in frames_of((vectors / "mti_rec5.bin").read_bytes()):
+        packets = {}
+        start = 0
+        while start < len(frame.data):
+            identifier, size = struct.unpack_from(">HB", frame.data, start)
+            packets[identifier] = frame.data[start : start + 3 + size]
+            start += 3 + size
+        if 0x2010 in packets and 0x2020 in packets:
+            by_quaternion, by_matrix = (
+                decode_mtdata2(packets[identifier]) for identifier in (0x2010, 0x2020)
+            )
+            assert isinstance(by_quaternion, MtSample)
+            assert isinstance(by_matrix, MtSample)
+            q, r = np.array(by_quaternion.q_earth_sensor), np.array(by_matrix.q_earth_sensor)
+            assert abs(q @ r) == pytest.approx(1.0, abs=1e-6)
+            compared += 1
+    assert compared > 50
+
+
+@pytest.mark.parametrize("number", range(1, 6))
+def test_no_packet_of_the_recordings_is_unknown_or_lost(vectors: Path, number: int) -> None:
+    asked = decode_output_configuration((vectors / f"mti_rec{number}.cfg.bin").read_bytes())
+    assert {identifier & 0xFFF0 for identifier, _ in asked} <= OUTPUTS.keys()
+    seen: set[int] = set()
+    gps, latest = None, MtSample()
+    for frame in frames_of((vectors / f"mti_rec{number}.bin").read_bytes()):
+        packets = maybe_packets(frame.data)
+        assert packets is not None
+        for identifier, payload in packets:
+            assert identifier & 0xFFF0 in OUTPUTS
+            alone = decode_mtdata2(struct.pack(">HB", identifier, len(payload)) + payload)
+            assert isinstance(alone, MtSample)
+            assert alone != MtSample()  # each packet says something
+            seen.add(identifier)
+        sample = decode_mtdata2(frame.data)
+        assert isinstance(sample, MtSample)
+        gps, latest = sample.gps or gps, sample if sample.lat_lon_deg else latest
+    assert gps is not None
+    assert gps.utc is not None
+    assert (gps.utc.year, gps.utc.month, gps.utc.day, gps.fix) == (2019, 1, 20, 3)
+    assert seen >= {0x1020, 0x1060, 0x1010}
+    if latest.lat_lon_deg is not None and latest.altitude_m is not None:  # all but rec5
+        fix = (gps.lat_deg, gps.lon_deg)
+        np.testing.assert_allclose(latest.lat_lon_deg, fix, atol=1e-4)
+        assert latest.altitude_m == pytest.approx(gps.height_m, abs=2.0)
+
+
+def test_the_utc_of_the_first_recorded_message_and_the_satellites_of_the_fifth(
+    vectors: Path,
+) -> None:
+    first = decode_mtdata2(frames_of((vectors / "mti_rec1.bin").read_bytes())[0].data)
+    assert isinstance(first, MtSample)
+    assert first.utc is not None
+    assert (first.utc.hour, first.utc.minute, first.utc.second) == (13, 47, 24)
+    assert first.utc.nanoseconds == pytest.approx(121_900_000, abs=100_000)
+    samples = [decode_mtdata2(f.data) for f in frames_of((vectors / "mti_rec5.bin").read_bytes())]
+    views = [s.satellites for s in samples if isinstance(s, MtSample) and s.satellites]
+    assert [len(view) for view in views] == [28, 28, 28]
+    assert isinstance(views[0][0], Satellite)
+
+
+NUMBERS = {  # kind: field, values, decoded as; float formats take any of them
+    0x0810: ("temperature_c", (36.5,), 36.5),
+    0x4010: ("dv_mps", (0.5, -0.25, 0.125), (0.5, -0.25, 0.125)),
+    0x4020: ("accel_mps2", (0.5, -0.25, 9.75), (0.5, -0.25, 9.75)),
+    0x4030: ("free_accel_mps2", (0.5, -0.25, 0.75), (-0.25, -0.5, 0.75)),  # ENU to NWU
+    0x5020: ("altitude_m", (81.5,), 81.5),
+    0x5030: ("position_ecef_m", (100.5, -200.25, 5.0), (100.5, -200.25, 5.0)),
+    0x5040: ("lat_lon_deg", (57.5, 11.875), (57.5, 11.875)),
+    0x8020: ("rate_radps", (0.5, -0.25, 0.125), (0.5, -0.25, 0.125)),
+    0x8030: ("dq", (1.0, 0.0, -0.25, 0.0), (1.0, 0.0, -0.25, 0.0)),
+    0xC020: ("magnetic", (0.5, -0.25, -0.75), (0.5, -0.25, -0.75)),
+    0xD010: ("velocity_mps", (1.5, -0.25, 0.125), (-0.25, -1.5, 0.125)),
+}
+WHOLE = {
+    0x1010: ("00000001 07E3 01140D2F18 37", "utc", Utc(1, 2019, 1, 20, 13, 47, 24, 0x37)),
+    0x1020: ("1234", "counter", 0x1234),
+    0x1060: ("00BC614E", "fine_ticks", 12345678),
+    0x1070: ("00001437", "coarse_s", 0x1437),
+    0x3010: ("00018C16", "pressure_pa", 0x18C16),
+    0x7020: ("00000001 01 000000 05060708", "satellites", (Satellite(5, 6, 7, 8),)),
+    0xE010: ("81", "status", 0x81),
+    0xE020: ("01800045", "status", 0x01800045),
+}
+
+
+@pytest.mark.parametrize("number_format", range(4))
+@pytest.mark.parametrize("kind", NUMBERS, ids=hex)
+def test_every_packet_of_numbers_in_every_format(kind: int, number_format: int) -> None:
+    field, values, expected = NUMBERS[kind]
+    payload = b"".join(slow_number(value, number_format) for value in values)
+    identifier = kind | number_format
+    assert packet_bytes(identifier) == 3 + len(values) * NUMBER_SIZES[number_format]
+    sample = decode_mtdata2(struct.pack(">HB", identifier, len(payload)) + payload)
+    assert sample == MtSample(**{field: expected})  # type: ignore[arg-type]
+    cut = decode_mtdata2(struct.pack(">HB", identifier, len(payload) - 1) + payload[:-1])
+    assert isinstance(cut, BadFrame)
+
+
+@pytest.mark.parametrize("kind", WHOLE, ids=hex)
+def test_every_packet_of_whole_values(kind: int) -> None:
+    text, field, expected = WHOLE[kind]
+    payload = bytes.fromhex(text)
+    sample = decode_mtdata2(struct.pack(">HB", kind, len(payload)) + payload)
+    assert sample == MtSample(**{field: expected})  # type: ignore[arg-type]
+    cut = decode_mtdata2(struct.pack(">HB", kind, len(payload) - 1) + payload[:-1])
+    assert isinstance(cut, BadFrame)
+
+
+def test_a_message_of_extended_length_is_decoded() -> None:
+    satellites = struct.pack(">IB3x", 1, 50) + bytes(200)
+    packets = struct.pack(">HBH", 0x1020, 2, 7) + struct.pack(">HB", 0x7020, 208) + satellites
+    packets += struct.pack(">HB9f", 0x2020, 36, 1, 0, 0, 0, 1, 0, 0, 0, 1)
+    assert 255 <= len(packets) <= 2048
+    sample = decode_mtdata2(frames_of(framed(0x36, packets))[0].data)
+    assert isinstance(sample, MtSample)
+    assert sample.counter == 7
+    assert len(sample.satellites or ()) == 50
+
+
+@given(st.binary(max_size=80))
+def test_no_bytes_make_the_decoder_raise(data: bytes) -> None:
+    decode_mtdata2(data)
+    decode_mtdata2(b"\x20\x10\x10" + data)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
+def test_rates_that_no_device_measures_make_a_bad_message(value: float) -> None:
+    assert isinstance(decode_mtdata2(struct.pack(">HB3f", 0x8020, 12, 0, value, 0)), BadFrame)
+
+
+@pytest.mark.parametrize("packets", ["1020", "1020 03 1234", "2030 0C 3FC00000", "1020 03 123456"])
+def test_packets_that_do_not_fit_make_a_bad_frame(packets: str) -> None:
+    assert isinstance(decode_mtdata2(bytes.fromhex(packets)), BadFrame)
+
+
+def test_unknown_packets_are_stepped_over() -> None:
+    sample = decode_mtdata2(bytes.fromhex("ABC0 02 0000 1020 02 1234 ABD0 00"))
+    assert isinstance(sample, MtSample)
+    assert sample.counter == 0x1234
+
+
+Q, RATE = (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3)
+
+
+def received(at_s: float, **fields: object) -> Received:
+    return Received(MtSample(**fields), 40, at_s)  # type: ignore[arg-type]
+
+
+def test_orientation_and_rate_of_one_instant_become_one_sample() -> None:
+    for first, second in (({"q_earth_sensor": Q}, {"rate_radps": RATE}),) * 2:
+        merger = SampleMerger(0.01)
+        assert merger.take(received(1.0, fine_ticks=100, counter=1, **first)) == []
+        [whole] = merger.take(received(1.001, fine_ticks=100, counter=2, **second))
+        assert whole.sample == MtSample(
+            fine_ticks=100, counter=1, q_earth_sensor=Q, rate_radps=RATE
+        )
+        assert whole.arrived_s == 1.0  # that of the orientation
+
+
+def test_a_rate_that_comes_first_waits_for_its_orientation() -> None:
+    merger = SampleMerger(0.01)
+    assert merger.take(received(1.0, counter=5, rate_radps=RATE)) == []
+    [whole] = merger.take(received(1.002, counter=5, q_earth_sensor=Q))
+    assert (whole.sample.rate_radps, whole.arrived_s) == (RATE, 1.002)
+
+
+def test_an_orientation_waits_for_one_period_at_most_and_goes_without_rate() -> None:
+    merger = SampleMerger(0.01)
+    assert merger.take(received(1.0, fine_ticks=100, q_earth_sensor=Q)) == []
+    assert merger.flush(1.009) == []
+    [alone] = merger.flush(1.011)
+    assert alone.sample.rate_radps is None
+    assert merger.flush(2.0) == []
+
+
+def test_a_rate_of_another_instant_is_not_mixed_in() -> None:
+    merger = SampleMerger(0.01)
+    merger.take(received(1.0, fine_ticks=100, q_earth_sensor=Q))
+    [alone] = merger.take(received(1.01, fine_ticks=200, rate_radps=RATE))
+    assert (alone.sample.fine_ticks, alone.sample.rate_radps) == (100, None)
+
+
+@given(st.lists(st.tuples(st.integers(0, 3), st.booleans(), st.booleans()), max_size=20))
+def test_nothing_that_is_put_into_the_merger_is_lost(
+    steps: list[tuple[int, bool, bool]],
+) -> None:
+    merger, out, tick = SampleMerger(0.01), [], 0
+    oriented = rated = 0
+    for k, (step, with_q, with_rate) in enumerate(steps):
+        tick += step
+        fields: dict[str, object] = {"fine_ticks": tick}
+        fields |= {"q_earth_sensor": Q} if with_q else {}
+        fields |= {"rate_radps": RATE} if with_rate else {}
+        oriented, rated = oriented + with_q, rated + with_rate
+        out += merger.take(received(k * 0.001, **fields))
+    out += merger.flush(99.0)
+    assert sum(r.sample.q_earth_sensor is not None for r in out) == oriented
+    assert sum(r.sample.rate_radps is not None for r in out) == rated
+    ticks = [r.sample.fine_ticks or 0 for r in out]
+    assert all(a <= b for a, b in pairwise(ticks))

@@ -1,0 +1,122 @@
+"""Orientations of an MTi: three notations, three earth frames, and what is no rotation."""
+
+import math
+import struct
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.mti.mtdata import MtDataDecoder
+from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.numbers import (
+    EarthFrame,
+    maybe_from_columns,
+    maybe_from_euler_deg,
+    maybe_orientation,
+    maybe_unit,
+    vector_nwu,
+)
+from hw.mti.sample import MtSample
+
+ANGLES = st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180))
+
+
+def rotation(roll: float, pitch: float, yaw: float) -> npt.NDArray[np.float64]:
+    """Rz(yaw) Ry(pitch) Rx(roll) from degrees, written out."""
+    (a, b, c) = np.radians([roll, pitch, yaw])
+    rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
+    ry = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])
+    rz = np.array([[np.cos(c), -np.sin(c), 0], [np.sin(c), np.cos(c), 0], [0, 0, 1]])
+    return np.asarray(rz @ ry @ rx)
+
+
+def matrix(q: tuple[float, float, float, float] | None) -> npt.NDArray[np.float64]:
+    """The rotation of a quaternion."""
+    assert q is not None
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+@given(ANGLES)
+def test_euler_angles_and_matrices_become_the_quaternion_of_their_rotation(
+    angles: tuple[float, float, float],
+) -> None:
+    expected = rotation(*angles)
+    np.testing.assert_allclose(matrix(maybe_from_euler_deg(*angles)), expected, atol=1e-12)
+    columns = [float(value) for value in expected.T.ravel()]
+    np.testing.assert_allclose(matrix(maybe_from_columns(*columns)), expected, atol=1e-12)
+
+
+@given(ANGLES)
+def test_north_east_down_is_turned_z_up(angles: tuple[float, float, float]) -> None:
+    z_up_from_z_down = np.diag([1.0, -1.0, -1.0])
+    data = struct.pack(">3d", *angles)
+    by_mtdata = MtDataDecoder(0x0004, 0x8000_0304).decode(data)
+    by_mtdata2 = decode_mtdata2(bytes.fromhex("2037 18") + data)
+    assert isinstance(by_mtdata, MtSample)
+    assert by_mtdata == by_mtdata2
+    expected = z_up_from_z_down @ rotation(*angles)
+    np.testing.assert_allclose(matrix(by_mtdata.q_earth_sensor), expected, atol=1e-12)
+
+
+TO_NWU = {  # rows: where the axes of the frame point, in north, west, up
+    EarthFrame.ENU: np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    EarthFrame.NED: np.diag([1.0, -1.0, -1.0]),
+    EarthFrame.NWU: np.eye(3),
+}
+
+
+@given(ANGLES, st.sampled_from(EarthFrame))
+def test_every_earth_frame_becomes_north_west_up(
+    angles: tuple[float, float, float], frame: EarthFrame
+) -> None:
+    told = rotation(*angles)
+    expected = TO_NWU[frame] @ told
+    columns = tuple(float(value) for value in told.T.ravel())
+    np.testing.assert_allclose(matrix(maybe_orientation(1, angles, frame)), expected, atol=1e-12)
+    np.testing.assert_allclose(matrix(maybe_orientation(2, columns, frame)), expected, atol=1e-12)
+    for packet, data in (
+        (0x2033, struct.pack(">3d", *angles)),
+        (0x2023, struct.pack(">9d", *columns)),
+        (0x2013, struct.pack(">4d", *(maybe_from_euler_deg(*angles) or ()))),
+    ):
+        message = struct.pack(">HB", packet | frame << 2, len(data)) + data
+        sample = decode_mtdata2(message)
+        assert isinstance(sample, MtSample)
+        np.testing.assert_allclose(matrix(sample.q_earth_sensor), expected, atol=1e-12)
+    vector = (1.0, 2.0, 3.0)
+    np.testing.assert_array_equal(vector_nwu(vector, frame) or (), TO_NWU[frame] @ vector)
+
+
+@pytest.mark.parametrize(("frame", "roll", "yaw"), [(0, 0, 90), (1, 180, 0), (2, 0, 0)])
+def test_a_flat_sensor_with_x_to_north_has_no_rotation_left(
+    frame: int, roll: float, yaw: float
+) -> None:
+    """Section 6: ENU reads yaw 90, NWU 0, NED 0 with roll 180."""
+    q = maybe_orientation(1, (float(roll), 0.0, float(yaw)), frame)
+    np.testing.assert_allclose(matrix(q), np.eye(3), atol=1e-12)
+
+
+def test_a_frame_that_is_not_known_is_refused() -> None:
+    assert maybe_orientation(1, (0.0, 0.0, 0.0), 3) is None
+    assert vector_nwu((1.0, 2.0, 3.0), 3) is None
+
+
+def test_what_is_no_rotation_is_refused() -> None:
+    nan, inf = math.nan, math.inf
+    assert maybe_unit(1.0, 0.1, 0.3, 0.0) is None
+    assert maybe_unit(nan, 0.0, 0.0, 0.0) is None
+    assert maybe_unit(inf, 0.0, 0.0, 0.0) is None
+    assert maybe_from_euler_deg(nan, 0.0, 0.0) is None
+    assert maybe_from_euler_deg(0.0, 91.0, 0.0) is None
+    assert maybe_from_columns(*(1.0, 0, 0, 0, 1.0, 0, 0, 0, -1.0)) is None  # left-handed
+    assert maybe_from_columns(*(1e200, 0, 0, 0, 1.0, 0, 0, nan, 1.0)) is None

@@ -1,0 +1,362 @@
+"""The MTi session against the sheet's conversation, and against devices that do not keep to it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.wires.wire import Wire
+from tests.support.scripted_mti import (
+    AFTER,
+    BEFORE,
+    CONVERSATION,
+    NEW_READ,
+    NEW_REQUEST,
+    NOT_IMPLEMENTED,
+    TICK_S,
+    Bench,
+    Scripted,
+    ScriptedNew,
+    framed,
+    wire,
+)
+
+
+def test_the_conversation_is_that_of_the_sheet() -> None:
+    bench = Bench(Scripted())
+    attitudes = bench.run(2.0)
+    assert bench.device.heard == CONVERSATION
+    assert (bench.state(), bench.cause()) == ("running", "")
+    assert bench.mti.stream.product == "MTi-28A53G35"
+    assert bench.mti.stream.firmware == "2.6.1"
+    assert bench.mti.stream.device_id == "00300d2a"
+    assert len(attitudes) > 170
+    assert bench.mti.status.rejected == bench.mti.status.missed == 0
+
+
+def test_the_configuration_frames_have_the_checksums_of_the_sheet() -> None:
+    assert (BEFORE[-1], AFTER[-1]) == (0xCB, 0xA5)
+    assert wire("ConfigurationBefore") == BEFORE
+    assert wire("ConfigurationAfter") == AFTER
+
+
+def test_an_attitude_is_a_quaternion_w_first_and_a_rate_in_sensor_axes() -> None:
+    attitude = Bench(Scripted()).run(1.0)[-1]
+    roll, pitch, yaw = (math.radians(angle) for angle in (1.5, -2.25, 90.0))
+    w, x, y, z = attitude.q_earth_sensor
+    assert math.atan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y)) == pytest.approx(roll)
+    assert math.asin(2 * (w * y - x * z)) == pytest.approx(pitch)
+    assert math.atan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)) == pytest.approx(yaw)
+    np.testing.assert_allclose(attitude.rate_radps, [0.01, -0.02, 0.25], rtol=1e-6)
+
+
+@pytest.mark.parametrize("device_type", [Scripted, ScriptedNew])
+@pytest.mark.parametrize("burst_s", [0.0, 0.016])
+def test_times_are_those_of_the_sampling_instants_over_the_counters_wrap(
+    device_type: type[Scripted], burst_s: float
+) -> None:
+    device = device_type()
+    device.burst_s = burst_s
+    bench = Bench(device)
+    times_s = np.array([attitude.t_s for attitude in bench.run(8.0)])[100:]
+    steps_s = np.diff(times_s)
+    assert np.all(steps_s > 0.008)
+    assert np.all(steps_s < 0.012)
+    error_s = times_s - np.round(times_s / 0.01) * 0.01  # samples are taken at multiples of 10 ms
+    assert np.abs(error_s).max() < 0.0055  # a tick, for arrivals are seen in ticks
+    assert np.ptp(error_s[200:]) < 0.002
+
+
+def test_go_to_config_is_repeated_by_time_however_much_data_comes_first() -> None:
+    device = Scripted()
+    device.deaf = True
+    bench = Bench(device)
+    asked_s = []
+    for _ in range(400):
+        written = b"".join(bench.port._to_device)
+        asked_s += [bench.now_s] * written.count(wire("GoToConfig"))
+        bench.run(TICK_S)
+    assert np.all(np.abs(np.diff(asked_s) - 0.25) < 0.02)
+    assert "sends data but does not answer GoToConfig" in bench.cause()
+    device.deaf = False
+    bench.run(1.0)
+    assert bench.state() == "running"
+
+
+def test_silence_and_foreign_bytes_are_told_apart() -> None:
+    device = Scripted()
+    device.mute = True
+    bench = Bench(device)
+    bench.run(1.5)
+    assert bench.cause() == "no answer to GoToConfig: check power, cable and baud rate"
+    for _ in range(40):
+        bench.port.give(b"\x01\x80\x7f hello \xfa")
+        bench.run(0.05)
+    assert "at 115200 baud but no MT frame: check the baud rate, or it is another" in bench.cause()
+    for _ in range(40):
+        bench.port.give(b"\x01\x80\x7f hello \xfa")
+        bench.run(0.05)
+    assert "may also be set to 4800, 9600," in bench.cause()
+    assert bench.mti.status.losses == 0
+
+
+def test_a_device_that_falls_silent_is_started_again() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.mute = True
+    bench.run(1.5)
+    assert bench.state() == "starting"
+    assert bench.mti.status.losses == 1
+    bench.device.mute = False
+    bench.run(1.5)
+    assert bench.state() == "running"
+    assert len(bench.run(1.0)) == 100
+
+
+def test_a_wake_up_in_the_stream_is_acknowledged_and_what_is_right_is_not_set_again() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.heard.clear()
+    bench.device.measuring = False
+    bench.device.unasked = wire("WakeUp")
+    bench.run(0.02)
+    assert bench.device.heard == [wire("WakeUpAck")]
+    assert bench.state() == "starting"
+    bench.run(1.0)
+    assert [frame[2] for frame in bench.device.heard if len(frame) > 5] == []  # nothing is set
+
+    assert bench.state() == "running"
+
+
+def test_a_wake_up_as_the_very_first_thing_is_harmless() -> None:
+    device = Scripted()
+    device.unasked = wire("WakeUp")
+    bench = Bench(device)
+    bench.run(2.0)
+    assert bench.state() == "running"
+
+
+def test_lost_samples_are_counted_by_the_sample_counter() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.counter = (bench.device.counter + 7) % 65536
+    bench.run(0.5)
+    assert bench.mti.status.missed == 7
+    bench.device.counter = (bench.device.counter + 30000) % 65536  # began anew: nothing is known
+    bench.run(0.5)
+    assert bench.mti.status.missed == 7
+
+
+def test_a_device_that_repeats_one_sample_for_ever_is_not_running() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    frozen = bench.device.message()
+    bench.device.message = lambda: frozen  # type: ignore[method-assign]
+    assert len(bench.run(1.0)) == 1
+    assert "sample counter stands still" in bench.cause()
+    assert bench.state() == "starting"
+
+
+def test_a_newer_device_is_given_an_output_configuration() -> None:
+    bench = Bench(ScriptedNew())
+    attitudes = bench.run(2.0)
+    assert NEW_REQUEST in bench.device.heard
+    assert bench.state() == "running"
+    assert bench.mti.stream.firmware == "1.7.2"
+    np.testing.assert_allclose(attitudes[-1].q_earth_sensor, [1, 0, 0, 0], atol=1e-7)  # x to north
+    np.testing.assert_allclose(attitudes[-1].rate_radps, [0.01, -0.02, 0.25], rtol=1e-6)
+    assert bench.mti.status.missed == 0
+
+
+def test_what_a_newer_device_takes_differently_is_said_while_it_runs() -> None:
+    device = ScriptedNew()
+    device.most_hz = 50
+    bench = Bench(device)
+    bench.run(3.0)
+    assert bench.state() == "running"
+    assert bench.cause() == "the MTi gives output 2010 (quaternion, float32, ENU) at 50 Hz, not 100"
+
+
+def test_a_newer_device_that_has_the_wanted_outputs_is_not_written_to() -> None:
+    device = ScriptedNew()
+    device.registers[0xC0] = "C020006480200064201000641060FFFF1020FFFF"  # in any order
+    bench = Bench(device)
+    bench.run(3.0)
+    assert (bench.state(), bench.cause()) == ("running", "")
+    assert NEW_REQUEST not in device.heard
+
+
+@pytest.mark.parametrize("device_type", [Scripted, ScriptedNew])
+def test_the_memory_is_written_once_and_never_by_the_next_start(
+    device_type: type[Scripted],
+) -> None:
+    bench = Bench(device_type())
+    bench.run(3.0)
+    assert any(len(frame) > 5 for frame in bench.device.heard)
+    bench.device.heard.clear()
+    bench.wire.cut = True
+    bench.run(0.1)
+    bench.wire.cut = False
+    bench.run(3.0)
+    assert bench.state() == "running"
+    assert not [frame for frame in bench.device.heard if len(frame) > 5]
+
+
+def test_a_device_without_a_needed_output_is_named() -> None:
+    device = ScriptedNew()
+    without = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 8020 0064"))
+    device.answers[NEW_REQUEST] = device.answers[NEW_READ] = without
+    bench = Bench(device)
+    bench.run(3.0)
+    assert bench.state() == "starting"
+    assert "does not offer output 2010 (quaternion, float32, ENU)" in bench.cause()
+
+
+def test_a_newer_device_without_rate_of_turn_runs_and_says_so() -> None:
+    device = ScriptedNew()
+    without = framed(0xC1, bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064"))
+    device.answers[NEW_REQUEST] = device.answers[NEW_READ] = without
+    bench = Bench(device)
+    bench.run(3.0)
+    assert bench.state() == "running"
+    assert bench.cause() == "the MTi does not offer output 8020 (rate of turn, float32)"
+
+
+def test_settings_that_read_back_differently_are_said_in_words() -> None:
+    device = Scripted()
+    device.stubborn = {0xD2: "00000001"}
+    bench = Bench(device)
+    bench.run(2.0)
+    assert bench.state() == "starting"
+    assert "settings 00000001, not 0006 and 00000005" in bench.cause()
+    device.stubborn = {}
+    bench.run(1.0)
+    assert bench.state() == "running"
+
+
+def test_another_period_is_said_while_it_runs() -> None:
+    device = Scripted()
+    device.registers[0x04], device.stubborn = "0900", {0x04: "0900"}
+    bench = Bench(device)
+    bench.run(2.0)
+    assert bench.state() == "running"
+    assert bench.cause() == "the MTi gives 50.0 samples a second, not 100 as configured"
+
+
+def test_a_device_that_takes_a_rate_and_does_not_give_it_is_named() -> None:
+    bench = Bench(Scripted(), rate_hz=200)  # its samples come each 10 ms all the same
+    bench.run(4.0)
+    assert bench.state() == "running"
+    assert bench.cause() == "the MTi sends 100 samples a second, not 200 as it was told"
+
+
+OPTIONAL = [wire("ReqProductCode"), framed(0xD4), wire("ReqConfiguration"), wire("ReqFWRev")]
+
+
+@pytest.mark.parametrize("answer", [NOT_IMPLEMENTED, None])
+def test_optional_requests_are_done_without(answer: bytes | None) -> None:
+    device = Scripted()
+    device.answers |= dict.fromkeys(OPTIONAL, answer)
+    bench = Bench(device)
+    bench.run(7.0)
+    assert (bench.state(), bench.cause()) == ("running", "")
+
+
+def test_an_unanswered_setting_is_asked_three_times_and_named() -> None:
+    device = Scripted()
+    device.answers[wire("SetOutputSettings")] = None
+    bench = Bench(device)
+    bench.run(1.75)
+    assert bench.device.heard.count(wire("SetOutputSettings")) == 3
+    assert bench.cause() == "the MTi does not answer SetOutputSettings"
+
+
+def test_a_lost_acknowledgement_of_measurement_is_made_up_by_data() -> None:
+    device = Scripted()
+    device.answers[wire("GoToMeasurement")] = b"\0"  # damaged beyond recognition
+    bench = Bench(device)
+    bench.run(1.0)
+    assert bench.state() == "running"
+
+
+def test_data_of_another_length_starts_the_conversation_at_once() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.registers |= {0xD0: "0004", 0xD2: "00000001"}  # as if another host had set it
+    bench.run(0.05)
+    assert "18 data bytes, 50 by output mode and settings" in bench.cause()
+    bench.run(0.6)
+    assert (bench.state(), bench.cause()) == ("running", "")
+
+
+def test_data_of_the_other_kind_starts_the_conversation_at_once() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.message = lambda: wire("MTData2")  # type: ignore[method-assign]
+    bench.run(0.05)
+    assert "MTData2, which was not asked for" in bench.cause()
+
+
+def test_an_unasked_configuration_in_the_stream_is_a_restart_whose_wake_up_was_lost() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.unasked = BEFORE
+    bench.run(0.02)
+    assert "has restarted" in bench.cause()
+    bench.run(1.0)
+    assert bench.state() == "running"
+
+
+def test_an_error_in_the_stream_is_told_in_words_for_a_while() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.device.unasked = framed(0x42, bytes.fromhex("28 0102"))
+    bench.run(0.05)
+    assert bench.state() == "running"
+    assert bench.cause().startswith("the MTi reports error 28 (0102), device error")
+    bench.run(5.1)
+    assert (bench.state(), bench.cause()) == ("running", "")
+
+
+def test_a_pulled_cable_and_a_new_connection_start_the_conversation_anew() -> None:
+    bench = Bench(Scripted())
+    bench.run(2.0)
+    bench.wire.cut = True
+    bench.run(0.5)
+    assert bench.state() == "closed"
+    bench.wire.cut = False
+    bench.run(1.0)
+    assert bench.state() == "running"
+    assert bench.mti.status.losses == 1
+
+
+@given(offset=st.integers(0, 2000), mask=st.integers(1, 255), dropped=st.booleans())
+def test_any_byte_altered_or_lost_at_start_is_survived(
+    offset: int, mask: int, dropped: bool
+) -> None:
+    bench = Bench(Scripted())
+    if dropped:
+        bench.wire.drop_at = {offset}
+    else:
+        bench.wire.alter_at = {offset: mask}
+    bench.run(4.0)
+    assert bench.state() == "running"
+    assert len(bench.run(0.5)) == 50
+
+
+@given(st.integers(0, 2**32), st.sampled_from([0.001, 0.01]))
+def test_a_stream_that_is_damaged_now_and_then_gives_no_wrong_attitude(
+    seed: int, rate: float
+) -> None:
+    bench = Bench(Scripted())
+    bench.wire = Wire(bench.device, bench.port, seed)
+    bench.run(1.0)
+    bench.wire.damage_rate = rate
+    for attitude in bench.run(2.0):
+        # one damaged frame in 256 has a right checksum; what it says is a rotation all the same
+        assert math.hypot(*attitude.q_earth_sensor) == pytest.approx(1.0)
+    bench.wire.damage_rate = 0.0
+    bench.run(3.0)
+    assert bench.state() == "running"

@@ -1,0 +1,338 @@
+"""Tiles and what else a planner asks for: frames of the sheet, pieces, budgets, and asking only."""
+
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.planner_mcu.receiver import FakePlanner
+from hw.device import BadFrame
+from hw.planner_link.frames import (
+    ASK,
+    DIGEST,
+    GEOM,
+    MAP,
+    MORE,
+    POSE,
+    STOP_ZONE,
+    TILE,
+    TILE_HEAD,
+    Secret,
+    encode_digest,
+    encode_frame,
+    encode_serial,
+    encode_stop_zone,
+)
+from hw.planner_link.messages import (
+    ASK_GEOM,
+    ASK_POSE,
+    ASK_TILE,
+    ASK_ZONE,
+    IN_WINDOW,
+    Ask,
+    Hello,
+    decode_answer,
+)
+from hw.planner_link.scheduler import Outbox
+from hw.planner_link.tiles import F32, MOST_REFUSALS, Tiles, pack_values
+from mapod_link.asking import hello_body
+from mapod_link.frames import bytes_from_frame, frame_from_bytes
+from tests import VECTORS
+from tests.support.planner_line import ZONE, Line, Sky, SkyTiles
+
+TOLD = json.loads((VECTORS / "planner_link.json").read_text())
+SECRET = Secret(bytes(range(32)), 0x5A17C0DE, 0x11223344)
+NAN = math.nan
+EXAMPLES = {  # first cell, values
+    "tile_class": (0, 0, [1, 1, 1, NAN, 0, 1, 1, 1, 0, 0, -1, -1, -1, -1, -1]),
+    "tile_height": (
+        1, 0, [0.152, 0.149, 0.151, NAN, NAN, 0.04, 0.148, 0.15, NAN, NAN, 0.003, -0.002, 0.0,
+               0.001, -0.004],
+    ),
+    "tile_variance": (2, 5, [4e-4, 25e-6, 30e-6, NAN, NAN, 9e-6, 8.7e-6, 9e-6, 1e-5, 0.07]),
+    "tile_slope": (3, 0, [0.7854, 0.785, 0.786, NAN, NAN]),
+}  # fmt: skip
+
+
+def vector(name: str) -> bytes:
+    return bytes.fromhex(TOLD[name])
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_tiles_of_the_example(name: str) -> None:
+    layer, first, values = EXAMPLES[name]
+    packed = pack_values(layer, np.array(values, dtype=np.float32), True)
+    head = TILE_HEAD.pack(
+        0x0102, layer, 0, 236, -40, 5, 3, first.to_bytes(3, "little"), 7, len(values), 50
+    )
+    flags, seq = (MORE, 9) if name == "tile_slope" else (0, 6 + layer)
+    frame = encode_frame(TILE, flags, seq, 1060, head + packed)
+    assert frame == vector(name)
+    assert encode_serial(frame) == vector(f"{name}_serial")
+    assert encode_frame(TILE, flags, seq, 1060, head + packed, SECRET) == vector(f"{name}_auth")
+
+
+def test_the_stop_zone_and_the_digest_of_the_example() -> None:
+    for kind, seq, body, name in (
+        (STOP_ZONE, 5, encode_stop_zone(ZONE), "stop_zone"),
+        (DIGEST, 4, encode_digest(7, 0x55964B82), "digest"),
+    ):
+        frame = encode_frame(kind, 0, seq, 1040, body)
+        assert frame == vector(name)
+        assert encode_serial(frame) == vector(f"{name}_serial")
+        assert encode_frame(kind, 0, seq, 1040, body, SECRET) == vector(f"{name}_auth")
+
+
+def test_the_questions_of_the_example() -> None:
+    asks = {
+        "ask_tile": Ask(0x0102, ASK_TILE, 1, 236, -40, 5, 3),
+        "ask_now": Ask(0x0103, ASK_GEOM | ASK_POSE | ASK_ZONE, 0, 0, 0, 0, 0),
+        "ask_window": Ask(0x0104, ASK_TILE | IN_WINDOW, 0, 40, 60, 5, 3),
+    }
+    for name, ask in asks.items():
+        assert decode_answer(vector(name)) == ask
+        assert decode_answer(vector(f"{name}_auth"), SECRET) == ask
+        assert isinstance(decode_answer(vector(name), SECRET), BadFrame)
+    assert decode_answer(vector("hello")) == Hello(0x11223344, 10_201, 368, polls=False)
+    assert decode_answer(vector("hello_poll"), SECRET) == Hello(0x11223344, 10_201, 128, True)
+
+
+@given(body=st.binary(max_size=16))
+def test_what_is_no_valid_question_is_refused(body: bytes) -> None:
+    told = decode_answer(encode_frame(ASK, 0, 1, 1, body))
+    valid = len(body) == 12 and body[2] & 0x0F != 0 and body[2] & 0x70 == 0
+    assert isinstance(told, Ask) == valid
+    if isinstance(told, BadFrame):
+        assert told.reason == "ASK out of range"
+
+
+@given(
+    values=st.lists(
+        st.one_of(st.sampled_from([1.0, -1.0, 0.0, NAN, math.inf]), st.floats(-50, 50, width=32)),
+        min_size=1,
+        max_size=40,
+    ),
+    trusted=st.booleans(),
+)
+def test_values_are_packed_as_a_slow_model_packs_them(values: list[float], trusted: bool) -> None:
+    array: F32 = np.array(values, dtype=np.float32)
+    classes = [2 if v == 1 else int(v == -1 and trusted) for v in values]
+    packed = pack_values(0, array, trusted)
+    assert [packed[k // 4] >> 2 * (k % 4) & 3 for k in range(len(values))] == classes
+    heights = np.frombuffer(pack_values(1, array, trusted), "<i2")
+    variances = np.frombuffer(pack_values(2, array, trusted), "<u2")
+    slopes = np.frombuffer(pack_values(3, array, trusted), "<u2")
+    for k, value in enumerate(array.tolist()):
+        if math.isnan(value):
+            assert (heights[k], variances[k], slopes[k]) == (-32_768, 65_535, 65_535)
+            continue
+        assert heights[k] == pytest.approx(max(-32_767, min(32_767, value * 1e3)), abs=0.501)
+        least = max(0.0, min(65_534.0, value * 1e6))
+        assert least - 1e-3 <= variances[k] <= least + 1.001
+        assert slopes[k] == pytest.approx(max(0, min(65_534, value * 1e4)), abs=0.501)
+
+
+def ask(line: Line, ask_id: int, layer: int, rectangle: tuple[int, int, int, int]) -> None:
+    """A question for a tile, as bytes on the wire."""
+    body = struct.pack("<HBBhhHH", ask_id, ASK_TILE, layer, *rectangle)
+    line.port.give(bytes_from_frame(ASK, ask_id, round(1000 * line.now_s), body))
+
+
+def pieces(line: Line) -> list[tuple[int, ...]]:
+    """What the last tick's TILE frames say: all fields up to `first`, and `count`."""
+    found = []
+    for data in line.frames:
+        frame = frame_from_bytes(data)
+        assert not isinstance(frame, str)
+        if frame.type == TILE:
+            head = TILE_HEAD.unpack_from(frame.body)
+            found.append((*head[:7], int.from_bytes(head[7], "little"), head[9]))
+    return found
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.1])
+@pytest.mark.parametrize(("baud", "key"), [(None, None), (115_200, bytes(32)), (921_600, None)])
+def test_a_tile_arrives_whole_beside_a_map_that_changes_and_moves(
+    loss: float, baud: int | None, key: bytes | None
+) -> None:
+    sky = Sky(61, 4, (32_740, -32_780))
+    line = Line(sky, baud=baud, loss=loss, key=key, tiles=SkyTiles(sky), seed=3)
+    line.settle(0.3)
+    tile = line.planner.ask_tile("height", 32_760, -32_770, 30, 20)
+    classes = line.planner.ask_tile("class", 3, 5, 40, 40, in_window=True)
+    worst = 0
+    for k in range(400):
+        if k % 10 == 0:
+            sky.move(1, 0)
+        sky.change(2)
+        line.tick()
+        worst = max(worst, sum(line.tick_bytes[-50:]))
+        if tile.complete and classes.complete:
+            break
+    assert tile.complete
+    assert classes.complete
+    heights = [
+        [((7 * i + 13 * j) % 400 - 200) / 1000 for i in range(32_760, 32_790)]
+        for j in range(-32_770, -32_750)
+    ]
+    np.testing.assert_allclose(tile.values, heights, atol=6e-4)
+    assert baud != 115_200 or worst <= 11_520
+
+
+def test_a_tile_waits_for_changes_and_leaves_the_refresh_its_share() -> None:
+    sky = Sky(101, 1)
+    line = Line(sky, baud=115_200, tiles=SkyTiles(sky))
+    line.planner.greet()
+    line.settle(2.0)
+    line.planner.ask_tile("height", 0, 0, 101, 60)
+    line.settle(1.0)
+    before = line.planner.accepted[TILE]
+    assert before > 20  # some 3 KB a second beside everything else
+    sky.show(sky.every_other, 1)  # far more than a tick carries
+    waits = 0
+    while not line.holds_what_is_meant():
+        line.tick()
+        waits += 1
+        assert max(line.tick_bytes[-2:]) <= 11_520 / 50 * 1.85 + 2
+        assert line.planner.accepted[TILE] <= before + 1
+    assert 10 < waits < 60
+    line.settle(2.5)
+    assert line.planner.accepted[TILE] > 2 * before
+    assert line.link.ticks_held == 0
+
+
+@pytest.mark.parametrize(
+    ("rectangle", "layer", "status"),
+    [
+        ((0, 0, 0, 5), 1, 2),
+        ((0, 0, 5, 0), 1, 2),
+        ((0, 0, 402, 401), 1, 2),
+        ((0, 0, 5, 5), 3, 1),
+        ((0, 0, 5, 5), 9, 1),
+    ],
+)
+def test_a_tile_that_cannot_be_had_is_answered_by_its_status(
+    rectangle: tuple[int, int, int, int], layer: int, status: int
+) -> None:
+    sky = Sky(9, 1)
+    line = Line(sky, tiles=SkyTiles(sky))
+    line.settle(0.1)
+    ask(line, 77, layer, rectangle)
+    line.tick()
+    assert pieces(line) == [(77, layer, status, *rectangle, 0, 0)]
+    line.tick()
+    assert pieces(line) == []
+
+
+def test_five_tiles_at_a_time_are_one_too_many_and_the_same_id_replaces() -> None:
+    sky = Sky(41, 1)
+    line = Line(sky, baud=115_200, tiles=SkyTiles(sky))
+    line.settle(1.0)
+    tiles = Tiles(200)
+    for ask_id in (1, 2, 3, 4, 3, 5):
+        tiles.take(Ask(ask_id, ASK_TILE, 1, 0, 0, 20, 20))
+    outbox = Outbox(line.port, line_baud=None, tick_s=1, secret=None, slice_body=1, first_seq=1)
+    outbox.earn(0.0)
+    seen = []
+    source = SkyTiles(sky)
+    tiles.tell(outbox, 1e9, (0, 0), True, 7, source)
+    outbox.write(0.0)
+    for data in line.port.take_datagrams():
+        frame = frame_from_bytes(line.link._deframer.feed(data)[0])  # type: ignore[arg-type]
+        assert not isinstance(frame, str)
+        head = TILE_HEAD.unpack_from(frame.body)
+        seen.append((head[0], head[2]))
+    assert seen[0] == (5, 3)
+    assert list(dict.fromkeys(seen[1:])) == [(1, 0), (2, 0), (4, 0), (3, 0)]
+    assert not tiles.waiting
+
+
+def test_no_flood_of_questions_is_kept() -> None:
+    tiles = Tiles(200)
+    for ask_id in range(10_000):
+        tiles.take(Ask(ask_id, ASK_TILE, 0, 0, 0, 1 if ask_id % 2 else 0, 1))
+    assert len(tiles._tiles) <= 4
+    assert len(tiles._refused) <= MOST_REFUSALS
+
+
+def test_frames_are_no_longer_than_the_planner_takes() -> None:
+    sky = Sky(41, 1)
+    line = Line(sky, tiles=SkyTiles(sky), zone=ZONE)
+    for longest in (48, 60, 368):
+        line.planner = FakePlanner(seed=longest, ack_every=1)
+        hello = encode_frame(9, 0, 1, 1, hello_body(longest, 10_000, longest))
+        line.port.give(hello)
+        line.planner.mute = True
+        ask(line, longest, 1, (0, 0, 30, 30))
+        sky.change(100)
+        lengths = []
+        for _ in range(300):
+            sky.change(1)
+            line.tick()
+            lengths += [len(frame) for frame in line.frames]
+        assert longest - 3 <= max(lengths) <= longest
+        assert line.planner.accepted[TILE] > 0
+        line.planner.mute = False
+
+
+def test_a_planner_that_only_asks_gets_geometry_and_answers_and_nothing_else() -> None:
+    sky = Sky(41, 1)
+    tiles = SkyTiles(sky)
+    line = Line(
+        sky, tiles=tiles, zone=ZONE, planner=FakePlanner(poll_only=True, ack_every=1, seed=5)
+    )
+    line.settle(0.1)
+    line.planner.accepted.clear()
+    marked = line.link._map.marked
+    for _ in range(100):
+        sky.change(20)
+        sky.move(1, 0)
+        line.tick()
+        assert line.frames == []
+    assert line.link._map.marked == marked == 0
+    assert line.link._repair._sent == type(line.link._repair._sent)()
+    assert line.planner.ask(line.now_s, geometry=True, pose=True, stop_zone=True)
+    tile = line.planner.ask_tile("class", *sky.corner, 41, 41)
+    line.settle(0.3)
+    assert dict(line.planner.accepted) == {GEOM: 1, POSE: 1, STOP_ZONE: 1, TILE: 2}
+    np.testing.assert_array_equal(np.nan_to_num(tile.values), sky.meant())
+
+
+def test_a_planner_may_begin_to_be_told_again() -> None:
+    sky = Sky(21, 1)
+    line = Line(sky, planner=FakePlanner(poll_only=True, seed=5))
+    line.settle(0.3)
+    sky.change(50)
+    line.settle(0.1)
+    line.planner = FakePlanner(seed=6, ack_every=1)
+    line.planner.greet()
+    for frame in line.planner.poll(line.now_s):
+        line.port.give(frame)
+    for _ in range(10):
+        line.tick()
+    assert line.holds_what_is_meant()
+
+
+def test_who_is_to_push_nothing_calls_out_on_datagrams_until_somebody_asks() -> None:
+    sky = Sky(9, 1)
+    line = Line(sky, push=False, zone=ZONE)
+    line.planner.mute = True
+    line.settle(10.0)
+    assert dict(line.planner.accepted) == {GEOM: 10}
+    line.planner.mute = False
+    line.planner.greet()
+    line.settle(3.0)
+    assert line.planner.accepted[GEOM] <= 12
+    assert line.planner.accepted[MAP] == line.planner.accepted[POSE] == 0
+    serial = Line(sky, baud=115_200, push=False)
+    serial.planner.mute = True
+    serial.settle(5.0)
+    assert serial.link.frames_sent == 0
+    serial.planner.mute = False
+    serial.planner.greet()
+    serial.settle(1.0)
+    assert 1 <= serial.planner.accepted[GEOM] <= 3

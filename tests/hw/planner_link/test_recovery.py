@@ -1,0 +1,89 @@
+"""Losses, held lines and restarts: what the planner may take for true, and when it is again."""
+
+import random
+
+import pytest
+
+from hw.planner_link.frames import ACK, GEOM
+from mapod_link.frames import bytes_from_frame
+from tests.support.planner_line import HeldPort, Line, Sky
+
+
+@pytest.mark.parametrize("ack_every", [0, 1])
+@pytest.mark.parametrize("baud", [None, 115_200, 921_600])
+@pytest.mark.parametrize("corner", [(0, 0), (32_760, -32_770)])
+def test_with_loss_no_free_stands_for_an_obstacle_unless_suspect_and_all_is_repaired(
+    ack_every: int, baud: int | None, corner: tuple[int, int]
+) -> None:
+    line = Line(Sky(31, 5, corner), baud=baud, loss=0.05, ack_every=ack_every, seed=9)
+    for k in range(400):
+        if k % 7 == 0:
+            line.sky.move(k // 7 % 3 - 1, k // 7 % 2)
+        line.sky.change(4)
+        line.tick()
+        if line.last_arrived and not line.planner.suspect:
+            wrong = (line.planner.window() == 1) & (line.told() == 2)
+            assert not wrong.any(), k
+    line.loss = 0.0
+    line.settle(3.0)
+    assert line.holds_what_is_meant()
+    assert not line.planner.suspect
+    assert line.planner.gaps > 0
+
+
+@pytest.mark.parametrize(("ack_every", "loss"), [(0, 0.01), (1, 0.2), (5, 0.2)])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_planner_that_is_not_suspect_has_forgotten_what_left_the_window_and_came_back(
+    seed: int, ack_every: int, loss: float
+) -> None:
+    port = HeldPort()
+    sky, chance = Sky(9, seed), random.Random(seed)
+    line = Line(sky, baud=115_200, loss=loss, ack_every=ack_every, seed=seed, port=port)
+    back, compared = (0, 0), 0
+    for _ in range(700):
+        if chance.random() < 0.4:
+            back = (-back[0], -back[1]) if any(back) else (chance.randint(-3, 3), 2)
+            sky.move(*back)
+        sky.trusted = chance.random() < 0.95
+        sky.change(chance.choice([0, 1, 5, 20]))
+        port.held = chance.random() < 0.1
+        line.tick()
+        planner = line.planner
+        if not (planner.suspect or planner.blank or port.held) and line.last_arrived:
+            compared += 1
+            assert not ((planner.window() == 1) & (line.told() != 1)).any()
+    assert compared > 25
+
+
+def test_acknowledgements_of_the_old_map_on_their_way_do_not_start_the_new_one_again() -> None:
+    line = Line(Sky(41, 3))
+    line.sky.change(200)
+    line.settle(0.5)
+    late = line.planner.ack(line.now_s)
+    geometries = line.planner.accepted[GEOM]
+    line.sky.cells[:] = 0
+    line.sky.epoch += 1
+    line.tick()
+    line.port.give(bytes_from_frame(ACK, 99, 0, late))
+    line.sky.change(3)
+    line.settle(0.2)
+    assert line.planner.accepted[GEOM] == geometries + 1
+    assert line.holds_what_is_meant()
+
+
+def test_maps_of_a_restarted_sender_wait_for_its_geometry() -> None:
+    line = Line(Sky(21, 3), ack_every=0)
+    line.sky.change(300)
+    line.settle(0.5)
+    next_seq = line.planner.newest_seq + 1  # its numbers happen to go on from the old ones
+    restarted = Line(Sky(21, 4), ack_every=0, session=78, first_seq=next_seq)
+    restarted.planner, restarted.now_s = line.planner, line.now_s
+    restarted.loss = 1.0
+    restarted.tick()  # its geometry is lost
+    restarted.loss = 0.0
+    ignored, held = line.planner.ignored_maps, line.planner.window()
+    restarted.settle(0.5)
+    assert line.planner.ignored_maps > ignored + 20
+    assert (line.planner.window() == held).all()
+    restarted.settle(1.0)
+    assert restarted.holds_what_is_meant()

@@ -1,0 +1,214 @@
+"""Drive requests: the frame of the sheet, and which frames are obeyed, until when."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.records import DriveRequest
+from fakes.wires.wire import MemoryPort
+from hw.device import BadFrame
+from hw.planner_link.frames import DRIVE, Secret, encode_frame, encode_serial
+from hw.planner_link.messages import Drive, decode_answer
+from hw.planner_link.replay_guard import MOST_COMMANDERS
+from hw.planner_link.requests import Requests
+from hw.planner_link.sender import PlannerLink
+from mapod_link.asking import drive_body
+from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
+from mapod_link.frames import DRIVE as FAKE_DRIVE
+from tests import VECTORS
+
+TOLD = json.loads((VECTORS / "planner_link.json").read_text())
+SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
+EXAMPLE = Drive(2, 52_340, SESSION, NONCE, 0.65, -0.12, 0.3)
+
+
+def vector(name: str) -> bytes:
+    return bytes.fromhex(TOLD[name])
+
+
+def drive(t_ms: int, seq: int | None = None, valid_s: float = 0.3, nonce: int = NONCE) -> Drive:
+    """A request of 1 m/s."""
+    return Drive(t_ms if seq is None else seq, t_ms, SESSION, nonce, 1.0, 0.0, valid_s)
+
+
+def test_the_request_of_the_example_plain_and_authenticated() -> None:
+    assert decode_answer(vector("drive")) == EXAMPLE
+    secret = Secret(KEY, SESSION, NONCE)
+    assert decode_answer(vector("drive_auth"), secret) == EXAMPLE
+    for frame in (vector("drive"), vector("drive_auth")[:-5] + bytes(5)):
+        assert isinstance(decode_answer(frame, secret), BadFrame)
+    assert encode_serial(vector("drive")) == vector("drive_serial")
+
+
+def test_the_fakes_request_is_that_of_the_example() -> None:
+    body = drive_body(SESSION, NONCE, 0.65, -0.12, 0.3)
+    assert bytes_from_frame(FAKE_DRIVE, 2, 52_340, body) == vector("drive")
+    signed = HEAD.pack(0x1A, AUTH, 2, 52_340) + body
+    tag = tag_of(signed, KEY, SESSION, NONCE)
+    assert bytes_from_frame(FAKE_DRIVE, 2, 52_340, body, AUTH, tag) == vector("drive_auth")
+    for wrong in ((40.0, 0.0, 0.3), (0.0, -33.0, 0.3), (0.0, 0.0, 1.1), (0.0, 0.0, -0.1)):
+        with pytest.raises(ValueError, match="no DRIVE frame tells"):
+            drive_body(SESSION, NONCE, *wrong)
+
+
+@given(
+    v=st.integers(-32_767, 32_767),
+    w=st.integers(-32_767, 32_767),
+    valid_ms=st.integers(0, 1000),
+    seq=st.integers(0, 0xFFFF),
+    t_ms=st.integers(0, 2**32 - 1),
+)
+def test_every_request_that_the_fake_can_tell_is_understood(
+    v: int, w: int, valid_ms: int, seq: int, t_ms: int
+) -> None:
+    body = drive_body(SESSION, NONCE, v / 1000, w / 1000, valid_ms / 1000)
+    told = decode_answer(bytes_from_frame(FAKE_DRIVE, seq, t_ms, body))
+    assert told == Drive(seq, t_ms, SESSION, NONCE, v / 1000, w / 1000, valid_ms / 1000)
+
+
+@pytest.mark.parametrize(
+    ("at", "value"),
+    [(8, b"\x00\x80"), (10, b"\x00\x80"), (12, b"\xe9\x03"), (14, b"\x01\x00"), (4, bytes(4))],
+)
+def test_a_field_out_of_its_range_refuses_the_whole_frame(at: int, value: bytes) -> None:
+    body = bytearray(drive_body(SESSION, NONCE, 0.5, 0.1, 0.3))
+    body[at : at + len(value)] = value
+    refused = decode_answer(encode_frame(DRIVE, 0, 1, 1, bytes(body)))
+    assert isinstance(refused, BadFrame)
+    assert refused.reason == "DRIVE out of range"
+
+
+@given(body=st.binary(max_size=40))
+def test_any_body_is_a_request_within_its_ranges_or_refused(body: bytes) -> None:
+    told = decode_answer(encode_frame(DRIVE, 0, 1, 1, body))
+    if isinstance(told, Drive):
+        assert len(body) == 16
+        assert max(abs(told.v_mps), abs(told.w_radps)) < 32.768
+        assert 0.0 <= told.valid_s <= 1.0
+    else:
+        assert isinstance(told, BadFrame)
+
+
+def test_a_request_is_obeyed_for_as_long_as_it_says() -> None:
+    requests = Requests(SESSION, "")
+    requests.take(10.0, EXAMPLE)
+    assert requests.newest == DriveRequest(0.65, -0.12, 10.3)
+    assert (requests.accepted, requests.last_refusal) == (1, "")
+
+
+@pytest.mark.parametrize(
+    ("frame", "reason"),
+    [
+        (replace(EXAMPLE, session=1), "another run"),
+        (EXAMPLE, "older than the newest, or a repetition"),
+        (replace(EXAMPLE, seq=1), "older"),
+        (replace(EXAMPLE, seq=3, t_ms=52_339), "older"),
+        (replace(EXAMPLE, t_ms=52_350, nonce=7), "somebody else"),
+    ],
+)
+def test_what_is_not_to_be_obeyed_changes_nothing_and_is_counted(frame: Drive, reason: str) -> None:
+    requests = Requests(SESSION, "")
+    requests.take(10.0, EXAMPLE)
+    before = requests.newest
+    requests.take(10.01, frame)
+    assert requests.newest == before
+    assert requests.refused.total() == 1
+    assert reason in requests.last_refusal
+
+
+def test_numbers_and_clock_may_wrap() -> None:
+    requests = Requests(SESSION, "")
+    requests.take(10.0, drive(2**32 - 5, 0xFFFF))
+    requests.take(10.01, drive(5, 0))
+    requests.take(10.01, drive(5, 1))
+    assert requests.accepted == 3
+    requests.take(700.0, drive(690_000, 0x8002))  # after many other frames
+    assert requests.accepted == 4
+
+
+def test_where_driving_is_refused_every_request_is_refused_for_that_reason() -> None:
+    requests = Requests(SESSION, "not today")
+    requests.take(1.0, EXAMPLE)
+    requests.take(1.1, replace(EXAMPLE, t_ms=52_440, valid_s=0.0))
+    assert requests.newest is None
+    assert requests.refused == {"not today": 2}
+
+
+def test_what_lay_in_a_queue_is_valid_for_less_or_not_at_all() -> None:
+    requests = Requests(SESSION, "")
+    requests.take(10.0, drive(1000))
+    requests.take(10.2, drive(1100))  # 100 ms later than its forerunner
+    assert requests.newest is not None
+    assert requests.newest.valid_until_s == pytest.approx(10.4, abs=1e-3)
+    requests.take(12.0, drive(1200))
+    assert requests.last_refusal == "it arrived too late"
+    assert requests.newest.valid_until_s == pytest.approx(10.4, abs=1e-3)
+    requests.take(12.01, drive(3010))
+    assert requests.newest.valid_until_s == pytest.approx(12.31, abs=2e-3)
+
+
+@given(st.lists(st.floats(0.0, 0.5), min_size=1, max_size=40), st.floats(-9e-4, 9e-4))
+def test_no_request_holds_longer_than_it_says_after_it_was_sent(
+    delays_s: list[float], drift: float
+) -> None:
+    requests, arrived_s = Requests(SESSION, ""), 0.0
+    requests.take(100.0, drive(0, 0))
+    for k, delay_s in enumerate(delays_s, start=1):
+        sent_s = 100.0 + 0.1 * k
+        arrived_s = max(arrived_s, sent_s + delay_s)
+        requests.take(arrived_s, drive(round(100 * k * (1 + drift)), k))
+        assert requests.newest is not None
+        assert requests.newest.valid_until_s <= sent_s + 0.3 + 0.003 * k
+
+
+def test_a_clock_that_drifts_does_not_end_driving() -> None:
+    requests = Requests(SESSION, "")
+    for k in range(20_000):
+        requests.take(0.1 * k * 1.0005, drive(100 * k, k % 2**16))
+    assert requests.refused.total() == 0
+
+
+def test_another_commander_may_drive_after_the_first_and_anybody_may_stop() -> None:
+    requests = Requests(SESSION, "")
+    requests.take(10.0, drive(1000))
+    requests.take(10.1, drive(5, nonce=7, valid_s=0.0))
+    assert requests.newest is not None
+    assert requests.newest.valid_until_s < 10.1
+    requests.take(10.2, drive(105, nonce=7))
+    assert requests.newest.valid_until_s == pytest.approx(10.5, abs=1e-3)
+    requests.take(10.3, drive(1300))
+    assert requests.last_refusal == "somebody else is driving"
+    requests.take(11.0, drive(2000))
+    assert requests.newest.valid_until_s == pytest.approx(11.3, abs=2e-3)
+
+
+def test_memory_for_commanders_is_bounded_and_none_is_forgotten() -> None:
+    requests = Requests(SESSION, "")
+    for nonce in range(1, MOST_COMMANDERS + 2):
+        requests.take(10.0 * nonce, drive(1000, nonce=nonce))
+    assert requests.refused.total() == 1
+    assert "too many" in requests.last_refusal
+    requests.take(1e5, drive(1000, nonce=1))
+    assert "older" in requests.last_refusal
+
+
+@pytest.mark.parametrize("datagrams", [True, False])
+def test_a_link_takes_requests_from_datagrams_and_from_a_serial_line(datagrams: bool) -> None:
+    port = MemoryPort(datagrams=datagrams)
+    link = PlannerLink(
+        port, size=9, cell_mm=50, session=SESSION, tick_s=0.02, line_baud=None, key=None,
+        stale_ms=150, drive_refusal="",
+    )  # fmt: skip
+    port.give(vector("drive" if datagrams else "drive_serial"))
+    link.poll(3.0)
+    assert link.requests.newest == DriveRequest(0.65, -0.12, 3.3)
+    damaged = bytearray(vector("drive"))
+    damaged[20] ^= 1
+    port.give(bytes(damaged) if datagrams else encode_serial(bytes(damaged)))
+    link.poll(3.1)
+    assert link.answers_rejected == 1
+    assert link.requests.refused == {"bad checksum": 1}
+    assert link.requests.newest == DriveRequest(0.65, -0.12, 3.3)

@@ -1,0 +1,201 @@
+"""The sender against the receiver of the fakes: maps equal, budgets kept, requests heard."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.records import FREE, OBSTACLE
+from fakes.planner_mcu.receiver import FakePlanner
+from hw.planner_link.frames import MAP, POSE
+from tests.support.planner_line import HeldPort, Line, Sky
+
+
+@given(
+    size=st.integers(3, 40),
+    corner=st.tuples(st.integers(-33000, 33000), st.integers(-33000, 33000)),
+    moves=st.lists(
+        st.tuples(st.integers(-5, 5), st.integers(-5, 5), st.integers(0, 30)), max_size=25
+    ),
+    seed=st.integers(0, 1000),
+)
+def test_without_loss_the_planner_holds_the_map_after_every_tick(
+    size: int, corner: tuple[int, int], moves: list[tuple[int, int, int]], seed: int
+) -> None:
+    line = Line(Sky(size, seed, corner))
+    for di, dj, count in moves:
+        line.sky.move(di, dj)
+        line.sky.change(count)
+        line.tick()
+        assert line.holds_what_is_meant()
+        assert not line.planner.suspect
+
+
+def test_a_slow_line_is_never_asked_for_more_than_it_carries() -> None:
+    line = Line(Sky(101, 1), baud=115_200)
+    for _ in range(250):
+        line.sky.change(60)
+        line.tick()
+    carried = 11_520 * 0.85 / 50
+    sums = np.convolve(line.tick_bytes, np.ones(50), "valid")
+    assert float(sums.max()) <= 50 * carried + 4 * carried
+    assert max(line.tick_bytes) < 6 * carried
+
+
+def test_a_line_that_was_quiet_for_long_is_not_flooded_by_the_next_burst() -> None:
+    sky = Sky(101, 1)
+    line = Line(sky, baud=115_200)
+    sky.show(sky.every_other, FREE)
+    line.settle(30.0)
+    line.tick_bytes.clear()
+    sky.show(sky.every_other, OBSTACLE)
+    line.settle(1.0)
+    carried = 11_520 * 0.85 / 50
+    assert max(line.tick_bytes) < 3 * carried
+    assert sum(line.tick_bytes[:5]) < 8 * carried
+
+
+@pytest.mark.parametrize(("size", "rate_hz", "pass_s"), [(101, 50, 0.6), (201, 25, 0.7)])
+def test_a_slow_line_spends_on_the_refresh_what_changes_leave(
+    size: int, rate_hz: float, pass_s: float
+) -> None:
+    line = Line(Sky(size, 1), baud=115_200, rate_hz=rate_hz, ack_every=0)
+    line.sky.change(6 * size)
+    line.settle(4.0)
+    at = np.argwhere(line.planner.window() == 2)[::20]
+    line.planner._map._cells[at[:, 0], at[:, 1]] = 1  # gone wrong, and nobody knows
+    line.settle(pass_s)
+    assert line.holds_what_is_meant()
+
+
+def test_new_obstacles_near_the_robot_go_first_when_not_all_fits() -> None:
+    sky = Sky(101, 1)
+    line = Line(sky, baud=115_200)
+    line.settle(2.0)
+    sky.cells[::2, ::2] = FREE  # 2601 runs: far more than a tick carries
+    sky.cells[45:56:2, 45:56:2] = OBSTACLE
+    sky.cells[0:20:2, 1:21:2] = OBSTACLE
+    sky._changed = list(range(101 * 101))
+    line.tick()
+    near = line.planner.window()[45:56:2, 45:56:2]
+    assert (near == 2).all()
+    assert int((line.planner.window() == 1).sum()) < 1500
+    line.settle(4.0)
+    assert line.holds_what_is_meant()
+
+
+def test_free_is_taken_back_at_once_when_the_map_is_not_to_be_trusted() -> None:
+    line = Line(Sky(41, 3))
+    line.sky.change(200)
+    line.settle(0.5)
+    assert (line.planner.window() == 1).any()
+    line.sky.trusted = False
+    line.tick()
+    assert not (line.planner.window() == 1).any()
+    assert (line.planner.window() == 2).any()
+    line.settle(1.0)
+    assert not (line.planner.window() == 1).any()
+    line.sky.trusted = True
+    line.tick()
+    assert line.holds_what_is_meant()
+
+
+def test_every_tick_has_a_pose_and_a_map_frame_and_a_geometry_each_second() -> None:
+    line = Line(Sky(101, 1), baud=115_200)
+    for _ in range(100):
+        line.tick()
+    kinds = line.planner.accepted
+    assert kinds[POSE] == 100
+    assert kinds[MAP] >= 100
+    assert 2 <= kinds[1] <= 4
+
+
+def test_an_erased_map_begins_a_new_epoch_on_both_ends() -> None:
+    line = Line(Sky(21, 3))
+    line.sky.change(100)
+    line.settle(0.2)
+    geom = line.planner.geom
+    line.sky.cells[:] = 0
+    line.sky.epoch += 1
+    line.tick()
+    assert not line.planner.window().any()
+    assert geom is not None
+    assert line.planner.geom is not None
+    assert line.planner.geom.geom_id != geom.geom_id
+
+
+def test_need_full_and_a_restarted_planner_get_everything_again() -> None:
+    line = Line(Sky(21, 3))
+    line.sky.change(100)
+    line.settle(0.5)
+    line.planner.need_full = True
+    line.settle(0.2)
+    assert line.holds_what_is_meant()
+    line.planner = FakePlanner(seed=99, ack_every=1)
+    line.settle(0.5)
+    assert line.holds_what_is_meant()
+
+
+def test_a_planner_that_is_too_small_gets_poses_but_no_map() -> None:
+    line = Line(Sky(21, 3))
+    line.planner = FakePlanner(ack_every=1, max_cells=400)
+    line.settle(0.5)
+    assert "lower obstacle.window_cells" in line.link.refusal
+    before = line.planner.accepted[MAP]
+    line.settle(0.5)
+    assert line.planner.accepted[MAP] == before
+
+
+def test_while_the_line_is_behind_nothing_is_sent_and_nothing_forgotten() -> None:
+    port = HeldPort()
+    line = Line(Sky(21, 3), baud=115_200, port=port)
+    line.settle(0.2)
+    line.sky.change(50)
+    port.held = True
+    sent = line.link.frames_sent
+    line.settle(0.2)
+    assert line.link.frames_sent == sent
+    assert line.link.ticks_held == 10
+    port.held = False
+    line.settle(1.0)
+    assert line.holds_what_is_meant()
+    assert line.planner.missing == 0
+
+
+def test_an_authenticated_link_is_understood_with_the_key_and_not_with_another() -> None:
+    line = Line(Sky(21, 3), key=bytes(range(32)))
+    line.sky.change(50)
+    line.settle(1.0)
+    assert line.holds_what_is_meant()
+    stranger = FakePlanner(key=bytes(32))
+    for frame in line.frames:
+        stranger.feed_datagram(line.now_s, frame)
+    assert stranger.blank
+    assert sum(stranger.accepted.values()) == 0
+
+
+def test_two_senders_with_the_same_input_send_the_same_bytes() -> None:
+    runs = []
+    for _ in range(2):
+        line = Line(Sky(31, 8), loss=0.02)
+        frames = b""
+        for k in range(100):
+            line.sky.move(k % 2, 0)
+            line.sky.change(5)
+            line.tick()
+            frames += b"".join(line.frames)
+        runs.append(frames)
+    assert runs[0] == runs[1]
+
+
+@given(pieces=st.lists(st.binary(max_size=60), max_size=20), datagrams=st.booleans())
+def test_no_answer_makes_the_sender_raise(pieces: list[bytes], datagrams: bool) -> None:
+    line = Line(Sky(9, 1), baud=None if datagrams else 115_200)
+    line.tick()
+    for piece in pieces:
+        line.port.give(piece)
+        line.tick()
+    assert line.link.answers_rejected >= 0
+    assert not math.isinf(line.link.bytes_sent)

@@ -1,0 +1,286 @@
+"""The step that all devices share, on ports in memory with simulated time."""
+
+from typing import Any
+
+import pytest
+
+from fakes.wires.wire import MemoryPort
+from hw.device import NEVER_HEARD_S, BadFrame, Device, DeviceStatus, NoPort, Session
+from hw.fingerprint import SEEMS
+from hw.runtime.wakeup import CALLS, Ears
+
+NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
+
+
+class Bytes:
+    """A parser to which each piece of letters is an event; anything else is a bad frame."""
+
+    def feed(self, now_s: float, data: bytes) -> list[Any]:
+        return [(now_s, data)] if data.isalpha() else [BadFrame("no letters", data)]
+
+
+class Answers(Device[tuple[float, bytes]]):
+    """A device that runs once it has heard a letter, and whose session answers each one."""
+
+    def __init__(self, port: Any, name: str = "mti") -> None:
+        self.sessions = 0
+        status = DeviceStatus(name)
+        super().__init__(status, port, Bytes, self._run)
+
+    def _run(self) -> Session:
+        self.sessions += 1
+        out = b""
+        while True:
+            tick = yield out
+            words = [event[1] for event in tick.events if not isinstance(event, BadFrame)]
+            out = b"!" * len(words)
+            if words:
+                self.status.state, self.status.cause = "running", ""
+
+    def _measure(self, now_s: float, events: list[Any]) -> list[tuple[float, bytes]]:
+        return [event for event in events if not isinstance(event, BadFrame)]
+
+
+class MortalPort(MemoryPort):
+    """One whose connection may be renewed, as a real port's."""
+
+    silence_s = 2.5
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.reopened: list[str] = []
+        self.renews = True
+
+    def fileno(self) -> int:
+        return 7 if self.connected else -1
+
+    def reopen(self, cause: str) -> None:
+        self.reopened.append(cause)
+        self.connected = False
+        self.cause = cause
+
+    def poll(self, now_s: float) -> bool:
+        if self.renews and self.cause in self.reopened:
+            self.connected = True
+        return super().poll(now_s)
+
+
+def test_what_is_heard_between_ticks_is_stamped_then_answered_then_and_delivered_at_the_tick() -> (
+    None
+):
+    port = MemoryPort()
+    device = Answers(port)
+    assert device.step(1.000) == []
+    port.give(b"one")
+    device.hear(1.002)
+    assert port.take() == b"!"
+    assert device.status.heard_s == 1.002
+    port.give(b"two")
+    assert device.step(1.005) == [(1.002, b"one"), (1.005, b"two")]
+    assert device.step(1.010) == []
+
+
+def test_hearing_where_nothing_arrived_does_nothing() -> None:
+    device = Answers(port := MemoryPort())
+    device.hear(0.9)  # not even stepped yet
+    device.step(1.0)
+    port.give(b"one")
+    port.connected = False
+    device.hear(1.001)
+    assert device.step(1.005) == []
+    Answers(NoPort()).hear(1.0)
+
+
+def test_what_was_heard_before_the_wire_was_lost_is_still_delivered() -> None:
+    device = Answers(port := MemoryPort())
+    device.step(1.0)
+    port.give(b"last")
+    device.hear(1.002)
+    port.connected = False
+    assert device.step(1.005) == [(1.002, b"last")]
+    assert (device.status.state, device.status.losses) == ("closed", 1)
+
+
+def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session() -> None:
+    device = Answers(port := MemoryPort())
+    device.step(1.0)
+    port.connected = False
+    port.connected = True
+    port.give(b"new")
+    device.hear(1.002)
+    assert device.step(1.005) == [(1.005, b"new")]
+    assert device.sessions == 3  # made with the device, and once for each connection
+
+
+def test_with_or_without_hearing_the_same_bytes_give_the_same_measurements() -> None:
+    ears, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
+    got: tuple[list[bytes], list[bytes]] = ([], [])
+    for tick in range(50):
+        for port in (one, two):
+            port.give(b"x" * (1 + tick % 5))
+        if tick % 3:
+            ears.hear(tick * 0.005 - 0.002)
+        got[0].extend(data for _, data in ears.step(tick * 0.005))
+        got[1].extend(data for _, data in steps.step(tick * 0.005))
+    assert got[0] == got[1]
+
+
+# --- silence
+
+
+def run(device: Answers, begin_s: float, seconds: float) -> list[tuple[str, str]]:
+    """The changes of state on the way."""
+    changes: list[tuple[str, str]] = [(device.status.state, device.status.cause)]
+    for tick in range(round(seconds * 200)):
+        device.step(begin_s + tick * 0.005)
+        if (now := (device.status.state, device.status.cause)) != changes[-1]:
+            changes.append(now)
+    return changes[1:]
+
+
+def test_a_device_that_fell_silent_gets_a_fresh_connection_and_one_line_says_so() -> None:
+    device = Answers(port := MortalPort())
+    device.step(1.0)
+    port.give(b"hello")
+    device.step(1.005)
+    changes = run(device, 1.01, 2.6)
+    assert port.reopened == ["nothing heard for 2.5 s"]
+    assert changes == [("starting", "nothing heard for 2.5 s")]
+    assert device.sessions == 3
+    assert device.status.losses == 1
+
+
+def test_a_device_that_never_spoke_is_left_in_peace_for_ten_seconds_each_time() -> None:
+    device = Answers(port := MortalPort())
+    changes = run(device, 1.0, 4 * NEVER_HEARD_S + 1)
+    assert len(port.reopened) == 4
+    assert changes == [("starting", "waiting for the first answer")]  # one line in 41 s
+
+
+def test_a_connection_that_can_not_be_renewed_is_told_as_lost() -> None:
+    device = Answers(port := MortalPort())
+    device.step(1.0)
+    port.give(b"hello")
+    device.step(1.005)
+    port.renews = False
+    run(device, 1.01, 3.0)
+    port.cause = "no answer from 192.168.0.1:2112"
+    changes = run(device, 4.01, 10.0)
+    assert changes == [("closed", "no answer from 192.168.0.1:2112")]
+    assert len(port.reopened) == 1
+
+
+def test_a_device_that_talks_keeps_its_connection_whatever_it_says() -> None:
+    device = Answers(port := MortalPort())
+    for tick in range(6000):
+        if tick % 400 == 0:
+            port.give(b"...")
+        device.step(tick * 0.005)
+    assert port.reopened == []
+
+
+# --- strangers
+
+
+def test_another_device_on_the_port_is_named_once_and_forgotten_when_the_right_one_answers() -> (
+    None
+):
+    device = Answers(port := MemoryPort())
+    device.step(1.0)
+    for tick in range(100):
+        port.give(NMEA)
+        device.step(1.005 + tick * 0.005)
+    assert device.status.cause == (
+        f"waiting for the first answer: {SEEMS}a GNSS receiver or compass that speaks NMEA"
+    )
+    port.give(b"hello")
+    device.step(2.0)
+    assert (device.status.state, device.status.cause) == ("running", "")
+    for tick in range(100):  # the session stays the judge of what runs
+        port.give(NMEA)
+        device.step(2.1 + tick * 0.005)
+    assert device.status.cause == ""
+
+
+def test_a_loop_back_plug_is_named() -> None:
+    class Asks(Answers):
+        def _run(self) -> Session:
+            self.sessions += 1
+            while True:
+                yield b"\x02sRN DeviceIdent\x03"
+
+    device = Asks(port := MemoryPort(), "lms111")
+    for tick in range(50):
+        device.step(tick * 0.005)
+        port.give(port.take().replace(b"R", b"R"))
+    assert device.status.cause.endswith("an echo of what mapod sends, as from a loop-back plug")
+
+
+# --- ears
+
+
+class Readable:
+    """An event loop that is asked for readers only."""
+
+    def __init__(self) -> None:
+        self.readers: dict[int, Any] = {}
+        self.changes = 0
+
+    def add_reader(self, fd: int, callback: Any, /) -> None:
+        assert fd not in self.readers
+        self.readers[fd] = callback
+        self.changes += 1
+
+    def remove_reader(self, fd: int, /) -> None:
+        del self.readers[fd]
+        self.changes += 1
+
+
+class Wire(NoPort):
+    """A port with a descriptor to set."""
+
+    def __init__(self, fd: int) -> None:
+        self.fd, self.opened = fd, 1
+
+    def fileno(self) -> int:
+        return self.fd
+
+
+def test_readers_follow_what_is_open_and_are_not_touched_while_nothing_changes() -> None:
+    loop, one, two = Readable(), Wire(5), Wire(-1)
+    ears = Ears(loop, [one, two], lambda: None)
+    for _ in range(100):
+        ears.after_tick()
+    assert (set(loop.readers), loop.changes) == ({5}, 1)
+    one.fd, two.fd = -1, 5  # the number comes again, for another wire
+    ears.after_tick()
+    assert (set(loop.readers), loop.changes) == ({5}, 3)
+    two.opened += 1  # closed and opened between two ticks
+    ears.after_tick()
+    assert (set(loop.readers), loop.changes) == ({5}, 5)
+    ears.close()
+    assert loop.readers == {}
+
+
+def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
+    loop, one = Readable(), Wire(5)
+
+    def hear() -> None:
+        one.fd = -1
+
+    ears = Ears(loop, [one], hear)
+    ears.after_tick()
+    loop.readers[5]()
+    assert loop.readers == {}
+
+
+@pytest.mark.parametrize("wires", [1, 2])
+def test_a_wire_that_never_stops_is_heard_so_often_between_ticks_and_no_more(wires: int) -> None:
+    heard: list[None] = []
+    loop = Readable()
+    ears = Ears(loop, [Wire(fd) for fd in range(wires)], lambda: heard.append(None))
+    for tick in range(1, 4):
+        ears.after_tick()
+        while loop.readers:
+            loop.readers[0]()
+        assert len(heard) == tick * CALLS

@@ -1,0 +1,284 @@
+"""Bytes of the public receiver's frames: every vector both ways, COBS, checksums, operations.
+
+Source: planner link, sections 2, 3, 13 and 14, items 1 and 3.
+"""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapod_link import asking
+from mapod_link.bodies import KEEP, UNKNOWN, maybe_digest, maybe_runs, maybe_stop_zone
+from mapod_link.frames import (
+    AUTH,
+    CRC_START,
+    TILE,
+    bytes_from_frame,
+    frame_from_bytes,
+    signed_bytes_from_frame,
+    tag_is_right,
+)
+from mapod_link.serial_line import (
+    Deframer,
+    cobs_from_bytes,
+    maybe_bytes_from_cobs,
+    serial_from_frame,
+)
+from mapod_link.tiles import maybe_tile_piece
+from tests.support.planner_sender import NONCE, SESSION, VECTORS, op, vector
+
+FRAMES = sorted(name.removesuffix("_serial") for name in VECTORS if name.endswith("_serial"))
+LOW = [0.003, -0.002, 0, 0.001, -0.004]
+SIGNED = sorted(name for name in VECTORS if name.endswith("_auth"))
+
+
+def body_of(name: str) -> bytes:
+    frame = frame_from_bytes(vector(name))
+    assert not isinstance(frame, str)
+    return frame.body
+
+
+# Vectors
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_serial_form_and_checksum_hold_both_ways(name: str) -> None:
+    plain, serial = vector(name), vector(f"{name}_serial")
+    assert serial_from_frame(plain) == serial
+    assert Deframer().feed(serial) == [plain]
+    frame = frame_from_bytes(plain)
+    assert not isinstance(frame, str)
+    assert frame.size == len(plain)
+    assert bytes_from_frame(frame.type, frame.seq, frame.t_ms, frame.body, frame.flags) == plain
+
+
+@pytest.mark.parametrize("name", SIGNED)
+def test_authenticated_vectors_hold_both_ways(name: str) -> None:
+    key, frame = vector("auth_key"), frame_from_bytes(vector(name))
+    assert not isinstance(frame, str)
+    assert tag_is_right(frame, key, SESSION, NONCE)
+    assert not tag_is_right(frame, key, SESSION, NONCE ^ 1)
+    assert not tag_is_right(frame, key, SESSION ^ 1, NONCE)
+    assert not tag_is_right(frame, key[::-1], SESSION, NONCE)
+    if frame.flags == AUTH:
+        made = signed_bytes_from_frame(
+            frame.type, frame.seq, frame.t_ms, frame.body, key, SESSION, NONCE
+        )
+        assert made == vector(name)
+
+
+def test_what_a_receiver_says_is_made_as_in_the_vectors() -> None:
+    assert asking.hello_body(NONCE, 10_201) == body_of("hello")
+    assert asking.hello_body(NONCE, 10_201, 128, poll=True) == body_of("hello_poll")
+    assert asking.drive_body(SESSION, NONCE, 0.65, -0.12, 0.3) == body_of("drive")
+    sigmas = {"sigma_x_m": 0.02, "sigma_y_m": 0.03, "sigma_yaw_rad": 0.0175}
+    external = asking.external_body(
+        SESSION, NONCE, 105.25, -48.9, 1.2345, **sigmas, correlation=-0.25, age_s=0.04
+    )
+    assert external == body_of("external_pose")
+    assert asking.ack_body(3, 0b11, 1020, 0.0013, 0, asking.SUSPECT, 7) == body_of("ack")
+    tile = asking.ask_body(0x102, asking.ASK_TILE, 1, (236, -40), (3, 5))
+    assert tile == body_of("ask_tile")
+    all_now = asking.ASK_GEOM | asking.ASK_POSE | asking.ASK_ZONE
+    assert asking.ask_body(0x103, all_now) == body_of("ask_now")
+    in_window = asking.ASK_TILE | asking.IN_WINDOW
+    assert asking.ask_body(0x104, in_window, 0, (40, 60), (3, 5)) == body_of("ask_window")
+
+
+def test_the_stop_zone_of_the_vectors_is_read_in_metres() -> None:
+    zone = maybe_stop_zone(body_of("stop_zone"), 1040, 7.0)
+    assert zone is not None
+    assert (zone.free_ahead_m, zone.obstacle_ahead_m, zone.free_behind_m) == (1.25, 1.48, 0.0)
+    assert (zone.obstacle_behind_m, zone.contact_s) == (float("inf"), 1.92)
+    assert (zone.allowed_ahead_mps, zone.allowed_behind_mps) == (0.65, 0.0)
+    assert (zone.nearest_m, zone.bearing_rad, zone.state, zone.causes) == (0.43, -0.7854, 2, 3)
+    assert zone.words() == "slow: an obstacle, ground not seen"
+    assert (zone.t_ms, zone.arrived_s) == (1040, 7.0)
+    assert maybe_stop_zone(body_of("stop_zone") + b"\0", 0, 0.0) is None
+
+
+def test_the_digest_of_the_vectors_is_read() -> None:
+    assert maybe_digest(body_of("digest")) == (7, int(VECTORS["digest_crc"], 16))
+    assert maybe_digest(bytes(9)) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "first", "values"),
+    [
+        ("tile_class", 0, [2, 2, 2, 0, 0] * 2 + [1] * 5),
+        (
+            "tile_height",
+            0,
+            [0.152, 0.149, 0.151, None, None, 0.04, 0.148, 0.15, None, None, *LOW],
+        ),
+        ("tile_slope", 0, [0.7854, 0.785, 0.786, None, None]),
+    ],
+)
+def test_the_tiles_of_the_vectors_are_read(
+    name: str, first: int, values: list[float | None]
+) -> None:
+    piece = maybe_tile_piece(body_of(name))
+    assert piece is not None
+    assert (piece.id, piece.status, piece.i, piece.j) == (0x102, 0, 236, -40)
+    assert (piece.width, piece.height, piece.first, piece.geom_id) == (5, 3, first, 7)
+    assert piece.cell_m == 0.05
+    told = np.array([np.nan if value is None else value for value in values], np.float32)
+    np.testing.assert_allclose(piece.values, told, rtol=1e-6)
+
+
+def test_variance_begins_where_its_piece_says() -> None:
+    piece = maybe_tile_piece(body_of("tile_variance"))
+    assert piece is not None
+    assert (piece.first, piece.layer, piece.is_last) == (5, 2, True)
+    mm2 = [400, 25, 30, np.nan, np.nan, 9, 9, 9, 10, 65_534]
+    np.testing.assert_allclose(piece.values, np.array(mm2) * 1e-6, rtol=1e-6)
+
+
+def test_a_refused_tile_is_read_and_has_no_cells() -> None:
+    piece = maybe_tile_piece(body_of("tile_refused"))
+    assert piece is not None
+    assert (piece.status, piece.layer, piece.values.size) == (1, 3, 0)
+    assert maybe_tile_piece(body_of("tile_refused") + b"\0") is None
+
+
+def test_the_running_value_of_the_sheet_is_the_hashed_constant() -> None:
+    assert zlib.crc32(b"MPL1") == CRC_START == 0x2994717F
+
+
+def test_a_class_of_no_meaning_is_unknown() -> None:
+    body = body_of("tile_class")
+    piece = maybe_tile_piece(body[:20] + b"\xff\xe7\xff\xff")
+    assert piece is not None
+    assert piece.values.tolist() == [0, 0, 0, 0, 0, 1, 2] + [0] * 8
+
+
+# Bodies that contradict themselves
+
+
+@given(
+    layer=st.integers(0, 5),
+    size=st.tuples(st.integers(0, 40), st.integers(0, 40)),
+    first=st.integers(0, 2000),
+    count=st.integers(0, 170),
+    extra=st.integers(-2, 2),
+    junk=st.binary(min_size=342, max_size=342),
+)
+def test_a_tile_is_taken_only_if_length_count_and_rectangle_agree(
+    layer: int, size: tuple[int, int], first: int, count: int, extra: int, junk: bytes
+) -> None:
+    right = -(-count // 4) if layer == 0 else 2 * count
+    data = junk[: max(right + extra, 0)]
+    body = struct.pack("<HBBhhHH", 5, layer, 0, 0, 0, *size) + first.to_bytes(3, "little")
+    piece = maybe_tile_piece(body + struct.pack("<BHH", 7, count, 50) + data)
+    fits = len(data) == right and 0 < count <= size[0] * size[1] - first
+    if layer <= 3:
+        assert (piece is not None) is fits
+    if piece is not None and layer == 0:
+        assert set(piece.values.tolist()) <= {0.0, 1.0, 2.0}
+
+
+@given(st.integers(0, 15), st.binary(max_size=356))
+def test_bodies_of_any_bytes_are_read_or_refused(kind: int, body: bytes) -> None:
+    frame = frame_from_bytes(bytes_from_frame(kind, 1, 2, body))
+    assert not isinstance(frame, str)
+    assert frame.body == body
+    if kind == TILE:
+        maybe_tile_piece(body)
+    maybe_runs(body, 0, 10_201)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (bytes(7), "length"),
+        (bytes(365), "length"),
+        (b"\x20" + bytes(7), "version"),
+        (b"\x11\x20" + bytes(6), "flags"),
+        (b"\x11\x10" + bytes(13), "length"),
+    ],
+)
+def test_what_is_no_frame_is_refused_with_a_reason(content: bytes, reason: str) -> None:
+    crc = zlib.crc32(content, CRC_START)
+    assert frame_from_bytes(content + struct.pack("<I", crc)) == reason
+    if 8 <= len(content) <= 364:
+        assert frame_from_bytes(content + struct.pack("<I", crc ^ 1)) == "crc"
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        (float("nan"), 0.0, 0.1), (0.0, float("inf"), 0.1), (32.768, 0.0, 0.1),
+        (0.0, -32.768, 0.1), (0.0, 0.0, 1.001), (0.0, 0.0, -0.1),
+    ],
+)  # fmt: skip
+def test_a_request_that_no_frame_tells_is_refused(numbers: tuple[float, float, float]) -> None:
+    with pytest.raises(ValueError, match="no DRIVE frame"):
+        asking.drive_body(1, 2, *numbers)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"x_m": float("nan")}, {"y_m": 3e6}, {"sigma_x_m": 0.0}, {"sigma_y_m": 66.0},
+        {"sigma_yaw_rad": 0.0}, {"correlation": 1.1}, {"age_s": 1.1}, {"yaw_rad": float("inf")},
+    ],
+)  # fmt: skip
+def test_an_external_pose_that_no_frame_tells_is_refused(changes: dict[str, float]) -> None:
+    good = {"x_m": 1.0, "y_m": 2.0, "yaw_rad": 3.0, "sigma_x_m": 0.1, "sigma_y_m": 0.1}
+    asking.external_body(1, 2, **good, sigma_yaw_rad=0.1)
+    with pytest.raises(ValueError, match="must"):
+        asking.external_body(1, 2, **{**good, "sigma_yaw_rad": 0.1, **changes})
+
+
+@given(st.floats(-100, 100))
+def test_the_yaw_of_an_external_pose_may_have_any_number_of_turns(yaw_rad: float) -> None:
+    sigmas = {"sigma_x_m": 0.1, "sigma_y_m": 0.1, "sigma_yaw_rad": 0.1}
+    body = asking.external_body(1, 2, 0.0, 0.0, yaw_rad, **sigmas)
+    told_rad = asking.EXTERNAL_BODY.unpack(body)[4] / 10_000
+    assert -3.1416 <= told_rad <= 3.1415
+    assert abs(np.exp(1j * told_rad) - np.exp(1j * yaw_rad)) < 2e-4
+
+
+# Operations, COBS
+
+
+def a_run() -> st.SearchStrategy[tuple[int, int]]:
+    return st.tuples(st.integers(UNKNOWN, KEEP), st.integers(1, 400))
+
+
+@given(st.lists(a_run(), max_size=20), st.integers(0, 3000))
+def test_operations_are_walked_as_written(runs: list[tuple[int, int]], start: int) -> None:
+    ops, end = b"".join(op(*run) for run in runs), start + sum(length for _, length in runs)
+    walked = maybe_runs(ops, start, end)
+    assert walked is not None
+    assert [(state, after - first) for state, first, after in walked] == runs
+    assert not runs or maybe_runs(ops, start, end - 1) is None
+
+
+@pytest.mark.parametrize("ops", ["7f", "3f", "7f 80", "7f 80 80 80 00", "bf ff ff 7f"])
+def test_a_number_cut_off_or_too_long_is_refused(ops: str) -> None:
+    assert maybe_runs(bytes.fromhex(ops), 0, 10_000) is None
+
+
+@given(st.binary(max_size=700).map(lambda data: data.replace(b"\x07", b"\0")))
+def test_cobs_gives_back_what_went_in_and_has_no_zeros(data: bytes) -> None:
+    encoded = cobs_from_bytes(data)
+    assert 0 not in encoded
+    assert maybe_bytes_from_cobs(encoded) == data
+
+
+@pytest.mark.parametrize("encoded", ["02 00", "00", "03 01", "01 00 01", "ff 01"])
+def test_what_is_no_cobs_is_refused(encoded: str) -> None:
+    assert maybe_bytes_from_cobs(bytes.fromhex(encoded)) is None
+
+
+@pytest.mark.parametrize("size", [253, 254, 255, 508])
+def test_both_forms_of_a_run_of_254_are_read(size: int) -> None:
+    data = bytes(1 + i % 255 for i in range(size))
+    assert maybe_bytes_from_cobs(cobs_from_bytes(data)) == data
+    if size % 254 == 0:
+        assert maybe_bytes_from_cobs(cobs_from_bytes(data) + b"\x01") == data

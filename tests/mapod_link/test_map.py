@@ -1,0 +1,187 @@
+"""The map that the public receiver keeps: the sheet's example, and a slow model that saw the same.
+
+Source: planner link, sections 4, 13 and 14, items 1 and 2.
+"""
+
+import random
+from zlib import crc32
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mapod_link.bodies import FREE, KEEP, OBSTACLE, UNKNOWN
+from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE, int16
+from mapod_link.receiver import Receiver
+from tests.support.planner_sender import (
+    NONCE,
+    SESSION,
+    VECTORS,
+    Line,
+    geom_body,
+    map_body,
+    op,
+    receiving,
+    vector,
+)
+
+
+def planner_of_the_example() -> Receiver:
+    planner = Receiver(NONCE)
+    for name in ("geom", "pose", "map"):
+        planner.feed_datagram(52.3087, vector(name))
+    return planner
+
+
+def test_the_example_frames_are_read_as_the_sheet_says() -> None:
+    planner = planner_of_the_example()
+    assert planner.geom is not None
+    assert (planner.geom.width, planner.geom.cell_m, planner.geom.stale_s) == (101, 0.05, 0.15)
+    assert planner.geom.session == SESSION
+    assert planner.origin == (196, -100)
+    pose = planner.pose
+    assert pose is not None
+    assert (pose.x_m, pose.y_m, pose.v_mps, pose.w_radps) == (12.34, -2.5, 0.65, -0.12)
+    assert (pose.yaw_rad, pose.pitch_rad, pose.roll_rad) == (0.7854, -0.0052, 0.0017)
+    assert (pose.health, pose.mode, pose.t_ms) == (0x7F, 1, 1020)
+    assert (pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s) == (0.012, 0.004, 0.008)
+    assert not planner.rejected
+
+
+def test_the_example_ends_in_the_cells_and_the_digest_of_the_sheet() -> None:
+    planner = planner_of_the_example()
+    expected = np.zeros((101, 101), np.uint8)
+    expected[60:62, 40:43] = OBSTACLE
+    expected[62, 40:] = FREE
+    expected[63, :9] = FREE
+    np.testing.assert_array_equal(planner.window(), expected)
+    assert planner.cell(40, 61) == OBSTACLE
+    assert planner.cell(9, 63) == planner.cell(-1, 0) == planner.cell(0, 101) == UNKNOWN
+    assert planner.digest() == int(VECTORS["digest_crc"], 16)
+
+
+def test_the_acknowledgement_is_that_of_the_sheet() -> None:
+    planner = planner_of_the_example()
+    planner.numbers.gap = 3  # set here only to show the bit, as in the sheet
+    [ack] = planner.poll(52.31)
+    assert ack == vector("ack")
+
+
+def a_run() -> st.SearchStrategy[tuple[int, int]]:
+    return st.tuples(st.integers(UNKNOWN, KEEP), st.integers(1, 400))
+
+
+@st.composite
+def drives(draw: st.DrawFn) -> tuple[int, int, list[tuple[int, int, int, list[tuple[int, int]]]]]:
+    """Width, height and MAP frames: origin, start and runs that fit; origins walk and jump."""
+    width, height = draw(st.integers(3, 60)), draw(st.integers(3, 60))
+    ox, oy = draw(st.sampled_from([0, 32_760, -32_768])), draw(st.sampled_from([0, 32_767, -5]))
+    frames = []
+    for _ in range(draw(st.integers(1, 12))):
+        ox += draw(st.integers(-width - 1, width + 1))
+        oy += draw(st.integers(-3, 3))
+        start = left = draw(st.integers(0, width * height - 1))
+        runs = []
+        for state, length in draw(st.lists(a_run(), max_size=8)):
+            length = min(length, width * height - left)
+            if length:
+                runs.append((state, length))
+            left += length
+        frames.append((ox, oy, start, runs))
+    return width, height, frames
+
+
+@given(drives(), st.integers(0, 2**32))
+def test_the_map_is_that_of_a_dict_that_saw_the_same_frames(
+    drive: tuple[int, int, list[tuple[int, int, int, list[tuple[int, int]]]]], seed: int
+) -> None:
+    width, height, frames = drive
+    line, lost = Line(Receiver(NONCE), seq=0xFFF8), random.Random(seed)
+    line.send(GEOM, geom_body(width=width, height=height))
+    model: dict[tuple[int, int], int] = {}
+    for ox, oy, start, runs in frames:
+        gone = lost.random() < 0.05
+        ops = b"".join(op(state, length) for state, length in runs)
+        line.send(MAP, map_body(ops, start, ox, oy), lost=gone)
+        if gone:
+            continue
+        model = {
+            (i, j): state
+            for (i, j), state in model.items()
+            if ox <= i < ox + width and oy <= j < oy + height
+        }
+        at = start
+        for state, length in runs:
+            for cell in range(at, at + length):
+                if state != KEEP:
+                    model[ox + cell % width, oy + cell // width] = state
+            at += length
+        seen = [[model.get((ox + c, oy + r), 0) for c in range(width)] for r in range(height)]
+        np.testing.assert_array_equal(line.planner.window(), seen)
+        origin = line.planner.origin
+        assert origin is not None
+        assert (int16(origin[0] - ox), int16(origin[1] - oy)) == (0, 0)
+    assert not line.planner.rejected
+
+
+def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
+    receiver = Receiver(NONCE)
+    names = ["geom", "pose", "map", "digest", "stop_zone", "tile_class", "tile_height"]
+    names += ["tile_variance", "tile_slope", "tile_refused"]
+    for name in names:
+        assert receiver.feed_datagram(1.0, vector(name)), name
+    assert receiver.digest_ok
+    assert not receiver.suspect
+    assert receiver.stop_zone is not None
+    counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 5}
+    assert receiver.accepted == counts
+    assert (receiver.newest_seq, receiver.ignored_types) == (10, 0)
+
+
+def test_the_view_follows_the_map_and_cannot_be_written() -> None:
+    line = receiving()
+    view = line.planner.cells
+    line.send(MAP, map_body(op(OBSTACLE, 3), ox=2))
+    assert view is line.planner.cells
+    assert (view[0, :4] == [OBSTACLE, OBSTACLE, OBSTACLE, UNKNOWN]).all()
+    with pytest.raises(ValueError, match="read-only"):
+        view[0, 0] = FREE
+    copy = line.planner.window()
+    line.send(MAP, map_body(op(FREE, 3), ox=2))
+    assert copy[0, 0] == OBSTACLE
+
+
+def test_a_place_in_the_map_frame_has_a_cell() -> None:
+    receiver = planner_of_the_example()
+    i, j = 196 + 40, -100 + 60
+    assert receiver.cell_at((i + 0.5) * 0.05, (j + 0.5) * 0.05) == OBSTACLE
+    assert receiver.cell_at((i - 0.5) * 0.05, (j + 0.5) * 0.05) == UNKNOWN
+    assert receiver.cell_at(1e6, 0.0) == UNKNOWN
+    assert Receiver(NONCE).cell_at(0.0, 0.0) == UNKNOWN
+
+
+@pytest.mark.parametrize("x_m", [-1700.0, 0.0, 1700.0, 90_000.0])
+def test_the_first_origin_lies_near_the_robot_wherever_the_endless_grid_has_wrapped(
+    x_m: float,
+) -> None:
+    line = Line(Receiver(NONCE))
+    line.send(GEOM, geom_body())
+    pose = round(x_m * 1000).to_bytes(4, "little", signed=True) + bytes(20)
+    line.send(POSE, pose)
+    corner = round(x_m / 0.05) - 4
+    line.send(MAP, map_body(ox=corner, oy=-2))
+    assert line.planner.origin == (corner, -2)
+    line.send(MAP, map_body(ox=corner + 1, oy=-3))
+    assert line.planner.origin == (corner + 1, -3)
+
+
+def test_the_digest_is_that_of_cells_packed_one_by_one() -> None:
+    chance = random.Random(3)
+    line = receiving(width=7, height=3)
+    cells = [chance.choice([0, 1, 2]) for _ in range(21)]
+    line.send(MAP, map_body(b"".join(op(state, 1) for state in cells)))
+    packed = bytearray(6)
+    for k, state in enumerate(cells):
+        packed[k // 4] |= state << 2 * (k % 4)
+    assert line.planner.digest() == crc32(bytes(packed))

@@ -1,0 +1,1 @@
+"""What several tests share: benches, scripted devices, slow models."""

@@ -1,0 +1,95 @@
+"""A fake LMS111 and a host that writes frames and looks at what came back; frames of the sheet."""
+
+import struct
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+from fakes.lms1xx.device import FakeLms111
+from tests import VECTORS
+
+F64 = npt.NDArray[np.float64]
+START_S = 500.0
+FRAMES = {
+    row.split("\t")[1]: bytes.fromhex(row.split("\t")[2])
+    for row in (VECTORS / "lms111_frames.tsv").read_text().splitlines()
+    if not row.startswith("#")
+}
+
+TEXTS = {
+    row.split("\t")[1]: row.split("\t")[2].encode()
+    for row in (VECTORS / "lms111_texts.tsv").read_text().splitlines()
+    if not row.startswith("#")
+}
+
+
+def framed(text: str, values: bytes = b"") -> bytes:
+    """A command or an answer, by the rule of section 2."""
+    payload = text.encode() + values
+    check = 0
+    for byte in payload:
+        check ^= byte
+    return b"\x02" * 4 + struct.pack(">I", len(payload)) + payload + bytes([check])
+
+
+def payloads(stream: bytes) -> list[bytes]:
+    """Of whole telegrams; fails on anything else."""
+    found = []
+    while stream:
+        assert stream[:4] == b"\x02" * 4
+        end = 9 + int.from_bytes(stream[4:8], "big")
+        found.append(stream[8 : end - 1])
+        assert framed("", found[-1]) == stream[:end]
+        stream = stream[end:]
+    return found
+
+
+def raw_of(scan: bytes) -> list[int]:
+    """The DIST1 values of a telegram without encoder."""
+    _, _, count = struct.unpack_from(">iHH", scan, 69)
+    assert scan[56:61] == b"DIST1"
+    return list(struct.unpack_from(f">{count}H", scan, 77))
+
+
+def counters(scans: list[bytes]) -> list[int]:
+    return [struct.unpack_from(">H", scan, 28)[0] for scan in scans]
+
+
+def five_metres(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+    return np.full(len(times_s), 5.0)
+
+
+class Bench:
+    """A fake and a host that writes frames and looks at what came back."""
+
+    def __init__(self, truth: Callable[[float, F64, F64], F64] = five_metres) -> None:
+        self.fake = FakeLms111(truth, seed=3)
+        self.now_s = START_S
+        self.fake.exchange(self.now_s, b"")
+
+    def ask(self, command: bytes, wait_s: float = 0.02) -> bytes:
+        """The raw answer of a command, with all else that came within wait_s."""
+        sent = self.fake.exchange(self.now_s, command)
+        self.now_s += wait_s
+        return sent + self.fake.exchange(self.now_s, b"")
+
+    def listen(self, seconds: float) -> list[bytes]:
+        """What comes, as payloads."""
+        sent = b""
+        until_s = self.now_s + seconds
+        while self.now_s < until_s:
+            self.now_s += 0.005
+            sent += self.fake.exchange(self.now_s, b"")
+        return payloads(sent)
+
+    def scans(self, seconds: float) -> list[bytes]:
+        heard = self.listen(seconds)
+        return [payload for payload in heard if payload.startswith(b"sSN LMDscandata ")]
+
+    def start(self, *settings: bytes) -> None:
+        """The order of a session, up to streaming; nothing is lost on the way."""
+        for command in (FRAMES["login"], *settings, FRAMES["start"], FRAMES["run"]):
+            assert b"sFA" not in self.ask(command)
+        self.now_s += self.fake.spin_up_s - 0.04  # since its start
+        self.ask(FRAMES["subscribe"], 0.002)

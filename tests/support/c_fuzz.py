@@ -1,0 +1,132 @@
+"""Fuzzing of the C header: inputs to begin with, the fuzzer, and the long run.
+
+`python -m tests.support.c_fuzz --seconds 600 --seed 1` runs coverage-guided until the time is
+over; what it finds to be of use is kept in hw/mcu/build/corpus.
+"""
+
+import argparse
+import json
+import random
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+from tests import ROOT
+from tests.support.c_link import BUILD, built
+
+SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+VECTORS = ROOT / "tests/vectors" / "planner_link.json"
+GEOM, POSE, MAP, DIGEST, ZONE, TILE = 1, 2, 3, 4, 5, 6
+TAGGED, BROKEN, NOISE, LATE = 0x10, 0x20, 0x80, 8  # ways to feed a piece, see fuzz.c
+
+
+def build_fuzzer() -> Path:
+    """For libFuzzer: only clang has it."""
+    options = ("-g", "-O1", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all")
+    return built("fuzz", "host/fuzz.c", *options, compiler="clang", package="clang libclang-rt-dev")
+
+
+def build_replayer(compiler: str) -> Path:
+    """The same without a guide: takes the inputs that it is given."""
+    name = f"replay-{compiler}"
+    return built(name, "host/fuzz.c", *SANITIZED, "-DFUZZ_MAIN", compiler=compiler)
+
+
+def piece(frame_type: int, body: bytes, way: int = 1) -> bytes:
+    """One frame as the fuzzer takes it: its head and CRC are made there."""
+    frame = bytes([0x10 | frame_type]) + bytes(7) + body
+    return bytes([way]) + struct.pack("<H", len(frame)) + frame
+
+
+def geom(width: int, height: int, geom_id: int = 7) -> bytes:
+    """Body of GEOM."""
+    return struct.pack("<BxHHHIHH", geom_id, width, height, 50, 0x5A17C0DE, 20, 150)
+
+
+def random_ops(rng: random.Random) -> bytes:
+    """Operations that mostly fit into a window of 30 x 30."""
+    ops = bytearray()
+    for _ in range(rng.randint(0, 12)):
+        state = rng.randrange(4) << 6
+        if rng.random() < 0.2:
+            ops += bytes([state | 63, rng.choice([5, 0x80, 0xFF]), rng.randrange(4)])
+        else:
+            ops.append(state | rng.randrange(63))
+    return bytes(ops)
+
+
+def random_input(seed: int) -> bytes:
+    """A conversation with valid frames of arbitrary bodies, noise and damage."""
+    rng = random.Random(seed)
+    tagged = TAGGED * rng.randrange(2)
+    width = rng.randint(1, 30)
+    pieces = [piece(GEOM, geom(width, rng.randint(1, 30)), 1 | tagged)]
+    ox, oy = rng.randrange(-32768, 32768), 32766
+    for _ in range(rng.randint(5, 40)):
+        ox, oy = ox + rng.randint(-3, 3), oy + rng.randint(-2, 2)
+        start = rng.randrange(width * 2).to_bytes(3, "little")
+        place = struct.pack("<HHHB", ox % 65536, oy % 65536, rng.randrange(65536), 7)
+        pose = struct.pack("<ii6H", 5, 6, 1, 2, 3, 4, 5, 0x7F) + bytes([1, 2, 3, 1])
+        kind, body = rng.choice(
+            [
+                (MAP, place + start + random_ops(rng)),
+                (MAP, place + start + random_ops(rng)),
+                (POSE, pose),
+                (rng.randrange(16), rng.randbytes(rng.choice([0, 8, 16, 20, 24, 40, 200, 356]))),
+                (TILE, rng.randbytes(2) + bytes([rng.randrange(5), 0]) + rng.randbytes(30)),
+                (DIGEST, b"\7\0\0\0" + rng.randbytes(4)),
+                (ZONE, rng.randbytes(20)),
+            ]
+        )
+        way = rng.choice([1, 1, 1, 2, 5, BROKEN | 1, NOISE | 1, LATE | 1, 0x41]) | tagged
+        pieces.append(piece(kind, body, way))
+    return b"".join(pieces)
+
+
+def seeds() -> list[bytes]:
+    """The protocol's own frames, in one conversation and each after GEOM, plain and with tags."""
+    vectors = json.loads(VECTORS.read_text())
+    small = piece(GEOM, geom(30, 30))
+    names = [name for name in vectors if f"{name}_serial" in vectors]
+    frames = {name: bytes.fromhex(vectors[name]) for name in names}
+    single = [piece(frame[0] & 15, frame[8:-4]) for frame in frames.values()]
+    tagged = [bytes([each[0] | TAGGED]) + each[1:] for each in (small, *single)]
+    return [
+        small + b"".join(single),
+        b"".join(tagged),
+        *(small + each for each in single),
+        *(random_input(seed) for seed in range(8)),
+    ]
+
+
+def write_inputs(folder: Path, inputs: list[bytes]) -> list[Path]:
+    """One file each."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / f"seed-{k:04d}" for k in range(len(inputs))]
+    for path, content in zip(paths, inputs, strict=True):
+        path.write_bytes(content)
+    return paths
+
+
+def fuzz(corpus: Path, *limits: str) -> subprocess.CompletedProcess[str]:
+    """Run the fuzzer in a corpus that has the seeds in it."""
+    write_inputs(corpus, seeds())
+    command = [str(build_fuzzer()), "-max_len=1500", "-print_final_stats=1", *limits, str(corpus)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=corpus.parent)
+
+
+def main() -> int:
+    """The long run; 0 if nothing was found."""
+    arguments = argparse.ArgumentParser(description="fuzz the C header of the planner link")
+    arguments.add_argument("--seconds", type=int, default=600)
+    arguments.add_argument("--seed", type=int, default=1)
+    chosen = arguments.parse_args()
+    limits = (f"-max_total_time={chosen.seconds}", f"-seed={chosen.seed}")
+    done = fuzz(BUILD / "corpus", *limits)
+    sys.stdout.write(done.stderr[-3000:])
+    return done.returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

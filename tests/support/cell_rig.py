@@ -1,0 +1,97 @@
+"""Cells of method `beams` on a level ground, fed return by return: for tests of single cells."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from core.grid.window import StateWindow
+from core.mapping.beams.carving import Clearing
+from core.mapping.beams.cells import CellGrid
+from core.mapping.beams.classifier import Deciding
+from core.mapping.beams.elevation import Elevation
+from core.mapping.beams.ground import GroundTracker
+from core.mapping.rays import Sweep
+
+F64 = npt.NDArray[np.float64]
+Point = tuple[float, float, float]
+CELL_M, H, HEIGHT_M = 0.2, 0.10, 1.30
+SURE = (True, True, True)  # the ground is known well, and so is its height just now
+LENS: Point = (0.0, 0.0, 1.08)
+SCAN_S = 0.04
+
+
+def sweep_to(points: list[Point], lens: Point = LENS, t_s: float = 0.0) -> Sweep:
+    """One beam from a lens to each place (map frame, metres)."""
+    array = np.array(points, dtype=np.float64).reshape(-1, 3)
+    lenses = np.tile(np.array(lens), (len(array), 1))
+    ranges_m = np.linalg.norm(array - lenses, axis=1)
+    return Sweep(t_s, lenses, (array - lenses) / ranges_m[:, None], ranges_m[None, :])
+
+
+def floor_around(x: float, y: float) -> list[Point]:
+    """A floor return in each of the eight cells around a place."""
+    steps = (-CELL_M, 0.0, CELL_M)
+    return [(x + dx, y + dy, 0.0) for dx in steps for dy in steps if (dx, dy) != (0.0, 0.0)]
+
+
+class CellRig:
+    """An elevation map and the obstacle map made of it, bounds +-0.10 m."""
+
+    def __init__(
+        self,
+        cells: int = 41,
+        window: int = 41,
+        *,
+        filters: bool = False,
+        soft_free_below_m: float = 0.0,
+    ) -> None:
+        self.cells = CellGrid(cells, CELL_M)
+        self.window = StateWindow(window, CELL_M)
+        self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters)
+        self.clearing = Clearing(self.cells)
+        self.deciding = Deciding(self.cells, self.window, H, -H, soft_free_below_m)
+        self.ground: F64 = GroundTracker(self.cells).numbers  # level, at z = 0
+        self.t_s = 0.0
+
+    def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
+        """A whole scan; how many returns it had."""
+        returns = self.fill(sweep, trust)
+        self.clearing.add(sweep, self.ground)
+        self.deciding.decide(self.cells.touched[: self.cells.used])
+        self.t_s += SCAN_S
+        return returns
+
+    def fill(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
+        """The returns of a scan into the cells, and nothing more; how many it had."""
+        self.cells.begin_scan()
+        return self.elevation.add(sweep, self.ground, trust)
+
+    def add(self, *points: Point, lens: Point = LENS) -> int:
+        """A scan of one return per beam."""
+        return self.take(sweep_to(list(points), lens, self.t_s))
+
+    def add_silent(self, *points: Point, lens: Point = LENS) -> int:
+        """A scan of beams towards places, of which nothing comes back."""
+        sweep = sweep_to(list(points), lens, self.t_s)
+        silent = np.full_like(sweep.ranges_m, np.nan)
+        return self.take(Sweep(sweep.t_s, sweep.lenses, sweep.rays, silent))
+
+    def follow(self, x: float, y: float) -> None:
+        """Move both windows with the robot."""
+        self.cells.grid.follow(x, y)
+        self.deciding.follow(x, y)
+
+    def state(self, x: float, y: float) -> int:
+        """What the cell at a place means; the place must be in the window."""
+        grid = self.window.grid
+        i, j = grid.cell_of(x, y)
+        assert 0 <= i - grid.corner_i < grid.size
+        assert 0 <= j - grid.corner_j < grid.size
+        return int(self.window.cells[j % grid.size, i % grid.size])
+
+    def cell(self, x: float, y: float) -> Any:
+        """The record (one element) of the cell at a place."""
+        i, j = self.cells.grid.cell_of(x, y)
+        size = self.cells.grid.size
+        return self.cells.cells[j % size, i % size]

@@ -1,0 +1,212 @@
+"""A robot that drives through the world of `flat_world.py`: its sensors' records, in order.
+
+The robot of the settings: scanner where they say, drive axle, and a castor 0.4 m ahead of it on
+which it leans. It begins at the origin of the map frame, looking along +x.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from core.config import Config, load_config, with_changes
+from core.mapping.beams.maps import BeamMaps
+from core.mapping.mapper import Mapper
+from core.records import Attitude, Scan, WheelCounts
+from tests import ROOT
+from tests.support.flat_world import F64, Profile, World
+
+SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+CASTOR_M = 0.4
+SCAN_S, ATTITUDE_S, COUNTS_S = 0.04, 0.01, 0.05
+BEAM_DT_S = 0.25 / 360 / 25
+EARTH_YAW_RAD = 0.7  # of the map's x axis
+SHAKE_S = 0.3  # how long the attitude sensor's error lasts
+STEP_S = 0.005  # of the path's integration
+
+
+def config_of(**sections: dict[str, Any]) -> Config:
+    """The shipped settings with some keys changed."""
+    return with_changes(SHIPPED, **sections)
+
+
+def R_of(rpy: F64) -> F64:
+    """Rotations (n, 3, 3) of (roll, pitch, yaw) rows (n, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy).T, np.sin(rpy).T
+    zero, one = np.zeros(len(rpy)), np.ones(len(rpy))
+    Rx = np.array([[one, zero, zero], [zero, cr, -sr], [zero, sr, cr]])
+    Ry = np.array([[cp, zero, sp], [zero, one, zero], [-sp, zero, cp]])
+    Rz = np.array([[cy, -sy, zero], [sy, cy, zero], [zero, zero, one]])
+    return np.asarray(np.einsum("ijn,jkn,kln->nil", Rz, Ry, Rx))
+
+
+@dataclass(frozen=True)
+class Ride:
+    """Steady speed and turn after a rest, on whatever the ground is; and how the body pitches."""
+
+    v_mps: float = 0.0
+    w_radps: float = 0.0
+    rest_s: float = 0.0  # before it sets out
+    stop_s: float = math.inf  # when it stands again
+    pitching_rad: float = 0.0  # amplitude
+    pitching_hz: float = 1.0
+    noise_rad: float = math.radians(0.05)  # of the attitude sensor
+    bias_rad: tuple[float, float] = (0.0, 0.0)  # roll, pitch: measured minus true
+
+
+class Path3:
+    """The true motion (n, 3) of the body over time, by small steps."""
+
+    def __init__(self, ride: Ride, ground: Profile, seconds: float) -> None:
+        self._ride = ride
+        self._t_s = np.arange(0.0, seconds + 1.0, STEP_S)
+        moves = (self._t_s >= ride.rest_s) & (self._t_s < ride.stop_s)
+        self._travel_m = np.cumsum(np.where(moves, ride.v_mps * STEP_S, 0.0))
+        self._yaw_rad = np.cumsum(np.where(moves, ride.w_radps * STEP_S, 0.0))
+        places, leaning = np.zeros((len(moves), 2)), np.zeros((len(moves), 2))
+        place = np.zeros(2)
+        for k, yaw in enumerate(self._yaw_rad):
+            ahead = np.array([math.cos(yaw), math.sin(yaw)])
+            left = np.array([-ahead[1], ahead[0]])
+            feet = place + np.array([0 * ahead, CASTOR_M * ahead, 0.25 * left, -0.25 * left])
+            axle, castor, port, starboard = ground.height(feet)
+            pitch = -math.atan2(castor - axle, CASTOR_M)
+            places[k], leaning[k] = place, (math.atan2(port - starboard, 0.5), pitch)
+            step_m = ride.v_mps * STEP_S if moves[k] else 0.0
+            place = place + step_m * math.cos(pitch) * ahead
+        self._xyz_m = np.column_stack([places, ground.height(places)])
+        self._leaning_rad = leaning
+
+    def xyz(self, t_s: F64) -> F64:
+        """Places (n, 3) of the body's origin."""
+        return np.column_stack([np.interp(t_s, self._t_s, part) for part in self._xyz_m.T])
+
+    def rpy(self, t_s: F64) -> F64:
+        """(roll, pitch, yaw) rows (n, 3) in the map frame."""
+        lean = [np.interp(t_s, self._t_s, part) for part in self._leaning_rad.T]
+        ride = self._ride
+        lean[1] = lean[1] + ride.pitching_rad * np.sin(2 * np.pi * ride.pitching_hz * t_s)
+        return np.column_stack([*lean, np.interp(t_s, self._t_s, self._yaw_rad)])
+
+    def wheels(self, t_s: float) -> tuple[float, float]:
+        """Travel of the left and of the right wheel."""
+        travel = float(np.interp(t_s, self._t_s, self._travel_m))
+        rim = 0.5 * SHIPPED.robot.track_width_m * float(np.interp(t_s, self._t_s, self._yaw_rad))
+        return travel - rim, travel + rim
+
+
+class Rig:
+    """Mapper, world and robot on one clock."""
+
+    def __init__(
+        self, config: Config, world: World, ride: Ride, seconds: float, seed: int = 7
+    ) -> None:
+        self.mapper = Mapper(config)
+        maps = self.mapper.maps
+        assert isinstance(maps, BeamMaps)
+        self.maps = maps
+        self.world, self.ride, self.seconds = world, ride, seconds
+        self.path = Path3(ride, world.ground, seconds)
+        self.now_s = 0.0
+        self._config, self._random = config, np.random.default_rng(seed)
+        self._attitudes = self._counts = 0  # told so far
+        self._error_rad = np.zeros(3)
+
+    def drive(self) -> Iterator[float]:
+        """Scan by scan, each on the map when its time is yielded."""
+        for k in range(1, int(self.seconds / SCAN_S)):
+            begin_s = k * SCAN_S
+            scan = self._scan(begin_s)
+            self._tell(begin_s + SCAN_S)
+            self.mapper.add_scan(scan)
+            self.mapper.settle(begin_s + SCAN_S)
+            self.now_s = begin_s + SCAN_S
+            yield self.now_s
+
+    def run(self) -> "Rig":
+        """The whole ride."""
+        for _ in self.drive():
+            pass
+        return self
+
+    def place(self) -> tuple[float, float, float]:
+        """Where the body's origin truly is now."""
+        x, y, z = (float(part) for part in self.path.xyz(np.array([self.now_s]))[0])
+        return x, y, z
+
+    def _scan(self, begin_s: float) -> Scan:
+        """What the scanner measures."""
+        scanner = self._config.scanner
+        n = round((scanner.last_deg - scanner.first_deg) / scanner.angular_step_deg) + 1
+        dt_s = BEAM_DT_S * scanner.angular_step_deg / 0.25
+        t_s: F64 = np.asarray(begin_s + dt_s * np.arange(n), dtype=np.float64)
+        bearings = np.radians(np.linspace(scanner.first_deg - 90, scanner.last_deg - 90, n))
+        mount = np.radians([[scanner.mount_roll_deg, scanner.mount_tilt_deg, 0.0]])
+        flat_rays = np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros(n)])
+        R_map_body = R_of(self.path.rpy(t_s))
+        rays = np.einsum("nij,nj->ni", R_map_body, flat_rays @ R_of(mount)[0].T)
+        arm = np.array([scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m])
+        lenses = self.path.xyz(t_s) + R_map_body @ arm
+        echoes = 2 if scanner.echo == "both" else 1
+        ranges_m = self.world.ranges(lenses, rays, t_s, echoes)
+        step = float(bearings[1] - bearings[0])
+        return Scan(begin_s, dt_s, float(bearings[0]), step, ranges_m, 0, begin_s + SCAN_S)
+
+    def _tell(self, until_s: float) -> None:
+        """Attitudes and counts up to an instant."""
+        while self._attitudes * ATTITUDE_S <= until_s + 1e-9:
+            self.mapper.add_attitude(self._attitude(self._attitudes * ATTITUDE_S))
+            self._attitudes += 1
+        per_m = (
+            4 * self._config.robot.encoder_ppr / (2 * math.pi * self._config.robot.wheel_radius_m)
+        )
+        while self._counts * COUNTS_S <= until_s + 1e-9:
+            left, right = self.path.wheels(self._counts * COUNTS_S)
+            counts = WheelCounts(self._counts * COUNTS_S, left * per_m, right * per_m, 0)
+            self.mapper.add_counts(counts)
+            self._counts += 1
+
+    def _attitude(self, t_s: float) -> Attitude:
+        """What the attitude sensor says: the truth, its bias, and an error that wanders."""
+        kept = math.exp(-ATTITUDE_S / SHAKE_S)
+        fresh = math.sqrt(1 - kept**2) * self.ride.noise_rad
+        self._error_rad = kept * self._error_rad + self._random.normal(0.0, fresh, 3)
+        now, soon = self.path.rpy(np.array([t_s, t_s + 0.001]))
+        R = R_of(np.stack([now, soon]))
+        turn = (R[0].T @ R[1] - np.eye(3)) / 0.001
+        told = now + self._error_rad + np.array([*self.ride.bias_rad, EARTH_YAW_RAD])
+        return Attitude(t_s, q_of(*told), (turn[2, 1], turn[0, 2], turn[1, 0]))
+
+
+def q_of(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Unit quaternion (w, x, y, z) of yaw, then pitch, then roll."""
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return (
+        cy * cp * cr + sy * sp * sr,
+        cy * cp * sr - sy * sp * cr,
+        cy * sp * cr + sy * cp * sr,
+        sy * cp * cr - cy * sp * sr,
+    )
+
+
+def places_where(rig: Rig, state: int) -> npt.NDArray[np.float64]:
+    """Middles (k, 2) of the window's cells that mean `state`."""
+    grid = rig.maps.window.grid
+    rows, columns = np.nonzero(rig.maps.window.cells == state)
+    i = grid.corner_i + (columns - grid.corner_i) % grid.size
+    j = grid.corner_j + (rows - grid.corner_j) % grid.size
+    return np.column_stack([(i + 0.5) * grid.cell_m, (j + 0.5) * grid.cell_m])
+
+
+def state_at(rig: Rig, x: float, y: float) -> int:
+    """What the window says of a place in it."""
+    grid = rig.maps.window.grid
+    i, j = grid.cell_of(x, y)
+    assert 0 <= i - grid.corner_i < grid.size
+    assert 0 <= j - grid.corner_j < grid.size
+    return int(rig.maps.window.cells[j % grid.size, i % grid.size])

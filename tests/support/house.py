@@ -1,0 +1,173 @@
+"""The real program as a process against fakes on real TCP and ptys, which a test steps.
+
+No waiting but in select: the fakes' steps set the pace; a wait ends when its condition holds.
+"""
+
+import json
+import os
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from fakes.ax3500.device import FakeAx3500
+from fakes.lms1xx.device import FakeLms111
+from fakes.mti.device import FakeMti
+from fakes.wires.wire import Fake, PtyWire, TcpWire
+from fakes.world.simple import Room
+from tests import ROOT
+from tests.support.real_time import StillWheels, level_sensor
+from tools.cli.demo import rewritten
+
+STEP_S = 0.002
+POSE = 0x12
+HEALTH_AT = 26  # of a POSE frame: 8 of head, 18 of body
+OK = {"scanner": 1 << 0, "ahrs": 1 << 1, "drive": 1 << 2}  # health bits of the devices
+
+
+class House:
+    """The process, its three devices and a planner's ear. Faults are set on `fakes` and `wires`."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.log: list[dict[str, Any]] = []
+        self.health = 0  # newest
+        self.seen: list[int] = []  # health of each POSE frame, until somebody takes them
+        self._planner = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._planner.bind(("127.0.0.1", 0))
+        self._planner.setblocking(False)
+        self.scanner = FakeLms111(Room("room").ranges_m_at, 1)
+        self.ahrs, self.drive = self.new_ahrs(), self.new_drive()
+        self.scanner_wire: TcpWire | None = TcpWire(self.scanner)
+        self.scanner_port = self.scanner_wire.port
+        self.links = {name: str(folder / name) for name in ("ahrs", "drive")}
+        self.lines: dict[str, PtyWire] = {}
+        self._unread = b""
+        self.process: subprocess.Popen[bytes] | None = None
+
+    @staticmethod
+    def new_ahrs() -> FakeMti:
+        return level_sensor()
+
+    @staticmethod
+    def new_drive() -> FakeAx3500:
+        return FakeAx3500(StillWheels(), 1)
+
+    def start(self) -> None:
+        """Start the program; whatever is absent then is absent at its start."""
+        values = {
+            "scanner.port": f"tcp://127.0.0.1:{self.scanner_port}",
+            "ahrs.port": f"serial://{self.links['ahrs']}?baud=115200",
+            "drive.port": f"serial://{self.links['drive']}?baud=9600&parity=E&bytesize=7",
+            "planner.port": f"udp://127.0.0.1:{self._planner.getsockname()[1]}",
+            "log.format": "json",
+        }
+        config = self._folder / "mapod.toml"
+        shipped = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+        config.write_text(rewritten(shipped, values), encoding="utf-8")
+        self.process = subprocess.Popen(
+            [sys.executable, str(ROOT / "main.py"), "--config", str(config)],
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        assert self.process.stderr is not None
+        os.set_blocking(self.process.stderr.fileno(), False)
+
+    def plug_in(self, name: str, fake: Fake) -> None:
+        """Put a fake on the serial port of that name, instead of what was there."""
+        self.unplug(name)
+        self.lines[name] = PtyWire(fake, self.links[name])
+
+    def unplug(self, name: str) -> None:
+        """The port's adapter is pulled: its path is away."""
+        if name in self.lines:
+            self.lines.pop(name).close()
+
+    def step(self) -> None:
+        """Fakes up to now; then up to 2 ms of waiting for what the program says."""
+        assert self.process is not None
+        assert self.process.stderr is not None
+        for wire in (self.scanner_wire, *self.lines.values()):
+            if wire is not None:
+                wire.step(time.monotonic())
+        said, pose = self.process.stderr.fileno(), self._planner.fileno()
+        ready, _, _ = select.select([said, pose], [], [], STEP_S)
+        if said in ready:
+            self._read_log(said)
+        if pose in ready:
+            frame = self._planner.recv(2048)
+            if frame[0] == POSE:
+                (self.health,) = struct.unpack_from("<H", frame, HEALTH_AT)
+                self.seen.append(self.health)
+
+    def _read_log(self, fd: int) -> None:
+        data = os.read(fd, 65536)
+        assert data or self.process is None or self.process.poll() is None, self._unread.decode()
+        lines = (self._unread + data).split(b"\n")
+        self._unread = lines.pop()
+        for line in lines:
+            try:
+                self.log.append(json.loads(line))
+            except ValueError:
+                raise AssertionError(f"no log line: {line.decode()}") from None
+
+    def until(self, done: Callable[[], object], limit_s: float = 15.0) -> None:
+        """Step until it holds."""
+        begun_s = time.monotonic()
+        while not done():
+            self.step()
+            if time.monotonic() - begun_s > limit_s:
+                raise AssertionError(f"it did not come about; the log ends {self.log[-6:]}")
+
+    def run(self, seconds: float) -> None:
+        """Let so much real time pass."""
+        begun_s = time.monotonic()
+        self.until(lambda: time.monotonic() - begun_s >= seconds)
+
+    def all_run(self) -> bool:
+        """As the planner is told."""
+        return self.health & 7 == 7
+
+    def has_said(self, device: str, words: str, since: int = 0) -> bool:
+        """Whether a log line from the given one on tells this cause of the device."""
+        return any(words in line["cause"] for line in self.changes(device, since))
+
+    def changes(self, device: str, since: int = 0) -> list[dict[str, Any]]:
+        """The log lines about a device's state."""
+        return [
+            line
+            for line in self.log[since:]
+            if line["event"] == "device_changed" and line["device"] == device
+        ]
+
+    def processor_s(self) -> float:
+        """Time of the processor that the program has used so far."""
+        assert self.process is not None
+        stat = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii")
+        user, system = stat.rpartition(")")[2].split()[11:13]
+        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+
+    def close(self) -> int:
+        """End the program as its user does; its exit status."""
+        status = 0
+        if self.process is not None:
+            self.process.send_signal(signal.SIGTERM)
+            try:
+                status = self.process.wait(timeout=10)
+            finally:
+                self.process.kill()
+                assert self.process.stderr is not None
+                self.process.stderr.close()
+        for name in list(self.lines):
+            self.unplug(name)
+        if self.scanner_wire is not None:
+            self.scanner_wire.close()
+        self._planner.close()
+        return status

@@ -1,0 +1,260 @@
+"""A Modbus server on a real port of this machine, a published image, and clients made of bytes."""
+
+import asyncio
+import contextlib
+import math
+import os
+import socket
+import tty
+from collections.abc import AsyncIterator, Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from core.records import I8, ObstacleWindow, PoseReport, StopZoneReport
+from hw.modbus.client import Desk
+from hw.modbus.image import RegisterImage
+from hw.modbus.server import ModbusServer
+
+START_S = 1000.0
+SIZE, CELL_MM = 29, 200
+GOOD = PoseReport(1.0, -2.0, 0.5, 0.01, -0.02, 0.25, -0.1, 0x7F, 0.01, 0.02, 0.03, 1)
+SECTORS_M = (1.0, 2.0, math.inf, 3.0, 4.0, 5.0, 6.0, 0.5)
+CLEAR = StopZoneReport(2.0, 2.5, 1.0, math.inf, math.inf, 0.8, 0.4, 0.5, 0.1, SECTORS_M, 1, 0)
+BAD = replace(GOOD, health=0x0C, mode=3)
+READ_TEN = bytes.fromhex("00 01 00 00 00 06 01 03 00 00 00 0A")
+
+
+class Clock:
+    """A clock that a test moves."""
+
+    def __init__(self) -> None:
+        self.now_s = START_S
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+class Later:
+    """A call to come."""
+
+    def __init__(self, due_s: float, callback: Callable[[], object]) -> None:
+        self.due_s, self.callback = due_s, callback
+
+    def cancel(self) -> None:
+        self.callback = int
+
+
+class Loop:
+    """Calls that come when a test says so, on its clock."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
+        self.calls: list[Later] = []
+
+    def call_soon(self, callback: Callable[[], object], /) -> Later:
+        return self.call_later(0.0, callback)
+
+    def call_later(self, delay_s: float, callback: Callable[[], object], /) -> Later:
+        self.calls.append(Later(self.clock.now_s + delay_s, callback))
+        return self.calls[-1]
+
+    def step(self) -> None:
+        """Make the next call, at its time."""
+        call = min(self.calls, key=lambda call: call.due_s)
+        self.calls.remove(call)
+        self.clock.now_s = max(self.clock.now_s, call.due_s)
+        call.callback()
+
+
+def desk_of(image: RegisterImage, clock: Clock) -> Desk:
+    """What clients share: unit 1 live, unit 2 a frozen view."""
+    return Desk(
+        image=image,
+        clock=clock,
+        utc_s=lambda: 0.0,
+        loop=Loop(clock),
+        views={1: None, 2: image.new_view()},
+        is_silent=False,
+        identity=dict.fromkeys(range(7), b"text"),
+    )
+
+
+def window_of(
+    cells: I8, corner: tuple[int, int] = (-7, 3), *, trusted: bool = True, epoch: int = 0
+) -> ObstacleWindow:
+    """An obstacle window of these ring cells."""
+    changed = np.zeros(0, dtype=np.int32)
+    return ObstacleWindow(cells, corner[0], corner[1], changed, epoch, trusted)
+
+
+def some_cells(seed: int, size: int = SIZE) -> I8:
+    """Cells of all three states."""
+    return np.random.default_rng(seed).integers(-1, 2, (size, size)).astype(np.int8)
+
+
+def new_image(**settings: Any) -> RegisterImage:
+    """An image to which something was published at START_S."""
+    usual: dict[str, Any] = {"size": SIZE, "cell_mm": CELL_MM, "session": 7, "version": "0.1.0"}
+    given = usual | settings
+    image = RegisterImage(**given)
+    image.publish(START_S, GOOD, CLEAR, window_of(some_cells(1, given["size"])))
+    return image
+
+
+async def until(done: Callable[[], object]) -> None:
+    """Give the loop and the kernel up to a few seconds to bring it about."""
+    for _ in range(4000):
+        if done():
+            return
+        await asyncio.sleep(0.001)
+    raise AssertionError("it did not come about")
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    """A port of this machine that nobody uses."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextlib.asynccontextmanager
+async def serving(
+    url: str, image: RegisterImage, clock: Callable[[], float], unit: int = 1
+) -> AsyncIterator[ModbusServer]:
+    """A server that runs."""
+    server = ModbusServer(url, image, clock, unit=unit)
+    server.start()
+    try:
+        await until(lambda: server.status.state == "running")
+        yield server
+    finally:
+        await server.stop()
+
+
+class Tcp:
+    """A client on a TCP connection, in bytes."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.reader, self.writer = reader, writer
+
+    @classmethod
+    async def connect(cls, port: int) -> "Tcp":
+        """To this machine."""
+        return cls(*await asyncio.open_connection("127.0.0.1", port))
+
+    async def ask(self, request: bytes) -> bytes:
+        """The answer to one request."""
+        self.writer.write(request)
+        return await self.answer()
+
+    async def answer(self) -> bytes:
+        """The next answer."""
+        head = await asyncio.wait_for(self.reader.readexactly(6), 5)
+        return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 5)
+
+    async def ended(self) -> bool:
+        """Whether the server closed the connection; waits for that, or for bytes."""
+        with contextlib.suppress(ConnectionResetError):
+            return not await asyncio.wait_for(self.reader.read(1), 5)
+        return True
+
+    def close(self) -> None:
+        """End the connection."""
+        self.writer.close()
+
+
+class Udp(asyncio.DatagramProtocol):
+    """A client with a UDP socket of its own."""
+
+    def __init__(self) -> None:
+        self.heard: asyncio.Queue[bytes] = asyncio.Queue()
+        self.transport: asyncio.DatagramTransport | None = None
+
+    @classmethod
+    async def connect(cls, port: int) -> "Udp":
+        """To this machine."""
+        loop = asyncio.get_running_loop()
+        transport, client = await loop.create_datagram_endpoint(
+            cls, remote_addr=("127.0.0.1", port)
+        )
+        client.transport = transport
+        return client
+
+    def datagram_received(self, data: bytes, addr: object) -> None:
+        self.heard.put_nowait(data)
+
+    def send(self, data: bytes) -> None:
+        """One datagram."""
+        assert self.transport is not None
+        self.transport.sendto(data)
+
+    async def ask(self, request: bytes) -> bytes:
+        """The answer to one request."""
+        self.send(request)
+        return await asyncio.wait_for(self.heard.get(), 5)
+
+    def close(self) -> None:
+        """Close the socket."""
+        assert self.transport is not None
+        self.transport.close()
+
+
+class Line:
+    """A pty: the server has its slave end, the test speaks as the master of the line."""
+
+    def __init__(self) -> None:
+        self.master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self.master, False)
+        self.path = os.ttyname(self._slave)
+        self.heard = bytearray()
+
+    def url(self, baud: int = 115200, more: str = "") -> str:
+        """For the server."""
+        return f"serial://{self.path}?baud={baud}{more}"
+
+    def send(self, data: bytes) -> None:
+        """Onto the line."""
+        os.write(self.master, data)
+
+    def listen(self) -> bytes:
+        """All that was heard and not taken yet."""
+        with contextlib.suppress(BlockingIOError):
+            self.heard += os.read(self.master, 65536)
+        return bytes(self.heard)
+
+    async def ask(self, request: bytes, size: int) -> bytes:
+        """An answer of so many bytes."""
+        self.send(request)
+        await until(lambda: len(self.listen()) >= size)
+        answer = bytes(self.heard[:size])
+        del self.heard[:size]
+        return answer
+
+    async def is_silent(self) -> bool:
+        """Whether nothing is said within a time longer than any that the server waits for."""
+        size = len(self.listen())
+        for _ in range(200):
+            await asyncio.sleep(0.001)
+        return len(self.listen()) == size
+
+    def close(self) -> None:
+        """Both ends."""
+        os.close(self.master)
+        os.close(self._slave)
+
+
+def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:
+    """A read of registers over TCP or UDP."""
+    pdu = bytes((code,)) + first.to_bytes(2, "big") + count.to_bytes(2, "big")
+    return number.to_bytes(2, "big") + b"\0\0\0\x06" + bytes((unit,)) + pdu
+
+
+def words_of(answer: bytes) -> list[int]:
+    """The registers in the answer to a read over TCP or UDP."""
+    assert answer[7] < 0x80, f"refused with {answer[8]}"
+    data = answer[9:]
+    assert len(data) == answer[8]
+    return [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]

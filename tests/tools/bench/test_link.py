@@ -1,0 +1,346 @@
+"""The bench of the planner link: its drive, its line, its meter, and what a link has to keep."""
+
+import dataclasses
+import math
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow
+from mapod_link import bodies
+from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
+from mapod_link.serial_line import serial_from_frame
+from tools.bench import drive_figures, drive_scene
+from tools.bench import link as bench_link
+from tools.bench.drive_building import SPEED_MPS, building, people, way, way_m
+from tools.bench.drive_scene import CELL_M, Playback, drive, scans
+from tools.bench.link_line import Lane, LinePort
+from tools.bench.link_meter import Meter, View
+from tools.bench.link_run import Case, Figures, Run, measure
+
+SHORT_S = 8.0
+FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
+
+
+# The drive
+
+
+def test_the_robot_drives_on_through_doors_at_walking_pace() -> None:
+    places = way(40.0, 0.02)
+    gone_m = sum(place.v_mps * 0.02 for place in places)
+    assert 0.85 * 40 * SPEED_MPS < gone_m <= 40 * SPEED_MPS
+    assert max(way_m(place.x_m, place.y_m) for place in places) < 0.4
+    walls = building(1).walls
+    for place in places[::5]:
+        assert _least_m(walls, place.x_m, place.y_m) > 0.35
+
+
+def _least_m(walls: F64, x: float, y: float) -> float:
+    """From a point to the nearest wall."""
+    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
+    part = ((np.array([x, y]) - start) * along).sum(axis=1) / (along**2).sum(axis=1)
+    nearest = start + np.clip(part, 0, 1)[:, None] * along
+    return float(np.hypot(*(nearest - (x, y)).T).min())
+
+
+def test_people_walk_back_and_forth() -> None:
+    tracks = np.array([people(t_s) for t_s in np.arange(0, 40, 0.1)])
+    assert tracks.shape == (400, 3, 4)
+    steps_m = np.hypot(*np.diff(tracks[:, :, :2], axis=0).T)
+    assert steps_m.max() < 0.12
+    assert (np.ptp(tracks[:, :, 0], axis=0) + np.ptp(tracks[:, :, 1], axis=0) > 3.0).all()
+
+
+def test_a_level_beam_ends_at_the_wall_and_a_tilted_one_on_the_floor() -> None:
+    level, tilted = scans("level", 1.0)[0], scans("tilted", 1.0)[0]
+    ahead = drive_scene.BEAMS // 2
+    walls = building(drive_scene.SEED).walls
+    end = level.ends_m[ahead]
+    assert level.kinds[ahead] == OBSTACLE
+    assert _least_m(walls, *end) < 0.1
+    assert tilted.kinds[ahead] == FREE
+    floor_m = drive_scene.SCANNER_HEIGHT_M / math.tan(drive_scene.TILT_RAD)
+    reach_m = math.dist(tilted.ends_m[ahead], tilted.sensor_m)
+    assert reach_m == pytest.approx(floor_m, abs=0.06)
+
+
+def test_playing_slowly_gives_the_same_windows_as_playing_fast() -> None:
+    steps = drive("tilted", 101, SHORT_S)
+    fast, slow = Playback(steps, 101), Playback(steps, 101)
+    told = np.zeros((101, 101), dtype=np.int8)
+    for tick in range(round(SHORT_S * 10)):
+        for part in range(4, -1, -1):
+            window = fast.until(tick / 10 - part / 50)
+        merged = slow.until(tick / 10)
+        assert (merged.corner_i, merged.corner_j) == (window.corner_i, window.corner_j)
+        np.testing.assert_array_equal(merged.cells, window.cells)
+        told.ravel()[merged.changed] = merged.cells.ravel()[merged.changed]
+    assert np.count_nonzero(told) > 1000
+
+
+def test_what_changes_is_listed_or_has_come_in_unknown() -> None:
+    playback, before = Playback(drive("level", 101, SHORT_S), 101), np.zeros((101, 101), np.int8)
+    corner: tuple[int, int] | None = None
+    for tick in range(round(SHORT_S * 25)):
+        window = playback.until(tick / 25)
+        listed = np.zeros(101 * 101, dtype=np.bool_)
+        listed[window.changed] = True
+        differs = (window.cells != before).ravel() & ~listed
+        if corner == (window.corner_i, window.corner_j):
+            assert not differs.any()
+        assert not window.cells.ravel()[differs].any()
+        corner, before = (window.corner_i, window.corner_j), window.cells.copy()
+
+
+@pytest.mark.parametrize(
+    ("scanner", "size", "full_mean", "changes_50hz"),
+    [("tilted", 101, 559, 6815), ("tilted", 201, 2078, 8980), ("level", 101, 147, 4795)],
+)
+def test_the_drive_is_about_as_hard_to_tell_as_the_sheets(
+    scanner: str, size: int, full_mean: float, changes_50hz: float
+) -> None:
+    got = drive_figures.sizes(scanner, size, 40.0, (50,))
+    assert got.full_mean == pytest.approx(full_mean, rel=0.3)
+    assert got.wire_per_s[50] == pytest.approx(changes_50hz, rel=0.1)
+
+
+def test_operations_are_counted_as_section_3_has_them() -> None:
+    random = np.random.default_rng(3)
+    for size, states in ((5, 3), (40, 2), (150, 1)):
+        cells: I8 = np.repeat(random.integers(-1, states - 1, size * size // 5), 5).astype(np.int8)
+        wanted: I8 = (random.random(size * size) < 0.1).astype(np.int8)
+        corner = (7, -3)
+        raster = np.roll(cells.reshape(size, size), (3, -7), axis=(0, 1)).ravel()
+        asked = np.roll(wanted.reshape(size, size), (3, -7), axis=(0, 1)).ravel()
+        for only in (False, True):
+            words = np.where(asked | (not only), raster, 9)
+            runs = [(int(key), len(list(group))) for key, group in groupby(words)]
+            ends = (only and runs[0][0] == 9, only and runs[-1][0] == 9)
+            runs = runs[ends[0] : len(runs) - ends[1]]
+            expected = sum(
+                1 if n < 64 else 2 + (n - 64 >= 128) + (n - 64 >= 2**14) for _, n in runs
+            )
+            assert drive_figures.ops_bytes(cells, corner, only, wanted, size) == expected
+
+
+# The line
+
+
+def test_a_serial_line_takes_ten_bits_a_byte_and_one_frame_after_the_other() -> None:
+    lane = Lane(115_200, 0.010, 0.0, 1)
+    data = serial_from_frame(FRAME)
+    lane.send(5.0, data + data)
+    lane.send(5.0, data)
+    byte_s = 10 / 115_200
+    assert lane.waiting_s(5.0) == pytest.approx(3 * len(data) * byte_s)
+    assert lane.arrivals(5.0) == []
+    times = [arrival.at_s for arrival in lane.arrivals(6.0)]
+    assert times == pytest.approx([5.010 + k * len(data) * byte_s for k in (1, 2, 3)])
+    lane.send(7.0, data)
+    assert lane.waiting_s(7.0) == pytest.approx(len(data) * byte_s)
+    assert lane.bytes_sent == 4 * len(data)
+
+
+def test_a_datagram_line_has_only_its_delay() -> None:
+    lane = Lane(None, 0.010, 0.0, 1)
+    lane.send(5.0, FRAME)
+    lane.send(5.0, FRAME)
+    assert [(a.at_s, a.frame) for a in lane.arrivals(5.02)] == [(5.010, FRAME)] * 2
+
+
+def test_so_many_frames_get_lost_as_said_and_the_same_ones_each_time() -> None:
+    def fates(seed: int) -> list[bool]:
+        lane = Lane(None, 0.0, 0.1, seed)
+        for _ in range(2000):
+            lane.send(0.0, FRAME)
+        return [arrival.is_lost for arrival in lane.arrivals(0.0)]
+
+    assert fates(1) == fates(1) != fates(2)
+    assert 150 < sum(fates(1)) < 250
+
+
+def test_the_ports_backlog_is_what_its_buffer_cannot_take() -> None:
+    down, up = Lane(9600, 0.0, 0.0, 1), Lane(9600, 0.0, 0.0, 2)
+    port = LinePort(down, up, buffer_bytes=20)
+    data = serial_from_frame(FRAME)
+    port.write(data)
+    assert port.backlog == len(data) - 20
+    port.now_s = len(data) * 10 / 9600
+    assert port.backlog == 0
+    up.send(port.now_s, data)
+    port.now_s += 1.0
+    assert port.read() == [data]
+    assert port.read() == []
+
+
+# The meter
+
+
+def _map(seq: int, t_ms: int, start: int, ops: bytes) -> bytes:
+    head = bodies.MAP_HEAD.pack(0, 0, 0, 7, start.to_bytes(3, "little"))
+    return bytes_from_frame(MAP, seq, t_ms, head + ops)
+
+
+class Scripted:
+    """A meter on a window of 5 x 5 whose receiver does as the test says."""
+
+    def __init__(self) -> None:
+        self.meter = Meter(5)
+        self.cells = np.zeros((5, 5), dtype=np.uint8)
+        self.world = np.zeros((5, 5), dtype=np.int8)
+        self.is_suspect = False
+        self.mean(0.0, [], UNKNOWN)
+        self.meter.begin(0.0)
+
+    @property
+    def view(self) -> View:
+        return View(self.cells, (0, 0), self.is_suspect)
+
+    def mean(self, now_s: float, at: list[int], state: int) -> None:
+        self.world.ravel()[at] = state
+        changed = np.array(at, dtype=np.int32)
+        self.meter.mean(now_s, ObstacleWindow(self.world, 0, 0, changed, 0, True))
+
+    def send(self, at_s: float, tick_s: float, start: int, ops: bytes, arrives: bool) -> None:
+        frame = frame_from_bytes(_map(1, round(1000 * tick_s), start, ops))
+        assert not isinstance(frame, str)
+        if arrives:
+            self.meter.take(at_s, tick_s, frame, self.view)
+        else:
+            self.meter.lose(at_s, frame, self.view)
+
+
+def test_a_new_obstacle_is_timed_from_its_tick_to_the_frame_that_tells_it() -> None:
+    rig = Scripted()
+    rig.mean(1.00, [7, 8], OBSTACLE)
+    rig.cells.ravel()[7] = bodies.OBSTACLE
+    rig.send(1.03, 1.00, 7, b"\x80", arrives=True)
+    rig.mean(1.04, [], UNKNOWN)
+    rig.cells.ravel()[8] = bodies.OBSTACLE
+    rig.send(1.07, 1.04, 8, b"\x80", arrives=True)
+    got = rig.meter.readings
+    assert np.concatenate(got.told_s) == pytest.approx([0.0, 0.04])
+    assert np.concatenate(got.held_s) == pytest.approx([0.03, 0.07])
+
+
+def test_an_obstacle_that_is_gone_before_it_was_told_counts_apart() -> None:
+    rig = Scripted()
+    rig.mean(1.00, [7], OBSTACLE)
+    rig.mean(1.04, [7], FREE)
+    rig.send(1.07, 1.04, 7, b"\x40", arrives=True)
+    assert np.concatenate(rig.meter.readings.told_s).size == 0
+    assert rig.meter.readings.never_told == 1
+
+
+def test_a_cell_that_a_loss_has_hit_is_timed_until_it_is_right() -> None:
+    rig = Scripted()
+    rig.mean(1.00, [7, 8], FREE)
+    rig.cells.ravel()[8] = bodies.FREE
+    rig.send(1.03, 1.00, 7, b"\x41", arrives=False)  # 7 and 8; 8 is right by chance
+    rig.send(1.07, 1.04, 0, b"\x00", arrives=True)
+    rig.cells.ravel()[7] = bodies.FREE
+    rig.send(1.15, 1.12, 7, b"\x40", arrives=True)
+    assert np.concatenate(rig.meter.readings.recovered_s) == pytest.approx([0.12])
+    assert rig.meter.readings.lost_frames == 1
+
+
+def test_suspect_time_is_counted_from_frame_to_frame() -> None:
+    rig = Scripted()
+    for at_s, is_suspect in ((1.0, False), (1.1, True), (1.2, True), (1.4, False), (1.6, True)):
+        rig.is_suspect = is_suspect
+        rig.send(at_s, at_s, 0, b"\x00", arrives=True)
+    rig.meter.end(1.7)
+    assert rig.meter.readings.suspect_s == pytest.approx(0.4)
+
+
+class Careless(Run):
+    """A receiver that never says that it may be wrong."""
+
+    def __init__(self, case: Case, seed: int) -> None:
+        super().__init__(case, seed)
+        view = self.far.view
+        self.far.view = lambda: dataclasses.replace(  # type: ignore[method-assign]
+            view(), is_suspect=False
+        )
+
+
+def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
+    run = Careless(Case(115_200, 25, "tick", 101, loss=0.2, seconds=SHORT_S), 1)
+    run.go()
+    assert run.meter.readings.unsafe > 0
+
+
+# What is asked of the link
+
+
+@pytest.fixture(scope="module", params=["tick", "10 Hz"])
+def asked(request: pytest.FixtureRequest) -> tuple[Case, Figures]:
+    """The line to judge by: 115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
+    case = Case(115_200, 25, request.param, seeds=(1, 2))
+    return case, measure(case)
+
+
+def test_a_new_obstacle_is_at_the_receiver_within_two_ticks(asked: tuple[Case, Figures]) -> None:
+    case, got = asked
+    assert got.new_obstacles > 8000
+    assert got.held_ms[1] <= 2 * 1000 / case.rate_hz
+
+
+def test_what_a_loss_has_hit_is_right_again_within_half_a_second(
+    asked: tuple[Case, Figures],
+) -> None:
+    _, got = asked
+    assert got.recovered > 200
+    assert got.recovery_ms[1] <= 500.0
+
+
+def test_a_line_is_never_overrun(asked: tuple[Case, Figures]) -> None:
+    _, got = asked
+    assert got.worst_wait_ticks <= 1.0
+    assert got.bytes_per_s <= 0.85 * 11_520
+
+
+SAFE = [
+    Case(115_200, 50, "none", 101, seconds=SHORT_S, loss=0.1),
+    Case(115_200, 25, "10 Hz", 201, "level", seconds=SHORT_S, loss=0.05),
+    Case(921_600, 50, "tick", 201, "level", seconds=SHORT_S, loss=0.2),
+    Case(None, 50, "tick", 101, "level", seconds=SHORT_S, loss=0.3),
+]
+
+
+@pytest.mark.parametrize("case", SAFE, ids=lambda case: f"{case.line} {case.ack} {case.loss}")
+def test_no_receiver_that_is_sure_holds_free_where_it_was_told_of_an_obstacle(case: Case) -> None:
+    assert measure(case).unsafe == 0
+
+
+def test_the_line_to_judge_by_is_safe_as_well(asked: tuple[Case, Figures]) -> None:
+    assert asked[1].unsafe == 0
+
+
+@pytest.mark.parametrize(
+    ("baud", "size", "rate_hz"), [(115_200, 101, 50), (115_200, 401, 10), (230_400, 201, 50)]
+)
+def test_no_line_has_more_than_one_tick_of_bytes_to_send_when_a_tick_begins(
+    baud: int, size: int, rate_hz: int
+) -> None:
+    got = measure(Case(baud, rate_hz, "tick", size, "level", seconds=SHORT_S))
+    assert got.worst_wait_ticks <= 1.0
+
+
+def test_a_tick_costs_as_much_with_a_large_window_as_with_a_small_one() -> None:
+    small, large = bench_link.cost_us(101), bench_link.cost_us(401)
+    assert large < 2.0 * small
+
+
+def test_the_tables_say_what_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    bench_link.print_drive(2.0, (101,))
+    bench_link.print_row(
+        Case(115_200, 25, "tick"), measure(Case(None, 25, "tick", 101, seconds=2.0)), ("7/8/9",) * 4
+    )
+    text = capsys.readouterr().out
+    assert "tilted 101" in text
+    assert "(6815)" in text
+    assert "115.2 k 25 Hz 201 tilted tick" in text
+    assert text.count("(7/8/9)") == 4
+    assert CELL_M == 0.05

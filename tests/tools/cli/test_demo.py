@@ -1,0 +1,201 @@
+"""The demo's own work: the app's configuration, and children that come, fail, hang and go."""
+
+import argparse
+import io
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+import tomllib
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from tests import ROOT
+from tools.cli import demo
+from tools.cli.demo import Child, Commands, RunError, rewritten
+
+PORTS = '{"scanner": "tcp://127.0.0.1:1", "ahrs": "serial:///a?baud=1", "drive": "serial:///d"}'
+WORLD = f"""
+    print({PORTS!r})
+    time.sleep(60)
+"""
+APP = """
+    import socket, struct, tomllib
+    from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
+    planner = tomllib.load(open(sys.argv[-1], "rb"))["planner"]["port"]
+    host, port = planner.removeprefix("udp://").split(":")
+    line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    line.connect((host, int(port)))
+    geom = struct.pack("<BxHHHIHH", 7, 9, 5, 200, 1, 20, 500)
+    pose = struct.pack("<iihhhhhHBBBB", 500, 100, 0, 0, 0, 0, 0, 0x7F, 3, 1, 2, 1)
+    cells = struct.pack("<hhHB3s", 0, 0, 0, 7, bytes(3)) + bytes([0x40 | 17, 0x80 | 8])
+    for seq in range(1000):
+        kind, body = ((GEOM, geom), (POSE, pose), (MAP, cells))[seq % 3]
+        line.send(bytes_from_frame(kind, seq, int(time.monotonic() * 1000), body))
+        time.sleep(0.005)
+"""
+POLITE = "signal.signal(signal.SIGINT, lambda *_: sys.exit(0))\n"
+DEAF = "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+
+
+def stub(code: str, manners: str = POLITE) -> list[str]:
+    """A process of that code."""
+    return [sys.executable, "-c", f"import signal, sys, time\n{manners}{textwrap.dedent(code)}"]
+
+
+def options(seconds: float | None = 0.3) -> argparse.Namespace:
+    config = str(ROOT / "mapod.toml")
+    return argparse.Namespace(
+        seconds=seconds, seed=1, scene="stub", config=config, serial=False, drive=False
+    )
+
+
+def ran(world: list[str], app: list[str]) -> int:
+    """Exit status of a demo without a screen."""
+    return demo.run(options(), Commands(world, app), Console(file=io.StringIO()))
+
+
+def is_gone(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_only_the_named_strings_of_the_shipped_configuration_change() -> None:
+    shipped = (ROOT / "mapod.toml").read_text()
+    values = {"scanner.port": "tcp://127.0.0.1:5", "planner.port": "serial:///x?baud=9600&y=1"}
+    text = rewritten(shipped, values)
+    expected = tomllib.loads(shipped)
+    for key, value in values.items():
+        section, name = key.split(".")
+        expected[section][name] = value
+    assert tomllib.loads(text) == expected
+    changed = [a for a, b in zip(shipped.splitlines(), text.splitlines(), strict=True) if a != b]
+    assert len(changed) == 2
+    assert all(line.startswith("port = ") for line in changed)
+    assert rewritten(shipped, {}) == shipped
+
+
+def test_switches_and_numbers_are_replaced_too() -> None:
+    text = rewritten((ROOT / "mapod.toml").read_text(), demo.DRIVEN)
+    robot = tomllib.loads(text)["robot"]
+    assert (robot["enable_motors"], robot["start_clear_m"]) == (True, 9.0)
+
+
+def test_a_key_that_the_configuration_lacks_is_named() -> None:
+    with pytest.raises(RunError, match=r"no b\.port"):
+        rewritten('[a]\nport = "x"  # y\n[b]\nporter = "x"\n', {"a.port": "z", "b.port": "z"})
+
+
+def test_a_run_ends_by_itself_with_a_map_and_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
+    assert ran(stub(WORLD), stub(APP)) == 0
+    said = capsys.readouterr().out
+    assert "\n#..\n#.^\n#..\n" in said
+    assert "# obstacle   . free" in said
+    assert "all processes have ended" in said
+
+
+def test_an_app_that_dies_is_reported_with_its_last_words(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert ran(stub(WORLD), stub("sys.exit('no such scanner')")) == 1
+    said = capsys.readouterr().err
+    assert "the app ended with status 1" in said
+    assert "no such scanner" in said
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("sys.exit('no such scene')", "no such scene"),
+        ("print('hello'); time.sleep(60)", "names no ports: hello"),
+        ("print('{}'); time.sleep(60)", "names no ports"),
+    ],
+)
+def test_a_world_that_fails_is_reported(
+    code: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ran(stub(code), stub(APP)) == 1
+    assert words in capsys.readouterr().err
+
+
+def test_an_app_that_shows_no_map_in_time_is_reported(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(demo, "FIRST_MAP_S", 0.2)
+    assert ran(stub(WORLD), stub("print('thinking'); time.sleep(60)")) == 1
+    said = capsys.readouterr().err
+    assert "no map within" in said
+    assert "thinking" in said
+
+
+def test_a_child_that_will_not_end_is_killed_and_reported(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(demo, "GRACE_S", 0.3)
+    assert ran(stub(WORLD), stub(APP, DEAF)) == 1
+    assert "did not end within" in capsys.readouterr().err
+
+
+def test_a_child_that_fails_while_ending_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
+    rude = "signal.signal(signal.SIGINT, lambda *_: sys.exit(3))\n"
+    assert ran(stub(WORLD), stub(APP, rude)) == 1
+    assert "the app ended with status 3" in capsys.readouterr().err
+
+
+def until_said(process: "subprocess.Popen[str]", words: str) -> str:
+    """Reads lines up to the one with those words."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if words in line:
+            return line
+    raise AssertionError(f"never said {words!r}")
+
+
+RUNNER = """
+    from rich.console import Console
+    from tests.tools.cli.test_demo import APP, WORLD, options, stub
+    from tools.cli import demo
+    from tools.cli import view
+    view.PROGRESS_PERIOD_S = 0.1
+    given = options(30.0)
+    commands = demo.Commands(stub(WORLD), stub(APP))
+    start = demo.Child.__init__
+    def tell(self, *rest):
+        start(self, *rest)
+        print("child", self._process.pid, flush=True)
+    demo.Child.__init__ = tell
+    sys.exit(demo.run(given, commands, Console()))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_no_process_is_left_however_the_demo_ends(number: signal.Signals) -> None:
+    runner = subprocess.Popen(
+        stub(RUNNER, ""), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    with runner:
+        pids = [int(until_said(runner, "child").split()[1]) for _ in range(2)]
+        until_said(runner, "live")
+        runner.send_signal(number)
+        status = runner.wait(10)
+    assert status == (0 if number != signal.SIGKILL else -signal.SIGKILL)
+    deadline_s = time.monotonic() + 5.0
+    while not all(is_gone(pid) for pid in pids):
+        assert time.monotonic() < deadline_s, "a process is left"
+
+
+def test_last_words_are_the_end_of_what_was_said(tmp_path: Path) -> None:
+    child = Child("talker", stub("print(*range(1000), sep='\\n')"), tmp_path)
+    child._process.wait(10)
+    assert child.last_words().splitlines()[-1].strip() == "999"
+    assert len(child.last_words().splitlines()) == demo.TAIL_LINES
+    with pytest.raises(RunError, match="the talker ended with status 0"):
+        child.check_alive()
+    assert child.end() == ""

@@ -1,0 +1,96 @@
+"""`tools/cli/devices.py` against fakes on ptys: which device speaks where, what it prints."""
+
+import re
+import select
+import time
+
+import numpy as np
+import pytest
+
+from core.config import load_config
+from fakes.ax3500.device import FakeAx3500
+from fakes.lms1xx.device import FakeLms111
+from fakes.wires.wire import TcpWire
+from hw.ports.url import parse_url
+from tests import ROOT
+from tests.support.real_time import StillWheels, level_sensor, on_ptys, served
+from tools.cli import devices
+from tools.cli.devices import Found, SerialLine, toml_lines, udev_rules
+
+SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("mode", ["rs232", "rc"])
+def test_both_serial_devices_are_found_whatever_the_order(
+    mode: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wheels = StillWheels()
+    drive = FakeAx3500(wheels, 1, "rc" if mode == "rc" else "rs232")
+    with on_ptys(level_sensor(), drive) as (ahrs_path, drive_path):
+        assert devices.main([ahrs_path, drive_path]) == 0
+    printed = capsys.readouterr().out
+    urls = dict(re.findall(r'^\[(\w+)\]\nport = "(.+)"$', printed, re.MULTILINE))
+    assert parse_url(urls["ahrs"]).path == ahrs_path
+    assert parse_url(urls["ahrs"]).baud == 115_200
+    assert parse_url(urls["drive"]).path == drive_path
+    assert parse_url(urls["drive"]).baud == 9600
+    assert "MTi-28A53G35" in printed
+    assert ("R/C" in printed) == (mode == "rc")
+    assert wheels.power == (0.0, 0.0)
+    assert drive.mode == mode  # looking does not take the vehicle from its radio
+    text = SHIPPED.replace("serial:///dev/mti?baud=115200", urls["ahrs"])
+    assert load_config(text).ahrs.port == urls["ahrs"]
+
+
+def test_a_sensor_that_was_looked_at_measures_again() -> None:
+    sensor = level_sensor()
+    with on_ptys(sensor) as (path,):
+        assert devices.main([path]) == 0
+        until_s = time.monotonic() + 5.0
+        while sensor.state.value != "measuring" and time.monotonic() < until_s:
+            select.select([], [], [], 0.01)
+    assert sensor.state.value == "measuring"
+
+
+def test_a_port_that_is_not_there_or_silent_is_told_in_words(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    silent = level_sensor()
+    silent.mute = True
+    with on_ptys(silent) as (path,):
+        assert devices.main([path, "/dev/no-such-line"]) == 1
+    printed = capsys.readouterr().out
+    assert f"# {path}: silent" in printed
+    assert "no such device" in printed
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_scanner_is_found_with_its_dialect(
+    binary: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake = FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1)
+    fake.binary = binary
+    wire = TcpWire(fake)
+    with served(wire):
+        assert devices.main(["/dev/no-such-line", "--scanner", f"127.0.0.1:{wire.port}"]) == 0
+    printed = capsys.readouterr().out
+    assert f'port = "tcp://127.0.0.1:{wire.port}"' in printed
+    assert f'dialect = "{"binary" if binary else "ascii"}"' in printed
+    assert "V1.80.2" in printed
+
+
+def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> None:
+    by_number = SerialLine("/dev/ttyUSB0", "adapter", "A10X", 0x0403, 0x6001, "1-1.2")
+    by_place = SerialLine("/dev/ttyUSB1", "adapter", "", 0x067B, 0x2303, "1-1.3")
+    found = [
+        Found(by_number, "ahrs", "serial:///dev/ttyUSB0?baud=115200", ""),
+        Found(by_place, "drive", "serial:///dev/ttyUSB1?baud=9600&parity=E&bytesize=7", ""),
+        Found(SerialLine("/dev/ttyUSB2"), "", "", "silent"),
+    ]
+    one, two = udev_rules(found)
+    assert 'ATTRS{serial}=="A10X"' in one
+    assert 'ATTRS{idVendor}=="0403"' in one
+    assert one.endswith('SYMLINK+="mti"')
+    assert 'KERNELS=="1-1.3"' in two
+    assert two.endswith('SYMLINK+="ax3500"')
+    assert next(iter(toml_lines(found))) == "[ahrs]"

@@ -1,0 +1,120 @@
+"""The check of somebody else's receiver, over real ports: what it says, and its exit status."""
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from mapod_link.receiver import Receiver
+from tests.support.served_receiver import ServedReceiver
+from tests.support.wrong_receivers import WRONG
+from tools.cli import link_test
+from tools.conformance.slow_receiver import SlowReceiver
+from tools.conformance.suite import chosen
+
+KEY = bytes(range(32))
+SOON_S = 0.01  # between two ACKs: nobody has to wait long
+
+
+def outcome(url: str, only: str, *more: str) -> int:
+    """Exit status, within few rounds."""
+    return link_test.main(["--port", url, "--only", only, "--seconds", "1", *more])
+
+
+@pytest.mark.parametrize("datagrams", [True, False], ids=["udp", "tcp"])
+def test_a_right_receiver_passes_and_what_cannot_be_seen_is_said_to_be_skipped(
+    datagrams: bool, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with ServedReceiver(Receiver(77, max_cells=10_201, ack_period_s=SOON_S), datagrams) as served:
+        assert outcome(served.url, "1,2,15", "--strict") == link_test.PASSED
+    said = capsys.readouterr().out
+    assert "takes 10201 cells, frames of 368 bytes" in said
+    assert "0 failed" in said
+    assert ("datagrams are not COBS-encoded" in said) == datagrams
+
+
+def test_a_receiver_with_a_key_passes_with_that_key(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "key"
+    path.write_text(KEY.hex() + "\n")
+    with ServedReceiver(Receiver(0x11223344, key=KEY, ack_period_s=SOON_S)) as served:
+        assert outcome(served.url, "1,4", "--key-file", str(path)) == link_test.PASSED
+    assert "session that was left" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["repaired is ignored", "rejected frame half applied", "no CRC"])
+def test_a_wrong_receiver_fails_and_the_first_failure_is_told_with_its_frames(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    number, kind = WRONG[name]
+    kind.ack_period_s = SOON_S
+    with ServedReceiver(kind(nonce=5)) as served:
+        assert outcome(served.url, number) == link_test.FAILED
+    said = capsys.readouterr().out
+    assert "first failure" in said
+    assert "expected" in said
+    newest = said.strip().splitlines()[-1].split()
+    assert all(len(byte) == 2 and int(byte, 16) >= 0 for byte in newest)
+
+
+class _Silent(SlowReceiver):
+    """Says HELLO, takes the geometry, and acknowledges nothing."""
+
+    def _acknowledge(self, now_s: float) -> None:
+        """Nothing."""
+
+
+def test_a_receiver_without_acks_cannot_be_examined(capsys: pytest.CaptureFixture[str]) -> None:
+    with ServedReceiver(_Silent(nonce=5)) as served:
+        assert outcome(served.url, "2") == link_test.NOT_EXAMINED
+    assert "sends no ACK" in capsys.readouterr().out
+
+
+class _NoDigest(SlowReceiver):
+    """A small one: compares no DIGEST."""
+
+    def compare(self, body: bytes) -> None:
+        """Counted, and no more."""
+
+
+def test_where_no_digest_is_compared_the_map_is_not_said_to_be_right(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with ServedReceiver(_NoDigest(nonce=5)) as served:
+        assert outcome(served.url, "2") == link_test.NOT_EXAMINED
+    said = capsys.readouterr().out
+    assert "compares no DIGEST" in said
+    assert "0 passed, 0 failed, 4 skipped" in said
+
+
+def test_where_nobody_answers_nothing_is_said_to_pass(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
+        deaf.bind(("127.0.0.1", 0))
+        url = f"udp://127.0.0.1:{deaf.getsockname()[1]}"
+        assert outcome(url, "2") == link_test.NOT_EXAMINED
+    assert "no HELLO came and no ACK" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--port", "udp://127.0.0.1:9", "--only", "99"], "no test has the number 99"),
+        (["--port", "carrier-pigeon://x"], "carrier-pigeon"),
+        (["--port", "udp://127.0.0.1:9", "--key-file", __file__], "32 bytes, or 64 hex"),
+        (["--port", "udp://127.0.0.1:9", "--key-file", "/no/such"], "/no/such"),
+    ],
+)
+def test_wrong_arguments_are_told_in_one_line(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert link_test.main(arguments) == link_test.NOT_EXAMINED
+    said = capsys.readouterr().out
+    assert words in said
+    assert said.count("\n") == 1
+
+
+def test_numbers_choose_tests_and_none_chooses_all() -> None:
+    assert {check.number for check in chosen("2, 5")} == {"2", "5"}
+    assert next(check.number for check in chosen("")) == "1"
+    assert len(chosen("")) == len(chosen("1,2,3,4,5,6,7,15"))

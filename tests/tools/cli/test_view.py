@@ -1,0 +1,374 @@
+"""What is drawn of a map and said of a link, and what goes over real sockets and ttys."""
+
+import math
+import os
+import random
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.color import Color, ColorSystem
+from rich.console import Console
+
+from fakes.planner_mcu.receiver import FakePlanner
+from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
+from mapod_link.frames import (
+    ACK,
+    GEOM,
+    HELLO,
+    MAP,
+    POSE,
+    STOP_ZONE,
+    bytes_from_frame,
+    frame_from_bytes,
+)
+from mapod_link.serial_line import serial_from_frame
+from mapod_link.wires import SerialWire, UdpWire, wire_from_url
+from tests.support.planner_sender import Line, begun, geom_body, map_body, op, pose_body, zone_body
+from tools.bench.planner_end import Delays, Meter, PlannerEnd, PtyWire
+from tools.cli.screen import (
+    BAD,
+    COLOURS,
+    GOOD,
+    LABEL,
+    POOR,
+    ROBOT,
+    Robot,
+    downsampled,
+    factor_for,
+    health_words,
+    image_from_window,
+    map_text,
+    picture,
+    plain_map,
+    robot_in_window,
+)
+from tools.cli.view import key_from_file, main, progress_line, zone_lines
+
+U8 = npt.NDArray[np.uint8]
+
+
+def window(*rows_from_far: str) -> U8:
+    """A window from its picture: '#', '.', ' '; x up, y to the left."""
+    image = np.array([[" .#".index(sign) for sign in row] for row in rows_from_far], np.uint8)
+    return np.ascontiguousarray(image[::-1, ::-1].T)
+
+
+WALLED = window(
+    "#####",
+    "#...#",
+    "#.#.#",
+    "#...#",
+    "#   #",
+)  # fmt: skip
+
+
+def test_map_x_is_up_and_y_is_left() -> None:
+    cells = np.zeros((2, 3), np.uint8)  # (height along y, width along x)
+    cells[0, 2] = OBSTACLE  # farthest ahead, rightmost
+    cells[1, 0] = FREE  # behind, left
+    assert image_from_window(cells).tolist() == [[0, 2], [0, 0], [1, 0]]
+
+
+@pytest.mark.parametrize(("yaw_deg", "letter"), [(0, "^"), (90, "<"), (-90, ">"), (179, "v")])
+def test_a_plain_map_is_read_as_it_was_drawn(yaw_deg: float, letter: str) -> None:
+    robot = Robot(col=0.5, row=2.5, yaw_rad=math.radians(yaw_deg), radius=1.0)
+    drawn = plain_map(WALLED, robot).splitlines()
+    assert drawn == ["#####", "#...#", "#.#.#", "#...#", f"# {letter} #"]
+
+
+def test_a_plain_map_leaves_out_empty_borders() -> None:
+    cells = np.zeros((9, 7), np.uint8)
+    assert plain_map(cells, None) == "(nothing known)"
+    cells[4, 2:5] = FREE
+    assert plain_map(cells, None) == ".\n.\n."
+
+
+def test_the_robot_stands_in_the_cell_of_its_pose() -> None:
+    line = begun()
+    pose = line.planner.pose
+    assert pose is not None
+    robot = robot_in_window(pose, (-4, -3), 0.05)
+    assert (robot.col, robot.row) == (4.0, 3.0)
+    cells = np.full((7, 9), FREE, np.uint8)
+    drawn = plain_map(cells, robot).splitlines()
+    assert [(r, c) for r, row in enumerate(drawn) for c, sign in enumerate(row) if sign == "^"] == [
+        (9 - 1 - 4, 7 - 1 - 3)
+    ]
+
+
+def test_a_robot_outside_of_the_window_is_not_drawn() -> None:
+    for far in (-30.0, 30.0):
+        robot = Robot(col=far, row=far, yaw_rad=0.0, radius=1.0)
+        assert "^" not in plain_map(WALLED, robot)
+        assert "↑" not in map_text(WALLED, robot).plain
+
+
+def test_colours_are_those_of_the_paper_two_rows_a_line() -> None:
+    text = map_text(window("#.", " #", "..", ".."), None)
+    lines = text.split("\n")
+    assert [line.plain for line in lines] == ["▀▀", "  "]
+    seen = [
+        (str(span.style.color.name), str(span.style.bgcolor.name))
+        for line in lines
+        for span in line.spans
+        for _ in range(span.end - span.start)
+        if not isinstance(span.style, str) and span.style.color and span.style.bgcolor
+    ]
+    green, red, dark = COLOURS[FREE], COLOURS[OBSTACLE], COLOURS[UNKNOWN]
+    assert seen == [(red, dark), (green, red), (green, green), (green, green)]
+
+
+@pytest.mark.parametrize("system", [ColorSystem.STANDARD, ColorSystem.EIGHT_BIT])
+def test_colours_stay_apart_on_plain_terminals(system: ColorSystem) -> None:
+    assert len({Color.parse(name).downgrade(system).number for name in COLOURS.values()}) == 4
+
+
+def test_the_robot_is_an_orange_spot_with_an_arrow() -> None:
+    text = map_text(np.full((11, 11), FREE, np.uint8), Robot(5.5, 5.5, math.pi / 2, 1.5))
+    assert text.plain.count("←") == 1
+    assert text.plain.split("\n")[2][5] == "←"
+    assert COLOURS[ROBOT] in str([span.style for span in text.spans])
+
+
+@given(st.integers(1, 12), st.integers(1, 12), st.integers(1, 5), st.randoms(use_true_random=False))
+def test_a_block_shows_its_worst_class(
+    rows: int, cols: int, factor: int, chance: random.Random
+) -> None:
+    image = np.array([[chance.choice([0, 1, 2]) for _ in range(cols)] for _ in range(rows)], "u1")
+    small = downsampled(image, factor)
+    for r in range(small.shape[0]):
+        for c in range(small.shape[1]):
+            block = image[r * factor : (r + 1) * factor, c * factor : (c + 1) * factor]
+            worst = next(s for s in (OBSTACLE, UNKNOWN, FREE) if (block == s).any())
+            assert small[r, c] == worst
+
+
+def test_101_cells_fit_101_columns_and_51_lines() -> None:
+    assert factor_for((101, 101), 101, 51) == 1
+    assert factor_for((101, 101), 100, 51) == factor_for((101, 101), 101, 50) == 2
+    text = map_text(np.zeros((101, 101), np.uint8), None)
+    assert [len(line) for line in text.plain.split("\n")] == [101] * 51
+
+
+@pytest.mark.parametrize("size", [(110, 60), (160, 52), (80, 24), (40, 12), (20, 5), (1, 1)])
+def test_the_picture_fits_the_terminal(size: tuple[int, int]) -> None:
+    line = begun(width=101, height=101)
+    line.send(MAP, map_body(op(OBSTACLE, 5000) + op(FREE, 5201)))
+    meter = Meter()
+    meter.take(line.now_s, line.planner)
+    console = Console(width=size[0], height=size[1], color_system=None, force_terminal=True)
+    with console.capture() as capture:
+        console.print(picture(line.planner, meter, line.now_s, *size))
+    drawn = capture.get().splitlines()
+    assert max(len(row) for row in drawn) <= max(size[0], 1)
+    if size[0] >= 80:
+        assert len(drawn) <= size[1]
+        assert "would go" in capture.get()
+        assert "5201 free, 5000 obstacle" in capture.get()
+
+
+def shown(line: Line[FakePlanner]) -> str:
+    meter = Meter()
+    meter.take(line.now_s, line.planner)
+    console = Console(width=160, height=60, color_system=None)
+    with console.capture() as capture:
+        console.print(picture(line.planner, meter, line.now_s, 160, 60))
+    return capture.get()
+
+
+def test_the_picture_says_what_is_wrong() -> None:
+    line = Line(FakePlanner())
+    assert "waiting for the map's geometry" in shown(line)
+    line.send(GEOM, geom_body())
+    assert "BLANK" in shown(line)
+    line.send(POSE, pose_body(health=0x0037 | 1 << 7, mode=2))
+    line.send(MAP, map_body())
+    drawn = shown(line)
+    assert "no clock lock, no pace" in drawn
+    assert "drop-off ahead" in drawn
+    assert "degraded" in drawn
+    assert "would stop: drop-off ahead" in drawn
+    line.send(MAP, map_body(), lost=True)
+    line.send(POSE, pose_body())
+    assert "SUSPECT" in shown(line)
+    line.now_s += 0.2
+    assert "STALE" in shown(line)
+    line.send(POSE, pose_body(mode=4))
+    assert "replayed or simulated data" in shown(line)
+
+
+def test_the_stop_zone_has_a_line_of_its_own_once_there_is_one() -> None:
+    line = begun()
+    assert zone_lines(line.planner.stop_zone, line.now_s) == []
+    line.send(STOP_ZONE, zone_body(2, 0b11))
+    [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
+    assert drawn.plain == (
+        "way      slow: an obstacle, ground not seen"
+        "  ahead 1.25 m, 0.65 m/s  behind 0.00 m, 0.00 m/s"
+    )
+    assert {str(span.style) for span in drawn.spans} == {LABEL, POOR}
+    [old] = zone_lines(line.planner.stop_zone, line.now_s + 1.2)
+    assert old.plain.startswith("way      not heard for 1.2 s  ahead 0.00 m, 0.00 m/s")
+    assert {str(span.style) for span in old.spans} == {LABEL, BAD}
+
+
+@pytest.mark.parametrize(("state", "style"), [(0, BAD), (1, GOOD), (3, BAD), (7, BAD)])
+def test_the_colour_of_a_stop_zone_is_that_of_its_state(state: int, style: str) -> None:
+    line = begun()
+    line.send(STOP_ZONE, zone_body(state))
+    [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
+    assert style in [str(span.style) for span in drawn.spans]
+
+
+def test_without_a_screen_the_stop_zone_is_told_in_the_line() -> None:
+    line = begun()
+    line.send(STOP_ZONE, zone_body())
+    end = PlannerEnd(UdpWire("127.0.0.1", 0), line.planner)
+    assert "; way clear ahead 1.25 m" in progress_line(end, line.now_s)
+    end.wire.close()
+
+
+def test_health_bits_have_words() -> None:
+    assert health_words(0x7F) == ([], [])
+    assert health_words(1 << 15 | 0x7E) == (["scanner"], ["stop asked"])
+
+
+# Rates and delays
+
+
+def metered(clock_ahead_ms: int, delays_ms: list[float]) -> Meter:
+    """A meter that saw 50 MAP frames a second, late by so much."""
+    planner, meter = FakePlanner(), Meter()
+    planner.feed_datagram(0.0, bytes_from_frame(GEOM, 1, clock_ahead_ms, geom_body()))
+    for i, delay_ms in enumerate(delays_ms):
+        tick_ms = 1000 + 20 * i
+        frame = bytes_from_frame(MAP, 2 + i, tick_ms + clock_ahead_ms, map_body())
+        planner.feed_datagram((tick_ms + delay_ms) / 1000, frame)
+        meter.take(tick_ms / 1000, planner)
+    return meter
+
+
+def test_delays_are_those_of_a_common_clock() -> None:
+    meter = metered(0, [1.5] * 98 + [7.0] * 2)
+    assert meter.same_clock
+    assert meter.link.quantile_ms(0.5) == pytest.approx(1.5, abs=0.11)
+    assert meter.link.quantile_ms(0.99) == pytest.approx(7.0, abs=0.11)
+
+
+def test_without_a_common_clock_delays_are_those_above_the_fastest_also_across_a_wrap() -> None:
+    meter = metered(2**32 - 2500, [1.5] * 99 + [7.0])
+    assert not meter.same_clock
+    assert meter.link.quantile_ms(0.5) == pytest.approx(0.0, abs=0.11)
+    assert meter.link_ms == pytest.approx(5.5)
+
+
+def test_rates_are_those_of_the_last_two_seconds() -> None:
+    meter = metered(0, [1.0] * 300)
+    maps, poses, bytes_per_s = meter.rates(1.0 + 299 * 0.02)
+    assert maps == pytest.approx(50, abs=1)
+    assert poses == 0
+    assert bytes_per_s == pytest.approx(50 * 22, rel=0.02)
+    assert Meter().rates(5.0) == (0.0, 0.0, 0.0)
+
+
+@given(st.lists(st.floats(-5, 3000), min_size=1, max_size=50), st.floats(0, 1))
+def test_a_quantile_is_right_to_a_tenth_of_a_millisecond(values: list[float], part: float) -> None:
+    delays = Delays()
+    for value in values:
+        delays.add(value)
+    kept = sorted(min(max(value, 0.0), 1999.95) for value in values)
+    exact = kept[max(1, math.ceil(part * len(kept))) - 1]
+    assert delays.quantile_ms(part) == pytest.approx(exact, abs=0.1001)
+    assert math.isnan(Delays().quantile_ms(0.5))
+
+
+# Real wires
+
+
+def frames_of_a_map() -> list[bytes]:
+    bodies = ((GEOM, geom_body()), (POSE, pose_body()), (MAP, map_body(op(OBSTACLE, 1))))
+    return [bytes_from_frame(kind, 1 + i, 5, body) for i, (kind, body) in enumerate(bodies)]
+
+
+def until(end: PlannerEnd, holds: Callable[[], bool]) -> float:
+    """Steps until it holds, gives the time; gives up after two seconds."""
+    now_s = began_s = end.step(0.0)
+    while not holds():
+        assert now_s - began_s < 2.0, "nothing came"
+        now_s = end.step(0.02)
+    return now_s
+
+
+def test_frames_over_udp_make_a_map_and_are_answered() -> None:
+    wire = UdpWire("127.0.0.1", 0)
+    end = PlannerEnd(wire, FakePlanner(ack_every=3))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.settimeout(2.0)
+        sender.connect(("127.0.0.1", int(wire.url.rsplit(":", 1)[1])))
+        sender.send(b"no frame")
+        until(end, lambda: end.planner.rejected.total() == 1)
+        for frame in frames_of_a_map():
+            sender.send(frame)
+        until(end, lambda: end.planner.cell(0, 0) == OBSTACLE)
+        answers = [frame_from_bytes(sender.recv(400)) for _ in range(2)]
+    assert [getattr(answer, "type", answer) for answer in answers] == [HELLO, ACK]
+    assert end.meter.frames == 3
+    end.step(0.0)  # nobody there any more
+    end.wire.write(b"to nobody")
+    end.step(0.0)
+    wire.close()
+
+
+def test_frames_over_a_serial_line_make_a_map_and_are_answered() -> None:
+    pty = PtyWire(115_200)
+    line = SerialWire(pty.url.removeprefix("serial://").split("?")[0], 115_200)
+    near, far = PlannerEnd(line, FakePlanner()), PlannerEnd(pty, FakePlanner())
+    for frame in frames_of_a_map():
+        line.write(frame)
+    until(far, lambda: far.planner.cell(0, 0) == OBSTACLE)
+    until(near, lambda: near.planner.accepted[ACK] > 0 or near.planner.ignored_types > 0)
+    line.close()
+    pty.close()
+
+
+def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:
+    pty = PtyWire(9600)
+    other = os.open(pty.url.removeprefix("serial://").split("?")[0], os.O_RDWR | os.O_NOCTTY)
+    junk = serial_from_frame(b"x" * 300) * 3  # 0.94 s of line
+    os.write(other, junk)
+    end = PlannerEnd(pty, FakePlanner())
+    began_s = end.step(0.0)
+    assert until(end, lambda: end.planner.rejected.total() == 1) - began_s > 0.25
+    os.close(other)
+    pty.close()
+
+
+@pytest.mark.parametrize("url", ["http://a:1", "udp://127.0.0.1", "serial://", "x"])
+def test_other_urls_are_refused(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match="must be udp"):
+        wire_from_url(url)
+    assert main(["--port", url]) == 2
+    assert url in capsys.readouterr().err
+
+
+def test_a_key_is_read_in_both_forms(tmp_path: Path) -> None:
+    key = bytes(range(32))
+    (tmp_path / "raw").write_bytes(key)
+    (tmp_path / "hex").write_text(key.hex() + "\n")
+    (tmp_path / "short").write_text("0011")
+    assert key_from_file(str(tmp_path / "raw")) == key_from_file(str(tmp_path / "hex")) == key
+    with pytest.raises(ValueError, match="32 bytes"):
+        key_from_file(str(tmp_path / "short"))
+
+
+def test_the_viewer_ends_by_itself_and_says_that_nothing_came(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["--port", "udp://127.0.0.1:0", "--seconds", "0.05"]) == 0
+    assert "no map has arrived" in capsys.readouterr().out

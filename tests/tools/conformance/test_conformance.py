@@ -1,0 +1,103 @@
+"""All conformance tests on mapod's own receivers, Python and C, on both wires, with and without
+key.
+
+Each receiver is also asked directly for what it holds: cell by cell, *suspect*, *stale*.
+"""
+
+from collections.abc import Callable
+
+import pytest
+
+from mapod_link.receiver import Receiver as PythonReceiver
+from tests.support.conformance_vectors import VECTORS
+from tests.tools.conformance.test_faults import KEY
+from tools.conformance.c_receiver import CReceiver, NoCompilerError
+from tools.conformance.exam import Exam
+from tools.conformance.in_process import InProcess, Receiver
+from tools.conformance.suite import CHECKS, Verdict, chosen, meet, run
+from tools.conformance.vectors import PLAIN, TAGGED, VECTOR_GEOM, VECTOR_NONCE
+from tools.conformance.wire import GEOM, MAP, POSE, cobs, frame, map_body, op, pose_body
+
+Make = Callable[[int, bytes | None], Receiver]
+
+
+def c_receiver(start: int, key: bytes | None) -> Receiver:
+    """Of the C header; skips where it can't be built."""
+    try:
+        return CReceiver(VECTOR_NONCE + start, key=key)
+    except NoCompilerError:
+        pytest.skip("needs gcc: apt install gcc")
+
+
+def python_receiver(start: int, key: bytes | None) -> Receiver:
+    """The public one."""
+    return PythonReceiver(VECTOR_NONCE + start, key=key)
+
+
+RECEIVERS: dict[str, Make] = {"Python": python_receiver, "C": c_receiver}
+
+
+def examined(make: Make, key: bytes | None, datagrams: bool, only: str = "") -> list[Verdict]:
+    """The verdicts of all checks."""
+    exam = Exam(InProcess(lambda start: make(start, key), datagrams=datagrams), key=key, share=0.05)
+    assert meet(exam) == ""
+    assert exam.has_digest
+    return list(run(exam, chosen(only), seed=2))
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+@pytest.mark.parametrize("key", [None, KEY], ids=["plain", "tagged"])
+@pytest.mark.parametrize("datagrams", [True, False], ids=["datagrams", "stream"])
+def test_own_receivers_pass_all_that_is_asked_of_others(
+    name: str, key: bytes | None, datagrams: bool
+) -> None:
+    verdicts = examined(RECEIVERS[name], key, datagrams)
+    assert [verdict for verdict in verdicts if verdict.failure] == []
+    skipped = {verdict.check.name for verdict in verdicts if verdict.outcome == "skipped"}
+    allowed = {"forms of COBS", "damaged bytes on the line"} if datagrams else set()
+    assert skipped == allowed | (set() if key else {"tags"})
+    assert len(verdicts) == len(CHECKS)
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_every_error_of_one_and_two_bits_and_every_burst_is_refused(name: str) -> None:
+    make = RECEIVERS[name]
+    exam = Exam(InProcess(lambda start: make(start, None)), share=1.0)
+    assert meet(exam) == ""
+    whole = [check for check in CHECKS if check.number == "3"]
+    words = {verdict.check.name: verdict.words for verdict in run(exam, whole, seed=1)}
+    done, _, of, *_ = words["errors of one and two bits"].split()
+    assert (int(done), int(of)) == (28_920, 28_920)
+    done, _, of, *_ = words["bursts up to 32 bits"].split()
+    assert int(done) == int(of) == 4 * sum(240 - length + 1 for length in range(3, 33))
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+def test_maps_of_up_to_401_by_401_cells_equal_those_of_the_model(name: str) -> None:
+    make = RECEIVERS[name]
+    exam = Exam(InProcess(lambda start: make(start, None)), share=0.12)
+    assert meet(exam) == ""
+    assert not any(verdict.failure for verdict in run(exam, chosen("2"), seed=1))
+
+
+@pytest.mark.parametrize("name", RECEIVERS)
+@pytest.mark.parametrize("half", [POSE, MAP])
+def test_stale_comes_at_stale_ms_to_the_millisecond(name: str, half: int) -> None:
+    receiver = RECEIVERS[name](0, None)
+    receiver.feed_datagram(10.0, frame(GEOM, 1, 1000, VECTOR_GEOM.body()))
+    bodies = {POSE: pose_body(), MAP: map_body((0, 0), 1, 7, 0, op(1, 9))}
+    receiver.feed_datagram(10.0, frame(half, 2, 1000, bodies[half]))
+    assert receiver.stale(10.0)
+    other = MAP if half == POSE else POSE
+    receiver.feed_datagram(10.1, frame(other, 3, 1100, bodies[other]))
+    assert not receiver.stale(10.149)
+    assert receiver.stale(10.152)
+
+
+def test_the_vectors_here_are_those_of_the_sheet() -> None:
+    for name, text in PLAIN.items():
+        whole = bytes.fromhex(text)
+        assert whole == VECTORS[name]
+        assert cobs(whole) + b"\0" == VECTORS[f"{name}_serial"]
+        if name in TAGGED:
+            assert bytes.fromhex(TAGGED[name]) == VECTORS[f"{name}_auth"]

@@ -1,0 +1,273 @@
+"""Whole runs and short campaigns: judged, repeated, recorded; blind planners are caught."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from rich.console import Console
+
+from core.config import with_changes
+from fakes.lms1xx.recorded import RecordedLms111
+from fakes.scenes.scene import Scene
+from fakes.scenes.solids import Solid
+from tests.support.blind_pilot import BlindPilot
+from tests.support.c_link import needs
+from tools.rig import campaign, record, report
+from tools.rig.__main__ import main as rig_main
+from tools.rig.campaign import Task, outcome_of, outcomes_of, spec_of
+from tools.rig.loop import rig_config
+from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
+from tools.rig.record import Recorder
+from tools.rig.report import Outcome
+from tools.rig.watch import Watcher, image_of, line_of, picture
+
+FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
+WALL = Solid("wall", (14.0, 14.5), (-6.0, 6.0), (0.0, 2.0))
+LOW_BOX = Solid("low box", (1.0, 1.4), (-0.5, 0.5), (0.0, 0.2))  # where nobody may have left one
+BEHIND = Solid("wall behind", (-1.2, -1.0), (-6.0, 6.0), (0.0, 2.0))
+GOALS = ((0.8, 0.0), (1.4, 0.1))
+SCENES = ("hall", "passage")
+
+
+def place(*things: Solid, goals: Any = GOALS) -> Scene:
+    """A hall with things in it."""
+    return Scene("hall", (FLOOR, WALL, *things), goals=goals)
+
+
+def run_of(
+    scene: Scene, pilot: BlindPilot | None = None, limit_s: float = 25.0, **robot: Any
+) -> Run:
+    """A run of a blind planner, at its end."""
+    config = with_changes(rig_config(scene), robot=robot) if robot else None
+    run = Run(RunSpec(scene, 1, limit_s=limit_s), pilot or BlindPilot(), config)
+    while not run.ended:
+        run.step()
+    return run
+
+
+@pytest.fixture(scope="module")
+def arrived() -> RunResult:
+    """A run without anything in the way."""
+    return run_of(place()).result()
+
+
+@pytest.fixture(scope="module")
+def caught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path]:
+    """A run that ends at a low box, and the folder in which it was written down."""
+    folder = tmp_path_factory.mktemp("run")
+    run = Run(RunSpec(place(LOW_BOX), 1), BlindPilot())
+    with Recorder(run, folder) as recorder:
+        while not run.ended:
+            run.step()
+            recorder(run)
+        recorder.finish(run.result())
+    return run, folder
+
+
+def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult) -> None:
+    assert (arrived.reached, arrived.goals, arrived.ended) == (2, 2, "all goals were tried")
+    assert not arrived.collisions
+    assert not arrived.stops
+    assert 0.8 < arrived.driven_m < 2.0
+    assert 0.0 < arrived.worst_stop_m < 0.5
+
+
+def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not(
+    arrived: RunResult,
+) -> None:
+    assert run_of(place()).result().digest == arrived.digest
+    other = Run(RunSpec(place(), 2), BlindPilot())
+    same = Run(RunSpec(place(), 1), BlindPilot())
+    for run in (other, same):
+        while run.since_begin_s < 1.0:
+            run.step()
+    assert other.result().digest != same.result().digest
+
+
+def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught(
+    caught: tuple[Run, Path],
+) -> None:
+    result = caught[0].result()
+    (contact,) = result.collisions
+    assert contact.what == "low box"
+    assert result.ended.startswith("collision with low box")
+    assert [missed.number for missed in result.missed] == [1, 2]
+    assert "never tried" in result.missed[1].cause
+    outcome = Outcome(0, RunSpec("hall", 1), result)
+    assert not report.is_well([outcome], 1)
+    assert report.complaints([outcome], "ONLY={number}")
+
+
+def test_one_that_backs_into_a_wall_with_mapods_zone_off_is_caught() -> None:
+    scene = place(BEHIND, goals=((-4.0, 0.0),))
+    result = run_of(scene, BlindPilot(v_mps=-0.4), unknown_stops=False, start_clear_m=0.0).result()
+    assert result.collisions[0].what == "wall behind"
+
+
+def test_before_a_wall_mapod_stops_it_and_the_run_tells_why() -> None:
+    scene = place(Solid("box", (2.5, 3.0), (-1.0, 1.0), (0.0, 1.2)), goals=((8.0, 0.0),))
+    result = run_of(scene, limit_s=12.0).result()
+    assert not result.collisions
+    assert result.stops[0].in_way == "box"
+    (missed,) = result.missed
+    assert "time was up" in missed.cause
+    assert "mapod: an obstacle is in the way" in missed.cause
+    assert 0.1 < result.least_gap_m < 0.7
+
+
+def test_a_planner_that_gives_up_ends_the_run_with_its_cause() -> None:
+    pilot = BlindPilot()
+    pilot.gives_up = "no way over seen ground"
+    result = run_of(place(goals=GOALS[:1]), pilot, limit_s=30.0).result()
+    assert result.sim_s == pytest.approx(FIRST_GOAL_S + GIVEN_UP_S, abs=0.5)
+    assert "the planner: no way over seen ground" in result.missed[0].cause
+
+
+def test_a_planner_that_takes_another_place_for_its_goal_has_not_reached_it() -> None:
+    result = run_of(place(goals=((1.6, 0.0),)), BlindPilot(radius_m=1.2)).result()
+    assert result.reached == 0
+    assert "a place for it that is " in result.missed[0].cause
+
+
+def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
+    scene = place(goals=((7.0, 0.0),))
+    spec = RunSpec(scene, 1, faults=("scanner.wire.mute@6s+1s",), limit_s=9.0)
+    run = Run(spec, BlindPilot())
+    while not run.ended:
+        run.step()
+    assert [said for _, said in run.loop.happened] == [
+        "scanner.wire.mute on",
+        "scanner.wire.mute off",
+    ]
+    (stop,) = run.result().stops
+    assert stop.in_way == "a fault"
+    assert stop.why == "the scanner delivers no scans"
+
+
+def test_over_a_serial_line_the_planner_drives_as_well() -> None:
+    run = Run(RunSpec(place(goals=GOALS[:1]), 1, limit_s=20.0, baud=115_200), BlindPilot())
+    while not run.ended:
+        run.step()
+    assert run.result().reached == 1
+
+
+def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) -> None:
+    run, folder = caught
+    facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    assert facts["digest"] == run.result().digest
+    assert facts["collisions"][0]["what"] == "low box"
+    played = RecordedLms111.from_files(folder / "scanner_d2h.bin")
+    assert played.duration_s > 2.0
+    for wire in record.WIRES:
+        index = (folder / f"{wire}_index.csv").read_text(encoding="ascii").splitlines()
+        for way in ("d2h", "h2d"):
+            rows = [row.split(",") for row in index if f",{way}," in row]
+            size = (folder / f"{wire}_{way}.bin").stat().st_size
+            assert sum(int(row[3]) for row in rows) == size > 0
+    lines = (folder / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    events = [json.loads(line) for line in lines]
+    assert {"goal_changed", "collision_noted", "run_ended"} <= {line["event"] for line in events}
+    (folder / "picture.png").unlink()
+    with Image.open(record.draw(folder, run.scene)) as drawn:
+        colours = np.array(drawn.convert("RGB")).reshape(-1, 3)
+    assert (colours == (255, 174, 0)).all(axis=1).any()  # the robot
+
+
+def test_what_is_no_recorded_run_is_told_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert rig_main(["draw", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert rig_main([]) == 0
+    assert "tools.rig.campaign" in capsys.readouterr().out
+
+
+def test_a_watched_run_tells_a_person_what_happens(capsys: pytest.CaptureFixture[str]) -> None:
+    run = Run(RunSpec(place(LOW_BOX), 1, limit_s=5.5), BlindPilot())
+    with Watcher(Console(), speed=0.0) as watcher:
+        while not run.ended:
+            run.step()
+            watcher(run)
+    assert "goal 1 of 2" in capsys.readouterr().out
+    assert "5.5 s" in line_of(run)
+    image = image_of(run)
+    assert (image == 4).sum() > 5  # the robot, in its middle
+    console = Console(width=120, height=40, force_terminal=True, color_system="truecolor")
+    with console.capture() as drawn:
+        console.print(picture(run, console))
+    assert "hall, seed 1" in drawn.get()
+
+
+# Campaigns
+
+
+def test_run_k_of_a_seed_is_the_same_whatever_else_is_run() -> None:
+    specs = [spec_of(1, number, SCENES) for number in range(40)]
+    assert [spec.scene for spec in specs[:4]] == ["hall", "passage", "hall", "passage"]
+    assert len({spec.seed for spec in specs}) == 40
+    assert spec_of(1, 17, SCENES) == specs[17]
+    assert spec_of(2, 17, SCENES) != specs[17]
+    assert spec_of(1, 3, SCENES, faults=2).faults == spec_of(1, 3, SCENES, faults=2).faults
+    assert len(spec_of(1, 3, SCENES, faults=2).faults) >= 2
+
+
+def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None:
+    needs("gcc", "gcc")
+    tasks = [Task(k, spec_of(1, k, SCENES, limit_s=3.0)) for k in range(2)]
+    nowhere = Task(2, RunSpec("no such scene", 1))
+    outcomes = {outcome.number: outcome for outcome in outcomes_of([*tasks, nowhere], 1)}
+    assert "FileNotFoundError" in outcomes[2].crash
+    for task in tasks:
+        result, here = outcomes[task.number].result, outcome_of(task).result
+        assert result is not None
+        assert here is not None
+        assert not result.collisions
+        assert result.digest == here.digest
+    assert not report.is_well(list(outcomes.values()), 3)
+
+
+def test_the_report_counts_by_scene_and_tells_how_to_repeat(
+    arrived: RunResult, caught: tuple[Run, Path]
+) -> None:
+    bad = caught[0].result()
+    outcomes = [
+        Outcome(0, RunSpec("hall", 1), arrived),
+        Outcome(1, RunSpec("hall", 2), bad),
+        Outcome(2, RunSpec("hall", 3), crash="it fell"),
+        Outcome(3, RunSpec("hall", 1), arrived, repeated=False),
+    ]
+    console = Console(width=200, no_color=True)
+    with console.capture() as shown:
+        report.show(console, outcomes, 5, "make campaign ONLY={number} SEED=1 WATCH=1", 10.0)
+    text = shown.get()
+    assert "4 of 6 goals (66.7 %), 1 collisions, 1 crashes" in text
+    assert "make campaign ONLY=1 SEED=1 WATCH=1" in text
+    assert "crashed: it fell" in text
+    assert "a second run differed" in text
+    assert "broken off after 4 of 5 runs" in text
+    assert "NOT WELL" in text
+    assert report.markdown([arrived, bad]).count("\n") == 3
+    assert json.loads(json.dumps(report.as_json(outcomes)))[1]["collisions"]
+    assert report.is_well(outcomes[:1], 1)
+    assert not report.is_well(outcomes[:1], 2)
+    few = dataclasses.replace(arrived, reached=1)
+    assert not report.is_well([Outcome(0, RunSpec("hall", 1), few)], 1)
+    assert report.is_well([Outcome(0, RunSpec("hall", 1, ("scanner.mute@1s",)), few)], 1)
+
+
+def test_the_command_refuses_a_scene_that_there_is_not(capsys: pytest.CaptureFixture[str]) -> None:
+    assert campaign.main(["--runs", "1", "--scene", "nowhere"]) == 2
+    told = capsys.readouterr().err
+    assert "nowhere" in told
+    assert "hall" in told, "what there is"
+
+
+def test_the_command_refuses_a_scene_without_goals(capsys: pytest.CaptureFixture[str]) -> None:
+    assert campaign.main(["--runs", "1", "--scene", "yard"]) == 2
+    told = capsys.readouterr().err
+    assert "'yard' has no goals" in told
+    assert "hall" in told, "which have some"

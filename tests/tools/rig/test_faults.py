@@ -1,0 +1,88 @@
+"""The catalogue of faults: nothing left out, all of it can be ordered, and a sample is driven."""
+
+from contextlib import ExitStack, closing
+
+import pytest
+
+from fakes.faults.handles import handles
+from fakes.wires.wire import PtyWire, TcpWire
+from tools.rig.fault_run import Drive, drive_with, hall, harm, problems, problems_of_pair
+from tools.rig.faults import CATALOGUE, DRAWN_DEVICES, NO_FAULTS, draw, handles_in_catalogue
+from tools.rig.loop import Loop
+
+PTYS = ("ahrs", "drive")
+BY_TITLE = {fault.title: fault for fault in CATALOGUE}
+
+
+@pytest.fixture(scope="module")
+def loop() -> Loop:
+    """World, fakes, wires, app, and a planner that is a public receiver."""
+    return Loop(hall())
+
+
+def all_handles(loop: Loop) -> set[str]:
+    """Whatever can be set or called of any fake and its wires, with the device's name.
+
+    Each wire of a device counts: the one in memory, and those that other programs reach.
+    """
+    fakes = loop.fakes
+    with closing(TcpWire(fakes["scanner"])) as tcp, ExitStack() as stack:
+        real = {name: stack.enter_context(closing(PtyWire(fakes[name]))) for name in PTYS}
+        return {
+            f"{device}.{name}"
+            for wires in (loop.wires, {"scanner": tcp}, real)
+            for device, wire in wires.items()
+            for name in handles(fakes[device], wire)
+        }
+
+
+def test_all_that_can_be_ordered_of_the_fakes_is_in_the_catalogue_or_excused(loop: Loop) -> None:
+    known = handles_in_catalogue() | NO_FAULTS.keys()
+    assert sorted(all_handles(loop) - known) == []
+
+
+def test_no_excuse_is_empty_and_none_is_for_what_there_is_not(loop: Loop) -> None:
+    assert all(len(why) > 10 for why in NO_FAULTS.values())
+    assert sorted(NO_FAULTS.keys() - all_handles(loop)) == []
+
+
+def test_every_fault_of_the_catalogue_can_be_ordered_and_has_a_name_of_its_own(loop: Loop) -> None:
+    loop.set_faults([order for fault in CATALOGUE for order in fault.orders(5.0)])
+    assert len(BY_TITLE) == len(CATALOGUE)
+
+
+def test_what_must_come_of_a_fault_has_a_reason() -> None:
+    assert all(fault.why for fault in CATALOGUE)
+    for device in DRAWN_DEVICES:
+        musts = {fault.must for fault in CATALOGUE if fault.device == device}
+        assert musts == {"stops", "goes on", "either"}
+
+
+def test_faults_are_drawn_alike_for_one_seed_and_can_be_ordered(loop: Loop) -> None:
+    assert draw(3, 2) == draw(3, 2)
+    assert draw(3, 2) != draw(4, 2)
+    loop.set_faults([order for seed in range(200) for order in draw(seed, 2, 4.0, 30.0)])
+    assert all(len(draw(seed, 3)) >= 3 for seed in range(50))
+    drawn = {draw(seed, 1)[0].partition("@")[0] for seed in range(300)}
+    assert len(drawn) > 80
+    assert {name.partition(".")[0] for name in drawn} == set(DRAWN_DEVICES)
+
+
+def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
+    fault = BY_TITLE["scanner.wire.mute"]
+    outcome = drive_with(fault)
+    assert problems(fault, outcome) == []
+    assert outcome.told
+
+
+def test_two_faults_at_once_do_no_harm_and_end() -> None:
+    pair = (BY_TITLE["ahrs.drop_rate=0.0005"], BY_TITLE["scanner.drop_rate=0.2"])
+    assert problems_of_pair(pair, drive_with(*pair, seed=7, start_s=8.0)) == []
+
+
+def test_a_box_on_ground_that_somebody_vouched_for_is_hit_and_that_is_seen() -> None:
+    """Nearer than 6.7 m the laser looks over it: the operator's word for the start is wrong."""
+    outcome = Drive([], (2.0, 2.5), 5.0, scene=hall(box_x_m=4.0)).run()
+    [words] = outcome.collisions
+    assert "something 0.20 m high" in words
+    assert any("collision" in problem for problem in harm(outcome))

@@ -1,0 +1,309 @@
+"""The judge against truths made by hand: what is a collision, what is not, what is a false stop."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fakes.scenes.movers import person
+from fakes.scenes.scene import Scene, load_scene
+from fakes.scenes.solids import Pillar, Solid, bump, soft
+from tools.rig.contact import OVERLAP_M, RECT, box_gap, disc_gap, outline, placed
+from tools.rig.judge import Judge, Truth
+from tools.rig.stops import Orders, StopWatch, is_in_way, places_on, way_m
+
+FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
+WANTS, HELD = Orders(True, True, "", True), Orders(True, False, "an obstacle is in the way", True)
+PERIOD_S = 0.02
+
+
+def scene_of(*solids: Solid | Pillar, floor: bool = True) -> Scene:
+    """A floor and things on it."""
+    return Scene("made", (FLOOR, *solids) if floor else solids)
+
+
+def driven(
+    judge: Judge,
+    way_from_m: float,
+    way_to_m: float,
+    v_mps: float = 0.5,
+    people: np.ndarray | None = None,
+    y_m: float = 0.0,
+) -> Judge:
+    """Straight along x at a speed, from a place to a place, nose ahead."""
+    since_s, x_m = judge.truth.since_s, way_from_m
+    while x_m < way_to_m:
+        judge.step(Truth(since_s, (x_m, y_m, 0.0), people=people))
+        x_m, since_s = x_m + v_mps * PERIOD_S, since_s + PERIOD_S
+    return judge
+
+
+def standing(judge: Judge, seconds: float, x_m: float, people: np.ndarray | None = None) -> Judge:
+    """At a place for so long."""
+    since_s = judge.truth.since_s
+    for _ in range(round(seconds / PERIOD_S)):
+        since_s += PERIOD_S
+        judge.step(Truth(since_s, (x_m, 0.0, 0.0), people=people))
+    return judge
+
+
+def test_a_robot_driven_into_a_box_collides_once_with_the_speed_that_it_had() -> None:
+    judge = driven(Judge(scene_of(Solid("box", (3.0, 3.5), (-0.5, 0.5), (0.0, 0.15)))), 0.0, 2.7)
+    (contact,) = judge.collisions
+    assert (contact.kind, contact.what) == ("thing", "box")
+    assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.011)
+    assert contact.speed_mps == pytest.approx(0.5, abs=0.01)
+    assert not judge.bumps
+
+
+def test_a_robot_that_stops_short_of_it_or_passes_beside_does_not() -> None:
+    box = Solid("box", (3.0, 3.5), (-0.5, 0.5), (0.0, 0.5))
+    judge = driven(Judge(scene_of(box)), 0.0, 2.47)
+    assert not judge.collisions
+    assert judge.least_gap_m == pytest.approx(3.0 - 0.52 - 2.46, abs=0.011)
+    assert judge.nearest == "box"
+    judge = driven(Judge(scene_of(box)), 0.0, 6.0, y_m=0.85)
+    assert not judge.collisions
+    assert judge.least_gap_m == pytest.approx(0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("low_m", "high_m", "collides"),
+    [
+        (0.0, 0.10, False),  # too low to count
+        (0.0, 0.15, True),
+        (0.72, 0.75, True),  # a table top
+        (1.25, 1.40, True),
+        (1.40, 2.00, False),  # higher than the robot
+    ],
+)
+def test_what_counts_depends_on_its_heights(low_m: float, high_m: float, collides: bool) -> None:
+    thing = Solid("thing", (2.0, 3.0), (-1.0, 1.0), (low_m, high_m))
+    assert bool(driven(Judge(scene_of(thing)), 0.0, 2.0).collisions) is collides
+
+
+def test_glass_counts_and_grass_does_not() -> None:
+    grass = Solid("grass", (2.0, 3.0), (-1.0, 1.0), (0.0, 0.4), material=soft(20.0))
+    assert not driven(Judge(scene_of(grass)), 0.0, 3.0).collisions
+
+
+def test_the_leg_of_a_chair_counts() -> None:
+    leg = Pillar("leg", (2.0, 0.29), 0.015, (0.0, 0.45))
+    (contact,) = driven(Judge(scene_of(leg)), 0.0, 2.2).collisions
+    assert contact.what == "leg"
+
+
+def test_a_corner_over_a_drop_collides() -> None:
+    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
+    yard = Solid("yard", (3.0, 20.0), (-5.0, 5.0), (-3.0, -1.2))
+    judge = driven(Judge(scene_of(near, yard, floor=False)), 0.0, 3.0)
+    (contact,) = judge.collisions
+    assert contact.kind == "drop"
+    assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.015)
+    beside = driven(Judge(scene_of(near, yard, floor=False)), 0.0, 2.4)
+    assert not beside.collisions
+
+
+def test_a_hole_without_a_bottom_counts_and_a_shallow_one_does_not() -> None:
+    parts = (
+        Solid("before", (-5.0, 3.0), (-5.0, 5.0), (-1.0, 0.0)),
+        Solid("behind", (3.3, 9.0), (-5.0, 5.0), (-1.0, 0.0)),
+    )
+    shallow = Solid("step", (3.0, 3.3), (-5.0, 5.0), (-1.0, -0.12))
+    assert driven(Judge(scene_of(*parts, floor=False)), 0.0, 3.0).collisions
+    assert not driven(Judge(scene_of(*parts, shallow, floor=False)), 0.0, 5.0).collisions
+
+
+def test_a_ramp_and_a_bump_that_wheels_go_over_are_no_collision() -> None:
+    rise_rad = math.radians(5.0)
+    ramp = Solid("ramp", (3.0, 9.0), (-5.0, 5.0), (-0.5, 0.0), rise_x_rad=rise_rad)
+    judge = Judge(Scene("ramp", (FLOOR, ramp)))
+    for step in range(400):
+        x_m = 0.02 * step
+        axle_m = max(0.0, (x_m - 3.0) * math.tan(rise_rad))
+        caster_m = max(0.0, (x_m + 0.4 - 3.0) * math.tan(rise_rad))
+        pitch_rad = -math.atan2(caster_m - axle_m, 0.4)
+        judge.step(Truth(0.02 * step, (x_m, 0.0, 0.0), axle_m, pitch_rad))
+    assert not judge.collisions
+    over = Scene("bump", (FLOOR, bump("bump", (2.0, 2.6), (-2.0, 2.0), 0.05)))
+    assert not driven(Judge(over), 0.0, 4.0).collisions
+
+
+def test_who_walks_into_a_robot_that_stands_is_counted_apart() -> None:
+    judge = standing(Judge(scene_of()), 1.0, 0.0)
+    for away_m in np.arange(2.0, 0.4, -0.02):
+        standing(judge, PERIOD_S, 0.0, np.array([[away_m, 0.0, 0.22]]))
+    assert not judge.collisions
+    (contact,) = judge.bumps
+    assert contact.kind == "person"
+
+
+def test_a_person_whom_a_driving_robot_touches_is_a_collision() -> None:
+    people = np.array([[9.0, 3.0, 0.22], [2.0, 0.3, 0.22]])
+    (contact,) = driven(Judge(scene_of()), 0.0, 1.6, people=people).collisions
+    assert (contact.kind, contact.what) == ("person", "person 2")
+
+
+def test_somebody_on_a_timetable_counts_likewise() -> None:
+    walker = person("walker", ((4.0, 0.0), (-4.0, 0.0)), speed_mps=1.0)
+    scene = Scene("made", (FLOOR,), movers=(walker,))
+    assert standing(Judge(scene), 4.0, 0.0).bumps
+    judge = driven(Judge(scene), 0.0, 2.0)
+    assert judge.collisions[0].what == "walker"
+    assert not judge.bumps
+
+
+def test_a_contact_that_lasts_is_counted_once_and_a_second_one_again() -> None:
+    wall = Solid("wall", (3.0, 3.2), (-2.0, 2.0), (0.0, 2.0))
+    judge = driven(Judge(scene_of(wall)), 2.0, 2.6)
+    driven(judge, 2.5, 2.6, 0.05)
+    assert len(judge.collisions) == 1
+    driven(judge, 0.0, 2.6)
+    assert len(judge.collisions) == 2
+
+
+# False stops
+
+
+def stopped(scene: Scene, why: str = HELD.why, faulty: bool = False) -> StopWatch:
+    """Driven at 0.5 m/s to x = 2, told to stop there, and stood for a second."""
+    judge = Judge(scene)
+    watch = StopWatch(judge, faulty)
+    since_s = x_m = 0.0
+    v_mps = 0.5
+    while since_s < 6.0:
+        judge.step(Truth(since_s, (x_m, 0.0, 0.0)))
+        watch.step(WANTS if x_m < 2.0 else Orders(True, False, why, True))
+        v_mps = v_mps if x_m < 2.0 else max(0.0, v_mps - 0.8 * PERIOD_S)
+        since_s, x_m = since_s + PERIOD_S, x_m + v_mps * PERIOD_S
+    return watch
+
+
+def test_a_stop_before_nothing_is_false_and_its_way_is_measured() -> None:
+    watch = stopped(scene_of())
+    (stop,) = watch.stops
+    assert stop.is_false
+    assert stop.why == HELD.why
+    assert stop.way_m == pytest.approx(0.5**2 / 1.6, abs=0.03)
+    assert watch.worst_way_m == stop.way_m
+
+
+@pytest.mark.parametrize(
+    ("thing", "in_way"),
+    [
+        (Solid("near", (3.0, 3.4), (-0.3, 0.3), (0.0, 0.12)), True),
+        (Solid("farther", (3.7, 4.0), (-0.3, 0.3), (0.0, 0.5)), True),
+        (Solid("far", (3.85, 4.0), (-0.3, 0.3), (0.0, 0.5)), False),
+        (Solid("beside", (2.4, 3.0), (0.60, 1.0), (0.0, 0.5)), True),
+        (Solid("aside", (2.4, 3.0), (0.70, 1.0), (0.0, 0.5)), False),
+        (Solid("flat", (2.6, 3.0), (-0.3, 0.3), (0.0, 0.09)), False),
+    ],
+)
+def test_only_what_is_truly_in_the_way_to_a_stop_and_half_a_metre_more_excuses_it(
+    thing: Solid, in_way: bool
+) -> None:
+    (stop,) = stopped(scene_of(thing)).stops
+    assert stop.is_false is not in_way
+    assert stop.in_way == (thing.name if in_way else "")
+
+
+def test_a_stop_before_a_drop_is_right() -> None:
+    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
+    (stop,) = stopped(scene_of(near, floor=False)).stops
+    assert stop.in_way == "a drop"
+
+
+def test_a_stop_for_a_doubt_is_false_unless_something_was_made_to_fail() -> None:
+    (stop,) = stopped(scene_of(), "the scanner delivers no scans").stops
+    assert stop.is_false
+    (stop,) = stopped(scene_of(), "the scanner delivers no scans", faulty=True).stops
+    assert not stop.is_false
+    (stop,) = stopped(scene_of(), "ground in the way was not seen to be free", faulty=True).stops
+    assert stop.is_false
+    assert is_in_way("a drop is in the way")
+    assert not is_in_way("the pose is not known")
+
+
+def test_arriving_is_no_stop_and_a_moment_is_none_either() -> None:
+    judge = Judge(scene_of())
+    watch = StopWatch(judge)
+    driven(judge, 0.0, 1.0)
+    watch.step(Orders(False, False, "", False))
+    standing(judge, 1.0, 1.0)
+    watch.step(Orders(False, False, "", False))
+    assert not watch.stops
+    driven(judge, 1.0, 2.0)
+    watch.step(HELD)
+    standing(judge, 0.3, 2.0)
+    watch.step(HELD)
+    driven(judge, 2.0, 2.5)
+    watch.step(WANTS)
+    assert not watch.stops
+
+
+def test_the_way_of_a_turn_is_an_arc() -> None:
+    places = places_on((0.0, 0.0, 0.0), 0.5, 0.5)
+    assert places[-1][1] > 0.1
+    turn = places_on((1.0, 2.0, 0.0), 0.0, 1.0)
+    assert turn[-1][:2] == (1.0, 2.0)
+    assert turn[-1][2] == pytest.approx(way_m(0.0, 1.0) / 0.6, abs=0.1)
+
+
+# The geometry against points
+
+places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))
+
+
+@given(places, st.floats(-1, 1), st.floats(0.05, 2.0), st.floats(0.05, 2.0))
+def test_a_box_overlaps_just_when_points_of_either_lie_within_the_other(
+    place: tuple[float, float, float], x0: float, wide_m: float, deep_m: float
+) -> None:
+    span = (x0, x0 + wide_m, -deep_m / 2, deep_m / 2)
+    gap_m = box_gap(place, RECT, span)
+    x, y = placed(outline(), place)
+    dx = np.maximum(np.maximum(span[0] - x, x - span[1]), 0.0)
+    dy = np.maximum(np.maximum(span[2] - y, y - span[3]), 0.0)
+    by_points_m = float(np.hypot(dx, dy).min())
+    if gap_m == OVERLAP_M:
+        inside = box_gap((0.16 + place[0], place[1], place[2]), (1e-3, 1e-3, 1e-3), span)
+        c, s = math.cos(place[2]), math.sin(place[2])
+        cx, cy = x0 + wide_m / 2 - place[0], -place[1]
+        within = -0.2 <= c * cx + s * cy <= 0.52 and abs(c * cy - s * cx) <= 0.3
+        assert by_points_m < 0.02 or within or inside == OVERLAP_M
+    else:
+        assert by_points_m == pytest.approx(gap_m, abs=0.015)
+        assert by_points_m >= gap_m - 1e-9
+
+
+@given(places, st.floats(0.01, 0.5))
+def test_a_disc_likewise(place: tuple[float, float, float], radius_m: float) -> None:
+    gap_m = disc_gap(place, RECT, 0.3, -0.1, radius_m)
+    x, y = placed(outline(), place)
+    by_points_m = float(np.hypot(x - 0.3, y + 0.1).min()) - radius_m
+    if gap_m != OVERLAP_M:
+        assert by_points_m == pytest.approx(gap_m, abs=0.015)
+    else:
+        c, s = math.cos(place[2]), math.sin(place[2])
+        cx, cy = 0.3 - place[0], -0.1 - place[1]
+        within = -0.2 <= c * cx + s * cy <= 0.52 and abs(c * cy - s * cx) <= 0.3
+        assert by_points_m < 0.015 or within
+
+
+@pytest.mark.parametrize("name", ["rooms", "dock", "office"])
+def test_the_judge_agrees_with_the_scene_asked_point_by_point(name: str) -> None:
+    scene, random = load_scene(name, 5), np.random.default_rng(3)
+    grid = np.meshgrid(np.linspace(-0.2, 0.52, 73), np.linspace(-0.3, 0.3, 61))
+    points = np.column_stack([part.ravel() for part in grid])
+    for _ in range(25):
+        place = (random.uniform(-2, 24), random.uniform(-5, 5), random.uniform(-3, 3))
+        z = float(np.nan_to_num(scene.height_at([place[0]], [place[1]])[0], nan=-9.0))
+        if abs(z) > 0.05:
+            continue  # stands on a thing, or on nothing
+        judge = Judge(scene)
+        judge.step(Truth(0.0, place, z))
+        x, y = placed(points, place)
+        solid = scene.blocks(x, y, z + 0.14, z + 1.30).any()
+        low = (np.nan_to_num(scene.height_at(x, y), nan=-9.0) < z - 0.15).any()
+        assert bool(judge.collisions) is bool(solid or low), place

@@ -1,0 +1,158 @@
+"""The far end as a meter: stamps, matching frames with scans, load, and one short measurement."""
+
+import argparse
+import io
+import os
+from collections import deque
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from fakes.programs.stamps import StampedAttitude, StampedScanner, Stamps, WatchedWorld
+from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
+from tests import ROOT
+from tools.cli.view import Stop
+from tools.rig import latency
+from tools.rig.far_end import Burst, FarEnd, Sent, sent_from_file, told_scans
+from tools.rig.load import loaded
+
+SCAN = b"\x02\x02\x02\x02....sSN LMDscandata and so on"
+GEOM_BODY = bytes([1, 0, 9, 0, 5, 0, 200, 0, 1, 0, 0, 0, 20, 0, 150, 0])
+
+
+def scans(count: int, begin_s: float = 100.0) -> list[Sent]:
+    """Scans every 20 ms, each sent 1 ms after its last beam."""
+    return [Sent(begin_s + 0.02 * k, begin_s + 0.02 * k + 0.001) for k in range(count)]
+
+
+def burst(tick_s: float, mapped_s: float, arrived_s: float) -> Burst:
+    """What a sender's tick that has mapped up to an instant looks like from afar."""
+    age = int((tick_s - mapped_s) / 0.004)
+    return Burst(round(tick_s * 1000) % 2**32, arrived_s, min(age, 255))
+
+
+def pose_body(age: int) -> bytes:
+    return bytes(20) + bytes([age, 1, 1, 1])
+
+
+def test_each_scan_is_matched_with_the_first_tick_that_tells_of_it() -> None:
+    sent = scans(5)
+    bursts = [
+        burst(sent[1].sent_s + 0.001, sent[1].measured_s, sent[1].sent_s + 0.002),
+        burst(sent[1].sent_s + 0.015, sent[1].measured_s, sent[1].sent_s + 0.016),
+        burst(sent[3].sent_s + 0.003, sent[3].measured_s, sent[3].sent_s + 0.004),
+    ]
+    told, strangers = told_scans(sent, bursts)
+    assert strangers == 0
+    assert [one.scan for one in told] == [sent[1], sent[3]]
+    assert [one.latency_s for one in told] == pytest.approx([0.002, 0.004])
+
+
+@pytest.mark.parametrize("off_s", [-0.004, 0.0, 0.004])
+def test_the_senders_clock_of_a_sensor_may_be_off_by_milliseconds(off_s: float) -> None:
+    sent = scans(50, begin_s=4_294_967.0)  # its milliseconds wrap within the span
+    bursts = [burst(s.sent_s + 0.002, s.measured_s + off_s, s.sent_s + 0.003) for s in sent]
+    told, strangers = told_scans(sent, bursts)
+    assert strangers == 0
+    assert [one.scan for one in told] == sent
+    assert max(one.latency_s for one in told) == pytest.approx(0.003)
+
+
+def test_a_tick_that_fits_no_scan_is_counted_and_one_without_a_scan_is_not() -> None:
+    sent = scans(2)
+    strange = burst(101.0, 100.9, 101.0)
+    never = Burst(100_000, 100.0, 255)
+    assert told_scans(sent, [strange, never]) == ([], 1)
+
+
+def test_frames_of_one_tick_are_one_burst_that_has_arrived_with_its_last_frame() -> None:
+    end = FarEnd()
+    end.feed_datagram(1.0, bytes_from_frame(GEOM, 1, 1000, GEOM_BODY))
+    end.feed_datagram(1.5, bytes_from_frame(POSE, 2, 1500, pose_body(7)))
+    end.feed_datagram(1.501, bytes_from_frame(MAP, 3, 1500, bytes(10)))
+    end.feed_datagram(1.52, bytes_from_frame(POSE, 4, 1520, pose_body(2)))
+    assert end.bursts[1:] == [Burst(1500, 1.501, 7), Burst(1520, 1.52, 2)]
+
+
+class Teller:
+    """A device that says what it is told to say."""
+
+    baud = 115_200
+
+    def __init__(self, says: list[bytes]) -> None:
+        self.says = says
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """The next of its words."""
+        return self.says.pop(0)
+
+
+def test_a_scan_is_stamped_as_it_leaves_and_answers_are_not(tmp_path: Path) -> None:
+    stamps = Stamps(lambda: 5.125)
+    fake = StampedScanner(Teller([b"", b"sRA answer", SCAN]), deque([4.9, 4.98]), stamps)
+    for now_s in (4.9, 5.0, 5.0):
+        fake.exchange(now_s, b"")
+    path = tmp_path / "stamps.txt"
+    path.write_text("".join(stamps.lines) + "scan 1.0")  # the last line is not whole
+    assert sent_from_file(path, "scan") == [Sent(4.98, 5.125)]
+    assert sent_from_file(path, "attitude") == []
+
+
+def test_an_attitude_is_stamped_with_its_last_byte_however_the_stream_is_cut() -> None:
+    stamps = Stamps(lambda: 8.0079)
+    message = b"\xfa\xff\x32\x04\xfa\xff\x32\x00\x00"
+    parts = [b"", b"noise" + message[:3], message[3:8], message[8:] + b"\xfa\xff\x3e\x00\x00"]
+    fake = StampedAttitude(Teller(parts), deque([7.99, 8.0, 8.01]), stamps)
+    for now_s in (8.0, 8.004, 8.006, 8.008):
+        fake.exchange(now_s, b"")
+    assert stamps.lines == ["attitude 8.000000 8.007900\n"]
+
+
+def test_a_watched_world_remembers_when_it_was_looked_at() -> None:
+    world = WatchedWorld("corridor", 1)
+    world.step_to(10.0)
+    world.step_to(10.1)
+    for t_s in (10.02, 10.02, 10.03):
+        world.motion_at(t_s)
+    assert list(world.sampled_s) == [10.02, 10.03]
+
+
+def test_load_begins_and_leaves_no_process() -> None:
+    before = set(children())
+    with loaded(30.0, cores=1) as words:
+        begun = set(children()) - before
+    assert words == "1 computing, 1 moving memory, 1 writing to the disk"
+    assert len(begun) >= 3
+    assert len(begun - set(children())) >= 3  # Python's own helper stays
+
+
+def children() -> list[int]:
+    """Processes that this one has started, and that have not ended."""
+    path = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
+    return [int(word) for word in path.read_text().split()]
+
+
+def test_quantiles_are_values_that_were_there() -> None:
+    assert latency.quantiles([0.003, 0.001, 0.002]) == (0.002, 0.003, 0.003)
+    assert latency.quantiles(list(range(1, 101))) == (50, 99, 100)
+
+
+def test_a_short_measurement_finds_each_scan_at_the_far_end(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(latency, "SETTLE_S", 1.0)
+    options = argparse.Namespace(
+        seconds=2.0, seed=1, scene="corridor", config=str(ROOT / "mapod.toml")
+    )
+    console = Console(file=io.StringIO(), width=120)
+    with Stop().on_signals() as stop:
+        row = latency.measure("alone", options, stop, console, load=False)
+    assert row.scans > 60
+    assert row.told > 0.9 * row.scans
+    assert row.strangers <= 0.02 * row.scans
+    assert row.ticks > 400
+    console.print(latency.table_of([row]))
+    told = console.file.getvalue() if isinstance(console.file, io.StringIO) else ""
+    assert f"{row.told} of {row.scans}" in told
+    assert "SCHED_FIFO" in latency.permissions(row)[0]

@@ -1,0 +1,125 @@
+"""The C planner stops on every doubt, says why, and goes on when the doubt is gone."""
+
+import pytest
+
+from core.records import OBSTACLE, UNKNOWN
+from tests.support.c_bench import STOP, Bench, driving, zone_report
+from tools.rig.c_planner import PlannerSettings
+
+SLOW_MPS = 0.15
+
+
+@pytest.mark.parametrize(
+    ("health", "mode", "why"),
+    [
+        (0x7F, 0, "not running"),
+        (0x7F, 3, "not running"),
+        (0x7F, 4, "not running"),
+        (0x7F & ~0x10, 1, "pose is not valid"),
+        (0x7F & ~0x20, 1, "map is not valid"),
+        (0x7F | 1 << 7, 1, "drop-off"),
+        (0x7F | 1 << 9, 1, "too steep"),
+        (0x7F | 1 << 15, 1, "emergency stop"),
+    ],
+)
+def test_what_the_sender_doubts_stops_it_at_once(health: int, mode: int, why: str) -> None:
+    bench = driving(Bench())
+    bench.health, bench.mode = health, mode
+    bench.run(0.2)
+    assert bench.newest == (0.0, 0.0)
+    assert why in bench.state.why
+    bench.health, bench.mode = 0x7F, 1
+    bench.run(1.5)
+    assert bench.newest[0] > 0.0, "and it goes on when the doubt is gone"
+
+
+def test_a_silent_sender_stops_it() -> None:
+    bench = driving(Bench())
+    bench.silent = True
+    bench.run(0.4)
+    assert bench.newest == (0.0, 0.0)
+    assert bench.state.why == "the link is stale"
+
+
+def test_a_lost_frame_makes_it_slow_until_it_is_made_good() -> None:
+    bench = driving(Bench())
+    bench.moves = (0.6, 0.0)
+    bench.run(1.0)
+    assert bench.newest[0] > 2 * SLOW_MPS
+    bench.lose = True
+    bench.run(0.1)
+    bench.lose = False
+    suspects: list[float] = []
+    for _ in range(40):
+        bench.tick()
+        if bench.state.suspect:
+            suspects.append(bench.newest[0])
+    assert not suspects or max(suspects[2:], default=0.0) <= SLOW_MPS
+    bench.run(3.0)
+    assert not bench.state.suspect
+    assert bench.newest[0] > 2 * SLOW_MPS
+
+
+def test_the_stop_zone_limits_it() -> None:
+    bench = driving(Bench())
+    bench.moves = (0.5, 0.0)
+    bench.zone = zone_report(ahead_mps=0.2)
+    bench.run(0.5)
+    assert 0.0 < bench.newest[0] <= 0.2
+    bench.zone = zone_report(state=STOP)
+    bench.run(0.3)
+    assert bench.newest == (0.0, 0.0)
+    assert "stop zone" in bench.state.why
+
+
+def test_a_stop_zone_that_does_not_come_or_knows_nothing_stops_it() -> None:
+    bench = driving(Bench())
+    bench.zone = zone_report(0.0, 0.0, state=0)
+    bench.run(0.3)
+    assert bench.newest == (0.0, 0.0)
+    assert "stop zone" in bench.state.why
+
+
+def test_a_sender_that_starts_anew_ends_the_drive() -> None:
+    bench = driving(Bench())
+    bench.session += 1
+    bench.begin_link()
+    bench.run(2.0)
+    assert bench.state.state == "stopped"
+    assert bench.state.why == "the sender has started anew"
+    assert bench.newest == (0.0, 0.0)
+
+
+def test_nobody_vouches_for_the_ground_where_a_sender_has_started_anew() -> None:
+    bench = Bench(PlannerSettings(start_clear_m=9.0))
+    bench.cells[:] = UNKNOWN
+    driving(bench)
+    bench.session += 1
+    bench.begin_link()
+    bench.run(2.0)
+    bench.planner.goal(5.0, 0.0)
+    bench.asked.clear()
+    bench.run(5.0)
+    assert bench.state.state == "driving"
+    assert {drive[:2] for drive in bench.asked} == {(0.0, 0.0)}
+
+
+def test_a_robot_that_does_not_obey_is_let_go_of_now_and_then() -> None:
+    bench = driving(Bench())
+    bench.run(12.0)
+    zeros = sum(drive[:2] == (0.0, 0.0) for drive in bench.asked)
+    assert zeros >= 4
+    assert any(drive[:2] != (0.0, 0.0) for drive in bench.asked[-40:])
+    bench.run(150.0)
+    assert bench.state.state == "stopped", "and in the end it is given up"
+
+
+def test_where_no_way_leads_it_gives_up_in_the_end_and_says_why() -> None:
+    bench = Bench()
+    bench.put((4.0, 4.4), (-10.2, 10.2), OBSTACLE)
+    bench.obeys = True
+    bench.run(0.3)
+    bench.planner.goal(8.0, 0.0)
+    bench.run(300.0)
+    assert bench.state.state == "stopped"
+    assert bench.state.why in ("no way over seen ground", "the goal is too near to an obstacle")

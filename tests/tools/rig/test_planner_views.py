@@ -1,0 +1,94 @@
+"""The C planner before ground that it cannot see from here, and before who crosses its way."""
+
+import math
+
+import numpy as np
+
+from core.records import FREE, OBSTACLE, UNKNOWN
+from tests.support.c_bench import CELL_M, Bench
+
+LINE_M = (8.3, 8.7)  # where the laser's line lies before the robot
+GOAL = (8.0, 0.0)
+
+
+def see(bench: Bench) -> None:
+    """Unknown ground on the line becomes free, as a laser that looks down would have it."""
+    x, y, yaw = bench.place
+    j, i = np.nonzero(bench.cells == UNKNOWN)
+    dx, dy = (i + bench.corner + 0.5) * CELL_M - x, (j + bench.corner + 0.5) * CELL_M - y
+    ahead = dx * math.cos(yaw) + dy * math.sin(yaw)
+    aside = np.abs(dy * math.cos(yaw) - dx * math.sin(yaw))
+    seen = (ahead >= LINE_M[0]) & (ahead <= LINE_M[1]) & (aside < 4.0)
+    bench.cells[j[seen], i[seen]] = FREE
+
+
+def corridor() -> Bench:
+    """Walls on both sides, and across it a band of ground that the line has passed unseen."""
+    bench = Bench()
+    for side in (-1, 1):
+        bench.put(
+            (-10.2, 10.2), (min(2.2 * side, 2.6 * side), max(2.2 * side, 2.6 * side)), OBSTACLE
+        )
+    bench.put((3.0, 4.4), (-2.2, 2.2), UNKNOWN)
+    bench.obeys = True
+    bench.run(0.3)
+    bench.planner.goal(*GOAL)
+    return bench
+
+
+def test_it_looks_from_farther_off_at_ground_that_the_line_has_passed() -> None:
+    bench, whys, least_m = corridor(), set[str](), 0.0
+    for _ in range(1800):
+        bench.tick()
+        see(bench)
+        assert bench.is_safe()
+        whys.add(bench.state.why)
+        least_m = min(least_m, bench.place[0])
+        if bench.state.state == "arrived":
+            break
+    assert bench.state.state == "arrived"
+    assert least_m < -4.0, "from here nothing of it is seen"
+    assert "goes to where the ground ahead can be seen" in whys
+
+
+def test_ground_that_no_place_shows_is_given_up_and_so_is_the_goal_behind_it() -> None:
+    bench = corridor()
+    bench.run(601.0)
+    assert bench.state.state == "stopped"
+    assert bench.state.why == "no way over seen ground"
+    assert bench.place[0] < 3.0
+
+
+def test_it_waits_for_who_crosses_though_there_is_a_way_round() -> None:
+    bench = Bench()
+    bench.obeys = True
+    bench.run(0.3)
+    bench.planner.goal(*GOAL)
+    bench.run(3.0)
+    assert bench.newest[0] > 0.5
+    bench.put((5.0, 5.4), (-0.4, 0.4), OBSTACLE)
+    bench.run(3.0)
+    assert bench.newest == (0.0, 0.0)
+    assert bench.state.why == "waits for what is in the way"
+    bench.put((5.0, 5.4), (-0.4, 0.4), FREE)
+    before_m = bench.place[0]
+    bench.run(2.5)
+    assert bench.newest[0] > 0.0, "nothing is left to wait for"
+    assert bench.place[0] > before_m - 0.1
+    bench.run(20.0)
+    assert bench.state.state == "arrived"
+
+
+def test_what_stays_on_the_way_is_driven_round_after_a_look_from_farther_back() -> None:
+    bench = Bench()
+    bench.obeys = True
+    bench.run(0.3)
+    bench.planner.goal(*GOAL)
+    bench.run(5.0)
+    at_m = bench.place[0]
+    bench.put((7.0, 7.4), (-0.4, 0.4), OBSTACLE)
+    ways: list[float] = []
+    bench.run(90.0, lambda: ways.append(bench.place[0]))
+    assert bench.state.state == "arrived"
+    lowest = ways.index(min(ways[20:]))
+    assert max(ways[:lowest]) > ways[lowest] + 1.0 > at_m

@@ -1,0 +1,172 @@
+"""What mapod costs: `python -m tools.bench.bench`. Figures to compare with another run here.
+
+- From the last byte of a scan handed to `App.step` to the last byte of its frame at the port:
+  computing alone, and with the wait for the attitude of the scan's last beam.
+- Share of one core used, at 50 Hz x 541 beams with a 401 x 401 window.
+- From the start of the process to its first frame.
+- Decoding, for each device's telegrams and packets, also from damaged streams.
+"""
+
+import logging
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import structlog
+
+from core.config import Config, load_config, with_changes
+from fakes.wires.wire import MemoryPort, Wire
+from fakes.world.rig import Rig
+from main import App, Ports
+from tools.bench import decode as bench_decode
+
+ROOT = Path(__file__).resolve().parents[2]
+SETTLE_S, MEASURED_S = 6.0, 10.0
+FIRST_FRAME_S = 60.0
+
+
+class TimedPort(MemoryPort):
+    """Notes when bytes are read from it and when the last ones were written to it."""
+
+    def __init__(self, datagrams: bool = False) -> None:
+        super().__init__(datagrams)
+        self.read_s: float | None = None
+        self.written_s = 0.0
+
+    def read(self) -> list[bytes]:
+        """What has arrived."""
+        pieces = super().read()
+        if pieces:
+            self.read_s = time.perf_counter()
+        return pieces
+
+    def write(self, data: bytes) -> None:
+        """Hand over for sending."""
+        super().write(data)
+        self.written_s = time.perf_counter()
+
+
+@dataclass(slots=True)
+class Costs:
+    """Seconds: of computing per scan, of simulated waiting per scan, of computing per tick."""
+
+    scans_s: list[float] = field(default_factory=list)
+    waits_s: list[float] = field(default_factory=list)
+    ticks_s: list[float] = field(default_factory=list)
+
+
+def drive(config: Config) -> Costs:
+    """Drive through the corridor on a simulated clock, and time the app alone."""
+    rig = Rig("corridor", 1)
+    scanner, ahrs, drive = TimedPort(), MemoryPort(), MemoryPort()
+    planner = TimedPort(datagrams=True)
+    wires = [Wire(rig.scanner, scanner, 1), Wire(rig.ahrs, ahrs, 2), Wire(rig.drive, drive, 3)]
+    app = App(config, Ports(scanner, ahrs, drive, planner), session=1)
+    rate_hz = config.loop.rate_hz
+    costs = Costs()
+    spent_s = 0.0  # since the bytes of the newest scan were read
+    read_tick = 0
+    for tick in range(round((SETTLE_S + MEASURED_S) * rate_hz)):
+        now_s = 1000.0 + tick / rate_hz
+        rig.step(now_s)
+        for wire in wires:
+            wire.step(now_s)
+        added = app.mapper.counts.scans_added
+        scanner.read_s = None
+        begun_s = time.perf_counter()
+        app.step(now_s)
+        ended_s = time.perf_counter()
+        planner.take_datagrams()
+        if scanner.read_s is not None:
+            spent_s, read_tick = begun_s - scanner.read_s, tick
+        measured = tick >= SETTLE_S * rate_hz
+        if app.mapper.counts.scans_added > added and measured:
+            costs.scans_s.append(spent_s + max(planner.written_s, begun_s) - begun_s)
+            costs.waits_s.append((tick - read_tick) / rate_hz)
+        spent_s += ended_s - begun_s
+        if measured:
+            costs.ticks_s.append(ended_s - begun_s)
+    return costs
+
+
+def start_up_s() -> float:
+    """From starting the process to its first frame on a real socket; kernels compiled before."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as planner:
+        planner.bind(("127.0.0.1", 0))
+        planner.settimeout(FIRST_FRAME_S)
+        text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+        text = text.replace("127.0.0.1:9750", f"127.0.0.1:{planner.getsockname()[1]}")
+        text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "mapod.toml"
+            path.write_text(text, encoding="utf-8")
+            begun_s = time.perf_counter()
+            process = subprocess.Popen(
+                [sys.executable, str(ROOT / "main.py"), "--config", str(path)],
+                cwd=ROOT,
+                stderr=subprocess.DEVNULL,
+            )
+            try:
+                planner.recv(2048)
+                return time.perf_counter() - begun_s
+            finally:
+                process.terminate()
+                process.wait(10)
+
+
+def report(name: str, config: Config) -> float:
+    """Measure and print one configuration; the median tick with a scan in it."""
+    costs = drive(config)
+    computing_ms = [1000 * float(np.quantile(costs.scans_s, part)) for part in (0.5, 0.99)]
+    whole_s = np.add(costs.scans_s, costs.waits_s)
+    whole_ms = [1000 * float(np.quantile(whole_s, part)) for part in (0.5, 0.99)]
+    print(
+        f"{name:<40} computing {computing_ms[0]:.2f} ms median, {computing_ms[1]:.2f} p99; "
+        f"with the wait for the attitude {whole_ms[0]:.1f}, {whole_ms[1]:.1f}; "
+        f"{100 * sum(costs.ticks_s) / MEASURED_S:.1f} % of one core ({len(costs.scans_s)} scans)"
+    )
+    return computing_ms[0]
+
+
+def main() -> int:
+    """Exit status."""
+    fast: dict[str, Any] = {
+        "scan_rate_hz": 50,
+        "angular_step_deg": 0.5,
+        "first_deg": -45.0,
+        "last_deg": 225.0,
+    }
+    print("mapod: measuring, about a minute")
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
+    small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=fast))
+    same = report(
+        "the same, elevation map 401 x 401",
+        with_changes(shipped, scanner=fast, map={"cells": 401}),
+    )
+    large = report(
+        "50 Hz, 541 beams, 401 x 401",
+        with_changes(
+            shipped,
+            scanner=fast,
+            map={"cells": 401, "cell_m": 0.05},
+            obstacle={"window_cells": 401},
+        ),
+    )
+    print(f"401 x 401 elevation cells against 101 x 101: {same / small:.2f} times")
+    print(f"with 401 x 401 cells for the planner as well: {large / small:.2f} times")
+    print(f"start-up to the first frame: {start_up_s():.2f} s")
+    for cost in bench_decode.costs():
+        print(cost.in_words())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,201 @@
+"""One run of the planner link on a simulated line: mapod's sender, the drive, a receiver.
+
+Source: planner link, sections 5, 6 and 11.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from core.records import F64, ObstacleWindow, PoseReport, StopZoneReport
+from hw.planner_link.sender import PlannerLink
+from mapod_link.frames import MORE, frame_from_bytes
+from mapod_link.receiver import Receiver
+from mapod_link.serial_line import serial_from_frame
+from tools.bench.drive_building import Place
+from tools.bench.drive_scene import CELL_M, SCANS_S, Playback, drive
+from tools.bench.link_line import Lane, LinePort
+from tools.bench.link_meter import Meter, Readings, View
+
+START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything counts
+DELAY_S, LOSS = 0.010, 0.01
+NEVER = 10**9  # frames
+NONE = float("nan")
+ZONE = StopZoneReport(2.0, 2.5, 1.0, 1.5, 3.0, 0.8, 0.3, 0.9, 0.5, (2.5,) * 8, state=2, causes=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One line, one rate, one window."""
+
+    baud: int | None  # None: UDP
+    rate_hz: int
+    ack: str  # "tick", "10 Hz" or "none"
+    size: int = 201
+    scanner: str = "tilted"
+    loss: float = LOSS
+    seconds: float = SCANS_S
+    seeds: tuple[int, ...] = (1,)  # one drive for each: other frames get lost
+
+    @property
+    def line(self) -> str:
+        """In words."""
+        return f"{self.baud // 100 / 10:g} k" if self.baud else "UDP"
+
+
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What came out of a case; times in milliseconds: p50, p99, worst."""
+
+    told_ms: tuple[float, float, float]  # new obstacle, from its tick to the tick that told it
+    held_ms: tuple[float, float, float]  # new obstacle, until it had arrived: line and delay
+    recovery_ms: tuple[float, float, float]
+    pass_s: float  # one refresh pass; NaN: none ended
+    suspect: float  # share of time
+    bytes_per_s: float
+    worst_wait_ticks: float  # of line time not yet sent when a tick begins
+    ticks_held: int  # in which nothing could be sent
+    new_obstacles: int
+    never_told: int
+    recovered: int  # cells that a loss had hit
+    unsafe: int  # FREE at the receiver where it was told of an OBSTACLE, suspect clear
+    step_us: tuple[float, float]  # median and p99 of one tick of the sender, on this machine
+
+
+class FarEnd:
+    """The receiver on its end of the line."""
+
+    def __init__(self, ack: str, nonce: int) -> None:
+        self._ack = ack
+        has_way_back = ack != "none"
+        self.receiver = Receiver(nonce * has_way_back, ack_every=NEVER * has_way_back)
+
+    def take(self, at_s: float, data: bytes, is_last_of_tick: bool) -> list[bytes]:
+        """One frame; what the receiver answers."""
+        self.receiver.feed_datagram(at_s, data)
+        if self._ack == "tick" and is_last_of_tick:
+            self.receiver.acknowledge(at_s)
+        return self.receiver.poll(at_s)
+
+    def view(self) -> View:
+        """Its map now."""
+        return View(self.receiver.cells, self.receiver.origin, self.receiver.suspect)
+
+
+def new_link(port: LinePort, baud: int | None, size: int, rate_hz: float) -> PlannerLink:
+    """The sender, as the app sets it up."""
+    return PlannerLink(
+        port,
+        size=size,
+        cell_mm=round(CELL_M * 1000),
+        session=77,
+        tick_s=1 / rate_hz,
+        line_baud=baud,
+        key=None,
+        stale_ms=max(150, round(3000 / rate_hz)),
+        drive_refusal="nobody drives here",
+    )
+
+
+def step(link: PlannerLink, now_s: float, place: Place, window: ObstacleWindow) -> float:
+    """One tick of the sender, with the robot where the drive has it; seconds of computing."""
+    where = (place.x_m, place.y_m, place.yaw_rad, 0.0, 0.0, place.v_mps, place.w_radps)
+    pose = PoseReport(*where, health=0x7F, age_scan_s=0.02, age_ahrs_s=0.01, age_enc_s=0.02, mode=1)
+    begun_s = time.perf_counter()
+    link.step(now_s, pose, window, ZONE)
+    return time.perf_counter() - begun_s
+
+
+class Run:
+    """One drive of a case on the simulated clock."""
+
+    def __init__(self, case: Case, seed: int) -> None:
+        self.case, self.tick_s = case, 1 / case.rate_hz
+        self.down = Lane(case.baud, DELAY_S, case.loss, 2 * seed)
+        self.up = Lane(case.baud, DELAY_S, case.loss, 2 * seed + 1)
+        self.port = LinePort(self.down, self.up)
+        self.link = new_link(self.port, case.baud, case.size, case.rate_hz)
+        self.far, self.meter = FarEnd(case.ack, seed), Meter(case.size)
+        self._playback = Playback(drive(case.scanner, case.size, case.seconds), case.size)
+        self.waits_s: list[float] = []
+        self.steps_s: list[float] = []
+        self.bytes_sent = 0  # since things count
+
+    def go(self) -> None:
+        """Drive to the end."""
+        settled = round(SETTLE_S * self.case.rate_hz)
+        before = 0
+        for tick in range(round(self.case.seconds * self.case.rate_hz)):
+            if tick == settled:
+                self.meter.begin(START_S + tick * self.tick_s)
+                before = self.down.bytes_sent
+                self.steps_s.clear()
+            self._tick(START_S + tick * self.tick_s, tick * self.tick_s)
+        self.bytes_sent = self.down.bytes_sent - before
+        self.meter.end(START_S + self.case.seconds)
+
+    def _tick(self, now_s: float, drive_s: float) -> None:
+        """What has arrived since the last tick, then the sender's next one."""
+        self._carry(now_s)
+        self.port.now_s = now_s
+        self.waits_s.append(self.down.waiting_s(now_s))
+        window = self._playback.until(drive_s)
+        self.meter.mean(now_s, window)
+        self.steps_s.append(step(self.link, now_s, self._playback.place, window))
+
+    def _carry(self, until_s: float) -> None:
+        """Frames to the receiver, its answers on their way back."""
+        for arrival in self.down.arrivals(until_s):
+            frame = frame_from_bytes(arrival.frame)
+            assert not isinstance(frame, str), "the sender's frames are valid"
+            if arrival.is_lost:
+                self.meter.lose(arrival.at_s, frame, self.far.view())
+                continue
+            is_last = not frame.flags & MORE
+            for answer in self.far.take(arrival.at_s, arrival.frame, is_last):
+                data = answer if self.case.baud is None else serial_from_frame(answer)
+                self.up.send(arrival.at_s, data)
+            self.meter.take(arrival.at_s, frame.t_ms / 1000, frame, self.far.view())
+
+
+def measure(case: Case) -> Figures:
+    """The figures of a case, over all of its seeds."""
+    got, runs = Readings(), []
+    for seed in case.seeds:
+        run = Run(case, seed)
+        run.go()
+        got.add(run.meter.readings)
+        runs.append(run)
+    watched_s = (case.seconds - SETTLE_S) * len(case.seeds)
+    steps_s = np.concatenate([run.steps_s for run in runs])
+    median_s, slow_s = np.quantile(steps_s, [0.5, 0.99])
+    told_s, recovered_s = joined(got.told_s), joined(got.recovered_s)
+    return Figures(
+        told_ms=_spread_ms(told_s),
+        held_ms=_spread_ms(joined(got.held_s)),
+        recovery_ms=_spread_ms(recovered_s),
+        pass_s=float(np.mean(got.passes_s)) if got.passes_s else NONE,
+        suspect=got.suspect_s / watched_s,
+        bytes_per_s=sum(run.bytes_sent for run in runs) / watched_s,
+        worst_wait_ticks=max(max(run.waits_s) / run.tick_s for run in runs),
+        ticks_held=sum(run.link.ticks_held for run in runs),
+        new_obstacles=told_s.size,
+        never_told=got.never_told,
+        recovered=recovered_s.size,
+        unsafe=got.unsafe,
+        step_us=(1e6 * float(median_s), 1e6 * float(slow_s)),
+    )
+
+
+def joined(parts: list[F64]) -> F64:
+    """One array of them all, also of none."""
+    return np.concatenate([np.zeros(0), *parts])
+
+
+def _spread_ms(times_s: F64) -> tuple[float, float, float]:
+    """Median, p99 and worst; NaN of nothing."""
+    if times_s.size == 0:
+        return NONE, NONE, NONE
+    p50, p99 = np.quantile(times_s, [0.5, 0.99])
+    return 1000 * float(p50), 1000 * float(p99), 1000 * float(times_s.max())

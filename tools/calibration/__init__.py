@@ -1,0 +1,1 @@
+"""Where the scanner sits on the robot."""

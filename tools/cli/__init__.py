@@ -1,0 +1,1 @@
+"""The commands of mapod, one file each."""

@@ -1,0 +1,202 @@
+"""What a person may want of an MTi beside measuring: `python tools/cli/attitude.py info`.
+
+Filter profiles (scenarios), heading and object reset, self test, gyroscope bias, baud rate. The
+port is that of mapod.toml, or --port. Close mapod first: a port has one reader. The device measures
+again when this is done.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
+
+from core.config import ConfigError, load_config
+from hw.mti import service as commands
+from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame, error_in_words
+from hw.mti.service import OrientationReset
+from hw.ports.url import parse_url
+from hw.ports.wires import PortUrlError
+from tools.cli.conversation import Conversation, NoAnswerError, conversation
+
+DEFAULT_BAUD = 115_200
+CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
+SELF_TEST_S = 4.0
+RESETS = {
+    "heading-reset": OrientationReset.HEADING,
+    "object-reset": OrientationReset.OBJECT,
+    "alignment-reset": OrientationReset.ALIGNMENT,
+    "default-heading": OrientationReset.DEFAULT_HEADING,
+    "default-object": OrientationReset.DEFAULT_OBJECT,
+    "default-alignment": OrientationReset.DEFAULT_ALIGNMENT,
+}
+
+
+class RefusedError(Exception):
+    """The device answered with an Error; the text says which."""
+
+
+def answer(talk: Conversation, request: bytes, seconds: float = 1.0, tries: int = 3) -> bytes:
+    """The data of the answer to a whole request frame.
+
+    Raises:
+        NoAnswerError, RefusedError: none came, or an Error.
+    """
+    mid = request[2]
+
+    def is_answer(event: MtFrame) -> bool:
+        return event.mid in (mid + 1, Mid.Error)
+
+    frame: MtFrame = talk.ask(request, is_answer, seconds, tries)
+    if frame.mid == Mid.Error:
+        raise RefusedError(f"the MTi refuses {_name(mid)}: {error_in_words(frame.data)}")
+    return frame.data
+
+
+def _name(mid: int) -> str:
+    return Mid(mid).name if mid in Mid.__members__.values() else f"message {mid:02X}"
+
+
+def to_config(talk: Conversation) -> None:
+    """Stop measuring, however much data comes first."""
+    answer(talk, encode_frame(Mid.GoToConfig), CONFIG_S, CONFIG_TRIES)
+
+
+def to_measurement(talk: Conversation) -> None:
+    """Measure again; data proves it as well as the answer that it may hide."""
+    talk.ask(encode_frame(Mid.GoToMeasurement), lambda event: event.mid != Mid.Error, CONFIG_S)
+
+
+def info(talk: Conversation) -> list[str]:
+    """Who it is, how it is set, which filter profiles it has."""
+    to_config(talk)
+    lines = [f"device id {answer(talk, encode_frame(Mid.ReqDID)).hex()}"]
+    try:
+        product = answer(talk, encode_frame(Mid.ReqProductCode))
+        lines.append(f"product {product.decode('ascii', 'replace').strip()}")
+    except (RefusedError, NoAnswerError):
+        lines.append("product not told")
+    configuration = commands.decode_configuration(answer(talk, commands.encode_req_configuration()))
+    if configuration is not None:
+        firmware = ".".join(str(part) for part in configuration.firmware)
+        lines += [
+            f"firmware {firmware}, {configuration.rate_hz:g} messages a second",
+            f"output mode {configuration.output_mode:04X}, "
+            f"settings {configuration.output_settings:08X}",
+        ]
+    return lines + scenarios(talk)
+
+
+def scenarios(talk: Conversation) -> list[str]:
+    """The filter profiles that it offers, and the one in use."""
+    to_config(talk)
+    lines = [
+        f"scenario {offered.kind}: {offered.name} (version {offered.version})"
+        for offered in commands.decode_scenarios(answer(talk, commands.encode_req_scenarios()))
+    ]
+    current = commands.decode_scenario(answer(talk, commands.encode_req_scenario()))
+    return [*lines, f"in use: {current.kind}" if current else "in use: not told"]
+
+
+def set_scenario(talk: Conversation, kind: int) -> list[str]:
+    """Choose a filter profile among those that it offers, and read it back."""
+    to_config(talk)
+    offered = commands.decode_scenarios(answer(talk, commands.encode_req_scenarios()))
+    kinds = [scenario.kind for scenario in offered]
+    if kind not in kinds:
+        raise RefusedError(f"scenario: must be one of {kinds}, is {kind}")
+    answer(talk, commands.encode_set_scenario(kind))
+    return scenarios(talk)
+
+
+def reset_orientation(talk: Conversation, name: str, keep: bool) -> list[str]:
+    """Reset while it measures; kept over a loss of power only if told so."""
+    to_measurement(talk)
+    answer(talk, commands.encode_reset_orientation(RESETS[name]))
+    if not keep:
+        return [f"{name} done, until the next loss of power (--keep to store it)"]
+    to_config(talk)
+    answer(talk, commands.encode_reset_orientation(OrientationReset.STORE))
+    return [f"{name} done and stored"]
+
+
+def self_test(talk: Conversation) -> list[str]:
+    """What its own test says of each sensor axis."""
+    to_config(talk)
+    failed = commands.decode_self_test(answer(talk, commands.encode_self_test(), SELF_TEST_S, 1))
+    if failed is None:
+        raise RefusedError("the MTi's answer to RunSelfTest is not one")
+    return [f"failed: {', '.join(failed)}"] if failed else ["all passed"]
+
+
+def keep_still(talk: Conversation, seconds: int) -> list[str]:
+    """Let it learn the bias of its gyroscopes."""
+    to_measurement(talk)
+    answer(talk, commands.encode_no_rotation(seconds))
+    return [f"keep it still for {seconds} s: it learns the bias of its gyroscopes"]
+
+
+def set_baud(talk: Conversation, baud: int) -> list[str]:
+    """Another rate, which counts from the next power-up on."""
+    to_config(talk)
+    answer(talk, commands.encode_set_baudrate(baud))
+    return [f"{baud} baud from its next power-up on: set it in mapod.toml then"]
+
+
+def configured_url(path: str) -> str:
+    """The port of [ahrs] in a settings file."""
+    return load_config(Path(path).read_text(encoding="utf-8")).ahrs.port
+
+
+def arguments(given: list[str] | None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("--port", help="serial:///dev/ttyUSB0?baud=115200 (default: of --config)")
+    parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
+    what = parser.add_subparsers(dest="what", required=True)
+    what.add_parser("info", help="who it is and how it is set")
+    what.add_parser("scenarios", help="the filter profiles it offers")
+    what.add_parser("scenario", help="choose one").add_argument("kind", type=int)
+    for name in RESETS:
+        reset = what.add_parser(name, help="while it measures")
+        reset.add_argument("--keep", action="store_true", help="over a loss of power, too")
+    what.add_parser("self-test", help="of each sensor axis")
+    what.add_parser("still", help="learn the gyroscopes' bias").add_argument("seconds", type=int)
+    baud = what.add_parser("baud", help="from its next power-up on")
+    baud.add_argument("baud", type=int, choices=sorted(commands.BAUD_CODES))
+    return parser.parse_args(given)
+
+
+def main(given: list[str] | None = None) -> int:
+    """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
+    options = arguments(given)
+    does: dict[str, Callable[[Conversation], list[str]]] = {
+        "info": info,
+        "scenarios": scenarios,
+        "scenario": lambda talk: set_scenario(talk, options.kind),
+        "self-test": self_test,
+        "still": lambda talk: keep_still(talk, options.seconds),
+        "baud": lambda talk: set_baud(talk, options.baud),
+    }
+    act = does.get(options.what) or (
+        lambda talk: reset_orientation(talk, options.what, options.keep)
+    )
+    try:
+        url = options.port or configured_url(options.config)
+        parser = MtParser(parse_url(url).baud or DEFAULT_BAUD)
+        with conversation(url, parser) as talk:
+            for line in act(talk):
+                print(line)
+            to_measurement(talk)
+    except (ConfigError, PortUrlError, OSError, ValueError) as error:
+        print(f"attitude: {error}", file=sys.stderr)
+        return 2
+    except (NoAnswerError, RefusedError) as error:
+        print(f"attitude: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

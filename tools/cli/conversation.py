@@ -1,0 +1,87 @@
+"""A conversation with one device, from a tool, in real time: say, and hear until it is enough."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from hw.device import BadFrame, Parser
+from hw.ports.wires import open_port
+
+STEP_S = 0.002
+OPEN_S = 3.5  # a little longer than a TCP connection may take
+
+
+class NoAnswerError(Exception):
+    """The device does not answer, or the port does not open; the text says which."""
+
+
+class Conversation:
+    """One port and the parser of what arrives there. It is for tools: it sleeps."""
+
+    def __init__(self, url: str, parser: Parser) -> None:
+        self.heard = bytearray()  # everything that arrived
+        self._port, self._parser = open_port(url), parser
+
+    def open(self) -> None:
+        """Wait until the port is open.
+
+        Raises:
+            NoAnswerError: it does not open in time, with the cause in words.
+        """
+        until_s = time.monotonic() + OPEN_S
+        while not self._port.poll(time.monotonic()):
+            if time.monotonic() >= until_s:
+                raise NoAnswerError(self._port.cause)
+            time.sleep(STEP_S)
+
+    def say(self, data: bytes) -> None:
+        """Send."""
+        self._port.write(data)
+
+    def hear(self, seconds: float) -> Iterator[Any]:
+        """Events, for at most so long; what belongs to no frame is left out."""
+        until_s = time.monotonic() + seconds
+        while (now_s := time.monotonic()) < until_s:
+            if not self._port.poll(now_s):
+                raise NoAnswerError(self._port.cause)
+            for piece in self._port.read():
+                self.heard += piece
+                for event in self._parser.feed(now_s, piece):
+                    if not isinstance(event, BadFrame):
+                        yield event
+            time.sleep(STEP_S)
+
+    def ask(
+        self, request: bytes, is_answer: Callable[[Any], bool], seconds: float = 1.0, tries: int = 3
+    ) -> Any:
+        """The event that answers a request, which is repeated.
+
+        Raises:
+            NoAnswerError: none came.
+        """
+        for _ in range(tries):
+            self.say(request)
+            for event in self.hear(seconds):
+                if is_answer(event):
+                    return event
+        raise NoAnswerError(f"no answer within {tries * seconds:g} s")
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._port.close()
+
+
+@contextmanager
+def conversation(url: str, parser: Parser) -> Iterator[Conversation]:
+    """An open conversation.
+
+    Raises:
+        NoAnswerError: the port does not open.
+    """
+    talk = Conversation(url, parser)
+    try:
+        talk.open()
+        yield talk
+    finally:
+        talk.close()

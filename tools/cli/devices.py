@@ -1,0 +1,267 @@
+"""Which device speaks on which port: `python tools/cli/devices.py`, or `make devices`.
+
+Looks at every serial port (and at those named on the command line, ptys too), finds the motor
+controller and the attitude sensor, with --scanner HOST the laser scanner, and prints the lines of
+`mapod.toml`. --udev prints rules that give each device a name of its own.
+
+It listens first, and asks only what changes nothing: one carriage return and a read for the motor
+controller; an MTi is stopped for a moment to say who it is, and measures again. Close mapod first:
+a port has one reader.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from serial.tools.list_ports_linux import comports
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
+
+from hw.ax3500.lines import CR, ENCODER_BIT, Line, LineParser, encode_query, maybe_byte
+from hw.fingerprint import in_words, maybe_protocol
+from hw.lms1xx.telegrams import new_parser
+from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
+from hw.ports.url import PortUrlError, parse_url
+from tools.cli import scanner
+from tools.cli.conversation import Conversation, NoAnswerError, conversation
+
+LIST_PORTS: Any = comports  # pyserial has no types
+AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
+MTI_URL = "serial://{path}?baud={baud}"
+SCANNER_PORTS = ("2112", "2111")
+MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
+LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
+LISTEN_DATA_S = 0.12  # ten samples a second at least
+ANSWER_S = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class SerialLine:
+    """A serial port of this machine, and how udev can know it again."""
+
+    path: str
+    about: str = ""
+    serial_number: str = ""
+    vendor: int = 0
+    product: int = 0
+    place: str = ""  # bus and socket, where it has no serial number
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What a port turned out to be."""
+
+    line: SerialLine
+    section: str  # of mapod.toml; "" if none
+    url: str
+    says: str  # in words
+    dialect: str = ""  # of a laser scanner
+
+
+def serial_lines(named: list[str]) -> list[SerialLine]:
+    """The ports that are named, or else all that this machine lists."""
+    listed = {port.device: port for port in LIST_PORTS()}
+    lines = []
+    for path in named or sorted(listed):
+        port = listed.get(path)
+        if port is None:
+            lines.append(SerialLine(path))
+        elif named or port.vid is not None or not path.startswith("/dev/ttyS"):
+            lines.append(
+                SerialLine(
+                    path,
+                    port.description or "",
+                    port.serial_number or "",
+                    port.vid or 0,
+                    port.pid or 0,
+                    port.location or "",
+                )
+            )
+    return lines
+
+
+def find(line: SerialLine) -> Found:
+    """What speaks there; the slow line first, for its listening disturbs nobody."""
+    heard = bytearray()
+    try:
+        for probe in (_maybe_controller, _maybe_attitude_sensor):
+            found = probe(line, heard)
+            if found is not None:
+                return found
+    except NoAnswerError as error:
+        return Found(line, "", "", str(error))
+    protocol = maybe_protocol(bytes(heard))
+    if protocol is not None:
+        return Found(line, "", "", f"none of mapod's: it seems to be {in_words(protocol)}")
+    return Found(line, "", "", f"{len(heard)} bytes of no known protocol" if heard else "silent")
+
+
+def _maybe_controller(line: SerialLine, heard: bytearray) -> Found | None:
+    """A motor controller: by its logging lines, or by the echo of a read."""
+    url = AX3500_URL.format(path=line.path)
+    with conversation(url, LineParser()) as talk:
+        try:
+            if any(_is_log_line(event) for event in talk.hear(LISTEN_LINE_S)):
+                return Found(line, "drive", url, "motor controller in R/C or analog mode")
+            query = "^8A"
+            talk.say(CR)
+            for _ in range(2):
+                talk.say(encode_query(query))
+                texts = [event.text for event in talk.hear(ANSWER_S) if isinstance(event, Line)]
+                if query in texts:
+                    return Found(line, "drive", url, _controller_in_words(texts, query))
+            return None
+        finally:
+            heard += talk.heard
+
+
+def _is_log_line(event: object) -> bool:
+    """The line that a controller in R/C mode sends unasked, whatever the codec calls it."""
+    return type(event).__name__ == "LogLine" or (isinstance(event, Line) and event.text[:1] == ":")
+
+
+def _controller_in_words(texts: list[str], query: str) -> str:
+    """What the identity after the echo says."""
+    for text in texts[texts.index(query) + 1 :]:
+        identity = maybe_byte(text)
+        if identity is not None:
+            encoder = "with" if identity & ENCODER_BIT else "WITHOUT"
+            return f"motor controller in RS-232 mode, identity {text}, {encoder} encoder module"
+    return "motor controller in RS-232 mode"
+
+
+def _maybe_attitude_sensor(line: SerialLine, heard: bytearray) -> Found | None:
+    """An MTi, at whichever rate it speaks."""
+    for baud in MTI_BAUDS:
+        url = MTI_URL.format(path=line.path, baud=baud)
+        with conversation(url, MtParser(baud)) as talk:
+            streams = any(isinstance(event, MtFrame) for event in talk.hear(LISTEN_DATA_S))
+            asked = _goes_to_config(talk)
+            heard += talk.heard if baud == MTI_BAUDS[0] else b""
+            if asked:
+                says = _sensor_in_words(talk)
+                talk.ask(encode_frame(Mid.GoToMeasurement), lambda event: True, ANSWER_S)
+                return Found(line, "ahrs", url, f"{says} at {baud} baud")
+            if streams:
+                says = "attitude sensor that does not hear us: check the line to its receiver"
+                return Found(line, "ahrs", url, f"{says}, {baud} baud")
+    return None
+
+
+def _goes_to_config(talk: Conversation) -> bool:
+    request, is_answer = encode_frame(Mid.GoToConfig), partial(_is_answer, Mid.GoToConfig)
+    try:
+        talk.ask(request, is_answer, ANSWER_S, tries=2)
+    except NoAnswerError:
+        return False
+    return True
+
+
+def _sensor_in_words(talk: Conversation) -> str:
+    """Product and device id."""
+    words = ["attitude sensor"]
+    for mid, show in ((Mid.ReqProductCode, _as_text), (Mid.ReqDID, bytes.hex)):
+        try:
+            frame = talk.ask(encode_frame(mid), partial(_is_answer, mid), ANSWER_S)
+        except NoAnswerError:
+            continue
+        words.append(show(frame.data))
+    return " ".join(words)
+
+
+def _is_answer(mid: Mid, frame: MtFrame) -> bool:
+    return frame.mid == mid + 1
+
+
+def _as_text(data: bytes) -> str:
+    return data.decode("ascii", "replace").strip()
+
+
+def find_scanner(host: str) -> Found:
+    """A laser scanner at HOST or HOST:PORT, whichever of its ports and dialects answers."""
+    name, _, port = host.partition(":")
+    says = ""
+    for number in (port,) if port else SCANNER_PORTS:
+        url = f"tcp://{name}:{number}"
+        heard = bytearray()
+        try:
+            with conversation(url, new_parser("auto")) as talk:
+                heard = talk.heard
+                dialect = scanner.dialect_of(talk)
+                words = scanner.identity(scanner.Scanner(talk, dialect))
+                return Found(SerialLine(host), "scanner", url, words, dialect)
+        except NoAnswerError as error:
+            protocol = maybe_protocol(bytes(heard))
+            says = str(error) + (f"; it seems to be {in_words(protocol)}" if protocol else "")
+    return Found(SerialLine(host), "", "", says)
+
+
+def toml_lines(found: list[Found]) -> Iterator[str]:
+    """What belongs into mapod.toml."""
+    for one in found:
+        if one.section:
+            yield f"[{one.section}]"
+            yield f'port = "{one.url}"'
+        if one.dialect:
+            yield f'dialect = "{one.dialect}"'
+
+
+def udev_rules(found: list[Found]) -> Iterator[str]:
+    """A name of its own for each device, by USB serial number, or by its socket without one."""
+    names = {"drive": "ax3500", "ahrs": "mti"}
+    for one in found:
+        line, name = one.line, names.get(one.section)
+        if name is None:
+            continue
+        if line.serial_number:
+            attributes = {
+                "idVendor": f"{line.vendor:04x}",
+                "idProduct": f"{line.product:04x}",
+                "serial": line.serial_number,
+            }
+            known_by = ", ".join(f'ATTRS{{{key}}}=="{is_}"' for key, is_ in attributes.items())
+        elif line.place:
+            known_by = f'KERNELS=="{line.place}"'
+        else:
+            yield f"# {line.path}: neither a USB serial number nor a socket to know it by"
+            continue
+        yield f'SUBSYSTEM=="tty", {known_by}, SYMLINK+="{name}"'
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; gives the exit status: 1 if nothing was found."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("paths", nargs="*", help="serial ports to look at (default: all)")
+    parser.add_argument("--scanner", action="append", default=[], help="HOST or HOST:PORT to ask")
+    parser.add_argument("--udev", action="store_true", help="print udev rules as well")
+    options = parser.parse_args(arguments)
+    lines = serial_lines(options.paths)
+    try:
+        for line in lines:
+            parse_url(MTI_URL.format(path=line.path, baud=MTI_BAUDS[0]))
+        for host in options.scanner:
+            parse_url(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
+    except PortUrlError as error:
+        print(f"devices: {error}", file=sys.stderr)
+        return 2
+    print(f"asking {len(lines)} serial ports, some 10 s each at most, all at once", file=sys.stderr)
+    with ThreadPoolExecutor(max_workers=max(1, len(lines))) as together:
+        found = list(together.map(find, lines)) + [find_scanner(host) for host in options.scanner]
+    for one in found:
+        print(f"# {one.line.path}: {one.says}{f' ({one.line.about})' if one.line.about else ''}")
+    for text in toml_lines(found):
+        print(text)
+    if options.udev:
+        print("\n# /etc/udev/rules.d/99-mapod.rules")
+        for text in udev_rules(found):
+            print(text)
+    return 0 if any(one.section for one in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

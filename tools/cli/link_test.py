@@ -1,0 +1,157 @@
+"""Checks a receiver of the planner link over its port, as section 14 of the sheet wants it.
+
+    python -m tools.cli.link_test --port udp://192.168.1.7:9750
+    python -m tools.cli.link_test --port "serial:///dev/ttyUSB0?baud=115200" --only 2,5 --seconds 60
+
+Plays the sender: own frames for tests 1 to 6 and 15, mapod's sender for the rest of 5 and for 7.
+All that it sees of the receiver are its ACK and HELLO frames; its map is compared by DIGEST frames.
+Nothing here moves a robot, but a robot that trusts this map might: take its motors off.
+Source: planner link, section 14 (docs/planner-link.md).
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from hw.ports.wires import PortUrlError
+from tools.conformance.exam import Exam
+from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
+from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
+
+PASSED, FAILED, NOT_EXAMINED = 0, 1, 2
+SECONDS = 120.0  # that all tests may take, about
+RESTART_S = 30.0  # to wait for a receiver that has to be started anew
+LINE = "{:<4}{:<30}{:<9}{}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Exit status: 0 passed, 1 something failed, 2 nothing could be examined."""
+    options = _options(arguments)
+    try:
+        checks = chosen(options.only)
+        key = _key(options.key_file)
+        bench = OverPort(options.port, options.gap_ms / 1000, options.baud)
+    except (ValueError, OSError, PortUrlError) as error:
+        print(f"link_test: {error}")
+        return NOT_EXAMINED
+    except NotOpenError as reason:
+        print(f"link_test: {options.port} does not open: {reason}")
+        return NOT_EXAMINED
+    budget_s = options.seconds / max(1, len(checks))
+    share = min(1.0, options.seconds / SECONDS)
+    exam = Exam(
+        bench,
+        seed=options.seed,
+        key=key,
+        budget_s=budget_s,
+        share=share,
+        strict=options.strict,
+    )
+    try:
+        if not _met(exam):
+            return NOT_EXAMINED
+        print(LINE.format("no", "test", "outcome", "what was done"), flush=True)
+        return report(list(_told(run(exam, checks, options.seed))), options.seed)
+    finally:
+        bench.close()
+
+
+def _options(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="tools.cli.link_test",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    numbers = ", ".join(dict.fromkeys(check.number for check in CHECKS))
+    parser.add_argument("--port", required=True, help="udp://..., tcp://... or serial:///...")
+    parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help=f"about how long ({SECONDS:g})"
+    )
+    parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
+    parser.add_argument(
+        "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
+    )
+    parser.add_argument(
+        "--baud",
+        type=int,
+        default=TCP_BAUD,
+        help=f"of the line behind a tcp port, which is fed no faster ({TCP_BAUD})",
+    )
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="want also what the sheet's first version left open: section 16",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of what is drawn by chance (1)")
+    return parser.parse_args(arguments)
+
+
+def _key(path: Path | None) -> bytes | None:
+    """32 bytes.
+
+    Raises:
+        ValueError: the file holds no key.
+        OSError: it can't be read.
+    """
+    if path is None:
+        return None
+    data = path.read_bytes()
+    if len(data) != 32:
+        try:
+            data = bytes.fromhex(data.decode("ascii"))
+        except ValueError:
+            data = b""
+    if len(data) != 32:
+        raise ValueError(f"{path}: must hold 32 bytes, or 64 hex digits")
+    return data
+
+
+def _met(exam: Exam) -> bool:
+    """Make contact, and say what the receiver tells of itself."""
+    wait_s = CONTACT_S
+    if exam.key:
+        print(
+            f"link_test: waiting for a HELLO, which has the nonce: start it anew ({RESTART_S:g} s)"
+        )
+        wait_s = RESTART_S
+    if why := meet(exam, wait_s):
+        print(f"link_test: {why}; all tests skipped")
+        return False
+    if exam.hello:
+        told = f"{exam.hello.max_cells} cells, frames of {exam.hello.max_frame} bytes"
+        print(f"link_test: the receiver says that it takes {told}")
+    else:
+        print("link_test: it has said no HELLO; taken for one of 401 x 401 cells")
+    if not exam.has_digest:
+        print("link_test: it compares no DIGEST: its map can't be seen from here")
+    return True
+
+
+def _told(verdicts: Iterator[Verdict]) -> Iterator[Verdict]:
+    """Each verdict, as soon as it is there."""
+    for verdict in verdicts:
+        check = verdict.check
+        print(LINE.format(check.number, check.name, verdict.outcome, verdict.words), flush=True)
+        yield verdict
+
+
+def report(verdicts: list[Verdict], seed: int) -> int:
+    """The sum, and the first failure with its frames; gives the exit status."""
+    counts = dict.fromkeys(("passed", "failed", "skipped"), 0)
+    for verdict in verdicts:
+        counts[verdict.outcome] += 1
+    print("link_test: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+    for verdict in verdicts:
+        if failure := verdict.failure:
+            print(f"\nfirst failure: {verdict.check.number} {verdict.check.name} (seed {seed})")
+            print(f"  {failure.what}\n  expected {failure.expected}\n  got      {failure.got}")
+            print("  newest frames before it, oldest first:")
+            print(*(f"    {data.hex(' ')}" for data in failure.frames), sep="\n")
+            return FAILED
+    return PASSED if counts["passed"] else NOT_EXAMINED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,224 @@
+"""What a person may want of a SICK LMS1xx beside its scans: `python tools/cli/scanner.py info`.
+
+Who it is and how it is; storing its settings for good (which wears its memory out, so mapod never
+does it by itself), setting its clock or its dialect, start, stop, reboot. The port is that of
+mapod.toml, or --port. Whatever needs a login ends with Run, or the device would stay busy; mapod,
+if it is connected, sees that and begins again.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+from typing import get_args
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
+
+from core.config import ConfigError, load_config
+from hw.lms1xx import commands
+from hw.lms1xx.cola import Dialect
+from hw.lms1xx.commands import Command
+from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
+from hw.lms1xx.telegrams import Answer, Refusal, new_parser
+from hw.ports.wires import PortUrlError
+from tools.cli.conversation import Conversation, NoAnswerError, conversation
+
+DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
+PROBE_S, ANSWER_S = 0.7, 2.5
+
+
+class RefusedError(Exception):
+    """The device does not do it; the text says why."""
+
+
+class Scanner:
+    """One connection, in the dialect that the device was found to speak."""
+
+    def __init__(self, talk: Conversation, dialect: Dialect) -> None:
+        self.dialect = dialect
+        self._talk = talk
+
+    def ask(self, command: Command) -> Answer:
+        """The answer to a command; asked once: a late answer is not to be taken for another's.
+
+        Raises:
+            NoAnswerError: none came.
+            RefusedError: the device says no.
+        """
+
+        def is_answer(event: object) -> bool:
+            if isinstance(event, Answer):
+                return f"{event.kind} {event.name}" == command.answer
+            return isinstance(event, Refusal)
+
+        try:
+            event = self._talk.ask(command.encode(self.dialect), is_answer, ANSWER_S, tries=1)
+        except NoAnswerError:
+            raise NoAnswerError(f"no answer to {command.name} within {ANSWER_S:g} s") from None
+        if isinstance(event, Refusal):
+            raise RefusedError(f"the scanner refuses {command.name}: {event.reason}")
+        assert isinstance(event, Answer)
+        return event
+
+    def do(self, command: Command) -> None:
+        """A command that has to succeed."""
+        if not commands.is_good(self.ask(command)):
+            raise RefusedError(f"the scanner says that {command.name} failed")
+
+    def logged_in(self, *wanted: Command) -> None:
+        """Commands that need a login; Run follows, whatever became of them."""
+        self.do(commands.login())
+        try:
+            for command in wanted:
+                self.do(command)
+        finally:
+            self.do(commands.RUN)
+
+
+def dialect_of(talk: Conversation) -> Dialect:
+    """Which dialect it answers in; a refusal is an answer, too.
+
+    Raises:
+        NoAnswerError: it answers in neither.
+    """
+    for _ in range(2):
+        for dialect in DIALECTS:
+            talk.say(commands.READ_DEVICE_STATE.encode(dialect))
+            for event in talk.hear(PROBE_S):
+                if isinstance(event, Answer | Refusal):
+                    return dialect
+    raise NoAnswerError(
+        "no answer in CoLa-B nor in CoLa-A: is it a SICK scanner, and has it started?"
+    )
+
+
+def info(scanner: Scanner) -> list[str]:
+    """Who it is and how it is; what it does not tell is left out."""
+    readers: list[tuple[Command, Callable[[Answer], str]]] = [
+        (commands.READ_IDENT, lambda answer: " ".join(commands.maybe_texts(answer, 2) or ())),
+        (commands.READ_FIRMWARE, lambda answer: f"firmware {_text(answer)}"),
+        (commands.READ_LOCATION, lambda answer: f"location {_text(answer)}"),
+        (commands.READ_HOURS, lambda answer: f"{commands.maybe_hours(answer)} hours of operation"),
+        (commands.READ_POWER_ONS, lambda answer: f"{_number(answer)} times powered on"),
+        (commands.READ_STATE, _state),
+        (commands.READ_CONTAMINATION, _contamination),
+        (commands.READ_SCAN_CONFIG, _scan_config),
+        (commands.READ_OUTPUT_RANGE, _output_range),
+    ]
+    lines = [f"speaks CoLa-{'B (binary)' if scanner.dialect == 'binary' else 'A (ascii)'}"]
+    for command, in_words in readers:
+        try:
+            lines.append(in_words(scanner.ask(command)))
+        except (RefusedError, NoAnswerError) as error:
+            lines.append(f"{command.name} not told: {error}")
+    return lines
+
+
+def identity(scanner: Scanner) -> str:
+    """Who it is, in one line."""
+    return f"laser scanner that {', '.join(info(scanner)[:3])}"
+
+
+def _text(answer: Answer) -> str:
+    return (commands.maybe_texts(answer) or ("not told",))[0]
+
+
+def _number(answer: Answer) -> str:
+    return str(commands.maybe_number(answer, "I"))
+
+
+def _state(answer: Answer) -> str:
+    state, temperature_ok = commands.maybe_state(answer) or (-1, None)
+    words = f"state: {STATES.get(state, f'{state}, not listed')}"
+    return words + (f"; it {HOT}" if temperature_ok is False else "")
+
+
+def _contamination(answer: Answer) -> str:
+    degree = commands.maybe_number(answer) or 0
+    return f"window: {CONTAMINATIONS.get(degree, 'clean')}"
+
+
+def _scan_config(answer: Answer) -> str:
+    config = commands.maybe_scan_config(answer)
+    if config is None:
+        return "scan rate and step: not told"
+    return f"{config.centihertz / 100:g} scans/s in steps of {config.step / 10_000:g} deg"
+
+
+def _output_range(answer: Answer) -> str:
+    span_deg = commands.maybe_output_range_deg(answer)
+    return (
+        f"sends {span_deg[0]:g} to {span_deg[1]:g} deg" if span_deg else "field of view: not told"
+    )
+
+
+def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
+    """Do what the command line says; what there is to tell of it."""
+    match what:
+        case "info":
+            return info(scanner)
+        case "store":
+            scanner.logged_in(commands.STORE)
+            return ["its settings are stored, and outlast a loss of power"]
+        case "set-clock":
+            now = datetime.now()
+            scanner.logged_in(commands.set_clock(now))
+            return [f"its clock is set to {now:%Y-%m-%d %H:%M:%S}"]
+        case "start":
+            scanner.logged_in(commands.START_MEASURING)
+            return ["it measures"]
+        case "stop":
+            scanner.logged_in(commands.STOP_MEASURING)
+            return ["it does not measure any more, until mapod starts it"]
+        case "reboot":
+            scanner.do(commands.login())
+            scanner.do(commands.REBOOT)
+            return ["it starts anew, which takes up to 30 s"]
+        case _:
+            scanner.logged_in(commands.set_dialect(dialect))
+            return [f"it speaks {dialect} from the next connection on; that may take up to 30 s"]
+
+
+def arguments(given: list[str] | None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("--port", help="tcp://192.168.0.1:2112 (default: of --config)")
+    parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
+    what = parser.add_subparsers(dest="what", required=True)
+    for name, words in (
+        ("info", "who it is and how it is"),
+        ("store", "keep its settings over a loss of power (wears its memory out)"),
+        ("set-clock", "to this machine's local time"),
+        ("start", "measuring"),
+        ("stop", "measuring"),
+        ("reboot", "power off and on, as it were"),
+    ):
+        what.add_parser(name, help=words)
+    dialect = what.add_parser("dialect", help="of the host port: CoLa-B or CoLa-A")
+    dialect.add_argument("dialect", choices=DIALECTS)
+    return parser.parse_args(given)
+
+
+def main(given: list[str] | None = None) -> int:
+    """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
+    options = arguments(given)
+    try:
+        url = options.port
+        if url is None:
+            url = load_config(Path(options.config).read_text(encoding="utf-8")).scanner.port
+        with conversation(url, new_parser("auto")) as talk:
+            scanner = Scanner(talk, dialect_of(talk))
+            for line in act(scanner, options.what, getattr(options, "dialect", "binary")):
+                print(line)
+    except (ConfigError, PortUrlError, OSError) as error:
+        print(f"scanner: {error}", file=sys.stderr)
+        return 2
+    except (NoAnswerError, RefusedError) as error:
+        print(f"scanner: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

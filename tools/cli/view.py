@@ -1,0 +1,228 @@
+"""Live picture of a planner link: what the planner at its far end knows.
+
+    python -m tools.cli.view --port udp://0.0.0.0:9750
+    python -m tools.cli.view --port serial:///dev/planner?baud=115200
+    python -m tools.cli.view --drive
+
+It answers the sender as a planner would, and with --drive asks it to move the robot while keys are
+held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
+"""
+
+import argparse
+import contextlib
+import os
+import secrets
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from fakes.planner_mcu.receiver import FakePlanner
+from mapod_link.advice import ZONE_STALE_S, allowed_mps
+from mapod_link.bodies import StopZone
+from mapod_link.wires import wire_from_url
+from tools.bench.planner_end import PlannerEnd
+from tools.cli.screen import (
+    BAD,
+    GOOD,
+    POOR,
+    has_screen,
+    labelled,
+    link_words,
+    map_text,
+    maybe_robot,
+    picture,
+    plain_legend,
+    plain_map,
+    status_lines,
+)
+from tools.cli.steer import Steering, keys_of
+
+PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
+WAIT_S = 0.02
+ACK_EVERY = 4  # two ticks
+ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
+KINDS = {1: "GEOM", 2: "POSE", 3: "MAP", 4: "DIGEST", 5: "STOP_ZONE"}
+
+
+class Stop:
+    """Set by Ctrl-C, a request to end, or a closed terminal."""
+
+    def __init__(self) -> None:
+        self.wanted = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        self.wanted = True
+
+    @contextlib.contextmanager
+    def on_signals(self) -> Iterator["Stop"]:
+        """Handles the signals for as long as it is open."""
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = [signal.signal(number, self) for number in numbers]
+        try:
+            yield self
+        finally:
+            for number, handler in zip(numbers, before, strict=True):
+                signal.signal(number, handler)
+
+
+def watch(
+    end: PlannerEnd,
+    console: Console,
+    done: Callable[[float], bool],
+    remark: Callable[[float], str] | None = None,
+) -> None:
+    """Shows the map as it grows until `done(now_s)`; without a screen, a line now and then.
+
+    `remark(now_s)` is shown above it, and what the sender says of the robot's way.
+    """
+    if has_screen(console):
+        with Live(console=console, screen=True, auto_refresh=False) as live:
+            drawn_s = 0.0
+            while not done(now_s := end.step(WAIT_S)):
+                if now_s - drawn_s >= PICTURE_PERIOD_S:
+                    drawn_s, (columns, lines) = now_s, console.size
+                    above = [Text(remark(now_s), "bold")] if remark else []
+                    above += zone_lines(end.planner.stop_zone, now_s)
+                    drawn = picture(end.planner, end.meter, now_s, columns, lines - len(above))
+                    live.update(Group(*above, drawn), refresh=True)
+        return
+    told_s = 0.0
+    while not done(now_s := end.step(WAIT_S)):
+        if now_s - told_s >= PROGRESS_PERIOD_S:
+            told_s = now_s
+            line = progress_line(end, now_s) + (f"; {remark(now_s)}" if remark else "")
+            console.print(line, highlight=False, soft_wrap=True)
+
+
+def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
+    """The stop zone in a line; none before the first one has arrived."""
+    if zone is None:
+        return []
+    words, style = zone.words(), ZONE_STYLES.get(zone.state, BAD)
+    (ahead_m, behind_m), old_s = (zone.free_ahead_m, zone.free_behind_m), now_s - zone.arrived_s
+    if old_s > ZONE_STALE_S:
+        words, style, ahead_m, behind_m = f"not heard for {old_s:.1f} s", BAD, 0.0, 0.0
+    ahead_mps, behind_mps = allowed_mps(zone, now_s)
+    line = labelled("way", words, style)
+    line.append(f"  ahead {ahead_m:.2f} m, {ahead_mps:.2f} m/s")
+    line.append(f"  behind {behind_m:.2f} m, {behind_mps:.2f} m/s")
+    return [line]
+
+
+def progress_line(end: PlannerEnd, now_s: float) -> str:
+    """The state in one line, where there is no screen to draw on."""
+    planner, pose = end.planner, end.planner.pose
+    if planner.blank:
+        return f"  {link_words(planner, now_s)[0]}"
+    maps, _, bytes_per_s = end.meter.rates(now_s)
+    window = planner.window()
+    where = f"x {pose.x_m:+.1f} y {pose.y_m:+.1f} m, " if pose is not None else ""
+    way = "".join(
+        f"; {' '.join(line.plain.split())}" for line in zone_lines(planner.stop_zone, now_s)
+    )
+    return (
+        f"  {link_words(planner, now_s)[0]}: {where}{(window == 1).sum()} free and "
+        f"{(window == 2).sum()} obstacle cells, {maps:.0f} maps/s, {bytes_per_s / 1000:.1f} kB/s, "
+        f"scan age {end.meter.scan.quantile_ms(0.5):.1f} ms{way}"
+    )
+
+
+def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
+    """The final map and the numbers of the run."""
+    planner = end.planner
+    if planner.geom is None or planner.blank:
+        console.print("no map has arrived")
+        return
+    window, robot = planner.window(), maybe_robot(planner)
+    if has_screen(console):
+        console.print(map_text(window, robot, max(1, -(-window.shape[0] // console.width))))
+    else:
+        print(plain_map(window, robot), plain_legend(planner.geom.cell_m), sep="\n", flush=True)
+    span_s = now_s - end.meter.first_s
+    kinds = ", ".join(f"{planner.accepted[number]} {name}" for number, name in KINDS.items())
+    lines = [
+        *status_lines(planner, end.meter, now_s),
+        labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
+        labelled("", f"{planner.gaps} gaps, {planner.ignored_maps} maps of another geometry"),
+    ]
+    for line in lines:
+        console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)
+
+
+def main(arguments: list[str]) -> int:
+    """Exit status."""
+    parser = argparse.ArgumentParser(prog="python -m tools.cli.view", description=__doc__)
+    parser.add_argument(
+        "--port", default="udp://127.0.0.1:9750", help="udp://…, tcp://… or serial:///…"
+    )
+    parser.add_argument("--key-file", help="32 bytes, or 64 hex digits: take signed frames only")
+    parser.add_argument("--seconds", type=float, help="end by itself after so long")
+    parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
+    parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
+    parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
+    options = parser.parse_args(arguments)
+    try:
+        wire = wire_from_url(options.port)
+        key = key_from_file(options.key_file) if options.key_file else None
+    except (OSError, ValueError) as error:
+        print(f"tools.cli.view: {error}", file=sys.stderr)
+        return 2
+    with contextlib.closing(wire), Stop().on_signals() as stop:
+        end = PlannerEnd(wire, FakePlanner(secrets.randbits(32), key, ACK_EVERY))  # seeds the nonce
+        try:
+            return show(options, end, stop)
+        except (OSError, ValueError) as error:
+            words = os.strerror(error.errno or 0) if isinstance(error, OSError) else error
+            print(f"tools.cli.view: {options.port}: {words}", file=sys.stderr)
+            return 1
+
+
+def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
+    """The picture from begin to end, with the keys where they are asked for; exit status.
+
+    Raises:
+        OSError: the wire is gone.
+        ValueError: there is no keyboard to drive with.
+    """
+    console, began_s = Console(), end.step(0.0)
+    until_s = began_s + options.seconds if options.seconds else float("inf")
+    with contextlib.ExitStack() as stack:
+        steering = None
+        if options.drive:
+            fd = stack.enter_context(keys_of(sys.stdin.fileno()))
+            steering = Steering(end.planner, fd, options.speed, options.turn)
+        print(f"watching {options.port}; Ctrl-C ends", flush=True)
+
+        def done(now_s: float) -> bool:
+            if steering:
+                steering.step(now_s)
+            return stop.wanted or now_s >= until_s
+
+        watch(end, console, done, steering.words if steering else None)
+        if steering:
+            steering.stop(end.step(0.0))
+        print_summary(end, console, end.step(0.0))
+    return 0
+
+
+def key_from_file(path: str) -> bytes:
+    """32 bytes, given as they are or as 64 hex digits.
+
+    Raises:
+        ValueError: neither.
+    """
+    content = Path(path).read_bytes()
+    key = content if len(content) == 32 else bytes.fromhex(content.decode("ascii", "replace"))
+    if len(key) != 32:
+        raise ValueError(f"{path}: must hold 32 bytes or 64 hex digits")
+    return key
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""A real device and its fake, asked the same."""

@@ -23,15 +23,12 @@ from hw.planner_link.kernels import (
     Span,
     encode_cells,
     enter_cells,
-    kernel,
     mark_again_cells,
     mark_every_cell,
     mark_lost_cells,
     note_cells,
     pack_told,
 )
-
-__all__ = ["MapSender", "kernel"]
 
 NO_CELLS: I32 = np.zeros(0, dtype=np.int32)
 

@@ -49,7 +49,7 @@ def test_a_command_is_written_once_and_its_answer_found_among_other_events() -> 
 
 def test_a_command_without_an_answer_is_written_again_and_given_up_after_its_tries() -> None:
     talk = exchange()
-    line = Line(talk, talk.ask(b"?", number, 0.25, tries=2)).hear("scan", ticks=10)
+    line = Line(talk, talk.ask(b"?", number, 0.375, tries=2)).hear("scan", ticks=10)
     assert line.wrote == [b"?", b"", b"", b"?", b"", b""]
     assert (line.done, line.result) == (True, None)
 
@@ -60,7 +60,7 @@ def test_what_came_before_a_command_is_no_answer_and_what_came_behind_an_echo_is
     def echo_then_value() -> Steps[list[Any]]:
         echo = yield from talk.ask(b"?Q\r", lambda event: event if event == "?Q" else None, 1.0)
         value = yield from talk.wait_for(number, 1.0)
-        other = yield from talk.ask(b"?R\r", number, 0.15)
+        other = yield from talk.ask(b"?R\r", number, 0.25)
         return [echo, value, other]
 
     line = Line(talk, echo_then_value()).hear(3, "?Q", 4, 5).hear(ticks=5)

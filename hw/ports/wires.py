@@ -29,7 +29,7 @@ from typing import Any
 from serial.serialposix import Serial
 
 from hw.device import Port
-from hw.ports.reopening import READ_SIZE, REASONS, RETRY_FIRST_S, ReopeningPort, loss_in_words
+from hw.ports.reopening import READ_SIZE, REASONS, RETRY_FIRST_S, ReopeningPort, describe_loss
 from hw.ports.url import PortUrl, PortUrlError, parse_url
 
 __all__ = ["PortUrlError", "open_port", "parse_url"]
@@ -170,7 +170,7 @@ class UdpPort(ReopeningPort):
         except OSError as error:
             self.unsent += 1
             if not isinstance(error, BlockingIOError) and error.errno != errno.EMSGSIZE:
-                self._lose(loss_in_words(error, self._where))  # a new socket gets the new route
+                self._lose(describe_loss(error, self._where))  # a new socket gets the new route
 
     def _try_open(self) -> bool:
         self._socket = socket.socket(self._family, socket.SOCK_DGRAM)

@@ -38,7 +38,7 @@ def leave_real_time() -> None:
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-class Alarm:
+class Timer:
     """Waits for instants of the monotonic clock, while the loop goes on with all else.
 
     Raises:

@@ -20,7 +20,7 @@ from hw.ports.reopening import (
     RETRY_LAST_S,
     SILENCE_S,
     ReopeningPort,
-    loss_in_words,
+    describe_loss,
 )
 from hw.ports.wires import open_port
 
@@ -92,7 +92,7 @@ def test_other_failures_are_tried_ever_less_often_but_every_five_seconds(number:
 
 
 def test_a_host_that_vanished_is_told_with_one_cause_however_the_kernel_puts_it() -> None:
-    unreachable = loss_in_words(OSError(errno.EHOSTUNREACH, ""), "192.168.0.1:2112")
+    unreachable = describe_loss(OSError(errno.EHOSTUNREACH, ""), "192.168.0.1:2112")
     assert unreachable == "no answer from 192.168.0.1:2112"  # as after CONNECT_S
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from hw.device import Port
 from hw.ports import wires as ports
-from hw.ports.reopening import BACKLOG, READ_SIZE, RETRY_FIRST_S, loss_in_words
+from hw.ports.reopening import BACKLOG, READ_SIZE, RETRY_FIRST_S, describe_loss
 from hw.ports.wires import PortUrlError, open_port
 
 START_S = 100.0
@@ -381,7 +381,7 @@ def test_a_file_that_is_no_line_and_a_line_in_use_are_named(
 
 def test_what_the_line_says_of_a_setting_is_told_with_its_name() -> None:
     for error in (termios.error(22, "Invalid argument"), ValueError("Failed to set custom baud")):
-        assert loss_in_words(error, "/dev/mti").startswith("/dev/mti: ")
+        assert describe_loss(error, "/dev/mti").startswith("/dev/mti: ")
 
 
 def test_a_host_without_an_address_is_an_error_before_the_loop_runs() -> None:

@@ -29,7 +29,8 @@ from core.summary import robot_in_words
 from hw.device import Port
 from hw.modbus.server import ModbusServer
 from hw.ports.wires import PortUrlError, open_port, parse_url
-from hw.runtime.real_time import Timer, leave_real_time, take_real_time
+from hw.runtime.real_time import leave_real_time, take_real_time
+from hw.runtime.timer import Timer
 from hw.runtime.wakeup import WakeUp
 
 __all__ = ["App", "Ports"]

@@ -21,8 +21,8 @@ from hw.modbus.client import ModbusCounters, ServerContext
 from hw.modbus.handlers import IDLE_S, MOST_CONNECTIONS, LineHandler, TcpHandler, UdpHandler
 from hw.modbus.image import RegisterImage, View
 from hw.ports.reopening import describe_loss
+from hw.ports.serial import SerialPort
 from hw.ports.url import PortUrl, parse_url
-from hw.ports.wires import SerialPort
 from hw.runtime.wakeup import WakeUp
 
 PYMODBUS = "3.16."  # the handlers stand on this version's inside

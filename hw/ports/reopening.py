@@ -1,6 +1,6 @@
-"""A wire that opens, is lost and reopens by itself: what all kinds of hw/ports/wires.py share.
+"""A wire that opens, is lost and reopens by itself: what TCP, UDP and serial lines share.
 
-Source: the rules of hw/ports/wires.py; reasons are the operating system's, in our words.
+Source: the rules in hw/ports/wires.py; reasons are the operating system's, in our words.
 """
 
 import contextlib

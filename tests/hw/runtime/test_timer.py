@@ -3,7 +3,7 @@
 import asyncio
 import time
 
-from hw.runtime.real_time import Timer
+from hw.runtime.timer import Timer
 
 
 def test_it_rings_at_each_instant_and_never_before() -> None:

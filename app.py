@@ -24,7 +24,8 @@ from hw.device import DeviceStatus, NoPort, Port
 from hw.lms1xx.session import Lms111
 from hw.modbus.image import RegisterImage
 from hw.mti.session import Mti
-from hw.planner_link.receivers import Planners, Wire
+from hw.planner_link.receivers import Planners
+from hw.planner_link.sender import LinkSettings, Wire
 from hw.ports.wires import parse_url
 
 STATE_LOG_S = 1.0  # counters to the log this often
@@ -122,13 +123,15 @@ class App:
                 )
                 for port, url in zip(ports, planner.ports, strict=True)
             ],
-            size=config.obstacle.window_cells,
-            cell_mm=round(config.map.cell_m * 1000),
-            session=session,
-            tick_s=self._tick_s,
-            key=key,
-            stale_ms=max(150, math.ceil(3000 * self._tick_s)),
-            push=planner.push,
+            LinkSettings(
+                size=config.obstacle.window_cells,
+                cell_mm=round(config.map.cell_m * 1000),
+                tick_s=self._tick_s,
+                key=key,
+                stale_ms=max(150, math.ceil(3000 * self._tick_s)),
+                push=planner.push,
+            ),
+            session,
         )
 
     def _maybe_image(self, session: int, version: str) -> RegisterImage | None:
@@ -239,7 +242,7 @@ class App:
             self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
             return
         dirt = self.scanner.stream.contamination
-        others = (self.planners.doubt, STALLED if self._stall.stalled else "")
+        others = (self.planners.stop_reason, STALLED if self._stall.stalled else "")
         doubt = drive.doubt(told.health, told.mode, dirt, others)
         motors_off = self.drive.controller.trouble
         powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off, moves)
@@ -333,7 +336,7 @@ class App:
             scans_early=counts.scans_early,
             scans_tilted=counts.scans_tilted,
             maps_erased=counts.erased,
-            frames_sent=self.planners.frames_sent,
+            **self.planners.counters,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),
             poses_outlying=self.mapper.odometry.positioning.outliers,

@@ -29,8 +29,9 @@ from core.summary import robot_in_words
 from hw.device import Port
 from hw.modbus.server import ModbusServer
 from hw.ports.wires import PortUrlError, open_port, parse_url
-from hw.runtime.real_time import Alarm, leave_real_time, take_real_time
-from hw.runtime.wakeup import Ears
+from hw.runtime.real_time import leave_real_time, take_real_time
+from hw.runtime.timer import Timer
+from hw.runtime.wakeup import WakeUp
 
 __all__ = ["App", "Ports"]
 
@@ -200,24 +201,24 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     Between ticks it hears what arrives, so that stamps are true to the instant of reading.
     """
     due_s, ports = time.monotonic(), app.ports
-    alarm = Alarm(asyncio.get_running_loop())
-    ears = Ears(
+    timer = Timer(asyncio.get_running_loop())
+    wake_up = WakeUp(
         asyncio.get_running_loop(),
         (ports.scanner, ports.ahrs, ports.drive),
         lambda: app.hear(time.monotonic()),
     )
     while not stop.is_set():
-        await alarm.wait_until(due_s)
+        await timer.wait_until(due_s)
         app.note_tick(time.monotonic() - due_s)
         app.step(time.monotonic())
-        ears.after_tick()
+        wake_up.after_tick()
         now_s = time.monotonic()
         slots = slots_until_next(now_s - due_s, period_s)
         if slots > 1:
             app.note_missed(now_s, slots - 1)
         due_s += period_s * slots
-    ears.close()
-    alarm.close()
+    wake_up.close()
+    timer.close()
 
 
 async def serve(

@@ -7,7 +7,7 @@ import pytest
 from fakes.wires.wire import MemoryPort
 from hw.device import NEVER_HEARD_S, BadFrame, Device, DeviceStatus, NoPort, Session
 from hw.fingerprint import SEEMS
-from hw.runtime.wakeup import CALLS, Ears
+from hw.runtime.wakeup import CALLS, WakeUp
 
 NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
@@ -113,14 +113,14 @@ def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session
 
 
 def test_with_or_without_hearing_the_same_bytes_give_the_same_measurements() -> None:
-    ears, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
+    wake_up, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
     got: tuple[list[bytes], list[bytes]] = ([], [])
     for tick in range(50):
         for port in (one, two):
             port.give(b"x" * (1 + tick % 5))
         if tick % 3:
-            ears.hear(tick * 0.005 - 0.002)
-        got[0].extend(data for _, data in ears.step(tick * 0.005))
+            wake_up.hear(tick * 0.005 - 0.002)
+        got[0].extend(data for _, data in wake_up.step(tick * 0.005))
         got[1].extend(data for _, data in steps.step(tick * 0.005))
     assert got[0] == got[1]
 
@@ -216,7 +216,7 @@ def test_a_loop_back_plug_is_named() -> None:
     assert device.status.cause.endswith("an echo of what mapod sends, as from a loop-back plug")
 
 
-# --- ears
+# --- wake_up
 
 
 class Readable:
@@ -248,17 +248,17 @@ class Wire(NoPort):
 
 def test_readers_follow_what_is_open_and_are_not_touched_while_nothing_changes() -> None:
     loop, one, two = Readable(), Wire(5), Wire(-1)
-    ears = Ears(loop, [one, two], lambda: None)
+    wake_up = WakeUp(loop, [one, two], lambda: None)
     for _ in range(100):
-        ears.after_tick()
+        wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 1)
     one.fd, two.fd = -1, 5  # the number comes again, for another wire
-    ears.after_tick()
+    wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 3)
     two.opened += 1  # closed and opened between two ticks
-    ears.after_tick()
+    wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 5)
-    ears.close()
+    wake_up.close()
     assert loop.readers == {}
 
 
@@ -268,8 +268,8 @@ def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
     def hear() -> None:
         one.fd = -1
 
-    ears = Ears(loop, [one], hear)
-    ears.after_tick()
+    wake_up = WakeUp(loop, [one], hear)
+    wake_up.after_tick()
     loop.readers[5]()
     assert loop.readers == {}
 
@@ -278,9 +278,9 @@ def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
 def test_a_wire_that_never_stops_is_heard_so_often_between_ticks_and_no_more(wires: int) -> None:
     heard: list[None] = []
     loop = Readable()
-    ears = Ears(loop, [Wire(fd) for fd in range(wires)], lambda: heard.append(None))
+    wake_up = WakeUp(loop, [Wire(fd) for fd in range(wires)], lambda: heard.append(None))
     for tick in range(1, 4):
-        ears.after_tick()
+        wake_up.after_tick()
         while loop.readers:
             loop.readers[0]()
         assert len(heard) == tick * CALLS

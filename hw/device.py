@@ -201,6 +201,35 @@ class Intake:
         return events
 
 
+class SilenceWatch:
+    """Drops a connection on which nothing comes any more, so that the port makes a fresh one."""
+
+    def __init__(self, port: Port) -> None:
+        self._maybe_port = port if isinstance(port, Reopens) else None
+        self._spoke_s = float("-inf")  # last bytes of any kind, or the opening of the connection
+        self._has_spoken = False  # on this connection
+
+    def begin(self, now_s: float) -> None:
+        """A new connection."""
+        self._spoke_s, self._has_spoken = now_s, False
+
+    def heard(self, now_s: float) -> None:
+        """Bytes of any kind."""
+        self._spoke_s, self._has_spoken = now_s, True
+
+    def maybe_drop(self, now_s: float) -> str:
+        """The cause for which the connection has just been dropped; "" if it was not."""
+        port = self._maybe_port
+        if port is None:
+            return ""
+        limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
+        if now_s - self._spoke_s <= limit_s:
+            return ""
+        cause = f"nothing heard for {limit_s:g} s"
+        port.reopen(cause)
+        return cause
+
+
 class Device(Generic[Measurement]):
     """One device on its port: bytes in, measurements out, its session's bytes back.
 
@@ -216,15 +245,12 @@ class Device(Generic[Measurement]):
         bytes_per_s: float = SERIAL_BYTES_PER_S,
     ) -> None:
         self.status, self.port = status, port
-        self._maybe_reopens = port if isinstance(port, Reopens) else None
-        self._intake = Intake(new_parser, bytes_per_s)
+        self._intake, self._silence = Intake(new_parser, bytes_per_s), SilenceWatch(port)
         self._new_session = new_session
         self._session = self._begun_session()
         self._fingerprint = Fingerprint(status.name)
         self._opened = 0
         self._held: list[Measurement] = []  # heard since the last step
-        self._spoke_s = float("-inf")  # last bytes of any kind, or the opening of the connection
-        self._has_spoken = False  # on this connection
         self._given_up = ""  # the cause for which we have dropped the connection
 
     def _begun_session(self) -> Session:
@@ -239,8 +265,8 @@ class Device(Generic[Measurement]):
                 self._start_anew(now_s)
             self._intake.step(now_s)
             self._advance(now_s, [] if self._intake.waits else self.port.read())
-            if self._maybe_reopens is not None:
-                self._drop_if_silent(now_s, self._maybe_reopens)
+            if self.port.fileno() >= 0:  # reading may have found its end
+                self._drop_if_silent(now_s)
         elif self.port.cause != self._given_up and (
             self.status.state != "closed" or self.status.cause != self.port.cause
         ):
@@ -266,7 +292,8 @@ class Device(Generic[Measurement]):
 
     def _start_anew(self, now_s: float) -> None:
         """On a new connection. The same device after mere silence is no change of state."""
-        self._opened, self._spoke_s, self._has_spoken = self.port.opened, now_s, False
+        self._opened = self.port.opened
+        self._silence.begin(now_s)
         if not self._given_up:
             self.status.fall_back("starting", "waiting for the first answer")
             self._fingerprint.forget()
@@ -276,8 +303,8 @@ class Device(Generic[Measurement]):
 
     def _advance(self, now_s: float, pieces: list[bytes]) -> None:
         """Parser and session up to now; what they measured is held for the step."""
-        if any(pieces):
-            self._spoke_s, self._has_spoken = now_s, True
+        if self._intake.waits or any(pieces):
+            self._silence.heard(now_s)
         events = self._intake.events(now_s, pieces)
         for event in events:
             if isinstance(event, BadFrame):
@@ -300,14 +327,10 @@ class Device(Generic[Measurement]):
         if message and not is_said:
             self.status.cause = f"{cause}: {message}"
 
-    def _drop_if_silent(self, now_s: float, port: Reopens) -> None:
-        if self.port.fileno() < 0:
-            return
-        limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
-        if now_s - self._spoke_s > limit_s:
+    def _drop_if_silent(self, now_s: float) -> None:
+        if cause := self._silence.maybe_drop(now_s):
             if self.status.state == "running":
-                self.status.fall_back("starting", f"nothing heard for {limit_s:g} s")
-            port.reopen(f"nothing heard for {limit_s:g} s")
+                self.status.fall_back("starting", cause)
             self._given_up = self.port.cause
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Measurement]:

@@ -15,6 +15,7 @@ from hw.device import BadFrame
 
 Event = TypeVar("Event")
 Dialect = Literal["binary", "ascii"]
+DialectSetting = Literal["auto", "binary", "ascii"]
 
 START = b"\x02\x02\x02\x02"
 HEAD_SIZE = 8
@@ -65,7 +66,7 @@ class ColaParser(Generic[Event]):
     def __init__(
         self,
         decode: Callable[[float, bytes, Dialect], Event],
-        dialect: Literal["auto", "binary", "ascii"] = "binary",
+        dialect: DialectSetting = "binary",
     ) -> None:
         self._decode, self._head = decode, HEADS[dialect]
         self._buffer = bytearray()

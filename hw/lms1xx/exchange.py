@@ -6,16 +6,15 @@ Source: lms111 sheet, sections 1, 2 and 6.
 """
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 from hw.device import DeviceStatus
 from hw.exchange import Exchange, StartAgainError, Steps
 from hw.lms1xx import commands
-from hw.lms1xx.cola import Dialect
+from hw.lms1xx.cola import Dialect, DialectSetting
 from hw.lms1xx.commands import Command
 from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram
 
-DialectSetting = Literal["auto", "binary", "ascii"]
 Heard = Answer | Refusal | ScanTelegram
 Result = Answer | Refusal | None  # None: no answer
 

@@ -28,7 +28,8 @@ from hw.device import BadFrame, Device, DeviceStatus, Port, Session, Tick
 from hw.exchange import Exchange, StartAgainError, Steps
 from hw.lms1xx import commands
 from hw.lms1xx.checkup import Checkup
-from hw.lms1xx.exchange import ColaExchange, DialectSetting, Memory, ScanStream
+from hw.lms1xx.cola import DialectSetting
+from hw.lms1xx.exchange import ColaExchange, Memory, ScanStream
 from hw.lms1xx.scan import ScanMaker, ScanSettings
 from hw.lms1xx.setup import BUSY, LONGEST_REST_S, REST_S, Setup
 from hw.lms1xx.status import TOO_DIRTY, ScannerCondition
@@ -57,22 +58,16 @@ class Lms111Session:
     """The conversation of section 4, from its beginning as often as needed."""
 
     def __init__(
-        self,
-        status: DeviceStatus,
-        stream: ScanStream,
-        memory: Memory,
-        settings: ScanSettings,
-        dialect: DialectSetting,
-        accepted_status: Collection[int],
+        self, status: DeviceStatus, stream: ScanStream, memory: Memory, settings: ScanSettings
     ) -> None:
         self.state = State.GREETING
         self._stream, self._memory = stream, memory
         self._exchange = Exchange(
             status, self._hear, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S
         )
-        self._cola = ColaExchange(self._exchange, status, stream, memory, dialect)
+        self._cola = ColaExchange(self._exchange, status, stream, memory, settings.dialect)
         self._setup = Setup(self._exchange, self._cola, status, stream, memory, settings)
-        self._watch = TelegramWatch(status, stream, settings, accepted_status)
+        self._watch = TelegramWatch(status, stream, settings)
 
     def _hear(self, tick: Tick) -> list[Any]:
         self._stream.telegrams = []
@@ -166,26 +161,33 @@ class Lms111(Device[Scan]):
         echo: Echo,
         accepted_status: Collection[int] = (),
     ) -> None:
-        settings = ScanSettings(
+        self._settings = ScanSettings(
             scan_rate_hz=scan_rate_hz,
             angular_step_deg=angular_step_deg,
             first_deg=first_deg,
             last_deg=last_deg,
             echo=echo,
+            dialect=dialect,
+            accepted_status=accepted_status,
         )
-        self.period_s = 1.0 / scan_rate_hz
-        self.stream = ScanStream()
-        self._maker = ScanMaker(settings)
-        self._memory = Memory()
-        status = DeviceStatus("lms111")
+        self.stream, self._memory = ScanStream(), Memory()
+        self._maker = ScanMaker(self._settings)
+        super().__init__(
+            DeviceStatus("lms111"),
+            port,
+            lambda: new_parser(dialect),
+            self._started_session,
+            BYTES_PER_S,
+        )
 
-        def new_session() -> Session:
-            self.session = Lms111Session(
-                status, self.stream, self._memory, settings, dialect, accepted_status
-            )
-            return self.session.run()
+    def _started_session(self) -> Session:
+        self.session = Lms111Session(self.status, self.stream, self._memory, self._settings)
+        return self.session.run()
 
-        super().__init__(status, port, lambda: new_parser(dialect), new_session, BYTES_PER_S)
+    @property
+    def period_s(self) -> float:
+        """From scan to scan, as it was asked for."""
+        return 1.0 / self._settings.scan_rate_hz
 
     def stop(self) -> None:
         """Before the program ends: a login that is under way must not leave the device busy."""

@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from core.records import F64
-from hw.lms1xx.cola import ColaParser, Dialect, PayloadError
+from hw.lms1xx.cola import ColaParser, Dialect, DialectSetting, PayloadError
 from hw.lms1xx.cola_fields import BinaryFields, Fields, Raw, TextFields
 
 Echo = Literal["first", "last", "both"]
@@ -138,7 +138,7 @@ Telegram = ScanTelegram | Answer | Refusal
 
 
 def new_parser(
-    dialect: Literal["auto", "binary", "ascii"] = "binary", max_beams: int = MAX_BEAMS
+    dialect: DialectSetting = "binary", max_beams: int = MAX_BEAMS
 ) -> ColaParser[Telegram]:
     """A parser for the stream of one connection; max_beams: more for a sister model."""
     return ColaParser(partial(decode, max_beams=max_beams), dialect)

@@ -5,7 +5,6 @@ documented as good, a window too dirty to see through. Source: lms111 sheet, sec
 """
 
 import math
-from collections.abc import Collection
 
 from hw.device import BadFrame, DeviceStatus
 from hw.lms1xx.exchange import ScanStream
@@ -26,15 +25,8 @@ UNUSABLE_S = 0.5  # without a scan that may be believed, after which it runs no 
 class TelegramWatch:
     """Takes the telegrams of one connection, and sets the status by them."""
 
-    def __init__(
-        self,
-        status: DeviceStatus,
-        stream: ScanStream,
-        settings: ScanSettings,
-        accepted_status: Collection[int],
-    ) -> None:
+    def __init__(self, status: DeviceStatus, stream: ScanStream, settings: ScanSettings) -> None:
         self._status, self._stream, self._settings = status, stream, settings
-        self._accepted_status = accepted_status
         self._last: ScanTelegram | None = None
         self._usable_s = -math.inf  # host clock, last telegram that may be believed
         self._told: tuple[object, ...] = ()  # what the cause was last made of
@@ -80,7 +72,7 @@ class TelegramWatch:
 
     def _doubt(self, telegram: ScanTelegram) -> str:
         """Why its ranges are not to be used; "" if they are."""
-        if not is_usable(telegram.status, self._accepted_status):
+        if not is_usable(telegram.status, self._settings.accepted_status):
             return describe_status(telegram.status)
         dirt = self._stream.contamination or 0
         return CONTAMINATIONS.get(dirt, "") if dirt >= TOO_DIRTY else ""

@@ -73,6 +73,7 @@ class App:
             first_deg=scanner.first_deg,
             last_deg=scanner.last_deg,
             echo=scanner.echo,
+            accepted_status=scanner.accepted_status,
         )
         self.ahrs = Mti(ports.ahrs, rate_hz=config.ahrs.rate_hz, baud=_baud(config.ahrs.port))
         turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
@@ -282,7 +283,7 @@ class App:
             clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
             overrun=now_s - self._overrun_s < 1.0,
             replayed=self._replayed,
-            contaminated=self.scanner.is_dirty,
+            contaminated=self.scanner.is_impaired,
             stop_asked=bool(self.drive.controller.emergency_stop),
             drop_ahead=self._drop_ahead,
             stalled=self._stall.stalled,

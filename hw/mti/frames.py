@@ -4,6 +4,7 @@ Source: MTi sheet, sections 1 and 3. Frame: FA | bus id | mid | length | data | 
 all bytes after FA is 0 modulo 256; big-endian.
 """
 
+import re
 from collections import deque
 from dataclasses import field
 from enum import IntEnum
@@ -12,10 +13,12 @@ from itertools import accumulate, islice
 from core.records import record
 from hw.device import BadFrame
 
-PREAMBLE, MASTER, SINGLE, EXTENDED = 0xFA, 0xFF, 0x01, 0xFF
+PREAMBLE, MASTER, EXTENDED = 0xFA, 0xFF, 0xFF
 MIN_EXTENDED, MAX_EXTENDED = 255, 2048
 COMPLETION_S = 0.1  # for a claimed frame, beyond the time that its bytes take on the wire
 MAX_JUNK = 256  # bytes told at once
+START = re.compile(rb"\xFA(?:[\xFF\x01]|\Z)")  # the end of the buffer may be half of one
+NO_START = "no start of a frame"
 
 
 class Mid(IntEnum):
@@ -144,8 +147,8 @@ class MtParser:
             elif not reason and (self._sums[at + size] - self._sums[at + 1]) & 0xFF:
                 reason = "bad checksum"
             if reason:
-                start = self._buffer.find(PREAMBLE, at + 1)  # the next possible one
-                end = start if start > 0 else len(self._buffer)
+                start = START.search(self._buffer, at + 1)
+                end = start.start() if start else len(self._buffer)
                 events += self._reject(reason, self._buffer[at:end], now_s)
             else:
                 end = at + size
@@ -159,10 +162,8 @@ class MtParser:
     def _claim(self, at: int) -> tuple[str, int, int]:
         """Why no frame begins there, or "", its head and its size as far as they are known."""
         head = self._buffer[at : at + 6]
-        if head[0] != PREAMBLE:
-            return "no preamble", 0, 0
-        if len(head) > 1 and head[1] not in (MASTER, SINGLE):
-            return "unknown bus id", 0, 0
+        if not START.match(head):
+            return NO_START, 0, 0
         if len(head) < 4 or head[3] != EXTENDED:
             return "", 4, 5 + (head[3] if len(head) > 3 else 0)
         length = int.from_bytes(head[4:6], "big") if len(head) > 5 else 0
@@ -175,11 +176,10 @@ class MtParser:
         told = []
         while junk:
             if not self._junk:
-                self._junk_s = now_s
-                self._junk_reason = reason if junk[0] == PREAMBLE else "no preamble"
+                self._junk_reason, self._junk_s = reason, now_s
             room = MAX_JUNK - len(self._junk)
             self._junk += junk[:room]
-            junk = junk[room:]
+            junk, reason = junk[room:], NO_START
             if len(self._junk) == MAX_JUNK:
                 told += self._told_junk()
         return told

@@ -54,9 +54,9 @@ def test_a_device_on_bus_id_1_is_heard() -> None:
     [
         ("FA FF 31 00 D1", "bad checksum"),
         ("FA FF 42 01 04 BB", "bad checksum"),
-        ("FA 02 00 00 FE", "unknown bus id"),
+        ("FA 02 00 00 FE", "no start of a frame"),
         ("FA FF 31 FF 08 01", "bad extended length"),
-        ("00 31 00 D0", "no preamble"),
+        ("00 31 00 D0", "no start of a frame"),
     ],
 )
 def test_what_is_no_frame_is_told_with_the_next_frame_or_later(wire: str, reason: str) -> None:

@@ -28,7 +28,14 @@ from fakes.mti.device import FakeMti
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort, Wire
 from main import App, Ports
-from tools.cli.screen import factor_for, has_screen, map_text, maybe_robot, plain_legend, plain_map
+from tools.terminal.screen import (
+    factor_for,
+    has_screen,
+    map_text,
+    maybe_robot,
+    plain_legend,
+    plain_map,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 SHIPPED_RECORDING = ROOT / "tests" / "vectors" / "lms111_session_d2h.bin"

@@ -67,12 +67,13 @@ class Demo:
         ports = ports_of(fakes, stop)
         if ports is None:
             return
-        values = {f"{name}.port": url for name, url in ports.items()}
+        values: dict[str, object] = {f"{name}.port": url for name, url in ports.items()}
         values["planner.port"] = self.wire.url
-        driven = DRIVEN if self._options.drive else {}
+        if self._options.drive:
+            values |= DRIVEN
         shipped = Path(self._options.config).read_text()
         config = self._folder / "mapod.toml"
-        config.write_text(rewritten(shipped, values | driven))
+        config.write_text(rewritten(shipped, values))
         self._start("app", [*self._commands.app, str(config)])
         self._overdue_s = time.monotonic() + FIRST_MAP_S
 

@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from typing import Protocol
 
 import structlog
 
@@ -75,7 +76,17 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config) -> Ports:
+class Recorder(Protocol):
+    """Writes a run down: gives for each port, and for the app, what is used in its place."""
+
+    def port(self, name: str, port: Port) -> Port:
+        """The same port, which tells of its bytes."""
+
+    def app(self, app: App) -> App:
+        """The same app, which tells of its steps."""
+
+
+def open_ports(config: Config, recorder: Recorder | None = None) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Raises:
@@ -86,9 +97,10 @@ def open_ports(config: Config) -> Ports:
 
     def opened(section: str, url: str) -> Port:
         try:
-            return open_port(url)
+            port = open_port(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
+        return recorder.port(section, port) if recorder else port
 
     return Ports(
         opened("scanner", config.scanner.port),
@@ -222,7 +234,12 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
 
 
 async def serve(
-    config: Config, ports: Ports, key: bytes | None, loaded: Arrays | None, save_to: str
+    config: Config,
+    ports: Ports,
+    key: bytes | None,
+    loaded: Arrays | None,
+    save_to: str,
+    recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
     log = structlog.get_logger()
@@ -242,7 +259,8 @@ async def serve(
     log.info("app_started", version=version(), planner=config.planner.port)
     servers = modbus_servers(app)
     try:
-        await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
+        stepped = recorder.app(app) if recorder else app
+        await keep_pace(stepped, 1.0 / config.loop.rate_hz, stop)
     finally:
         app.stop()
         for server in servers:
@@ -275,8 +293,8 @@ def version() -> str:
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
-def run(arguments: list[str] | None = None) -> int:
-    """The command line; gives the exit status."""
+def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
+    """The command line; gives the exit status. `recorder` writes a live run down."""
     parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
     parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
     parser.add_argument("--check", action="store_true", help="check the settings, tell, and end")
@@ -296,7 +314,7 @@ def run(arguments: list[str] | None = None) -> int:
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config)
+        ports = open_ports(config, recorder)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -310,7 +328,7 @@ def run(arguments: list[str] | None = None) -> int:
             warm_kernels(config)
         else:
             set_up_logging(config)
-            asyncio.run(serve(config, ports, key, loaded, options.save_map))
+            asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
     return 0
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from core.config import load_config
+from config_file import load_config
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -17,7 +17,13 @@ from hw.lms1xx import telegrams as lms111
 from hw.lms1xx.checkup import Checkup
 from hw.lms1xx.scan import ScanMaker, ScanSettings
 from hw.lms1xx.setup import BUSY, LONGEST_REST_S, REST_S, SCAN_WORDS, Setup, covers
-from hw.lms1xx.status import ScannerCondition, is_dirty, is_usable, status_in_words
+from hw.lms1xx.status import (
+    TOO_DIRTY,
+    ScannerCondition,
+    is_dirty,
+    is_usable,
+    status_in_words,
+)
 from hw.lms1xx.talk import DialectSetting, Memory, ScanStream, StartAgainError
 from hw.lms1xx.telegrams import Answer, Echo, ScanTelegram
 
@@ -216,10 +222,16 @@ class Lms111(Device[Scan]):
         return self.stream.not_ready
 
     @property
-    def is_dirty(self) -> bool:
+    def is_impaired(self) -> bool:
         """Whether its window is contaminated, be it as a warning."""
         stream, newest = self.stream, self.stream.newest
         return is_dirty(stream.contamination, newest.status if newest else (0, 0))
+
+    @property
+    def doubt(self) -> str:
+        """Why its "nothing there" is not to be believed, in words; "" if it is."""
+        too_dirty = (self.stream.contamination or 0) >= TOO_DIRTY
+        return "the scanner's window is too dirty" if too_dirty else ""
 
     @property
     def condition(self) -> ScannerCondition:

@@ -28,6 +28,7 @@ CONTAMINATIONS = {
     2: "has a dirty window (error): clean it",
     3: "has a window too dirty to see through: clean it",
 }
+TOO_DIRTY = 2  # contamination from which "nothing there" is not believed
 HOT = "is out of its range of temperatures"
 # The sheet calls all but 0 "warning, error or not yet valid"; the recorded device sends 1 with
 # scans that are not valid yet. These meanings are recalled, not confirmed.

@@ -6,6 +6,7 @@ from dataclasses import asdict
 import pytest
 
 from fakes.lms1xx.recorded import RecordedLms111
+from hw.lms1xx.session import Lms111
 from tests import ROOT
 from tools.cli.replay import SHIPPED_RECORDING, Outcome, Replay, config_for_recording
 
@@ -31,6 +32,7 @@ def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
     first: tuple[Replay, Outcome],
 ) -> None:
     replay, outcome = first
+    assert isinstance(replay.app.scanner, Lms111)
     assert replay.app.scanner.not_ready == 7
     assert outcome.counts.scans_added == 51
     assert outcome.counts.scans_dropped == 0

@@ -20,14 +20,15 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from core.config import Config, ConfigError, load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
+from core.config import Config, ConfigError
 from core.mapping.mapper import MapperCounts
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.mti.device import FakeMti
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort, Wire
-from main import App, Ports
 from tools.cli.screen import factor_for, has_screen, map_text, maybe_robot, plain_legend, plain_map
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,7 +17,7 @@ import numpy as np
 from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, flat_index
 from core.mapping.beams.ground_plane import Stand, ground_m
-from core.mapping.rays import MAX_BEAMS, MIN_RANGE_M, Sweep
+from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64
 
 LOW_M = 0.25  # above the ground: lower returns may be of the top of a thing, or of a slope
@@ -155,9 +155,9 @@ def _agreeing(slides: F64) -> tuple[int, float]:
 class Faces:
     """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
 
-    def __init__(self, cells: CellGrid) -> None:
+    def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
-        self._slides = np.zeros(MAX_BEAMS)
+        self._slides = np.zeros(max_beams)
         self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
         self._leg, self._heading = 1, (math.nan, math.nan)
 

@@ -18,7 +18,7 @@ from fakes.faults.timetable import Schedule, order_from_text
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import DatagramWire, MemoryPort, Wire
-from fakes.world.error_models import Upsets
+from fakes.world.error_models import ErrorModels
 from fakes.world.rig import AnyWorld, Rig
 
 SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
@@ -126,7 +126,7 @@ class Loop:
         drives: a radio drives the robot along the scene's route, and the app only looks on.
         baud: of the planner's line; None: datagrams, which come at once.
         key: of the link.
-        upsets: instead of the scene's own.
+        errors: instead of the scene's own.
     """
 
     def __init__(
@@ -139,9 +139,9 @@ class Loop:
         drives: bool = False,
         baud: int | None = None,
         key: bytes | None = None,
-        upsets: Upsets | None = None,
+        errors: ErrorModels | None = None,
     ) -> None:
-        self.rig = Rig(scene, seed, drives=drives, upsets=upsets)
+        self.rig = Rig(scene, seed, drives=drives, errors=errors)
         self.config = config or rig_config(self.rig.world.scene, baud)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on
             self.rig.drive.parameters[0x00] = WATCHDOG

@@ -12,7 +12,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
 
-from core.config import ConfigError, load_config
+from config_file import load_config
+from core.config import ConfigError
 from hw.mti import service as commands
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.service import OrientationReset

@@ -15,7 +15,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
 
-from core.config import Config, ConfigError, load_config
+from config_file import load_config
+from core.config import Config, ConfigError
 from hw.ports.url import PortUrlError
 from tools.calibration.collect_floor import RefusedError, collect
 from tools.calibration.fit import Mount

@@ -15,7 +15,8 @@ from typing import get_args
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
 
-from core.config import ConfigError, load_config
+from config_file import load_config
+from core.config import ConfigError
 from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command

@@ -7,7 +7,6 @@ import pytest
 
 from app import App, Ports
 from core.config import load_config
-from hw.device import Port
 from tests import ROOT
 from tools.cli import replay as tool
 from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
@@ -25,9 +24,12 @@ class RecordedLoop(Loop):
         super().__init__("corridor", 1, load_config(SHIPPED), drives=True)
 
     def _new_app(self, key: bytes | None) -> App:
-        tapped: list[Port] = [self.recorder.port(name, port) for name, port in self.ports.items()]
-        planner = self.recorder.port("planner", self.link_port)
-        ports = Ports(*tapped, planner)
+        ports = Ports(
+            scanner=self.recorder.port("scanner", self.ports["scanner"]),
+            ahrs=self.recorder.port("ahrs", self.ports["ahrs"]),
+            drive=self.recorder.port("drive", self.ports["drive"]),
+            planner=self.recorder.port("planner", self.link_port),
+        )
         return self.recorder.app(App(self.config, ports, session=SESSION))
 
 

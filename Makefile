@@ -35,8 +35,8 @@ rig: setup ## the app as it is, in real time, as rig.toml says: real or fake dev
 	@$(BIN)/python -m tools.rig.live $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
 	  $(if $(filter command line,$(origin SEED)),--seed $(SEED)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
-planner: setup ## the planner in C for the emulated Cortex-M3: its RAM and flash
-	@$(MAKE) --no-print-directory -C hw/mcu planner
+planner: setup ## the demonstration planner in C on a Cortex-M3: its flash, RAM and stack
+	@$(BIN)/python -m tools.rig.c_sizes planner
 
 campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder]
 	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \
@@ -95,9 +95,8 @@ fuzz: setup ## coverage-guided fuzzing of the three codecs, then of the C header
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
-mcu: setup ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
-	@$(BIN)/python -m tests.support.c_sizes
-	@$(MAKE) --no-print-directory -C hw/mcu qemu
+mcu: setup ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4
+	@$(BIN)/python -m tools.rig.c_sizes header
 
 devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
 	@$(BIN)/python tools/cli/devices.py $(ARGS)

@@ -5,8 +5,7 @@ import struct
 import pytest
 
 from mapod_link.frames import bytes_from_frame, signed_bytes_from_frame
-from tests.support.c_link import CReceiver
-from tests.support.c_types import NO_YAW, NOT_KNOWN, Ask, ExternalPose
+from tests.support.c_link import NO_YAW, NOT_KNOWN, Ask, CReceiver, ExternalPose
 
 GEOM, POSE, MAP, DIGEST, ZONE, TILE = 1, 2, 3, 4, 5, 6
 SESSION, KEY, NONCE = 0x5A17C0DE, bytes(range(32)), 99
@@ -334,6 +333,4 @@ def test_values_that_no_frame_tells_are_not_sent() -> None:
     assert not line.receiver.ask(1.0, Ask(1, 0x80))
     assert not line.receiver.ask(1.0, Ask(1, 0x18))
     line.receiver.say("stopped")
-    line.receiver.take()
-    line.receiver.acknowledge(1.0)
-    assert line.receiver.take()[0][8 + 14] & 0x10
+    assert line.receiver.ack(1.0)[8 + 14] & 0x10

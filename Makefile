@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test check format replay view bench campaign faults realtime link-test conformance soak mcu \
+.PHONY: help setup run rig planner test check format replay view bench campaign faults realtime link-test conformance soak mcu c-sanitize \
   experiments calibrate fuzz devices compare scene clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -52,6 +52,12 @@ realtime: setup ## how late ticks are, and how soon a scan is at the far end of 
 
 scene: setup ## a scene from above, as a picture [SCENE=office SEED=1 ARGS="--out office.png"]
 	@$(BIN)/python -m tools.rig.draw_scene $(SCENE) --seed $(SEED) $(ARGS)
+
+c-sanitize: setup ## the C of the header and of the planner under the address and undefined behaviour sanitizers
+	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
+	  $(BIN)/python -m pytest $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py) \
+	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
+	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 
 test: setup ## all tests, with progress
 	@echo "mapod: running the tests"

@@ -24,7 +24,8 @@ from hw.device import DeviceStatus, NoPort, Port
 from hw.lms1xx.session import Lms111
 from hw.modbus.image import RegisterImage
 from hw.mti.session import Mti
-from hw.planner_link.receivers import Planners, Wire
+from hw.planner_link.receivers import Planners
+from hw.planner_link.sender import LinkSettings, Wire
 from hw.ports.wires import parse_url
 
 STATE_LOG_S = 1.0  # counters to the log this often
@@ -72,6 +73,7 @@ class App:
             first_deg=scanner.first_deg,
             last_deg=scanner.last_deg,
             echo=scanner.echo,
+            accepted_status=scanner.accepted_status,
         )
         self.ahrs = Mti(ports.ahrs, rate_hz=config.ahrs.rate_hz, baud=_baud(config.ahrs.port))
         turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
@@ -122,13 +124,15 @@ class App:
                 )
                 for port, url in zip(ports, planner.ports, strict=True)
             ],
-            size=config.obstacle.window_cells,
-            cell_mm=round(config.map.cell_m * 1000),
-            session=session,
-            tick_s=self._tick_s,
-            key=key,
-            stale_ms=max(150, math.ceil(3000 * self._tick_s)),
-            push=planner.push,
+            LinkSettings(
+                size=config.obstacle.window_cells,
+                cell_mm=round(config.map.cell_m * 1000),
+                tick_s=self._tick_s,
+                key=key,
+                stale_ms=max(150, math.ceil(3000 * self._tick_s)),
+                push=planner.push,
+            ),
+            session,
         )
 
     def _maybe_image(self, session: int, version: str) -> RegisterImage | None:
@@ -239,7 +243,7 @@ class App:
             self.drive.drive(*self.control.halt(drive.NOT_ENABLED))
             return
         dirt = self.scanner.stream.contamination
-        others = (self.planners.doubt, STALLED if self._stall.stalled else "")
+        others = (self.planners.stop_reason, STALLED if self._stall.stalled else "")
         doubt = drive.doubt(told.health, told.mode, dirt, others)
         motors_off = self.drive.controller.trouble
         powers = self.control.step(now_s, request, doubt, pose, vouched, motors_off, moves)
@@ -279,7 +283,7 @@ class App:
             clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
             overrun=now_s - self._overrun_s < 1.0,
             replayed=self._replayed,
-            contaminated=self.scanner.is_dirty,
+            contaminated=self.scanner.is_impaired,
             stop_asked=bool(self.drive.controller.emergency_stop),
             drop_ahead=self._drop_ahead,
             stalled=self._stall.stalled,
@@ -333,7 +337,7 @@ class App:
             scans_early=counts.scans_early,
             scans_tilted=counts.scans_tilted,
             maps_erased=counts.erased,
-            frames_sent=self.planners.frames_sent,
+            **self.planners.counters,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),
             poses_outlying=self.mapper.odometry.positioning.outliers,

@@ -17,6 +17,7 @@ import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from typing import Protocol
 
 import structlog
 
@@ -29,8 +30,9 @@ from core.summary import robot_in_words
 from hw.device import Port
 from hw.modbus.server import ModbusServer
 from hw.ports.wires import PortUrlError, open_port, parse_url
-from hw.runtime.real_time import Alarm, leave_real_time, take_real_time
-from hw.runtime.wakeup import Ears
+from hw.runtime.real_time import leave_real_time, take_real_time
+from hw.runtime.timer import Timer
+from hw.runtime.wakeup import WakeUp
 
 __all__ = ["App", "Ports"]
 
@@ -74,7 +76,17 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config) -> Ports:
+class Recorder(Protocol):
+    """Writes a run down: gives for each port, and for the app, what is used in its place."""
+
+    def port(self, name: str, port: Port) -> Port:
+        """The same port, which tells of its bytes."""
+
+    def app(self, app: App) -> App:
+        """The same app, which tells of its steps."""
+
+
+def open_ports(config: Config, recorder: Recorder | None = None) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Raises:
@@ -85,9 +97,10 @@ def open_ports(config: Config) -> Ports:
 
     def opened(section: str, url: str) -> Port:
         try:
-            return open_port(url)
+            port = open_port(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
+        return recorder.port(section, port) if recorder else port
 
     return Ports(
         opened("scanner", config.scanner.port),
@@ -200,28 +213,33 @@ async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
     Between ticks it hears what arrives, so that stamps are true to the instant of reading.
     """
     due_s, ports = time.monotonic(), app.ports
-    alarm = Alarm(asyncio.get_running_loop())
-    ears = Ears(
+    timer = Timer(asyncio.get_running_loop())
+    wake_up = WakeUp(
         asyncio.get_running_loop(),
         (ports.scanner, ports.ahrs, ports.drive),
         lambda: app.hear(time.monotonic()),
     )
     while not stop.is_set():
-        await alarm.wait_until(due_s)
+        await timer.wait_until(due_s)
         app.note_tick(time.monotonic() - due_s)
         app.step(time.monotonic())
-        ears.after_tick()
+        wake_up.after_tick()
         now_s = time.monotonic()
         slots = slots_until_next(now_s - due_s, period_s)
         if slots > 1:
             app.note_missed(now_s, slots - 1)
         due_s += period_s * slots
-    ears.close()
-    alarm.close()
+    wake_up.close()
+    timer.close()
 
 
 async def serve(
-    config: Config, ports: Ports, key: bytes | None, loaded: Arrays | None, save_to: str
+    config: Config,
+    ports: Ports,
+    key: bytes | None,
+    loaded: Arrays | None,
+    save_to: str,
+    recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
     log = structlog.get_logger()
@@ -241,7 +259,8 @@ async def serve(
     log.info("app_started", version=version(), planner=config.planner.port)
     servers = modbus_servers(app)
     try:
-        await keep_pace(app, 1.0 / config.loop.rate_hz, stop)
+        stepped = recorder.app(app) if recorder else app
+        await keep_pace(stepped, 1.0 / config.loop.rate_hz, stop)
     finally:
         app.stop()
         for server in servers:
@@ -274,8 +293,8 @@ def version() -> str:
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
-def run(arguments: list[str] | None = None) -> int:
-    """The command line; gives the exit status."""
+def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
+    """The command line; gives the exit status. `recorder` writes a live run down."""
     parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
     parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
     parser.add_argument("--check", action="store_true", help="check the settings, tell, and end")
@@ -295,7 +314,7 @@ def run(arguments: list[str] | None = None) -> int:
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config)
+        ports = open_ports(config, recorder)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -309,7 +328,7 @@ def run(arguments: list[str] | None = None) -> int:
             warm_kernels(config)
         else:
             set_up_logging(config)
-            asyncio.run(serve(config, ports, key, loaded, options.save_map))
+            asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
     return 0
 
 

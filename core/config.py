@@ -71,6 +71,7 @@ class Scanner(Struct, frozen=True, forbid_unknown_fields=True):
     mount_tilt_deg: Annotated[float, Meta(ge=-90, le=90)]
     mount_yaw_deg: Degrees
     echo: Literal["first", "last", "both"]
+    accepted_status: list[Annotated[int, Meta(ge=2, le=255)]]
 
 
 class Ahrs(Struct, frozen=True, forbid_unknown_fields=True):
@@ -265,6 +266,8 @@ def _allowed(field_type: Any) -> str:
     if isinstance(info, msgspec.inspect.Metadata):
         info = info.type
     match info:
+        case msgspec.inspect.ListType(item_type=msgspec.inspect.IntType()):
+            return f"a list of whole numbers {_span(info.item_type)}"
         case msgspec.inspect.ListType():
             return f"a list, each of it {_allowed_literal(info.item_type)}"
         case msgspec.inspect.LiteralType():

@@ -6,24 +6,26 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-ROOMS = {"core", "hw", "mapod_link", "fakes", "tools", "tests", "app", "main"}
+ROOMS = {"core", "hw", "mapod_link", "fakes", "tools", "tests", "app", "main", "jit"}
 MAY_IMPORT = {
-    "core": {"core"},
-    "hw": {"hw", "core.records"},
+    "jit.py": set(),
+    "core": {"core", "jit"},
+    "hw": {"hw", "core.records", "jit"},
     "mapod_link": {"mapod_link"},
-    "fakes": {"fakes", "mapod_link"},
+    "fakes": {"fakes", "mapod_link", "jit"},
     "app.py": {"hw", "core"},
     "main.py": {"app", "hw", "core"},
-    "tools": {"tools", "app", "main", "hw", "core", "fakes", "mapod_link"},
+    "tools": {"tools", "app", "main", "hw", "core", "fakes", "mapod_link", "jit"},
     "tests": ROOMS,
 }
 LIBRARIES = {
-    "core": {"numpy", "numba", "msgspec"},
-    "hw": {"numpy", "numba", "serial", "cobs", "pymodbus"},
+    "jit.py": {"numpy", "numba"},
+    "core": {"numpy", "msgspec"},
+    "hw": {"numpy", "serial", "cobs", "pymodbus"},
     "mapod_link": {"numpy"},
     "app.py": {"numpy", "structlog"},
     "main.py": {"structlog"},
-    "fakes": {"numpy", "mujoco", "numba"},
+    "fakes": {"numpy", "mujoco"},
 }
 CLOCKS_AND_FILES = {
     "time",

@@ -12,8 +12,8 @@ Source: design, sections 7 and 8.
 import math
 
 from core.grid.ring import RingGrid
-from core.jit import kernel
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, record
+from jit import kernel
 
 REACTION_S = 0.45  # a scan's age, 0.15; a loop; and zero behind the exchange under way, 0.2
 STEP_CELLS = 0.5  # of the sweep

@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from core.geometry import R_from_rpy
-from core.jit import kernel
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
 from core.records import F64, Scan, record
+from jit import kernel
 
 MIN_RANGE_M = 0.15  # nearer is the scanner's own housing (lms111 sheet, section 5)
 MAX_BEAMS = 1081  # of the finest scan

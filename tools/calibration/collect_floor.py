@@ -43,6 +43,7 @@ class Collector:
             first_deg=settings.first_deg,
             last_deg=settings.last_deg,
             echo="first",
+            accepted_status=settings.accepted_status,
         )
         baud = parse_url(attitude.port).baud or 115_200
         self.ahrs = Mti(ahrs, rate_hz=attitude.rate_hz, baud=baud)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.lms1xx.device import Connected, FakeLms111
+from fakes.lms1xx.client import Client
+from fakes.lms1xx.device import FakeLms111
 from tests.support.bench_lms111 import (
     F64,
     FRAMES,
@@ -171,7 +172,7 @@ def test_no_bytes_break_it_and_it_answers_afterwards(binary: bool, pieces: list[
 # --- several hosts
 
 
-def joined(fake: FakeLms111, now_s: float) -> Connected:
+def joined(fake: FakeLms111, now_s: float) -> Client:
     client = fake.connect(now_s)
     assert client is not None
     return client

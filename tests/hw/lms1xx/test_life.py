@@ -6,17 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.scripted_lms111 import (
-    CONFIGURING,
-    SFA,
-    TICK_S,
-    WANTED,
-    Bench,
-    framed,
-    with_beams,
-)
-
-SHORT = 7  # commands to one that measures as wanted
+from tests.support.lms111_vectors import framed, texted
+from tests.support.scripted_lms111 import CONFIGURING, SFA, TICK_S, WANTED, Bench, with_beams
 
 
 def willing(**changes: object) -> Bench:
@@ -119,16 +110,6 @@ def test_a_stream_that_runs_proves_its_dialect() -> None:
 # --- other hosts
 
 
-def test_two_hosts_with_one_setting_leave_each_other_alone() -> None:
-    bench = willing()
-    bench.run(2.0)
-    for _ in range(5):
-        bench.reconnect()
-        bench.run(2.0)
-        assert "sMN SetAccessMode" not in bench.fake.asked
-    assert bench.state == "running"
-
-
 def test_a_host_that_logs_in_is_named_and_not_fought_faster_than_every_three_seconds() -> None:
     bench = Bench()
     bench.run(1.0)
@@ -196,18 +177,6 @@ def test_a_telegram_sent_again_and_again_is_silence() -> None:
         bench.run(TICK_S)
     assert bench.lms.status.losses == 1
     assert bench.lms.status.rejected > 100
-
-
-def test_a_new_connection_begins_a_new_session() -> None:
-    bench = willing()
-    bench.run(1.0)
-    bench.port.connected = False
-    bench.run(0.1)
-    assert (bench.state, bench.lms.status.losses) == ("closed", 1)
-    bench.reconnect()
-    bench.run(0.4)
-    assert len(bench.fake.asked) == SHORT
-    assert bench.state == "running"
 
 
 def test_events_between_command_and_answer_do_not_disturb() -> None:
@@ -435,7 +404,7 @@ def test_beams_without_a_measurement_are_told_apart() -> None:
     }
 
 
-NOISE = [framed(SFA + b"\x00\x03"), framed(b"sAN Run "), b"\x02sFA A\x03", b"\x02sAN Run 1\x03"]
+NOISE = [framed(SFA + b"\x00\x03"), framed("sAN Run "), texted("sFA A"), texted("sAN Run 1")]
 
 
 @settings(max_examples=25)

@@ -239,3 +239,10 @@ class Bench:
     @property
     def cause(self) -> str:
         return self.lms.status.cause
+
+
+def willing(**changes: object) -> Bench:
+    """A device that measures as wanted."""
+    bench = Bench(**changes)
+    bench.fake.settings = dict(WANTED)
+    return bench

@@ -76,7 +76,7 @@ def test_values_of_each_model_are_told_in_si_units_beside_the_counters(
     model: str, amps: float
 ) -> None:
     bench = FakeBench()
-    bench.fake = FakeAx3500(bench.wheels, 1, model=model)  # type: ignore[arg-type]
+    bench.fake = FakeAx3500(bench.wheels, 1, model=model)  # type: ignore[arg-type, assignment]
     bench.fake.amps = (amps, 0.0)
     bench.wire = Wire(bench.fake, bench.port, 1)
     bench.run(6.0)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 from core.records import I8
 from fakes.scenes.scene import Scene, Solid
 from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app import App, Ports
-from core.config import load_config
+from config_file import load_config
 from tests import ROOT
 from tools.cli import replay as tool
 from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
@@ -41,7 +41,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
     loop.run(2.0)
     loop.wires["scanner"].cut = True
     loop.run(0.3)
-    loop.app.note_missed(loop.now_s, 2)
     loop.wires["scanner"].cut = False
     loop.run(2.0)
     loop.recorder.close()
@@ -66,7 +65,6 @@ def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> No
         replay.app.mapper.maps.window.cells, loop.app.mapper.maps.window.cells
     )
     assert replay.app.scanner.status.losses == loop.app.scanner.status.losses == 1
-    assert replay.app.slots_missed == 2
     assert replay.now_s == loop.now_s
 
 

@@ -13,12 +13,10 @@ from dataclasses import replace
 from core.config import Config
 from core.motion.attitude import AttitudeRing
 from core.records import Scan
-from hw.device import DeviceStatus, Port
-from hw.lms1xx.session import Lms111
-from hw.mti.session import Mti
-from hw.ports.url import parse_url
+from hw.device import DeviceStatus, NoPort, Port
 from hw.ports.wires import open_port
 from tools.calibration.mount import FloorWatch
+from wiring import Ports, devices_on
 
 STEP_S, PROGRESS_S = 0.002, 0.2
 READY_S = 45.0  # a scanner's spin-up and both clocks' first second fit in
@@ -34,21 +32,12 @@ class Collector:
     """Both devices on their ports, and the floor that they see, for so long once both run well."""
 
     def __init__(self, config: Config, scanner: Port, ahrs: Port, seconds: float) -> None:
-        settings, attitude = config.scanner, config.ahrs
-        self.scanner = Lms111(
-            scanner,
-            dialect=settings.dialect,
-            scan_rate_hz=settings.scan_rate_hz,
-            angular_step_deg=settings.angular_step_deg,
-            first_deg=settings.first_deg,
-            last_deg=settings.last_deg,
-            echo="first",
-        )
-        baud = parse_url(attitude.port).baud or 115_200
-        self.ahrs = Mti(ahrs, rate_hz=attitude.rate_hz, baud=baud)
+        attitude, nowhere = config.ahrs, NoPort()
+        devices = devices_on(Ports(scanner, ahrs, nowhere, nowhere), config)
+        self.scanner, self.ahrs = devices.scanner, devices.ahrs
         self.watch = FloorWatch()
         self.done = False
-        self._seconds, self._due = seconds, seconds * settings.scan_rate_hz
+        self._seconds, self._due = seconds, seconds / config.scanner.options.spec.period_s
         self._attitudes = AttitudeRing(
             math.radians(attitude.mount_roll_deg),
             math.radians(attitude.mount_pitch_deg),
@@ -72,6 +61,8 @@ class Collector:
             self._get_ready(now_s)
             return
         for scan in scans:
+            if not isinstance(scan, Scan):
+                raise RefusedError("only a scanner of one plane can be calibrated")
             self._waiting.append(replace(scan, ranges_m=scan.ranges_m.copy()))
         self._settle(now_s)
         if now_s >= self._ready_s + self._seconds + WAIT_S:
@@ -119,11 +110,10 @@ class Collector:
         return "; ".join([progress, *_complaints(self.scanner.status, self.ahrs.status)])
 
 
-def _complaints(*devices: DeviceStatus) -> list[str]:
-    names = {"lms111": "scanner", "mti": "attitude sensor"}
+def _complaints(scanner: DeviceStatus, ahrs: DeviceStatus) -> list[str]:
     return [
-        f"the {names[status.name]} is {status.state}" + (f": {status.cause}" * bool(status.cause))
-        for status in devices
+        f"the {name} is {status.state}" + (f": {status.cause}" * bool(status.cause))
+        for name, status in (("scanner", scanner), ("attitude sensor", ahrs))
         if status.cause or status.state != "running"
     ]
 

@@ -12,7 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from core.config import Config, ConfigError, key_from_bytes, load_config
+from config_file import load_config
+from core.config import Config, ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
 SHIPPED_CONFIG = ROOT / "mapod.toml"
@@ -120,21 +121,7 @@ def configured(path: Path) -> Config:
 
 def add_key(parser: argparse.ArgumentParser) -> None:
     """--key-file: of the planner link."""
-    parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits: signed frames")
-
-
-def maybe_key(path: Path | None) -> bytes | None:
-    """The key in a file; None for none.
-
-    Raises:
-        ConfigError: the file can't be read, or holds no key.
-    """
-    if path is None:
-        return None
-    try:
-        return key_from_bytes(path.read_bytes(), str(path))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from None
+    parser.add_argument("--key-file", default="", help="32 bytes, or 64 hex digits: signed frames")
 
 
 def lacks_simulation() -> str:

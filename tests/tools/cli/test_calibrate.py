@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from core.config import ConfigError, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import ConfigError
 from fakes.lms1xx.device import FakeLms111
 from fakes.scenes.scene import Scene, Solid
 from fakes.wires.wire import MemoryPort, PtyWire, TcpWire, Wire

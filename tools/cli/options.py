@@ -84,6 +84,22 @@ def add_port(parser: argparse.ArgumentParser, example: str, default: str | None 
     parser.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
 
 
+def add_actions(parser: Parser, port: str) -> Callable[[str, str], argparse.ArgumentParser]:
+    """What to do with a device: gives a function that adds an action, which has --port, --config.
+
+    The arguments of that are its name and what it does.
+    """
+    what = parser.add_subparsers(dest="what", required=True, metavar="WHAT")
+
+    def action(name: str, about: str) -> argparse.ArgumentParser:
+        one = what.add_parser(name, help=about, description=about, allow_abbrev=False)
+        add_port(one, port)
+        add_config(one)
+        return one
+
+    return action
+
+
 def add_seconds(parser: argparse.ArgumentParser, end: str, default: float | None = None) -> None:
     """--seconds: how long."""
     parser.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")

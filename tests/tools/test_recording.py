@@ -24,8 +24,12 @@ class RecordedLoop(Loop):
         super().__init__("corridor", 1, load_config(SHIPPED), drives=True)
 
     def _new_app(self, key: bytes | None) -> App:
-        scanner, ahrs, drive = (self.recorder.port(*named) for named in self.ports.items())
-        ports = Ports(scanner, ahrs, drive, self.recorder.port("planner", self.link_port))
+        ports = Ports(
+            scanner=self.recorder.port("scanner", self.ports["scanner"]),
+            ahrs=self.recorder.port("ahrs", self.ports["ahrs"]),
+            drive=self.recorder.port("drive", self.ports["drive"]),
+            planner=self.recorder.port("planner", self.link_port),
+        )
         return self.recorder.app(App(self.config, ports, session=SESSION))
 
 

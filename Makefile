@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test check format replay view bench campaign faults realtime link-test conformance soak mcu \
+.PHONY: help setup run rig planner test check format replay view bench campaign faults realtime link-test conformance soak mcu c-sanitize \
   experiments calibrate fuzz devices compare scene clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -39,8 +39,8 @@ rig: setup ## the app as it is, in real time, as rig.toml says: real or fake dev
 	@$(BIN)/python -m tools.rig.live $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
 	  $(if $(filter command line,$(origin SEED)),--seed $(SEED)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
-planner: setup ## the planner in C for the emulated Cortex-M3: its RAM and flash
-	@$(MAKE) --no-print-directory -C hw/mcu planner
+planner: setup ## the demonstration planner in C on a Cortex-M3: its flash, RAM and stack
+	@$(BIN)/python -m tools.rig.c_sizes planner
 
 campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder]
 	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \
@@ -56,6 +56,12 @@ realtime: setup ## how late ticks are, and how soon a scan is at the far end of 
 
 scene: setup ## a scene from above, as a picture [SCENE=office SEED=1 ARGS="--out office.png"]
 	@$(BIN)/python -m tools.rig.draw_scene $(SCENE) --seed $(SEED) $(ARGS)
+
+c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
+	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
+	  $(BIN)/python -m pytest $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py) \
+	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
+	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 
 test: setup $(VENV)/.ready-test ## all tests, with progress
 	@echo "mapod: running the tests"
@@ -99,9 +105,8 @@ fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing o
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
-mcu: setup $(VENV)/.ready-test ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
-	@$(BIN)/python -m tests.support.c_sizes
-	@$(MAKE) --no-print-directory -C hw/mcu qemu
+mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4
+	@$(BIN)/python -m tools.rig.c_sizes header
 
 devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
 	@$(BIN)/python tools/cli/devices.py $(ARGS)

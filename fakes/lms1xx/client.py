@@ -46,6 +46,9 @@ class Scanner(Protocol):
     def has_wrong_checksum(self) -> bool:
         """Whether the next telegram is to be damaged."""
 
+    def leave(self, client: "Client") -> None:
+        """One host less."""
+
 
 class Client:
     """One connection; `exchange` is its wire."""
@@ -63,6 +66,10 @@ class Client:
         self._reader = cola.CommandReader() if binary else cola.TextReader()
         self._outbox = Outbox()
         self._answered_s = -math.inf
+
+    def left(self, now_s: float) -> None:
+        """This host has gone."""
+        self._device.leave(self)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what this host wrote; give all that the device has sent it up to now_s."""
@@ -90,9 +97,10 @@ class Client:
             code = device.refuse.get(f"{kind} {name}", device.refuse.get(name))
             if code is not None:
                 raise RefusedError(code)
+            if not binary and not (payload.startswith(b"s") and cola.is_printable(payload)):
+                raise RefusedError(cola.INVALID_CHARACTER)
             if kind not in PREFIXES:
-                is_text = not binary and not payload.startswith(b"s")
-                raise RefusedError(cola.INVALID_CHARACTER if is_text else cola.UNKNOWN_COMMAND)
+                raise RefusedError(cola.UNKNOWN_COMMAND)
             values = device.carry_out(self, kind, name, take)
             answer = self._payload(f"{PREFIXES[kind]} {name} ", values, binary)
         except RefusedError as refused:

@@ -6,6 +6,7 @@ from core.records import Scan
 from fakes.wires.wire import MemoryPort
 from hw.lms1xx.session import Lms111
 from tests import VECTORS
+from tests.support.lms111_vectors import framed, texted
 
 TICK_S = 0.005
 SFA = b"sFA"
@@ -42,13 +43,6 @@ PLAIN: dict[str, tuple[bytes, str]] = {
 }
 
 
-def framed(payload: bytes) -> bytes:
-    check = 0
-    for byte in payload:
-        check ^= byte
-    return b"\x02" * 4 + struct.pack(">I", len(payload)) + payload + bytes([check])
-
-
 def written(values: tuple[int, ...], layout: str) -> str:
     """Values as tokens, as devices write them."""
     return " ".join(f"{value & 0xFFFFFFFF:X}" for value in values)
@@ -72,6 +66,13 @@ def scan_text(payload: bytes) -> bytes:
     tokens += [f"{value & 0xFFFFFFFF:X}" for value in (first, step, count, *raw)]
     tokens += ["0", "0", "0", "0", "1", *(f"{value:X}" for value in clock), "0"]
     return b"sSN LMDscandata " + " ".join(tokens).encode()
+
+
+def with_beams(payload: bytes, count: int) -> bytes:
+    """A scan with one 16-bit channel, with so many beams of 5 m in steps of 0.25 deg."""
+    (old,) = struct.unpack_from(">H", payload, 75)
+    head, tail = payload[:73], payload[77 + 2 * old :]
+    return head + struct.pack(f">HH{count}H", 2500, count, *[5000] * count) + tail
 
 
 class ScriptedLms111:
@@ -113,7 +114,7 @@ class ScriptedLms111:
         return bytes(sent)
 
     def frame(self, payload: bytes) -> bytes:
-        return b"\x02" + payload + b"\x03" if self.is_text else framed(payload)
+        return texted(payload) if self.is_text else framed(payload)
 
     def _maybe_command(self) -> bytes | None:
         """The next one; a device is silent to the other dialect."""
@@ -238,3 +239,10 @@ class Bench:
     @property
     def cause(self) -> str:
         return self.lms.status.cause
+
+
+def willing(**changes: object) -> Bench:
+    """A device that measures as wanted."""
+    bench = Bench(**changes)
+    bench.fake.settings = dict(WANTED)
+    return bench

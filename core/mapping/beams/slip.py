@@ -16,7 +16,7 @@ import numpy as np
 
 from core.mapping.beams.cells import CellGrid, Cells, flat_index
 from core.mapping.beams.ground_plane import Stand, ground_m
-from core.mapping.rays import MAX_BEAMS, MIN_RANGE_M, Sweep
+from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64
 from jit import kernel
 
@@ -155,9 +155,9 @@ def _agreeing(slides: F64, middle_m: float) -> tuple[int, float]:
 class Faces:
     """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
 
-    def __init__(self, cells: CellGrid) -> None:
+    def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
-        self._slides = np.zeros(MAX_BEAMS)
+        self._slides = np.zeros(max_beams)
         self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
         self._leg, self._heading = 1, (math.nan, math.nan)
 

@@ -153,7 +153,7 @@ def run(arguments: list[str] | None = None) -> int:
         elif options.warm:
             warm_kernels(config)
         else:
-            with contextlib.closing(set_up_logging(config)):
+            with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
                 asyncio.run(serve(config, ports, key, loaded, options.save_map))
     return 0
 

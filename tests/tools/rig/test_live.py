@@ -48,6 +48,7 @@ def needed(planner: str) -> None:
             pytest.skip(f"needs {program}: apt install {package}")
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("planner", ["host", "board"])
 def test_the_robot_comes_to_its_goal_in_spite_of_faults_and_all_processes_end(
     planner: str, tmp_path: Path

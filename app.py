@@ -181,7 +181,7 @@ class App:
             told,
             self.planners.requests.newest,
             sight=self.scanner.doubt,
-            commander=self.planners.doubt,
+            commander=self.planners.stop_reason,
             motors_off=self.drive.trouble,
         )
         self.drive.drive(*powers)

@@ -134,7 +134,7 @@ class StateLog:
             scans_early=counts.scans_early,
             scans_tilted=counts.scans_tilted,
             maps_erased=counts.erased,
-            frames_sent=self._planners.frames_sent,
+            **self._planners.counters,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),
             poses_outlying=self._mapper.odometry.positioning.outliers,

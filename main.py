@@ -15,6 +15,7 @@ import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from typing import Protocol
 
 import structlog
 
@@ -24,12 +25,25 @@ from core.config import Config, ConfigError
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
 from core.summary import robot_in_words
+from hw.device import Port
 from hw.ports.wires import parse_url
-from hw.runtime.real_time import Alarm, take_real_time
-from hw.runtime.wakeup import Ears
+from hw.runtime.real_time import take_real_time
+from hw.runtime.timer import Timer
+from hw.runtime.wakeup import WakeUp
 from logs import set_up_logging
 from map_files import MapSaver, load_map
 from wiring import modbus_servers, open_ports
+
+
+class Recorder(Protocol):
+    """Writes a run down: gives for each port, and for the app, what is used in its place."""
+
+    def port(self, name: str, port: Port) -> Port:
+        """The same port, which tells of its bytes."""
+
+    def app(self, app: App) -> App:
+        """The same app, which tells of its steps."""
+
 
 SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
@@ -48,18 +62,18 @@ async def keep_pace(app: App, period_s: float, is_over: Callable[[], bool]) -> N
     Between ticks it hears what arrives, so that stamps are true to the instant of reading.
     """
     due_s, loop = time.monotonic(), asyncio.get_running_loop()
-    alarm = Alarm(loop)
-    ears = Ears(loop, app.ports.of_devices, lambda: app.hear(time.monotonic()))
+    timer = Timer(loop)
+    wake_up = WakeUp(loop, app.ports.of_devices, lambda: app.hear(time.monotonic()))
     while not is_over():
-        await alarm.wait_until(due_s)
+        await timer.wait_until(due_s)
         app.loop.late_s.append(time.monotonic() - due_s)
         app.step(time.monotonic())
-        ears.after_tick()
+        wake_up.after_tick()
         slots = slots_until_next(time.monotonic() - due_s, period_s)
         app.loop.slots_missed += slots - 1
         due_s += period_s * slots
-    ears.close()
-    alarm.close()
+    wake_up.close()
+    timer.close()
 
 
 async def settle(app: App, period_s: float) -> None:
@@ -72,7 +86,12 @@ async def settle(app: App, period_s: float) -> None:
 
 
 async def serve(
-    config: Config, ports: Ports, key: bytes | None, loaded: Arrays | None, save_to: str
+    config: Config,
+    ports: Ports,
+    key: bytes | None,
+    loaded: Arrays | None,
+    save_to: str,
+    recorder: Recorder | None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
     log, loop, stop = structlog.get_logger(), asyncio.get_running_loop(), asyncio.Event()
@@ -95,8 +114,9 @@ async def serve(
         server.start()
     period_s = 1.0 / config.loop.rate_hz
     try:
-        await keep_pace(app, period_s, stop.is_set)
-        await settle(app, period_s)
+        stepped = recorder.app(app) if recorder else app
+        await keep_pace(stepped, period_s, stop.is_set)
+        await settle(stepped, period_s)
         if saver:
             await saver.finish()
     finally:
@@ -130,8 +150,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def run(arguments: list[str] | None = None) -> int:
-    """The command line; gives the exit status."""
+def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
+    """The command line; gives the exit status. `recorder` writes a live run down."""
     options = _parser().parse_args(arguments)
     signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # too early, or without --save-map: no end
     try:
@@ -140,7 +160,7 @@ def run(arguments: list[str] | None = None) -> int:
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config)
+        ports = open_ports(config, recorder.port) if recorder else open_ports(config)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -154,7 +174,7 @@ def run(arguments: list[str] | None = None) -> int:
             warm_kernels(config)
         else:
             with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
-                asyncio.run(serve(config, ports, key, loaded, options.save_map))
+                asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
     return 0
 
 

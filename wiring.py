@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from core.config import Config, ConfigError
@@ -10,7 +10,8 @@ from core.driving.control import link_refusal, modbus_refusal
 from hw.device import NoPort, Port
 from hw.modbus.image import RegisterImage
 from hw.modbus.server import ModbusServer
-from hw.planner_link.receivers import Planners, Wire
+from hw.planner_link.receivers import Planners
+from hw.planner_link.sender import LinkSettings, Wire
 from hw.ports.wires import PortUrlError, open_port, parse_url
 from hw.registry import (
     ATTITUDE_SENSORS,
@@ -62,6 +63,9 @@ class Devices:
         return {"scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive}
 
 
+Via = Callable[[str, Port], Port]
+
+
 def no_ports(config: Config) -> Ports:
     """Wires that lead nowhere."""
     nowhere = NoPort()
@@ -93,8 +97,11 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config) -> Ports:
+def open_ports(config: Config, via: Via = lambda section, port: port) -> Ports:
     """The ports of devices and planners, none of them connected yet.
+
+    Args:
+        via: gives, by its section, what is used in place of a port.
 
     Raises:
         ConfigError: as check_ports; a host without an address.
@@ -102,7 +109,7 @@ def open_ports(config: Config) -> Ports:
 
     def opened(section: str, url: str) -> Port:
         try:
-            return open_port(url)
+            return via(section, open_port(url))
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
 
@@ -146,13 +153,15 @@ def planners_on(ports: Ports, config: Config, session: int, key: bytes | None) -
             )
             for port, url in zip((ports.planner, *ports.receivers), planner.ports, strict=True)
         ],
-        size=config.obstacle.window_cells,
-        cell_mm=round(config.map.cell_m * 1000),
-        session=session,
-        tick_s=tick_s,
-        key=key,
-        stale_ms=max(150, math.ceil(3000 * tick_s)),
-        push=planner.push,
+        LinkSettings(
+            size=config.obstacle.window_cells,
+            cell_mm=round(config.map.cell_m * 1000),
+            tick_s=tick_s,
+            key=key,
+            stale_ms=max(150, math.ceil(3000 * tick_s)),
+            push=planner.push,
+        ),
+        session,
     )
 
 

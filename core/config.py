@@ -307,6 +307,8 @@ def _allowed(field_type: Any) -> str:
     if isinstance(info, msgspec.inspect.Metadata):
         info = info.type
     match info:
+        case msgspec.inspect.ListType(item_type=msgspec.inspect.IntType()):
+            return f"a list of whole numbers {_span(info.item_type)}"
         case msgspec.inspect.ListType():
             return f"a list, each of it {_allowed_literal(info.item_type)}"
         case msgspec.inspect.LiteralType():

@@ -130,6 +130,7 @@ def _lms1xx(port: Port, options: Lms1xxOptions, around: Surroundings) -> Lms111:
         first_deg=options.first_deg,
         last_deg=options.last_deg,
         echo=options.echo,
+        accepted_status=options.accepted_status,
     )
 
 

@@ -12,8 +12,8 @@ Source: design, sections 7 and 8.
 import math
 
 from core.grid.ring import RingGrid
-from core.jit import kernel
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, record
+from jit import kernel
 
 STEP_CELLS = 0.5  # of the sweep
 LONGEST_M = 10.0  # sweep

@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from core.geometry import R_from_rpy
-from core.jit import kernel
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
 from core.records import F64, PointSweep, Scan, record
+from jit import kernel
 
 MIN_RANGE_M = 0.15  # nearer is a scanner's own housing, or the robot's body
 

@@ -9,8 +9,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from fakes.rays.kernels import kernel
 from fakes.world.error_models import ErrorModels
+from jit import kernel
 
 F64 = npt.NDArray[np.float64]
 RING = 6  # rays around the one in a beam's middle,

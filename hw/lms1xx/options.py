@@ -10,12 +10,12 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from core.records import ScannerSpec
+from hw.lms1xx.cola import DialectSetting
 from hw.lms1xx.scan import AHEAD_DEG
-from hw.lms1xx.telegrams import Echo
+from hw.lms1xx.telegrams import MAX_BEAMS, Echo
 
 MODES = {(50, 0.5), (25, 0.25), (25, 0.5)}  # Hz, deg
-MAX_BEAMS = 1081  # 270 deg in the finest step
-MAX_RANGE_M = 20.0
+MAX_RANGE_M = 20.0  # of an LMS111
 
 DeviceAngle = Annotated[float, Meta(ge=-45, le=225)]
 
@@ -23,12 +23,13 @@ DeviceAngle = Annotated[float, Meta(ge=-45, le=225)]
 class Lms1xxOptions(Struct, frozen=True):
     """Rate, step, used field of view and echoes."""
 
-    dialect: Literal["auto", "binary", "ascii"]
+    dialect: DialectSetting
     scan_rate_hz: Literal[25, 50]
     angular_step_deg: float
     first_deg: DeviceAngle
     last_deg: DeviceAngle
     echo: Echo
+    accepted_status: list[Annotated[int, Meta(ge=2, le=255)]]
 
     def __post_init__(self) -> None:
         if (self.scan_rate_hz, self.angular_step_deg) not in MODES:

@@ -18,7 +18,7 @@ from hw.modbus.refusals import Refusal
 from tests.hw.modbus.test_image import cells_of
 from tests.support.closed_loop import SHIPPED, ClosedLoop
 from tests.support.modbus_rig import Tcp, free_port, read_request, serving, until, words_of
-from tools.cli.demo import rewritten
+from tools.settings import rewritten
 
 ROOT = SHIPPED.parent
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))

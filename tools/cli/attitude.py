@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file
 from config_file import load_config
 from core.config import ConfigError
 from hw.mti import service as commands
-from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame, error_in_words
+from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.service import OrientationReset
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
@@ -51,7 +51,7 @@ def answer(talk: Conversation, request: bytes, seconds: float = 1.0, tries: int 
 
     frame: MtFrame = talk.ask(request, is_answer, seconds, tries)
     if frame.mid == Mid.Error:
-        raise RefusedError(f"the MTi refuses {_name(mid)}: {error_in_words(frame.data)}")
+        raise RefusedError(f"the MTi refuses {_name(mid)}: {describe_error(frame.data)}")
     return frame.data
 
 
@@ -78,7 +78,7 @@ def info(talk: Conversation) -> list[str]:
         lines.append(f"product {product.decode('ascii', 'replace').strip()}")
     except (RefusedError, NoAnswerError):
         lines.append("product not told")
-    configuration = commands.decode_configuration(answer(talk, commands.encode_req_configuration()))
+    configuration = commands.maybe_configuration(answer(talk, commands.encode_req_configuration()))
     if configuration is not None:
         firmware = ".".join(str(part) for part in configuration.firmware)
         lines += [
@@ -96,7 +96,7 @@ def scenarios(talk: Conversation) -> list[str]:
         f"scenario {offered.kind}: {offered.name} (version {offered.version})"
         for offered in commands.decode_scenarios(answer(talk, commands.encode_req_scenarios()))
     ]
-    current = commands.decode_scenario(answer(talk, commands.encode_req_scenario()))
+    current = commands.maybe_scenario(answer(talk, commands.encode_req_scenario()))
     return [*lines, f"in use: {current.kind}" if current else "in use: not told"]
 
 
@@ -125,7 +125,7 @@ def reset_orientation(talk: Conversation, name: str, keep: bool) -> list[str]:
 def self_test(talk: Conversation) -> list[str]:
     """What its own test says of each sensor axis."""
     to_config(talk)
-    failed = commands.decode_self_test(answer(talk, commands.encode_self_test(), SELF_TEST_S, 1))
+    failed = commands.maybe_failed_tests(answer(talk, commands.encode_self_test(), SELF_TEST_S, 1))
     if failed is None:
         raise RefusedError("the MTi's answer to RunSelfTest is not one")
     return [f"failed: {', '.join(failed)}"] if failed else ["all passed"]

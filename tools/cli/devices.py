@@ -23,7 +23,7 @@ from serial.tools.list_ports_linux import comports
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
 
 from hw.ax3500.lines import CR, ENCODER_BIT, Line, LineParser, encode_query, maybe_byte
-from hw.fingerprint import in_words, maybe_protocol
+from hw.fingerprint import NAMES, maybe_protocol
 from hw.lms1xx.telegrams import new_parser
 from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
 from hw.ports.url import PortUrlError, parse_url
@@ -97,7 +97,7 @@ def find(line: SerialLine) -> Found:
         return Found(line, "", "", str(error))
     protocol = maybe_protocol(bytes(heard))
     if protocol is not None:
-        return Found(line, "", "", f"none of mapod's: it seems to be {in_words(protocol)}")
+        return Found(line, "", "", f"none of mapod's: it seems to be {NAMES[protocol]}")
     return Found(line, "", "", f"{len(heard)} bytes of no known protocol" if heard else "silent")
 
 
@@ -197,7 +197,7 @@ def find_scanner(host: str) -> Found:
                 return Found(SerialLine(host), "scanner", url, words, dialect)
         except NoAnswerError as error:
             protocol = maybe_protocol(bytes(heard))
-            says = str(error) + (f"; it seems to be {in_words(protocol)}" if protocol else "")
+            says = str(error) + (f"; it seems to be {NAMES[protocol]}" if protocol else "")
     return Found(SerialLine(host), "", "", says)
 
 

@@ -8,11 +8,11 @@ Source: design, section 7 (what was seen once is looked at again).
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, flat_index
 from core.mapping.beams.ground_plane import ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
+from jit import kernel
 
 ALONE_M = 0.3  # neighbours that end so much nearer or farther are of something else
 SOON = 12  # scans: half a second at 25 Hz

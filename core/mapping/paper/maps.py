@@ -14,7 +14,6 @@ import numpy as np
 
 from core.config import Config
 from core.grid.window import StateWindow
-from core.jit import kernel
 from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
 from core.mapping.paper.grid import centre_of, index_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
@@ -22,6 +21,7 @@ from core.mapping.rays import MIN_RANGE_M
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I8, I32, I64, OBSTACLE, UNKNOWN, PointSweep, Scan
+from jit import kernel
 
 NOWHERE = -1  # a cell of the window that lies outside the paper's maps
 

@@ -1,20 +1,20 @@
-"""The alarm of the loop: it rings at its instant, not before, and keeps nobody else waiting."""
+"""The timer of the loop: it rings at its instant, not before, and keeps nobody else waiting."""
 
 import asyncio
 import time
 
-from hw.runtime.real_time import Alarm
+from hw.runtime.timer import Timer
 
 
 def test_it_rings_at_each_instant_and_never_before() -> None:
     async def run() -> list[float]:
-        alarm, early_s = Alarm(asyncio.get_running_loop()), []
+        timer, early_s = Timer(asyncio.get_running_loop()), []
         due_s = time.monotonic()
         for _ in range(20):
             due_s += 0.002
-            await alarm.wait_until(due_s)
+            await timer.wait_until(due_s)
             early_s.append(due_s - time.monotonic())
-        alarm.close()
+        timer.close()
         return early_s
 
     assert max(asyncio.run(run())) <= 0.0
@@ -22,7 +22,7 @@ def test_it_rings_at_each_instant_and_never_before() -> None:
 
 def test_others_go_on_while_it_waits_and_when_its_instant_is_past() -> None:
     async def run() -> int:
-        alarm, turns = Alarm(asyncio.get_running_loop()), 0
+        timer, turns = Timer(asyncio.get_running_loop()), 0
 
         async def other() -> None:
             nonlocal turns
@@ -31,15 +31,15 @@ def test_others_go_on_while_it_waits_and_when_its_instant_is_past() -> None:
                 await asyncio.sleep(0)
 
         task = asyncio.create_task(other())
-        await alarm.wait_until(time.monotonic() + 0.01)
+        await timer.wait_until(time.monotonic() + 0.01)
         assert turns > 3
         before = turns
         for _ in range(5):
-            await alarm.wait_until(time.monotonic() - 1.0)
+            await timer.wait_until(time.monotonic() - 1.0)
         assert turns >= before + 5
-        await alarm.wait_until(0.0)
+        await timer.wait_until(0.0)
         task.cancel()
-        alarm.close()
+        timer.close()
         return turns
 
     assert asyncio.run(run()) > 0

@@ -1,4 +1,4 @@
-"""Where the scanner sits, from flat floor: `python -m tools.calibration.calibrate --height 1.08`.
+"""Where the scanner sits, from flat floor: `python -m tools.cli.calibrate --height 1.08`.
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -27,7 +27,7 @@ from tools.calibration.mount import (
     calibrate,
     reads_m,
 )
-from tools.cli.settings import NotThereError, rewrite, with_values
+from tools.settings import NotThereError, rewrite, with_values
 
 BY_HAND_OFF_M = 0.3  # a measured height that differs so much from the settings' is a slip
 UNPROVEN_OFF_RAD = math.radians(1.0)  # a mount that moved so far is not believed without proof

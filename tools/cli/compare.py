@@ -1,4 +1,4 @@
-"""A real device and its fake, asked the same: `python -m tools.compare.compare scanner --real tcp://...`.
+"""A real device and its fake, asked the same: `python -m tools.cli.compare scanner --real tcp://...`.
 
 Asks both the same questions, listens to what both send, and lists what differs: which commands are
 answered and how, how soon, how often data come, counters, layout, values. It asks only what changes
@@ -146,7 +146,7 @@ def show(found: list[Difference], facts: int, console: Console) -> None:
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="python -m tools.compare.compare", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.cli.compare", description=__doc__)
     parser.add_argument("device", choices=(*LOOKS, "planner"))
     parser.add_argument("--real", required=True, help="port of the real device, as in mapod.toml")
     parser.add_argument("--fake", help="port of a fake that runs already (default: start one)")

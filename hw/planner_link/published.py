@@ -1,7 +1,7 @@
-"""What the planner has been told of each cell, and which cells to tell next.
+"""What was published to one planner of each cell, and which cells to publish next.
 
 Both ends keep the window as a ring; a cell is *marked* while what the planner holds may differ from
-what is meant now: it changed, or a frame that told it got lost. Encoding clears marks; nothing is
+what is meant now: it changed, or the frame with it got lost. Encoding clears marks; nothing is
 ever queued. Blocks of cells without a mark are left out, so that a tick costs what has changed and
 its slice of the refresh.
 Source: planner link, sections 3 (operations), 4 and 7 (docs/planner-link.md).
@@ -23,15 +23,12 @@ from hw.planner_link.kernels import (
     Span,
     encode_cells,
     enter_cells,
-    kernel,
     mark_again_cells,
     mark_every_cell,
     mark_lost_cells,
     note_cells,
-    pack_told,
+    pack_published,
 )
-
-__all__ = ["MapSender", "kernel"]
 
 NO_CELLS: I32 = np.zeros(0, dtype=np.int32)
 
@@ -41,14 +38,14 @@ def _span_of(corners: list[tuple[int, int]]) -> Span:
     return min(i), max(i), min(j), max(j)
 
 
-class MapSender:
-    """The sender's side of the ring: `told` and marks, (size, size) flat, [j % size, i % size]."""
+class PublishedMap:
+    """The sender's side of the ring: states and marks, (size, size) flat, [j % size, i % size]."""
 
     def __init__(self, size: int) -> None:
         self.size = size
         blocks = (size + BLOCK - 1) // BLOCK
         self._ring = Ring(
-            told=np.zeros(size * size, dtype=np.uint8),
+            published=np.zeros(size * size, dtype=np.uint8),
             marks=np.zeros(size * size, dtype=np.uint8),
             rows=np.zeros((3, size), dtype=np.int32),
             blocks=np.zeros((3, size * blocks), dtype=np.int32),
@@ -72,35 +69,35 @@ class MapSender:
         self._enter(self.corner, NO_SPAN)
         self._once[0] = 1
         self.mark_again()
-        self.retell()
+        self.publish_again()
         self.forget()
         self.digest()
         self.corner = None
 
     @property
-    def told(self) -> U8:
+    def published(self) -> U8:
         """What the planner holds if all frames have arrived: (size * size,) link codes."""
-        return self._ring.told
+        return self._ring.published
 
     @property
     def marked(self) -> int:
-        """Cells to be told."""
+        """Cells to publish."""
         return int(self._ring.counts[ANY])
 
     @property
     def urgent(self) -> bool:
-        """Whether obstacles came or went, or cells of lost frames are to be told again."""
+        """Whether obstacles came or went, or cells of lost frames are to be sent again."""
         return bool(self._ring.counts[HOT] or self._ring.counts[MISSED])
 
     @property
     def lost(self) -> int:
-        """Cells of lost frames, not told again yet."""
+        """Cells of lost frames, not sent again yet."""
         return int(self._ring.counts[LOST_CELLS])
 
     def update(self, window: ObstacleWindow, careful: bool) -> tuple[int, int] | None:
         """Take in the map as it is meant now; the old corner if the window has moved.
 
-        `careful` tells what comes back into the window before the planner is known to have
+        `careful` publishes what comes back into the window before the planner is known to have
         forgotten it.
         """
         self._cells = window.cells.ravel()
@@ -133,18 +130,18 @@ class MapSender:
             note_cells(self._cells, self._trusted, self._every, self._ring)
 
     def put_away(self) -> None:
-        """Nothing is told to this planner from now on: until the next `update`, as at the start."""
+        """Nothing is published from now on: until the next `update`, as at the start."""
         self.corner = None
         self.forget()
 
-    def retell(self) -> None:
-        """Nobody knows what the planner holds: tell every cell again."""
+    def publish_again(self) -> None:
+        """Nobody knows what the planner holds: send every cell again."""
         mark_every_cell(self._cells, self._trusted, self._ring)
 
     def encode(self, kind: int, first: int, end: int, room: int) -> tuple[int, bytes, int, I32]:
         """Operations for the wanted cells of first..end in window raster order.
 
-        Returns the first cell addressed (-1: nothing to tell), the operations, where to go on, and
+        Returns the first cell addressed (-1: nothing to send), the operations, where to go on, and
         the cells that had been marked: (k,) raster indices.
         """
         start, used, count, next_cell = self._encode(kind, first, end, room, True)
@@ -152,7 +149,7 @@ class MapSender:
         return start, self._ops[:used].tobytes(), next_cell, cleared
 
     def measure(self, kind: int, first: int, end: int, room: int) -> tuple[int, int]:
-        """Bytes that `encode` would write, and where it would go on; nothing is told."""
+        """Bytes that `encode` would write, and where it would go on; nothing is published."""
         _, used, _, next_cell = self._encode(kind, first, end, room, False)
         return used, next_cell
 
@@ -176,14 +173,14 @@ class MapSender:
         )
 
     def mark_again(self) -> None:
-        """What was told as a new obstacle since the last call is to be told once more."""
+        """New obstacles published since the last call are to be published once more."""
         count = int(self._once[0])
         if count:
             mark_again_cells(self._cells, self._once[1 : count + 1], self._ring)
             self._once[0] = 0
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
-        """A frame did not arrive: tell those cells again that it had to tell.
+        """A frame did not arrive: send those cells again that it carried.
 
         Args:
             lost: (k,) raster indices in the window at `origin`, as `encode` gave them.
@@ -197,7 +194,7 @@ class MapSender:
             self._span = _span_of([seen, *since, self.corner])
 
     def digest(self) -> int:
-        """CRC-32 of the window as it was told, four cells a byte: what a DIGEST frame says."""
+        """CRC-32 of the window as published, four cells a byte: what a DIGEST frame says."""
         assert self.corner is not None
-        pack_told(self.corner, self._ring, self._packed)
+        pack_published(self.corner, self._ring, self._packed)
         return zlib.crc32(self._packed.data)

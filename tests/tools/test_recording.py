@@ -27,7 +27,7 @@ class RecordedLoop(Loop):
     def _new_app(self, key: bytes | None) -> App:
         named: dict[str, Port] = {**self.ports, "planner": self.link_port}
         named = {name: self.recorder.port(name, port) for name, port in named.items()}
-        ports = Ports(**named)
+        ports = Ports(named["scanner"], named["ahrs"], named["drive"], named["planner"])
         return self.recorder.app(App(self.config, ports, session=SESSION))
 
 

@@ -4,12 +4,10 @@ All arrays are rings of (size, size) cells, flat, cell (i, j) at [(j % size) * s
 Source: planner link, sections 3 (operations) and 4 (docs/planner-link.md).
 """
 
-from collections.abc import Callable
-from typing import NamedTuple, ParamSpec, TypeVar, cast
-
-import numba
+from typing import NamedTuple
 
 from core.records import I8, I32, U8
+from jit import kernel
 
 UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3
 # A mark's bits: why it is there (AGAIN: a new obstacle, published once), and what to publish
@@ -35,8 +33,6 @@ LONGEST_OP = 4  # bytes: a run of up to 64 + 2^21 cells
 
 Span = tuple[int, int, int, int]  # lowest and highest corner i, lowest and highest corner j
 NO_SPAN: Span = (0, -(2**40), 0, -(2**40))  # holds no cell
-P = ParamSpec("P")
-R = TypeVar("R")
 
 
 class Ring(NamedTuple):
@@ -47,11 +43,6 @@ class Ring(NamedTuple):
     rows: I32  # (3, size) marked cells of a ring's row, by level
     blocks: I32  # (3, size * blocks) of each BLOCK cells of a row, by level
     counts: I32  # (4,) of all, by level; and the LOST ones alone
-
-
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile with Numba, kept on disk beside the source."""
-    return cast(Callable[P, R], numba.njit(cache=True)(function))
 
 
 @kernel

@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from core.records import U8
 from hw.planner_link.frames import TILE, TILE_HEAD, int16
-from hw.planner_link.kernels import kernel
 from hw.planner_link.messages import IN_WINDOW, Ask
 from hw.planner_link.scheduler import FrameScheduler
+from jit import kernel
 
 F32 = npt.NDArray[np.float32]
 LAYERS = ("state", "height", "variance", "slope")  # by their number in ASK and TILE

@@ -160,7 +160,7 @@ class Bench:
         """Whether the newest motion is one that the app's own stop zone lets pass, at full."""
         settings = self.planner.settings
         zone = StopZone(
-            settings.front_m, settings.rear_m, settings.width_m, settings.margin_m, 0.8, True
+            settings.front_m, settings.rear_m, settings.width_m, settings.margin_m, 0.8, True, 0.45
         )
         motion = self.newest
         rate_mps = zone.rate_mps(*motion)

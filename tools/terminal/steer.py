@@ -13,7 +13,7 @@ import termios
 import tty
 from collections.abc import Iterator
 
-from fakes.planner_mcu.receiver import FakePlanner
+from mapod_link.receiver import Receiver
 
 PERIOD_S, VALID_S = 0.1, 0.3
 HELD_S = 0.5  # terminals wait about so long before they repeat a key
@@ -59,7 +59,7 @@ def keys_of(fd: int) -> Iterator[int]:
 class Steering:
     """Turns held keys into drive requests of a planner."""
 
-    def __init__(self, planner: FakePlanner, fd: int, v_mps: float, w_radps: float) -> None:
+    def __init__(self, planner: Receiver, fd: int, v_mps: float, w_radps: float) -> None:
         self._planner, self._fd = planner, fd
         self._v_mps, self._w_radps = v_mps, w_radps
         self._way = ""

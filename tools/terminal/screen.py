@@ -14,9 +14,9 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
-from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Pose
-from tools.bench.planner_end import Meter
+from mapod_link.receiver import Receiver
+from tools.terminal.planner_end import Meter
 
 U8 = npt.NDArray[np.uint8]
 ROBOT = 3  # drawn over the cells
@@ -50,7 +50,7 @@ class Robot:
     radius: float  # cells
 
 
-def maybe_robot(planner: FakePlanner) -> Robot | None:
+def maybe_robot(planner: Receiver) -> Robot | None:
     """None while there is no pose, or no window for it."""
     if planner.pose is None or planner.origin is None or planner.geom is None:
         return None
@@ -166,7 +166,7 @@ def health_words(health: int) -> tuple[list[str], list[str]]:
     return missing, [name for bit, name in WARNINGS.items() if health >> bit & 1]
 
 
-def link_words(planner: FakePlanner, now_s: float) -> tuple[str, str]:
+def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
     """The receiver's state, and its colour."""
     if planner.blank:
         return "BLANK: no map has arrived", BAD
@@ -189,7 +189,7 @@ def milliseconds(newest_ms: float, median_ms: float, p99_ms: float) -> str:
     return f"{newest_ms:.1f} ms (median {median_ms:.1f}, p99 {p99_ms:.1f})"
 
 
-def status_lines(planner: FakePlanner, meter: Meter, now_s: float) -> list[Text]:
+def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
     """All there is to say of link, robot and map, one thing a line."""
     maps, poses, bytes_per_s = meter.rates(now_s)
     link, link_style = link_words(planner, now_s)
@@ -246,7 +246,7 @@ def labelled(label: str, words: str, style: str = "") -> Text:
     return line.append(words, style)
 
 
-def head_lines(planner: FakePlanner, factor: int) -> list[Text]:
+def head_lines(planner: Receiver, factor: int) -> list[Text]:
     """Title, legend and scale."""
     if planner.geom is None:
         return [Text("mapod: waiting for the map's geometry", "bold")]
@@ -276,7 +276,7 @@ def has_screen(console: Console) -> bool:
 
 
 def picture(
-    planner: FakePlanner, meter: Meter, now_s: float, columns: int, lines: int
+    planner: Receiver, meter: Meter, now_s: float, columns: int, lines: int
 ) -> RenderableType:
     """Map and panel, for a terminal of this size; beside each other, or below, as fits better."""
     status = status_lines(planner, meter, now_s)

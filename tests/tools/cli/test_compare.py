@@ -15,8 +15,7 @@ from fakes.lms1xx.recorded import RecordedLms111
 from fakes.mti.device import FakeMti
 from fakes.wires.wire import Fake, PtyWire, TcpWire
 from tests.support.real_time import StillWheels, level_sensor, served
-from tools.cli import scanner
-from tools.compare import compare
+from tools.cli import compare, scanner
 from tools.compare.facts import Difference, Fact, delay_fact, differences, pace_facts
 
 SECONDS = 0.5

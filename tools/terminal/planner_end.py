@@ -6,22 +6,48 @@ Used by the live viewer and the demo. No call waits longer than it is told to.
 import contextlib
 import math
 import os
+import secrets
 import time
 import tty
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
-from fakes.planner_mcu.receiver import FakePlanner, Heard
 from mapod_link.client import Link
-from mapod_link.frames import MAP, POSE
+from mapod_link.frames import MAP, POSE, Frame
 from mapod_link.listener import Listener
+from mapod_link.receiver import Receiver
 from mapod_link.wires import StreamWire, Wire
 
 RATE_WINDOW_S = 2.0
+ACK_EVERY = 4  # frames: two ticks
 BIN_MS, BINS = 0.1, 20_000  # delays up to two seconds
 PTY_BURST_S = 0.02  # so much of a line's time may be taken at once after a pause of ours
 SAME_CLOCK_MS = (-5.0, 2000.0)  # a first delay within this: sender and viewer share a clock
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """One accepted frame."""
+
+    arrived_s: float
+    type: int
+    t_ms: int
+    size: int  # bytes, before COBS
+
+
+class WatchingReceiver(Receiver):
+    """A receiver that keeps what a meter wants to know of the newest frames."""
+
+    def __init__(self, key: bytes | None = None) -> None:
+        super().__init__(secrets.randbelow(2**32 - 1) + 1, key=key, ack_every=ACK_EVERY)
+        self.heard: deque[Heard] = deque(maxlen=4096)
+
+    def note(self, now_s: float, frame: Frame) -> None:
+        """Keep when it came."""
+        super().note(now_s, frame)
+        self.heard.append(Heard(now_s, frame.type, frame.t_ms, frame.size))
 
 
 class Delays:
@@ -59,7 +85,7 @@ class Meter:
         self._recent: deque[Heard] = deque()
         self._pose_t_ms = -1
 
-    def take(self, now_s: float, planner: FakePlanner) -> None:
+    def take(self, now_s: float, planner: WatchingReceiver) -> None:
         """Count what the planner has heard since the last call."""
         while planner.heard:
             heard = planner.heard.popleft()
@@ -136,9 +162,9 @@ class PtyWire(StreamWire):
 
 
 class PlannerEnd:
-    """A fake planner on a wire, with a meter."""
+    """A receiver on a wire, with a meter."""
 
-    def __init__(self, wire: Wire, planner: FakePlanner) -> None:
+    def __init__(self, wire: Wire, planner: WatchingReceiver) -> None:
         self.wire, self.planner, self.meter = wire, planner, Meter()
         self._link = Link(wire, planner)
 

@@ -14,7 +14,7 @@ from mapod_link.asking import DRIVE_BODY
 from mapod_link.frames import DRIVE, GEOM, frame_from_bytes
 from tests import ROOT
 from tests.support.planner_sender import Line, begun, geom_body, pose_body
-from tools.cli.steer import HELD_S, HELP, Steering, keys_of, ways_from_keys
+from tools.terminal.steer import HELD_S, HELP, Steering, keys_of, ways_from_keys
 
 
 @pytest.fixture

@@ -11,18 +11,19 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from core.config import ConfigError, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import ConfigError
 from fakes.lms1xx.device import FakeLms111
 from fakes.scenes.scene import Scene, Solid
 from fakes.wires.wire import MemoryPort, PtyWire, TcpWire, Wire
 from fakes.world.rig import Rig
 from tests import ROOT
 from tests.support.real_time import level_sensor, served
-from tools.calibration import calibrate as tool
+from tools import settings
 from tools.calibration import collect_floor
 from tools.calibration.collect_floor import RefusedError
 from tools.calibration.mount import Calibration, calibrate
-from tools.cli import settings
+from tools.cli import calibrate as tool
 
 F64 = npt.NDArray[np.float64]
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from config_file import load_config
 from tests import ROOT
 from tests.support.closed_loop import SHIPPED
 
-OTHER = ("core.mapping.paper.steps", "hw.modbus")  # another method; a server that is off as shipped
+OTHER = ("core.mapping.paper", "hw.modbus")  # another method; a server that is off as shipped
 
 
 def called_from_python(path: Path) -> set[str]:

@@ -36,7 +36,7 @@ def warm_world() -> None:
 PARTS: dict[str, Callable[[], None]] = {"app": warm_app, "world": warm_world}
 
 
-class Progress(event.Listener):  # type: ignore[misc]
+class Progress(event.Listener):
     """Tells how many kernels were compiled by now."""
 
     def __init__(self, part: str) -> None:

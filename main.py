@@ -26,13 +26,15 @@ from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
 from core.summary import robot_in_words
 from hw.device import Port
-from hw.ports.wires import parse_url
+from hw.ports.url import parse_url
 from hw.runtime.real_time import take_real_time
 from hw.runtime.timer import Timer
 from hw.runtime.wakeup import WakeUp
 from logs import set_up_logging
 from map_files import MapSaver, load_map
 from wiring import modbus_servers, open_ports
+
+SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
 
 class Recorder(Protocol):
@@ -43,9 +45,6 @@ class Recorder(Protocol):
 
     def app(self, app: App) -> App:
         """The same app, which tells of its steps."""
-
-
-SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
 
 def slots_until_next(since_due_s: float, period_s: float) -> int:
@@ -91,7 +90,7 @@ async def serve(
     key: bytes | None,
     loaded: Arrays | None,
     save_to: str,
-    recorder: Recorder | None,
+    recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
     log, loop, stop = structlog.get_logger(), asyncio.get_running_loop(), asyncio.Event()
@@ -160,7 +159,7 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config, recorder.port) if recorder else open_ports(config)
+        ports = open_ports(config, recorder.port if recorder else None)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2

@@ -63,9 +63,6 @@ class Devices:
         return {"scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive}
 
 
-Via = Callable[[str, Port], Port]
-
-
 def no_ports(config: Config) -> Ports:
     """Wires that lead nowhere."""
     nowhere = NoPort()
@@ -97,11 +94,11 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config, via: Via = lambda section, port: port) -> Ports:
+def open_ports(config: Config, tapped: Callable[[str, Port], Port] | None = None) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Args:
-        via: gives, by its section, what is used in place of a port.
+        tapped: gives for a section and its port the one that is used in its place.
 
     Raises:
         ConfigError: as check_ports; a host without an address.
@@ -109,9 +106,10 @@ def open_ports(config: Config, via: Via = lambda section, port: port) -> Ports:
 
     def opened(section: str, url: str) -> Port:
         try:
-            return via(section, open_port(url))
+            port = open_port(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
+        return tapped(section, port) if tapped else port
 
     check_ports(config)
     return Ports(

@@ -1,4 +1,4 @@
-"""What scanner and attitude sensor see of the floor for some seconds, for `calibrate.py`.
+"""What scanner and attitude sensor see of the floor for some seconds.
 
 Opens these two ports and no other, so that nothing can move. Waits until both devices run and their
 clocks are known; refuses with the device's own cause where that does not come, or does not last.
@@ -6,8 +6,8 @@ clocks are known; refuses with the device's own cause where that does not come, 
 
 import contextlib
 import math
-import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 from core.config import Config
@@ -18,7 +18,7 @@ from hw.ports.wires import open_port
 from tools.calibration.mount import FloorWatch
 from wiring import Ports, devices_on
 
-STEP_S, PROGRESS_S = 0.002, 2.0
+STEP_S, PROGRESS_S = 0.002, 0.2
 READY_S = 45.0  # a scanner's spin-up and both clocks' first second fit in
 WAIT_S = 0.3  # a scan's longest wait for the attitude of its last beam
 LEAST_COVERED = 0.8  # of the scans
@@ -95,11 +95,16 @@ class Collector:
             )
         self.done = True
 
+    def gone_s(self, now_s: float) -> float:
+        """How long it has measured."""
+        return max(0.0, min(now_s - self._ready_s, self._seconds))
+
     def words(self, now_s: float) -> str:
         """How it goes, in one line."""
         if self._ready_s < math.inf:
-            gone_s = min(now_s - self._ready_s, self._seconds)
-            progress = f"{gone_s:.0f} of {self._seconds:.0f} s, {self.watch.scans} scans"
+            progress = (
+                f"{self.gone_s(now_s):.0f} of {self._seconds:.0f} s, {self.watch.scans} scans"
+            )
         else:
             progress = "waiting until both devices run and their clocks are known"
         return "; ".join([progress, *_complaints(self.scanner.status, self.ahrs.status)])
@@ -113,8 +118,11 @@ def _complaints(scanner: DeviceStatus, ahrs: DeviceStatus) -> list[str]:
     ]
 
 
-def collect(config: Config, seconds: float) -> FloorWatch:
+def collect(config: Config, seconds: float, advance: Callable[[float, str], None]) -> FloorWatch:
     """What the devices of the settings see in so many seconds of real time.
+
+    Args:
+        advance: called now and then with the seconds that count, and how it goes in words.
 
     Raises:
         RefusedError, PortUrlError: see Collector; a port's URL is none.
@@ -128,9 +136,10 @@ def collect(config: Config, seconds: float) -> FloorWatch:
         stack.callback(collector.scanner.stop)
         told_s = time.monotonic()
         while not collector.done:
-            collector.step(time.monotonic())
-            if time.monotonic() - told_s >= PROGRESS_S:
+            now_s = time.monotonic()
+            collector.step(now_s)
+            if now_s - told_s >= PROGRESS_S:
                 told_s += PROGRESS_S
-                print(f"calibrate: {collector.words(told_s)}", file=sys.stderr, flush=True)
+                advance(collector.gone_s(now_s), collector.words(now_s))
             time.sleep(STEP_S)
     return collector.watch

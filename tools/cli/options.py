@@ -12,6 +12,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
+from config_file import load_config, read_key
+from core.config import Config, ConfigError
+
 ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
 SHIPPED_CONFIG = ROOT / "mapod.toml"
 USAGE = 2  # exit status
@@ -100,6 +103,34 @@ def add_out(parser: argparse.ArgumentParser, what: str, default: Path | None = N
     """--out: the file, or the folder, that is written."""
     shown = f" (default: {default})" if default else ""
     parser.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
+
+
+def configured(path: Path) -> Config:
+    """The settings in a file.
+
+    Raises:
+        ConfigError: what is wrong with it, with its name.
+    """
+    try:
+        return load_config(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}; mapod init writes one") from None
+    except (ConfigError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def add_key(parser: argparse.ArgumentParser) -> None:
+    """--key-file: of the planner link."""
+    parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits: signed frames")
+
+
+def maybe_key(path: Path | None) -> bytes | None:
+    """The key in a file; None for none.
+
+    Raises:
+        ConfigError: the file can't be read, or holds no key.
+    """
+    return read_key(str(path) if path else "")
 
 
 def lacks_simulation() -> str:

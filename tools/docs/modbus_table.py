@@ -1,4 +1,4 @@
-"""The register tables of docs/protocols/modbus.md, made from the code: `python -m tools.docs.modbus_table`.
+"""The register tables of docs/protocols/modbus.md, made from the code.
 
 The text of the document is written by hand; what stands between its marks is written by this tool.
 """

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from rich.color import Color, ColorSystem
 from rich.console import Console
 
+from core.config import ConfigError
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import (
     ACK,
@@ -37,7 +38,8 @@ from tests.support.planner_sender import (
     with_map,
     zone_body,
 )
-from tools.cli.view import key_from_file, main, progress_line, zone_lines
+from tools.cli.options import maybe_key
+from tools.cli.view import main, progress_line, zone_lines
 from tools.terminal.planner_end import Delays, Meter, PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.screen import (
     BAD,
@@ -382,9 +384,9 @@ def test_a_key_is_read_in_both_forms(tmp_path: Path) -> None:
     (tmp_path / "raw").write_bytes(key)
     (tmp_path / "hex").write_text(key.hex() + "\n")
     (tmp_path / "short").write_text("0011")
-    assert key_from_file(str(tmp_path / "raw")) == key_from_file(str(tmp_path / "hex")) == key
-    with pytest.raises(ValueError, match="32 bytes"):
-        key_from_file(str(tmp_path / "short"))
+    assert maybe_key(tmp_path / "raw") == maybe_key(tmp_path / "hex") == key
+    with pytest.raises(ConfigError, match="32 bytes"):
+        maybe_key(tmp_path / "short")
 
 
 def test_the_viewer_ends_by_itself_and_says_that_nothing_came(

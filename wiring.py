@@ -63,9 +63,6 @@ class Devices:
         return {"scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive}
 
 
-Via = Callable[[str, Port], Port]
-
-
 def no_ports(config: Config) -> Ports:
     """Wires that lead nowhere."""
     nowhere = NoPort()

@@ -3,12 +3,12 @@
 Source: planner link, section 3 (health bits, modes); design, section 8.
 """
 
+from core.mapping.method import MAX_SLOPE_RAD
 from core.records import record
 
 SCAN_STALE_S = 0.15  # one of the link's time-outs; 3 scans at 25 Hz
 AHRS_STALE_S = 0.15
 WHEELS_STALE_S = 0.4  # an exchange at 9600 baud may need a second try
-MAX_SLOPE_RAD = 0.35  # steeper than 20 deg, the map can't be used
 
 SCANNER_OK, AHRS_OK, WHEELS_OK, CLOCKS_LOCKED = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 POSE_VALID, MAP_VALID, NO_OVERRUN = 1 << 4, 1 << 5, 1 << 6

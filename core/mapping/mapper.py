@@ -10,10 +10,9 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.config import Config
-from core.driving.health import MAX_SLOPE_RAD
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.layers import LayerView
-from core.mapping.method import Maps
+from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry, Pose

@@ -8,6 +8,8 @@ from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I64, Scan
 
+MAX_SLOPE_RAD = 0.35  # a robot that leans more, 20 deg, has no use for a map
+
 
 class Maps(Protocol):
     """An elevation map and the obstacle map made of it, kept up by one method."""

@@ -13,8 +13,8 @@ import numpy as np
 
 from core.grid.ring import RingGrid
 from core.grid.window import StateWindow, put_state
-from core.jit import kernel
 from core.records import F64, FREE, I8, I32, UNKNOWN
+from jit import kernel
 
 SWEEP_S = 1.0
 

@@ -6,7 +6,6 @@ Source: MTi sheet, sections 3, 5 and 9.
 import struct
 from collections.abc import Callable
 
-from fakes.mti.gnss import NO_TIME, RESOLVED, utc
 from fakes.mti.memory import (
     BAD_PARAMETER,
     NOT_IMPLEMENTED,
@@ -21,9 +20,7 @@ from fakes.mti.sensor import Sensor
 
 Answer = bytes | int  # the data, or the code of an Error
 SCENARIO, SELF_TEST, NO_ROTATION, RESET_ORIENTATION = 0x64, 0x24, 0x22, 0xA4
-PROCESSING, SYNC, POSITION, OUTPUTS, TURN = 0x20, 0x2C, 0x6E, 0xC0, 0xEC
-SYNC_BYTES, MOST_SYNCS = 12, 10
-LEGACY_POSITION_BYTES, POSITION_BYTES = (12, 18), (24,)
+OUTPUTS = 0xC0
 
 
 class Desk(Sensor):
@@ -31,23 +28,23 @@ class Desk(Sensor):
 
     def _answered(self, now_s: float, mid: int, data: bytes, in_config: bool) -> Answer:
         """The data of the answer, or the code of an Error."""
-        memory, special = self.memory, self._special()
+        memory = self.memory
         if mid in (NO_ROTATION, RESET_ORIENTATION):
             return self._timed(now_s, mid, data, in_config)
-        if mid in special:
-            return special[mid](data)
+        if mid == OUTPUTS and not memory.model.legacy:
+            return self._outputs(data)
         if mid in REGISTERS and (mid != SCENARIO or data):
             if not REGISTERS[mid].exists(memory):
                 return NOT_IMPLEMENTED
             if not data:
                 return REGISTERS[mid].read(memory)
             return REGISTERS[mid].write(memory, data) or b""
-        told = self._without_data(now_s)
+        told = self._without_data()
         if mid in told:
             return BAD_PARAMETER if data else told[mid]()
         return NOT_IMPLEMENTED
 
-    def _without_data(self, now_s: float) -> dict[int, Callable[[], Answer]]:
+    def _without_data(self) -> dict[int, Callable[[], Answer]]:
         """What is asked for by an empty message."""
         memory = self.memory
         model = memory.model
@@ -66,21 +63,7 @@ class Desk(Sensor):
             told[0x0A] = lambda: struct.pack(">H", memory.length())
         if not model.legacy:
             told[0x1E] = lambda: model.hardware
-        if model.gnss or not model.legacy:
-            valid = 1 if model.legacy else RESOLVED
-            fix = model.gnss and self.gps_fix
-            told[0x60] = lambda: utc(self.utc_at_zero_s + now_s, valid if fix else NO_TIME)
         return told
-
-    def _special(self) -> dict[int, Callable[[bytes], Answer]]:
-        """What has a form of its own."""
-        model = self.memory.model
-        special: dict[int, Callable[[bytes], Answer]] = {PROCESSING: self._processing}
-        if not model.legacy:
-            special |= {SYNC: self._sync, OUTPUTS: self._outputs, TURN: self._turn}
-        if model.gnss or not model.legacy:
-            special[POSITION] = self._lat_lon_alt
-        return special
 
     def _restore(self) -> bytes:
         self.memory = Memory(self.memory.model)
@@ -95,45 +78,6 @@ class Desk(Sensor):
         if mid == RESET_ORIENTATION:
             return self._reset_orientation(now_s, value, in_config)
         self._still_until_s = now_s + value
-        return b""
-
-    def _processing(self, data: bytes) -> Answer:
-        """Two bytes to some hosts, one to others: both are taken."""
-        if not data:
-            return self.memory.processing.to_bytes(2 if self.memory.model.legacy else 1, "big")
-        if len(data) > 2:
-            return BAD_PARAMETER
-        self.memory.processing = int.from_bytes(data, "big")
-        self.memory.processing &= 0xFFFF if self.memory.model.legacy else 0xFF
-        return b""
-
-    def _sync(self, data: bytes) -> Answer:
-        if not data:
-            return self.memory.sync
-        if len(data) % SYNC_BYTES or len(data) > SYNC_BYTES * MOST_SYNCS:
-            return BAD_PARAMETER
-        self.memory.sync = data
-        return b""
-
-    def _lat_lon_alt(self, data: bytes) -> Answer:
-        sizes = LEGACY_POSITION_BYTES if self.memory.model.legacy else POSITION_BYTES
-        if not data:
-            return self.memory.lat_lon_alt or bytes(sizes[-1])
-        if len(data) not in sizes:
-            return BAD_PARAMETER
-        self.memory.lat_lon_alt = data
-        return b""
-
-    def _turn(self, data: bytes) -> Answer:
-        """Alignment rotation: 0 of the sensor, 1 of the earth frame; one byte alone reads it."""
-        if len(data) not in (1, 17) or data[0] > 1:
-            return BAD_PARAMETER
-        if len(data) == 1:
-            return data + struct.pack(">4f", *self.memory.turns[data[0]])
-        quaternion = struct.unpack(">4f", data[1:])
-        if not abs(sum(part * part for part in quaternion) - 1.0) < 1e-3:
-            return BAD_PARAMETER
-        self.memory.turns[data[0]] = quaternion
         return b""
 
     def _outputs(self, data: bytes) -> Answer:

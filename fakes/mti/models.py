@@ -10,8 +10,7 @@ DAY_TICKS, U32_TICKS = 864_000_000, 2**32
 
 Scenarios = tuple[tuple[int, int, bytes], ...]
 ORIENTED = {0x2010: 400, 0x2020: 400, 0x2030: 400}
-INERTIAL = {0x4010: 400, 0x4020: 400, 0x4030: 400, 0x8020: 400, 0x8030: 400, 0xC020: 100}
-GNSS = {0x5020: 400, 0x5030: 400, 0x5040: 400, 0xD010: 400, 0x7010: 4, 0x7020: 4}
+INERTIAL = {0x4020: 400, 0x8020: 400, 0xC020: 100}
 SLOW = dict.fromkeys((*ORIENTED, *INERTIAL), 100)
 NEW_PROFILES = (
     (39, 1, b"general"), (40, 1, b"high_mag_dep"), (41, 1, b"dynamic"),
@@ -31,7 +30,7 @@ class Model:
     scenarios: Scenarios
     scenario_word: int  # version and type as message 0D tells them
     hardware: bytes = b"\x02\x00"
-    gnss: bool = False
+    gnss: bool = False  # it has a receiver, of which the fake sends nothing
     rates_hz: dict[int, int] = field(default_factory=dict)  # packet id without format: the most
     fine_ticks: int = DAY_TICKS  # SampleTimeFine wraps there
     refuses_unknown: bool = False  # outputs that it has not: Error 21 instead of leaving them out
@@ -84,7 +83,7 @@ MODELS = {
         filter=bytes([0x49, 5, 1]),
         scenarios=NEW_PROFILES,
         scenario_word=0x0027,
-        rates_hz={0x0810: 1, 0x3010: 50, **ORIENTED, **INERTIAL},
+        rates_hz={0x0810: 1, **ORIENTED, **INERTIAL},
         outputs=SHIPPED,
     ),
     "MTi-3": Model(
@@ -110,7 +109,7 @@ MODELS = {
                    (4, 1, b"Automotive"), (5, 1, b"HighPerformanceEDR")),
         scenario_word=0x0001,
         gnss=True,
-        rates_hz={0x0810: 100, 0x3010: 50, **ORIENTED, **INERTIAL, **GNSS},  # 0810 as recorded
+        rates_hz={0x0810: 100, **ORIENTED, **INERTIAL},  # 0810 as recorded
         outputs=SHIPPED,
     ),
     "MTi-630": Model(
@@ -121,7 +120,7 @@ MODELS = {
         filter=bytes([0x49, 2, 0]),
         scenarios=((1, 1, b"Responsive"), (2, 1, b"Robust"), (3, 1, b"General")),
         scenario_word=0x0001,
-        rates_hz={0x0810: 1, 0x3010: 100, **ORIENTED, **INERTIAL},
+        rates_hz={0x0810: 1, **ORIENTED, **INERTIAL},
         fine_ticks=U32_TICKS,
         refuses_unknown=True,
         outputs=SHIPPED,

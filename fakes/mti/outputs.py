@@ -8,13 +8,11 @@ import struct
 
 from fakes.mti.memory import BAD_PARAMETER, TOO_MUCH_DATA
 from fakes.mti.models import FOURTH, Model
-from fakes.mti.packets import HEADERS, SIZES, kind_of, packet_size
+from fakes.mti.packets import HEADERS, ORIENTED, SIZES, kind_of, packet_size
 
 Outputs = tuple[tuple[int, int], ...]
 MOST_ENTRIES = 32
 MAX_HZ = 0xFFFF
-FRAMED = (0x2010, 0x2020, 0x2030, 0x4030, 0xD010)  # kinds that know earth frames
-NO_FORMAT = (0x3010, 0x7010, 0x7020)  # kinds without a number format
 HEADER_HZ = 100  # of messages that hold headers alone
 FRAME_BYTES = 5
 
@@ -41,9 +39,7 @@ def maybe_entry(identifier: int, rate_hz: int, model: Model) -> tuple[int, int] 
     most_hz = model.rates_hz.get(kind)
     if most_hz is None or kind not in SIZES:
         return None
-    if identifier & 0xC and (kind not in FRAMED or identifier & 0xC == 0xC):
-        return None
-    if kind in NO_FORMAT and identifier != kind:
+    if identifier & 0xC and (kind not in ORIENTED or identifier & 0xC == 0xC):
         return None
     if rate_hz in (0, MAX_HZ) or rate_hz >= most_hz:
         return identifier, most_hz
@@ -65,9 +61,8 @@ def stride(outputs: Outputs, base_hz: int) -> int:
 
 
 def is_rated(identifier: int) -> bool:
-    """Whether it comes at a rate of its own: neither a header nor the receiver's message."""
-    kind = kind_of(identifier)
-    return kind not in HEADERS and kind not in (0x7010, 0x7020)
+    """Whether it comes at a rate of its own: no header."""
+    return kind_of(identifier) not in HEADERS
 
 
 def due(outputs: Outputs, tick: int, base_hz: int) -> list[int]:

@@ -5,28 +5,24 @@ Source: MTi sheet, sections 3 to 7.
 
 import math
 from collections.abc import Callable
-from operator import is_
 
 import numpy as np
 
 from fakes.mti.errors import ACCEL_NOISE_MPS2, RATE_NOISE_RADPS, SheetErrors
-from fakes.mti.gnss import Place, place_near
 from fakes.mti.kernels import Sigmas, told, warm
 from fakes.mti.memory import BAD_PARAMETER, Memory
 from fakes.mti.models import Model
-from fakes.mti.mtdata import NOWHERE, Sample
-from fakes.mti.rotation import F64, rotation_from_quaternion, rotation_z
+from fakes.mti.mtdata import Sample
+from fakes.mti.rotation import F64, rotation_z
 
 Motion = Callable[[float], tuple[F64, F64, F64]]
-Travel = Callable[[float], tuple[F64, F64]]
 Distortion = Callable[[float], F64]
 
 FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC = 50.0, math.radians(300.0), 3.0
 FULL = np.array([FULL_ACCEL_MPS2, FULL_RATE_RADPS, FULL_MAGNETIC])
-SELF_TEST_BIT, VALID_BIT, FIX_BIT = 0x1, 0x2, 0x4
+SELF_TEST_BIT, VALID_BIT = 0x1, 0x2
 STILL_BITS = 0x18  # no-rotation update is running
 ANY_CLIP_BIT, CLIP_SHIFT = 1 << 19, 8
-GNSS_MODE_BITS = 3 << 23
 
 
 class Sensor:
@@ -45,12 +41,7 @@ class Sensor:
         self.accel_bias_mps2: F64 = np.zeros(3)
         self.earth_field: F64 = np.array([0.4, 0.0, -0.9])  # north, west, up
         self.temperature_deg = 35.0
-        self.analog_1 = self.analog_2 = 0  # AD counts
         self.self_test = 0x01FF  # bits of message 25; 01FF: all passed
-        self.gps_fix = True  # of the models with a receiver
-        self.home: tuple[float, float, float] = (57.6794, 11.8825, 81.0)  # deg, deg, m
-        self.utc_at_zero_s = 1_547_992_000.0  # since 1970, where the host's clock reads zero
-        self.travel_at: Travel = _at_rest  # instant to position and velocity, north west up
         self.distortion_at: Distortion = _undisturbed  # what (3, 3) steel makes of earth_field
         self.pull_s = 3.0  # time constant with which the yaw follows the magnetic field
         self.counter = 0  # of the next message
@@ -63,38 +54,18 @@ class Sensor:
         self._errors = SheetErrors(seed)
         warm()
         self._G, self._A = self.memory.G_reset, self.memory.A_reset  # as now; see Memory
-        self._frames_of: tuple[object, ...] = ()  # settings and resets of which these are made:
-        self._earth, self._case = np.eye(3), np.eye(3)  # what is turned on the left, on the right
 
     def _forget_resets(self) -> None:
         """Orientation resets as stored."""
         self._G, self._A = self.memory.G_reset, self.memory.A_reset
 
-    @property
-    def _yaw_offset_rad(self) -> float:
-        return self.memory.heading_rad - self.memory.declination_rad
-
-    @property
-    def _object(self) -> F64:
-        """Sensor to object axes as the settings alone make it."""
-        A = np.array(self.memory.alignment).reshape(3, 3)
-        return np.asarray(rotation_from_quaternion(*self.memory.turns[0]) @ A)
-
-    def _frames(self) -> tuple[F64, F64]:
-        """What settings and resets turn the earth by, and the sensor's case; (3, 3) each."""
-        memory = self.memory
-        numbers = (memory.alignment, memory.heading_rad, memory.declination_rad)
-        made_of = (*memory.turns, *numbers, self._G, self._A)
-        if len(made_of) != len(self._frames_of) or not all(map(is_, made_of, self._frames_of)):
-            local = rotation_from_quaternion(*memory.turns[1])
-            self._earth = local @ rotation_z(self._yaw_offset_rad) @ self._G
-            self._case, self._frames_of = self._object @ self._A, made_of
-        return self._earth, self._case
+    def _earth(self) -> F64:
+        """What the heading's setting and the resets turn the earth by; (3, 3)."""
+        return rotation_z(self.memory.heading_rad) @ self._G
 
     def _told(self, R_earth_sensor: F64) -> F64:
         """The orientation in the frames that settings and resets have made."""
-        earth, case = self._frames()
-        return np.asarray(earth @ R_earth_sensor @ case.T)
+        return np.asarray(self._earth() @ R_earth_sensor @ self._A.T)
 
     def _reset_orientation(self, now_s: float, code: int, in_config: bool) -> bytes | int:
         """1 heading, 2 global, 3 object, 4 both 3 and 1, 5 to 7 their defaults; 0 stores."""
@@ -113,36 +84,27 @@ class Sensor:
         R = self._told(rotation_z(self._pulled_rad) @ self._motion_at(now_s)[0])
         turn = rotation_z(math.atan2(R[1, 0], R[0, 0]))
         if code in (3, 4):
-            alignment = self._object
-            self._A = alignment.T @ turn.T @ R @ alignment @ self._A
+            self._A = turn.T @ R @ self._A
         if code in (1, 4):
             self._G = turn.T @ self._G
         if code == 2:
-            offset = rotation_z(self._yaw_offset_rad)
+            offset = rotation_z(self.memory.heading_rad)
             self._G = offset.T @ R.T @ offset @ self._G
         return b""
 
-    def _place(self, t_s: float) -> Place:
-        if self.memory.model.legacy and not self.memory.model.gnss:
-            return NOWHERE  # it has no way to tell one
-        moved_m, velocity_mps = self.travel_at(t_s)
-        fix = self.memory.model.gnss and self.gps_fix
-        return Place(*place_near(self.home, moved_m), velocity_mps, fix, self.utc_at_zero_s + t_s)
-
-    def _sample(self, t_s: float, fine: int, gps_age: int = 0) -> Sample:
+    def _sample(self, t_s: float, fine: int) -> Sample:
         """All that can be measured at an instant of the host's clock."""
         R_true, rate_radps, accel_mps2 = self._motion_at(t_s)
         noise = self._noise.standard_normal((4, 3))
         field = self.earth_field
         if self.distortion_at is not _undisturbed:
             field = self.distortion_at(t_s) @ field
-        earth, case = self._frames()
         believed = self._believed(R_true, accel_mps2, t_s)
         pulled_rad = self._pulled_by(field, t_s)
         sigmas, accel_off, rate_off = self._wrong_by()
         R, vectors, clipped = told(
             R_true, believed, accel_mps2, rate_radps, field, pulled_rad,
-            sigmas, noise, accel_off, rate_off, FULL, earth, case,
+            sigmas, noise, accel_off, rate_off, FULL, self._earth(), self._A,
         )  # fmt: skip
         bad = math.nan if self.nan else 0.0
         if self.nan or self.yaw_jump_rad:
@@ -153,12 +115,9 @@ class Sensor:
             accel_mps2=vectors[0],
             magnetic=vectors[2],
             temperature_deg=self.temperature_deg + bad,
-            analog=(self.analog_1, self.analog_2),
             status=self._status(t_s, clipped),
             counter=self.counter,
-            place=self._place(t_s),
             fine=fine,
-            gps_age=gps_age,
             preamble=self.fa_ff,
         )
 
@@ -198,14 +157,8 @@ class Sensor:
         """The status word, with the clip bits: acc xyz, gyr xyz, mag xyz."""
         word = VALID_BIT | (SELF_TEST_BIT if self.self_test == 0x01FF else 0)
         word |= STILL_BITS if t_s < self._still_until_s else 0
-        if self.memory.model.gnss and self.gps_fix:
-            word |= FIX_BIT if self.memory.model.legacy else FIX_BIT | GNSS_MODE_BITS
         return word | clipped << CLIP_SHIFT | (ANY_CLIP_BIT if clipped else 0)
 
 
 def _undisturbed(t_s: float) -> F64:
     return np.eye(3)
-
-
-def _at_rest(t_s: float) -> tuple[F64, F64]:
-    return np.zeros(3), np.zeros(3)

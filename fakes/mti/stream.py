@@ -1,32 +1,25 @@
 """The data messages of a fake MTi: when each is sampled, what it holds, when it leaves.
 
 Source: MTi sheet, sections 3 to 5, 7 and 10, and its recordings: the first message has no
-orientation, the receiver's messages have their headers behind and in reverse.
+orientation.
 """
-
-from dataclasses import replace
 
 from fakes.mti import frames as mt
 from fakes.mti.answers import Desk
 from fakes.mti.line import SerialLine
-from fakes.mti.mtdata import ORIENTATION, Sample, encode
-from fakes.mti.nmea import PERIOD_S as NMEA_PERIOD_S
-from fakes.mti.nmea import sentences
+from fakes.mti.mtdata import ORIENTATION, encode
 from fakes.mti.outputs import due, stride
-from fakes.mti.packets import FILTERED, HEADERS, LOCATED, TICKS_PER_S, kind_of
+from fakes.mti.packets import HEADERS, ORIENTED, TICKS_PER_S, kind_of
 from fakes.mti.packets import encode as encode_packets
 from fakes.wires.timing import Quartz
 
 PERIOD_TICKS_PER_S = 115200
 CALIBRATED_LATENCY_S, LATENCY_S = 0.00031, 0.00255  # from sampling to the first byte
-GNSS_S = 0.25  # from one message of the receiver to the next, at full quarters of UTC
-GNSS_LATENCY_S, LOCATED_S = 0.0516, 0.064  # from there to its message, and to positions
 FULL_LINE_S = 0.1  # a message that would have to wait longer than this is lost
 KEPT_S = 0.9  # a device that was not looked at for longer has lost its oldest samples
 ON_REQUEST = 0xFFFF  # skip factor
 MTDATA, MTDATA2, ERROR = 0x32, 0x36, 0x42
 TIMER_OVERFLOW, TELL, STOP = 0x1E, 2, 3  # an Error, and error modes
-PRESSURE = 0x3010
 
 
 class Stream(Desk, SerialLine):
@@ -46,8 +39,6 @@ class Stream(Desk, SerialLine):
         self._tick = 0  # base ticks of MTData2 since measuring began
         self._skipped = 0  # samples since the last message
         self._first = True  # the filter has given nothing yet
-        self._located_from_s = self._gnss_due_s = self._next_device_s
-        self._nmea_due_s = 0.0
 
     @property
     def _period_s(self) -> float:
@@ -72,15 +63,6 @@ class Stream(Desk, SerialLine):
         self._skipped = self._tick = 0
         self._first = True
         self._next_device_s = device_s + self._period_s
-        begin_s = self._clock.host_s(device_s)
-        self._gnss_due_s = self._epoch_after(begin_s - GNSS_LATENCY_S) + GNSS_LATENCY_S
-        self._located_from_s = self._epoch_after(begin_s) + LOCATED_S
-        self._nmea_due_s = begin_s + NMEA_PERIOD_S
-
-    def _epoch_after(self, t_s: float) -> float:
-        """The receiver's next instant after a host instant."""
-        utc_s = self.utc_at_zero_s + t_s
-        return t_s + GNSS_S - utc_s % GNSS_S
 
     def _measure(self) -> None:
         """Take the samples that have become due."""
@@ -143,8 +125,7 @@ class Stream(Desk, SerialLine):
         memory = self.memory
         if not self.frozen or not self._last[1]:
             self._count()
-            age = int((t_s + self.utc_at_zero_s) % GNSS_S / self._period_s)
-            sample = self._sample(t_s, self._fine(device_s), min(age, 255))
+            sample = self._sample(t_s, self._fine(device_s))
             self._last = (MTDATA, encode(sample, memory.mode, memory.settings))
             self.counter = (self.counter + 1) % 2**16
         oriented = memory.mode & ORIENTATION
@@ -152,21 +133,11 @@ class Stream(Desk, SerialLine):
 
     def _packets(self, device_s: float) -> None:
         """MTData2 of what is due at an instant of the device's clock."""
-        memory, t_s = self.memory, self._clock.host_s(device_s)
-        base_hz = memory.model.base_hz
-        self._receiver(t_s)
-        self._text(t_s, device_s)
-        pressure = [entry for entry in memory.outputs if entry[0] == PRESSURE]
-        if self._first and pressure:  # it is sampled on its own, and ready before all others
-            alone = [i for i, _ in memory.outputs if i == PRESSURE or kind_of(i) in HEADERS]
-            early_s = self._period_s / 2
-            self._send_packets(device_s - early_s, alone)
-        identifiers = due(memory.outputs, self._tick, base_hz)
+        memory = self.memory
+        identifiers = due(memory.outputs, self._tick, memory.model.base_hz)
         self._tick += self._stride
         if self._first:
-            identifiers = [i for i in identifiers if kind_of(i) not in FILTERED]
-        if t_s < self._located_from_s or not self.gps_fix:
-            identifiers = [i for i in identifiers if kind_of(i) not in LOCATED]
+            identifiers = [i for i in identifiers if kind_of(i) not in ORIENTED]
         self._first = False
         if any(kind_of(i) not in HEADERS for i in identifiers) or not self._rated():
             self._send_packets(device_s, identifiers)
@@ -181,41 +152,9 @@ class Stream(Desk, SerialLine):
         if not self.frozen or not self._last[1]:
             self._count()
             sample = self._sample(t_s, self._fine(device_s))
-            periods_s = {i: 1 / hz for i, hz in self.memory.outputs if hz}
-            self._last = (MTDATA2, encode_packets(sample, identifiers, periods_s))
+            self._last = (MTDATA2, encode_packets(sample, identifiers))
             self.counter = (self.counter + 1) % 2**16
         self._leave(t_s + LATENCY_S)
-
-    def _receiver(self, t_s: float) -> None:
-        """The receiver's own messages: what it told, then the headers in reverse."""
-        if t_s < self._gnss_due_s:
-            return
-        epoch_s = self._gnss_due_s - GNSS_LATENCY_S
-        self._gnss_due_s += GNSS_S
-        identifiers = [i for i, _ in self.memory.outputs]
-        headers = [i for i in identifiers if kind_of(i) in HEADERS and kind_of(i) < 0xE000]
-        headers = sorted(headers, reverse=True, key=identifiers.index)
-        device_s = self._clock.device_s - (self._clock.host_s(self._clock.device_s) - epoch_s)
-        for told in (0x7020, 0x7010):
-            if told in identifiers:
-                self._gnss_message(epoch_s, device_s, [told, *headers])
-
-    def _gnss_message(self, epoch_s: float, device_s: float, identifiers: list[int]) -> None:
-        place = self._place(epoch_s)
-        sample: Sample = replace(
-            self._sample(epoch_s, self._fine(device_s)), place=place, preamble=False
-        )
-        self._last = (MTDATA2, encode_packets(sample, identifiers, {}))
-        self.counter = (self.counter + 1) % 2**16
-        self._leave(epoch_s + GNSS_LATENCY_S)
-
-    def _text(self, t_s: float, device_s: float) -> None:
-        """NMEA sentences, if they were asked for."""
-        if not self.memory.string_output or t_s < self._nmea_due_s:
-            return
-        self._nmea_due_s = t_s + NMEA_PERIOD_S
-        R = self._told(self._motion_at(t_s)[0])
-        self._send(t_s + LATENCY_S, sentences(R, self.memory.string_output))
 
     def _leave(self, ready_s: float) -> None:
         """Send the last message's data, unless it is lost."""

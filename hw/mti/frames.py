@@ -4,28 +4,31 @@ Source: MTi sheet, sections 1 and 3. Frame: FA | bus id | mid | length | data | 
 all bytes after FA is 0 modulo 256; big-endian.
 """
 
+import re
 from collections import deque
 from dataclasses import field
 from enum import IntEnum
+from itertools import accumulate, islice
 
 from core.records import record
 from hw.device import BadFrame
 
-PREAMBLE, MASTER, SINGLE, EXTENDED = 0xFA, 0xFF, 0x01, 0xFF
+PREAMBLE, MASTER, EXTENDED = 0xFA, 0xFF, 0xFF
 MIN_EXTENDED, MAX_EXTENDED = 255, 2048
 COMPLETION_S = 0.1  # for a claimed frame, beyond the time that its bytes take on the wire
+MAX_JUNK = 256  # bytes told at once
+START = re.compile(rb"\xFA(?:[\xFF\x01]|\Z)")  # the end of the buffer may be half of one
+NO_START = "no start of a frame"
 
 
 class Mid(IntEnum):
     """Message ids of requests and data; the answer to a request has the next higher id."""
 
     ReqDID = 0x00
-    InitBus = 0x02
     SetPeriod = 0x04
     ReqDataLength = 0x0A
     ReqConfiguration = 0x0C
     Configuration = 0x0D  # unasked after a WakeUp that nobody answered
-    RestoreFactoryDef = 0x0E
     GoToMeasurement = 0x10
     ReqFWRev = 0x12
     SetBaudrate = 0x18
@@ -35,17 +38,13 @@ class Mid(IntEnum):
     RunSelfTest = 0x24
     GoToConfig = 0x30
     MTData = 0x32
-    ReqData = 0x34
     MTData2 = 0x36
     WakeUp = 0x3E
     WakeUpAck = 0x3F
     Reset = 0x40
     Error = 0x42
-    ReqUTCTime = 0x60
     ReqAvailableScenarios = 0x62
     SetScenario = 0x64
-    SetGravityMagnitude = 0x66
-    SetMagneticDeclination = 0x6A
     SetHeading = 0x82
     SetLocationID = 0x84
     ResetOrientation = 0xA4
@@ -75,10 +74,10 @@ ERRORS = {
 }
 
 
-def error_in_words(data: bytes) -> str:
+def describe_error(data: bytes) -> str:
     """The data of an Error message (section 3): its code, its meaning, what to do.
 
-    >>> error_in_words(bytes([0x28, 0x01, 0x02]))
+    >>> describe_error(bytes([0x28, 0x01, 0x02]))
     'error 28 (0102), device error: power it off and on; if it stays, it is broken'
     """
     if not data:
@@ -114,62 +113,90 @@ def encode_frame(mid: int, data: bytes = b"") -> bytes:
 class MtParser:
     """Takes a stream cut anywhere; gives MtFrame and BadFrame; keeps less than one frame.
 
+    All bytes between two frames are one BadFrame, however they were cut: given when the next frame
+    is there, when MAX_JUNK of them have come, or with what comes later than COMPLETION_S.
+
     It remembers when each kept byte was read. So a frame that stood behind a false claim has its
-    true time of arrival, and a claim within a claim is not waited for a second time.
+    true time of arrival, and a claim within a claim is not waited for a second time. Sums of all
+    bytes up to each place make a checksum cost the same for short and long claims.
     """
 
     def __init__(self, baud: int) -> None:
         self._byte_s = 10 / baud
         self._buffer = bytearray()
+        self._sums = [0]  # of the bytes before each place of the buffer, and before its end
         self._taken = 0  # bytes of the stream before the buffer
         self._arrivals: deque[tuple[int, float]] = deque()  # end of a piece in the stream, when
+        self._junk = bytearray()  # not told yet
+        self._junk_reason, self._junk_s = "", 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[MtFrame | BadFrame]:
         """The events that these bytes complete."""
         self._buffer += data
+        self._sums += islice(accumulate(data, initial=self._sums[-1]), 1, None)
         if data:
             self._arrivals.append((self._taken + len(self._buffer), now_s))
         events: list[MtFrame | BadFrame] = []
-        while self._buffer and (event := self._maybe_event(now_s)) is not None:
-            events.append(event)
-        return events
+        at = 0  # in the buffer
+        while at < len(self._buffer):
+            reason, head, size = self._claim(at)
+            if not reason and at + size > len(self._buffer):
+                if now_s - self._arrived_s(at + 1) <= COMPLETION_S + size * self._byte_s:
+                    break
+                reason = "frame not completed in time"
+            elif not reason and (self._sums[at + size] - self._sums[at + 1]) & 0xFF:
+                reason = "bad checksum"
+            if reason:
+                start = START.search(self._buffer, at + 1)
+                end = start.start() if start else len(self._buffer)
+                events += self._reject(reason, self._buffer[at:end], now_s)
+            else:
+                end = at + size
+                events += self._told_junk()
+                data_bytes = bytes(self._buffer[at + head : end - 1])
+                events.append(MtFrame(self._buffer[at + 2], data_bytes, self._arrived_s(end)))
+            at = end
+        self._drop(at)
+        return events + (self._told_junk() if now_s - self._junk_s > COMPLETION_S else [])
 
-    def _maybe_event(self, now_s: float) -> MtFrame | BadFrame | None:
-        """The event at the front of the buffer; None while more bytes are needed."""
-        buffer = self._buffer
-        if buffer[0] != PREAMBLE:
-            return self._skip("no preamble")
-        if len(buffer) > 1 and buffer[1] not in (MASTER, SINGLE):
-            return self._skip("unknown bus id")
-        head, length = 4, buffer[3] if len(buffer) > 3 else 0
-        if len(buffer) > 3 and length == EXTENDED:
-            head, length = 6, int.from_bytes(buffer[4:6], "big")
-            if len(buffer) > 5 and not MIN_EXTENDED <= length <= MAX_EXTENDED:
-                return self._skip("bad extended length")
-        size = head + length + 1
-        if len(buffer) < size:
-            if now_s - self._arrivals[0][1] > COMPLETION_S + size * self._byte_s:
-                return self._skip("frame not completed in time")
-            return None
-        if sum(buffer[1:size]) & 0xFF:
-            return self._skip("bad checksum")
-        mid, data = buffer[2], bytes(buffer[head : size - 1])
-        return MtFrame(mid, data, self._drop(size))
+    def _claim(self, at: int) -> tuple[str, int, int]:
+        """Why no frame begins there, or "", its head and its size as far as they are known."""
+        head = self._buffer[at : at + 6]
+        if not START.match(head):
+            return NO_START, 0, 0
+        if len(head) < 4 or head[3] != EXTENDED:
+            return "", 4, 5 + (head[3] if len(head) > 3 else 0)
+        length = int.from_bytes(head[4:6], "big") if len(head) > 5 else 0
+        if len(head) > 5 and not MIN_EXTENDED <= length <= MAX_EXTENDED:
+            return "bad extended length", 0, 0
+        return "", 6, 7 + length
 
-    def _skip(self, reason: str) -> BadFrame:
-        """Drop the first byte, and what follows up to the next possible start."""
-        start = self._buffer.find(PREAMBLE, 1)
-        skipped = bytes(self._buffer[: start if start > 0 else len(self._buffer)])
-        self._drop(len(skipped))
-        return BadFrame(reason, skipped)
+    def _reject(self, reason: str, junk: bytearray, now_s: float) -> list[BadFrame]:
+        """Keep bytes that belong to no frame; what became too much of them is told."""
+        told = []
+        while junk:
+            if not self._junk:
+                self._junk_reason, self._junk_s = reason, now_s
+            room = MAX_JUNK - len(self._junk)
+            self._junk += junk[:room]
+            junk, reason = junk[room:], NO_START
+            if len(self._junk) == MAX_JUNK:
+                told += self._told_junk()
+        return told
 
-    def _drop(self, count: int) -> float:
-        """Forget so many bytes; when the last of them was read."""
-        del self._buffer[:count]
+    def _told_junk(self) -> list[BadFrame]:
+        junk, self._junk = bytes(self._junk), bytearray()
+        return [BadFrame(self._junk_reason, junk)] if junk else []
+
+    def _arrived_s(self, end: int) -> float:
+        """When the byte before this place of the buffer was read; places only go forward."""
+        while self._arrivals[0][0] < self._taken + end:
+            self._arrivals.popleft()
+        return self._arrivals[0][1]
+
+    def _drop(self, count: int) -> None:
+        """Forget so many bytes at the front of the buffer."""
+        del self._buffer[:count], self._sums[:count]
         self._taken += count
-        while self._arrivals[0][0] < self._taken:
-            self._arrivals.popleft()
-        arrived_s = self._arrivals[0][1]
-        if self._arrivals[0][0] == self._taken:
-            self._arrivals.popleft()
-        return arrived_s
+        if not self._buffer:
+            self._arrivals.clear()

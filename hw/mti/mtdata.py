@@ -1,16 +1,16 @@
 """MTData of a legacy MTi to samples, laid out by output mode and output settings.
 
-The frame does not describe itself: only its length can tell that it is of another mode.
+The frame does not describe itself: only its length can tell that it is of another mode. Blocks that
+mapod has no use for (raw counts, analog inputs, GPS, position, velocity, UTC) are stepped over.
 
 Source: MTi sheet, sections 3 and 4.
 """
 
-import struct
 from collections.abc import Iterator
 
 from hw.device import BadFrame
 from hw.mti.numbers import MATRIX, NUMBER_SIZES, ORIENTATION_NUMBERS, EarthFrame, numbers
-from hw.mti.sample import MtSample, SampleBuilder, gps_from_legacy, utc_from_bytes
+from hw.mti.sample import MtSample, SampleBuilder
 
 TEMPERATURE, CALIBRATED, ORIENTATION, AUXILIARY = 0x0001, 0x0002, 0x0004, 0x0008  # output modes
 POSITION, VELOCITY, STATUS, GPS, RAW = 0x0010, 0x0020, 0x0800, 0x1000, 0x4000
@@ -18,11 +18,11 @@ COUNTER, UTC = 0x1, 0x2  # output settings
 NO_ACCELERATION, NO_RATE, NO_MAGNETIC, NO_ANALOG_1, NO_ANALOG_2 = 0x10, 0x20, 0x40, 0x400, 0x800
 NED = 0x8000_0000
 
-FIELDS = {
-    "temperature": ("temperature_c", 1),
-    "accel": ("accel_mps2", 3),
-    "rate": ("rate_radps", 3),
-    "magnetic": ("magnetic", 3),
+FIELDS = {  # block: how many numbers
+    "temperature_c": 1,
+    "accel_mps2": 3,
+    "rate_radps": 3,
+    "magnetic": 3,
 }
 
 
@@ -30,7 +30,6 @@ class MtDataDecoder:
     """MTData of one output mode and settings."""
 
     def __init__(self, mode: int, settings: int) -> None:
-        self.mode, self.settings = mode, settings
         self._number_format, self._orientation = settings >> 8 & 3, settings >> 2 & 3
         self._frame = EarthFrame.NED if settings & NED else EarthFrame.NWU
         self._blocks: list[tuple[str, int, int]] = []  # name, start, end
@@ -40,7 +39,7 @@ class MtDataDecoder:
             self.size += size
 
     def __contains__(self, block: str) -> bool:
-        """Whether the messages carry a block of this name: "rate", "counter" ..."""
+        """Whether the messages carry a block of this name: "rate_radps", "counter" ..."""
         return any(name == block for name, _, _ in self._blocks)
 
     def decode(self, data: bytes) -> MtSample | BadFrame:
@@ -51,34 +50,14 @@ class MtDataDecoder:
         builder = SampleBuilder()
         for name, start, end in self._blocks:
             if name in FIELDS:
-                field, count = FIELDS[name]
-                builder.take(field, numbers(data, start, count, self._number_format))
-            else:
-                self._take_other(builder, name, data[start:end])
-        return builder.sample(data)
-
-    def _take_other(self, builder: SampleBuilder, name: str, block: bytes) -> None:
-        """Blocks that are more than finite numbers of the sensor's frame."""
-        match name:
-            case "orientation" if self._orientation <= MATRIX:
+                builder.take(name, numbers(data, start, FIELDS[name], self._number_format))
+            elif name == "orientation" and self._orientation <= MATRIX:
                 count = ORIENTATION_NUMBERS[self._orientation]
-                values = numbers(block, 0, count, self._number_format)
+                values = numbers(data, start, count, self._number_format)
                 builder.take_orientation(self._orientation, values, self._frame)
-            case "position":
-                lat, lon, altitude = numbers(block, 0, 3, self._number_format)
-                builder.take("lat_lon_deg", (lat, lon))
-                builder.take("altitude_m", (altitude,))
-            case "velocity":
-                values = numbers(block, 0, 3, self._number_format)
-                builder.take_earth("velocity_mps", values, self._frame)
-            case "counter" | "status":
-                builder.put(name, int.from_bytes(block, "big"))
-            case "analog" | "raw":
-                builder.put(name, struct.unpack(f">{len(block) // 2}H", block))
-            case "gps":
-                builder.put("gps", gps_from_legacy(block))
-            case "utc":
-                builder.put("utc", utc_from_bytes(block))
+            elif name in ("counter", "status"):
+                builder.put(name, int.from_bytes(data[start:end], "big"))
+        return builder.sample(data)
 
 
 def data_bytes(mode: int, settings: int) -> int:
@@ -90,21 +69,20 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
     """Name and size of the blocks present in MTData, in their order (section 4)."""
     number = NUMBER_SIZES[settings >> 8 & 3]
     processed = 0 if mode & RAW else mode  # raw data excludes all that is computed from it
-    status = mode & STATUS
     calibrated = processed & CALIBRATED
     analog_inputs = (not settings & NO_ANALOG_1) + (not settings & NO_ANALOG_2)
     table: tuple[tuple[str, int, int], ...] = (
         ("raw", mode & RAW, 20),
         ("gps", mode & GPS, 44),
-        ("temperature", processed & TEMPERATURE, number),
-        ("accel", calibrated and ~settings & NO_ACCELERATION, 3 * number),
-        ("rate", calibrated and ~settings & NO_RATE, 3 * number),
+        ("temperature_c", processed & TEMPERATURE, number),
+        ("accel_mps2", calibrated and ~settings & NO_ACCELERATION, 3 * number),
+        ("rate_radps", calibrated and ~settings & NO_RATE, 3 * number),
         ("magnetic", calibrated and ~settings & NO_MAGNETIC, 3 * number),
         ("orientation", processed & ORIENTATION, ORIENTATION_NUMBERS[settings >> 2 & 3] * number),
         ("analog", processed & AUXILIARY and analog_inputs, 2 * analog_inputs),
         ("position", processed & POSITION, 3 * number),
         ("velocity", processed & VELOCITY, 3 * number),
-        ("status", status, 1),
+        ("status", mode & STATUS, 1),
         ("counter", settings & COUNTER, 2),
         ("utc", settings & UTC, 12),
     )

@@ -1,56 +1,34 @@
 """MTData2 messages of newer devices to samples, and samples whose packets came in several messages.
 
 Packets describe themselves: they are decoded by the identifier that stands in the data, whatever
-was asked for. Unknown ones are stepped over.
+was asked for. Those that mapod has no use for (GNSS, pressure, increments ...) are stepped over.
 
 Source: MTi sheet, section 5.
 """
 
 import dataclasses
 import struct
-from collections.abc import Callable
 
 from core.records import record
 from hw.device import BadFrame
 from hw.mti.numbers import EULER, MATRIX, NUMBER_SIZES, ORIENTATION_NUMBERS, QUATERNION, numbers
-from hw.mti.sample import (
-    GNSS,
-    UTC,
-    MtSample,
-    SampleBuilder,
-    gps_from_gnss,
-    maybe_satellites,
-    utc_from_bytes,
-)
+from hw.mti.sample import MtSample, SampleBuilder
 
 # data identifier without its low 4 bits: field, numbers or bytes
-SENSOR_FRAME = {
+NUMBERS = {
     0x0810: ("temperature_c", 1),
-    0x4010: ("dv_mps", 3),
     0x4020: ("accel_mps2", 3),
-    0x5020: ("altitude_m", 1),
-    0x5030: ("position_ecef_m", 3),
-    0x5040: ("lat_lon_deg", 2),
     0x8020: ("rate_radps", 3),
-    0x8030: ("dq", 4),
     0xC020: ("magnetic", 3),
 }
-EARTH_FRAME = {0x4030: "free_accel_mps2", 0xD010: "velocity_mps"}
 ORIENTATIONS = {0x2010: QUATERNION, 0x2020: MATRIX, 0x2030: EULER}
 INTEGERS = {
     0x1020: ("counter", 2),
     0x1060: ("fine_ticks", 4),
-    0x1070: ("coarse_s", 4),
-    0x3010: ("pressure_pa", 4),
     0xE010: ("status", 1),
     0xE020: ("status", 4),
 }
-RECORDS: dict[int, tuple[str, int, Callable[[bytes], object]]] = {
-    0x1010: ("utc", UTC.size, utc_from_bytes),
-    0x7010: ("gps", GNSS.size, gps_from_gnss),
-}
-SATELLITES = 0x7020
-STAMPS = frozenset({"counter", "fine_ticks", "coarse_s", "utc", "status"})  # in every message
+STAMPS = frozenset({"counter", "fine_ticks", "status"})  # in every message
 
 
 def maybe_packets(data: bytes) -> list[tuple[int, bytes]] | None:
@@ -77,47 +55,34 @@ def decode_mtdata2(data: bytes) -> MtSample | BadFrame:
 
 def _take_packet(builder: SampleBuilder, identifier: int, payload: bytes) -> None:
     kind, frame, number_format = identifier & 0xFFF0, identifier >> 2 & 3, identifier & 3
-    size = _size(kind, number_format)
+    size = _maybe_size(kind, number_format)
     if size is not None and len(payload) != size:
         builder.reject(f"packet {identifier:04X} has {len(payload)} bytes")
-    elif kind in SENSOR_FRAME:
-        field, count = SENSOR_FRAME[kind]
+    elif kind in NUMBERS:
+        field, count = NUMBERS[kind]
         builder.take(field, numbers(payload, 0, count, number_format))
-    elif kind in EARTH_FRAME:
-        builder.take_earth(EARTH_FRAME[kind], numbers(payload, 0, 3, number_format), frame)
     elif kind in ORIENTATIONS:
         orientation = ORIENTATIONS[kind]
         values = numbers(payload, 0, ORIENTATION_NUMBERS[orientation], number_format)
         builder.take_orientation(orientation, values, frame)
     elif kind in INTEGERS:
         builder.put(INTEGERS[kind][0], int.from_bytes(payload, "big"))
-    elif kind in RECORDS:
-        builder.put(RECORDS[kind][0], RECORDS[kind][2](payload))
-    elif kind == SATELLITES:
-        satellites = maybe_satellites(payload)
-        if satellites is None:
-            builder.reject(f"packet 7020 has {len(payload)} bytes")
-        builder.put("satellites", satellites)
 
 
-def _size(kind: int, number_format: int) -> int | None:
-    """Bytes of a packet; None where they vary or the packet is not known."""
+def _maybe_size(kind: int, number_format: int) -> int | None:
+    """Bytes of a packet; None where mapod does not read it."""
     if kind in INTEGERS:
         return INTEGERS[kind][1]
-    if kind in RECORDS:
-        return RECORDS[kind][1]
-    if kind in SENSOR_FRAME:
-        return SENSOR_FRAME[kind][1] * NUMBER_SIZES[number_format]
-    if kind in EARTH_FRAME:
-        return 3 * NUMBER_SIZES[number_format]
+    if kind in NUMBERS:
+        return NUMBERS[kind][1] * NUMBER_SIZES[number_format]
     if kind in ORIENTATIONS:
         return ORIENTATION_NUMBERS[ORIENTATIONS[kind]] * NUMBER_SIZES[number_format]
     return None
 
 
 def packet_bytes(identifier: int) -> int:
-    """What a packet takes in a message, with its head of 3 bytes; 3 for unknown ones."""
-    return 3 + (_size(identifier & 0xFFF0, identifier & 3) or 0)
+    """What a packet that mapod reads takes in a message, with its head of 3 bytes."""
+    return 3 + (_maybe_size(identifier & 0xFFF0, identifier & 3) or 0)
 
 
 @record()

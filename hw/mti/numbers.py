@@ -71,24 +71,6 @@ def maybe_orientation(kind: int, values: tuple[float, ...], frame: int) -> Quate
     return a * (w + z), a * (x + y), a * (y - x), a * (z - w)
 
 
-def vector_nwu(values: tuple[float, ...], frame: int) -> Vector | None:
-    """An earth-fixed vector in x north, y west, z up; None in a frame that is not known.
-
-    >>> vector_nwu((1.0, 2.0, 3.0), EarthFrame.ENU)
-    (2.0, -1.0, 3.0)
-    """
-    x, y, z = values
-    match frame:
-        case EarthFrame.ENU:
-            return y, -x, z
-        case EarthFrame.NED:
-            return x, -y, -z
-        case EarthFrame.NWU:
-            return x, y, z
-        case _:
-            return None
-
-
 def maybe_unit(w: float, x: float, y: float, z: float) -> Quaternion | None:
     """The quaternion brought to length 1; None where it is too far from it."""
     norm = math.hypot(w, x, y, z)

@@ -22,6 +22,11 @@ EULER_COUNTER = EULER << 2 | COUNTER
 PACKET_COUNTER, FINE_TIME, RATE_OF_TURN, MAGNETIC = 0x1020, 0x1060, 0x8020, 0xC020
 QUATERNION_PACKET, EULER_PACKET = 0x2010, 0x2030
 ALWAYS = 0xFFFF  # the "rate" of packets that come with every message
+NAMES = {
+    QUATERNION_PACKET: "quaternion, float32, ENU",
+    EULER_PACKET: "Euler angles, float32, ENU",
+    RATE_OF_TURN: "rate of turn, float32",
+}
 NEW_RATES_HZ = (400, 200, 100, 80, 50, 40, 25, 20, 16, 10, 8, 5, 4, 2, 1)  # parts of 400
 
 
@@ -107,6 +112,15 @@ def _new_output(choice: tuple[int, ...], rate_hz: int, remark: str) -> NewOutput
     always = (PACKET_COUNTER, FINE_TIME)
     outputs = tuple((output, ALWAYS if output in always else rate_hz) for output in choice)
     return NewOutput(outputs, rate_hz, remark)
+
+
+def describe_output(identifier: int) -> str:
+    """An output without which something is missing.
+
+    >>> describe_output(0x8020)
+    '8020 (rate of turn, float32)'
+    """
+    return f"{identifier:04X} ({NAMES[identifier]})"
 
 
 def _without_rate(baud: int, rate_hz: float) -> str:

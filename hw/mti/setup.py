@@ -7,14 +7,13 @@ the answers decide.
 Source: MTi sheet, sections 3, 8 and 9.
 """
 
-import math
 import struct
-from dataclasses import dataclass, field
 
-from hw.mti.conversation import NO_ANSWER, Conversation, StartAgainError, Talk
+from hw.exchange import StartAgainError, Steps
+from hw.mti.conversation import NO_ANSWER, Conversation
 from hw.mti.frames import NOT_IMPLEMENTED, TIMER_OVERFLOW, TOO_MUCH_OUTPUT, Mid
 from hw.mti.mtdata import NED, MtDataDecoder
-from hw.mti.mtdata2 import ORIENTATIONS, Received
+from hw.mti.mtdata2 import ORIENTATIONS
 from hw.mti.output import (
     ALWAYS,
     FINE_TIME,
@@ -23,15 +22,16 @@ from hw.mti.output import (
     RATE_OF_TURN,
     TICKS_PER_S,
     NewOutput,
+    describe_output,
     legacy_output,
     new_outputs,
 )
 from hw.mti.service import (
-    MtConfiguration,
-    decode_configuration,
+    CONFIGURATION_BYTES,
     decode_output_configuration,
-    output_in_words,
+    maybe_configuration,
 )
+from hw.mti.stream import MtStream
 
 LEGACY_TYPES = (0x3, 0x5)  # bits 00F00000 of the device id: MTi and MTx, MTi-G
 SLOWER_HZ = (400, 256, 200, 120, 100, 50)  # to fall back to; 120 is what the makers promise
@@ -39,35 +39,7 @@ TOO_MUCH = (TIMER_OVERFLOW, 0x23, 0x24, TOO_MUCH_OUTPUT)
 OUTPUT_SIZES = tuple(range(0, 129, 4))  # bytes of an output configuration
 
 
-@dataclass(slots=True)
-class MtStream:
-    """What the session knows of the device and its stream, for the side that measures."""
-
-    starts: int = 0
-    period_s: float = math.nan
-    device_id: str = ""  # hexadecimal
-    product: str = ""
-    firmware: str = ""
-    hardware: str = ""  # newer devices only
-    configuration: MtConfiguration | None = None
-    legacy: MtDataDecoder | None = None  # None: the stream is MTData2
-    with_rate: bool = True  # of turn
-    remark: str = ""  # what is not as configured, in words
-    samples: list[Received] = field(default_factory=list)  # of this tick
-
-    @property
-    def seems_legacy(self) -> bool:
-        """By its id; the answers to requests decide."""
-        if len(self.device_id) != 8:  # 600 series: 8 bytes
-            return False
-        return int(self.device_id, 16) >> 20 & 0xF in LEGACY_TYPES
-
-    def note(self, remark: str) -> None:
-        """The first thing said stays: what follows is mostly its consequence."""
-        self.remark = self.remark or remark
-
-
-def identify(talk: Conversation, stream: MtStream) -> Talk[None]:
+def identify(talk: Conversation, stream: MtStream) -> Steps[None]:
     """Who it is; only the id is insisted on."""
     answer = yield from talk.ask(Mid.ReqDID, b"", 4, 8)
     stream.device_id = answer.hex() if isinstance(answer, bytes) else ""
@@ -77,18 +49,22 @@ def identify(talk: Conversation, stream: MtStream) -> Talk[None]:
     answer = yield from talk.ask(Mid.ReqFWRev, b"", 3, 11, optional=True)
     if isinstance(answer, bytes):
         stream.firmware = ".".join(str(part) for part in answer[:3])
-    if not stream.seems_legacy:
+    if not _seems_legacy(stream.device_id):
         answer = yield from talk.ask(Mid.ReqHardwareVersion, b"", 2, optional=True, tries=1)
         if isinstance(answer, bytes):
             stream.hardware = f"{answer[0]}.{answer[1]}"
-    answer = yield from talk.ask(Mid.ReqConfiguration, b"", 118, optional=True)
-    stream.configuration = decode_configuration(answer) if isinstance(answer, bytes) else None
+    yield from talk.ask(Mid.ReqConfiguration, b"", CONFIGURATION_BYTES, optional=True)
 
 
-def set_up(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> Talk[None]:
+def _seems_legacy(device_id: str) -> bool:
+    """By its id of 4 bytes (600 series: 8); the answers to requests decide."""
+    return len(device_id) == 8 and int(device_id, 16) >> 20 & 0xF in LEGACY_TYPES
+
+
+def set_up(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> Steps[None]:
     """Output and rate, by whichever messages the device knows."""
     probes = [(Mid.SetOutputMode, (2,)), (Mid.SetOutputConfiguration, OUTPUT_SIZES)]
-    for mid, sizes in probes if stream.seems_legacy else probes[::-1]:
+    for mid, sizes in probes if _seems_legacy(stream.device_id) else probes[::-1]:
         answer = yield from talk.ask(mid, b"", *sizes, optional=True)
         if answer in (NOT_IMPLEMENTED, NO_ANSWER):
             continue
@@ -96,14 +72,14 @@ def set_up(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> T
             now = decode_output_configuration(answer) if isinstance(answer, bytes) else []
             yield from _set_up_new(talk, stream, now, new_outputs(rate_hz, baud))
         elif isinstance(answer, int):
-            raise StartAgainError(talk.refused(mid, answer))
+            raise StartAgainError(talk.describe_refusal(mid, answer))
         else:
             yield from _set_up_legacy(talk, stream, rate_hz, baud)
         return
     raise StartAgainError("the MTi knows neither SetOutputMode nor SetOutputConfiguration")
 
 
-def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> Talk[None]:
+def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> Steps[None]:
     """Mode, settings and period; a shorter period of another host goes first: it may overflow."""
     wanted = legacy_output(rate_hz, baud)
     stream.note(wanted.remark)
@@ -123,17 +99,16 @@ def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: i
     given_hz = TICKS_PER_S / max(period, 1)
     if abs(given_hz - rate_hz) > 0.01 * rate_hz:
         stream.note(f"the MTi gives {given_hz:.1f} samples a second, not {rate_hz:g} as configured")
-    configuration = yield from talk.ask(Mid.ReqConfiguration, b"", 118, optional=True)
-    if isinstance(configuration, bytes):
-        stream.configuration = decode_configuration(configuration)
-        if struct.unpack_from(">HI", configuration, 104) != (mode, settings):
-            stream.note("the MTi's configuration block contradicts its settings")
+    answer = yield from talk.ask(Mid.ReqConfiguration, b"", CONFIGURATION_BYTES, optional=True)
+    held = maybe_configuration(answer) if isinstance(answer, bytes) else None
+    if held is not None and (held.output_mode, held.output_settings) != (mode, settings):
+        stream.note("the MTi's configuration block contradicts its settings")
     stream.legacy = MtDataDecoder(mode, settings)
-    stream.with_rate = "rate" in stream.legacy
+    stream.with_rate = "rate_radps" in stream.legacy
     stream.period_s = max(period, 1) / TICKS_PER_S
 
 
-def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Talk[int]:
+def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Steps[int]:
     """A setting as the device has it in the end: set only if it differs."""
     held = yield from talk.read(mid, size)
     if held & ~NED == wanted:
@@ -142,7 +117,7 @@ def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Talk[int]:
     return (yield from talk.read(mid, size))
 
 
-def _set_period(talk: Conversation, stream: MtStream, held: int, wanted: int) -> Talk[int]:
+def _set_period(talk: Conversation, stream: MtStream, held: int, wanted: int) -> Steps[int]:
     """The period in the end; one that is refused gives way to longer ones, then to the old one."""
     longer = [TICKS_PER_S // hz for hz in SLOWER_HZ if TICKS_PER_S // hz > wanted]
     for period in [wanted, *longer]:
@@ -150,14 +125,14 @@ def _set_period(talk: Conversation, stream: MtStream, held: int, wanted: int) ->
             return held
         answer = yield from talk.ask(Mid.SetPeriod, period.to_bytes(2, "big"), optional=True)
         if answer == NO_ANSWER:
-            raise StartAgainError(talk.refused(Mid.SetPeriod, NO_ANSWER))
+            raise StartAgainError(talk.describe_refusal(Mid.SetPeriod, NO_ANSWER))
         if isinstance(answer, bytes):
             return (yield from talk.read(Mid.SetPeriod, 2))
-        stream.note(talk.refused(Mid.SetPeriod, answer))
+        stream.note(talk.describe_refusal(Mid.SetPeriod, answer))
     return held
 
 
-def _clear_skip_factor(talk: Conversation) -> Talk[int]:
+def _clear_skip_factor(talk: Conversation) -> Steps[int]:
     """Samples left out after each one, in the end; some devices do not know the message."""
     skip = yield from talk.ask(Mid.SetOutputSkipFactor, b"", 2, optional=True)
     if not isinstance(skip, bytes) or skip == b"\0\0":
@@ -171,7 +146,7 @@ def _clear_skip_factor(talk: Conversation) -> Talk[int]:
 
 def _set_up_new(
     talk: Conversation, stream: MtStream, held: list[tuple[int, int]], choices: list[NewOutput]
-) -> Talk[None]:
+) -> Steps[None]:
     """The first choice that the device takes; its answer carries what it made of it."""
     for number, choice in enumerate(choices):
         if sorted(held) == sorted(choice.outputs):
@@ -187,8 +162,8 @@ def _set_up_new(
             _note_outputs(stream, choice, decode_output_configuration(read))
             return
         if answer not in TOO_MUCH:
-            raise StartAgainError(talk.refused(Mid.SetOutputConfiguration, answer))
-        stream.note(talk.refused(Mid.SetOutputConfiguration, answer))
+            raise StartAgainError(talk.describe_refusal(Mid.SetOutputConfiguration, answer))
+        stream.note(talk.describe_refusal(Mid.SetOutputConfiguration, answer))
 
 
 def _note_outputs(stream: MtStream, choice: NewOutput, held: list[tuple[int, int]]) -> None:
@@ -197,27 +172,19 @@ def _note_outputs(stream: MtStream, choice: NewOutput, held: list[tuple[int, int
     given = {identifier & 0xFFF0: rate_hz for identifier, rate_hz in held}
     orientation_hz = max((given.get(kind, 0) for kind in ORIENTATIONS), default=0)
     if not orientation_hz:
-        raise StartAgainError(f"the MTi does not offer output {_names(choice, ORIENTATIONS)}")
+        missing = next(kind for kind, _ in choice.outputs if kind in ORIENTATIONS)
+        raise StartAgainError(f"the MTi does not offer output {describe_output(missing)}")
     for identifier, rate_hz in choice.outputs:
         if identifier in (PACKET_COUNTER, FINE_TIME, MAGNETIC):
             continue  # what runs as well without them
         given_hz = given.get(identifier, 0)
         if not given_hz:
-            stream.note(f"the MTi does not offer output {_named(identifier)}")
+            stream.note(f"the MTi does not offer output {describe_output(identifier)}")
         elif given_hz not in (rate_hz, ALWAYS):
-            stream.note(
-                f"the MTi gives output {_named(identifier)} at {given_hz} Hz, not {rate_hz}"
-            )
+            output = describe_output(identifier)
+            stream.note(f"the MTi gives output {output} at {given_hz} Hz, not {rate_hz}")
     if not given.keys() & {PACKET_COUNTER, FINE_TIME}:
         stream.note("the MTi gives neither counter nor time: samples are dated by their arrival")
     stream.legacy = None
     stream.with_rate = RATE_OF_TURN in given
     stream.period_s = 1.0 / (choice.rate_hz if orientation_hz == ALWAYS else orientation_hz)
-
-
-def _names(choice: NewOutput, kinds: dict[int, int]) -> str:
-    return ", ".join(_named(identifier) for identifier, _ in choice.outputs if identifier in kinds)
-
-
-def _named(identifier: int) -> str:
-    return f"{identifier:04X} ({output_in_words(identifier)})"

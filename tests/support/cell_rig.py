@@ -54,13 +54,13 @@ class CellRig:
     ) -> None:
         self.cells = CellGrid(cells, CELL_M)
         self.window = StateWindow(window, CELL_M)
-        self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters)
+        self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters, 1081)
         self.fresh = Freshness(self.cells.grid, free_max_age_s, FOOTPRINT)
         self.clearing = Clearing(self.cells, self.fresh)
         self.obstacle = Obstacle(H, -H, window, soft_free_below_m, free_max_age_s)
         self.period_s = period_s
         self.deciding = self.deciding_into(self.window)
-        self.ground: F64 = GroundTracker(self.cells).numbers  # level, at z = 0
+        self.ground: F64 = GroundTracker(self.cells, 1081).numbers  # level, at z = 0
         self.x = self.y = self.t_s = 0.0
 
     def deciding_into(self, window: StateWindow) -> Deciding:

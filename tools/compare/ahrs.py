@@ -11,11 +11,11 @@ from time import monotonic
 
 import numpy as np
 
-from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame, error_in_words
+from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
-from hw.mti.service import MtConfiguration, decode_configuration
+from hw.mti.service import MtConfiguration, maybe_configuration
 from hw.ports.url import parse_url
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.compare.facts import (
@@ -79,7 +79,7 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
             facts.update(_asked(talk, name, mid))
         reply = reply_to(talk, encode_frame(Mid.ReqConfiguration), _is_answer_to(0x0C), ANSWER_S)
         if reply is not None and reply.event.mid == Mid.Configuration:
-            configuration = decode_configuration(reply.event.data)
+            configuration = maybe_configuration(reply.event.data)
         if settings:
             facts.update(_settings(talk))
         facts.update(_asked(talk, "GoToMeasurement", Mid.GoToMeasurement))
@@ -140,7 +140,7 @@ def _asked(
     frame: MtFrame = reply.event
     delay = {f"{name}: delay": delay_fact(reply.delay_s)}
     if frame.mid == Mid.Error:
-        return {f"{name}: answer": Fact(f"refused: {error_in_words(frame.data)}"), **delay}
+        return {f"{name}: answer": Fact(f"refused: {describe_error(frame.data)}"), **delay}
     sort: Sort = "own" if name in OWN else "same"
     return {
         f"{name}: answer": Fact(f"message {frame.mid:02X}"),

@@ -77,10 +77,5 @@ MAP_STAYS: tuple[str, ...] = ()
 AHRS = tuple(_waits(fault) for fault in _AHRS)
 
 NO_FAULTS = {
-    "ahrs.analog_1": "an input of the device that mapod does not ask for",
-    "ahrs.analog_2": "an input of the device that mapod does not ask for",
     "ahrs.self_test": "told to who asks for it: tools/cli/attitude.py",
-    "ahrs.gps_fix": "of models with a receiver, which mapod does not ask for places",
-    "ahrs.home": "where on earth it is",
-    "ahrs.utc_at_zero_s": "which day it is",
 }

@@ -13,12 +13,12 @@ import math
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
 from core.mapping.beams.ground_plane import ground_m
 from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
+from jit import kernel
 
 THROUGH = 8  # scans in a row
 STEP_M = 0.2
@@ -29,27 +29,19 @@ MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest r
 MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
 LEAST_HALF_M = 0.005
 CLEAR_M = 0.7  # so far behind it, at least, the beam went on: it does not graze an edge
-JUST_M = 0.008  # below where it was seen last: who came nearer saw things ever higher up;
-# and so much above its top in the map frame, for attitudes are noisy
+JUST_M = 0.008  # below where it was seen last: who came nearer saw things ever higher up
 GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
 
 
 @kernel
-def _passes(
-    cells: Cells, at: int, bit: int, h: float, z: float, r: float, stood: bool, serial: int
-) -> bool:
-    """Whether a beam, at range r and height h, passes through what stood in a part of a cell.
-
-    One that passes over it in the map frame (z) does not, wherever the ground may be thought to be.
-    """
+def _passes(cells: Cells, at: int, bit: int, h: float, r: float, stood: bool, serial: int) -> bool:
+    """Whether a beam, at range r and height h, passes through what stood in a part of a cell."""
     cell = cells[at]
     if cell.above == 0 or cell.high_bits & bit == 0 or cell.above_scan == serial:
         return False
     is_last = stood and cell.hit_scan == cell.above_scan
     if is_last and cell.span_low_m - JUST_M <= h <= cell.span_high_m:
         return True  # just there it was seen last
-    if z > cell.z_high_m + JUST_M:
-        return False
     margin = min(MARGIN_M + MARGIN_SLOPE * r, MARGIN_SHARE * (cell.top_m - cell.low_m))
     middle = 0.5 * (cell.low_m + cell.top_m)
     half = max(0.5 * (cell.top_m - cell.low_m) - margin, LEAST_HALF_M)
@@ -80,9 +72,8 @@ def _goes_through(
         r = middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
-            z, bit = lens[2] + r * ray[2], part_bit(x, y, window[3], sub)
-            h, far = z - ground_m(ground, x, y), r < end - CLEAR_M
-            if _passes(cells, at, bit, h, z, r, stood and far, serial):
+            h, bit = lens[2] + r * ray[2] - ground_m(ground, x, y), part_bit(x, y, window[3], sub)
+            if _passes(cells, at, bit, h, r, stood and r < end - CLEAR_M, serial):
                 return True
     return False
 

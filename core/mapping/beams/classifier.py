@@ -16,10 +16,10 @@ import numpy as np
 
 from core.config import Obstacle
 from core.grid.window import StateWindow, put_state
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, known, ones
 from core.mapping.freshness import Freshness
 from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
+from jit import kernel
 
 ENOUGH = 2  # contradicting scans that make an obstacle
 MISSED_ENOUGH = 3  # scans in which a beam went a little below the ground, where floor was due,

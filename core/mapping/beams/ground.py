@@ -18,7 +18,7 @@ from core.geometry import slope_of
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground_memory import LineMemory, Turning
 from core.mapping.beams.ground_plane import Line, Stand, fit, near_plane, nearest_due, seek, turned
-from core.mapping.rays import MAX_BEAMS, Sweep
+from core.mapping.rays import Sweep
 from core.records import F64
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
@@ -72,7 +72,7 @@ class GroundTracker:
     much this very scan shows the line too high, where scans jitter.
     """
 
-    def __init__(self, cells: CellGrid) -> None:
+    def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
         self.numbers: F64 = np.zeros(10)
         self.before: F64 = np.zeros(10)  # the same when the line was lost
@@ -82,7 +82,7 @@ class GroundTracker:
         self._history: deque[tuple[Line, tuple[float, float]]] = deque(maxlen=KEPT)
         self._memory, self._turning = LineMemory(), Turning()
         self._anchor = np.zeros(2)
-        self._found = np.zeros((MAX_BEAMS, 5))
+        self._found = np.zeros((max_beams, 5))
         # lines while it is lost: place along the way, height, travel
         self._seen: deque[tuple[float, float, float]] = deque(maxlen=2 * KEPT)
         self.lost_s = math.inf  # since when it is lost
@@ -130,6 +130,14 @@ class GroundTracker:
     def is_guess(self) -> bool:
         """Whether the robot turns, and has turned far since it last saw the line."""
         return self._lost_turned_rad > GUESS_RAD and self._turned_rad > 0.0
+
+    def is_even(self, stand: Stand) -> bool:
+        """Whether the ground at the line is about as steep as under the robot.
+
+        Where it is not, what lies in between is taken to rise or fall evenly, which is a guess.
+        """
+        along = math.tan(self.slope_rad(stand)[0])
+        return abs(along - self._leaning[0]) <= LEANS
 
     def slope_rad(self, stand: Stand) -> tuple[float, float]:
         """Slope of the ground ahead (along, across): up ahead and up to the left are positive."""

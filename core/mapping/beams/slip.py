@@ -12,12 +12,12 @@ import math
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, flat_index
 from core.mapping.beams.ground_plane import Stand, ground_m
-from core.mapping.rays import MAX_BEAMS, MIN_RANGE_M, Sweep
+from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.motion.slip import SlipEstimator
 from core.records import F64
+from jit import kernel
 
 LOW_M = 0.25  # above the ground: lower returns may be of the top of a thing, or of a slope
 APART = 2  # beams to either side that tell how a face runs
@@ -128,9 +128,9 @@ def _slides(
 
 
 @kernel
-def _agreeing(slides: F64) -> tuple[int, float]:
+def _agreeing(slides: F64, middle_m: float) -> tuple[int, float]:
     """How many of some (n,) agree with their middle, and their mean."""
-    middle_m, count, total_m = np.median(slides), 0, 0.0
+    count, total_m = 0, 0.0
     for k in range(len(slides)):
         if abs(slides[k] - middle_m) <= AGREE_M:
             count, total_m = count + 1, total_m + slides[k]
@@ -140,15 +140,15 @@ def _agreeing(slides: F64) -> tuple[int, float]:
 class Faces:
     """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
 
-    def __init__(self, cells: CellGrid) -> None:
+    def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
-        self._slides = np.zeros(MAX_BEAMS)
+        self._slides = np.zeros(max_beams)
         self._slip = SlipEstimator()
         self._leg, self._heading = 1, (math.nan, math.nan)
 
     def warm(self) -> None:
         """Run the kernel that few scans need."""
-        _agreeing(self._slides[:1])
+        _agreeing(self._slides[:1], 0.0)
 
     def erase(self) -> None:
         """Forget what they told; the cells forget the faces."""
@@ -180,7 +180,8 @@ class Faces:
         )
         if n < LEAST:
             return None
-        count, mean_m = _agreeing(self._slides[:n])
+        slides = self._slides[:n]
+        count, mean_m = _agreeing(slides, float(np.median(slides)))
         if count < max(LEAST, 0.5 * n):
             return None
         corrected_ahead_m = float(hx * corrected_m[0] + hy * corrected_m[1])

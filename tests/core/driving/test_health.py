@@ -66,7 +66,7 @@ def test_a_slope_too_steep_for_the_map_is_said() -> None:
 def test_what_warns_has_a_bit_of_its_own_and_leaves_the_map_valid() -> None:
     for warning, bit in (
         ({"drop_ahead": True}, health.DROP_AHEAD),
-        ({"contaminated": True}, health.CONTAMINATED),
+        ({"impaired": True}, health.SIGHT_IMPAIRED),
         ({"stop_asked": True}, health.STOP_ASKED),
     ):
         word = health_word(replace(GOOD, **warning))

@@ -137,7 +137,6 @@ CONVERSATION = [
     wire("SetOutputMode"),
     wire("SetOutputSettings"),
     wire("SetPeriod"),
-    framed(0xE0, struct.pack(">9f", 1, 0, 0, 0, 1, 0, 0, 0, 1)),
     wire("ReqConfiguration"),
     wire("ReqAvailableScenarios"),
     wire("GoToMeasurement"),
@@ -158,8 +157,8 @@ def test_no_bytes_make_it_raise(pieces: list[bytes], step_s: float) -> None:
 
 
 @given(
-    st.sampled_from([0x04, 0x18, 0x20, 0x64, 0x66, 0x6A, 0x82, 0x86, 0xD0, 0xD2, 0xD4, 0xE0]),
-    st.binary(min_size=1, max_size=4) | st.binary(min_size=36, max_size=36),
+    st.sampled_from([0x04, 0x18, 0x64, 0x82, 0x84, 0xD0, 0xD2, 0xD4, 0xDA]),
+    st.binary(min_size=1, max_size=4),
 )
 def test_no_setting_that_it_takes_makes_it_raise(mid: int, data: bytes) -> None:
     bench = Bench()
@@ -168,7 +167,7 @@ def test_no_setting_that_it_takes_makes_it_raise(mid: int, data: bytes) -> None:
     [(answered, value)] = frames(bench.write(framed(mid)))
     assert answered == mid + 1
     assert value
-    bench.write(wire("GoToMeasurement"))
+    bench.write(wire("GoToMeasurement"), 0.002)
     bench.listen(0.2)
 
 

@@ -17,7 +17,6 @@ from hw.mti.numbers import (
     maybe_from_euler_deg,
     maybe_orientation,
     maybe_unit,
-    vector_nwu,
 )
 from hw.mti.sample import MtSample
 
@@ -93,8 +92,6 @@ def test_every_earth_frame_becomes_north_west_up(
         sample = decode_mtdata2(message)
         assert isinstance(sample, MtSample)
         np.testing.assert_allclose(matrix(sample.q_earth_sensor), expected, atol=1e-12)
-    vector = (1.0, 2.0, 3.0)
-    np.testing.assert_array_equal(vector_nwu(vector, frame) or (), TO_NWU[frame] @ vector)
 
 
 @pytest.mark.parametrize(("frame", "roll", "yaw"), [(0, 0, 90), (1, 180, 0), (2, 0, 0)])
@@ -108,7 +105,6 @@ def test_a_flat_sensor_with_x_to_north_has_no_rotation_left(
 
 def test_a_frame_that_is_not_known_is_refused() -> None:
     assert maybe_orientation(1, (0.0, 0.0, 0.0), 3) is None
-    assert vector_nwu((1.0, 2.0, 3.0), 3) is None
 
 
 def test_what_is_no_rotation_is_refused() -> None:

@@ -1,0 +1,126 @@
+"""The data messages of one MTi, checked against what was set up: new, in order, of the right kind.
+
+Source: MTi sheet, sections 4, 5 and 9.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from hw.device import BadFrame, DeviceStatus
+from hw.exchange import StartAgainError
+from hw.mti.conversation import RESTARTED
+from hw.mti.frames import Mid, MtFrame, describe_error
+from hw.mti.mtdata import MtDataDecoder
+from hw.mti.mtdata2 import Received, SampleMerger, decode_mtdata2
+from hw.mti.sample import MtSample
+from hw.mti.times import COUNTER_WRAP, RateWatch
+
+MAX_GAP_S = 2.0  # beyond the time that passed: a counter that began anew, not lost samples
+MAX_FOREIGN = 3  # data messages in a row that are of another kind or length than set up
+ERROR_SHOWN_S = 5.0  # for so long an Error in the stream is told while running
+DATA_MIDS = (Mid.MTData, Mid.MTData2)
+
+
+@dataclass(slots=True)
+class MtStream:
+    """What the session knows of the device and its stream, for the side that measures."""
+
+    starts: int = 0
+    period_s: float = math.nan
+    device_id: str = ""  # hexadecimal
+    product: str = ""
+    firmware: str = ""
+    hardware: str = ""  # newer devices only
+    legacy: MtDataDecoder | None = None  # None: the stream is MTData2
+    with_rate: bool = True  # of turn
+    remark: str = ""  # what is not as configured
+    samples: list[Received] = field(default_factory=list)  # of this tick
+
+    def note(self, remark: str) -> None:
+        """The first thing said stays: what follows is mostly its consequence."""
+        self.remark = self.remark or remark
+
+
+class StreamReader:
+    """Frames of one stream in, samples out; from each start of the stream a new one.
+
+    Args:
+        newest: the sample before this stream, so that a frozen one is known again.
+    """
+
+    def __init__(
+        self, status: DeviceStatus, stream: MtStream, newest: MtSample | None = None
+    ) -> None:
+        self.complaint = ""  # the last thing that was wrong with a data message
+        self.newest = newest
+        self._status, self._stream = status, stream
+        joins = stream.legacy is None and stream.with_rate
+        self._merger = SampleMerger(stream.period_s, joins=joins)
+        self._watch = RateWatch(stream.period_s)
+        self._newest_s = math.nan  # arrival of it; NaN: in a stream before this one
+        self._foreign = 0
+        self._error, self._error_s = "", -math.inf  # the last Error, and when
+
+    def take(self, frames: list[MtFrame], now_s: float) -> list[Received]:
+        """The samples that are complete now."""
+        samples: list[Received] = []
+        for frame in frames:
+            samples += self._received(frame)
+        return samples + self._merger.flush(now_s)
+
+    def remark(self, now_s: float) -> str:
+        """What a person should know while it runs; "" if all is as configured."""
+        if now_s - self._error_s < ERROR_SHOWN_S:
+            return self._error
+        return self._stream.remark or self._watch.remark
+
+    def _received(self, frame: MtFrame) -> list[Received]:
+        """The samples that a frame completes."""
+        if frame.mid == Mid.Configuration:
+            raise StartAgainError(RESTARTED)
+        if frame.mid == Mid.Error:
+            self._error = self.complaint = f"the MTi reports {describe_error(frame.data)}"
+            self._error_s = frame.arrived_s
+        if frame.mid not in DATA_MIDS:
+            return []
+        sample = self._checked(frame)
+        if isinstance(sample, BadFrame):
+            self._status.reject(sample)
+            self.complaint = sample.reason
+            if self._foreign >= MAX_FOREIGN:
+                raise StartAgainError(f"the MTi does not send what was set: {sample.reason}")
+            return []
+        return self._merger.take(Received(sample, frame.wire_bytes, frame.arrived_s))
+
+    def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
+        """The sample of a data message, if it is of the stream that was set up, and a new one."""
+        legacy = self._stream.legacy
+        if (frame.mid == Mid.MTData) is (legacy is None):
+            self._foreign += 1
+            return BadFrame(f"{Mid(frame.mid).name}, which was not asked for", frame.data)
+        if legacy is None:
+            sample = decode_mtdata2(frame.data)
+        else:
+            self._foreign = self._foreign + 1 if len(frame.data) != legacy.size else 0
+            sample = legacy.decode(frame.data)
+        if isinstance(sample, MtSample) and not self._is_next(sample, frame.arrived_s):
+            return BadFrame("sample counter stands still", frame.data)
+        return sample
+
+    def _is_next(self, sample: MtSample, arrived_s: float) -> bool:
+        """False for a sample that was there before; counts those that never came."""
+        newest, passed_s = self.newest, arrived_s - self._newest_s
+        self.newest, self._newest_s = sample, arrived_s
+        if newest is None or self._merger.continues(sample):
+            return True
+        ticks_moved = None not in (newest.fine_ticks, sample.fine_ticks) and (
+            newest.fine_ticks != sample.fine_ticks
+        )
+        if newest.counter is None or sample.counter is None:
+            return ticks_moved or sample.fine_ticks is None
+        step = (sample.counter - newest.counter) % COUNTER_WRAP
+        follows = step * self._stream.period_s <= passed_s + MAX_GAP_S  # else it began anew
+        self._status.missed += max(0, step - 1) if follows else 0
+        if self._stream.legacy is not None:  # a newer device's messages may be split
+            self._watch.count(step if follows else 0, arrived_s)
+        return step > 0 or ticks_moved or sample.q_earth_sensor is None  # a third part of one

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from core.config import Config, ConfigError
@@ -94,7 +94,9 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config, via: Via = lambda section, port: port) -> Ports:
+def open_ports(
+    config: Config, via: Callable[[str, Port], Port] = lambda section, port: port
+) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Args:

@@ -11,19 +11,23 @@ SCENE ?= corridor
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-$(VENV)/.ready: pyproject.toml
-	@echo "mapod: setting up the virtual environment in $(VENV) (once; a minute or two)"
+unexport PYTHONDONTWRITEBYTECODE # pip compiles nothing: what is imported compiles once, the rest never
+
+$(BIN)/python:
 	@command -v $(PYTHON) >/dev/null || { echo "mapod: needs $(PYTHON): apt install python3.11 python3.11-venv"; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
-	@echo "mapod: installing the libraries that pyproject.toml names"
-	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable '.[dev]'
+	@echo "mapod: setting up the virtual environment in $(VENV) (once)"
+	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
+
+$(VENV)/.ready-%: pyproject.toml | $(BIN)/python
+	@echo "mapod: installing the libraries that pyproject.toml names for [$*]"
+	@$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
+	  print(*p['dependencies'], *p['optional-dependencies']['$*'], sep='\n')" \
+	  | $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --requirement /dev/stdin
 	@touch $@
 
-$(VENV)/.warm: $(VENV)/.ready $(shell find core hw fakes -name "*.py")
-	@echo "mapod: compiling the kernels of the app, then those of the simulated world (a minute, then cached)"
-	@find core hw fakes -name "*.nb?" -delete  # a cached kernel does not see that one it calls has changed
-	@$(BIN)/python main.py --warm
-	@$(BIN)/python -c "from fakes.world.rig import Rig; from fakes.scenes.scene import load_scene; Rig(load_scene('crowd', 1), 1)"
+$(VENV)/.warm: $(VENV)/.ready-sim $(wildcard *.py) $(shell find core hw fakes -name "*.py")
+	@echo "mapod: compiling the kernels that changed, of the app and of the simulated world (all: half a minute)"
+	@$(BIN)/python -m tools.warm
 	@touch $@
 
 setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels
@@ -53,16 +57,16 @@ realtime: setup ## how late ticks are, and how soon a scan is at the far end of 
 scene: setup ## a scene from above, as a picture [SCENE=office SEED=1 ARGS="--out office.png"]
 	@$(BIN)/python -m tools.rig.draw_scene $(SCENE) --seed $(SEED) $(ARGS)
 
-test: setup ## all tests, with progress
+test: setup $(VENV)/.ready-test ## all tests, with progress
 	@echo "mapod: running the tests"
 	@$(BIN)/python -m pytest
 
-check: setup ## format, lint, strict types
+check: $(VENV)/.ready-sim $(VENV)/.ready-test $(VENV)/.ready-lint ## format, lint, strict types
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 
-format: setup ## put the code into form
+format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
 
@@ -91,11 +95,11 @@ experiments: setup ## the paper's experiments and more, both methods: docs/exper
 calibrate: setup ## height, tilt and roll of the scanner from flat floor [ARGS="--height 1.08 --write"]
 	@$(BIN)/python -m tools.calibration.calibrate $(ARGS)
 
-fuzz: setup ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
+fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
-mcu: setup ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
+mcu: setup $(VENV)/.ready-test ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
 	@$(BIN)/python -m tests.support.c_sizes
 	@$(MAKE) --no-print-directory -C hw/mcu qemu
 

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from core.jit import kernel
 from core.records import F64
+from jit import kernel
 
 Rpy = tuple[float, float, float]
 ORTHOGONAL = 1e-9  # how far R R' may be from the identity

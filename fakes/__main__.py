@@ -61,15 +61,15 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
     from fakes.world.rig import Rig  # these take half a second: after the handlers of main()
-    from fakes.world.truth_log import witness_in
+    from fakes.world.truth_log import ground_truth_log
     from fakes.world.world import World
 
     if given.drive_mode not in MODES:
         raise ValueError(f"--drive-mode: must be one of {', '.join(MODES)}: {given.drive_mode}")
     with ExitStack() as files:
         scene = load_scene(given.scene, given.seed)
-        upsets = as_the_sheets_say(scene.upsets) if given.sheet_errors else None
-        world = (WatchedWorld if given.stamp else World)(scene, given.seed, upsets)
+        errors = as_the_sheets_say(scene.errors) if given.sheet_errors else None
+        world = (WatchedWorld if given.stamp else World)(scene, given.seed, errors)
         rig = Rig(world, given.seed, given.start_delay, drives=not given.no_driver)
         rig.drive.mode = given.drive_mode
         rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
@@ -82,7 +82,7 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
             seen["ahrs"] = StampedAttitude(rig.ahrs, world.sampled_s, stamps)
         if given.truth:
             told = (given.truth, world, given.scene, given.seed)
-            witness = files.enter_context(witness_in(*told))
+            witness = files.enter_context(ground_truth_log(*told))
 
             def step(now_s: float) -> None:
                 rig.step(now_s)

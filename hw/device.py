@@ -1,24 +1,44 @@
-"""What all device sessions share: the port's face, their status, the step to measurements.
+"""What all devices share: the port's face, their status, the step from bytes to measurements.
 
-A session is a generator: it yields the bytes to write and is sent a Tick. It never waits, reads no
-clock and logs nothing.
+Three parts make a device. Its parser turns bytes into events and never raises on input. Its session
+says which bytes to send: a generator that yields bytes and is sent a Tick, never waits, reads no
+clock and logs nothing (hw/exchange.py). `Device` steps both and keeps the status, which has all
+that the rest of the program may know:
+
+| state    | what it means                                  | what ends it                |
+|----------|------------------------------------------------|-----------------------------|
+| closed   | the port is not open: the cause is the port's  | the port opens              |
+| starting | the session asks and sets: the cause says why  | it delivers                 |
+| running  | it delivers: a cause is a remark               | silence, of device or port  |
 
 A device that says nothing at all, though its session asks, gets a fresh connection: one that had
 spoken on this connection after the port's own patience, one that never had after NEVER_HEARD_S.
-So a TCP connection whose other end has lost its memory doesn't keep us from the rebooted device,
+So a TCP connection whose other end has lost its memory does not keep us from the rebooted device,
 and one that accepts long before it answers is left in peace meanwhile.
+
+Whoever else is at the other end of the wire can send more than a device does, and worse: junk that
+looks like telegrams costs thirty times what telegrams cost. So a step parses what the device itself
+could have sent, and leaves the rest to the next one (`Intake`).
 """
 
+from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
 from core.records import record
-from hw.fingerprint import Stranger
+from hw.fingerprint import Fingerprint
 
 Measurement = TypeVar("Measurement")
 REJECTIONS_KEPT = 8  # per device, until somebody takes them to the log
 NEVER_HEARD_S = 10.0  # of silence on a connection on which nothing was ever heard
+
+# One byte of a telegram costs about 0.03 us; what costs more is counted in such bytes.
+EVENT_BYTES = 128  # an event, however short: 4 us
+JUNK_FACTOR = 32  # a byte of junk that looks like telegrams: 1 us
+PIECE = 1024  # bytes parsed at once: only afterwards is known what they were
+HELD_UP_S = 0.2  # so much of a device's fastest stream may come at once: an ordinary delay
+SERIAL_BYTES_PER_S = 92_160  # 921600 baud, the fastest line that any of the devices has
 
 
 class Port(Protocol):
@@ -133,6 +153,83 @@ class Parser(Protocol):
 Session = Generator[bytes, Tick, None]
 
 
+class Intake:
+    """A device's parser, and the bytes that wait for it, each with the time of its arrival.
+
+    While bytes wait no more are to be read: they stay with the operating system, which makes a
+    sender over TCP wait. Nothing is lost but what waits when its connection ends.
+
+    Args:
+        bytes_per_s: of the fastest stream that the device can send.
+    """
+
+    def __init__(self, new_parser: Callable[[], Parser], bytes_per_s: float) -> None:
+        self._new_parser, self._bytes_per_s = new_parser, bytes_per_s
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        self._allowance = 0.0  # bytes that may still be parsed in this step
+        self._stepped_s = float("inf")
+        self.begin()
+
+    def begin(self) -> None:
+        """A new connection: a new parser, and what waited is of no use."""
+        self._parser = self._new_parser()
+        self._waiting.clear()
+
+    def step(self, now_s: float) -> None:
+        """A step begins: what it may parse, more where the step before is long ago."""
+        passed_s = now_s - self._stepped_s
+        self._allowance = self._bytes_per_s * max(HELD_UP_S, 2 * passed_s)
+        self._stepped_s = now_s
+
+    @property
+    def waits(self) -> bool:
+        """Whether bytes wait for the next step."""
+        return bool(self._waiting)
+
+    def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
+        """Take what has arrived now; the events of what this step may parse, in order."""
+        for piece in pieces:
+            cuts = range(0, max(1, len(piece)), PIECE)
+            self._waiting += [(now_s, piece[at : at + PIECE]) for at in cuts]
+        events: list[Any] = []
+        while self._waiting and self._allowance > 0:
+            arrived_s, piece = self._waiting.popleft()
+            found = self._parser.feed(arrived_s, piece)
+            junk = sum(len(event.skipped) for event in found if isinstance(event, BadFrame))
+            self._allowance -= len(piece) + EVENT_BYTES * len(found) + JUNK_FACTOR * junk
+            events += found
+        return events
+
+
+class SilenceWatch:
+    """Drops a connection on which nothing comes any more, so that the port makes a fresh one."""
+
+    def __init__(self, port: Port) -> None:
+        self._maybe_port = port if isinstance(port, Reopens) else None
+        self._spoke_s = float("-inf")  # last bytes of any kind, or the opening of the connection
+        self._has_spoken = False  # on this connection
+
+    def begin(self, now_s: float) -> None:
+        """A new connection."""
+        self._spoke_s, self._has_spoken = now_s, False
+
+    def heard(self, now_s: float) -> None:
+        """Bytes of any kind."""
+        self._spoke_s, self._has_spoken = now_s, True
+
+    def maybe_drop(self, now_s: float) -> str:
+        """The cause for which the connection has just been dropped; "" if it was not."""
+        port = self._maybe_port
+        if port is None:
+            return ""
+        limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
+        if now_s - self._spoke_s <= limit_s:
+            return ""
+        cause = f"nothing heard for {limit_s:g} s"
+        port.reopen(cause)
+        return cause
+
+
 class Device(Generic[Measurement]):
     """One device on its port: bytes in, measurements out, its session's bytes back.
 
@@ -145,30 +242,31 @@ class Device(Generic[Measurement]):
         port: Port,
         new_parser: Callable[[], Parser],
         new_session: Callable[[], Session],
+        bytes_per_s: float = SERIAL_BYTES_PER_S,
     ) -> None:
         self.status, self.port = status, port
-        self._maybe_reopens = port if isinstance(port, Reopens) else None
-        self._new_parser, self._new_session = new_parser, new_session
-        self._stranger = Stranger(status.name)
+        self._intake, self._silence = Intake(new_parser, bytes_per_s), SilenceWatch(port)
+        self._new_session = new_session
+        self._session = self._begun_session()
+        self._fingerprint = Fingerprint(status.name)
         self._opened = 0
         self._held: list[Measurement] = []  # heard since the last step
-        self._spoke_s = float("-inf")  # last bytes of any kind, or the opening of the connection
-        self._has_spoken = False  # on this connection
         self._given_up = ""  # the cause for which we have dropped the connection
-        self._begin()
 
-    def _begin(self) -> None:
-        self._parser, self._session = self._new_parser(), self._new_session()
-        next(self._session)  # up to its first yield, which waits for a Tick
+    def _begun_session(self) -> Session:
+        session = self._new_session()
+        next(session)  # up to its first yield, which waits for a Tick
+        return session
 
     def step(self, now_s: float) -> list[Measurement]:
         """Read, decode, let the session write; the measurements complete since the last step."""
         if self.port.poll(now_s):
             if self.port.opened != self._opened:
                 self._start_anew(now_s)
-            self._advance(now_s, self.port.read())
-            if self._maybe_reopens is not None:
-                self._drop_if_silent(now_s, self._maybe_reopens)
+            self._intake.step(now_s)
+            self._advance(now_s, [] if self._intake.waits else self.port.read())
+            if self.port.fileno() >= 0:  # reading may have found its end
+                self._drop_if_silent(now_s)
         elif self.port.cause != self._given_up and (
             self.status.state != "closed" or self.status.cause != self.port.cause
         ):
@@ -182,8 +280,27 @@ class Device(Generic[Measurement]):
 
         The session may answer at once; measurements wait for the next step.
         """
-        if self.port.opened == self._opened and (pieces := self.port.read()):
+        if self.port.opened != self._opened or self._intake.waits:
+            return
+        if pieces := self.port.read():
             self._advance(now_s, pieces)
+
+    def stop(self) -> None:
+        """The program ends: last words; step it until it has settled."""
+
+    @property
+    def settled(self) -> bool:
+        """After `stop`: nothing is left that it must still bring about."""
+        return True
+
+    @property
+    def identity(self) -> str:
+        """Type, serial number, firmware, as far as it has told."""
+        return ""
+
+    def measured(self) -> dict[str, float]:
+        """Voltages, temperatures and the like, by name with its unit."""
+        return {}
 
     @property
     def has_heard(self) -> bool:
@@ -192,50 +309,45 @@ class Device(Generic[Measurement]):
 
     def _start_anew(self, now_s: float) -> None:
         """On a new connection. The same device after mere silence is no change of state."""
-        self._opened, self._spoke_s, self._has_spoken = self.port.opened, now_s, False
+        self._opened = self.port.opened
+        self._silence.begin(now_s)
         if not self._given_up:
             self.status.fall_back("starting", "waiting for the first answer")
-            self._stranger.forget()
+            self._fingerprint.forget()
         self._given_up = ""
-        self._begin()
+        self._intake.begin()
+        self._session = self._begun_session()
 
     def _advance(self, now_s: float, pieces: list[bytes]) -> None:
         """Parser and session up to now; what they measured is held for the step."""
-        events: list[Any] = []
-        if pieces:
-            for piece in pieces:
-                events += self._parser.feed(now_s, piece)
-            if any(pieces):
-                self._spoke_s, self._has_spoken = now_s, True
-            for event in events:
-                if isinstance(event, BadFrame):
-                    self.status.reject(event)
+        if self._intake.waits or any(pieces):
+            self._silence.heard(now_s)
+        events = self._intake.events(now_s, pieces)
+        for event in events:
+            if isinstance(event, BadFrame):
+                self.status.reject(event)
         out = self._session.send(Tick(now_s, events))
         if out:
             self.port.write(out)
         if self.status.state == "running":
-            self._stranger.forget()
+            self._fingerprint.forget()
         else:
-            self._name_stranger(now_s, pieces, out)
+            self._name_who_answers(now_s, pieces, out)
         if measurements := self._measure(now_s, events):
             self._held += measurements
             self.status.heard_s = now_s
 
-    def _name_stranger(self, now_s: float, pieces: list[bytes], out: bytes) -> None:
+    def _name_who_answers(self, now_s: float, pieces: list[bytes], out: bytes) -> None:
         """While it does not run: say what seems to answer instead of the device."""
-        words, cause = self._stranger.words(now_s, pieces, out), self.status.cause
-        is_said = cause.endswith(words) or ("baud rate" in words and "baud rate" in cause)
-        if words and not is_said:
-            self.status.cause = f"{cause}: {words}"
+        message, cause = self._fingerprint.message(now_s, pieces, out), self.status.cause
+        is_said = cause.endswith(message) or ("baud rate" in message and "baud rate" in cause)
+        if message and not is_said:
+            self.status.cause = f"{cause}: {message}"
 
-    def _drop_if_silent(self, now_s: float, port: Reopens) -> None:
-        if not self.port.fileno() >= 0:
-            return
-        limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
-        if now_s - self._spoke_s > limit_s:
+    def _drop_if_silent(self, now_s: float) -> None:
+        if cause := self._silence.maybe_drop(now_s):
             if self.status.state == "running":
-                self.status.fall_back("starting", f"nothing heard for {limit_s:g} s")
-            port.reopen(f"nothing heard for {limit_s:g} s")
+                self.status.fall_back("starting", cause)
             self._given_up = self.port.cause
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Measurement]:

@@ -78,7 +78,7 @@ class Exchange:
         self._reply += out
 
     def ask(
-        self, command: bytes, matches: Callable[[Any], Answer | None], wait_s: float, tries: int = 1
+        self, command: bytes, matches: Callable[[Any], Answer], wait_s: float, tries: int = 1
     ) -> Steps[Answer | None]:
         """The answer to a command, written once for each try; None after the last one.
 
@@ -94,7 +94,7 @@ class Exchange:
         return None
 
     def wait_for(
-        self, matches: Callable[[Any], Answer | None], wait_s: float, out: bytes = b""
+        self, matches: Callable[[Any], Answer], wait_s: float, out: bytes = b""
     ) -> Steps[Answer | None]:
         """The first match among what is unread and what comes within wait_s; None: nothing.
 

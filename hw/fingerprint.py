@@ -1,7 +1,7 @@
 """Which protocol bytes seem to be: for naming the wrong device on a port. No I/O, no clock.
 
-Looks only for what chance hardly makes: headers of several bytes, right checksums, fixed words.
-Refuses to guess: bytes that prove nothing give None.
+It looks for what chance hardly makes: headers of several bytes, right checksums, fixed words.
+It refuses to guess: bytes that prove nothing give None.
 Source: the sheets of the devices (CoLa: lms111 2; MT: mti 2; Roboteq: ax3500 1 and 8; SCIP: urg04lx
 2 and 3), docs/planner-link.md 2, NMEA 0183, RFC 9110 and RFC 4253.
 """
@@ -9,7 +9,7 @@ Source: the sheets of the devices (CoLa: lms111 2; MT: mti 2; Roboteq: ax3500 1 
 import re
 import zlib
 from collections.abc import Callable
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 from cobs import cobs
 
@@ -21,7 +21,7 @@ NOISE_LEAST = 320  # bytes without a frame: more than a usual MT message
 NOISE_SHARE = 0.25  # of bytes that no text has
 SEEMS = "what answers there seems to be "
 
-WORDS = {
+NAMES = {
     "cola-b": "a SICK scanner that speaks CoLa-B",
     "cola-a": "a SICK scanner that speaks CoLa-A",
     "mt": "an Xsens MTi",
@@ -61,15 +61,6 @@ def maybe_protocol(data: bytes) -> str | None:
     return None
 
 
-def in_words(key: str) -> str:
-    """Who speaks so, in a person's words.
-
-    >>> in_words("ssh")
-    'an SSH server'
-    """
-    return WORDS[key]
-
-
 def is_echo(heard: bytes, sent: bytes) -> bool:
     """True if all that was heard is what was sent before, and enough of it to be no chance."""
     return len(heard) >= ECHO_LEAST and heard[-SENT_KEPT // 2 :] in sent
@@ -85,24 +76,17 @@ def is_noise(data: bytes) -> bool:
 
 def _is_mt(data: bytes) -> bool:
     """One whole MT message with a right checksum."""
+    sums = [0, *accumulate(data)]  # of all bytes before each: many starts cost no more than one
     at = data.find(MT_START)
-    while at >= 0:
-        if _mt_message_fits(data, at):
+    while 0 <= at <= len(data) - 5:
+        size, head = data[at + 3], 4
+        if size == MT_EXTENDED:
+            size, head = int.from_bytes(data[at + 4 : at + 6], "big"), 6
+        end = at + head + size + 1
+        if size <= MT_LONGEST and end <= len(data) and (sums[end] - sums[at + 1]) % 256 == 0:
             return True
         at = data.find(MT_START, at + 1)
     return False
-
-
-def _mt_message_fits(data: bytes, at: int) -> bool:
-    if len(data) < at + 5:
-        return False
-    size, head = data[at + 3], 4
-    if size == MT_EXTENDED:
-        size, head = int.from_bytes(data[at + 4 : at + 6], "big"), 6
-    end = at + head + size + 1
-    if size > MT_LONGEST or end > len(data):
-        return False
-    return sum(data[at + 1 : end]) % 256 == 0
 
 
 def _is_nmea(data: bytes) -> bool:
@@ -155,7 +139,7 @@ TESTS: dict[str, Callable[[bytes], bool]] = {  # the least likely by chance firs
 }
 
 
-class Stranger:
+class Fingerprint:
     """Watches a connection on which a device should answer, for what else may be there."""
 
     def __init__(self, device: str) -> None:
@@ -163,15 +147,15 @@ class Stranger:
         self._may_be_noise = device in ON_SERIAL_LINES
         self._heard, self._sent = bytearray(), bytearray()
         self._looked_s = float("-inf")
-        self._words = ""
+        self._message = ""
 
     def forget(self) -> None:
         """A new connection, or the device itself has answered."""
         if self._heard or self._sent:
             self._heard, self._sent = bytearray(), bytearray()
-        self._words = ""
+        self._message = ""
 
-    def words(self, now_s: float, pieces: list[bytes], sent: bytes) -> str:
+    def message(self, now_s: float, pieces: list[bytes], sent: bytes) -> str:
         """Take in what was heard and sent; "" or who it seems to be, as the end of a sentence."""
         for piece in pieces:
             self._heard += piece[-KEPT:]
@@ -182,7 +166,7 @@ class Stranger:
         if sent:  # after looking: an echo can't come before what it repeats
             self._sent += sent
             del self._sent[:-SENT_KEPT]
-        return self._words
+        return self._message
 
     def _look(self) -> None:
         heard = bytes(self._heard)
@@ -190,6 +174,6 @@ class Stranger:
         if key is None and self._may_be_noise and is_noise(heard):
             key = "noise"
         if key in self._own:
-            self._words = ""
+            self._message = ""
         elif key is not None:
-            self._words = SEEMS + in_words(key)
+            self._message = SEEMS + NAMES[key]

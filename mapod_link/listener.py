@@ -168,6 +168,10 @@ class Listener:
 
     # Bytes in
 
+    def begin_stream(self) -> None:
+        """A new connection: what was begun on the one before has no end."""
+        self._deframer = Deframer()
+
     def feed_stream(self, now_s: float, data: bytes) -> None:
         """Bytes from a serial line, cut anywhere; now_s: when they arrived."""
         for frame in self._deframer.feed(data):

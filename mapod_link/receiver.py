@@ -221,7 +221,7 @@ class Receiver(Listener):
     def _send(self, now_s: float, frame_type: int, body: bytes) -> None:
         self._sent += 1
         t_ms = math.floor(now_s * 1000 + 1e-6)
-        if self._key is None or self.geom is None or frame_type == HELLO:
+        if self._key is None or self.geom is None:
             frame = bytes_from_frame(frame_type, self._sent, t_ms, body)
         else:
             session = self.geom.session

@@ -217,13 +217,13 @@ class TcpWire:
 
     def feed(self, receiver: Listener) -> None:
         """All that has arrived; a connection that ends is waited for anew."""
-        self._accept()
+        if self._accept():
+            receiver.begin_stream()
         if self._stream is not None:
             try:
                 self._stream.feed(receiver)
             except OSError:
                 self._hang_up()
-                receiver.feed_stream(time.monotonic(), b"\0")  # what was begun has no end
 
     def write(self, frame: bytes) -> None:
         """To the sender that is connected."""
@@ -238,14 +238,16 @@ class TcpWire:
         self._hang_up()
         self._listener.close()
 
-    def _accept(self) -> None:
+    def _accept(self) -> bool:
+        """Take the newest sender, if one has connected."""
         try:
             accepted, _ = self._listener.accept()
         except BlockingIOError:
-            return
+            return False
         self._hang_up()
         accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket, self._stream = accepted, StreamWire(accepted.fileno())
+        return True
 
     def _hang_up(self) -> None:
         if self._socket is not None:

@@ -18,8 +18,8 @@ from core.driving.stop_zone import (
     gap_to,
     leaves,
 )
-from core.jit import kernel
 from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
+from jit import kernel
 
 SECTORS = 8
 

@@ -6,8 +6,8 @@ It decides nothing: a method puts states in, the link takes changes out.
 import numpy as np
 
 from core.grid.ring import RingGrid
-from core.jit import kernel
 from core.records import I8, I32, UNKNOWN
+from jit import kernel
 
 
 @kernel

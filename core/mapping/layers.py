@@ -13,11 +13,11 @@ import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.grid.window import StateWindow
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
 from core.mapping.terrain import F32, Terrain
 from core.records import F64, I32, I64, UNKNOWN
+from jit import kernel
 
 UNITS = {  # every layer there is
     "height": "m",  # above the ground that is tracked (`beams`) or expected (`reference_plane`)

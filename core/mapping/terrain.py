@@ -14,9 +14,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells
 from core.records import I8, I32
+from jit import kernel
 
 F32 = npt.NDArray[np.float32]
 Windowed = tuple[int, int, int, float]  # corner i, corner j, size, edge of a cell in metres

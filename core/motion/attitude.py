@@ -11,11 +11,11 @@ import math
 import numpy as np
 
 from core.geometry import R_from_rpy, Rpy, q_from_R, q_from_rpy, q_product, rpy_from_q, rpy_of
-from core.jit import kernel
 from core.motion.heading import HeadingFilter
 from core.motion.magnetic import Quaternion
 from core.motion.tilt import LevelFilter
 from core.records import F64, Attitude
+from jit import kernel
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
@@ -88,19 +88,27 @@ def _body_from_sensor(
 
 
 @kernel
+def _put(q: F64, place: F64) -> None:
+    """Copy an orientation (4,); an assignment of slices takes Numba two seconds to compile."""
+    for k in range(4):
+        place[k] = q[k]
+
+
+@kernel
 def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
     """Put a sample into its place of `q` (KEPT, 4), and what it turns to in the one behind it.
 
     It turns on at a rate about its own axes for so long; not at one that is not known.
     """
-    q[last] = q_from_rpy(rpy[0], rpy[1], rpy[2])
+    newest, ahead = q[last], q[(last + 1) % len(q)]
+    _put(q_from_rpy(rpy[0], rpy[1], rpy[2]), newest)
     x, y, z = rate_radps
     if not math.isfinite(x + y + z):
         return
     angle = math.sqrt(x * x + y * y + z * z) * for_s
     share = 0.5 * for_s * (math.sin(angle / 2) / (angle / 2) if angle > 1e-9 else 1.0)
     turn = np.array([math.cos(angle / 2), share * x, share * y, share * z])
-    q[(last + 1) % len(q)] = q_product(q[last], turn)
+    _put(q_product(newest, turn), ahead)
 
 
 def _turned(turn_rad: float, q: F64) -> F64:

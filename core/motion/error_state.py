@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from core.jit import kernel
 from core.records import F64
+from jit import kernel
 
 SIZE = 10
 X, Y, YAW = 0, 1, 2  # m, m, rad: what the told pose is to be corrected by; map frame

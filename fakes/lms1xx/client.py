@@ -90,9 +90,10 @@ class Client:
             code = device.refuse.get(f"{kind} {name}", device.refuse.get(name))
             if code is not None:
                 raise RefusedError(code)
+            if not binary and not (payload.startswith(b"s") and cola.is_printable(payload)):
+                raise RefusedError(cola.INVALID_CHARACTER)
             if kind not in PREFIXES:
-                is_text = not binary and not payload.startswith(b"s")
-                raise RefusedError(cola.INVALID_CHARACTER if is_text else cola.UNKNOWN_COMMAND)
+                raise RefusedError(cola.UNKNOWN_COMMAND)
             values = device.carry_out(self, kind, name, take)
             answer = self._payload(f"{PREFIXES[kind]} {name} ", values, binary)
         except RefusedError as refused:

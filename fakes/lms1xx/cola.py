@@ -60,6 +60,11 @@ def command(payload: bytes) -> tuple[str, str, bytes]:
     return kind.decode("ascii"), name.decode("latin-1"), arguments
 
 
+def is_printable(payload: bytes) -> bool:
+    """Whether it has only characters of text."""
+    return PRINTABLE.issuperset(payload)
+
+
 class TextReader:
     """CoLa-A: takes the host's stream cut anywhere; gives what stands between STX and ETX."""
 
@@ -73,7 +78,7 @@ class TextReader:
         while (end := self._buffer.find(TEXT_END)) >= 0:
             start = self._buffer.rfind(TEXT_START, 0, end)
             payload = bytes(self._buffer[start + 1 : end]) if start >= 0 else b""
-            if payload and len(payload) <= MAX_COMMAND and PRINTABLE.issuperset(payload):
+            if payload and len(payload) <= MAX_COMMAND:
                 payloads.append(payload)
             del self._buffer[: end + 1]
         start = self._buffer.rfind(TEXT_START)  # only the last one can still begin a command

@@ -6,6 +6,7 @@ length of two bytes or one; N is a bare name; W and w are rows of 16 or 8 bit va
 Source: lms111 sheet, section 2.
 """
 
+import re
 import struct
 from collections.abc import Iterable
 from typing import Any
@@ -21,7 +22,7 @@ from fakes.lms1xx.cola import (
 Value = tuple[str, Any]
 
 BITS = {"B": 8, "H": 16, "I": 32, "b": 8, "h": 16, "i": 32}
-DIGITS = frozenset(b"0123456789ABCDEFabcdef")
+NUMBER = re.compile(rb"[+-][0-9]+|[0-9A-Fa-f]+")
 
 
 def packed(values: Iterable[Value]) -> bytes:
@@ -77,9 +78,11 @@ def read(kinds: str, arguments: bytes) -> tuple[int, ...]:
     (-450000, 3, -450000)
 
     Raises:
-        RefusedError: too few, too many, no number, or beyond its kind.
+        RefusedError: no number, too few, too many, or beyond its kind; looked for in this order.
     """
     tokens = arguments.split(b" ") if arguments else []
+    if not all(NUMBER.fullmatch(token) for token in tokens):
+        raise RefusedError(INVALID_CHARACTER)
     if len(tokens) != len(kinds):
         raise RefusedError(TOO_SHORT if len(tokens) < len(kinds) else TOO_LONG)
     return tuple(_number(kind, token) for kind, token in zip(kinds, tokens, strict=True))
@@ -87,9 +90,6 @@ def read(kinds: str, arguments: bytes) -> tuple[int, ...]:
 
 def _number(kind: str, token: bytes) -> int:
     has_sign = token[:1] in (b"+", b"-")
-    digits = token[1:] if has_sign else token
-    if not digits or not (digits.isdigit() if has_sign else DIGITS.issuperset(digits)):
-        raise RefusedError(INVALID_CHARACTER)
     number, bits = int(token, 10 if has_sign else 16), BITS[kind]
     if not has_sign and kind.islower() and 1 << bits - 1 <= number < 1 << bits:
         number -= 1 << bits

@@ -14,7 +14,7 @@ from fakes.lms1xx import cola
 from fakes.lms1xx.client import Client, Take
 from fakes.lms1xx.cola import RefusedError
 from fakes.lms1xx.cola_values import Value
-from fakes.lms1xx.head import EPOCH, F64, STATUS_ERROR
+from fakes.lms1xx.head import EPOCH, F64
 from fakes.lms1xx.models import MODELS
 from fakes.lms1xx.scan import SCAN_CONFIG, TIME
 from fakes.lms1xx.settings import PLAIN, SettableHead
@@ -51,6 +51,7 @@ class FakeLms111(SettableHead):
         self.wrong_checksum_rate = 0.0  # of all telegrams
         self.spin_up_s = 0.3  # from Run to the first sweep
         self.temperature_bad = False  # out of its range
+        self.in_error = False  # as SCdevicestate tells
         self.untrue_output_step = True  # LMPoutputRange says 0.5 deg, whatever it scans at
         self.measures_at_power_up = False  # without being told to
         self.power_ons = 0x3F  # so far
@@ -274,7 +275,7 @@ class FakeLms111(SettableHead):
         return CONFIGURING if self._configuring else IDLE
 
     def _device_state(self) -> int:
-        if self.device_status & STATUS_ERROR:
+        if self.in_error:
             return ERROR_STATE
         is_busy = self._configuring or self.state == ROTATING
         return BUSY_STATE if is_busy else READY_STATE

@@ -39,7 +39,7 @@ KEPT_S = 0.9  # a device that was not looked at for longer has lost its oldest s
 IMPLAUSIBLE, FILTERED = 2, 3  # codes below FIRST_VALID, as DAZZLED
 SAME_MM = 200  # the n-to-1 filter wants an echo so near to the one of the scan before
 MOST_SCANS = 100  # of the mean filter
-STATUS_ERROR, STATUS_DIRTY, STATUS_BLIND = 1, 2, 4  # device status, recalled and not confirmed
+NOT_VALID_YET = b"\1\0"  # device status of the first scans, as recorded
 EPOCH = datetime(1970, 1, 1)
 FIRST_TELEGRAM = 63_336  # as recorded
 OUTPUTS = ((0, 0xFC), (0, 0x112), (1, 0x5D), *[(2, 0)] * 8)  # state, changes; recorded
@@ -62,8 +62,8 @@ class LaserHead:
         self.noise_m = 0.012  # 1 sigma; the sheet's statistical error
         self.offset_m = 0.0  # by which all it measures is too far; the sheet: up to 0.03
         self.settling_scans = 7  # that carry device status 01 00
-        self.contamination = 0  # of the window: 1 warning, 2 error, 3 fatal
-        self.device_status = 0  # what telegrams say besides: 1 error, 2 dirty window, 4 blind
+        self.contamination = 0  # of the window, as LCMstate tells: 1 warning, 2 error, 3 fatal
+        self.device_status = 0  # of settled scans, second byte; no value but 0 is documented
         self.dazzled_rate = 0.0  # of beams
         self.implausible_rate = 0.0  # of beams
         self.filtered_rate = 0.0  # of beams
@@ -152,7 +152,7 @@ class LaserHead:
         sent_us = self._uptime_us(sent_s)
         self._telegrams += 1
         return ScanTelegram(
-            status=self._device_status(settled),
+            status=bytes([0, self.device_status & 0xFF]) if settled else NOT_VALID_YET,
             telegrams=self._telegrams - 1,
             scans=sweep,
             scan_us=sent_us - STAMP_US,
@@ -168,11 +168,6 @@ class LaserHead:
             when=self._date(sent_s) if content.time else None,
             version=self._version,
         ).values()
-
-    def _device_status(self, settled: bool) -> bytes:
-        """First not valid yet, as recorded; then the window's, and what was ordered."""
-        dirty = {0: 0, 1: STATUS_DIRTY}.get(self.contamination, STATUS_BLIND)
-        return bytes([0 if settled else STATUS_ERROR, (dirty | self.device_status) & 0xFF])
 
     def _echoes_mm(self, sweep: int) -> tuple[U16, U16]:
         """The codes (n,) of the points of a sweep that are sent: first and second echo."""

@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from fakes.lms1xx.scan import FIRST_VALID, NO_ECHO, U16
-from fakes.rays.kernels import F64, kernel
+from fakes.rays.kernels import F64
+from jit import kernel
 
 DAZZLED = 1  # a code below FIRST_VALID
 

@@ -87,6 +87,11 @@ class RecordedLms111:
         return list(accumulate(periods_s))
 
     @property
+    def scans(self) -> int:
+        """How many the recording holds."""
+        return len(self._scans)
+
+    @property
     def done(self) -> bool:
         """True once the last recorded scan has been sent."""
         return self._sent == len(self._scans)

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from fakes.rays.kernels import F64, kernel
+from fakes.rays.kernels import F64
+from jit import kernel
 
 Sigmas = tuple[float, float, float, float]  # of angle, acceleration, rate of turn, field
 
@@ -35,6 +36,34 @@ def turn_about(x: float, y: float, z: float) -> F64:
 
 
 @kernel
+def _told_vectors(
+    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, sigmas: Sigmas, noise: F64,
+    accel_off: F64, rate_off: F64, full: F64, case: F64,
+) -> tuple[F64, int]:  # fmt: skip
+    """The vectors of `told`, and which of their numbers were clipped."""
+    told, clipped, sensed = np.empty((3, 3)), 0, np.empty(3)
+    for kind in range(3):
+        for axis in range(3):
+            if kind == 0:
+                value = accel[axis] + (accel_off[axis] + sigmas[1] * noise[2, axis])
+            elif kind == 1:
+                value = rate[axis] + (rate_off[axis] + sigmas[2] * noise[1, axis])
+            else:
+                value = 0.0
+                for k in range(3):
+                    value += R_earth_sensor[k, axis] * field[k]
+                value += sigmas[3] * noise[3, axis]
+            if abs(value) > full[kind]:
+                clipped |= 1 << (3 * kind + axis)
+            sensed[axis] = min(max(value, -full[kind]), full[kind])
+        for axis in range(3):
+            told[kind, axis] = (
+                case[axis, 0] * sensed[0] + case[axis, 1] * sensed[1] + case[axis, 2] * sensed[2]
+            )
+    return told, clipped
+
+
+@kernel
 def told(
     R_true: F64, R_believed: F64, accel: F64, rate: F64, field: F64, yaw_rad: float,
     sigmas: Sigmas, noise: F64, accel_off: F64, rate_off: F64, full: F64, earth: F64, case: F64,
@@ -61,34 +90,6 @@ def told(
         accel, rate, R_true, field, sigmas, noise, accel_off, rate_off, full, case
     )
     return R, vectors, clipped
-
-
-@kernel
-def _told_vectors(
-    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, sigmas: Sigmas, noise: F64,
-    accel_off: F64, rate_off: F64, full: F64, case: F64,
-) -> tuple[F64, int]:  # fmt: skip
-    """The vectors of `told`, and which of their numbers were clipped."""
-    told, clipped, sensed = np.empty((3, 3)), 0, np.empty(3)
-    for kind in range(3):
-        for axis in range(3):
-            if kind == 0:
-                value = accel[axis] + (accel_off[axis] + sigmas[1] * noise[2, axis])
-            elif kind == 1:
-                value = rate[axis] + (rate_off[axis] + sigmas[2] * noise[1, axis])
-            else:
-                value = 0.0
-                for k in range(3):
-                    value += R_earth_sensor[k, axis] * field[k]
-                value += sigmas[3] * noise[3, axis]
-            if abs(value) > full[kind]:
-                clipped |= 1 << (3 * kind + axis)
-            sensed[axis] = min(max(value, -full[kind]), full[kind])
-        for axis in range(3):
-            told[kind, axis] = (
-                case[axis, 0] * sensed[0] + case[axis, 1] * sensed[1] + case[axis, 2] * sensed[2]
-            )
-    return told, clipped
 
 
 @kernel

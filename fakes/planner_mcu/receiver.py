@@ -4,22 +4,9 @@ What it makes of frames is not its own: see `mapod_link`.
 """
 
 import random
-from collections import deque
-from dataclasses import dataclass
 
-from mapod_link.frames import Frame
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import MOST_CELLS
-
-
-@dataclass(frozen=True, slots=True)
-class Heard:
-    """One accepted frame, for whoever measures rates and delays."""
-
-    arrived_s: float
-    type: int
-    t_ms: int
-    size: int  # bytes, before COBS
 
 
 class FakePlanner(Receiver):
@@ -28,7 +15,6 @@ class FakePlanner(Receiver):
     Attributes:
         mute, deaf, loss_rate: faults, for tests to set: it answers nothing, it hears nothing, it
             hears each frame with this much less than certainty.
-        heard: the newest frames that were taken.
     """
 
     def __init__(
@@ -50,7 +36,6 @@ class FakePlanner(Receiver):
             max_cells=max_cells,
             poll_only=poll_only,
         )
-        self.heard: deque[Heard] = deque(maxlen=4096)
 
     def feed_datagram(self, now_s: float, data: bytes) -> bool:
         """One frame, unless a fault keeps it away; whether it was taken."""
@@ -62,8 +47,3 @@ class FakePlanner(Receiver):
         """Frames to send back, not framed for a serial line."""
         frames = super().poll(now_s)
         return [] if self.mute else frames
-
-    def note(self, now_s: float, frame: Frame) -> None:
-        """Keep when it came."""
-        super().note(now_s, frame)
-        self.heard.append(Heard(now_s, frame.type, frame.t_ms, frame.size))

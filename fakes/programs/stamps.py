@@ -15,7 +15,7 @@ from typing import Any
 
 from fakes.mti.stream import LATENCY_S
 from fakes.scenes.scene import Scene
-from fakes.world.error_models import Upsets
+from fakes.world.error_models import ErrorModels
 from fakes.world.world import F64, World
 
 KEPT = 64  # instants that are not on the wire yet
@@ -27,10 +27,12 @@ BITS_A_BYTE, ROUNDING_S = 10, 1e-4
 class WatchedWorld(World):
     """A world that remembers the instants at which sensors looked at it, oldest first."""
 
-    def __init__(self, scene: Scene | str | Path, seed: int, upsets: Upsets | None = None) -> None:
+    def __init__(
+        self, scene: Scene | str | Path, seed: int, errors: ErrorModels | None = None
+    ) -> None:
         self.swept_s: deque[float] = deque(maxlen=KEPT)  # last beam of each sweep
         self.sampled_s: deque[float] = deque(maxlen=KEPT)  # of the attitude sensor
-        super().__init__(scene, seed, upsets)
+        super().__init__(scene, seed, errors)
         self.swept_s.clear()  # it has looked at itself, to warm up
         self.sampled_s.clear()
 

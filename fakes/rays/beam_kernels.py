@@ -15,10 +15,10 @@ from fakes.rays.kernels import (
     Targets,
     horizon_from,
     invert,
-    kernel,
     spans_of_passers,
     spans_of_targets,
 )
+from jit import kernel
 
 Vector = tuple[float, float, float]
 FAR_M = 30.0  # a beam returns nothing from beyond
@@ -104,35 +104,6 @@ def _put_in(aims: F64, offsets: F64, pencil: Pencil) -> None:
 
 
 @kernel
-def echoes_of_beams(
-    beams: Beams, since_begin_s: F64, targets: Targets, passers: Passers, glass_cos: float,
-    mixes: bool,
-) -> tuple[F64, F64]:  # fmt: skip
-    """First and second echo (2, n) of beams, inf where nothing is; and their azimuths (n,).
-
-    Args:
-        since_begin_s: (n,) instants, of the passers' clock.
-        mixes: of `echoes_from_rays`; glass_cos: of `meet_targets`.
-    """
-    n, subs, aims = len(beams.bearings), len(beams.pattern), aims_of(beams)
-    horizon = horizon_of(beams, aims)
-    spans, ways = spans_of_targets(horizon, targets), spans_of_passers(horizon, passers)
-    pencil = Pencil(np.empty((3, n)), np.empty((3, n)), np.empty((3, n)))
-    ranges_m, met = np.full((subs, n), np.inf), np.empty(n, dtype=np.int64)
-    for sub in range(subs):
-        found = ranges_m[sub]
-        met[:] = -1
-        _put_in(aims, beams.pattern[sub], pencil)
-        meet_targets(pencil, spans, targets, glass_cos, FAR_M, found, met)
-        meet_passers(pencil, ways, since_begin_s, passers, found, met)
-        for i in range(n):
-            is_black = met[i] >= 0 and targets.materials[met[i]] == BLACK
-            if found[i] > (BLACK_REACH_M if is_black else FAR_M):
-                found[i] = np.inf
-    return echoes_from_rays(ranges_m, mixes), horizon.azimuths
-
-
-@kernel
 def echoes_from_rays(ranges_m: F64, mixes: bool) -> F64:
     """First and second echo (2, n) of beams of rays (subs, n); inf where nothing is.
 
@@ -175,3 +146,32 @@ def echoes_from_rays(ranges_m: F64, mixes: bool) -> F64:
         if light > 0.0 and count < 2:
             echoes[count, i] = way / light if mixes else some[middle]
     return echoes
+
+
+@kernel
+def echoes_of_beams(
+    beams: Beams, since_begin_s: F64, targets: Targets, passers: Passers, glass_cos: float,
+    mixes: bool,
+) -> tuple[F64, F64]:  # fmt: skip
+    """First and second echo (2, n) of beams, inf where nothing is; and their azimuths (n,).
+
+    Args:
+        since_begin_s: (n,) instants, of the passers' clock.
+        mixes: of `echoes_from_rays`; glass_cos: of `meet_targets`.
+    """
+    n, subs, aims = len(beams.bearings), len(beams.pattern), aims_of(beams)
+    horizon = horizon_of(beams, aims)
+    spans, ways = spans_of_targets(horizon, targets), spans_of_passers(horizon, passers)
+    pencil = Pencil(np.empty((3, n)), np.empty((3, n)), np.empty((3, n)))
+    ranges_m, met = np.full((subs, n), np.inf), np.empty(n, dtype=np.int64)
+    for sub in range(subs):
+        found = ranges_m[sub]
+        met[:] = -1
+        _put_in(aims, beams.pattern[sub], pencil)
+        meet_targets(pencil, spans, targets, glass_cos, FAR_M, found, met)
+        meet_passers(pencil, ways, since_begin_s, passers, found, met)
+        for i in range(n):
+            is_black = met[i] >= 0 and targets.materials[met[i]] == BLACK
+            if found[i] > (BLACK_REACH_M if is_black else FAR_M):
+                found[i] = np.inf
+    return echoes_from_rays(ranges_m, mixes), horizon.azimuths

@@ -18,8 +18,8 @@ from fakes.rays.kernels import (
     Passers,
     Pencil,
     Targets,
-    kernel,
 )
+from jit import kernel
 
 # One ray across one body: scalars, which cost a fifth of what rows of arrays do. A ray is its begin
 # x, y, z, and one over its direction. Each gives the ways to where it enters, behind its begin
@@ -188,22 +188,6 @@ def meet_targets(
 
 
 @kernel
-def meet_passers(
-    pencil: Pencil, spans: I64, times_s: F64, passers: Passers, found: F64, met: I64
-) -> None:
-    """The same with what moves, each beam at its own instant; `met` becomes -1 there.
-
-    Args:
-        spans: (m, 3, 2) of `spans_of_passers`. times_s: (n,).
-    """
-    for j in range(len(passers.radii_m)):
-        for turn in range(3):
-            for i in range(spans[j, turn, 0], spans[j, turn, 1]):
-                if passers.stays_s[j, 0] <= times_s[i] < passers.stays_s[j, 1]:
-                    _meet_passer(pencil, i, times_s[i], passers, j, found, met)
-
-
-@kernel
 def _meet_passer(
     pencil: Pencil, i: int, at_s: float, passers: Passers, j: int, found: F64, met: I64
 ) -> None:
@@ -225,6 +209,22 @@ def _meet_passer(
         enter, leave = across_slab(y, pencil.inverses[1, i], -half_y, half_y, enter, leave)
     if enter < leave and enter < found[i]:
         found[i], met[i] = enter, -1
+
+
+@kernel
+def meet_passers(
+    pencil: Pencil, spans: I64, times_s: F64, passers: Passers, found: F64, met: I64
+) -> None:
+    """The same with what moves, each beam at its own instant; `met` becomes -1 there.
+
+    Args:
+        spans: (m, 3, 2) of `spans_of_passers`. times_s: (n,).
+    """
+    for j in range(len(passers.radii_m)):
+        for turn in range(3):
+            for i in range(spans[j, turn, 0], spans[j, turn, 1]):
+                if passers.stays_s[j, 0] <= times_s[i] < passers.stays_s[j, 1]:
+                    _meet_passer(pencil, i, times_s[i], passers, j, found, met)
 
 
 @kernel

@@ -6,12 +6,12 @@ pencils, one of each beam at a time, so that the rays that meet a target lie sid
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, ParamSpec, TypeVar, cast
+from typing import NamedTuple
 
-import numba
 import numpy as np
 import numpy.typing as npt
+
+from jit import kernel
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -20,13 +20,6 @@ PLAIN, BLACK, GLASS = 0, 1, 2
 TINY = 1e-12  # instead of a zero that something is divided by
 TURN_RAD = 2.0 * math.pi
 SLACK_RAD = 1e-6  # by which a target covers more of the horizon than its corners say
-P = ParamSpec("P")
-R = TypeVar("R")
-
-
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile with Numba to machine code, kept on disk beside the source; no fast-math."""
-    return cast(Callable[P, R], numba.njit(cache=True)(function))
 
 
 class Targets(NamedTuple):
@@ -93,14 +86,6 @@ def horizon_from(begins: F64, ways: F64, aside_m: float, spread_rad: float) -> H
 
 
 @kernel
-def pencil_from(begins: F64, ways: F64) -> Pencil:
-    """Rays of begins (3, n) and ways (3, n), which it keeps."""
-    pencil = Pencil(begins, ways, np.empty_like(ways))
-    invert(pencil)
-    return pencil
-
-
-@kernel
 def invert(pencil: Pencil) -> None:
     """Bring `inverses` to the ways."""
     for axis in range(3):  # each in one go, so that many are divided at once
@@ -108,6 +93,14 @@ def invert(pencil: Pencil) -> None:
         for i in range(len(ways)):
             way = ways[i]
             inverses[i] = 1.0 / (way if abs(way) >= TINY else TINY)
+
+
+@kernel
+def pencil_from(begins: F64, ways: F64) -> Pencil:
+    """Rays of begins (3, n) and ways (3, n), which it keeps."""
+    pencil = Pencil(begins, ways, np.empty_like(ways))
+    invert(pencil)
+    return pencil
 
 
 @kernel
@@ -172,8 +165,10 @@ def spans_of_passers(horizon: Horizon, passers: Passers) -> I64:
     low, high = np.zeros(3), np.zeros(3)
     for j in range(len(spans)):
         for axis in range(2):
-            places = passers.middles_m[:, j, axis]
+            least, most = math.inf, -math.inf
+            for place in passers.middles_m[:, j, axis]:
+                least, most = min(least, place), max(most, place)
             half = max(passers.radii_m[j], passers.halves_m[j, axis])
-            low[axis], high[axis] = places.min() - half, places.max() + half
+            low[axis], high[axis] = least - half, most + half
         spans_of_beams(horizon, low, high, spans[j])
     return spans

@@ -9,8 +9,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from fakes.rays.kernels import kernel
-from fakes.world.error_models import Upsets
+from fakes.world.error_models import ErrorModels
+from jit import kernel
 
 F64 = npt.NDArray[np.float64]
 RING = 6  # rays around the one in a beam's middle,
@@ -25,15 +25,15 @@ SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
 THROUGH_SHARE = 0.6  # of the beams that a grain or a drop returns and that go on behind it, too
 
 
-def pattern_of(upsets: Upsets) -> F64:
+def pattern_of(errors: ErrorModels) -> F64:
     """The rays (subs, 4) of a beam for the kernel: one in its middle, and a ring if it is wide."""
     middle = np.zeros((1, 4))
-    if upsets.beam_rad == 0.0:
+    if errors.beam_rad == 0.0:
         return middle
     angles = np.arange(RING) * math.tau / RING + math.pi / 2  # one up, one down: edges lie level
     around = RING_SHARE * np.column_stack([np.cos(angles), np.sin(angles)])
-    aside = around * upsets.beam_exit_m / 2
-    return np.concatenate([middle, np.column_stack([aside, around * upsets.beam_rad / 2])])
+    aside = around * errors.beam_exit_m / 2
+    return np.concatenate([middle, np.column_stack([aside, around * errors.beam_rad / 2])])
 
 
 @kernel

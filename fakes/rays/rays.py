@@ -21,7 +21,7 @@ from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid
 from fakes.world import robot
 from fakes.world.crowd import Crowd
-from fakes.world.error_models import NONE, Upsets
+from fakes.world.error_models import NONE, ErrorModels
 from fakes.world.rotations import rotation_y
 
 __all__ = ["FAR_M", "Rays"]
@@ -42,7 +42,7 @@ class Rays:
 
     Args:
         seed: of what they meet in soft things and in the air.
-        upsets: of light and air, and how wide beams are.
+        errors: of light and air, and how wide beams are.
         crowd: people who are in the way besides the scene's movers.
 
     Raises:
@@ -50,7 +50,7 @@ class Rays:
     """
 
     def __init__(
-        self, scene: Scene, seed: int, upsets: Upsets = NONE, crowd: Crowd | None = None
+        self, scene: Scene, seed: int, errors: ErrorModels = NONE, crowd: Crowd | None = None
     ) -> None:
         returning = [s for s in scene.solids if s.material.kind != "soft"]
         self._soft = [s for s in scene.solids if s.material.kind == "soft"]
@@ -58,15 +58,15 @@ class Rays:
             _check_upright(solid)
         self._targets = targets_from(returning)
         self._boxes = [(_corner(s, 0), _corner(s, 1)) for s in self._soft]
-        self._upsets, self._seed, self._crowd = upsets, seed, crowd
-        self._pattern = beam_light.pattern_of(upsets)
+        self._errors, self._seed, self._crowd = errors, seed, crowd
+        self._pattern = beam_light.pattern_of(errors)
         self._passers = _Passers(scene.movers, crowd)
 
     @property
     def echoes(self) -> int:
         """How many a beam may have: 2 where something lets light through or beams are wide."""
-        upsets = self._upsets
-        two = self._soft or upsets.beam_rad or upsets.dust_per_m or upsets.rain_per_m
+        errors = self._errors
+        two = self._soft or errors.beam_rad or errors.dust_per_m or errors.rain_per_m
         return 2 if two else 1
 
     def ranges_m(self, poses_at: Poses, times_s: F64, bearings_rad: F64, begin_s: float) -> F64:
@@ -83,12 +83,12 @@ class Rays:
             back dazzled.
         """
         bodies, turns = poses_at(times_s)
-        lens, upsets = (LENS_BODY_M, R_BODY_LENS), self._upsets
-        beams = Beams(bodies, turns, *lens, bearings_rad, self._pattern, upsets.beam_rad)
+        lens, errors = (LENS_BODY_M, R_BODY_LENS), self._errors
+        beams = Beams(bodies, turns, *lens, bearings_rad, self._pattern, errors.beam_rad)
         since_begin_s = times_s - begin_s
         passers = self._passers.between(since_begin_s[0], since_begin_s[-1])
         echoes, azimuths = echoes_of_beams(
-            beams, since_begin_s, self._targets, passers, GLASS_COS, upsets.mixed_pixels
+            beams, since_begin_s, self._targets, passers, GLASS_COS, errors.mixed_pixels
         )
         begun = round(abs(float(times_s[0])) * 1e6)
         if self._soft:
@@ -96,10 +96,10 @@ class Rays:
             aims = aims_of(beams)
             echoes = self._among_stalks(random, aims[0], aims[1], echoes)
         key = (self._seed << 44) + (begun << 8) & KEYS
-        if upsets.dust_per_m or upsets.rain_per_m:
-            beam_light.through_air(key, upsets.dust_per_m, upsets.rain_per_m, echoes)
-        if upsets.sunlight_rate:
-            sun = (upsets.sunlight_rate, upsets.sun_azimuth_rad, upsets.sun_half_rad)
+        if errors.dust_per_m or errors.rain_per_m:
+            beam_light.through_air(key, errors.dust_per_m, errors.rain_per_m, echoes)
+        if errors.sunlight_rate:
+            sun = (errors.sunlight_rate, errors.sun_azimuth_rad, errors.sun_half_rad)
             beam_light.in_sunlight(key, *sun, azimuths, echoes)
         echoes[echoes > FAR_M] = np.nan
         return echoes if self.echoes == 2 else echoes[0]

@@ -4,15 +4,12 @@ Arrays are (rows along y, columns along x); lengths are in cells unless their na
 """
 
 import math
-from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-P = ParamSpec("P")
-R = TypeVar("R")
+from jit import kernel
+
 F64 = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
@@ -20,11 +17,6 @@ LENS_M, LENS_AHEAD_M = 1.08, 0.25
 TILT_RAD = math.radians(7.5)
 WIDEST_COS = math.cos(math.radians(58.0))  # of the beams that are used, with 2 degrees to spare
 WINDOW_M = 9.9  # the map reaches so far from the robot, along both axes
-
-
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile with Numba, kept on disk beside the source."""
-    return cast(Callable[P, R], numba.njit(cache=True)(function))
 
 
 @kernel

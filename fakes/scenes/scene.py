@@ -20,8 +20,8 @@ from fakes.scenes.movers import Mover, box_from, person_from
 from fakes.scenes.reach import check_place
 from fakes.scenes.solids import Shape, Solid
 from fakes.world.crowd import Walker
-from fakes.world.error_models import NONE, Patch, Upsets, patch_from, upsets_from
-from fakes.world.magnetic import Steel, steel_from
+from fakes.world.error_models import NONE, ErrorModels, Patch, error_models_from, patch_from
+from fakes.world.magnetic import MagneticDisturbance, steel_from
 from fakes.world.slip import Slip, slip_from
 
 __all__ = ["Scene", "Solid", "campaign_scenes", "load_scene", "mjcf_from_solids", "problems"]
@@ -54,14 +54,14 @@ class Scene:
     speed_mps: float = 0.6
     x_axis_east_of_north_rad: float = 0.0
     movers: tuple[Mover, ...] = ()
-    steels: tuple[Steel, ...] = ()
+    steels: tuple[MagneticDisturbance, ...] = ()
     slips: tuple[Slip, ...] = ()
     goals: tuple[tuple[float, float], ...] = ()
     start_clear_m: float = 9.0
     campaign: bool = False
     friction: float = 1.0
     patches: tuple[Patch, ...] = ()
-    upsets: Upsets = NONE
+    errors: ErrorModels = NONE
     walkers: tuple[Walker, ...] = ()
     description: str = ""
     _bounds: F64 = field(init=False, repr=False, compare=False)  # of the solids, see _near
@@ -218,7 +218,7 @@ def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Sc
         campaign=bool(table.get("campaign", False)),
         friction=float(table.get("friction", 1.0)),
         patches=tuple(patch_from(entry) for entry in table.get("patch", [])),
-        upsets=upsets_from(table.get("upsets", {})),
+        errors=error_models_from(table.get("upsets", {})),
         walkers=drawn.walkers,
         description=str(table.get("description", "")),
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from fakes.scenes.solids import BLACK, GLASS, Pillar, Shape, Solid, Span, soft
 from fakes.world.error_models import Patch
-from fakes.world.magnetic import Steel
+from fakes.world.magnetic import MagneticDisturbance
 
 Random = np.random.Generator
 FOOT_M = 0.02  # how deep things stand in the ground, so that no slit is left on a slope
@@ -23,7 +23,7 @@ class Thing:
     """Solids, and what else comes with them."""
 
     shapes: tuple[Shape, ...] = ()
-    steels: tuple[Steel, ...] = ()
+    steels: tuple[MagneticDisturbance, ...] = ()
     patches: tuple[Patch, ...] = ()
     hole: tuple[Span, Span, float] | None = None  # x, y, depth: to be cut out of the floor
 
@@ -153,7 +153,7 @@ def locker(frame: Frame, random: Random, sizes: Sizes) -> Thing:
     """A cupboard of steel: it bends the magnetic field."""
     yaw_rad = math.radians(_one(random, sizes, "yaw_deg", (-40.0, 40.0)))
     made = cupboard(frame, random, sizes).shapes
-    return Thing(made, (Steel(frame.name, (frame.x, frame.y), yaw_rad, 2.0),))
+    return Thing(made, (MagneticDisturbance(frame.name, (frame.x, frame.y), yaw_rad, 2.0),))
 
 
 def pallet(frame: Frame, random: Random, sizes: Sizes) -> Thing:

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from fakes.rays.kernels import F64, kernel
+from fakes.rays.kernels import F64
+from jit import kernel
 
 FRONT_M, REAR_M, HALF_WIDTH_M = 0.52, 0.20, 0.30  # the robot's footprint, from its axle
 PERSONAL_M = 0.37  # from a body to the robot's footprint: nobody goes nearer by himself

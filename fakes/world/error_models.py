@@ -1,6 +1,6 @@
-"""What upsets the sensors of a scene: light, wide beams, dust, rain, errors as the sheets say.
+"""Errors of the sensors in a scene: light, wide beams, dust, rain, errors as the sheets say.
 
-All is off unless it is asked for, and all of it is drawn from seeds: the same world upsets the same
+All is off unless it is asked for, and all of it is drawn from seeds: the same world errs the same
 beams. Angles lie in the map frame.
 """
 
@@ -13,8 +13,8 @@ EXIT_M = 0.008  # how wide it leaves the window, recalled as well
 
 
 @dataclass(frozen=True, slots=True)
-class Upsets:
-    """Which upsets, and how strong. Rates are shares of beams, 0..1.
+class ErrorModels:
+    """Which errors, and how large. Rates are shares of beams, 0..1.
 
     Args:
         sunlight_rate: of beams that look into the sun, which come back dazzled, with nothing, or
@@ -54,11 +54,11 @@ class Upsets:
             raise ValueError("sunlight_rate goes up to 1, beam_rad up to 0.1")
 
 
-NONE = Upsets()
+NONE = ErrorModels()
 
 
-def as_the_sheets_say(more: Upsets = NONE) -> Upsets:
-    """A scene's own upsets, and sensors as imperfect as their makers state.
+def as_the_sheets_say(more: ErrorModels = NONE) -> ErrorModels:
+    """A scene's own errors, and sensors as imperfect as their makers state.
 
     Source: lms111 sheet, section 1 (30 mm systematic; the 12 mm statistical are always on);
     MTi sheet, section 7. Wheels slip once in two minutes: our assumption.
@@ -74,13 +74,13 @@ def as_the_sheets_say(more: Upsets = NONE) -> Upsets:
     )
 
 
-def upsets_from(entry: dict[str, Any]) -> Upsets:
+def error_models_from(entry: dict[str, Any]) -> ErrorModels:
     """[upsets] of a scene's file: the fields above, angles in `_deg` instead of `_rad`.
 
     Raises:
         ValueError: no such upset, or one out of its range.
     """
-    known = {field.name for field in fields(Upsets)}
+    known = {field.name for field in fields(ErrorModels)}
     values: dict[str, Any] = {}
     for key, value in entry.items():
         name = key.removesuffix("_deg") + "_rad" if key.endswith("_deg") else key
@@ -90,7 +90,7 @@ def upsets_from(entry: dict[str, Any]) -> Upsets:
         if isinstance(value, bool) is not is_flag or not isinstance(value, int | float):
             raise ValueError(f"upsets: {key} must be {'true or false' if is_flag else 'a number'}")
         values[name] = math.radians(value) if key.endswith("_deg") else value
-    return Upsets(**values)
+    return ErrorModels(**values)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ import math
 
 import numpy as np
 
-from fakes.rays.kernels import F64, kernel
+from fakes.rays.kernels import F64
+from jit import kernel
 
 
 @kernel
@@ -97,6 +98,7 @@ def poses_at(ring: F64, steps: int, at_steps: F64) -> tuple[F64, F64]:
         before, after, share = _neighbours(len(ring), steps, at_steps[i])
         for k in range(7):
             part[k] = (1.0 - share) * ring[before, k] + share * ring[after, k]
-        places[i] = part[:3]
+        for k in range(3):
+            places[i, k] = part[k]
         _rotation_from(part, turns[i])
     return places, turns

@@ -68,11 +68,11 @@ class KinematicWorld:
         seed: int = 1,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
-        self.upsets = self.scene.upsets
+        self.errors = self.scene.errors
         self.wheels = RollingWheels(self.wheel_angles_rad)
         self._trajectory, self._follows = trajectory, follows
-        self._slips = (*self.scene.slips, *bursts(self.upsets.slip_bursts_per_min, seed))
-        self._rays = Rays(self.scene, seed, self.upsets)
+        self._slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
+        self._rays = Rays(self.scene, seed, self.errors)
         self._begin_s: float | None = None
         self._now_s = 0.0
         self._rows = np.zeros((0, 14))  # one a step, from the begin on; grows by doubling

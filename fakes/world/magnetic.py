@@ -19,7 +19,7 @@ F64 = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Steel:
+class MagneticDisturbance:
     """A piece of steel at a place x, y of the map.
 
     Args:
@@ -35,7 +35,7 @@ class Steel:
     strength: float = 0.3
 
 
-def distortion(steels: Sequence[Steel], x_m: float, y_m: float) -> F64:
+def distortion(steels: Sequence[MagneticDisturbance], x_m: float, y_m: float) -> F64:
     """What (3, 3) all steel makes of the field (north, west, up) at a place of the map."""
     bent = np.eye(3)
     for steel in steels:
@@ -46,10 +46,10 @@ def distortion(steels: Sequence[Steel], x_m: float, y_m: float) -> F64:
     return bent
 
 
-def steel_from(entry: dict[str, Any]) -> Steel:
+def steel_from(entry: dict[str, Any]) -> MagneticDisturbance:
     """A [[steel]] of a scene's file: name, at, yaw_deg; reach_m (1.5), strength (0.3)."""
     x, y = entry["at"]
-    return Steel(
+    return MagneticDisturbance(
         entry["name"],
         (float(x), float(y)),
         math.radians(entry["yaw_deg"]),

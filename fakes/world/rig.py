@@ -12,7 +12,7 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.mti.device import FakeMti
 from fakes.scenes.scene import Scene
 from fakes.world.driver import Driver
-from fakes.world.error_models import Upsets
+from fakes.world.error_models import ErrorModels
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.world import F64, World
 
@@ -31,7 +31,7 @@ class Rig:
         scene: or a world that is ready; its robot may be one that moves as it is told.
         start_delay_s: from the first step to the driver's first command.
         drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
-        upsets: instead of the scene's own; a world that is ready keeps its own.
+        errors: instead of the scene's own; a world that is ready keeps its own.
     """
 
     def __init__(
@@ -40,12 +40,12 @@ class Rig:
         seed: int,
         start_delay_s: float = 3.0,
         drives: bool = True,
-        upsets: Upsets | None = None,
+        errors: ErrorModels | None = None,
     ) -> None:
-        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed, upsets)
+        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed, errors)
         self.scanner = FakeLms111(self._ranges_m_at, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
-        self._upset(self.world.upsets, seed)
+        self._set_errors(self.world.errors, seed)
         if self.world.scene.steels:
             self.ahrs.distortion_at = self.world.distortion_at
         self.drive = FakeAx3500(self.world.wheels, seed + 2)
@@ -59,11 +59,11 @@ class Rig:
             start_delay_s,
         )
 
-    def _upset(self, upsets: Upsets, seed: int) -> None:
+    def _set_errors(self, errors: ErrorModels, seed: int) -> None:
         """What is wrong with the devices themselves."""
         share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
-        self.scanner.offset_m = upsets.range_offset_m * float(share)
-        self.ahrs.sheet_errors = upsets.ahrs_sheet_errors
+        self.scanner.offset_m = errors.range_offset_m * float(share)
+        self.ahrs.sheet_errors = errors.ahrs_sheet_errors
 
     def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
         return self.world.ranges_m(times_s, bearings_rad)

@@ -19,7 +19,7 @@ from fakes.world.world import World
 PERIOD_S = 0.02
 
 
-class Witness:
+class GroundTruthLog:
     """Writes a line whenever one is due; each is whole in the file at once."""
 
     def __init__(self, out: TextIO, world: World, scene: str, seed: int) -> None:
@@ -55,7 +55,7 @@ class Witness:
 
 
 @contextmanager
-def witness_in(path: Path, world: World, scene: str, seed: int) -> Iterator[Witness]:
+def ground_truth_log(path: Path, world: World, scene: str, seed: int) -> Iterator[GroundTruthLog]:
     """A fresh file of truths."""
     with path.open("w", encoding="ascii") as out:
-        yield Witness(out, world, scene, seed)
+        yield GroundTruthLog(out, world, scene, seed)

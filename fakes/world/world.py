@@ -17,7 +17,7 @@ from fakes.rays.rays import Rays
 from fakes.scenes.scene import Scene, load_scene
 from fakes.world import robot
 from fakes.world.crowd import Crowd
-from fakes.world.error_models import Upsets
+from fakes.world.error_models import ErrorModels
 from fakes.world.kernels import motion_at, pose_at, poses_at, row_at
 from fakes.world.magnetic import distortion
 from fakes.world.rotations import rotation_z
@@ -83,18 +83,20 @@ class World:
     Args:
         scene: a scene, the name of a shipped one, or the path of a scene's file.
         seed: spreads the strength of the two motors; of the scene's chances, people and upsets.
-        upsets: instead of the scene's own.
+        errors: instead of the scene's own.
     """
 
     obeys = True
 
-    def __init__(self, scene: Scene | str | Path, seed: int, upsets: Upsets | None = None) -> None:
+    def __init__(
+        self, scene: Scene | str | Path, seed: int, errors: ErrorModels | None = None
+    ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
-        self.upsets = self.scene.upsets if upsets is None else upsets
+        self.errors = self.scene.errors if errors is None else errors
         self._model = mj.MjModel.from_xml_string(robot.mjcf(self.scene))
         self._data = mj.MjData(self._model)
         self._crowd = Crowd(self.scene.walkers, seed) if self.scene.walkers else None
-        self._slips = (*self.scene.slips, *bursts(self.upsets.slip_bursts_per_min, seed))
+        self._slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
         self._ground = Ground(self.scene, self._model)
         random = np.random.default_rng(seed)
         left, right = random.normal(1.0, MOTOR_SPREAD, 2)
@@ -110,7 +112,7 @@ class World:
         self._q_pos, self._felt = self._data.qpos[:9], self._data.sensordata  # as MuJoCo has them
         self._q_wheels, self._ctrl = self._data.qpos[7:9], self._data.ctrl
         self._row_now: F64 | None = None  # the row of now, once it was asked for
-        self._rays = Rays(self.scene, seed, self.upsets, self._crowd)
+        self._rays = Rays(self.scene, seed, self.errors, self._crowd)
         self._turned, self._slipped = np.zeros(2), np.zeros(2)  # by the wheels, rad
         self._shares = np.zeros((KEPT, 2))  # of slip, of the steps of this round of the ring
         self._slips_now = self._has_slipped = False  # in this round, and ever

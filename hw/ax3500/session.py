@@ -343,8 +343,7 @@ class Ax3500(Device[WheelCounts]):
         return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
 
     def measured(self) -> dict[str, float]:
-        """What a person may want to know beside the counters, for the log; what was not told is not
-        in it."""
+        """For the log: voltages, currents, temperatures, as far as they were told, and stops."""
         return self.stream.controller.measured() | {"watchdog_stops": self.stream.watchdog_stops}
 
     def drive(self, left: float, right: float) -> None:

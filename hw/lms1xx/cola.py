@@ -15,17 +15,21 @@ from hw.device import BadFrame
 
 Event = TypeVar("Event")
 Dialect = Literal["binary", "ascii"]
+DialectSetting = Literal["auto", "binary", "ascii"]
 
 START = b"\x02\x02\x02\x02"
 HEAD_SIZE = 8
 TEXT_START, TEXT_END = b"\x02", b"\x03"
 MAX_PAYLOAD = 0x4FFF  # four 16-bit channels of 2000 points are less
 MAX_TEXT = 0xFFFF  # the same in digits, and six channels of a sister model
-# What can be a telegram's first bytes: start, a length up to MAX_PAYLOAD, the `s` of all telegrams.
+# What can be a telegram's first bytes: start, a length up to MAX_PAYLOAD, the `s` of all telegrams;
+# in text a type, or its beginning where the buffer ends. Each false head costs a telegram's time.
+BINARY_HEAD = rb"\x02\x02\x02\x02\x00\x00[\x00-\x4f].s"
+TEXT_HEAD = rb"\x02s(?:\Z|[A-Z](?:\Z|[A-Z](?:\Z| )))"
 HEADS = {
-    "binary": re.compile(rb"\x02\x02\x02\x02\x00\x00[\x00-\x4f].s", re.DOTALL),
-    "ascii": re.compile(rb"\x02s"),
-    "auto": re.compile(rb"\x02(?:s|\x02\x02\x02\x00\x00[\x00-\x4f].s)", re.DOTALL),
+    "binary": re.compile(BINARY_HEAD, re.DOTALL),
+    "ascii": re.compile(TEXT_HEAD),
+    "auto": re.compile(rb"(?:%b|%b)" % (TEXT_HEAD, BINARY_HEAD), re.DOTALL),
 }
 HEAD_CUT = re.compile(rb"\x02(\x02(\x02(\x02(\x00(\x00([\x00-\x4f].?)?)?)?)?)?)?\Z", re.DOTALL)
 TEXT_STOP = re.compile(rb"[\x02\x03]")
@@ -62,7 +66,7 @@ class ColaParser(Generic[Event]):
     def __init__(
         self,
         decode: Callable[[float, bytes, Dialect], Event],
-        dialect: Literal["auto", "binary", "ascii"] = "binary",
+        dialect: DialectSetting = "binary",
     ) -> None:
         self._decode, self._head = decode, HEADS[dialect]
         self._buffer = bytearray()
@@ -76,6 +80,7 @@ class ColaParser(Generic[Event]):
         events: list[Event | BadFrame] = []
         if self._skipped and now_s - self._skipped_s >= INCOMPLETE_S:
             self._report(events)
+            self._reason = ""
         at = 0
         while True:
             head = self._head.search(self._buffer, at)
@@ -100,6 +105,7 @@ class ColaParser(Generic[Event]):
                 at = self._skip(now_s, at, at + 1, str(error), events)
                 continue
             self._report(events)
+            self._reason = ""
             events.append(event)
             at = end
         del self._buffer[:at]
@@ -148,7 +154,8 @@ class ColaParser(Generic[Event]):
             self._waiting_since_s, self._searched = None, 0
         while at < end:
             if not self._skipped:
-                self._reason, self._skipped_s = reason, now_s
+                self._skipped_s = now_s
+            self._reason = self._reason or reason  # what spoiled the first telegram of a run
             taken = min(end - at, REPORTED_SIZE - len(self._skipped))
             self._skipped += self._buffer[at : at + taken]
             at += taken

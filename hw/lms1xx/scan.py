@@ -6,6 +6,7 @@ Source: lms111 sheet, sections 1 and 5; design, section 4.
 """
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from core.records import F64, Scan
 from hw.clock import DeviceClock
 from hw.device import BadFrame
+from hw.lms1xx.cola import DialectSetting
 from hw.lms1xx.status import ScannerCondition
 from hw.lms1xx.telegrams import (
     FIELD_FIRST,
@@ -38,6 +40,8 @@ class ScanSettings:
     first_deg: float
     last_deg: float
     echo: Echo
+    dialect: DialectSetting = "auto"
+    accepted_status: Collection[int] = ()  # device status, beside 0, of scans that are used
 
 
 class RangePool:

@@ -1,83 +1,133 @@
 """Starts a SICK LMS1xx and keeps it delivering scans.
 
-One command at a time, in the order of section 4 of the sheet; scans may come in between. What a
+A device is found in any state: still starting, set to the other dialect, measuring as wanted,
+measuring for somebody else, left idle after a login. The session asks before it sets, sets only
+what differs, and reads back what was taken: settings are shared by all hosts of the device. There
+is one command at a time, in the order of section 4 of the sheet; scans may come in between. What a
 device does not know or refuses, and can do without, is a remark in the status and no obstacle.
-Refuses to give up: after any silence or loss the whole conversation begins anew.
+
+| state       | what it does                                      | what ends it                 |
+|-------------|---------------------------------------------------|------------------------------|
+| GREETING    | asks harmless questions in each dialect by turns  | any telegram                 |
+| READING     | reads the settings; leaves another host in peace  | as wanted, or may now be set |
+| SETTING_UP  | login, settings, start, Run; reads back           | it measures, or is silent    |
+| SUBSCRIBING | asks for scans                                    | the answer                   |
+| MEASURING   | takes scans, asks now and then how the scanner is | a second without a scan      |
+| WAITING     | Run, if a login was left open; a growing pause    | the pause is over            |
+
+A new connection begins with GREETING, and so does the attempt after WAITING: it never gives up.
 Source: lms111 sheet, sections 3, 4 and 6.
 """
 
-import math
-from collections.abc import Generator
+import enum
+from collections.abc import Collection
 from typing import Any
 
 from core.records import Scan
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session, Tick
+from hw.exchange import Exchange, StartAgainError, Steps
 from hw.lms1xx import commands
-from hw.lms1xx import telegrams as lms111
 from hw.lms1xx.checkup import Checkup
+from hw.lms1xx.cola import DialectSetting
+from hw.lms1xx.exchange import ColaExchange, Memory, ScanStream
 from hw.lms1xx.scan import ScanMaker, ScanSettings
-from hw.lms1xx.setup import BUSY, LONGEST_REST_S, REST_S, SCAN_WORDS, Setup, covers
-from hw.lms1xx.status import ScannerCondition, is_dirty, is_usable, status_in_words
-from hw.lms1xx.talk import DialectSetting, Memory, ScanStream, StartAgainError
-from hw.lms1xx.telegrams import Answer, Echo, ScanTelegram
+from hw.lms1xx.setup import BUSY, LONGEST_REST_S, REST_S, Setup
+from hw.lms1xx.status import TOO_DIRTY, ScannerCondition
+from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Echo, ScanTelegram, new_parser
+from hw.lms1xx.watch import TelegramWatch, condition_of
 
 FIRST_SCAN_S, SILENCE_S = 2.0, 1.0
 PAUSE_S, LONGEST_PAUSE_S = 0.2, 2.0  # before a new attempt; doubling until scans are delivered
-UNUSABLE_S = 0.5  # without a scan that may be believed, after which it runs no longer
 PEACE_S = 10.0  # of scans, after which no other host is thought to want the scanner otherwise
+RANGE_M = 20.0  # of an LMS111 (section 1)
+BYTES_PER_S = 2 * 541 * 50 * 5  # two echoes of 541 beams at 50 Hz, five characters each in CoLa-A
 
 
-class Lms111Session(Setup):
+class State(enum.Enum):
+    """What a session is doing; the table above."""
+
+    GREETING = "greeting"
+    READING = "reading its settings"
+    SETTING_UP = "setting it up"
+    SUBSCRIBING = "subscribing"
+    MEASURING = "measuring"
+    WAITING = "waiting before a new attempt"
+
+
+class Lms111Session:
     """The conversation of section 4, from its beginning as often as needed."""
 
-    _last: ScanTelegram | None = None
-    _checked: tuple[object, ...] = ()  # what the cause was last made of
-    _pause_s = PAUSE_S
-    _usable_s = -math.inf  # host clock, last telegram that may be believed
+    def __init__(
+        self, status: DeviceStatus, stream: ScanStream, memory: Memory, settings: ScanSettings
+    ) -> None:
+        self.state = State.GREETING
+        self._stream, self._memory = stream, memory
+        self._exchange = Exchange(
+            status, self._hear, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S
+        )
+        self._cola = ColaExchange(self._exchange, status, stream, memory, settings.dialect)
+        self._setup = Setup(self._exchange, self._cola, status, stream, memory, settings)
+        self._watch = TelegramWatch(status, stream, settings)
+
+    def _hear(self, tick: Tick) -> list[Any]:
+        self._stream.telegrams = []
+        return tick.events
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
         self._memory.forget_rest()  # whoever wants it otherwise did not cut our connection
-        yield from self._turn()
+        yield from self._exchange.turn()
         while True:
             try:
-                yield from self._greet()
-                yield from self._prepare()
-                yield from self._subscribe()
-                yield from self._deliver()
+                yield from self._attempt()
             except StartAgainError as why:
-                self._failure = str(why)
-                self._status.fall_back("starting", self._failure)
+                self.state = State.WAITING
+                self._exchange.fail(why)
                 if self._memory.owes_run:
-                    yield from self._run_at_last()
-                yield from self._pause(self._pause_s)
-                self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+                    yield from self._setup.run_at_last()
+                yield from self._exchange.back_off()
 
-    def _subscribe(self) -> Generator[bytes, Tick, None]:
-        if not (yield from self._must(commands.subscribe())):
+    def _attempt(self) -> Steps[None]:
+        self.state = State.GREETING
+        yield from self._cola.greet()
+        self.state = State.READING
+        survey = yield from self._setup.maybe_change()
+        if survey is not None:
+            self.state = State.SETTING_UP
+            yield from self._setup.set_up(survey)
+        self.state = State.SUBSCRIBING
+        if not (yield from self._cola.must(commands.subscribe())):
+            refusal = self._cola.remarks[-1]
             raise StartAgainError(
-                f"the scanner {self._remarks[-1]}: without it there is no scan; is it an LMS1xx?"
+                f"the scanner {refusal}: without it there is no scan; is it an LMS1xx?"
             )
+        self.state = State.MEASURING
+        yield from self._deliver()
 
-    def _deliver(self) -> Generator[bytes, Tick, None]:
+    def _deliver(self) -> Steps[None]:
         """As long as telegrams keep coming."""
-        begun_s = heard_s = self._now_s
-        patience_s = FIRST_SCAN_S
-        self._last, self._checked = None, ()
-        checkup = Checkup(self._dialect, self._now_s)
-        while self._now_s - heard_s <= patience_s:
-            for event in (yield from self._turn(checkup.out(self._now_s))):
-                if isinstance(event, ScanTelegram):
-                    if not event.polled and self._is_new(event):
-                        heard_s, patience_s = self._now_s, SILENCE_S
-                        self._take(event)
+        exchange, memory = self._exchange, self._memory
+        begun_s = heard_s = exchange.now_s
+        patience_s, complaint = FIRST_SCAN_S, ""
+        checkup = Checkup(self._cola.dialect, begun_s)
+        self._watch.begin()
+        while exchange.now_s - heard_s <= patience_s:
+            for event in (yield from exchange.turn(checkup.out(exchange.now_s))):
+                if isinstance(event, BadFrame):
+                    complaint = complaint or event.reason
+                elif isinstance(event, ScanTelegram):
+                    if not event.polled and self._watch.is_new(event):
+                        heard_s, patience_s = exchange.now_s, SILENCE_S
+                        if self._watch.take(heard_s, event, self._cola.remarks):
+                            exchange.succeed()
                 elif answer := checkup.maybe_answer(event):
                     self._learn(answer)
-            if self._now_s - begun_s >= PEACE_S:
-                self._memory.rest_s = REST_S
-        self._is_unsure, self._memory.ran_s = True, heard_s
-        self._memory.rest_s = min(2 * self._memory.rest_s, LONGEST_REST_S)
-        why = f": it {BUSY}" if BUSY in self._remarks else ""
+            if exchange.now_s - begun_s >= PEACE_S:
+                memory.rest_s = REST_S
+        self._cola.is_unsure, memory.ran_s = True, heard_s
+        memory.rest_s = min(2 * memory.rest_s, LONGEST_REST_S)
+        why = f": it {BUSY}" if BUSY in self._cola.remarks else ""
+        why = why or (f": {complaint}" if complaint else "")
         raise StartAgainError(f"no scan from the scanner for {patience_s:g} s{why}")
 
     def _learn(self, answer: Answer) -> None:
@@ -87,84 +137,17 @@ class Lms111Session(Setup):
         elif (state := commands.maybe_state(answer)) is not None and state[1] is not None:
             self._stream.temperature_ok = state[1]
 
-    def _is_new(self, telegram: ScanTelegram) -> bool:
-        """False for a telegram that was there before; counts those that never came."""
-        last, self._last = self._last, telegram
-        if last is None:
-            return True
-        if (telegram.telegram_counter, telegram.sent_us) == (last.telegram_counter, last.sent_us):
-            self._status.reject(BadFrame("scan telegram repeated", b""))
-            return False
-        gap = (telegram.scan_counter - last.scan_counter - 1) % 2**16
-        passed_s = (telegram.scan_us - last.scan_us) % 2**32 * 1e-6
-        if gap <= 1.5 * passed_s * telegram.scan_hz + 1:  # else the counter began anew
-            self._status.missed += gap
-        return True
-
-    def _take(self, telegram: ScanTelegram) -> None:
-        self._stream.newest = telegram
-        if not is_usable(telegram.status):
-            self._stream.not_ready += 1
-            if self._now_s - self._usable_s < UNUSABLE_S:
-                return
-            words = status_in_words(telegram.status)
-            self._status.fall_back("starting", f"the scanner's scans carry device status {words}")
-            self._checked = ()
-            return
-        self._stream.telegrams.append(telegram)
-        self._pause_s, self._failure, self._usable_s = PAUSE_S, "", self._now_s
-        geometry = [
-            value
-            for channel in telegram.channels.values()
-            for value in (channel.first_deg, channel.step_deg, len(channel.raw))
-        ]
-        stream = self._stream
-        health = (stream.contamination, stream.temperature_ok, telegram.status)
-        if self._checked != (checked := (telegram.scan_hz, *health, *geometry)):
-            self._checked = checked
-            self._status.state, self._status.cause = "running", self._cause(telegram)
-
-    def _cause(self, telegram: ScanTelegram) -> str:
-        """What is not as configured, or not well, in one sentence; "" if all is."""
-        settings, channels = self._settings, telegram.channels
-        faults = list(self._remarks)
-        channel = channels.get("DIST1") or channels.get("DIST2")
-        if channel is not None:
-            is_hz, is_deg = telegram.scan_hz, channel.step_deg
-            if (is_hz, is_deg) != (settings.scan_rate_hz, settings.angular_step_deg):
-                faults = [fault for fault in faults if SCAN_WORDS not in fault]  # said once
-                faults.append(
-                    f"scans at {is_hz:g} Hz in steps of {is_deg:g} deg, configured are "
-                    f"{settings.scan_rate_hz:g} Hz and {settings.angular_step_deg:g} deg"
-                )
-            last_deg = channel.first_deg + (len(channel.raw) - 1) * is_deg
-            span_deg = (channel.first_deg - is_deg / 2, last_deg + is_deg / 2)
-            if not covers(span_deg, (settings.first_deg, settings.last_deg)):
-                faults.append(f"sends {channel.first_deg:g} to {last_deg:g} deg only")
-        if settings.echo != "first" and "DIST2" not in channels:
-            faults.append("sends no second echo")
-        if words := condition_of(self._stream).words:
-            faults.append(words)
-        return f"the scanner {', '.join(faults)}" if faults else ""
-
-
-def condition_of(stream: ScanStream) -> ScannerCondition:
-    """What is known of the scanner, without its beams."""
-    newest = stream.newest
-    return ScannerCondition(
-        contamination=stream.contamination,
-        temperature_ok=stream.temperature_ok,
-        device_status=newest.status if newest else (0, 0),
-        firmware=stream.firmware,
-        serial_number=newest.serial_number if newest else None,
-    )
-
 
 class Lms111(Device[Scan]):
     """A SICK LMS1xx on its TCP port. Angles are the device's: 90 deg is straight ahead.
 
     "auto" finds its dialect out; "binary" and "ascii" (CoLa-B and CoLa-A) never try the other.
+
+    Args:
+        accepted_status: values of the device status, beside 0, whose scans are used.
     """
+
+    max_beams, range_m = MAX_BEAMS, RANGE_M
 
     def __init__(
         self,
@@ -176,24 +159,35 @@ class Lms111(Device[Scan]):
         first_deg: float,
         last_deg: float,
         echo: Echo,
+        accepted_status: Collection[int] = (),
     ) -> None:
-        settings = ScanSettings(
+        self._settings = ScanSettings(
             scan_rate_hz=scan_rate_hz,
             angular_step_deg=angular_step_deg,
             first_deg=first_deg,
             last_deg=last_deg,
             echo=echo,
+            dialect=dialect,
+            accepted_status=accepted_status,
         )
-        self.stream = ScanStream()
-        self._maker = ScanMaker(settings)
-        self._memory = Memory()
-        status = DeviceStatus("lms111")
+        self.stream, self._memory = ScanStream(), Memory()
+        self._maker = ScanMaker(self._settings)
         super().__init__(
-            status,
+            DeviceStatus("lms111"),
             port,
-            lambda: lms111.new_parser(dialect),
-            lambda: Lms111Session(status, self.stream, self._memory, settings, dialect).run(),
+            lambda: new_parser(dialect),
+            self._started_session,
+            BYTES_PER_S,
         )
+
+    def _started_session(self) -> Session:
+        self.session = Lms111Session(self.status, self.stream, self._memory, self._settings)
+        return self.session.run()
+
+    @property
+    def period_s(self) -> float:
+        """From scan to scan, as it was asked for."""
+        return 1.0 / self._settings.scan_rate_hz
 
     def stop(self) -> None:
         """Before the program ends: a login that is under way must not leave the device busy."""
@@ -212,14 +206,19 @@ class Lms111(Device[Scan]):
 
     @property
     def not_ready(self) -> int:
-        """Telegrams that were not delivered, for their device status says not to use them."""
+        """Telegrams that were not delivered, for they are not to be believed."""
         return self.stream.not_ready
 
     @property
-    def is_dirty(self) -> bool:
+    def is_impaired(self) -> bool:
         """Whether its window is contaminated, be it as a warning."""
-        stream, newest = self.stream, self.stream.newest
-        return is_dirty(stream.contamination, newest.status if newest else (0, 0))
+        return bool(self.stream.contamination)
+
+    @property
+    def doubt(self) -> str:
+        """Why its "nothing there" is not to be believed; "" if it is."""
+        too_dirty = (self.stream.contamination or 0) >= TOO_DIRTY
+        return "the scanner's window is too dirty" if too_dirty else ""
 
     @property
     def condition(self) -> ScannerCondition:
@@ -229,8 +228,6 @@ class Lms111(Device[Scan]):
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Scan]:
         scans: list[Scan] = []
-        if not self.stream.telegrams:
-            return scans
         for telegram in self.stream.telegrams:
             scan = self._maker.scan(telegram)
             if isinstance(scan, Scan):

@@ -1,8 +1,9 @@
-"""What a SICK LMS1xx says about itself: states, device status, contamination, in words.
+"""What a SICK LMS1xx says about itself: states, device status, contamination; what each means.
 
 Source: lms111 sheet, sections 3 and 5.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 READY = 7
@@ -28,29 +29,23 @@ CONTAMINATIONS = {
     2: "has a dirty window (error): clean it",
     3: "has a window too dirty to see through: clean it",
 }
+TOO_DIRTY = 2  # contamination from which "nothing there" is not believed
 HOT = "is out of its range of temperatures"
-# The sheet calls all but 0 "warning, error or not yet valid"; the recorded device sends 1 with
-# scans that are not valid yet. These meanings are recalled, not confirmed.
-STATUS_OK, STATUS_ERROR, STATUS_DIRTY, STATUS_BLIND = 0, 1, 2, 4
-STATUSES = {
-    STATUS_ERROR: "error, or not valid yet",
-    STATUS_DIRTY: "dirty window, a warning",
-    STATUS_BLIND: "dirty window, an error",
-}
+TOO_DIRTY = 2  # contamination from which a scan's "nothing there" is not believed
+STATUS_OK = 0
+STATUS_DOUBT = "a warning, an error, or not valid yet"  # all that the sheet says of other values
 
 
-def is_usable(status: tuple[int, int]) -> bool:
-    """Whether scans with that device status may be believed: a mere warning does not blind.
+def is_usable(status: tuple[int, int], accepted: Collection[int]) -> bool:
+    """Whether scans with that device status may be believed.
 
-    Which of both bytes carries the warning is not confirmed: either will do.
+    Which of its two bytes says what is not documented, so both count as one value.
+
+    Args:
+        accepted: values beside 0 for which a person has found out that scans are good.
     """
-    return (status[0] | status[1]) in (STATUS_OK, STATUS_DIRTY)
-
-
-def status_in_words(status: tuple[int, int]) -> str:
-    """A device status with its meaning, if that is known."""
-    meaning = STATUSES.get(status[0] | status[1])
-    return f"{status[0]} {status[1]}" + (f" ({meaning})" if meaning else "")
+    value = status[0] | status[1]
+    return value == STATUS_OK or value in accepted
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,18 +60,16 @@ class ScannerCondition:
     serial_number: int | None = None
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """What is not well, in one sentence without its subject; "" if all is."""
-        words = [
+        faults = [
             CONTAMINATIONS.get(self.contamination or 0, ""),
             HOT if self.temperature_ok is False else "",
+            describe_status(self.device_status) if any(self.device_status) else "",
         ]
-        if not self.contamination and self.device_status != (0, 0):
-            words.append(f"sends scans with device status {status_in_words(self.device_status)}")
-        return ", ".join(word for word in words if word)
+        return ", ".join(fault for fault in faults if fault)
 
 
-def is_dirty(contamination: int | None, device_status: tuple[int, int]) -> bool:
-    """Whether the scanner's window is contaminated, be it as a warning."""
-    by_status = device_status[0] | device_status[1]
-    return bool(contamination or by_status & (STATUS_DIRTY | STATUS_BLIND))
+def describe_status(status: tuple[int, int]) -> str:
+    """A device status that is not 0, without its subject."""
+    return f"sends scans with device status {status[0]} {status[1]} ({STATUS_DOUBT})"

@@ -1,7 +1,8 @@
 """SICK LMS1xx: CoLa payloads to scan telegrams, answers and refusals. No I/O, no clock.
 
-Refuses telegrams that can't be true (no points, no frequency, lengths that disagree); decodes all
-channels and options that the sheet names, those of sister models too, in both dialects. Device
+It refuses telegrams that can't be true (no points, no frequency, lengths that disagree) or that
+have more beams than the family has: who takes scans has room for so many and no more. All channels
+and options that the sheet names are read, those of sister models too, in both dialects. Device
 units end in `ranges_m_from_channel`. Source: lms111 sheet, sections 2 and 5.
 """
 
@@ -9,17 +10,19 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
 from core.records import F64
-from hw.lms1xx.cola import ColaParser, Dialect, PayloadError
+from hw.lms1xx.cola import ColaParser, Dialect, DialectSetting, PayloadError
 from hw.lms1xx.cola_fields import BinaryFields, Fields, Raw, TextFields
 
 Echo = Literal["first", "last", "both"]
 
-MAX_POINTS, MAX_CHANNELS, MAX_ENCODERS = 2000, 16, 8
+MAX_BEAMS = 1081  # of any LMS1xx: 270 deg in steps of 0.25 deg, both ends included (section 1)
+MAX_CHANNELS, MAX_ENCODERS = 16, 8
 LEAST_RANGE_RAW = 16  # smaller values say why there is no measurement
 FIELD_FIRST, FIELD_LAST = -450_000, 2_250_000  # whole field of view, 1/10000 deg
 CONTENT = re.compile(r"[A-Z]{4}[1-9]")  # DIST1, RSSI2; sister models have more, and of others
@@ -127,19 +130,21 @@ class Refusal:
 
     @property
     def reason(self) -> str:
-        """The code in words."""
+        """What the code means."""
         return REFUSALS.get(self.code, f"error code {self.code}")
 
 
 Telegram = ScanTelegram | Answer | Refusal
 
 
-def new_parser(dialect: Literal["auto", "binary", "ascii"] = "binary") -> ColaParser[Telegram]:
-    """A parser for the stream of one connection."""
-    return ColaParser(decode, dialect)
+def new_parser(
+    dialect: DialectSetting = "binary", max_beams: int = MAX_BEAMS
+) -> ColaParser[Telegram]:
+    """A parser for the stream of one connection; max_beams: more for a sister model."""
+    return ColaParser(partial(decode, max_beams=max_beams), dialect)
 
 
-def decode(now_s: float, payload: bytes, dialect: Dialect = "binary") -> Telegram:
+def decode(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> Telegram:
     """What a payload says; it arrived at now_s.
 
     Raises:
@@ -153,7 +158,8 @@ def decode(now_s: float, payload: bytes, dialect: Dialect = "binary") -> Telegra
     name, space, values = payload[4:].partition(b" ")
     if name == b"LMDscandata" and space and kind in (b"sSN", b"sRA"):
         reader: Callable[[bytes, int], Fields] = TextFields if dialect == "ascii" else BinaryFields
-        return _scan_telegram(now_s, kind == b"sRA", reader(payload, 16), dialect)
+        fields = reader(payload, 16)
+        return _scan_telegram(now_s, kind == b"sRA", fields, dialect, max_beams)
     if not (name.isascii() and name.isalnum()):
         raise PayloadError("unknown telegram")
     return Answer(kind.decode(), name.decode(), values, dialect)
@@ -168,7 +174,9 @@ def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
     raise PayloadError("unknown telegram")
 
 
-def _scan_telegram(now_s: float, polled: bool, fields: Fields, dialect: Dialect) -> ScanTelegram:
+def _scan_telegram(
+    now_s: float, polled: bool, fields: Fields, dialect: Dialect, max_beams: int
+) -> ScanTelegram:
     version, device, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(
         _FIXED
     )
@@ -194,13 +202,13 @@ def _scan_telegram(now_s: float, polled: bool, fields: Fields, dialect: Dialect)
         scan_hz=centihertz / 100,
         measurement_hz=hectohertz * 100.0,
         encoders=tuple((p, s) for p, s in (fields.fields("Ih") for _ in range(encoders))),
-        channels=_channels(fields),
+        channels=_channels(fields, max_beams),
         **_options(fields),
         dialect=dialect,
     )
 
 
-def _channels(fields: Fields) -> dict[str, Channel]:
+def _channels(fields: Fields, max_beams: int) -> dict[str, Channel]:
     """All 16-bit channels, then all 8-bit ones."""
     channels = {}
     for kind in (">u2", "u1"):
@@ -212,7 +220,9 @@ def _channels(fields: Fields) -> dict[str, Channel]:
             name = str(content, "latin-1")
             if not CONTENT.fullmatch(name):
                 raise PayloadError(f"unknown channel {content!r}")
-            if not (1 <= points <= MAX_POINTS and step > 0):
+            if points > max_beams:
+                raise PayloadError(f"{points} points a scan, more than {max_beams}")
+            if not (points >= 1 and step > 0):
                 raise PayloadError(f"{points} points at a step of {step}")
             if not (0 < scale <= 1000 and abs(offset) <= 1e6):  # false for NaN, too
                 raise PayloadError(f"scale {scale}, offset {offset}")
@@ -257,4 +267,4 @@ def beams_lost(channel: Channel, part: slice) -> dict[str, int]:
     """How many beams of a part of a DIST channel measured nothing, by cause."""
     raw = channel.raw[part]
     counts = np.bincount(raw[raw < LEAST_RANGE_RAW], minlength=LEAST_RANGE_RAW).tolist()
-    return {words: counts[code] for code, words in CODES.items()} | {RESERVED: sum(counts[4:])}
+    return {cause: counts[code] for code, cause in CODES.items()} | {RESERVED: sum(counts[4:])}

@@ -17,7 +17,7 @@ from hw.modbus.image import RegisterImage, View
 from hw.modbus.layout import LATCH
 from hw.modbus.pdu import Answer, answer, refused
 from hw.modbus.refusals import Refusal
-from hw.modbus.token_bucket import Pace
+from hw.modbus.token_bucket import TokenBucket
 
 CLIENT_HZ, CLIENT_BURST = 400.0, 60.0  # requests: lasting, and at once after a rest
 BATCH = 4  # requests answered in one call
@@ -57,7 +57,7 @@ class Loop(Protocol):
 
 
 @dataclass(slots=True)
-class Desk:
+class ServerContext:
     """What all clients of one server share."""
 
     image: RegisterImage
@@ -74,7 +74,7 @@ class Desk:
 class Access:
     """The registers as one request may use them."""
 
-    desk: Desk
+    context: ServerContext
     identity: Mapping[int, bytes]
     view: View | None
     who: str
@@ -84,15 +84,15 @@ class Access:
 
     def read(self, first: int, count: int) -> Answer:
         """Their bytes."""
-        return self.desk.image.read(self.now_s, self.view, first, count, self.desk.utc_s())
+        return self.context.image.read(self.now_s, self.view, first, count, self.context.utc_s())
 
     def can_read(self, first: int, count: int) -> bool:
         """Whether there are such registers."""
-        return self.desk.image.can_read(first, count)
+        return self.context.image.can_read(first, count)
 
     def write(self, first: int, words: list[int]) -> Refusal:
         """Take them, or say why not."""
-        image = self.desk.image
+        image = self.context.image
         if image.drive is not None and first != LATCH and not self.is_local:
             return Refusal.FUNCTION
         return image.write(self.now_s, self.arrived_s, self.view, self.who, first, words)
@@ -101,15 +101,15 @@ class Access:
 class Client:
     """The requests of one client, in order."""
 
-    def __init__(self, desk: Desk, who: str, is_local: bool, send: Send) -> None:
-        self._desk, self._who, self._is_local = desk, who, is_local
+    def __init__(self, context: ServerContext, who: str, is_local: bool, send: Send) -> None:
+        self._context, self._who, self._is_local = context, who, is_local
         self._send: Send | None = send
         self._waiting: deque[tuple[float, Request]] = deque()
-        self._pace = Pace(CLIENT_HZ, CLIENT_BURST)
+        self._pace = TokenBucket(CLIENT_HZ, CLIENT_BURST)
         self._timer: Timer | None = None
         self._has_place = False  # at both paces, for the next request
         self._is_held = False
-        self.asked_s = desk.clock()  # when it last asked something
+        self.asked_s = context.clock()  # when it last asked something
 
     @property
     def waiting(self) -> int:
@@ -120,10 +120,10 @@ class Client:
         """Take requests that have just arrived; False if too many wait, which are dropped."""
         if not requests:
             return True
-        now_s = self.asked_s = self._desk.clock()
+        now_s = self.asked_s = self._context.clock()
         room = MOST_WAITING - len(self._waiting)
         self._waiting.extend((now_s, request) for request in requests[:room])
-        self._desk.counters.dropped += max(0, len(requests) - room)
+        self._context.counters.dropped += max(0, len(requests) - room)
         if self._timer is None:
             self._work()
         return len(requests) <= room
@@ -144,35 +144,35 @@ class Client:
 
     def _work(self) -> None:
         """Answer some of what waits, as the pace allows."""
-        self._timer, desk = None, self._desk
+        self._timer, context = None, self._context
         for _ in range(BATCH):
             if not self._waiting or self._is_held:
                 return
-            now_s = desk.clock()
+            now_s = context.clock()
             if not self._has_place:
                 self._has_place = True
-                wait_s = max(self._pace.book(now_s), desk.image.pace.book(now_s))
+                wait_s = max(self._pace.book(now_s), context.image.pace.book(now_s))
                 if wait_s > 0.0:
-                    desk.counters.delayed += 1
-                    self._timer = desk.loop.call_later(wait_s, self._work)
+                    context.counters.delayed += 1
+                    self._timer = context.loop.call_later(wait_s, self._work)
                     return
             self._has_place = False
             self._answer(now_s, *self._waiting.popleft())
         if self._waiting:
-            self._timer = desk.loop.call_soon(self._work)
+            self._timer = context.loop.call_soon(self._work)
 
     def _answer(self, now_s: float, arrived_s: float, request: Request) -> None:
-        desk = self._desk
-        if request.unit not in desk.views:
-            if desk.is_silent:
+        context = self._context
+        if request.unit not in context.views:
+            if context.is_silent:
                 return
             pdu = refused(request.pdu[0], Refusal.NO_UNIT)
         else:
-            view, identity = desk.views[request.unit], desk.identity
-            access = Access(desk, identity, view, self._who, self._is_local, now_s, arrived_s)
+            view, identity = context.views[request.unit], context.identity
+            access = Access(context, identity, view, self._who, self._is_local, now_s, arrived_s)
             pdu = answer(request.pdu, access)
-        desk.counters.requests += 1
-        desk.counters.exceptions += pdu[0] >> 7
+        context.counters.requests += 1
+        context.counters.exceptions += pdu[0] >> 7
         if self._send is not None:
             self._send(request, pdu)
 

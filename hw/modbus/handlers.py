@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 from pymodbus.server.requesthandler import ServerRequestHandler
 
-from hw.modbus.client import Client, Desk, Timer, is_loopback
+from hw.modbus.client import Client, ServerContext, Timer, is_loopback
 from hw.modbus.framing import Request, datagram_requests, mbap_frame, take_requests
 from hw.modbus.rtu import RtuReceiver, rtu_frame
 
@@ -33,7 +33,7 @@ CYCLIC = ("trace_packet", "trace_pdu", "trace_connect", "low_level_send", "call_
 class Owner(Protocol):
     """What a handler wants of its server."""
 
-    desk: Desk
+    server_context: ServerContext
     connections: "dict[TcpHandler, None]"  # in the order of their coming
 
 
@@ -67,8 +67,8 @@ class TcpHandler(ServerRequestHandler):
         super().connection_made(transport)
         self._socket = transport
         host, port = (*(transport.get_extra_info("peername") or ("", 0)), 0, 0)[:2]
-        desk = self._owner.desk
-        self._client = Client(desk, f"modbus tcp {host}:{port}", is_loopback(host), self._reply)
+        context = self._owner.server_context
+        self._client = Client(context, f"modbus tcp {host}:{port}", is_loopback(host), self._reply)
         self._owner.connections[self] = None
         if len(self._owner.connections) > MOST_CONNECTIONS:
             self._make_room()
@@ -76,12 +76,12 @@ class TcpHandler(ServerRequestHandler):
     def _make_room(self) -> None:
         """End the connection that has been idle longest, or else this one."""
         idlest = min(self._owner.connections, key=lambda handler: handler.idle_since_s)
-        desk = self._owner.desk
-        if desk.clock() - idlest.idle_since_s > SPARED_S:
-            desk.counters.idle_closed += 1
+        context = self._owner.server_context
+        if context.clock() - idlest.idle_since_s > SPARED_S:
+            context.counters.idle_closed += 1
             idlest.end()
         else:
-            desk.counters.turned_away += 1
+            context.counters.turned_away += 1
             self.end()
 
     def data_received(self, data: bytes) -> None:
@@ -90,14 +90,14 @@ class TcpHandler(ServerRequestHandler):
             return
         self._data += data
         if len(self._data) > MOST_BYTES:  # not even looked at: that would take long
-            self._owner.desk.counters.dropped += 1
+            self._owner.server_context.counters.dropped += 1
             self.end()
             return
         found, reason = take_requests(self._data)
         if not self._client.offer(found):
             self.end()
         elif reason:
-            self._owner.desk.counters.rejected += 1
+            self._owner.server_context.counters.rejected += 1
             self._data.clear()
             self._end_when_answered()
 
@@ -156,18 +156,18 @@ class UdpHandler(ServerRequestHandler):
 
     def __init__(self, owner: Any) -> None:
         super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._desk: Desk = owner.desk
+        self._context: ServerContext = owner.server_context
         self._clients: dict[Any, Client] = {}
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...] | None) -> None:
         """One datagram: whole requests, or nothing."""
         found = datagram_requests(data)
         if not found:
-            self._desk.counters.rejected += 1
+            self._context.counters.rejected += 1
             return
         client = self._client_at(addr)
         if client is None or client.waiting + len(found) > UDP_WAITING:
-            self._desk.counters.dropped += len(found)
+            self._context.counters.dropped += len(found)
         else:
             client.offer(found)
 
@@ -186,7 +186,7 @@ class UdpHandler(ServerRequestHandler):
         def reply(request: Request, pdu: bytes) -> None:
             self.send(mbap_frame(request, pdu), addr)
 
-        client = self._clients[addr] = Client(self._desk, who, is_loopback(addr[0]), reply)
+        client = self._clients[addr] = Client(self._context, who, is_loopback(addr[0]), reply)
         return client
 
     def callback_disconnected(self, exc: Exception | None) -> None:
@@ -201,21 +201,21 @@ class LineHandler(ServerRequestHandler):
 
     def __init__(self, owner: Any, path: str, baud: int) -> None:
         super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._desk: Desk = owner.desk
+        self._context: ServerContext = owner.server_context
         self._silent_s = silent_s(baud)
-        self._client = Client(self._desk, f"modbus rtu {path}", True, self._reply)
+        self._client = Client(self._context, f"modbus rtu {path}", True, self._reply)
         self._timer: Timer | None = None
         self.restart()
 
     def restart(self) -> None:
         """The line was opened anew."""
-        self._receiver = RtuReceiver(frozenset(self._desk.views))
+        self._receiver = RtuReceiver(frozenset(self._context.views))
         self._found: list[Request] = []
         self._found_s = float("-inf")  # since when they wait for silence
 
     def data_received(self, data: bytes) -> None:
         """What the line carries, cut anywhere."""
-        now_s, before = self._desk.clock(), self._receiver.rejected
+        now_s, before = self._context.clock(), self._receiver.rejected
         found = self._receiver.feed(data)
         if found and not self._found:
             self._found_s = now_s
@@ -228,7 +228,7 @@ class LineHandler(ServerRequestHandler):
     def _listen(self, wait_s: float, then: Any) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._desk.loop.call_later(wait_s, then)
+        self._timer = self._context.loop.call_later(wait_s, then)
 
     def _silence(self) -> None:
         before = self._receiver.rejected
@@ -248,7 +248,7 @@ class LineHandler(ServerRequestHandler):
         self._client.offer(found)
 
     def _count(self, before: int) -> None:
-        self._desk.counters.rejected += self._receiver.rejected - before
+        self._context.counters.rejected += self._receiver.rejected - before
 
     def _reply(self, request: Request, pdu: bytes) -> None:
         self.send(rtu_frame(request, pdu))

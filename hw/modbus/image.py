@@ -25,7 +25,7 @@ from hw.modbus.layout import (
 )
 from hw.modbus.refusals import Refusal
 from hw.modbus.status import STALE_S, Published, Status
-from hw.modbus.token_bucket import Pace
+from hw.modbus.token_bucket import TokenBucket
 from hw.modbus.window import Packer, Snapshot
 
 PACK_S = 0.1  # the window is packed no more often, but at once when trust in it is lost
@@ -77,7 +77,7 @@ class RegisterImage:
         )
         self.version, self.drive_refusal = version, drive_refusal
         self.drive = None if drive_refusal else DriveRegisters(ask)
-        self.pace = Pace(ALL_HZ, ALL_BURST)
+        self.pace = TokenBucket(ALL_HZ, ALL_BURST)
         self._said = Published()
         self._live = self._packer.blank
         self._generation = 0  # of the newest map

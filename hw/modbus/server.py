@@ -17,13 +17,13 @@ from pymodbus.server import ModbusSerialServer, ModbusTcpServer, ModbusUdpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from hw.device import DeviceStatus
-from hw.modbus.client import Desk, ModbusCounters
+from hw.modbus.client import ModbusCounters, ServerContext
 from hw.modbus.handlers import IDLE_S, MOST_CONNECTIONS, LineHandler, TcpHandler, UdpHandler
 from hw.modbus.image import RegisterImage, View
-from hw.ports.reopening import loss_in_words
+from hw.ports.reopening import describe_loss
+from hw.ports.serial import SerialPort
 from hw.ports.url import PortUrl, parse_url
-from hw.ports.wires import SerialPort
-from hw.runtime.wakeup import Ears
+from hw.runtime.wakeup import WakeUp
 
 PYMODBUS = "3.16."  # the handlers stand on this version's inside
 RETRY_FIRST_S, RETRY_LAST_S = 0.5, 10.0
@@ -89,8 +89,8 @@ class _Opening:
 class TcpService(_Opening, ModbusTcpServer):
     """Listens for TCP connections."""
 
-    def __init__(self, desk: Desk, url: PortUrl) -> None:
-        self.desk = desk
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self.server_context = context
         self.connections: dict[TcpHandler, None] = {}
         super().__init__(_no_memory(), address=(url.host, url.port))
         # asyncio accepts as many connections in one go as may wait: by itself a hundred
@@ -104,7 +104,7 @@ class TcpService(_Opening, ModbusTcpServer):
         """Close what has been idle for long."""
         for handler in list(self.connections):
             if now_s - handler.idle_since_s > IDLE_S:
-                self.desk.counters.idle_closed += 1
+                self.server_context.counters.idle_closed += 1
                 handler.end()
         return ""
 
@@ -112,8 +112,8 @@ class TcpService(_Opening, ModbusTcpServer):
 class UdpService(_Opening, ModbusUdpServer):
     """Takes datagrams."""
 
-    def __init__(self, desk: Desk, url: PortUrl) -> None:
-        self.desk = desk
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self.server_context = context
         super().__init__(_no_memory(), address=(url.host, url.port))
 
     def callback_new_connection(self) -> UdpHandler:
@@ -144,12 +144,12 @@ class _LineTransport(asyncio.Transport):
 class LineService(_Opening, ModbusSerialServer):
     """A slave on a serial line; where the line is lost, it comes back by itself."""
 
-    def __init__(self, desk: Desk, url: PortUrl) -> None:
-        self.desk = desk
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self.server_context = context
         self._url, self._port = url, SerialPort(url)
         self._opened = 0
         self._handler: LineHandler | None = None
-        self._ears = Ears(asyncio.get_running_loop(), (self._port,), self._hear)
+        self._wake_up = WakeUp(asyncio.get_running_loop(), (self._port,), self._hear)
         super().__init__(_no_memory(), port=url.path)
         self.call_create = self._create
 
@@ -171,7 +171,7 @@ class LineService(_Opening, ModbusSerialServer):
         if is_open and self._port.opened != self._opened and self._handler is not None:
             self._opened = self._port.opened
             self._handler.restart()
-        self._ears.after_tick()
+        self._wake_up.after_tick()
         return "" if is_open else self._port.cause
 
     def _hear(self) -> None:
@@ -181,11 +181,11 @@ class LineService(_Opening, ModbusSerialServer):
 
     async def shutdown(self) -> None:
         """Let go of the line."""
-        self._ears.close()
+        self._wake_up.close()
         await super().shutdown()  # type: ignore[no-untyped-call]
 
 
-SERVICES: dict[str, Callable[[Desk, PortUrl], Service]] = {
+SERVICES: dict[str, Callable[[ServerContext, PortUrl], Service]] = {
     "tcp": TcpService,
     "udp": UdpService,
     "serial": LineService,
@@ -200,7 +200,7 @@ def _why_closed(error: OSError, url: PortUrl) -> str:
         return f"port {url.port} at {url.host} is in use by another program"
     if error.errno == errno.EADDRNOTAVAIL:
         return f"this machine does not have the address {url.host}"
-    return loss_in_words(error, f"{url.host}:{url.port}" if url.port else url.path)
+    return describe_loss(error, f"{url.host}:{url.port}" if url.port else url.path)
 
 
 class ModbusServer:
@@ -269,7 +269,7 @@ class ModbusServer:
         """Open where that is due; look after what is open. `start` has this done."""
         now_s = self._clock()
         if self._service is None:
-            self._service = SERVICES[self._url.kind](self._desk(), self._url)
+            self._service = SERVICES[self._url.kind](self._context(), self._url)
         if not self._is_open and now_s >= self._retry_s:
             await self._open(now_s)
         if self._is_open:
@@ -290,11 +290,11 @@ class ModbusServer:
         else:
             self._is_open, self._pause_s = True, RETRY_FIRST_S
 
-    def _desk(self) -> Desk:
+    def _context(self) -> ServerContext:
         live, frozen = units_of(self._unit, self._url.kind)
         views: dict[int, View | None] = dict.fromkeys(live)
         views |= {unit: self._image.new_view() for unit in frozen}
-        return Desk(
+        return ServerContext(
             image=self._image,
             clock=self._clock,
             utc_s=self._utc_s,

@@ -1,7 +1,7 @@
 """How often something may happen: so many a second for long, and a burst after a rest."""
 
 
-class Pace:
+class TokenBucket:
     """Gives places away, first come, first served."""
 
     def __init__(self, rate_hz: float, burst: float) -> None:

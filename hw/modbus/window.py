@@ -17,7 +17,7 @@ from hw.modbus.layout import (
     stride_of,
     window_block,
 )
-from hw.planner_link.publisher import kernel
+from jit import kernel
 
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
 HEAD_BYTES = 2 * (WINDOW_CELLS - 1000)

@@ -76,7 +76,7 @@ def encode_geom(
 
 
 def encode_pose(pose: PoseReport) -> bytes:
-    """Body of a POSE frame; what does not fit is told as the nearest that does."""
+    """Body of a POSE frame; what does not fit becomes the nearest that does."""
     return POSE_BODY.pack(
         _int(pose.x_m * 1000, 31),
         _int(pose.y_m * 1000, 31),
@@ -119,7 +119,7 @@ def encode_digest(geom_id: int, window_crc: int) -> bytes:
 
 
 def encode_stop_zone(zone: StopZoneReport) -> bytes:
-    """Body of a STOP_ZONE frame: distances, times and speeds are told as no more than they are."""
+    """Body of a STOP_ZONE frame: distances, times and speeds are never more than they are."""
     has_nearest = zone.nearest_m < math.inf
     return STOP_ZONE_BODY.pack(
         min(MOST, _thousandths(zone.free_ahead_m)),

@@ -4,15 +4,13 @@ All arrays are rings of (size, size) cells, flat, cell (i, j) at [(j % size) * s
 Source: planner link, sections 3 (operations) and 4 (docs/planner-link.md).
 """
 
-from collections.abc import Callable
-from typing import NamedTuple, ParamSpec, TypeVar, cast
-
-import numba
+from typing import NamedTuple
 
 from core.records import I8, I32, U8
+from jit import kernel
 
 UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3
-# A mark's bits: why it is there (AGAIN: a new obstacle, told once), and what is to be told
+# A mark's bits: why it is there (AGAIN: a new obstacle, published once), and what to publish
 CHANGED, LOST, AGAIN, NEW, GONE = 1, 2, 4, 8, 16
 ANY, HOT, MISSED = 0, 1, 2  # levels at which marks are counted: all; NEW, GONE; LOST, AGAIN
 LOST_CELLS = 3  # where `Ring.counts` has these
@@ -35,28 +33,21 @@ LONGEST_OP = 4  # bytes: a run of up to 64 + 2^21 cells
 
 Span = tuple[int, int, int, int]  # lowest and highest corner i, lowest and highest corner j
 NO_SPAN: Span = (0, -(2**40), 0, -(2**40))  # holds no cell
-P = ParamSpec("P")
-R = TypeVar("R")
 
 
 class Ring(NamedTuple):
-    """What was told of each cell, which are marked, and how many of them where."""
+    """The published state of each cell, which are marked, and how many of them where."""
 
-    told: U8  # (size * size,)
+    published: U8  # (size * size,)
     marks: U8  # (size * size,) bits
     rows: I32  # (3, size) marked cells of a ring's row, by level
     blocks: I32  # (3, size * blocks) of each BLOCK cells of a row, by level
     counts: I32  # (4,) of all, by level; and the LOST ones alone
 
 
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile with Numba, kept on disk beside the source."""
-    return cast(Callable[P, R], numba.njit(cache=True)(function))
-
-
 @kernel
 def _code(cell: int, trusted: bool) -> int:
-    """The state to tell for a cell of the obstacle map: 1 obstacle, 0 unknown, -1 free."""
+    """The state to publish for a cell of the obstacle map: 1 obstacle, 0 unknown, -1 free."""
     if cell == 1:
         return OBSTACLE
     return FREE if cell == -1 and trusted else UNKNOWN
@@ -76,7 +67,7 @@ def _remark(at: int, reasons: int, code: int, ring: Ring) -> None:
     old, new = int(ring.marks[at]), reasons
     if reasons & (CHANGED | LOST) != 0 and code == OBSTACLE:
         new = reasons | NEW
-    elif reasons & (CHANGED | LOST) != 0 and ring.told[at] == OBSTACLE:
+    elif reasons & (CHANGED | LOST) != 0 and ring.published[at] == OBSTACLE:
         new = reasons | GONE
     if new == old:
         return
@@ -95,18 +86,18 @@ def _remark(at: int, reasons: int, code: int, ring: Ring) -> None:
 
 @kernel
 def note_cells(cells: I8, trusted: bool, changed: I32, ring: Ring) -> None:
-    """Mark those of the listed cells (flat indices) that are meant otherwise than told."""
+    """Mark those of the listed cells (flat indices) that differ from what was published."""
     for at in changed:
         code = _code(cells[at], trusted)
         reasons = int(ring.marks[at]) & (LOST | AGAIN if code == OBSTACLE else LOST)
-        _remark(at, reasons | CHANGED if code != ring.told[at] else reasons, code, ring)
+        _remark(at, reasons | CHANGED if code != ring.published[at] else reasons, code, ring)
 
 
 @kernel
-def mark_again_cells(cells: I8, told_once: I32, ring: Ring) -> None:
-    """New obstacles that were told in one frame (flat indices), which may be lost: once more."""
-    for at in told_once:
-        if cells[at] == 1 and ring.told[at] == OBSTACLE:
+def mark_again_cells(cells: I8, published_once: I32, ring: Ring) -> None:
+    """New obstacles published in one frame (flat indices), which may be lost: once more."""
+    for at in published_once:
+        if cells[at] == 1 and ring.published[at] == OBSTACLE:
             _remark(at, int(ring.marks[at]) & (CHANGED | LOST) | AGAIN, OBSTACLE, ring)
 
 
@@ -128,7 +119,7 @@ def enter_cells(
 ) -> None:
     """The window moves from corner `old` to `new`: cells that come in are unknown on both ends.
 
-    Those that a window within `span` had are told all the same: a planner that missed the move
+    Those that a window within `span` had are published all the same: a planner that missed the move
     by which they left has not forgotten them.
     """
     size = ring.rows.shape[1]
@@ -141,7 +132,7 @@ def enter_cells(
         row_spanned = span[2] <= j < span[3] + size
         for i in range(new[0] if row_in else first_in, end if row_in else end_in):
             at = (j % size) * size + i % size
-            ring.told[at] = UNKNOWN
+            ring.published[at] = UNKNOWN
             code = _code(cells[at], trusted)
             reasons = CHANGED if code != UNKNOWN else 0
             if row_spanned and span[0] <= i < span[1] + size:
@@ -218,16 +209,18 @@ def _unwanted(kind: int, row: int, column: int, ring_row: int, ring_column: int,
 
 @kernel
 def _same(at: int, most: int, code: int, ring: Ring) -> int:
-    """How many cells from this one of the ring, `most` at most, hold no mark and were told so."""
+    """How many cells from this one on, `most` at most, hold no mark and were published so."""
     count = 1
-    while count < most and ring.marks[at + count] == 0 and ring.told[at + count] == code:
+    while count < most and ring.marks[at + count] == 0 and ring.published[at + count] == code:
         count += 1
     return count
 
 
 @kernel
-def _tell(at: int, at_cell: int, code: int, ring: Ring, cleared: I32, count: int, once: I32) -> int:
-    """A marked cell has been told; returns how many cells `cleared` lists now."""
+def _publish(
+    at: int, at_cell: int, code: int, ring: Ring, cleared: I32, count: int, once: I32
+) -> int:
+    """A marked cell is published; returns how many cells `cleared` lists now."""
     mark = int(ring.marks[at])
     if mark != AGAIN:
         cleared[count] = at_cell
@@ -236,7 +229,7 @@ def _tell(at: int, at_cell: int, code: int, ring: Ring, cleared: I32, count: int
         once[0] += 1
         once[once[0]] = at
     _remark(at, 0, code, ring)
-    ring.told[at] = code
+    ring.published[at] = code
     return count
 
 
@@ -257,8 +250,8 @@ def encode_cells(
 ) -> tuple[int, int, int, int]:
     """Write wanted cells of first..end (window raster) into `ops`, at most `room` bytes.
 
-    Only if it is for good, cells count as told and marks are cleared; where, goes to `cleared`, and
-    new obstacles to `once`, at its end and counted in its first place.
+    Only if it is for good, cells count as published and marks are cleared; which, goes to
+    `cleared`, and new obstacles to `once`, at its end and counted in its first place.
     Returns the first cell written (-1: none), bytes, marks cleared, and where to go on.
     """
     size = int(ring.rows.shape[1])
@@ -288,7 +281,7 @@ def encode_cells(
                 state, run, gap = code, 0, 0
             run += 1
             if for_good and ring.marks[at] != 0:
-                count = _tell(at, at_cell, code, ring, cleared, count, once)
+                count = _publish(at, at_cell, code, ring, cleared, count, once)
             elif kind == REFRESH and ring.marks[at] == 0:
                 stop = min(min(size - column, size - ring_column), end - at_cell)
                 step = _same(at, stop, code, ring)
@@ -325,7 +318,7 @@ def mark_lost_cells(
 
 
 @kernel
-def pack_told(corner: tuple[int, int], ring: Ring, packed: U8) -> None:
+def pack_published(corner: tuple[int, int], ring: Ring, packed: U8) -> None:
     """Window in raster order, four cells a byte, first cell in bits 1..0, into ceil(cells / 4)."""
     size = ring.rows.shape[1]
     packed[-1] = 0
@@ -333,6 +326,6 @@ def pack_told(corner: tuple[int, int], ring: Ring, packed: U8) -> None:
         base = ((corner[1] + row) % size) * size
         at, cell = corner[0] % size, row * size
         for k in range(cell, cell + size):
-            bits = ring.told[base + at] << 2 * (k % 4)
+            bits = ring.published[base + at] << 2 * (k % 4)
             packed[k // 4] = bits if k % 4 == 0 else packed[k // 4] | bits
             at = at + 1 if at + 1 < size else 0

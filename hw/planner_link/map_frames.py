@@ -9,10 +9,10 @@ from core.records import I32, ObstacleWindow
 from hw.planner_link import kernels as map_kernels
 from hw.planner_link.frames import MAP, MAP_HEAD, REFRESH, encode_map
 from hw.planner_link.kernels import LONGEST_OP
-from hw.planner_link.publisher import MapSender
+from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import Repair, SentMap
-from hw.planner_link.refresh import Round
-from hw.planner_link.scheduler import Outbox
+from hw.planner_link.refresh import RefreshCursor
+from hw.planner_link.scheduler import FrameScheduler
 
 SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
 SLICE_BODY = MAP_HEAD.size + SLICE_OPS
@@ -28,81 +28,83 @@ URGENT_KINDS = (
 LEAST_ROOM = 3 * LONGEST_OP  # bytes of operations, without which no frame is begun
 
 
-class MapTeller:
-    """One planner's map: what it was told, what comes next."""
+class MapPublisher:
+    """Publishes the map to one planner: changes first, then the refresh."""
 
-    def __init__(self, outbox: Outbox, ring: MapSender, repair: Repair) -> None:
-        self._outbox, self._map, self._repair = outbox, ring, repair
+    def __init__(
+        self, scheduler: FrameScheduler, ring: PublishedMap, repair: Repair, geom_id: int
+    ) -> None:
+        self._scheduler, self._map, self._repair = scheduler, ring, repair
         self._cells = ring.size**2
         self._due_cells = 0.0  # of the refresh, by its pace
-        self._round = Round(ring.size)
+        self._cursor = RefreshCursor(ring.size)
         self._rest_cell = 0  # where to go on with what did not fit
         self._origin: tuple[int, int] | None = None  # of the newest MAP frame
         self._has_map = False  # a MAP frame goes out in this tick
-        self.geom_id = 0
-
-    def begin_epoch(self, geom_id: int) -> None:
-        """Both ends start from unknown."""
         self.geom_id = geom_id
+
+    def begin_epoch(self) -> None:
+        """Both ends start from unknown, under the next number."""
+        self.geom_id = (self.geom_id + 1) % 256
         self._map.forget()
-        self._repair.begin_epoch(self._outbox.seq)
-        self._round.begin()
+        self._repair.begin_epoch(self._scheduler.seq)
+        self._cursor.begin()
 
     def follow(self, window: ObstacleWindow) -> None:
         """Take in the map as it is meant now."""
         careful = self._repair.in_step or self._map.corner != self._origin
         old = self._map.update(window, careful)
         if old is not None:
-            self._round.follow(window.corner_i - old[0], window.corner_j - old[1])
+            self._cursor.follow(window.corner_i - old[0], window.corner_j - old[1])
 
-    def tell_changes(self) -> None:
+    def publish_changes(self) -> None:
         """All marked cells in one raster pass if they fit; else what weighs most first."""
         self._has_map = False
         self._map.mark_again()
         if self._map.marked == 0:
             return
         if self._fit(map_kernels.EVERY):
-            self._tell(map_kernels.EVERY)
-        elif self._tell_urgent() and self._tell(map_kernels.NEAR):
-            self._tell_rest()
+            self._publish(map_kernels.EVERY)
+        elif self._publish_urgent() and self._publish(map_kernels.NEAR):
+            self._publish_rest()
 
-    def _tell_urgent(self) -> bool:
+    def _publish_urgent(self) -> bool:
         """Obstacles that came or went, and what got lost; True if all of it fitted."""
         if not self._map.urgent:
             return True
         if self._fit(map_kernels.URGENT):
-            return self._tell(map_kernels.URGENT)
-        return all(self._tell(kind) for kind in URGENT_KINDS)
+            return self._publish(map_kernels.URGENT)
+        return all(self._publish(kind) for kind in URGENT_KINDS)
 
     @property
     def _budget(self) -> float:
         """Wire bytes for changes: the refresh's share stays, once it is enough for a slice."""
-        outbox = self._outbox
-        is_due = outbox.saved >= outbox.cost(SLICE_BODY)
-        return outbox.credit - (outbox.saved if is_due else 0.0)
+        scheduler = self._scheduler
+        is_due = scheduler.saved >= scheduler.cost(SLICE_BODY)
+        return scheduler.credit - (scheduler.saved if is_due else 0.0)
 
     def _fit(self, kind: int) -> bool:
         """Whether one raster pass over the cells of a kind fits into this tick's budget."""
         budget, cell = self._budget, 0
-        room = self._outbox.room(budget, MAP_HEAD.size)
+        room = self._scheduler.room(budget, MAP_HEAD.size)
         if self._map.marked * MOST_PER_CELL + LEAST_ROOM < room:
             return True
         while cell < self._cells:
-            room = self._outbox.room(budget, MAP_HEAD.size)
+            room = self._scheduler.room(budget, MAP_HEAD.size)
             if room < LEAST_ROOM:
                 return False
             used, cell = self._map.measure(kind, cell, self._cells, room)
-            budget -= self._outbox.cost(MAP_HEAD.size + used) if used else 0
+            budget -= self._scheduler.cost(MAP_HEAD.size + used) if used else 0
         return True
 
-    def _tell(self, kind: int) -> bool:
+    def _publish(self, kind: int) -> bool:
         """MAP frames with the cells of one kind; True if all of them fitted."""
-        return self._tell_from(kind, 0, self._cells) == self._cells
+        return self._publish_from(kind, 0, self._cells) == self._cells
 
-    def _tell_from(self, kind: int, cell: int, end: int) -> int:
+    def _publish_from(self, kind: int, cell: int, end: int) -> int:
         """MAP frames with the cells of one kind of cell..end; where to go on."""
         while cell < end:
-            room = self._outbox.room(self._budget, MAP_HEAD.size)
+            room = self._scheduler.room(self._budget, MAP_HEAD.size)
             if room < LEAST_ROOM:
                 return cell
             start, ops, cell, marked = self._map.encode(kind, cell, end, room)
@@ -110,12 +112,12 @@ class MapTeller:
                 self._queue(0, start, ops, marked)
         return cell
 
-    def _tell_rest(self) -> None:
+    def _publish_rest(self) -> None:
         """What is left, from where the last tick had to stop: no corner waits for ever."""
         begun = self._rest_cell
-        self._rest_cell = self._tell_from(map_kernels.REST, begun, self._cells)
+        self._rest_cell = self._publish_from(map_kernels.REST, begun, self._cells)
         if self._rest_cell == self._cells:
-            self._rest_cell = self._tell_from(map_kernels.REST, 0, begun)
+            self._rest_cell = self._publish_from(map_kernels.REST, 0, begun)
 
     def refresh(self, dt_s: float, spare: float) -> None:
         """Slices of the rolling refresh, by its pace, of its share and what else may be spent.
@@ -125,30 +127,30 @@ class MapTeller:
         Args:
             spare: wire bytes that it may use beyond its share.
         """
-        outbox, slice_cost = self._outbox, self._outbox.cost(SLICE_BODY)
-        least = outbox.cost(MAP_HEAD.size + LEAST_SLICE_OPS) + 2
+        scheduler, slice_cost = self._scheduler, self._scheduler.cost(SLICE_BODY)
+        least = scheduler.cost(MAP_HEAD.size + LEAST_SLICE_OPS) + 2
         self._due_cells = min(self._due_cells + self._cells * dt_s / PASS_S, self._cells)
-        floor = outbox.credit - spare
+        floor = scheduler.credit - spare
         while True:
-            left = max(outbox.credit - floor, min(outbox.saved, outbox.credit))
-            if outbox.saved < outbox.most_saved:  # else its share is due, whatever it delays
-                left = min(left, outbox.line_left)
+            left = max(scheduler.credit - floor, min(scheduler.saved, scheduler.credit))
+            if scheduler.saved < scheduler.most_saved:  # else its share is due, whatever it delays
+                left = min(left, scheduler.line_left)
             if self._has_map and (self._due_cells < 1 or left < slice_cost):
                 break
-            before = outbox.credit
-            passed = self._tell_slice(outbox.room(max(least, left), MAP_HEAD.size))
+            before = scheduler.credit
+            passed = self._publish_slice(scheduler.room(max(least, left), MAP_HEAD.size))
             self._due_cells = max(0.0, self._due_cells - passed)
-            outbox.saved = max(0.0, outbox.saved - (before - outbox.credit))
+            scheduler.saved = max(0.0, scheduler.saved - (before - scheduler.credit))
         if self._due_cells < 1:
-            outbox.saved = 0.0  # it keeps its pace: what it leaves is free for all else
+            scheduler.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
-    def _tell_slice(self, room: int) -> int:
+    def _publish_slice(self, room: int) -> int:
         """The next cells of the round in one frame; how many."""
-        begun, due = self._round.cell, max(1, math.floor(self._due_cells))
+        begun, due = self._cursor.cell, max(1, math.floor(self._due_cells))
         end = min(self._cells, begun + due)
-        self._round.note_slice(self._outbox.seq + 1)
+        self._cursor.note_slice(self._scheduler.seq + 1)
         start, ops, cell, marked = self._map.encode(map_kernels.REFRESH, begun, end, room)
-        if seq := self._round.advance(cell):
+        if seq := self._cursor.advance(cell):
             self._repair.note_round(seq)
         self._queue(REFRESH, start, ops, marked)
         return cell - begun
@@ -160,5 +162,5 @@ class MapTeller:
         self._origin, self._has_map = self._map.corner, True
         repaired = self._repair.repaired
         body = encode_map(self._origin, repaired, self.geom_id, start, ops)
-        self._outbox.queue(MAP, body, flags)
-        self._repair.note_map(SentMap(self._outbox.seq, marked, self._origin))
+        self._scheduler.queue(MAP, body, flags)
+        self._repair.note_map(SentMap(self._scheduler.seq, marked, self._origin))

@@ -8,7 +8,7 @@ import hmac
 import math
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hw.device import BadFrame
 from hw.planner_link import frames as planner_frames
@@ -29,7 +29,7 @@ from hw.planner_link.frames import (
     Secret,
 )
 
-NEED_GEOM, NEED_FULL, PLANNER_STOPPED, DIGEST_OK = 1 << 0, 1 << 1, 1 << 4, 1 << 5
+NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
 POLL = 1 << 0  # of a HELLO's capabilities
 ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, IN_WINDOW = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 7
 ACK_BODY, HELLO_BODY = struct.Struct("<HIIHHBB"), struct.Struct("<IIHH")
@@ -64,6 +64,9 @@ class Hello:
     max_cells: int
     max_frame: int
     polls: bool  # nothing may be pushed at it: it asks
+    seq: int = 0
+    t_ms: int = 0  # the planner's clock
+    signed: bool = False  # with a valid tag
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +117,11 @@ Answer = Ack | Hello | Ask | Drive | External
 
 
 def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFrame:
-    """A frame that comes to the sender; with a secret, only one with the right tag (HELLO: any)."""
+    """A frame that comes to the sender; with a secret, only one with the right tag.
+
+    A HELLO needs none, for who sends it may know no session yet; it says whether it has the right
+    one, with the nonce that it tells itself.
+    """
     if not HEAD.size + CRC.size <= len(frame) <= MAX_FRAME:
         return BadFrame("bad length", frame)
     if CRC.unpack(frame[-4:])[0] != zlib.crc32(frame[:-4], CRC_START):
@@ -122,16 +129,24 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFra
     first, flags, seq, t_ms = HEAD.unpack_from(frame)
     if first >> 4 != VERSION or flags & ~KNOWN_FLAGS:
         return BadFrame("unknown version or flag", frame)
-    end = len(frame) - CRC.size - (TAG_BYTES if flags & AUTH else 0)
+    kind, end = first & 0x0F, len(frame) - CRC.size - (TAG_BYTES if flags & AUTH else 0)
     if end < HEAD.size:
         return BadFrame("bad length", frame)
-    if secret is not None and first & 0x0F != HELLO:
-        tag = frame[end : -CRC.size]
-        if not (flags & AUTH and hmac.compare_digest(secret.tag(frame[:end]), tag)):
-            return BadFrame("no valid tag", frame)
-    return _decode_body(first & 0x0F, frame[HEAD.size : end], seq, t_ms) or BadFrame(
-        f"{KINDS[first & 0x0F]} out of range" if first & 0x0F in KINDS else "unknown type", frame
+    tag = frame[end : -CRC.size]
+    if secret is not None and kind != HELLO and not _is_signed(frame[:end], tag, secret):
+        return BadFrame("no valid tag", frame)
+    answer = _decode_body(kind, frame[HEAD.size : end], seq, t_ms)
+    if isinstance(answer, Hello) and secret is not None:
+        own = replace(secret, nonce=answer.nonce)
+        answer = replace(answer, signed=_is_signed(frame[:end], tag, own))
+    return answer or BadFrame(
+        f"{KINDS[kind]} out of range" if kind in KINDS else "unknown type", frame
     )
+
+
+def _is_signed(content: bytes, tag: bytes, secret: Secret) -> bool:
+    """Compares in constant time; no tag is never the right one."""
+    return hmac.compare_digest(secret.tag(content), tag)
 
 
 def _decode_body(kind: int, body: bytes, seq: int, t_ms: int) -> Answer | None:
@@ -141,7 +156,8 @@ def _decode_body(kind: int, body: bytes, seq: int, t_ms: int) -> Answer | None:
             return Ack(seq, t_ms, last, mask, echo, hold * 1e-4, bad, status, geom_id)
         case planner_frames.HELLO if len(body) == HELLO_BODY.size:
             nonce, max_cells, max_frame, capabilities = HELLO_BODY.unpack(body)
-            return Hello(nonce, max_cells, max_frame, bool(capabilities & POLL))
+            polls = bool(capabilities & POLL)
+            return Hello(nonce, max_cells, min(max_frame, MAX_FRAME), polls, seq, t_ms)
         case planner_frames.DRIVE:
             return _maybe_drive(body, seq, t_ms)
         case planner_frames.ASK:

@@ -10,7 +10,7 @@ from collections import Counter, deque
 
 from core.records import ExternalPose
 from hw.planner_link.messages import External
-from hw.planner_link.replay_guard import Commanders
+from hw.planner_link.replay_guard import ReplayGuard
 
 OLDEST_S = 1.0  # a pose from longer ago is of no use
 WAITING = 16  # poses that nobody has taken
@@ -19,8 +19,8 @@ WAITING = 16  # poses that nobody has taken
 class ExternalPoses:
     """The poses of a positioning system in one run of mapod."""
 
-    def __init__(self, commanders: Commanders) -> None:
-        self._commanders = commanders
+    def __init__(self, guard: ReplayGuard) -> None:
+        self._guard = guard
         self._waiting: deque[ExternalPose] = deque(maxlen=WAITING)
         self.accepted = 0
         self.refused: Counter[str] = Counter()  # by reason
@@ -30,12 +30,12 @@ class ExternalPoses:
         """One well-formed, where necessary authenticated frame.
 
         Args:
-            refusal: why none is taken on that link, in words; "" if they are.
+            refusal: why none is taken on that link, as a message; "" if they are.
         """
         if refusal:
             self.refuse(refusal)
             return
-        late_s = self._commanders.late_s(now_s, external)
+        late_s = self._guard.late_s(now_s, external)
         if isinstance(late_s, str):
             self.refuse(late_s)
         elif late_s + external.age_s > OLDEST_S:

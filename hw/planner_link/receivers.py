@@ -8,63 +8,26 @@ Source: planner link, sections 3, 7 and 9 (docs/planner-link.md).
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 from core.records import ExternalPose, ObstacleWindow, PoseReport, StopZoneReport
 from hw.device import Port
 from hw.planner_link.poses import ExternalPoses
-from hw.planner_link.replay_guard import Commanders
-from hw.planner_link.requests import ELSEWHERE, Requests
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.replay_guard import ReplayGuard
+from hw.planner_link.requests import NO_LINK, Requests
+from hw.planner_link.sender import LinkSettings, PlannerLink, Wire
 from hw.planner_link.tiles import TileSource
-
-
-@dataclass(frozen=True, slots=True)
-class Wire:
-    """One receiver's wire, and what may come over it."""
-
-    port: Port
-    line_baud: int | None  # None: it has no such thing (UDP, TCP)
-    drive_refusal: str  # why nobody may drive over it, in words; "" if one may
-    pose_refusal: str  # likewise of external poses
 
 
 class Planners:
     """The planner links of one run of mapod, in the order of their wires."""
 
-    def __init__(
-        self,
-        wires: Sequence[Wire],
-        *,
-        size: int,
-        cell_mm: int,
-        session: int,
-        tick_s: float,
-        stale_ms: int,
-        key: bytes | None = None,
-        push: bool = True,
-    ) -> None:
-        """`push`: False: nothing is sent but what is asked for."""
+    def __init__(self, wires: Sequence[Wire], settings: LinkSettings, session: int) -> None:
         self.session, self._era = session, -1
-        commanders = Commanders(session)
-        self.requests = Requests(session, "", commanders)
-        self.external_poses = ExternalPoses(commanders)
+        guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
+        self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
         self.links = [
-            PlannerLink(
-                wire.port,
-                size=size,
-                cell_mm=cell_mm,
-                session=session,
-                tick_s=tick_s,
-                line_baud=wire.line_baud,
-                key=key,
-                stale_ms=stale_ms,
-                drive_refusal=wire.drive_refusal,
-                pose_refusal=wire.pose_refusal,
-                push=push,
-                shared=(self.requests, self.external_poses),
-                number=number,
-            )
+            PlannerLink(wire, settings, session, self.requests, self.external_poses, number=number)
             for number, wire in enumerate(wires)
         ]
 
@@ -87,14 +50,15 @@ class Planners:
             link.step(now_s, pose, window, zone, tiles)
 
     def _renew(self, now_s: float) -> None:
-        """A new session, for all, before the frames' clock wraps (49 days)."""
+        """A new session, for all: before the frames' clock wraps (49 days), or memory is full."""
         era, before = round(now_s * 1000) // 2**32, self._era
         self._era = era
-        if before in (-1, era):
+        is_full = self._guard.is_full or any(link.is_full for link in self.links)
+        if before in (-1, era) and not is_full:
             return
         old = self.session.to_bytes(4, "little")
         self.session = int.from_bytes(hashlib.blake2s(old, digest_size=4).digest(), "little")
-        self.requests.restart(self.session)
+        self._guard.restart(self.session)
         for link in self.links:
             link.restart(self.session)
 
@@ -107,46 +71,45 @@ class Planners:
         return self.external_poses.take_all()
 
     @property
-    def doubt(self) -> str:
-        """Why no request should be obeyed, in words.
+    def stop_reason(self) -> str:
+        """Why no request should be obeyed, as a message.
 
         Any planner that stopped is a reason. A wire that is not open is one while the request came
         by it, or while there is no other.
         """
-        for link in self.links:
-            if link.stopped:
-                return "the planner says it stopped"
-        if self.requests.driver and self.requests.way == ELSEWHERE:
-            return ""
+        if any(link.peer.stopped for link in self.links):
+            return "the planner says it stopped"
         if self.requests.driver:
-            return self.links[self.requests.way].port.cause
-        return "" if any(not link.port.cause for link in self.links) else self._causes
+            driven = self.requests.link
+            return "" if driven == NO_LINK else self.links[driven].port.cause
+        causes = [link.port.cause for link in self.links]
+        return causes[0] if causes and all(causes) else ""
 
     @property
-    def _causes(self) -> str:
-        return self.links[0].port.cause if self.links else ""
+    def counters(self) -> dict[str, int]:
+        """What happened on all links since the start, for the log."""
+        links = self.links
+        return {
+            "frames_sent": sum(link.frames_sent for link in links),
+            "frames_lost": sum(link.frames_lost for link in links),
+            "answers_rejected": sum(link.counters.answers_rejected for link in links),
+            "link_ticks_held": sum(link.counters.ticks_held for link in links),
+        }
 
-    @property
-    def frames_sent(self) -> int:
-        """To all planners, since the start."""
-        return sum(link.frames_sent for link in self.links)
 
-    @property
-    def bytes_sent(self) -> int:
-        """To all planners, since the start."""
-        return sum(link.bytes_sent for link in self.links)
-
-    @property
-    def frames_lost(self) -> int:
-        """MAP frames that ACKs have shown to be lost."""
-        return sum(link.frames_lost for link in self.links)
-
-    @property
-    def ticks_held(self) -> int:
-        """Ticks in which a link sent nothing: its wire was not open, or still full."""
-        return sum(link.ticks_held for link in self.links)
-
-    @property
-    def answers_rejected(self) -> int:
-        """Bytes from planners that were no valid frames."""
-        return sum(link.answers_rejected for link in self.links)
+def one_link(
+    port: Port,
+    *,
+    session: int,
+    line_baud: int | None = None,
+    drive_refusal: str = "",
+    pose_refusal: str = "no external poses are taken here",
+    first_seq: int = 1,
+    **settings: Any,
+) -> PlannerLink:
+    """A link by itself, for benches; `settings` as in `LinkSettings`."""
+    known = LinkSettings(**settings)
+    guard = ReplayGuard(session, has_key=known.key is not None)
+    wire = Wire(port, line_baud, drive_refusal, pose_refusal)
+    requests, poses = Requests(guard), ExternalPoses(guard)
+    return PlannerLink(wire, known, session, requests, poses, first_seq=first_seq)

@@ -1,7 +1,7 @@
 """What has arrived at one planner, and up to which frame nothing is missing any more.
 
 Of each frame with cells it is known which marks it cleared, until an ACK speaks of it; these cells
-of a lost one are marked to be told again. `repaired` never goes back within an epoch.
+of a lost one are marked to be sent again. `repaired` never goes back within an epoch.
 Source: planner link, section 6 (docs/planner-link.md).
 """
 
@@ -9,19 +9,19 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.records import I32
-from hw.planner_link.messages import NEED_GEOM, Ack
-from hw.planner_link.publisher import MapSender
+from hw.planner_link.messages import NEED_GEOM, Ack, Hello
+from hw.planner_link.published import PublishedMap
 
 ACK_WINDOW = 33  # frames that an ACK speaks of
 REMEMBERED = 512  # MAP frames without an ACK
 MOST_LAG = 2**14  # frames: half of what a receiver can tell from the future
-MOST_NONCES = 256  # of planners that have answered in this session
+MOST_NONCES = 256  # of planners in one session
 LATE_MS = 2000  # an ACK that is older than the newest by more is from a planner started again
 
 
 @dataclass(frozen=True, slots=True)
 class SentMap:
-    """A frame on its way: what to tell again if it gets lost."""
+    """A frame on its way: what to send again if it gets lost."""
 
     seq: int  # unwrapped
     cells: I32  # (k,) raster indices of those that were marked: the others it merely repeated
@@ -31,7 +31,7 @@ class SentMap:
 class Repair:
     """The bookkeeping of one planner's acknowledgements."""
 
-    def __init__(self, ring: MapSender, seq: int, strict: bool) -> None:
+    def __init__(self, ring: PublishedMap, seq: int, strict: bool) -> None:
         """Before the frame after `seq`; `strict`: an ACK older than the newest is never taken."""
         self._map, self._strict = ring, strict
         self.epoch_seq = seq + 1  # first frame of this epoch
@@ -41,7 +41,7 @@ class Repair:
         self.in_step = True  # ACKs, if any come, tell of every MAP frame of this epoch
         self.frames_lost = 0
         self._nonce = 0
-        self._newest: dict[int, tuple[int, int]] = {}  # by nonce: t_ms and seq of the newest ACK
+        self._newest: dict[int, tuple[int, int]] = {}  # by nonce: t_ms and seq of the newest
 
     def begin_epoch(self, seq: int) -> None:
         """After frame `seq`, both ends start from unknown."""
@@ -50,25 +50,40 @@ class Repair:
         self.epoch_seq, self._geom_seq = seq + 1, 0
         self.in_step = True
 
+    def begin_session(self) -> None:
+        """A new session: no frame that was signed before is valid any more."""
+        self._newest.clear()
+
+    @property
+    def is_full(self) -> bool:
+        """No further planner can be told from a replay: a new session is needed."""
+        return self._strict and len(self._newest) >= MOST_NONCES
+
     def note_hello(self, nonce: int) -> None:
         """A planner has started: its numbers and its clock begin anew, not so those of a nonce.
 
-        A HELLO has no tag. Anybody may repeat an old one, and then what was signed for it.
+        A HELLO may have no tag. Anybody may repeat an old one, and then what was signed for it.
         """
         self._nonce = nonce
         if not self._strict:
             self._newest.clear()
-        elif len(self._newest) > MOST_NONCES:
-            del self._newest[next(iter(self._newest))]
+
+    def is_replayed(self, hello: Hello) -> bool:
+        """Whether a signed HELLO is not newer than all of its nonce; notes it if it is."""
+        newest = self._newest.get(hello.nonce)
+        if self.is_full if newest is None else _apart(hello, newest) <= (0, 0):
+            return True
+        self._newest[hello.nonce] = hello.t_ms, hello.seq
+        return False
 
     def is_late(self, ack: Ack) -> bool:
         """Whether a newer one has been taken before; notes this one if not."""
-        if self._nonce in self._newest:
-            t_ms, seq = self._newest[self._nonce]
-            after_ms = (ack.t_ms - t_ms + 2**31) % 2**32 - 2**31
-            ahead = (ack.seq - seq + 2**15) % 2**16 - 2**15
-            is_older = after_ms < 0 or (after_ms == 0 and ahead < 0)
-            if is_older and (self._strict or after_ms > -LATE_MS):
+        newest = self._newest.get(self._nonce)
+        if newest is None and self.is_full:
+            return True
+        if newest is not None:
+            apart = _apart(ack, newest)
+            if apart < (0, 0) and (self._strict or apart[0] > -LATE_MS):
                 return True
         self._newest[self._nonce] = ack.t_ms, ack.seq
         return False
@@ -81,7 +96,7 @@ class Repair:
     def note_map(self, sent: SentMap) -> None:
         """A MAP frame goes out."""
         if not self.in_step:
-            return  # all will be told again as soon as ACKs come
+            return  # all is sent again as soon as ACKs come
         self._sent.append(sent)
         if len(self._sent) > REMEMBERED:
             self._sent.clear()
@@ -92,7 +107,7 @@ class Repair:
         self.repaired = max(self.repaired, first_seq - 1)
 
     def settle(self) -> None:
-        """If nothing lost is left to be told again, in frames up to the next, ACKs say how far."""
+        """If nothing lost is left to be sent again, in frames up to the next, ACKs say how far."""
         if self._map.lost == 0 and self.in_step:
             self.repaired = max(self.repaired, self._covered)
 
@@ -111,14 +126,14 @@ class Repair:
         if not self.in_step:
             # It ignored what came before the geometry, or was silent for long: all of it again
             self.in_step = True
-            self._map.retell()
+            self._map.publish_again()
             self._sent.clear()
         self._settle_frames(newest, ack.mask)
         self._covered = max(self._covered, newest)
         return True
 
     def _settle_frames(self, newest: int, mask: int) -> None:
-        """Which frames up to `newest` arrived, and what of the others is to be told again."""
+        """Which frames up to `newest` arrived, and what of the others is to be sent again."""
         seen: tuple[int, int] | None = None
         while self._sent and self._sent[0].seq <= newest:
             sent = self._sent.popleft()
@@ -129,6 +144,12 @@ class Repair:
                 self._map.mark_lost(sent.cells, sent.origin)
         if seen is not None:
             self._map.note_seen(seen, [sent.origin for sent in self._sent])
+
+
+def _apart(frame: Ack | Hello, newest: tuple[int, int]) -> tuple[int, int]:
+    """How much newer a frame is, by clock (ms) and then by number; both wrap."""
+    after_ms = (frame.t_ms - newest[0] + 2**31) % 2**32 - 2**31
+    return after_ms, (frame.seq - newest[1] + 2**15) % 2**16 - 2**15
 
 
 def _arrived(seq: int, newest: int, mask: int) -> bool:

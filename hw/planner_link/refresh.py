@@ -2,7 +2,7 @@
 
 A receiver that lost a frame is whole again, even if it never answers, as soon as the refresh has
 come round to where it was when the frame after that one was sent: every cell has then either been
-told again, or entered the window since, and is unknown to all who have heard of that.
+sent again, or entered the window since, and is unknown to all who have heard of that.
 Source: planner link, section 6 (docs/planner-link.md).
 """
 
@@ -22,8 +22,8 @@ class Mark:
     column: int
 
 
-class Round:
-    """Cell by cell in raster order; `cell` is the next one to be told."""
+class RefreshCursor:
+    """Cell by cell in raster order; `cell` is the next one to send."""
 
     def __init__(self, size: int) -> None:
         self._size = size
@@ -32,7 +32,7 @@ class Round:
         self._marked_cell = -1  # where the newest mark was set, as `cell` then was
 
     def begin(self) -> None:
-        """A new epoch: nothing of it has been told."""
+        """A new epoch: nothing of it was sent."""
         self.cell, self._lap, self._marked_cell = 0, 0, -1
         self._marks.clear()
 
@@ -44,7 +44,7 @@ class Round:
             self._marked_cell = self.cell
 
     def advance(self, cell: int) -> int:
-        """Cells before `cell` have been told; the frame of the newest mark passed again, or 0."""
+        """Cells before `cell` have been sent; the frame of the newest mark passed again, or 0."""
         self.cell = cell
         if cell >= self._size**2:
             self.cell, self._lap = 0, self._lap + 1

@@ -12,20 +12,18 @@ from collections import Counter
 
 from core.records import DriveRequest
 from hw.planner_link.messages import LONGEST_VALID_MS, Drive
-from hw.planner_link.replay_guard import Commanders
+from hw.planner_link.replay_guard import ReplayGuard
 
-ELSEWHERE = -1  # the way of a request that came by no planner link
+NO_LINK = -1  # of a request that came by no planner link
 
 
 class Requests:
     """The drive requests of one run of mapod, from all links and ways."""
 
-    def __init__(
-        self, session: int, refusal: str = "", commanders: Commanders | None = None
-    ) -> None:
-        self._refusal, self._commanders = refusal, commanders or Commanders(session)
+    def __init__(self, guard: ReplayGuard) -> None:
+        self._guard = guard
         self._driving = ""  # whose request is obeyed
-        self._way = ELSEWHERE
+        self._link = NO_LINK
         self.newest: DriveRequest | None = None
         self.accepted = 0
         self.refused: Counter[str] = Counter()  # by reason
@@ -37,18 +35,18 @@ class Requests:
         return self._driving
 
     @property
-    def way(self) -> int:
-        """Number of the link by which the driver's request came, or ELSEWHERE."""
-        return self._way
+    def link(self) -> int:
+        """Number of the link by which the driver's request came, or NO_LINK."""
+        return self._link
 
-    def take(self, now_s: float, drive: Drive, refusal: str = "", way: int = 0) -> None:
+    def take(self, now_s: float, drive: Drive, refusal: str = "", link: int = 0) -> None:
         """One well-formed, where necessary authenticated frame.
 
         Args:
-            refusal: why none is obeyed on that link, in words; "" if they are.
-            way: number of that link.
+            refusal: why none is obeyed on that link, as a message; "" if they are.
+            link: number of that link.
         """
-        reason = refusal or self._refusal or self._take(now_s, drive, way)
+        reason = refusal or self._take(now_s, drive, link)
         if reason:
             self.refuse(reason)
 
@@ -61,31 +59,27 @@ class Requests:
         """A request that came by no planner link; the reason if it is refused, else "".
 
         Args:
-            who: tells this commander apart, in words.
+            who: tells this commander apart, as a message.
             v_mps: forward; `w_radps` counter-clockwise.
             valid_s: how long it holds from now, up to 1 s; 0: stop now.
         """
         if math.isfinite(v_mps + w_radps) and 0.0 <= valid_s <= LONGEST_VALID_MS / 1000:
             until_s = now_s + valid_s
-            reason = self._obey(now_s, who, v_mps, w_radps, valid_s, until_s, ELSEWHERE)
+            reason = self._obey(now_s, who, v_mps, w_radps, valid_s, until_s, NO_LINK)
         else:
             reason = "the request is out of range"
         if reason:
             self.refuse(reason)
         return reason
 
-    def restart(self, session: int) -> None:
-        """From now on commanders must have heard of another session."""
-        self._commanders.restart(session)
-
-    def _take(self, now_s: float, drive: Drive, way: int) -> str:
+    def _take(self, now_s: float, drive: Drive, link: int) -> str:
         """The reason if it is refused."""
-        late_s = self._commanders.late_s(now_s, drive)
+        late_s = self._guard.late_s(now_s, drive)
         if isinstance(late_s, str):
             return late_s
         until_s = now_s + drive.valid_s - late_s
         who = f"commander {drive.nonce:08x}"
-        return self._obey(now_s, who, drive.v_mps, drive.w_radps, drive.valid_s, until_s, way)
+        return self._obey(now_s, who, drive.v_mps, drive.w_radps, drive.valid_s, until_s, link)
 
     def _obey(
         self,
@@ -95,18 +89,18 @@ class Requests:
         w_radps: float,
         valid_s: float,
         until_s: float,
-        way: int,
+        link: int,
     ) -> str:
         """The reason if it is refused; whose request is valid, drives alone."""
         rules = self.newest is not None and now_s <= self.newest.valid_until_s
         if valid_s == 0.0:  # anybody may stop it
-            self.newest, self._driving, self._way = DriveRequest(0.0, 0.0, -math.inf), "", ELSEWHERE
+            self.newest, self._driving, self._link = DriveRequest(0.0, 0.0, -math.inf), "", NO_LINK
         elif rules and self._driving not in ("", who):
             return "somebody else is driving"
         elif until_s <= now_s:
             return "it arrived too late"
         else:
-            self._driving, self._way = who, way
+            self._driving, self._link = who, link
             self.newest = DriveRequest(v_mps, w_radps, until_s)
         self.accepted += 1
         self.last_refusal = ""

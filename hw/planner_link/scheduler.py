@@ -30,13 +30,12 @@ UNTIMED = 1024  # newest frames, of which an ACK that tells no time is believed
 IDLE_S = 0.020  # after such a pause a zero ends what noise has begun in the receiver
 
 
-class Outbox:
+class FrameScheduler:
     """Numbers, paces and writes the frames of one planner."""
 
     def __init__(
         self,
         port: Port,
-        *,
         line_baud: int | None,
         tick_s: float,
         secret: Secret | None,

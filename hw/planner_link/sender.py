@@ -1,15 +1,16 @@
 """The sender of the planner link: map, pose and health to one planner under a byte budget.
 
-Every cell operation is absolute, so a lost frame spoils nothing that comes later; what it told is
-told again, when an ACK shows the gap or when the rolling refresh passes by. While an input is not
-to be trusted, free cells are told as unknown. A tick's frames go out together or not at all: there
-is never a queue of outdated frames. A planner that only asks costs nothing but its answers.
+Every cell operation is absolute, so a lost frame spoils nothing that comes later; what it carried
+is sent again, when an ACK shows the gap or when the rolling refresh passes by. While an input is
+not to be trusted, free cells are published as unknown. A tick's frames go out together or not at
+all: there is never a queue of outdated frames. A planner that only asks gets answers alone.
 Source: planner link, sections 2 to 8 (docs/planner-link.md).
 """
 
 import math
+from dataclasses import dataclass
 
-from core.records import ExternalPose, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import ObstacleWindow, PoseReport, StopZoneReport
 from hw.device import BadFrame, Port
 from hw.planner_link.frames import (
     DIGEST,
@@ -19,23 +20,21 @@ from hw.planner_link.frames import (
     GEOM,
     POSE,
     STOP_ZONE,
-    Deframer,
     Secret,
     encode_digest,
     encode_geom,
     encode_pose,
     encode_stop_zone,
 )
-from hw.planner_link.map_frames import SLICE_BODY, MapTeller
+from hw.planner_link.input import FrameInput
+from hw.planner_link.map_frames import SLICE_BODY, MapPublisher
 from hw.planner_link.messages import (
     ASK_GEOM,
     ASK_POSE,
     ASK_TILE,
     ASK_ZONE,
-    DIGEST_OK,
     NEED_FULL,
     NEED_GEOM,
-    PLANNER_STOPPED,
     Ack,
     Ask,
     Drive,
@@ -44,12 +43,12 @@ from hw.planner_link.messages import (
     decode_answer,
     is_kind,
 )
+from hw.planner_link.peer import Peer
 from hw.planner_link.poses import ExternalPoses
-from hw.planner_link.publisher import MapSender
+from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import Repair
-from hw.planner_link.replay_guard import Commanders
 from hw.planner_link.requests import Requests
-from hw.planner_link.scheduler import Outbox
+from hw.planner_link.scheduler import FrameScheduler
 from hw.planner_link.tiles import NoTiles, Tiles, TileSource
 
 GEOM_EVERY_S = 1.0
@@ -57,9 +56,60 @@ DIGEST_EVERY_S = 1.0
 ZONE_EVERY_S = 0.1
 NEED_FULL_EVERY_S = 0.25
 UNHEARD_S = 5.0  # of a planner on datagrams that only asks: it may not know where we are
-LEAST_MAX_FRAME = 48  # bytes of a frame that a planner must take to get a map
 CLOSE_S = 1e-6  # of rounding, in periods
-Shared = tuple[Requests, ExternalPoses]
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """One receiver's wire, and what may come over it."""
+
+    port: Port
+    line_baud: int | None  # None: it has no such thing (UDP, TCP)
+    drive_refusal: str  # why nobody may drive over it, as a message; "" if one may
+    pose_refusal: str = "no external poses are taken here"  # likewise of external poses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSettings:
+    """What all links of one run have in common."""
+
+    size: int  # cells along an edge of the window
+    cell_mm: int
+    tick_s: float  # nominal period of MAP frames
+    stale_ms: int
+    key: bytes | None = None
+    push: bool = True  # False: nothing is sent but what is asked for
+
+
+@dataclass(slots=True)
+class Due:
+    """What the next tick has to do besides what comes by itself."""
+
+    geom: bool
+    epoch: bool = False  # both ends are to start from unknown
+    wanted: int = 0  # bits of ASK
+
+
+@dataclass(slots=True)
+class Last:
+    """When things happened last, on the host's clock."""
+
+    geom_s: float = -math.inf
+    called_s: float = -math.inf
+    digest_s: float = -math.inf
+    full_s: float = -math.inf  # NEED_FULL was obeyed
+    zone_s: float = -math.inf
+    zone: tuple[int, int] = (-1, -1)  # state and causes that were sent
+    heard_s: float | None = None  # a valid frame, or the first poll less UNHEARD_S
+
+
+@dataclass(slots=True)
+class LinkCounters:
+    """What happened since the start, for the log."""
+
+    acks: int = 0
+    answers_rejected: int = 0  # bytes from the planner that were no valid frame
+    ticks_held: int = 0  # in which nothing went out: the wire was not open, or still full
 
 
 class PlannerLink:
@@ -67,64 +117,46 @@ class PlannerLink:
 
     def __init__(
         self,
-        port: Port,
-        *,
-        size: int,
-        cell_mm: int,
+        wire: Wire,
+        settings: LinkSettings,
         session: int,
-        tick_s: float,
-        line_baud: int | None,
-        key: bytes | None,
-        stale_ms: int,
-        drive_refusal: str,
-        pose_refusal: str = "no external poses are taken here",
-        push: bool = True,
-        shared: Shared | None = None,
+        requests: Requests,
+        external_poses: ExternalPoses,
+        *,
         number: int = 0,
         first_seq: int = 1,
     ) -> None:
-        """`shared`: what all links of a run have in common; `number`: which of them this one is."""
-        self.port, self._number, self._push = port, number, push
-        self._size, self._cell_mm = size, cell_mm
-        self.session, self._tick_s, self._stale_ms = session, tick_s, stale_ms
-        self._key, self._nonce = key, 0  # of the planner's newest HELLO
-        self._drive_refusal, self._pose_refusal = drive_refusal, pose_refusal
-        commanders = Commanders(session)
-        own = Requests(session, "", commanders), ExternalPoses(commanders)
-        self.requests, self.external_poses = shared or own
-        self._outbox = Outbox(
-            port,
-            line_baud=line_baud,
-            tick_s=tick_s,
-            secret=self._secret,
-            slice_body=SLICE_BODY,
-            first_seq=first_seq,
+        """`number`: which of a run's links this one is."""
+        self.port, self._wire, self._settings = wire.port, wire, settings
+        self.requests, self.external_poses, self._number = requests, external_poses, number
+        self.session, key = session, settings.key
+        cells = settings.size**2
+        self.peer = Peer(cells=cells, push=settings.push, has_key=key is not None)
+        self._input = FrameInput(wire.port)
+        self._scheduler = FrameScheduler(
+            wire.port, wire.line_baud, settings.tick_s, self._secret, SLICE_BODY, first_seq
         )
-        self._map = MapSender(size)
+        self._map = PublishedMap(settings.size)
         self._repair = Repair(self._map, first_seq - 1, strict=key is not None)
-        self._teller = MapTeller(self._outbox, self._map, self._repair)
-        self._tiles, self._wanted = Tiles(cell_mm), 0  # bits of ASK
-        self._deframer = Deframer()
-        self.polled = not push  # nothing is pushed
-        self.refusal = ""  # why no map is announced, in words
-        self._geom_id, self._epoch = session % 256, -1  # after a restart hardly the same number
-        self._geom_due, self._epoch_due = push, False
-        self._geom_s = self._called_s = self._zone_s = self._full_s = self._digest_s = -math.inf
-        self._heard_s: float | None = None  # a valid frame, or the first poll less UNHEARD_S
-        self._zone_told = (-1, -1)  # state and causes
-        self.acks = self.answers_rejected = self.ticks_held = 0
-        self.planner_status = 0  # of the newest ACK
-        self.round_trip_s = math.nan
+        self._publisher = MapPublisher(self._scheduler, self._map, self._repair, session % 256)
+        self._tiles = Tiles(settings.cell_mm)
+        self._due, self._last, self.counters = Due(geom=settings.push), Last(), LinkCounters()
+        self._epoch = -1  # of the window; other than any
+
+    @property
+    def geom_id(self) -> int:
+        """Number of the present epoch; after a restart of mapod hardly the same."""
+        return self._publisher.geom_id
 
     @property
     def frames_sent(self) -> int:
         """Since the start."""
-        return self._outbox.frames_sent
+        return self._scheduler.frames_sent
 
     @property
     def bytes_sent(self) -> int:
         """As they went over the wire, since the start."""
-        return self._outbox.bytes_sent
+        return self._scheduler.bytes_sent
 
     @property
     def frames_lost(self) -> int:
@@ -132,66 +164,60 @@ class PlannerLink:
         return self._repair.frames_lost
 
     @property
-    def digest_ok(self) -> bool:
-        """The planner says that its map agreed with the newest DIGEST."""
-        return bool(self.planner_status & DIGEST_OK)
-
-    @property
-    def stopped(self) -> bool:
-        """The planner says that it stopped."""
-        return bool(self.planner_status & PLANNER_STOPPED)
-
-    @property
-    def doubt(self) -> str:
-        """Why no request of the planner's should be obeyed, in words."""
-        return self.port.cause or ("the planner says it stopped" if self.stopped else "")
+    def is_full(self) -> bool:
+        """No further planner can be told from a replay: a new session is needed."""
+        return self._repair.is_full
 
     def heard(self, now_s: float) -> bool:
         """Whether the planner has sent a valid frame within the last second."""
-        return self._heard_s is not None and now_s - self._heard_s < 1.0
-
-    def take_external_poses(self) -> list[ExternalPose]:
-        """Those that counted since the last call, each with its instant on the host's clock."""
-        return self.external_poses.take_all()
+        return self._last.heard_s is not None and now_s - self._last.heard_s < 1.0
 
     def restart(self, session: int) -> None:
-        """Go on as another run does, under a new session: also who only asks is told."""
+        """Go on as another run does, under a new session: also who only asks hears of it."""
         self.session = session
-        self._outbox.secret = self._secret
-        self._epoch_due = self._geom_due = True
+        self._scheduler.secret = self._secret
+        self._repair.begin_session()
+        self._due.epoch = self._due.geom = True
+
+    @property
+    def _secret(self) -> Secret | None:
+        key = self._settings.key
+        return Secret(key, self.session, self.peer.nonce) if key else None
 
     # What the planner says
 
     def poll(self, now_s: float) -> bool:
         """Move the port on, and take what the planner says; True while the port is open."""
         is_open = self.port.poll(now_s)
-        if self._heard_s is None:
-            self._heard_s = now_s - UNHEARD_S
-        for piece in self.port.read():
-            frames = [piece] if self.port.datagrams else self._deframer.feed(piece)
-            for frame in frames:
-                self._take(now_s, frame)
+        if self._last.heard_s is None:
+            self._last.heard_s = now_s - UNHEARD_S
+        for frame in self._input.read():
+            self._take(now_s, frame)
         return is_open
 
     def _take(self, now_s: float, frame: bytes | BadFrame) -> None:
-        answer = frame if isinstance(frame, BadFrame) else decode_answer(frame, self._outbox.secret)
+        answer = (
+            frame if isinstance(frame, BadFrame) else decode_answer(frame, self._scheduler.secret)
+        )
         if not isinstance(answer, BadFrame):
-            self._heard_s = now_s
+            self._last.heard_s = now_s
+            if not isinstance(answer, Hello) and self.peer.prove():
+                self._due.epoch = True
         match answer:
             case Ack():
                 self._take_ack(now_s, answer)
             case Hello():
                 self._take_hello(answer)
             case Ask():
-                self._wanted |= answer.wants
+                self._due.wanted |= answer.wants
                 if answer.wants & ASK_TILE:
                     self._tiles.take(answer)
             case Drive():
-                self.requests.take(now_s, answer, self._drive_refusal, self._number)
+                self.requests.take(now_s, answer, self._wire.drive_refusal, self._number)
             case External():
-                self.external_poses.take(now_s, answer, self._pose_refusal)
+                self.external_poses.take(now_s, answer, self._wire.pose_refusal)
             case BadFrame(reason, data):
-                self.answers_rejected += 1
+                self.counters.answers_rejected += 1
                 if isinstance(frame, BadFrame):
                     return
                 if is_kind(data, DRIVE):
@@ -199,64 +225,50 @@ class PlannerLink:
                 elif is_kind(data, EXTERNAL_POSE):
                     self.external_poses.refuse(reason)
 
-    @property
-    def _secret(self) -> Secret | None:
-        return Secret(self._key, self.session, self._nonce) if self._key else None
-
     def _take_hello(self, hello: Hello) -> None:
         """A planner has started: it holds nothing, and wants to know the geometry."""
-        self._outbox.max_frame = hello.max_frame
-        refusal = ""
-        if hello.max_cells < self._size**2:
-            refusal = (
-                f"the planner can hold {hello.max_cells} cells, the window has {self._size**2}: "
-                "lower obstacle.window_cells"
-            )
-        elif hello.max_frame < LEAST_MAX_FRAME:
-            refusal = f"the planner takes frames of {hello.max_frame} bytes, not of 48"
-        polled = hello.polls or not self._push
-        if (hello.nonce, refusal, polled) != (self._nonce, self.refusal, self.polled):
-            self._nonce, self.refusal, self.polled = hello.nonce, refusal, polled
-            if self._key is None:  # else anybody could take back that the planner stopped
-                self.planner_status = 0
+        is_replayed = hello.signed and self._repair.is_replayed(hello)
+        if self.peer.take_hello(hello, is_replayed):
             self._repair.note_hello(hello.nonce)
             self._tiles.forget()
-            self._outbox.secret = self._secret
-            self._epoch_due = True
-        self._geom_due = True
+            self._scheduler.secret = self._secret
+            self._due.epoch = True
+        self._scheduler.max_frame = self.peer.max_frame
+        self._due.geom = True
 
     def _take_ack(self, now_s: float, ack: Ack) -> None:
         if self._repair.is_late(ack):
             return
-        self.acks += 1
-        self.planner_status = ack.status
-        newest = self._outbox.maybe_sent(ack.last_seq, ack.echo_t_ms)
+        self.counters.acks += 1
+        self.peer.status = ack.status
+        if self.peer.end_polling():
+            self._due.epoch = True
+        newest = self._scheduler.maybe_sent(ack.last_seq, ack.echo_t_ms)
         if newest is not None and newest < self._repair.epoch_seq:
             return  # of another epoch: it says nothing of what is on its way now
         if newest is None:
-            if ack.status & NEED_GEOM and not self.polled:
-                self._geom_due, self._repair.in_step = True, False
+            if ack.status & NEED_GEOM and not self.peer.polled:
+                self._due.geom, self._repair.in_step = True, False
             return
-        round_trip_s = ((round(now_s * 1000) - ack.echo_t_ms) % 2**32) / 1000 - ack.hold_s
-        self.round_trip_s = round_trip_s if round_trip_s < 60 else math.nan
-        if self.polled:
+        if self.peer.polled:
             return
-        is_full_due = now_s - self._full_s >= NEED_FULL_EVERY_S
-        if ack.status & NEED_FULL and ack.geom_id == self._geom_id and is_full_due:
-            self._full_s, self._epoch_due = now_s, True
-        elif not self._repair.take(newest, ack, self._geom_id):
-            self._geom_due = True
+        is_full_due = now_s - self._last.full_s >= NEED_FULL_EVERY_S
+        if ack.status & NEED_FULL and ack.geom_id == self.geom_id and is_full_due:
+            self._last.full_s, self._due.epoch = now_s, True
+        elif not self._repair.take(newest, ack, self.geom_id):
+            self._due.geom = True
 
     def _begin_epoch(self, now_s: float) -> None:
         """New geometry number: both ends start from unknown."""
-        self._geom_id, self._epoch_due = (self._geom_id + 1) % 256, False
-        self._geom_due |= not self.polled
-        self._digest_s = now_s - DIGEST_EVERY_S / 2  # not soon after a GEOM that some have missed
-        if self.polled:
+        self._due.epoch = False
+        self._due.geom |= not self.peer.polled
+        # not soon after a GEOM that some have missed
+        self._last.digest_s = now_s - DIGEST_EVERY_S / 2
+        if self.peer.polled:
             self._map.put_away()
-        self._teller.begin_epoch(self._geom_id)
+        self._publisher.begin_epoch()
 
-    # What the planner is told
+    # What is published
 
     def step(
         self,
@@ -273,73 +285,77 @@ class PlannerLink:
             tiles: None: no layer can be asked for.
         """
         is_open = self.poll(now_s)
-        lags = not self.polled and self._repair.lags(self._outbox.seq)
-        if self._epoch_due or lags or window.epoch != self._epoch:
+        lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
+        if self._due.epoch or lags or window.epoch != self._epoch:
             self._epoch = window.epoch
             self._begin_epoch(now_s)
-        if not self.polled:
-            self._teller.follow(window)
-        dt_s = self._outbox.earn(now_s)
-        if not is_open or self._outbox.is_full:
-            self.ticks_held += 1
+        if not self.peer.polled:
+            self._publisher.follow(window)
+        dt_s = self._scheduler.earn(now_s)
+        if not is_open or self._scheduler.is_full:
+            self.counters.ticks_held += 1
             return
-        self._tell_state(now_s, pose, zone)
+        self._publish_state(now_s, pose, zone)
         source = tiles or NoTiles()
-        if self.polled:
-            self._tell_tiles(self._outbox.credit, window, source)
-        elif not self.refusal:
-            self._tell_map(now_s, dt_s, window, source)
-        self._wanted = 0
-        self._outbox.write(now_s)
+        if self.peer.polled:
+            self._publish_tiles(self._scheduler.credit, window, source)
+        elif not self.peer.refusal:
+            self._publish_map(now_s, dt_s, window, source)
+        self._due.wanted = 0
+        self._scheduler.write(now_s)
 
-    def _tell_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
+    def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
         """GEOM, POSE and STOP_ZONE, where they are due or asked for."""
-        pushes, wanted = not self.polled, self._wanted
+        settings, pushes, wanted = self._settings, not self.peer.polled, self._due.wanted
         calls = self._calls_out(now_s)
-        due = pushes and now_s - self._geom_s >= GEOM_EVERY_S - CLOSE_S
-        if not self.refusal and (self._geom_due or due or calls or wanted & ASK_GEOM):
-            self._geom_due, self._geom_s = False, now_s
-            geom = (self._geom_id, self._size, self._cell_mm, self.session)
-            self._outbox.queue(GEOM, encode_geom(*geom, self._tick_s, self._stale_ms))
-            self._repair.note_geom(self._outbox.seq)
-        if pushes or wanted & ASK_POSE or (calls and self.refusal):
-            self._outbox.queue(POSE, encode_pose(pose))
+        due = pushes and now_s - self._last.geom_s >= GEOM_EVERY_S - CLOSE_S
+        if not self.peer.refusal and (self._due.geom or due or calls or wanted & ASK_GEOM):
+            self._due.geom, self._last.geom_s = False, now_s
+            geom = (self.geom_id, settings.size, settings.cell_mm, self.session)
+            self._scheduler.queue(GEOM, encode_geom(*geom, settings.tick_s, settings.stale_ms))
+            self._repair.note_geom(self._scheduler.seq)
+        if pushes or wanted & ASK_POSE or (calls and self.peer.refusal):
+            self._scheduler.queue(POSE, encode_pose(pose))
         if zone is None:
             return
-        due = now_s - self._zone_s >= ZONE_EVERY_S - CLOSE_S
-        new = self._zone_told != (zone.state, zone.causes)
+        due = now_s - self._last.zone_s >= ZONE_EVERY_S - CLOSE_S
+        new = self._last.zone != (zone.state, zone.causes)
         if (pushes and (due or new)) or wanted & ASK_ZONE:
-            self._zone_s, self._zone_told = now_s, (zone.state, zone.causes)
-            self._outbox.queue(STOP_ZONE, encode_stop_zone(zone))
+            self._last.zone_s, self._last.zone = now_s, (zone.state, zone.causes)
+            self._scheduler.queue(STOP_ZONE, encode_stop_zone(zone))
 
     def _calls_out(self, now_s: float) -> bool:
         """Whether a planner that only asks is to be shown where we are."""
-        if not self.polled or not self.port.datagrams or self._heard_s is None:
+        if not self.peer.polled or not self.port.datagrams or self._last.heard_s is None:
             return False
-        unheard = now_s - self._heard_s >= UNHEARD_S - CLOSE_S
-        if not unheard or now_s - self._called_s < GEOM_EVERY_S - CLOSE_S:
+        unheard = now_s - self._last.heard_s >= UNHEARD_S - CLOSE_S
+        if not unheard or now_s - self._last.called_s < GEOM_EVERY_S - CLOSE_S:
             return False
-        self._called_s = now_s
+        self._last.called_s = now_s
         return True
 
-    def _tell_map(
+    def _publish_map(
         self, now_s: float, dt_s: float, window: ObstacleWindow, source: TileSource
     ) -> None:
-        """Changes, tiles, refresh and digest of a planner that is told without asking."""
-        outbox = self._outbox
-        self._teller.tell_changes()
-        spare = outbox.credit - outbox.tick_bytes
+        """Changes, tiles, refresh and digest of a planner that need not ask."""
+        scheduler = self._scheduler
+        self._publisher.publish_changes()
+        spare = scheduler.credit - scheduler.tick_bytes
         if self._tiles.waiting:
-            self._tell_tiles(outbox.credit - outbox.saved - outbox.tick_bytes / 2, window, source)
+            self._publish_tiles(
+                scheduler.credit - scheduler.saved - scheduler.tick_bytes / 2, window, source
+            )
             spare = 0.0
-        self._teller.refresh(dt_s, spare)
+        self._publisher.refresh(dt_s, spare)
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq
-        due = now_s - self._digest_s >= DIGEST_EVERY_S - CLOSE_S
-        if is_known and due and outbox.credit >= outbox.cost(DIGEST_BODY.size):
-            self._digest_s = now_s
-            outbox.queue(DIGEST, encode_digest(self._geom_id, self._map.digest()))
+        due = now_s - self._last.digest_s >= DIGEST_EVERY_S - CLOSE_S
+        if is_known and due and scheduler.credit >= scheduler.cost(DIGEST_BODY.size):
+            self._last.digest_s = now_s
+            scheduler.queue(DIGEST, encode_digest(self.geom_id, self._map.digest()))
 
-    def _tell_tiles(self, budget: float, window: ObstacleWindow, source: TileSource) -> None:
+    def _publish_tiles(self, budget: float, window: ObstacleWindow, source: TileSource) -> None:
         if self._tiles.waiting:
-            corner = None if self.refusal else (window.corner_i, window.corner_j)
-            self._tiles.tell(self._outbox, budget, corner, window.trusted, self._geom_id, source)
+            corner = None if self.peer.refusal else (window.corner_i, window.corner_j)
+            self._tiles.publish(
+                self._scheduler, budget, corner, window.trusted, self.geom_id, source
+            )

@@ -1,7 +1,7 @@
 """Answers to a planner that asks for a rectangle of the map: tiles, in pieces.
 
 A piece is made when it is sent, from the map as it is then; nothing of a tile is kept but how far
-it has been told.
+it has been sent.
 Source: planner link, section 3 (ASK, TILE; docs/planner-link.md).
 """
 
@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from core.records import U8
 from hw.planner_link.frames import TILE, TILE_HEAD, int16
-from hw.planner_link.kernels import kernel
 from hw.planner_link.messages import IN_WINDOW, Ask
-from hw.planner_link.scheduler import Outbox
+from hw.planner_link.scheduler import FrameScheduler
+from jit import kernel
 
 F32 = npt.NDArray[np.float32]
 LAYERS = ("state", "height", "variance", "slope")  # by their number in ASK and TILE
@@ -25,7 +25,7 @@ STATE, HEIGHT, VARIANCE = 0, 1, 2
 NO_LAYER, BAD_SIZE, TOO_MANY, NO_MAP = 1, 2, 3, 4  # why a tile can't be had
 MOST_CELLS = 401 * 401
 MOST_TILES = 4  # at a time
-MOST_REFUSALS = 8  # waiting to be told
+MOST_REFUSALS = 8  # waiting to be sent
 PIECE_BYTES = 120  # of values, for which room is waited
 
 
@@ -54,12 +54,12 @@ class NoTiles:
 
 @dataclass(slots=True)
 class Tile:
-    """One rectangle that was asked for, and how far it has been told."""
+    """One rectangle that was asked for, and how far it has been sent."""
 
     ask: Ask
     status: int = 0
     corner: tuple[int, int] = (0, 0)  # world cell, once the first piece is due
-    told: int = 0  # cells; 0 also before the first piece
+    sent: int = 0  # cells; 0 also before the first piece
 
 
 @kernel
@@ -89,7 +89,7 @@ def pack_values(layer: int, values: F32, trusted: bool) -> bytes:
 
     Args:
         values: (n,) as a TileSource gives them.
-        trusted: False: no free cell may be told.
+        trusted: False: no free cell may be published.
     """
     count = values.size
     packed = np.zeros((count + 3) // 4 if layer == STATE else 2 * count, dtype=np.uint8)
@@ -120,7 +120,7 @@ class Tiles:
 
     @property
     def waiting(self) -> bool:
-        """Whether something is still to be told."""
+        """Whether something is still to be sent."""
         return bool(self._tiles or self._refused)
 
     def forget(self) -> None:
@@ -140,44 +140,44 @@ class Tiles:
         else:
             self._tiles.append(Tile(ask))
 
-    def tell(
+    def publish(
         self,
-        outbox: Outbox,
+        scheduler: FrameScheduler,
         budget: float,
         corner: tuple[int, int] | None,
         trusted: bool,
         geom_id: int,
         source: TileSource,
     ) -> None:
-        """Pieces into the outbox, under a budget of wire bytes.
+        """Pieces into the scheduler, under a budget of wire bytes.
 
         Args:
             corner: world cell of the window's lowest corner; None: no map is announced.
         """
-        floor = outbox.credit - budget
+        floor = scheduler.credit - budget
         while self.waiting:
-            room = outbox.room(outbox.credit - floor, TILE_HEAD.size)
+            room = scheduler.room(scheduler.credit - floor, TILE_HEAD.size)
             if self._refused:
                 if room < 0:
                     return
-                outbox.queue(TILE, self._head(self._refused.popleft(), geom_id, 0))
+                scheduler.queue(TILE, self._head(self._refused.popleft(), geom_id, 0))
                 continue
             tile = self._tiles[0]
             if corner is None:
                 self._refuse(tile, NO_MAP)
                 continue
-            if tile.told == 0:
+            if tile.sent == 0:
                 tile.corner = _corner_of(tile.ask, corner)
-            if not self._tell_piece(outbox, room, tile, trusted, geom_id, source):
+            if not self._publish_piece(scheduler, room, tile, trusted, geom_id, source):
                 return
 
     def _refuse(self, tile: Tile, status: int) -> None:
         tile.status = status
         self._refused.append(self._tiles.popleft())
 
-    def _tell_piece(
+    def _publish_piece(
         self,
-        outbox: Outbox,
+        scheduler: FrameScheduler,
         room: int,
         tile: Tile,
         trusted: bool,
@@ -186,21 +186,21 @@ class Tiles:
     ) -> bool:
         """The next piece of a tile; False if there is too little room for it."""
         ask = tile.ask
-        left = ask.width * ask.height - tile.told
+        left = ask.width * ask.height - tile.sent
         whole = (left + 3) // 4 if ask.layer == STATE else 2 * left
-        enough = min(whole, PIECE_BYTES, outbox.most_room(TILE_HEAD.size))
+        enough = min(whole, PIECE_BYTES, scheduler.most_room(TILE_HEAD.size))
         if room < max(2, enough):
             return False
         count = min(left, 4 * room if ask.layer == STATE else room // 2)
         layer = LAYERS[ask.layer]
-        values = source.values(layer, *tile.corner, ask.width, tile.told, count)
+        values = source.values(layer, *tile.corner, ask.width, tile.sent, count)
         if values is None:
             self._refuse(tile, NO_LAYER)
             return True
         head = self._head(tile, geom_id, count)
-        outbox.queue(TILE, head + pack_values(ask.layer, values, trusted))
-        tile.told += count
-        if tile.told == ask.width * ask.height:
+        scheduler.queue(TILE, head + pack_values(ask.layer, values, trusted))
+        tile.sent += count
+        if tile.sent == ask.width * ask.height:
             self._tiles.popleft()
         return True
 
@@ -215,7 +215,7 @@ class Tiles:
             j,
             ask.width,
             ask.height,
-            tile.told.to_bytes(3, "little"),
+            tile.sent.to_bytes(3, "little"),
             geom_id,
             count,
             self._cell_mm,

@@ -1,6 +1,6 @@
-"""A wire that opens, is lost and reopens by itself: what all kinds of hw/ports/wires.py share.
+"""A wire that opens, is lost and reopens by itself: what TCP, UDP and serial lines share.
 
-Source: the rules of hw/ports/wires.py; reasons are the operating system's, in our words.
+Source: the rules in hw/ports/wires.py; reasons are the operating system's, in our words.
 """
 
 import contextlib
@@ -35,7 +35,7 @@ REASONS = {
 CHEAP = {errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN}
 
 
-def loss_in_words(error: OSError | termios.error | ValueError, where: str) -> str:
+def describe_loss(error: OSError | termios.error | ValueError, where: str) -> str:
     """Why a wire did not open, or was lost."""
     code = error.args[0] if error.args and isinstance(error.args[0], int) else 0
     if code in REASONS:
@@ -70,7 +70,7 @@ class ReopeningPort:
             if self._is_open:
                 self._flush()
         except (OSError, termios.error, ValueError) as error:  # ValueError: an impossible baud rate
-            self._lose(loss_in_words(error, self._where))
+            self._lose(describe_loss(error, self._where))
             if isinstance(error, OSError) and error.errno in CHEAP:
                 self._try_soon(CHEAP_LAST_S)
         return self._is_open
@@ -82,7 +82,7 @@ class ReopeningPort:
             try:
                 self._read_into(pieces)
             except OSError as error:
-                self._lose(loss_in_words(error, self._where))
+                self._lose(describe_loss(error, self._where))
         if pieces and not self._delivered:
             self._delivered, self._backoff_s = True, RETRY_FIRST_S
         return pieces
@@ -95,7 +95,7 @@ class ReopeningPort:
         try:
             self._flush()
         except OSError as error:
-            self._lose(loss_in_words(error, self._where))
+            self._lose(describe_loss(error, self._where))
         if len(self._out) > BACKLOG:
             self._lose(f"{self._where} is not taking bytes")
 

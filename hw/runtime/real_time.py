@@ -1,22 +1,14 @@
 """Keeps the collector, the pager and other processes out of the loop, as far as permitted.
 
-And a timer that rings on time: asyncio's own come up to a millisecond late, for it waits in whole
-ones. Reads no clock. Source: design, section 3; timerfd_create(2).
+Source: design, section 3.
 """
 
-import asyncio
-import contextlib
 import ctypes
 import gc
-import math
 import os
-import struct
 
 FIFO_PRIORITY = 20
 MCL_CURRENT, MCL_FUTURE = 1, 2
-CLOCK_MONOTONIC, ABSOLUTE = 1, 1
-SPEC = struct.Struct("@4l")  # period and first time, seconds and nanoseconds each
-BILLION = 1_000_000_000
 
 
 def take_real_time() -> tuple[bool, bool]:
@@ -36,37 +28,3 @@ def take_real_time() -> tuple[bool, bool]:
 def leave_real_time() -> None:
     """The thread that calls this works on only when nothing else is due."""
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-
-
-class Alarm:
-    """Waits for instants of the monotonic clock, while the loop goes on with all else.
-
-    Raises:
-        OSError: the system has no such timer to give.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._libc = ctypes.CDLL(None, use_errno=True)
-        self._fd = self._libc.timerfd_create(CLOCK_MONOTONIC, os.O_NONBLOCK | os.O_CLOEXEC)
-        if self._fd < 0:
-            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-        self._loop, self._rung = loop, asyncio.Event()
-        loop.add_reader(self._fd, self._ring)
-
-    async def wait_until(self, due_s: float) -> None:
-        """Until the host's monotonic clock shows `due_s`; lets others go on even if it is past."""
-        self._rung.clear()
-        nanoseconds = max(1, math.ceil(due_s * BILLION))  # 0 would mean never
-        spec = SPEC.pack(0, 0, nanoseconds // BILLION, nanoseconds % BILLION)
-        self._libc.timerfd_settime(self._fd, ABSOLUTE, spec, None)
-        await self._rung.wait()
-
-    def close(self) -> None:
-        """It rings no more."""
-        self._loop.remove_reader(self._fd)
-        os.close(self._fd)
-
-    def _ring(self) -> None:
-        with contextlib.suppress(BlockingIOError):  # set anew meanwhile
-            os.read(self._fd, 8)
-            self._rung.set()

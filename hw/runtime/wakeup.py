@@ -22,7 +22,7 @@ class Loop(Protocol):
         """No more; also right for a descriptor that is closed by now."""
 
 
-class Ears:
+class WakeUp:
     """Listens to the ports that are open; to be told after each tick, which may open or close some.
 
     A descriptor's number comes again for another wire, so it counts as the same one only together

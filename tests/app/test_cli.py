@@ -46,6 +46,7 @@ def test_version_and_help_are_told() -> None:
         ("[log]", "[lag]", "[lag]: unknown section"),
         ("serial:///dev/mti?baud=115200", "mti", "ahrs.port: "),
         ('key_file = ""', 'key_file = "no/such/key"', "planner.key_file: can't read"),
+        ('key_file = ""', 'key_file = "mapod.toml"', "only its owner may have access"),
     ],
 )
 def test_a_bad_setting_ends_with_status_2_and_one_line_that_names_it(
@@ -65,22 +66,6 @@ def test_a_file_that_is_not_there_ends_with_status_2() -> None:
     done = mapod("--config", "no_such.toml")
     assert done.returncode == 2
     assert "no_such.toml" in done.stderr
-
-
-@pytest.mark.parametrize(
-    ("content", "good"),
-    [(bytes(range(32)), True), (bytes(range(32)).hex().encode() + b"\n", True), (b"short", False)],
-)
-def test_a_key_file_holds_32_bytes_or_64_hex_digits(
-    tmp_path: Path, content: bytes, good: bool
-) -> None:
-    (tmp_path / "key").write_bytes(content)
-    path = tmp_path / "robot.toml"
-    key = tmp_path / "key"
-    path.write_text(SHIPPED.replace('key_file = ""', f'key_file = "{key}"'), encoding="utf-8")
-    done = mapod("--config", str(path), "--check")
-    assert done.returncode == (0 if good else 2)
-    assert good or "must hold 32 bytes or 64 hex digits" in done.stderr
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])

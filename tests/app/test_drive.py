@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 
-from core.config import Config, load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
+from core.config import Config
+from core.driving import health
 from core.driving.stall import STALLED
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.robot import MAX_SPEED_MPS
-from main import App, Ports
 from mapod_link.asking import drive_body
 from mapod_link.frames import DRIVE, bytes_from_frame
 from tests.support.closed_loop import SESSION, SHIPPED, ClosedLoop
@@ -284,12 +286,19 @@ def test_a_planner_that_says_it_has_stopped_is_believed() -> None:
     assert commander.blocked_by == "the planner says it stopped"
 
 
-def test_a_late_loop_stops_it_for_a_second() -> None:
+@pytest.mark.parametrize(("late_s", "stops"), [(0.005, False), (0.09, False), (0.11, True)])
+def test_a_loop_that_is_later_than_the_way_to_a_stop_allows_stops_it_for_a_second(
+    late_s: float, stops: bool
+) -> None:
     commander = driving()
-    commander.loop.app.note_missed(commander.loop.now_s, 3)
+    commander.loop.hang(late_s)
     commander.run(0.3)
-    assert commander.loop.rig.drive.powers() == (0, 0)
-    assert "late" in commander.blocked_by
+    assert (commander.loop.rig.drive.powers() == (0, 0)) is stops
+    assert ("late" in commander.blocked_by) is stops
+    assert commander.loop.planner.pose is not None
+    assert commander.loop.planner.pose.health & health.NO_OVERRUN == (
+        0 if stops else health.NO_OVERRUN
+    )
     commander.run(2.0)
     assert commander.loop.rig.drive.powers() != (0, 0)
 

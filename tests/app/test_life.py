@@ -13,7 +13,7 @@ import pytest
 
 from fakes.wires.wire import TcpWire
 from hw.device import DeviceStatus
-from hw.ports.wires import CONNECT_S
+from hw.ports.tcp import CONNECT_S
 from tests.support.closed_loop import ClosedLoop
 from tests.support.house import OK, House
 

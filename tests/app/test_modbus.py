@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 from core.records import I8
 from fakes.scenes.scene import Scene, Solid
 from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of
@@ -18,7 +18,7 @@ from hw.modbus.refusals import Refusal
 from tests.hw.modbus.test_image import cells_of
 from tests.support.closed_loop import SHIPPED, ClosedLoop
 from tests.support.modbus_rig import Tcp, free_port, read_request, serving, until, words_of
-from tools.cli.demo import rewritten
+from tools.settings import rewritten
 
 ROOT = SHIPPED.parent
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))

@@ -5,32 +5,35 @@ from dataclasses import asdict
 
 import pytest
 
-from fakes.lms1xx.recorded import RecordedLms111
+from hw.lms1xx.session import Lms111
 from tests import ROOT
-from tools.cli.replay import SHIPPED_RECORDING, Outcome, Replay, config_for_recording
+from tools.cli.replay import SHIPPED_RECORDING, config_for_recording
+from tools.laser_replay import LaserReplay
+from tools.played import Outcome
 
 STORED = ROOT / "tests" / "replays" / "lms111_session.json"
 
 
-def replayed() -> tuple[Replay, Outcome]:
+def replayed() -> tuple[LaserReplay, Outcome]:
     """The recorded LMS111 session, from its first command to its last scan."""
     config = config_for_recording(ROOT / "mapod.toml", 50, 0.5)
-    replay = Replay(RecordedLms111.from_files(SHIPPED_RECORDING), config)
+    replay = LaserReplay(SHIPPED_RECORDING, config)
     while not replay.done:
         replay.step()
-    return replay, replay.outcome()
+    return replay, replay.view.outcome(replay.app)
 
 
 @pytest.fixture(scope="module")
-def first() -> tuple[Replay, Outcome]:
+def first() -> tuple[LaserReplay, Outcome]:
     """One run."""
     return replayed()
 
 
 def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
-    first: tuple[Replay, Outcome],
+    first: tuple[LaserReplay, Outcome],
 ) -> None:
     replay, outcome = first
+    assert isinstance(replay.app.scanner, Lms111)
     assert replay.app.scanner.not_ready == 7
     assert outcome.counts.scans_added == 51
     assert outcome.counts.scans_dropped == 0
@@ -39,22 +42,22 @@ def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
 
 
 def test_the_recorded_device_accepts_our_commands_but_for_those_it_was_never_asked(
-    first: tuple[Replay, Outcome],
+    first: tuple[LaserReplay, Outcome],
 ) -> None:
     unknown = {command.split(b" ")[1].decode() for command in first[0].recording.unknown}
     assert unknown == {"LMPscancfg", "mLMPsetscancfg", "STlms", "LCMstate"}
 
 
-def test_replayed_data_can_never_drive_a_machine(first: tuple[Replay, Outcome]) -> None:
-    pose = first[0].planner.pose
+def test_replayed_data_can_never_drive_a_machine(first: tuple[LaserReplay, Outcome]) -> None:
+    pose = first[0].view.planner.pose
     assert pose is not None
     assert pose.mode == 4
 
 
 def test_two_replays_send_the_same_bytes_and_they_are_the_stored_ones(
-    first: tuple[Replay, Outcome],
+    first: tuple[LaserReplay, Outcome],
 ) -> None:
     _, again = replayed()
     assert again.link_sha256 == first[1].link_sha256
     stored = json.loads(STORED.read_text(encoding="utf-8"))
-    assert asdict(again) == stored, "make replay UPDATE=1 stores the new outcome"
+    assert asdict(again) == stored, f"mapod replay --out {STORED} stores the new outcome"

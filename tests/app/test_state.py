@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.config import load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
 from core.mapping.layers import UNITS
 from core.records import FREE, OBSTACLE
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes
 from core.saved.state import restore, state_of
 from fakes.world.driver import Driver
-from main import App, MapSaver, Ports, load_map, write_map
+from map_files import MapSaver, load_map, write_map
 from tests import ROOT
 from tests.app.test_drive import START_S, Commander
 from tests.support.closed_loop import SESSION, SHIPPED, ClosedLoop

@@ -7,7 +7,7 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 
 from app import warm_kernels
-from core.config import load_config
+from config_file import load_config
 from tests import ROOT
 from tests.support.closed_loop import SHIPPED
 

@@ -5,9 +5,18 @@ from typing import Any
 import pytest
 
 from fakes.wires.wire import MemoryPort
-from hw.device import NEVER_HEARD_S, BadFrame, Device, DeviceStatus, NoPort, Session
+from hw.device import (
+    NEVER_HEARD_S,
+    PIECE,
+    BadFrame,
+    Device,
+    DeviceStatus,
+    Intake,
+    NoPort,
+    Session,
+)
 from hw.fingerprint import SEEMS
-from hw.runtime.wakeup import CALLS, Ears
+from hw.runtime.wakeup import CALLS, WakeUp
 
 NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
@@ -113,14 +122,14 @@ def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session
 
 
 def test_with_or_without_hearing_the_same_bytes_give_the_same_measurements() -> None:
-    ears, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
+    wake_up, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
     got: tuple[list[bytes], list[bytes]] = ([], [])
     for tick in range(50):
         for port in (one, two):
             port.give(b"x" * (1 + tick % 5))
         if tick % 3:
-            ears.hear(tick * 0.005 - 0.002)
-        got[0].extend(data for _, data in ears.step(tick * 0.005))
+            wake_up.hear(tick * 0.005 - 0.002)
+        got[0].extend(data for _, data in wake_up.step(tick * 0.005))
         got[1].extend(data for _, data in steps.step(tick * 0.005))
     assert got[0] == got[1]
 
@@ -179,7 +188,79 @@ def test_a_device_that_talks_keeps_its_connection_whatever_it_says() -> None:
     assert port.reopened == []
 
 
-# --- strangers
+# --- more than a device sends
+
+
+class Pieces:
+    """Counts what is parsed; lines with an x are junk."""
+
+    def __init__(self) -> None:
+        self.fed: list[tuple[float, bytes]] = []
+
+    def feed(self, now_s: float, data: bytes) -> list[Any]:
+        self.fed.append((now_s, data))
+        lines = data.split(b"\n")
+        return [BadFrame("junk", line) if b"x" in line else line for line in lines if line]
+
+
+FLOOD = 65_536  # bytes that one read may bring
+
+
+@pytest.mark.parametrize(
+    ("data", "per_step"),
+    [
+        (b"." * FLOOD, 10_000 + PIECE),  # one event a piece: bytes alone count
+        (b".\n" * (FLOOD // 2), PIECE * 2),  # many events
+        (b"x" * FLOOD, PIECE),  # junk
+    ],
+    ids=["good", "events", "junk"],
+)
+def test_a_flood_is_parsed_over_many_steps_in_order_and_nothing_is_read_meanwhile(
+    data: bytes, per_step: int
+) -> None:
+    intake = Intake(Pieces, bytes_per_s=50_000.0)  # 10 kB in the 0.2 s of an ordinary delay
+    parser, events, now_s = intake._parser, [], 1.0
+    assert isinstance(parser, Pieces)
+    intake.step(now_s)
+    events += intake.events(now_s, [data, b"end"])
+    steps = 1
+    while intake.waits:
+        before, now_s = len(parser.fed), now_s + 0.005
+        intake.step(now_s)
+        events += intake.events(now_s, [])
+        assert sum(len(piece) for _, piece in parser.fed[before:]) <= per_step
+        steps += 1
+    assert b"".join(piece for _, piece in parser.fed) == data + b"end"
+    assert {arrived_s for arrived_s, _ in parser.fed} == {1.0}
+    assert events[-1] == b"end"
+    assert steps >= FLOOD // per_step
+
+
+def test_a_step_that_comes_late_may_parse_what_came_in_the_meantime() -> None:
+    intake = Intake(Pieces, bytes_per_s=50_000.0)
+    intake.step(1.0)
+    intake.step(2.0)
+    intake.events(2.0, [b"." * 60_000])
+    assert not intake.waits
+
+
+def test_while_bytes_wait_the_port_is_not_read_neither_in_a_step_nor_between_two() -> None:
+    device = Answers(port := MemoryPort())
+    device.step(1.0)
+    port.give(b"." * 50_000)
+    device.step(1.005)
+    port.give(b"after")
+    device.hear(1.006)
+    assert device.step(1.010) == []
+    heard: list[tuple[float, bytes]] = []
+    for tick in range(100):
+        heard += device.step(1.015 + tick * 0.005)
+    assert [word for _, word in heard] == [b"after"]
+    assert device.status.skipped_bytes == 50_000
+    assert device.status.rejected > 10
+
+
+# --- who else answers
 
 
 def test_another_device_on_the_port_is_named_once_and_forgotten_when_the_right_one_answers() -> (
@@ -216,7 +297,7 @@ def test_a_loop_back_plug_is_named() -> None:
     assert device.status.cause.endswith("an echo of what mapod sends, as from a loop-back plug")
 
 
-# --- ears
+# --- wake_up
 
 
 class Readable:
@@ -248,17 +329,17 @@ class Wire(NoPort):
 
 def test_readers_follow_what_is_open_and_are_not_touched_while_nothing_changes() -> None:
     loop, one, two = Readable(), Wire(5), Wire(-1)
-    ears = Ears(loop, [one, two], lambda: None)
+    wake_up = WakeUp(loop, [one, two], lambda: None)
     for _ in range(100):
-        ears.after_tick()
+        wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 1)
     one.fd, two.fd = -1, 5  # the number comes again, for another wire
-    ears.after_tick()
+    wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 3)
     two.opened += 1  # closed and opened between two ticks
-    ears.after_tick()
+    wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 5)
-    ears.close()
+    wake_up.close()
     assert loop.readers == {}
 
 
@@ -268,8 +349,8 @@ def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
     def hear() -> None:
         one.fd = -1
 
-    ears = Ears(loop, [one], hear)
-    ears.after_tick()
+    wake_up = WakeUp(loop, [one], hear)
+    wake_up.after_tick()
     loop.readers[5]()
     assert loop.readers == {}
 
@@ -278,9 +359,9 @@ def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
 def test_a_wire_that_never_stops_is_heard_so_often_between_ticks_and_no_more(wires: int) -> None:
     heard: list[None] = []
     loop = Readable()
-    ears = Ears(loop, [Wire(fd) for fd in range(wires)], lambda: heard.append(None))
+    wake_up = WakeUp(loop, [Wire(fd) for fd in range(wires)], lambda: heard.append(None))
     for tick in range(1, 4):
-        ears.after_tick()
+        wake_up.after_tick()
         while loop.readers:
             loop.readers[0]()
         assert len(heard) == tick * CALLS

@@ -1,4 +1,4 @@
-"""Naming strangers: what is known is named, the right device never is, chance is not believed."""
+"""Fingerprints: what is known is named, the right device never is, chance is not believed."""
 
 import csv
 import doctest
@@ -13,11 +13,10 @@ from fakes.ax3500.device import FakeAx3500
 from hw import fingerprint as recognise
 from hw.fingerprint import (
     KEPT,
+    NAMES,
     OWN,
     SEEMS,
-    WORDS,
-    Stranger,
-    in_words,
+    Fingerprint,
     is_echo,
     is_noise,
     maybe_protocol,
@@ -48,7 +47,7 @@ EXAMPLES = {
 def test_a_protocol_is_known_by_a_few_of_its_bytes(key: str, data: bytes) -> None:
     assert maybe_protocol(data) == key
     assert maybe_protocol(b"\x80\x00" + data + b"\xff\x80") == key
-    assert in_words(key) == WORDS[key]
+    assert NAMES[key]
 
 
 def test_more_of_what_a_roboteq_may_say_is_known() -> None:
@@ -90,11 +89,11 @@ def test_a_recording_of_the_right_device_is_never_named_as_another_wherever_it_i
     ("name", "other"), [("mti_rec1.bin", "ax3500"), ("lms111_session_d2h.bin", "mti")]
 )
 def test_a_recording_on_the_wrong_port_is_named(name: str, other: str) -> None:
-    stranger = Stranger(other)
+    fingerprint = Fingerprint(other)
     data = (VECTORS / name).read_bytes()
     words = ""
     for at in range(0, 4 * KEPT, 64):
-        words = stranger.words(at / 64 * 0.01, [data[at : at + 64]], b"")
+        words = fingerprint.message(at / 64 * 0.01, [data[at : at + 64]], b"")
     assert words.startswith(SEEMS)
     assert ("MTi" in words) is (other == "ax3500")
 
@@ -139,10 +138,10 @@ def test_an_echo_needs_enough_bytes_all_of_which_were_sent() -> None:
     assert not is_echo(b"\xfa\xff\x31\x00\xd0" * 2, sent)
 
 
-def test_a_controller_that_echoes_is_no_stranger_on_its_own_port() -> None:
-    stranger = Stranger("ax3500")
-    stranger.words(0.0, [], b"?Q0\r?Q1\r")
-    assert stranger.words(1.0, [b"?Q0\r?Q1\r"], b"") == ""
+def test_a_controller_that_echoes_is_no_fingerprint_on_its_own_port() -> None:
+    fingerprint = Fingerprint("ax3500")
+    fingerprint.message(0.0, [], b"?Q0\r?Q1\r")
+    assert fingerprint.message(1.0, [b"?Q0\r?Q1\r"], b"") == ""
 
 
 def test_noise_is_many_bytes_that_are_no_text_and_no_protocol() -> None:
@@ -157,46 +156,46 @@ def test_noise_is_many_bytes_that_are_no_text_and_no_protocol() -> None:
     ("device", "is_told"), [("mti", True), ("ax3500", True), ("lms111", False)]
 )
 def test_a_wrong_baud_rate_is_thought_of_on_serial_lines_only(device: str, is_told: bool) -> None:
-    stranger = Stranger(device)
-    words = stranger.words(1.0, [bytes([0x00, 0x80, 0xF8, 0x1C]) * 100], b"")
+    fingerprint = Fingerprint(device)
+    words = fingerprint.message(1.0, [bytes([0x00, 0x80, 0xF8, 0x1C]) * 100], b"")
     assert ("wrong baud rate" in words) is is_told
 
 
 @pytest.mark.parametrize("name", [f"mti_rec{n}.bin" for n in range(1, 6)])
 def test_the_right_device_is_no_noise(name: str) -> None:
-    stranger = Stranger("mti")
+    fingerprint = Fingerprint("mti")
     data = (VECTORS / name).read_bytes()
     for at in range(7, len(data), 100):
-        assert stranger.words(at * 1e-3, [data[at : at + 100]], b"") == ""
+        assert fingerprint.message(at * 1e-3, [data[at : at + 100]], b"") == ""
 
 
 # --- over time
 
 
 def test_what_comes_in_crumbs_is_recognised_too_and_remembered_until_forgotten() -> None:
-    stranger = Stranger("mti")
+    fingerprint = Fingerprint("mti")
     data = EXAMPLES["ssh"]
     for at in range(len(data)):
-        words = stranger.words(at * 0.02, [data[at : at + 1]], b"")
+        words = fingerprint.message(at * 0.02, [data[at : at + 1]], b"")
     assert words == f"{SEEMS}an SSH server"
-    assert stranger.words(100.0, [], b"") == words
-    stranger.forget()
-    assert stranger.words(100.1, [], b"") == ""
+    assert fingerprint.message(100.0, [], b"") == words
+    fingerprint.forget()
+    assert fingerprint.message(100.1, [], b"") == ""
 
 
 def test_the_own_protocol_takes_the_name_back() -> None:
-    stranger = Stranger("mti")
-    assert stranger.words(0.0, [EXAMPLES["ssh"]], b"") != ""
-    stranger.words(0.2, [bytes(KEPT)], b"")
-    assert stranger.words(0.4, [EXAMPLES["mt"]], b"") == ""
+    fingerprint = Fingerprint("mti")
+    assert fingerprint.message(0.0, [EXAMPLES["ssh"]], b"") != ""
+    fingerprint.message(0.2, [bytes(KEPT)], b"")
+    assert fingerprint.message(0.4, [EXAMPLES["mt"]], b"") == ""
 
 
 def test_memory_is_bounded_whatever_comes() -> None:
-    stranger = Stranger("mti")
+    fingerprint = Fingerprint("mti")
     for tick in range(2000):
-        stranger.words(tick * 1e-5, [bytes(65536)], bytes(65536))
-    assert len(stranger._heard) <= KEPT
-    assert len(stranger._sent) <= recognise.SENT_KEPT
+        fingerprint.message(tick * 1e-5, [bytes(65536)], bytes(65536))
+    assert len(fingerprint._heard) <= KEPT
+    assert len(fingerprint._sent) <= recognise.SENT_KEPT
 
 
 def test_a_fake_controller_in_radio_mode_is_known_on_another_port() -> None:

@@ -14,7 +14,7 @@ from core.driving.stop_zone import StopZone
 from core.grid.ring import RingGrid
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow, PoseReport, StopZoneReport
 from fakes.wires.memory import MemoryPort
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.receivers import one_link
 from mapod_link.frames import DRIVE, frame_from_bytes
 from tools.rig.c_build import MissingToolError
 from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
@@ -76,7 +76,7 @@ class Bench:
     def begin_link(self) -> None:
         """A run of the sender begins."""
         self.port = MemoryPort(datagrams=True)
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port,
             size=self.size,
             cell_mm=round(CELL_M * 1000),
@@ -160,7 +160,7 @@ class Bench:
         """Whether the newest motion is one that the app's own stop zone lets pass, at full."""
         settings = self.planner.settings
         zone = StopZone(
-            settings.front_m, settings.rear_m, settings.width_m, settings.margin_m, 0.8, True
+            settings.front_m, settings.rear_m, settings.width_m, settings.margin_m, 0.8, True, 0.45
         )
         motion = self.newest
         rate_mps = zone.rate_mps(*motion)

@@ -48,10 +48,10 @@ class CellRig:
     ) -> None:
         self.cells = CellGrid(cells, CELL_M)
         self.window = StateWindow(window, CELL_M)
-        self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters)
+        self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters, 1081)
         self.clearing = Clearing(self.cells)
         self.deciding = Deciding(self.cells, self.window, H, -H, soft_free_below_m)
-        self.ground: F64 = GroundTracker(self.cells).numbers  # level, at z = 0
+        self.ground: F64 = GroundTracker(self.cells, 1081).numbers  # level, at z = 0
         self.t_s = 0.0
 
     def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:

@@ -23,7 +23,7 @@ from fakes.wires.wire import Fake, PtyWire, TcpWire
 from fakes.world.simple import Room
 from tests import ROOT
 from tests.support.real_time import StillWheels, level_sensor
-from tools.cli.demo import rewritten
+from tools.settings import rewritten
 
 STEP_S = 0.002
 POSE = 0x12

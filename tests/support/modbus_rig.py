@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from core.records import I8, ObstacleWindow, PoseReport, StopZoneReport
-from hw.modbus.client import Desk
+from hw.modbus.client import ServerContext
 from hw.modbus.image import RegisterImage
 from hw.modbus.server import ModbusServer
 
@@ -68,9 +68,9 @@ class Loop:
         call.callback()
 
 
-def desk_of(image: RegisterImage, clock: Clock) -> Desk:
+def context_of(image: RegisterImage, clock: Clock) -> ServerContext:
     """What clients share: unit 1 live, unit 2 a frozen view."""
-    return Desk(
+    return ServerContext(
         image=image,
         clock=clock,
         utc_s=lambda: 0.0,

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from core.records import FREE, OBSTACLE, ObstacleWindow, PoseReport, StopZoneReport
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.receivers import one_link
 from hw.planner_link.tiles import F32, TileSource
 from mapod_link.serial_line import serial_from_frame
 
@@ -140,7 +140,7 @@ class Line:
     ) -> None:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss
         self.port = port or MemoryPort(datagrams=baud is None)
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port,
             size=sky.size,
             cell_mm=200,
@@ -189,7 +189,7 @@ class Line:
         size, corner = self.sky.size, self.link._map.corner
         assert corner is not None
         return np.roll(
-            self.link._map.told.reshape(size, size), (-corner[1], -corner[0]), axis=(0, 1)
+            self.link._map.published.reshape(size, size), (-corner[1], -corner[0]), axis=(0, 1)
         )
 
     def holds_what_is_meant(self) -> bool:

@@ -75,7 +75,8 @@ class Line(Generic[R]):
         return self.seq
 
 
-def _with_map(line: Line[R], width: int, height: int) -> Line[R]:
+def with_map(line: Line[R], width: int = 9, height: int = 5) -> Line[R]:
+    """The line, with geometry 7, a pose and a blank window at the origin told."""
     line.send(GEOM, geom_body(width=width, height=height))
     line.send(POSE, pose_body())
     line.send(MAP, map_body())
@@ -84,12 +85,12 @@ def _with_map(line: Line[R], width: int, height: int) -> Line[R]:
 
 def begun(width: int = 9, height: int = 5, seq: int = 0) -> Line[FakePlanner]:
     """A line to a fake planner with geometry 7, a pose and a blank window at the origin."""
-    return _with_map(Line(FakePlanner(), seq), width, height)
+    return with_map(Line(FakePlanner(), seq), width, height)
 
 
 def receiving(width: int = 9, height: int = 5, seq: int = 0) -> Line[Receiver]:
     """Likewise to the public receiver."""
-    return _with_map(Line(Receiver(NONCE), seq), width, height)
+    return with_map(Line(Receiver(NONCE), seq), width, height)
 
 
 def zone_body(state: int = 1, causes: int = 0) -> bytes:

@@ -74,6 +74,13 @@ def scan_text(payload: bytes) -> bytes:
     return b"sSN LMDscandata " + " ".join(tokens).encode()
 
 
+def with_beams(payload: bytes, count: int) -> bytes:
+    """A scan with one 16-bit channel, with so many beams of 5 m in steps of 0.25 deg."""
+    (old,) = struct.unpack_from(">H", payload, 75)
+    head, tail = payload[:73], payload[77 + 2 * old :]
+    return head + struct.pack(f">HH{count}H", 2500, count, *[5000] * count) + tail
+
+
 class ScriptedLms111:
     """Answers at once; `answers` is what instead (None: nothing); scans come while subscribed."""
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.jit import kernel
 from core.records import FREE, I8, OBSTACLE
+from jit import kernel
 from tools.bench.drive_scene import Playback, drive
 
 POSE_BYTES, GEOM_BYTES = 38, 30  # on a serial line

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.grid.window import StateWindow
-from core.jit import kernel
 from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN, ObstacleWindow
+from jit import kernel
 from tools.bench.drive_building import Place, building, people, way
 
 SCAN_HZ, SCANS_S = 50, 40.0

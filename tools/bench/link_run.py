@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.records import F64, ObstacleWindow, PoseReport, StopZoneReport
+from hw.planner_link.receivers import one_link
 from hw.planner_link.sender import PlannerLink
 from mapod_link.frames import MORE, frame_from_bytes
 from mapod_link.receiver import Receiver
@@ -85,7 +86,7 @@ class FarEnd:
 
 def new_link(port: LinePort, baud: int | None, size: int, rate_hz: float) -> PlannerLink:
     """The sender, as the app sets it up."""
-    return PlannerLink(
+    return one_link(
         port,
         size=size,
         cell_mm=round(CELL_M * 1000),
@@ -179,7 +180,7 @@ def measure(case: Case) -> Figures:
         suspect=got.suspect_s / watched_s,
         bytes_per_s=sum(run.bytes_sent for run in runs) / watched_s,
         worst_wait_ticks=max(max(run.waits_s) / run.tick_s for run in runs),
-        ticks_held=sum(run.link.ticks_held for run in runs),
+        ticks_held=sum(run.link.counters.ticks_held for run in runs),
         new_obstacles=told_s.size,
         never_told=got.never_told,
         recovered=recovered_s.size,

@@ -1,4 +1,4 @@
-"""The demo behind `make run`: a simulated robot, the unchanged app, and a planner that draws.
+"""A simulated robot, the unchanged app, and its map in the terminal.
 
 World and fakes are one process, the app is another; they speak over TCP and ptys, and the app's
 obstacle map comes back over UDP. With --drive the keyboard drives the robot, through app and
@@ -7,46 +7,38 @@ controller. Ctrl-C, or the end of --seconds, ends all of them.
 
 import argparse
 import contextlib
-import ctypes
-import functools
-import json
-import os
-import re
-import shutil
-import signal
-import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.wires import UdpWire
-from tools.bench.planner_end import PlannerEnd, PtyWire
-from tools.cli.screen import has_screen
-from tools.cli.steer import Steering, keys_of
-from tools.cli.view import ACK_EVERY, Stop, print_summary, watch
+from tools.cli.options import (
+    ROOT,
+    SHIPPED_CONFIG,
+    add_config,
+    add_out,
+    add_seconds,
+    add_world,
+    fail,
+    lacks_simulation,
+    parser_of,
+)
+from tools.cli.view import print_summary, watch
+from tools.settings import NotThereError, rewritten
+from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
+from tools.terminal.processes import Child, RunError, Stop, folder_kept_on_failure, ports_of, say
+from tools.terminal.screen import has_screen
+from tools.terminal.steer import Steering, keys_of
 
-ROOT = Path(__file__).resolve().parents[2]
 SECONDS_WITHOUT_SCREEN = 20.0
-WORLD_READY_S, FIRST_MAP_S = 60.0, 120.0  # compiling the kernels anew fits in
-GRACE_S = 5.0  # to end when asked to
-TAIL_LINES = 25
+FIRST_MAP_S = 120.0  # compiling the kernels anew fits in
 SERIAL_BAUD = 115_200
-PR_SET_PDEATHSIG = 1
 DRIVEN = {"robot.enable_motors": True, "robot.start_clear_m": 9.0}  # the corridor begins clear
 DRIVEN_MPS, DRIVEN_RADPS = 0.5, 0.6
 DRIVEN_WORLD = ("--no-driver", "--drive-mode", "rs232_watchdog")
-ENDED_WELL = (0, 130, -signal.SIGINT)
-LIBC = ctypes.CDLL(None)
-
-
-class RunError(Exception):
-    """The demo cannot go on; says why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,80 +49,6 @@ class Commands:
     app: list[str]
 
 
-def rewritten(toml: str, values: Mapping[str, str | float | list[str]]) -> str:
-    """The text with the values at "section.key" replaced, comments and all else as they were.
-
-    Raises:
-        RunError: a key is not there.
-    """
-    lines, section, left = toml.splitlines(keepends=True), "", dict(values)
-    for i, line in enumerate(lines):
-        if head := re.match(r"\s*\[([\w.]+)\]", line):
-            section = head[1]
-        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|[\w.+-]+)', line):
-            value = left.pop(f"{section}.{entry[2]}", None)
-            if value is not None:
-                lines[i] = f"{entry[1]}{json.dumps(value)}{line[entry.end() :]}"
-    if left:
-        raise RunError(f"the configuration has no {', '.join(sorted(left))}")
-    return "".join(lines)
-
-
-class Child:
-    """A process of ours, its words in a file. It dies with us, however we die."""
-
-    def __init__(self, name: str, argv: list[str], folder: Path) -> None:
-        self.name, self.out, self.log = name, folder / f"{name}.out", folder / f"{name}.log"
-        die_with_us = functools.partial(LIBC.prctl, PR_SET_PDEATHSIG, signal.SIGKILL)
-        with self.out.open("wb") as out, self.log.open("wb") as log:
-            self._process = subprocess.Popen(
-                argv,
-                cwd=ROOT,
-                stdin=subprocess.DEVNULL,
-                stdout=out,
-                stderr=log,
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
-                start_new_session=True,  # Ctrl-C is ours alone; we pass it on in order
-                preexec_fn=die_with_us,
-            )
-
-    @property
-    def pid(self) -> int:
-        """Its number."""
-        return self._process.pid
-
-    def check_alive(self) -> None:
-        """Raises RunError with its last words if it has ended."""
-        status = self._process.poll()
-        if status is not None:
-            raise RunError(f"the {self.name} ended with status {status}:\n{self.last_words()}")
-
-    def last_words(self) -> str:
-        """The end of what it wrote."""
-        lines = [
-            line
-            for path in (self.out, self.log)
-            for line in path.read_text(errors="replace").splitlines()[-TAIL_LINES:]
-        ]
-        return "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
-
-    def end(self) -> str:
-        """Asks it to end, waits, insists; gives a complaint if it did not end well."""
-        ended_before = self._process.poll() is not None
-        if not ended_before:
-            self._process.send_signal(signal.SIGINT)
-        try:
-            status = self._process.wait(GRACE_S)
-        except subprocess.TimeoutExpired:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            self._process.wait()
-            return f"the {self.name} did not end within {GRACE_S:.0f} s and was killed"
-        if status not in ENDED_WELL and not ended_before:
-            return f"the {self.name} ended with status {status}:\n{self.last_words()}"
-        return ""
-
-
 class Demo:
     """World, app and planner of one run, in a folder of its own."""
 
@@ -138,7 +56,7 @@ class Demo:
         self._options, self._commands, self._folder = options, commands, folder
         self._children: list[Child] = []
         self.wire = PtyWire(SERIAL_BAUD) if options.serial else UdpWire("127.0.0.1", 0)
-        self.end = PlannerEnd(self.wire, FakePlanner(options.seed, None, ACK_EVERY))
+        self.end = PlannerEnd(self.wire, WatchingReceiver())
         self.driven: bool = options.drive
         self._until_s = float("inf")
         self._overdue_s = float("inf")
@@ -149,13 +67,13 @@ class Demo:
         ports = ports_of(fakes, stop)
         if ports is None:
             return
-        values: dict[str, str | float] = {
-            f"{name}.port": ports[name] for name in ("scanner", "ahrs", "drive")
-        }
-        values |= DRIVEN if self._options.drive else {}
+        values: dict[str, object] = {f"{name}.port": url for name, url in ports.items()}
+        values["planner.port"] = self.wire.url
+        if self._options.drive:
+            values |= DRIVEN
         shipped = Path(self._options.config).read_text()
         config = self._folder / "mapod.toml"
-        config.write_text(rewritten(shipped, {**values, "planner.port": self.wire.url}))
+        config.write_text(rewritten(shipped, values))
         self._start("app", [*self._commands.app, str(config)])
         self._overdue_s = time.monotonic() + FIRST_MAP_S
 
@@ -184,38 +102,12 @@ class Demo:
         return self._children[-1]
 
 
-def ports_of(fakes: Child, stop: Stop) -> dict[str, str] | None:
-    """The line in which the fakes name their ports; None if the wait was broken off."""
-    overdue_s = time.monotonic() + WORLD_READY_S
-    while not stop.wanted:
-        first, end, _ = fakes.out.read_text(errors="replace").partition("\n")
-        if end:
-            try:
-                ports = json.loads(first)
-                return {name: str(ports[name]) for name in ("scanner", "ahrs", "drive")}
-            except (ValueError, KeyError, TypeError):
-                raise RunError(f"the world's first line names no ports: {first}") from None
-        fakes.check_alive()
-        if time.monotonic() > overdue_s:
-            raise RunError(f"the world is not ready after {WORLD_READY_S:.0f} s")
-        time.sleep(0.02)
-    return None
-
-
-@contextlib.contextmanager
-def folder_kept_on_failure() -> Iterator[Path]:
-    """A temporary folder that stays, with the logs in it, if something fails."""
-    folder = Path(tempfile.mkdtemp(prefix="mapod-run-"))
-    yield folder
-    shutil.rmtree(folder, ignore_errors=True)
-
-
 def run(options: argparse.Namespace, commands: Commands, console: Console) -> int:
     """The demo from start to end; exit status."""
     if options.seconds is None and not has_screen(console):
         options.seconds = SECONDS_WITHOUT_SCREEN
     try:
-        with folder_kept_on_failure() as folder, Stop().on_signals() as stop:
+        with folder_kept_on_failure(options.out) as folder, Stop().on_signals() as stop:
             demo = Demo(options, commands, folder)
             try:
                 say(f'starting the world "{options.scene}" (seed {options.seed})')
@@ -230,9 +122,8 @@ def run(options: argparse.Namespace, commands: Commands, console: Console) -> in
             if complaints:
                 raise RunError("\n".join([*complaints, f"all that was said is in {folder}"]))
             print_summary(demo.end, console, now_s)
-    except (RunError, ValueError) as error:
-        print(f"mapod: {error}", file=sys.stderr, flush=True)
-        return 1
+    except (RunError, NotThereError, OSError, ValueError) as error:
+        return fail("demo", error, 1)
     say("all processes have ended")
     return 0
 
@@ -253,21 +144,18 @@ def show(demo: Demo, stop: Stop, console: Console) -> None:
         watch(demo.end, console, done, steering.words if steering else None)
 
 
-def say(words: str) -> None:
-    """A line of progress."""
-    print(f"mapod: {words}", flush=True)
-
-
-def main(arguments: list[str]) -> int:
-    """Exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tools.cli.demo", description=__doc__)
-    parser.add_argument("--seconds", type=float, help="end after so long; 20 without a terminal")
-    parser.add_argument("--seed", type=int, default=1, help="of all that is random in the world")
-    parser.add_argument("--scene", default="corridor", help="which world")
-    parser.add_argument("--config", default=str(ROOT / "mapod.toml"), help="the robot")
+def main(arguments: list[str] | None = None) -> int:
+    """Exit status: 0 ended as it was told to, 1 something failed, 2 wrong use."""
+    parser = parser_of("demo", __doc__, "mapod demo --scene office --seed 3 --seconds 60")
+    add_world(parser)
+    add_seconds(parser, "until Ctrl-C; 20 without a terminal")
+    add_config(parser, SHIPPED_CONFIG)
+    add_out(parser, "a folder for what all of them say (default: one that stays if one fails)")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
     parser.add_argument("--drive", action="store_true", help="drive with the keyboard")
     options = parser.parse_args(arguments)
+    if why := lacks_simulation():
+        return fail("demo", why)
     python = sys.executable
     world = ["--scene", options.scene, "--seed", str(options.seed)]
     world += DRIVEN_WORLD if options.drive else ()
@@ -279,4 +167,4 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

@@ -1,8 +1,4 @@
-"""Live picture of a planner link: what the planner at its far end knows.
-
-    python -m tools.cli.view --port udp://0.0.0.0:9750
-    python -m tools.cli.view --port serial:///dev/planner?baud=115200
-    python -m tools.cli.view --drive
+"""The map that a planner gets, as it grows, and what the link tells of robot and health.
 
 It answers the sender as a planner would, and with --drive asks it to move the robot while keys are
 held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
@@ -10,24 +6,21 @@ held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
 
 import argparse
 import contextlib
-import os
-import secrets
-import signal
 import sys
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from types import FrameType
+from collections.abc import Callable
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from fakes.planner_mcu.receiver import FakePlanner
+from core.config import ConfigError
 from mapod_link.advice import ZONE_STALE_S, allowed_mps
 from mapod_link.bodies import StopZone
 from mapod_link.wires import wire_from_url
-from tools.bench.planner_end import PlannerEnd
-from tools.cli.screen import (
+from tools.cli.options import add_key, add_port, add_seconds, fail, maybe_key, parser_of
+from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
+from tools.terminal.processes import Stop
+from tools.terminal.screen import (
     BAD,
     GOOD,
     POOR,
@@ -41,34 +34,12 @@ from tools.cli.screen import (
     plain_map,
     status_lines,
 )
-from tools.cli.steer import Steering, keys_of
+from tools.terminal.steer import Steering, keys_of
 
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
-ACK_EVERY = 4  # two ticks
 ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
 KINDS = {1: "GEOM", 2: "POSE", 3: "MAP", 4: "DIGEST", 5: "STOP_ZONE"}
-
-
-class Stop:
-    """Set by Ctrl-C, a request to end, or a closed terminal."""
-
-    def __init__(self) -> None:
-        self.wanted = False
-
-    def __call__(self, number: int, frame: FrameType | None) -> None:
-        self.wanted = True
-
-    @contextlib.contextmanager
-    def on_signals(self) -> Iterator["Stop"]:
-        """Handles the signals for as long as it is open."""
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        before = [signal.signal(number, self) for number in numbers]
-        try:
-            yield self
-        finally:
-            for number, handler in zip(numbers, before, strict=True):
-                signal.signal(number, handler)
 
 
 def watch(
@@ -155,32 +126,32 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
         console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)
 
 
-def main(arguments: list[str]) -> int:
-    """Exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tools.cli.view", description=__doc__)
-    parser.add_argument(
-        "--port", default="udp://127.0.0.1:9750", help="udp://…, tcp://… or serial:///…"
+def main(arguments: list[str] | None = None) -> int:
+    """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use."""
+    parser = parser_of(
+        "view",
+        __doc__,
+        "mapod view --port udp://0.0.0.0:9750",
+        "mapod view --port 'serial:///dev/planner?baud=115200' --drive",
     )
-    parser.add_argument("--key-file", help="32 bytes, or 64 hex digits: take signed frames only")
-    parser.add_argument("--seconds", type=float, help="end by itself after so long")
+    add_port(parser, "udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
+    add_seconds(parser, "until Ctrl-C")
+    add_key(parser)
     parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
     parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
     parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
     options = parser.parse_args(arguments)
     try:
         wire = wire_from_url(options.port)
-        key = key_from_file(options.key_file) if options.key_file else None
-    except (OSError, ValueError) as error:
-        print(f"tools.cli.view: {error}", file=sys.stderr)
-        return 2
+        key = maybe_key(options.key_file)
+    except (ConfigError, OSError, ValueError) as error:
+        return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:
-        end = PlannerEnd(wire, FakePlanner(secrets.randbits(32), key, ACK_EVERY))  # seeds the nonce
         try:
-            return show(options, end, stop)
+            return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
-            words = os.strerror(error.errno or 0) if isinstance(error, OSError) else error
-            print(f"tools.cli.view: {options.port}: {words}", file=sys.stderr)
-            return 1
+            words = getattr(error, "strerror", None) or error
+            return fail("view", f"{options.port}: {words}", 1)
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
@@ -211,18 +182,5 @@ def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
     return 0
 
 
-def key_from_file(path: str) -> bytes:
-    """32 bytes, given as they are or as 64 hex digits.
-
-    Raises:
-        ValueError: neither.
-    """
-    content = Path(path).read_bytes()
-    key = content if len(content) == 32 else bytes.fromhex(content.decode("ascii", "replace"))
-    if len(key) != 32:
-        raise ValueError(f"{path}: must hold 32 bytes or 64 hex digits")
-    return key
-
-
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

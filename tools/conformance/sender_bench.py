@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.receivers import one_link
 from tools.conformance.exam import MOST_CELLS, Exam
 from tools.conformance.slow_receiver import SlowReceiver
 from tools.conformance.wire import (
@@ -125,7 +125,7 @@ class SenderBench:
         """A new run of the sender, as after its power was off."""
         exam, session = self.exam, self.exam.random.getrandbits(32)
         self.session = session
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port,
             size=self.size,
             cell_mm=50,

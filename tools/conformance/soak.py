@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import StopZoneReport
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.receivers import one_link
 from mapod_link.receiver import Receiver
 from tools.conformance.c_receiver import CReceiver
 from tools.conformance.exam import DeviationError
@@ -73,7 +73,7 @@ class Soak:
     def start_sender(self) -> None:
         """A new run, under another session, from any number."""
         self.session = self.chance.getrandbits(32)
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port,
             size=self.leg.size,
             cell_mm=50,

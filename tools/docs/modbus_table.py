@@ -1,4 +1,4 @@
-"""The register tables of docs/modbus.md, made from the code: `python -m tools.docs.modbus_table`.
+"""The register tables of docs/protocols/modbus.md, made from the code.
 
 The text of the document is written by hand; what stands between its marks is written by this tool.
 """
@@ -14,7 +14,7 @@ from hw.modbus.layout import Block
 from hw.modbus.refusals import Refusal
 from hw.modbus.server import units_of
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "modbus.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs/protocols/modbus.md"
 SHIPPED_CELLS = 101  # the window that the table of the window block shows
 MARKS = re.compile(r"<!-- begin (\w+) -->\n.*?<!-- end \1 -->", re.DOTALL)
 KINDS = {"ascii": "text", "cells": "cells"}

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from core.geometry import wrapped
-from fakes.world.magnetic import Steel
+from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.harness import methods
@@ -15,7 +15,9 @@ from tools.experiments.scenes import corridor, scene
 from tools.experiments.trial import LEAD_S, Trial, trial
 
 EVERY_S = 0.2
-DOOR = Steel("steel door", (6.0, 1.2), math.radians(40.0) / math.exp(-((1.2 / 1.5) ** 2)))
+DOOR = MagneticDisturbance(
+    "steel door", (6.0, 1.2), math.radians(40.0) / math.exp(-((1.2 / 1.5) ** 2))
+)
 
 
 class Compass:

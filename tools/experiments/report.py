@@ -1,6 +1,7 @@
 """The outcome of the experiments as a document: one table, what does not hold, and the pictures."""
 
 import math
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -129,7 +130,8 @@ def document(intro: str, outcomes: dict[str, Outcome]) -> str:
     judged = [verdict(row) for row in rows]
     lines = [intro.rstrip(), "", "## What was done", ""]
     for name, outcome in outcomes.items():
-        lines += [f"- **{name}**: {' '.join(outcome.notes)}" if outcome.notes else f"- **{name}**"]
+        what = f"- **{name}**{': ' if outcome.notes else ''}{' '.join(outcome.notes)}"
+        lines += textwrap.wrap(what, 108, subsequent_indent="  ", break_on_hyphens=False)
     lines += ["", "## The table", "", *table(rows), ""]
     counts = [f"{judged.count(word)} {word}" for word in ("better", "same", "worse")]
     lines += [

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.jit import kernel
+from jit import kernel
 
 F64 = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]

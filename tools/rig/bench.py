@@ -15,19 +15,20 @@ from typing import Any
 
 from rich.text import Text
 
-from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, load_scene
 from mapod_link.wires import UdpWire
-from tools.bench.planner_end import PlannerEnd
-from tools.cli.demo import FIRST_MAP_S, ROOT, Child, RunError, ports_of, rewritten
-from tools.cli.screen import BAD, POOR, labelled
-from tools.cli.view import ACK_EVERY, Stop
+from tools.cli.demo import FIRST_MAP_S
+from tools.cli.options import ROOT
 from tools.rig.c_planner import PlannerSettings
 from tools.rig.config import DEVICES, SHEET, RigConfig
 from tools.rig.followed import Followed
 from tools.rig.forms import form_of
 from tools.rig.story import AppLog, Doubts, Tour
 from tools.rig.watch import STATES
+from tools.settings import rewritten
+from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
+from tools.terminal.processes import Child, RunError, Stop, ports_of
+from tools.terminal.screen import BAD, POOR, labelled
 
 DEVICES_S = 45.0  # for all devices to deliver, a scanner that is just being switched on among them
 LOOK_S = 0.2  # how often goals, truth and log are looked at
@@ -58,7 +59,7 @@ class Bench:
         self.followed: Followed | None = None
         self.doubts, self.outcome = Doubts(), Outcome()
         self._wire = UdpWire("127.0.0.1", 0)
-        self.end = PlannerEnd(self._wire, FakePlanner(config.seed, None, ACK_EVERY))
+        self.end = PlannerEnd(self._wire, WatchingReceiver())
         settings = PlannerSettings(start_clear_m=self._clear_m, unknown_mps=config.unknown_mps)
         self.form, self.remark = form_of(config, settings, folder)
         of_scene = () if "drive" in config.real else self.scene.goals

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from core.jit import kernel
 from core.records import record
 from fakes.scenes.movers import Mover
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Pillar, Shape, Solid
+from jit import kernel
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # x, y, yaw

@@ -25,10 +25,11 @@ from rich.table import Table
 
 from mapod_link.client import Link
 from mapod_link.wires import UdpWire
-from tools.cli.demo import ROOT, Child, RunError, ports_of, rewritten, say
-from tools.cli.view import Stop
+from tools.cli.options import ROOT
 from tools.rig.far_end import FarEnd, sent_from_file, told_scans
 from tools.rig.load import loaded
+from tools.settings import NotThereError, rewritten
+from tools.terminal.processes import Child, RunError, Stop, ports_of, say
 
 SETTINGS: dict[str, str | float] = {
     "scanner.scan_rate_hz": 50,
@@ -283,7 +284,7 @@ def main() -> int:
                 say(f"measuring for {options.seconds:g} s, the machine {name}")
                 try:
                     rows.append(measure(name, options, stop, console, name == "loaded"))
-                except RunError as error:
+                except (RunError, NotThereError) as error:
                     print(f"mapod: {error}", file=sys.stderr)
                     return 1
     if not rows:

@@ -13,16 +13,21 @@ from pathlib import Path
 from rich.console import Console
 
 from core.config import ConfigError
-from tools.cli.demo import ROOT, RunError, folder_kept_on_failure, say
-from tools.cli.screen import has_screen
-from tools.cli.view import Stop, print_summary, watch
+from tools.cli.options import ROOT
+from tools.cli.view import print_summary, watch
 from tools.rig.bench import Bench
 from tools.rig.board import BoardError
 from tools.rig.c_build import CompileError, MissingToolError
 from tools.rig.config import RigConfig, load_rig_file
 from tools.rig.live_picture import show
+from tools.settings import NotThereError
+from tools.terminal.processes import RunError, Stop, folder_kept_on_failure, say
+from tools.terminal.screen import has_screen
 
 SECONDS_WITHOUT_SCREEN = 60.0
+RIG_ERRORS = (
+    RunError, NotThereError, BoardError, MissingToolError, CompileError, ValueError, OSError,
+)  # fmt: skip
 
 
 def summary(bench: Bench, console: Console, now_s: float) -> bool:
@@ -89,7 +94,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
                 raise RunError("\n".join([*complaints, f"all that was said is in {folder}"]))
             bench.log.step()
             well = summary(bench, console, now_s)
-    except (RunError, BoardError, MissingToolError, CompileError, ValueError, OSError) as error:
+    except RIG_ERRORS as error:
         print(f"mapod: {error}", file=sys.stderr, flush=True)
         return 1
     say("all processes have ended")

@@ -10,17 +10,17 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from fakes.planner_mcu.receiver import FakePlanner
-from tools.bench.planner_end import PlannerEnd
-from tools.cli.screen import status_lines
+from mapod_link.receiver import Receiver
 from tools.cli.view import PICTURE_PERIOD_S, WAIT_S, zone_lines
 from tools.rig.watch import GOAL, PANEL_COLUMNS, ROBOT, legend, text_of
+from tools.terminal.planner_end import PlannerEnd
+from tools.terminal.screen import status_lines
 
 U8 = npt.NDArray[np.uint8]
 FRONT_M, REAR_M, HALF_M, GOAL_M = 0.52, 0.20, 0.30, 0.3  # of robot and goal, as drawn
 
 
-def image_of(planner: FakePlanner, goal: tuple[float, float] | None) -> U8:
+def image_of(planner: Receiver, goal: tuple[float, float] | None) -> U8:
     """The window with robot and goal: [row, column], map x up, map y left; (0, 0) without one.
 
     Args:
@@ -45,7 +45,7 @@ def image_of(planner: FakePlanner, goal: tuple[float, float] | None) -> U8:
 
 
 def picture(
-    planner: FakePlanner,
+    planner: Receiver,
     goal: tuple[float, float] | None,
     lines: Sequence[Text],
     columns: int,

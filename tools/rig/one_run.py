@@ -166,8 +166,8 @@ class Run:
         scene = spec.scene
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, spec.seed)
         self.pilot = pilot or new_pilot(self.scene)
-        upsets = as_the_sheets_say(self.scene.upsets)
-        self.loop = Loop(self.scene, spec.seed, config, self.pilot, baud=spec.baud, upsets=upsets)
+        errors = as_the_sheets_say(self.scene.errors)
+        self.loop = Loop(self.scene, spec.seed, config, self.pilot, baud=spec.baud, errors=errors)
         self.loop.set_faults(spec.faults)
         self.judge = Judge(self.scene)
         self.watch = StopWatch(self.judge, faulty=bool(spec.faults))

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tools.cli.screen import MODES
 from tools.rig.c_planner import PlannerState
+from tools.terminal.screen import MODES
 
 GIVE_UP_S = 15.0  # that a planner says it has stopped
 HEED_S = 1.0  # until a planner that was told a goal says so

@@ -17,9 +17,9 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
-from tools.cli.screen import BAD, GOOD, POOR, has_screen, labelled
 from tools.rig.one_run import Run
 from tools.rig.stops import Stop
+from tools.terminal.screen import BAD, GOOD, POOR, has_screen, labelled
 
 U8 = npt.NDArray[np.uint8]
 DRAWN_S, LINE_S = 0.1, 2.0  # of real time, of simulated time

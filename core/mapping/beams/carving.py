@@ -13,11 +13,11 @@ import math
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
 from core.mapping.beams.ground_plane import ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
+from jit import kernel
 
 THROUGH = 8  # scans in a row
 STEP_M = 0.2

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from core.grid.ring import RingGrid
-from core.jit import kernel
 from core.records import I32
+from jit import kernel
 
 Cells = npt.NDArray[Any]  # flat, of CELL
 

@@ -12,9 +12,9 @@ Source: the paper, Definition 1; design, section 7.
 import numpy as np
 
 from core.grid.window import StateWindow, put_state
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, known, ones
 from core.records import FREE, I8, I32, OBSTACLE, UNKNOWN
+from jit import kernel
 
 ENOUGH = 2  # contradicting scans that make an obstacle
 MISSED_ENOUGH = 3  # scans in which a beam went a little below the ground, where floor was due,

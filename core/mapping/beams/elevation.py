@@ -12,7 +12,6 @@ Source: the paper, section 4.2.2 (average); design, section 7.
 
 import math
 
-from core.jit import kernel
 from core.mapping.beams.cells import (
     CellGrid,
     Cells,
@@ -28,6 +27,7 @@ from core.mapping.beams.isolated import Specks
 from core.mapping.beams.negative import MAX_EVIDENCE, missed, missing
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
+from jit import kernel
 
 RISING_M = 0.03  # a return so far off the ground may belong to the foot of something,
 RELIEF_M = 0.012  # and so may heights in one cell of one scan, which no wrong attitude sets apart
@@ -335,11 +335,17 @@ class Elevation:
     """Heights and evidence in the cells of a `CellGrid`, taken from sweeps."""
 
     def __init__(
-        self, cells: CellGrid, h_pos_m: float, h_neg_m: float, height_m: float, filters: bool
+        self,
+        cells: CellGrid,
+        h_pos_m: float,
+        h_neg_m: float,
+        height_m: float,
+        filters: bool,
+        max_beams: int,
     ) -> None:
         self.cells, self.grid = cells, cells.grid
         self._limits: Limits = (h_pos_m, h_neg_m, height_m)
-        self._filters, self._specks = filters, Specks(cells, h_pos_m)
+        self._filters, self._specks = filters, Specks(cells, h_pos_m, max_beams)
 
     def add(self, sweep: Sweep, ground: F64, trust: Trust) -> int:
         """Take the returns of a sweep over the ground (10,); how many there were."""

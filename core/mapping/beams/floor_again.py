@@ -6,8 +6,8 @@ attitude that leant. Under what is higher than LOW_M floor may well be seen: tha
 Source: design, section 7 (clearing).
 """
 
-from core.jit import kernel
 from core.mapping.beams.cells import Cells, forget
+from jit import kernel
 
 FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said,
 FLOOR_FOR_LONG, LOW_M = 8, 0.20  # and so many that something so low stood where they see floor

@@ -17,7 +17,7 @@ import numpy as np
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground_memory import LineMemory, Turning
 from core.mapping.beams.ground_plane import Line, Stand, fit, near_plane, nearest_due, seek, turned
-from core.mapping.rays import MAX_BEAMS, Sweep
+from core.mapping.rays import Sweep
 from core.records import F64
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
@@ -71,7 +71,7 @@ class GroundTracker:
     much this very scan shows the line too high, where scans jitter.
     """
 
-    def __init__(self, cells: CellGrid) -> None:
+    def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
         self.numbers: F64 = np.zeros(10)
         self.before: F64 = np.zeros(10)  # the same when the line was lost
@@ -81,7 +81,7 @@ class GroundTracker:
         self._history: deque[tuple[Line, tuple[float, float]]] = deque(maxlen=KEPT)
         self._memory, self._turning = LineMemory(), Turning()
         self._anchor = np.zeros(2)
-        self._found = np.zeros((MAX_BEAMS, 5))
+        self._found = np.zeros((max_beams, 5))
         # lines while it is lost: place along the way, height, travel
         self._seen: deque[tuple[float, float, float]] = deque(maxlen=2 * KEPT)
         self.lost_s = math.inf  # since when it is lost

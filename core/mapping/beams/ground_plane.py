@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import Cells, flat_index
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64
+from jit import kernel
 
 DUE_M = 12.0  # farther off, a dark floor need not give a return
 GATE_M = 0.10  # returns so near to the expected ground, and
@@ -51,11 +51,14 @@ def _is_steep(x: float, y: float, window: tuple[int, int, int, float], cells: Ce
 
 
 @kernel
-def _peak(heights: F64, n: int, bin_m: float) -> float:
-    """Where most of n heights lie close together: floor does, the foot of a wall does not."""
+def _peak(found: F64, n: int, over_m: float, bin_m: float) -> float:
+    """Where most of n heights lie close together: floor does, the foot of a wall does not.
+
+    Heights are those in column 0 of `found`, and the result, over a height.
+    """
     bins = np.zeros(2 * HALF_BINS, dtype=np.int64)
     for k in range(n):
-        bins[max(0, min(2 * HALF_BINS - 1, int(heights[k] / bin_m + HALF_BINS)))] += 1
+        bins[max(0, min(2 * HALF_BINS - 1, int((found[k, 0] - over_m) / bin_m + HALF_BINS)))] += 1
     best, most = 0, -1
     for k in range(WIDE_BINS - 1, 2 * HALF_BINS):
         total = 0
@@ -107,7 +110,7 @@ def fit(found: F64, n: int) -> tuple[int, float, float]:
 
     Returns (how many make the line, their mean height over the plane, its slope across).
     """
-    peak = _peak(found[:, 0], n, BIN_M)
+    peak = _peak(found, n, 0.0, BIN_M)
     s0 = sv = svv = sh = shv = 0.0
     used = 0
     for k in range(n):
@@ -129,8 +132,8 @@ def seek(found: F64, n: int, at: F64) -> int:
 
     Their mean height over it, x and y go into `at` (3,); returns how many they are.
     """
-    wide = _peak(found[:, 0], n, WIDE_M)
-    fine = wide + _peak(found[:, 0] - wide, n, BIN_M)
+    wide = _peak(found, n, 0.0, WIDE_M)
+    fine = wide + _peak(found, n, wide, BIN_M)
     used = 0
     at[:] = 0.0
     for k in range(n):

@@ -8,11 +8,11 @@ Source: design, section 7 (what was seen once is looked at again).
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, flat_index
 from core.mapping.beams.ground_plane import ground_m
-from core.mapping.rays import MAX_BEAMS, MIN_RANGE_M, Sweep
+from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
+from jit import kernel
 
 ALONE_M = 0.3  # neighbours that end so much nearer or farther are of something else
 SOON = 12  # scans: half a second at 25 Hz
@@ -59,10 +59,10 @@ def _find(
 class Specks:
     """Finds the lone returns of sweeps over the cells of a `CellGrid`."""
 
-    def __init__(self, cells: CellGrid, h_pos_m: float) -> None:
+    def __init__(self, cells: CellGrid, h_pos_m: float, max_beams: int) -> None:
         self._cells, self._h_pos_m = cells, h_pos_m
         self._last: I32 = cells.grid.layer(np.int32, 0).reshape(-1)
-        self._skipped: U8 = np.zeros(MAX_BEAMS, dtype=np.uint8)
+        self._skipped: U8 = np.zeros(max_beams, dtype=np.uint8)
 
     def find(self, sweep: Sweep, ground: F64) -> U8:
         """(n,), 1 for each beam that is not to be believed; kept until the next call."""

@@ -22,7 +22,7 @@ from core.mapping.rays import BeamGeometry
 from core.mapping.terrain import Terrain
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I64, OBSTACLE, Scan
+from core.records import F64, I64, OBSTACLE, PointSweep, Scan
 
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
 STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
@@ -35,21 +35,23 @@ class BeamMaps:
 
     def __init__(self, config: Config) -> None:
         scanner, obstacle = config.scanner, config.obstacle
+        beams = scanner.options.spec.max_beams
         self._geometry = BeamGeometry(
             (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
             math.radians(scanner.mount_roll_deg),
             math.radians(scanner.mount_tilt_deg),
             math.radians(scanner.mount_yaw_deg),
+            beams,
         )
         self.cells = CellGrid(config.map.cells, config.map.cell_m)
         self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
         bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
         filters = config.map.cell_value == "kalman"
-        self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters)
+        self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters, beams)
         self.clearing = Clearing(self.cells)
-        self.ground = GroundTracker(self.cells)
+        self.ground = GroundTracker(self.cells, beams)
         self.terrain = Terrain(self.cells)
-        self.faces = Faces(self.cells)
+        self.faces = Faces(self.cells, beams)
         self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
         self._h_neg_m = obstacle.h_neg_m
         self._stand: Stand | None = None
@@ -62,8 +64,8 @@ class BeamMaps:
         lacks_floor(self.cells.flat, 0, self.cells.sub)
         self.faces.warm()
 
-    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a scan that attitude and odometry cover; how many returns it had.
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a sweep that attitude and odometry cover; how many returns it had.
 
         What it says of the place goes to the odometry.
         """

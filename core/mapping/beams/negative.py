@@ -8,11 +8,11 @@ Source: design, section 7.
 
 import math
 
-from core.jit import kernel
 from core.mapping.beams.cells import Cells, flat_index, known, part_bit, touch, touch_around
 from core.mapping.beams.ground_plane import ground_m
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64, I32
+from jit import kernel
 
 LOWER_M = 0.012  # below the ground by less, a return is floor;
 BELOW_M, BELOW_SLOPE = 0.015, 0.0006  # by so much below the floor before it, and by range, a hole,

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.jit import kernel
 from core.mapping.beams.cells import CellGrid, Cells, flat_index
 from core.mapping.beams.ground_plane import Stand, ground_m
-from core.mapping.rays import MAX_BEAMS, MIN_RANGE_M, Sweep
+from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64
+from jit import kernel
 
 LOW_M = 0.25  # above the ground: lower returns may be of the top of a thing, or of a slope
 APART = 2  # beams to either side that tell how a face runs
@@ -143,9 +143,9 @@ def _slides(
 
 
 @kernel
-def _agreeing(slides: F64) -> tuple[int, float]:
+def _agreeing(slides: F64, middle_m: float) -> tuple[int, float]:
     """How many of some (n,) agree with their middle, and their mean."""
-    middle_m, count, total_m = np.median(slides), 0, 0.0
+    count, total_m = 0, 0.0
     for k in range(len(slides)):
         if abs(slides[k] - middle_m) <= AGREE_M:
             count, total_m = count + 1, total_m + slides[k]
@@ -155,15 +155,15 @@ def _agreeing(slides: F64) -> tuple[int, float]:
 class Faces:
     """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
 
-    def __init__(self, cells: CellGrid) -> None:
+    def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
-        self._slides = np.zeros(MAX_BEAMS)
+        self._slides = np.zeros(max_beams)
         self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
         self._leg, self._heading = 1, (math.nan, math.nan)
 
     def warm(self) -> None:
         """Run the kernel that few scans need."""
-        _agreeing(self._slides[:1])
+        _agreeing(self._slides[:1], 0.0)
 
     def erase(self) -> None:
         """Forget what they told; the cells forget the faces."""
@@ -189,7 +189,8 @@ class Faces:
         )
         if n < LEAST:
             return None
-        count, mean_m = _agreeing(self._slides[:n])
+        slides = self._slides[:n]
+        count, mean_m = _agreeing(slides, float(np.median(slides)))
         return self._maybe_grown(stand, mean_m) if count >= max(LEAST, 0.5 * n) else None
 
     def _maybe_grown(self, stand: Stand, off_m: float) -> Slide | None:

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from core.jit import kernel
 from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
+from jit import kernel
 
 
 @kernel

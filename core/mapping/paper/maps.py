@@ -14,16 +14,15 @@ import numpy as np
 
 from core.config import Config
 from core.grid.window import StateWindow
-from core.jit import kernel
 from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
 from core.mapping.paper.grid import centre_of, index_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I8, I32, I64, OBSTACLE, UNKNOWN, Scan
+from core.records import F64, I8, I32, I64, OBSTACLE, UNKNOWN, PointSweep, Scan
+from jit import kernel
 
-MAX_RANGE_M = 20.0  # lms111 sheet, section 1: range
 NOWHERE = -1  # a cell of the window that lies outside the paper's maps
 
 
@@ -79,7 +78,7 @@ class ReferencePlaneMaps:
         settings = PaperSettings(
             lens_height_m=scanner.mount_z_m,
             tilt_rad=math.radians(scanner.mount_tilt_deg),
-            max_range_m=MAX_RANGE_M,
+            max_range_m=scanner.options.spec.max_range_m,
             cells=config.map.cells,
             cell_m=config.map.cell_m,
             h_pos_m=obstacle.h_pos_m,
@@ -100,8 +99,10 @@ class ReferencePlaneMaps:
     def warm(self) -> None:
         """The first scan runs all kernels."""
 
-    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a scan that both cover to its last beam; returns how many returns were used."""
+        if not isinstance(scan, Scan):
+            raise ValueError("the reference plane is made for scanners of one plane")
         last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
         self._follow_beams(scan)
         roll_rad, pitch_rad, yaw_rad = attitudes.rpy_at(last_s)

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.geometry import wrapped
-from core.jit import kernel
 from core.mapping.paper.grid import PaperGrid, index_of, put_height
 from core.records import F64, I8, I32
+from jit import kernel
 
 AT_MAX_M = 1e-6  # a reference this near its cap is at it: step 6 turns the cap too, and rounds
 

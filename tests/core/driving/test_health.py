@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from core.driving import health
 from core.driving.health import Inputs, health_word, mode, trusted
+from core.mapping.method import MAX_SLOPE_RAD
 
 GOOD = Inputs(0.05, 0.05, 0.01, 0.08, True, True, True, False, 0.01, False)
 AGES = st.one_of(st.floats(0, 2), st.just(float("inf")))
@@ -31,7 +32,7 @@ def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
     inputs = Inputs(*ages, locked, pose, begun, overrun, tilt, replayed)
     word = health_word(inputs)
     fresh = ages[0] <= 0.15 and ages[2] <= 0.15 and ages[3] <= 0.4
-    assert trusted(word) == (fresh and pose and begun and tilt <= health.MAX_SLOPE_RAD)
+    assert trusted(word) == (fresh and pose and begun and tilt <= MAX_SLOPE_RAD)
     if mode(word, inputs) in (health.RUNNING, health.DEGRADED):
         assert trusted(word)
     assert (mode(word, inputs) == health.REPLAYED) == replayed
@@ -65,7 +66,7 @@ def test_a_slope_too_steep_for_the_map_is_said() -> None:
 def test_what_warns_has_a_bit_of_its_own_and_leaves_the_map_valid() -> None:
     for warning, bit in (
         ({"drop_ahead": True}, health.DROP_AHEAD),
-        ({"contaminated": True}, health.CONTAMINATED),
+        ({"impaired": True}, health.SIGHT_IMPAIRED),
         ({"stop_asked": True}, health.STOP_ASKED),
     ):
         word = health_word(replace(GOOD, **warning))

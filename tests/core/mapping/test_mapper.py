@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 from core.mapping.beams.classifier import NEW_LOOKS
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper

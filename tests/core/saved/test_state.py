@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from core.config import Config, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import Config
 from core.mapping.beams.cells import CELL
 from core.mapping.beams.classifier import NEW_LOOKS
 from core.mapping.beams.maps import BeamMaps

@@ -140,7 +140,7 @@ def test_a_scan_that_is_asked_for_twice_is_the_same_scan() -> None:
 
 def test_the_ordered_status_and_the_filtered_beams_are_told() -> None:
     bench = Bench()
-    bench.fake.device_status, bench.fake.filtered_rate = 1, 1.0
+    bench.fake.device_status, bench.fake.in_error, bench.fake.filtered_rate = 1, True, 1.0
     bench.fake.settling_scans = 0
     bench.start()
     scan = bench.scans(0.1)[0]

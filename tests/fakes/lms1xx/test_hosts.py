@@ -66,6 +66,8 @@ def test_each_answer_printed_in_the_sheet_comes_as_text() -> None:
         ("sMN mLMPsetscancfg +5000 +1", "sFA 8"),
         ("sMN mLMPsetscancfg +5000 +1 +5000 -450000 +2250000 1", "sFA 7"),
         ("sMN mLMPsetscancfg +5000 +1 +5x00 -450000 +2250000", "sFA 11"),
+        ("sMN mLMPsetscancfg \x00\x01", "sFA 11"),
+        ("sMN mLMPsetscancfg x00x01", "sFA 11"),
         ("sMN mLMPsetscancfg +5000 +99999 +5000 -450000 +2250000", "sFA 10"),
         ("sWN LMPoutputRange 1 1388 0 FFFFFFF0", "sFA 4"),
         ("sXX Nothing", "sFA C"),
@@ -289,12 +291,13 @@ def test_the_filters_filter() -> None:
     assert {code for codes in codes_of(bench)[1:] for code in codes} == {4000}
 
 
-@pytest.mark.parametrize(("contamination", "status"), [(0, 0), (1, 2), (2, 4), (3, 4)])
-def test_a_dirty_window_shows_in_the_device_status(contamination: int, status: int) -> None:
+def test_a_dirty_window_is_told_when_asked_and_changes_no_undocumented_byte_of_a_scan() -> None:
     bench = Bench()
-    bench.fake.contamination, bench.fake.settling_scans = contamination, 0
+    bench.fake.contamination, bench.fake.settling_scans = 2, 1
     bench.start()
-    assert bench.scans(0.5)[0][24:26] == bytes([0, status])
+    assert [scan[24:26] for scan in bench.scans(0.06)] == [b"\1\0", b"\0\0", b"\0\0"]
+    bench.ask(FRAMES["unsubscribe"])
+    assert bench.ask(FRAMES["read contamination"]) == framed("sRA LCMstate ", b"\2")
 
 
 def test_models_differ_as_the_sheet_says() -> None:

@@ -3,9 +3,9 @@
 import pytest
 
 from fakes.planner_mcu.receiver import FakePlanner
-from mapod_link.frames import ACK, GEOM, MAP, POSE, frame_from_bytes
+from mapod_link.frames import ACK, POSE, frame_from_bytes
 from mapod_link.receiver import Receiver
-from tests.support.planner_sender import begun, map_body, pose_body, vector
+from tests.support.planner_sender import begun, pose_body, vector
 
 
 def test_without_faults_it_is_the_public_receiver() -> None:
@@ -74,14 +74,6 @@ def test_the_same_seed_loses_the_same_frames_and_draws_the_same_nonce() -> None:
             planner.feed_datagram(float(now_s), vector("geom"))
     assert planners[0].nonce == planners[1].nonce != planners[2].nonce
     assert planners[0].repeated == planners[1].repeated
-
-
-def test_it_tells_what_it_has_heard_and_how_large_that_was() -> None:
-    line = begun()
-    line.send(MAP, map_body(b"\x80"))
-    assert [frame.type for frame in line.planner.heard] == [GEOM, POSE, MAP, MAP]
-    assert [frame.size for frame in line.planner.heard] == [28, 36, 22, 23]
-    assert line.planner.heard[-1].arrived_s == line.now_s
 
 
 def test_on_a_serial_line_it_takes_and_gives_bytes() -> None:

@@ -13,7 +13,7 @@ from fakes.rays.rays import FAR_M, GLASS_COS, R_BODY_LENS, Rays
 from fakes.rays.targets import MODEL, targets_from
 from fakes.scenes.scene import SCENES, Scene, Solid, load_scene, mjcf_from_solids
 from fakes.scenes.solids import Pillar, Shape, bump
-from fakes.world.error_models import NONE, Upsets
+from fakes.world.error_models import NONE, ErrorModels
 from fakes.world.kernels import pose_at, poses_at, row_at
 from fakes.world.rotations import R_from_angles
 
@@ -222,5 +222,5 @@ def test_a_turned_box_is_met_as_mujoco_meets_it() -> None:
 def test_wide_beams_have_two_echoes_and_narrow_ones_one() -> None:
     scene = Scene("flat", (GROUND,))
     assert Rays(scene, 1, NONE).echoes == 1
-    assert Rays(scene, 1, Upsets(beam_rad=0.015)).echoes == 2
-    assert Rays(scene, 1, Upsets(sunlight_rate=0.5)).echoes == 1
+    assert Rays(scene, 1, ErrorModels(beam_rad=0.015)).echoes == 2
+    assert Rays(scene, 1, ErrorModels(sunlight_rate=0.5)).echoes == 1

@@ -13,7 +13,7 @@ from fakes.scenes.movers import STRIDE_M, Mover, box, person
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.scenes.solids import BLACK, GLASS, Pillar, Ridge, Shape, bump, soft
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.magnetic import Steel
+from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.slip import Slip
 from fakes.world.trajectory import held
 
@@ -133,7 +133,7 @@ def test_the_yard_holds_all_that_a_scene_can_hold() -> None:
     assert {type(solid) for solid in yard.solids} == {Solid, Pillar, Ridge}
     assert yard.waypoints[0] == (8.0, 0.0, 0.3)
     assert [mover.name.split()[0] for mover in yard.movers] == ["walks", "parcel"]
-    assert yard.steels == (Steel("steel door", (22.0, -1.5), math.radians(40.0)),)
+    assert yard.steels == (MagneticDisturbance("steel door", (22.0, -1.5), math.radians(40.0)),)
     assert yard.slips == (Slip(0.05, 0.05, 20.0, 30.0),)
     top_m = 3.0 * math.tan(math.radians(3.0))
     at_x = np.array([10.07, 13.06, 13.08, 16.07, 7.27, 5.5, 12.13])

@@ -1,4 +1,4 @@
-"""Upsets of the scanner: wide beams, both echoes, sunlight, dust, rain; and where they are set."""
+"""Errors of the scanner: wide beams, both echoes, sunlight, dust, rain; and where they are set."""
 
 import math
 from dataclasses import fields, replace
@@ -11,7 +11,13 @@ from fakes.lms1xx.head import LaserHead
 from fakes.rays.beam_kernels import PULSE_M, echoes_from_rays
 from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE, pattern_of
 from fakes.scenes.scene import Scene, Solid
-from fakes.world.error_models import NONE, Upsets, as_the_sheets_say, patch_from, upsets_from
+from fakes.world.error_models import (
+    NONE,
+    ErrorModels,
+    as_the_sheets_say,
+    error_models_from,
+    patch_from,
+)
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import held
@@ -23,12 +29,12 @@ FLAT = Scene("flat", (FLOOR,))
 TILT = math.radians(7.5)
 LENS_X_M = 0.25 * math.cos(TILT) - 1.08 * math.sin(TILT)
 SWEEP_RAD = np.radians(np.linspace(-60.0, 60.0, 481))
-WIDE = Upsets(beam_rad=0.015, beam_exit_m=0.008, mixed_pixels=True)
+WIDE = ErrorModels(beam_rad=0.015, beam_exit_m=0.008, mixed_pixels=True)
 
 
-def sweeps(scene: Scene, upsets: Upsets, count: int = 1, seed: int = 1) -> F64:
+def sweeps(scene: Scene, errors: ErrorModels, count: int = 1, seed: int = 1) -> F64:
     """Echoes (2, count * 481) of a lens that stands with a level scan plane, x ahead."""
-    world = KinematicWorld(replace(scene, upsets=upsets), held(pitch_rad=-TILT), seed=seed)
+    world = KinematicWorld(replace(scene, errors=errors), held(pitch_rad=-TILT), seed=seed)
     world.step_to(100.0)
     world.step_to(101.0)
     return np.concatenate(
@@ -119,7 +125,7 @@ def test_echoes_of_rays_are_those_of_a_slow_and_obvious_way(mixes: bool) -> None
 
 
 def test_beams_into_the_sun_come_back_dazzled_silent_or_short_and_others_rarely() -> None:
-    sun = Upsets(sunlight_rate=0.4, sun_azimuth_rad=0.5, sun_half_rad=0.2)
+    sun = ErrorModels(sunlight_rate=0.4, sun_azimuth_rad=0.5, sun_half_rad=0.2)
     scene = walls((8.0, -20.0, 20.0))
     [echo], [true_m] = sweeps(scene, sun, 25), sweeps(scene, NONE, 25)
     into = np.abs(np.tile(SWEEP_RAD, 25) - 0.5) < 0.2
@@ -135,7 +141,7 @@ def test_beams_into_the_sun_come_back_dazzled_silent_or_short_and_others_rarely(
 
 
 def test_dust_returns_single_beams_mostly_from_near_and_lets_some_go_on() -> None:
-    dust = Upsets(dust_per_m=0.05)
+    dust = ErrorModels(dust_per_m=0.05)
     scene = walls((8.0, -20.0, 20.0))
     first, second = sweeps(scene, dust, 25)
     [true_m] = sweeps(scene, NONE, 25)
@@ -149,7 +155,7 @@ def test_dust_returns_single_beams_mostly_from_near_and_lets_some_go_on() -> Non
 
 def test_rain_returns_beams_evenly_along_their_way() -> None:
     scene = walls((6.0, -20.0, 20.0))
-    first, _ = sweeps(scene, Upsets(rain_per_m=0.02), 25)
+    first, _ = sweeps(scene, ErrorModels(rain_per_m=0.02), 25)
     [true_m] = sweeps(scene, NONE, 25)
     met = first < true_m
     assert met.mean() == pytest.approx(np.mean(1 - np.exp(-0.02 * true_m)), abs=0.01)
@@ -157,14 +163,15 @@ def test_rain_returns_beams_evenly_along_their_way() -> None:
 
 
 @pytest.mark.parametrize(
-    "upsets", [Upsets(dust_per_m=0.05), Upsets(sunlight_rate=0.3), Upsets(rain_per_m=0.05)]
+    "errors",
+    [ErrorModels(dust_per_m=0.05), ErrorModels(sunlight_rate=0.3), ErrorModels(rain_per_m=0.05)],
 )
 def test_the_same_seed_upsets_the_same_beams_whenever_asked_and_another_others(
-    upsets: Upsets,
+    errors: ErrorModels,
 ) -> None:
     scene = walls((8.0, -20.0, 20.0))
-    np.testing.assert_array_equal(sweeps(scene, upsets), sweeps(scene, upsets))
-    one, other = sweeps(scene, upsets, 5), sweeps(scene, upsets, 5, seed=2)
+    np.testing.assert_array_equal(sweeps(scene, errors), sweeps(scene, errors))
+    one, other = sweeps(scene, errors, 5), sweeps(scene, errors, 5, seed=2)
     assert not np.array_equal(one, other, equal_nan=True)
 
 
@@ -185,7 +192,7 @@ def test_a_dazzled_beam_is_told_with_the_devices_code_for_it() -> None:
 
 
 def test_the_sheets_upsets_keep_what_a_scene_has_of_its_own() -> None:
-    own = Upsets(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=3.0)
+    own = ErrorModels(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=3.0)
     both = as_the_sheets_say(own)
     assert (both.sunlight_rate, both.dust_per_m, both.slip_bursts_per_min) == (0.1, 0.01, 3.0)
     assert both.beam_rad == pytest.approx(0.015, abs=1e-4)
@@ -197,8 +204,8 @@ def test_the_sheets_upsets_keep_what_a_scene_has_of_its_own() -> None:
 
 def test_the_rig_gives_the_devices_the_upsets_of_the_scene_or_those_that_it_is_told() -> None:
     sheet = as_the_sheets_say()
-    plain, own = Rig(FLAT, 1), Rig(replace(FLAT, upsets=sheet), 1)
-    told, other = Rig(FLAT, 1, upsets=sheet), Rig(FLAT, 2, upsets=sheet)
+    plain, own = Rig(FLAT, 1), Rig(replace(FLAT, errors=sheet), 1)
+    told, other = Rig(FLAT, 1, errors=sheet), Rig(FLAT, 2, errors=sheet)
     assert plain.scanner.offset_m == 0.0
     assert not plain.ahrs.sheet_errors
     assert own.scanner.offset_m == told.scanner.offset_m != other.scanner.offset_m
@@ -208,10 +215,12 @@ def test_the_rig_gives_the_devices_the_upsets_of_the_scene_or_those_that_it_is_t
 
 
 def test_two_rigs_of_one_seed_with_all_upsets_are_the_same_to_the_bit() -> None:
-    upsets = as_the_sheets_say(Upsets(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=60))
+    errors = as_the_sheets_say(
+        ErrorModels(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=60)
+    )
     scene, told = walls((8.0, -20.0, 20.0)), []
     for _ in range(2):
-        rig, sums = Rig(scene, 3, upsets=upsets), []
+        rig, sums = Rig(scene, 3, errors=errors), []
         for k in range(60):
             rig.step(50.0 + k * 0.02)
             rig.drive.command(60, 50)
@@ -223,7 +232,7 @@ def test_two_rigs_of_one_seed_with_all_upsets_are_the_same_to_the_bit() -> None:
 
 
 def test_upsets_of_a_file_are_in_degrees_and_what_is_wrong_is_refused() -> None:
-    told = upsets_from({"sunlight_rate": 0.2, "sun_azimuth_deg": -90, "mixed_pixels": True})
+    told = error_models_from({"sunlight_rate": 0.2, "sun_azimuth_deg": -90, "mixed_pixels": True})
     assert told.sun_azimuth_rad == pytest.approx(-math.pi / 2)
     assert (told.sunlight_rate, told.mixed_pixels) == (0.2, True)
     for wrong in (
@@ -237,7 +246,7 @@ def test_upsets_of_a_file_are_in_degrees_and_what_is_wrong_is_refused() -> None:
         {"beam_deg": math.nan},
     ):
         with pytest.raises(ValueError, match=r"upsets|must|goes"):
-            upsets_from(wrong)
+            error_models_from(wrong)
 
 
 def test_a_patch_of_ground_has_a_place_and_a_friction() -> None:
@@ -249,9 +258,9 @@ def test_a_patch_of_ground_has_a_place_and_a_friction() -> None:
 
 
 def test_a_world_that_is_told_its_upsets_leaves_the_scenes_alone() -> None:
-    scene = replace(FLAT, upsets=Upsets(dust_per_m=0.1))
+    scene = replace(FLAT, errors=ErrorModels(dust_per_m=0.1))
     world = World(scene, 1, NONE)
     world.step_to(0.0)
     world.step_to(0.1)
     assert world.ranges_m(np.full(3, 0.1), np.zeros(3)).shape == (3,)
-    assert World(scene, 1).upsets == scene.upsets
+    assert World(scene, 1).errors == scene.errors

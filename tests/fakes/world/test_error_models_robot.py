@@ -1,4 +1,4 @@
-"""Upsets of the rest of the robot: a sensor as wrong as its sheet says, slippery ground, people."""
+"""Errors of the rest of the robot: a sensor as wrong as its sheet says, slippery ground, people."""
 
 import math
 from dataclasses import replace
@@ -14,7 +14,7 @@ from fakes.mti.sensor import Sensor
 from fakes.scenes.movers import STRIDE_M, person
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.crowd import Walker
-from fakes.world.error_models import Patch, Upsets
+from fakes.world.error_models import ErrorModels, Patch
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.slip import BURST_S, BURST_SHARE, BURSTS_UNTIL_S, bursts
 from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
@@ -129,8 +129,8 @@ def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> Non
 
 def test_in_bursts_wheels_count_more_than_the_robot_drives() -> None:
     ways, counts = [], []
-    for upsets in (Upsets(), Upsets(slip_bursts_per_min=30.0)):
-        world = World(FLAT, 1, upsets)
+    for errors in (ErrorModels(), ErrorModels(slip_bursts_per_min=30.0)):
+        world = World(FLAT, 1, errors)
         world.step_to(0.0)
         world.wheels.set_power(0.4, 0.4)
         world.step_to(20.0)

@@ -13,7 +13,7 @@ from fakes.scenes.scene import Scene, Solid
 from fakes.scenes.solids import bump
 from fakes.world.driver import Driver
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.magnetic import Steel, distortion
+from fakes.world.magnetic import MagneticDisturbance, distortion
 from fakes.world.rig import Rig
 from fakes.world.slip import Slip, shares
 from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
@@ -22,7 +22,7 @@ from fakes.world.world import World
 F64 = npt.NDArray[np.float64]
 FLOOR = Solid("floor", (-15.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
 FLAT = Scene("flat", (FLOOR,))
-DOOR = Steel("door", (5.0, 0.0), math.radians(40.0))
+DOOR = MagneticDisturbance("door", (5.0, 0.0), math.radians(40.0))
 FIELD = np.array([0.4, 0.0, -0.9])
 
 
@@ -150,7 +150,7 @@ def test_the_pull_depends_on_the_way_and_not_on_how_often_the_sensor_is_read() -
 
 
 @pytest.mark.parametrize("steels", [(), (DOOR,)])
-def test_the_rig_brings_the_steel_to_the_sensor(steels: tuple[Steel, ...]) -> None:
+def test_the_rig_brings_the_steel_to_the_sensor(steels: tuple[MagneticDisturbance, ...]) -> None:
     world = KinematicWorld(Scene("door", (FLOOR,), steels=steels), held(place=(5.0, 0.0, 0.0)))
     rig = Rig(world, 1)
     rig.step(0.0)

@@ -1,10 +1,20 @@
 """The life of a link to an LMS111: its dialect, its start, other hosts, silence, how it is."""
 
+from typing import Any
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.scripted_lms111 import CONFIGURING, SFA, TICK_S, WANTED, Bench, framed
+from tests.support.scripted_lms111 import (
+    CONFIGURING,
+    SFA,
+    TICK_S,
+    WANTED,
+    Bench,
+    framed,
+    with_beams,
+)
 
 SHORT = 7  # commands to one that measures as wanted
 
@@ -242,20 +252,57 @@ def test_damage_is_counted_and_the_next_scans_are_taken() -> None:
     assert [frame.reason for frame in status.rejections] == ["wrong checksum"]
 
 
+HOSTILE = {  # looks like telegrams, each time anew
+    "text": b"\x02sRA \x03",
+    "scan": b"\x02sSN LMDscandata 1 1 1 1 1 1 1 1 1 1\x03",
+    "binary": b"\x02\x02\x02\x02\x00\x00\x20\x00ss",
+    "answers": b"\x02sFA 1\x03",
+}
+
+
+@pytest.mark.parametrize("junk", HOSTILE.values(), ids=HOSTILE.keys())
+def test_hostile_bytes_cost_little_in_one_step_and_the_scans_behind_them_are_taken(
+    junk: bytes,
+) -> None:
+    bench = willing()
+    bench.run(1.0)
+    bench.port.give(junk * (65_536 // len(junk)))
+    decoded, most = [0], 0
+    parser: Any = bench.lms._intake._parser
+    decode = parser._decode
+
+    def counted(*arguments: Any) -> Any:
+        decoded[0] += 1
+        return decode(*arguments)
+
+    parser._decode = counted
+    scans = []
+    for _ in range(100):
+        before = decoded[0]
+        scans += bench.run(TICK_S)
+        most = max(most, decoded[0] - before)
+    assert most <= 1500  # of the 2000 to 11000 in the flood: a few ms
+    assert len(scans) == pytest.approx(25, abs=1)
+    assert (bench.state, bench.lms.status.missed) == ("running", 0)
+
+
 # --- how it is
 
 
-@pytest.mark.parametrize("status", [(1, 0), (0, 1), (4, 0), (0, 4), (6, 0), (8, 0), (255, 255)])
-def test_scans_that_are_marked_as_not_valid_are_counted_and_not_delivered(
+@pytest.mark.parametrize(
+    "status", [(1, 0), (0, 1), (2, 0), (0, 2), (4, 0), (0, 4), (6, 0), (8, 0), (255, 255)]
+)
+def test_scans_whose_status_is_not_documented_as_good_are_counted_and_not_delivered(
     status: tuple[int, int],
 ) -> None:
     bench = willing()
     bench.run(0.5)
     bench.fake.status = status
     assert not bench.run(3.0)
-    assert bench.cause.startswith(
-        f"the scanner's scans carry device status {status[0]} {status[1]}"
+    said = (
+        f"the scanner sends scans with device status {status[0]} {status[1]} (a warning, an error"
     )
+    assert bench.cause.startswith(said)
     assert (bench.state, bench.lms.status.losses) == ("starting", 1)
     assert bench.lms.not_ready == pytest.approx(150, abs=2)
     assert bench.lms.condition.device_status == status
@@ -266,20 +313,74 @@ def test_scans_that_are_marked_as_not_valid_are_counted_and_not_delivered(
 
 
 @pytest.mark.parametrize("status", [(2, 0), (0, 2)])
-def test_a_warning_of_dirt_does_not_blind_and_is_said(status: tuple[int, int]) -> None:
-    bench = willing()
+def test_a_device_status_that_the_settings_accept_is_said_and_its_scans_are_used(
+    status: tuple[int, int],
+) -> None:
+    bench = willing(accepted_status=[2])
     bench.fake.status = status
     assert bench.run(0.4)
     assert bench.state == "running"
-    assert "dirty window, a warning" in bench.cause
-    bench.fake.answers["sRN LCMstate"] = b"sRA LCMstate \x01"
-    bench.run(1.0)
-    assert bench.cause == "the scanner has a dirty window (warning): clean it"
-    assert bench.lms.condition.words == "has a dirty window (warning): clean it"
-    bench.fake.status = (0, 0)
+    assert f"sends scans with device status {status[0]} {status[1]}" in bench.cause
+    assert not bench.lms.is_impaired  # which is known from LCMstate only
+    bench.fake.status = (2, 1)
+    assert not bench.run(0.4)
+
+
+@pytest.mark.parametrize(
+    ("dirt", "message", "is_used"),
+    [
+        (1, "has a dirty window (warning): clean it", True),
+        (2, "has a dirty window (error): clean it", False),
+        (3, "has a window too dirty to see through: clean it", False),
+    ],
+)
+def test_a_dirty_window_is_said_and_one_that_hides_things_is_not_looked_through(
+    dirt: int, message: str, is_used: bool
+) -> None:
+    bench = willing()
+    bench.fake.answers["sRN LCMstate"] = b"sRA LCMstate " + bytes([dirt])
+    bench.run(1.5)
+    assert bool(bench.run(1.0)) is is_used
+    assert bench.state == ("running" if is_used else "starting")
+    assert bench.cause == f"the scanner {message}"
+    assert bench.lms.condition.message == message
+    assert bench.lms.is_impaired
+    assert bool(bench.lms.doubt) is not is_used
     bench.fake.answers["sRN LCMstate"] = b"sRA LCMstate \x00"
-    bench.run(6.0)
-    assert bench.cause == bench.lms.condition.words == ""
+    assert bench.run(6.0)
+    assert (bench.state, bench.cause, bench.lms.condition.message) == ("running", "", "")
+    assert bench.fake.asked.count("sEN LMDscandata") == 1
+
+
+def test_more_beams_than_the_family_has_are_refused_and_the_cause_says_so() -> None:
+    bench = willing()
+    bench.fake._scan = with_beams(bench.fake._scan, 1141)  # an LMS5xx: 190 deg at 1/6 deg
+    assert not bench.run(3.0)
+    assert bench.state == "starting"
+    reason = "1141 points a scan, more than 1081"
+    assert f"no scan from the scanner for 2 s: {reason}" in bench.causes
+    assert {frame.reason for frame in bench.lms.status.rejections} == {reason}
+    bench = willing(scan_rate_hz=25, angular_step_deg=0.25)
+    bench.fake._scan = with_beams(bench.fake._scan, bench.lms.max_beams)
+    assert {scan.ranges_m.shape for scan in bench.run(1.0)} == {(1, 1081)}
+
+
+def test_what_the_session_is_doing_can_be_printed() -> None:
+    bench, seen = Bench(), []
+    for _ in range(200):
+        bench.run(TICK_S)
+        if bench.lms.session.state not in seen:
+            seen.append(bench.lms.session.state)
+    bench.fake.streams = False
+    bench.run(1.1)
+    assert [str(state) for state in (*seen, bench.lms.session.state)] == [
+        "State.GREETING",
+        "State.READING",
+        "State.SETTING_UP",
+        "State.SUBSCRIBING",
+        "State.MEASURING",
+        "State.WAITING",
+    ]
 
 
 @pytest.mark.parametrize("is_text", [False, True], ids=["binary", "ascii"])

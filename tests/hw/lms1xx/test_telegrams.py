@@ -182,7 +182,10 @@ def test_a_part_of_a_channel_can_be_read_into_a_slot() -> None:
         (scan_payload(wide=b"\0\x11" + bytes(400)), "17 channels"),
         (scan_payload(wide=channel(b"dist1")), "unknown channel b'dist1'"),
         (scan_payload(wide=channel(points=0, values=b"")), "0 points at a step of 5000"),
-        (scan_payload(wide=channel(points=2001)), "2001 points"),
+        (
+            scan_payload(wide=channel(points=1141, values=bytes(2282))),
+            "1141 points a scan, more than",
+        ),
         (scan_payload(wide=channel(step=0)), "1 points at a step of 0"),
         (scan_payload(wide=channel(points=500)), "telegram ends early"),
         (scan_payload(wide=channel(scale=math.nan)), "scale nan"),

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hw.device import BadFrame
 from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, PayloadError
 from hw.lms1xx.cola_fields import TextFields, number
-from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
+from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, new_parser
 from tests import VECTORS
 from tests.hw.lms1xx.test_commands import FRAMES, TEXTS
 from tests.hw.lms1xx.test_telegrams import in_words
@@ -24,8 +24,10 @@ MIXED = [*SOME, FRAMES["scan A"], FRAMES["write denied"]]
 JUNK = st.binary(max_size=30).map(lambda junk: junk.replace(b"\x02", b""))
 
 
-def fed(*pieces: bytes, dialect: str = "ascii", now_s: float = 0.0) -> list[Any]:
-    parser = new_parser(dialect)  # type: ignore[arg-type]
+def fed(
+    *pieces: bytes, dialect: str = "ascii", now_s: float = 0.0, max_beams: int = MAX_BEAMS
+) -> list[Any]:
+    parser = new_parser(dialect, max_beams)  # type: ignore[arg-type]
     return [event for piece in pieces for event in parser.feed(now_s, piece)]
 
 
@@ -49,7 +51,7 @@ def test_the_text_of_a_scan_says_what_its_frame_says(name: str, dialect: str) ->
 
 
 def test_the_telegram_of_an_mrs1000_is_read_to_its_last_channel() -> None:
-    [scan] = fed(MRS1000)
+    [scan] = fed(MRS1000, max_beams=1101)
     names = ["DIST1", "DIST2", "DIST3", "RSSI1", "RSSI2", "RSSI3"]
     assert list(scan.channels) == names
     assert (scan.serial_number, scan.scan_hz, scan.layer_raw) == (0x107FA24, 50.0, 0xFE0C)
@@ -143,7 +145,8 @@ def test_values_of_an_array_may_be_written_in_any_way() -> None:
         (b"DIST1", b"DIST0", "unknown channel"),
         (b"3F800000", b"7FC00000", "scale nan"),
         (b" 3 539 ", b" 0 539 ", "0 points"),
-        (b" 3 539 ", b" 4FF 539 ", "telegram ends early"),
+        (b" 3 539 ", b" 3FF 539 ", "telegram ends early"),
+        (b" 3 539 ", b" 43A 539 ", "1082 points a scan, more than 1081"),
         (b" 3 539 ", b" 3 10539 ", "is too big"),
         (b"C0A08 0", b"C0A08 0 0", "goes on after its end"),
         (b"C0A08 0", b"C0A08", "telegram ends early"),

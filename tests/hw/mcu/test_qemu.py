@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fakes.wires.memory import MemoryPort
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.receivers import one_link
 from tests.support.c_board import Board, build_firmware
 from tests.support.planner_line import POSE_REPORT, Sky
 
@@ -24,7 +24,7 @@ class Wire:
 
     def __init__(self, board: Board, size: int, key: bytes | None = None) -> None:
         self.board, self.sky, self.port = board, Sky(size, seed=4), MemoryPort()
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port,
             size=size,
             cell_mm=50,
@@ -93,7 +93,7 @@ def test_its_map_is_the_senders_after_losses_and_its_stack_was_small(tmp_path: P
             wire.tick(0.0)
         status = board.status()
         assert wire.lost > 10
-        assert wire.link.acks > 5
+        assert wire.link.counters.acks > 5
         assert status["x_mm"] == round(POSE_REPORT.x_m * 1000)
         assert status["bad"] == 0
         assert status["stack"] < 400, "of the whole firmware, its interrupt included"

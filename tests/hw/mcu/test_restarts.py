@@ -5,7 +5,7 @@ import numpy.typing as npt
 import pytest
 
 from fakes.wires.wire import MemoryPort
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.receivers import one_link
 from tests.support.c_link import CReceiver
 from tests.support.planner_line import POSE_REPORT, Sky
 
@@ -25,7 +25,7 @@ class Runs:
         """The next run; nothing of the one before is on the wire any more."""
         self._session += 1
         self.port = MemoryPort(datagrams=True)
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port,
             size=SIZE,
             cell_mm=200,

@@ -12,7 +12,7 @@ from tests.support.modbus_rig import (
     GOOD,
     START_S,
     Clock,
-    desk_of,
+    context_of,
     new_image,
     some_cells,
     window_of,
@@ -122,12 +122,12 @@ def test_the_time_that_a_request_waited_is_taken_off_but_a_stop_is_never_too_lat
 
 def test_only_this_machine_and_a_line_may_drive_and_others_may_still_freeze_and_read() -> None:
     image, commander = enabled()
-    desk = desk_of(image, Clock())
+    context = context_of(image, Clock())
     answers: list[bytes] = []
     latch = bytes.fromhex("06 00 5A 00 01")
     read = bytes((3,)) + DRIVE.to_bytes(2, "big") + b"\0\1"
     for host in ("192.168.0.9", "127.0.0.1"):
-        client = Client(desk, host, is_loopback(host), lambda _, pdu: answers.append(pdu))
+        client = Client(context, host, is_loopback(host), lambda _, pdu: answers.append(pdu))
         assert client.offer([Request(1, WRITE), Request(2, latch), Request(1, read)])
     refusal, taken = b"\x90\x01", WRITE[:5]
     assert answers == [refusal, latch, b"\x03\x02\0\0", taken, latch, b"\x03\x02\x01\xf4"]
@@ -137,12 +137,12 @@ def test_only_this_machine_and_a_line_may_drive_and_others_may_still_freeze_and_
 def test_a_request_behind_many_others_of_a_client_that_is_slowed_counts_from_its_arrival() -> None:
     image, commander = enabled()
     clock = Clock()
-    desk = desk_of(image, clock)
+    context = context_of(image, clock)
     answers: list[bytes] = []
-    client = Client(desk, "me", True, lambda _, pdu: answers.append(pdu))
+    client = Client(context, "me", True, lambda _, pdu: answers.append(pdu))
     client.offer([READ] * 100 + [Request(1, WRITE)])
     while client.waiting:
-        desk.loop.step()  # type: ignore[attr-defined]
+        context.loop.step()  # type: ignore[attr-defined]
     waited_s = clock.now_s - START_S
     assert waited_s == pytest.approx(41 / CLIENT_HZ)
     assert len(answers) == 101

@@ -16,7 +16,7 @@ from hw.modbus.client import (
 from hw.modbus.framing import Request
 from hw.modbus.handlers import IDLE_S, MOST_CONNECTIONS, SPARED_S
 from hw.modbus.image import ALL_BURST, ALL_HZ
-from hw.modbus.token_bucket import Pace
+from hw.modbus.token_bucket import TokenBucket
 from tests.support.modbus_rig import (
     CLEAR,
     GOOD,
@@ -25,7 +25,7 @@ from tests.support.modbus_rig import (
     Clock,
     Loop,
     Tcp,
-    desk_of,
+    context_of,
     free_port,
     new_image,
     read_request,
@@ -41,8 +41,8 @@ READ = Request(1, bytes.fromhex("03 00 00 00 7D"))
 def at_full_speed(clients: int, seconds: float) -> tuple[list[int], int]:
     """Answers of each of so many clients that ask again at once, and the most in one call."""
     clock = Clock()
-    desk = desk_of(new_image(), clock)
-    loop = desk.loop
+    context = context_of(new_image(), clock)
+    loop = context.loop
     assert isinstance(loop, Loop)
     answers = [0] * clients
     asking: list[Client] = []
@@ -52,7 +52,7 @@ def at_full_speed(clients: int, seconds: float) -> tuple[list[int], int]:
             answers[number] += 1
             loop.call_soon(lambda: asking[number].offer([READ] * 3))
 
-        return Client(desk, str(number), True, reply)
+        return Client(context, str(number), True, reply)
 
     asking += [client_of(number) for number in range(clients)]
     for client in asking:
@@ -77,19 +77,19 @@ def test_clients_at_full_speed_are_slowed_fairly_and_no_call_takes_long(clients:
 
 
 def test_a_pace_allows_a_burst_after_a_rest_and_then_its_rate() -> None:
-    pace = Pace(10.0, 3.0)
+    pace = TokenBucket(10.0, 3.0)
     waits = [round(pace.book(START_S), 6) for _ in range(6)]
     assert waits == [0.0, 0.0, 0.0, 0.1, 0.2, 0.3]
     assert [round(pace.book(START_S + 9), 6) for _ in range(4)] == [0.0, 0.0, 0.0, 0.1]
 
 
 def test_what_waits_for_a_client_is_bounded() -> None:
-    desk = desk_of(new_image(), Clock())
-    client = Client(desk, "me", True, lambda request, pdu: None)
+    context = context_of(new_image(), Clock())
+    client = Client(context, "me", True, lambda request, pdu: None)
     client.hold(True)
     assert client.offer([READ] * MOST_WAITING)
     assert not client.offer([READ] * 3)
-    assert (client.waiting, desk.counters.dropped) == (MOST_WAITING, 3)
+    assert (client.waiting, context.counters.dropped) == (MOST_WAITING, 3)
     client.hold(False)
     assert client.waiting == MOST_WAITING - BATCH
     client.close()

@@ -12,7 +12,7 @@ from hw.modbus.image import RegisterImage, View
 from hw.modbus.layout import MOST_READ
 from hw.modbus.pdu import SERVED, answer
 from hw.modbus.rtu import KEPT, RtuReceiver, answer_size, crc16
-from tests.support.modbus_rig import START_S, Clock, desk_of, new_image
+from tests.support.modbus_rig import START_S, Clock, context_of, new_image
 
 OURS = frozenset({1, 2})
 READ = bytes.fromhex("01 03 00 00 00 0A C5 CD")
@@ -29,8 +29,8 @@ def framed(unit: int, pdu: bytes) -> bytes:
 
 def access_to(image: RegisterImage, view: View | None = None) -> Access:
     """As a client of this machine has it."""
-    desk = desk_of(image, Clock())
-    return Access(desk, desk.identity, view, "me", True, START_S, START_S)
+    context = context_of(image, Clock())
+    return Access(context, context.identity, view, "me", True, START_S, START_S)
 
 
 def slow_crc(data: bytes) -> int:

@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.planner_link.frames import GEOM, POSE
-from hw.planner_link.messages import DIGEST_OK, NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
-from hw.planner_link.publisher import MapSender
+from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
+from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import MOST_LAG, REMEMBERED, Repair
-from hw.planner_link.refresh import Round
+from hw.planner_link.refresh import RefreshCursor
 from hw.planner_link.scheduler import UNTIMED
-from mapod_link.asking import hello_body
+from mapod_link.asking import DIGEST_OK, hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
 from tests.support.planner_line import Line, Sky
 
@@ -54,7 +54,7 @@ class Acks:
             0,
             0,
             status,
-            line.link._geom_id if geom_id is None else geom_id,
+            line.link.geom_id if geom_id is None else geom_id,
         )
         line.port.give(bytes_from_frame(8, self.seq % 2**16, own_ms, body))
         line.link.poll(line.now_s)
@@ -64,17 +64,16 @@ def test_an_acknowledgement_of_the_newest_frame_settles_everything_sent() -> Non
     line = quiet()
     acks = Acks(line)
     acks.give()
-    seq = line.link._outbox.seq
+    seq = line.link._scheduler.seq
     line.tick()
     assert line.link._repair.repaired == seq
-    assert 0 <= line.link.round_trip_s < 0.03
 
 
 def test_of_a_receiver_that_keeps_no_times_the_newest_frames_are_believed() -> None:
     line = quiet()
     acks = Acks(line)
     for behind, believed in ((UNTIMED, False), (0, True)):
-        newest = line.link._outbox.seq
+        newest = line.link._scheduler.seq
         acks.give(newest - behind, echo=0)
         line.tick()
         assert (line.link._repair.repaired == newest) == believed
@@ -89,17 +88,17 @@ def test_acknowledgements_of_frames_never_sent_change_nothing(ahead: int, echo: 
     acks = Acks(line)
     before = line.link._repair._covered
     sent = len(line.link._repair._sent)
-    acks.give(line.link._outbox.seq + ahead, echo=echo)
+    acks.give(line.link._scheduler.seq + ahead, echo=echo)
     assert len(line.link._repair._sent) == sent
     assert line.link._repair._covered == before
-    assert line.link.acks == 1
+    assert line.link.counters.acks == 1
 
 
 def test_a_number_that_has_wrapped_since_is_not_believed() -> None:
     line = quiet()
     old = frame_from_bytes(line.frames[-1])
     assert not isinstance(old, str)
-    line.link._outbox.seq += 2**16 - 8  # as many frames later: the number comes again
+    line.link._scheduler.seq += 2**16 - 8  # as many frames later: the number comes again
     line.settle(0.2)
     sent = len(line.link._repair._sent)
     Acks(line).give(old.seq, echo=old.t_ms)
@@ -113,16 +112,15 @@ def test_an_older_acknowledgement_that_comes_late_does_not_take_back_a_stop() ->
     acks.give(status=PLANNER_STOPPED, t_ms=now_ms)
     acks.seq = 0
     acks.give(status=0, t_ms=now_ms - 30)
-    assert line.link.stopped
-    assert line.link.doubt == "the planner says it stopped"
+    assert line.link.peer.stopped
     acks.give(status=0, t_ms=now_ms + 30)
-    assert not line.link.stopped
+    assert not line.link.peer.stopped
     acks.give(status=PLANNER_STOPPED, t_ms=5)  # started again: its clock begins anew
-    assert line.link.stopped
+    assert line.link.peer.stopped
 
 
 def test_with_a_key_no_older_acknowledgement_is_ever_taken() -> None:
-    repair = Repair(MapSender(9), 0, strict=True)
+    repair = Repair(PublishedMap(9), 0, strict=True)
     late = Ack(5, 100, 1, 0, 0, 0.0, 0, 0, 7)
     assert not repair.is_late(Ack(9, 1_000_000, 1, 0, 0, 0.0, 0, 0, 7))
     assert repair.is_late(late)
@@ -130,20 +128,20 @@ def test_with_a_key_no_older_acknowledgement_is_ever_taken() -> None:
     assert not repair.is_late(late)
     repair.note_hello(0)  # anybody may repeat an old one
     assert repair.is_late(late)
-    assert not Repair(MapSender(9), 0, strict=False).is_late(late)
+    assert not Repair(PublishedMap(9), 0, strict=False).is_late(late)
 
 
 def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
     line = quiet()
-    acks, before = Acks(line), line.link._geom_id
+    acks, before = Acks(line), line.link.geom_id
     for _ in range(50):
         acks.give(status=NEED_FULL)
         line.tick()
-    assert 4 <= (line.link._geom_id - before) % 256 <= 5
-    acks.give(status=NEED_FULL, geom_id=(line.link._geom_id - 1) % 256)
-    now = line.link._geom_id
+    assert 4 <= (line.link.geom_id - before) % 256 <= 5
+    acks.give(status=NEED_FULL, geom_id=(line.link.geom_id - 1) % 256)
+    now = line.link.geom_id
     line.settle(1.0)
-    assert line.link._geom_id == now
+    assert line.link.geom_id == now
 
 
 def test_need_geom_is_answered_at_once_whatever_was_heard_before() -> None:
@@ -172,13 +170,12 @@ def test_the_digest_and_what_the_planner_makes_of_it_is_told() -> None:
     line = Line(Sky(21, 3))
     line.sky.change(50)
     line.settle(3.0)
-    assert line.link.digest_ok
-    assert line.link.planner_status & DIGEST_OK
-    epoch = line.link._geom_id
+    assert line.link.peer.status & DIGEST_OK
+    epoch = line.link.geom_id
     for _ in range(60):
         line.planner._map._cells[::3, 3] = 3  # wrong again wherever the refresh has been
         line.tick()
-    assert line.link._geom_id in (epoch + 1, epoch + 2)  # nobody knows what else is wrong
+    assert line.link.geom_id in (epoch + 1, epoch + 2)  # nobody knows what else is wrong
     line.settle(0.5)
     assert line.holds_what_is_meant()
 
@@ -187,8 +184,8 @@ def test_a_planner_that_never_answers_costs_no_memory() -> None:
     line = quiet()
     line.settle(20.0)
     assert not line.link._repair._sent
-    assert len(line.link._teller._round._marks) < 200
-    assert line.link._outbox.seq - line.link._repair.repaired < 100
+    assert len(line.link._publisher._cursor._marks) < 200
+    assert line.link._scheduler.seq - line.link._repair.repaired < 100
     assert line.holds_what_is_meant()
 
 
@@ -202,7 +199,7 @@ def test_a_planner_that_hears_nothing_for_minutes_and_returns_is_told_all(minute
         if k % 500 == 0:
             line.sky.change(3)
         line.tick()
-        assert line.link._outbox.seq - line.link._repair.repaired <= MOST_LAG + 100
+        assert line.link._scheduler.seq - line.link._repair.repaired <= MOST_LAG + 100
     assert line.planner.stale(line.now_s)
     line.planner.deaf = False
     line.settle(2.0)
@@ -213,41 +210,41 @@ def test_a_planner_that_hears_nothing_for_minutes_and_returns_is_told_all(minute
 
 def test_if_nothing_can_be_repaired_for_long_a_new_epoch_begins() -> None:
     line = quiet()
-    epoch = line.link._geom_id
-    line.link._outbox.seq += MOST_LAG + 100
+    epoch = line.link.geom_id
+    line.link._scheduler.seq += MOST_LAG + 100
     line.tick()
-    assert line.link._geom_id == (epoch + 1) % 256
-    assert line.link._outbox.seq - line.link._repair.repaired < 20
+    assert line.link.geom_id == (epoch + 1) % 256
+    assert line.link._scheduler.seq - line.link._repair.repaired < 20
 
 
 def test_after_a_planner_that_was_too_small_a_larger_one_begins_anew() -> None:
     line = quiet()
     line.port.give(bytes_from_frame(9, 1, 1, hello_body(5, 100)))
     line.tick()
-    assert "the planner can hold 100 cells" in line.link.refusal
+    assert "the planner can hold 100 cells" in line.link.peer.refusal
     count = line.planner.accepted[POSE]
     line.settle(1.0)
     assert line.planner.accepted[POSE] == count + 50
-    epoch = line.link._geom_id
+    epoch = line.link.geom_id
     line.port.give(bytes_from_frame(9, 2, 2, hello_body(5, 1000)))
     line.settle(0.1)
-    assert line.link.refusal == ""
-    assert line.link._geom_id == (epoch + 1) % 256
+    assert line.link.peer.refusal == ""
+    assert line.link.geom_id == (epoch + 1) % 256
     assert line.holds_what_is_meant()
     line.port.give(bytes_from_frame(9, 3, 3, hello_body(5, 1000, 40)))
     line.tick()
-    assert line.link.refusal == "the planner takes frames of 40 bytes, not of 48"
+    assert line.link.peer.refusal == "the planner takes frames of 40 bytes, not of 48"
     assert all(len(frame) <= 40 for frame in line.frames)
 
 
 def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again() -> None:
     line = quiet()
     acks = Acks(line)
-    line.link._epoch_due = True
+    line.link._due.epoch = True
     line.tick()
     first = line.link._repair.epoch_seq
     line.settle(0.1)
-    newest = line.link._outbox.seq
+    newest = line.link._scheduler.seq
     mask = 2**32 - 1 & ~(1 << newest - 1 - first)  # all but that GEOM
     acks.give(mask=mask)
     assert line.link._map.lost == 21**2
@@ -265,7 +262,7 @@ def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again()
 def test_a_round_is_complete_when_each_cell_was_told_or_has_entered_since(
     moves: list[tuple[int, int, int]], size: int
 ) -> None:
-    way, corner = Round(size), (0, 0)
+    way, corner = RefreshCursor(size), (0, 0)
     told: dict[tuple[int, int], int] = {}  # world cell: frame in which it was told, or entered
     for i in range(size):
         for j in range(size):
@@ -295,8 +292,8 @@ def test_a_hello_takes_back_a_stop_only_where_none_can_be_forged(key: bytes | No
     line.settle(0.1)
     line.planner.stopped = True
     line.settle(0.1)
-    assert line.link.stopped
+    assert line.link.peer.stopped
     line.planner.mute = True
     line.port.give(bytes_from_frame(9, 1, 1, hello_body(999, 10_000)))
     line.tick()
-    assert line.link.stopped == (key is not None)
+    assert line.link.peer.stopped == (key is not None)

@@ -37,7 +37,7 @@ from hw.planner_link.messages import (
     Hello,
     decode_answer,
 )
-from hw.planner_link.scheduler import Outbox
+from hw.planner_link.scheduler import FrameScheduler
 from hw.planner_link.tiles import F32, MOST_REFUSALS, Tiles, pack_values
 from mapod_link.asking import hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
@@ -97,8 +97,10 @@ def test_the_questions_of_the_example() -> None:
         assert decode_answer(vector(name)) == ask
         assert decode_answer(vector(f"{name}_auth"), SECRET) == ask
         assert isinstance(decode_answer(vector(name), SECRET), BadFrame)
-    assert decode_answer(vector("hello")) == Hello(0x11223344, 10_201, 368, polls=False)
-    assert decode_answer(vector("hello_poll"), SECRET) == Hello(0x11223344, 10_201, 128, True)
+    assert decode_answer(vector("hello")) == Hello(0x11223344, 10_201, 368, False, 4, 52_370)
+    assert decode_answer(vector("hello_poll"), SECRET) == Hello(
+        0x11223344, 10_201, 128, True, 4, 52_370
+    )
 
 
 @given(body=st.binary(max_size=16))
@@ -202,7 +204,7 @@ def test_a_tile_waits_for_changes_and_leaves_the_refresh_its_share() -> None:
     assert 10 < waits < 60
     line.settle(2.5)
     assert line.planner.accepted[TILE] > 2 * before
-    assert line.link.ticks_held == 0
+    assert line.link.counters.ticks_held == 0
 
 
 @pytest.mark.parametrize(
@@ -235,14 +237,14 @@ def test_five_tiles_at_a_time_are_one_too_many_and_the_same_id_replaces() -> Non
     tiles = Tiles(200)
     for ask_id in (1, 2, 3, 4, 3, 5):
         tiles.take(Ask(ask_id, ASK_TILE, 1, 0, 0, 20, 20))
-    outbox = Outbox(line.port, line_baud=None, tick_s=1, secret=None, slice_body=1, first_seq=1)
-    outbox.earn(0.0)
+    scheduler = FrameScheduler(line.port, None, 1, None, 1, 1)
+    scheduler.earn(0.0)
     seen = []
     source = SkyTiles(sky)
-    tiles.tell(outbox, 1e9, (0, 0), True, 7, source)
-    outbox.write(0.0)
+    tiles.publish(scheduler, 1e9, (0, 0), True, 7, source)
+    scheduler.write(0.0)
     for data in line.port.take_datagrams():
-        frame = frame_from_bytes(line.link._deframer.feed(data)[0])  # type: ignore[arg-type]
+        frame = frame_from_bytes(line.link._input._deframer.feed(data)[0])  # type: ignore[arg-type]
         assert not isinstance(frame, str)
         head = TILE_HEAD.unpack_from(frame.body)
         seen.append((head[0], head[2]))

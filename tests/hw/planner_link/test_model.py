@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from core.records import I32, U8, ObstacleWindow
 from fakes.wires.wire import MemoryPort
 from hw.planner_link.kernels import BLOCK, EVERY, LOST_ANY, NEAR, REFRESH, REST, URGENT
-from hw.planner_link.publisher import MapSender
-from hw.planner_link.sender import PlannerLink
+from hw.planner_link.published import PublishedMap
+from hw.planner_link.receivers import one_link
 from mapod_link.frames import Frame, bytes_from_frame, frame_from_bytes
 from tests.support.planner_line import POSE_REPORT, ZONE, HeldPort, Sky, SkyTiles
 
@@ -146,7 +146,7 @@ class Run:
         self.sky = Sky(size, seed, (32_760, -32_770))
         self.port: MemoryPort = HeldPort(datagrams=True)
         self.loss, self.now_s = loss, 1000.0
-        self.link = PlannerLink(
+        self.link = one_link(
             self.port, size=size, cell_mm=50, session=seed, tick_s=0.02, line_baud=baud, key=None,
             stale_ms=150, drive_refusal="no", first_seq=65_000,
         )  # fmt: skip
@@ -203,20 +203,20 @@ class Run:
         """Whether there was something to compare; `repaired` never goes back or beyond."""
         repair = self.link._repair
         assert repair.repaired >= self.repaired.get(repair.epoch_seq, 0)
-        assert repair.repaired <= self.link._outbox.seq
+        assert repair.repaired <= self.link._scheduler.seq
         self.repaired[repair.epoch_seq] = repair.repaired
         assert not self.end.differs or self.end.is_stranger
         corner = self.link._map.corner
         assert corner is not None
         if self.port.backlog:
             return False  # what has changed since was told to nobody
-        complete = self.end.last == self.link._outbox.seq % 2**16  # else no gap can show yet
+        complete = self.end.last == self.link._scheduler.seq % 2**16  # else no gap can show yet
         if not complete or self.end.gap is not None or self.end.origin != corner:
             return False
-        size, told = self.sky.size, self.link._map.told
+        size, told = self.sky.size, self.link._map.published
         here = np.roll(told.reshape(size, size), (-corner[1], -corner[0]), axis=(0, 1))
         held = self.end.window()
-        if self.end.geom_id != self.link._geom_id:
+        if self.end.geom_id != self.link.geom_id:
             return False
         assert not ((held == 1) & (here != 1)).any()
         assert not ((held == 2) & (here == 1)).any() or self.link._map.lost
@@ -263,7 +263,7 @@ def test_whatever_happens_who_is_not_suspect_holds_no_free_that_was_not_told(
 def test_the_counts_of_marks_are_those_of_the_marks(
     size: int, seed: int, steps: list[tuple[int, int, int, str]]
 ) -> None:
-    sky, ring = Sky(size, seed), MapSender(size)
+    sky, ring = Sky(size, seed), PublishedMap(size)
     lost: list[tuple[I32, tuple[int, int]]] = []
     for kind, room, move, event in steps:
         sky.move(move, -move)
@@ -275,7 +275,7 @@ def test_the_counts_of_marks_are_those_of_the_marks(
         elif event == "again":
             ring.mark_again()
         elif event == "retell":
-            ring.retell()
+            ring.publish_again()
         elif event == "forget":
             ring.forget()
         used, _ = ring.measure(kind, 0, size * size, room)
@@ -287,10 +287,10 @@ def test_the_counts_of_marks_are_those_of_the_marks(
         check_counts(ring)
         marked = ring._ring.marks.reshape(size, size) != 0
         meant = np.where(sky.cells == 1, 2, np.where((sky.cells == -1) & sky.trusted, 1, 0))
-        assert (marked | (ring.told.reshape(size, size) == meant)).all()
+        assert (marked | (ring.published.reshape(size, size) == meant)).all()
 
 
-def check_counts(ring: MapSender) -> None:
+def check_counts(ring: PublishedMap) -> None:
     """Counts of rows, blocks and all, at all levels, are those of the cells' marks."""
     size, marks = ring.size, ring._ring.marks.reshape(ring.size, ring.size)
     blocks = -(-size // BLOCK)
@@ -306,11 +306,11 @@ def check_counts(ring: MapSender) -> None:
 def test_a_tick_with_a_full_window_to_tell_allocates_nothing_of_its_size() -> None:
     sky = Sky(101, 1)
     sky.show(sky.every_other, 1)
-    ring = MapSender(101)
+    ring = PublishedMap(101)
     ring.update(sky.window(), careful=True)
-    told = ring.told
+    told = ring.published
     ring.update(ObstacleWindow(sky.cells, 5, 5, np.zeros(0, np.int32), 0, False), careful=True)
     ring.forget()
-    ring.retell()
-    assert ring.told is told
+    ring.publish_again()
+    assert ring.published is told
     assert ring.encode(EVERY, 0, 101 * 101, 300)[3].size < 1000

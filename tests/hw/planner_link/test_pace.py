@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from cobs import cobs
 
 from core.records import FREE, OBSTACLE
 from fakes.wires.wire import MemoryPort
@@ -16,8 +17,8 @@ from hw.planner_link.frames import (
     STOP_ZONE_BODY,
     encode_stop_zone,
 )
-from hw.planner_link.scheduler import Outbox
-from mapod_link.frames import frame_from_bytes
+from hw.planner_link.scheduler import FrameScheduler
+from mapod_link.frames import Frame, frame_from_bytes
 from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
 
 INF, NAN = math.inf, math.nan
@@ -75,7 +76,7 @@ def test_no_line_is_ever_more_than_a_tick_behind(
             sky.show(sky.every_other, OBSTACLE if k % 80 else FREE)
         line.tick()
     assert port.worst_left <= baud / 10 / rate_hz
-    assert line.link.ticks_held == 0
+    assert line.link.counters.ticks_held == 0
     assert line.planner.accepted[POSE] >= round(4 * rate_hz) - 1  # with a key none before HELLO
     assert line.link.bytes_sent <= 0.86 * baud / 10 * 4 + 2 * baud / 10 / rate_hz
 
@@ -91,9 +92,11 @@ def test_a_full_wire_is_left_alone_until_it_has_room_and_gets_nothing_outdated()
         line.tick()
         assert line.frames == []
     port.held = False
-    assert line.link.ticks_held == 30
+    assert line.link.counters.ticks_held == 30
     line.tick()
-    first = line.planner.heard[-len(line.frames)]
+    frame: bytes = cobs.decode(line.frames[0].strip(b"\0"))  # type: ignore[no-untyped-call]
+    first = frame_from_bytes(frame)
+    assert isinstance(first, Frame)
     assert first.t_ms == round(1000 * line.now_s)
     line.settle(0.5)
     assert line.holds_what_is_meant()
@@ -106,7 +109,7 @@ def test_a_line_that_is_too_slow_leaves_out_ticks_and_is_not_overrun() -> None:
     for _ in range(200):
         line.sky.change(5)
         line.tick()
-    assert line.link.ticks_held > 100
+    assert line.link.counters.ticks_held > 100
     assert line.link.bytes_sent <= 0.87 * 1920 * 4 + 400
     assert port.worst_left < 300
 
@@ -192,10 +195,10 @@ def test_a_new_obstacle_is_told_in_two_ticks() -> None:
 
 def test_every_byte_that_goes_out_is_paid_for_also_the_zero_after_a_pause() -> None:
     port = MemoryPort(datagrams=False)
-    outbox = Outbox(port, line_baud=115_200, tick_s=0.04, secret=None, slice_body=130, first_seq=1)
-    outbox.earn(1.0)
-    outbox.earn(1.04)
-    before = outbox.credit
-    outbox.queue(POSE, bytes(range(1, 25)))  # COBS of a frame without spare bytes
-    outbox.write(1.04)
-    assert len(port.take()) == before - outbox.credit
+    scheduler = FrameScheduler(port, 115_200, 0.04, None, 130, 1)
+    scheduler.earn(1.0)
+    scheduler.earn(1.04)
+    before = scheduler.credit
+    scheduler.queue(POSE, bytes(range(1, 25)))  # COBS of a frame without spare bytes
+    scheduler.write(1.04)
+    assert len(port.take()) == before - scheduler.credit

@@ -15,7 +15,8 @@ from hw.device import BadFrame
 from hw.planner_link.frames import EXTERNAL_POSE, Secret, encode_frame, encode_serial
 from hw.planner_link.messages import Drive, External, decode_answer
 from hw.planner_link.poses import OLDEST_S, WAITING, ExternalPoses
-from hw.planner_link.replay_guard import Commanders
+from hw.planner_link.receivers import one_link
+from hw.planner_link.replay_guard import ReplayGuard
 from hw.planner_link.requests import Requests
 from hw.planner_link.sender import PlannerLink
 from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
@@ -39,11 +40,11 @@ def external(t_ms: int, seq: int = 1, age_s: float = 0.0, nonce: int = NONCE) ->
 
 
 def poses() -> ExternalPoses:
-    return ExternalPoses(Commanders(SESSION))
+    return ExternalPoses(ReplayGuard(SESSION))
 
 
 def link_on(port: MemoryPort, pose_refusal: str, key: bytes | None = None) -> PlannerLink:
-    return PlannerLink(
+    return one_link(
         port, size=9, cell_mm=50, session=SESSION, tick_s=0.02, line_baud=None, key=key,
         stale_ms=150, drive_refusal="nobody drives here", pose_refusal=pose_refusal,
     )  # fmt: skip
@@ -145,8 +146,8 @@ def test_old_repeated_and_foreign_poses_are_refused_and_counted() -> None:
 
 
 def test_requests_and_poses_of_one_commander_are_one_sequence() -> None:
-    commanders = Commanders(SESSION)
-    requests, external_poses = Requests(SESSION, "", commanders), ExternalPoses(commanders)
+    guard = ReplayGuard(SESSION)
+    requests, external_poses = Requests(guard), ExternalPoses(guard)
     external_poses.take(10.0, external(1000, seq=7))
     requests.take(10.0, Drive(8, 1000, SESSION, NONCE, 1.0, 0.0, 0.3))
     external_poses.take(10.0, external(1000, seq=8))
@@ -167,12 +168,12 @@ def test_a_link_takes_poses_where_it_may_and_counts_damaged_ones(datagrams: bool
     link = link_on(port, "")
     port.give(vector("external_pose" if datagrams else "external_pose_serial"))
     link.poll(3.0)
-    assert [pose.t_s for pose in link.take_external_poses()] == [pytest.approx(2.96)]
+    assert [pose.t_s for pose in link.external_poses.take_all()] == [pytest.approx(2.96)]
     damaged = bytearray(vector("external_pose"))
     damaged[20] ^= 1
     port.give(bytes(damaged) if datagrams else encode_serial(bytes(damaged)))
     link.poll(3.1)
-    assert link.take_external_poses() == []
+    assert link.external_poses.take_all() == []
     assert link.external_poses.refused == {"bad checksum": 1}
     assert link.requests.refused.total() == 0
 
@@ -182,7 +183,7 @@ def test_a_link_that_leaves_the_machine_without_a_key_takes_none() -> None:
     link = link_on(port, "from another machine it takes a key")
     port.give(vector("external_pose"))
     link.poll(3.0)
-    assert link.take_external_poses() == []
+    assert link.external_poses.take_all() == []
     assert link.external_poses.refused == {"from another machine it takes a key": 1}
 
 
@@ -191,5 +192,5 @@ def test_with_a_key_a_pose_without_its_tag_is_refused() -> None:
     link = link_on(port, "", KEY)
     port.give(vector("external_pose"))
     link.poll(3.0)
-    assert link.take_external_poses() == []
+    assert link.external_poses.take_all() == []
     assert link.external_poses.refused == {"no valid tag": 1}

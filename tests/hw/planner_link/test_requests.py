@@ -12,9 +12,9 @@ from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
 from hw.planner_link.frames import DRIVE, Secret, encode_frame, encode_serial
 from hw.planner_link.messages import Drive, decode_answer
-from hw.planner_link.replay_guard import MOST_COMMANDERS
+from hw.planner_link.receivers import one_link
+from hw.planner_link.replay_guard import MOST_COMMANDERS, ReplayGuard
 from hw.planner_link.requests import Requests
-from hw.planner_link.sender import PlannerLink
 from mapod_link.asking import drive_body
 from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
 from mapod_link.frames import DRIVE as FAKE_DRIVE
@@ -93,7 +93,7 @@ def test_any_body_is_a_request_within_its_ranges_or_refused(body: bytes) -> None
 
 
 def test_a_request_is_obeyed_for_as_long_as_it_says() -> None:
-    requests = Requests(SESSION, "")
+    requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, EXAMPLE)
     assert requests.newest == DriveRequest(0.65, -0.12, 10.3)
     assert (requests.accepted, requests.last_refusal) == (1, "")
@@ -110,7 +110,7 @@ def test_a_request_is_obeyed_for_as_long_as_it_says() -> None:
     ],
 )
 def test_what_is_not_to_be_obeyed_changes_nothing_and_is_counted(frame: Drive, reason: str) -> None:
-    requests = Requests(SESSION, "")
+    requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, EXAMPLE)
     before = requests.newest
     requests.take(10.01, frame)
@@ -120,7 +120,7 @@ def test_what_is_not_to_be_obeyed_changes_nothing_and_is_counted(frame: Drive, r
 
 
 def test_numbers_and_clock_may_wrap() -> None:
-    requests = Requests(SESSION, "")
+    requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, drive(2**32 - 5, 0xFFFF))
     requests.take(10.01, drive(5, 0))
     requests.take(10.01, drive(5, 1))
@@ -130,15 +130,15 @@ def test_numbers_and_clock_may_wrap() -> None:
 
 
 def test_where_driving_is_refused_every_request_is_refused_for_that_reason() -> None:
-    requests = Requests(SESSION, "not today")
-    requests.take(1.0, EXAMPLE)
-    requests.take(1.1, replace(EXAMPLE, t_ms=52_440, valid_s=0.0))
+    requests = Requests(ReplayGuard(SESSION))
+    requests.take(1.0, EXAMPLE, "not today")
+    requests.take(1.1, replace(EXAMPLE, t_ms=52_440, valid_s=0.0), "not today")
     assert requests.newest is None
     assert requests.refused == {"not today": 2}
 
 
 def test_what_lay_in_a_queue_is_valid_for_less_or_not_at_all() -> None:
-    requests = Requests(SESSION, "")
+    requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, drive(1000))
     requests.take(10.2, drive(1100))  # 100 ms later than its forerunner
     assert requests.newest is not None
@@ -154,7 +154,7 @@ def test_what_lay_in_a_queue_is_valid_for_less_or_not_at_all() -> None:
 def test_no_request_holds_longer_than_it_says_after_it_was_sent(
     delays_s: list[float], drift: float
 ) -> None:
-    requests, arrived_s = Requests(SESSION, ""), 0.0
+    requests, arrived_s = Requests(ReplayGuard(SESSION)), 0.0
     requests.take(100.0, drive(0, 0))
     for k, delay_s in enumerate(delays_s, start=1):
         sent_s = 100.0 + 0.1 * k
@@ -165,14 +165,14 @@ def test_no_request_holds_longer_than_it_says_after_it_was_sent(
 
 
 def test_a_clock_that_drifts_does_not_end_driving() -> None:
-    requests = Requests(SESSION, "")
+    requests = Requests(ReplayGuard(SESSION))
     for k in range(20_000):
         requests.take(0.1 * k * 1.0005, drive(100 * k, k % 2**16))
     assert requests.refused.total() == 0
 
 
 def test_another_commander_may_drive_after_the_first_and_anybody_may_stop() -> None:
-    requests = Requests(SESSION, "")
+    requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, drive(1000))
     requests.take(10.1, drive(5, nonce=7, valid_s=0.0))
     assert requests.newest is not None
@@ -185,20 +185,40 @@ def test_another_commander_may_drive_after_the_first_and_anybody_may_stop() -> N
     assert requests.newest.valid_until_s == pytest.approx(11.3, abs=2e-3)
 
 
-def test_memory_for_commanders_is_bounded_and_none_is_forgotten() -> None:
-    requests = Requests(SESSION, "")
-    for nonce in range(1, MOST_COMMANDERS + 2):
+def test_without_a_key_strangers_cannot_fill_the_memory_for_commanders() -> None:
+    guard = ReplayGuard(SESSION)
+    requests = Requests(guard)
+    for k in range(1, 3 * MOST_COMMANDERS):  # one who drives, and a new stranger each time
+        requests.take(10.0 + 0.1 * k, drive(1000 + 100 * k, nonce=NONCE))
+        requests.take(10.05 + 0.1 * k, drive(1000, nonce=k))
+    assert requests.refused == {"somebody else is driving": 3 * MOST_COMMANDERS - 1}
+    requests.take(1000.0, drive(1000 + 300 * MOST_COMMANDERS, nonce=NONCE))
+    assert "older" not in requests.last_refusal
+    requests.take(1000.1, drive(1000, nonce=NONCE))
+    assert "older" in requests.last_refusal  # who was heard lately is not forgotten
+    assert len(guard._known) == MOST_COMMANDERS
+
+
+def test_with_a_key_nobody_is_forgotten_and_a_full_memory_asks_for_a_new_session() -> None:
+    guard = ReplayGuard(SESSION, has_key=True)
+    requests = Requests(guard)
+    for nonce in range(1, MOST_COMMANDERS + 1):
+        assert not guard.is_full
         requests.take(10.0 * nonce, drive(1000, nonce=nonce))
-    assert requests.refused.total() == 1
-    assert "too many" in requests.last_refusal
+    assert guard.is_full
+    requests.take(1e5, drive(1000, nonce=MOST_COMMANDERS + 1))
+    assert "too many commanders" in requests.last_refusal
     requests.take(1e5, drive(1000, nonce=1))
-    assert "older" in requests.last_refusal
+    assert "older" in requests.last_refusal  # nothing can be replayed meanwhile
+    guard.restart(SESSION + 1)
+    requests.take(1e5, replace(drive(1000, nonce=9), session=SESSION + 1))
+    assert requests.last_refusal == ""
 
 
 @pytest.mark.parametrize("datagrams", [True, False])
 def test_a_link_takes_requests_from_datagrams_and_from_a_serial_line(datagrams: bool) -> None:
     port = MemoryPort(datagrams=datagrams)
-    link = PlannerLink(
+    link = one_link(
         port, size=9, cell_mm=50, session=SESSION, tick_s=0.02, line_baud=None, key=None,
         stale_ms=150, drive_refusal="",
     )  # fmt: skip
@@ -209,6 +229,6 @@ def test_a_link_takes_requests_from_datagrams_and_from_a_serial_line(datagrams: 
     damaged[20] ^= 1
     port.give(bytes(damaged) if datagrams else encode_serial(bytes(damaged)))
     link.poll(3.1)
-    assert link.answers_rejected == 1
+    assert link.counters.answers_rejected == 1
     assert link.requests.refused == {"bad checksum": 1}
     assert link.requests.newest == DriveRequest(0.65, -0.12, 3.3)

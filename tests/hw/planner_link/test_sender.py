@@ -142,7 +142,7 @@ def test_a_planner_that_is_too_small_gets_poses_but_no_map() -> None:
     line = Line(Sky(21, 3))
     line.planner = FakePlanner(ack_every=1, max_cells=400)
     line.settle(0.5)
-    assert "lower obstacle.window_cells" in line.link.refusal
+    assert "lower obstacle.window_cells" in line.link.peer.refusal
     before = line.planner.accepted[MAP]
     line.settle(0.5)
     assert line.planner.accepted[MAP] == before
@@ -157,7 +157,7 @@ def test_while_the_line_is_behind_nothing_is_sent_and_nothing_forgotten() -> Non
     sent = line.link.frames_sent
     line.settle(0.2)
     assert line.link.frames_sent == sent
-    assert line.link.ticks_held == 10
+    assert line.link.counters.ticks_held == 10
     port.held = False
     line.settle(1.0)
     assert line.holds_what_is_meant()
@@ -197,5 +197,5 @@ def test_no_answer_makes_the_sender_raise(pieces: list[bytes], datagrams: bool) 
     for piece in pieces:
         line.port.give(piece)
         line.tick()
-    assert line.link.answers_rejected >= 0
+    assert line.link.counters.answers_rejected >= 0
     assert not math.isinf(line.link.bytes_sent)

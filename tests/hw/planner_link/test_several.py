@@ -9,10 +9,12 @@ import pytest
 from core.records import DriveRequest
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort
-from hw.planner_link.receivers import Planners, Wire
+from hw.planner_link.receivers import Planners
+from hw.planner_link.replay_guard import MOST_COMMANDERS, ReplayGuard
 from hw.planner_link.requests import Requests
+from hw.planner_link.sender import LinkSettings, Wire
 from mapod_link.asking import drive_body, hello_body
-from mapod_link.frames import bytes_from_frame
+from mapod_link.frames import bytes_from_frame, signed_bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
 from tests import VECTORS
 from tests.support.planner_line import POSE_REPORT, ZONE, Sky, SkyTiles
@@ -34,8 +36,9 @@ class Fleet:
                 Wire(port, None if port.datagrams else 921_600, refusal, refusal)
                 for port, refusal in zip(self.ports, refusals, strict=True)
             ],
-            size=sky.size, cell_mm=50, session=SESSION, tick_s=TICK_S, stale_ms=150, key=key,
-        )  # fmt: skip
+            LinkSettings(size=sky.size, cell_mm=50, tick_s=TICK_S, stale_ms=150, key=key),
+            SESSION,
+        )
         self.ends = [FakePlanner(seed=k, ack_every=1, key=key) for k in range(len(refusals))]
 
     def tick(self, dt_s: float = TICK_S) -> None:
@@ -76,7 +79,7 @@ def test_all_planners_hold_the_map_whatever_happens_to_one_of_them() -> None:
         assert not end.suspect
     assert fleet.planners.links[2].frames_lost > 0
     assert fleet.planners.links[0].frames_lost == 0
-    assert fleet.planners.ticks_held == 50 - 1
+    assert fleet.planners.counters["link_ticks_held"] == 50 - 1
 
 
 def test_each_link_has_its_own_epoch_and_geometry() -> None:
@@ -97,7 +100,7 @@ def test_while_one_commander_drives_no_other_does_by_whatever_wire() -> None:
     requests = fleet.planners.requests
     fleet.drive(0, 1000, nonce=5)
     assert requests.newest == DriveRequest(1.0, 0.0, fleet.now_s + 0.3)
-    assert (requests.driver, requests.way) == ("commander 00000005", 0)
+    assert (requests.driver, requests.link) == ("commander 00000005", 0)
     fleet.drive(1, 1000, nonce=6)
     assert requests.last_refusal == "somebody else is driving"
     assert requests.ask(fleet.now_s, "modbus", 0.1, 0.0, 0.5) == "somebody else is driving"
@@ -135,7 +138,7 @@ def test_each_wire_has_its_own_reason_to_refuse() -> None:
 def test_a_request_out_of_range_is_refused_by_whatever_way(
     v_mps: float, w_radps: float, valid_s: float
 ) -> None:
-    requests = Requests(SESSION)
+    requests = Requests(ReplayGuard(SESSION))
     assert requests.ask(1.0, "modbus", v_mps, w_radps, valid_s) == "the request is out of range"
     assert requests.newest is None
     assert requests.refused.total() == 1
@@ -144,25 +147,25 @@ def test_a_request_out_of_range_is_refused_by_whatever_way(
 def test_doubt_speaks_of_the_wire_by_which_it_is_driven_and_of_any_planner_that_stopped() -> None:
     fleet = Fleet(Sky(9, 2))
     fleet.tick()
-    assert fleet.planners.doubt == ""
+    assert fleet.planners.stop_reason == ""
     fleet.drive(0, 1000, nonce=5)
     fleet.ports[1].connected = False
-    assert fleet.planners.doubt == ""
+    assert fleet.planners.stop_reason == ""
     fleet.ports[0].connected = False
-    assert fleet.planners.doubt == "the wire in memory is cut"
+    assert fleet.planners.stop_reason == "the wire in memory is cut"
     fleet.planners.requests.ask(fleet.now_s, "modbus", 0.0, 0.0, 0.0)
-    assert fleet.planners.doubt == "the wire in memory is cut"  # both are
+    assert fleet.planners.stop_reason == "the wire in memory is cut"  # both are
     fleet.planners.requests.ask(fleet.now_s, "modbus", 0.1, 0.0, 0.5)
-    assert fleet.planners.doubt == ""
+    assert fleet.planners.stop_reason == ""
     fleet.ports[0].connected = fleet.ports[1].connected = True
     fleet.ends[1].stopped = True
     for _ in range(8):
         fleet.tick()
-    assert fleet.planners.doubt == "the planner says it stopped"
+    assert fleet.planners.stop_reason == "the planner says it stopped"
     fleet.ends[1].stopped = False
     for _ in range(8):
         fleet.tick()
-    assert fleet.planners.doubt == ""
+    assert fleet.planners.stop_reason == ""
 
 
 @pytest.mark.parametrize("key", [None, bytes(range(32))])
@@ -198,6 +201,35 @@ def test_before_the_clock_of_the_frames_wraps_all_get_a_new_session(key: bytes |
         assert fleet.planners.requests.last_refusal == "it was meant for another run of mapod"
 
 
+def test_a_full_memory_of_commanders_begins_a_new_session_in_which_no_old_frame_counts() -> None:
+    key = bytes(range(32))
+    fleet = Fleet(Sky(9, 2), key=key)
+    for _ in range(20):
+        fleet.tick()
+    end = fleet.ends[0]
+    frames = []
+    for nonce in range(1, MOST_COMMANDERS + 1):
+        body = drive_body(SESSION, nonce, 0.0, 0.0, 0.0)
+        frames.append(signed_bytes_from_frame(10, 1, 9, body, key, SESSION, end.nonce))
+        fleet.ports[0].give(frames[-1])
+        fleet.tick()
+    assert fleet.planners.requests.accepted == MOST_COMMANDERS
+    for _ in range(20):
+        fleet.tick()
+    assert fleet.planners.session != SESSION
+    for known in fleet.ends:
+        assert known.geom is not None
+        assert known.geom.session == fleet.planners.session
+        assert not known.stale(fleet.now_s)
+    fleet.ports[0].give(frames[0])
+    fleet.tick()
+    assert fleet.planners.requests.accepted == MOST_COMMANDERS
+    assert end.drive(fleet.now_s, 0.1, 0.0, 0.3)
+    fleet.tick()
+    fleet.tick()
+    assert fleet.planners.requests.accepted == MOST_COMMANDERS + 1
+
+
 def test_somebody_is_heard_for_a_second_after_each_valid_frame() -> None:
     fleet = Fleet(Sky(9, 2))
     fleet.ends[0].mute = fleet.ends[1].mute = True
@@ -216,7 +248,8 @@ def test_the_counts_are_those_of_all_links() -> None:
     fleet = Fleet(Sky(9, 2))
     for _ in range(20):
         fleet.tick()
-    links, planners = fleet.planners.links, fleet.planners
-    assert planners.frames_sent == sum(link.frames_sent for link in links) > 80
-    assert planners.bytes_sent == sum(link.bytes_sent for link in links)
-    assert planners.frames_lost == planners.answers_rejected == 0
+    sent = sum(link.frames_sent for link in fleet.planners.links)
+    assert sent > 80
+    assert fleet.planners.counters == {
+        "frames_sent": sent, "frames_lost": 0, "answers_rejected": 0, "link_ticks_held": 0
+    }  # fmt: skip

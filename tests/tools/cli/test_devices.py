@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from core.config import load_config
+from config_file import load_config
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.wires.wire import TcpWire

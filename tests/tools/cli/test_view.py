@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rich.color import Color, ColorSystem
 from rich.console import Console
 
-from fakes.planner_mcu.receiver import FakePlanner
+from core.config import ConfigError
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import (
     ACK,
@@ -29,9 +29,19 @@ from mapod_link.frames import (
 )
 from mapod_link.serial_line import serial_from_frame
 from mapod_link.wires import SerialWire, UdpWire, wire_from_url
-from tests.support.planner_sender import Line, begun, geom_body, map_body, op, pose_body, zone_body
-from tools.bench.planner_end import Delays, Meter, PlannerEnd, PtyWire
-from tools.cli.screen import (
+from tests.support.planner_sender import (
+    Line,
+    geom_body,
+    map_body,
+    op,
+    pose_body,
+    with_map,
+    zone_body,
+)
+from tools.cli.options import maybe_key
+from tools.cli.view import main, progress_line, zone_lines
+from tools.terminal.planner_end import Delays, Meter, PlannerEnd, PtyWire, WatchingReceiver
+from tools.terminal.screen import (
     BAD,
     COLOURS,
     GOOD,
@@ -48,7 +58,6 @@ from tools.cli.screen import (
     plain_map,
     robot_in_window,
 )
-from tools.cli.view import key_from_file, main, progress_line, zone_lines
 
 U8 = npt.NDArray[np.uint8]
 
@@ -90,7 +99,7 @@ def test_a_plain_map_leaves_out_empty_borders() -> None:
 
 
 def test_the_robot_stands_in_the_cell_of_its_pose() -> None:
-    line = begun()
+    line = with_map(Line(WatchingReceiver()))
     pose = line.planner.pose
     assert pose is not None
     robot = robot_in_window(pose, (-4, -3), 0.05)
@@ -158,7 +167,7 @@ def test_101_cells_fit_101_columns_and_51_lines() -> None:
 
 @pytest.mark.parametrize("size", [(110, 60), (160, 52), (80, 24), (40, 12), (20, 5), (1, 1)])
 def test_the_picture_fits_the_terminal(size: tuple[int, int]) -> None:
-    line = begun(width=101, height=101)
+    line = with_map(Line(WatchingReceiver()), 101, 101)
     line.send(MAP, map_body(op(OBSTACLE, 5000) + op(FREE, 5201)))
     meter = Meter()
     meter.take(line.now_s, line.planner)
@@ -173,7 +182,7 @@ def test_the_picture_fits_the_terminal(size: tuple[int, int]) -> None:
         assert "5201 free, 5000 obstacle" in capture.get()
 
 
-def shown(line: Line[FakePlanner]) -> str:
+def shown(line: Line[WatchingReceiver]) -> str:
     meter = Meter()
     meter.take(line.now_s, line.planner)
     console = Console(width=160, height=60, color_system=None)
@@ -183,7 +192,7 @@ def shown(line: Line[FakePlanner]) -> str:
 
 
 def test_the_picture_says_what_is_wrong() -> None:
-    line = Line(FakePlanner())
+    line = Line(WatchingReceiver())
     assert "waiting for the map's geometry" in shown(line)
     line.send(GEOM, geom_body())
     assert "BLANK" in shown(line)
@@ -204,7 +213,7 @@ def test_the_picture_says_what_is_wrong() -> None:
 
 
 def test_the_stop_zone_has_a_line_of_its_own_once_there_is_one() -> None:
-    line = begun()
+    line = with_map(Line(WatchingReceiver()))
     assert zone_lines(line.planner.stop_zone, line.now_s) == []
     line.send(STOP_ZONE, zone_body(2, 0b11))
     [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
@@ -220,14 +229,14 @@ def test_the_stop_zone_has_a_line_of_its_own_once_there_is_one() -> None:
 
 @pytest.mark.parametrize(("state", "style"), [(0, BAD), (1, GOOD), (3, BAD), (7, BAD)])
 def test_the_colour_of_a_stop_zone_is_that_of_its_state(state: int, style: str) -> None:
-    line = begun()
+    line = with_map(Line(WatchingReceiver()))
     line.send(STOP_ZONE, zone_body(state))
     [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
     assert style in [str(span.style) for span in drawn.spans]
 
 
 def test_without_a_screen_the_stop_zone_is_told_in_the_line() -> None:
-    line = begun()
+    line = with_map(Line(WatchingReceiver()))
     line.send(STOP_ZONE, zone_body())
     end = PlannerEnd(UdpWire("127.0.0.1", 0), line.planner)
     assert "; way clear ahead 1.25 m" in progress_line(end, line.now_s)
@@ -242,9 +251,17 @@ def test_health_bits_have_words() -> None:
 # Rates and delays
 
 
+def test_a_watching_receiver_keeps_what_it_has_heard_and_how_large_that_was() -> None:
+    line = with_map(Line(WatchingReceiver()))
+    line.send(MAP, map_body(b"\x80"))
+    assert [frame.type for frame in line.planner.heard] == [GEOM, POSE, MAP, MAP]
+    assert [frame.size for frame in line.planner.heard] == [28, 36, 22, 23]
+    assert line.planner.heard[-1].arrived_s == line.now_s
+
+
 def metered(clock_ahead_ms: int, delays_ms: list[float]) -> Meter:
     """A meter that saw 50 MAP frames a second, late by so much."""
-    planner, meter = FakePlanner(), Meter()
+    planner, meter = WatchingReceiver(), Meter()
     planner.feed_datagram(0.0, bytes_from_frame(GEOM, 1, clock_ahead_ms, geom_body()))
     for i, delay_ms in enumerate(delays_ms):
         tick_ms = 1000 + 20 * i
@@ -292,7 +309,12 @@ def test_a_quantile_is_right_to_a_tenth_of_a_millisecond(values: list[float], pa
 
 
 def frames_of_a_map() -> list[bytes]:
-    bodies = ((GEOM, geom_body()), (POSE, pose_body()), (MAP, map_body(op(OBSTACLE, 1))))
+    bodies = (
+        (GEOM, geom_body()),
+        (POSE, pose_body()),
+        (POSE, pose_body()),
+        (MAP, map_body(op(OBSTACLE, 1))),
+    )
     return [bytes_from_frame(kind, 1 + i, 5, body) for i, (kind, body) in enumerate(bodies)]
 
 
@@ -307,7 +329,7 @@ def until(end: PlannerEnd, holds: Callable[[], bool]) -> float:
 
 def test_frames_over_udp_make_a_map_and_are_answered() -> None:
     wire = UdpWire("127.0.0.1", 0)
-    end = PlannerEnd(wire, FakePlanner(ack_every=3))
+    end = PlannerEnd(wire, WatchingReceiver())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.settimeout(2.0)
         sender.connect(("127.0.0.1", int(wire.url.rsplit(":", 1)[1])))
@@ -318,7 +340,7 @@ def test_frames_over_udp_make_a_map_and_are_answered() -> None:
         until(end, lambda: end.planner.cell(0, 0) == OBSTACLE)
         answers = [frame_from_bytes(sender.recv(400)) for _ in range(2)]
     assert [getattr(answer, "type", answer) for answer in answers] == [HELLO, ACK]
-    assert end.meter.frames == 3
+    assert end.meter.frames == 4
     end.step(0.0)  # nobody there any more
     end.wire.write(b"to nobody")
     end.step(0.0)
@@ -328,7 +350,7 @@ def test_frames_over_udp_make_a_map_and_are_answered() -> None:
 def test_frames_over_a_serial_line_make_a_map_and_are_answered() -> None:
     pty = PtyWire(115_200)
     line = SerialWire(pty.url.removeprefix("serial://").split("?")[0], 115_200)
-    near, far = PlannerEnd(line, FakePlanner()), PlannerEnd(pty, FakePlanner())
+    near, far = PlannerEnd(line, WatchingReceiver()), PlannerEnd(pty, WatchingReceiver())
     for frame in frames_of_a_map():
         line.write(frame)
     until(far, lambda: far.planner.cell(0, 0) == OBSTACLE)
@@ -342,7 +364,7 @@ def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:
     other = os.open(pty.url.removeprefix("serial://").split("?")[0], os.O_RDWR | os.O_NOCTTY)
     junk = serial_from_frame(b"x" * 300) * 3  # 0.94 s of line
     os.write(other, junk)
-    end = PlannerEnd(pty, FakePlanner())
+    end = PlannerEnd(pty, WatchingReceiver())
     began_s = end.step(0.0)
     assert until(end, lambda: end.planner.rejected.total() == 1) - began_s > 0.25
     os.close(other)
@@ -362,9 +384,9 @@ def test_a_key_is_read_in_both_forms(tmp_path: Path) -> None:
     (tmp_path / "raw").write_bytes(key)
     (tmp_path / "hex").write_text(key.hex() + "\n")
     (tmp_path / "short").write_text("0011")
-    assert key_from_file(str(tmp_path / "raw")) == key_from_file(str(tmp_path / "hex")) == key
-    with pytest.raises(ValueError, match="32 bytes"):
-        key_from_file(str(tmp_path / "short"))
+    assert maybe_key(tmp_path / "raw") == maybe_key(tmp_path / "hex") == key
+    with pytest.raises(ConfigError, match="32 bytes"):
+        maybe_key(tmp_path / "short")
 
 
 def test_the_viewer_ends_by_itself_and_says_that_nothing_came(

@@ -10,7 +10,7 @@ from fakes.scenes.scene import Scene, Solid
 from fakes.scenes.solids import BLACK, GLASS, Pillar
 from fakes.world.crowd import Walker
 from fakes.world.error_models import Patch
-from fakes.world.magnetic import Steel
+from fakes.world.magnetic import MagneticDisturbance
 from tools.rig.draw_scene import BLACK as BLACK_COLOUR
 from tools.rig.draw_scene import GLASS as GLASS_COLOUR
 from tools.rig.draw_scene import LOWER, Chart, chart_of, main
@@ -27,7 +27,7 @@ SCENE = Scene(
         Pillar("post", (16.0, 0.0), 0.5, (0.0, 2.5)),
     ),
     goals=((14.0, -1.0),),
-    steels=(Steel("door", (10.0, 8.0), 0.3),),
+    steels=(MagneticDisturbance("door", (10.0, 8.0), 0.3),),
     patches=(Patch("wet", (10.0, 11.0), (0.0, 1.0), 0.3),),
     walkers=(Walker("who", ((12.0, -10.0), (18.0, -10.0))),),
 )

@@ -12,10 +12,10 @@ from rich.console import Console
 from fakes.programs.stamps import StampedAttitude, StampedScanner, Stamps, WatchedWorld
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tests import ROOT
-from tools.cli.view import Stop
 from tools.rig import latency
 from tools.rig.far_end import Burst, FarEnd, Sent, sent_from_file, told_scans
 from tools.rig.load import loaded
+from tools.terminal.processes import Stop
 
 SCAN = b"\x02\x02\x02\x02....sSN LMDscandata and so on"
 GEOM_BODY = bytes([1, 0, 9, 0, 5, 0, 200, 0, 1, 0, 0, 0, 20, 0, 150, 0])

@@ -17,7 +17,7 @@ from rich.text import Text
 from core.config import ConfigError
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import load_scene
-from fakes.world.truth_log import Witness
+from fakes.world.truth_log import GroundTruthLog
 from fakes.world.world import World
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tests import ROOT
@@ -214,7 +214,7 @@ def test_the_judge_sees_what_the_fakes_process_tells(tmp_path: Path) -> None:
     path, scene = tmp_path / "truth.jsonl", load_scene("corridor")
     world = World(scene, 1)
     with path.open("w", encoding="ascii") as out:
-        witness = Witness(out, world, "corridor", 1)
+        witness = GroundTruthLog(out, world, "corridor", 1)
         for tick in range(100):
             now_s = 50.0 + tick * 0.02
             world.wheels.set_power(0.3, 0.3)

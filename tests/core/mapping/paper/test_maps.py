@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.config import Config, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import Config
 from core.mapping.mapper import Mapper
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps

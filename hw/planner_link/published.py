@@ -1,0 +1,200 @@
+"""What was published to one planner of each cell, and which cells to publish next.
+
+Both ends keep the window as a ring; a cell is *marked* while what the planner holds may differ from
+what is meant now: it changed, or the frame with it got lost. Encoding clears marks; nothing is
+ever queued. Blocks of cells without a mark are left out, so that a tick costs what has changed and
+its slice of the refresh.
+Source: planner link, sections 3 (operations), 4 and 7 (docs/planner-link.md).
+"""
+
+import zlib
+
+import numpy as np
+
+from core.records import I8, I32, U8, ObstacleWindow
+from hw.planner_link.kernels import (
+    ANY,
+    BLOCK,
+    HOT,
+    LOST_CELLS,
+    MISSED,
+    NO_SPAN,
+    Ring,
+    Span,
+    encode_cells,
+    enter_cells,
+    mark_again_cells,
+    mark_every_cell,
+    mark_lost_cells,
+    note_cells,
+    pack_published,
+)
+
+NO_CELLS: I32 = np.zeros(0, dtype=np.int32)
+
+
+def _span_of(corners: list[tuple[int, int]]) -> Span:
+    i, j = [corner[0] for corner in corners], [corner[1] for corner in corners]
+    return min(i), max(i), min(j), max(j)
+
+
+class PublishedMap:
+    """The sender's side of the ring: states and marks, (size, size) flat, [j % size, i % size]."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        blocks = (size + BLOCK - 1) // BLOCK
+        self._ring = Ring(
+            published=np.zeros(size * size, dtype=np.uint8),
+            marks=np.zeros(size * size, dtype=np.uint8),
+            rows=np.zeros((3, size), dtype=np.int32),
+            blocks=np.zeros((3, size * blocks), dtype=np.int32),
+            counts=np.zeros(4, dtype=np.int32),
+        )
+        self._once: I32 = np.zeros(size * size + 1, dtype=np.int32)  # their number, and the cells
+        self._cleared: I32 = np.zeros(size * size, dtype=np.int32)
+        self._every: I32 = np.arange(size * size, dtype=np.int32)
+        self._ops: U8 = np.zeros(512, dtype=np.uint8)
+        self._packed: U8 = np.zeros((size * size + 3) // 4, dtype=np.uint8)
+        self._cells: I8 = np.zeros(size * size, dtype=np.int8)
+        self._trusted = False
+        self._span = NO_SPAN  # of the windows whose cells the planner may still hold
+        self.corner: tuple[int, int] | None = None  # None: nothing was ever shown
+        self._warm()
+
+    def _warm(self) -> None:
+        """Run the kernels that only a move or a loss needs: none is compiled in the loop."""
+        self.corner = (0, 0)
+        self.mark_lost(NO_CELLS, self.corner)
+        self._enter(self.corner, NO_SPAN)
+        self._once[0] = 1
+        self.mark_again()
+        self.publish_again()
+        self.forget()
+        self.digest()
+        self.corner = None
+
+    @property
+    def published(self) -> U8:
+        """What the planner holds if all frames have arrived: (size * size,) link codes."""
+        return self._ring.published
+
+    @property
+    def marked(self) -> int:
+        """Cells to publish."""
+        return int(self._ring.counts[ANY])
+
+    @property
+    def urgent(self) -> bool:
+        """Whether obstacles came or went, or cells of lost frames are to be sent again."""
+        return bool(self._ring.counts[HOT] or self._ring.counts[MISSED])
+
+    @property
+    def lost(self) -> int:
+        """Cells of lost frames, not sent again yet."""
+        return int(self._ring.counts[LOST_CELLS])
+
+    def update(self, window: ObstacleWindow, careful: bool) -> tuple[int, int] | None:
+        """Take in the map as it is meant now; the old corner if the window has moved.
+
+        `careful` publishes what comes back into the window before the planner is known to have
+        forgotten it.
+        """
+        self._cells = window.cells.ravel()
+        old, corner = self.corner, (window.corner_i, window.corner_j)
+        listed = window.changed
+        if old is None or window.trusted != self._trusted:
+            listed = self._every
+        self.corner, self._trusted = corner, window.trusted
+        moved = old is not None and old != corner
+        if old is None:
+            self._span = _span_of([corner])
+        elif moved:
+            self._enter(old, self._span if careful else NO_SPAN)
+            low_i, high_i, low_j, high_j = self._span
+            self._span = _span_of([(low_i, low_j), (high_i, high_j), corner])
+        note_cells(self._cells, self._trusted, listed, self._ring)
+        return old if moved else None
+
+    def _enter(self, old: tuple[int, int], span: Span) -> None:
+        assert self.corner is not None
+        enter_cells(self._cells, self._trusted, old, self.corner, span, self._ring)
+
+    def forget(self) -> None:
+        """The planner holds nothing any more: all cells unknown there."""
+        for array in self._ring:
+            array[:] = 0
+        self._once[0] = 0
+        if self.corner is not None:
+            self._span = _span_of([self.corner])
+            note_cells(self._cells, self._trusted, self._every, self._ring)
+
+    def put_away(self) -> None:
+        """Nothing is published from now on: until the next `update`, as at the start."""
+        self.corner = None
+        self.forget()
+
+    def publish_again(self) -> None:
+        """Nobody knows what the planner holds: send every cell again."""
+        mark_every_cell(self._cells, self._trusted, self._ring)
+
+    def encode(self, kind: int, first: int, end: int, room: int) -> tuple[int, bytes, int, I32]:
+        """Operations for the wanted cells of first..end in window raster order.
+
+        Returns the first cell addressed (-1: nothing to send), the operations, where to go on, and
+        the cells that had been marked: (k,) raster indices.
+        """
+        start, used, count, next_cell = self._encode(kind, first, end, room, True)
+        cleared = self._cleared[:count].copy() if count else NO_CELLS
+        return start, self._ops[:used].tobytes(), next_cell, cleared
+
+    def measure(self, kind: int, first: int, end: int, room: int) -> tuple[int, int]:
+        """Bytes that `encode` would write, and where it would go on; nothing is published."""
+        _, used, _, next_cell = self._encode(kind, first, end, room, False)
+        return used, next_cell
+
+    def _encode(
+        self, kind: int, first: int, end: int, room: int, for_good: bool
+    ) -> tuple[int, int, int, int]:
+        assert self.corner is not None
+        return encode_cells(
+            kind,
+            first,
+            end,
+            min(room, self._ops.size),
+            for_good,
+            self._cells,
+            self._trusted,
+            self.corner,
+            self._ring,
+            self._ops,
+            self._cleared,
+            self._once,
+        )
+
+    def mark_again(self) -> None:
+        """New obstacles published since the last call are to be published once more."""
+        count = int(self._once[0])
+        if count:
+            mark_again_cells(self._cells, self._once[1 : count + 1], self._ring)
+            self._once[0] = 0
+
+    def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
+        """A frame did not arrive: send those cells again that it carried.
+
+        Args:
+            lost: (k,) raster indices in the window at `origin`, as `encode` gave them.
+        """
+        if self.corner is not None:
+            mark_lost_cells(lost, origin, self.corner, self._cells, self._trusted, self._ring)
+
+    def note_seen(self, seen: tuple[int, int], since: list[tuple[int, int]]) -> None:
+        """The planner has had the window at `seen`, and perhaps at those corners since."""
+        if self.corner is not None:
+            self._span = _span_of([seen, *since, self.corner])
+
+    def digest(self) -> int:
+        """CRC-32 of the window as published, four cells a byte: what a DIGEST frame says."""
+        assert self.corner is not None
+        pack_published(self.corner, self._ring, self._packed)
+        return zlib.crc32(self._packed.data)

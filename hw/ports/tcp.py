@@ -1,0 +1,83 @@
+"""A TCP connection, as its client."""
+
+import errno
+import os
+import socket
+from typing import Any
+
+from hw.ports.reopening import READ_SIZE, REASONS, ReopeningPort
+from hw.ports.url import PortUrl
+
+CONNECT_S = 0.5  # a host that needs longer to answer is too far away to keep a map fresh
+OPTIONS = {  # commands leave at once; a peer that acknowledges nothing for 6 s is gone
+    socket.TCP_NODELAY: 1,
+    socket.TCP_KEEPIDLE: 3,
+    socket.TCP_KEEPINTVL: 1,
+    socket.TCP_KEEPCNT: 3,
+    socket.TCP_USER_TIMEOUT: 6000,
+}
+Address = tuple[Any, ...]
+
+
+class TcpPort(ReopeningPort):
+    """A TCP connection, as its client."""
+
+    def __init__(self, peer: PortUrl, address: tuple[int, Address]) -> None:
+        super().__init__(f"{peer.host}:{peer.port}")
+        self._family, self._address = address
+        self._socket: socket.socket | None = None  # connecting, or connected
+        self._deadline_s = float("inf")
+
+    def _try_open(self) -> bool:
+        if self._socket is None:
+            self._begin()
+        assert self._socket is not None
+        if code := self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            raise OSError(code, os.strerror(code))
+        try:
+            peer = self._socket.getpeername()
+        except OSError:  # not connected yet
+            if self._now_s >= self._deadline_s:
+                self._lose(f"no answer from {self._where}")
+                self._try_soon(0.0)
+            return False
+        if peer == self._socket.getsockname():
+            # Nobody listens there, and our own end happened to get the very port: TCP allows it.
+            raise OSError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED))
+        return True
+
+    def _begin(self) -> None:
+        if not self.opened and self.cause == "not opened yet":
+            self.cause = f"connecting to {self._where}"
+        self._deadline_s = self._now_s + CONNECT_S
+        self._socket = socket.socket(self._family, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in OPTIONS.items():
+            self._socket.setsockopt(socket.IPPROTO_TCP, option, value)
+        code = self._socket.connect_ex(self._address)
+        if code not in (0, errno.EINPROGRESS):
+            raise OSError(code, os.strerror(code))
+
+    def _read_into(self, pieces: list[bytes]) -> None:
+        assert self._socket is not None
+        try:
+            data = self._socket.recv(READ_SIZE)
+        except BlockingIOError:
+            return
+        if data:
+            pieces.append(data)
+        else:
+            self._lose(REASONS[errno.EPIPE].format(where=self._where))
+
+    def _send(self, data: bytes) -> int:
+        assert self._socket is not None
+        return self._socket.send(data)
+
+    def _let_go(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+    def _descriptor(self) -> int:
+        return -1 if self._socket is None else self._socket.fileno()

@@ -1,0 +1,165 @@
+"""The compiler of all kernels, and the rule by which a compiled one is taken from disk.
+
+Machine code is kept in `__pycache__` beside the source. Its file's name holds a digest of what the
+kernel was made of: its instructions and constants, the globals and named tuples that it uses, and
+the same of every kernel that it calls. So an edited comment or a copied tree compiles nothing, and
+a changed constant compiles every kernel that it reaches, in whatever file. Numba adds the types of
+the arguments, the CPU, its own version and Python's.
+
+It knows no wire and no map, so every room may import it.
+"""
+
+import builtins
+import dis
+import functools
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any, ParamSpec, TypeVar, cast, get_args, get_type_hints
+
+import numba
+import numpy as np
+from numba.core import caching, types
+from numba.core.dispatcher import Dispatcher
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+OF_CODE = ("co_code", "co_exceptiontable", "co_names", "co_varnames", "co_freevars", "co_cellvars")
+VALUES = (bool, int, float, complex, str, type(None), np.generic, np.dtype)
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile with Numba to machine code, kept on disk; strict IEEE arithmetic.
+
+    No fast-math and no threads: the same input gives the same bits. What it calls stands above it.
+    """
+    before = numba.config.CACHE_LOCATOR_CLASSES
+    numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place}" for place in PLACES)
+    try:
+        compiled = numba.njit(cache=True, no_cfunc_wrapper=True)(function)  # no callbacks for C
+    finally:
+        numba.config.CACHE_LOCATOR_CLASSES = before
+    if isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
+        compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
+    return cast(Callable[P, R], compiled)
+
+
+def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, Any]) -> Any:
+    """How one kernel calls another: every whole number has 64 bits, whatever its value.
+
+    By itself Numba compiles the other once more for a literal 0, a literal 1, a number of 32 bits.
+    """
+    return ask([_wide(of) for of in args], {name: _wide(of) for name, of in kws.items()})
+
+
+def _wide(of: Any) -> Any:
+    of = types.unliteral(of)
+    return types.int64 if isinstance(of, types.Integer) and of.bitwidth < 64 else of
+
+
+@functools.cache
+def digest(function: FunctionType) -> str:
+    """What a kernel's machine code depends on, as 32 hex digits: the same in every process."""
+    whole = hashlib.sha256()
+    for part in _parts(function):
+        whole.update(f"{part}\n".encode())
+    return whole.hexdigest()[:32]
+
+
+def _parts(function: FunctionType) -> Iterator[str]:
+    yield f"{np.__version__} {numba.config.BOUNDSCHECK} {function.__module__}"
+    codes = list(_codes(function.__code__))
+    for code in codes:
+        consts = [const for const in code.co_consts if not isinstance(const, CodeType)]
+        yield repr([getattr(code, name) for name in OF_CODE])
+        yield repr([None if const == function.__doc__ else const for const in consts])
+    yield repr((function.__defaults__, function.__kwdefaults__))
+    yield from (_shape(of) for of in get_type_hints(function).values())
+    used = (i.argval for code in codes for i in dis.get_instructions(code) if _is_global(i))
+    for name in sorted(set(used) - {function.__name__}):
+        if name in function.__globals__:
+            yield f"{name} {_value(function.__globals__[name], function)}"
+        elif not hasattr(builtins, name):
+            raise NameError(f"{function.__qualname__} uses {name}, which must stand above it")
+    for cell in function.__closure__ or ():
+        yield _value(cell.cell_contents, function)
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """A function's instructions, and those of what is defined inside."""
+    yield code
+    for const in code.co_consts:
+        if isinstance(const, CodeType):
+            yield from _codes(const)
+
+
+def _is_global(instruction: dis.Instruction) -> bool:
+    return instruction.opname == "LOAD_GLOBAL"
+
+
+def _value(value: object, user: FunctionType) -> str:
+    """What a kernel takes from a global."""
+    if isinstance(value, Dispatcher):
+        return digest(value.py_func)
+    if isinstance(value, tuple):
+        return repr([_value(part, user) for part in value])
+    if isinstance(value, VALUES):
+        return f"{type(value).__name__} {value!r}"
+    if value is math or value is np:
+        return ""
+    if hasattr(value, "_fields"):
+        return _shape(value)
+    raise TypeError(
+        f"{user.__qualname__} uses {value!r}: a kernel may use numbers, tuples of them,"
+        " kernels, named tuples, math and np"
+    )
+
+
+def _shape(of: Any) -> str:
+    """A type in words; a named tuple with its fields, which kernels find by their places."""
+    inner = get_type_hints(of) if hasattr(of, "_fields") else dict(enumerate(get_args(of)))
+    return f"{of!r} {[(name, _shape(part)) for name, part in inner.items()]}"
+
+
+class _ByDigest(caching._CacheLocator):
+    """What tells a kernel's machine code from that of an earlier kernel of the same name."""
+
+    def __init__(self, function: FunctionType, file: str) -> None:
+        super().__init__(function, file)
+        self._digest = digest(function)
+        self._name = f"{Path(file).stem}.{function.__qualname__}".replace("<", "").replace(">", "")
+        self._is_chosen = False
+
+    def get_source_stamp(self) -> str:
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        """Part of the file's name, so that old code is never found under a new index."""
+        return self._digest
+
+    def ensure_cache_path(self) -> None:
+        """Numba asks when it looks for a place, and again before it saves: then old code goes."""
+        super().ensure_cache_path()
+        if self._is_chosen:
+            for old in Path(self.get_cache_path()).glob(f"{self._name}-*.nb?"):
+                if self._digest not in old.name:
+                    old.unlink(missing_ok=True)
+        self._is_chosen = True
+
+
+class Given(_ByDigest, caching.UserProvidedCacheLocator):
+    """The folder that NUMBA_CACHE_DIR names."""
+
+
+class Beside(_ByDigest, caching.InTreeCacheLocator):
+    """`__pycache__` beside the source, where that can be written."""
+
+
+class Home(_ByDigest, caching.UserWideCacheLocator):
+    """The user's own cache."""
+
+
+PLACES = ("Given", "Beside", "Home")

@@ -1,0 +1,58 @@
+"""How often what fails is tried again, and how it is told."""
+
+import errno
+import os
+import termios
+
+import pytest
+
+from hw.ports.reopening import (
+    CHEAP_LAST_S,
+    RETRY_FIRST_S,
+    RETRY_LAST_S,
+    ReopeningPort,
+    describe_loss,
+)
+
+START_S, TICK_S = 100.0, 0.005
+
+
+class ScriptedPort(ReopeningPort):
+    """Fails to open with the given error, over and over; no wire."""
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__("somewhere")
+        self.error, self.tries_s = error, list[float]()
+
+    def _try_open(self) -> bool:
+        self.tries_s.append(self._now_s)
+        raise self.error
+
+    def _let_go(self) -> None:
+        """There is nothing."""
+
+
+@pytest.mark.parametrize(
+    ("number", "longest_s"),
+    [
+        *((cheap, CHEAP_LAST_S) for cheap in (errno.ECONNREFUSED, errno.EHOSTUNREACH)),
+        *((cheap, CHEAP_LAST_S) for cheap in (errno.ENETUNREACH, errno.ENETDOWN)),
+        *((dear, RETRY_LAST_S) for dear in (errno.EBUSY, errno.EACCES, errno.EMFILE)),
+    ],
+)
+def test_what_costs_nobody_anything_is_tried_often_all_else_ever_less(
+    number: int, longest_s: float
+) -> None:
+    port = ScriptedPort(OSError(number, os.strerror(number)))
+    for tick in range(12_000):  # a minute
+        port.poll(START_S + tick * TICK_S)
+    pauses = [b - a for a, b in zip(port.tries_s, port.tries_s[1:], strict=False)]
+    assert min(pauses) >= RETRY_FIRST_S - 1e-6
+    assert max(pauses) == pytest.approx(longest_s, abs=2 * TICK_S)
+
+
+def test_a_loss_is_told_with_the_name_of_the_wire() -> None:
+    unreachable = describe_loss(OSError(errno.EHOSTUNREACH, ""), "192.168.0.1:2112")
+    assert unreachable == "no answer from 192.168.0.1:2112"  # as when it did not answer in time
+    for error in (termios.error(22, "Invalid argument"), ValueError("Failed to set custom baud")):
+        assert describe_loss(error, "/dev/mti").startswith("/dev/mti: ")

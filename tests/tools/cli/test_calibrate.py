@@ -1,0 +1,322 @@
+"""`tools/calibration/calibrate.py` against the fakes: in the world, and over ports in real time."""
+
+import doctest
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from config_file import load_config, with_changes
+from core.config import ConfigError
+from fakes.lms1xx.device import FakeLms111
+from fakes.scenes.scene import Scene, Solid
+from fakes.wires.wire import MemoryPort, PtyWire, TcpWire, Wire
+from fakes.world.rig import Rig
+from tests import ROOT
+from tests.support.real_time import level_sensor, served
+from tools import settings
+from tools.calibration import collect_floor
+from tools.calibration.collect_floor import RefusedError
+from tools.calibration.mount import Calibration, calibrate
+from tools.cli import calibrate as tool
+
+F64 = npt.NDArray[np.float64]
+SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+LEVEL_RAD = math.radians(0.1)
+TICK_S = 0.005
+HALL = Scene(
+    "hall",
+    (
+        Solid("floor", (-20.0, 20.0), (-20.0, 20.0), (-1.0, 0.0)),
+        Solid("crate", (5.0, 5.6), (-2.0, -1.0), (0.0, 0.5)),
+        Solid("wall", (-3.0, 14.0), (6.0, 6.3), (-1.0, 2.5)),
+    ),
+)
+Powers = tuple[float, float]  # of the left and the right wheel
+OFF = {"mount_tilt_deg": 8.2, "mount_z_m": 1.08}  # the world's robot has 7.5
+
+
+def stand(gone_s: float) -> Powers:
+    return 0.0, 0.0
+
+
+def turn(gone_s: float) -> Powers:
+    return -0.25, 0.25
+
+
+class Bench:
+    """The world's scanner and attitude sensor on memory wires, and the tool's collector."""
+
+    def __init__(self, powers: Callable[[float], Powers], seconds: float = 3.0) -> None:
+        self.config = with_changes(load_config(SHIPPED), scanner=OFF)
+        self.rig = Rig(HALL, 1, drives=False)
+        ports = MemoryPort(), MemoryPort()
+        self.wires = Wire(self.rig.scanner, ports[0], 1), Wire(self.rig.ahrs, ports[1], 2)
+        self.collector = collect_floor.Collector(self.config, *ports, seconds)
+        self.now_s, self._powers = 100.0, powers
+
+    def step(self) -> None:
+        """One tick of everything."""
+        self.now_s += TICK_S
+        self.rig.world.wheels.set_power(*self._powers(self.now_s - 100.0))
+        self.rig.world.step_to(self.now_s)
+        for wire in self.wires:
+            wire.step(self.now_s)
+        self.collector.step(self.now_s)
+
+    def run(self, each: Callable[[float], None] = lambda gone_s: None) -> None:
+        """Until the collector has enough, or refuses; `each` before every tick."""
+        while not self.collector.done:
+            each(self.now_s - 100.0)
+            self.step()
+
+    def found(self, height_m: float | None = 1.08) -> Calibration:
+        """What is made of it."""
+        guess = tool.mount_of(self.config, height_m)
+        sigma_m = None if height_m is None else 0.005
+        return calibrate(self.collector.watch.view(), guess, sigma_m, LEVEL_RAD)
+
+
+@pytest.fixture(scope="module")
+def turned() -> Calibration:
+    bench = Bench(turn)
+    bench.run()
+    return bench.found()
+
+
+@pytest.fixture(scope="module")
+def stood() -> Calibration:
+    bench = Bench(stand, 2.0)
+    bench.run()
+    return bench.found()
+
+
+def test_a_wrong_tilt_in_the_settings_is_found_by_turning_on_the_spot(turned: Calibration) -> None:
+    assert math.degrees(turned.mount.tilt_rad) == pytest.approx(7.5, abs=0.05)
+    assert math.degrees(turned.mount.roll_rad) == pytest.approx(0.0, abs=0.05)
+    assert abs(turned.mount.tilt_rad - math.radians(7.5)) < 3 * turned.tilt_error_rad
+    assert turned.is_proven
+    assert turned.floor_returns > 0.5 * turned.returns
+    assert turned.rms_m < 0.015
+
+
+def test_standing_finds_it_too_but_proves_no_floor(stood: Calibration) -> None:
+    assert abs(stood.mount.tilt_rad - math.radians(7.5)) < 3 * stood.tilt_error_rad
+    assert stood.tilt_error_rad > LEVEL_RAD
+    assert not stood.is_proven
+
+
+def test_driving_to_and_fro_finds_it_too() -> None:
+    bench = Bench(lambda gone_s: (0.5, 0.45) if gone_s % 3.0 < 1.5 else (-0.5, -0.45))
+    bench.run()
+    assert math.degrees(bench.found().mount.tilt_rad) == pytest.approx(7.5, abs=0.1)
+    assert not bench.found(None).z_is_separate  # the springs' nod is too small for that
+
+
+def test_a_missing_attitude_sensor_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(collect_floor, "READY_S", 6.0)
+    bench = Bench(stand)
+    bench.rig.ahrs.mute = True
+    with pytest.raises(RefusedError, match=r"not ready within 6 s: .*attitude sensor is"):
+        bench.run()
+    assert "scanner is" not in bench.collector.words(bench.now_s)
+
+
+def test_progress_is_told_and_takes_as_long_as_wanted() -> None:
+    bench, told = Bench(stand, 1.0), []
+    bench.run(lambda gone_s: told.append(bench.collector.words(bench.now_s)))
+    assert "waiting until both devices run" in told[0]
+    assert "the scanner is starting" in told[100]
+    assert told[-1] == "1 of 1 s, 25 scans"
+
+
+def test_an_attitude_sensor_that_falls_silent_is_told_in_words() -> None:
+    bench = Bench(stand)
+
+    def fall_silent(gone_s: float) -> None:
+        bench.rig.ahrs.mute = bench.collector.watch.scans > 20
+
+    with pytest.raises(RefusedError, match=r"of 75 scans came with an attitude, \d\d without"):
+        bench.run(fall_silent)
+
+
+def options(path: Path, *given: str) -> list[str]:
+    return ["--config", str(path), *given]
+
+
+def told(found: Calibration, path: Path, *given: str, text: str = SHIPPED) -> None:
+    """What the tool does with a calibration and a settings' file."""
+    path.write_bytes(text.encode())
+    tool.tell(found, tool.arguments(options(path, *given)), load_config(text), text)
+
+
+def test_the_report_has_values_errors_residual_and_effect(
+    turned: Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = SHIPPED.replace("mount_tilt_deg = 7.5 ", "mount_tilt_deg = 8.2 ")
+    told(turned, tmp_path / "mapod.toml", text=wrong)
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    assert "[scanner]\nmount_z_m = 1.080\nmount_roll_deg = " in printed.out
+    assert "mount_tilt_deg        8.2   7.50 +- 0.0" in printed.out
+    assert "mm rms in height, 95 % within" in printed.out
+    straight_mm = 1000 * (8.0 - 0.25) * math.tan(math.radians(-0.7))
+    said_mm = re.search(r"8 m ahead: (\S+) mm straight", printed.out)
+    assert said_mm
+    assert float(said_mm[1]) == pytest.approx(straight_mm, abs=5)
+    assert (tmp_path / "mapod.toml").read_text() == wrong
+
+
+def test_writing_changes_three_numbers_and_keeps_the_rest_to_the_byte(
+    turned: Calibration, tmp_path: Path
+) -> None:
+    path = tmp_path / "mapod.toml"
+    for newline in ("\n", "\r\n"):
+        text = SHIPPED.replace("mount_tilt_deg = 7.5", "mount_tilt_deg = 8.2")
+        text = text.replace("\n", newline)
+        path.touch()
+        path.chmod(0o640)
+        told(turned, path, "--write", text=text)
+        after = path.read_bytes().decode()
+        lines = list(zip(text.split("\n"), after.split("\n"), strict=True))
+        changed = [new for old, new in lines if old != new]
+        keys = [line.split()[0] for line in changed]
+        assert set(keys) >= {"mount_z_m", "mount_tilt_deg"}
+        assert set(keys) <= {"mount_z_m", "mount_roll_deg", "mount_tilt_deg"}
+        assert re.search(r"mount_tilt_deg = 7.50 +# looking down is positive\r?\n", after)
+        assert load_config(after).scanner.mount_z_m == 1.08
+        assert path.stat().st_mode & 0o777 == 0o640
+        assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_standing_robots_values_are_written_only_if_a_person_vouches_for_the_floor(
+    stood: Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mapod.toml"
+    told(stood, path)
+    assert "take care: the robot neither turned nor nodded" in capsys.readouterr().err
+    with pytest.raises(RefusedError, match="not written: the robot neither turned"):
+        told(stood, path, "--write")
+    assert path.read_text() == SHIPPED
+    told(stood, path, "--write", "--floor")
+    assert path.read_text() != SHIPPED
+
+
+def test_a_large_change_needs_proof_that_it_was_floor(stood: Calibration, tmp_path: Path) -> None:
+    tilt_rad = stood.mount.tilt_rad + math.radians(2.5)
+    wall = replace(stood, mount=replace(stood.mount, tilt_rad=tilt_rad))
+    with pytest.raises(RefusedError, match=r"2\.5 deg off the settings, but the robot neither"):
+        told(wall, tmp_path / "mapod.toml")
+    told(replace(wall, turned_rad=1.0), tmp_path / "mapod.toml", "--write")
+
+
+def test_height_and_tilt_that_only_hold_together_are_refused_with_what_to_do(
+    stood: Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mapod.toml"
+    with pytest.raises(RefusedError, match=r"7\.5 deg at 1\.08 m.*--height.*plank"):
+        told(replace(stood, z_is_separate=False), path, "--write", "--floor")
+    printed = capsys.readouterr().out
+    assert "mount_" not in printed
+    assert "residual" in printed
+    assert path.read_text() == SHIPPED
+    with pytest.raises(RefusedError, match=r"no better than 0\.9 deg"):
+        told(replace(stood, roll_error_rad=math.radians(0.9)), path, "--write", "--floor")
+
+
+def test_a_file_that_changed_meanwhile_is_left_alone(turned: Calibration, tmp_path: Path) -> None:
+    path = tmp_path / "mapod.toml"
+    path.write_text(SHIPPED + "\n# somebody was here\n")
+    given = tool.arguments(options(path, "--write"))
+    with pytest.raises(settings.NotThereError, match="changed meanwhile"):
+        tool.tell(turned, given, load_config(SHIPPED), SHIPPED)
+    assert path.read_text().endswith("# somebody was here\n")
+
+
+def test_a_linked_file_is_written_where_it_lies(turned: Calibration, tmp_path: Path) -> None:
+    path, link = tmp_path / "robot.toml", tmp_path / "mapod.toml"
+    path.write_text(SHIPPED)
+    link.symlink_to(path)
+    told(turned, link, "--write")
+    assert link.is_symlink()
+    assert path.read_text() != SHIPPED
+
+
+@pytest.mark.parametrize("head", ["[ scanner ]", "  [scanner]  # the laser", "[scanner]\t"])
+def test_a_section_is_known_however_its_head_is_written(head: str) -> None:
+    text = SHIPPED.replace("[scanner]", head)
+    changed = settings.with_values(text, "scanner", {"mount_tilt_deg": "6.25"})
+    assert load_config(changed).scanner.mount_tilt_deg == 6.25
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("mount_tilt_deg = 7.5 ", '"mount_tilt_deg" = 7.5 '), ("[scanner]", "['scanner']")],
+)
+def test_a_file_that_is_not_understood_is_not_changed(old: str, new: str) -> None:
+    text = SHIPPED.replace(old, new)
+    assert load_config(text) == load_config(SHIPPED)
+    with pytest.raises(settings.NotThereError, match="mount_tilt_deg: not on a line"):
+        settings.with_values(text, "scanner", {"mount_tilt_deg": "6.25"})
+
+
+def test_values_are_rounded_to_the_first_digit_of_their_error() -> None:
+    assert doctest.testmod(tool).failed == 0
+    assert tool.rounded(8.2, 0.0) == "8.2000"
+    assert tool.rounded(8.24, 3.0) == "8.2"
+
+
+def test_a_value_out_of_range_is_not_written() -> None:
+    with pytest.raises(ConfigError, match="mount_z_m"):
+        settings.with_values(SHIPPED, "scanner", {"mount_z_m": "-1.0"})
+
+
+def floor_ranges_m(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+    """A flat floor from 1.08 m, tilted by 8.2 deg: one straight line across."""
+    return 1.08 / math.sin(math.radians(8.2)) / np.cos(bearings_rad)
+
+
+def ran(path: Path, scanner: FakeLms111, *given: str) -> int:
+    """The exit status of the whole tool, on TCP and a pty."""
+    wires = TcpWire(scanner), PtyWire(level_sensor())
+    text = SHIPPED.replace("tcp://192.168.0.1:2112", f"tcp://127.0.0.1:{wires[0].port}")
+    path.write_text(text.replace("/dev/mti?", f"{wires[1].path}?"))
+    with served(*wires):
+        return tool.main([*options(path, "--seconds", "2"), *given])
+
+
+def test_the_whole_tool_over_ports_in_real_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, scanner = tmp_path / "mapod.toml", FakeLms111(floor_ranges_m, 1)
+    status = ran(path, scanner, "--height", "1.08", "--floor", "--write")
+    printed = capsys.readouterr()
+    assert status == 0, printed
+    assert load_config(path.read_text()).scanner.mount_tilt_deg == pytest.approx(8.2, abs=0.1)
+    assert scanner.state != 2  # not left being configured
+
+
+def test_wrong_use_has_status_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert tool.main(options(tmp_path / "none.toml")) == 2
+    path = tmp_path / "mapod.toml"
+    path.write_text("nonsense")
+    assert tool.main(options(path)) == 2
+    path.write_text(SHIPPED.replace("tcp://192.168.0.1:2112", "nowhere"))
+    assert tool.main(options(path)) == 2
+    with pytest.raises(SystemExit):
+        tool.main(options(path, "--height", "nan"))
+    capsys.readouterr()
+
+
+def test_a_height_that_is_a_slip_is_refused_before_anything_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "mapod.toml"
+    path.write_text(SHIPPED)
+    assert tool.main(options(path, "--height", "1.8")) == 1
+    assert "is it in metres" in capsys.readouterr().err

@@ -1,0 +1,149 @@
+"""A run written down and played again: the same map, and a planner that hears the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app import App, Ports
+from config_file import load_config
+from tests import ROOT
+from tools.cli import replay as tool
+from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
+from tools.recording import Recorder, Recording
+from tools.rig.loop import SESSION, Loop
+
+SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
+
+
+class RecordedLoop(Loop):
+    """A simulated robot whose run is written down."""
+
+    def __init__(self, path: Path) -> None:
+        self.recorder = Recorder(path, "0.1", SHIPPED, lambda: self.now_s)
+        super().__init__("corridor", 1, load_config(SHIPPED), drives=True)
+
+    def _new_app(self, key: bytes | None) -> App:
+        scanner, ahrs, drive = (self.recorder.port(*named) for named in self.ports.items())
+        ports = Ports(scanner, ahrs, drive, self.recorder.port("planner", self.link_port))
+        return self.recorder.app(App(self.config, ports, session=SESSION))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
+    """Three seconds of a drive, the scanner's wire cut for a while."""
+    path = tmp_path_factory.mktemp("recording") / "drive.rec"
+    loop = RecordedLoop(path)
+    loop.run(2.0)
+    loop.wires["scanner"].cut = True
+    loop.run(0.3)
+    loop.wires["scanner"].cut = False
+    loop.run(2.0)
+    loop.recorder.close()
+    assert loop.recorder.trouble == ""
+    return loop, path
+
+
+def played(path: Path) -> RecordingReplay:
+    recording = Recording(path)
+    replay = RecordingReplay(recording, session_of(recording))
+    while not replay.done:
+        replay.step()
+    return replay
+
+
+def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> None:
+    loop, path = run
+    replay = played(path)
+    assert loop.app.mapper.counts.scans_added > 30
+    assert replay.app.mapper.counts == loop.app.mapper.counts
+    np.testing.assert_array_equal(
+        replay.app.mapper.maps.window.cells, loop.app.mapper.maps.window.cells
+    )
+    assert replay.app.scanner.status.losses == loop.app.scanner.status.losses == 1
+    assert replay.now_s == loop.now_s
+
+
+def test_a_planner_hears_of_a_replay_and_two_replays_say_the_same(
+    run: tuple[RecordedLoop, Path],
+) -> None:
+    one, other = played(run[1]), played(run[1])
+    pose, geom = one.view.planner.pose, one.view.planner.geom
+    assert pose is not None
+    assert geom is not None
+    assert (pose.mode, geom.session) == (4, SESSION)
+    assert one.view.outcome(one.app) == other.view.outcome(other.app)
+
+
+def test_a_recording_that_was_broken_off_is_played_to_its_last_whole_record(
+    run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = run[1].read_bytes()
+    (tmp_path / "half.rec").write_bytes(data[: len(data) // 2 + 1])
+    assert tool.main([str(tmp_path / "half.rec")]) == 0
+    assert "scans mapped" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda data: data.replace(b'"mapod_recording": 1', b'"mapod_recording": 7'), "form 7"),
+        (lambda data: data.partition(b"\n")[0][:-5] + b"\n", "not a recording"),
+        (lambda data: data.partition(b"\n")[0] + b"\n" + bytes(40), "damaged before byte"),
+    ],
+)
+def test_what_is_no_recording_is_refused_in_words(
+    damage: object, words: str, run: tuple[RecordedLoop, Path], tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    assert callable(damage)
+    (tmp_path / "bad.rec").write_bytes(damage(run[1].read_bytes()))
+    assert tool.main([str(tmp_path / "bad.rec")]) == 2
+    told = capsys.readouterr().err
+    assert words in told
+    assert len(told.splitlines()) == 1
+
+
+def test_a_disk_that_is_full_ends_the_recording_and_not_the_run() -> None:
+    recorder = Recorder(Path("/dev/full"), "0.1", SHIPPED)
+    recorder.app(App.__new__(App))
+    for _ in range(1000):
+        recorder.note(1.0, b"I", 0, bytes(1000))
+    recorder.close()
+    assert "No space left" in recorder.trouble
+
+
+def test_a_recording_without_scans_says_why_none_was_mapped(tmp_path: Path) -> None:
+    path = tmp_path / "mute.rec"
+    loop = RecordedLoop(path)
+    loop.rig.scanner.mute = True
+    loop.run(1.0)
+    loop.recorder.close()
+    replay = played(path)
+    assert why_nothing_was_mapped(replay) == "the recording holds no byte of the scanner"
+
+
+# A scanner's bytes alone
+
+
+def test_bytes_that_are_no_scans_are_told_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "junk_d2h.bin").write_bytes(bytes(1000))
+    assert tool.main([str(tmp_path / "junk_d2h.bin")]) == 1
+    assert "no scan was mapped: the file holds no scan" in capsys.readouterr().err
+
+
+def test_scans_that_no_session_takes_are_told_with_the_device_s_own_cause(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = tool.SHIPPED_RECORDING.read_bytes()
+    first = data.index(b"sSN LMDscandata") - 8  # all answers of the start-up are lost
+    (tmp_path / "late_d2h.bin").write_bytes(data[first : first + 20_000])
+    assert tool.main([str(tmp_path / "late_d2h.bin")]) == 1
+    assert "no scan was mapped: the scanner is starting: " in capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
+    assert tool.main(["no/such.rec"]) == 2
+    assert "no/such.rec" in capsys.readouterr().err

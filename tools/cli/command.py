@@ -1,0 +1,65 @@
+"""The command `mapod`: finds the command that is asked for, and hands it its arguments.
+
+A command is one file of this folder: `main(arguments)` gives the exit status. A file is loaded only
+when its command is called, so that `mapod version` needs none of the libraries.
+"""
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+from tools.cli.options import USAGE
+
+COMMANDS = {  # file, and what it does
+    "init": ("init", "write mapod.toml, the settings of a robot"),
+    "check": ("check", "say in words what the settings describe"),
+    "run": ("run", "run the robot: sensors in, obstacle map out"),
+    "demo": ("demo", "a simulated robot, and its map in the terminal"),
+    "view": ("view", "the map that a planner gets, in the terminal"),
+    "record": ("record", "run the robot, and keep every byte of every port"),
+    "replay": ("replay", "play a recording through the app"),
+    "devices": ("devices", "which device speaks on which port"),
+    "scanner": ("scanner", "talk to the laser scanner"),
+    "attitude": ("attitude", "talk to the attitude sensor"),
+    "drive": ("drive", "read the motor controller; drive by keyboard"),
+    "calibrate": ("calibrate", "how the scanner sits, from flat floor"),
+    "compare": ("compare", "a real device and its fake, asked the same"),
+    "link-test": ("link_test", "check a planner's receiver over its port"),
+    "warm": ("warm", "compile what `run` needs, ahead of time"),
+    "version": ("version", "which version this is"),
+}
+
+
+def help_text() -> str:
+    """All commands, a line each."""
+    lines = [f"  {name:<11}{what}" for name, (_, what) in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: mapod COMMAND [OPTION]...",
+            "",
+            *lines,
+            "",
+            "`mapod COMMAND --help` tells the options of a command, with an example.",
+        ]
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Exit status: that of the command; 2 if there is no such command."""
+    name, *rest = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    if name in ("-h", "--help", "help"):
+        print(help_text())
+        return 0
+    name = "version" if name == "--version" else name
+    if name not in COMMANDS:
+        print(f"mapod: there is no command {name!r}; mapod --help lists them", file=sys.stderr)
+        return USAGE
+    try:
+        module = importlib.import_module(f"{__package__}.{COMMANDS[name][0]}")
+        return int(module.main(rest))
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

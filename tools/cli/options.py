@@ -1,0 +1,146 @@
+"""How the arguments of all commands of `mapod` are written, and what wrong use is answered with.
+
+An option that several commands have is declared here, so that it means the same everywhere. Wrong
+use ends with status 2 and one line.
+"""
+
+import argparse
+import importlib.util
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+from config_file import load_config, read_key
+from core.config import Config, ConfigError
+
+ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
+SHIPPED_CONFIG = ROOT / "mapod.toml"
+USAGE = 2  # exit status
+ROOMS = __package__.removesuffix("tools.cli")  # "mapod." where it is installed
+IN_THE_SOURCES = "needs the simulation, which only the source tree has: see its README"
+NOT_INSTALLED = "needs the simulation's libraries: pip install -e '.[sim]'"
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that tells what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say it and end with status 2."""
+        self.exit(USAGE, f"{self.prog}: {message} ({self.prog} --help)\n")
+
+
+def parser_of(name: str, about: str | None, *examples: str) -> Parser:
+    """The parser of one command; its help ends with the examples."""
+    return Parser(
+        prog=f"mapod {name}",
+        description=about,
+        epilog="\n  ".join([f"example{'s' * (len(examples) > 1)}:", *examples]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+
+
+def number_in(low: float, high: float) -> Callable[[str], float]:
+    """Reads a number within these bounds, both included."""
+
+    def number(text: str) -> float:
+        value = float(text)
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"must be from {low:g} to {high:g}, is {text}")
+        return value
+
+    return number
+
+
+def a_span(text: str) -> float:
+    """Seconds above 0."""
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"must be above 0, is {text}")
+    return value
+
+
+def a_seed(text: str) -> int:
+    """A whole number from 0 on."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"must be 0 or more, is {text}")
+    return value
+
+
+def add_config(parser: argparse.ArgumentParser, default: Path = Path("mapod.toml")) -> None:
+    """--config: the robot's settings."""
+    shown = "the shipped one" if default == SHIPPED_CONFIG else default
+    parser.add_argument(
+        "--config", type=Path, default=default, help=f"the robot's settings (default: {shown})"
+    )
+
+
+def add_port(parser: argparse.ArgumentParser, example: str, default: str | None = None) -> None:
+    """--port: the URL of the wire to what the command talks to."""
+    shown = default or "that of --config"
+    parser.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
+
+
+def add_seconds(parser: argparse.ArgumentParser, end: str, default: float | None = None) -> None:
+    """--seconds: how long."""
+    parser.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
+
+
+def add_world(parser: argparse.ArgumentParser, scene: str | None = "corridor") -> None:
+    """--scene and --seed: where a simulated robot drives, and what is random there."""
+    other = "the file's" if scene is None else scene
+    parser.add_argument("--scene", default=scene, help=f"which world (default: {other})")
+    seed = None if scene is None else 1
+    parser.add_argument(
+        "--seed", type=a_seed, default=seed, help=f"of all chance (default: {seed or other})"
+    )
+
+
+def add_out(parser: argparse.ArgumentParser, what: str, default: Path | None = None) -> None:
+    """--out: the file, or the folder, that is written."""
+    shown = f" (default: {default})" if default else ""
+    parser.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
+
+
+def configured(path: Path) -> Config:
+    """The settings in a file.
+
+    Raises:
+        ConfigError: what is wrong with it, with its name.
+    """
+    try:
+        return load_config(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}; mapod init writes one") from None
+    except (ConfigError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def add_key(parser: argparse.ArgumentParser) -> None:
+    """--key-file: of the planner link."""
+    parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits: signed frames")
+
+
+def maybe_key(path: Path | None) -> bytes | None:
+    """The key in a file; None for none.
+
+    Raises:
+        ConfigError: the file can't be read, or holds no key.
+    """
+    return read_key(str(path) if path else "")
+
+
+def lacks_simulation() -> str:
+    """Why what needs fakes and world cannot run here, in words; "" where it can."""
+    if importlib.util.find_spec(f"{ROOMS}fakes") is None:
+        return IN_THE_SOURCES
+    return "" if importlib.util.find_spec("mujoco") else NOT_INSTALLED
+
+
+def fail(command: str, reason: object, status: int = USAGE) -> int:
+    """Say why a command ends, in one line; gives the exit status."""
+    print(f"mapod {command}: {reason}", file=sys.stderr, flush=True)
+    return status

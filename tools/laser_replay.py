@@ -1,0 +1,87 @@
+"""Recorded bytes of a laser scanner alone around one app: the robot is level and stands still.
+
+Its attitude sensor and wheels are fakes. All bytes pass the app's own codecs and sessions, on a
+simulated clock.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from app import App, Ports
+from core.config import Config
+from fakes.ax3500.device import FakeAx3500
+from fakes.lms1xx.recorded import RecordedLms111
+from fakes.mti.device import FakeMti
+from fakes.wires.wire import MemoryPort, Wire
+from tools.played import SESSION, LinkView
+
+LONGEST_START_S = 60.0  # of the session, before the first scan must have come
+REST_S = 0.5  # after the last scan, for the last frames
+BEGIN_S = 1000.0
+
+
+class StandingWheels:
+    """Wheels that do not turn."""
+
+    def counts(self) -> tuple[float, float]:
+        """Encoder edges of channel 1 and 2."""
+        return 0.0, 0.0
+
+    def set_power(self, one: float, two: float) -> None:
+        """Nobody drives a recording."""
+
+
+class LaserReplay:
+    """A recorded scanner, a level attitude and standing wheels around one app.
+
+    Raises:
+        OSError: the recording can't be read.
+    """
+
+    def __init__(self, path: Path, config: Config) -> None:
+        self.recording, self.config = RecordedLms111.from_files(path), config
+        scanner, ahrs_port, drive_port = MemoryPort(), MemoryPort(), MemoryPort()
+        self._link = MemoryPort(datagrams=True)
+        level = (np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81]))
+        drive = FakeAx3500(StandingWheels(), 2)
+        self._wires = [
+            Wire(self.recording, scanner, 0),
+            Wire(FakeMti(lambda t_s: level, 1), ahrs_port, 0),
+            Wire(drive, drive_port, 0),
+        ]
+        ports = Ports(scanner, ahrs_port, drive_port, self._link)
+        self.app = App(config, ports, session=SESSION, replayed=True)
+        self.view = LinkView(datagrams=True)
+        self._ticks, self._rest_s = 0, REST_S
+
+    @property
+    def now_s(self) -> float:
+        """The simulated clock."""
+        return BEGIN_S + self._ticks / self.config.loop.rate_hz
+
+    @property
+    def done(self) -> bool:
+        """True once all scans have been sent and the frames about them as well."""
+        overdue = self.now_s > BEGIN_S + LONGEST_START_S
+        return self._rest_s <= 0 or (overdue and self.app.mapper.counts.scans_added == 0)
+
+    @property
+    def lacks(self) -> str:
+        """The recording holds no scans."""
+        if self.recording.scans:
+            return ""
+        return "the file holds no scan: no telegram in it is a CoLa-B scan (sSN LMDscandata)"
+
+    def step(self) -> None:
+        """One tick."""
+        self._ticks += 1
+        for wire in self._wires:
+            wire.step(self.now_s)
+        self.app.step(self.now_s)
+        for datagram in self._link.take_datagrams():
+            self.view.take(self.now_s, datagram)
+        for answer in self.view.planner.poll(self.now_s):
+            self._link.give(answer)
+        if self.recording.done:
+            self._rest_s -= 1.0 / self.config.loop.rate_hz

@@ -1,0 +1,75 @@
+"""Single values of a settings file changed in place; all else stays as it is, to the byte."""
+
+import json
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from config_file import load_config, with_changes
+
+
+class NotThereError(Exception):
+    """The file can't be changed so; the text says why."""
+
+
+def rewritten(text: str, values: Mapping[str, object]) -> str:
+    """The text with the values at "section.key" replaced, comments and all else as they were.
+
+    Raises:
+        NotThereError: a key is not there on a line of its own.
+    """
+    return _replaced(text, {key: json.dumps(value) for key, value in values.items()})
+
+
+def with_values(text: str, section: str, values: Mapping[str, str]) -> str:
+    """The text with the numbers at some keys of a section replaced by others, digit for digit.
+
+    Raises:
+        NotThereError: a key is not there on a line of its own.
+        ConfigError: a number is out of range.
+    """
+    changed = _replaced(text, {f"{section}.{key}": value for key, value in values.items()})
+    wanted = with_changes(load_config(text), **{section: {k: float(values[k]) for k in values}})
+    if load_config(changed) != wanted:
+        raise NotThereError(f"[{section}] {', '.join(values)}: not on a line of its own")
+    return changed
+
+
+def _replaced(text: str, literals: Mapping[str, str]) -> str:
+    """Values as TOML writes them, by "section.key"."""
+    lines, section, left = text.splitlines(keepends=True), "", dict(literals)
+    for i, line in enumerate(lines):
+        if head := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
+            section = head[1]
+        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|[\w.+-]+)', line):
+            value = left.pop(f"{section}.{entry[2]}", None)
+            if value is not None:
+                lines[i] = f"{entry[1]}{value}{line[entry.end() :]}"
+    if left:
+        raise NotThereError(f"the settings have no {', '.join(sorted(left))} on a line of its own")
+    return "".join(lines)
+
+
+def rewrite(path: Path, before: str, after: str) -> None:
+    """Put a text in place of the one that the file holds, in one step; keeps the file's mode.
+
+    Raises:
+        NotThereError: the file does not hold `before` any more.
+        OSError: it can't be written; it is as it was.
+    """
+    path = path.resolve()  # a link stays a link
+    if path.read_bytes() != before.encode():
+        raise NotThereError(f"{path} has been changed meanwhile: nothing is written")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(after.encode())
+            file.flush()
+            os.fsync(file.fileno())
+        shutil.copymode(path, name)
+        os.replace(name, path)
+    finally:
+        Path(name).unlink(missing_ok=True)

@@ -30,6 +30,7 @@ from tests.support.modbus_rig import (
     until,
     window_of,
 )
+from tools.rig.c_build import MissingToolError
 
 COUNT = 10 + SIZE * stride_of(SIZE) + 1  # registers of a window: head, cells, generation
 SOURCE = Path(__file__).parent / "modbus_reader.c"
@@ -141,9 +142,9 @@ async def output_of(*command: str) -> str:
 def reader(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The C program, built."""
     if shutil.which("gcc") is None:
-        pytest.skip("needs gcc: apt install gcc")
+        raise MissingToolError("needs gcc: apt install gcc")
     if not any(Path("/usr").glob("include/modbus/modbus.h")):
-        pytest.skip("needs libmodbus: apt install libmodbus-dev")
+        raise MissingToolError("needs libmodbus: apt install libmodbus-dev")
     program = tmp_path_factory.mktemp("reader") / "reader"
     command = ["gcc", "-std=gnu99", "-Wall", "-Wextra", "-Werror", "-I/usr/include/modbus"]
     subprocess.run([*command, str(SOURCE), "-o", str(program), "-lmodbus"], check=True)
@@ -175,7 +176,7 @@ def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
 @pytest.mark.parametrize("table", ["3", "4"])
 def test_mbpoll_reads_the_image(kind: str, table: str) -> None:
     if shutil.which("mbpoll") is None:
-        pytest.skip("needs mbpoll: apt install mbpoll")
+        raise MissingToolError("needs mbpoll: apt install mbpoll")
 
     async def run() -> None:
         image, port, line, end = new_image(), free_port(), Line(), Line()
@@ -199,7 +200,7 @@ def test_mbpoll_reads_the_image(kind: str, table: str) -> None:
 
 def test_mbpoll_is_refused_what_is_not_there() -> None:
     if shutil.which("mbpoll") is None:
-        pytest.skip("needs mbpoll: apt install mbpoll")
+        raise MissingToolError("needs mbpoll: apt install mbpoll")
 
     async def run() -> None:
         port = free_port()

@@ -94,7 +94,8 @@ def test_a_full_wire_is_left_alone_until_it_has_room_and_gets_nothing_outdated()
     port.held = False
     assert line.link.counters.ticks_held == 30
     line.tick()
-    first = frame_from_bytes(cobs.decode(line.frames[0].strip(b"\0")))
+    frame: bytes = cobs.decode(line.frames[0].strip(b"\0"))  # type: ignore[no-untyped-call]
+    first = frame_from_bytes(frame)
     assert isinstance(first, Frame)
     assert first.t_ms == round(1000 * line.now_s)
     line.settle(0.5)

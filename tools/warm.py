@@ -18,7 +18,7 @@ SCENES = ("crowd", "yard")  # who walks there, and what is soft: all that rays c
 def warm_app() -> None:
     """The kernels that the app can come to with the shipped settings."""
     from app import warm_kernels
-    from core.config import load_config
+    from config_file import load_config
 
     warm_kernels(load_config((ROOT / "mapod.toml").read_text(encoding="utf-8")))
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from core.config import load_config
+from config_file import load_config
 from core.driving.stop_zone import StopZone
 from core.grid.ring import RingGrid
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow, PoseReport, StopZoneReport

@@ -347,16 +347,6 @@ class Ax3500(Device[WheelCounts]):
         in it."""
         return self.stream.controller.measured() | {"watchdog_stops": self.stream.watchdog_stops}
 
-    @property
-    def trouble(self) -> str:
-        """Why the motors do not obey, in words; "" if they do."""
-        return self.controller.trouble
-
-    @property
-    def emergency_stop(self) -> bool:
-        """Whether it is pressed."""
-        return bool(self.controller.emergency_stop)
-
     def drive(self, left: float, right: float) -> None:
         """Wheel power wanted from the next step on, -1..1 of full; call it at every tick.
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from hw.lms1xx.telegrams import MAX_BEAMS
 from tests.support.scripted_lms111 import SFA, TICK_S, Bench, willing, with_beams
 
 
@@ -77,7 +78,7 @@ def test_more_beams_than_the_family_has_are_refused_and_the_cause_says_so() -> N
     assert f"no scan from the scanner for 2 s: {reason}" in bench.causes
     assert {frame.reason for frame in bench.lms.status.rejections} == {reason}
     bench = willing(scan_rate_hz=25, angular_step_deg=0.25)
-    bench.fake._scan = with_beams(bench.fake._scan, bench.lms.max_beams)
+    bench.fake._scan = with_beams(bench.fake._scan, MAX_BEAMS)
     assert {scan.ranges_m.shape for scan in bench.run(1.0)} == {(1, 1081)}
 
 

@@ -1,14 +1,12 @@
 """mapod: laser scanner, attitude and wheel bytes in; obstacle map out on the planner's wire.
 
-Arguments, logging, opening the ports, the loop, shutdown. The app itself is `App` in app.py.
+Arguments and the loop. The app itself is `App` in app.py.
 """
 
 import argparse
 import asyncio
 import contextlib
-import logging
 import math
-import os
 import secrets
 import signal
 import sys
@@ -22,58 +20,21 @@ from typing import Protocol
 import structlog
 
 from app import App, Ports, warm_kernels
-from core.config import Config, ConfigError, key_from_bytes, load_config
-from core.saved.check import check_state
-from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
-from core.saved.state import restore, state_of, was_moving
+from config_file import load_config, read_key
+from core.config import Config, ConfigError
+from core.saved.encoding import Arrays, StateError
+from core.saved.state import restore, was_moving
 from core.summary import robot_in_words
 from hw.device import Port
-from hw.modbus.server import ModbusServer
-from hw.ports.wires import PortUrlError, open_port, parse_url
-from hw.runtime.real_time import leave_real_time, take_real_time
+from hw.ports.url import parse_url
+from hw.runtime.real_time import take_real_time
 from hw.runtime.timer import Timer
 from hw.runtime.wakeup import WakeUp
+from logs import set_up_logging
+from map_files import MapSaver, load_map
+from wiring import modbus_servers, open_ports
 
-__all__ = ["App", "Ports"]
-
-
-def read_key(path: str) -> bytes | None:
-    """The planner link's key: 32 bytes, or 64 hex digits; None for "".
-
-    Raises:
-        ConfigError: the file can't be read, or holds no key.
-    """
-    if not path:
-        return None
-    try:
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise ConfigError(f"planner.key_file: can't read {path!r}: {error.strerror}") from None
-    return key_from_bytes(content, path)
-
-
-def check_ports(config: Config) -> None:
-    """What the URLs of all ports say, before any of them opens.
-
-    Raises:
-        ConfigError: a URL that names no port, one for two, seven bits where all eight are needed.
-    """
-    given = [(name, getattr(config, name).port) for name in ("scanner", "ahrs", "drive")]
-    given += [("planner", url) for url in config.planner.ports]
-    given += [("modbus", url) for url in config.modbus.ports]
-    lines: dict[str, str] = {}  # by the path of a serial line: whose it is
-    for section, url in given:
-        try:
-            parts = parse_url(url)
-        except PortUrlError as error:
-            raise ConfigError(f"{section}.port: {error}") from None
-        if parts.kind != "serial":
-            continue
-        if parts.bytesize != 8 and section in ("planner", "modbus"):
-            raise ConfigError(f"{section}.port: bytesize must be 8 here, is 7 in {url!r}")
-        if parts.path in lines:
-            raise ConfigError(f"{section}.port: {url!r} is {lines[parts.path]}.port already")
-        lines[parts.path] = section
+SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
 
 class Recorder(Protocol):
@@ -86,119 +47,6 @@ class Recorder(Protocol):
         """The same app, which tells of its steps."""
 
 
-def open_ports(config: Config, recorder: Recorder | None = None) -> Ports:
-    """The ports of devices and planners, none of them connected yet.
-
-    Raises:
-        ConfigError: as check_ports; a host without an address.
-    """
-
-    check_ports(config)
-
-    def opened(section: str, url: str) -> Port:
-        try:
-            port = open_port(url)
-        except PortUrlError as error:
-            raise ConfigError(f"{section}.port: {error}") from None
-        return recorder.port(section, port) if recorder else port
-
-    return Ports(
-        opened("scanner", config.scanner.port),
-        opened("ahrs", config.ahrs.port),
-        opened("drive", config.drive.port),
-        opened("planner", config.planner.ports[0]),
-        tuple(opened("planner", url) for url in config.planner.ports[1:]),
-    )
-
-
-def set_up_logging(config: Config) -> None:
-    """structlog to stderr, for a person or as JSON lines."""
-    renderer = (
-        structlog.processors.JSONRenderer()
-        if config.log.format == "json"
-        else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
-    )
-    structlog.configure(
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            renderer,
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(
-            logging.getLevelNamesMapping()[config.log.level.upper()]
-        ),
-        logger_factory=structlog.PrintLoggerFactory(sys.stderr),
-    )
-
-
-def load_map(path: str, config: Config) -> Arrays:
-    """The state of a map in a file, fit to go on from with these settings.
-
-    Raises:
-        StateError: the file can't be read, was damaged, or belongs to other settings.
-    """
-    try:
-        arrays = arrays_from_bytes(Path(path).read_bytes())
-        check_state(arrays, config)
-    except (OSError, StateError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise StateError(f"can't load the map {path!r}: {reason}") from None
-    return arrays
-
-
-def write_map(path: str, arrays: Arrays) -> None:
-    """A state into a file, whole or not at all: what was there before stays until then.
-
-    Raises:
-        OSError: it can't be written.
-    """
-    part = Path(f"{path}.part")
-    with part.open("wb") as file:
-        file.write(bytes_from_arrays(arrays))
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
-
-
-class MapSaver:
-    """Saves an app's map into a file, beside the loop; where it can't, the log says why."""
-
-    def __init__(self, app: App, path: str, clock: Callable[[], float] = time.monotonic) -> None:
-        self._app, self._path, self._clock = app, path, clock
-        self._log = structlog.get_logger()
-        self._writing: asyncio.Future[None] | None = None
-
-    def save(self) -> None:
-        """Save the map as it is now; the file is written meanwhile."""
-        if self._writing is not None and not self._writing.done():
-            self._log.warning("map_not_saved", reason="the one before is still being written")
-            return
-        try:
-            arrays = state_of(self._app.mapper, self._app.config, self._clock())
-        except StateError as error:
-            self._log.warning("map_not_saved", reason=str(error))
-            return
-        loop = asyncio.get_running_loop()
-        self._writing = loop.run_in_executor(None, self._write, arrays)
-
-    def _write(self, arrays: Arrays) -> None:
-        leave_real_time()
-        try:
-            write_map(self._path, arrays)
-        except OSError as error:
-            self._log.warning("map_not_saved", reason=str(error))
-        else:
-            self._log.info("map_saved", file=self._path, moving=was_moving(arrays))
-
-    async def finish(self) -> None:
-        """Save for the last time; all is written afterwards."""
-        if self._writing is not None:
-            await self._writing
-        self.save()
-        if self._writing is not None:
-            await self._writing
-
-
 def slots_until_next(since_due_s: float, period_s: float) -> int:
     """How many slots after one that was due so long ago the next one lies that can be begun.
 
@@ -207,30 +55,33 @@ def slots_until_next(since_due_s: float, period_s: float) -> int:
     return max(1, math.ceil(since_due_s / period_s - 0.5))
 
 
-async def keep_pace(app: App, period_s: float, stop: asyncio.Event) -> None:
-    """Step the app at a fixed rate until told to stop; missed slots are skipped and counted.
+async def keep_pace(app: App, period_s: float, is_over: Callable[[], bool]) -> None:
+    """Step the app at a fixed rate until it is over; missed slots are skipped and counted.
 
     Between ticks it hears what arrives, so that stamps are true to the instant of reading.
     """
-    due_s, ports = time.monotonic(), app.ports
-    timer = Timer(asyncio.get_running_loop())
-    wake_up = WakeUp(
-        asyncio.get_running_loop(),
-        (ports.scanner, ports.ahrs, ports.drive),
-        lambda: app.hear(time.monotonic()),
-    )
-    while not stop.is_set():
+    due_s, loop = time.monotonic(), asyncio.get_running_loop()
+    timer = Timer(loop)
+    wake_up = WakeUp(loop, app.ports.of_devices, lambda: app.hear(time.monotonic()))
+    while not is_over():
         await timer.wait_until(due_s)
-        app.note_tick(time.monotonic() - due_s)
+        app.loop.late_s.append(time.monotonic() - due_s)
         app.step(time.monotonic())
         wake_up.after_tick()
-        now_s = time.monotonic()
-        slots = slots_until_next(now_s - due_s, period_s)
-        if slots > 1:
-            app.note_missed(now_s, slots - 1)
+        slots = slots_until_next(time.monotonic() - due_s, period_s)
+        app.loop.slots_missed += slots - 1
         due_s += period_s * slots
     wake_up.close()
     timer.close()
+
+
+async def settle(app: App, period_s: float) -> None:
+    """Tell the devices that it ends, and go on until they have taken it, for SETTLE_S at most."""
+    app.stop()
+    until_s = time.monotonic() + SETTLE_S
+    await keep_pace(app, period_s, lambda: app.settled or time.monotonic() >= until_s)
+    if not app.settled:
+        structlog.get_logger().warning("devices_not_settled", waited_s=SETTLE_S)
 
 
 async def serve(
@@ -242,10 +93,9 @@ async def serve(
     recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
-    log = structlog.get_logger()
-    stop = asyncio.Event()
+    log, loop, stop = structlog.get_logger(), asyncio.get_running_loop(), asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        loop.add_signal_handler(number, stop.set)
     warm_kernels(config)
     app = App(config, ports, session=secrets.randbits(32), key=key, version=version())
     if loaded is not None:
@@ -253,36 +103,26 @@ async def serve(
         log.info("map_loaded", moving_when_saved=was_moving(loaded))
     saver = MapSaver(app, save_to) if save_to else None
     if saver:
-        asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, saver.save)
+        loop.add_signal_handler(signal.SIGUSR1, saver.save)
     locked, fifo = take_real_time()
     log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
     log.info("app_started", version=version(), planner=config.planner.port)
-    servers = modbus_servers(app)
+    servers = modbus_servers(config, app.image)
+    for name, server in servers.items():
+        app.states.statuses[name] = server.status
+        server.start()
+    period_s = 1.0 / config.loop.rate_hz
     try:
         stepped = recorder.app(app) if recorder else app
-        await keep_pace(stepped, 1.0 / config.loop.rate_hz, stop)
+        await keep_pace(stepped, period_s, stop.is_set)
+        await settle(stepped, period_s)
+        if saver:
+            await saver.finish()
     finally:
         app.stop()
-        for server in servers:
+        for server in servers.values():
             await server.stop()
-    if saver:
-        await saver.finish()
-    log.info("app_stopped", ticks=app.ticks, slots_missed=app.slots_missed)
-
-
-def modbus_servers(app: App) -> list[ModbusServer]:
-    """A server, started, for each port of [modbus]; what becomes of it is in the app's log."""
-    servers = []
-    for url in app.config.modbus.ports:
-        assert app.image is not None
-        servers.append(
-            ModbusServer(
-                url, app.image, time.monotonic, unit=app.config.modbus.unit, utc_s=time.time
-            )
-        )
-        app.servers[f"modbus {url}"] = servers[-1].status
-        servers[-1].start()
-    return servers
+    log.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
 
 
 def version() -> str:
@@ -293,20 +133,25 @@ def version() -> str:
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
-def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
-    """The command line; gives the exit status. `recorder` writes a live run down."""
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
-    parser.add_argument("--check", action="store_true", help="check the settings, tell, and end")
-    parser.add_argument("--warm", action="store_true", help="compile the kernels, and end")
-    parser.add_argument("--version", action="version", version=f"mapod {version()}")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--config", default="mapod.toml", help="settings (default: mapod.toml)")
+    add("--check", action="store_true", help="check the settings, tell, and end")
+    add("--warm", action="store_true", help="compile the kernels, and end")
+    add("--version", action="version", version=f"mapod {version()}")
+    add(
         "--load-map",
         metavar="FILE",
         help="go on from a saved map; the robot must stand where it stood then",
     )
-    parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
-    options = parser.parse_args(arguments)
+    add("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
+    return parser
+
+
+def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
+    """The command line; gives the exit status. `recorder` writes a live run down."""
+    options = _parser().parse_args(arguments)
     signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # too early, or without --save-map: no end
     try:
         config = load_config(Path(options.config).read_text(encoding="utf-8"))
@@ -314,7 +159,7 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config, recorder)
+        ports = open_ports(config, recorder.port) if recorder else open_ports(config)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -327,8 +172,8 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         elif options.warm:
             warm_kernels(config)
         else:
-            set_up_logging(config)
-            asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
+            with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
+                asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
     return 0
 
 

@@ -1,25 +1,28 @@
 """`mapod.toml` to frozen, typed, checked structs, or `ConfigError`.
 
 Every key is required and no other is allowed, so the file is complete and is its own manual.
+A device's section has keys of its own for each driver: their structs come from outside, by name.
 Degrees appear here and in the file only. Port URLs are checked by `hw.ports.wires`.
 Source: design, section 6.
 """
 
-import contextlib
 import math
 import tomllib
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import msgspec
 from msgspec import Meta, Struct
+
+from core.records import ScannerSpec
 
 Hz = Annotated[float, Meta(gt=0, le=1000)]
 Degrees = Annotated[float, Meta(ge=-180, le=180)]
 Offset = Annotated[float, Meta(ge=-5, le=5)]
 Port = Annotated[str, Meta(min_length=1)]
 
-KEY_BYTES = 32
-LMS1XX_MODES = {(50, 0.5), (25, 0.25), (25, 0.5)}  # Hz, deg: lms111 sheet, section 1
+Keys = Mapping[str, Any]
+Drivers = Mapping[str, Mapping[str, type[Struct]]]  # by section and driver: its own keys
 
 
 class ConfigError(Exception):
@@ -54,48 +57,55 @@ class Robot(Struct, frozen=True, forbid_unknown_fields=True):
     enable_motors: bool
 
 
-class Scanner(Struct, frozen=True, forbid_unknown_fields=True):
-    """The laser scanner, its used field of view and where it sits on the body."""
+@runtime_checkable
+class Options(Protocol):
+    """The keys that a driver alone knows: a struct of its own."""
 
-    driver: Literal["lms111", "urg04lx"]
+    def describe(self) -> str:
+        """What they say, in words."""
+
+
+@runtime_checkable
+class ScannerOptions(Options, Protocol):
+    """Those of a scanner also say what it can do."""
+
+    @property
+    def spec(self) -> ScannerSpec:
+        """Its period, beams and range."""
+
+
+class Scanner(Struct, frozen=True):
+    """The range sensor, and where it sits on the body."""
+
+    driver: str
     port: Port
-    dialect: Literal["auto", "binary", "ascii"]
-    scan_rate_hz: Literal[25, 50]
-    angular_step_deg: float
-    first_deg: Annotated[float, Meta(ge=-45, le=225)]
-    last_deg: Annotated[float, Meta(ge=-45, le=225)]
     mount_x_m: Offset
     mount_y_m: Offset
     mount_z_m: Annotated[float, Meta(gt=0, le=5)]
     mount_roll_deg: Degrees
     mount_tilt_deg: Annotated[float, Meta(ge=-90, le=90)]
     mount_yaw_deg: Degrees
-    echo: Literal["first", "last", "both"]
-    accepted_status: list[Annotated[int, Meta(ge=2, le=255)]]
+    options: ScannerOptions
 
 
-class Ahrs(Struct, frozen=True, forbid_unknown_fields=True):
-    """The attitude sensor and how its case is turned on the body."""
+class Ahrs(Struct, frozen=True):
+    """The attitude sensor, and how its case is turned on the body."""
 
-    driver: Literal["mti"]
+    driver: str
     port: Port
-    rate_hz: Annotated[float, Meta(ge=10, le=120)]
     mount_roll_deg: Degrees
     mount_pitch_deg: Degrees
     mount_yaw_deg: Degrees
+    options: Options
 
 
-class Drive(Struct, frozen=True, forbid_unknown_fields=True):
+class Drive(Struct, frozen=True):
     """The motor controller, of which the encoder counters are read, and which moves the wheels."""
 
-    driver: Literal["ax3500"]
+    driver: str
     port: Port
-    poll_hz: Annotated[float, Meta(ge=5, le=30)]
-    left_channel: Literal[1, 2]
-    right_channel: Literal[1, 2]
-    invert: list[Literal[1, 2]]
-    enter_rs232: bool
     full_power_mps: Annotated[float, Meta(ge=0.01, le=20)]
+    options: Options
 
 
 class Map(Struct, frozen=True, forbid_unknown_fields=True):
@@ -104,7 +114,7 @@ class Map(Struct, frozen=True, forbid_unknown_fields=True):
     method: Literal["beams", "reference_plane"]
     cells: Annotated[int, Meta(ge=3, le=2001)]
     cell_m: Annotated[float, Meta(ge=0.01, le=1)]
-    cell_value: Literal["mean", "kalman", "certainty"]
+    cell_value: Literal["mean", "kalman"]
 
 
 class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):
@@ -114,6 +124,7 @@ class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):
     h_neg_m: Annotated[float, Meta(ge=-2, lt=0)]
     window_cells: Annotated[int, Meta(ge=3, le=401)]
     soft_free_below_m: Annotated[float, Meta(ge=0, le=2)]
+    free_max_age_s: Annotated[float, Meta(ge=1, le=1_000_000)]
 
 
 class Ground(Struct, frozen=True, forbid_unknown_fields=True):
@@ -174,7 +185,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     log: Log
 
 
-def load_config(text: str) -> Config:
+def config_from_text(text: str, drivers: Drivers) -> Config:
     """The settings in a TOML text.
 
     Raises:
@@ -184,80 +195,111 @@ def load_config(text: str) -> Config:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"not valid TOML: {error}") from None
-    return _config_from(table)
+    return _config_from(table, drivers)
 
 
-def _config_from(table: dict[str, Any]) -> Config:
-    _check_keys(table)
-    try:
-        config = msgspec.convert(table, Config)
-    except msgspec.ValidationError as error:
-        raise ConfigError(_in_words(str(error), table)) from None
+def config_with(config: Config, drivers: Drivers, changes: Mapping[str, Keys]) -> Config:
+    """The same settings with some keys changed, and checked together.
+
+    Raises:
+        ConfigError: as config_from_text.
+    """
+    table = table_from(config)
+    for section, keys in changes.items():
+        before = table[section]
+        if keys.get("driver") not in (None, before.get("driver")):  # whose own keys go with it
+            own = msgspec.to_builtins(getattr(config, section).options)
+            before = {key: value for key, value in before.items() if key not in own}
+        table[section] = {**before, **keys}
+    return _config_from(table, drivers)
+
+
+def table_from(config: Config) -> dict[str, dict[str, Any]]:
+    """The settings as sections and keys, as they stand in the file."""
+    table: dict[str, dict[str, Any]] = msgspec.to_builtins(config)
+    for keys in table.values():
+        keys.update(keys.pop("options", {}))
+    return table
+
+
+def _config_from(table: dict[str, Any], drivers: Drivers) -> Config:
+    _check_keys(table, drivers)
+    parts = {
+        section: _convert(section, table[section], kind, drivers.get(section))
+        for section, kind in _fields(Config).items()
+    }
+    config = msgspec.convert(parts, Config)
     _check_finite(table)
     _check_together(config)
-    _check_built(config)
     return config
 
 
-def key_from_bytes(content: bytes, path: str) -> bytes:
-    """The planner link's key: 32 bytes, or 64 hex digits.
-
-    Raises:
-        ConfigError: neither.
-    """
-    if len(content) == KEY_BYTES:
-        return content
-    with contextlib.suppress(ValueError):
-        key = bytes.fromhex(content.decode("ascii", "replace").strip())
-        if len(key) == KEY_BYTES:
-            return key
-    raise ConfigError(
-        "planner.key_file: must hold 32 bytes or 64 hex digits, "
-        f"{path!r} holds {len(content)} bytes"
-    )
+def _convert(
+    section: str, given: Keys, kind: type[Struct], drivers: Mapping[str, type[Struct]] | None
+) -> Struct:
+    """One section; a device's with the keys of its driver as `options`."""
+    if drivers is None:
+        return _checked(section, given, kind)
+    options = drivers[given["driver"]]
+    own = {key: given[key] for key in _fields(options)}
+    common = {key: value for key, value in given.items() if key not in own}
+    return _checked(section, {**common, "options": _checked(section, own, options)}, kind)
 
 
-def with_changes(config: Config, **sections: dict[str, Any]) -> Config:
-    """The same settings with some keys changed, `map={"cells": 401}`, and checked together.
+def _checked(section: str, given: Keys, kind: type[Struct]) -> Struct:
+    try:
+        return msgspec.convert(given, kind)
+    except msgspec.ValidationError as error:
+        if isinstance(error.__cause__, ValueError):  # the struct's own check of keys together
+            raise ConfigError(f"{section}.{error.__cause__}") from None
+        key = str(error).rpartition("`$.")[2].rstrip("`").partition("[")[0]
+        raise ConfigError(
+            f"{section}.{key}: must be {_allowed(_fields(kind)[key])}, is {given[key]!r}"
+        ) from None
 
-    Raises:
-        ConfigError: as load_config.
-    """
-    table = msgspec.to_builtins(config)
-    for section, keys in sections.items():
-        table[section] = {**table[section], **keys}
-    return _config_from(table)
+
+def _fields(kind: type[Struct]) -> dict[str, Any]:
+    """Types by name."""
+    return {field.name: field.type for field in msgspec.structs.fields(kind)}
 
 
-def _check_keys(table: dict[str, Any]) -> None:
+def _check_keys(table: dict[str, Any], drivers: Drivers) -> None:
     """Unknown and missing sections and keys, all of them in one text."""
     faults = []
-    sections = {field.name: field.type for field in msgspec.structs.fields(Config)}
+    sections = _fields(Config)
     for section in [*table, *(name for name in sections if name not in table)]:
         if section not in sections:
             faults.append(f"[{section}]: unknown section; allowed are {', '.join(sections)}")
         elif not isinstance(table.get(section, {}), dict):
             faults.append(f"{section}: must be a section, is {table[section]!r}")
         else:
-            given = table.get(section, {})
-            keys = [field.name for field in msgspec.structs.fields(sections[section])]
-            faults += [
-                f"{section}.{key}: unknown key; allowed are {', '.join(keys)}"
-                for key in given
-                if key not in keys
-            ]
-            faults += [f"{section}.{key}: missing" for key in keys if key not in given]
+            given, kind = table.get(section, {}), sections[section]
+            faults += _faulty_keys(section, given, kind, drivers.get(section))
     if faults:
         raise ConfigError("; ".join(faults))
 
 
-def _in_words(error: str, table: dict[str, Any]) -> str:
-    """msgspec's finding as: the key, what is allowed, what was given."""
-    section, _, rest = error.rpartition("`$.")[2].rstrip("`").partition(".")
-    key = rest.partition("[")[0]
-    sections = {field.name: field.type for field in msgspec.structs.fields(Config)}
-    types = {field.name: field.type for field in msgspec.structs.fields(sections[section])}
-    return f"{section}.{key}: must be {_allowed(types[key])}, is {table[section][key]!r}"
+def _faulty_keys(
+    section: str, given: Keys, kind: type[Struct], drivers: Mapping[str, type[Struct]] | None
+) -> list[str]:
+    """Unknown and missing keys of a section, and a driver that there is not."""
+    keys, knows = [key for key in _fields(kind) if key != "options"], ""
+    if drivers is not None and "driver" in given:
+        driver = given["driver"]
+        if not isinstance(driver, str) or driver not in drivers:
+            allowed = " or ".join(map(repr, drivers))
+            return [f"{section}.driver: must be {allowed}, is {driver!r}"]
+        keys, knows = keys + list(_fields(drivers[driver])), f" for driver {driver!r}"
+    elif drivers is not None:  # what its other keys mean depends on it
+        return [f"{section}.driver: missing"]
+    return [
+        *(
+            f"{section}.{key}: unknown key{knows}; allowed are {', '.join(keys)}"
+            for key in given
+            if key not in keys
+        ),
+        *(f"{section}.{key}: missing" for key in keys if key not in given),
+    ]
 
 
 def _allowed(field_type: Any) -> str:
@@ -317,32 +359,23 @@ def _check_finite(table: dict[str, Any]) -> None:
 
 
 def _check_together(config: Config) -> None:
-    """What only two keys together can break."""
-    scanner, drive = config.scanner, config.drive
-    if (scanner.scan_rate_hz, scanner.angular_step_deg) not in LMS1XX_MODES:
-        raise ConfigError(
-            "scanner.angular_step_deg: must be 0.5 at 50 Hz, 0.25 or 0.5 at 25 Hz, "
-            f"is {scanner.angular_step_deg} at {scanner.scan_rate_hz} Hz"
-        )
-    if scanner.last_deg - scanner.first_deg < scanner.angular_step_deg:
-        raise ConfigError(
-            "scanner.last_deg: must be at least one angular_step_deg above "
-            f"first_deg = {scanner.first_deg}, is {scanner.last_deg}"
-        )
-    if drive.left_channel == drive.right_channel:
-        raise ConfigError(
-            f"drive.right_channel: must differ from left_channel = {drive.left_channel}, "
-            f"is {drive.right_channel}"
-        )
+    """What only two keys together can break, and a value that this version does not have yet."""
+    spec = config.scanner.options.spec
     if config.obstacle.window_cells > config.map.cells:
         raise ConfigError(
             f"obstacle.window_cells: must be at most map.cells = {config.map.cells}, "
             f"is {config.obstacle.window_cells}"
         )
-    if config.obstacle.soft_free_below_m > 0 and scanner.echo != "both":
+    if config.obstacle.soft_free_below_m > 0 and spec.echoes < 2:
         raise ConfigError(
-            'obstacle.soft_free_below_m: needs scanner.echo = "both", for beams echo twice in soft '
-            f"things; is {config.obstacle.soft_free_below_m} with echo = {scanner.echo!r}"
+            "obstacle.soft_free_below_m: needs a scanner that is set to tell two echoes of a beam, "
+            f"for beams echo twice in soft things; is {config.obstacle.soft_free_below_m}, and "
+            f"{config.scanner.driver!r} as set tells one"
+        )
+    if config.map.method == "reference_plane" and not spec.is_plane:
+        raise ConfigError(
+            'map.method: "reference_plane" needs a scanner of one plane, which '
+            f"{config.scanner.driver!r} is not"
         )
     for key, ports in (("planner", config.planner.ports), ("modbus", config.modbus.ports)):
         if len(set(ports)) < len(ports):
@@ -352,14 +385,3 @@ def _check_together(config: Config) -> None:
             "map.cell_m: must be whole millimetres (the planner's wire counts them), "
             f"is {config.map.cell_m}"
         )
-
-
-def _check_built(config: Config) -> None:
-    """Values that the design names and that this version does not have yet: said, not ignored."""
-    for key, value, built in (
-        ("scanner.driver", config.scanner.driver, ("lms111",)),
-        ("map.cell_value", config.map.cell_value, ("mean", "kalman")),
-    ):
-        if value not in built:
-            allowed = " or ".join(repr(choice) for choice in built)
-            raise ConfigError(f"{key}: this version has only {allowed}, is {value!r}")

@@ -51,6 +51,34 @@ class Scan:
 
 
 @record(eq=False)
+class PointSweep:
+    """Rays of one sweep in any order of directions: several planes, a stripe, a depth image.
+
+    Ray i left origins[i] along directions[i] at times_s[i], sensor frame. Neighbours in the arrays
+    are neighbours in space.
+    """
+
+    origins: F64  # (n, 3) metres
+    directions: F64  # (n, 3) unit vectors
+    ranges_m: F64  # (echoes, n); NaN: no measurement
+    times_s: F64  # (n,) host monotonic clock; the first is the earliest, the last the latest
+    counter: int  # the sensor's own
+    arrived_s: float  # host clock, when its last byte was read
+
+
+@record(eq=False)
+class ScannerSpec:
+    """What a scanner can do, as its settings have it: known before it has sent a byte."""
+
+    period_s: float  # from one sweep to the next
+    max_beams: int  # rays of a sweep, at most
+    max_range_m: float
+    echoes: int  # ranges of a ray, at most
+    is_plane: bool  # its sweeps are `Scan`s
+    directions: F64  # (n, 3) unit vectors, sensor frame: where it looks
+
+
+@record(eq=False)
 class Attitude:
     """Orientation and rate of turn of the attitude sensor's case."""
 

@@ -9,7 +9,6 @@ from core.driving.control import link_refusal
 from core.geometry import R_from_rpy
 from core.mapping.beams.cells import CELL
 
-MAX_RANGE_M = 20.0  # LMS1xx
 BYTES_PER_CELL = CELL.itemsize + 18  # its record; slope, step, roughness, marks
 BYTES_PER_WINDOW_CELL = 1 + 1 + 8 + 4  # obstacle map, its change list, what the link keeps
 FRAMES_BYTES = 38 + 26  # a POSE frame and the head of a MAP frame on a serial line
@@ -26,18 +25,16 @@ def robot_in_words(config: Config, line_bauds: list[int | None]) -> str:
         line_bauds: of each of the planner's ports, if it is a serial line; None for others.
     """
     scanner, robot, drive = config.scanner, config.robot, config.drive
-    points = round((scanner.last_deg - scanner.first_deg) / scanner.angular_step_deg) + 1
     counts_per_m = 2 * robot.encoder_ppr * robot.gear_ratio / (math.pi * robot.wheel_radius_m)
     cells, window = config.map.cells, config.obstacle.window_cells
     memory_mb = (cells**2 * BYTES_PER_CELL + window**2 * BYTES_PER_WINDOW_CELL) / 1e6
     lines = [
-        f"scanner   {scanner.driver} at {scanner.port}: {points} beams from "
-        f"{scanner.first_deg:g} to {scanner.last_deg:g} deg, {scanner.scan_rate_hz} scans/s",
+        f"scanner   {scanner.driver} at {scanner.port}: {scanner.options.describe()}",
         f"          {scanner.mount_z_m:g} m above the ground, looking "
         f"{abs(scanner.mount_tilt_deg):g} deg {'down' if scanner.mount_tilt_deg >= 0 else 'up'}",
         *(f"          {line}" for line in _ground_in_words(config)),
-        f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.rate_hz:g} samples/s",
-        f"drive     {drive.driver} at {drive.port}: {drive.poll_hz:g} pairs/s, "
+        f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.options.describe()}",
+        f"drive     {drive.driver} at {drive.port}: {drive.options.describe()}, "
         f"{counts_per_m:.0f} counts per metre",
         *(
             f"motors    {line}" if k == 0 else f"          {line}"
@@ -117,17 +114,14 @@ def _ground_in_words(config: Config) -> list[str]:
         math.radians(scanner.mount_tilt_deg),
         math.radians(scanner.mount_yaw_deg),
     )
-    step_deg = scanner.angular_step_deg
-    used_deg = np.arange(scanner.first_deg, scanner.last_deg + step_deg / 2, step_deg)
-    bearings_rad = np.radians(np.append(used_deg, 90.0) - 90.0)
-    rays = np.stack([np.cos(bearings_rad), np.sin(bearings_rad), 0 * bearings_rad], 1)
-    rays = rays @ R_body_sensor.T
+    spec = scanner.options.spec
+    rays = np.vstack([spec.directions, [1.0, 0.0, 0.0]]) @ R_body_sensor.T
     down = np.maximum(-rays[:, 2], 1e-9)
     ranges_m = scanner.mount_z_m / down
     points = rays * ranges_m[:, None] + [scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m]
-    seen = ranges_m <= MAX_RANGE_M
+    seen = ranges_m <= spec.max_range_m
     if not seen[-1]:
-        return [f"its centre beam meets no ground within {MAX_RANGE_M:g} m"]
+        return [f"its centre beam meets no ground within {spec.max_range_m:g} m"]
     across_m = points[seen, 1]
     return [
         f"centre beam meets the ground {points[-1, 0]:.2f} m ahead of the axle "

@@ -285,6 +285,23 @@ class Device(Generic[Measurement]):
         if pieces := self.port.read():
             self._advance(now_s, pieces)
 
+    def stop(self) -> None:
+        """The program ends: last words; step it until it has settled."""
+
+    @property
+    def settled(self) -> bool:
+        """After `stop`: nothing is left that it must still bring about."""
+        return True
+
+    @property
+    def identity(self) -> str:
+        """Type, serial number, firmware, as far as it has told."""
+        return ""
+
+    def measured(self) -> dict[str, float]:
+        """Voltages, temperatures and the like, by name with its unit."""
+        return {}
+
     @property
     def has_heard(self) -> bool:
         """Whether measurements wait for the next step."""

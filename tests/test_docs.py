@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from core.config import load_config
+from config_file import load_config
 from tools.docs.files import file_list
 
 ROOT = Path(__file__).parent.parent

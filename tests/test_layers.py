@@ -1,111 +1,197 @@
-"""The layer rule of the design, read from the imports of every file."""
+"""The rules of the rooms, read from the imports and names of every file: one test for each rule."""
 
 import ast
-from pathlib import Path
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
 
-import pytest
+from tests import ROOT
 
-ROOT = Path(__file__).parent.parent
-ROOMS = {"core", "hw", "mapod_link", "fakes", "tools", "tests", "app", "main", "jit"}
-MAY_IMPORT = {
-    "jit.py": set(),
+TOP = {"app", "config_file", "logs", "main", "map_files", "wiring"}
+OWN = TOP | {"core", "jit", "mapod", "hw", "mapod_link", "fakes", "tools", "tests"}
+MAY_IMPORT = {  # by the first part of a module's name
+    "jit": set(),
     "core": {"core", "jit"},
     "hw": {"hw", "core.records", "jit"},
     "mapod_link": {"mapod_link"},
     "fakes": {"fakes", "mapod_link", "jit"},
-    "app.py": {"hw", "core"},
-    "main.py": {"app", "hw", "core"},
-    "tools": {"tools", "app", "main", "hw", "core", "fakes", "mapod_link", "jit"},
-    "tests": ROOMS,
+    **{name: TOP - {"main"} | {"core", "hw"} for name in TOP},
+    "mapod": {"mapod", "tools"},  # the name under which all of it is installed
+    "tools": OWN - {"tests"},
+    "tests": OWN,
 }
 LIBRARIES = {
-    "jit.py": {"numpy", "numba"},
+    "jit": {"numpy", "numba"},
     "core": {"numpy", "msgspec"},
-    "hw": {"numpy", "serial", "cobs", "pymodbus"},
+    "hw": {"numpy", "msgspec", "serial", "cobs", "pymodbus"},
     "mapod_link": {"numpy"},
-    "app.py": {"numpy", "structlog"},
-    "main.py": {"structlog"},
     "fakes": {"numpy", "mujoco"},
+    **{name: {"numpy", "structlog"} for name in TOP},
 }
-CLOCKS_AND_FILES = {
-    "time",
-    "asyncio",
-    "socket",
-    "os",
-    "threading",
-    "random",
-    "logging",
-    "structlog",
-}
-FILES = sorted(
-    path
-    for path in ROOT.rglob("*.py")
-    if not any(part.startswith(".") or part == "build" for part in path.relative_to(ROOT).parts)
+CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
+VOCABULARY = {"core.records", "core.config", "core.geometry"}
+DEVICES = ("lms1xx", "mti", "ax3500")
+OF_AN_LMS = re.compile(
+    r"lms1|lms_?\d|1081|contamin|cola|dialect|angular_step|scan_rate|first_deg|last_deg"
 )
+BY_THEIR_NAMES = {"hw.registry", "hw.fingerprint"}  # know devices by their names: that is their job
 
 
-def imports_of(path: Path) -> list[str]:
-    """Dotted names that a file imports; `from core import health` counts as core.driving.health."""
-    names = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            package = node.module or ""
-            names += (
-                [f"{package}.{alias.name}" for alias in node.names]
-                if package in ROOMS
-                else [package]
-            )
-    return names
+@dataclass(frozen=True)
+class Module:
+    """One file, by its dotted name."""
+
+    name: str
+    tree: ast.Module
+    text: str
+
+    @property
+    def room(self) -> str:
+        """The folder at the top, or the file itself."""
+        return self.name.split(".")[0]
+
+    @property
+    def imports(self) -> list[str]:
+        """Dotted names; of `from core import health`, both `core` and `core.health`."""
+        names = []
+        for node in ast.walk(self.tree):
+            if isinstance(node, ast.Import):
+                names += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                package = "." * node.level + (node.module or "")
+                names += [package, *(f"{package}.{alias.name}" for alias in node.names)]
+        return names
 
 
-def room_of(path: Path) -> str:
-    """The room of a file: the folder at the top, or the file itself."""
-    return path.relative_to(ROOT).parts[0]
+def module_of(text: str, name: str) -> Module:
+    """A file's text as a module."""
+    return Module(name, ast.parse(text), text)
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_file_imports_only_what_its_room_may(path: Path) -> None:
-    room = room_of(path)
-    assert room in MAY_IMPORT, f"{path}: stands in no room of the house"
-    own = [name for name in imports_of(path) if name.split(".")[0] in ROOMS]
-    allowed = MAY_IMPORT[room]
-    wrong = [
-        name
-        for name in own
-        if not any(name == may or name.startswith(f"{may}.") for may in allowed)
+@cache
+def modules() -> dict[str, Module]:
+    """All of them, by name; a package is its `__init__.py`."""
+    found = {}
+    for path in [*ROOT.glob("*.py"), *(p for room in OWN for p in (ROOT / room).rglob("*.py"))]:
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        found[name] = module_of(path.read_text(encoding="utf-8"), name)
+    assert len(found) > 300
+    return found
+
+
+def within(name: str, *rooms: str) -> bool:
+    """Whether a module is one of these, or lies in one."""
+    return any(name == room or name.startswith(f"{room}.") for room in rooms)
+
+
+def wrong(where: str, *never: str) -> list[str]:
+    """Imports from one room of what lies in others."""
+    return [
+        f"{module.name} imports {name}"
+        for module in modules().values()
+        if within(module.name, where)
+        for name in module.imports
+        if within(name, *never)
     ]
-    assert not wrong, f"{path} imports {wrong}; {room} may import {sorted(allowed)}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
-def test_a_robot_needs_only_the_runtime_libraries(path: Path) -> None:
-    libraries = LIBRARIES.get(room_of(path))
-    if libraries is None:
-        return
-    import sys
+def faults_of(module: Module) -> Iterator[str]:
+    """What a room may not import, and imports that are relative."""
+    for name in module.imports:
+        first = name.split(".")[0]
+        if first == "":
+            yield f"{module.name} imports {name}: relative"
+        elif first not in OWN:
+            libraries = LIBRARIES.get(module.room)
+            if libraries is not None and first not in libraries | sys.stdlib_module_names:
+                yield f"{module.name} imports {name}"
+        elif not any(within(name, may) or within(may, name) for may in MAY_IMPORT[module.room]):
+            yield f"{module.name} imports {name}"
 
-    foreign = {name.split(".")[0] for name in imports_of(path)} - ROOMS - sys.stdlib_module_names
-    assert foreign <= libraries, f"{path} imports {sorted(foreign - libraries)}"
+
+def test_rooms_import_only_what_lies_below_them_and_a_robots_own_libraries() -> None:
+    assert [fault for module in modules().values() for fault in faults_of(module)] == []
 
 
-@pytest.mark.parametrize(
-    "path", [p for p in FILES if room_of(p) == "core"], ids=lambda path: path.name
-)
-def test_core_reads_no_clock_and_opens_nothing(path: Path) -> None:
-    assert not {name.split(".")[0] for name in imports_of(path)} & CLOCKS_AND_FILES
-    calls = [
-        node.func.id
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+def test_a_room_is_imported_by_from_which_the_build_of_the_wheel_can_rewrite() -> None:
+    plain = [
+        f"{module.name}:{node.lineno}"
+        for module in modules().values()
+        if module.room != "tests"
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.Import) and {of.name.split(".")[0] for of in node.names} & OWN
     ]
-    assert "open" not in calls
-    assert "print" not in calls
+    assert plain == []
 
 
-def test_the_rule_itself_catches_a_wrong_import(tmp_path: Path) -> None:
-    wrong = tmp_path / "wrong.py"
-    wrong.write_text("from core import records\nimport hw.lms1xx.telegrams\n")
-    assert imports_of(wrong) == ["core.records", "hw.lms1xx.telegrams"]
+def test_that_rule_catches_what_it_forbids() -> None:
+    for line in (
+        "import hw.device",
+        "from app import App",
+        "import serial",
+        "from . import records",
+    ):
+        assert list(faults_of(module_of(line, "core.x"))), line
+    assert list(faults_of(module_of("from core import config", "hw.x")))
+    assert not list(faults_of(module_of("from core.records import Scan", "hw.x")))
+
+
+def test_core_reads_no_clock_and_opens_nothing() -> None:
+    for module in modules().values():
+        if module.room == "core":
+            assert not {name.split(".")[0] for name in module.imports} & CLOCKS_AND_FILES
+            calls = [node.func for node in ast.walk(module.tree) if isinstance(node, ast.Call)]
+            called = {function.id for function in calls if isinstance(function, ast.Name)}
+            assert not called & {"open", "print"}, module.name
+
+
+def test_in_core_nobody_imports_what_stands_above_him() -> None:
+    above = ("core.motion", "core.mapping", "core.driving", "core.saved", "core.summary")
+    faults = [fault for low in ("core.grid", *VOCABULARY) for fault in wrong(low, *above)]
+    faults += wrong("core.motion", *above[1:]) + wrong("core.mapping", *above[2:])
+    faults += wrong("core.driving", *above[3:])
+    faults += [
+        f"{module.name} imports core.driving.report"
+        for module in modules().values()
+        if module.room == "core" and "core.driving.report" in module.imports
+    ]
+    assert faults == []
+
+
+def test_a_devices_room_imports_no_other_devices() -> None:
+    for side in ("hw", "fakes"):
+        for device in DEVICES:
+            others = [f"{side}.{other}" for other in DEVICES if other != device]
+            assert wrong(f"{side}.{device}", *others) == []
+    rooms = [f"hw.{device}" for device in DEVICES]
+    assert [
+        f"{module.name} imports {name}"
+        for module in modules().values()
+        if module.room == "hw" and not within(module.name, *rooms, *BY_THEIR_NAMES)
+        for name in module.imports
+        if within(name, *rooms)
+    ] == []
+
+
+def test_nobody_outside_its_rooms_knows_what_is_particular_to_an_lms1xx() -> None:
+    found = []
+    for module in modules().values():
+        if within(module.name, "core", "hw", *TOP) and not within(module.name, "hw.lms1xx"):
+            if module.name in BY_THEIR_NAMES:
+                continue
+            for number, line in enumerate(module.text.splitlines(), 1):
+                if OF_AN_LMS.search(line.lower()):
+                    found.append(f"{module.name}:{number}: {line.strip()}")
+    assert found == []
+
+
+def test_imports_run_in_no_circle() -> None:
+    left = {
+        name: {other for other in module.imports if other in modules() and not within(name, other)}
+        for name, module in modules().items()
+    }
+    while free := {name for name, others in left.items() if not others & left.keys()}:
+        left = {name: others for name, others in left.items() if name not in free}
+    assert sorted(left) == []

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from app import App, Ports
-from core.config import Config, load_config
+from config_file import load_config
+from core.config import Config
 from core.mapping.mapper import MapperCounts
 from hw.ports.url import parse_url
 from mapod_link.receiver import Receiver
-from tools.recording import HEAR, IN, LOST, MISSED, OPENED, OUT, STEP, PlayedPort, Record, Recording
+from tools.recording import HEAR, IN, LOST, OPENED, OUT, STEP, PlayedPort, Record, Recording
 
 SESSION = 1  # of a replay whose recording tells none
 NONCE = 1  # of the receiver whose map is shown
@@ -82,12 +83,12 @@ def why_nothing_was_mapped(replay: Replay) -> str:
     app, counts = replay.app, replay.app.mapper.counts
     causes = [
         f"the {name} is {status.state}" + (f": {status.cause}" if status.cause else "")
-        for name, status in app.statuses.items()
+        for name, status in app.states.statuses.items()
         if status.cause or status.state != "running"
     ]
     if counts.scans_dropped:
         causes.append(f"{counts.scans_dropped} scans came without an attitude or a pose in time")
-    if rejected := app.statuses["scanner"].rejected:
+    if rejected := app.states.statuses["scanner"].rejected:
         causes.append(f"{rejected} of the scanner's frames were damaged")
     return "; ".join(causes) or "no scan came that could be used"
 
@@ -161,8 +162,6 @@ class RecordingReplay:
             self.app.step(call.t_s)
         elif call.kind == HEAR:
             self.app.hear(call.t_s)
-        elif call.kind == MISSED:
-            self.app.note_missed(call.t_s, int(call.data))
         written = self._ports[3].written
         while written:
             self.view.take(call.t_s, written.popleft())

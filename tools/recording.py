@@ -7,7 +7,6 @@ place in `ports`; 0 where none is meant), length (u32), and so many bytes:
 
     S  the app steps              O  the port's connection opened    I  bytes that came in
     H  it hears between steps     L  it was lost; the cause as text  W  bytes written
-    M  it missed slots; how many, as text
 
 A datagram is a record of its own. The planner's key is not kept. Nothing here waits for a disk: a
 thread writes, and a disk that is too slow ends the recording, not the run.
@@ -29,7 +28,7 @@ from hw.device import Port, Reopens
 
 FORM = 1
 HEAD = struct.Struct("<dcBI")
-KINDS = STEP, HEAR, MISSED, OPENED, LOST, IN, OUT = b"S", b"H", b"M", b"O", b"L", b"I", b"W"
+KINDS = STEP, HEAR, OPENED, LOST, IN, OUT = b"S", b"H", b"O", b"L", b"I", b"W"
 MOST_WAITING = 100_000  # records that the disk may be behind: some ten seconds
 LONGEST = 1 << 20  # bytes of a record
 
@@ -183,11 +182,6 @@ class RecordedApp:
         """As the app."""
         self._note(now_s, HEAR)
         self._app.hear(now_s)
-
-    def note_missed(self, now_s: float, slots: int) -> None:
-        """As the app."""
-        self._note(now_s, MISSED, 0, str(slots).encode())
-        self._app.note_missed(now_s, slots)
 
 
 # Reading

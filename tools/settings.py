@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 
 
 class NotThereError(Exception):

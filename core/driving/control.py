@@ -22,18 +22,19 @@ Powers = tuple[float, float]  # left and right wheel, -1..1 of full
 
 NOT_ENABLED = "the motors are not enabled ([robot] enable_motors)"
 SILENT = "the commander has fallen silent"
+LOOP_S = 0.1  # so late, at most, a tick may begin: later ones stop the robot
+ORDER_S = 0.2  # a zero goes out behind the exchange with the controller that is under way
 LONGEST_STEP_S = 0.05  # a late tick may not make the speed jump
 MOVING_MPS = 0.05
 FASTER, FASTER_MPS = 1.15, 0.1  # than told: more than a robot that brakes lags behind
 SET_OUT_MPS = 0.1  # so much must be allowed before a standing robot moves: else it would inch ahead
-DIRTY = 2  # contamination from which a scanner's "nothing there" is not believed
 NEEDED = (
     (health.SCANNER_OK, "the scanner delivers no scans"),
     (health.AHRS_OK, "the attitude sensor delivers nothing"),
     (health.WHEELS_OK, "the wheels' counters are not read"),
     (health.CLOCKS_LOCKED, "the sensors' clocks are not locked yet"),
     (health.POSE_VALID, "the pose is not known"),
-    (health.NO_OVERRUN, "the loop was late within the last second"),
+    (health.NO_OVERRUN, "the loop was too late within the last second"),
     (health.MAP_VALID, "the map is not valid"),
 )
 FORBIDDEN = (
@@ -63,8 +64,13 @@ def modbus_refusal(config: Config) -> str:
     return "" if config.robot.enable_motors else NOT_ENABLED
 
 
-def doubt(word: int, mode: int, contamination: int | None, others: tuple[str, ...] = ()) -> str:
-    """The first reason to stand still, in words; "" if all that is known speaks for driving."""
+def doubt(word: int, mode: int, sight: str, others: tuple[str, ...] = ()) -> str:
+    """The first reason to stand still, in words; "" if all that is known speaks for driving.
+
+    Args:
+        sight: why what the scanner sees is not to be believed.
+        others: what comes before everything that is needed.
+    """
     if mode == health.REPLAYED:
         return "these are recorded data"
     for bit, words in FORBIDDEN:
@@ -78,7 +84,7 @@ def doubt(word: int, mode: int, contamination: int | None, others: tuple[str, ..
             return words
     if mode != health.RUNNING:
         return "mapod is not running as it should"
-    return "the scanner's window is too dirty" if (contamination or 0) >= DIRTY else ""
+    return sight
 
 
 class DriveControl:
@@ -95,6 +101,7 @@ class DriveControl:
             robot.stop_margin_m,
             robot.brake_mps2,
             robot.unknown_stops,
+            health.stale_s(config.scanner.options.spec.period_s) + LOOP_S + ORDER_S,
         )
         self.v_mps = self.w_radps = 0.0  # commanded now
         self.blocked_by = ""  # why it stands although somebody wants it to move, in words

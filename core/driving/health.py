@@ -3,16 +3,17 @@
 Source: planner link, section 3 (health bits, modes); design, section 8.
 """
 
+from core.mapping.method import MAX_SLOPE_RAD
 from core.records import record
 
-SCAN_STALE_S = 0.15  # one of the link's time-outs; 3 scans at 25 Hz
+LINK_STALE_S = 0.15  # one of the planner link's time-outs
+STALE_PERIODS = 3  # of a scanner that is so slow that this is longer
 AHRS_STALE_S = 0.15
 WHEELS_STALE_S = 0.4  # an exchange at 9600 baud may need a second try
-MAX_SLOPE_RAD = 0.35  # steeper than 20 deg, the map can't be used
 
 SCANNER_OK, AHRS_OK, WHEELS_OK, CLOCKS_LOCKED = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 POSE_VALID, MAP_VALID, NO_OVERRUN = 1 << 4, 1 << 5, 1 << 6
-DROP_AHEAD, CONTAMINATED, TOO_STEEP, STOP_ASKED = 1 << 7, 1 << 8, 1 << 9, 1 << 15
+DROP_AHEAD, SIGHT_IMPAIRED, TOO_STEEP, STOP_ASKED = 1 << 7, 1 << 8, 1 << 9, 1 << 15
 BOOTING, RUNNING, DEGRADED, FAULT, REPLAYED = 0, 1, 2, 3, 4
 
 
@@ -31,15 +32,21 @@ class Inputs:
     tilt_rad: float  # the larger of |roll| and |pitch|
     replayed: bool
     drop_ahead: bool = False  # within the way to stop
-    contaminated: bool = False  # the scanner's window: a warning at least
+    impaired: bool = False  # the scanner sees worse than it should
     stop_asked: bool = False  # the emergency stop is pressed
+    scan_stale_s: float = LINK_STALE_S
     stalled: bool = False  # the wheels' counters do not follow what the wheels are told
+
+
+def stale_s(period_s: float) -> float:
+    """The age from which a scan is stale, of a scanner with that period."""
+    return max(LINK_STALE_S, STALE_PERIODS * period_s)
 
 
 def health_word(inputs: Inputs) -> int:
     """The health bits of the POSE frame."""
-    scanner = inputs.age_scanner_s <= SCAN_STALE_S
-    mapped = inputs.age_scan_s <= SCAN_STALE_S
+    scanner = inputs.age_scanner_s <= inputs.scan_stale_s
+    mapped = inputs.age_scan_s <= inputs.scan_stale_s
     ahrs = inputs.age_ahrs_s <= AHRS_STALE_S
     wheels = inputs.age_wheels_s <= WHEELS_STALE_S and not inputs.stalled
     level = inputs.tilt_rad <= MAX_SLOPE_RAD
@@ -53,7 +60,7 @@ def health_word(inputs: Inputs) -> int:
         | (MAP_VALID if pose and mapped and level and inputs.map_begun else 0)
         | (0 if inputs.overrun else NO_OVERRUN)
         | (DROP_AHEAD if inputs.drop_ahead else 0)
-        | (CONTAMINATED if inputs.contaminated else 0)
+        | (SIGHT_IMPAIRED if inputs.impaired else 0)
         | (0 if level else TOO_STEEP)
         | (STOP_ASKED if inputs.stop_asked else 0)
     )

@@ -17,10 +17,11 @@ def report(
     clocks_locked: bool,
     overrun: bool,
     replayed: bool,
-    contaminated: bool,
+    impaired: bool,
     stop_asked: bool,
     drop_ahead: bool,
     stalled: bool,
+    scan_stale_s: float,
 ) -> tuple[bool, PoseReport]:
     """Whether free may be told, and the pose and health for the planner."""
     pose = mapper.maybe_pose(now_s)
@@ -36,7 +37,8 @@ def report(
         overrun=overrun,
         tilt_rad=max(abs(roll_rad), abs(pitch_rad)),
         replayed=replayed,
-        contaminated=contaminated,
+        impaired=impaired,
+        scan_stale_s=scan_stale_s,
         stop_asked=stop_asked,
         drop_ahead=drop_ahead,
         stalled=stalled,

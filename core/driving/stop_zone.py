@@ -15,7 +15,6 @@ from core.grid.ring import RingGrid
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, record
 from jit import kernel
 
-REACTION_S = 0.45  # a scan's age, 0.15; a loop; and zero behind the exchange under way, 0.2
 STEP_CELLS = 0.5  # of the sweep
 LONGEST_M = 10.0  # sweep
 TOUCH_M = 1e-9  # an edge in common is no contact
@@ -275,9 +274,12 @@ class StopZone:
         margin_m: float,
         brake_mps2: float,
         unknown_stops: bool,
+        reaction_s: float,
     ) -> None:
+        """`reaction_s`: until motors have no power: a scan's age, a loop, an order."""
         self.rect: Rect = (front_m, rear_m, width_m / 2)
         self.margin_m, self._brake_mps2 = margin_m, brake_mps2
+        self._reaction_s = reaction_s
         self._unknown_stops = unknown_stops
         self._reach_m = math.hypot(max(front_m, rear_m), width_m / 2)
 
@@ -291,12 +293,12 @@ class StopZone:
 
     def way_m(self, rate_mps: float) -> float:
         """From the order to stop until it stands."""
-        return rate_mps * REACTION_S + rate_mps**2 / (2 * self._brake_mps2)
+        return rate_mps * self._reaction_s + rate_mps**2 / (2 * self._brake_mps2)
 
     def allowed_mps(self, free_m: float) -> float:
         """The rate from which it can stop within so much free way; 0 for next to nothing."""
         brake = self._brake_mps2
-        lost_mps = brake * REACTION_S
+        lost_mps = brake * self._reaction_s
         rate_mps = math.sqrt(lost_mps**2 + 2 * brake * max(free_m, 0.0)) - lost_mps
         return rate_mps if rate_mps >= SLOWEST_MPS else 0.0
 

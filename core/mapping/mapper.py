@@ -10,14 +10,14 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.config import Config
-from core.driving.health import MAX_SLOPE_RAD
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.layers import LayerView
-from core.mapping.method import Maps
+from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.mapping.rays import check_sweep, span_s
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry, Pose
-from core.records import F64, Attitude, ObstacleWindow, Scan, WheelCounts
+from core.records import F64, Attitude, ObstacleWindow, PointSweep, Scan, WheelCounts
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
 WAITING = 4  # scans; fewer than the scanner codec has slots
@@ -33,11 +33,6 @@ class MapperCounts:
     scans_early: int = 0  # before there was any pose
     points: int = 0
     erased: int = 0
-
-
-def _last_beam_s(scan: Scan) -> float:
-    """When the last beam of a scan left."""
-    return scan.t_s + float(scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
 
 
 class Mapper:
@@ -65,7 +60,8 @@ class Mapper:
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
         self.delivered_counts_s = float("-inf")  # instant of the newest encoder counts
-        self._waiting: deque[Scan] = deque()
+        self._waiting: deque[Scan | PointSweep] = deque()
+        self._max_beams = config.scanner.options.spec.max_beams
         self._breaks = 0
         self._pose_s = math.nan  # asked since the last settling,
         self._pose: Pose | None = None  # and its answer
@@ -90,9 +86,14 @@ class Mapper:
         self.delivered_counts_s = max(self.delivered_counts_s, counts.t_s)
         self.odometry.add(counts)
 
-    def add_scan(self, scan: Scan) -> None:
-        """Take one scan; it is mapped by a later `settle`."""
-        self.delivered_scan_s = max(self.delivered_scan_s, _last_beam_s(scan))
+    def add_scan(self, scan: Scan | PointSweep) -> None:
+        """Take one sweep; it is mapped by a later `settle`.
+
+        Raises:
+            ValueError: it is not what its scanner may deliver.
+        """
+        check_sweep(scan, self._max_beams)
+        self.delivered_scan_s = max(self.delivered_scan_s, span_s(scan)[1])
         self._waiting.append(scan)
         if len(self._waiting) > WAITING:
             self._waiting.popleft()
@@ -108,8 +109,8 @@ class Mapper:
         added = 0
         while self._waiting:
             scan = self._waiting[0]
-            last_s = _last_beam_s(scan)
-            if self.attitudes.reaches(scan.t_s, last_s) and self.odometry.covers(scan.t_s, last_s):
+            first_s, last_s = span_s(scan)
+            if self.attitudes.reaches(first_s, last_s) and self.odometry.covers(first_s, last_s):
                 self._add(self._waiting.popleft(), last_s)
                 added += 1
             elif now_s - scan.arrived_s > WAIT_S:
@@ -122,7 +123,7 @@ class Mapper:
                 break
         return added
 
-    def _add(self, scan: Scan, last_s: float) -> None:
+    def _add(self, scan: Scan | PointSweep, last_s: float) -> None:
         roll_rad, pitch_rad, _ = self.attitudes.rpy_at(last_s)
         if max(abs(roll_rad), abs(pitch_rad)) > MAX_SLOPE_RAD:
             self.counts.scans_tilted += 1

@@ -6,7 +6,11 @@ from core.grid.window import StateWindow
 from core.mapping.layers import LayerView
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I64, Scan
+from core.records import F64, I64, PointSweep, Scan
+
+MAX_SLOPE_RAD = 0.35  # a robot that stands steeper than 20 deg has no map
+
+MAX_SLOPE_RAD = 0.35  # a robot that leans more, 20 deg, has no use for a map
 
 
 class Maps(Protocol):
@@ -18,8 +22,8 @@ class Maps(Protocol):
         """Run the kernels to which the first scans do not come, once; the maps stay as they are."""
         ...
 
-    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a scan that attitude and odometry cover from its first beam to its last.
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a sweep that attitude and odometry cover from its first beam to its last.
 
         Returns how many of its returns were used.
         """

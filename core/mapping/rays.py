@@ -2,7 +2,7 @@
 
 A beam is a ray in the map frame: the place of the lens at that instant, and a direction of unit
 length. A return at range r lies at lens + r * direction. z is the map's: 0 is the ground under the
-robot where the run began.
+robot where the run began. The beams may be a fan (`Scan`) or any others (`PointSweep`).
 Source: design, sections 5 and 7.
 """
 
@@ -13,11 +13,10 @@ import numpy as np
 from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
-from core.records import F64, Scan, record
+from core.records import F64, PointSweep, Scan, record
 from jit import kernel
 
-MIN_RANGE_M = 0.15  # nearer is the scanner's own housing (lms111 sheet, section 5)
-MAX_BEAMS = 1081  # of the finest scan
+MIN_RANGE_M = 0.15  # nearer is a scanner's own housing, or the robot's body
 
 
 @kernel
@@ -32,10 +31,19 @@ def _turn_to_map(q: F64, cy: float, sy: float, v: F64) -> None:
 
 
 @kernel
+def _spread(
+    bearings: tuple[float, float], times: tuple[float, float], directions: F64, times_s: F64
+) -> None:
+    """Fills the directions (n, 3) and times (n,) of a fan: (first, step) of both."""
+    for i in range(times_s.size):
+        bearing = bearings[0] + i * bearings[1]
+        directions[i, 0], directions[i, 1] = math.cos(bearing), math.sin(bearing)
+        times_s[i] = times[0] + i * times[1]
+
+
+@kernel
 def _cast(
-    n: int,
-    bearings: tuple[float, float],
-    times: tuple[float, float],
+    fan: tuple[F64, F64, F64],
     attitude_t_s: F64,
     q_earth_body: F64,
     start: int,
@@ -50,19 +58,21 @@ def _cast(
 ) -> None:
     """Fills `lenses` and `rays` (n, 3), map frame.
 
-    `bearings` is (first, step) and `times` (of beam 0, between beams); `first` and `last` (3,) are
-    where the body was at the first and at the last beam.
+    `fan` is origins and directions (n, 3) in the sensor's frame, and times (n,); `first` and `last`
+    (3,) are where the body was at the first and at the last beam.
     """
+    origins, directions, times_s = fan
+    n = times_s.size
     q, ray, arm = np.empty(4), np.empty(3), np.empty(3)
     cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
     for i in range(n):
-        q_at(attitude_t_s, q_earth_body, start, count, times[0] + i * times[1], q)
-        bearing = bearings[0] + i * bearings[1]
-        cb, sb = math.cos(bearing), math.sin(bearing)
+        q_at(attitude_t_s, q_earth_body, start, count, times_s[i], q)
         share = i / (n - 1) if n > 1 else 0.0
         for k in range(3):
-            ray[k] = R_body_sensor[k, 0] * cb + R_body_sensor[k, 1] * sb
-            arm[k] = t_body_sensor[k]
+            ray[k], arm[k] = 0.0, t_body_sensor[k]
+            for m in range(3):
+                ray[k] += R_body_sensor[k, m] * directions[i, m]
+                arm[k] += R_body_sensor[k, m] * origins[i, m]
         _turn_to_map(q, cy, sy, ray)
         _turn_to_map(q, cy, sy, arm)
         for k in range(3):
@@ -85,8 +95,39 @@ class Sweep:
         return np.asarray(places[self.ranges_m.T >= MIN_RANGE_M])
 
 
+def span_s(scan: Scan | PointSweep) -> tuple[float, float]:
+    """When its first and its last beam left."""
+    if isinstance(scan, Scan):
+        return scan.t_s, scan.t_s + float(scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
+    return float(scan.times_s[0]), float(scan.times_s[-1])
+
+
+def check_sweep(scan: Scan | PointSweep, max_beams: int) -> None:
+    """Let a sweep pass whose arrays the kernels may walk, which check no index.
+
+    Raises:
+        ValueError: too many beams, arrays that do not fit together, or what is no number.
+    """
+    echoes, beams = scan.ranges_m.shape
+    if echoes < 1 or not 1 <= beams <= max_beams:
+        raise ValueError(f"a sweep has 1 to {max_beams} beams, this one {echoes} x {beams} ranges")
+    if isinstance(scan, Scan):
+        step_s, angles = scan.beam_dt_s, scan.first_rad + beams * scan.step_rad
+        if not (step_s >= 0.0 and math.isfinite(scan.t_s + beams * step_s + angles)):
+            raise ValueError("a scan's times and bearings are finite and its times ascend")
+        return
+    shapes = scan.origins.shape, scan.directions.shape, scan.times_s.shape
+    if shapes != ((beams, 3), (beams, 3), (beams,)):
+        raise ValueError(f"a sweep of {beams} rays has arrays of the shapes {shapes}")
+    first_s, last_s = span_s(scan)
+    if not (first_s <= scan.times_s.min() and scan.times_s.max() <= last_s):
+        raise ValueError("a sweep's first time is its earliest and its last the latest")
+    if not (np.isfinite(scan.origins).all() and np.isfinite(scan.directions).all()):
+        raise ValueError("a sweep's origins and directions are finite")
+
+
 class BeamGeometry:
-    """Where the scanner sits on the body, and room for the rays of one scan."""
+    """Where the scanner sits on the body, and room for the rays of one sweep."""
 
     def __init__(
         self,
@@ -94,24 +135,38 @@ class BeamGeometry:
         mount_roll_rad: float,
         mount_tilt_rad: float,
         mount_yaw_rad: float,
+        max_beams: int,
     ) -> None:
         self._R_body_sensor = R_from_rpy(mount_roll_rad, mount_tilt_rad, mount_yaw_rad)
         self._t_body_sensor = np.array(mount_xyz_m, dtype=np.float64)
-        self._lenses = np.zeros((MAX_BEAMS, 3))
-        self._rays = np.zeros((MAX_BEAMS, 3))
+        self._origins, self._directions = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
+        self._times_s = np.zeros(max_beams)
+        self._lenses, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
 
-    def cast(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> Sweep:
-        """The rays of a scan.
-
-        Attitude and odometry must cover the scan from its first beam to its last.
-        """
+    def points(self, scan: Scan) -> PointSweep:
+        """A scan as a sweep of rays; valid until the next one is asked for."""
         n = scan.ranges_m.shape[1]
-        last_s = scan.t_s + (n - 1) * scan.beam_dt_s
+        directions, times_s = self._directions[:n], self._times_s[:n]
+        _spread((scan.first_rad, scan.step_rad), (scan.t_s, scan.beam_dt_s), directions, times_s)
+        return PointSweep(
+            self._origins[:n], directions, scan.ranges_m, times_s, scan.counter, scan.arrived_s
+        )
+
+    def cast(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> Sweep:
+        """The rays of a sweep that was checked.
+
+        Attitude and odometry must cover it from its first beam to its last.
+        """
+        first_s, last_s = span_s(scan)
+        sweep = self.points(scan) if isinstance(scan, Scan) else scan
+        n = sweep.times_s.size
         lenses, rays = self._lenses[:n], self._rays[:n]
         _cast(
-            n,
-            (scan.first_rad, scan.step_rad),
-            (scan.t_s, scan.beam_dt_s),
+            (
+                np.ascontiguousarray(sweep.origins),
+                np.ascontiguousarray(sweep.directions),
+                np.ascontiguousarray(sweep.times_s),
+            ),
             attitudes.t_s,
             attitudes.q_earth_body,
             attitudes.start,
@@ -119,9 +174,9 @@ class BeamGeometry:
             odometry.yaw_start_rad,
             self._R_body_sensor,
             self._t_body_sensor,
-            odometry.xyz_at(scan.t_s),
+            odometry.xyz_at(first_s),
             odometry.xyz_at(last_s),
             lenses,
             rays,
         )
-        return Sweep(last_s, lenses, rays, scan.ranges_m)
+        return Sweep(last_s, lenses, rays, sweep.ranges_m)

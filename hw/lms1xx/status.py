@@ -29,6 +29,7 @@ CONTAMINATIONS = {
     2: "has a dirty window (error): clean it",
     3: "has a window too dirty to see through: clean it",
 }
+TOO_DIRTY = 2  # contamination from which "nothing there" is not believed
 HOT = "is out of its range of temperatures"
 TOO_DIRTY = 2  # contamination from which a scan's "nothing there" is not believed
 STATUS_OK = 0

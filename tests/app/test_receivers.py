@@ -5,14 +5,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from core.config import ConfigError, load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
+from core.config import ConfigError
 from core.records import FREE, OBSTACLE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
-from main import App, Ports, open_ports
 from mapod_link import serial_from_frame
 from tests.support.closed_loop import SESSION, SHIPPED, START_S
+from wiring import open_ports
 
 SETTINGS = load_config(SHIPPED.read_text(encoding="utf-8"))
 URLS = ["udp://127.0.0.1:9750", "serial:///dev/planner?baud=921600", "udp://127.0.0.1:9751"]

@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 import pytest
 
+from hw.lms1xx.session import Lms111
 from tests import ROOT
 from tools.cli.replay import SHIPPED_RECORDING, config_for_recording
 from tools.laser_replay import LaserReplay
@@ -32,6 +33,7 @@ def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
     first: tuple[LaserReplay, Outcome],
 ) -> None:
     replay, outcome = first
+    assert isinstance(replay.app.scanner, Lms111)
     assert replay.app.scanner.not_ready == 7
     assert outcome.counts.scans_added == 51
     assert outcome.counts.scans_dropped == 0

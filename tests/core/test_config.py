@@ -1,6 +1,7 @@
-"""Settings: the shipped file, and every way of getting one wrong."""
+"""Settings: the shipped file, every way of getting one wrong, drivers from elsewhere, keys."""
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -8,7 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.config import Config, ConfigError, key_from_bytes, load_config
+from config_file import drivers, key_from_bytes, load_config, read_key, with_changes
+from core.config import Config, ConfigError, Drivers, config_from_text, table_from
+from hw.lms1xx.options import Lms1xxOptions
 from tests import ROOT
 
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
@@ -32,46 +35,45 @@ def with_value(section: str, key: str, value: Any) -> str:
     return toml_from({**TABLE, section: {**TABLE[section], key: value}})
 
 
-def test_the_shipped_file_is_the_papers_robot() -> None:
+def error_of(text: str) -> str:
+    """What is wrong with it."""
+    with pytest.raises(ConfigError) as error:
+        load_config(text)
+    return str(error.value)
+
+
+def test_the_shipped_file_is_the_papers_robot_that_never_moves() -> None:
     config = load_config(SHIPPED)
-    scanner = config.scanner
+    scanner, options = config.scanner, config.scanner.options
+    assert isinstance(options, Lms1xxOptions)
     assert (scanner.mount_z_m, scanner.mount_tilt_deg) == (1.08, 7.5)
-    assert (scanner.first_deg, scanner.last_deg) == (30.0, 150.0)
-    assert (scanner.scan_rate_hz, scanner.angular_step_deg) == (25, 0.25)
+    assert (options.first_deg, options.last_deg, options.angular_step_deg) == (30.0, 150.0, 0.25)
     assert (config.map.cells, config.map.cell_m, config.obstacle.window_cells) == (101, 0.2, 101)
     assert (config.obstacle.h_pos_m, config.obstacle.h_neg_m) == (0.10, -0.10)
     assert (config.loop.rate_hz, config.robot.encoder_ppr) == (200, 500)
-    assert config.robot.enable_motors is False
-    assert config.robot.unknown_stops is True
+    assert (config.robot.enable_motors, config.robot.unknown_stops) == (False, True)
     assert config.robot.start_clear_m == 0.0
-
-
-@pytest.mark.parametrize(("section", "key"), KEYS)
-def test_a_missing_key_is_named(section: str, key: str) -> None:
-    table = {**TABLE, section: {k: v for k, v in TABLE[section].items() if k != key}}
-    with pytest.raises(ConfigError, match=rf"{section}\.{key}: missing"):
-        load_config(toml_from(table))
-
-
-@pytest.mark.parametrize(("section", "key"), KEYS)
-def test_a_wrong_type_is_named_with_what_was_given_and_what_is_allowed(
-    section: str, key: str
-) -> None:
-    with pytest.raises(ConfigError) as error:
-        load_config(with_value(section, key, [["x"]]))
-    assert str(error.value).startswith(f"{section}.{key}: must be ")
-    assert str(error.value).endswith("is [['x']]")
+    assert table_from(config) == TABLE
+    with pytest.raises(AttributeError):
+        config.loop.rate_hz = 100  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("section", TABLE)
-def test_an_unknown_key_is_named_with_the_known_ones(section: str) -> None:
-    with pytest.raises(ConfigError, match=rf"{section}\.colour: unknown key; allowed are .*"):
-        load_config(with_value(section, "colour", 1))
+def test_missing_unknown_and_mistyped_keys_are_named(section: str) -> None:
+    assert f"{section}.colour: unknown key" in error_of(with_value(section, "colour", 1))
+    for key in TABLE[section]:
+        left = {k: v for k, v in TABLE[section].items() if k != key}
+        assert f"{section}.{key}: missing" in error_of(toml_from({**TABLE, section: left}))
+        told = error_of(with_value(section, key, [["x"]]))
+        assert told.startswith(f"{section}.{key}: must be ")
+        assert told.endswith("is [['x']]")
 
 
-def test_an_unknown_and_a_missing_section_are_named() -> None:
-    with pytest.raises(ConfigError, match=r"\[logs\]: unknown section.*log\.level: missing"):
-        load_config(SHIPPED.replace("[log]", "[logs]"))
+def test_unknown_and_missing_sections_and_what_is_no_toml_are_named() -> None:
+    told = error_of(SHIPPED.replace("[log]", "[logs]"))
+    assert "[logs]: unknown section" in told
+    assert "log.level: missing" in told
+    assert "line 2" in error_of("[loop]\nrate_hz = \n")
 
 
 @pytest.mark.parametrize(
@@ -81,11 +83,9 @@ def test_an_unknown_and_a_missing_section_are_named() -> None:
         ("loop", "rate_hz", True, "a number from 10 to 1000, is True"),
         ("robot", "encoder_ppr", 0, "a whole number from 1 to 100000, is 0"),
         ("robot", "enable_motors", 1, "true or false, is 1"),
-        ("robot", "max_turn_radps", 0.0, "from 0.01 to 20, is 0.0"),
         ("robot", "brake_mps2", 0.0, "from 0.01 to 20, is 0.0"),
-        ("robot", "start_clear_m", -1.0, "from 0 to 20, is -1.0"),
-        ("robot", "unknown_stops", "no", "true or false, is 'no'"),
-        ("drive", "full_power_mps", 0.0, "from 0.01 to 20, is 0.0"),
+        ("scanner", "driver", "urg04lx", "scanner.driver: must be 'lms111', is 'urg04lx'"),
+        ("scanner", "colour", 1, "unknown key for driver 'lms111'; allowed are driver, port,"),
         ("scanner", "mount_z_m", 0.0, "above 0 to 5, is 0.0"),
         ("scanner", "scan_rate_hz", 30, "25 or 50, is 30"),
         ("scanner", "angular_step_deg", 0.1, "0.25 or 0.5 at 25 Hz, is 0.1 at 25 Hz"),
@@ -97,8 +97,8 @@ def test_an_unknown_and_a_missing_section_are_named() -> None:
         ("map", "cells", 101.0, "a whole number from 3 to 2001, is 101.0"),
         ("map", "cell_m", float("nan"), "from 0.01 to 1, is nan"),
         ("map", "cell_m", 0.0333, "whole millimetres"),
-        ("map", "cell_value", "certainty", "this version has only 'mean' or 'kalman'"),
-        ("obstacle", "soft_free_below_m", 0.3, 'needs scanner.echo = "both"'),
+        ("map", "cell_value", "certainty", "'kalman' or 'mean', is 'certainty'"),
+        ("obstacle", "soft_free_below_m", 0.3, "two echoes of a beam"),
         ("obstacle", "h_neg_m", 0.1, "is 0.1"),
         ("obstacle", "window_cells", 103, "at most map.cells = 101, is 103"),
     ],
@@ -106,39 +106,9 @@ def test_an_unknown_and_a_missing_section_are_named() -> None:
 def test_a_value_out_of_range_is_told_with_its_range(
     section: str, key: str, value: Any, told: str
 ) -> None:
-    with pytest.raises(ConfigError) as error:
-        load_config(with_value(section, key, value))
-    assert told in str(error.value)
-    assert key in str(error.value)
-
-
-def test_motors_may_be_enabled_and_either_dialect_be_asked_for() -> None:
-    assert load_config(with_value("robot", "enable_motors", True)).robot.enable_motors
-    for dialect in ("auto", "binary", "ascii"):
-        config = load_config(with_value("scanner", "dialect", dialect))
-        assert config.scanner.dialect == dialect
-
-
-@pytest.mark.parametrize(
-    ("content", "good"), [(bytes(range(32)), True), (b"ab" * 32 + b"\n", True), (b"ab" * 20, False)]
-)
-def test_a_key_is_32_bytes_or_64_hex_digits(content: bytes, good: bool) -> None:
-    if good:
-        assert len(key_from_bytes(content, "key")) == 32
-    else:
-        with pytest.raises(ConfigError, match="32 bytes or 64 hex digits, 'key' holds 40 bytes"):
-            key_from_bytes(content, "key")
-
-
-def test_text_that_is_not_toml_is_told_with_its_place() -> None:
-    with pytest.raises(ConfigError, match=r"not valid TOML: .*line 2"):
-        load_config("[loop]\nrate_hz = \n")
-
-
-def test_settings_are_frozen() -> None:
-    config = load_config(SHIPPED)
-    with pytest.raises(AttributeError):
-        config.loop.rate_hz = 100  # type: ignore[misc]
+    error = error_of(with_value(section, key, value))
+    assert told in error
+    assert key in error
 
 
 VALUES: st.SearchStrategy[Any] = st.one_of(
@@ -158,4 +128,59 @@ def test_any_value_anywhere_gives_settings_or_an_error_that_names_the_key(
         told = str(error)
     assert config is not None or place[1] in told or "TOML" in told
     if config is not None:
-        assert msgspec.to_builtins(config)[place[0]][place[1]] == value
+        assert table_from(config)[place[0]][place[1]] == value
+
+
+class SonarOptions(msgspec.Struct, frozen=True):
+    """The keys of an attitude sensor that nobody sells."""
+
+    pings: int
+
+    def describe(self) -> str:
+        """In words."""
+        return f"{self.pings} pings"
+
+
+def test_another_driver_has_keys_of_its_own_and_not_those_of_its_neighbour() -> None:
+    known: Drivers = {**drivers(), "ahrs": {**drivers()["ahrs"], "sonar": SonarOptions}}
+    mounts = {key: value for key, value in TABLE["ahrs"].items() if key.startswith("mount")}
+    ahrs = {"driver": "sonar", "port": "tcp://10.0.0.1:1", **mounts, "pings": 3}
+    config = config_from_text(toml_from({**TABLE, "ahrs": ahrs}), known)
+    assert config.ahrs.options.describe() == "3 pings"
+    with pytest.raises(ConfigError, match=r"ahrs.rate_hz: unknown key for driver 'sonar'; allowed"):
+        config_from_text(toml_from({**TABLE, "ahrs": {**ahrs, "rate_hz": 100}}), known)
+    with pytest.raises(ConfigError, match=r"ahrs.driver: must be 'mti', is 'sonar'"):
+        with_changes(config, map={"cells": 201})  # by the drivers that are registered
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        (bytes(range(32)), ""),
+        (b"ab" * 32 + b"\n", ""),
+        (b"ab" * 20, "must hold 64 hex digits, 'key' holds 40"),
+        (b"0123456789abcdef0123456789abcdef", "must hold 64 hex digits, 'key' holds 32"),
+        (b"short", "must hold 32 bytes or 64 hex digits, 'key' holds 5 bytes"),
+    ],
+)
+def test_a_key_is_32_bytes_or_64_hex_digits_and_half_of_them_are_not_taken_for_bytes(
+    content: bytes, told: str
+) -> None:
+    if not told:
+        assert len(key_from_bytes(content, "key")) == 32
+        return
+    with pytest.raises(ConfigError, match=told):
+        key_from_bytes(content, "key")
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o400, 0o640, 0o604, 0o620, 0o644])
+def test_a_key_that_others_may_read_or_write_is_refused(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "key"
+    path.write_bytes(bytes(range(32)))
+    path.chmod(mode)
+    if not mode & 0o077:
+        assert read_key(str(path)) == bytes(range(32))
+        return
+    with pytest.raises(ConfigError, match=rf"only its owner .* its mode is {mode:04o}: chmod 600"):
+        read_key(str(path))
+    assert read_key("") is None

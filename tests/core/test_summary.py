@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 from core.driving import health
 from core.driving.report import report
 from core.mapping.mapper import Mapper
@@ -44,10 +44,11 @@ def test_what_enabled_motors_will_do_is_told(
 def test_a_planner_is_told_what_is_not_known() -> None:
     trusted, pose = report(
         Mapper(SHIPPED), 5.0, clocks_locked=False, overrun=True, replayed=False,
-        contaminated=True, stop_asked=True, drop_ahead=True, stalled=False,
+        impaired=True, stop_asked=True, drop_ahead=True, stalled=False,
+        scan_stale_s=0.15,
     )  # fmt: skip
     assert not trusted
     assert pose.mode == health.BOOTING
-    assert pose.health == health.CONTAMINATED | health.STOP_ASKED | health.DROP_AHEAD
+    assert pose.health == health.SIGHT_IMPAIRED | health.STOP_ASKED | health.DROP_AHEAD
     assert pose.age_scan_s == pose.age_ahrs_s == pose.age_enc_s == math.inf
     assert (pose.x_m, pose.y_m, pose.yaw_rad, pose.v_mps) == (0.0, 0.0, 0.0, 0.0)

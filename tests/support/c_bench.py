@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from core.config import load_config
+from config_file import load_config
 from core.driving.stop_zone import StopZone
 from core.grid.ring import RingGrid
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow, PoseReport, StopZoneReport
@@ -163,9 +163,8 @@ class Bench:
 
     def is_safe(self, clear_m: float = 0.0) -> bool:
         """Whether the newest motion is one that the app's own stop zone lets pass, at full."""
-        zone = StopZone(
-            ROBOT.front_m, ROBOT.rear_m, ROBOT.width_m, ROBOT.stop_margin_m, ROBOT.brake_mps2, True
-        )
+        size = ROBOT.front_m, ROBOT.rear_m, ROBOT.width_m, ROBOT.stop_margin_m
+        zone = StopZone(*size, ROBOT.brake_mps2, True, 0.45)
         motion = self.newest
         rate_mps = zone.rate_mps(*motion)
         if rate_mps < 0.001:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from core.config import Config, load_config
+from config_file import load_config
+from core.config import Config
 from core.mapping.beams.maps import BeamMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner_mcu.receiver import FakePlanner

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.config import Config, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import Config
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.records import Attitude, Scan, WheelCounts
+from hw.lms1xx.options import Lms1xxOptions
 from tests import ROOT
 from tests.support.flat_world import F64, Profile, World
 
@@ -55,6 +57,7 @@ class Ride:
     pitching_hz: float = 1.0
     noise_rad: float = math.radians(0.05)  # of the attitude sensor
     bias_rad: tuple[float, float] = (0.0, 0.0)  # roll, pitch: measured minus true
+    slip: float = 0.0  # share of the travel that the wheels count too much
 
 
 class Path3:
@@ -93,7 +96,7 @@ class Path3:
 
     def wheels(self, t_s: float) -> tuple[float, float]:
         """Travel of the left and of the right wheel."""
-        travel = float(np.interp(t_s, self._t_s, self._travel_m))
+        travel = (1.0 + self._ride.slip) * float(np.interp(t_s, self._t_s, self._travel_m))
         rim = 0.5 * SHIPPED.robot.track_width_m * float(np.interp(t_s, self._t_s, self._yaw_rad))
         return travel - rim, travel + rim
 
@@ -140,18 +143,19 @@ class Rig:
     def _scan(self, begin_s: float) -> Scan:
         """What the scanner measures."""
         scanner = self._config.scanner
-        n = round((scanner.last_deg - scanner.first_deg) / scanner.angular_step_deg) + 1
-        dt_s = BEAM_DT_S * scanner.angular_step_deg / 0.25
+        options = scanner.options
+        assert isinstance(options, Lms1xxOptions)
+        n = round((options.last_deg - options.first_deg) / options.angular_step_deg) + 1
+        dt_s = BEAM_DT_S * options.angular_step_deg / 0.25
         t_s: F64 = np.asarray(begin_s + dt_s * np.arange(n), dtype=np.float64)
-        bearings = np.radians(np.linspace(scanner.first_deg - 90, scanner.last_deg - 90, n))
+        bearings = np.radians(np.linspace(options.first_deg - 90, options.last_deg - 90, n))
         mount = np.radians([[scanner.mount_roll_deg, scanner.mount_tilt_deg, 0.0]])
         flat_rays = np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros(n)])
         R_map_body = R_of(self.path.rpy(t_s))
         rays = np.einsum("nij,nj->ni", R_map_body, flat_rays @ R_of(mount)[0].T)
         arm = np.array([scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m])
         lenses = self.path.xyz(t_s) + R_map_body @ arm
-        echoes = 2 if scanner.echo == "both" else 1
-        ranges_m = self.world.ranges(lenses, rays, t_s, echoes)
+        ranges_m = self.world.ranges(lenses, rays, t_s, options.spec.echoes)
         step = float(bearings[1] - bearings[0])
         return Scan(begin_s, dt_s, float(bearings[0]), step, ranges_m, 0, begin_s + SCAN_S)
 

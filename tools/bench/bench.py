@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 import structlog
 
-from core.config import Config, load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
+from core.config import Config
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
-from main import App, Ports
 from tools.bench import decode as bench_decode
 
 ROOT = Path(__file__).resolve().parents[2]

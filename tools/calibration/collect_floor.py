@@ -1,4 +1,4 @@
-"""What scanner and attitude sensor see of the floor for some seconds, for `calibrate.py`.
+"""What scanner and attitude sensor see of the floor for some seconds.
 
 Opens these two ports and no other, so that nothing can move. Waits until both devices run and their
 clocks are known; refuses with the device's own cause where that does not come, or does not last.
@@ -6,21 +6,19 @@ clocks are known; refuses with the device's own cause where that does not come, 
 
 import contextlib
 import math
-import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
 
 from core.config import Config
 from core.motion.attitude import AttitudeRing
 from core.records import Scan
-from hw.device import DeviceStatus, Port
-from hw.lms1xx.session import Lms111
-from hw.mti.session import Mti
-from hw.ports.url import parse_url
+from hw.device import DeviceStatus, NoPort, Port
 from hw.ports.wires import open_port
 from tools.calibration.mount import FloorWatch
+from wiring import Ports, devices_on
 
-STEP_S, PROGRESS_S = 0.002, 2.0
+STEP_S, PROGRESS_S = 0.002, 0.2
 READY_S = 45.0  # a scanner's spin-up and both clocks' first second fit in
 WAIT_S = 0.3  # a scan's longest wait for the attitude of its last beam
 LEAST_COVERED = 0.8  # of the scans
@@ -34,22 +32,12 @@ class Collector:
     """Both devices on their ports, and the floor that they see, for so long once both run well."""
 
     def __init__(self, config: Config, scanner: Port, ahrs: Port, seconds: float) -> None:
-        settings, attitude = config.scanner, config.ahrs
-        self.scanner = Lms111(
-            scanner,
-            dialect=settings.dialect,
-            scan_rate_hz=settings.scan_rate_hz,
-            angular_step_deg=settings.angular_step_deg,
-            first_deg=settings.first_deg,
-            last_deg=settings.last_deg,
-            echo="first",
-            accepted_status=settings.accepted_status,
-        )
-        baud = parse_url(attitude.port).baud or 115_200
-        self.ahrs = Mti(ahrs, rate_hz=attitude.rate_hz, baud=baud)
+        attitude, nowhere = config.ahrs, NoPort()
+        devices = devices_on(Ports(scanner, ahrs, nowhere, nowhere), config)
+        self.scanner, self.ahrs = devices.scanner, devices.ahrs
         self.watch = FloorWatch()
         self.done = False
-        self._seconds, self._due = seconds, seconds * settings.scan_rate_hz
+        self._seconds, self._due = seconds, seconds / config.scanner.options.spec.period_s
         self._attitudes = AttitudeRing(
             math.radians(attitude.mount_roll_deg),
             math.radians(attitude.mount_pitch_deg),
@@ -73,6 +61,8 @@ class Collector:
             self._get_ready(now_s)
             return
         for scan in scans:
+            if not isinstance(scan, Scan):
+                raise RefusedError("only a scanner of one plane can be calibrated")
             self._waiting.append(replace(scan, ranges_m=scan.ranges_m.copy()))
         self._settle(now_s)
         if now_s >= self._ready_s + self._seconds + WAIT_S:
@@ -105,27 +95,34 @@ class Collector:
             )
         self.done = True
 
+    def gone_s(self, now_s: float) -> float:
+        """How long it has measured."""
+        return max(0.0, min(now_s - self._ready_s, self._seconds))
+
     def words(self, now_s: float) -> str:
         """How it goes, in one line."""
         if self._ready_s < math.inf:
-            gone_s = min(now_s - self._ready_s, self._seconds)
-            progress = f"{gone_s:.0f} of {self._seconds:.0f} s, {self.watch.scans} scans"
+            progress = (
+                f"{self.gone_s(now_s):.0f} of {self._seconds:.0f} s, {self.watch.scans} scans"
+            )
         else:
             progress = "waiting until both devices run and their clocks are known"
         return "; ".join([progress, *_complaints(self.scanner.status, self.ahrs.status)])
 
 
-def _complaints(*devices: DeviceStatus) -> list[str]:
-    names = {"lms111": "scanner", "mti": "attitude sensor"}
+def _complaints(scanner: DeviceStatus, ahrs: DeviceStatus) -> list[str]:
     return [
-        f"the {names[status.name]} is {status.state}" + (f": {status.cause}" * bool(status.cause))
-        for status in devices
+        f"the {name} is {status.state}" + (f": {status.cause}" * bool(status.cause))
+        for name, status in (("scanner", scanner), ("attitude sensor", ahrs))
         if status.cause or status.state != "running"
     ]
 
 
-def collect(config: Config, seconds: float) -> FloorWatch:
+def collect(config: Config, seconds: float, advance: Callable[[float, str], None]) -> FloorWatch:
     """What the devices of the settings see in so many seconds of real time.
+
+    Args:
+        advance: called now and then with the seconds that count, and how it goes in words.
 
     Raises:
         RefusedError, PortUrlError: see Collector; a port's URL is none.
@@ -139,9 +136,10 @@ def collect(config: Config, seconds: float) -> FloorWatch:
         stack.callback(collector.scanner.stop)
         told_s = time.monotonic()
         while not collector.done:
-            collector.step(time.monotonic())
-            if time.monotonic() - told_s >= PROGRESS_S:
+            now_s = time.monotonic()
+            collector.step(now_s)
+            if now_s - told_s >= PROGRESS_S:
                 told_s += PROGRESS_S
-                print(f"calibrate: {collector.words(told_s)}", file=sys.stderr, flush=True)
+                advance(collector.gone_s(now_s), collector.words(now_s))
             time.sleep(STEP_S)
     return collector.watch

@@ -1,24 +1,21 @@
-"""What a person may want of an MTi beside measuring: `python tools/cli/attitude.py info`.
+"""What a person may want of an MTi beside measuring.
 
 Filter profiles (scenarios), heading and object reset, self test, gyroscope bias, baud rate. The
 port is that of mapod.toml, or --port. Close mapod first: a port has one reader. The device measures
 again when this is done.
 """
 
-import argparse
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
-
-from core.config import ConfigError, load_config
+from core.config import ConfigError
 from hw.mti import service as commands
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.service import OrientationReset
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
-from tools.cli.conversation import Conversation, NoAnswerError, conversation
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
+from tools.cli.options import Parser, add_actions, configured, fail, parser_of
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
@@ -31,10 +28,6 @@ RESETS = {
     "default-object": OrientationReset.DEFAULT_OBJECT,
     "default-alignment": OrientationReset.DEFAULT_ALIGNMENT,
 }
-
-
-class RefusedError(Exception):
-    """The device answered with an Error; the text says which."""
 
 
 def answer(talk: Conversation, request: bytes, seconds: float = 1.0, tries: int = 3) -> bytes:
@@ -144,33 +137,26 @@ def set_baud(talk: Conversation, baud: int) -> list[str]:
     return [f"{baud} baud from its next power-up on: set it in mapod.toml then"]
 
 
-def configured_url(path: str) -> str:
-    """The port of [ahrs] in a settings file."""
-    return load_config(Path(path).read_text(encoding="utf-8")).ahrs.port
-
-
-def arguments(given: list[str] | None) -> argparse.Namespace:
+def parser() -> Parser:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--port", help="serial:///dev/ttyUSB0?baud=115200 (default: of --config)")
-    parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
-    what = parser.add_subparsers(dest="what", required=True)
-    what.add_parser("info", help="who it is and how it is set")
-    what.add_parser("scenarios", help="the filter profiles it offers")
-    what.add_parser("scenario", help="choose one").add_argument("kind", type=int)
+    words = parser_of("attitude", __doc__, "mapod attitude info", "mapod attitude scenario 3")
+    action = add_actions(words, "'serial:///dev/ttyUSB0?baud=115200'")
+    action("info", "who it is and how it is set")
+    action("scenarios", "the filter profiles it offers")
+    action("scenario", "choose one").add_argument("kind", type=int)
     for name in RESETS:
-        reset = what.add_parser(name, help="while it measures")
+        reset = action(name, "while it measures")
         reset.add_argument("--keep", action="store_true", help="over a loss of power, too")
-    what.add_parser("self-test", help="of each sensor axis")
-    what.add_parser("still", help="learn the gyroscopes' bias").add_argument("seconds", type=int)
-    baud = what.add_parser("baud", help="from its next power-up on")
+    action("self-test", "of each sensor axis")
+    action("still", "learn the gyroscopes' bias").add_argument("seconds", type=int)
+    baud = action("baud", "from its next power-up on")
     baud.add_argument("baud", type=int, choices=sorted(commands.BAUD_CODES))
-    return parser.parse_args(given)
+    return words
 
 
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
-    options = arguments(given)
+    options = parser().parse_args(given)
     does: dict[str, Callable[[Conversation], list[str]]] = {
         "info": info,
         "scenarios": scenarios,
@@ -183,18 +169,15 @@ def main(given: list[str] | None = None) -> int:
         lambda talk: reset_orientation(talk, options.what, options.keep)
     )
     try:
-        url = options.port or configured_url(options.config)
-        parser = MtParser(parse_url(url).baud or DEFAULT_BAUD)
-        with conversation(url, parser) as talk:
+        url = options.port or configured(options.config).ahrs.port
+        with conversation(url, MtParser(parse_url(url).baud or DEFAULT_BAUD)) as talk:
             for line in act(talk):
                 print(line)
             to_measurement(talk)
     except (ConfigError, PortUrlError, OSError, ValueError) as error:
-        print(f"attitude: {error}", file=sys.stderr)
-        return 2
+        return fail("attitude", error)
     except (NoAnswerError, RefusedError) as error:
-        print(f"attitude: {error}", file=sys.stderr)
-        return 1
+        return fail("attitude", error, 1)
     return 0
 
 

@@ -10,12 +10,9 @@ is not written; x, y and yaw of the mount it never tells.
 import argparse
 import math
 import sys
-from collections.abc import Callable
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
-
-from core.config import Config, ConfigError, load_config
+from config_file import load_config
+from core.config import Config, ConfigError
 from hw.ports.url import PortUrlError
 from tools.calibration.collect_floor import RefusedError, collect
 from tools.calibration.fit import Mount
@@ -26,7 +23,9 @@ from tools.calibration.mount import (
     calibrate,
     reads_m,
 )
+from tools.cli.options import add_config, fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
+from tools.terminal.progress import advancing
 
 BY_HAND_OFF_M = 0.3  # a measured height that differs so much from the settings' is a slip
 UNPROVEN_OFF_RAD = math.radians(1.0)  # a mount that moved so far is not believed without proof
@@ -171,28 +170,19 @@ def tell(found: Calibration, options: argparse.Namespace, config: Config, text: 
     for key, value in values.items():
         print(f"{key} = {value}")
     if options.write:
-        rewrite(Path(options.config), text, with_values(text, "scanner", values))
+        rewrite(options.config, text, with_values(text, "scanner", values))
         print(f"\nwritten to {options.config}")
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
     """The command line."""
-
-    def within(low: float, high: float) -> Callable[[str], float]:
-        def number(text: str) -> float:
-            if not low <= float(text) <= high:
-                raise argparse.ArgumentTypeError(f"must be from {low:g} to {high:g}, is {text}")
-            return float(text)
-
-        return number
-
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser = parser_of("calibrate", __doc__, "mapod calibrate --height 1.08 --write")
+    add_config(parser)
     add = parser.add_argument
-    add("--config", default="mapod.toml", help="settings (default: mapod.toml)")
-    add("--seconds", type=within(2, 600), default=20.0, help="how long (default: 20)")
-    add("--height", type=within(0.02, 5), help="of the lens above the floor, by tape, in m")
-    add("--height-error", type=within(0.0005, 0.1), default=0.005, help="of it (default: 0.005 m)")
-    add("--level", type=within(0.005, 2), default=0.1, help="the floor is, in deg (default: 0.1)")
+    add("--seconds", type=number_in(2, 600), default=20.0, help="how long (default: 20)")
+    add("--height", type=number_in(0.02, 5), help="of the lens above the floor, by tape, in m")
+    add("--height-error", type=number_in(0.0005, 0.1), default=0.005, help="of it (0.005 m)")
+    add("--level", type=number_in(0.005, 2), default=0.1, help="the floor is, in deg (0.1)")
     add("--floor", action="store_true", help="you see that there is only floor ahead, no wall")
     add("--write", action="store_true", help="put the values into the settings' file")
     return parser.parse_args(given)
@@ -202,23 +192,21 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
     options = arguments(given)
     try:
-        text = Path(options.config).read_bytes().decode("utf-8")
+        text = options.config.read_bytes().decode("utf-8")
         config = load_config(text)
         check_height(options.height, config)
-        watch = collect(config, options.seconds)
+        with advancing("calibrate", options.seconds) as advance:
+            watch = collect(config, options.seconds, advance)
         z_sigma_m = None if options.height is None else options.height_error
         guess = mount_of(config, options.height)
         found = calibrate(watch.view(), guess, z_sigma_m, math.radians(options.level))
         tell(found, options, config, text)
     except (ConfigError, PortUrlError, UnicodeDecodeError, OSError) as error:
-        print(f"calibrate: {error}", file=sys.stderr)
-        return 2
+        return fail("calibrate", error)
     except (RefusedError, NoFloorError, NotThereError) as error:
-        print(f"calibrate: {error}", file=sys.stderr)
-        return 1
+        return fail("calibrate", error, 1)
     except KeyboardInterrupt:
-        print("calibrate: broken off; nothing is written", file=sys.stderr)
-        return 1
+        return fail("calibrate", "broken off; nothing is written", 1)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""A real device and its fake, asked the same: `python -m tools.cli.compare scanner --real tcp://...`.
+"""A real device and its fake, asked the same.
 
 Asks both the same questions, listens to what both send, and lists what differs: which commands are
 answered and how, how soon, how often data come, counters, layout, values. It asks only what changes
@@ -21,20 +21,31 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from core.config import ConfigError
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
-from tools.cli.conversation import NoAnswerError
-from tools.cli.scanner import RefusedError
+from tools.cli.conversation import NoAnswerError, RefusedError
+from tools.cli.options import (
+    ROOT,
+    add_config,
+    add_out,
+    add_port,
+    add_seconds,
+    configured,
+    fail,
+    lacks_simulation,
+    parser_of,
+)
 from tools.compare import ahrs as compare_ahrs
 from tools.compare import drive as compare_drive
 from tools.compare import scanner as compare_scanner
 from tools.compare.facts import Difference, Portrait, differences
+from tools.terminal.progress import advancing
 
-ROOT = Path(__file__).resolve().parents[2]
 READY_S = 20.0
 PLANNER = (
     "a receiver of the planner link is checked by its conformance tests: "
-    "python -m tools.cli.link_test --port {url}"
+    "mapod link-test --port {url}"
 )
 Look = Callable[[str, float, bool], Portrait]
 LOOKS: dict[str, Look] = {
@@ -146,17 +157,20 @@ def show(found: list[Difference], facts: int, console: Console) -> None:
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(prog="python -m tools.cli.compare", description=__doc__)
+    parser = parser_of(
+        "compare", __doc__, "mapod compare scanner --port tcp://192.168.0.1:2112 --out facts.json"
+    )
     parser.add_argument("device", choices=(*LOOKS, "planner"))
-    parser.add_argument("--real", required=True, help="port of the real device, as in mapod.toml")
+    add_port(parser, "tcp://192.168.0.1:2112, the real device")
+    add_config(parser)
     parser.add_argument("--fake", help="port of a fake that runs already (default: start one)")
-    parser.add_argument("--seconds", type=float, default=5.0, help="to listen to its stream")
+    add_seconds(parser, "to listen to its stream; 5", 5.0)
     parser.add_argument(
         "--also-settings",
         action="store_true",
         help="also what needs a login, a reset, or stops motors; nothing is stored",
     )
-    parser.add_argument("--json", help="file for all facts of both")
+    add_out(parser, "a file for all facts of both, as JSON")
     return parser.parse_args(given)
 
 
@@ -164,25 +178,27 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 no difference that counts, 1 differences, 2 wrong use or no answer."""
     options = arguments(given)
     if options.device == "planner":
-        print(PLANNER.format(url=options.real))
-        return 2
+        return fail("compare", PLANNER.format(url=options.port or "URL"))
+    if options.fake is None and (why := lacks_simulation()):
+        return fail("compare", f"{why}; or name a fake that runs: --fake URL")
     try:
-        for url in (options.real, options.fake):
-            if url is not None:
-                parse_url(url)
-        real, fake = compared(
-            options.device, options.real, options.fake, options.seconds, options.also_settings
-        )
-    except (PortUrlError, NoAnswerError, RefusedError, OSError) as error:
-        print(f"compare: {error}", file=sys.stderr)
-        return 2
+        url = options.port or getattr(configured(options.config), options.device).port
+        for port in (url, options.fake):
+            if port is not None:
+                parse_url(port)
+        with advancing("asking", None):
+            real, fake = compared(
+                options.device, url, options.fake, options.seconds, options.also_settings
+            )
+    except (ConfigError, PortUrlError, NoAnswerError, RefusedError, OSError) as error:
+        return fail("compare", error)
     found = differences(real, fake)
-    if options.json:
+    if options.out:
         facts = {
             side: {name: asdict(fact) for name, fact in portrait.items()}
             for side, portrait in (("real", real), ("fake", fake))
         }
-        Path(options.json).write_text(json.dumps(facts, indent=1), encoding="utf-8")
+        options.out.write_text(json.dumps(facts, indent=1), encoding="utf-8")
     show(found, len(real.keys() | fake.keys()), Console())
     return 1 if any(one.counts for one in found) else 0
 

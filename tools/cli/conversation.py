@@ -16,6 +16,10 @@ class NoAnswerError(Exception):
     """The device does not answer, or the port does not open; the text says which."""
 
 
+class RefusedError(Exception):
+    """The device does not do what it was asked to; the text says why."""
+
+
 class Conversation:
     """One port and the parser of what arrives there. It is for tools: it sleeps."""
 

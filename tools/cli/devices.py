@@ -1,4 +1,4 @@
-"""Which device speaks on which port: `python tools/cli/devices.py`, or `make devices`.
+"""Which device speaks on which port.
 
 Looks at every serial port (and at those named on the command line, ptys too), finds the motor
 controller and the attitude sensor, with --scanner HOST the laser scanner, and prints the lines of
@@ -9,18 +9,14 @@ controller; an MTi is stopped for a moment to say who it is, and measures again.
 a port has one reader.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from serial.tools.list_ports_linux import comports
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
 
 from hw.ax3500.lines import CR, ENCODER_BIT, Line, LineParser, encode_query, maybe_byte
 from hw.fingerprint import NAMES, maybe_protocol
@@ -29,6 +25,8 @@ from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
 from hw.ports.url import PortUrlError, parse_url
 from tools.cli import scanner
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
+from tools.cli.options import fail, parser_of
+from tools.terminal.progress import progress
 
 LIST_PORTS: Any = comports  # pyserial has no types
 AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
@@ -38,6 +36,10 @@ MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
 LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
 LISTEN_DATA_S = 0.12  # ten samples a second at least
 ANSWER_S = 0.3
+NO_PORTS = (
+    "this machine lists no serial port: plug the adapters in, or name a port; "
+    "a scanner is asked with --scanner HOST"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,11 +235,23 @@ def udev_rules(found: list[Found]) -> Iterator[str]:
         yield f'SUBSYSTEM=="tty", {known_by}, SYMLINK+="{name}"'
 
 
+def all_found(lines: list[SerialLine], hosts: list[str]) -> list[Found]:
+    """What speaks on all of them, asked at once, with a bar."""
+    jobs = [partial(find, line) for line in lines] + [partial(find_scanner, host) for host in hosts]
+    with ThreadPoolExecutor(max_workers=max(1, len(jobs))) as together:
+        asked = [together.submit(job) for job in jobs]
+        for _ in progress("asking", as_completed(asked), len(asked)):
+            pass
+    return [one.result() for one in asked]
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; gives the exit status: 1 if nothing was found."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    """Exit status: 0 something was found, 1 nothing was, 2 wrong use."""
+    parser = parser_of("devices", __doc__, "mapod devices --scanner 192.168.0.1 --udev")
     parser.add_argument("paths", nargs="*", help="serial ports to look at (default: all)")
-    parser.add_argument("--scanner", action="append", default=[], help="HOST or HOST:PORT to ask")
+    parser.add_argument(
+        "--scanner", action="append", default=[], metavar="HOST[:PORT]", help="a scanner to ask"
+    )
     parser.add_argument("--udev", action="store_true", help="print udev rules as well")
     options = parser.parse_args(arguments)
     lines = serial_lines(options.paths)
@@ -247,11 +261,10 @@ def main(arguments: list[str] | None = None) -> int:
         for host in options.scanner:
             parse_url(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
     except PortUrlError as error:
-        print(f"devices: {error}", file=sys.stderr)
-        return 2
-    print(f"asking {len(lines)} serial ports, some 10 s each at most, all at once", file=sys.stderr)
-    with ThreadPoolExecutor(max_workers=max(1, len(lines))) as together:
-        found = list(together.map(find, lines)) + [find_scanner(host) for host in options.scanner]
+        return fail("devices", error)
+    if not lines and not options.scanner:
+        return fail("devices", NO_PORTS, 1)
+    found = all_found(lines, options.scanner)
     for one in found:
         print(f"# {one.line.path}: {one.says}{f' ({one.line.about})' if one.line.about else ''}")
     for text in toml_lines(found):
@@ -260,7 +273,9 @@ def main(arguments: list[str] | None = None) -> int:
         print("\n# /etc/udev/rules.d/99-mapod.rules")
         for text in udev_rules(found):
             print(text)
-    return 0 if any(one.section for one in found) else 1
+    if any(one.section for one in found):
+        return 0
+    return fail("devices", f"none of mapod's devices on {len(found)} ports; see above", 1)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,4 @@
-"""Checks a receiver of the planner link over its port, as section 14 of the sheet wants it.
-
-    python -m tools.cli.link_test --port udp://192.168.1.7:9750
-    python -m tools.cli.link_test --port "serial:///dev/ttyUSB0?baud=115200" --only 2,5 --seconds 60
+"""Check a receiver of the planner link over its port, as section 14 of the sheet wants it.
 
 Plays the sender: own frames for tests 1 to 6 and 15, mapod's sender for the rest of 5 and for 7.
 All that it sees of the receiver are its ACK and HELLO frames; its map is compared by DIGEST frames.
@@ -12,9 +9,11 @@ Source: planner link, section 14 (docs/planner-link.md).
 import argparse
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
+from config_file import read_key
+from core.config import ConfigError
 from hw.ports.wires import PortUrlError
+from tools.cli.options import a_seed, add_key, add_seconds, fail, parser_of
 from tools.conformance.exam import Exam
 from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
@@ -30,14 +29,12 @@ def main(arguments: list[str] | None = None) -> int:
     options = _options(arguments)
     try:
         checks = chosen(options.only)
-        key = _key(options.key_file)
+        key = read_key(options.key_file)
         bench = OverPort(options.port, options.gap_ms / 1000, options.baud)
-    except (ValueError, OSError, PortUrlError) as error:
-        print(f"link_test: {error}")
-        return NOT_EXAMINED
+    except (ConfigError, ValueError, OSError, PortUrlError) as error:
+        return fail("link-test", error, NOT_EXAMINED)
     except NotOpenError as reason:
-        print(f"link_test: {options.port} does not open: {reason}")
-        return NOT_EXAMINED
+        return fail("link-test", f"{options.port} does not open: {reason}", NOT_EXAMINED)
     budget_s = options.seconds / max(1, len(checks))
     share = min(1.0, options.seconds / SECONDS)
     exam = Exam(
@@ -58,17 +55,16 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _options(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="tools.cli.link_test",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = parser_of(
+        "link-test",
+        __doc__,
+        "mapod link-test --port udp://192.168.1.7:9750",
+        "mapod link-test --port 'serial:///dev/ttyUSB0?baud=115200' --only 2,5 --seconds 60",
     )
     numbers = ", ".join(dict.fromkeys(check.number for check in CHECKS))
     parser.add_argument("--port", required=True, help="udp://..., tcp://... or serial:///...")
-    parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits")
-    parser.add_argument(
-        "--seconds", type=float, default=SECONDS, help=f"about how long ({SECONDS:g})"
-    )
+    add_key(parser)
+    add_seconds(parser, f"about; {SECONDS:g}", SECONDS)
     parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
     parser.add_argument(
         "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
@@ -84,28 +80,8 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
         action="store_true",
         help="want also what the sheet's first version left open: section 16",
     )
-    parser.add_argument("--seed", type=int, default=1, help="of what is drawn by chance (1)")
+    parser.add_argument("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
     return parser.parse_args(arguments)
-
-
-def _key(path: Path | None) -> bytes | None:
-    """32 bytes.
-
-    Raises:
-        ValueError: the file holds no key.
-        OSError: it can't be read.
-    """
-    if path is None:
-        return None
-    data = path.read_bytes()
-    if len(data) != 32:
-        try:
-            data = bytes.fromhex(data.decode("ascii"))
-        except ValueError:
-            data = b""
-    if len(data) != 32:
-        raise ValueError(f"{path}: must hold 32 bytes, or 64 hex digits")
-    return data
 
 
 def _met(exam: Exam) -> bool:
@@ -113,19 +89,19 @@ def _met(exam: Exam) -> bool:
     wait_s = CONTACT_S
     if exam.key:
         print(
-            f"link_test: waiting for a HELLO, which has the nonce: start it anew ({RESTART_S:g} s)"
+            f"link-test: waiting for a HELLO, which has the nonce: start it anew ({RESTART_S:g} s)"
         )
         wait_s = RESTART_S
     if why := meet(exam, wait_s):
-        print(f"link_test: {why}; all tests skipped")
+        print(f"link-test: {why}; all tests skipped")
         return False
     if exam.hello:
         told = f"{exam.hello.max_cells} cells, frames of {exam.hello.max_frame} bytes"
-        print(f"link_test: the receiver says that it takes {told}")
+        print(f"link-test: the receiver says that it takes {told}")
     else:
-        print("link_test: it has said no HELLO; taken for one of 401 x 401 cells")
+        print("link-test: it has said no HELLO; taken for one of 401 x 401 cells")
     if not exam.has_digest:
-        print("link_test: it compares no DIGEST: its map can't be seen from here")
+        print("link-test: it compares no DIGEST: its map can't be seen from here")
     return True
 
 
@@ -142,7 +118,7 @@ def report(verdicts: list[Verdict], seed: int) -> int:
     counts = dict.fromkeys(("passed", "failed", "skipped"), 0)
     for verdict in verdicts:
         counts[verdict.outcome] += 1
-    print("link_test: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
+    print("link-test: " + ", ".join(f"{count} {name}" for name, count in counts.items()))
     for verdict in verdicts:
         if failure := verdict.failure:
             print(f"\nfirst failure: {verdict.check.number} {verdict.check.name} (seed {seed})")

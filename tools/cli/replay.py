@@ -18,7 +18,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from core.config import Config, ConfigError, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import Config, ConfigError
 from tools.cli.options import (
     ROOT,
     SHIPPED_CONFIG,

@@ -1,4 +1,4 @@
-"""What a person may want of a SICK LMS1xx beside its scans: `python tools/cli/scanner.py info`.
+"""What a person may want of a SICK LMS1xx beside its scans.
 
 Who it is and how it is; storing its settings for good (which wears its memory out, so mapod never
 does it by itself), setting its clock or its dialect, start, stop, reboot. The port is that of
@@ -6,30 +6,23 @@ mapod.toml, or --port. Whatever needs a login ends with Run, or the device would
 if it is connected, sees that and begins again.
 """
 
-import argparse
 import sys
 from collections.abc import Callable
 from datetime import datetime
-from pathlib import Path
 from typing import get_args
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # to run as a file, too
-
-from core.config import ConfigError, load_config
+from core.config import ConfigError
 from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command
 from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
 from hw.lms1xx.telegrams import Answer, Refusal, new_parser
 from hw.ports.wires import PortUrlError
-from tools.cli.conversation import Conversation, NoAnswerError, conversation
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
+from tools.cli.options import Parser, add_actions, configured, fail, parser_of
 
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 PROBE_S, ANSWER_S = 0.7, 2.5
-
-
-class RefusedError(Exception):
-    """The device does not do it; the text says why."""
 
 
 class Scanner:
@@ -180,43 +173,34 @@ def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
             return [f"it speaks {dialect} from the next connection on; that may take up to 30 s"]
 
 
-def arguments(given: list[str] | None) -> argparse.Namespace:
+def parser() -> Parser:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--port", help="tcp://192.168.0.1:2112 (default: of --config)")
-    parser.add_argument("--config", default="mapod.toml", help="settings (default: mapod.toml)")
-    what = parser.add_subparsers(dest="what", required=True)
-    for name, words in (
-        ("info", "who it is and how it is"),
-        ("store", "keep its settings over a loss of power (wears its memory out)"),
-        ("set-clock", "to this machine's local time"),
-        ("start", "measuring"),
-        ("stop", "measuring"),
-        ("reboot", "power off and on, as it were"),
-    ):
-        what.add_parser(name, help=words)
-    dialect = what.add_parser("dialect", help="of the host port: CoLa-B or CoLa-A")
+    words = parser_of("scanner", __doc__, "mapod scanner info", "mapod scanner dialect ascii")
+    action = add_actions(words, "tcp://192.168.0.1:2112")
+    action("info", "who it is and how it is")
+    action("store", "keep its settings over a loss of power (wears its memory out)")
+    action("set-clock", "to this machine's local time")
+    action("start", "measuring")
+    action("stop", "measuring")
+    action("reboot", "power off and on, as it were")
+    dialect = action("dialect", "of the host port: CoLa-B or CoLa-A")
     dialect.add_argument("dialect", choices=DIALECTS)
-    return parser.parse_args(given)
+    return words
 
 
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
-    options = arguments(given)
+    options = parser().parse_args(given)
     try:
-        url = options.port
-        if url is None:
-            url = load_config(Path(options.config).read_text(encoding="utf-8")).scanner.port
+        url = options.port or configured(options.config).scanner.port
         with conversation(url, new_parser("auto")) as talk:
             scanner = Scanner(talk, dialect_of(talk))
             for line in act(scanner, options.what, getattr(options, "dialect", "binary")):
                 print(line)
     except (ConfigError, PortUrlError, OSError) as error:
-        print(f"scanner: {error}", file=sys.stderr)
-        return 2
+        return fail("scanner", error)
     except (NoAnswerError, RefusedError) as error:
-        print(f"scanner: {error}", file=sys.stderr)
-        return 1
+        return fail("scanner", error, 1)
     return 0
 
 

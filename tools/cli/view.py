@@ -6,19 +6,19 @@ held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
 
 import argparse
 import contextlib
-import os
 import sys
 from collections.abc import Callable
-from pathlib import Path
 
 from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from config_file import read_key
+from core.config import ConfigError
 from mapod_link.advice import ZONE_STALE_S, allowed_mps
 from mapod_link.bodies import StopZone
 from mapod_link.wires import wire_from_url
-from tools.cli.options import add_port, add_seconds, fail, parser_of
+from tools.cli.options import add_key, add_port, add_seconds, fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import Stop
 from tools.terminal.screen import (
@@ -137,21 +137,21 @@ def main(arguments: list[str] | None = None) -> int:
     )
     add_port(parser, "udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
     add_seconds(parser, "until Ctrl-C")
-    parser.add_argument("--key-file", help="32 bytes, or 64 hex digits: take signed frames only")
+    add_key(parser)
     parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
     parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
     parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
     options = parser.parse_args(arguments)
     try:
         wire = wire_from_url(options.port)
-        key = key_from_file(options.key_file) if options.key_file else None
-    except (OSError, ValueError) as error:
+        key = read_key(options.key_file)
+    except (ConfigError, OSError, ValueError) as error:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:
         try:
             return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
-            words = os.strerror(error.errno or 0) if isinstance(error, OSError) else error
+            words = getattr(error, "strerror", None) or error
             return fail("view", f"{options.port}: {words}", 1)
 
 
@@ -181,19 +181,6 @@ def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
             steering.stop(end.step(0.0))
         print_summary(end, console, end.step(0.0))
     return 0
-
-
-def key_from_file(path: str) -> bytes:
-    """32 bytes, given as they are or as 64 hex digits.
-
-    Raises:
-        ValueError: neither.
-    """
-    content = Path(path).read_bytes()
-    key = content if len(content) == 32 else bytes.fromhex(content.decode("ascii", "replace"))
-    if len(key) != 32:
-        raise ValueError(f"{path}: must hold 32 bytes or 64 hex digits")
-    return key
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The C header as a receiver in process: hw/mcu/host/library.c, built by this machine's compiler."""
+"""The C header as a receiver in process: hw/mcu/host/library.c, built by the host's compiler."""
 
 import ctypes
 import functools

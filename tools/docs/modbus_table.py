@@ -1,4 +1,4 @@
-"""The register tables of docs/protocols/modbus.md, made from the code: `python -m tools.docs.modbus_table`.
+"""The register tables of docs/protocols/modbus.md, made from the code.
 
 The text of the document is written by hand; what stands between its marks is written by this tool.
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 from hw.modbus import client, handlers, image, layout, status
 from hw.modbus.drive import REFUSED, RESULTS
 from hw.modbus.layout import Block
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from hw.modbus.server import units_of
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs/protocols/modbus.md"

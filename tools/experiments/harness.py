@@ -4,6 +4,7 @@ The first app's words go back to the devices. The others must say the same, or t
 they would not have heard the same either.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.config import Config, load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
+from core.config import Config
 from core.mapping.paper.maps import ReferencePlaneMaps
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import Fake, MemoryPort, Wire
 from fakes.world.rig import AnyWorld, Rig
-from main import App, Ports
 from tools.experiments.seen import SeenCells
 
 F64 = npt.NDArray[np.float64]
@@ -134,8 +136,9 @@ class Run:
 def run_of(world: AnyWorld | Scene | str, configs: dict[str, Config], seed: int = 1) -> Run:
     """A run of these apps, by name, in a world or a scene."""
     first = next(iter(configs.values()))
-    span_rad = np.radians([first.scanner.first_deg - 90.0, first.scanner.last_deg - 90.0])
-    watched = WatchedRig(SeenCells(first.map.cell_m, tuple(span_rad)), world, seed)
+    fan = first.scanner.options.spec.directions[[0, -1]]
+    span_rad = (math.atan2(fan[0, 1], fan[0, 0]), math.atan2(fan[1, 1], fan[1, 0]))
+    watched = WatchedRig(SeenCells(first.map.cell_m, span_rad), world, seed)
     shared = {name: SharedPort() for name in DEVICES}
     fakes: tuple[Fake, ...] = (watched.scanner, watched.ahrs, watched.drive)
     wires = [

@@ -15,7 +15,8 @@ import sys
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from core.config import Config, ConfigError, load_config
+from config_file import load_config
+from core.config import Config, ConfigError
 
 ROOT = Path(__file__).parents[2]
 MCU = ROOT / "hw" / "mcu"

@@ -13,7 +13,7 @@ from typing import Protocol, cast
 import numpy as np
 import numpy.typing as npt
 
-from core.config import load_config
+from config_file import load_config
 from mapod_link.listener import Listener
 from mapod_link.wires import UdpWire
 from tools.rig.board import BoardError, EmulatedBoard

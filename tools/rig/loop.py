@@ -11,14 +11,15 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from core.config import Config, load_config, with_changes
+from app import App, Ports
+from config_file import load_config, with_changes
+from core.config import Config
 from fakes.faults.timetable import Schedule, order_from_text
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import DatagramWire, MemoryPort, Wire
 from fakes.world.error_models import ErrorModels
 from fakes.world.rig import AnyWorld, Rig
-from main import App, Ports
 
 SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
 START_S = 1000.0
@@ -198,6 +199,12 @@ class Loop:
 
     def step(self) -> None:
         """One tick of everything."""
+        self._advance()
+        self.app.step(self.now_s)
+        self._link_wire.step(self.now_s)
+
+    def _advance(self) -> None:
+        """World, fakes and wires of the devices, one tick on."""
         self.ticks += 1
         now_s = self.now_s = START_S + self.ticks / self._rate_hz
         if self._schedule is not None:
@@ -205,8 +212,12 @@ class Loop:
         self.rig.step(now_s)
         for wire in self._device_wires:
             wire.step(now_s)
-        self.app.step(now_s)
-        self._link_wire.step(now_s)
+
+    def hang(self, seconds: float) -> None:
+        """The app does nothing for so long, while all else goes on."""
+        for _ in range(round(seconds * self._rate_hz)):
+            self._advance()
+            self._link_wire.step(self.now_s)
 
     def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
         """Step for so long; `each` is called after every step."""

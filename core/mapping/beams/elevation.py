@@ -335,11 +335,17 @@ class Elevation:
     """Heights and evidence in the cells of a `CellGrid`, taken from sweeps."""
 
     def __init__(
-        self, cells: CellGrid, h_pos_m: float, h_neg_m: float, height_m: float, filters: bool
+        self,
+        cells: CellGrid,
+        h_pos_m: float,
+        h_neg_m: float,
+        height_m: float,
+        filters: bool,
+        max_beams: int,
     ) -> None:
         self.cells, self.grid = cells, cells.grid
         self._limits: Limits = (h_pos_m, h_neg_m, height_m)
-        self._filters, self._specks = filters, Specks(cells, h_pos_m)
+        self._filters, self._specks = filters, Specks(cells, h_pos_m, max_beams)
 
     def add(self, sweep: Sweep, ground: F64, trust: Trust) -> int:
         """Take the returns of a sweep over the ground (10,); how many there were."""

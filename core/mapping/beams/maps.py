@@ -17,12 +17,13 @@ from core.mapping.beams.elevation import Elevation
 from core.mapping.beams.ground import GroundTracker
 from core.mapping.beams.ground_plane import Stand
 from core.mapping.beams.slip import Faces
+from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
 from core.mapping.terrain import Terrain
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I64, OBSTACLE, Scan
+from core.records import F64, I64, OBSTACLE, PointSweep, Scan
 
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
 STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
@@ -35,22 +36,28 @@ class BeamMaps:
 
     def __init__(self, config: Config) -> None:
         scanner, obstacle = config.scanner, config.obstacle
+        beams = scanner.options.spec.max_beams
         self._geometry = BeamGeometry(
             (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
             math.radians(scanner.mount_roll_deg),
             math.radians(scanner.mount_tilt_deg),
             math.radians(scanner.mount_yaw_deg),
+            beams,
         )
         self.cells = CellGrid(config.map.cells, config.map.cell_m)
         self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
         bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
         filters = config.map.cell_value == "kalman"
-        self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters)
-        self.clearing = Clearing(self.cells)
-        self.ground = GroundTracker(self.cells)
+        self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters, beams)
+        robot = config.robot
+        footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
+        self.fresh = Freshness(self.cells.grid, obstacle.free_max_age_s, footprint)
+        self.clearing = Clearing(self.cells, self.fresh)
+        self.ground = GroundTracker(self.cells, beams)
         self.terrain = Terrain(self.cells)
-        self.faces = Faces(self.cells)
-        self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
+        self.faces = Faces(self.cells, beams)
+        period_s = config.scanner.options.spec.period_s
+        self._deciding = Deciding(self.cells, self.window, self.fresh, obstacle, period_s)
         self._h_neg_m = obstacle.h_neg_m
         self._stand: Stand | None = None
 
@@ -62,14 +69,15 @@ class BeamMaps:
         lacks_floor(self.cells.flat, 0, self.cells.sub)
         self.faces.warm()
 
-    def add(self, scan: Scan, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a scan that attitude and odometry cover; how many returns it had.
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a sweep that attitude and odometry cover; how many returns it had.
 
         What it says of the place goes to the odometry.
         """
         sweep = self._geometry.cast(scan, attitudes, odometry)
         stand = stand_at(sweep.t_s, attitudes, odometry)
         self.cells.grid.follow(stand.x_m, stand.y_m)
+        self.fresh.follow(sweep.t_s, stand.x_m, stand.y_m, stand.heading)
         self._deciding.follow(stand.x_m, stand.y_m)
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
@@ -81,14 +89,16 @@ class BeamMaps:
             ground = self.ground
             self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)
         returns = self.elevation.add(sweep, self.ground.numbers, trust)
-        slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
+        corrected_m = odometry.corrected_m
+        slipped_m = self.faces.maybe_slipped_m(sweep, self.ground.numbers, stand, corrected_m)
         turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
-        if slide is not None and not turns and self.ground.found and is_calm:
-            odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
-        jitters = self.ground.jitters
-        self.clearing.add(sweep, self.ground.numbers, stood=stood, jitters=jitters)
+        if slipped_m is not None and not turns and self.ground.found and is_calm:
+            odometry.correct_slip(stand.heading, slipped_m)
+        clears = known and self.ground.is_even(stand) and not self.ground.jitters
+        self.clearing.add(sweep, self.ground.numbers, clears=clears, stood=stood)
         touched = self.cells.touched[: self.cells.used]
         self._deciding.decide(touched)
+        self.fresh.expire(self.window)
         self.terrain.note(touched)
         return returns
 

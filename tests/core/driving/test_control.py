@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 from core.driving import health
 from core.driving.control import NOT_ENABLED, SILENT, DriveControl, doubt, link_refusal
 from core.mapping.beams.maps import BeamMaps
@@ -224,26 +224,25 @@ def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -
 
 
 def test_all_well_leaves_no_doubt_and_every_missing_bit_makes_one() -> None:
-    assert doubt(WELL, health.RUNNING, 0) == ""
-    assert doubt(WELL, health.RUNNING, None) == ""
+    assert doubt(WELL, health.RUNNING, "") == ""
     for bit in range(7):
-        assert doubt(WELL & ~(1 << bit), health.RUNNING, 0), bit
+        assert doubt(WELL & ~(1 << bit), health.RUNNING, ""), bit
     for bit in (9, 15):
-        assert doubt(WELL | 1 << bit, health.RUNNING, 0), bit
+        assert doubt(WELL | 1 << bit, health.RUNNING, ""), bit
 
 
 @given(
     word=st.integers(0, 0xFFFF),
     mode=st.integers(0, 4),
-    dirt=st.one_of(st.none(), st.integers(0, 3)),
+    sight=st.sampled_from(["", "the window is too dirty"]),
     other=st.sampled_from(["", "something else"]),
 )
 def test_there_is_no_doubt_only_if_all_is_known_to_be_well(
-    word: int, mode: int, dirt: int | None, other: str
+    word: int, mode: int, sight: str, other: str
 ) -> None:
     well = word & WELL == WELL and not word & (1 << 9 | 1 << 15) and mode == health.RUNNING
-    well = well and (dirt or 0) < 2 and not other
-    assert (doubt(word, mode, dirt, (other,)) == "") is well
+    well = well and not sight and not other
+    assert (doubt(word, mode, sight, (other,)) == "") is well
 
 
 @pytest.mark.parametrize(

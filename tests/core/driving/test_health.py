@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from core.driving import health
 from core.driving.health import Inputs, health_word, mode, trusted
+from core.mapping.method import MAX_SLOPE_RAD
 
 GOOD = Inputs(0.05, 0.05, 0.01, 0.08, True, True, True, False, 0.01, False)
 AGES = st.one_of(st.floats(0, 2), st.just(float("inf")))
@@ -31,7 +32,7 @@ def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
     inputs = Inputs(*ages, locked, pose, begun, overrun, tilt, replayed)
     word = health_word(inputs)
     fresh = ages[0] <= 0.15 and ages[2] <= 0.15 and ages[3] <= 0.4
-    assert trusted(word) == (fresh and pose and begun and tilt <= health.MAX_SLOPE_RAD)
+    assert trusted(word) == (fresh and pose and begun and tilt <= MAX_SLOPE_RAD)
     if mode(word, inputs) in (health.RUNNING, health.DEGRADED):
         assert trusted(word)
     assert (mode(word, inputs) == health.REPLAYED) == replayed
@@ -65,9 +66,16 @@ def test_a_slope_too_steep_for_the_map_is_said() -> None:
 def test_what_warns_has_a_bit_of_its_own_and_leaves_the_map_valid() -> None:
     for warning, bit in (
         ({"drop_ahead": True}, health.DROP_AHEAD),
-        ({"contaminated": True}, health.CONTAMINATED),
+        ({"impaired": True}, health.SIGHT_IMPAIRED),
         ({"stop_asked": True}, health.STOP_ASKED),
     ):
         word = health_word(replace(GOOD, **warning))
         assert word == health_word(GOOD) | bit
         assert trusted(word)
+
+
+def test_scans_are_stale_after_three_periods_but_no_sooner_than_the_links_time_out() -> None:
+    assert [round(health.stale_s(1 / hz), 9) for hz in (50, 25, 20, 10)] == [0.15, 0.15, 0.15, 0.3]
+    slow = replace(GOOD, age_scan_s=0.29, age_scanner_s=0.29, scan_stale_s=0.3)
+    assert trusted(health_word(slow))
+    assert not trusted(health_word(replace(slow, age_scan_s=0.31)))

@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.config import load_config
+from config_file import load_config
 from core.driving.stall import UNFOLLOWED_M, StallWatch
 from core.records import WheelCounts
 from tests import ROOT

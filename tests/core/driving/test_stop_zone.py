@@ -8,18 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.driving.stop_zone import NOTHING, REACTION_S, SLOWEST_MPS, Obstruction, Place, StopZone
+from core.driving.stop_zone import NOTHING, SLOWEST_MPS, Obstruction, Place, StopZone
 from core.grid.ring import RingGrid
 from core.records import FREE, OBSTACLE, UNKNOWN
 
 FRONT_M, REAR_M, WIDTH_M, MARGIN_M, BRAKE_MPS2 = 0.5, 0.2, 0.6, 0.15, 0.8
 CELL_M, SIZE = 0.2, 41
+REACTION_S = 0.45
 NOWHERE = (0.0, 0.0, 0.0)
 I8 = npt.NDArray[np.int8]
 
 
 def zone(unknown_stops: bool = True) -> StopZone:
-    return StopZone(FRONT_M, REAR_M, WIDTH_M, MARGIN_M, BRAKE_MPS2, unknown_stops)
+    return StopZone(FRONT_M, REAR_M, WIDTH_M, MARGIN_M, BRAKE_MPS2, unknown_stops, REACTION_S)
 
 
 def ground(*marks: tuple[float, float, int], state: int = FREE) -> tuple[RingGrid, I8]:

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.config import Config, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import Config
 from core.driving.control import DriveControl
 from core.driving.corridor import free_way, nearest_obstacles
 from core.driving.stop_zone import LONGEST_M, StopZone
@@ -178,7 +179,7 @@ marks = st.lists(
 def test_the_free_way_is_never_longer_than_that_of_the_drive_control(
     place: tuple[float, float, float], cells: list[tuple[int, int, int]]
 ) -> None:
-    zone = StopZone(*RECT[:2], 2 * RECT[2], MARGIN_M, 0.8, True)
+    zone = StopZone(*RECT[:2], 2 * RECT[2], MARGIN_M, 0.8, True, 0.45)
     ground = Ground()
     for i, j, state in cells:
         ground.window.cells[j % SIZE, i % SIZE] = state

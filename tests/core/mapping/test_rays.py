@@ -69,7 +69,7 @@ def test_points_equal_a_plain_transcription_at_each_beams_own_instant(
     ring, odometry = moving(rpy0, rates, v)
     ranges_m = np.random.default_rng(seed).uniform(0.5, 20.0, (1, 40))
     scan = scan_of(ranges_m)
-    sweep = BeamGeometry((0.3, -0.1, 1.0), *mount).cast(scan, ring, odometry)
+    sweep = BeamGeometry((0.3, -0.1, 1.0), *mount, 481).cast(scan, ring, odometry)
     points = sweep.points()
     R_body_sensor = R_from_rpy(*mount)
     for i in range(40):
@@ -86,7 +86,7 @@ def test_points_equal_a_plain_transcription_at_each_beams_own_instant(
 
 def test_rays_have_unit_length_and_a_new_cast_fills_the_same_arrays() -> None:
     ring, odometry = moving((0.1, 0.05, 0.3), (0.2, -0.1, 0.5), 0.4)
-    geometry = BeamGeometry(*PAPER)
+    geometry = BeamGeometry(*PAPER, 481)
     first = geometry.cast(scan_of(np.full((1, 481), 2.0)), ring, odometry)
     np.testing.assert_allclose(np.linalg.norm(first.rays, axis=1), 1.0, atol=1e-12)
     second = geometry.cast(scan_of(np.full((1, 481), 2.0)), ring, odometry)
@@ -96,7 +96,7 @@ def test_rays_have_unit_length_and_a_new_cast_fills_the_same_arrays() -> None:
 def test_the_lens_rises_with_the_robot_on_a_ramp() -> None:
     up = math.radians(-5)
     ring, odometry = moving((0.0, up, 0.0), (0.0, 0.0, 0.0), 1.0)
-    sweep = BeamGeometry(*PAPER).cast(scan_of(np.full((1, 3), 5.0), 0.8), ring, odometry)
+    sweep = BeamGeometry(*PAPER, 481).cast(scan_of(np.full((1, 3), 5.0), 0.8), ring, odometry)
     arm = R_from_rpy(0.0, up, 0.0) @ [0.25, 0.0, 1.08]
     travelled = 0.8 * np.array([math.cos(up), 0.0, -math.sin(up)])
     np.testing.assert_allclose(sweep.lenses[0], travelled + arm, atol=2e-3)
@@ -105,7 +105,9 @@ def test_the_lens_rises_with_the_robot_on_a_ramp() -> None:
 def test_the_centre_beam_of_the_papers_robot_meets_the_ground_eight_metres_ahead() -> None:
     ring, odometry = moving((0, 0, 0.7), (0, 0, 0), 0.0)
     slant_m = 1.08 / math.sin(math.radians(7.5))
-    points = BeamGeometry(*PAPER).cast(scan_of(np.full((1, 3), slant_m)), ring, odometry).points()
+    points = (
+        BeamGeometry(*PAPER, 481).cast(scan_of(np.full((1, 3), slant_m)), ring, odometry).points()
+    )
     assert points[1] == pytest.approx([0.25 + 1.08 / math.tan(math.radians(7.5)), 0.0, 0.0])
 
 
@@ -113,14 +115,14 @@ def test_no_measurement_and_the_housing_give_no_point_and_both_echoes_give_two()
     ring, odometry = moving((0, 0, 0), (0, 0, 0), 0.0)
     nan = float("nan")
     ranges_m = np.array([[2.0, nan, MIN_RANGE_M / 2, 3.0], [nan, nan, nan, 5.0]])
-    sweep = BeamGeometry(*PAPER).cast(scan_of(ranges_m), ring, odometry)
+    sweep = BeamGeometry(*PAPER, 481).cast(scan_of(ranges_m), ring, odometry)
     distances = np.linalg.norm(sweep.points() - sweep.lenses[[0, 3, 3]], axis=1)
     np.testing.assert_allclose(distances, [2.0, 3.0, 5.0])
 
 
 def test_a_robot_nose_down_on_a_bump_still_sees_the_floor_flat() -> None:
     ring, odometry = moving((0.02, 0.05, 0.0), (0.1, -0.2, 0.0), 0.0)
-    geometry = BeamGeometry(*PAPER)
+    geometry = BeamGeometry(*PAPER, 481)
     probe = geometry.cast(scan_of(np.ones((1, 481))), ring, odometry)
     lenses, rays = probe.lenses, probe.rays
     ranges_m = np.where(rays[:, 2] < -0.05, -lenses[:, 2] / rays[:, 2], np.nan)[None, :]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.config import load_config, with_changes
+from config_file import load_config, with_changes
 from core.mapping.tiles import TileValues
 from core.records import FREE, OBSTACLE
 from tests import ROOT

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.config import with_changes
+from config_file import with_changes
 from core.mapping.beams.cells import CELL
 from core.mapping.mapper import Mapper
 from core.records import OBSTACLE

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from core.config import Config, ConfigError, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import Config, ConfigError
 from core.records import FREE, OBSTACLE
 from tests.support.c_bench import Bench
 from tools.rig.c_build import ROOT, robot_from_config, shipped_robot

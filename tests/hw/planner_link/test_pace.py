@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
+from cobs import cobs
 
 from core.records import FREE, OBSTACLE
 from fakes.wires.wire import MemoryPort
@@ -17,7 +18,7 @@ from hw.planner_link.frames import (
     encode_stop_zone,
 )
 from hw.planner_link.scheduler import FrameScheduler
-from mapod_link.frames import frame_from_bytes
+from mapod_link.frames import Frame, frame_from_bytes
 from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
 
 INF, NAN = math.inf, math.nan
@@ -93,7 +94,9 @@ def test_a_full_wire_is_left_alone_until_it_has_room_and_gets_nothing_outdated()
     port.held = False
     assert line.link.counters.ticks_held == 30
     line.tick()
-    first = line.planner.heard[-len(line.frames)]
+    frame: bytes = cobs.decode(line.frames[0].strip(b"\0"))  # type: ignore[no-untyped-call]
+    first = frame_from_bytes(frame)
+    assert isinstance(first, Frame)
     assert first.t_ms == round(1000 * line.now_s)
     line.settle(0.5)
     assert line.holds_what_is_meant()

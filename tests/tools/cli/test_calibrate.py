@@ -1,4 +1,4 @@
-"""`tools/calibration/calibrate.py` against the fakes: in the world, and over ports in real time."""
+"""`mapod calibrate` against the fakes: in the world, and over ports in real time."""
 
 import doctest
 import math
@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from core.config import ConfigError, load_config, with_changes
+from config_file import load_config, with_changes
+from core.config import ConfigError
 from fakes.lms1xx.device import FakeLms111
 from fakes.scenes.scene import Scene, Solid
 from fakes.wires.wire import MemoryPort, PtyWire, TcpWire, Wire
@@ -260,7 +261,7 @@ def test_a_section_is_known_however_its_head_is_written(head: str) -> None:
 def test_a_file_that_is_not_understood_is_not_changed(old: str, new: str) -> None:
     text = SHIPPED.replace(old, new)
     assert load_config(text) == load_config(SHIPPED)
-    with pytest.raises(settings.NotThereError, match="mount_tilt_deg: not on a line"):
+    with pytest.raises(settings.NotThereError, match=r"no scanner\.mount_tilt_deg on a line"):
         settings.with_values(text, "scanner", {"mount_tilt_deg": "6.25"})
 
 

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import textwrap
 import time
 import tomllib
@@ -16,8 +17,12 @@ from rich.console import Console
 
 from tests import ROOT
 from tools.cli import demo
-from tools.cli.demo import Child, Commands, RunError, rewritten
+from tools.cli.demo import Commands
+from tools.settings import NotThereError, rewritten
+from tools.terminal import processes
+from tools.terminal.processes import Child, RunError
 
+pytestmark = pytest.mark.usefixtures("temporary")
 PORTS = '{"scanner": "tcp://127.0.0.1:1", "ahrs": "serial:///a?baud=1", "drive": "serial:///d"}'
 WORLD = f"""
     print({PORTS!r})
@@ -47,11 +52,18 @@ def stub(code: str, manners: str = POLITE) -> list[str]:
     return [sys.executable, "-c", f"import signal, sys, time\n{manners}{textwrap.dedent(code)}"]
 
 
-def options(seconds: float | None = 0.3) -> argparse.Namespace:
-    config = str(ROOT / "mapod.toml")
+def options(out: Path | None = None, seconds: float = 0.3) -> argparse.Namespace:
+    config = ROOT / "mapod.toml"
     return argparse.Namespace(
-        seconds=seconds, seed=1, scene="stub", config=config, serial=False, drive=False
+        seconds=seconds, seed=1, scene="stub", config=config, serial=False, drive=False, out=out
     )
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which a demo makes its own."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
 
 
 def ran(world: list[str], app: list[str]) -> int:
@@ -89,23 +101,35 @@ def test_switches_and_numbers_are_replaced_too() -> None:
 
 
 def test_a_key_that_the_configuration_lacks_is_named() -> None:
-    with pytest.raises(RunError, match=r"no b\.port"):
+    with pytest.raises(NotThereError, match=r"no b\.port"):
         rewritten('[a]\nport = "x"  # y\n[b]\nporter = "x"\n', {"a.port": "z", "b.port": "z"})
 
 
-def test_a_run_ends_by_itself_with_a_map_and_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_ends_by_itself_with_a_map_and_a_summary_and_leaves_no_folder(
+    capsys: pytest.CaptureFixture[str], temporary: Path
+) -> None:
     assert ran(stub(WORLD), stub(APP)) == 0
     said = capsys.readouterr().out
+    assert not list(temporary.iterdir())
     assert "\n#..\n#.^\n#..\n" in said
     assert "# obstacle   . free" in said
     assert "all processes have ended" in said
 
 
-def test_an_app_that_dies_is_reported_with_its_last_words(
-    capsys: pytest.CaptureFixture[str],
+def test_a_folder_that_is_named_keeps_what_was_said(tmp_path: Path) -> None:
+    given = options(tmp_path / "kept")
+    assert demo.run(given, Commands(stub(WORLD), stub(APP)), Console(file=io.StringIO())) == 0
+    assert (tmp_path / "kept" / "world.out").read_text().startswith('{"scanner"')
+
+
+def test_an_app_that_dies_is_reported_with_its_last_words_and_the_folder_stays(
+    capsys: pytest.CaptureFixture[str], temporary: Path
 ) -> None:
     assert ran(stub(WORLD), stub("sys.exit('no such scanner')")) == 1
     said = capsys.readouterr().err
+    [folder] = temporary.iterdir()
+    assert f"all that was said is in {folder}" in said
+    assert "no such scanner" in (folder / "app.log").read_text()
     assert "the app ended with status 1" in said
     assert "no such scanner" in said
 
@@ -138,7 +162,7 @@ def test_an_app_that_shows_no_map_in_time_is_reported(
 def test_a_child_that_will_not_end_is_killed_and_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(demo, "GRACE_S", 0.3)
+    monkeypatch.setattr(processes, "GRACE_S", 0.3)
     assert ran(stub(WORLD), stub(APP, DEAF)) == 1
     assert "did not end within" in capsys.readouterr().err
 
@@ -163,22 +187,28 @@ RUNNER = """
     from tests.tools.cli.test_demo import APP, WORLD, options, stub
     from tools.cli import demo
     from tools.cli import view
+    from tools.terminal import processes
     view.PROGRESS_PERIOD_S = 0.1
-    given = options(30.0)
+    given = options(None, 30.0)
     commands = demo.Commands(stub(WORLD), stub(APP))
-    start = demo.Child.__init__
+    start = processes.Child.__init__
     def tell(self, *rest):
         start(self, *rest)
         print("child", self._process.pid, flush=True)
-    demo.Child.__init__ = tell
+    processes.Child.__init__ = tell
     sys.exit(demo.run(given, commands, Console()))
 """
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_no_process_is_left_however_the_demo_ends(number: signal.Signals) -> None:
+def test_no_process_is_left_however_the_demo_ends(number: signal.Signals, tmp_path: Path) -> None:
     runner = subprocess.Popen(
-        stub(RUNNER, ""), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        stub(RUNNER, ""),
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env={**os.environ, "TMPDIR": str(tmp_path)},
     )
     with runner:
         pids = [int(until_said(runner, "child").split()[1]) for _ in range(2)]
@@ -195,7 +225,7 @@ def test_last_words_are_the_end_of_what_was_said(tmp_path: Path) -> None:
     child = Child("talker", stub("print(*range(1000), sep='\\n')"), tmp_path)
     child._process.wait(10)
     assert child.last_words().splitlines()[-1].strip() == "999"
-    assert len(child.last_words().splitlines()) == demo.TAIL_LINES
+    assert len(child.last_words().splitlines()) == processes.TAIL_LINES
     with pytest.raises(RunError, match="the talker ended with status 0"):
         child.check_alive()
     assert child.end() == ""

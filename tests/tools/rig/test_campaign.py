@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from core.config import with_changes
+from config_file import with_changes
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid

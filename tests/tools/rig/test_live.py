@@ -37,6 +37,7 @@ def ran(*words: str) -> "subprocess.CompletedProcess[str]":
 NEEDED = {"host": ["gcc"], "board": ["arm-none-eabi-gcc", "qemu-system-arm"]}
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("planner", ["host", "board"])
 def test_the_robot_comes_to_its_goal_in_spite_of_faults_and_all_processes_end(
     planner: str, tmp_path: Path

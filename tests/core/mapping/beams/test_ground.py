@@ -171,7 +171,7 @@ def floor_sweep(x: float, z: float, t_s: float, silent: bool = False) -> Sweep:
 
 def tracked(z: float = 0.0) -> GroundTracker:
     """A tracker that has followed a floor for 2 m."""
-    tracker = GroundTracker(CellGrid(101, 0.2))
+    tracker = GroundTracker(CellGrid(101, 0.2), 1081)
     for k in range(50):
         tracker.follow(floor_sweep(0.04 * k, z, 0.04 * k), stand(0.04 * k))
     return tracker
@@ -255,7 +255,7 @@ def leaning_sweep(yaw_rad: float, t_s: float, share: float = 1.0) -> Sweep:
 
 def test_a_line_that_was_found_before_the_robot_turned_lies_as_it_would_now() -> None:
     """A wall comes into view: the tracker goes back to a line that it found at another heading."""
-    tracker, t_s = GroundTracker(CellGrid(101, 0.2)), 0.0
+    tracker, t_s = GroundTracker(CellGrid(101, 0.2), 1081), 0.0
     for k in range(100):
         t_s, x = 0.04 * k, 2.0 - 0.04 * (100 - k)
         sweep = leaning_sweep(0.0, t_s)

@@ -1,0 +1,85 @@
+"""The settings file and the key file, read with the keys that each registered driver knows."""
+
+import contextlib
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+from core.config import Config, ConfigError, Drivers, config_from_text, config_with
+from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS
+
+KEY_BYTES = 32
+OTHERS = stat.S_IRWXG | stat.S_IRWXO
+
+
+def drivers() -> Drivers:
+    """The structs of the keys of each driver that is registered now, by section and name."""
+    return {
+        "scanner": {name: driver.options for name, driver in SCANNERS.items()},
+        "ahrs": {name: driver.options for name, driver in ATTITUDE_SENSORS.items()},
+        "drive": {name: driver.options for name, driver in DRIVES.items()},
+    }
+
+
+def load_config(text: str) -> Config:
+    """The settings in a TOML text.
+
+    Raises:
+        ConfigError: not TOML, or a key is unknown, missing, of a wrong type or out of range.
+    """
+    return config_from_text(text, drivers())
+
+
+def with_changes(config: Config, **sections: dict[str, Any]) -> Config:
+    """The same settings with some keys changed, `map={"cells": 401}`, and checked together.
+
+    Raises:
+        ConfigError: as load_config.
+    """
+    return config_with(config, drivers(), sections)
+
+
+def read_key(path: str) -> bytes | None:
+    """The planner link's key: 32 bytes, or 64 hex digits, that its owner alone may read.
+
+    None for "".
+
+    Raises:
+        ConfigError: the file can't be read, holds no key, or others may read it.
+    """
+    if not path:
+        return None
+    try:
+        with Path(path).open("rb") as file:
+            mode, content = stat.S_IMODE(os.fstat(file.fileno()).st_mode), file.read(4096)
+    except OSError as error:
+        raise ConfigError(f"planner.key_file: can't read {path!r}: {error.strerror}") from None
+    if mode & OTHERS:
+        raise ConfigError(
+            f"planner.key_file: only its owner may have access to {path!r}, its mode is "
+            f"{mode:04o}: chmod 600 {path}"
+        )
+    return key_from_bytes(content, path)
+
+
+def key_from_bytes(content: bytes, path: str) -> bytes:
+    """32 bytes, or 64 hex digits.
+
+    Raises:
+        ConfigError: neither.
+    """
+    text = content.decode("ascii", "replace").strip()
+    with contextlib.suppress(ValueError):
+        key = bytes.fromhex(text)
+        if len(key) == KEY_BYTES:
+            return key
+        raise ConfigError(
+            f"planner.key_file: must hold 64 hex digits, {path!r} holds {2 * len(key)}"
+        )
+    if len(content) != KEY_BYTES:
+        raise ConfigError(
+            "planner.key_file: must hold 32 bytes or 64 hex digits, "
+            f"{path!r} holds {len(content)} bytes"
+        )
+    return content

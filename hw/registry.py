@@ -1,0 +1,156 @@
+"""Every device that mapod knows, by the `driver` key of its section in the settings.
+
+A new device is a folder beside this file and a line below: the struct of the keys that its driver
+alone knows, and how to make it of a port. What the app calls on it is one of the protocols here.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, Protocol, TypeVar
+
+from core.records import Attitude, PointSweep, Scan, WheelCounts
+from hw.ax3500.options import Ax3500Options
+from hw.ax3500.session import Ax3500
+from hw.device import DeviceStatus, Port
+from hw.lms1xx.options import Lms1xxOptions
+from hw.lms1xx.session import Lms111
+from hw.mti.options import MtiOptions
+from hw.mti.session import Mti
+from hw.ports.url import parse_url
+
+MTI_BAUD = 115_200  # its own, where the port has none (tcp)
+
+
+class AnyDevice(Protocol):
+    """What every device on its port is to the app. No call waits."""
+
+    status: DeviceStatus
+    port: Port
+
+    @property
+    def has_heard(self) -> bool:
+        """Whether measurements wait for the next step."""
+
+    @property
+    def settled(self) -> bool:
+        """After `stop`: nothing is left that it must still bring about."""
+
+    @property
+    def identity(self) -> str:
+        """Type, serial number, firmware, as far as it has told; for the log when it runs."""
+
+    def hear(self, now_s: float) -> None:
+        """Take in what has arrived since the last step."""
+
+    def stop(self) -> None:
+        """The program ends: last words; step it until it has settled."""
+
+    def measured(self) -> dict[str, float]:
+        """Voltages, temperatures and the like, by name with its unit; for the log now and then."""
+
+
+class Clocked(AnyDevice, Protocol):
+    """A device that stamps what it measures by a clock of its own."""
+
+    @property
+    def clock_locked(self) -> bool:
+        """Whether that clock is known well enough."""
+
+    @property
+    def clock_uncertainty_s(self) -> float:
+        """Typical error of its measurements' times; inf before the first."""
+
+
+class Scanner(Clocked, Protocol):
+    """What measures ranges. Its period, beams and range are its options' `spec`."""
+
+    def step(self, now_s: float) -> Sequence[Scan | PointSweep]:
+        """The sweeps that are complete since the last step; no more beams than its spec says."""
+
+    @property
+    def is_impaired(self) -> bool:
+        """Whether it sees worse than it should, by a dirty window for instance: told, no more."""
+
+    @property
+    def doubt(self) -> str:
+        """Why nobody may drive by what it sees though scans come, in words; "" if all is well."""
+
+
+class AttitudeSensor(Clocked, Protocol):
+    """What tells how the body lies and turns."""
+
+    def step(self, now_s: float) -> Sequence[Attitude]:
+        """The samples since the last step."""
+
+
+class Drive(AnyDevice, Protocol):
+    """What counts the wheels' turns and moves them."""
+
+    def step(self, now_s: float) -> Sequence[WheelCounts]:
+        """The pairs of counts since the last step."""
+
+    def drive(self, left: float, right: float) -> None:
+        """Wheel power until the next tick, -1..1 of full; not called for 0.1 s, it is zero."""
+
+    @property
+    def trouble(self) -> str:
+        """Why the motors do not obey, in words; "" if they do."""
+
+    @property
+    def emergency_stop(self) -> bool:
+        """Whether it is pressed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a driver may want to know beside its own options."""
+
+    url: str  # of its port
+    max_counts_per_s: float  # of a wheel's encoder, at the robot's greatest speed
+    enable_motors: bool
+
+
+Made = TypeVar("Made", bound=AnyDevice, covariant=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Driver(Generic[Made]):
+    """A kind of device: the keys of its own, and how to make one that is set so."""
+
+    options: type[Any]  # a msgspec struct; a scanner's has `spec`, and all have `describe()`
+    make: Callable[[Port, Any, Surroundings], Made]
+
+
+def _lms1xx(port: Port, options: Lms1xxOptions, around: Surroundings) -> Lms111:
+    return Lms111(
+        port,
+        dialect=options.dialect,
+        scan_rate_hz=options.scan_rate_hz,
+        angular_step_deg=options.angular_step_deg,
+        first_deg=options.first_deg,
+        last_deg=options.last_deg,
+        echo=options.echo,
+        accepted_status=options.accepted_status,
+    )
+
+
+def _mti(port: Port, options: MtiOptions, around: Surroundings) -> Mti:
+    return Mti(port, rate_hz=options.rate_hz, baud=parse_url(around.url).baud or MTI_BAUD)
+
+
+def _ax3500(port: Port, options: Ax3500Options, around: Surroundings) -> Ax3500:
+    return Ax3500(
+        port,
+        poll_hz=options.poll_hz,
+        left_channel=options.left_channel,
+        right_channel=options.right_channel,
+        inverted_channels=tuple(options.invert),
+        enter_rs232=options.enter_rs232,
+        max_counts_per_s=around.max_counts_per_s,
+        enable_motors=around.enable_motors,
+    )
+
+
+SCANNERS: dict[str, Driver[Scanner]] = {"lms111": Driver(Lms1xxOptions, _lms1xx)}
+ATTITUDE_SENSORS: dict[str, Driver[AttitudeSensor]] = {"mti": Driver(MtiOptions, _mti)}
+DRIVES: dict[str, Driver[Drive]] = {"ax3500": Driver(Ax3500Options, _ax3500)}

@@ -1,0 +1,90 @@
+"""Saved maps as files: read and checked before the run, written beside the loop, whole or not."""
+
+import asyncio
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import structlog
+
+from app import App
+from core.config import Config
+from core.saved.check import check_state
+from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
+from core.saved.state import state_of, was_moving
+from hw.runtime.real_time import leave_real_time
+
+
+def load_map(path: str, config: Config) -> Arrays:
+    """The state of a map in a file, fit to go on from with these settings.
+
+    Raises:
+        StateError: the file can't be read, was damaged, or belongs to other settings.
+    """
+    try:
+        arrays = arrays_from_bytes(Path(path).read_bytes())
+        check_state(arrays, config)
+    except (OSError, StateError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise StateError(f"can't load the map {path!r}: {reason}") from None
+    return arrays
+
+
+def write_map(path: str, arrays: Arrays) -> None:
+    """A state into a file, whole or not at all: what was there before stays until then.
+
+    Raises:
+        OSError: it can't be written.
+    """
+    part = Path(f"{path}.part")
+    with part.open("wb") as file:
+        file.write(bytes_from_arrays(arrays))
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+class MapSaver:
+    """Saves an app's map into a file, beside the loop; where it can't, the log says why."""
+
+    def __init__(self, app: App, path: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self._app, self._path, self._clock = app, path, clock
+        self._log = structlog.get_logger()
+        self._writing: asyncio.Future[None] | None = None
+
+    def save(self) -> None:
+        """Save the map as it is now; the file is written meanwhile."""
+        if self._writing is not None and not self._writing.done():
+            self._log.warning("map_not_saved", reason="the one before is still being written")
+        elif (arrays := self._maybe_state()) is not None:
+            self._begin(arrays)
+
+    async def finish(self) -> None:
+        """Save for the last time, the map as it is now; all is written afterwards."""
+        arrays = self._maybe_state()  # at once: nobody reads the sensors any more
+        if self._writing is not None:
+            await self._writing
+        if arrays is not None:
+            await self._begin(arrays)
+
+    def _maybe_state(self) -> Arrays | None:
+        try:
+            return state_of(self._app.mapper, self._app.config, self._clock())
+        except StateError as error:
+            self._log.warning("map_not_saved", reason=str(error))
+            return None
+
+    def _begin(self, arrays: Arrays) -> asyncio.Future[None]:
+        loop = asyncio.get_running_loop()
+        self._writing = loop.run_in_executor(None, self._write, arrays)
+        return self._writing
+
+    def _write(self, arrays: Arrays) -> None:
+        leave_real_time()
+        try:
+            write_map(self._path, arrays)
+        except OSError as error:
+            self._log.warning("map_not_saved", reason=str(error))
+        else:
+            self._log.info("map_saved", file=self._path, moving=was_moving(arrays))

@@ -1,0 +1,192 @@
+"""From the settings to ports, devices, links and servers: everything that `App` steps."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from core.config import Config, ConfigError
+from core.driving.control import link_refusal, modbus_refusal
+from hw.device import NoPort, Port
+from hw.modbus.image import RegisterImage
+from hw.modbus.server import ModbusServer
+from hw.planner_link.receivers import Planners
+from hw.planner_link.sender import LinkSettings, Wire
+from hw.ports.wires import PortUrlError, open_port, parse_url
+from hw.registry import (
+    ATTITUDE_SENSORS,
+    DRIVES,
+    SCANNERS,
+    AnyDevice,
+    AttitudeSensor,
+    Drive,
+    Scanner,
+    Surroundings,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """The wires of the app."""
+
+    scanner: Port
+    ahrs: Port
+    drive: Port
+    planner: Port
+    receivers: tuple[Port, ...] = ()  # who else gets the map: the rest of `planner.port`
+
+    @property
+    def of_devices(self) -> tuple[Port, Port, Port]:
+        """Those that a scan's bytes come over, and what places it."""
+        return self.scanner, self.ahrs, self.drive
+
+    def close(self) -> None:
+        """Let go of all of them."""
+        for port in (*self.of_devices, self.planner, *self.receivers):
+            port.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Devices:
+    """What measures and moves, each on its port."""
+
+    scanner: Scanner
+    ahrs: AttitudeSensor
+    drive: Drive
+
+    def __iter__(self) -> Iterator[AnyDevice]:
+        return iter((self.ahrs, self.drive, self.scanner))
+
+    @property
+    def by_section(self) -> dict[str, AnyDevice]:
+        """By the section of mapod.toml that describes them."""
+        return {"scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive}
+
+
+def no_ports(config: Config) -> Ports:
+    """Wires that lead nowhere."""
+    nowhere = NoPort()
+    others = (nowhere,) * (len(config.planner.ports) - 1)
+    return Ports(nowhere, nowhere, nowhere, nowhere, others)
+
+
+def check_ports(config: Config) -> None:
+    """What the URLs of all ports say, before any of them opens.
+
+    Raises:
+        ConfigError: a URL that names no port, one for two, seven bits where all eight are needed.
+    """
+    given = [(name, getattr(config, name).port) for name in ("scanner", "ahrs", "drive")]
+    given += [("planner", url) for url in config.planner.ports]
+    given += [("modbus", url) for url in config.modbus.ports]
+    lines: dict[str, str] = {}  # by the path of a serial line: whose it is
+    for section, url in given:
+        try:
+            parts = parse_url(url)
+        except PortUrlError as error:
+            raise ConfigError(f"{section}.port: {error}") from None
+        if parts.kind != "serial":
+            continue
+        if parts.bytesize != 8 and section in ("planner", "modbus"):
+            raise ConfigError(f"{section}.port: bytesize must be 8 here, is 7 in {url!r}")
+        if parts.path in lines:
+            raise ConfigError(f"{section}.port: {url!r} is {lines[parts.path]}.port already")
+        lines[parts.path] = section
+
+
+def open_ports(
+    config: Config, via: Callable[[str, Port], Port] = lambda section, port: port
+) -> Ports:
+    """The ports of devices and planners, none of them connected yet.
+
+    Args:
+        via: gives, by its section, what is used in place of a port.
+
+    Raises:
+        ConfigError: as check_ports; a host without an address.
+    """
+
+    def opened(section: str, url: str) -> Port:
+        try:
+            return via(section, open_port(url))
+        except PortUrlError as error:
+            raise ConfigError(f"{section}.port: {error}") from None
+
+    check_ports(config)
+    return Ports(
+        opened("scanner", config.scanner.port),
+        opened("ahrs", config.ahrs.port),
+        opened("drive", config.drive.port),
+        opened("planner", config.planner.ports[0]),
+        tuple(opened("planner", url) for url in config.planner.ports[1:]),
+    )
+
+
+def devices_on(ports: Ports, config: Config) -> Devices:
+    """The devices that the settings name, by the drivers of the registry."""
+    robot, scanner, ahrs, drive = config.robot, config.scanner, config.ahrs, config.drive
+    turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
+    counts_per_s = turns_per_s * 4 * robot.encoder_ppr
+
+    def around(url: str) -> Surroundings:
+        return Surroundings(url, counts_per_s, robot.enable_motors)
+
+    return Devices(
+        SCANNERS[scanner.driver].make(ports.scanner, scanner.options, around(scanner.port)),
+        ATTITUDE_SENSORS[ahrs.driver].make(ports.ahrs, ahrs.options, around(ahrs.port)),
+        DRIVES[drive.driver].make(ports.drive, drive.options, around(drive.port)),
+    )
+
+
+def planners_on(ports: Ports, config: Config, session: int, key: bytes | None) -> Planners:
+    """The planner links, one for each receiver."""
+    planner, may_move, has_key = config.planner, config.robot.enable_motors, key is not None
+    tick_s = 1.0 / planner.rate_hz
+    return Planners(
+        [
+            Wire(
+                port,
+                line_baud=parse_url(url).baud,
+                drive_refusal=link_refusal(url, has_key, may_move),
+                pose_refusal=link_refusal(url, has_key, True),
+            )
+            for port, url in zip((ports.planner, *ports.receivers), planner.ports, strict=True)
+        ],
+        LinkSettings(
+            size=config.obstacle.window_cells,
+            cell_mm=round(config.map.cell_m * 1000),
+            tick_s=tick_s,
+            key=key,
+            stale_ms=max(150, math.ceil(3000 * tick_s)),
+            push=planner.push,
+        ),
+        session,
+    )
+
+
+def maybe_image(
+    config: Config, planners: Planners, session: int, version: str
+) -> RegisterImage | None:
+    """What Modbus clients read; none where nobody may."""
+    if not config.modbus.ports:
+        return None
+    return RegisterImage(
+        size=config.obstacle.window_cells,
+        cell_mm=round(config.map.cell_m * 1000),
+        session=session,
+        version=version,
+        ask=planners.requests.ask,
+        drive_refusal=modbus_refusal(config),
+    )
+
+
+def modbus_servers(config: Config, image: RegisterImage | None) -> dict[str, ModbusServer]:
+    """A server, not started yet, for each port of [modbus], by what the log calls it."""
+    if image is None:
+        return {}
+    return {
+        f"modbus {url}": ModbusServer(
+            url, image, time.monotonic, unit=config.modbus.unit, utc_s=time.time
+        )
+        for url in config.modbus.ports
+    }

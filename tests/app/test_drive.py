@@ -14,6 +14,7 @@ from core.driving import health
 from core.driving.stall import STALLED
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.robot import MAX_SPEED_MPS
+from main import SETTLE_S
 from mapod_link.asking import drive_body
 from mapod_link.frames import DRIVE, bytes_from_frame
 from tests.support.closed_loop import SESSION, SHIPPED, ClosedLoop
@@ -220,13 +221,25 @@ def test_an_app_that_hangs_is_stopped_by_the_controllers_watchdog() -> None:
     assert loop.rig.drive.watchdog_stops == 1
 
 
-def test_shutting_down_stops_the_motors_at_once() -> None:
+def test_shutting_down_goes_on_until_the_controller_has_taken_the_zero() -> None:
     commander = driving()
-    commander.loop.app.stop()
-    for tick in range(20):
-        commander.loop.rig.step(commander.loop.now_s + tick * 0.005)
-        commander.loop.wires["drive"].step(commander.loop.now_s + tick * 0.005)
+    app, ticks = commander.loop.app, 0
+    app.stop()
+    assert not app.settled
+    while not app.settled:
+        commander.run(0.005)  # while the commander goes on asking
+        ticks += 1
+        assert ticks <= SETTLE_S * 200
     assert commander.loop.rig.drive.powers() == (0, 0)
+    commander.assert_stands(0.3)
+    assert commander.blocked_by == "mapod ends"
+
+
+def test_shutting_down_waits_no_longer_for_a_controller_that_says_nothing() -> None:
+    commander = driving()
+    commander.loop.wires["drive"].mute = True
+    commander.loop.app.stop()
+    commander.assert_stands(SETTLE_S)
 
 
 def test_motors_that_are_not_enabled_never_move_however_many_requests_come() -> None:

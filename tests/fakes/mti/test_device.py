@@ -10,16 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes.mti.device import FakeMti, State
-from tests.support.bench_mti import (
-    RATE_RADPS,
-    Bench,
-    counters,
-    framed,
-    frames,
-    messages,
-    turned,
-    wire,
-)
+from tests.support.bench_mti import RATE_RADPS, Bench, counters, frames, messages, turned
+from tests.support.mti_frames import framed, wire
 
 COUNTER_ONLY = framed(0xD0, b"\0\0")
 

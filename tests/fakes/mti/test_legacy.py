@@ -11,16 +11,8 @@ from hypothesis import strategies as st
 
 from fakes.mti.device import FakeMti, State
 from fakes.mti.models import MODELS
-from tests.support.bench_mti import (
-    ACCEL_MPS2,
-    RATE_RADPS,
-    Bench,
-    framed,
-    frames,
-    messages,
-    turned,
-    wire,
-)
+from tests.support.bench_mti import ACCEL_MPS2, RATE_RADPS, Bench, frames, messages, turned
+from tests.support.mti_frames import framed, wire
 
 MAGNETIC = (0.45, -0.10, -0.89)
 MODES = (1, 2, 4, 0x800)

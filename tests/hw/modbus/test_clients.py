@@ -29,6 +29,7 @@ from tests.support.modbus_rig import (
     some_cells,
     window_of,
 )
+from tools.rig.c_build import MissingToolError
 
 COUNT = 10 + SIZE * stride_of(SIZE) + 1  # registers of a window: head, cells, generation
 SOURCE = Path(__file__).parent / "modbus_reader.c"
@@ -139,9 +140,9 @@ async def output_of(*command: str) -> str:
 def reader(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The C program, built."""
     if shutil.which("gcc") is None:
-        pytest.skip("needs gcc: apt install gcc")
+        raise MissingToolError("needs gcc: apt install gcc")
     if not any(Path("/usr").glob("include/modbus/modbus.h")):
-        pytest.skip("needs libmodbus: apt install libmodbus-dev")
+        raise MissingToolError("needs libmodbus: apt install libmodbus-dev")
     program = tmp_path_factory.mktemp("reader") / "reader"
     command = ["gcc", "-std=gnu99", "-Wall", "-Wextra", "-Werror", "-I/usr/include/modbus"]
     subprocess.run([*command, str(SOURCE), "-o", str(program), "-lmodbus"], check=True)

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from hw.device import BadFrame
 from hw.mti.mtdata import MtDataDecoder, data_bytes
 from hw.mti.sample import MtSample
-from tests.support.scripted_mti import ROWS, Truth, slow_mtdata, slow_number, wire
+from tests.support.mti_frames import ROWS, wire
+from tests.support.scripted_mti import Truth, slow_mtdata, slow_number
 
 EULER_FRAME = wire("MTData 0006 00000005")
 MODES = [

@@ -20,8 +20,9 @@ from hw.mti.mtdata2 import (
 )
 from hw.mti.numbers import NUMBER_SIZES
 from hw.mti.sample import MtSample
-from tests.support.scripted_mti import ROWS as FRAMES
-from tests.support.scripted_mti import framed, slow_number
+from tests.support.mti_frames import ROWS as FRAMES
+from tests.support.mti_frames import framed
+from tests.support.scripted_mti import slow_number
 
 BAUD = 115200
 

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tools.conformance.c_receiver import NoCompilerError, library
 from tools.conformance.exam import DeviationError
 from tools.conformance.rough_wire import Roughness, RoughWire
 from tools.conformance.soak import Soak
@@ -11,14 +10,6 @@ from tools.conformance.wire import FREE, maybe_uncobs
 
 FRAMES = 1300  # in each of 16 legs
 SLOW_LEGS = sorted(set(range(16)) - {0, 7})  # those two have what the others have, by halves
-
-
-@pytest.fixture(autouse=True)
-def _a_compiler() -> None:
-    try:
-        library()
-    except NoCompilerError:
-        pytest.skip("needs gcc: apt install gcc")
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 The map is a dictionary of world cells; cells that are not in it are UNKNOWN. Every rule is a small
 method, so that a test can make it wrong and see whether the conformance tests find out.
-Source: planner link, sections 2 to 6 and 9 (docs/planner-link.md).
+Source: planner link, sections 2 to 6 and 9.
 """
 
 import math

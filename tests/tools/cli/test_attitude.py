@@ -1,4 +1,4 @@
-"""`tools/cli/attitude.py` against a fake sensor on a pty."""
+"""`mapod attitude` against a fake sensor on a pty."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`tools/cli/devices.py` against fakes on ptys: which device speaks where, what it prints."""
+"""`mapod devices` against fakes on ptys: which device speaks where, what it prints."""
 
 import re
 import select

@@ -1,4 +1,4 @@
-"""`tools/cli/scanner.py` against a fake scanner on TCP, in both dialects."""
+"""`mapod scanner` against a fake scanner on TCP, in both dialects."""
 
 import numpy as np
 import pytest

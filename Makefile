@@ -6,37 +6,41 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test check format replay view bench campaign faults realtime link-test conformance soak mcu \
-  experiments calibrate fuzz devices compare scene clean
+.PHONY: help setup run rig planner test check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
+  fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-$(VENV)/.ready: pyproject.toml
-	@echo "mapod: setting up the virtual environment in $(VENV) (once; a minute or two)"
+unexport PYTHONDONTWRITEBYTECODE # pip compiles nothing: what is imported compiles once, the rest never
+
+$(BIN)/python:
 	@command -v $(PYTHON) >/dev/null || { echo "mapod: needs $(PYTHON): apt install python3.11 python3.11-venv"; exit 1; }
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
-	@echo "mapod: installing the libraries that pyproject.toml names"
-	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --editable '.[dev]'
+	@echo "mapod: setting up the virtual environment in $(VENV) (once)"
+	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
+
+$(VENV)/.ready-%: pyproject.toml | $(BIN)/python
+	@echo "mapod: installing the libraries that pyproject.toml names for [$*]"
+	@$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
+	  print(*p['dependencies'], *p['optional-dependencies']['$*'], sep='\n')" \
+	  | $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --requirement /dev/stdin
 	@touch $@
 
-$(VENV)/.warm: $(VENV)/.ready $(shell find core hw fakes -name "*.py")
-	@echo "mapod: compiling the kernels of the app, then those of the simulated world (a minute, then cached)"
-	@find core hw fakes -name "*.nb?" -delete  # a cached kernel does not see that one it calls has changed
-	@$(BIN)/python main.py --warm
-	@$(BIN)/python -c "from fakes.world.rig import Rig; from fakes.scenes.scene import load_scene; Rig(load_scene('crowd', 1), 1)"
+$(VENV)/.warm: $(VENV)/.ready-sim $(wildcard *.py) $(shell find core hw fakes -name "*.py")
+	@echo "mapod: compiling the kernels that changed, of the app and of the simulated world (all: half a minute)"
+	@$(BIN)/python -m tools.warm
 	@touch $@
 
 setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels
 
 run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
-	@$(BIN)/python -m tools.cli.demo --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
+	@$(BIN)/python -m mapod demo --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
 
 rig: setup ## the app as it is, in real time, as rig.toml says: real or fake devices, a planner in C on an emulated MCU [SCENE=aisle SEED=1 SECONDS=60]
 	@$(BIN)/python -m tools.rig.live $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
 	  $(if $(filter command line,$(origin SEED)),--seed $(SEED)) $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
-planner: setup ## the planner in C for the emulated Cortex-M3: its RAM and flash
-	@$(MAKE) --no-print-directory -C hw/mcu planner
+planner: setup ## the demonstration planner in C on a Cortex-M3: its flash, RAM and stack
+	@$(BIN)/python -m tools.rig.c_sizes planner
 
 campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder]
 	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \
@@ -50,34 +54,28 @@ faults: setup ## every fault of every fake while the robot drives, and pairs of 
 realtime: setup ## how late ticks are, and how soon a scan is at the far end of the wire, with and without load [SECONDS=60]
 	@$(BIN)/python -m tools.rig.latency $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
-scene: setup ## a scene from above, as a picture [SCENE=office SEED=1 ARGS="--out office.png"]
-	@$(BIN)/python -m tools.rig.draw_scene $(SCENE) --seed $(SEED) $(ARGS)
+c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
+	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
+	  $(BIN)/python -m pytest $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py) \
+	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
+	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 
-test: setup ## all tests, with progress
+test: setup $(VENV)/.ready-test ## all tests, with progress
 	@echo "mapod: running the tests"
 	@$(BIN)/python -m pytest
 
-check: setup ## format, lint, strict types
+check: $(VENV)/.ready-sim $(VENV)/.ready-test $(VENV)/.ready-lint ## format, lint, strict types
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
 
-format: setup ## put the code into form
+format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
-
-replay: setup ## recorded laser bytes through the same app, and the same picture [UPDATE=1]
-	@$(BIN)/python -m tools.cli.replay $(if $(UPDATE),--store tests/replays/lms111_session.json)
-
-view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
-	@$(BIN)/python -m tools.cli.view --port $(or $(PORT),udp://127.0.0.1:9750)
 
 bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.link
-
-link-test: setup ## the planner link's conformance tests against your receiver PORT=udp://127.0.0.1:9751 [ARGS="--only 2,5"]
-	@$(BIN)/python -m tools.cli.link_test $(if $(PORT),--port $(PORT)) $(ARGS)
 
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
 	@$(BIN)/python -m tools.conformance
@@ -88,22 +86,12 @@ soak: setup ## a million damaged, lost, doubled frames to both receivers of the 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
 
-calibrate: setup ## height, tilt and roll of the scanner from flat floor [ARGS="--height 1.08 --write"]
-	@$(BIN)/python -m tools.calibration.calibrate $(ARGS)
-
-fuzz: setup ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
+fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
-mcu: setup ## sizes of hw/mcu/mapod_link.h on Cortex-M0, M3, M4; the planner on an emulated Cortex-M3
-	@$(BIN)/python -m tests.support.c_sizes
-	@$(MAKE) --no-print-directory -C hw/mcu qemu
-
-devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
-	@$(BIN)/python tools/cli/devices.py $(ARGS)
-
-compare: setup ## a real device and its fake, asked the same [ARGS="scanner --real tcp://192.168.0.1:2112"]
-	@$(BIN)/python -m tools.compare.compare $(ARGS)
+mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4
+	@$(BIN)/python -m tools.rig.c_sizes header
 
 clean: ## remove all that the other targets made
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis mapod.egg-info build

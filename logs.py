@@ -1,7 +1,7 @@
 """What goes to the log: its set-up, and the lines about devices, drive requests and ticks."""
 
 import logging
-import sys
+import os
 from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,9 +20,9 @@ COUNTS_S = 1.0  # counters to the log this often
 MEASURED_S = 60.0  # and what devices have measured of themselves
 
 
-def set_up_logging(config: Config) -> LogWriter:
-    """structlog to stderr, for a person or as JSON lines; to be closed at the end."""
-    writer = LogWriter(sys.stderr.fileno())
+def set_up_logging(config: Config, fd: int) -> LogWriter:
+    """structlog to a descriptor, for a person or as JSON lines; to be closed at the end."""
+    writer = LogWriter(fd)
 
     def add_dropped(logger: Any, name: str, event: MutableMapping[str, Any]) -> Mapping[str, Any]:
         """To the first line that goes out again: how many before it did not."""
@@ -37,7 +37,7 @@ def set_up_logging(config: Config) -> LogWriter:
             add_dropped,
             structlog.processors.JSONRenderer()
             if config.log.format == "json"
-            else structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty()),
+            else structlog.dev.ConsoleRenderer(colors=os.isatty(fd)),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(
             logging.getLevelNamesMapping()[config.log.level.upper()]
@@ -93,7 +93,7 @@ class StateLog:
         if now_s - self._measured_s >= MEASURED_S:
             self._measured_s = now_s
             for name, source in self._devices.items():
-                if measured := source.measured():
+                if source.status.state == "running" and (measured := source.measured()):
                     self._log.info("device_measured", device=name, **measured)
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:

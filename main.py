@@ -159,7 +159,7 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
             raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config, recorder.port if recorder else None)
+        ports = open_ports(config, recorder.port) if recorder else open_ports(config)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -172,7 +172,7 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         elif options.warm:
             warm_kernels(config)
         else:
-            with contextlib.closing(set_up_logging(config)):
+            with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
                 asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
     return 0
 

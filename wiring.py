@@ -94,11 +94,13 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config, tapped: Callable[[str, Port], Port] | None = None) -> Ports:
+def open_ports(
+    config: Config, via: Callable[[str, Port], Port] = lambda section, port: port
+) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Args:
-        tapped: gives for a section and its port the one that is used in its place.
+        via: gives, by its section, what is used in place of a port.
 
     Raises:
         ConfigError: as check_ports; a host without an address.
@@ -106,10 +108,9 @@ def open_ports(config: Config, tapped: Callable[[str, Port], Port] | None = None
 
     def opened(section: str, url: str) -> Port:
         try:
-            port = open_port(url)
+            return via(section, open_port(url))
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
-        return tapped(section, port) if tapped else port
 
     check_ports(config)
     return Ports(

@@ -1,9 +1,16 @@
-"""Test settings for the whole house: hypothesis repeats the same cases on every machine."""
+"""Test settings for the whole house: hypothesis repeats the same cases on every machine.
 
+A test that needs a program which is not installed is skipped; where CI is set, it fails.
+"""
+
+import os
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from tools.rig.c_build import MissingToolError
 
 settings.register_profile(
     "mapod",
@@ -13,6 +20,27 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 settings.load_profile("mapod")
+
+
+def _skip_without_tools() -> Generator[None, object, object]:
+    try:
+        return (yield)
+    except MissingToolError as missing:
+        if os.environ.get("CI", "") not in ("", "0", "false"):
+            raise
+        pytest.skip(str(missing))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup() -> Generator[None, object, object]:
+    """Fixtures may need a program."""
+    return (yield from _skip_without_tools())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    """Tests may need one."""
+    return (yield from _skip_without_tools())
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,6 @@ place in `ports`; 0 where none is meant), length (u32), and so many bytes:
 
     S  the app steps              O  the port's connection opened    I  bytes that came in
     H  it hears between steps     L  it was lost; the cause as text  W  bytes written
-    M  it missed slots; how many, as text
 
 A datagram is a record of its own. The planner's key is not kept. Nothing here waits for a disk: a
 thread writes, and a disk that is too slow ends the recording, not the run.

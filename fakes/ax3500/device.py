@@ -32,7 +32,7 @@ NO_Z_S = 1.0  # after a reset: the letter would set off firmware loading
 LONGEST_LINE = 32
 HEXADECIMAL = re.compile(r"([*$^])([0-9A-Fa-f]{2})(?: ([0-9A-Fa-f]{2}))?")
 COUNTER = re.compile("Q[0-9]")
-OF_ENCODERS = re.compile(r"[*$]|[?!][Qq]|\?[ZzKkDdWw]")
+OF_ENCODERS = re.compile(r"[*$]|[?!][Qq]|\?[Zz]")
 APPLY_S = 0.1  # that ^FF takes
 
 
@@ -133,9 +133,7 @@ class FakeAx3500(Motors):
         self._reset(now_s)
         self._apply()
 
-    def power_cycle(self, now_s: float) -> None:
-        """Off and on; the same as `restart`."""
-        self.restart(now_s)
+    power_cycle = restart
 
     def reset(self, now_s: float) -> None:
         """What %rrrrrr does: the power stays, and so does what was on the way."""
@@ -197,15 +195,15 @@ class FakeAx3500(Motors):
 
     def _log(self, at_s: float) -> None:
         """The next character of the logging line (section 8)."""
-        self._log_rest = self._log_rest or self._log_line(at_s)
+        self._log_rest = self._log_rest or self._log_line()
         self._send(at_s, chr(self._log_rest[0]))
         self._log_rest = self._log_rest[1:]
         self._log_s = at_s + LOG_CHARACTER_S
 
-    def _log_line(self, at_s: float) -> bytes:
+    def _log_line(self) -> bytes:
         numbers = [command & 0xFF for command in self.wanted()]
         for query in "VPAME":
-            numbers += [value & 0xFF for value in self._values(query, at_s) or []]
+            numbers += [value & 0xFF for value in self._values(query) or []]
         numbers += [*(speed & 0xFF for speed in self.encoders.speeds()), 0, 0]
         return f":{bytes(numbers[: self.log_numbers]).hex().upper()}\r".encode("ascii")
 
@@ -271,7 +269,7 @@ class FakeAx3500(Motors):
             write = self.set_parameter if sort == "^" else self.encoders.set_register
             return ["+" if write(int(address, 16), int(value, 16)) else "-"]
         if sort != "^":
-            return self._read_reply(self.encoders.maybe_register(int(address, 16), at_s))
+            return self._read_reply(self.encoders.maybe_register(int(address, 16)))
         return self._read_reply(self.maybe_parameter(int(address, 16))) or ["-"]
 
     def _read_reply(self, value: int | None) -> list[str]:
@@ -283,10 +281,10 @@ class FakeAx3500(Motors):
         if COUNTER.fullmatch(which):
             counter = self.encoders.maybe_read(int(which[1]), at_s)
             return ["-"] if counter is None else [hex_from_counter(counter)]
-        values = self._values(which, at_s)
+        values = self._values(which)
         return ["-"] if values is None else [f"{value & 0xFF:02X}" for value in values]
 
-    def _values(self, which: str, at_s: float) -> Sequence[int] | None:
+    def _values(self, which: str) -> Sequence[int] | None:
         """The bytes, signed or not, that a query gives (section 4); None: no such query."""
         match which:
             case "V":
@@ -302,12 +300,8 @@ class FakeAx3500(Motors):
                 return self.voltage_bytes()
             case "I":
                 return [*self.inputs, 0 if self.condition() & 0x80 else 1]
-            case "K" | "Z":
+            case "Z":
                 return self.encoders.speeds()
-            case "D":
-                return self.encoders.distances(at_s)
-            case "W":
-                return [self.encoders.maybe_register(0x85, at_s) or 0]
         return None
 
     def _order(self, order: str, at_s: float) -> bool:

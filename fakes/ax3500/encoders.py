@@ -1,4 +1,6 @@
-"""The encoder module of the fake AX3500: two 32-bit counters, their mailbox and registers.
+"""The encoder module of the fake AX3500: two 32-bit counters, and registers that hang it.
+
+Destinations, distances and the mailbox, which mapod has no use for, are left out.
 
 Source: AX3500 sheet, sections 4 to 7.
 """
@@ -9,8 +11,8 @@ from typing import Literal
 
 TOP, BOTTOM, TURN = 2**31 - 1, -(2**31), 2**32  # of a counter
 COUNTS_PER_PULSE = 4  # all edges of both tracks
-MAILBOX, COUNTERS, DESTINATIONS = range(0x88, 0x8C), range(0x8C, 0x94), range(0x94, 0x9C)
-TIME_BASE, THRESHOLD, DIVIDER, MODE = (0xA2, 0xA3), 0xA4, 0xA5, 0xA6
+KNOWN_ADDRESSES, SETTINGS = range(0x84, 0x9C), range(0xA2, 0xA7)
+TIME_BASES, TIME_BASE_MOST = (0xA2, 0xA3), 63
 
 
 def hex_from_counter(count: int) -> str:
@@ -41,9 +43,8 @@ class EncoderModule:
         self.hung = False
         self._counts = counts
         self._before = self._now = (-math.inf, counts())  # two samples, time and counts
-        self._counters, self._counted, self._destinations = [0, 0], [0, 0], [0, 0]
-        self._mailbox = bytes(4)
-        self._settings = {TIME_BASE[0]: 4, TIME_BASE[1]: 4, THRESHOLD: 0, DIVIDER: 0, MODE: 0}
+        self._counters, self._counted = [0, 0], [0, 0]
+        self._settings = dict.fromkeys(SETTINGS, 0) | dict.fromkeys(TIME_BASES, 4)
 
     def sample(self, now_s: float) -> None:
         """Look at the wheels; between two samples they turn evenly."""
@@ -54,8 +55,7 @@ class EncoderModule:
     def reset(self, at_s: float) -> None:
         """Counters at zero; a module that hangs hangs on."""
         self._count_to(at_s)
-        self._counters, self._destinations = [0, 0], [0, 0]
-        self._mailbox = bytes(4)
+        self._counters = [0, 0]
 
     def maybe_read(self, which: int, at_s: float) -> int | None:
         """The value of `?Q` 0..6, at its instant; 4..6 clear what they read. None: no such one."""
@@ -65,27 +65,16 @@ class EncoderModule:
         self._count_to(at_s)
         value = _wrapped(sum(self._counters[channel] for channel in channels))
         if which >= 4:
-            self._load(channels, 0)
-        self._mailbox = (value % TURN).to_bytes(4, "big")
+            self._clear(channels)
         return value
 
     def order(self, which: int, at_s: float) -> bool:
-        """`!Q` 0..8: clear, or load from the mailbox; False: no such one."""
+        """`!Q` 0..2: clear; False: no such one."""
+        channels = {0: (0,), 1: (1,), 2: (0, 1)}.get(which)
+        if channels is None:
+            return False
         self._count_to(at_s)
-        mail = _wrapped(int.from_bytes(self._mailbox, "big"))
-        match which:
-            case 0 | 1:
-                self._load((which,), 0)
-            case 2:
-                self._load((0, 1), 0)
-            case 4 | 5:
-                self._load((which - 4,), mail)
-            case 6:
-                self._load((0, 1), mail)
-            case 7 | 8:
-                self._destinations[which - 7] = mail
-            case _:
-                return False
+        self._clear(channels)
         return True
 
     def speeds(self) -> tuple[int, int]:
@@ -99,49 +88,28 @@ class EncoderModule:
         ]
         one, two = (
             rpm * self.pulses_per_turn * (self._settings[base] + 1) / 58593.75
-            for rpm, base in zip(rpms, TIME_BASE, strict=True)
+            for rpm, base in zip(rpms, TIME_BASES, strict=True)
         )
         return _clamped(one), _clamped(two)
 
-    def distances(self, at_s: float) -> tuple[int, int]:
-        """`?D`: to the destinations, -127..127."""
-        self._count_to(at_s)
-        one, two = (
-            (goal - counter) / 2 ** self._settings[DIVIDER]
-            for goal, counter in zip(self._destinations, self._counters, strict=True)
-        )
-        return _clamped(one), _clamped(two)
-
-    def maybe_register(self, address: int, at_s: float) -> int | None:
+    def maybe_register(self, address: int) -> int | None:
         """One byte of the module; None: the address was a bad one, and the module hangs."""
-        self._count_to(at_s)
-        if address in MAILBOX:
-            return self._mailbox[address - MAILBOX.start]
-        for block, values in ((COUNTERS, self._counters), (DESTINATIONS, self._destinations)):
-            if address in block:
-                channel, byte = divmod(address - block.start, 4)
-                return (values[channel] % TURN).to_bytes(4, "big")[byte]
-        if address in self._settings:
-            return self._settings[address]
-        one, two = self.speeds()
-        known = {0x84: 0x00, 0x85: 0x0F, 0x86: one & 0xFF, 0x87: two & 0xFF}
-        self.hung = address not in known
-        return known.get(address)
+        if address in KNOWN_ADDRESSES:
+            return 0x00
+        self.hung = address not in self._settings
+        return self._settings.get(address)
 
     def set_register(self, address: int, value: int) -> bool:
         """Write one byte; False: not one that can be written."""
-        if address in MAILBOX:
-            place = address - MAILBOX.start
-            self._mailbox = self._mailbox[:place] + bytes([value]) + self._mailbox[place + 1 :]
-        elif address in self._settings and value <= (63 if address in TIME_BASE else 255):
-            self._settings[address] = value
-        else:
+        most = TIME_BASE_MOST if address in TIME_BASES else 255
+        if address not in self._settings or value > most:
             return False
+        self._settings[address] = value
         return True
 
-    def _load(self, channels: tuple[int, ...], value: int) -> None:
+    def _clear(self, channels: tuple[int, ...]) -> None:
         for channel in channels:
-            self._counters[channel] = value
+            self._counters[channel] = 0
 
     def _count_to(self, at_s: float) -> None:
         """Bring both counters to an instant, over their ends where they come there."""

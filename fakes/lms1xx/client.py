@@ -46,6 +46,9 @@ class Scanner(Protocol):
     def has_wrong_checksum(self) -> bool:
         """Whether the next telegram is to be damaged."""
 
+    def leave(self, client: "Client") -> None:
+        """One host less."""
+
 
 class Client:
     """One connection; `exchange` is its wire."""
@@ -63,6 +66,10 @@ class Client:
         self._reader = cola.CommandReader() if binary else cola.TextReader()
         self._outbox = Outbox()
         self._answered_s = -math.inf
+
+    def left(self, now_s: float) -> None:
+        """This host has gone."""
+        self._device.leave(self)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what this host wrote; give all that the device has sent it up to now_s."""

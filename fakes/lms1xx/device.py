@@ -7,17 +7,19 @@ that it is not set to, as a device is.
 Source: lms111 sheet, sections 2 to 6; pace and first scans as in the recorded session.
 """
 
+import math
 import re
 from collections.abc import Callable
+from datetime import datetime, timedelta
 
 from fakes.lms1xx import cola
 from fakes.lms1xx.client import Client, Take
 from fakes.lms1xx.cola import RefusedError
 from fakes.lms1xx.cola_values import Value
-from fakes.lms1xx.head import EPOCH, F64
+from fakes.lms1xx.head import EPOCH, F64, LaserHead
 from fakes.lms1xx.models import MODELS
 from fakes.lms1xx.scan import SCAN_CONFIG, TIME
-from fakes.lms1xx.settings import PLAIN, SettableHead
+from fakes.lms1xx.settings import FILTERS, Settings
 
 HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords of the user levels
 CLIENT = 3  # the level that may change settings
@@ -29,7 +31,7 @@ INPUTS: list[Value] = [*zip("HI", (1, 0), strict=True), *zip("BBBB", (2, 2, 2, 2
 HOURS = 0x456  # of operation, in tenths
 
 
-class FakeLms111(SettableHead):
+class FakeLms111(LaserHead):
     """One scanner. Plain attributes are its faults and properties, to be set at any time."""
 
     def __init__(
@@ -60,7 +62,9 @@ class FakeLms111(SettableHead):
         self.refuse.update(self._model.refuse)
         self.max_range_m = self._model.max_range_m
         self._version = self._model.telegram_version
-        self._binary = True  # what a new connection speaks
+        self._written = Settings()
+        self._binary = self._binary_next = True  # what a new connection speaks, now and later
+        self._changed_s = -math.inf  # device time at which EIHstCola was written
         self._clients: list[Client] = []
         self._single = Client(self, self._binary)  # behind a wire that knows no connections
         self._power_up()
@@ -78,7 +82,9 @@ class FakeLms111(SettableHead):
     def _power_up(self) -> None:
         self._clock.restart()
         self._clock_set = EPOCH  # date and time at which its clock showed 0
-        self._load()
+        self._written.load()
+        self._apply()
+        self._changed_s = -math.inf
         self._begin_s: float | None = None  # device time of the first sweep
         self._configuring = False
         self._next_sweep = 0
@@ -87,6 +93,16 @@ class FakeLms111(SettableHead):
         for client in (*self._clients, self._single):
             client.begin(self._binary)
         self._fresh = True
+
+    def _apply(self) -> None:
+        """What was written counts from now on."""
+        self._active = self._written.scan
+        self.mean_scans, self.two_in_a_row = self._written.mean_scans, self._written.two_in_a_row
+
+    @property
+    def stores(self) -> int:
+        """Times that its memory was written."""
+        return self._written.stores
 
     def reboot(self, now_s: float) -> None:
         """Power off and on: what mEEwriteall did not keep is lost."""
@@ -102,14 +118,14 @@ class FakeLms111(SettableHead):
 
     # -- connections --------------------------------------------------------------------------
 
-    def connect(self, now_s: float) -> "Connected | None":
+    def connect(self, now_s: float) -> Client | None:
         """One more host; None: it is turned away."""
         self.advance(now_s)
         has_room = len(self._clients) < self.max_clients
         if not has_room or self._clock.device_s < self.refuse_connections_s:
             return None
         self._take_dialect()
-        client = Connected(self, self._binary)
+        client = Client(self, self._binary)
         self._clients.append(client)
         return client
 
@@ -178,9 +194,9 @@ class FakeLms111(SettableHead):
 
     def _read(self, name: str) -> list[Value]:
         readers: dict[str, Callable[[], list[Value]]] = {
-            "LMPscancfg": self._settings.scan_config,
+            "LMPscancfg": self._written.scan.scan_config,
             "LMPoutputRange": self._output_range,
-            "LMDscandatacfg": self._settings.content.values,
+            "LMDscandatacfg": self._written.scan.content.values,
             "LMDscandata": self._polled,
             "STlms": self._state_in_full,
             "SCdevicestate": lambda: [("B", self._device_state())],
@@ -195,14 +211,14 @@ class FakeLms111(SettableHead):
         }
         if name in readers:
             return readers[name]()
-        if name in self._plain:
-            return list(zip(PLAIN[name][0], self._plain[name], strict=True))
+        if name in FILTERS:
+            return list(zip(FILTERS[name][0], self._written.filters[name], strict=True))
         if FIELD.fullmatch(name):
             return [("B", 0)]  # not defined
         raise RefusedError(cola.UNKNOWN_VARIABLE)
 
     def _write(self, client: Client, name: str, take: Take) -> list[Value]:
-        writers = self._writers()
+        writers = self._written.writers() | {"EIHstCola": ("B", self._set_dialect)}
         if name not in writers:
             self._read(name)  # unknown, or else:
             raise RefusedError(cola.WRITE_DENIED)
@@ -216,11 +232,11 @@ class FakeLms111(SettableHead):
         methods: dict[str, tuple[str, int, Callable[[tuple[int, ...]], list[Value]]]] = {
             "SetAccessMode": ("bI", 0, lambda values: self._log_in(client, *values)),
             "Run": ("", 0, lambda _: self._run(client)),
-            "mLMPsetscancfg": (SCAN_CONFIG, CLIENT, self._set_scan_config),
+            "mLMPsetscancfg": (SCAN_CONFIG, CLIENT, self._written.set_scan_config),
             "LMCstartmeas": ("", CLIENT, lambda _: self._start(True)),
             "LMCstopmeas": ("", CLIENT, lambda _: self._start(False)),
             "LMCstandby": ("", CLIENT, lambda _: self._start(False)),
-            "mEEwriteall": ("", CLIENT, lambda _: self._store()),
+            "mEEwriteall": ("", CLIENT, lambda _: self._written.store()),
             "LSPsetdatetime": (TIME, CLIENT, self._set_time),
             "mSCreboot": ("", CLIENT, lambda _: self._told_to_reboot(client)),
         }
@@ -247,10 +263,25 @@ class FakeLms111(SettableHead):
 
     def _run(self, client: Client) -> list[Value]:
         client.level, self._configuring = 0, False
-        self._set_filters()
-        if self._begin_s is not None and self._active != self._settings:
+        has_changed = self._active != self._written.scan
+        if self._begin_s is not None and has_changed:
             self._sweep_from(max(self._begin_s, self._clock.device_s))
-        self._active = self._settings
+        self._apply()
+        return [("B", 1)]
+
+    def _set_dialect(self, values: tuple[int, ...]) -> None:
+        if values[0] > 1:
+            raise RefusedError(cola.CONDITION_FAILED)
+        self._binary_next, self._changed_s = bool(values[0]), self._clock.device_s
+
+    def _set_time(self, values: tuple[int, ...]) -> list[Value]:
+        try:
+            when = datetime(*values)  # type: ignore[arg-type]
+        except ValueError:
+            return [("B", 0)]
+        if not 1970 <= when.year < 2100:
+            return [("B", 0)]
+        self._clock_set = when - timedelta(microseconds=self._uptime_us(self._clock.device_s))
         return [("B", 1)]
 
     def _start(self, wanted: bool) -> list[Value]:
@@ -281,7 +312,7 @@ class FakeLms111(SettableHead):
         return BUSY_STATE if is_busy else READY_STATE
 
     def _output_range(self) -> list[Value]:
-        return self._settings.output_range(self.untrue_output_step)
+        return self._written.scan.output_range(self.untrue_output_step)
 
     def _identity(self) -> list[Value]:
         return [("S", text) for text in self._model.ident]
@@ -301,13 +332,3 @@ class FakeLms111(SettableHead):
             *(("S", text.encode("ascii")) for text in texts),
             *(("I", 0) for _ in range(3)),
         ]
-
-
-class Connected(Client):
-    """A connection that can end."""
-
-    def left(self, now_s: float) -> None:
-        """This host has gone."""
-        device = self._device
-        assert isinstance(device, FakeLms111)
-        device.leave(self)

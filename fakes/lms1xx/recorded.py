@@ -10,20 +10,12 @@ from collections import defaultdict, deque
 from itertools import accumulate
 from pathlib import Path
 
-START = b"\x02\x02\x02\x02"
+from fakes.lms1xx import cola
+
 MAX_PAYLOAD = 65_536
 SCAN, SUBSCRIBE = b"sSN LMDscandata", b"sEN LMDscandata"
 REQUEST_OF = {b"sRA": b"sRN", b"sWA": b"sWN", b"sAN": b"sMN", b"sEA": b"sEN"}
-UNKNOWN_METHOD, UNKNOWN_VARIABLE = 2, 3
 FREQUENCY_AT = slice(44, 48)  # of a scan's payload, 1/100 Hz
-
-
-def frame(payload: bytes) -> bytes:
-    """A whole CoLa-B telegram."""
-    check = 0
-    for byte in payload:
-        check ^= byte
-    return START + len(payload).to_bytes(4, "big") + payload + bytes([check])
 
 
 def take_payloads(buffer: bytearray) -> list[bytes]:
@@ -31,7 +23,7 @@ def take_payloads(buffer: bytearray) -> list[bytes]:
     payloads = []
     while len(buffer) >= 8:
         end = 9 + int.from_bytes(buffer[4:8], "big")
-        if not buffer.startswith(START) or end > MAX_PAYLOAD:
+        if not buffer.startswith(cola.START) or end > MAX_PAYLOAD:
             del buffer[0]
             continue
         if len(buffer) < end:
@@ -106,11 +98,11 @@ class RecordedLms111:
         self._inbox += received
         sent = bytearray()
         for payload in take_payloads(self._inbox):
-            sent += frame(self._answer(now_s, payload))
+            sent += cola.frame(self._answer(now_s, payload))
         while self._zero_s is not None and not self.done:
             if self._times_s[self._sent] - self._times_s[0] > now_s - self._zero_s:
                 break
-            sent += frame(self._scans[self._sent])
+            sent += cola.frame(self._scans[self._sent])
             self._sent += 1
         return bytes(sent)
 
@@ -118,7 +110,7 @@ class RecordedLms111:
         answers = self._answers.get(head(payload))
         if not answers:
             self.unknown.append(payload)
-            code = UNKNOWN_METHOD if payload.startswith(b"sMN") else UNKNOWN_VARIABLE
+            code = cola.UNKNOWN_METHOD if payload.startswith(b"sMN") else cola.UNKNOWN_VARIABLE
             return b"sFA" + code.to_bytes(2, "big")
         if head(payload) == SUBSCRIBE and self._zero_s is None and self._scans:
             self._zero_s = now_s + 0.07  # the first scan came 72 ms after the subscription

@@ -1,17 +1,33 @@
 """Finds an AX3500 in whatever mode it is, polls its two encoder counters, commands its motors.
 
-It changes nothing in the controller; entering RS-232 mode takes the vehicle from its radio and
-happens only where the settings allow it; motors move only where the settings enable them.
+The controller says nothing by itself in RS-232 mode: each value is an exchange of its own, query,
+echo, value, never two at a time. In R/C mode it belongs to its radio and only logs; ten CR in a row
+take it over, which also switches its watchdog on. So the session first listens: a logging line
+means R/C mode, `OK` the end of a start-up. It changes nothing in the controller; it takes the
+vehicle from its radio only where the settings allow it, and moves motors only where they do.
+
+| state       | what it does                                        | what ends it              |
+|-------------|-----------------------------------------------------|---------------------------|
+| LISTENING   | reads; writes a zero for motors that may be moving  | `OK`, R/C mode, or 0.3 s  |
+|             |                                                     | of silence                |
+| ENTERING    | sends a CR each 40 ms                               | `OK`, or twenty CR        |
+| IDENTIFYING | asks for the identity and, with motors, for modes   | answers, or 3 tries each  |
+| POLLING     | motor commands, counters, slow values, by turns     | no counter for 2 s        |
+
+A line of a start-up while IDENTIFYING or POLLING, and a controller without encoders, lead back to
+LISTENING; five failed exchanges in a row to ENTERING, where that is allowed.
 
 Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
+import enum
+import math
 import re
-from collections.abc import Generator
 from dataclasses import replace
 from typing import Any
 
 from core.records import WheelCounts
+from hw.ax3500.conversation import NO_ECHO, NO_LINE, Conversation, CounterStream, is_start_up
 from hw.ax3500.counters import Pair, WheelCounters
 from hw.ax3500.lines import (
     BYTE,
@@ -27,24 +43,32 @@ from hw.ax3500.lines import (
 )
 from hw.ax3500.motors import Motors
 from hw.ax3500.schedule import REFRESH_S, Schedule
-from hw.ax3500.talk import NO_ECHO, NO_LINE, CounterStream, StartAgainError, Talk, tells_restart
-from hw.ax3500.values import READ_STATUS, VALUES, ControllerState, state_after_answer
-from hw.device import BadFrame, Device, DeviceStatus, Port, Session, Tick
+from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, ControllerState, state_after_answer
+from hw.device import BadFrame, Device, DeviceStatus, Port, Session
+from hw.exchange import StartAgainError, Steps
 
 LISTEN_S, BOOT_S, LISTEN_LIMIT_S = 0.3, 1.0, 3.0  # silence at first, after unknown lines; in all
 FAILURES_TO_ENTER, LOST_S = 5, 2.0
 READ_TRIES = 3
 READ_INPUT_MODE, READ_MOTOR_MODE = "^00", "^01"
 PLUS = re.compile(r"\+")
-Z_AFTER_S = 2.0  # without a failure; in its first second the letter would stop the encoder module
 CONDITION_S = 3.0  # status and emergency stop older than this are not known
 OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is away longer
 
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
 
 
-class Ax3500Session(Talk):
-    """Listening, entering, identifying, polling, lost: the states of section 12."""
+class State(enum.Enum):
+    """What the session is at; the table above."""
+
+    LISTENING = "listening"
+    ENTERING = "taking the controller from its radio"
+    IDENTIFYING = "asking for identity and modes"
+    POLLING = "polling"
+
+
+class Ax3500Session:
+    """The conversation with a controller, from its beginning as often as needed."""
 
     def __init__(
         self,
@@ -54,17 +78,22 @@ class Ax3500Session(Talk):
         poll_hz: float,
         enter_rs232: bool,
     ) -> None:
-        super().__init__(status, stream, motors)
+        self.state = State.LISTENING
+        self._status, self._stream, self._motors = status, stream, motors
+        self._talk = Conversation(
+            status, stream, motors, lambda: self.state in (State.LISTENING, State.ENTERING)
+        )
+        self._exchange = self._talk.exchange
         self._schedule, self._may_enter = Schedule(poll_hz), enter_rs232
         self._good_s, self._heard = [0.0, 0.0], set[int]()
-        self._counter_faults = ["", ""]  # of each counter's last failed exchange, in words
+        self._counter_faults = ["", ""]  # of each counter's last failed exchange
         self._polling_s = 0.0  # host clock, when polling began
         self._commands = 0  # not zero, since the last pair
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
         out = self._begin_anew("the connection is new")
-        yield from self._turn(b"")
+        yield from self._exchange.turn()
         while True:
             try:
                 yield from self._listen(out)
@@ -72,39 +101,50 @@ class Ax3500Session(Talk):
                 yield from self._read_modes()
                 yield from self._poll()
             except StartAgainError as why:
-                self._status.fall_back("starting", str(why))
+                self._exchange.fail(why)
                 self._stream.remark = ""
                 out = self._begin_anew(str(why))
 
     def _begin_anew(self, trouble: str) -> bytes:
         """Nothing is known of the motors any more; zero for those that may be moving."""
-        out = self._stop_motors()
+        self.state = State.LISTENING
+        out = self._talk.stop_motors()
         self._motors.forget_modes(trouble)
         return out
 
-    def _listen(self, out: bytes) -> Generator[bytes, Tick, None]:
+    # --- before polling
+
+    def _listen(self, out: bytes) -> Steps[None]:
         """Until it is clear, or quiet. A logging line means R/C or analog mode."""
-        quiet_s, limit_s, began_s = self._now_s, LISTEN_S, self._now_s
-        while self._now_s - quiet_s < limit_s and self._now_s - began_s < LISTEN_LIMIT_S:
-            events = yield from self._turn(out)
+        x = self._exchange
+        quiet_s, limit_s, began_s = x.now_s, LISTEN_S, x.now_s
+        while x.now_s - quiet_s < limit_s and x.now_s - began_s < LISTEN_LIMIT_S:
+            events = yield from x.turn(out)
             out = b""
             for event in events:
-                quiet_s, limit_s = self._now_s, BOOT_S
-                if isinstance(event, Line) and tells_restart(event):
-                    self._stream.zero_lost, self._entered = True, False
-                    if event.text == "OK":
-                        return
-                    if event.text.startswith(":") and self._may_enter:
-                        yield from self._enter()
-                        return
-                    if event.text.startswith(":"):
-                        self._status.fall_back("starting", IN_RC_MODE)
-                        began_s = self._now_s
-        if self._now_s - began_s >= LISTEN_LIMIT_S and self.is_noise:
+                quiet_s, limit_s = x.now_s, BOOT_S
+                if not isinstance(event, Line) or not is_start_up(event):
+                    continue
+                self._talk.have_restarted()
+                if event.text == "OK":
+                    return
+                if event.text.startswith(":") and self._may_enter:
+                    yield from self._enter()
+                    return
+                if event.text.startswith(":"):
+                    self._status.fall_back("starting", IN_RC_MODE)
+                    began_s = x.now_s
+        if x.now_s - began_s >= LISTEN_LIMIT_S and self._talk.is_noise:
             self._status.fall_back("starting", NO_LINE)
 
-    def _identify(self) -> Generator[bytes, Tick, None]:
+    def _enter(self) -> Steps[None]:
+        before, self.state = self.state, State.ENTERING
+        yield from self._talk.enter()
+        self.state = before
+
+    def _identify(self) -> Steps[None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""
+        self.state = State.IDENTIFYING
         for last_try in (False, True):
             for _ in range(READ_TRIES):
                 answer = yield from self._maybe_read(READ_IDENTITY)
@@ -125,12 +165,12 @@ class Ax3500Session(Talk):
                 f"the controller has no encoder module: {READ_IDENTITY} says {identity:02X}"
             )
 
-    def _maybe_read(self, parameter: str) -> Generator[bytes, Tick, str | None]:
+    def _maybe_read(self, parameter: str) -> Steps[str | None]:
         """A parameter's value or "-"; the session works both with a `+` after it and without."""
-        answer = yield from self._maybe_answer(parameter, encode_query(parameter), BYTE)
+        answer = yield from self._talk.maybe_answer(parameter, encode_query(parameter), BYTE)
         return answer[1][0] if answer else None
 
-    def _read_modes(self) -> Generator[bytes, Tick, None]:
+    def _read_modes(self) -> Steps[None]:
         """Only where motors may be commanded: whether they may, and what a command means."""
         if not self._motors.enabled:
             return
@@ -142,107 +182,107 @@ class Ax3500Session(Talk):
                 if answer is not None and answer != "-":
                     break
             modes.append(maybe_byte(answer or ""))
-        self._motors.adopt_modes(modes[0], modes[1], self._entered)
+        self._motors.adopt_modes(modes[0], modes[1], self._talk.entered)
 
-    def _poll(self) -> Generator[bytes, Tick, None]:
+    # --- polling
+
+    def _poll(self) -> Steps[None]:
         """Motor commands, counters, slow values: one exchange after the other.
 
         A zero goes before everything. Other commands take turns with the queries that are due: on
         a slow line a wish that changes all the time would leave none to them.
         """
-        self._good_s, self._heard = [self._now_s, self._now_s], set()
-        self._polling_s = self._trouble_s = self._now_s
-        self._schedule.begin(self._now_s)
+        self.state, x = State.POLLING, self._exchange
+        self._good_s, self._heard = [x.now_s, x.now_s], set()
+        self._polling_s = x.now_s
+        self._schedule.begin(x.now_s)
         while True:
             self._find_remark()
             command = self._motors.maybe_command(self._why_blocked())
             query = None
             if command is None or (command[1] != 0 and self._commands >= len(READ_COUNTER)):
-                query = self._schedule.maybe_next(self._now_s, self._forbidden())
+                query = self._schedule.maybe_next(x.now_s)
             if query is None and command is not None:
                 yield from self._command(*command)
                 continue
             if query is None:
-                self._check_restart((yield from self._turn(b"")))
+                yield from x.turn()
             elif query in READ_COUNTER:
                 yield from self._ask_counter(READ_COUNTER.index(query))
             else:
                 yield from self._ask_value(query)
-            if self._now_s - min(self._good_s) > LOST_S:
+            if x.now_s - min(self._good_s) > LOST_S:
                 raise StartAgainError(self._why_no_counters())
 
     def _why_no_counters(self) -> str:
         """Names the queries that failed, unless nothing at all is heard or understood."""
+        now_s = self._exchange.now_s
         fault = self._counter_faults[self._good_s.index(min(self._good_s))]
-        late = [k for k in (0, 1) if self._now_s - self._good_s[k] > LOST_S / 2]
+        late = [k for k in (0, 1) if now_s - self._good_s[k] > LOST_S / 2]
         queries = " and ".join(READ_COUNTER[k] for k in late) + ": "
-        words = fault if fault in (NO_ECHO, NO_LINE) else queries + (fault or "not asked in time")
-        return f"no counters for {LOST_S:.0f} s: {words}"
+        reason = fault if fault in (NO_ECHO, NO_LINE) else queries + (fault or "not asked in time")
+        return f"no counters for {LOST_S:.0f} s: {reason}"
 
-    def _forbidden(self) -> frozenset[str]:
-        ready = len(self._heard) == 2 and self._now_s - self._trouble_s > Z_AFTER_S
-        return frozenset() if ready else frozenset({"?Z"})
-
-    def _command(self, channel: int, power: int) -> Generator[bytes, Tick, None]:
+    def _command(self, channel: int, power: int) -> Steps[None]:
         self._commands += power != 0
         out = self._motors.sent(channel, power)
         text = out.decode("ascii").rstrip("\r")
-        answer = yield from self._maybe_answer(text, out, PLUS)
+        answer = yield from self._talk.maybe_answer(text, out, PLUS)
         if answer is not None and answer[1] == ["+"]:
             self._motors.acknowledged(channel, power)
 
-    def _ask_counter(self, channel: int) -> Generator[bytes, Tick, None]:
-        query, began_s = READ_COUNTER[channel], self._now_s
+    def _ask_counter(self, channel: int) -> Steps[None]:
+        query, began_s = READ_COUNTER[channel], self._exchange.now_s
         if channel == 0:  # ends a pair
             self._commands = 0
-        answer = yield from self._maybe_answer(query, encode_query(query), COUNTER)
+        answer = yield from self._talk.maybe_answer(query, encode_query(query), COUNTER)
         raw = maybe_counter(answer[1][0]) if answer else None
         if answer is None or raw is None:
-            self._counter_faults[channel] = self._fault
-            self._status.reject(BadFrame(f"{query}: {self._fault}", b""))
-            if self._failures == FAILURES_TO_ENTER and self._may_enter:
+            self._counter_faults[channel] = self._talk.fault
+            self._status.reject(BadFrame(f"{query}: {self._talk.fault}", b""))
+            if self._talk.failures == FAILURES_TO_ENTER and self._may_enter:
                 yield from self._enter()
             return
-        self._schedule.counter_took(self._now_s - began_s)
+        now_s = self._exchange.now_s
+        self._schedule.counter_took(now_s - began_s)
         self._stream.readings.append((channel, answer[0], raw))
-        self._good_s[channel] = self._now_s
+        self._good_s[channel] = now_s
         self._heard.add(channel)
         if len(self._heard) == 2:
             self._status.state, self._status.cause = "running", self._stream.remark
 
-    def _ask_value(self, query: str) -> Generator[bytes, Tick, None]:
-        answer = yield from self._maybe_answer(query, encode_query(query), BYTE, VALUES[query])
+    def _ask_value(self, query: str) -> Steps[None]:
+        lines = VALUES[query]
+        answer = yield from self._talk.maybe_answer(query, encode_query(query), BYTE, lines)
         if answer is None:
-            self._status.reject(BadFrame(f"{query}: {self._fault}", b""))
+            self._status.reject(BadFrame(f"{query}: {self._talk.fault}", b""))
             return
-        taken_s, texts = answer
-        state = state_after_answer(
-            self._stream.controller, query, texts, taken_s, self._stream.identity
-        )
-        self._stream.controller = state or self._stream.controller
-        if texts == ["-"] and query not in (READ_STATUS, "?I"):
-            self._schedule.refused(query, self._now_s)
+        stream, (taken_s, texts) = self._stream, answer
+        state = state_after_answer(stream.controller, query, texts, taken_s, stream.identity)
+        stream.controller = state or stream.controller
+        if texts == ["-"] and query not in (READ_STATUS, READ_INPUTS):
+            self._schedule.refused(query, self._exchange.now_s)
 
     def _why_blocked(self) -> str:
-        """Why motors get zero only, in words; what is not known is a reason too."""
+        """Why motors get zero only; what is not known is a reason too."""
         state = self._stream.controller
         if state.trouble:
             return state.trouble
-        names = ("status", "emergency_stop")
-        oldest_s = min(state.taken_s.get(name, float("-inf")) for name in names)
+        taken_s = (state.taken_s.get(query, -math.inf) for query in (READ_STATUS, READ_INPUTS))
         known = state.status is not None and state.emergency_stop is not None
-        if not known or oldest_s < max(self._polling_s, self._now_s - CONDITION_S):
+        if not known or min(taken_s) < max(self._polling_s, self._exchange.now_s - CONDITION_S):
             return "the controller does not tell its status"
         return ""
 
     def _find_remark(self) -> None:
         blocked = self._why_blocked() if self._motors.usable else self._motors.refusal
-        words = [
+        motors_hz = 1.0 / REFRESH_S if self._motors.usable else 0.0
+        remarks = [
             blocked or self._stream.controller.trouble,
             self._motors.why_off if self._motors.turns_wish_down and not blocked else "",
-            self._schedule.remark(self._now_s, 1.0 / REFRESH_S if self._motors.usable else 0.0),
+            self._schedule.remark(self._exchange.now_s, motors_hz),
         ]
-        self._stream.remark = "; ".join(word for word in words if word)
+        self._stream.remark = "; ".join(remark for remark in remarks if remark)
         if self._status.state == "running":
             self._status.cause = self._stream.remark
 
@@ -264,17 +304,16 @@ class Ax3500(Device[WheelCounts]):
     ) -> None:
         self.stream = CounterStream()
         self.motors = Motors(enable_motors, left_channel, right_channel, inverted_channels)
-        self._told = self._told_all = self.stream.controller  # without and with what we add
-        self._left, self._right = left_channel - 1, right_channel - 1
-        self._signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
+        signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
+        self._left, self._right = ((k - 1, signs[k - 1]) for k in (left_channel, right_channel))
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
         status = DeviceStatus("ax3500")
-        super().__init__(
-            status,
-            port,
-            LineParser,
-            lambda: Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232).run(),
-        )
+
+        def new_session() -> Session:
+            self.session = Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232)
+            return self.session.run()
+
+        super().__init__(status, port, LineParser, new_session)
 
     @property
     def controller(self) -> ControllerState:
@@ -282,55 +321,59 @@ class Ax3500(Device[WheelCounts]):
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
-        told, stops = self.stream.controller, self.stream.watchdog_stops
-        if self._told is not told or (self._told_all.watchdog_stops, self._told_all.motors_off) != (
-            stops,
-            off,
-        ):
-            self._told, self._told_all = told, replace(told, watchdog_stops=stops, motors_off=off)
-        return self._told_all
+        told = self.stream.controller
+        return told if told.motors_off == off else replace(told, motors_off=off)
 
     @property
     def trouble(self) -> str:
-        """Why the motors do not obey, in words; "" if they do."""
+        """Why the motors get nothing; "" where nothing is known against them."""
         return self.controller.trouble
 
     @property
     def emergency_stop(self) -> bool:
-        """Whether it is pressed."""
-        return bool(self.controller.emergency_stop)
+        """Whether the controller says that its stop button is pressed."""
+        return bool(self.stream.controller.emergency_stop)
+
+    @property
+    def identity(self) -> str:
+        """Of the controller, as far as it was told."""
+        identity = self.stream.identity
+        return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
+
+    def measured(self) -> dict[str, float]:
+        """For the log: voltages, currents, temperatures, as far as they were told, and stops."""
+        return self.stream.controller.measured() | {"watchdog_stops": self.stream.watchdog_stops}
 
     def drive(self, left: float, right: float) -> None:
         """Wheel power wanted from the next step on, -1..1 of full; call it at every tick.
 
         Not called for 0.1 s, or NaN, means zero: it goes out after the exchange under way, at most
         0.2 s (hw/ax3500/motors.py says what if that fails). After trouble zero must be asked for
-        once before anything else counts; `controller.trouble` tells what the trouble was. Nothing
-        is sent unless motors are enabled.
+        once before anything else counts; `trouble` tells what the trouble was. Nothing is sent
+        unless motors are enabled.
         """
         self.motors.wish(left, right)
 
     def stop(self) -> None:
-        """Writes zero for both motors to the port at once: before it is closed."""
+        """Writes zero for both motors to the port at once; step until `settled` before closing."""
         self.port.write(self.motors.stop_bytes())
         self.motors.doubt("mapod stopped them")
+
+    @property
+    def settled(self) -> bool:
+        """Whether no zero is owed: both are acknowledged, or there is nobody to send them to."""
+        return not self.motors.may_move or self.status.state == "closed"
 
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:
             self._counters.forget_zero()
             self.stream.zero_lost = False
         measured: list[WheelCounts] = []
-        if not self.stream.readings:
-            return measured
         for reading in self.stream.readings:
             match self._counters.take(*reading):
                 case Pair(t_s, one, two):
-                    counts = (self._signs[0] * one, self._signs[1] * two)
-                    measured.append(
-                        WheelCounts(
-                            t_s, counts[self._left], counts[self._right], self._counters.restarts
-                        )
-                    )
+                    left, right = (sign * (one, two)[k] for k, sign in (self._left, self._right))
+                    measured.append(WheelCounts(t_s, left, right, self._counters.restarts))
                 case BadFrame() as refused:
                     self.status.reject(refused)
         self.stream.readings = []

@@ -10,11 +10,12 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from core.records import ScannerSpec
+from hw.lms1xx.cola import DialectSetting
 from hw.lms1xx.scan import AHEAD_DEG
 from hw.lms1xx.telegrams import MAX_BEAMS, Echo
 
 MODES = {(50, 0.5), (25, 0.25), (25, 0.5)}  # Hz, deg
-MAX_RANGE_M = 20.0
+MAX_RANGE_M = 20.0  # of an LMS111
 
 DeviceAngle = Annotated[float, Meta(ge=-45, le=225)]
 
@@ -22,7 +23,7 @@ DeviceAngle = Annotated[float, Meta(ge=-45, le=225)]
 class Lms1xxOptions(Struct, frozen=True):
     """Rate, step, used field of view and echoes."""
 
-    dialect: Literal["auto", "binary", "ascii"]
+    dialect: DialectSetting
     scan_rate_hz: Literal[25, 50]
     angular_step_deg: float
     first_deg: DeviceAngle

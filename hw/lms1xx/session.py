@@ -33,13 +33,12 @@ from hw.lms1xx.exchange import ColaExchange, Memory, ScanStream
 from hw.lms1xx.scan import ScanMaker, ScanSettings
 from hw.lms1xx.setup import BUSY, LONGEST_REST_S, REST_S, Setup
 from hw.lms1xx.status import TOO_DIRTY, ScannerCondition
-from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Echo, ScanTelegram, new_parser
+from hw.lms1xx.telegrams import Answer, Echo, ScanTelegram, new_parser
 from hw.lms1xx.watch import TelegramWatch, condition_of
 
 FIRST_SCAN_S, SILENCE_S = 2.0, 1.0
 PAUSE_S, LONGEST_PAUSE_S = 0.2, 2.0  # before a new attempt; doubling until scans are delivered
 PEACE_S = 10.0  # of scans, after which no other host is thought to want the scanner otherwise
-RANGE_M = 20.0  # of an LMS111 (section 1)
 BYTES_PER_S = 2 * 541 * 50 * 5  # two echoes of 541 beams at 50 Hz, five characters each in CoLa-A
 
 
@@ -147,8 +146,6 @@ class Lms111(Device[Scan]):
         accepted_status: values of the device status, beside 0, whose scans are used.
     """
 
-    max_beams, range_m = MAX_BEAMS, RANGE_M
-
     def __init__(
         self,
         port: Port,
@@ -183,11 +180,6 @@ class Lms111(Device[Scan]):
     def _started_session(self) -> Session:
         self.session = Lms111Session(self.status, self.stream, self._memory, self._settings)
         return self.session.run()
-
-    @property
-    def period_s(self) -> float:
-        """From scan to scan, as it was asked for."""
-        return 1.0 / self._settings.scan_rate_hz
 
     def stop(self) -> None:
         """Before the program ends: a login that is under way must not leave the device busy."""

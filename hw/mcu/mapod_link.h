@@ -74,9 +74,10 @@
  * the link stays stale: mapod_talk_renew with a new random nonce, at a standstill, mends that.
  *
  * POLL ONLY (`poll_only` of mapod_talk_init): the sender pushes nothing, mapod_talk_ask asks. There
- * is no map but the tiles then, and mapod_link_advice always says stop: use mapod_zone_advice, and
- * ask for STOP_ZONE and POSE at least three times within MAPOD_ZONE_STALE_MS. When nothing answers
- * for a second, send mapod_talk_hello again: the sender may have started anew.
+ * is no map but the tiles then (mapod_link_init takes NULL as `cells`, 0xFFFFFFFF as `max_cells`),
+ * and mapod_link_advice always says stop: use mapod_zone_advice, and ask for STOP_ZONE and POSE at
+ * least three times within MAPOD_ZONE_STALE_MS. When nothing answers for a second, send
+ * mapod_talk_hello again: the sender may have started anew.
  *
  * Source: planner link, version 1 (docs/planner-link.md of mapod).
  */
@@ -241,7 +242,8 @@ struct mapod_talk {
 
 /* ---- the receiver ---- */
 
-/* Begins anew: blank and stale. `cells` holds `max_cells` cells, MAPOD_CELL_BYTES of them. */
+/* Begins anew: blank and stale. `cells` holds `max_cells` cells, MAPOD_CELL_BYTES of them; NULL: no
+ * map is kept, and it stays blank. */
 MAPOD_LINK_API void mapod_link_init(struct mapod_link *link, uint8_t *cells, uint32_t max_cells);
 #ifdef MAPOD_LINK_AUTH
 /* 32 bytes, which must stay where they are. Nonce 0 where there is no return path. */
@@ -615,7 +617,9 @@ static void mapod_p_row(struct mapod_link *link, uint32_t column, uint32_t row, 
 
 static void mapod_p_clear(struct mapod_link *link)
 {
-    (void)memset(link->cells, 0, (mapod_p_area(link) + 3u) >> 2);
+    if (link->cells != NULL) {
+        (void)memset(link->cells, 0, (mapod_p_area(link) + 3u) >> 2);
+    }
     link->base_column = 0u;
     link->base_row = 0u;
     mapod_p_set(link, MAPOD_P_SUSPECT, false);
@@ -1441,13 +1445,16 @@ static int mapod_p_take_map(struct mapod_link *link, uint32_t size)
         mapod_p_set(link, MAPOD_P_NEED_GEOM, true);
         return MAPOD_FOREIGN_MAP;
     }
+    link->map_ms = link->newest_ms;
+    mapod_p_set(link, MAPOD_P_MAP_LATE, false);
+    if (link->cells == NULL) {
+        return MAPOD_MAP;
+    }
     mapod_p_move(link, mapod_p_u16(&body[0]), mapod_p_u16(&body[2]));
     if (mapod_p_ahead(mapod_p_u16(&body[4]), link->gap) >= 0) {
         mapod_p_set(link, MAPOD_P_SUSPECT, false);
     }
     (void)mapod_p_walk(link, size, true);
-    link->map_ms = link->newest_ms;
-    mapod_p_set(link, MAPOD_P_MAP_LATE, false);
     return MAPOD_MAP;
 }
 

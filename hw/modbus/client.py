@@ -9,14 +9,14 @@ says who sent them.
 import ipaddress
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
+from hw.device import BadFrame, DeviceStatus
 from hw.modbus.framing import Request
 from hw.modbus.image import RegisterImage, View
 from hw.modbus.layout import LATCH
-from hw.modbus.pdu import Answer, answer, refused
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Answer, Refusal, answer, refused
 from hw.modbus.token_bucket import TokenBucket
 
 CLIENT_HZ, CLIENT_BURST = 400.0, 60.0  # requests: lasting, and at once after a rest
@@ -24,19 +24,6 @@ BATCH = 4  # requests answered in one call
 MOST_WAITING = 512  # requests of one client
 
 Send = Callable[[Request, bytes], None]
-
-
-@dataclass(slots=True)
-class ModbusCounters:
-    """What happened since the start, for the log."""
-
-    requests: int = 0
-    exceptions: int = 0  # answers that refuse
-    rejected: int = 0  # bytes on a line, or pieces from a network, that were no frame
-    dropped: int = 0  # requests that were too many to wait
-    delayed: int = 0  # answers that had to wait for the pace
-    turned_away: int = 0  # connections, for there were too many
-    idle_closed: int = 0  # connections on which nothing was asked for long
 
 
 class Timer(Protocol):
@@ -67,7 +54,11 @@ class ServerContext:
     views: Mapping[int, View | None]  # by unit id, those that are ours; None: the live registers
     is_silent: bool  # to requests for other units, as a serial line demands
     identity: Mapping[int, bytes]
-    counters: ModbusCounters = field(default_factory=ModbusCounters)
+    status: DeviceStatus
+
+    def reject(self, reason: str, data: bytes = b"") -> None:
+        """Something came that is not answered: for the log."""
+        self.status.reject(BadFrame(reason, data))
 
 
 @dataclass(slots=True)
@@ -123,7 +114,8 @@ class Client:
         now_s = self.asked_s = self._context.clock()
         room = MOST_WAITING - len(self._waiting)
         self._waiting.extend((now_s, request) for request in requests[:room])
-        self._context.counters.dropped += max(0, len(requests) - room)
+        if len(requests) > room:
+            self._context.reject("more requests than can wait")
         if self._timer is None:
             self._work()
         return len(requests) <= room
@@ -153,7 +145,6 @@ class Client:
                 self._has_place = True
                 wait_s = max(self._pace.book(now_s), context.image.pace.book(now_s))
                 if wait_s > 0.0:
-                    context.counters.delayed += 1
                     self._timer = context.loop.call_later(wait_s, self._work)
                     return
             self._has_place = False
@@ -171,8 +162,6 @@ class Client:
             view, identity = context.views[request.unit], context.identity
             access = Access(context, identity, view, self._who, self._is_local, now_s, arrived_s)
             pdu = answer(request.pdu, access)
-        context.counters.requests += 1
-        context.counters.exceptions += pdu[0] >> 7
         if self._send is not None:
             self._send(request, pdu)
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from hw.modbus.encoding import bounded, thousandths_signed
 from hw.modbus.layout import DRIVE, DRIVE_BLOCK, DRIVE_REQUEST
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 
 MOST_VALID_MS, NO_SPEED = 1000, 0x8000
 TAKEN, REFUSED = 0, 1

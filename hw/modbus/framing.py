@@ -1,15 +1,42 @@
-"""Modbus frames: requests found in bytes from TCP and UDP, and answers put into frames.
+"""Modbus frames: requests found in bytes, and answers put into frames.
 
-RTU frames have a file of their own (hw/modbus/rtu.py).
-Source: Modbus messaging on TCP/IP implementation guide 1.0b, section 3.1.3.
+**TCP and UDP**: a frame tells its length. **RTU**, on a line that may have other slaves: a frame is
+recognised by its length and checksum at the place where one must begin; what other units are asked,
+and what they answer, is stepped over whole, so that no byte of it is taken for a request. What lies
+there after noise is looked for only once the line is silent, and only at the very end: whoever asks
+us then waits. A broadcast (unit 0) is not answered.
+Source: Modbus messaging on TCP/IP implementation guide 1.0b, section 3.1.3; Modbus over serial line
+1.02, section 2.5.1.
 """
 
 import struct
 from typing import NamedTuple
 
+from hw.modbus.pdu import (
+    IDENTIFY,
+    MASK_WRITE,
+    READ_COILS,
+    READ_INPUTS,
+    WRITE_COIL,
+    WRITE_COILS,
+    WRITE_MANY,
+    WRITE_ONE,
+    WRITE_READ,
+)
+
 MBAP = struct.Struct(">HHHB")  # transaction, protocol (0), length of what follows, unit
 LENGTHS = range(2, 255)  # unit and 1 to 253 bytes of request
 LENGTH_OFFSET = 6
+
+POLYNOMIAL, START = 0xA001, 0xFFFF
+LEAST, MOST = 4, 256  # bytes of a frame
+KEPT = 4 * MOST  # bytes without a frame in them; older ones are dropped
+UNKNOWN, MORE = 0, -1  # a frame's size: can't be told; can't be told yet
+EXCEPTION_SIZE, ECHO_SIZE = 5, 8
+COUNTED = {WRITE_COILS: 6, WRITE_MANY: 6, WRITE_READ: 10, 20: 2, 21: 2}  # where the byte count is
+FIXED = {7: 4, 8: 8, 11: 4, 12: 4, 17: 4, MASK_WRITE: 10, 24: 6}
+ECHOED = {WRITE_COIL: 8, WRITE_ONE: 8, WRITE_COILS: 8, WRITE_MANY: 8, MASK_WRITE: 10, 8: 8, 11: 8}
+LISTED = {READ_COILS, 2, 3, READ_INPUTS, WRITE_READ, 12, 17, 20, 21}  # answers with a byte count
 
 
 class Request(NamedTuple):
@@ -56,3 +83,181 @@ def mbap_frame(request: Request, pdu: bytes) -> bytes:
     '00 05 00 00 00 03 01 e3 01'
     """
     return MBAP.pack(request.transaction, 0, len(pdu) + 1, request.unit) + pdu
+
+
+def _crc_table() -> list[int]:
+    table = []
+    for byte in range(256):
+        for _ in range(8):
+            byte = byte >> 1 ^ (POLYNOMIAL if byte & 1 else 0)
+        table.append(byte)
+    return table
+
+
+TABLE = _crc_table()
+
+
+def crc16(data: bytes | bytearray) -> int:
+    """The checksum, 0 over a frame with its own at the end, low byte first.
+
+    >>> crc16(bytes.fromhex("01 03 00 00 00 0A")).to_bytes(2, "little").hex(" ")
+    'c5 cd'
+    """
+    crc = START
+    for byte in data:
+        crc = crc >> 8 ^ TABLE[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def rtu_frame(request: Request, pdu: bytes) -> bytes:
+    """The frame of an answer.
+
+    >>> rtu_frame(Request(1, b""), bytes((0x83, 2))).hex(" ")
+    '01 83 02 c0 f1'
+    """
+    frame = bytes((request.unit,)) + pdu
+    return frame + crc16(frame).to_bytes(2, "little")
+
+
+def request_size(frame: bytes | bytearray) -> int:
+    """Bytes of the request that begins here; UNKNOWN or MORE."""
+    if len(frame) < 2:
+        return MORE
+    function = frame[1]
+    if READ_COILS <= function <= WRITE_ONE:
+        return 8
+    if function in FIXED:
+        return FIXED[function]
+    if function == IDENTIFY:
+        return MORE if len(frame) < 3 else (7 if frame[2] == 0x0E else UNKNOWN)
+    if function in COUNTED:
+        place = COUNTED[function]
+        return MORE if len(frame) <= place else min(MOST + 1, place + 1 + frame[place] + 2)
+    return UNKNOWN
+
+
+def answer_size(frame: bytes | bytearray) -> int:
+    """Bytes of the answer that begins here; UNKNOWN or MORE."""
+    if len(frame) < 2:
+        return MORE
+    function = frame[1]
+    if function & 0x80:
+        return EXCEPTION_SIZE
+    if function in ECHOED:
+        return ECHOED[function]
+    if function in LISTED:
+        return MORE if len(frame) < 3 else min(MOST + 1, 3 + frame[2] + 2)
+    if function == 7:
+        return 5
+    if function == IDENTIFY:
+        return _identity_size(frame)
+    return UNKNOWN
+
+
+def _identity_size(frame: bytes | bytearray) -> int:
+    """Of an answer to device identification: it counts its texts."""
+    if len(frame) < 8:
+        return MORE
+    at = 8
+    for _ in range(frame[7]):
+        if len(frame) < at + 2:
+            return MORE
+        at += 2 + frame[at + 1]
+    return at + 2
+
+
+class RtuReceiver:
+    """Takes what the line carries, cut anywhere; keeps less than 1 kB; never raises on input."""
+
+    def __init__(self, units: frozenset[int]) -> None:
+        self._units = units  # ours
+        self._buffer = bytearray()
+        self._asked: tuple[int, int] | None = None  # another unit and function: it may answer now
+        self.rejected = 0  # bytes that belonged to no frame
+        self.others = 0  # frames of other units, and broadcasts
+
+    @property
+    def waits(self) -> bool:
+        """Whether bytes lie here that silence would decide about."""
+        return bool(self._buffer)
+
+    def feed(self, data: bytes) -> list[Request]:
+        """The requests for us that these bytes complete."""
+        self._buffer += data
+        found: list[Request] = []
+        while size := self._frame_size():
+            self._sort(size, found)
+        if len(self._buffer) > KEPT:
+            self._drop(len(self._buffer) - MOST)
+        return found
+
+    def silence(self, *, long: bool) -> list[Request]:
+        """The line is silent; `long`: so long that nothing begun will be ended any more."""
+        found: list[Request] = []
+        if not self._buffer:
+            return found
+        size = len(self._buffer)
+        if LEAST <= size <= MOST and crc16(self._buffer) == 0:  # of a function we do not know
+            self._sort(size, found)
+        elif long or not self._is_answer_under_way():
+            at = self._maybe_last_request()
+            if at is not None:
+                self._drop(at)
+                self._sort(len(self._buffer), found)
+            elif long or not self._may_grow():
+                self._drop(size)
+        return found
+
+    def _sizes(self) -> tuple[int, ...]:
+        """What the frame at the start may measure, the likeliest first."""
+        sizes = request_size(self._buffer), answer_size(self._buffer)
+        return sizes[::-1] if self._is_asked() else sizes
+
+    def _is_asked(self) -> bool:
+        """Whether what begins here can be the answer that is due."""
+        start = self._buffer[:2]
+        if self._asked is None or len(start) < 2:
+            return False
+        return (start[0], start[1] & 0x7F) == self._asked
+
+    def _frame_size(self) -> int:
+        """Of the whole and right frame at the start; 0 if there is none yet."""
+        for size in self._sizes():
+            if LEAST <= size <= min(MOST, len(self._buffer)) and crc16(self._buffer[:size]) == 0:
+                return size
+        return 0
+
+    def _may_grow(self) -> bool:
+        """Whether what lies at the start may become a frame."""
+        return any(size == MORE or len(self._buffer) < size <= MOST for size in self._sizes())
+
+    def _is_answer_under_way(self) -> bool:
+        """Whether another unit is in the middle of its answer, which may look like anything."""
+        size = answer_size(self._buffer)
+        return self._is_asked() and (size == MORE or len(self._buffer) < size <= MOST)
+
+    def _maybe_last_request(self) -> int | None:
+        """Where a request for us begins that ends with the last byte."""
+        size = len(self._buffer)
+        for at in range(max(0, size - MOST), size - LEAST + 1):
+            rest = self._buffer[at:]
+            if rest[0] in self._units and request_size(rest) == len(rest) and crc16(rest) == 0:
+                return at
+        return None
+
+    def _sort(self, size: int, found: list[Request]) -> None:
+        """Take the frame at the start: a request of ours, or what others say."""
+        frame = bytes(self._buffer[:size])
+        del self._buffer[:size]
+        unit, function = frame[0], frame[1]
+        if unit not in self._units:
+            self.others += 1
+            was_answer = self._asked == (unit, function & 0x7F)
+            self._asked = None if was_answer or unit == 0 else (unit, function)
+        elif not function & 0x80 and request_size(frame) in (size, UNKNOWN):
+            self._asked = None
+            found.append(Request(unit, frame[1:-2]))
+
+    def _drop(self, size: int) -> None:
+        self.rejected += size
+        del self._buffer[:size]

@@ -13,8 +13,16 @@ from typing import Any, Protocol
 from pymodbus.server.requesthandler import ServerRequestHandler
 
 from hw.modbus.client import Client, ServerContext, Timer, is_loopback
-from hw.modbus.framing import Request, datagram_requests, mbap_frame, take_requests
-from hw.modbus.rtu import RtuReceiver, rtu_frame
+from hw.modbus.framing import (
+    LENGTH_OFFSET,
+    LENGTHS,
+    Request,
+    RtuReceiver,
+    datagram_requests,
+    mbap_frame,
+    rtu_frame,
+    take_requests,
+)
 
 MOST_CONNECTIONS = 8
 IDLE_S = 60.0  # a TCP connection without a request is closed after this time,
@@ -22,6 +30,7 @@ SPARED_S = 10.0  # and after this one already when another client wants its plac
 MOST_BYTES = 8192  # of one TCP client, that have arrived at once
 MOST_UDP_CLIENTS = 64
 UDP_WAITING = 16  # requests of one UDP client
+MOST_DATAGRAM = UDP_WAITING * (LENGTH_OFFSET + LENGTHS[-1])  # bytes: more can't be served
 CHARACTER_BITS = 11
 SILENT_CHARACTERS, LEAST_SILENT_S = 3.5, 0.00175
 LONG_SILENCE_S = 0.1  # nothing begun will be ended any more
@@ -78,10 +87,9 @@ class TcpHandler(ServerRequestHandler):
         idlest = min(self._owner.connections, key=lambda handler: handler.idle_since_s)
         context = self._owner.server_context
         if context.clock() - idlest.idle_since_s > SPARED_S:
-            context.counters.idle_closed += 1
             idlest.end()
         else:
-            context.counters.turned_away += 1
+            context.reject("more connections than there is room for")
             self.end()
 
     def data_received(self, data: bytes) -> None:
@@ -90,14 +98,14 @@ class TcpHandler(ServerRequestHandler):
             return
         self._data += data
         if len(self._data) > MOST_BYTES:  # not even looked at: that would take long
-            self._owner.server_context.counters.dropped += 1
+            self._owner.server_context.reject("more bytes at once than are looked at")
             self.end()
             return
         found, reason = take_requests(self._data)
         if not self._client.offer(found):
             self.end()
         elif reason:
-            self._owner.server_context.counters.rejected += 1
+            self._owner.server_context.reject(reason, bytes(self._data))
             self._data.clear()
             self._end_when_answered()
 
@@ -161,13 +169,13 @@ class UdpHandler(ServerRequestHandler):
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...] | None) -> None:
         """One datagram: whole requests, or nothing."""
-        found = datagram_requests(data)
+        found = datagram_requests(data) if len(data) <= MOST_DATAGRAM else []
         if not found:
-            self._context.counters.rejected += 1
+            self._context.reject("a datagram of anything but whole requests", data)
             return
         client = self._client_at(addr)
         if client is None or client.waiting + len(found) > UDP_WAITING:
-            self._context.counters.dropped += len(found)
+            self._context.reject("more requests than can wait")
         else:
             client.offer(found)
 
@@ -220,7 +228,7 @@ class LineHandler(ServerRequestHandler):
         if found and not self._found:
             self._found_s = now_s
         self._found += found
-        self._count(before)
+        self._reject(before)
         if self._found and now_s - self._found_s > BUSY_LINE_S:
             self._offer()
         self._listen(self._silent_s, self._silence)
@@ -233,22 +241,23 @@ class LineHandler(ServerRequestHandler):
     def _silence(self) -> None:
         before = self._receiver.rejected
         self._found += self._receiver.silence(long=False)
-        self._count(before)
+        self._reject(before)
         self._offer()
         self._listen(LONG_SILENCE_S, self._long_silence)
 
     def _long_silence(self) -> None:
         before = self._receiver.rejected
         self._found += self._receiver.silence(long=True)
-        self._count(before)
+        self._reject(before)
         self._offer()
 
     def _offer(self) -> None:
         found, self._found = self._found, []
         self._client.offer(found)
 
-    def _count(self, before: int) -> None:
-        self._context.counters.rejected += self._receiver.rejected - before
+    def _reject(self, before: int) -> None:
+        if noise := self._receiver.rejected - before:
+            self._context.reject("noise on the line", bytes(noise))
 
     def _reply(self, request: Request, pdu: bytes) -> None:
         self.send(rtu_frame(request, pdu))

@@ -23,7 +23,7 @@ from hw.modbus.layout import (
     STATUS_BLOCK,
     WINDOW,
 )
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from hw.modbus.status import STALE_S, Published, Status
 from hw.modbus.token_bucket import TokenBucket
 from hw.modbus.window import Packer, Snapshot

@@ -3,15 +3,15 @@
 Nothing raises on input: what can't be served gives an exception answer. Checked in the order of
 the standard: function, counts and values, addresses. pymodbus's own messages are not used: they
 let through what is too long, wrong counts and odd coil values, and cost more.
-Source: Modbus application protocol 1.1b3, section 6 (codes 1 to 6, 15, 16, 22, 23, 43/14).
+Source: Modbus application protocol 1.1b3, section 6 (codes 1 to 6, 15, 16, 22, 23, 43/14) and 7.
 """
 
 import struct
 from collections.abc import Callable, Mapping
+from enum import IntEnum
 from typing import Protocol
 
 from hw.modbus.layout import LOW_END, MOST_READ
-from hw.modbus.refusals import Refusal
 
 READ_COILS, READ_INPUT_BITS, READ_HOLDING, READ_INPUTS, WRITE_COIL, WRITE_ONE = 1, 2, 3, 4, 5, 6
 WRITE_COILS, WRITE_MANY, MASK_WRITE, WRITE_READ, IDENTIFY = 15, 16, 22, 23, 43
@@ -21,6 +21,19 @@ BITS = 16  # of a register, in reading single ones
 DEVICE_ID, CONFORMITY = 0x0E, 0x82  # of code 43; regular identification, object by object as well
 BASIC, REGULAR, ONE_OBJECT = range(3), range(7), 4
 PAIR, FOUR = struct.Struct(">HH"), struct.Struct(">HHHH")
+
+
+class Refusal(IntEnum):
+    """Why a request is not served; NONE: it is."""
+
+    NONE = 0
+    FUNCTION = 1  # unknown, or not allowed to this client
+    ADDRESS = 2  # no such register, or it can't be written
+    VALUE = 3  # a count or a value that can't be, or only part of what belongs together
+    BUSY = 6  # what this unit had frozen is too old: freeze anew
+    NO_UNIT = 0x0B  # nobody with this unit id lives here
+
+
 Answer = bytes | Refusal
 
 

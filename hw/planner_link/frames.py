@@ -174,6 +174,8 @@ class Deframer:
 
 
 def _decoded(encoded: bytes) -> bytes | BadFrame:
+    if len(encoded) <= HEAD.size + CRC.size:  # not worth decoding
+        return BadFrame("bad length", encoded)
     try:
         frame: bytes = cobs.decode(encoded)  # type: ignore[no-untyped-call]
         return frame

@@ -68,6 +68,7 @@ class Episode:
         )
 
 
+@pytest.mark.real_time
 def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: House) -> None:
     assert house.scanner_wire is not None
     house.scanner_wire.close()
@@ -89,6 +90,7 @@ def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: Ho
     assert house.all_run()
 
 
+@pytest.mark.real_time
 def test_an_absent_device_costs_no_more_of_the_processor_than_a_running_one(house: House) -> None:
     begun_s = house.processor_s()
     house.run(QUIET_S)
@@ -100,6 +102,7 @@ def test_an_absent_device_costs_no_more_of_the_processor_than_a_running_one(hous
     house.until(house.all_run)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("gone_s", [0.1, 4.0])
 def test_a_network_cable_is_pulled(house: House, gone_s: float) -> None:
     assert house.scanner_wire is not None
@@ -116,6 +119,7 @@ def test_a_network_cable_is_pulled(house: House, gone_s: float) -> None:
         episode.check(most_lines=6)
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("gone_s", [0.1, 3.0])
 @pytest.mark.parametrize("name", ["ahrs", "drive"])
 def test_an_adapter_is_pulled_and_put_in_again(house: House, name: str, gone_s: float) -> None:
@@ -130,6 +134,7 @@ def test_an_adapter_is_pulled_and_put_in_again(house: House, name: str, gone_s: 
     episode.check(most_lines=6)
 
 
+@pytest.mark.real_time
 def test_a_scanner_that_is_rebooted_accepts_long_before_it_answers(house: House) -> None:
     assert house.scanner_wire is not None
     episode = Episode(house, "scanner")
@@ -144,6 +149,7 @@ def test_a_scanner_that_is_rebooted_accepts_long_before_it_answers(house: House)
     episode.check(most_lines=8)
 
 
+@pytest.mark.real_time
 def test_another_host_that_came_first_to_a_scanner_for_one_is_waited_for(house: House) -> None:
     assert house.scanner_wire is not None
     wire, many = house.scanner_wire, house.scanner.max_clients
@@ -163,6 +169,7 @@ def test_another_host_that_came_first_to_a_scanner_for_one_is_waited_for(house: 
     house.scanner.max_clients = many
 
 
+@pytest.mark.real_time
 def test_another_host_on_a_scanner_for_several_changes_nothing(house: House) -> None:
     episode = Episode(house, "scanner")
     with socket.create_connection(("127.0.0.1", house.scanner_port)) as other:
@@ -173,6 +180,7 @@ def test_another_host_on_a_scanner_for_several_changes_nothing(house: House) -> 
     assert episode.changes == []
 
 
+@pytest.mark.real_time
 def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
     stranger = house.new_drive()
     stranger.baud, stranger.mode = 115_200, "rc"
@@ -191,6 +199,7 @@ def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
     episode.until_back()
 
 
+@pytest.mark.real_time
 def test_a_wrong_baud_rate_is_thought_of(house: House) -> None:
     episode = Episode(house, "ahrs")
     sensor = house.new_ahrs()

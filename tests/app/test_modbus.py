@@ -14,7 +14,7 @@ from config_file import load_config, with_changes
 from core.records import I8
 from fakes.scenes.scene import Scene, Solid
 from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from tests.hw.modbus.test_image import cells_of
 from tests.support.closed_loop import SHIPPED, ClosedLoop
 from tests.support.modbus_rig import Tcp, free_port, read_request, serving, until, words_of

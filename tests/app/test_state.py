@@ -157,6 +157,26 @@ def test_a_saver_writes_whole_files_and_keeps_the_old_one_where_it_can_not(
     assert (told.out + told.err).count("map_not_saved") == 2
 
 
+def test_the_last_map_is_saved_though_another_one_is_still_being_written(
+    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loop, now_s = ended[0], ended[0].now_s
+
+    async def save_twice() -> None:
+        nonlocal now_s
+        saver = MapSaver(loop.app, str(tmp_path / "hall.npz"), lambda: now_s)
+        saver.save()
+        last = asyncio.ensure_future(saver.finish())
+        await asyncio.sleep(0)  # it has begun, and waits for the first to be written
+        now_s += 1.0  # nobody reads the sensors any more: no pose is known now
+        await last
+
+    asyncio.run(save_twice())
+    told = capsys.readouterr()
+    assert (told.out + told.err).count("map_saved") == 2
+    assert "map_not_saved" not in told.out + told.err
+
+
 def test_what_was_not_written_to_its_end_does_not_replace_a_map(
     ended: tuple[ClosedLoop, Arrays], tmp_path: Path
 ) -> None:

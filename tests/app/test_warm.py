@@ -11,7 +11,7 @@ from config_file import load_config
 from tests import ROOT
 from tests.support.closed_loop import SHIPPED
 
-OTHER = ("core.mapping.paper.steps", "hw.modbus")  # another method; a server that is off as shipped
+OTHER = ("core.mapping.paper", "hw.modbus")  # another method; a server that is off as shipped
 
 
 def called_from_python(path: Path) -> set[str]:
@@ -29,8 +29,8 @@ def called_from_python(path: Path) -> set[str]:
 def test_every_kernel_that_the_shipped_settings_can_come_to_is_warm() -> None:
     warm_kernels(load_config(SHIPPED.read_text(encoding="utf-8")))
     cold, seen = [], 0
-    for path in sorted([*ROOT.glob("core/*.py"), *ROOT.glob("hw/*.py")]):
-        name = f"{path.parent.name}.{path.stem}"
+    for path in sorted([*ROOT.glob("core/**/*.py"), *ROOT.glob("hw/**/*.py")]):
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         module = importlib.import_module(name)
         for called in called_from_python(path):
             kernel = getattr(module, called, None)

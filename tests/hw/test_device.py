@@ -89,25 +89,18 @@ def test_what_is_heard_between_ticks_is_stamped_then_answered_then_and_delivered
     assert device.step(1.010) == []
 
 
-def test_hearing_where_nothing_arrived_does_nothing() -> None:
+def test_what_was_heard_before_the_wire_was_lost_is_still_delivered_and_nothing_more() -> None:
     device = Answers(port := MemoryPort())
     device.hear(0.9)  # not even stepped yet
     device.step(1.0)
-    port.give(b"one")
-    port.connected = False
-    device.hear(1.001)
-    assert device.step(1.005) == []
-    Answers(NoPort()).hear(1.0)
-
-
-def test_what_was_heard_before_the_wire_was_lost_is_still_delivered() -> None:
-    device = Answers(port := MemoryPort())
-    device.step(1.0)
     port.give(b"last")
     device.hear(1.002)
+    port.give(b"lost")
     port.connected = False
+    device.hear(1.003)
     assert device.step(1.005) == [(1.002, b"last")]
     assert (device.status.state, device.status.losses) == ("closed", 1)
+    Answers(NoPort()).hear(1.0)
 
 
 def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session() -> None:

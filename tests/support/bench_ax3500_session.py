@@ -40,6 +40,17 @@ class SteadyWheels:
             self.counts_per_s[k] += acceleration * passed_s
 
 
+class OddAx3500(FakeAx3500):
+    """Gives some queries other lines than it should."""
+
+    def __init__(self, wheels: SteadyWheels, mode: Mode) -> None:
+        super().__init__(wheels, 1, mode)
+        self.odd: dict[str, list[str]] = {}
+
+    def _answer(self, text: str, at_s: float) -> list[str]:
+        return self.odd[text] if text in self.odd else super()._answer(text, at_s)
+
+
 class RecordingPort(MemoryPort):
     """Keeps all that was ever written to it."""
 
@@ -72,7 +83,7 @@ class FakeBench:
         **settings: Any,
     ) -> None:
         self.wheels = SteadyWheels()
-        self.fake = FakeAx3500(self.wheels, 1, mode)
+        self.fake = OddAx3500(self.wheels, mode)
         self.port, self.now_s = RecordingPort(), 0.0
         self.tick_s, self._looks = tick_s, max(1, round(tick_s / look_s))
         self.wire = Wire(self.fake, self.port, seed)
@@ -84,6 +95,14 @@ class FakeBench:
             enable_motors=enable,
             **(chosen | {"max_counts_per_s": MAX_COUNTS_PER_S} | settings),
         )
+
+    @property
+    def state(self) -> str:
+        return self.ax.status.state
+
+    @property
+    def cause(self) -> str:
+        return self.ax.status.cause
 
     def run(
         self,

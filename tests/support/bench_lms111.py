@@ -1,5 +1,6 @@
 """A fake LMS111 and a host that writes frames and looks at what came back; frames of the sheet."""
 
+import re
 import struct
 from collections.abc import Callable
 
@@ -7,30 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.lms1xx.device import FakeLms111
-from tests import VECTORS
+from tests.support.lms111_vectors import FRAMES, framed, texted
 
 F64 = npt.NDArray[np.float64]
 START_S = 500.0
-FRAMES = {
-    row.split("\t")[1]: bytes.fromhex(row.split("\t")[2])
-    for row in (VECTORS / "lms111_frames.tsv").read_text().splitlines()
-    if not row.startswith("#")
-}
-
-TEXTS = {
-    row.split("\t")[1]: row.split("\t")[2].encode()
-    for row in (VECTORS / "lms111_texts.tsv").read_text().splitlines()
-    if not row.startswith("#")
-}
-
-
-def framed(text: str, values: bytes = b"") -> bytes:
-    """A command or an answer, by the rule of section 2."""
-    payload = text.encode() + values
-    check = 0
-    for byte in payload:
-        check ^= byte
-    return b"\x02" * 4 + struct.pack(">I", len(payload)) + payload + bytes([check])
 
 
 def payloads(stream: bytes) -> list[bytes]:
@@ -40,7 +21,7 @@ def payloads(stream: bytes) -> list[bytes]:
         assert stream[:4] == b"\x02" * 4
         end = 9 + int.from_bytes(stream[4:8], "big")
         found.append(stream[8 : end - 1])
-        assert framed("", found[-1]) == stream[:end]
+        assert framed(found[-1]) == stream[:end]
         stream = stream[end:]
     return found
 
@@ -63,8 +44,16 @@ def five_metres(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
 class Bench:
     """A fake and a host that writes frames and looks at what came back."""
 
-    def __init__(self, truth: Callable[[float, F64, F64], F64] = five_metres) -> None:
-        self.fake = FakeLms111(truth, seed=3)
+    def __init__(
+        self,
+        truth: Callable[[float, F64, F64], F64] = five_metres,
+        *,
+        model: str = "LMS111",
+        **attributes: object,
+    ) -> None:
+        self.fake = FakeLms111(truth, seed=3, model=model)
+        for name, value in attributes.items():
+            setattr(self.fake, name, value)
         self.now_s = START_S
         self.fake.exchange(self.now_s, b"")
 
@@ -73,6 +62,12 @@ class Bench:
         sent = self.fake.exchange(self.now_s, command)
         self.now_s += wait_s
         return sent + self.fake.exchange(self.now_s, b"")
+
+    def say(self, text: str, wait_s: float = 0.02) -> str:
+        """The text of the answer to a command in CoLa-A, which must be one whole telegram."""
+        answer = self.ask(texted(text), wait_s)
+        assert re.fullmatch(rb"\x02[^\x02\x03]*\x03", answer), answer
+        return answer[1:-1].decode()
 
     def listen(self, seconds: float) -> list[bytes]:
         """What comes, as payloads."""

@@ -1,35 +1,17 @@
 """A fake MTi and a host that writes frames and looks at what came back; frames of the sheet."""
 
 import math
-import struct
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from fakes.mti.device import FakeMti
-from tests import VECTORS
+from tests.support.mti_frames import framed, wire
 
 F64 = npt.NDArray[np.float64]
 START_S = 200.0
-ROWS = [
-    row.split("\t")
-    for row in (VECTORS / "mti_frames.tsv").read_text().splitlines()
-    if not row.startswith("#")
-]
 RATE_RADPS, ACCEL_MPS2 = (0.01, -0.02, 0.25), (0.12, -0.34, 9.81)
-
-
-def wire(name: str, which: int = 0) -> bytes:
-    """A frame of the sheet by name."""
-    return [bytes.fromhex(row[2]) for row in ROWS if row[1] == name][which]
-
-
-def framed(mid: int, data: bytes = b"") -> bytes:
-    """A message, by the rule of section 1."""
-    size = bytes([len(data)]) if len(data) < 255 else b"\xff" + struct.pack(">H", len(data))
-    body = bytes([0xFF, mid]) + size + data
-    return b"\xfa" + body + bytes([-sum(body) & 0xFF])
 
 
 def frames(stream: bytes) -> list[tuple[int, bytes]]:

@@ -8,17 +8,18 @@ from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-import pytest
 
+from config_file import load_config
 from core.driving.stop_zone import StopZone
 from core.grid.ring import RingGrid
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow, PoseReport, StopZoneReport
 from fakes.wires.memory import MemoryPort
 from hw.planner_link.receivers import one_link
 from mapod_link.frames import DRIVE, frame_from_bytes
-from tools.rig.c_build import MissingToolError
+from tools.rig.c_build import ROOT
 from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
 
+ROBOT = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8")).robot
 CELL_M, SIZE = 0.2, 101
 TICK_S = 0.05
 HEALTHY, RUNNING = 0x7F, 1
@@ -54,21 +55,19 @@ class Bench:
     Attributes:
         place: x, y, yaw of the robot; moves: its v, w as measured.
         lose: the sender's frames are lost while this is set.
+        cell_mm: as told when a run of the sender begins.
         obeys: the robot moves as it is asked to, exactly.
     """
 
     def __init__(self, settings: PlannerSettings | None = None, size: int = SIZE) -> None:
-        try:
-            self.planner = CPlanner(settings or PlannerSettings(), nonce=7)
-        except MissingToolError as missing:
-            pytest.skip(str(missing))
+        self.planner = CPlanner(settings or PlannerSettings(), nonce=7)
         self.size = size
         self.cells: I8 = np.full((size, size), FREE, dtype=np.int8)
         self.corner = -(size // 2)
         self.place, self.moves = (0.0, 0.0, 0.0), (0.0, 0.0)
         self.health, self.mode, self.zone = HEALTHY, RUNNING, zone_report()
         self.lose = self.silent = self.obeys = False
-        self.session, self.now_s = 5, 100.0
+        self.session, self.now_s, self.cell_mm = 5, 100.0, round(CELL_M * 1000)
         self.asked: list[Drive] = []
         self.heard: list[bytes] = []  # frames of the sender
         self.begin_link()
@@ -79,7 +78,7 @@ class Bench:
         self.link = one_link(
             self.port,
             size=self.size,
-            cell_mm=round(CELL_M * 1000),
+            cell_mm=self.cell_mm,
             session=self.session,
             tick_s=TICK_S,
             line_baud=None,
@@ -136,6 +135,12 @@ class Bench:
             if each:
                 each()
 
+    def jump(self, by_m: float) -> None:
+        """So far in x and y, heading along x; the map goes with it."""
+        self.place = (by_m, by_m, 0.0)
+        self.corner += round(by_m / CELL_M)
+        self._told[:] = UNKNOWN
+
     def put(self, x: tuple[float, float], y: tuple[float, float], state: int) -> None:
         """All cells that a rectangle touches get this state."""
         i, j = (
@@ -158,10 +163,8 @@ class Bench:
 
     def is_safe(self, clear_m: float = 0.0) -> bool:
         """Whether the newest motion is one that the app's own stop zone lets pass, at full."""
-        settings = self.planner.settings
-        zone = StopZone(
-            settings.front_m, settings.rear_m, settings.width_m, settings.margin_m, 0.8, True, 0.45
-        )
+        size = ROBOT.front_m, ROBOT.rear_m, ROBOT.width_m, ROBOT.stop_margin_m
+        zone = StopZone(*size, ROBOT.brake_mps2, True, 0.45)
         motion = self.newest
         rate_mps = zone.rate_mps(*motion)
         if rate_mps < 0.001:

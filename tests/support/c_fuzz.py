@@ -1,7 +1,7 @@
 """Fuzzing of the C header: inputs to begin with, the fuzzer, and the long run.
 
 `python -m tests.support.c_fuzz --seconds 600 --seed 1` runs coverage-guided until the time is
-over; what it finds to be of use is kept in hw/mcu/build/corpus.
+over; what it finds to be of use is kept in build/c/corpus.
 """
 
 import argparse
@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 
 from tests import ROOT
-from tests.support.c_link import BUILD, built
+from tools.rig.c_build import BUILD, MCU, SANITIZED, built
 
-SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+SOURCE = MCU / "host" / "fuzz.c"
 VECTORS = ROOT / "tests/vectors" / "planner_link.json"
 GEOM, POSE, MAP, DIGEST, ZONE, TILE = 1, 2, 3, 4, 5, 6
 TAGGED, BROKEN, NOISE, LATE = 0x10, 0x20, 0x80, 8  # ways to feed a piece, see fuzz.c
@@ -23,14 +23,12 @@ TAGGED, BROKEN, NOISE, LATE = 0x10, 0x20, 0x80, 8  # ways to feed a piece, see f
 
 def build_fuzzer() -> Path:
     """For libFuzzer: only clang has it."""
-    options = ("-g", "-O1", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all")
-    return built("fuzz", "host/fuzz.c", *options, compiler="clang", package="clang libclang-rt-dev")
+    return built("fuzz", SOURCE, "-O1", *SANITIZED, "-fsanitize=fuzzer", compiler="clang")
 
 
 def build_replayer(compiler: str) -> Path:
     """The same without a guide: takes the inputs that it is given."""
-    name = f"replay-{compiler}"
-    return built(name, "host/fuzz.c", *SANITIZED, "-DFUZZ_MAIN", compiler=compiler)
+    return built("replay", SOURCE, "-O1", *SANITIZED, "-DFUZZ_MAIN", compiler=compiler)
 
 
 def piece(frame_type: int, body: bytes, way: int = 1) -> bytes:

@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from core.records import I8, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import FREE, I8, OBSTACLE, ObstacleWindow, PoseReport, StopZoneReport
+from hw.device import DeviceStatus
 from hw.modbus.client import ServerContext
 from hw.modbus.image import RegisterImage
+from hw.modbus.layout import stride_of
 from hw.modbus.server import ModbusServer
 
 START_S = 1000.0
+CODES = {OBSTACLE: 2, FREE: 1, 0: 0}
 SIZE, CELL_MM = 29, 200
 GOOD = PoseReport(1.0, -2.0, 0.5, 0.01, -0.02, 0.25, -0.1, 0x7F, 0.01, 0.02, 0.03, 1)
 SECTORS_M = (1.0, 2.0, math.inf, 3.0, 4.0, 5.0, 6.0, 0.5)
@@ -78,6 +81,7 @@ def context_of(image: RegisterImage, clock: Clock) -> ServerContext:
         views={1: None, 2: image.new_view()},
         is_silent=False,
         identity=dict.fromkeys(range(7), b"text"),
+        status=DeviceStatus("modbus"),
     )
 
 
@@ -258,3 +262,34 @@ def words_of(answer: bytes) -> list[int]:
     data = answer[9:]
     assert len(data) == answer[8]
     return [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
+
+
+def write_request(first: int, words: list[int], unit: int = 1, number: int = 1) -> bytes:
+    """A write of registers (code 16) over TCP or UDP."""
+    data = b"".join(word.to_bytes(2, "big") for word in words)
+    pdu = bytes((16,)) + first.to_bytes(2, "big") + len(words).to_bytes(2, "big")
+    pdu += bytes((len(data),)) + data
+    return (
+        number.to_bytes(2, "big")
+        + b"\0\0"
+        + (len(pdu) + 1).to_bytes(2, "big")
+        + bytes((unit,))
+        + pdu
+    )
+
+
+def rows_of(registers: list[int], edge: int) -> list[list[int]]:
+    """Rows of cell codes."""
+    stride = stride_of(edge)
+    rows = [registers[row * stride : (row + 1) * stride] for row in range(edge)]
+    return [[row[c // 8] >> 2 * (c % 8) & 3 for c in range(edge)] for row in rows]
+
+
+def raster(cells: I8, corner: tuple[int, int], trusted: bool) -> list[list[int]]:
+    """The slow and obvious model: codes by world cell, lowest corner first."""
+    n = len(cells)
+    rows = [
+        [CODES[int(cells[j % n, i % n])] for i in range(corner[0], corner[0] + n)]
+        for j in range(corner[1], corner[1] + n)
+    ]
+    return rows if trusted else [[code if code == 2 else 0 for code in row] for row in rows]

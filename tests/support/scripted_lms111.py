@@ -6,6 +6,7 @@ from core.records import Scan
 from fakes.wires.wire import MemoryPort
 from hw.lms1xx.session import Lms111
 from tests import VECTORS
+from tests.support.lms111_vectors import framed, texted
 
 TICK_S = 0.005
 SFA = b"sFA"
@@ -40,13 +41,6 @@ PLAIN: dict[str, tuple[bytes, str]] = {
     "sWN LMDscandatacfg": (b"sWA LMDscandatacfg ", "sWA LMDscandatacfg"),
     "sWN LMPoutputRange": (b"sWA LMPoutputRange ", "sWA LMPoutputRange"),
 }
-
-
-def framed(payload: bytes) -> bytes:
-    check = 0
-    for byte in payload:
-        check ^= byte
-    return b"\x02" * 4 + struct.pack(">I", len(payload)) + payload + bytes([check])
 
 
 def written(values: tuple[int, ...], layout: str) -> str:
@@ -120,7 +114,7 @@ class ScriptedLms111:
         return bytes(sent)
 
     def frame(self, payload: bytes) -> bytes:
-        return b"\x02" + payload + b"\x03" if self.is_text else framed(payload)
+        return texted(payload) if self.is_text else framed(payload)
 
     def _maybe_command(self) -> bytes | None:
         """The next one; a device is silent to the other dialect."""
@@ -245,3 +239,10 @@ class Bench:
     @property
     def cause(self) -> str:
         return self.lms.status.cause
+
+
+def willing(**changes: object) -> Bench:
+    """A device that measures as wanted."""
+    bench = Bench(**changes)
+    bench.fake.settings = dict(WANTED)
+    return bench

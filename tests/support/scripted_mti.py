@@ -2,36 +2,15 @@
 
 import struct
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from core.records import Attitude
+from fakes.mti.device import FakeMti
 from fakes.wires.wire import MemoryPort, Wire
 from hw.mti.session import Mti
-from tests import VECTORS
+from tests.support.mti_frames import configuration, framed, wire
 
 TICK_S, BAUD = 0.005, 115200
-ROWS = [
-    line.split("\t")
-    for line in (VECTORS / "mti_frames.tsv").read_text().splitlines()
-    if not line.startswith("#")
-]
-
-
-def wire(name: str, which: int = 0) -> bytes:
-    """A frame of the sheet by name."""
-    return [bytes.fromhex(row[2]) for row in ROWS if row[1] == name][which]
-
-
-def framed(mid: int, data: bytes = b"") -> bytes:
-    """A message, by the rule of section 1."""
-    size = bytes([len(data)]) if len(data) < 255 else b"\xff" + struct.pack(">H", len(data))
-    body = bytes([0xFF, mid]) + size + data
-    return b"\xfa" + body + bytes([-sum(body) & 0xFF])
-
-
-def configuration(tail_102: str, device_id: str = "00300D2A", head: str = "04800000") -> bytes:
-    """The Configuration frame of section 8; bytes 102..109 are given."""
-    data = bytes.fromhex(device_id + head) + bytes(88) + bytes.fromhex("0001" + device_id)
-    return framed(0x0D, data + bytes.fromhex(tail_102 + "0003 020601 330208"))
 
 
 @dataclass(frozen=True)
@@ -239,15 +218,16 @@ class ScriptedNew(Scripted):
         )
 
 
-class Bench:
+Device = TypeVar("Device", bound=Scripted | FakeMti)
+
+
+class Bench(Generic[Device]):
     """One device, one wire, one clock."""
 
-    def __init__(self, device: Scripted, rate_hz: float = 100, baud: int = BAUD) -> None:
+    def __init__(self, device: Device, rate_hz: float = 100, baud: int = BAUD) -> None:
         self.device, self.port, self.now_s = device, MemoryPort(), 0.0
         self.wire = Wire(device, self.port, seed=1)
         self.mti = Mti(self.port, rate_hz=rate_hz, baud=baud)
-        self.attitudes: list[Attitude] = []
-        self.arrivals_s: list[float] = []
 
     def state(self) -> str:
         return self.mti.status.state
@@ -257,14 +237,12 @@ class Bench:
 
     def run(self, seconds: float) -> list[Attitude]:
         """What was measured in that time."""
-        begin = len(self.attitudes)
+        measured = []
         for _ in range(round(seconds / TICK_S)):
             self.wire.step(self.now_s)
-            new = self.mti.step(self.now_s)
-            self.attitudes += new
-            self.arrivals_s += [self.now_s] * len(new)
+            measured += self.mti.step(self.now_s)
             self.now_s += TICK_S
-        return self.attitudes[begin:]
+        return measured
 
     def run_until(self, state: str, at_most_s: float) -> bool:
         """Let time pass until the device is in that state."""

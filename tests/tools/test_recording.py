@@ -37,6 +37,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
     loop.run(2.0)
     loop.wires["scanner"].cut = True
     loop.run(0.3)
+    loop.hang(0.15)
     loop.wires["scanner"].cut = False
     loop.run(2.0)
     loop.recorder.close()

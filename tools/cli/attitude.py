@@ -15,7 +15,7 @@ from hw.mti.service import OrientationReset
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_config, add_port, configured, fail, parser_of
+from tools.cli.options import Parser, add_actions, configured, fail, parser_of
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
@@ -140,18 +140,16 @@ def set_baud(talk: Conversation, baud: int) -> list[str]:
 def parser() -> Parser:
     """The command line."""
     words = parser_of("attitude", __doc__, "mapod attitude info", "mapod attitude scenario 3")
-    add_port(words, "serial:///dev/ttyUSB0?baud=115200")
-    add_config(words)
-    what = words.add_subparsers(dest="what", required=True, metavar="WHAT")
-    what.add_parser("info", help="who it is and how it is set")
-    what.add_parser("scenarios", help="the filter profiles it offers")
-    what.add_parser("scenario", help="choose one").add_argument("kind", type=int)
+    action = add_actions(words, "'serial:///dev/ttyUSB0?baud=115200'")
+    action("info", "who it is and how it is set")
+    action("scenarios", "the filter profiles it offers")
+    action("scenario", "choose one").add_argument("kind", type=int)
     for name in RESETS:
-        reset = what.add_parser(name, help="while it measures")
+        reset = action(name, "while it measures")
         reset.add_argument("--keep", action="store_true", help="over a loss of power, too")
-    what.add_parser("self-test", help="of each sensor axis")
-    what.add_parser("still", help="learn the gyroscopes' bias").add_argument("seconds", type=int)
-    baud = what.add_parser("baud", help="from its next power-up on")
+    action("self-test", "of each sensor axis")
+    action("still", "learn the gyroscopes' bias").add_argument("seconds", type=int)
+    baud = action("baud", "from its next power-up on")
     baud.add_argument("baud", type=int, choices=sorted(commands.BAUD_CODES))
     return words
 

@@ -11,6 +11,7 @@ import argparse
 import math
 import sys
 
+from config_file import load_config
 from core.config import Config, ConfigError
 from hw.ports.url import PortUrlError
 from tools.calibration.collect_floor import RefusedError, collect
@@ -22,7 +23,7 @@ from tools.calibration.mount import (
     calibrate,
     reads_m,
 )
-from tools.cli.options import add_config, configured, fail, number_in, parser_of
+from tools.cli.options import add_config, fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
 
@@ -191,8 +192,8 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
     options = arguments(given)
     try:
-        config = configured(options.config)
         text = options.config.read_bytes().decode("utf-8")
+        config = load_config(text)
         check_height(options.height, config)
         with advancing("calibrate", options.seconds) as advance:
             watch = collect(config, options.seconds, advance)
@@ -200,7 +201,7 @@ def main(given: list[str] | None = None) -> int:
         guess = mount_of(config, options.height)
         found = calibrate(watch.view(), guess, z_sigma_m, math.radians(options.level))
         tell(found, options, config, text)
-    except (ConfigError, PortUrlError, OSError) as error:
+    except (ConfigError, PortUrlError, UnicodeDecodeError, OSError) as error:
         return fail("calibrate", error)
     except (RefusedError, NoFloorError, NotThereError) as error:
         return fail("calibrate", error, 1)

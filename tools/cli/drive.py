@@ -28,7 +28,7 @@ from hw.ax3500.values import READ_STATUS, STATUS_BITS
 from hw.ports.wires import PortUrlError
 from tools.cli import view
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_config, add_port, add_seconds, configured, fail, parser_of
+from tools.cli.options import Parser, add_actions, add_seconds, configured, fail, parser_of
 
 ANSWER_S, LISTEN_S, TRIES = 0.4, 0.6, 2
 LINES = {"?E": 2, "?M": 2, "?I": 3}  # of an answer; all others have one
@@ -151,15 +151,10 @@ def parser() -> Parser:
     words = parser_of(
         "drive", __doc__, "mapod drive info", "mapod drive keys --port udp://127.0.0.1:9750"
     )
-    what = words.add_subparsers(dest="what", required=True, metavar="WHAT")
-    serial = "'serial:///dev/ax3500?baud=9600&parity=E&bytesize=7'"
-    for name, about in (("info", "who it is and how it is"), ("watch", "a line each second")):
-        one = what.add_parser(name, help=about)
-        add_port(one, serial)
-        add_config(one)
-        if name == "watch":
-            add_seconds(one, "until Ctrl-C")
-    what.add_parser("keys", help="drive by keyboard: the options of mapod view", add_help=False)
+    action = add_actions(words, "'serial:///dev/ax3500?baud=9600&parity=E&bytesize=7'")
+    action("info", "who it is and how it is")
+    add_seconds(action("watch", "a line each second"), "until Ctrl-C")
+    action("keys", "drive by keyboard, over a planner link: the options are those of mapod view")
     return words
 
 

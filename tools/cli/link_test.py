@@ -10,9 +10,10 @@ import argparse
 import sys
 from collections.abc import Iterator
 
+from config_file import read_key
 from core.config import ConfigError
 from hw.ports.wires import PortUrlError
-from tools.cli.options import a_seed, add_key, add_seconds, fail, maybe_key, parser_of
+from tools.cli.options import a_seed, add_key, add_seconds, fail, parser_of
 from tools.conformance.exam import Exam
 from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
@@ -28,7 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _options(arguments)
     try:
         checks = chosen(options.only)
-        key = maybe_key(options.key_file)
+        key = read_key(options.key_file)
         bench = OverPort(options.port, options.gap_ms / 1000, options.baud)
     except (ConfigError, ValueError, OSError, PortUrlError) as error:
         return fail("link-test", error, NOT_EXAMINED)

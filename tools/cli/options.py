@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from config_file import load_config, read_key
+from config_file import load_config
 from core.config import Config, ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
@@ -84,6 +84,22 @@ def add_port(parser: argparse.ArgumentParser, example: str, default: str | None 
     parser.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
 
 
+def add_actions(parser: Parser, port: str) -> Callable[[str, str], argparse.ArgumentParser]:
+    """What to do with a device: gives a function that adds an action, which has --port, --config.
+
+    The arguments of that are its name and what it does.
+    """
+    what = parser.add_subparsers(dest="what", required=True, metavar="WHAT")
+
+    def action(name: str, about: str) -> argparse.ArgumentParser:
+        one = what.add_parser(name, help=about, description=about, allow_abbrev=False)
+        add_port(one, port)
+        add_config(one)
+        return one
+
+    return action
+
+
 def add_seconds(parser: argparse.ArgumentParser, end: str, default: float | None = None) -> None:
     """--seconds: how long."""
     parser.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
@@ -121,16 +137,7 @@ def configured(path: Path) -> Config:
 
 def add_key(parser: argparse.ArgumentParser) -> None:
     """--key-file: of the planner link."""
-    parser.add_argument("--key-file", type=Path, help="32 bytes, or 64 hex digits: signed frames")
-
-
-def maybe_key(path: Path | None) -> bytes | None:
-    """The key in a file; None for none.
-
-    Raises:
-        ConfigError: the file can't be read, or holds no key.
-    """
-    return read_key(str(path) if path else "")
+    parser.add_argument("--key-file", default="", help="32 bytes, or 64 hex digits: signed frames")
 
 
 def lacks_simulation() -> str:

@@ -19,7 +19,7 @@ from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
 from hw.lms1xx.telegrams import Answer, Refusal, new_parser
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_config, add_port, configured, fail, parser_of
+from tools.cli.options import Parser, add_actions, configured, fail, parser_of
 
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 PROBE_S, ANSWER_S = 0.7, 2.5
@@ -176,19 +176,14 @@ def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
 def parser() -> Parser:
     """The command line."""
     words = parser_of("scanner", __doc__, "mapod scanner info", "mapod scanner dialect ascii")
-    add_port(words, "tcp://192.168.0.1:2112")
-    add_config(words)
-    what = words.add_subparsers(dest="what", required=True, metavar="WHAT")
-    for name, about in (
-        ("info", "who it is and how it is"),
-        ("store", "keep its settings over a loss of power (wears its memory out)"),
-        ("set-clock", "to this machine's local time"),
-        ("start", "measuring"),
-        ("stop", "measuring"),
-        ("reboot", "power off and on, as it were"),
-    ):
-        what.add_parser(name, help=about)
-    dialect = what.add_parser("dialect", help="of the host port: CoLa-B or CoLa-A")
+    action = add_actions(words, "tcp://192.168.0.1:2112")
+    action("info", "who it is and how it is")
+    action("store", "keep its settings over a loss of power (wears its memory out)")
+    action("set-clock", "to this machine's local time")
+    action("start", "measuring")
+    action("stop", "measuring")
+    action("reboot", "power off and on, as it were")
+    dialect = action("dialect", "of the host port: CoLa-B or CoLa-A")
     dialect.add_argument("dialect", choices=DIALECTS)
     return words
 

@@ -13,11 +13,12 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from config_file import read_key
 from core.config import ConfigError
 from mapod_link.advice import ZONE_STALE_S, allowed_mps
 from mapod_link.bodies import StopZone
 from mapod_link.wires import wire_from_url
-from tools.cli.options import add_key, add_port, add_seconds, fail, maybe_key, parser_of
+from tools.cli.options import add_key, add_port, add_seconds, fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import Stop
 from tools.terminal.screen import (
@@ -143,7 +144,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         wire = wire_from_url(options.port)
-        key = maybe_key(options.key_file)
+        key = read_key(options.key_file)
     except (ConfigError, OSError, ValueError) as error:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:

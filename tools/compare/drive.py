@@ -31,9 +31,9 @@ from tools.compare.facts import (
 
 LISTEN_S, ANSWER_S, WATCHDOG_S = 0.6, 0.4, 1.4
 LINE_END_S = 0.05  # of silence: no line more is to come
-QUERIES = ("?V", "?A", "?P", "?R", "?M", "?E", "?I", "?K", "?D", "?Q0", "?Q1", "?Q2",
+QUERIES = ("?V", "?A", "?P", "?R", "?M", "?E", "?I", "?Q0", "?Q1", "?Q2",
            "^00", "^01", "^02", "^89", "^8A", "^8B", "^8C")  # fmt: skip
-OWN = {"?A", "?P", "?R", "?M", "?E", "?Q0", "?Q1", "?Q2", "?D", "?K", "^8B", "^8C", "^02"}
+OWN = {"?A", "?P", "?R", "?M", "?E", "?Q0", "?Q1", "?Q2", "^8B", "^8C", "^02"}
 UNKNOWN = "?J"  # no such query: an error, and nothing happens
 VOLTS = {"?E": (battery_v_from_byte, internal_v_from_byte)}
 

@@ -15,12 +15,13 @@ from collections.abc import Callable
 from functools import partial
 
 from mapod_link.receiver import Receiver as PythonReceiver
-from tools.conformance.c_receiver import CReceiver, NoCompilerError
+from tools.conformance.c_receiver import CReceiver
 from tools.conformance.exam import DeviationError, Exam
 from tools.conformance.in_process import InProcess, Receiver
 from tools.conformance.soak import Soak
 from tools.conformance.soak_leg import leg_of
 from tools.conformance.suite import CHECKS, meet, run
+from tools.rig.c_build import MissingToolError
 
 LEGS = 16
 KEY, NONCE = bytes(range(32)), 0x11223344
@@ -48,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
             legs = range(LEGS) if options.leg is None else [options.leg]
             return soak(options.soak, options.seed, list(legs))
         return examine(options.share, options.seed)
-    except NoCompilerError as error:
+    except MissingToolError as error:
         print(f"conformance: {error}")
         return 2
 

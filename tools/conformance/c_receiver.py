@@ -1,75 +1,48 @@
-"""The C header as an examinee in process: hw/mcu/host/library.c, built by the host's compiler.
-
-Only what the conformance runs need; times are whole milliseconds there.
-"""
+"""The C header as a receiver in process: hw/mcu/host/library.c, built by the host's compiler."""
 
 import ctypes
 import functools
-import hashlib
 import math
-import os
-import shutil
-import subprocess
-from pathlib import Path
+from ctypes import c_bool as flag
+from ctypes import c_int16 as i16
+from ctypes import c_uint8 as u8
+from ctypes import c_uint16 as u16
+from ctypes import c_uint32 as u32
 
 import numpy as np
 
 from tools.conformance.wire import U8
+from tools.rig.c_build import MCU, built
 
-MCU = Path(__file__).resolve().parents[2] / "hw" / "mcu"
-COMPILERS = ("gcc", "clang", "cc")
 MAX_OUT = 64  # bytes of the longest answer
-
-
-class NoCompilerError(Exception):
-    """The header can't be built here."""
 
 
 class State(ctypes.Structure):
     """`struct state` of library.c: everything small that a receiver knows."""
 
     _fields_ = (
-        *((name, ctypes.c_uint32) for name in ("session", "mask", "newest_t_ms", "newest_piece")),
-        *((n, ctypes.c_uint16) for n in ("width", "height", "cell_mm", "tick_ms", "stale_ms")),
-        *((name, ctypes.c_uint16) for name in ("last", "gap", "bad_frames")),
-        *((name, ctypes.c_int16) for name in ("ox", "oy")),
-        *((n, ctypes.c_uint8) for n in ("geom_id", "has_geom", "has_pose", "blank", "suspect")),
-        *((n, ctypes.c_uint8) for n in ("stale", "any", "need_geom", "need_full", "digest_ok")),
-        *((name, ctypes.c_uint8) for name in ("auth_failed", "advice", "why", "zone_advice")),
-    )
+        *((name, u32) for name in ("session", "mask", "newest_t_ms", "newest_piece")),
+        *((name, u16) for name in ("width", "height", "cell_mm", "tick_ms", "stale_ms")),
+        *((name, u16) for name in ("last", "gap", "bad_frames")),
+        ("ox", i16), ("oy", i16), ("geom_id", u8),
+        *((name, flag) for name in ("has_geom", "has_pose", "blank", "suspect", "stale", "any")),
+        *((name, flag) for name in ("need_geom", "need_full", "digest_ok", "auth_failed")),
+        ("advice", u8), ("why", u8), ("zone_advice", u8),
+    )  # fmt: skip
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
-    """The header as a shared library, built where its sources have changed.
+def library(*settings: str) -> ctypes.CDLL:
+    """The header as a shared library, set up by words for the compiler.
 
     Raises:
-        NoCompilerError: there is no C compiler.
-        OSError: it does not compile.
+        MissingToolError, CompileError: see `tools.rig.c_build`.
     """
-    source = MCU / "host" / "library.c"
-    sources = [*sorted(MCU.glob("*.h")), source, Path(__file__)]
-    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-    path = MCU / "build" / f"conformance-{digest}.so"
-    if not path.exists():
-        found = [program for program in COMPILERS if shutil.which(program)]
-        if not found:
-            raise NoCompilerError("the C receiver needs a C compiler: apt install gcc")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        made = path.with_suffix(f".{os.getpid()}")
-        options = ["-std=c99", "-O2", "-shared", "-fPIC", f"-I{MCU}", "-o", str(made)]
-        options.append("-DMAPOD_LINK_LEFT_SESSIONS=65536u")  # an exam is full of new runs
-        built = subprocess.run([found[0], *options, str(source)], capture_output=True)
-        if built.returncode:
-            raise OSError(f"{source} does not compile: {built.stderr.decode()}")
-        os.replace(made, path)
-    return _typed(ctypes.CDLL(str(path)))
-
-
-def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
-    """The calls' types."""
-    handle, u32, data = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_char_p
-    lib.receiver_new.argtypes, lib.receiver_new.restype = [u32, u32, data, ctypes.c_int], handle
+    words = ("-O2", "-shared", "-fPIC", *settings)
+    lib = ctypes.CDLL(str(built("link.so", MCU / "host" / "library.c", *words)))
+    handle, data = ctypes.c_void_p, ctypes.c_char_p
+    lib.receiver_new.argtypes = [u32, u32, data, ctypes.c_int, ctypes.c_int]
+    lib.receiver_new.restype = handle
     lib.receiver_free.argtypes = [handle]
     lib.receiver_datagram.argtypes = [handle, u32, data, u32]
     lib.receiver_stream.argtypes = [handle, u32, data, u32, ctypes.POINTER(ctypes.c_int)]
@@ -82,47 +55,70 @@ def _typed(lib: ctypes.CDLL) -> ctypes.CDLL:
 
 
 class CReceiver:
-    """The C header's receiver, with the calls that all receivers in process have."""
+    """A receiver of the C header. Times are seconds; the header counts whole milliseconds.
 
-    def __init__(self, nonce: int, *, key: bytes | None = None, max_cells: int = 401 * 401) -> None:
-        self._lib = library()
+    Args:
+        nonce: of its HELLO; 0 where there is no return path.
+        key: 32 bytes, or None.
+        max_cells: of the largest window that it takes.
+        poll_only: the sender shall push nothing.
+        keeps_map: False: it has no memory for a map.
+        settings: words for the compiler that set the header up.
+    """
+
+    def __init__(
+        self,
+        nonce: int,
+        *,
+        key: bytes | None = None,
+        max_cells: int = 401 * 401,
+        poll_only: bool = False,
+        keeps_map: bool = True,
+        settings: tuple[str, ...] = (),
+    ) -> None:
+        self._lib = library(*settings)
         self.nonce = nonce
-        self._handle = self._lib.receiver_new(max_cells, nonce, key, 0)
+        self.handle = self._lib.receiver_new(max_cells, nonce, key, poll_only, keeps_map)
         self._state, self._out = State(), ctypes.create_string_buffer(MAX_OUT)
         self._now_ms = 0
         self._cells: U8 = np.zeros((0, 0), np.uint8)
 
     def __del__(self) -> None:
-        if getattr(self, "_handle", None):
-            self._lib.receiver_free(self._handle)
+        if getattr(self, "handle", None):
+            self._lib.receiver_free(self.handle)
 
-    def feed_datagram(self, now_s: float, data: bytes) -> None:
-        """One frame."""
-        self._lib.receiver_datagram(self._handle, self._ms(now_s), data, len(data))
+    def feed_datagram(self, now_s: float, data: bytes) -> bool:
+        """One frame; whether it was accepted."""
+        outcome: int = self._lib.receiver_datagram(self.handle, self._ms(now_s), data, len(data))
+        return outcome > 0
 
     def feed_stream(self, now_s: float, data: bytes) -> None:
         """Bytes of a serial line, cut anywhere."""
         outcome, now_ms = ctypes.c_int(), self._ms(now_s)
         while data:
-            size = len(data)
             used = self._lib.receiver_stream(
-                self._handle, now_ms, data, size, ctypes.byref(outcome)
+                self.handle, now_ms, data, len(data), ctypes.byref(outcome)
             )
             data = data[used:]
 
     def poll(self, now_s: float) -> list[bytes]:
         """Frames to send; the header decides when."""
         frames, now_ms = [], self._ms(now_s)
-        while size := self._lib.receiver_poll(self._handle, now_ms, self._out):
+        while size := self._lib.receiver_poll(self.handle, now_ms, self._out):
             frames.append(self._out.raw[:size])
         return frames
 
+    def say(self, what: str, on: bool = True) -> None:
+        """What its next ACKs say: "stopped", "need_full", "need_geom" or "suspect"."""
+        which = ("stopped", "need_full", "need_geom", "suspect").index(what)
+        self._lib.receiver_say(self.handle, which, on)
+
     def want_full(self) -> None:
         """Ask for a new epoch with the next ACK."""
-        self._lib.receiver_say(self._handle, 1, 1)
+        self.say("need_full")
 
     def window(self) -> U8:
-        """(height, width) copy of all cells."""
+        """(height, width) copy of all cells; (0, 0) without a geometry."""
         return self.cells.copy()
 
     @property
@@ -133,18 +129,18 @@ class CReceiver:
         if self._cells.shape != shape:
             self._cells = np.zeros(shape, np.uint8)
         if self._cells.size:
-            self._lib.receiver_window(self._handle, self._cells.ctypes.data)
+            self._lib.receiver_window(self.handle, self._cells.ctypes.data)
         return self._cells
 
-    def state(self) -> State:
-        """As of the newest call; the next call overwrites it."""
-        self._lib.receiver_state(self._handle, self._now_ms, ctypes.byref(self._state))
+    def state(self, now_s: float | None = None) -> State:
+        """As of now, or of the newest call; the next call overwrites it."""
+        now_ms = self._now_ms if now_s is None else self._ms(now_s)
+        self._lib.receiver_state(self.handle, now_ms, ctypes.byref(self._state))
         return self._state
 
     def stale(self, now_s: float) -> bool:
         """Poses or maps do not come in time."""
-        self._ms(now_s)
-        return bool(self.state().stale)
+        return bool(self.state(now_s).stale)
 
     @property
     def suspect(self) -> bool:

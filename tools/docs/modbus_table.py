@@ -11,7 +11,7 @@ from pathlib import Path
 from hw.modbus import client, handlers, image, layout, status
 from hw.modbus.drive import REFUSED, RESULTS
 from hw.modbus.layout import Block
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from hw.modbus.server import units_of
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs/protocols/modbus.md"

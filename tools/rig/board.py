@@ -1,4 +1,4 @@
-"""Firmware of hw/mcu on an emulated Cortex-M3 (`qemu-system-arm -M mps2-an385`), with both UARTs.
+"""Firmware of fakes/planner_mcu on an emulated Cortex-M3 (`qemu-system-arm`), both UARTs.
 
 UART0 is the planner's line: a socket that this process reads and writes, or a pty that mapod opens.
 UART1 takes words and gives lines. A board stands still while nobody takes what it sends, so that
@@ -22,16 +22,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tools.rig.c_build import build_planner_firmware, program
-from tools.rig.c_planner import ADVICE, STATES, TACTICS, WHY, PlannerSettings, PlannerState
+from tools.rig.c_planner import ADVICE, RECOVERIES, STATES, WHY, PlannerSettings, PlannerState
 
 U8 = npt.NDArray[np.uint8]
 GENEROUS_S = 60.0  # nothing here takes long; a loaded machine may
 LIBC, PR_SET_PDEATHSIG = ctypes.CDLL(None), 1  # an emulator ends with who started it
 PTY = re.compile(rb"redirected to (\S+) \(label link\)")
-NAMES = (
-    "clear_mm", "unknown_mmps", "max_mmps", "max_mradps", "front_mm", "rear_mm", "width_mm",
-    "margin_mm", "goal_radius_mm",
-)  # fmt: skip
+NAMES = ("clear_mm", "unknown_mmps")  # of the settings
 
 
 class BoardError(Exception):
@@ -207,7 +204,7 @@ class EmulatedBoard(Board):
         key: bytes | None = None,
         nonce: int = 1,
     ) -> None:
-        super().__init__(build_planner_firmware(), folder, link)
+        super().__init__(build_planner_firmware(settings.robot), folder, link)
         self.settings = settings
         words = [f"set {name} {v}" for name, v in zip(NAMES, settings.thousandths(), strict=True)]
         words += [f"key {key.hex()}"] if key is not None else []
@@ -250,7 +247,7 @@ class EmulatedBoard(Board):
         return PlannerState(
             state=STATES[status["state"]],
             why=WHY[status["why"]],
-            tactic=TACTICS[status["tactic"]],
+            recovery=RECOVERIES[status["recovery"]],
             v_mps=status["v_mmps"] / 1000,
             w_radps=status["w_mradps"] / 1000,
             x_m=status["x_mm"] / 1000,

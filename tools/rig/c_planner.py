@@ -1,4 +1,4 @@
-"""The planner of hw/mcu/planner on this machine: its firmware's own sources, as a Python object.
+"""The planner of fakes/planner_mcu on this machine: its firmware's own sources, as an object.
 
 It has no clock and draws no random numbers: the same bytes at the same times give the same frames.
 """
@@ -10,20 +10,19 @@ from ctypes import c_int32 as i32
 from ctypes import c_uint8 as u8
 from ctypes import c_uint16 as u16
 from ctypes import c_uint32 as u32
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from core.records import record
-from tools.rig.c_build import build_planner_library
+from tools.rig.c_build import PlannerRobot, build_planner_library, shipped_robot
 
 U8 = npt.NDArray[np.uint8]
 OUT_BYTES = 64
 ADVICE = ("stop", "slow", "go")
 STATES = ("idle", "driving", "arrived", "stopped")
-TACTICS = ("go", "wait", "look", "back", "probe", "view", "face", "pass")
-ROOM = 400  # cells of a way
+RECOVERIES = ("", "wait", "look", "back", "probe", "view", "face", "pass")
 WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
     0: "",
     1: "a frame is missing",
@@ -49,42 +48,33 @@ WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
     26: "not there after the longest time",
     27: "the sender has started anew",
     28: "told to stop",
-    29: "the window is too large for the driver",
+    29: "the window's cells are too many, too small or too large for the driver",
 }
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:
-    """What the planner is told before it starts; the robot's own numbers are those of mapod.toml.
+    """What the planner is told before it starts, and the robot that it is compiled for.
 
     Args:
-        start_clear_m: radius about the map's origin where the operator declares the ground clear.
-        unknown_mps: how slowly it may enter ground that is not known to be free; 0: never.
+        start_clear_m: radius about the map's origin that is assumed clear, 0 to 30.
+        unknown_mps: how slowly it may enter ground that is not known to be free, 0 to 5; 0: never.
     """
 
     start_clear_m: float = 0.0
     unknown_mps: float = 0.0
-    max_mps: float = 1.0
-    max_radps: float = 1.0
-    front_m: float = 0.52
-    rear_m: float = 0.20
-    width_m: float = 0.60
-    margin_m: float = 0.15
-    goal_radius_m: float = 0.3
+    robot: PlannerRobot = field(default_factory=shipped_robot)
 
     def __post_init__(self) -> None:
-        numbers = self.thousandths()
-        sizes = numbers[2:7] + numbers[8:]
-        if min(numbers) < 0 or numbers[0] > 30_000 or max(numbers[1:]) > 5000 or min(sizes) < 1:
-            raise ValueError(f"a planner's settings: out of range: {self}")
+        if not (0.0 <= self.start_clear_m <= 30.0 and 0.0 <= self.unknown_mps <= 5.0):
+            raise ValueError(
+                "a planner's settings: start_clear_m must be 0 to 30, unknown_mps 0 to 5: "
+                f"they are {self.start_clear_m:g}, {self.unknown_mps:g}"
+            )
 
-    def thousandths(self) -> tuple[int, ...]:
-        """In mm, mm/s and mrad/s, in the order of `struct driver_settings`."""
-        values = (
-            self.start_clear_m, self.unknown_mps, self.max_mps, self.max_radps, self.front_m,
-            self.rear_m, self.width_m, self.margin_m, self.goal_radius_m,
-        )  # fmt: skip
-        return tuple(round(value * 1000) for value in values)
+    def thousandths(self) -> tuple[int, int]:
+        """In mm and mm/s, in the order of `struct driver_settings`."""
+        return round(self.start_clear_m * 1000), round(self.unknown_mps * 1000)
 
 
 @record()
@@ -93,7 +83,7 @@ class PlannerState:
 
     state: str  # "idle" | "driving" | "arrived" | "stopped"
     why: str  # it stands, has stopped, or does not simply go on; "" for none
-    tactic: str  # how it drives: "go" along its way, or what it does where none leads on
+    recovery: str  # the behaviour where no path leads on; "": it follows its path
     v_mps: float  # asked for
     w_radps: float
     x_m: float  # where it believes to be
@@ -105,35 +95,32 @@ class PlannerState:
     blank: bool
     suspect: bool
     stale: bool
-    tries: int  # tactics tried for this goal, less those that have paid
+    tries: int  # recoveries for this goal, less those that have been made good
     accepted: int  # frames, since the start
     rejected: int
 
 
 class _Report(ctypes.Structure):
-    """struct planner_report of hw/mcu/host/driver_library.c."""
+    """struct planner_report of fakes/planner_mcu/library.c."""
 
     _fields_ = (
         *((name, i32) for name in ("v_mmps", "w_mradps", "x_mm", "y_mm", "goal_x_mm")),
         *((name, i32) for name in ("goal_y_mm", "width", "height", "ox", "oy")),
-        *((name, i32) for name in ("unseen_x_mm", "unseen_y_mm", "view_x_mm", "view_y_mm")),
-        *((name, i32) for name in ("allowed_ahead_mmps", "allowed_behind_mmps")),
-        *((name, i32) for name in ("known_cells", "close_cells")),
-        *((name, u32) for name in ("accepted", "way_count", "tries")),
-        *((name, u16) for name in ("yaw", "bad_frames", "last")),
-        *((name, u8) for name in ("state", "why", "tactic", "advice", "link_why", "zone_state")),
+        *((name, u32) for name in ("accepted", "tries")),
+        *((name, u16) for name in ("yaw", "bad_frames")),
+        *((name, u8) for name in ("state", "why", "recovery", "advice", "link_why")),
         *((name, u8) for name in ("blank", "suspect", "stale")),
     )
 
 
 @functools.cache
-def library() -> ctypes.CDLL:
-    """The planner, compiled for this machine, with its calls' types.
+def library(robot: PlannerRobot) -> ctypes.CDLL:
+    """The planner for a robot, compiled for this machine, with its calls' types.
 
     Raises:
         MissingToolError, CompileError: see `tools.rig.c_build`.
     """
-    lib = ctypes.CDLL(str(build_planner_library()))
+    lib = ctypes.CDLL(str(build_planner_library(robot)))
     handle, bytes_in = ctypes.c_void_p, ctypes.c_char_p
     lib.planner_new.argtypes = [ctypes.POINTER(i32), u32, bytes_in]
     lib.planner_new.restype = handle
@@ -148,8 +135,6 @@ def library() -> ctypes.CDLL:
     lib.planner_goal.argtypes = [handle, i32, i32]
     lib.planner_halt.argtypes = [handle]
     lib.planner_report.argtypes = [handle, u32, ctypes.POINTER(_Report)]
-    lib.planner_way.argtypes = [handle, ctypes.POINTER(i32), u32]
-    lib.planner_way.restype = u32
     lib.planner_window.argtypes = [handle, ctypes.c_void_p]
     return lib
 
@@ -163,7 +148,7 @@ class CPlanner:
     """
 
     def __init__(self, settings: PlannerSettings, nonce: int = 1, key: bytes | None = None) -> None:
-        self._lib = library()
+        self._lib = library(settings.robot)
         numbers = settings.thousandths()
         self.settings, self.nonce = settings, nonce
         self._now_s = 0.0
@@ -218,7 +203,7 @@ class CPlanner:
         return PlannerState(
             state=STATES[report.state],
             why=WHY[report.why],
-            tactic=TACTICS[report.tactic],
+            recovery=RECOVERIES[report.recovery],
             v_mps=report.v_mmps / 1000,
             w_radps=report.w_mradps / 1000,
             x_m=report.x_mm / 1000,
@@ -247,15 +232,6 @@ class CPlanner:
         """Lowest column and row in the endless grid, modulo 65 536 as int16."""
         report = self._report(self._now_s)
         return report.ox, report.oy
-
-    def way(self) -> list[tuple[float, float, bool]]:
-        """The way that it sees to its goal: x, y in metres, and whether it is only hoped for."""
-        numbers = (i32 * (3 * ROOM))()
-        count = self._lib.planner_way(self._handle, numbers, ROOM)
-        return [
-            (numbers[3 * k] / 1000, numbers[3 * k + 1] / 1000, bool(numbers[3 * k + 2]))
-            for k in range(count)
-        ]
 
     def _report(self, now_s: float) -> _Report:
         report = _Report()

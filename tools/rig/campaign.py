@@ -33,7 +33,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from fakes.scenes.scene import campaign_scenes, load_scene
 from tools.rig import report
-from tools.rig.c_build import CompileError, MissingToolError
+from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
 from tools.rig.faults import draw
 from tools.rig.one_run import LIMIT_S, Run, RunResult, RunSpec
@@ -235,7 +235,7 @@ def main(arguments: Sequence[str]) -> int:
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
     try:
         tasks = tasks_of(options)
-        library()  # the planner is compiled before many want it at once
+        library(shipped_robot())  # the planner is compiled before many want it at once
     except (OSError, ValueError, MissingToolError, CompileError) as error:
         print(f"tools.rig.campaign: {error}", file=sys.stderr)
         return 2

@@ -70,5 +70,4 @@ NO_FAULTS = {
     "scanner.encoder": "a field of the telegram that mapod does not ask for",
     "scanner.dialect_change_s": "only where a tool changes the dialect; scanner.binary is that",
     "scanner.power_ons": "a count of the device",
-    "scanner.stores": "a count of the fake",
 }

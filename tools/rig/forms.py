@@ -6,16 +6,18 @@ nothing: its firmware is its owner's.
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from config_file import load_config
 from mapod_link.listener import Listener
 from mapod_link.wires import UdpWire
 from tools.rig.board import BoardError, EmulatedBoard
-from tools.rig.c_build import MissingToolError
+from tools.rig.c_build import MissingToolError, robot_from_config
 from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
 from tools.rig.config import BOARD, HOST, RigConfig
 
@@ -173,10 +175,12 @@ def form_of(config: RigConfig, settings: PlannerSettings, folder: Path) -> tuple
 
     Raises:
         MissingToolError: not even this machine's compiler is there.
+        ConfigError: the robot of the settings is none that the planner in C can drive.
     """
     if config.planner not in (BOARD, HOST):
         return RealForm(config.planner), ""
-    remark = ""
+    app = load_config(Path(config.config).read_text(encoding="utf-8"))
+    settings, remark = replace(settings, robot=robot_from_config(app)), ""
     if config.planner == BOARD:
         try:
             return BoardForm(settings, folder / "board", config.board_baud), ""

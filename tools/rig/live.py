@@ -26,7 +26,8 @@ from tools.terminal.screen import has_screen
 
 SECONDS_WITHOUT_SCREEN = 60.0
 RIG_ERRORS = (
-    RunError, NotThereError, BoardError, MissingToolError, CompileError, ValueError, OSError,
+    RunError, NotThereError, BoardError, MissingToolError, CompileError, ConfigError, ValueError,
+    OSError,
 )  # fmt: skip
 
 

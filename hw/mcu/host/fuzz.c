@@ -2,9 +2,9 @@
  *
  * The input is a list of pieces: a byte that says how the piece is fed, two bytes of length, bytes.
  * Most pieces are made into whole frames (version, sequence, CRC put right), so that bodies are
- * reached. Each piece goes to a receiver of datagrams, one of a serial line, and one with a key.
- * Held after each: a rejected or ignored frame changes no cell; no cell outside the map's memory
- * is written; cells are 0 to 2; the map is empty while blank.
+ * reached. Each piece goes to a receiver of datagrams, one of a serial line, one with a key, and one
+ * that has no memory for a map. Held after each: a rejected or ignored frame changes no cell; no cell
+ * outside the map's memory is written; cells are 0 to 2; the map is empty while blank.
  * With FUZZ_MAIN it is a program of its own, for any compiler; inputs are the files it is given.
  */
 #include <stdio.h>
@@ -16,7 +16,7 @@
 
 #define MOST_CELLS 900u
 #define CELL_BYTES MAPOD_CELL_BYTES(MOST_CELLS, 1)
-#define KINDS 3u /* datagram, serial, keyed */
+#define KINDS 4u /* datagram, serial, keyed, without a map */
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -72,6 +72,7 @@ static void look(struct end *end, uint32_t now_ms, int outcome)
         (void)mapod_link_at(&end->link, (int32_t)now_ms, -(int32_t)(now_ms & 0xFFFFFu));
     }
     must(!mapod_link_blank(&end->link) || seen == 0u);
+    must(mapod_link_blank(&end->link) || end->link.cells != NULL);
     if (mapod_link_advice(&end->link, now_ms) != MAPOD_STOP) {
         must(!mapod_link_blank(&end->link) && !mapod_link_stale(&end->link, now_ms));
     }
@@ -161,8 +162,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         struct end *const end = &ends[kind];
         memset(end, 0, sizeof *end);
         end->cells = calloc(1, CELL_BYTES);
-        mapod_link_init(&end->link, end->cells, MOST_CELLS);
-        mapod_talk_init(&end->talk, 7u, false);
+        mapod_link_init(&end->link, (kind == 3u) ? NULL : end->cells, MOST_CELLS);
+        mapod_talk_init(&end->talk, 7u, kind == 3u);
         if (kind == 2u) {
             mapod_link_set_key(&end->link, key, 7u);
         }

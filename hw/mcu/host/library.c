@@ -7,7 +7,7 @@
 
 #define MAPOD_LINK_AUTH
 #ifndef MAPOD_LINK_LEFT_SESSIONS
-#define MAPOD_LINK_LEFT_SESSIONS 64u
+#define MAPOD_LINK_LEFT_SESSIONS 65536u /* conformance tests are full of new runs */
 #endif
 #define MAPOD_LINK_IMPLEMENTATION
 #include "mapod_link.h"
@@ -46,13 +46,14 @@ struct receiver {
 
 /* `key` is NULL or 32 bytes. NULL: no memory. */
 struct receiver *receiver_new(uint32_t max_cells, uint32_t nonce, const uint8_t *key,
-                              int poll_only)
+                              int poll_only, int keeps_map)
 {
-    struct receiver *const self = calloc(1, sizeof *self + MAPOD_CELL_BYTES(max_cells, 1));
+    const size_t bytes = (keeps_map != 0) ? MAPOD_CELL_BYTES(max_cells, 1) : 0u;
+    struct receiver *const self = calloc(1, sizeof *self + bytes);
     if (self == NULL) {
         return NULL;
     }
-    mapod_link_init(&self->link, self->cells, max_cells);
+    mapod_link_init(&self->link, (keeps_map != 0) ? self->cells : NULL, max_cells);
     mapod_talk_init(&self->talk, nonce, poll_only != 0);
     if (key != NULL) {
         memcpy(self->key, key, sizeof self->key);
@@ -244,11 +245,6 @@ void receiver_state(struct receiver *self, uint32_t now_ms, struct state *state)
 uint32_t receiver_digest(const struct receiver *self)
 {
     return mapod_link_geom(&self->link) != NULL ? mapod_link_digest(&self->link) : 0u;
-}
-
-uint8_t receiver_cell(const struct receiver *self, uint32_t column, uint32_t row)
-{
-    return mapod_link_cell(&self->link, column, row);
 }
 
 uint8_t receiver_at(const struct receiver *self, int32_t x_mm, int32_t y_mm)

@@ -1,14 +1,16 @@
 """The mapper: scans wait for what covers them, and a broken chain erases the maps."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from config_file import load_config, with_changes
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
-from core.records import FREE, OBSTACLE, Scan, WheelCounts
+from core.records import FREE, OBSTACLE, PointSweep, Scan, WheelCounts
 from core.summary import robot_in_words
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
@@ -90,6 +92,45 @@ def test_a_scan_that_nothing_covers_is_dropped_and_counted() -> None:
     assert mapper.counts.scans_dropped == 0
     assert mapper.settle(scan_arrived_s + WAIT_S + 0.001) == 0
     assert mapper.counts.scans_dropped == 1
+
+
+def test_what_no_scanner_may_deliver_is_refused_before_any_kernel_walks_it() -> None:
+    mapper, good = standing(1.0), wall_and_floor(0.5)
+    nowhere = np.zeros((481, 3))
+    sweep = PointSweep(nowhere, nowhere, good.ranges_m, np.full(481, 0.5), 0, 0.52)
+    late = np.full(481, 0.5)
+    late[7] = 0.6
+    for bad, told in (
+        (scan_of(np.ones((1, 1141))), "1 to 1081 beams, this one 1 x 1141"),
+        (scan_of(np.ones((1, 0))), "1 to 1081 beams, this one 1 x 0"),
+        (replace(good, t_s=math.nan), "finite"),
+        (replace(good, step_rad=math.inf), "finite"),
+        (replace(good, beam_dt_s=-1e-5), "ascend"),
+        (replace(sweep, origins=nowhere[:480]), "shapes"),
+        (replace(sweep, times_s=late), "its last the latest"),
+        (replace(sweep, directions=np.full((481, 3), np.nan)), "finite"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            mapper.add_scan(bad)
+    mapper.add_scan(good)
+    assert mapper.settle(1.0) == 1
+
+
+def test_a_scan_given_as_a_sweep_of_points_makes_the_same_map() -> None:
+    maps = []
+    for as_points in (False, True):
+        mapper = standing(1.0)
+        for k in range(NEW_LOOKS):
+            scan = wall_and_floor(0.3 + 0.02 * k)
+            bearings = scan.first_rad + scan.step_rad * np.arange(481)
+            rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(481)], axis=1)
+            times_s = scan.t_s + scan.beam_dt_s * np.arange(481, dtype=np.float64)
+            sweep = PointSweep(np.zeros((481, 3)), rays, scan.ranges_m, times_s, k, scan.arrived_s)
+            mapper.add_scan(sweep if as_points else scan)
+            assert mapper.settle(1.0) == 1
+        maps.append(mapper.window(True).cells.copy())
+    assert (maps[0] == OBSTACLE).sum() > 10
+    np.testing.assert_array_equal(maps[0], maps[1])
 
 
 def test_no_more_scans_wait_than_the_codec_has_slots_for() -> None:

@@ -132,7 +132,7 @@ def test_each_of_the_family_has_its_identity_and_its_amps(
 def test_without_its_encoder_module_it_says_so_and_counts_nothing() -> None:
     bench = Bench(encoder=False)
     assert bench.ask("^8A") == ["48", "+"]
-    for line in ("?Q0", "?Z", "!Q2", "*A2", "?W"):
+    for line in ("?Q0", "?Z", "!Q2", "*A2"):
         assert bench.ask(line) == ["-"]
     bench.fake.restart(bench.now_s)
     assert bench.run(0.71) == b"Roboteq v1.9b 06/01/07\rs\rOK\r"

@@ -17,16 +17,14 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.scan import Channel, ScanTelegram
 from tests.support.bench_lms111 import (
     F64,
-    FRAMES,
     START_S,
-    TEXTS,
     Bench,
     counters,
     five_metres,
-    framed,
     payloads,
     raw_of,
 )
+from tests.support.lms111_vectors import FRAMES, TEXTS, framed
 
 
 def test_each_answer_printed_in_the_sheet_comes_byte_for_byte() -> None:
@@ -134,7 +132,7 @@ def test_a_scan_telegram_has_the_recorded_layout(vectors: Path) -> None:
     theirs_scans = [payload for payload in theirs if payload.startswith(b"sSN LMDscandata ")]
     for k in (0, 6, 7, 20):
         mine, real = ours[k], theirs_scans[k]
-        assert len(framed("", mine)) == 1191
+        assert len(framed(mine)) == 1191
         assert mine[:26] == real[:26]  # up to the device status
         assert mine[38:77] == real[38:77]  # inputs .. first channel's head
         assert mine[-23:-9] == real[-23:-9]  # flags, and the date of an unset clock

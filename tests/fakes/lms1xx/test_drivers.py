@@ -1,58 +1,69 @@
 """The fake LMS111 with hosts that do things in their own order, or in no order at all."""
 
 import re
-import struct
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fakes.lms1xx.client import Client
 from fakes.lms1xx.device import FakeLms111
-from tests.support.bench_lms111 import (
-    FRAMES,
-    TEXTS,
-    Bench,
-    counters,
-    five_metres,
-    framed,
-    payloads,
-    raw_of,
-)
+from tests.support.bench_lms111 import START_S, Bench, five_metres, payloads
+from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 
-STX, ETX = b"\x02", b"\x03"
+# --- drivers that people use
 
 
-def text_bench() -> Bench:
-    """A fake that speaks CoLa-A."""
-    bench = Bench()
-    bench.fake.binary = False
-    return bench
+@pytest.mark.parametrize("run_first", [True, False], ids=["Run, then ready", "ready, then Run"])
+def test_drivers_that_read_each_answer_with_one_read_of_a_hundred_bytes_are_content(
+    run_first: bool,
+) -> None:
+    bench = Bench(binary=False)
 
+    def one_read(command: str) -> str:
+        answer = bench.say(command, 0.05)
+        assert len(answer) <= 98
+        return answer
 
-def test_a_driver_that_waits_for_ready_and_sends_run_after_that_gets_its_scans() -> None:
-    bench = text_bench()
+    def wait_until_ready() -> None:
+        assert any(one_read("sRN STlms").startswith("sRA STlms 7 0 8 00:00:") for _ in range(20))
 
-    def asked(command: str) -> str:
-        answer = bench.ask(STX + command.encode() + ETX, 0.05)
-        assert answer.count(STX) == answer.count(ETX) == 1
-        assert len(answer) <= 100  # as many as it reads at once
-        return answer[1:-1].decode()
-
-    assert asked("sMN SetAccessMode 03 F4724744").endswith(" 1")
-    assert asked("sMN mLMPsetscancfg +2500 +1 +2500 -450000 +2250000").split()[2] == "0"
-    assert asked("sRN LMPscancfg").split()[2:5] == ["9C4", "1", "9C4"]
-    assert asked("sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 0 +1") == "sWA LMDscandatacfg"
-    assert asked("sRN LMPoutputRange") == TEXTS["range is"].decode()
-    assert asked("sMN LMCstartmeas") == "sAN LMCstartmeas 0"
-    for _ in range(20):
-        if asked("sRN STlms").startswith("sRA STlms 7"):
-            break
-    assert asked("sRN STlms").startswith("sRA STlms 7 0 8 00:00:")
-    assert asked("sMN Run") == "sAN Run 1"
-    assert bench.ask(b"\x02sEN LMDscandata 1\x03", 0.002) == b"\x02sEA LMDscandata 1\x03"
+    assert one_read("sMN SetAccessMode 03 F4724744") == "sAN SetAccessMode 1"
+    taken = one_read("sMN mLMPsetscancfg +2500 +1 +2500 -450000 +2250000")
+    assert taken == "sAN mLMPsetscancfg 0 9C4 1 9C4 FFF92230 225510"
+    assert one_read("sRN LMPscancfg") == "sRA LMPscancfg 9C4 1 9C4 FFF92230 225510"
+    assert one_read("sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 0 +1") == "sWA LMDscandatacfg"
+    assert one_read("sRN LMPoutputRange") == TEXTS["range is"].decode()
+    assert one_read("sMN LMCstartmeas") == "sAN LMCstartmeas 0"
+    if not run_first:
+        wait_until_ready()
+    assert one_read("sMN Run") == "sAN Run 1"
+    if run_first:
+        wait_until_ready()
+    assert bench.say("sEN LMDscandata 1", 0.002) == "sEA LMDscandata 1"
     found = re.findall(rb"\x02sSN LMDscandata [^\x02\x03]*\x03", bench.ask(b"", 0.5))
     assert len(found) == pytest.approx(12, abs=1)
-    assert {scan.split(b" ")[25] for scan in found} == {b"439"}
+    for scan in found:
+        assert b" DIST1 3F800000 00000000 FFF92230 9C4 439 " in scan
+        assert scan.endswith(b" 0 0 0 0 0 0\x03")
+
+
+def test_a_driver_that_polls_for_readiness_and_reads_all_fields_is_content() -> None:
+    bench = Bench()
+
+    def device_state() -> bytes:
+        return payloads(bench.ask(FRAMES["read device state"]))[0]
+
+    assert device_state() == b"sRA SCdevicestate \1"
+    for name in ("login", "start", "run"):
+        bench.ask(FRAMES[name])
+        assert device_state() == b"sRA SCdevicestate \0"
+    bench.now_s += 1.0
+    assert device_state() == b"sRA SCdevicestate \1"
+    for number in range(30):
+        [answer] = payloads(bench.ask(framed(f"sRN field{number:03}")))
+        assert answer == b"sRA field%03d \0" % number
 
 
 def test_standby_stops_the_mirror_and_starting_needs_no_second_login() -> None:
@@ -66,19 +77,54 @@ def test_standby_stops_the_mirror_and_starting_needs_no_second_login() -> None:
         assert bench.fake.state == state
 
 
+# --- several hosts
+
+
+def joined(fake: FakeLms111, now_s: float) -> Client:
+    client = fake.connect(now_s)
+    assert client is not None
+    return client
+
+
+def test_two_hosts_have_their_own_login_and_subscription_and_share_the_mirror() -> None:
+    fake = FakeLms111(five_metres, seed=1)
+    one, two = joined(fake, 100.0), joined(fake, 100.0)
+    for name in ("login", "start", "run", "subscribe"):
+        one.exchange(100.1, FRAMES[name])
+    two.exchange(100.1, FRAMES["subscribe"])
+    heard = [host.exchange(101.0, b"") for host in (one, two)]
+    assert heard[0].count(b"sSN LMDscandata") == heard[1].count(b"sSN LMDscandata") > 20
+    two.exchange(101.05, FRAMES["write content"])
+    assert FRAMES["write denied"] in two.exchange(101.1, b"")  # the login is the other's
+    two.exchange(101.1, FRAMES["login"])
+    before = one.exchange(101.2, b"")
+    assert one.exchange(102.0, b"").count(b"sSN") == 0, before  # a login stops it for all
+    assert fake.state == 2
+
+
 def test_no_more_hosts_get_in_than_it_has_room_for() -> None:
     fake = FakeLms111(five_metres, 1)
     fake.max_clients = 2
-    one, two = fake.connect(0.0), fake.connect(0.0)
-    assert one is not None
-    assert two is not None
+    one, two = joined(fake, 0.0), joined(fake, 0.0)
     assert fake.connect(0.1) is None
     two.left(0.2)
     two.left(0.2)
-    three = fake.connect(0.3)
-    assert three is not None
+    three = joined(fake, 0.3)
     three.exchange(0.3, FRAMES["read scan"])
     assert (one.exchange(0.4, b""), three.exchange(0.4, b"")) == (b"", FRAMES["scan is 50"])
+
+
+def test_a_reboot_is_answered_in_the_old_dialect_and_throws_other_hosts_out() -> None:
+    fake = FakeLms111(five_metres, seed=1)
+    host, other = joined(fake, 100.0), joined(fake, 100.0)
+    for frame in (FRAMES["login"], FRAMES["set ascii"]):
+        host.exchange(100.0, frame)
+    host.exchange(100.1, FRAMES["reboot"])
+    assert (other.gone, host.gone) == (True, False)
+    assert host.exchange(100.2, b"") == framed("sAN mSCreboot ")
+    again = joined(fake, 100.3)
+    again.exchange(100.3, texted("sRN LocationName"))
+    assert again.exchange(100.4, b"") == texted("sRA LocationName B not defined")
 
 
 def test_after_power_up_hosts_are_refused_then_not_heard_then_served() -> None:
@@ -86,8 +132,7 @@ def test_after_power_up_hosts_are_refused_then_not_heard_then_served() -> None:
     fake.refuse_connections_s, fake.start_silent_s = 5.0, 10.0
     fake.exchange(100.0, b"")
     assert fake.connect(104.9) is None
-    client = fake.connect(105.0)
-    assert client is not None
+    client = joined(fake, 105.0)
     client.exchange(109.0, FRAMES["read scan"])
     assert client.exchange(109.5, b"") == b""
     client.exchange(110.0, FRAMES["read scan"])
@@ -96,107 +141,86 @@ def test_after_power_up_hosts_are_refused_then_not_heard_then_served() -> None:
     assert fake.connect(115.0) is None
 
 
-def test_filters_are_kept_as_other_settings_are() -> None:
-    bench = Bench()
-    on, read = framed("sWN LFPmeanfilter ", b"\1\0\x0a\0"), framed("sRN LFPmeanfilter")
-    for stored, kept in ((b"", b"\0\0\2\0"), (FRAMES["store"], b"\1\0\x0a\0")):
-        bench.ask(FRAMES["login"])
-        assert bench.ask(on) == framed("sWA LFPmeanfilter ")
-        bench.ask(stored)
-        bench.fake.reboot(bench.now_s)
-        assert bench.ask(read) == framed("sRA LFPmeanfilter ", kept)
-    assert bench.fake.stores == 1
-    assert bench.fake.mean_scans == 10
+# --- whatever else may come
+
+COMMANDS = {
+    True: [FRAMES[name] for name in sorted(set(FRAMES) - {"scan A", "scan B", "reboot"})],
+    False: [texted(text) for text in TEXTS.values()],
+}
+ANSWERS = {
+    True: re.compile(rb"s(FA..|[RWA]A .+|[AE][NA] .+)", re.DOTALL),
+    False: re.compile(rb"\x02s(FA [0-9A-F]+|[RWA][AN] [^\x02\x03]+)\x03"),
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "values"),
-    [("LFPmeanfilter", b"\1\0\1\0"), ("LFPmeanfilter", b"\1\0\x65\0"), ("LFPnto1filter", b"\2"),
-     ("MSsuppmode", b"\2"), ("EIHstCola", b"\2")],
-)  # fmt: skip
-def test_values_that_it_cannot_take_are_refused(name: str, values: bytes) -> None:
-    bench = Bench()
-    bench.ask(FRAMES["login"])
-    assert bench.ask(framed(f"sWN {name} ", values)) == FRAMES["condition failed"]
+@settings(max_examples=60)
+@given(st.data(), st.booleans(), st.floats(0.02, 0.7))
+def test_in_any_order_each_command_gets_one_answer_or_refusal(
+    data: st.DataObject, binary: bool, wait_s: float
+) -> None:
+    bench = Bench(binary=binary)
+    for command in data.draw(st.lists(st.sampled_from(COMMANDS[binary]), max_size=20)):
+        payload = command[8:-1] if binary else command[1:-1]
+        if payload[:3] not in (b"sRN", b"sWN", b"sMN", b"sEN"):
+            continue
+        heard = bench.ask(command, wait_s)
+        answers = [p for p in payloads(heard) if p[:3] != b"sSN"] if binary else [heard]
+        [answer] = answers
+        assert ANSWERS[binary].fullmatch(answer)
+        assert b"sFA" in answer or payload.split(b" ")[1] in answer
 
 
-def test_an_honest_model_tells_the_step_of_its_output() -> None:
-    bench = Bench()
-    bench.fake.untrue_output_step = False
-    bench.ask(FRAMES["login"])
-    bench.ask(FRAMES["scan 25"])
-    [answer] = payloads(bench.ask(FRAMES["read range"]))
-    assert answer[-14:] == struct.pack(">HIii", 1, 2500, -450_000, 2_250_000)
-
-
-def test_a_scan_that_is_asked_for_twice_is_the_same_scan() -> None:
-    bench = Bench()
-    bench.start(FRAMES["scan 25"])
-    bench.ask(FRAMES["unsubscribe"], 1.01)
-    polls = [payloads(bench.ask(FRAMES["poll"], 0.002))[0] for _ in range(2)]
-    assert polls[0] == polls[1]
-    assert polls[0].startswith(b"sRA LMDscandata ")
-
-
-def test_the_ordered_status_and_the_filtered_beams_are_told() -> None:
-    bench = Bench()
-    bench.fake.device_status, bench.fake.in_error, bench.fake.filtered_rate = 1, True, 1.0
-    bench.fake.settling_scans = 0
-    bench.start()
-    scan = bench.scans(0.1)[0]
-    assert scan[24:26] == b"\0\1"
-    assert set(raw_of(scan)) == {3}
-    [state] = [p for p in payloads(bench.ask(FRAMES["read device state"])) if b"SCdev" in p]
-    assert state == b"sRA SCdevicestate \2"
-
-
-def test_a_telegram_with_every_third_scan_is_filtered_over_every_scan() -> None:
-    seen: list[int] = []
-
-    def ramp(t_first_s: float, times_s: object, bearings_rad: object) -> object:
-        seen.append(len(seen))
-        return five_metres(t_first_s, times_s, bearings_rad)  # type: ignore[arg-type]
-
-    bench = Bench(ramp)  # type: ignore[arg-type]
-    every_third = framed(
-        "sWN LMDscandatacfg ", bytes.fromhex("0100 00 00 00 0000 00 00 00 00 0003")
-    )
-    bench.start(every_third, framed("sWN LFPnto1filter ", b"\1"))
-    scans = bench.scans(0.5)
-    assert len(seen) > 2 * len(scans)
-    assert counters(scans)[1] - counters(scans)[0] == 3
-    assert set(raw_of(scans[0])) == {3}  # the first sweep of all
-    assert min(raw_of(scans[1])) > 4000
-
-
-ORDERS = st.lists(
-    st.sampled_from(sorted(set(FRAMES) - {"scan A", "scan B", "reboot"})), max_size=25
+PIECES = st.lists(
+    st.binary(max_size=40)
+    | st.sampled_from([*FRAMES.values(), *COMMANDS[False]])
+    | st.builds(
+        framed,
+        st.sampled_from(["sRN", "sWN", "sMN", "sEN", "sRI0", "sMN SetAccessMode "])
+        | st.text(st.characters(codec="latin-1"), max_size=12),
+        st.binary(max_size=30),
+    ),
+    max_size=20,
 )
 
 
-@settings(max_examples=40)
-@given(ORDERS, st.floats(0.02, 0.7))
-def test_in_any_order_each_command_gets_one_answer_or_refusal(
-    names: list[str], wait_s: float
+@settings(max_examples=100)
+@given(st.booleans(), PIECES, st.floats(0.0, 3.0))
+def test_no_bytes_break_it_and_it_answers_afterwards(
+    binary: bool, pieces: list[bytes], step_s: float
 ) -> None:
+    bench = Bench(binary=binary)
+    for piece in pieces:
+        bench.ask(piece[:300], step_s)
+    bench.now_s += 2.0
+    bench.fake.reconnected(bench.now_s)
+    command = framed if bench.fake.binary else texted
+    assert b"not defined" in bench.ask(command("sRN LocationName"))
+
+
+@given(st.lists(st.integers(0, 400)))
+def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> None:
+    names = ("login", "scan 25", "write content rssi", "read state", "start", "run", "subscribe")
+    stream = b"".join(FRAMES[name] for name in names)
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    whole, cut = Bench(), Bench()
+    whole.fake.exchange(START_S, stream)
+    for a, b in pairwise(edges):
+        assert cut.fake.exchange(START_S, stream[a:b]) == b""
+    assert cut.listen(0.6) == whole.listen(0.6)
+
+
+@given(st.binary(max_size=60))
+def test_a_command_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
     bench = Bench()
-    for name in names:
-        command = payloads(FRAMES[name])[0]
-        if command[:3] not in (b"sRN", b"sWN", b"sMN", b"sEN"):
-            continue
-        heard = payloads(bench.ask(FRAMES[name], wait_s))
-        answers = [payload for payload in heard if not payload.startswith(b"sSN")]
-        [answer] = answers
-        is_refusal = answer.startswith(b"sFA") and len(answer) == 5
-        assert is_refusal or answer.split(b" ")[1] == command.split(b" ")[1]
+    bench.ask(junk, 1.5)
+    bench.ask(FRAMES["login"], 1.5)
+    assert bench.ask(FRAMES["login"], 1.5).endswith(FRAMES["logged in"])
 
 
-@settings(max_examples=40)
-@given(st.lists(st.sampled_from(sorted(TEXTS)), max_size=20))
-def test_in_any_order_each_text_gets_one_answer_or_refusal(names: list[str]) -> None:
-    bench = text_bench()
-    for name in names:
-        if TEXTS[name][:3] not in (b"sRN", b"sWN", b"sMN"):
-            continue
-        answer = bench.ask(STX + TEXTS[name] + ETX)
-        assert re.fullmatch(rb"\x02(sFA [0-9A-F]+|s[RWA][AN] [^\x02\x03]+)\x03", answer)
+def test_a_damaged_command_is_ignored() -> None:
+    bench = Bench()
+    for k in range(4, len(FRAMES["login"])):
+        damaged = bytearray(FRAMES["login"])
+        damaged[k] ^= 0x10
+        assert not bench.ask(bytes(damaged), 1.5)
+        bench.fake.reconnected(bench.now_s)

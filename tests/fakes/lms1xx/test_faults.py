@@ -1,16 +1,15 @@
-"""The fake LMS111 with faults, and under bytes that no host would send."""
+"""The fake LMS111 with faults, each by one attribute."""
 
 from itertools import pairwise
 
-from hypothesis import given
-from hypothesis import strategies as st
+import pytest
 
-from tests.support.bench_lms111 import FRAMES, START_S, Bench, counters, framed, payloads
+from tests.support.bench_lms111 import Bench, counters, payloads, raw_of
+from tests.support.lms111_vectors import FRAMES, framed
 
 
 def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:
-    bench = Bench()
-    bench.fake.mute = True
+    bench = Bench(mute=True)
     bench.start()
     assert not bench.listen(0.2)
     bench.fake.mute = False
@@ -38,17 +37,33 @@ def test_late_delays_every_byte() -> None:
 
 
 def test_a_refused_command_gets_the_code_that_was_ordered() -> None:
-    bench = Bench()
-    bench.fake.refuse = {"sWN LMPoutputRange": 0x0A, "DeviceIdent": 3}
+    bench = Bench(refuse={"sWN LMPoutputRange": 0x0A, "DeviceIdent": 3})
     bench.ask(FRAMES["login"])
     assert bench.ask(FRAMES["write range"]) == FRAMES["write denied"]
     assert b"sRA" in bench.ask(FRAMES["read range"])
     assert bench.ask(framed("sRN DeviceIdent")) == FRAMES["unknown variable"]
 
 
+def test_answers_can_be_lost_late_cut_short_or_damaged() -> None:
+    bench = Bench(answers_lost=1)
+    assert bench.ask(FRAMES["login"]) == b""
+    assert bench.ask(FRAMES["write content"]) == FRAMES["content written"]  # it had obeyed
+    bench.fake.slow_answer_s = 0.5
+    assert bench.ask(FRAMES["read scan"], 0.4) == b""
+    assert bench.ask(b"", 0.2) == FRAMES["scan is 50"]
+    bench.fake.slow_answer_s, bench.fake.cut_next = 0.0, True
+    cut = bench.ask(FRAMES["read scan"])
+    assert FRAMES["scan is 50"].startswith(cut)
+    assert 0 < len(cut) < len(FRAMES["scan is 50"])
+    bench.fake.wrong_checksum_rate = 1.0
+    good = FRAMES["scan is 50"]
+    assert bench.ask(FRAMES["read scan"]) == good[:-1] + bytes([good[-1] ^ 0xFF])
+    bench.fake.deaf = True
+    assert bench.ask(FRAMES["read scan"]) == b""
+
+
 def test_it_is_silent_for_so_long_after_power_up() -> None:
-    bench = Bench()
-    bench.fake.start_silent_s = 2.0
+    bench = Bench(start_silent_s=2.0)
     assert not bench.ask(FRAMES["login"])
     bench.listen(2.0)
     assert bench.ask(FRAMES["login"])
@@ -57,28 +72,11 @@ def test_it_is_silent_for_so_long_after_power_up() -> None:
 
 
 def test_dropped_scans_are_missing_in_the_scan_counter() -> None:
-    bench = Bench()
-    bench.fake.drop_rate = 0.3
+    bench = Bench(drop_rate=0.3)
     bench.start()
     steps = {b - a for a, b in pairwise(counters(bench.scans(2.0)))}
     assert {1, 2} <= steps
     assert 0 not in steps
-
-
-def test_wrong_checksums_are_wrong() -> None:
-    bench = Bench()
-    bench.fake.wrong_checksum_rate = 1.0
-    good = FRAMES["logged in"]
-    assert bench.ask(FRAMES["login"]) == good[:-1] + bytes([good[-1] ^ 0xFF])
-
-
-def test_set_to_the_other_dialect_it_is_silent_to_the_next_client() -> None:
-    bench = Bench()
-    bench.ask(FRAMES["login"])
-    assert bench.ask(FRAMES["set ascii"]) == framed("sWA EIHstCola ")
-    assert bench.ask(FRAMES["read scan"])
-    bench.fake.reconnected(bench.now_s)
-    assert not bench.ask(FRAMES["read scan"])
 
 
 def test_after_a_hold_up_it_does_not_make_up_for_what_it_could_not_keep() -> None:
@@ -88,59 +86,28 @@ def test_after_a_hold_up_it_does_not_make_up_for_what_it_could_not_keep() -> Non
     assert len(payloads(bench.fake.exchange(bench.now_s, b""))) == 45
 
 
-COMMANDS = [
-    FRAMES["login"],
-    FRAMES["scan 25"],
-    FRAMES["write content rssi"],
-    FRAMES["read state"],
-    FRAMES["start"],
-    FRAMES["run"],
-    FRAMES["subscribe"],
-    FRAMES["read scan"],
-]
-PIECES = st.lists(
-    st.binary(max_size=40)
-    | st.sampled_from(COMMANDS)
-    | st.builds(
-        framed,
-        st.sampled_from(["sRN", "sWN", "sMN", "sEN", "sRI0", "sMN SetAccessMode "])
-        | st.text(st.characters(codec="latin-1"), max_size=12),
-        st.binary(max_size=30),
-    ),
-    max_size=12,
-)
-
-
-@given(PIECES, st.floats(0.0, 3.0))
-def test_no_bytes_make_it_raise(pieces: list[bytes], step_s: float) -> None:
+@pytest.mark.parametrize(("fault", "code"), [("dazzled_rate", 1), ("implausible_rate", 2)])
+def test_bad_light_is_told_by_its_code(fault: str, code: int) -> None:
     bench = Bench()
-    for piece in pieces:
-        bench.ask(piece, step_s)
+    setattr(bench.fake, fault, 0.25)
+    bench.start()
+    codes = raw_of(bench.scans(1.0)[0])
+    assert 0.15 * 541 < codes.count(code) < 0.35 * 541
 
 
-@given(st.lists(st.integers(0, 400)))
-def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> None:
-    stream = b"".join(COMMANDS)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    whole, cut = Bench(), Bench()
-    whole.fake.exchange(START_S, stream)
-    for a, b in pairwise(edges):
-        assert cut.fake.exchange(START_S, stream[a:b]) == b""
-    assert cut.listen(0.6) == whole.listen(0.6)
+def test_the_ordered_status_and_the_filtered_beams_are_told() -> None:
+    bench = Bench(device_status=1, in_error=True, filtered_rate=1.0, settling_scans=0)
+    bench.start()
+    scan = bench.scans(0.1)[0]
+    assert scan[24:26] == b"\0\1"
+    assert set(raw_of(scan)) == {3}
+    [state] = [p for p in payloads(bench.ask(FRAMES["read device state"])) if b"SCdev" in p]
+    assert state == b"sRA SCdevicestate \2"
 
 
-@given(st.binary(max_size=60))
-def test_a_command_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
-    bench = Bench()
-    bench.ask(junk, 1.5)
-    bench.ask(FRAMES["login"], 1.5)
-    assert bench.ask(FRAMES["login"], 1.5).endswith(FRAMES["logged in"])
-
-
-def test_a_damaged_command_is_ignored() -> None:
-    bench = Bench()
-    for k in range(4, len(FRAMES["login"])):
-        damaged = bytearray(FRAMES["login"])
-        damaged[k] ^= 0x10
-        assert not bench.ask(bytes(damaged), 1.5)
-        bench.fake.reconnected(bench.now_s)
+def test_a_dirty_window_is_told_when_asked_and_changes_no_undocumented_byte_of_a_scan() -> None:
+    bench = Bench(contamination=2, settling_scans=1)
+    bench.start()
+    assert [scan[24:26] for scan in bench.scans(0.06)] == [b"\1\0", b"\0\0", b"\0\0"]
+    bench.ask(FRAMES["unsubscribe"])
+    assert bench.ask(FRAMES["read contamination"]) == framed("sRA LCMstate ", b"\2")

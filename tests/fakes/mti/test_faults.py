@@ -9,16 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fakes.mti.device import State
-from tests.support.bench_mti import (
-    START_S,
-    Bench,
-    bench_with,
-    counters,
-    framed,
-    frames,
-    messages,
-    wire,
-)
+from tests.support.bench_mti import START_S, Bench, bench_with, counters, frames, messages
+from tests.support.mti_frames import framed, wire
 
 
 def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from fakes.mti.device import FakeMti
 from tests import VECTORS
-from tests.support.bench_mti import ACCEL_MPS2, F64, RATE_RADPS, Bench, framed, frames, turned, wire
+from tests.support.bench_mti import ACCEL_MPS2, F64, RATE_RADPS, Bench, frames, turned
+from tests.support.mti_frames import framed, wire
 
 NEWER = ("MTi-30", "MTi-3", "MTi-G-700", "MTi-630")
 SIZES = (4, 4, 6, 8)

@@ -132,7 +132,7 @@ class MotorLife(RuleBasedStateMachine):
             pytest.approx((0.5, 0.5), abs=0.01) if self.enable else STOPPED
         )
         if self.enable:
-            assert bench.ax.controller.trouble == ""
+            assert bench.ax.trouble == ""
 
     # ---- what must hold
 

@@ -43,7 +43,7 @@ def test_motors_never_move_without_leave() -> None:
     bench.run(0.5, (0.5, 0.5))
     assert bench.wheels.powers == []
     assert b"!" not in bench.port.written
-    assert bench.ax.controller.trouble == ""
+    assert bench.ax.trouble == ""
     with pytest.raises(ValueError, match="not enabled"):
         encode_motor(1, 0, enabled=False)
 
@@ -64,7 +64,7 @@ def test_the_motor_mode_decides_what_a_command_means(mode: int, moves: bool) -> 
     bench.fake.reset(0.0)
     bench.start((0.5, -0.25), seconds=5.0)
     assert bench.wheels.power() == pytest.approx((0.5, -0.25) if moves else STOPPED, abs=0.02)
-    assert ("position" in bench.ax.controller.trouble) is not moves
+    assert ("position" in bench.ax.trouble) is not moves
     assert ("position" in bench.ax.status.cause) is not moves
 
 
@@ -180,17 +180,17 @@ def test_after_trouble_the_stick_must_be_let_go_first(what: str) -> None:
             bench.wire.cut = True
     bench.run(3.0, (0.5, 0.5))
     assert bench.wheels.power() == STOPPED
-    assert bench.ax.controller.trouble != ""
+    assert bench.ax.trouble != ""
     bench.fake.emergency_stop = bench.fake.mute = bench.wire.cut = False
     bench.fake.status = 0
     seen = len(bench.wheels.powers)
     bench.run(5.0, (0.5, 0.5))
     assert bench.ax.status.state == "running"
     assert bench.wheels.powers[seen:] == []
-    assert "let go of the stick" in bench.ax.controller.trouble
+    assert "let go of the stick" in bench.ax.trouble
     assert "let go of the stick" in bench.ax.status.cause
     bench.run(0.02, (0.0, 0.0))
-    assert bench.ax.controller.trouble == ""
+    assert bench.ax.trouble == ""
     bench.run(0.3, (0.5, 0.5))
     assert bench.wheels.power() == HALF
     assert bench.ax.status.cause == ""
@@ -210,12 +210,12 @@ def test_a_stick_let_go_before_the_trouble_is_over_does_not_count() -> None:
 def test_trouble_is_told_in_words() -> None:
     bench = motor_bench()
     bench.run(2.0, (0.5, 0.5))
-    assert bench.ax.controller.trouble.endswith("(let go of the stick): the connection is new")
+    assert bench.ax.trouble.endswith("(let go of the stick): the connection is new")
     bench.run(0.1, (0.0, 0.0))
     bench.fake.emergency_stop = True
     bench.run(2.0, (0.5, 0.5))
     words = "the controller reports emergency stop; the emergency stop is pressed"
-    assert bench.ax.controller.trouble.startswith(words)
+    assert bench.ax.trouble.startswith(words)
     assert bench.ax.status.cause == words
 
 
@@ -223,8 +223,8 @@ def test_a_status_that_is_lost_once_stops_nothing() -> None:
     bench = motor_bench()
     bench.start((0.5, 0.5))
     seen = len(bench.wheels.powers)
-    taken_s = bench.ax.controller.taken_s["status"]
-    while bench.ax.controller.taken_s["status"] == taken_s:
+    taken_s = bench.ax.controller.taken_s["^89"]
+    while bench.ax.controller.taken_s["^89"] == taken_s:
         bench.tick((0.5, 0.5))
     while not bench.port.written.endswith(b"^89\r"):
         bench.tick((0.5, 0.5))
@@ -234,7 +234,7 @@ def test_a_status_that_is_lost_once_stops_nothing() -> None:
     bench.run(3.0, (0.5, 0.5))
     assert bench.wheels.power() == HALF
     assert [power for power in bench.wheels.powers[seen:] if power[0] not in (0.0, 64 / 127)] == []
-    assert bench.ax.controller.trouble == ""
+    assert bench.ax.trouble == ""
 
 
 @pytest.mark.parametrize("fault", ["mute", "damage", "cut", "reset", "deaf", "noisy", "W"])

@@ -9,16 +9,8 @@ from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command, ScanConfig
 from hw.lms1xx.telegrams import Answer, new_parser
-from tests import VECTORS
+from tests.support.lms111_vectors import FRAMES, TEXTS, texted
 
-
-def rows(name: str) -> dict[str, str]:
-    lines = (VECTORS / name).read_text(encoding="utf-8").splitlines()
-    return {row.split("\t")[1]: row.split("\t")[2] for row in lines if not row.startswith("#")}
-
-
-FRAMES = {name: bytes.fromhex(frame) for name, frame in rows("lms111_frames.tsv").items()}
-TEXTS = {name: b"\x02" + text.encode() + b"\x03" for name, text in rows("lms111_texts.tsv").items()}
 TIME = datetime(2021, 3, 2, 12, 34, 56, 789_000)
 
 
@@ -27,10 +19,8 @@ def heard(stream: bytes) -> Any:
     return event
 
 
-def made_up(text: str) -> Answer:
-    """A text answer."""
-    kind, name, *values = text.split(" ", 2)
-    return Answer(kind, name, " ".join(values).encode(), "ascii")
+def heard_text(text: str | bytes) -> Any:
+    return heard(texted(text))
 
 
 @pytest.mark.parametrize(
@@ -69,31 +59,25 @@ def test_commands_are_the_sheets_frames(name: str, command: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "command"),
+    ("command", "text"),
     [
-        ("login", commands.login()),
-        ("read scan", commands.READ_SCAN_CONFIG),
-        ("scan 50", commands.set_scan_config(ScanConfig(5000, 5000))),
-        ("write range 180", commands.set_output_range(5000, 0, 1_800_000)),
-        ("set time", commands.set_clock(TIME)),
+        (commands.login(), TEXTS["login"]),
+        (commands.READ_SCAN_CONFIG, TEXTS["read scan"]),
+        (commands.set_scan_config(ScanConfig(5000, 5000)), TEXTS["scan 50"]),
+        (commands.set_output_range(5000, 0, 1_800_000), TEXTS["write range 180"]),
+        (commands.set_clock(TIME), TEXTS["set time"]),
+        # these are written out as the sheet writes its own
+        (commands.set_content("first"), "sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 1 +1"),
+        (commands.set_content("both"), "sWN LMDscandatacfg 03 00 0 0 0 00 00 0 0 0 1 +1"),
+        (commands.set_output_range(2500), "sWN LMPoutputRange 1 9C4 FFF92230 225510"),
+        (commands.subscribe(), "sEN LMDscandata 1"),
+        (commands.subscribe(False), "sEN LMDscandata 0"),
+        (commands.set_dialect("binary"), "sWN EIHstCola 1"),
+        (commands.RUN, "sMN Run"),
     ],
 )
-def test_commands_are_the_sheets_texts(name: str, command: Command) -> None:
-    assert command.encode("ascii") == TEXTS[name]
-
-
-def test_other_commands_are_written_out_as_the_sheet_writes_its_own() -> None:
-    texts = {
-        commands.set_content("first"): "sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 1 +1",
-        commands.set_content("both"): "sWN LMDscandatacfg 03 00 0 0 0 00 00 0 0 0 1 +1",
-        commands.set_output_range(2500): "sWN LMPoutputRange 1 9C4 FFF92230 225510",
-        commands.subscribe(): "sEN LMDscandata 1",
-        commands.subscribe(False): "sEN LMDscandata 0",
-        commands.set_dialect("binary"): "sWN EIHstCola 1",
-        commands.RUN: "sMN Run",
-    }
-    for command, text in texts.items():
-        assert command.encode("ascii") == b"\x02" + text.encode() + b"\x03"
+def test_commands_are_the_sheets_texts(command: Command, text: str | bytes) -> None:
+    assert command.encode("ascii") == texted(text)
 
 
 def test_both_echoes_are_asked_for_where_one_is_not_enough() -> None:
@@ -107,15 +91,15 @@ def test_both_echoes_are_asked_for_where_one_is_not_enough() -> None:
 
 def test_settings_are_read_in_both_dialects() -> None:
     assert commands.maybe_scan_config(heard(FRAMES["scan is 25"])) == ScanConfig(2500, 2500)
-    assert commands.maybe_scan_config(heard(TEXTS["scan is 50"])) == ScanConfig(5000, 5000)
+    assert commands.maybe_scan_config(heard_text(TEXTS["scan is 50"])) == ScanConfig(5000, 5000)
     taken = commands.maybe_taken_config(heard(FRAMES["scan 25 taken"]))
     assert taken == (0, ScanConfig(2500, 2500))
-    taken = commands.maybe_taken_config(heard(TEXTS["scan 50 taken"]))
+    taken = commands.maybe_taken_config(heard_text(TEXTS["scan 50 taken"]))
     assert taken == (0, ScanConfig(5000, 5000))
     assert commands.maybe_output_range_deg(heard(FRAMES["range is"])) == (-44.9997, 224.9997)
-    assert commands.maybe_output_range_deg(heard(TEXTS["range is"])) == (-45.0, 225.0)
+    assert commands.maybe_output_range_deg(heard_text(TEXTS["range is"])) == (-45.0, 225.0)
     assert commands.maybe_content(heard(FRAMES["content is"])) == commands.content("first")
-    lower = made_up("sRA LMDscandatacfg 1  0 0 0 0 0 0 00 0 0 01 +1 ")
+    lower = heard_text("sRA LMDscandatacfg 1  0 0 0 0 0 0 00 0 0 01 +1 ")
     assert commands.maybe_content(lower) == commands.content("first")
 
 
@@ -132,30 +116,30 @@ def test_states_are_read_whichever_way_they_are_written() -> None:
     binary = [b"\x00\x07\x00rest", b"\x00\x04\x01", b"7", b"6 1 8 00:34:19", b"\x00\x05", b"\x07"]
     states = [commands.maybe_state(Answer("sRA", "STlms", values)) for values in binary]
     assert states == [(7, True), (4, False), (7, None), (6, False), (5, None), None]
-    assert commands.maybe_state(heard(TEXTS["state is 7"])) == (7, True)
-    assert commands.maybe_state(made_up("sRA STlms 07 1")) == (7, False)
-    assert commands.maybe_state(made_up("sRA STlms")) is None
+    assert commands.maybe_state(heard_text(TEXTS["state is 7"])) == (7, True)
+    assert commands.maybe_state(heard_text("sRA STlms 07 1")) == (7, False)
+    assert commands.maybe_state(heard_text("sRA STlms")) is None
 
 
 def test_texts_are_read_by_their_lengths() -> None:
     firmware = Answer("sRA", "FirmwareVersion", b"\x00\x09V1.80.2  ")
     assert commands.maybe_texts(firmware) == ("V1.80.2",)
-    assert commands.maybe_texts(heard(TEXTS["firmware"])) == ("V1.80.1",)
-    ident = heard(TEXTS["ident"])
+    assert commands.maybe_texts(heard_text(TEXTS["firmware"])) == ("V1.80.1",)
+    ident = heard_text(TEXTS["ident"])
     assert commands.maybe_texts(ident, 2) == ("LMS10x_FieldEval", "V1.36-21.10.2010")
-    assert commands.maybe_texts(heard(TEXTS["location"])) == ("not defined",)
-    decimal = made_up("sRA DeviceIdent 16 LMS10x_FieldEval 16 V1.36-21.10.2010")
+    assert commands.maybe_texts(heard_text(TEXTS["location"])) == ("not defined",)
+    decimal = heard_text("sRA DeviceIdent 16 LMS10x_FieldEval 16 V1.36-21.10.2010")
     assert commands.maybe_texts(decimal, 2) == ("LMS10x_FieldEval", "V1.36-21.10.2010")
-    assert commands.maybe_texts(made_up("sRA DeviceIdent"), 2) is None
+    assert commands.maybe_texts(heard_text("sRA DeviceIdent"), 2) is None
     assert commands.maybe_texts(Answer("sRA", "FirmwareVersion", b"\x00\x09V1")) is None
 
 
 def test_counters_are_read() -> None:
     hours = Answer("sRA", "ODoprh", bytes.fromhex("0004563c"))
     assert commands.maybe_hours(hours) == 28422.0
-    assert commands.maybe_hours(made_up("sRA ODoprh 4563C")) == 28422.0
-    assert commands.maybe_hours(made_up("sRA ODoprh")) is None
-    assert commands.maybe_number(made_up("sRA ODpwrc 3F"), "I") == 63
+    assert commands.maybe_hours(heard_text("sRA ODoprh 4563C")) == 28422.0
+    assert commands.maybe_hours(heard_text("sRA ODoprh")) is None
+    assert commands.maybe_number(heard_text("sRA ODpwrc 3F"), "I") == 63
     assert commands.maybe_number(heard(FRAMES["clean"])) == 0
 
 
@@ -163,8 +147,8 @@ def test_methods_differ_in_what_they_call_good() -> None:
     assert commands.is_good(heard(FRAMES["logged in"]))
     assert not commands.is_good(heard(FRAMES["not logged in"]))
     assert commands.is_good(heard(FRAMES["range written"]))
-    assert commands.is_good(made_up("sAN LMCstartmeas 0"))
-    assert not commands.is_good(made_up("sAN LMCstopmeas 1"))
-    assert commands.is_good(made_up("sAN mEEwriteall 1"))
-    assert commands.is_good(made_up("sAN mSCreboot"))
-    assert not commands.is_good(made_up("sAN Run"))
+    assert commands.is_good(heard_text("sAN LMCstartmeas 0"))
+    assert not commands.is_good(heard_text("sAN LMCstopmeas 1"))
+    assert commands.is_good(heard_text("sAN mEEwriteall 1"))
+    assert commands.is_good(heard_text("sAN mSCreboot"))
+    assert not commands.is_good(heard_text("sAN Run"))

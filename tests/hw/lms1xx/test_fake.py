@@ -98,26 +98,6 @@ def test_times_hold_while_the_devices_clock_drifts_and_the_wire_is_late() -> Non
     assert bench.lms.status.missed == 0
 
 
-def test_a_device_that_is_silent_for_half_a_minute_after_power_on_is_waited_for() -> None:
-    bench = Bench()
-    bench.fake.start_silent_s = 30.0
-    bench.run(29.0)
-    assert bench.state == "starting"
-    assert bench.lms.status.cause.startswith("waiting for the scanner to answer")
-    bench.run(6.0)
-    assert (bench.state, bench.lms.status.cause) == ("running", "")
-
-
-def test_dropped_scans_are_counted_as_missed() -> None:
-    bench = Bench()
-    bench.run(2.0)
-    bench.fake.drop_rate = 0.3
-    scans = bench.run(4.0)
-    assert len(scans) < 90
-    assert bench.lms.status.missed == pytest.approx(100 - len(scans), abs=2)
-    assert bench.state == "running"
-
-
 def test_a_reboot_is_survived_and_times_are_right_again() -> None:
     bench = Bench()
     bench.run(5.0)
@@ -127,15 +107,6 @@ def test_a_reboot_is_survived_and_times_are_right_again() -> None:
     assert bench.lms.status.losses == 1
     for scan in bench.run(1.0):
         assert -0.001 < late_s(scan) < TICK_S + 0.001
-
-
-@pytest.mark.parametrize("name", ["LMPscancfg", "LMPoutputRange", "STlms"])
-def test_a_refusing_firmware_still_scans(name: str) -> None:
-    bench = Bench(50, 0.5)
-    bench.fake.refuse[name] = 0x0A
-    bench.run(8.0)
-    assert bench.state == "running"
-    assert bench.lms.status.cause == f"the scanner refuses {name} (write access denied)"
 
 
 def test_a_device_that_keeps_its_own_mode_is_used_and_that_is_said() -> None:
@@ -180,20 +151,6 @@ def test_scans_that_are_not_valid_now_and_then_are_left_out_and_change_no_state(
     assert "device status" in bench.lms.status.cause
 
 
-def test_a_dirty_window_is_noticed_while_it_measures() -> None:
-    bench = Bench()
-    bench.run(3.0)
-    assert (bench.lms.condition.contamination, bench.lms.status.cause) == (0, "")
-    bench.fake.contamination = 1
-    bench.run(6.0)
-    assert bench.lms.condition.contamination == 1
-    assert "dirty window" in bench.lms.status.cause
-    assert bench.state == "running"
-    assert bench.lms.condition.temperature_ok
-    assert bench.lms.condition.firmware == "V1.80.2"
-
-
-@pytest.mark.skipif(not hasattr(FakeLms111, "connect"), reason="the fake speaks no CoLa-A")
 def test_a_device_that_was_set_to_text_is_found_after_the_next_connection() -> None:
     bench = Bench()
     bench.run(3.0)

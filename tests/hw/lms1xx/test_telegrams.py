@@ -1,8 +1,7 @@
-"""LMS111 codec: the sheet's frames, the recorded session, and whatever else may come."""
+"""What LMS111 telegrams say: the sheet's frames, the recorded session, and what cannot be true."""
 
 import math
 import struct
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,36 +11,18 @@ from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.lms1xx import telegrams as lms111
-from hw.lms1xx.cola import INCOMPLETE_S, MAX_PAYLOAD, REPORTED_SIZE, encode_frame
+from hw.lms1xx.cola import encode_frame
 from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
 from tests import VECTORS
+from tests.support.lms111_vectors import FRAMES
 
-FRAMES = {
-    row.split("\t")[1]: bytes.fromhex(row.split("\t")[2])
-    for row in (VECTORS / "lms111_frames.tsv").read_text(encoding="utf-8").splitlines()
-    if not row.startswith("#")
-}
 RECORDED = (VECTORS / "lms111_session_d2h.bin").read_bytes()
 SCAN_A, SCAN_B, LOGGED_IN = FRAMES["scan A"], FRAMES["scan B"], FRAMES["logged in"]
-TELEGRAMS = [SCAN_A, LOGGED_IN, FRAMES["unknown variable"], FRAMES["device ready"], SCAN_B]
-JUNK = st.binary(max_size=30)
 
 
 def fed(*pieces: bytes, now_s: float = 0.0) -> list[Any]:
     parser = new_parser()
     return [event for piece in pieces for event in parser.feed(now_s, piece)]
-
-
-def in_words(events: list[Any]) -> list[str]:
-    """Telegrams as comparable text, and all skipped bytes."""
-    words = []
-    for event in events:
-        if isinstance(event, ScanTelegram):
-            values = {name: channel.raw.tolist() for name, channel in event.channels.items()}
-            words.append(f"{event.polled} {event.scan_counter} {event.sent_us} {values}")
-        else:
-            words.append(repr(event))
-    return words
 
 
 def metres(telegram: ScanTelegram, content: str) -> list[float]:
@@ -213,14 +194,6 @@ def test_a_telegram_that_cannot_be_true_is_rejected_and_the_next_is_read(
 # --- streams
 
 
-@given(st.lists(st.binary(max_size=200) | st.sampled_from(TELEGRAMS)))
-def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_frame(pieces: list[bytes]) -> None:
-    parser = new_parser()
-    for tick, piece in enumerate(pieces):
-        parser.feed(tick * 0.1, piece)
-        assert len(parser._buffer) <= MAX_PAYLOAD + 9
-
-
 @given(st.sampled_from([SCAN_A, SCAN_B]), st.lists(st.tuples(st.integers(16), st.integers(0, 255))))
 def test_no_payload_with_a_right_checksum_makes_the_parser_raise(
     frame: bytes, changes: list[tuple[int, int]]
@@ -230,80 +203,3 @@ def test_no_payload_with_a_right_checksum_makes_the_parser_raise(
         payload[at % len(payload)] = value
     fed(encode_frame(bytes(payload)))
     fed(encode_frame(bytes(payload[: changes[0][0] % len(payload)] if changes else payload)))
-
-
-@given(st.lists(st.tuples(JUNK, st.sampled_from(TELEGRAMS)), max_size=6), JUNK)
-def test_telegrams_survive_junk(parts: list[tuple[bytes, bytes]], tail: bytes) -> None:
-    stream = b"".join(junk + frame for junk, frame in parts) + tail
-    events = fed(stream, b"\xff")  # a last byte, after which nothing is the start of a frame
-    found = [event for event in events if not isinstance(event, BadFrame)]
-    assert in_words(found) == in_words(fed(b"".join(frame for _, frame in parts)))
-
-
-@given(
-    st.lists(st.tuples(JUNK, st.sampled_from(TELEGRAMS)), max_size=6),
-    st.lists(st.integers(0, 1200), max_size=8),
-)
-def test_where_the_stream_is_cut_makes_no_difference(
-    parts: list[tuple[bytes, bytes]], cuts: list[int]
-) -> None:
-    stream = b"".join(junk + frame for junk, frame in parts)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    events = fed(*(stream[a:b] for a, b in pairwise(edges)))
-    assert in_words(events) == in_words(fed(stream))
-
-
-def test_a_stream_that_comes_byte_by_byte_is_read_the_same() -> None:
-    stream = b"\x02\x02" + SCAN_A + b"\x02\x02\x02\x02\x00\x00" + SCAN_B + b"\x02" + LOGGED_IN
-    whole = fed(stream)
-    assert in_words(fed(*(bytes([byte]) for byte in stream))) == in_words(whole)
-    assert [event.skipped for event in whole if isinstance(event, BadFrame)] == [
-        b"\x02\x02",
-        b"\x02\x02\x02\x02\x00\x00",
-        b"\x02",
-    ]
-
-
-@pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
-@pytest.mark.parametrize("frame", [SCAN_A, SCAN_B, LOGGED_IN], ids=["scan A", "scan B", "answer"])
-def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(
-    frame: bytes, mask: int
-) -> None:
-    after = LOGGED_IN + SCAN_A
-    for at in range(len(frame)):
-        altered = frame[:at] + bytes([frame[at] ^ mask]) + frame[at + 1 :]
-        parser = new_parser()
-        events = parser.feed(0.0, altered + after)
-        events += parser.feed(INCOMPLETE_S, b"\xff")  # a length too long has been waited for
-        assert isinstance(events[0], BadFrame), at
-        assert in_words(events[-2:]) == in_words(fed(after)), at
-
-
-def test_a_length_that_never_completes_is_waited_for_only_so_long() -> None:
-    parser = new_parser()
-    stuck = b"\x02\x02\x02\x02\x00\x00\x40\x00sRA then silence"
-    assert parser.feed(1.0, stuck + LOGGED_IN) == []
-    assert parser.feed(1.0 + INCOMPLETE_S - 0.01, b"") == []
-    assert parser.feed(1.0 + INCOMPLETE_S, b"") == [
-        BadFrame("telegram never completed", stuck),
-        Answer("sAN", "SetAccessMode", b"\x01"),
-    ]
-
-
-def test_endless_junk_is_told_in_bounded_pieces_and_little_junk_after_a_while() -> None:
-    events = fed(bytes(3 * REPORTED_SIZE + 10))
-    assert [len(event.skipped) for event in events] == [REPORTED_SIZE] * 3
-    parser = new_parser()
-    assert parser.feed(0.0, b"hello") == []
-    assert parser.feed(INCOMPLETE_S, b"") == [BadFrame("no telegram", b"hello")]
-    assert parser.feed(2 * INCOMPLETE_S, b"") == []
-
-
-def test_the_start_mark_within_scan_data_does_no_harm() -> None:
-    values = b"\x02\x02" * 200
-    payload = scan_payload(wide=channel(values=values, points=200))
-    damaged = bytearray(encode_frame(payload))
-    damaged[100] ^= 0x40
-    bad, scan = fed(bytes(damaged) + encode_frame(payload))
-    assert bad == BadFrame("wrong checksum", bytes(damaged))
-    assert scan.channels["DIST1"].raw.tolist() == [0x0202] * 200

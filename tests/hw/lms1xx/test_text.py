@@ -1,7 +1,5 @@
-"""CoLa-A: the texts of the sheet and of a real sister model, and whatever else may come."""
+"""CoLa-A: the texts of the sheet and of a real sister model, and what cannot be true."""
 
-import random
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,19 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.device import BadFrame
-from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, PayloadError
+from hw.lms1xx.cola import PayloadError
 from hw.lms1xx.cola_fields import TextFields, number
 from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, new_parser
 from tests import VECTORS
-from tests.hw.lms1xx.test_commands import FRAMES, TEXTS
-from tests.hw.lms1xx.test_telegrams import in_words
+from tests.support.lms111_vectors import FRAMES, texted
+from tests.support.lms111_vectors import TEXTS as PLAIN
 
 MRS1000 = (VECTORS / "mrs1000_cola_a_one_scan.bin").read_bytes()
 TIM781 = (VECTORS / "tim781_1s_d2h.bin").read_bytes()
-SOME = [TEXTS["scan A"], TEXTS["scan B"], TEXTS["scan is 50"], TEXTS["write denied"]]
-MIXED = [*SOME, FRAMES["scan A"], FRAMES["write denied"]]
-JUNK = st.binary(max_size=30).map(lambda junk: junk.replace(b"\x02", b""))
+TEXTS = {name: texted(text) for name, text in PLAIN.items()}
 
 
 def fed(
@@ -166,90 +161,12 @@ def test_a_text_that_cannot_be_true_is_rejected_and_the_next_is_read(
 
 
 @given(
-    st.lists(st.binary(max_size=200) | st.sampled_from(MIXED)), st.sampled_from(["auto", "ascii"])
+    st.sampled_from([TEXTS["scan A"], TEXTS["scan B"], TEXTS["scan is 50"]]),
+    st.lists(st.tuples(st.integers(5), st.binary(max_size=2))),
 )
-def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_telegram(
-    pieces: list[bytes], dialect: str
-) -> None:
-    parser = new_parser(dialect)  # type: ignore[arg-type]
-    for tick, piece in enumerate(pieces):
-        parser.feed(tick * 0.1, piece)
-        assert len(parser._buffer) <= MAX_TEXT + 200
-
-
-@given(st.sampled_from(SOME[:3]), st.lists(st.tuples(st.integers(5), st.binary(max_size=2))))
 def test_no_text_makes_the_parser_raise(text: bytes, changes: list[tuple[int, bytes]]) -> None:
     payload = bytearray(text[1:-1])
     for at, value in changes:
         at %= len(payload)
         payload[at : at + 1] = value
     fed(b"\x02" + bytes(payload) + b"\x03")
-
-
-@given(st.lists(st.tuples(JUNK, st.sampled_from(MIXED)), max_size=6), JUNK)
-def test_telegrams_of_both_dialects_survive_junk(
-    parts: list[tuple[bytes, bytes]], tail: bytes
-) -> None:
-    stream = b"".join(junk + telegram for junk, telegram in parts) + tail
-    events = fed(stream, b"\xff", dialect="auto")
-    found = [event for event in events if not isinstance(event, BadFrame)]
-    whole = fed(b"".join(telegram for _, telegram in parts), dialect="auto")
-    assert in_words(found) == in_words(whole)
-    assert len(found) == len(parts)
-
-
-@given(
-    st.lists(st.tuples(st.binary(max_size=20), st.sampled_from(MIXED)), max_size=6),
-    st.lists(st.integers(0, 1200), max_size=8),
-)
-def test_where_a_mixed_stream_is_cut_makes_no_difference(
-    parts: list[tuple[bytes, bytes]], cuts: list[int]
-) -> None:
-    stream = b"".join(junk + telegram for junk, telegram in parts)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    pieces = [stream[a:b] for a, b in pairwise(edges)]
-    assert in_words(fed(*pieces, dialect="auto")) == in_words(fed(stream, dialect="auto"))
-
-
-def test_a_text_that_never_ends_is_waited_for_only_so_long_and_only_so_far() -> None:
-    parser = new_parser("ascii")
-    assert parser.feed(1.0, b"\x02sRA LMPsc") == []
-    assert (
-        parser.feed(1.0 + INCOMPLETE_S, b"") == []
-    )  # now it is junk, to be told with what follows
-    bad, good = parser.feed(1.1 + INCOMPLETE_S, TEXTS["write denied"])
-    assert bad == BadFrame("telegram never completed", b"\x02sRA LMPsc")
-    assert good == Refusal(0x0A, "ascii")
-    parser, skipped = new_parser("ascii"), 0
-    for piece in range(200):  # at once: no time passes
-        for event in parser.feed(1.0, b"\x02s" * (piece == 0) + b"x" * 1000):
-            skipped += len(event.skipped)  # type: ignore[union-attr]
-        assert len(parser._buffer) <= MAX_TEXT + 1000
-    assert skipped > 190_000
-    stuck = b"\x02sRA LMPsc" + TEXTS["write denied"]  # a new start tells that the other was none
-    assert fed(stuck) == [BadFrame("telegram cut short", b"\x02sRA LMPsc"), Refusal(10, "ascii")]
-
-
-@pytest.mark.parametrize("dialect", ["ascii", "binary"])
-def test_a_damaged_stream_costs_no_more_decoding_than_a_clean_one(dialect: str) -> None:
-    unit = {"ascii": MRS1000, "binary": TIM781}[dialect]
-    stream = unit * (200_000 // len(unit))
-    damaged, chance = bytearray(stream), random.Random(5)
-    for at in chance.sample(range(len(stream)), len(stream) // 100):
-        damaged[at] ^= chance.randrange(1, 256)
-    counts = []
-    for data in (stream, bytes(damaged)):
-        parser = new_parser("auto")
-        looked_at = 0
-        decode = parser._decode
-
-        def counted(now_s: float, payload: bytes, dialect: Any, decode: Any = decode) -> Any:
-            nonlocal looked_at
-            looked_at += len(payload)
-            return decode(now_s, payload, dialect)
-
-        parser._decode = counted
-        for at in range(0, len(data), 1448):
-            parser.feed(at * 1e-6, data[at : at + 1448])
-        counts.append(looked_at)
-    assert counts[1] <= 1.05 * counts[0]

@@ -10,13 +10,18 @@ import pytest
 from mapod_link.frames import Frame, frame_from_bytes
 from mapod_link.serial_line import Deframer
 from tests import ROOT
-from tests.support.c_link import build_receiver
+from tools.rig.c_build import MCU, built
 
 VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
 NAMES = ("geom", "pose", "map")
 SERIAL = b"".join(bytes.fromhex(VECTORS[f"{name}_serial"]) for name in NAMES)
 ACK, HELLO = 8, 9
 GENEROUS_S = 60.0
+
+
+def receiver() -> str:
+    """The path of the program."""
+    return str(built("receiver", MCU / "host" / "receiver.c", "-O2"))
 
 
 def frames_of(line: bytes) -> list[Frame]:
@@ -33,9 +38,7 @@ def last_of(ack: Frame) -> int:
 
 
 def test_it_acknowledges_on_standard_output_and_ends_with_its_input() -> None:
-    done = subprocess.run(
-        [str(build_receiver()), "stdio"], input=SERIAL, capture_output=True, check=True
-    )
+    done = subprocess.run([receiver(), "stdio"], input=SERIAL, capture_output=True, check=True)
     frames = frames_of(done.stdout)
     assert {frame.type for frame in frames} <= {ACK, HELLO}
     assert [last_of(frame) for frame in frames if frame.type == ACK][-1] == 3
@@ -43,7 +46,7 @@ def test_it_acknowledges_on_standard_output_and_ends_with_its_input() -> None:
 
 def test_it_answers_whoever_sends_datagrams() -> None:
     with (
-        subprocess.Popen([str(build_receiver()), "udp", "0"], stderr=subprocess.PIPE) as program,
+        subprocess.Popen([receiver(), "udp", "0"], stderr=subprocess.PIPE) as program,
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
     ):
         try:
@@ -64,7 +67,7 @@ def test_it_answers_whoever_sends_datagrams() -> None:
 def test_it_serves_one_client_after_the_other_on_tcp(tmp_path: Path) -> None:
     key = tmp_path / "key"
     key.write_text(VECTORS["auth_key"].replace(" ", "") + "\n")
-    command = [str(build_receiver()), "tcp", "0", str(key)]
+    command = [receiver(), "tcp", "0", str(key)]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as program:
         try:
             assert program.stderr is not None
@@ -84,6 +87,6 @@ def test_it_serves_one_client_after_the_other_on_tcp(tmp_path: Path) -> None:
     "words", [[], ["serial"], ["udp"], ["udp", "0", "/nowhere"], ["stdio", "x", "y"]]
 )
 def test_wrong_words_are_refused(words: list[str]) -> None:
-    done = subprocess.run([str(build_receiver()), *words], capture_output=True, check=False)
+    done = subprocess.run([receiver(), *words], capture_output=True, check=False)
     assert done.returncode == 2
     assert done.stderr

@@ -8,8 +8,9 @@ import pytest
 
 from fakes.wires.memory import MemoryPort
 from hw.planner_link.receivers import one_link
-from tests.support.c_board import Board, build_firmware
+from tests.support.c_board import build_firmware
 from tests.support.planner_line import POSE_REPORT, Sky
+from tools.rig.board import Board
 
 FREE, OBSTACLE = 1, 2
 SETTLES = 100

@@ -5,8 +5,7 @@ import struct
 import pytest
 
 from mapod_link.frames import bytes_from_frame, signed_bytes_from_frame
-from tests.support.c_link import CReceiver
-from tests.support.c_types import NO_YAW, NOT_KNOWN, Ask, ExternalPose
+from tests.support.c_link import NO_YAW, NOT_KNOWN, Ask, CReceiver, ExternalPose
 
 GEOM, POSE, MAP, DIGEST, ZONE, TILE = 1, 2, 3, 4, 5, 6
 SESSION, KEY, NONCE = 0x5A17C0DE, bytes(range(32)), 99
@@ -272,6 +271,18 @@ def test_a_receiver_that_only_asks_says_so_and_acknowledges_nothing() -> None:
     assert receiver.poll(2.0) == []
 
 
+def test_a_receiver_without_memory_for_a_map_keeps_all_but_the_map() -> None:
+    receiver = CReceiver(NONCE, poll_only=True, keeps_map=False, max_cells=2**32 - 1)
+    for seq, (kind, body) in enumerate(
+        [(GEOM, geom()), (POSE, pose()), (MAP, cells(FREE_ROW)), (GEOM, geom(8)), (POSE, pose())]
+    ):
+        assert receiver.feed_datagram(1.0, bytes_from_frame(kind, seq, 1000 + seq, body))
+    assert not receiver.window().any()
+    assert receiver.link_advice(1.0) == ("stop", "no map yet")
+    assert receiver.pose is not None
+    assert receiver.drive(1.0, 0.1, 0.0, 0.3), "the run of the sender is known"
+
+
 def test_a_stop_zone_counts_for_a_third_of_a_second_by_either_clock() -> None:
     line = Line().begin()
     body = struct.pack("<8HhBB", 900, 65_535, 0, 65_535, 65_535, 500, 0, 65_535, 0, 1, 0)
@@ -334,6 +345,4 @@ def test_values_that_no_frame_tells_are_not_sent() -> None:
     assert not line.receiver.ask(1.0, Ask(1, 0x80))
     assert not line.receiver.ask(1.0, Ask(1, 0x18))
     line.receiver.say("stopped")
-    line.receiver.take()
-    line.receiver.acknowledge(1.0)
-    assert line.receiver.take()[0][8 + 14] & 0x10
+    assert line.receiver.ack(1.0)[8 + 14] & 0x10

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from hw.modbus import layout
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from tests.support.modbus_rig import START_S, new_image
 from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled, main
 

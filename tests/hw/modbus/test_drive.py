@@ -6,7 +6,7 @@ from hw.modbus.client import CLIENT_HZ, Client, is_loopback
 from hw.modbus.framing import Request
 from hw.modbus.image import RegisterImage
 from hw.modbus.layout import DRIVE
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from tests.support.modbus_rig import (
     CLEAR,
     GOOD,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from core.records import FREE, I8, OBSTACLE
 from hw.modbus.image import PACK_S, VIEW_S, RegisterImage, View, next_generation
 from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, stride_of
-from hw.modbus.refusals import Refusal
+from hw.modbus.pdu import Refusal
 from hw.modbus.status import STALE_S
 from tests.support.modbus_rig import (
     BAD,
@@ -20,11 +20,12 @@ from tests.support.modbus_rig import (
     SIZE,
     START_S,
     new_image,
+    raster,
+    rows_of,
     some_cells,
     window_of,
 )
 
-CODES = {OBSTACLE: 2, FREE: 1, 0: 0}
 STEPS = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3)), max_size=40)
 
 
@@ -40,23 +41,6 @@ def words(
         found += [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(size)]
         first, count = first + size, count - size
     return found
-
-
-def cells_of(registers: list[int], edge: int) -> list[list[int]]:
-    """Rows of cell codes."""
-    stride = stride_of(edge)
-    rows = [registers[row * stride : (row + 1) * stride] for row in range(edge)]
-    return [[row[c // 8] >> 2 * (c % 8) & 3 for c in range(edge)] for row in rows]
-
-
-def raster(cells: I8, corner: tuple[int, int], trusted: bool) -> list[list[int]]:
-    """The slow and obvious model: codes by world cell, lowest corner first."""
-    n = len(cells)
-    rows = [
-        [CODES[int(cells[j % n, i % n])] for i in range(corner[0], corner[0] + n)]
-        for j in range(corner[1], corner[1] + n)
-    ]
-    return rows if trusted else [[code if code == 2 else 0 for code in row] for row in rows]
 
 
 def coarse(rows: list[list[int]]) -> list[list[int]]:
@@ -98,9 +82,9 @@ def test_cells_and_coarse_cells_equal_a_slow_model(
     count = size * stride_of(size)
     told = words(image, WINDOW_CELLS, count, START_S + 1)
     expected = raster(cells, corner, trusted)
-    assert cells_of(told, size) == expected
+    assert rows_of(told, size) == expected
     registers = words(image, COARSE, 71, START_S + 1)
-    assert cells_of(registers[7:-1], COARSE_CELLS) == coarse(expected)
+    assert rows_of(registers[7:-1], COARSE_CELLS) == coarse(expected)
     assert registers[0] == registers[-1] == words(image, WINDOW, 1, START_S + 1)[0]
 
 
@@ -144,7 +128,7 @@ def test_the_window_is_packed_ten_times_a_second_and_at_once_when_trust_is_lost(
     image.publish(now_s, BAD, CLEAR, window_of(cells, trusted=False))
     assert not any(
         code == 1
-        for row in cells_of(words(image, WINDOW_CELLS, SIZE * 4, now_s), SIZE)
+        for row in rows_of(words(image, WINDOW_CELLS, SIZE * 4, now_s), SIZE)
         for code in row
     )
     image.publish(now_s + 0.02, GOOD, CLEAR, window_of(cells, epoch=1))
@@ -191,7 +175,7 @@ def test_a_view_read_in_many_pieces_never_mixes_two_maps(
             size = min(reads, count - at)
             read[view] += words(image, WINDOW_CELLS + at, size, now_s, views[view])
             if size and len(read[view]) == count:
-                assert cells_of(read[view], SIZE) == truth[generation[view]]
+                assert rows_of(read[view], SIZE) == truth[generation[view]]
                 end = words(image, WINDOW_CELLS + count, 1, now_s, views[view])
                 assert end == [generation[view]]
 

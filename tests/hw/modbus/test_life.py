@@ -7,10 +7,11 @@ import random
 import socket
 import weakref
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from hw.modbus.server import ModbusServer, _why_closed
+from hw.modbus.server import CALL_BYTES, ModbusServer, _why_closed
 from hw.ports.url import PortUrlError, parse_url
 from tests.support.modbus_rig import (
     READ_TEN,
@@ -125,12 +126,34 @@ def test_a_line_that_nobody_reads_does_not_stall_the_loop() -> None:
         line, clock = Line(), Clock()
         async with serving(line.url(), new_image(), clock) as server:
             ask = bytes.fromhex("01 04 00 00 00 7D 30 2B")
-            for k in range(150):  # more answers than a pty keeps
+            asker = server._service._handler._client  # type: ignore[union-attr]
+            for _ in range(150):  # more answers than a pty keeps
                 clock.now_s += 1.0
                 os.write(line.master, ask)
-                await until(lambda k=k: server.counters.requests > k)  # type: ignore[misc]
+                await until(lambda: asker.asked_s == clock.now_s)
             assert server.status.state == "running"
             line.close()
+
+    asyncio.run(run())
+
+
+def test_a_flood_on_a_line_is_looked_at_in_bounded_portions_and_in_order() -> None:
+    async def run() -> None:
+        line, clock = Line(), Clock()
+        async with serving(line.url(), new_image(), clock) as server:
+            service: Any = server._service
+            line.send(bytes.fromhex("01 03 00 00 00 01 84 0A") * 400)
+            service._hear()
+            assert len(service._unread) == 400 * 8 - CALL_BYTES
+            service._hear()
+            assert len(service._unread) == 400 * 8 - 2 * CALL_BYTES
+            answer = bytes.fromhex("01 03 02 4D 50 8D 28")
+            while len(line.listen()) < 400 * 7:
+                clock.now_s += 0.01
+                await asyncio.sleep(0)
+            assert bytes(line.heard) == answer * 400
+            assert not service._unread
+        line.close()
 
     asyncio.run(run())
 

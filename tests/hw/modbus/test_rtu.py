@@ -7,11 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.modbus.client import Access
-from hw.modbus.framing import Request, datagram_requests, take_requests
+from hw.modbus.framing import (
+    KEPT,
+    Request,
+    RtuReceiver,
+    answer_size,
+    crc16,
+    datagram_requests,
+    take_requests,
+)
 from hw.modbus.image import RegisterImage, View
 from hw.modbus.layout import MOST_READ
 from hw.modbus.pdu import SERVED, answer
-from hw.modbus.rtu import KEPT, RtuReceiver, answer_size, crc16
 from tests.support.modbus_rig import START_S, Clock, context_of, new_image
 
 OURS = frozenset({1, 2})

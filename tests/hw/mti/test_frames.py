@@ -8,15 +8,10 @@ from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.mti.frames import ERRORS, MtFrame, MtParser, describe_error, encode_frame
-from tests import VECTORS
+from tests.support.mti_frames import ROWS, wire
 
 BAUD = 115200
-FRAMES = [
-    line.split("\t")
-    for line in (VECTORS / "mti_frames.tsv").read_text().splitlines()
-    if not line.startswith("#")
-]
-EULER_FRAME = next(bytes.fromhex(row[2]) for row in FRAMES if row[1] == "MTData 0006 00000005")
+EULER_FRAME = wire("MTData 0006 00000005")
 DATA_WITH_PREAMBLE = bytes.fromhex("3F80 0000 0000 0000 0000 0000 FAFF")
 MIDS = st.integers(0, 255)
 JUNK = st.binary(max_size=20).map(lambda junk: junk.replace(b"\xfa", b""))
@@ -26,21 +21,21 @@ def frames_of(data: bytes, now_s: float = 0.0) -> list[MtFrame]:
     return [e for e in MtParser(BAUD).feed(now_s, data) if isinstance(e, MtFrame)]
 
 
-@pytest.mark.parametrize("row", FRAMES, ids=lambda row: f"{row[1]} {row[3]}")
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row[1]} {row[3]}")
 def test_each_frame_of_the_sheet_is_read_and_written_byte_for_byte(row: list[str]) -> None:
-    wire = bytes.fromhex(row[2])
-    events = MtParser(BAUD).feed(0.0, wire)
-    assert events == [MtFrame(wire[2], wire[4:-1])]
-    assert encode_frame(wire[2], wire[4:-1]) == wire
-    assert frames_of(wire)[0].wire_bytes == len(wire)
+    frame = bytes.fromhex(row[2])
+    [event] = MtParser(BAUD).feed(0.0, frame)
+    assert event == MtFrame(frame[2], frame[4:-1])
+    assert encode_frame(frame[2], frame[4:-1]) == frame
+    assert frames_of(frame)[0].wire_bytes == len(frame)
 
 
 def test_the_extended_length_begins_at_255_bytes() -> None:
     assert encode_frame(0x36, bytes(260)).hex(" ").startswith("fa ff 36 ff 01 04")
     for size in (254, 255, 256, 1320, 2048):
-        wire = encode_frame(0x91, bytes(size))
-        assert frames_of(wire) == [MtFrame(0x91, bytes(size))]
-        assert frames_of(wire)[0].wire_bytes == len(wire)
+        frame = encode_frame(0x91, bytes(size))
+        assert frames_of(frame) == [MtFrame(0x91, bytes(size))]
+        assert frames_of(frame)[0].wire_bytes == len(frame)
     with pytest.raises(ValueError, match="2048"):
         encode_frame(0x91, bytes(2049))
 
@@ -50,7 +45,7 @@ def test_a_device_on_bus_id_1_is_heard() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wire", "reason"),
+    ("junk", "reason"),
     [
         ("FA FF 31 00 D1", "bad checksum"),
         ("FA FF 42 01 04 BB", "bad checksum"),
@@ -59,8 +54,8 @@ def test_a_device_on_bus_id_1_is_heard() -> None:
         ("00 31 00 D0", "no start of a frame"),
     ],
 )
-def test_what_is_no_frame_is_told_with_the_next_frame_or_later(wire: str, reason: str) -> None:
-    bad, good = BadFrame(reason, bytes.fromhex(wire)), MtFrame(0x31, b"")
+def test_what_is_no_frame_is_told_with_the_next_frame_or_later(junk: str, reason: str) -> None:
+    bad, good = BadFrame(reason, bytes.fromhex(junk)), MtFrame(0x31, b"")
     assert MtParser(BAUD).feed(0.0, bad.skipped + encode_frame(0x31)) == [bad, good]
     parser = MtParser(BAUD)
     assert parser.feed(0.0, bad.skipped) == []
@@ -108,10 +103,10 @@ def test_a_frame_that_a_stalled_host_reads_in_two_halves_is_whole() -> None:
 
 @given(position=st.integers(0, len(EULER_FRAME) - 1), other=st.integers(1, 255))
 def test_a_frame_with_any_one_byte_altered_is_rejected(position: int, other: int) -> None:
-    wire = bytearray(EULER_FRAME)
-    wire[position] ^= other
+    altered = bytearray(EULER_FRAME)
+    altered[position] ^= other
     parser = MtParser(BAUD)
-    events = parser.feed(0.0, bytes(wire)) + parser.feed(1.0, b"\0" * 2100)
+    events = parser.feed(0.0, bytes(altered)) + parser.feed(1.0, b"\0" * 2100)
     assert not [event for event in events if isinstance(event, MtFrame)]
 
 

@@ -3,6 +3,7 @@
 import pytest
 
 from hw.mti.frames import ERRORS
+from tests.support.mti_frames import framed, wire
 from tests.support.scripted_mti import (
     CONVERSATION,
     NEW_READ,
@@ -11,8 +12,6 @@ from tests.support.scripted_mti import (
     Bench,
     Scripted,
     ScriptedNew,
-    framed,
-    wire,
 )
 
 REQUESTS = list(dict.fromkeys(CONVERSATION))
@@ -33,14 +32,14 @@ BOTH = [(Scripted, request) for request in REQUESTS] + [
 HARMLESS = {0x1C, 0x12, 0x1E, 0x0C, 0xD4}
 
 
-def spoiled(device_type: type[Scripted], request: bytes, answer: bytes | None) -> Bench:
+def spoiled(device_type: type[Scripted], request: bytes, answer: bytes | None) -> Bench[Scripted]:
     """A bench whose device answers one request in its own way."""
     bench = Bench(device_type())
     bench.device.answers[request] = answer
     return bench
 
 
-def mend(bench: Bench, request: bytes) -> None:
+def mend(bench: Bench[Scripted], request: bytes) -> None:
     """The device is as it should be again."""
     original = type(bench.device)().answers
     del bench.device.answers[request]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hw.mti import service as commands
 from hw.mti.service import OrientationReset, Scenario
-from tests.support.scripted_mti import configuration, framed, wire
+from tests.support.mti_frames import configuration, framed, wire
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def test_no_bytes_make_the_decoder_raise(data: bytes) -> None:
 
 
 @given(
-    frames=st.lists(st.binary(min_size=1, max_size=368), max_size=6),
+    frames=st.lists(st.binary(min_size=12, max_size=368), max_size=6),
     cuts=st.lists(st.integers(0, 3000), max_size=8),
 )
 def test_where_the_serial_stream_is_cut_makes_no_difference(

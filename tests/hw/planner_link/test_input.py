@@ -7,7 +7,8 @@ from hw.device import BadFrame
 from hw.planner_link.input import TICK_BYTES, FrameInput
 from mapod_link.serial_line import serial_from_frame
 
-FRAMES = [bytes([k % 250 + 1]) * (1 + k % 300) for k in range(400)]
+FRAMES = [bytes([k % 250 + 1]) * (13 + k % 300) for k in range(400)]
+ONE, TWO = bytes(range(20)), bytes(range(1, 21))
 
 
 @pytest.mark.parametrize("datagrams", [True, False])
@@ -30,20 +31,20 @@ def test_a_flood_is_taken_in_bounded_portions_and_in_order(datagrams: bool) -> N
 def test_a_new_connection_begins_with_a_whole_frame() -> None:
     port = MemoryPort()
     source = FrameInput(port)
-    port.give(serial_from_frame(b"one") + b"\x09half of")
-    assert source.read() == [b"one"]
+    port.give(serial_from_frame(ONE) + b"\x09half of")
+    assert source.read() == [ONE]
     port.connected = False
     port.connected = True
-    port.give(serial_from_frame(b"two"))
-    assert source.read() == [b"two"]
+    port.give(serial_from_frame(TWO))
+    assert source.read() == [TWO]
 
 
 def test_what_waits_of_an_old_connection_is_not_taken_for_the_new_one() -> None:
     port = MemoryPort()
     source = FrameInput(port)
-    port.give(serial_from_frame(b"old") * 2000)
+    port.give(serial_from_frame(ONE) * 2000)
     assert source.read()
     port.connected = False
     port.connected = True
-    port.give(serial_from_frame(b"new"))
-    assert source.read() == [b"new"]
+    port.give(serial_from_frame(TWO))
+    assert source.read() == [TWO]

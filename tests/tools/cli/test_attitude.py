@@ -1,4 +1,4 @@
-"""`tools/cli/attitude.py` against a fake sensor on a pty."""
+"""`mapod attitude` against a fake sensor on a pty."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from tools.cli import attitude
 
 def said(capsys: pytest.CaptureFixture[str], path: str, *what: str) -> str:
     """What the tool prints when it does what it was told."""
-    status = attitude.main(["--port", f"serial://{path}?baud=115200", *what])
+    status = attitude.main([*what, "--port", f"serial://{path}?baud=115200"])
     printed = capsys.readouterr()
     assert status == 0, printed.err
     return printed.out
@@ -36,7 +36,7 @@ def test_a_profile_is_chosen_among_those_offered_only(capsys: pytest.CaptureFixt
         ]
         assert f"in use: {offered[-1]}" in said(capsys, path, "scenario", str(offered[-1]))
         url = f"serial://{path}?baud=115200"
-        assert attitude.main(["--port", url, "scenario", "200"]) == 1
+        assert attitude.main(["scenario", "200", "--port", url]) == 1
         assert f"must be one of {offered}, is 200" in capsys.readouterr().err
 
 
@@ -65,10 +65,10 @@ def test_silence_and_wrong_use_are_told_in_words(capsys: pytest.CaptureFixture[s
     sensor = level_sensor()
     sensor.mute = True
     with on_ptys(sensor) as (path,):
-        assert attitude.main(["--port", f"serial://{path}?baud=115200", "info"]) == 1
+        assert attitude.main(["info", "--port", f"serial://{path}?baud=115200"]) == 1
         assert "no answer" in capsys.readouterr().err
     with pytest.raises(SystemExit, match="2"):
-        attitude.main(["--port", "serial:///dev/none?baud=115200", "baud", "12"])
+        attitude.main(["baud", "12"])
     assert "115200" in capsys.readouterr().err
-    assert attitude.main(["--port", "nowhere", "info"]) == 2
+    assert attitude.main(["info", "--port", "nowhere"]) == 2
     assert "nowhere" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`tools/calibration/calibrate.py` against the fakes: in the world, and over ports in real time."""
+"""`mapod calibrate` against the fakes: in the world, and over ports in real time."""
 
 import doctest
 import math
@@ -261,7 +261,7 @@ def test_a_section_is_known_however_its_head_is_written(head: str) -> None:
 def test_a_file_that_is_not_understood_is_not_changed(old: str, new: str) -> None:
     text = SHIPPED.replace(old, new)
     assert load_config(text) == load_config(SHIPPED)
-    with pytest.raises(settings.NotThereError, match="mount_tilt_deg: not on a line"):
+    with pytest.raises(settings.NotThereError, match=r"no scanner\.mount_tilt_deg on a line"):
         settings.with_values(text, "scanner", {"mount_tilt_deg": "6.25"})
 
 

@@ -168,8 +168,8 @@ def test_it_starts_a_fake_that_is_set_as_the_real_one_and_writes_down_all_facts(
     wire, path = TcpWire(real), tmp_path / "facts.json"
     with served(wire):
         url = url_of("scanner", wire)
-        scanner.main(["--port", url, "start"])
-        status = compare.main(["scanner", "--real", url, "--seconds", "1", "--json", str(path)])
+        scanner.main(["start", "--port", url])
+        status = compare.main(["scanner", "--port", url, "--seconds", "1", "--out", str(path)])
     printed = capsys.readouterr()
     facts = json.loads(path.read_text(encoding="utf-8"))
     real_facts, fake_facts = (
@@ -186,11 +186,11 @@ def test_who_does_not_answer_is_told_in_words(capsys: pytest.CaptureFixture[str]
     silent.deaf = True
     with served(wire := PtyWire(silent)):
         url = url_of("ahrs", wire)
-        assert compare.main(["ahrs", "--real", url, "--fake", url]) == 2
+        assert compare.main(["ahrs", "--port", url, "--fake", url]) == 2
     assert "no answer to GoToConfig" in capsys.readouterr().err
-    assert compare.main(["ahrs", "--real", "nowhere"]) == 2
-    assert compare.main(["planner", "--real", "udp://127.0.0.1:9751"]) == 2
-    assert "tools.cli.link_test --port udp://127.0.0.1:9751" in capsys.readouterr().out
+    assert compare.main(["ahrs", "--port", "nowhere"]) == 2
+    assert compare.main(["planner", "--port", "udp://127.0.0.1:9751"]) == 2
+    assert "mapod link-test --port udp://127.0.0.1:9751" in capsys.readouterr().err
 
 
 def test_facts_agree_within_what_a_line_and_a_machine_make_of_them() -> None:

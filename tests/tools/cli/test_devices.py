@@ -1,4 +1,4 @@
-"""`tools/cli/devices.py` against fakes on ptys: which device speaks where, what it prints."""
+"""`mapod devices` against fakes on ptys: which device speaks where, what it prints."""
 
 import re
 import select
@@ -94,3 +94,13 @@ def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> Non
     assert 'KERNELS=="1-1.3"' in two
     assert two.endswith('SYMLINK+="ax3500"')
     assert next(iter(toml_lines(found))) == "[ahrs]"
+
+
+def test_a_machine_without_ports_is_told_what_to_do(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(devices, "LIST_PORTS", list)
+    assert devices.main([]) == 1
+    told = capsys.readouterr().err
+    assert "this machine lists no serial port: plug the adapters in" in told
+    assert len(told.splitlines()) == 1

@@ -38,6 +38,7 @@ def test_a_receiver_with_a_key_passes_with_that_key(
 ) -> None:
     path = tmp_path / "key"
     path.write_text(KEY.hex() + "\n")
+    path.chmod(0o600)
     with ServedReceiver(Receiver(0x11223344, key=KEY, ack_period_s=SOON_S)) as served:
         assert outcome(served.url, "1,4", "--key-file", str(path)) == link_test.PASSED
     assert "session that was left" in capsys.readouterr().out
@@ -101,7 +102,7 @@ def test_where_nobody_answers_nothing_is_said_to_pass(capsys: pytest.CaptureFixt
     [
         (["--port", "udp://127.0.0.1:9", "--only", "99"], "no test has the number 99"),
         (["--port", "carrier-pigeon://x"], "carrier-pigeon"),
-        (["--port", "udp://127.0.0.1:9", "--key-file", __file__], "32 bytes, or 64 hex"),
+        (["--port", "udp://127.0.0.1:9", "--key-file", __file__], "only its owner may have access"),
         (["--port", "udp://127.0.0.1:9", "--key-file", "/no/such"], "/no/such"),
     ],
 )
@@ -109,7 +110,7 @@ def test_wrong_arguments_are_told_in_one_line(
     arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert link_test.main(arguments) == link_test.NOT_EXAMINED
-    said = capsys.readouterr().out
+    said = capsys.readouterr().err
     assert words in said
     assert said.count("\n") == 1
 

@@ -1,4 +1,4 @@
-"""`tools/cli/scanner.py` against a fake scanner on TCP, in both dialects."""
+"""`mapod scanner` against a fake scanner on TCP, in both dialects."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def said(capsys: pytest.CaptureFixture[str], fake: FakeLms111, *what: str, statu
     """What the tool prints of a fake, on either stream."""
     wire = TcpWire(fake)
     with served(wire):
-        got = scanner.main(["--port", f"tcp://127.0.0.1:{wire.port}", *what])
+        got = scanner.main([*what, "--port", f"tcp://127.0.0.1:{wire.port}"])
     printed = capsys.readouterr()
     assert got == status, printed
     return printed.out + printed.err
@@ -71,4 +71,4 @@ def test_refusals_and_silence_are_told_in_words(capsys: pytest.CaptureFixture[st
     silent = five_metres()
     silent.mute = True
     assert "no answer in CoLa-B nor in CoLa-A" in said(capsys, silent, "info", status=1)
-    assert scanner.main(["--port", "nowhere", "info"]) == 2
+    assert scanner.main(["info", "--port", "nowhere"]) == 2

@@ -5,7 +5,6 @@ import os
 import random
 import socket
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,6 @@ from hypothesis import strategies as st
 from rich.color import Color, ColorSystem
 from rich.console import Console
 
-from core.config import ConfigError
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import (
     ACK,
@@ -38,7 +36,6 @@ from tests.support.planner_sender import (
     with_map,
     zone_body,
 )
-from tools.cli.options import maybe_key
 from tools.cli.view import main, progress_line, zone_lines
 from tools.terminal.planner_end import Delays, Meter, PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.screen import (
@@ -377,16 +374,6 @@ def test_other_urls_are_refused(url: str, capsys: pytest.CaptureFixture[str]) ->
         wire_from_url(url)
     assert main(["--port", url]) == 2
     assert url in capsys.readouterr().err
-
-
-def test_a_key_is_read_in_both_forms(tmp_path: Path) -> None:
-    key = bytes(range(32))
-    (tmp_path / "raw").write_bytes(key)
-    (tmp_path / "hex").write_text(key.hex() + "\n")
-    (tmp_path / "short").write_text("0011")
-    assert maybe_key(tmp_path / "raw") == maybe_key(tmp_path / "hex") == key
-    with pytest.raises(ConfigError, match="32 bytes"):
-        maybe_key(tmp_path / "short")
 
 
 def test_the_viewer_ends_by_itself_and_says_that_nothing_came(

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tools.conformance.c_receiver import NoCompilerError, library
 from tools.conformance.exam import DeviationError
 from tools.conformance.rough_wire import Roughness, RoughWire
 from tools.conformance.soak import Soak
@@ -10,14 +9,6 @@ from tools.conformance.soak_leg import leg_of
 from tools.conformance.wire import FREE, maybe_uncobs
 
 FRAMES = 1300  # in each of 16 legs
-
-
-@pytest.fixture(autouse=True)
-def _a_compiler() -> None:
-    try:
-        library()
-    except NoCompilerError:
-        pytest.skip("needs gcc: apt install gcc")
 
 
 @pytest.mark.parametrize("number", range(16))

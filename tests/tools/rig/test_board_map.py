@@ -14,7 +14,6 @@ import pytest
 
 from core.records import FREE, OBSTACLE
 from tools.rig.board import EmulatedBoard
-from tools.rig.c_build import MissingToolError
 from tools.rig.c_planner import PlannerSettings
 from tools.rig.loop import Loop
 
@@ -86,11 +85,8 @@ class BoardOnLine:
 
 @pytest.fixture
 def board(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmulatedBoard]:
-    try:
-        running = EmulatedBoard(PlannerSettings(start_clear_m=9.0), tmp_path_factory.mktemp("b"))
-    except MissingToolError as missing:
-        pytest.skip(f"{missing}; its host form is tested instead")
-    with running:
+    settings = PlannerSettings(start_clear_m=9.0)
+    with EmulatedBoard(settings, tmp_path_factory.mktemp("b")) as running:
         yield running
 
 

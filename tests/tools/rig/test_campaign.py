@@ -15,9 +15,9 @@ from fakes.lms1xx.recorded import RecordedLms111
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid
 from tests.support.blind_pilot import BlindPilot
-from tests.support.c_link import needs
 from tools.rig import campaign, record, report
 from tools.rig.__main__ import main as rig_main
+from tools.rig.c_build import program
 from tools.rig.campaign import Task, outcome_of, outcomes_of, spec_of
 from tools.rig.loop import rig_config
 from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
@@ -216,7 +216,7 @@ def test_run_k_of_a_seed_is_the_same_whatever_else_is_run() -> None:
 
 
 def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None:
-    needs("gcc", "gcc")
+    program("gcc")
     tasks = [Task(k, spec_of(1, k, SCENES, limit_s=3.0)) for k in range(2)]
     nowhere = Task(2, RunSpec("no such scene", 1))
     outcomes = {outcome.number: outcome for outcome in outcomes_of([*tasks, nowhere], 1)}

@@ -1,7 +1,6 @@
 """The live rig as its user runs it: real processes, real sockets and ptys, real time."""
 
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -12,6 +11,7 @@ import pytest
 from tests import ROOT
 from tools.rig import bench as rig_bench
 from tools.rig import live
+from tools.rig.c_build import program
 
 SECONDS = "60"  # at most; it ends once the goal is reached
 
@@ -34,25 +34,16 @@ def ran(*words: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def needed(planner: str) -> None:
-    """Skips the test where a program is missing."""
-    programs = {
-        "host": {"gcc": "gcc"},
-        "board": {
-            "arm-none-eabi-gcc": "gcc-arm-none-eabi libnewlib-arm-none-eabi",
-            "qemu-system-arm": "qemu-system-arm",
-        },
-    }[planner]
-    for program, package in programs.items():
-        if shutil.which(program) is None:
-            pytest.skip(f"needs {program}: apt install {package}")
+NEEDED = {"host": ["gcc"], "board": ["arm-none-eabi-gcc", "qemu-system-arm"]}
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("planner", ["host", "board"])
 def test_the_robot_comes_to_its_goal_in_spite_of_faults_and_all_processes_end(
     planner: str, tmp_path: Path
 ) -> None:
-    needed(planner)
+    for name in NEEDED[planner]:
+        program(name)
     words = ["--config", str(bench(tmp_path, planner)), "--seconds", SECONDS]
     for second in range(8, 60, 3):  # some of them strike while it drives
         words += ["--fault", f"scanner.mute@{second}s+0.3s"]
@@ -90,7 +81,7 @@ def test_a_scene_that_is_not_there_is_an_error(
 def test_a_device_that_does_not_answer_is_named_with_its_cause(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    needed("host")
+    program("gcc")
     monkeypatch.setattr(rig_bench, "DEVICES_S", 1.0)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # what is kept lies there
     path = bench(tmp_path, "host")

@@ -1,0 +1,166 @@
+"""One exchange at a time with an AX3500: query, echo, values; and what comes unasked.
+
+Source: AX3500 sheet, sections 1, 2, 10 and 12.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from hw.ax3500.lines import CHARACTER_S, CR, Line, WatchdogStop
+from hw.ax3500.motors import Motors
+from hw.ax3500.values import ControllerState
+from hw.device import DeviceStatus, Tick
+from hw.exchange import Exchange, StartAgainError, Steps
+
+CR_EVERY_S, CR_COUNT = 0.04, 20
+ECHO_S, EXCHANGE_S = 0.1, 0.2
+QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
+STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
+MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
+KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
+NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
+NO_VALUE = "no value after the echo"
+NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
+
+
+@dataclass(slots=True)
+class CounterStream:
+    """What the session hears, for the side that measures."""
+
+    readings: list[tuple[int, float, int]] = field(default_factory=list)  # channel, t_s, raw
+    zero_lost: bool = False  # the controller has restarted
+    watchdog_stops: int = 0
+    identity: int | None = None
+    controller: ControllerState = field(default_factory=ControllerState)
+    remark: str = ""  # while running
+
+
+class Conversation:
+    """Exchanges with one controller, and what they say about it.
+
+    Args:
+        expects_restart: whether lines of a controller that starts up are no surprise now.
+    """
+
+    def __init__(
+        self,
+        status: DeviceStatus,
+        stream: CounterStream,
+        motors: Motors,
+        expects_restart: Callable[[], bool],
+    ) -> None:
+        self.exchange = Exchange(status, self._hear, pause_s=0.0, longest_pause_s=0.0)
+        self.fault = ""  # of the last exchange
+        self.failures = 0  # exchanges in a row
+        self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
+        self._stream, self._motors = stream, motors
+        self._expects_restart = expects_restart
+        self._clean_lines = self._unclean_lines = 0  # since the conversation began
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether something arrives, and never a line that this controller may send."""
+        return self._unclean_lines > 0 and not self._clean_lines
+
+    def _hear(self, tick: Tick) -> list[Any]:
+        """The lines and bad frames of a tick."""
+        if self._stream.readings:
+            self._stream.readings = []
+        self._motors.look(tick.now_s)
+        if not tick.events:
+            return tick.events
+        events = [event for event in tick.events if not isinstance(event, WatchdogStop)]
+        if len(events) < len(tick.events):
+            self._stream.watchdog_stops += len(tick.events) - len(events)
+            self._motors.doubt("the controller's watchdog stopped them")
+        for event in events:
+            clean = isinstance(event, Line) and KNOWN_LINE.fullmatch(event.text) is not None
+            self._clean_lines += clean
+            self._unclean_lines += not clean
+        if not self._expects_restart():
+            self._check_restart(events)
+        return events
+
+    def _check_restart(self, events: list[Any]) -> None:
+        """Lines that nobody asked for: the controller starts up, or is back in R/C mode."""
+        for event in events:
+            if isinstance(event, Line) and is_start_up(event):
+                self.have_restarted()
+                raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
+
+    def have_restarted(self) -> None:
+        """Its counters begin at zero, in the mode that its flash says."""
+        self._stream.zero_lost, self.entered = True, False
+
+    def enter(self) -> Steps[None]:
+        """RS-232 mode by ten CR in a row; more, in case it was still starting up."""
+
+        def maybe_ok(event: Any) -> bool | None:  # a logging line may stand in front of it
+            return True if isinstance(event, Line) and event.text.endswith("OK") else None
+
+        if (yield from self.exchange.ask(CR, maybe_ok, CR_EVERY_S, CR_COUNT)):
+            self._stream.zero_lost = True  # only a restart can have brought R/C mode
+            self.entered = True
+            yield from self.exchange.turn(self.stop_motors())
+
+    def maybe_answer(
+        self, query: str, out: bytes, legal: re.Pattern[str], lines: int = 1
+    ) -> Steps[tuple[float, list[str]] | None]:
+        """One exchange: when the controller took its values, and these (or "-"); or None.
+
+        A value counts only after the echo of its own query: prompts look like values.
+        """
+        written_s, began_s, texts = self.exchange.now_s, list[float](), list[str]()
+
+        def maybe_echo(event: Any) -> bool | None:
+            is_echo = isinstance(event, Line) and event.text.upper() == query.upper()
+            return True if is_echo else None
+
+        def maybe_end(event: Any) -> str | None:
+            """Why no more lines are waited for."""
+            if not isinstance(event, Line) or event.began_s - written_s > EXCHANGE_S:
+                return "damaged or late value"
+            if event.text != "-" and not legal.fullmatch(event.text):
+                return f"damaged value {event.text!r}"
+            began_s.append(event.began_s)
+            texts.append(event.text)
+            return "" if len(texts) == lines or event.text == "-" else None
+
+        fault = None
+        if echoed := (yield from self.exchange.ask(out, maybe_echo, ECHO_S)):
+            left_s = EXCHANGE_S - (self.exchange.now_s - written_s)
+            fault = yield from self.exchange.wait_for(maybe_end, left_s)
+        if fault == "":
+            self.failures, self.fault = 0, "refused"
+            taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s[0]) / 2
+            return taken_s, ["-"] if "-" in texts else texts
+        silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
+        self.fault = fault or silence
+        yield from self._fail()
+        return None
+
+    def _fail(self) -> Steps[None]:
+        """Let late answers pass by until it is quiet, so that none is taken for the next one's.
+
+        Motors that still have not acknowledged a zero are starved: for the watchdog, say nothing.
+        """
+        quiet_s = QUIET_S * 2 ** min(self.failures, QUIET_DOUBLINGS)
+        self.failures += 1
+        starve_s = STARVE_S if self._motors.is_overdue else 0.0
+        out = self.stop_motors()
+        yield from self.exchange.until_quiet(quiet_s, QUIET_LIMIT_S, least_s=starve_s, out=out)
+        if starve_s:
+            self._motors.have_starved()
+
+    def stop_motors(self) -> bytes:
+        """Zero for motors that may be moving, sent blindly; what is known of them is void."""
+        out = self._motors.stop_bytes() if self._motors.may_move else b""
+        self._motors.doubt()
+        return out
+
+
+def is_start_up(line: Line) -> bool:
+    """A line that comes only from a controller that starts up, or is in R/C or analog mode."""
+    return line.text == "OK" or line.text.startswith(":") or len(line.text) > MAX_ANSWER

@@ -1,0 +1,72 @@
+"""The log: nobody waits for who reads it, and what was dropped is told."""
+
+import json
+import os
+from collections.abc import Iterator
+from typing import IO
+
+import pytest
+import structlog
+
+from config_file import load_config, with_changes
+from hw.runtime.log_writer import LINES, LogWriter
+from logs import set_up_logging
+from tests.support.closed_loop import SHIPPED, ClosedLoop
+
+CONFIG = with_changes(
+    load_config(SHIPPED.read_text(encoding="utf-8")), log={"format": "json", "level": "debug"}
+)
+MANY = LINES + 5000  # more than wait, and than a pipe of 64 KiB holds
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[IO[str], LogWriter]]:
+    """The log's far end, and its writer."""
+    read, write = os.pipe()
+    writer = set_up_logging(CONFIG, write)
+    with os.fdopen(read) as far_end:
+        yield far_end, writer
+    writer.close()
+    os.close(write)
+    structlog.reset_defaults()
+
+
+def test_a_log_that_nobody_reads_stops_nobody_and_what_it_lost_is_told(
+    pipe: tuple[IO[str], LogWriter],
+) -> None:
+    far_end, _ = pipe
+    log = structlog.get_logger()
+    for k in range(MANY):
+        log.info("said", number=k, text="x" * 80)
+    heard = [json.loads(far_end.readline())["number"] for _ in range(LINES)]
+    assert heard == list(range(LINES))  # from the beginning on, in order
+    log.info("said", number=MANY)
+    events = [json.loads(far_end.readline())]
+    while events[-1]["number"] != MANY:
+        events.append(json.loads(far_end.readline()))
+    assert events[-1]["lines_dropped"] == MANY - LINES - (len(events) - 1)
+
+
+def test_a_reader_that_has_gone_stops_nobody(pipe: tuple[IO[str], LogWriter]) -> None:
+    far_end, writer = pipe
+    far_end.close()
+    for _ in range(10):
+        writer.write("said\n")
+    writer.close()
+    assert writer.take_dropped() == 10
+
+
+def test_changes_are_told_once_and_counters_every_second(pipe: tuple[IO[str], LogWriter]) -> None:
+    far_end, writer = pipe
+    loop = ClosedLoop(CONFIG)
+    loop.run(3.0)
+    writer.close()
+    os.set_blocking(far_end.fileno(), False)
+    events = [json.loads(line) for line in far_end.read().splitlines()]
+    for device in ("scanner", "ahrs", "drive"):
+        told = [
+            (event["state"], event["cause"]) for event in events if event.get("device") == device
+        ]
+        assert told[-1] == ("running", "")
+        assert len(told) == len(set(told))
+    assert [event["event"] for event in events].count("ticks_counted") == 3

@@ -1,0 +1,182 @@
+"""CoLa streams of both dialects: cut anywhere, mixed with junk, damaged, never ending."""
+
+import random
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hw.device import BadFrame
+from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, REPORTED_SIZE, Dialect
+from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
+from tests import VECTORS
+from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
+
+PACKED = [
+    FRAMES[name] for name in ("scan A", "logged in", "unknown variable", "device ready", "scan B")
+]
+WRITTEN = [texted(TEXTS[name]) for name in ("scan A", "scan B", "scan is 50", "write denied")]
+TELEGRAMS = {"binary": PACKED, "ascii": WRITTEN, "auto": [*PACKED, *WRITTEN]}
+REFUSED, LOGGED_IN = texted(TEXTS["write denied"]), FRAMES["logged in"]
+DIALECTS = st.sampled_from(list(TELEGRAMS))
+
+
+def fed(dialect: str, *pieces: bytes) -> list[Any]:
+    parser = new_parser(dialect)  # type: ignore[arg-type]
+    return [event for piece in pieces for event in parser.feed(0.0, piece)]
+
+
+def comparable(events: list[Any]) -> list[str]:
+    """Telegrams as texts, with the bytes skipped between them."""
+    texts = []
+    for event in events:
+        if isinstance(event, ScanTelegram):
+            values = {name: channel.raw.tolist() for name, channel in event.channels.items()}
+            texts.append(f"{event.polled} {event.scan_counter} {event.sent_us} {values}")
+        else:
+            texts.append(repr(event))
+    return texts
+
+
+@given(st.data(), DIALECTS)
+def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_telegram(
+    data: st.DataObject, dialect: str
+) -> None:
+    pieces = st.lists(st.binary(max_size=200) | st.sampled_from(TELEGRAMS["auto"]))
+    parser = new_parser(dialect)  # type: ignore[arg-type]
+    for tick, piece in enumerate(data.draw(pieces)):
+        parser.feed(tick * 0.1, piece)
+        assert len(parser._buffer) <= MAX_TEXT + 200
+
+
+@given(st.data(), DIALECTS)
+def test_telegrams_survive_junk(data: st.DataObject, dialect: str) -> None:
+    junk = st.binary(max_size=30)
+    if dialect != "binary":  # a start mark in it may be that of a text
+        junk = junk.map(lambda piece: piece.replace(b"\x02", b""))
+    parts = data.draw(st.lists(st.tuples(junk, st.sampled_from(TELEGRAMS[dialect])), max_size=6))
+    stream = b"".join(piece + telegram for piece, telegram in parts) + data.draw(junk)
+    events = fed(dialect, stream, b"\xff")  # after that byte nothing is the start of a telegram
+    found = [event for event in events if not isinstance(event, BadFrame)]
+    whole = fed(dialect, b"".join(telegram for _, telegram in parts))
+    assert comparable(found) == comparable(whole)
+    assert len(found) == len(parts)
+
+
+@given(st.data(), DIALECTS, st.lists(st.integers(0, 1200), max_size=8))
+def test_where_the_stream_is_cut_makes_no_difference(
+    data: st.DataObject, dialect: str, cuts: list[int]
+) -> None:
+    part = st.tuples(st.binary(max_size=30), st.sampled_from(TELEGRAMS[dialect]))
+    stream = b"".join(junk + telegram for junk, telegram in data.draw(st.lists(part, max_size=6)))
+    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
+    pieces = [stream[a:b] for a, b in pairwise(edges)]
+    assert comparable(fed(dialect, *pieces)) == comparable(fed(dialect, stream))
+
+
+def test_a_stream_that_comes_byte_by_byte_is_read_the_same() -> None:
+    cut = [b"\x02\x02", b"\x02\x02\x02\x02\x00\x00", b"\x02", b"\x02sR"]
+    ends = [FRAMES["scan A"], FRAMES["scan B"], LOGGED_IN, REFUSED]
+    stream = b"".join(junk + telegram for junk, telegram in zip(cut, ends, strict=True))
+    whole = fed("auto", stream)
+    assert comparable(fed("auto", *(bytes([byte]) for byte in stream))) == comparable(whole)
+    assert [event.skipped for event in whole if isinstance(event, BadFrame)] == cut
+
+
+@pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
+@pytest.mark.parametrize("frame", PACKED, ids=["scan A", "answer", "refusal", "ready", "scan B"])
+def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(
+    frame: bytes, mask: int
+) -> None:
+    after = LOGGED_IN + FRAMES["scan A"]
+    for at in range(len(frame)):
+        altered = frame[:at] + bytes([frame[at] ^ mask]) + frame[at + 1 :]
+        parser = new_parser()
+        events = parser.feed(0.0, altered + after)
+        events += parser.feed(INCOMPLETE_S, b"\xff")  # a length too long has been waited for
+        assert isinstance(events[0], BadFrame), at
+        assert comparable(events[-2:]) == comparable(fed("binary", after)), at
+
+
+@pytest.mark.parametrize(
+    ("stuck", "good"),
+    [
+        (
+            b"\x02\x02\x02\x02\x00\x00\x40\x00sRA and no more",
+            Answer("sAN", "SetAccessMode", b"\1"),
+        ),
+        (b"\x02sRA LMPsc", Refusal(0x0A, "ascii")),
+    ],
+    ids=["binary", "ascii"],
+)
+def test_a_telegram_that_never_completes_is_waited_for_only_so_long(
+    stuck: bytes, good: Answer | Refusal
+) -> None:
+    parser = new_parser("auto")
+    assert parser.feed(1.0, stuck) == []
+    assert parser.feed(1.0 + INCOMPLETE_S - 0.01, b"") == []
+    assert parser.feed(1.0 + INCOMPLETE_S, b"") == []  # now it is junk, told with what follows
+    after = LOGGED_IN if isinstance(good, Answer) else REFUSED
+    assert parser.feed(1.1 + INCOMPLETE_S, after) == [
+        BadFrame("telegram never completed", stuck),
+        good,
+    ]
+
+
+def test_a_text_without_an_end_is_kept_only_so_far_and_a_new_start_ends_it() -> None:
+    parser, skipped = new_parser("ascii"), 0
+    for piece in range(200):  # at once: no time passes
+        for event in parser.feed(1.0, b"\x02sRA " * (piece == 0) + b"x" * 1000):
+            skipped += len(event.skipped)  # type: ignore[union-attr]
+        assert len(parser._buffer) <= MAX_TEXT + 1000
+    assert skipped > 190_000
+    assert fed("ascii", b"\x02sRA LMPsc" + REFUSED) == [
+        BadFrame("telegram cut short", b"\x02sRA LMPsc"),
+        Refusal(10, "ascii"),
+    ]
+
+
+def test_endless_junk_is_told_in_bounded_pieces_and_little_junk_after_a_while() -> None:
+    events = fed("binary", bytes(3 * REPORTED_SIZE + 10))
+    assert [len(event.skipped) for event in events] == [REPORTED_SIZE] * 3
+    parser = new_parser()
+    assert parser.feed(0.0, b"hello") == []
+    assert parser.feed(INCOMPLETE_S, b"") == [BadFrame("no telegram", b"hello")]
+    assert parser.feed(2 * INCOMPLETE_S, b"") == []
+
+
+def test_the_start_mark_within_a_damaged_telegram_does_no_harm() -> None:
+    frame = framed(b"sRA x " + b"\x02\x02" * 200)
+    damaged = frame[:10] + b"\xff" + frame[11:]
+    bad, good = fed("binary", damaged + frame)
+    assert bad == BadFrame("wrong checksum", damaged)
+    assert good == Answer("sRA", "x", b"\x02\x02" * 200)
+
+
+@pytest.mark.parametrize("file", ["mrs1000_cola_a_one_scan.bin", "tim781_1s_d2h.bin"])
+def test_a_damaged_stream_costs_no_more_decoding_than_a_clean_one(file: str) -> None:
+    unit, chance = (VECTORS / file).read_bytes(), random.Random(5)
+    stream = unit * (200_000 // len(unit))
+    damaged = bytearray(stream)
+    for at in chance.sample(range(len(stream)), len(stream) // 100):
+        damaged[at] ^= chance.randrange(1, 256)
+    clean, worse = (decoded_bytes(data) for data in (stream, bytes(damaged)))
+    assert worse <= 1.05 * clean
+
+
+def decoded_bytes(data: bytes) -> int:
+    parser, decoded = new_parser("auto"), 0
+    decode: Callable[[float, bytes, Dialect], Any] = parser._decode
+
+    def counted(now_s: float, payload: bytes, dialect: Dialect) -> Any:
+        nonlocal decoded
+        decoded += len(payload)
+        return decode(now_s, payload, dialect)
+
+    parser._decode = counted
+    for at in range(0, len(data), 1448):
+        parser.feed(at * 1e-6, data[at : at + 1448])
+    return decoded

@@ -1,0 +1,87 @@
+"""`mapod`: which commands there are, their help, and what wrong use is answered with."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests import ROOT
+from tools.cli import init, options
+from tools.cli.command import COMMANDS, help_text, main
+
+
+def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
+    parts = {"__init__", "command", "conversation", "options"}
+    files = {path.stem for path in (ROOT / "tools" / "cli").glob("*.py")} - parts
+    assert files == {file for file, _ in COMMANDS.values()}
+    assert all(re.search(rf"^  {name} ", help_text(), re.MULTILINE) for name in COMMANDS)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_ends_with_an_example_that_the_command_takes(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main([name, "--help"])
+    told = capsys.readouterr().out
+    assert told.startswith(f"usage: mapod {name}")
+    _, _, examples = told.partition("example")
+    assert f"  mapod {name}" in examples
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["nothing"],
+        ["run", "--nothing"],
+        ["run", "--conf", "mapod.toml"],
+        ["demo", "--seconds", "0"],
+        ["demo", "--seconds", "soon"],
+        ["demo", "--seed", "-1"],
+        ["scanner"],
+        ["scanner", "dance"],
+        ["attitude", "baud", "12"],
+        ["calibrate", "--seconds", "1"],
+        ["link-test"],
+        ["check", "--config", "no/such.toml"],
+        ["run", "--config", "no/such.toml"],
+        ["scanner", "info", "--config", "no/such.toml"],
+        ["scanner", "info", "--port", "nowhere"],
+        ["compare", "scanner", "--port", "nowhere"],
+        ["view", "--port", "nowhere"],
+        ["record", "--out", "no/such/folder/x.rec"],
+    ],
+    ids=" ".join,
+)
+def test_wrong_use_ends_with_status_2_and_one_line(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        status = main(words)
+    except SystemExit as end:
+        status = int(str(end.code))
+    told = capsys.readouterr()
+    assert status == 2
+    assert len(told.err.splitlines()) == 1, told.err
+    assert told.out == ""
+
+
+def test_settings_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mine.toml"
+    assert main(["init", "--out", str(path)]) == 0
+    assert path.read_bytes() == options.SHIPPED_CONFIG.read_bytes()
+    path.write_text("mine", encoding="utf-8")
+    assert main(["init", "--out", str(path)]) == 2
+    assert path.read_text(encoding="utf-8") == "mine"
+    assert "is there already" in capsys.readouterr().err
+    assert main(["init", "--out", str(tmp_path / "no" / "folder.toml")]) == 2
+    assert init.HEADER.is_file()
+
+
+def test_check_and_version_are_those_of_the_app(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "--config", str(options.SHIPPED_CONFIG)]) == 0
+    assert "centre beam meets the ground" in capsys.readouterr().out
+    assert main(["--version"]) == main(["version"]) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == second
+    assert re.fullmatch(r"mapod \d+\.\d+\.\d+", first)

@@ -100,7 +100,7 @@ def test_under_the_robot_nothing_comes_in() -> None:
     rest(rig, 8.0)
     assert rig.state(*HERE) == FREE
     assert rig.state(HERE[0], HERE[1] + 0.2) == FREE
-    assert rig.state(HERE[0] - 0.2, HERE[1]) == UNKNOWN  # its middle lies behind the footprint
+    assert rig.state(HERE[0] - 0.4, HERE[1]) == UNKNOWN  # its middle lies behind the footprint
     rig.x = -20.0  # it has gone
     rest(rig, 5.2 + SWEEP_S)
     assert rig.state(*HERE) == UNKNOWN

@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Sequence
 from typing import Any
 
-from core.records import ExternalPose, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import Port
 from hw.planner_link.poses import ExternalPoses
 from hw.planner_link.replay_guard import ReplayGuard
@@ -40,7 +40,7 @@ class Planners:
         self,
         now_s: float,
         pose: PoseReport,
-        window: ObstacleWindow,
+        window: ObstacleMap,
         zone: StopZoneReport | None,
         tiles: TileSource | None,
     ) -> None:

@@ -10,7 +10,7 @@ Source: planner link, sections 2 to 8 (docs/planner-link.md).
 import math
 from dataclasses import dataclass
 
-from core.records import ObstacleWindow, PoseReport, StopZoneReport
+from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.device import BadFrame, Port
 from hw.planner_link.frames import (
     DIGEST,
@@ -274,7 +274,7 @@ class PlannerLink:
         self,
         now_s: float,
         pose: PoseReport,
-        window: ObstacleWindow,
+        window: ObstacleMap,
         zone: StopZoneReport | None = None,
         tiles: TileSource | None = None,
     ) -> None:
@@ -335,7 +335,7 @@ class PlannerLink:
         return True
 
     def _publish_map(
-        self, now_s: float, dt_s: float, window: ObstacleWindow, source: TileSource
+        self, now_s: float, dt_s: float, window: ObstacleMap, source: TileSource
     ) -> None:
         """Changes, tiles, refresh and digest of a planner that need not ask."""
         scheduler = self._scheduler
@@ -353,7 +353,7 @@ class PlannerLink:
             self._last.digest_s = now_s
             scheduler.queue(DIGEST, encode_digest(self.geom_id, self._map.digest()))
 
-    def _publish_tiles(self, budget: float, window: ObstacleWindow, source: TileSource) -> None:
+    def _publish_tiles(self, budget: float, window: ObstacleMap, source: TileSource) -> None:
         if self._tiles.waiting:
             corner = None if self.peer.refusal else (window.corner_i, window.corner_j)
             self._tiles.publish(

@@ -7,7 +7,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow
+from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN, ObstacleMap
 from mapod_link import bodies
 from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
@@ -200,7 +200,7 @@ class Scripted:
     def mean(self, now_s: float, at: list[int], state: int) -> None:
         self.world.ravel()[at] = state
         changed = np.array(at, dtype=np.int32)
-        self.meter.mean(now_s, ObstacleWindow(self.world, 0, 0, changed, 0, True))
+        self.meter.mean(now_s, ObstacleMap(self.world, 0, 0, changed, 0, True))
 
     def send(self, at_s: float, tick_s: float, start: int, ops: bytes, arrives: bool) -> None:
         frame = frame_from_bytes(_map(1, round(1000 * tick_s), start, ops))

@@ -109,6 +109,7 @@ def seconds_until_alike(loop: Loop, board: EmulatedBoard, at_most_s: float) -> f
     return loop.now_s - from_s
 
 
+@pytest.mark.slow
 def test_the_boards_map_equals_the_apps_after_any_loss(board: EmulatedBoard) -> None:
     line = BoardOnLine(board)
     loop = Loop("corridor", 3, planner=line, baud=BAUD)

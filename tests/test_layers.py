@@ -15,10 +15,10 @@ MAY_IMPORT = {  # by the first part of a module's name
     "jit": set(),
     "core": {"core", "jit"},
     "hw": {"hw", "core.records", "jit"},
-    "mapod": {"mapod", "tools"},
     "mapod_link": {"mapod_link"},
     "fakes": {"fakes", "mapod_link", "jit"},
     **{name: TOP - {"main"} | {"core", "hw"} for name in TOP},
+    "mapod": {"mapod", "tools"},  # the name under which all of it is installed
     "tools": OWN - {"tests"},
     "tests": OWN,
 }

@@ -15,9 +15,8 @@ from core.records import I8
 from fakes.scenes.scene import Scene, Solid
 from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of
 from hw.modbus.pdu import Refusal
-from tests.hw.modbus.test_image import cells_of
 from tests.support.closed_loop import SHIPPED, ClosedLoop
-from tests.support.modbus_rig import Tcp, free_port, read_request, serving, until, words_of
+from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, until, words_of
 from tools.settings import rewritten
 
 ROOT = SHIPPED.parent
@@ -55,7 +54,7 @@ class Served(ClosedLoop):
             data = self.image.read(self.now_s, None, WINDOW_CELLS + row * stride, stride)
             assert not isinstance(data, Refusal)
             words += [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(stride)]
-        return np.array(cells_of(words, size), dtype=np.int8)
+        return np.array(rows_of(words, size), dtype=np.int8)
 
     def until_packed(self) -> None:
         """Up to the tick in which a new window was taken."""
@@ -130,7 +129,7 @@ def test_a_client_reads_one_whole_map_in_many_small_reads_while_the_robot_drives
             tail = await read(client, WINDOW_CELLS + count, 1)
             assert tail == head[:1]
             assert (await read(client, WINDOW, 1)) != tail
-            np.testing.assert_array_equal(cells_of(words, size), codes)
+            np.testing.assert_array_equal(rows_of(words, size), codes)
             client.close()
 
     asyncio.run(run())

@@ -3,9 +3,9 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Protocol
 
-from hw.device import BadFrame, Parser
+from hw.device import BadFrame, Parser, Port
 from hw.ports.wires import open_port
 
 STEP_S = 0.002
@@ -20,12 +20,43 @@ class RefusedError(Exception):
     """The device does not do what it was asked to; the text says why."""
 
 
+class Line(Protocol):
+    """A port, and the time that passes there."""
+
+    port: Port
+
+    def now_s(self) -> float:
+        """Seconds on a clock that only goes forward."""
+
+    def wait(self) -> None:
+        """Let a moment pass."""
+
+
+class RealLine:
+    """A port of this machine. It is for tools: it sleeps."""
+
+    def __init__(self, url: str) -> None:
+        self.port = open_port(url)
+
+    def now_s(self) -> float:
+        """This machine's clock."""
+        return time.monotonic()
+
+    def wait(self) -> None:
+        """Sleep."""
+        time.sleep(STEP_S)
+
+
+LINE: Callable[[str], Line] = RealLine  # what a URL leads to
+
+
 class Conversation:
-    """One port and the parser of what arrives there. It is for tools: it sleeps."""
+    """One port and the parser of what arrives there."""
 
     def __init__(self, url: str, parser: Parser) -> None:
         self.heard = bytearray()  # everything that arrived
-        self._port, self._parser = open_port(url), parser
+        self._line, self._parser = LINE(url), parser
+        self.now_s, self._port = self._line.now_s, self._line.port
 
     def open(self) -> None:
         """Wait until the port is open.
@@ -33,11 +64,11 @@ class Conversation:
         Raises:
             NoAnswerError: it does not open in time, with the cause in words.
         """
-        until_s = time.monotonic() + OPEN_S
-        while not self._port.poll(time.monotonic()):
-            if time.monotonic() >= until_s:
+        until_s = self.now_s() + OPEN_S
+        while not self._port.poll(self.now_s()):
+            if self.now_s() >= until_s:
                 raise NoAnswerError(self._port.cause)
-            time.sleep(STEP_S)
+            self._line.wait()
 
     def say(self, data: bytes) -> None:
         """Send."""
@@ -45,8 +76,8 @@ class Conversation:
 
     def hear(self, seconds: float) -> Iterator[Any]:
         """Events, for at most so long; what belongs to no frame is left out."""
-        until_s = time.monotonic() + seconds
-        while (now_s := time.monotonic()) < until_s:
+        until_s = self.now_s() + seconds
+        while (now_s := self.now_s()) < until_s:
             if not self._port.poll(now_s):
                 raise NoAnswerError(self._port.cause)
             for piece in self._port.read():
@@ -54,7 +85,7 @@ class Conversation:
                 for event in self._parser.feed(now_s, piece):
                     if not isinstance(event, BadFrame):
                         yield event
-            time.sleep(STEP_S)
+            self._line.wait()
 
     def ask(
         self, request: bytes, is_answer: Callable[[Any], bool], seconds: float = 1.0, tries: int = 3

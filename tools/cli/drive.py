@@ -6,7 +6,6 @@ mapod first: a port has one reader. A controller in R/C mode only logs; it is le
 """
 
 import sys
-import time
 from collections.abc import Callable
 
 from core.config import ConfigError
@@ -138,10 +137,10 @@ WATCHED: tuple[Callable[[Conversation], str], ...] = (counters, volts, status)
 
 def watch(talk: Conversation, seconds: float | None) -> None:
     """A line a second, for so long or until Ctrl-C."""
-    begun_s = time.monotonic()
+    begun_s = talk.now_s()
     while True:
         print("; ".join(told(talk) for told in WATCHED), flush=True)
-        if seconds is not None and time.monotonic() - begun_s + WATCH_S > seconds:
+        if seconds is not None and talk.now_s() - begun_s + WATCH_S > seconds:
             return
         list(talk.hear(WATCH_S))
 

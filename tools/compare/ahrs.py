@@ -7,7 +7,6 @@ With `settings` also its self test, and a reset, after which it wakes up as it w
 import math
 from collections import Counter
 from collections.abc import Callable
-from time import monotonic
 
 import numpy as np
 
@@ -154,10 +153,10 @@ def _settings(talk: Conversation) -> Portrait:
     """Self test and reset; the sensor is in Config state before and after."""
     facts = _asked(talk, "RunSelfTest", Mid.RunSelfTest, 1, SELF_TEST_S)
     facts.update(_asked(talk, "Reset", Mid.Reset))
-    begun_s = monotonic()
+    begun_s = talk.now_s()
     for event in talk.hear(WAKE_S):
         if isinstance(event, MtFrame) and event.mid == Mid.WakeUp:
-            facts["Reset: WakeUp after"] = delay_fact(monotonic() - begun_s)
+            facts["Reset: WakeUp after"] = delay_fact(talk.now_s() - begun_s)
             talk.say(encode_frame(Mid.WakeUpAck))
             break
     else:

@@ -6,7 +6,6 @@ silence, which makes the controller's watchdog say W; motors that somebody drive
 
 import re
 from collections import Counter
-from time import monotonic
 
 from hw.ax3500.lines import (
     CR,
@@ -71,11 +70,11 @@ def _as_found(talk: Conversation) -> Portrait:
 
 def _log_lines(talk: Conversation, seconds: float) -> Portrait:
     """What it logs; a query would not be answered."""
-    lines, begun_s = list[Line](), monotonic()
+    lines, begun_s = list[Line](), talk.now_s()
     for event in talk.hear(max(seconds, 1.0)):
         if isinstance(event, Line) and event.text.startswith(":"):
             lines.append(event)
-    sizes, passed_s = Counter(len(line.text) for line in lines), monotonic() - begun_s
+    sizes, passed_s = Counter(len(line.text) for line in lines), talk.now_s() - begun_s
     return {
         "logging line: characters": Fact(" and ".join(str(n) for n in sorted(sizes)[-1:])),
         "logging line: rate": rate_fact(len(lines) / passed_s, passed_s),
@@ -107,17 +106,17 @@ def _lines_after(talk: Conversation, question: bytes, text: str) -> tuple[list[s
     An answer has ended when a line besides the echo has come and then none for a while; what comes
     after that is heard before anything else is asked, and belongs to no question.
     """
-    asked_s = last_s = monotonic()
+    asked_s = last_s = talk.now_s()
     lines, strays = list[str](), 0
     talk.say(question)
-    while monotonic() - asked_s < ANSWER_S or monotonic() - last_s < LINE_END_S:
+    while talk.now_s() - asked_s < ANSWER_S or talk.now_s() - last_s < LINE_END_S:
         for event in talk.hear(LINE_END_S / 4):
             strays += isinstance(event, WatchdogStop)
             if isinstance(event, Line):
                 lines.append(event.text)
-                last_s = monotonic()
+                last_s = talk.now_s()
         has_answer = len(lines) > (bool(lines) and lines[0].upper() == text.upper())
-        if has_answer and monotonic() - last_s >= LINE_END_S:
+        if has_answer and talk.now_s() - last_s >= LINE_END_S:
             break
     return lines, strays, last_s - asked_s
 
@@ -150,15 +149,15 @@ def _volts(name: str, text: str, values: list[str]) -> Portrait:
 
 def _pace(talk: Conversation, seconds: float) -> Portrait:
     """Both counters as fast as answers come: how many pairs a second, and how they change."""
-    until_s, answered, silent = monotonic() + seconds, 0, 0
-    begun_s, digits = monotonic(), Counter[str]()
-    while monotonic() < until_s:
+    until_s, answered, silent = talk.now_s() + seconds, 0, 0
+    begun_s, digits = talk.now_s(), Counter[str]()
+    while talk.now_s() < until_s:
         for query in READ_COUNTER:
             value = _maybe_value(talk, query)
             answered, silent = answered + (value is not None), silent + (value is None)
             if value is not None:
                 digits["readable" if maybe_counter(value) is not None else "not readable"] += 1
-    passed_s = monotonic() - begun_s
+    passed_s = talk.now_s() - begun_s
     return {
         "counters: pairs a second": Fact(answered / 2 / passed_s, "near", 0.25, 1.0, "1/s"),
         "counters: queries without an answer": Fact("none" if not silent else "some"),
@@ -181,8 +180,8 @@ def _maybe_value(talk: Conversation, query: str) -> str | None:
 
 def _silence(talk: Conversation) -> Portrait:
     """Whether its watchdog speaks after a second of silence."""
-    begun_s = monotonic()
+    begun_s = talk.now_s()
     for event in talk.hear(WATCHDOG_S):
         if isinstance(event, WatchdogStop):
-            return {"W after silence": delay_fact(monotonic() - begun_s)}
+            return {"W after silence": delay_fact(talk.now_s() - begun_s)}
     return {"W after silence": Fact(SILENT)}

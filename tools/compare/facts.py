@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from time import monotonic
 from typing import Any, Literal
 
 import numpy as np
@@ -141,11 +140,11 @@ def reply_to(
         NoAnswerError: the port is gone.
     """
     for _ in range(tries):
-        asked_s = monotonic()
+        asked_s = talk.now_s()
         talk.say(question)
         for event in talk.hear(seconds):
             if is_answer(event):
-                return Reply(event, monotonic() - asked_s)
+                return Reply(event, talk.now_s() - asked_s)
     return None
 
 

@@ -6,7 +6,6 @@ needs a login: that stops the scanner's measuring for a moment, and ends with Ru
 
 from collections import Counter
 from collections.abc import Iterator
-from time import monotonic
 
 import numpy as np
 
@@ -97,7 +96,7 @@ def make_alike(real: str, fake: str) -> None:
     with conversation(fake, new_parser(dialect)) as talk:
         scanner = Scanner(talk, dialect)
         scanner.logged_in(*wanted, *([commands.START_MEASURING] if measures else []))
-        _wait_until_ready(scanner)
+        _wait_until_ready(talk, scanner)
 
 
 def _answers(event: object) -> bool:
@@ -119,9 +118,9 @@ def _as_written(talk: Conversation, read: Command, dialect: Dialect) -> Command 
     return Command("sWN", read.name, b"" if text else values, text)
 
 
-def _wait_until_ready(scanner: Scanner) -> None:
-    until_s = monotonic() + SPIN_UP_S
-    while monotonic() < until_s:
+def _wait_until_ready(talk: Conversation, scanner: Scanner) -> None:
+    until_s = talk.now_s() + SPIN_UP_S
+    while talk.now_s() < until_s:
         if commands.maybe_number(scanner.ask(commands.READ_DEVICE_STATE)) == READY:
             return
 
@@ -177,18 +176,18 @@ def _settings(talk: Conversation, dialect: Dialect) -> Portrait:
     facts: Portrait = {}
     for command in (*wanted, commands.START_MEASURING, commands.RUN):
         facts.update(_asked(talk, command, dialect, "after login"))
-    _wait_until_ready(scanner)
+    _wait_until_ready(talk, scanner)
     return facts
 
 
 def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
     """Scans for so many seconds from the first one on."""
-    begin, subscribed_s = commands.subscribe(), monotonic()
+    begin, subscribed_s = commands.subscribe(), talk.now_s()
     talk.say(begin.encode(dialect))
     heard_before, telegrams, arrivals_s = len(talk.heard), list[ScanTelegram](), list[float]()
     facts: Portrait = {}
     for event in talk.hear(seconds + 2.0):
-        now_s = monotonic()
+        now_s = talk.now_s()
         if isinstance(event, Answer) and f"{event.kind} {event.name}" == begin.answer:
             facts["subscription: delay"] = delay_fact(now_s - subscribed_s)
         if isinstance(event, Refusal):

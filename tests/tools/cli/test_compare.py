@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +12,9 @@ from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.mti.device import FakeMti
-from fakes.wires.wire import Fake, PtyWire, TcpWire
+from fakes.wires.wire import Fake, TcpWire
 from tests.support.real_time import StillWheels, level_sensor, served
+from tests.support.simulated_lines import SimulatedLines
 from tools.cli import compare, scanner
 from tools.compare.facts import Difference, Fact, delay_fact, differences, pace_facts
 
@@ -33,22 +33,27 @@ def a_controller() -> FakeAx3500:
     return FakeAx3500(StillWheels(), 1, "rs232_watchdog")
 
 
-def held(device: str, first: Fake, *others: Fake) -> list[list[Difference]]:
+Held = Callable[..., list[list[Difference]]]
+
+
+@pytest.fixture
+def held(lines: SimulatedLines) -> Held:
     """What the tool finds different about each of the others, held against the first."""
-    sort = TcpWire if device == "scanner" else PtyWire
-    wires = [sort(fake) for fake in (first, *others)]
-    with served(*wires), ThreadPoolExecutor(len(wires)) as pool:
-        look = compare.LOOKS[device]
-        looks = [pool.submit(look, url_of(device, wire), SECONDS, False) for wire in wires]
-        portraits = [one.result() for one in looks]
-    return [differences(portraits[0], other) for other in portraits[1:]]
+
+    def hold(device: str, *fakes: Fake) -> list[list[Difference]]:
+        first, *others = (
+            compare.LOOKS[device](url_of(device, lines, fake), SECONDS, False) for fake in fakes
+        )
+        return [differences(first, other) for other in others]
+
+    return hold
 
 
-def url_of(device: str, wire: TcpWire | PtyWire) -> str:
-    if isinstance(wire, TcpWire):
-        return f"tcp://127.0.0.1:{wire.port}"
+def url_of(device: str, lines: SimulatedLines, fake: Fake) -> str:
+    if device == "scanner":
+        return f"tcp://{lines.tcp(fake)}"
     baud, form = (9600, FORM) if device == "drive" else (115_200, "")
-    return f"serial://{wire.path}?baud={baud}{form}"
+    return f"serial://{lines.serial(fake)}?baud={baud}{form}"
 
 
 def named(found: list[Difference]) -> str:
@@ -104,19 +109,19 @@ def other(fake: Any, attribute: str, value: object) -> Any:
     ],
 )
 def test_devices_of_one_kind_do_not_differ_and_what_one_does_otherwise_is_found(
-    device: str, made: Callable[[], Fake], changes: dict[tuple[str, Any], str]
+    device: str, made: Callable[[], Fake], changes: dict[tuple[str, Any], str], held: Held
 ) -> None:
     fakes = [
         other(made(), attribute, {value: 5} if attribute == "refuse" else value)
         for attribute, value in changes
     ]
     alike, *found = held(device, made(), made(), *fakes)
-    assert timeless(alike) == ""
+    assert named(alike) == ""
     for one, says in zip(found, changes.values(), strict=True):
         assert says in named(one)
 
 
-def test_slow_answers_are_not_taken_for_those_of_the_next_question() -> None:
+def test_slow_answers_are_not_taken_for_those_of_the_next_question(held: Held) -> None:
     slow = other(other(a_controller(), "reply_delay_s", 0.06), "lf_after_cr", True)
     [found] = held("drive", a_controller(), slow)
     assert timeless(found) == ""
@@ -133,14 +138,14 @@ def test_rates_and_unevenness_of_arrival_are_held_against_each_other() -> None:
     assert differences(even, dict(pace_facts("stream", list(times_s * 0.9999)))) == []
 
 
-def test_a_sensor_of_the_newer_kind_sends_other_messages() -> None:
+def test_a_sensor_of_the_newer_kind_sends_other_messages(held: Held) -> None:
     still = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81])
     [found] = held("ahrs", level_sensor(), FakeMti(lambda t_s: still, 1, "MTi-30"))
     assert "stream: messages: MTData / MTData2" in named(found)
 
 
 def test_the_recorded_scanner_and_the_fake_agree_in_all_that_the_recording_holds(
-    vectors: Path,
+    vectors: Path, held: Held
 ) -> None:
     recorded = RecordedLms111.from_files(vectors / "lms111_session_d2h.bin")
     [all_found] = held("scanner", recorded, a_scanner())
@@ -161,13 +166,14 @@ IN_A_RECORDING = {
 }
 
 
+@pytest.mark.real_time
 def test_it_starts_a_fake_that_is_set_as_the_real_one_and_writes_down_all_facts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     real = a_scanner()
     wire, path = TcpWire(real), tmp_path / "facts.json"
     with served(wire):
-        url = url_of("scanner", wire)
+        url = f"tcp://127.0.0.1:{wire.port}"
         scanner.main(["start", "--port", url])
         status = compare.main(["scanner", "--port", url, "--seconds", "1", "--out", str(path)])
     printed = capsys.readouterr()
@@ -181,12 +187,13 @@ def test_it_starts_a_fake_that_is_set_as_the_real_one_and_writes_down_all_facts(
     assert status == (1 if any(one.counts for one in found) else 0)
 
 
-def test_who_does_not_answer_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
-    silent = level_sensor()
+def test_who_does_not_answer_is_told_in_words(
+    capsys: pytest.CaptureFixture[str], lines: SimulatedLines
+) -> None:
+    silent, other_one = level_sensor(), level_sensor()
     silent.deaf = True
-    with served(wire := PtyWire(silent)):
-        url = url_of("ahrs", wire)
-        assert compare.main(["ahrs", "--port", url, "--fake", url]) == 2
+    url, fake = url_of("ahrs", lines, silent), url_of("ahrs", lines, other_one)
+    assert compare.main(["ahrs", "--port", url, "--fake", fake]) == 2
     assert "no answer to GoToConfig" in capsys.readouterr().err
     assert compare.main(["ahrs", "--port", "nowhere"]) == 2
     assert compare.main(["planner", "--port", "udp://127.0.0.1:9751"]) == 2

@@ -1,8 +1,6 @@
-"""`mapod devices` against fakes on ptys: which device speaks where, what it prints."""
+"""`mapod devices` against fakes on simulated lines: which device speaks where, what it prints."""
 
 import re
-import select
-import time
 
 import numpy as np
 import pytest
@@ -10,10 +8,10 @@ import pytest
 from config_file import load_config
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
-from fakes.wires.wire import TcpWire
 from hw.ports.url import parse_url
 from tests import ROOT
-from tests.support.real_time import StillWheels, level_sensor, on_ptys, served
+from tests.support.real_time import StillWheels, level_sensor
+from tests.support.simulated_lines import SimulatedLines
 from tools.cli import devices
 from tools.cli.devices import Found, SerialLine, toml_lines, udev_rules
 
@@ -22,12 +20,12 @@ SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
 
 @pytest.mark.parametrize("mode", ["rs232", "rc"])
 def test_both_serial_devices_are_found_whatever_the_order(
-    mode: str, capsys: pytest.CaptureFixture[str]
+    mode: str, capsys: pytest.CaptureFixture[str], lines: SimulatedLines
 ) -> None:
     wheels = StillWheels()
     drive = FakeAx3500(wheels, 1, "rc" if mode == "rc" else "rs232")
-    with on_ptys(level_sensor(), drive) as (ahrs_path, drive_path):
-        assert devices.main([ahrs_path, drive_path]) == 0
+    ahrs_path, drive_path = lines.serial(level_sensor()), lines.serial(drive)
+    assert devices.main([ahrs_path, drive_path]) == 0
     printed = capsys.readouterr().out
     urls = dict(re.findall(r'^\[(\w+)\]\nport = "(.+)"$', printed, re.MULTILINE))
     assert parse_url(urls["ahrs"]).path == ahrs_path
@@ -42,23 +40,20 @@ def test_both_serial_devices_are_found_whatever_the_order(
     assert load_config(text).ahrs.port == urls["ahrs"]
 
 
-def test_a_sensor_that_was_looked_at_measures_again() -> None:
+def test_a_sensor_that_was_looked_at_measures_again(lines: SimulatedLines) -> None:
     sensor = level_sensor()
-    with on_ptys(sensor) as (path,):
-        assert devices.main([path]) == 0
-        until_s = time.monotonic() + 5.0
-        while sensor.state.value != "measuring" and time.monotonic() < until_s:
-            select.select([], [], [], 0.01)
-    assert sensor.state.value == "measuring"
+    path = lines.serial(sensor)
+    assert devices.main([path]) == 0
+    lines.run(path, lambda: sensor.state.value == "measuring")
 
 
 def test_a_port_that_is_not_there_or_silent_is_told_in_words(
-    capsys: pytest.CaptureFixture[str],
+    capsys: pytest.CaptureFixture[str], lines: SimulatedLines
 ) -> None:
     silent = level_sensor()
     silent.mute = True
-    with on_ptys(silent) as (path,):
-        assert devices.main([path, "/dev/no-such-line"]) == 1
+    path = lines.serial(silent)
+    assert devices.main([path, "/dev/no-such-line"]) == 1
     printed = capsys.readouterr().out
     assert f"# {path}: silent" in printed
     assert "no such device" in printed
@@ -66,15 +61,14 @@ def test_a_port_that_is_not_there_or_silent_is_told_in_words(
 
 @pytest.mark.parametrize("binary", [True, False])
 def test_a_scanner_is_found_with_its_dialect(
-    binary: bool, capsys: pytest.CaptureFixture[str]
+    binary: bool, capsys: pytest.CaptureFixture[str], lines: SimulatedLines
 ) -> None:
     fake = FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1)
     fake.binary = binary
-    wire = TcpWire(fake)
-    with served(wire):
-        assert devices.main(["/dev/no-such-line", "--scanner", f"127.0.0.1:{wire.port}"]) == 0
+    place = lines.tcp(fake)
+    assert devices.main(["/dev/no-such-line", "--scanner", place]) == 0
     printed = capsys.readouterr().out
-    assert f'port = "tcp://127.0.0.1:{wire.port}"' in printed
+    assert f'port = "tcp://{place}"' in printed
     assert f'dialect = "{"binary" if binary else "ascii"}"' in printed
     assert "V1.80.2" in printed
 

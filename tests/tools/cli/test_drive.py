@@ -1,4 +1,4 @@
-"""`mapod drive` against a fake controller on a pty."""
+"""`mapod drive` against a fake controller, on a simulated line."""
 
 import sys
 from pathlib import Path
@@ -6,29 +6,37 @@ from pathlib import Path
 import pytest
 
 from fakes.ax3500.device import FakeAx3500, Mode
-from tests.support.real_time import StillWheels, on_ptys
+from tests.support.real_time import StillWheels
+from tests.support.simulated_lines import SimulatedLines
 from tools.cli import drive
 
 
-def said(capsys: pytest.CaptureFixture[str], fake: FakeAx3500, *what: str, status: int = 0) -> str:
+class Said:
     """What the command prints of a fake, on either stream."""
-    with on_ptys(fake) as (path,):
-        url = f"serial://{path}?baud=9600&parity=E&bytesize=7"
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> None:
+        self._capsys, self._lines = capsys, lines
+
+    def __call__(self, fake: FakeAx3500, *what: str, status: int = 0) -> str:
+        url = f"serial://{self._lines.serial(fake)}?baud=9600&parity=E&bytesize=7"
         got = drive.main([*what, "--port", url])
-    printed = capsys.readouterr()
-    assert got == status, printed
-    return printed.out + printed.err
+        printed = self._capsys.readouterr()
+        assert got == status, printed
+        return printed.out + printed.err
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
+    return Said(capsys, lines)
 
 
 @pytest.mark.parametrize(
     ("mode", "words"),
     [("rs232_watchdog", "mode RS-232 with watchdog\n"), ("rs232", "mapod moves no motor with it")],
 )
-def test_info_tells_how_the_controller_is(
-    mode: Mode, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_tells_how_the_controller_is(mode: Mode, words: str, said: Said) -> None:
     wheels = StillWheels()
-    told = said(capsys, FakeAx3500(wheels, 1, mode), "info")
+    told = said(FakeAx3500(wheels, 1, mode), "info")
     assert words in told
     assert "with encoder module" in told
     assert "battery 2" in told
@@ -37,20 +45,18 @@ def test_info_tells_how_the_controller_is(
     assert wheels.power == (0.0, 0.0)
 
 
-def test_watch_tells_counters_and_status_in_a_line(capsys: pytest.CaptureFixture[str]) -> None:
-    told = said(capsys, FakeAx3500(StillWheels(), 1), "watch", "--seconds", "0.1")
+def test_watch_tells_counters_and_status_in_a_line(said: Said) -> None:
+    told = said(FakeAx3500(StillWheels(), 1), "watch", "--seconds", "0.1")
     assert told.startswith("counters 0 and 0; battery")
     assert len(told.splitlines()) == 1
 
 
-def test_a_controller_that_logs_or_is_silent_is_told_and_left_as_it_is(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_controller_that_logs_or_is_silent_is_told_and_left_as_it_is(said: Said) -> None:
     radio, silent = FakeAx3500(StillWheels(), 1, "rc"), FakeAx3500(StillWheels(), 1)
-    assert "R/C or analog mode" in said(capsys, radio, "info", status=1)
+    assert "R/C or analog mode" in said(radio, "info", status=1)
     assert radio.mode == "rc"
     silent.mute = True
-    assert "check power, baud=9600" in said(capsys, silent, "info", status=1)
+    assert "check power, baud=9600" in said(silent, "info", status=1)
 
 
 def test_keys_want_a_keyboard(

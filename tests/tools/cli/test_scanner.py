@@ -1,11 +1,10 @@
-"""`mapod scanner` against a fake scanner on TCP, in both dialects."""
+"""`mapod scanner` against a fake scanner on a simulated network, in both dialects."""
 
 import numpy as np
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
-from fakes.wires.wire import TcpWire
-from tests.support.real_time import served
+from tests.support.simulated_lines import SimulatedLines
 from tools.cli import scanner
 
 REFUSES_LOGIN = {"SetAccessMode": 1}
@@ -15,24 +14,30 @@ def five_metres() -> FakeLms111:
     return FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1)
 
 
-def said(capsys: pytest.CaptureFixture[str], fake: FakeLms111, *what: str, status: int = 0) -> str:
+class Said:
     """What the tool prints of a fake, on either stream."""
-    wire = TcpWire(fake)
-    with served(wire):
-        got = scanner.main([*what, "--port", f"tcp://127.0.0.1:{wire.port}"])
-    printed = capsys.readouterr()
-    assert got == status, printed
-    return printed.out + printed.err
+
+    def __init__(self, capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> None:
+        self._capsys, self._lines = capsys, lines
+
+    def __call__(self, fake: FakeLms111, *what: str, status: int = 0) -> str:
+        got = scanner.main([*what, "--port", f"tcp://{self._lines.tcp(fake)}"])
+        printed = self._capsys.readouterr()
+        assert got == status, printed
+        return printed.out + printed.err
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
+    return Said(capsys, lines)
 
 
 @pytest.mark.parametrize("binary", [True, False])
-def test_it_tells_who_the_scanner_is_in_either_dialect(
-    binary: bool, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_tells_who_the_scanner_is_in_either_dialect(binary: bool, said: Said) -> None:
     fake = five_metres()
     fake.binary = binary
     fake.contamination = 1
-    told = said(capsys, fake, "info")
+    told = said(fake, "info")
     assert f"speaks CoLa-{'B' if binary else 'A'}" in told
     assert "firmware V1.80.2" in told
     assert "dirty window (warning)" in told
@@ -40,35 +45,31 @@ def test_it_tells_who_the_scanner_is_in_either_dialect(
     assert "25 scans/s" in told or "50 scans/s" in told
 
 
-def test_settings_are_stored_only_on_request_and_run_follows(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_settings_are_stored_only_on_request_and_run_follows(said: Said) -> None:
     fake = five_metres()
-    assert "stored" in said(capsys, fake, "store")
+    assert "stored" in said(fake, "store")
     assert fake.state not in (2,)  # not left being configured
 
 
 @pytest.mark.parametrize("what", ["set-clock", "start", "stop", "reboot"])
-def test_other_commands_are_done(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_other_commands_are_done(what: str, said: Said) -> None:
     fake = five_metres()
     power_ons = fake.power_ons
-    assert said(capsys, fake, what).startswith("it")
+    assert said(fake, what).startswith("it")
     assert fake.power_ons == power_ons + (what == "reboot")
 
 
-def test_the_dialect_is_changed_for_the_next_connection(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_dialect_is_changed_for_the_next_connection(said: Said) -> None:
     fake = five_metres()
-    said(capsys, fake, "dialect", "ascii")
-    assert "speaks CoLa-A" in said(capsys, fake, "info")
+    said(fake, "dialect", "ascii")
+    assert "speaks CoLa-A" in said(fake, "info")
 
 
-def test_refusals_and_silence_are_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_refusals_and_silence_are_told_in_words(said: Said) -> None:
     fake = five_metres()
     fake.refuse = dict(REFUSES_LOGIN)
-    assert "refuses SetAccessMode: access denied" in said(capsys, fake, "store", status=1)
+    assert "refuses SetAccessMode: access denied" in said(fake, "store", status=1)
     silent = five_metres()
     silent.mute = True
-    assert "no answer in CoLa-B nor in CoLa-A" in said(capsys, silent, "info", status=1)
+    assert "no answer in CoLa-B nor in CoLa-A" in said(silent, "info", status=1)
     assert scanner.main(["info", "--port", "nowhere"]) == 2

@@ -1,0 +1,14 @@
+"""What tests of tools share."""
+
+import pytest
+
+from tests.support.simulated_lines import SimulatedLines
+from tools.cli import conversation
+
+
+@pytest.fixture
+def lines(monkeypatch: pytest.MonkeyPatch) -> SimulatedLines:
+    """The lines of this machine, on which tools find fakes instead of devices."""
+    simulated = SimulatedLines()
+    monkeypatch.setattr(conversation, "LINE", simulated)
+    return simulated

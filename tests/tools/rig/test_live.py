@@ -78,6 +78,7 @@ def test_a_scene_that_is_not_there_is_an_error(
     assert "moon" in capsys.readouterr().err
 
 
+@pytest.mark.real_time
 def test_a_device_that_does_not_answer_is_named_with_its_cause(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

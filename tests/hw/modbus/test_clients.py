@@ -131,7 +131,7 @@ async def output_of(*command: str) -> str:
     process = await asyncio.create_subprocess_exec(
         *command, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE
     )
-    out, err = await asyncio.wait_for(process.communicate(), 20)
+    out, err = await asyncio.wait_for(process.communicate(), 120)
     assert process.returncode == 0, err.decode() + out.decode()
     return out.decode()
 
@@ -183,7 +183,7 @@ def test_mbpoll_reads_the_image(kind: str, table: str) -> None:
         where = end.path if kind == "rtu" else "127.0.0.1"
         async with serving(url, image, Clock()):
             join(line, end)
-            common = ["-a", "1", "-0", "-1", "-t", f"{table}:hex", "-o", "3"]
+            common = ["-a", "1", "-0", "-1", "-t", f"{table}:hex", "-o", "10"]
             out = await output_of(
                 "mbpoll", *mode, *common, "-r", str(WINDOW_CELLS), "-c", "100", where
             )

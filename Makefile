@@ -6,8 +6,8 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all nightly check format replay view bench campaign faults realtime link-test conformance soak mcu c-sanitize \
-  experiments calibrate fuzz devices compare scene clean
+.PHONY: help setup run rig planner test test-all nightly check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
+  fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
@@ -33,7 +33,7 @@ $(VENV)/.warm: $(VENV)/.ready-sim $(wildcard *.py) $(shell find core hw fakes -n
 setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels
 
 run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
-	@$(BIN)/python -m tools.cli.demo --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
+	@$(BIN)/python -m mapod demo --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))
 
 rig: setup ## the app as it is, in real time, as rig.toml says: real or fake devices, a planner in C on an emulated MCU [SCENE=aisle SEED=1 SECONDS=60]
 	@$(BIN)/python -m tools.rig.live $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
@@ -53,9 +53,6 @@ faults: setup ## every fault of every fake while the robot drives, and pairs of 
 
 realtime: setup ## how late ticks are, and how soon a scan is at the far end of the wire, with and without load [SECONDS=60]
 	@$(BIN)/python -m tools.rig.latency $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
-
-scene: setup ## a scene from above, as a picture [SCENE=office SEED=1 ARGS="--out office.png"]
-	@$(BIN)/python -m tools.rig.draw_scene $(SCENE) --seed $(SEED) $(ARGS)
 
 c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
 	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
@@ -90,18 +87,9 @@ format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
 
-replay: setup ## recorded laser bytes through the same app, and the same picture [UPDATE=1]
-	@$(BIN)/python -m tools.cli.replay $(if $(UPDATE),--store tests/replays/lms111_session.json)
-
-view: setup ## live picture of a planner link [PORT=udp://127.0.0.1:9750]
-	@$(BIN)/python -m tools.cli.view --port $(or $(PORT),udp://127.0.0.1:9750)
-
 bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.link
-
-link-test: setup ## the planner link's conformance tests against your receiver PORT=udp://127.0.0.1:9751 [ARGS="--only 2,5"]
-	@$(BIN)/python -m tools.cli.link_test $(if $(PORT),--port $(PORT)) $(ARGS)
 
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
 	@$(BIN)/python -m tools.conformance
@@ -112,21 +100,12 @@ soak: setup ## a million damaged, lost, doubled frames to both receivers of the 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
 
-calibrate: setup ## height, tilt and roll of the scanner from flat floor [ARGS="--height 1.08 --write"]
-	@$(BIN)/python -m tools.calibration.calibrate $(ARGS)
-
 fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4
 	@$(BIN)/python -m tools.rig.c_sizes header
-
-devices: setup ## which device speaks on which serial port, as lines of mapod.toml [ARGS="--udev"]
-	@$(BIN)/python tools/cli/devices.py $(ARGS)
-
-compare: setup ## a real device and its fake, asked the same [ARGS="scanner --real tcp://192.168.0.1:2112"]
-	@$(BIN)/python -m tools.compare.compare $(ARGS)
 
 clean: ## remove all that the other targets made
 	rm -rf $(VENV) .pytest_cache .mypy_cache .ruff_cache .hypothesis mapod.egg-info build

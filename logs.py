@@ -93,7 +93,7 @@ class StateLog:
         if now_s - self._measured_s >= MEASURED_S:
             self._measured_s = now_s
             for name, source in self._devices.items():
-                if measured := source.measured():
+                if source.status.state == "running" and (measured := source.measured()):
                     self._log.info("device_measured", device=name, **measured)
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:

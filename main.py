@@ -90,7 +90,7 @@ async def serve(
     key: bytes | None,
     loaded: Arrays | None,
     save_to: str,
-    recorder: Recorder | None,
+    recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
     log, loop, stop = structlog.get_logger(), asyncio.get_running_loop(), asyncio.Event()

@@ -63,9 +63,6 @@ class Devices:
         return {"scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive}
 
 
-Via = Callable[[str, Port], Port]
-
-
 def no_ports(config: Config) -> Ports:
     """Wires that lead nowhere."""
     nowhere = NoPort()
@@ -97,7 +94,9 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(config: Config, via: Via = lambda section, port: port) -> Ports:
+def open_ports(
+    config: Config, via: Callable[[str, Port], Port] = lambda section, port: port
+) -> Ports:
     """The ports of devices and planners, none of them connected yet.
 
     Args:

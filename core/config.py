@@ -124,6 +124,7 @@ class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):
     h_neg_m: Annotated[float, Meta(ge=-2, lt=0)]
     window_cells: Annotated[int, Meta(ge=3, le=401)]
     soft_free_below_m: Annotated[float, Meta(ge=0, le=2)]
+    free_max_age_s: Annotated[float, Meta(ge=1, le=1_000_000)]
 
 
 class Ground(Struct, frozen=True, forbid_unknown_fields=True):

@@ -111,3 +111,13 @@ def rpy_from_q(q: F64) -> Rpy:
 def wrapped(angle_rad: float) -> float:
     """The same direction within -pi <= angle < pi."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+
+
+def slope_of(u: F64, z: F64) -> float:
+    """Of the straight line nearest in z to points (n,); 0 where all of them stand at one u.
+
+    In plain sums: a solver of the linear algebra library may wait for threads of its own.
+    """
+    off = u - u.mean()
+    spread = float((off * off).sum())
+    return float((off * (z - z.mean())).sum()) / spread if spread > 0.0 else 0.0

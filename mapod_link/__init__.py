@@ -1,8 +1,8 @@
 """Receiver of the mapod planner link, version 1: for planners and tools written in Python.
 
 It needs Python 3.11 and numpy, and nothing else of this repository: the folder may be copied as it
-is. The protocol is described in docs/planner-link.md. There are three ways in, each on top of the
-next one.
+is. The protocol is described in docs/protocols/planner-link.md. There are three ways in, each on
+top of the next one.
 
 **On a wire**, ten lines; the URL is the one that mapod's setting `planner.port` names:
 

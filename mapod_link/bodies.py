@@ -100,10 +100,10 @@ class StopZone:
     state: int  # 0 unknown, 1 clear, 2 slow, 3 stop; others: not of this version
     causes: int  # bits: 0 obstacle, 1 ground not seen, 2 drop, 3 not to be trusted
 
-    def words(self) -> str:
+    def describe(self) -> str:
         """State and causes, to be read.
 
-        >>> StopZone(0, 0, 0.2, 0.3, 2, 9, 9, 0, 0.8, 0.3, 0, state=3, causes=0b11).words()
+        >>> StopZone(0, 0, 0.2, 0.3, 2, 9, 9, 0, 0.8, 0.3, 0, state=3, causes=0b11).describe()
         'stop: an obstacle, ground not seen'
         """
         state = ZONE_STATES[self.state] if self.state < len(ZONE_STATES) else "unknown"

@@ -26,7 +26,8 @@ settings.register_profile(
 settings.load_profile("mapod")
 
 
-def _skip_without_tools() -> Generator[None, object, object]:
+def skip_without_tools() -> Generator[None, object, object]:
+    """Around a test: a tool that is missing skips it, and fails it on CI."""
     try:
         return (yield)
     except MissingToolError as missing:
@@ -38,13 +39,13 @@ def _skip_without_tools() -> Generator[None, object, object]:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup() -> Generator[None, object, object]:
     """Fixtures may need a program."""
-    return (yield from _skip_without_tools())
+    return (yield from skip_without_tools())
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, object, object]:
     """Tests may need one."""
-    return (yield from _skip_without_tools())
+    return (yield from skip_without_tools())
 
 
 @pytest.fixture(scope="session")

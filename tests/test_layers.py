@@ -18,6 +18,7 @@ MAY_IMPORT = {  # by the first part of a module's name
     "mapod_link": {"mapod_link"},
     "fakes": {"fakes", "mapod_link", "jit"},
     **{name: TOP - {"main"} | {"core", "hw"} for name in TOP},
+    "mapod": {"mapod", "tools"},  # the name under which all of it is installed
     "tools": OWN - {"tests"},
     "tests": OWN,
 }
@@ -112,6 +113,17 @@ def faults_of(module: Module) -> Iterator[str]:
 
 def test_rooms_import_only_what_lies_below_them_and_a_robots_own_libraries() -> None:
     assert [fault for module in modules().values() for fault in faults_of(module)] == []
+
+
+def test_a_room_is_imported_by_from_which_the_build_of_the_wheel_can_rewrite() -> None:
+    plain = [
+        f"{module.name}:{node.lineno}"
+        for module in modules().values()
+        if module.room != "tests"
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.Import) and {of.name.split(".")[0] for of in node.names} & OWN
+    ]
+    assert plain == []
 
 
 def test_that_rule_catches_what_it_forbids() -> None:

@@ -187,9 +187,8 @@ def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
     atheris: Any = importlib.import_module("atheris")  # no wheel for some processors, no types
 
     with atheris.instrument_imports(include=["hw"]):
-        import hw.ax3500.session
-        import hw.lms1xx.session
-        import hw.mti.session  # noqa: F401
+        for device in ("ax3500", "lms1xx", "mti"):
+            importlib.import_module(f"hw.{device}.session")
 
     def one_input(program: bytes) -> None:
         run_program(codec, program)

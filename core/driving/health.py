@@ -39,11 +39,7 @@ class Inputs:
 
 
 def stale_s(period_s: float) -> float:
-    """The age from which a scan is stale, of a scanner with that period.
-
-    >>> stale_s(0.04), round(stale_s(0.1), 3)
-    (0.15, 0.3)
-    """
+    """The age from which a scan is stale, of a scanner with that period."""
     return max(LINK_STALE_S, STALE_PERIODS * period_s)
 
 

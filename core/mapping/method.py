@@ -10,6 +10,8 @@ from core.records import F64, I64, PointSweep, Scan
 
 MAX_SLOPE_RAD = 0.35  # a robot that stands steeper than 20 deg has no map
 
+MAX_SLOPE_RAD = 0.35  # a robot that leans more, 20 deg, has no use for a map
+
 
 class Maps(Protocol):
     """An elevation map and the obstacle map made of it, kept up by one method."""

@@ -18,6 +18,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.error_state import SCALE, SIZE, YAW, X, Y
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path
+from core.motion.slip import SIGMA_M
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts, record
 
@@ -33,9 +34,8 @@ BLIND_M = 0.005  # travel without any heading that still counts as standing
 STILL_COUNTS = 1.5  # less than this in an interval is no movement: a wheel may rest on an edge
 MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
-OWED_MPS = 0.1  # position is corrected no faster, so that the map is not torn
+CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
-GATE = 3.0  # standard deviations of what a face is believed
 
 
 @record()
@@ -78,6 +78,7 @@ class Odometry:
         self.v_mps = 0.0
         self.w_radps = 0.0  # from the wheels
         self.breaks = 0
+        self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
     def started(self) -> bool:
@@ -137,18 +138,16 @@ class Odometry:
             self._poses.popleft()
         return True
 
-    def correct_along(self, way: tuple[float, float], off_m: float, variance_m2: float) -> bool:
-        """Take that the told place lies off_m too far along a direction (unit vector, map frame).
+    def correct_slip(self, along: tuple[float, float], slipped_m: float) -> None:
+        """Take that the place has newly run slipped_m ahead along a direction (unit vector, map).
 
-        False: it was not believed. It goes into the place slowly, as all corrections do.
+        That comes on top of all that was known to be wrong before. It goes into the place slowly,
+        as all corrections do, and into the scale as far as the scale may be the cause.
         """
         h = np.zeros(SIZE)
-        h[X], h[Y] = way
-        innovation_m = -off_m - float(h @ self._state.value)
-        if innovation_m**2 > GATE**2 * (self._state.spread(h) + variance_m2):
-            return False
-        self._state.correct_some((X, Y, SCALE), h, innovation_m, variance_m2)
-        return True
+        h[X], h[Y] = along
+        self._state.travel(0.0, 0.0, slipped_m**2, 0.0)  # the place is less sure by as much
+        self._state.correct_some((X, Y, SCALE), h, -slipped_m, SIGMA_M**2)
 
     def settle(self) -> None:
         """Lay the intervals and use the poses whose attitudes have arrived by now."""
@@ -214,7 +213,9 @@ class Odometry:
         level_m = np.array(self._step(travel_m * self.scale, middle_s))
         self._doubt(level_m, dt_s, abs(travel_m * turned_rad))
         place = self._path.newest_m + level_m
-        place[:2] += self._paid(dt_s)
+        applied_m = self._apply_correction(dt_s)
+        place[:2] += applied_m
+        self.corrected_m += applied_m
         self._path.append(counts.t_s, place, self._path.travel_m + travel_m)
         self.v_mps = travel_m * self.scale / dt_s
         self.w_radps = wheels_rad / dt_s
@@ -238,17 +239,17 @@ class Odometry:
             ALONG_M**2 * driven_m + slip_m**2 + unseen_m**2,
             ACROSS_M**2 * driven_m + unseen_m**2,
         )
-        owed_rad = float(self._state.value[YAW])
-        self._state.value[X] -= owed_rad * dy_m
-        self._state.value[Y] += owed_rad * dx_m
+        pending_rad = float(self._state.value[YAW])
+        self._state.value[X] -= pending_rad * dy_m
+        self._state.value[Y] += pending_rad * dx_m
 
-    def _paid(self, dt_s: float) -> F64:
-        """How much (2,) of what is owed to the position is told in this interval."""
-        owed_m = self._state.value[[X, Y]]
-        length_m, most_m = float(np.hypot(*owed_m)), OWED_MPS * dt_s
-        paid_m = owed_m if length_m <= most_m else owed_m * (most_m / length_m)
-        self._state.value[[X, Y]] = owed_m - paid_m
-        return np.asarray(paid_m)
+    def _apply_correction(self, dt_s: float) -> F64:
+        """How much (2,) of the pending correction of the position is taken in this interval."""
+        pending_m = self._state.value[[X, Y]]
+        length_m, most_m = float(np.hypot(*pending_m)), CORRECTION_MPS * dt_s
+        applied_m = pending_m if length_m <= most_m else pending_m * (most_m / length_m)
+        self._state.value[[X, Y]] = pending_m - applied_m
+        return np.asarray(applied_m)
 
     def _step(self, travel_m: float, at_s: float) -> tuple[float, float, float]:
         """A travel along the body's x axis at a spanned instant, as x, y, z of the map frame."""
@@ -313,8 +314,8 @@ class Odometry:
 
     def _leap(self) -> None:
         """Take the whole correction at once: the map from before has its places elsewhere."""
-        owed_m = self._state.value[[X, Y]]
-        self._path.move(float(owed_m[0]), float(owed_m[1]))
+        pending_m = self._state.value[[X, Y]]
+        self._path.move(float(pending_m[0]), float(pending_m[1]))
         self._state.value[[X, Y]] = 0.0
         turn_rad = self._attitudes.heading.pay_all()
         self._attitudes.turn_all(turn_rad)

@@ -15,6 +15,7 @@ Source: AX3500 sheet, sections 1, 2, 3 and 7 (`^00`, `^01`).
 """
 
 import math
+from dataclasses import dataclass
 
 from hw.ax3500.lines import CR
 from hw.ax3500.schedule import CHANGE_S, REFRESH_S
@@ -42,20 +43,28 @@ def encode_motor(channel: int, power: int, *, enabled: bool) -> bytes:
     return f"!{letter}{abs(power):02X}".encode("ascii") + CR
 
 
+@dataclass(slots=True)
+class _Channel:
+    """What one motor was told."""
+
+    acknowledged: int | None = None  # the newest power; None: not known
+    acknowledged_s: float = -math.inf
+    sent_s: float = -math.inf
+    may_move: bool = False  # sent something, and no zero was acknowledged since
+
+
 class Motors:
     """What is wanted of two channels, what was acknowledged, and the command between them."""
 
     def __init__(self, enabled: bool, left: int, right: int, inverted: tuple[int, ...]) -> None:
         self.enabled = enabled
-        self.refusal = UNKNOWN_MODE if enabled else ""  # why no command may be sent, in words
-        self._left, self._right = left - 1, right - 1
+        self.refusal = UNKNOWN_MODE if enabled else ""  # why no command may be sent
+        self._order = (left - 1, right - 1)  # which channel each wheel hangs on
         self._signs = [-1.0 if channel in inverted else 1.0 for channel in (1, 2)]
         self._mixed = False
         self._wish: tuple[float, float] = (0.0, 0.0)
         self._fresh, self._wish_s, self._now_s = False, -math.inf, -math.inf
-        self._acknowledged: list[int | None] = [None, None]
-        self._acknowledged_s, self._sent_s = [-math.inf] * 2, [-math.inf] * 2
-        self._may_move = [False, False]  # sent something, and no zero was acknowledged since
+        self._channels = (_Channel(), _Channel())
         self._zero_first, self._zero_first_s = True, -math.inf  # and since when
         self._blocked = False
         self._trouble = "no connection yet"  # until zero is wished after it; "": none
@@ -68,7 +77,7 @@ class Motors:
     @property
     def may_move(self) -> bool:
         """Whether a motor may have power, as far as commands tell."""
-        return any(self._may_move)
+        return any(channel.may_move for channel in self._channels)
 
     @property
     def is_overdue(self) -> bool:
@@ -77,7 +86,7 @@ class Motors:
 
     @property
     def why_off(self) -> str:
-        """Why a wish has no effect, in words; "" where it has, and where motors are disabled."""
+        """Why a wish has no effect; "" where it has, and where motors are disabled."""
         if not self.enabled or self.refusal or not self._trouble:
             return self.refusal
         return f"motors wait until zero is asked for (let go of the stick): {self._trouble}"
@@ -110,7 +119,7 @@ class Motors:
             self.refusal = "motors stay off: the controller does not tell its motor mode (^01)"
         elif mode not in SEPARATE + MIXED:
             self.refusal = f"motors stay off: motor mode {mode} (^01) steers positions, not speeds"
-            self._may_move = [False, False]  # modes change by a restart, which stopped the motors
+            self._have_stopped()  # modes change by a restart, which stopped the motors
         elif input_mode is None and not watched:
             self.refusal = "motors stay off: the controller does not tell its input mode (^00)"
         elif input_mode == NO_WATCHDOG and not watched:
@@ -127,13 +136,13 @@ class Motors:
         """Zero, acknowledged, before anything else; then only what is wished anew.
 
         Args:
-            trouble: what has happened, in words, if zero must also be wished first.
+            trouble: what has happened, if zero must also be wished first.
         """
         if not self._zero_first:
             self._zero_first, self._zero_first_s = True, self._now_s
         self._wish, self._wish_s, self._fresh = (0.0, 0.0), -math.inf, False
-        self._acknowledged = [None, None]
-        self._sent_s = [-math.inf, -math.inf]
+        for channel in self._channels:
+            channel.acknowledged, channel.sent_s = None, -math.inf
         self._trouble = trouble or self._trouble
 
     def maybe_command(self, blocked: str) -> tuple[int, int] | None:
@@ -142,37 +151,42 @@ class Motors:
         self._trouble = self._trouble or blocked
         if not self.usable and not (self.enabled and self.may_move):
             return None
-        if self._zero_first and self._acknowledged == [0, 0]:
+        if self._zero_first and all(channel.acknowledged == 0 for channel in self._channels):
             self._zero_first = False
         targets = self._targets()
         # zeros first, then who has waited longer: else one wheel may never get its turn
-        for k in sorted((0, 1), key=lambda k: (targets[k] != 0, self._sent_s[k])):
-            wait_s = REPEAT_S if targets[k] == 0 or self._acknowledged[k] is None else CHANGE_S
-            stale = targets[k] != 0 and self._now_s - self._acknowledged_s[k] >= REFRESH_S
-            if (stale or self._acknowledged[k] != targets[k]) and (
-                self._now_s - self._sent_s[k] >= wait_s
-            ):
-                return k + 1, targets[k]
+        for k in sorted((0, 1), key=lambda k: (targets[k] != 0, self._channels[k].sent_s)):
+            channel, power = self._channels[k], targets[k]
+            wait_s = REPEAT_S if power == 0 or channel.acknowledged is None else CHANGE_S
+            stale = power != 0 and self._now_s - channel.acknowledged_s >= REFRESH_S
+            due = self._now_s - channel.sent_s >= wait_s
+            if due and (stale or channel.acknowledged != power):
+                return k + 1, power
         return None
 
     def sent(self, channel: int, power: int) -> bytes:
         """The bytes of a command that goes out now."""
-        k = channel - 1
-        self._sent_s[k] = self._now_s
-        self._may_move[k] = True  # also by a zero: the line may make anything of it
-        self._acknowledged[k] = None
+        told = self._channels[channel - 1]
+        told.sent_s, told.acknowledged = self._now_s, None
+        told.may_move = True  # also by a zero: the line may make anything of it
         return encode_motor(channel, power, enabled=self.enabled)
 
     def acknowledged(self, channel: int, power: int) -> None:
         """A `+` came."""
-        k = channel - 1
-        self._acknowledged[k], self._acknowledged_s[k] = power, self._now_s
-        self._may_move[k] = power != 0
+        told = self._channels[channel - 1]
+        told.acknowledged, told.acknowledged_s = power, self._now_s
+        told.may_move = power != 0
 
     def have_starved(self) -> None:
         """We were silent for longer than the watchdog waits, so it has stopped the motors."""
-        self._may_move, self._zero_first_s = [False, False], self._now_s
+        self._have_stopped()
+        self._zero_first_s = self._now_s
         self.doubt("the line failed, and the controller's watchdog had to stop them")
+
+    def _have_stopped(self) -> None:
+        """Something else has stopped the motors."""
+        for channel in self._channels:
+            channel.may_move = False
 
     def stop_bytes(self) -> bytes:
         """Zero for both without waiting for anything; b"" where nothing may be sent."""
@@ -189,7 +203,8 @@ class Motors:
         if idle or self._now_s - self._wish_s > WISH_S or not all(map(math.isfinite, self._wish)):
             return 0, 0
         motors = [0.0, 0.0]
-        motors[self._left], motors[self._right] = self._wish
+        for channel, power in zip(self._order, self._wish, strict=True):
+            motors[channel] = power
         one, two = (
             max(-1.0, min(1.0, sign * power))
             for sign, power in zip(self._signs, motors, strict=True)

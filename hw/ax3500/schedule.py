@@ -83,9 +83,9 @@ class Schedule:
         self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
 
     def remark(self, now_s: float, motors_hz: float) -> str:
-        """In words, where less fits than is asked; motors_hz: commands of both channels.
+        """Where less fits than is asked; motors_hz: commands of both channels.
 
-        Judged when the measure has settled and seldom afterwards, so that words stay readable.
+        Judged when the measure has settled and seldom afterwards, so that it stays readable.
         """
         if now_s >= self._judge_s:
             self._judge_s = now_s + REJUDGE_S

@@ -304,18 +304,16 @@ class Ax3500(Device[WheelCounts]):
     ) -> None:
         self.stream = CounterStream()
         self.motors = Motors(enable_motors, left_channel, right_channel, inverted_channels)
-        self._poll_hz, self._enter_rs232 = poll_hz, enter_rs232
-        self._left, self._right = left_channel - 1, right_channel - 1
-        self._signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
+        signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
+        self._left, self._right = ((k - 1, signs[k - 1]) for k in (left_channel, right_channel))
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
-        self.status = DeviceStatus("ax3500")
-        super().__init__(self.status, port, LineParser, self._new_talk)
+        status = DeviceStatus("ax3500")
 
-    def _new_talk(self) -> Session:
-        self.session = Ax3500Session(
-            self.status, self.stream, self.motors, self._poll_hz, self._enter_rs232
-        )
-        return self.session.run()
+        def new_session() -> Session:
+            self.session = Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232)
+            return self.session.run()
+
+        super().__init__(status, port, LineParser, new_session)
 
     @property
     def controller(self) -> ControllerState:
@@ -343,8 +341,7 @@ class Ax3500(Device[WheelCounts]):
         return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
 
     def measured(self) -> dict[str, float]:
-        """What a person may want to know beside the counters, for the log; what was not told is not
-        in it."""
+        """For the log: voltages, currents, temperatures, as far as they were told, and stops."""
         return self.stream.controller.measured() | {"watchdog_stops": self.stream.watchdog_stops}
 
     def drive(self, left: float, right: float) -> None:
@@ -375,8 +372,7 @@ class Ax3500(Device[WheelCounts]):
         for reading in self.stream.readings:
             match self._counters.take(*reading):
                 case Pair(t_s, one, two):
-                    counts = (self._signs[0] * one, self._signs[1] * two)
-                    left, right = counts[self._left], counts[self._right]
+                    left, right = (sign * (one, two)[k] for k, sign in (self._left, self._right))
                     measured.append(WheelCounts(t_s, left, right, self._counters.restarts))
                 case BadFrame() as refused:
                     self.status.reject(refused)

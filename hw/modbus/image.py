@@ -68,12 +68,7 @@ class RegisterImage:
         """An image of a window of size x size cells; it has drive registers if no refusal."""
         self._packer = Packer(size, cell_mm)
         self._status = Status(
-            session=session,
-            version=version,
-            name=name,
-            size=size,
-            stride=self._packer.stride,
-            cell_mm=cell_mm,
+            session, version, name, size=size, stride=self._packer.stride, cell_mm=cell_mm
         )
         self.version, self.drive_refusal = version, drive_refusal
         self.drive = None if drive_refusal else DriveRegisters(ask)

@@ -1,8 +1,8 @@
-"""Which register means what: the one table from which the image and docs/modbus.md are made.
+"""Which register means what: the table from which the image and docs/protocols/modbus.md are made.
 
 Registers hold 16 bits; what needs two has its high word first. The same registers are read as
 holding (code 3) and input registers (code 4).
-Source: own layout, with the link's cell codes, health bits and modes (docs/planner-link.md).
+Source: own layout, with the link's cell codes, health bits and modes.
 """
 
 import struct

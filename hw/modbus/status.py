@@ -85,7 +85,7 @@ class Status:
     """The status block of one run of mapod; packed anew when something was published."""
 
     def __init__(
-        self, *, session: int, version: str, name: str, size: int, stride: int, cell_mm: int
+        self, session: int, version: str, name: str, *, size: int, stride: int, cell_mm: int
     ) -> None:
         major_minor, patch = version_numbers(version)
         self._fixed: dict[str, Value] = {

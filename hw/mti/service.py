@@ -1,4 +1,4 @@
-"""What a person may want of an MTi beside measuring: requests to bytes, answers to words.
+"""What a person may want of an MTi beside measuring: requests to bytes, answers to names.
 
 Each `encode_` gives a whole frame; the answer has the next higher message id, or is an Error
 (hw.mti.frames.describe_error). Nothing here is sent by a session: settings wear the device's
@@ -142,7 +142,7 @@ def encode_self_test() -> bytes:
 
 
 def maybe_failed_tests(data: bytes) -> list[str] | None:
-    """What failed, in words; empty: all passed; None where the answer is not one.
+    """Which sensors failed; empty: all passed; None where the answer is not one.
 
     >>> maybe_failed_tests(bytes([0x01, 0xF7]))
     ['rate of turn x']

@@ -125,20 +125,16 @@ class Mti(Device[Attitude]):
 
     def __init__(self, port: Port, *, rate_hz: float, baud: int) -> None:
         self.stream = MtStream()
-        self._rate_hz, self._baud = rate_hz, baud
+        self._byte_s = 10 / baud
         self._times: SampleTimes | None = None
         self._starts = 0  # of the stream, that the times are for
-        self.status = DeviceStatus("mti")
-        super().__init__(self.status, port, lambda: MtParser(baud), self._new_talk)
+        status = DeviceStatus("mti")
 
-    def _new_talk(self) -> Session:
-        self.session = MtiSession(self.status, self.stream, self._rate_hz, self._baud)
-        return self.session.run()
+        def new_session() -> Session:
+            self.session = MtiSession(status, self.stream, rate_hz, baud)
+            return self.session.run()
 
-    @property
-    def period_s(self) -> float:
-        """Between two samples, as asked for."""
-        return 1.0 / self._rate_hz
+        super().__init__(status, port, lambda: MtParser(baud), new_session)
 
     @property
     def clock_locked(self) -> bool:
@@ -163,7 +159,7 @@ class Mti(Device[Attitude]):
     def _measure(self, now_s: float, events: list[Any]) -> list[Attitude]:
         if self._times is None or self._starts != self.stream.starts:
             self._starts = self.stream.starts
-            self._times = SampleTimes(self.stream.period_s, 10 / self._baud)
+            self._times = SampleTimes(self.stream.period_s, self._byte_s)
         attitudes = []
         for received in self.stream.samples:
             sample = received.sample

@@ -80,7 +80,7 @@ class RateWatch:
     """
 
     def __init__(self, period_s: float) -> None:
-        self.remark = ""  # in words, while it does not
+        self.remark = ""  # while it does not
         self._period_s = period_s
         self._steps, self._since_s = 0, math.nan
 

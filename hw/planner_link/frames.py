@@ -1,7 +1,7 @@
 """Frames of the planner link, version 1: what all have in common, and what goes to the planner.
 
 No I/O, no clock. What comes back is decoded in hw/planner_link/messages.py.
-Source: planner link, sections 2, 3 and 9 (docs/planner-link.md).
+Source: planner link, sections 2, 3 and 9.
 """
 
 import hashlib

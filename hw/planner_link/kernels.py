@@ -1,7 +1,7 @@
 """Kernels of the planner's map: mark cells, encode them as operations, pack them for a digest.
 
 All arrays are rings of (size, size) cells, flat, cell (i, j) at [(j % size) * size + i % size].
-Source: planner link, sections 3 (operations) and 4 (docs/planner-link.md).
+Source: planner link, sections 3 (operations) and 4.
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
 """The map frames of one tick: changes in the order of their weight, then a slice of the refresh.
 
-Source: planner link, sections 4, 6 and 7 (docs/planner-link.md).
+Source: planner link, sections 4, 6 and 7.
 """
 
 import math
@@ -80,8 +80,8 @@ class MapPublisher:
     def _budget(self) -> float:
         """Wire bytes for changes: the refresh's share stays, once it is enough for a slice."""
         scheduler = self._scheduler
-        is_due = scheduler.saved >= scheduler.cost(SLICE_BODY)
-        return scheduler.credit - (scheduler.saved if is_due else 0.0)
+        is_due = scheduler.budget.saved >= scheduler.cost(SLICE_BODY)
+        return scheduler.budget.credit - (scheduler.budget.saved if is_due else 0.0)
 
     def _fit(self, kind: int) -> bool:
         """Whether one raster pass over the cells of a kind fits into this tick's budget."""
@@ -127,22 +127,26 @@ class MapPublisher:
         Args:
             spare: wire bytes that it may use beyond its share.
         """
-        scheduler, slice_cost = self._scheduler, self._scheduler.cost(SLICE_BODY)
+        scheduler, budget = self._scheduler, self._scheduler.budget
+        slice_cost = scheduler.cost(SLICE_BODY)
         least = scheduler.cost(MAP_HEAD.size + LEAST_SLICE_OPS) + 2
         self._due_cells = min(self._due_cells + self._cells * dt_s / PASS_S, self._cells)
-        floor = scheduler.credit - spare
+        floor = budget.credit - spare
         while True:
-            left = max(scheduler.credit - floor, min(scheduler.saved, scheduler.credit))
-            if scheduler.saved < scheduler.most_saved:  # else its share is due, whatever it delays
-                left = min(left, scheduler.line_left)
+            left = max(
+                budget.credit - floor,
+                min(budget.saved, budget.credit),
+            )
+            if budget.saved < budget.most_saved:  # else its share is due, whatever it delays
+                left = min(left, budget.line_left)
             if self._has_map and (self._due_cells < 1 or left < slice_cost):
                 break
-            before = scheduler.credit
+            before = budget.credit
             passed = self._publish_slice(scheduler.room(max(least, left), MAP_HEAD.size))
             self._due_cells = max(0.0, self._due_cells - passed)
-            scheduler.saved = max(0.0, scheduler.saved - (before - scheduler.credit))
+            budget.saved = max(0.0, budget.saved - (before - budget.credit))
         if self._due_cells < 1:
-            scheduler.saved = 0.0  # it keeps its pace: what it leaves is free for all else
+            budget.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
     def _publish_slice(self, room: int) -> int:
         """The next cells of the round in one frame; how many."""

@@ -1,7 +1,7 @@
 """Frames that come from a planner: acknowledgements, questions, and what is asked of the robot.
 
 No I/O, no clock. What is no valid frame gives `BadFrame`; nothing raises on input.
-Source: planner link, sections 2, 3 and 9 (docs/planner-link.md).
+Source: planner link, sections 2, 3 and 9.
 """
 
 import hmac

@@ -4,7 +4,7 @@ A HELLO is believed whole where no key is set, and where it has a valid tag of t
 key, one without a tag (who sends it may know no session yet) only begins: its nonce counts, and
 how many cells it can hold, until something with a valid tag has come with that nonce. So nobody
 without the key can silence a link for longer than until the planner's next frame.
-Source: planner link, sections 3 (HELLO) and 9 (docs/planner-link.md).
+Source: planner link, sections 3 (HELLO) and 9.
 """
 
 from hw.planner_link.frames import MAX_FRAME

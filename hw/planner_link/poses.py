@@ -3,7 +3,7 @@
 A pose counts if its sender has heard this very run, and it is newer than all that came from that
 sender before. Its instant is when it was sent, as far as the fastest frame of that sender tells,
 less the age that it was sent with. What is too old to be of use is refused.
-Source: planner link, section 3 (EXTERNAL_POSE) and section 9 (docs/planner-link.md).
+Source: planner link, section 3 (EXTERNAL_POSE) and section 9.
 """
 
 from collections import Counter, deque

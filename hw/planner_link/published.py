@@ -4,7 +4,7 @@ Both ends keep the window as a ring; a cell is *marked* while what the planner h
 what is meant now: it changed, or the frame with it got lost. Encoding clears marks; nothing is
 ever queued. Blocks of cells without a mark are left out, so that a tick costs what has changed and
 its slice of the refresh.
-Source: planner link, sections 3 (operations), 4 and 7 (docs/planner-link.md).
+Source: planner link, sections 3 (operations), 4 and 7.
 """
 
 import zlib

@@ -3,11 +3,12 @@
 Each link has its own numbers, epoch, budget and repair (`PlannerLink`). Drive requests, external
 poses and the memory of who has sent what are common: while the request of one commander is valid,
 no other one drives, by whatever wire; anybody may stop.
-Source: planner link, sections 3, 7 and 9 (docs/planner-link.md).
+Source: planner link, sections 3, 7 and 9.
 """
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from core.records import ExternalPose, ObstacleWindow, PoseReport, StopZoneReport
@@ -27,7 +28,9 @@ class Planners:
         guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
         self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
         self.links = [
-            PlannerLink(wire, settings, session, self.requests, self.external_poses, number=number)
+            PlannerLink(
+                replace(wire, number=number), settings, session, self.requests, self.external_poses
+            )
             for number, wire in enumerate(wires)
         ]
 
@@ -112,4 +115,4 @@ def one_link(
     guard = ReplayGuard(session, has_key=known.key is not None)
     wire = Wire(port, line_baud, drive_refusal, pose_refusal)
     requests, poses = Requests(guard), ExternalPoses(guard)
-    return PlannerLink(wire, known, session, requests, poses, first_seq=first_seq)
+    return PlannerLink(wire, known, session, requests, poses, first_seq)

@@ -2,7 +2,7 @@
 
 Of each frame with cells it is known which marks it cleared, until an ACK speaks of it; these cells
 of a lost one are marked to be sent again. `repaired` never goes back within an epoch.
-Source: planner link, section 6 (docs/planner-link.md).
+Source: planner link, section 6.
 """
 
 from collections import deque

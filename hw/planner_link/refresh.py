@@ -3,7 +3,7 @@
 A receiver that lost a frame is whole again, even if it never answers, as soon as the refresh has
 come round to where it was when the frame after that one was sent: every cell has then either been
 sent again, or entered the window since, and is unknown to all who have heard of that.
-Source: planner link, section 6 (docs/planner-link.md).
+Source: planner link, section 6.
 """
 
 from collections import deque

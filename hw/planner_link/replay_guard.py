@@ -6,7 +6,7 @@ counts twice. How late a frame is, is known against the fastest one of the same 
 Memory is bounded. With a key only holders of the key get in, and what they sent must never count
 again: when memory is full, the run needs a new session (`is_full`); no old frame is valid for it.
 Without a key anybody could fill it: the commander that has been silent longest is forgotten.
-Source: planner link, section 3 (DRIVE, EXTERNAL_POSE) and section 9 (docs/planner-link.md).
+Source: planner link, section 3 (DRIVE, EXTERNAL_POSE) and section 9.
 """
 
 from dataclasses import dataclass

@@ -4,7 +4,7 @@ A request on the planner link counts if its commander has heard this very run, n
 driving, and it is newer than all that came from that commander before. Its time counts from when it
 was sent, as far as the fastest frame of that commander tells: what lay in a queue for long does not
 move a robot. Requests that come by another way (Modbus) obey the same rule of who drives.
-Source: planner link, section 3 (DRIVE) and section 9 (docs/planner-link.md).
+Source: planner link, section 3 (DRIVE) and section 9.
 """
 
 import math

@@ -2,11 +2,12 @@
 
 A tick's frames go out together or not at all. The budget grows with time by what the line carries;
 what is left over is kept for a few ticks, a share of it for the refresh.
-Source: planner link, sections 2 and 7 (docs/planner-link.md).
+Source: planner link, sections 2 and 7.
 """
 
 import math
 from array import array
+from dataclasses import dataclass
 
 from hw.device import Port
 from hw.planner_link.frames import (
@@ -30,6 +31,17 @@ UNTIMED = 1024  # newest frames, of which an ACK that tells no time is believed
 IDLE_S = 0.020  # after such a pause a zero ends what noise has begun in the receiver
 
 
+@dataclass(slots=True)
+class Budget:
+    """Bytes that may be sent."""
+
+    tick_bytes: float  # what the line carries in one tick
+    credit: float = 0.0  # saved up so far
+    saved: float = 0.0  # of that, the refresh's share
+    most_saved: float = 0.0
+    line_left: float = 0.0  # that the line carries until the next tick, beside the queued
+
+
 class FrameScheduler:
     """Numbers, paces and writes the frames of one planner."""
 
@@ -44,12 +56,9 @@ class FrameScheduler:
     ) -> None:
         self.port, self.secret, self._tick_s = port, secret, tick_s
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
-        self.tick_bytes = self._bytes_per_s * tick_s  # what the line carries in one tick
+        self.budget = Budget(self._bytes_per_s * tick_s)
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
         self.max_frame = MAX_FRAME
-        self.credit = self.saved = 0.0  # bytes: of the line, and of the refresh's share
-        self.most_saved = 0.0
-        self.line_left = 0.0  # bytes that the line carries until the next tick, beside the queued
         self._slice_body = slice_body  # bytes of the body that the share is saved up for
         self._earned_s = self._written_s = -math.inf
         self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
@@ -63,25 +72,25 @@ class FrameScheduler:
         """
         dt_s = max(0.0, min(now_s - self._earned_s, SAVED_TICKS * self._tick_s))
         self._earned_s = now_s
-        earned, most = self._bytes_per_s * dt_s, self.tick_bytes * SAVED_TICKS
+        earned, most = self._bytes_per_s * dt_s, self.budget.tick_bytes * SAVED_TICKS
         waiting = min(float(self.port.backlog), self._line_bytes)
         longest = LONGEST_BURST * self._line_bytes - waiting
-        self.credit = min(self.credit + earned, most, longest)
+        self.budget.credit = min(self.budget.credit + earned, most, longest)
         share = REFRESH_SHARE * earned
-        self.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
-        self.saved = min(self.saved + share, self.most_saved)
-        self.line_left = self._line_bytes - waiting
+        self.budget.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
+        self.budget.saved = min(self.budget.saved + share, self.budget.most_saved)
+        self.budget.line_left = self._line_bytes - waiting
         return dt_s
 
     @property
     def _line_bytes(self) -> float:
         """What the line could carry in one tick, were it used to the full."""
-        return self.tick_bytes / LINE_SHARE
+        return self.budget.tick_bytes / LINE_SHARE
 
     @property
     def is_full(self) -> bool:
         """Whether the wire is more than a tick behind, or the budget is overdrawn."""
-        return self.port.backlog > self._line_bytes or self.credit < 0.0
+        return self.port.backlog > self._line_bytes or self.budget.credit < 0.0
 
     def _frame_bytes(self, body_bytes: int) -> int:
         return HEAD.size + body_bytes + CRC.size + (TAG_BYTES if self.secret else 0)
@@ -109,8 +118,8 @@ class FrameScheduler:
             self.seq += 1
             self._queued.append((kind, flags, body))
             cost = self.cost(len(body))
-            self.credit -= cost
-            self.line_left -= cost
+            self.budget.credit -= cost
+            self.budget.line_left -= cost
 
     def write(self, now_s: float) -> None:
         """All frames of this tick to the port."""
@@ -118,7 +127,7 @@ class FrameScheduler:
             return
         t_ms, first = round(now_s * 1000) % 2**32, self.seq - len(self._queued) + 1
         lead = b"" if now_s - self._written_s <= IDLE_S or self.port.datagrams else b"\0"
-        self.credit -= len(lead)
+        self.budget.credit -= len(lead)
         for k, (kind, flags, body) in enumerate(self._queued):
             more = MORE if k + 1 < len(self._queued) else 0
             frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)

@@ -4,7 +4,7 @@ Every cell operation is absolute, so a lost frame spoils nothing that comes late
 is sent again, when an ACK shows the gap or when the rolling refresh passes by. While an input is
 not to be trusted, free cells are published as unknown. A tick's frames go out together or not at
 all: there is never a queue of outdated frames. A planner that only asks gets answers alone.
-Source: planner link, sections 2 to 8 (docs/planner-link.md).
+Source: planner link, sections 2 to 8.
 """
 
 import math
@@ -67,6 +67,7 @@ class Wire:
     line_baud: int | None  # None: it has no such thing (UDP, TCP)
     drive_refusal: str  # why nobody may drive over it, as a message; "" if one may
     pose_refusal: str = "no external poses are taken here"  # likewise of external poses
+    number: int = 0  # which of a run's wires it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,8 +93,9 @@ class Due:
 
 @dataclass(slots=True)
 class Last:
-    """When things happened last, on the host's clock."""
+    """When things happened last, on the host's clock, and what was said."""
 
+    epoch: int = -1  # of the window; other than any
     geom_s: float = -math.inf
     called_s: float = -math.inf
     digest_s: float = -math.inf
@@ -122,13 +124,10 @@ class PlannerLink:
         session: int,
         requests: Requests,
         external_poses: ExternalPoses,
-        *,
-        number: int = 0,
         first_seq: int = 1,
     ) -> None:
-        """`number`: which of a run's links this one is."""
-        self.port, self._wire, self._settings = wire.port, wire, settings
-        self.requests, self.external_poses, self._number = requests, external_poses, number
+        self._wire, self._settings = wire, settings
+        self.requests, self.external_poses = requests, external_poses
         self.session, key = session, settings.key
         cells = settings.size**2
         self.peer = Peer(cells=cells, push=settings.push, has_key=key is not None)
@@ -141,7 +140,11 @@ class PlannerLink:
         self._publisher = MapPublisher(self._scheduler, self._map, self._repair, session % 256)
         self._tiles = Tiles(settings.cell_mm)
         self._due, self._last, self.counters = Due(geom=settings.push), Last(), LinkCounters()
-        self._epoch = -1  # of the window; other than any
+
+    @property
+    def port(self) -> Port:
+        """Of its wire."""
+        return self._wire.port
 
     @property
     def geom_id(self) -> int:
@@ -213,7 +216,7 @@ class PlannerLink:
                 if answer.wants & ASK_TILE:
                     self._tiles.take(answer)
             case Drive():
-                self.requests.take(now_s, answer, self._wire.drive_refusal, self._number)
+                self.requests.take(now_s, answer, self._wire.drive_refusal, self._wire.number)
             case External():
                 self.external_poses.take(now_s, answer, self._wire.pose_refusal)
             case BadFrame(reason, data):
@@ -286,8 +289,8 @@ class PlannerLink:
         """
         is_open = self.poll(now_s)
         lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
-        if self._due.epoch or lags or window.epoch != self._epoch:
-            self._epoch = window.epoch
+        if self._due.epoch or lags or window.epoch != self._last.epoch:
+            self._last.epoch = window.epoch
             self._begin_epoch(now_s)
         if not self.peer.polled:
             self._publisher.follow(window)
@@ -298,7 +301,7 @@ class PlannerLink:
         self._publish_state(now_s, pose, zone)
         source = tiles or NoTiles()
         if self.peer.polled:
-            self._publish_tiles(self._scheduler.credit, window, source)
+            self._publish_tiles(self._scheduler.budget.credit, window, source)
         elif not self.peer.refusal:
             self._publish_map(now_s, dt_s, window, source)
         self._due.wanted = 0
@@ -338,18 +341,20 @@ class PlannerLink:
         self, now_s: float, dt_s: float, window: ObstacleWindow, source: TileSource
     ) -> None:
         """Changes, tiles, refresh and digest of a planner that need not ask."""
-        scheduler = self._scheduler
+        scheduler, budget = self._scheduler, self._scheduler.budget
         self._publisher.publish_changes()
-        spare = scheduler.credit - scheduler.tick_bytes
+        spare = budget.credit - budget.tick_bytes
         if self._tiles.waiting:
             self._publish_tiles(
-                scheduler.credit - scheduler.saved - scheduler.tick_bytes / 2, window, source
+                budget.credit - budget.saved - budget.tick_bytes / 2,
+                window,
+                source,
             )
             spare = 0.0
         self._publisher.refresh(dt_s, spare)
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq
         due = now_s - self._last.digest_s >= DIGEST_EVERY_S - CLOSE_S
-        if is_known and due and scheduler.credit >= scheduler.cost(DIGEST_BODY.size):
+        if is_known and due and budget.credit >= scheduler.cost(DIGEST_BODY.size):
             self._last.digest_s = now_s
             scheduler.queue(DIGEST, encode_digest(self.geom_id, self._map.digest()))
 

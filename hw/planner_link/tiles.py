@@ -2,7 +2,7 @@
 
 A piece is made when it is sent, from the map as it is then; nothing of a tile is kept but how far
 it has been sent.
-Source: planner link, section 3 (ASK, TILE; docs/planner-link.md).
+Source: planner link, section 3 (ASK, TILE; docs/protocols/planner-link.md).
 """
 
 import math
@@ -154,9 +154,9 @@ class Tiles:
         Args:
             corner: world cell of the window's lowest corner; None: no map is announced.
         """
-        floor = scheduler.credit - budget
+        floor = scheduler.budget.credit - budget
         while self.waiting:
-            room = scheduler.room(scheduler.credit - floor, TILE_HEAD.size)
+            room = scheduler.room(scheduler.budget.credit - floor, TILE_HEAD.size)
             if self._refused:
                 if room < 0:
                     return

@@ -1,4 +1,4 @@
-"""The command line, as a person uses it: the real process."""
+"""The command line, as a person uses it."""
 
 import os
 import signal
@@ -9,34 +9,27 @@ from pathlib import Path
 
 import pytest
 
+from main import run
 from tests import ROOT
 
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
 
 
-def mapod(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run main.py to its end."""
-    return subprocess.run(
-        [sys.executable, "main.py", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-
-
 def test_check_tells_the_robot_in_words() -> None:
-    done = mapod("--config", "mapod.toml", "--check")
-    assert done.returncode == 0
-    assert done.stderr == ""
+    command = [sys.executable, "main.py", "--config", "mapod.toml", "--check"]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
     for told in ("8.45 m ahead", "width of ground seen", "101 x 101 cells", "MB", "bytes/s"):
         assert told in done.stdout
 
 
-def test_version_and_help_are_told() -> None:
-    assert mapod("--version").stdout.startswith("mapod 0.")
-    assert "--config" in mapod("--help").stdout
+def test_version_and_help_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    for words, told in (("--version", "mapod 0."), ("--help", "--config")):
+        with pytest.raises(SystemExit):
+            run([words])
+        assert told in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -46,26 +39,23 @@ def test_version_and_help_are_told() -> None:
         ("[log]", "[lag]", "[lag]: unknown section"),
         ("serial:///dev/mti?baud=115200", "mti", "ahrs.port: "),
         ('key_file = ""', 'key_file = "no/such/key"', "planner.key_file: can't read"),
-        ('key_file = ""', 'key_file = "mapod.toml"', "only its owner may have access"),
+        ('key_file = ""', f'key_file = "{ROOT}/mapod.toml"', "only its owner may have access"),
+        (SHIPPED, "", "No such file"),
     ],
 )
 def test_a_bad_setting_ends_with_status_2_and_one_line_that_names_it(
-    tmp_path: Path, old: str, new: str, told: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, told: str
 ) -> None:
     assert old in SHIPPED
     path = tmp_path / "robot.toml"
-    path.write_text(SHIPPED.replace(old, new, 1), encoding="utf-8")
-    done = mapod("--config", str(path))
-    assert done.returncode == 2
-    assert told in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert done.stdout == ""
-
-
-def test_a_file_that_is_not_there_ends_with_status_2() -> None:
-    done = mapod("--config", "no_such.toml")
-    assert done.returncode == 2
-    assert "no_such.toml" in done.stderr
+    if new:
+        path.write_text(SHIPPED.replace(old, new, 1), encoding="utf-8")
+    assert run(["--config", str(path)]) == 2
+    said = capsys.readouterr()
+    assert told in said.err
+    assert str(path) in said.err
+    assert len(said.err.splitlines()) == 1
+    assert said.out == ""
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])

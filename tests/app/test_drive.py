@@ -21,6 +21,7 @@ from tests.support.closed_loop import SESSION, SHIPPED, ClosedLoop
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 FRONT_M = 0.50  # of the simulated chassis, ahead of the axle
+TO_DRIVE = ("drive", "h2d")
 START_S = 2.0  # until all devices run
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
 BEFORE_STANDING_S = 1.0  # request, exchange with the controller, and the motors' own slowness
@@ -115,40 +116,36 @@ def test_what_is_asked_for_beyond_the_limits_is_limited() -> None:
     assert max(max(powers) for powers in commander.powers) <= round(0.4 * 127) + 1
 
 
-@pytest.mark.parametrize("loss", ["mute", "silent"])
-def test_without_its_commander_the_robot_stops(loss: str) -> None:
-    commander = driving()
-    if loss == "mute":
-        commander.loop.planner.mute = True
-    else:
-        commander.asks = None
-    commander.assert_stands()
-    assert commander.blocked_by == "the commander has fallen silent"
-
-
-def test_a_request_to_stop_now_stops_it_without_a_ramp() -> None:
-    commander = driving()
-    commander.asks, commander.valid_s = (0.0, 0.0), 0.0
-    commander.run(0.15)  # a frame, and an exchange with the controller
-    assert commander.loop.rig.drive.powers() == (0, 0)
-    assert commander.blocked_by == ""
-
-
 @pytest.mark.parametrize(
-    ("device", "fault", "said"),
+    ("target", "fault", "said"),
     [
+        ("planner", "mute", "the commander has fallen silent"),
+        ("planner", "stopped", "the planner says it stopped"),
         ("scanner", "cut", "the scanner delivers no scans"),
         ("ahrs", "cut", "the attitude sensor delivers nothing"),
         ("drive", "cut", ""),
         ("drive", "mute", ""),
     ],
 )
-def test_an_input_that_falls_silent_stops_it(device: str, fault: str, said: str) -> None:
+def test_whoever_falls_silent_or_has_stopped_stops_it(target: str, fault: str, said: str) -> None:
     commander = driving()
-    setattr(commander.loop.wires[device], fault, True)
+    loop = commander.loop
+    setattr(loop.planner if target == "planner" else loop.wires[target], fault, True)
     commander.assert_stands(1.5)  # the controller's own watchdog, where its wire is cut
     assert said in commander.blocked_by
     assert commander.blocked_by
+
+
+def test_a_request_to_stop_now_stops_it_without_a_ramp_and_none_at_all_within_its_time() -> None:
+    commander = driving()
+    commander.asks, commander.valid_s = (0.0, 0.0), 0.0
+    commander.run(0.15)  # a frame, and an exchange with the controller
+    assert commander.loop.rig.drive.powers() == (0, 0)
+    assert commander.blocked_by == ""
+    commander = driving()
+    commander.asks = None
+    commander.assert_stands()
+    assert commander.blocked_by == "the commander has fallen silent"
 
 
 def test_it_stops_before_an_obstacle_says_so_and_can_back_off() -> None:
@@ -211,13 +208,9 @@ def test_after_an_emergency_stop_the_commander_must_let_go_first() -> None:
 
 
 def test_an_app_that_hangs_is_stopped_by_the_controllers_watchdog() -> None:
-    commander, seconds = driving(), 0.0
-    loop = commander.loop
-    while loop.rig.drive.powers() != (0, 0):
-        seconds += 0.005
-        loop.rig.step(loop.now_s + seconds)
-        loop.wires["drive"].step(loop.now_s + seconds)
-        assert seconds < 1.2
+    loop = driving().loop
+    loop.hang(1.2)
+    assert loop.rig.drive.powers() == (0, 0)
     assert loop.rig.drive.watchdog_stops == 1
 
 
@@ -245,23 +238,16 @@ def test_shutting_down_waits_no_longer_for_a_controller_that_says_nothing() -> N
 def test_motors_that_are_not_enabled_never_move_however_many_requests_come() -> None:
     commander = Commander(enable_motors=False)
     commander.valid_s = 1.0
-    written = bytearray()
-    port = commander.loop.ports["drive"]
-    write = port.write
-
-    def note(data: bytes) -> None:
-        written.extend(data)
-        write(data)
-
-    port.write = note  # type: ignore[method-assign]
+    loop, written = commander.loop, bytearray()
+    loop.listen(lambda wire, way, data: written.extend(data if (wire, way) == TO_DRIVE else b""))
     for motion in ((0.6, 0.0), (-0.6, 0.0), (0.0, 1.0), (32.0, 32.0)):
         commander.drive(*motion, 0.7)
-    commander.loop.app.stop()
+    loop.app.stop()
     commander.run(0.2)
     assert not commander.has_moved
     assert b"!" not in written
     assert len(written) > 100
-    requests = commander.loop.app.planners.requests
+    requests = loop.app.planners.requests
     assert requests.accepted == 0
     assert requests.refused.total() > 40
     assert "not enabled" in requests.last_refusal
@@ -290,13 +276,6 @@ def test_where_there_is_a_key_only_signed_requests_are_obeyed() -> None:
     assert loop.app.planners.requests.refused == {"no valid tag": 100}
     commander.drive(0.5, 0.0, 1.0)
     assert commander.has_moved
-
-
-def test_a_planner_that_says_it_has_stopped_is_believed() -> None:
-    commander = driving()
-    commander.loop.planner.stopped = True
-    commander.assert_stands()
-    assert commander.blocked_by == "the planner says it stopped"
 
 
 @pytest.mark.parametrize(("late_s", "stops"), [(0.005, False), (0.09, False), (0.11, True)])

@@ -66,26 +66,14 @@ def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
     loop.run(0.5)
     assert free_told(loop) == 0
     assert int((loop.planner.window() == 2).sum()) > 20  # obstacles stay
-    loop.run(1.0)
+    told_free = []
+    loop.run(1.0, lambda: told_free.append(free_told(loop)))
+    assert not any(told_free)
     setattr(loop.wires[device], fault, False)
     run_until_well(loop, 6.0)
     loop.run(1.0)
     assert free_told(loop) > 80
     assert not loop.planner.suspect
-
-
-@pytest.mark.parametrize("device", DEVICES)
-def test_no_free_is_told_for_ground_while_an_input_is_away(device: str) -> None:
-    loop = running()
-    loop.wires[device].mute = True
-    loop.run(STALE_S + 0.5)
-    before = loop.planner.window().copy()
-
-    def check() -> None:
-        assert int((loop.planner.window() == 1).sum()) == 0
-
-    loop.run(1.0, check)
-    assert before.shape == loop.planner.window().shape
 
 
 @given(

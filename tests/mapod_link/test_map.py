@@ -3,16 +3,11 @@
 Source: planner link, sections 4, 13 and 14, items 1 and 2.
 """
 
-import random
-from zlib import crc32
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from mapod_link.bodies import FREE, KEEP, OBSTACLE, UNKNOWN
-from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE, int16
+from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
+from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE
 from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
     NONCE,
@@ -68,63 +63,6 @@ def test_the_acknowledgement_is_that_of_the_sheet() -> None:
     assert ack == vector("ack")
 
 
-def a_run() -> st.SearchStrategy[tuple[int, int]]:
-    return st.tuples(st.integers(UNKNOWN, KEEP), st.integers(1, 400))
-
-
-@st.composite
-def drives(draw: st.DrawFn) -> tuple[int, int, list[tuple[int, int, int, list[tuple[int, int]]]]]:
-    """Width, height and MAP frames: origin, start and runs that fit; origins walk and jump."""
-    width, height = draw(st.integers(3, 60)), draw(st.integers(3, 60))
-    ox, oy = draw(st.sampled_from([0, 32_760, -32_768])), draw(st.sampled_from([0, 32_767, -5]))
-    frames = []
-    for _ in range(draw(st.integers(1, 12))):
-        ox += draw(st.integers(-width - 1, width + 1))
-        oy += draw(st.integers(-3, 3))
-        start = left = draw(st.integers(0, width * height - 1))
-        runs = []
-        for state, length in draw(st.lists(a_run(), max_size=8)):
-            length = min(length, width * height - left)
-            if length:
-                runs.append((state, length))
-            left += length
-        frames.append((ox, oy, start, runs))
-    return width, height, frames
-
-
-@given(drives(), st.integers(0, 2**32))
-def test_the_map_is_that_of_a_dict_that_saw_the_same_frames(
-    drive: tuple[int, int, list[tuple[int, int, int, list[tuple[int, int]]]]], seed: int
-) -> None:
-    width, height, frames = drive
-    line, lost = Line(Receiver(NONCE), seq=0xFFF8), random.Random(seed)
-    line.send(GEOM, geom_body(width=width, height=height))
-    model: dict[tuple[int, int], int] = {}
-    for ox, oy, start, runs in frames:
-        gone = lost.random() < 0.05
-        ops = b"".join(op(state, length) for state, length in runs)
-        line.send(MAP, map_body(ops, start, ox, oy), lost=gone)
-        if gone:
-            continue
-        model = {
-            (i, j): state
-            for (i, j), state in model.items()
-            if ox <= i < ox + width and oy <= j < oy + height
-        }
-        at = start
-        for state, length in runs:
-            for cell in range(at, at + length):
-                if state != KEEP:
-                    model[ox + cell % width, oy + cell // width] = state
-            at += length
-        seen = [[model.get((ox + c, oy + r), 0) for c in range(width)] for r in range(height)]
-        np.testing.assert_array_equal(line.planner.window(), seen)
-        origin = line.planner.origin
-        assert origin is not None
-        assert (int16(origin[0] - ox), int16(origin[1] - oy)) == (0, 0)
-    assert not line.planner.rejected
-
-
 def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     receiver = Receiver(NONCE)
     names = ["geom", "pose", "map", "digest", "stop_zone", "tile_class", "tile_height"]
@@ -174,14 +112,3 @@ def test_the_first_origin_lies_near_the_robot_wherever_the_endless_grid_has_wrap
     assert line.planner.origin == (corner, -2)
     line.send(MAP, map_body(ox=corner + 1, oy=-3))
     assert line.planner.origin == (corner + 1, -3)
-
-
-def test_the_digest_is_that_of_cells_packed_one_by_one() -> None:
-    chance = random.Random(3)
-    line = receiving(width=7, height=3)
-    cells = [chance.choice([0, 1, 2]) for _ in range(21)]
-    line.send(MAP, map_body(b"".join(op(state, 1) for state in cells)))
-    packed = bytearray(6)
-    for k, state in enumerate(cells):
-        packed[k // 4] |= state << 2 * (k % 4)
-    assert line.planner.digest() == crc32(bytes(packed))

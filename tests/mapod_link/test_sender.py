@@ -11,7 +11,6 @@ import pytest
 from core.records import StopZoneReport
 from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.bodies import FREE, OBSTACLE
-from mapod_link.frames import GEOM, MAP, POSE, STOP_ZONE, TILE
 from tests.support.planner_line import Line, Sky, SkyTiles
 
 KEY = bytes(range(32))
@@ -89,45 +88,6 @@ def test_tiles_of_every_layer_come_through_loss(
     assert heights is not None
     np.testing.assert_allclose(part.values, heights.reshape(30, 9), atol=6e-4)
     assert np.isnan(part.values).any()  # beyond the window
-
-
-def test_who_only_asks_gets_nothing_else() -> None:
-    line = line_with(None, None, loss=0.0, poll_only=True)
-    line.settle(0.5)
-    before = line.planner.accepted.copy()
-    line.settle(3.0)
-    pushed = line.planner.accepted - before
-    assert not set(pushed) - {GEOM, POSE}
-    assert pushed.total() <= 3
-    assert line.planner.ask(line.now_s, pose=True, stop_zone=True, geometry=True)
-    before = line.planner.accepted.copy()
-    line.settle(0.1)
-    assert line.planner.accepted - before == {GEOM: 1, POSE: 1, STOP_ZONE: 1}
-    line.planner.ask_tile("class", 0, 0, 5, 5, in_window=True)
-    line.settle(0.1)
-    assert line.planner.accepted[TILE] == 1
-    assert line.planner.accepted[MAP] <= 5  # of the ticks before its HELLO
-
-
-@pytest.mark.parametrize(("baud", "key"), WAYS)
-def test_the_stop_zone_comes_ten_times_a_second_and_as_it_was_meant(
-    baud: int | None, key: bytes | None
-) -> None:
-    line = line_with(baud, key, loss=0.0)
-    line.settle(1.0)
-    before = line.planner.accepted[STOP_ZONE]
-    line.settle(2.0)
-    assert 18 <= line.planner.accepted[STOP_ZONE] - before <= 22
-    zone = line.planner.stop_zone
-    assert zone is not None
-    assert (zone.free_ahead_m, zone.obstacle_ahead_m, zone.obstacle_behind_m) == (
-        1.25,
-        1.48,
-        math.inf,
-    )
-    assert (zone.contact_s, zone.allowed_ahead_mps, zone.nearest_m) == (math.inf, 0.65, 0.43)
-    assert (zone.bearing_rad, zone.words()) == (-0.7854, "slow: an obstacle, ground not seen")
-    assert line.planner.allowed_mps(line.now_s) == (0.65, 0.0)
 
 
 @pytest.mark.parametrize("key", [None, KEY])

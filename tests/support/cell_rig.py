@@ -5,12 +5,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from core.config import Obstacle
 from core.grid.window import StateWindow
 from core.mapping.beams.carving import Clearing
 from core.mapping.beams.cells import CellGrid
-from core.mapping.beams.classifier import Deciding
+from core.mapping.beams.classifier import NEW_S, Deciding
 from core.mapping.beams.elevation import Elevation
 from core.mapping.beams.ground import GroundTracker
+from core.mapping.freshness import Freshness
 from core.mapping.rays import Sweep
 
 F64 = npt.NDArray[np.float64]
@@ -19,6 +21,8 @@ CELL_M, H, HEIGHT_M = 0.2, 0.10, 1.30
 SURE = (True, True, True)  # the ground is known well, and so is its height just now
 LENS: Point = (0.0, 0.0, 1.08)
 SCAN_S = 0.04
+NEW_LOOKS = round(NEW_S / SCAN_S)
+FOOTPRINT = (0.5, 0.2, 0.3)  # ahead, behind, to either side
 
 
 def sweep_to(points: list[Point], lens: Point = LENS, t_s: float = 0.0) -> Sweep:
@@ -45,21 +49,32 @@ class CellRig:
         *,
         filters: bool = False,
         soft_free_below_m: float = 0.0,
+        free_max_age_s: float = 120.0,
+        period_s: float = SCAN_S,
     ) -> None:
         self.cells = CellGrid(cells, CELL_M)
         self.window = StateWindow(window, CELL_M)
         self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters, 1081)
-        self.clearing = Clearing(self.cells)
-        self.deciding = Deciding(self.cells, self.window, H, -H, soft_free_below_m)
+        self.fresh = Freshness(self.cells.grid, free_max_age_s, FOOTPRINT)
+        self.clearing = Clearing(self.cells, self.fresh)
+        self.obstacle = Obstacle(H, -H, window, soft_free_below_m, free_max_age_s)
+        self.period_s = period_s
+        self.deciding = self.deciding_into(self.window)
         self.ground: F64 = GroundTracker(self.cells, 1081).numbers  # level, at z = 0
-        self.t_s = 0.0
+        self.x = self.y = self.t_s = 0.0
+
+    def deciding_into(self, window: StateWindow) -> Deciding:
+        """What decides these cells into a window."""
+        return Deciding(self.cells, window, self.fresh, self.obstacle, self.period_s)
 
     def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
         """A whole scan; how many returns it had."""
+        self.fresh.follow(sweep.t_s, self.x, self.y, (1.0, 0.0))
         returns = self.fill(sweep, trust)
         self.clearing.add(sweep, self.ground)
         self.deciding.decide(self.cells.touched[: self.cells.used])
-        self.t_s += SCAN_S
+        self.fresh.expire(self.window)
+        self.t_s += self.period_s
         return returns
 
     def fill(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
@@ -79,6 +94,7 @@ class CellRig:
 
     def follow(self, x: float, y: float) -> None:
         """Move both windows with the robot."""
+        self.x, self.y = x, y
         self.cells.grid.follow(x, y)
         self.deciding.follow(x, y)
 

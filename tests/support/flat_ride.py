@@ -57,6 +57,7 @@ class Ride:
     pitching_hz: float = 1.0
     noise_rad: float = math.radians(0.05)  # of the attitude sensor
     bias_rad: tuple[float, float] = (0.0, 0.0)  # roll, pitch: measured minus true
+    slip: float = 0.0  # share of the travel that the wheels count too much
 
 
 class Path3:
@@ -95,7 +96,7 @@ class Path3:
 
     def wheels(self, t_s: float) -> tuple[float, float]:
         """Travel of the left and of the right wheel."""
-        travel = float(np.interp(t_s, self._t_s, self._travel_m))
+        travel = (1.0 + self._ride.slip) * float(np.interp(t_s, self._t_s, self._travel_m))
         rim = 0.5 * SHIPPED.robot.track_width_m * float(np.interp(t_s, self._t_s, self._yaw_rad))
         return travel - rim, travel + rim
 

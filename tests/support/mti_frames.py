@@ -1,5 +1,6 @@
 """The frames printed in the MTi sheet, and how one is built by its rule."""
 
+import math
 import struct
 
 from tests import VECTORS
@@ -27,3 +28,13 @@ def configuration(tail_102: str, device_id: str = "00300D2A", head: str = "04800
     """The Configuration frame of section 8; bytes 102..109 are given."""
     data = bytes.fromhex(device_id + head) + bytes(88) + bytes.fromhex("0001" + device_id)
     return framed(0x0D, data + bytes.fromhex(tail_102 + "0003 020601 330208"))
+
+
+def euler_deg(q: tuple[float, float, float, float] | None) -> list[float]:
+    """Roll, pitch and yaw by the formulas of section 6."""
+    assert q is not None
+    w, x, y, z = q
+    roll = math.atan2(2 * (y * z + w * x), 2 * w * w + 2 * z * z - 1)
+    pitch = -math.asin(2 * x * z - 2 * w * y)
+    yaw = math.atan2(2 * (x * y + w * z), 2 * w * w + 2 * x * x - 1)
+    return [math.degrees(angle) for angle in (roll, pitch, yaw)]

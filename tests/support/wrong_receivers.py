@@ -3,8 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from tools.conformance.slow_bodies import Run
-from tools.conformance.slow_receiver import SlowReceiver
+from tools.conformance.slow_receiver import Run, SlowReceiver
 from tools.conformance.wire import (
     KEEP,
     MAP,

@@ -7,7 +7,6 @@ import pytest
 
 from app import App, Ports
 from config_file import load_config
-from hw.device import Port
 from tests import ROOT
 from tools.cli import replay as tool
 from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
@@ -25,15 +24,14 @@ class RecordedLoop(Loop):
         super().__init__("corridor", 1, load_config(SHIPPED), drives=True)
 
     def _new_app(self, key: bytes | None) -> App:
-        named: dict[str, Port] = {**self.ports, "planner": self.link_port}
-        named = {name: self.recorder.port(name, port) for name, port in named.items()}
-        ports = Ports(named["scanner"], named["ahrs"], named["drive"], named["planner"])
+        scanner, ahrs, drive = (self.recorder.port(*named) for named in self.ports.items())
+        ports = Ports(scanner, ahrs, drive, self.recorder.port("planner", self.link_port))
         return self.recorder.app(App(self.config, ports, session=SESSION))
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
-    """Three seconds of a drive, the scanner's wire cut for a while, and a loop that hangs."""
+    """Three seconds of a drive, the scanner's wire cut for a while."""
     path = tmp_path_factory.mktemp("recording") / "drive.rec"
     loop = RecordedLoop(path)
     loop.run(2.0)

@@ -76,7 +76,7 @@ def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
     """The stop zone in a line; none before the first one has arrived."""
     if zone is None:
         return []
-    words, style = zone.words(), ZONE_STYLES.get(zone.state, BAD)
+    words, style = zone.describe(), ZONE_STYLES.get(zone.state, BAD)
     (ahead_m, behind_m), old_s = (zone.free_ahead_m, zone.free_behind_m), now_s - zone.arrived_s
     if old_s > ZONE_STALE_S:
         words, style, ahead_m, behind_m = f"not heard for {old_s:.1f} s", BAD, 0.0, 0.0

@@ -20,6 +20,7 @@ from tools.conformance.wire import (
     SUSPECT,
     Ack,
     Geom,
+    Key,
     Splitter,
     cobs,
     frame,
@@ -142,7 +143,8 @@ class SenderBench:
         hello = np.array([nonce, self.size**2], "<u4").tobytes()
         hello += np.array([exam.max_frame, 0], "<u2").tobytes()
         hears, loss, self.port.hears, self.port.loss = self.port.hears, self.port.loss, True, 0.0
-        self.port.give(frame(HELLO, 1, exam.t_ms, hello))
+        key = Key(exam.key, session, nonce) if exam.key else None  # else `max_frame` counts not
+        self.port.give(frame(HELLO, 1, exam.t_ms, hello, 0, key))
         self.port.hears, self.port.loss = hears, loss
 
     def run(self, ticks: int, changes: int = 6, move_every: int = 5) -> None:

@@ -1,6 +1,6 @@
 """The worked example of section 13 as a receiver gets it: plain frames, and tagged ones.
 
-Source: planner link, section 13 (docs/planner-link.md).
+Source: planner link, section 13.
 """
 
 from tools.conformance.wire import Geom

@@ -2,7 +2,7 @@
 
 Shares nothing with the sender in `hw` nor with the public receiver: what is wrong there must not be
 wrong here too.
-Source: planner link, sections 2, 3 and 9 (docs/planner-link.md).
+Source: planner link, sections 2, 3 and 9.
 """
 
 import hashlib

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tools.rig.c_build import build_planner_firmware, program
-from tools.rig.c_planner import ADVICE, RECOVERIES, STATES, WHY, PlannerSettings, PlannerState
+from tools.rig.c_planner import PlannerSettings, PlannerState, planner_state
 
 U8 = npt.NDArray[np.uint8]
 GENEROUS_S = 60.0  # nothing here takes long; a loaded machine may
@@ -243,23 +243,4 @@ class EmulatedBoard(Board):
 
     def state(self) -> PlannerState:
         """What the planner does, and why."""
-        status = self.status()
-        return PlannerState(
-            state=STATES[status["state"]],
-            why=WHY[status["why"]],
-            recovery=RECOVERIES[status["recovery"]],
-            v_mps=status["v_mmps"] / 1000,
-            w_radps=status["w_mradps"] / 1000,
-            x_m=status["x_mm"] / 1000,
-            y_m=status["y_mm"] / 1000,
-            yaw_rad=math.remainder(status["yaw"] * math.tau / 65_536, math.tau),
-            goal=(status["goal_x_mm"] / 1000, status["goal_y_mm"] / 1000),
-            advice=ADVICE[status["advice"]],
-            advice_why=WHY[status["link_why"]],
-            blank=bool(status["blank"]),
-            suspect=bool(status["suspect"]),
-            stale=bool(status["stale"]),
-            tries=status["tries"],
-            accepted=status["accepted"],
-            rejected=status["bad_frames"],
-        )
+        return planner_state(self.status())

@@ -6,6 +6,7 @@ It has no clock and draws no random numbers: the same bytes at the same times gi
 import ctypes
 import functools
 import math
+from collections.abc import Mapping
 from ctypes import c_int32 as i32
 from ctypes import c_uint8 as u8
 from ctypes import c_uint16 as u16
@@ -98,6 +99,29 @@ class PlannerState:
     tries: int  # recoveries for this goal, less those that have been made good
     accepted: int  # frames, since the start
     rejected: int
+
+
+def planner_state(told: Mapping[str, int]) -> PlannerState:
+    """What a planner has told by the names of `struct planner_report`."""
+    return PlannerState(
+        state=STATES[told["state"]],
+        why=WHY[told["why"]],
+        recovery=RECOVERIES[told["recovery"]],
+        v_mps=told["v_mmps"] / 1000,
+        w_radps=told["w_mradps"] / 1000,
+        x_m=told["x_mm"] / 1000,
+        y_m=told["y_mm"] / 1000,
+        yaw_rad=math.remainder(told["yaw"] * math.tau / 65_536, math.tau),
+        goal=(told["goal_x_mm"] / 1000, told["goal_y_mm"] / 1000),
+        advice=ADVICE[told["advice"]],
+        advice_why=WHY[told["link_why"]],
+        blank=bool(told["blank"]),
+        suspect=bool(told["suspect"]),
+        stale=bool(told["stale"]),
+        tries=told["tries"],
+        accepted=told["accepted"],
+        rejected=told["bad_frames"],
+    )
 
 
 class _Report(ctypes.Structure):
@@ -200,25 +224,7 @@ class CPlanner:
     def state(self, now_s: float) -> PlannerState:
         """What it does, and why, as of now."""
         report = self._report(now_s)
-        return PlannerState(
-            state=STATES[report.state],
-            why=WHY[report.why],
-            recovery=RECOVERIES[report.recovery],
-            v_mps=report.v_mmps / 1000,
-            w_radps=report.w_mradps / 1000,
-            x_m=report.x_mm / 1000,
-            y_m=report.y_mm / 1000,
-            yaw_rad=math.remainder(report.yaw * math.tau / 65_536, math.tau),
-            goal=(report.goal_x_mm / 1000, report.goal_y_mm / 1000),
-            advice=ADVICE[report.advice],
-            advice_why=WHY[report.link_why],
-            blank=bool(report.blank),
-            suspect=bool(report.suspect),
-            stale=bool(report.stale),
-            tries=report.tries,
-            accepted=report.accepted,
-            rejected=report.bad_frames,
-        )
+        return planner_state({name: getattr(report, name) for name, *_ in _Report._fields_})
 
     def window(self) -> U8:
         """(height, width) copy of all cells: 0 unknown, 1 free, 2 obstacle; (0, 0) before any."""

@@ -12,7 +12,7 @@ A folder of its own holds, instants in simulated seconds since the first tick:
     picture.png         all of it from above
 
 Pictures can be drawn again: `python -m tools.rig draw FOLDER`. A scanner's bytes can be played:
-`python -m tools.cli.replay FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
+`mapod replay FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
 """
 
 import contextlib

@@ -15,6 +15,7 @@ import numpy as np
 
 from core.mapping.beams.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
 from core.mapping.beams.ground_plane import ground_m
+from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
 from jit import kernel
@@ -71,19 +72,22 @@ def _goes_through(
         r = middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
-            h = lens[2] + r * ray[2] - ground_m(ground, x, y)
-            if _passes(
-                cells, at, part_bit(x, y, window[3], sub), h, r, stood and r < end - CLEAR_M, serial
-            ):
+            h, bit = lens[2] + r * ray[2] - ground_m(ground, x, y), part_bit(x, y, window[3], sub)
+            if _passes(cells, at, bit, h, r, stood and r < end - CLEAR_M, serial):
                 return True
     return False
 
 
 @kernel
-def _note(touched: I32, used: int, cells: Cells, stands: U8) -> None:
-    """Keep up in which cells something stands."""
+def _note(
+    touched: I32, used: int, cells: Cells, serial: int, t_s: float, stands: U8, seen_s: F64
+) -> None:
+    """Keep up in which cells something stands, and which were just hit."""
     for k in range(used):
-        stands[touched[k]] = 1 if cells[touched[k]].above > 0 else 0
+        at = touched[k]
+        stands[at] = 1 if cells[at].above > 0 else 0
+        if cells[at].hit_scan == serial:
+            seen_s[at] = t_s
 
 
 @kernel
@@ -96,12 +100,19 @@ def _clear(
     sub: int,
     cells: Cells,
     stands: U8,
+    clears: bool,
     stood: bool,
     serial: int,
+    times: tuple[float, float],
+    seen_s: F64,
     touched: I32,
     used: int,
 ) -> tuple[int, int]:
-    """How many cells `touched` lists, and how many were cleared."""
+    """How many cells `touched` lists, and how many were cleared.
+
+    times: of the scan, and the oldest that is fresh. What beams pass over on their way down, and
+    was fresh, stays so.
+    """
     size, per_m, cleared = window[2], 1.0 / window[3], 0
     first_column, first_row = window[0] % size, window[1] % size
     for i in range(rays.shape[0]):
@@ -115,6 +126,7 @@ def _clear(
         end = min(nearest - BEFORE_M, REACH_M)
         r = MIN_RANGE_M + phase * STEP_M
         lens_x, lens_y, way_x, way_y = lenses[i, 0], lenses[i, 1], rays[i, 0], rays[i, 1]
+        falls = rays[i, 2] < 0.0
         while r < end:
             column = math.floor((lens_x + r * way_x) * per_m) - window[0]
             row = math.floor((lens_y + r * way_y) * per_m) - window[1]
@@ -123,7 +135,9 @@ def _clear(
                 column -= size if column >= size else 0
                 row -= size if row >= size else 0
                 at = row * size + column
-                if stands[at] and _goes_through(
+                if falls and seen_s[at] >= times[1]:
+                    seen_s[at] = times[0]
+                if clears and stands[at] and _goes_through(
                     lenses[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
                 ):  # fmt: skip
                     cells[at].through_scan = serial
@@ -140,26 +154,25 @@ def _clear(
 class Clearing:
     """Clears the cells of a `CellGrid` by the beams of sweeps."""
 
-    def __init__(self, cells: CellGrid) -> None:
-        self._cells = cells
+    def __init__(self, cells: CellGrid, fresh: Freshness) -> None:
+        self._cells, self._fresh = cells, fresh
         self._stands: U8 = cells.grid.layer(np.uint8, 0).reshape(-1)  # 1: something stands there
         self._is_new = True
         self.cleared = 0  # cells so far
 
-    def add(self, sweep: Sweep, ground: F64, *, stood: bool = False, jitters: bool = False) -> None:
+    def add(self, sweep: Sweep, ground: F64, *, clears: bool = True, stood: bool = False) -> None:
         """Take a sweep that was added to the cells just before.
 
         Args:
+            clears: False where its heights are not to be trusted, or the ground is not known.
             stood: the robot did not move since the one before.
-            jitters: its heights are not to be trusted; it clears nothing.
         """
-        cells = self._cells
+        cells, seen_s = self._cells, self._fresh.seen_s
         if self._is_new:  # a map that was loaded stands before its first sweep
             self._stands[:] = cells.flat["above"] > 0
             self._is_new = False
-        _note(cells.touched, cells.used, cells.flat, self._stands)
-        if jitters:
-            return
+        t_s = sweep.t_s
+        _note(cells.touched, cells.used, cells.flat, cells.scan, t_s, self._stands, seen_s)
         cells.used, cleared = _clear(
             sweep.lenses,
             sweep.rays,
@@ -169,8 +182,11 @@ class Clearing:
             cells.sub,
             cells.flat,
             self._stands,
+            clears,
             stood,
             cells.scan,
+            (t_s, self._fresh.oldest_s),
+            seen_s,
             cells.touched,
             cells.used,
         )

@@ -9,11 +9,16 @@ not before something has been seen all around it. Only touched cells are decided
 Source: the paper, Definition 1; design, section 7.
 """
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
+from core.config import Obstacle
 from core.grid.window import StateWindow, put_state
 from core.mapping.beams.cells import CellGrid, Cells, known, ones
-from core.records import FREE, I8, I32, OBSTACLE, UNKNOWN
+from core.mapping.freshness import Freshness
+from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
 from jit import kernel
 
 ENOUGH = 2  # contradicting scans that make an obstacle
@@ -21,13 +26,21 @@ MISSED_ENOUGH = 3  # scans in which a beam went a little below the ground, where
 MISSED_SUBS = 1.5  # and in so many parts of a cell, times those along its edge, never was any;
 MOST_SUBS = 2.0  # of so many parts, a scan less is enough
 LOOKED_AGAIN = 6  # scans after which a single contradiction no longer holds a cell unknown
-NEW_LOOKS = 25  # scans that have hit a cell before it no longer counts as new: 1 s at 25 Hz
+NEW_S = 1.0  # of scans that have hit a cell, and it no longer counts as new
 SOFT_LEAST = 6  # returns that say "soft",
 SOFT_SHARE = 0.5  # of all that rise,
 DOUBLE_SHARE = 0.25  # and that echo twice
 
 AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
-Bounds = tuple[float, float, float]  # h_pos, h_neg, height up to which soft things are free
+
+
+class Bounds(NamedTuple):
+    """What the settings say of cells."""
+
+    h_pos_m: float
+    h_neg_m: float
+    soft_free_below_m: float
+    new_looks: int  # NEW_S, in scans
 
 
 @kernel
@@ -93,13 +106,14 @@ def _state(
         return UNKNOWN
     lacks = lacks_floor(cells, at, sub)
     above, height = cell.above, cell.mean_m
-    may_be_free = bounds[2] > 0.0 and above > 0 and cell.top_m <= bounds[2]
+    soft_m = bounds.soft_free_below_m
+    may_be_free = soft_m > 0.0 and above > 0 and cell.top_m <= soft_m
     if may_be_free and is_soft(cells, at) and _is_among_soft(i, j, cells, window):
         above, height = 0, cell.floor_m
     beyond = above + cell.below
     if above >= ENOUGH or cell.below >= ENOUGH or lacks:
         return OBSTACLE
-    if cell.count > 0 and not bounds[1] < height < bounds[0]:
+    if cell.count > 0 and not bounds.h_neg_m < height < bounds.h_pos_m:
         return OBSTACLE
     if (beyond > 0 or cell.miss == 1) and cell.looks < LOOKED_AGAIN:
         return UNKNOWN
@@ -108,7 +122,7 @@ def _state(
     sides = 0
     if cell.rising == 1:
         sides = 0xFF
-    elif cell.looks < NEW_LOOKS:
+    elif cell.looks < bounds.new_looks:
         far = int(cell.far_sides)
         sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
     return FREE if _goes_on(i, j, sides, cells, window) else UNKNOWN
@@ -120,6 +134,8 @@ def _decide(
     layers: Cells,
     sub: int,
     bounds: Bounds,
+    seen_s: F64,
+    oldest_s: float,
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
     cells: I8,
@@ -136,6 +152,8 @@ def _decide(
         if not (0 <= i - to_window[0] < out and 0 <= j - to_window[1] < out):
             continue
         state = _state(i, j, at, layers, sub, bounds, from_window)
+        if state == FREE and seen_s[at] < oldest_s:
+            state = UNKNOWN
         used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
     return used
 
@@ -147,12 +165,17 @@ class Deciding:
         self,
         source: CellGrid,
         window: StateWindow,
-        h_pos_m: float,
-        h_neg_m: float,
-        soft_free_below_m: float,
+        fresh: Freshness,
+        obstacle: Obstacle,
+        period_s: float,
     ) -> None:
-        self._source, self._window = source, window
-        self._bounds: Bounds = (h_pos_m, h_neg_m, soft_free_below_m)
+        self._source, self._window, self._fresh = source, window, fresh
+        self._bounds = Bounds(
+            obstacle.h_pos_m,
+            obstacle.h_neg_m,
+            obstacle.soft_free_below_m,
+            math.ceil(NEW_S / period_s - 1e-6),
+        )
 
     def decide(self, touched: I32) -> None:
         """Decide cells again (flat indices of the source)."""
@@ -162,6 +185,8 @@ class Deciding:
             source.flat,
             source.sub,
             self._bounds,
+            self._fresh.seen_s,
+            self._fresh.oldest_s,
             (source.grid.corner_i, source.grid.corner_j, source.grid.size),
             (window.grid.corner_i, window.grid.corner_j, window.grid.size),
             window.cells.ravel(),

@@ -14,6 +14,7 @@ from collections import deque
 
 import numpy as np
 
+from core.geometry import slope_of
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground_memory import LineMemory, Turning
 from core.mapping.beams.ground_plane import Line, Stand, fit, near_plane, nearest_due, seek, turned
@@ -129,6 +130,14 @@ class GroundTracker:
     def is_guess(self) -> bool:
         """Whether the robot turns, and has turned far since it last saw the line."""
         return self._lost_turned_rad > GUESS_RAD and self._turned_rad > 0.0
+
+    def is_even(self, stand: Stand) -> bool:
+        """Whether the ground at the line is about as steep as under the robot.
+
+        Where it is not, what lies in between is taken to rise or fall evenly, which is a guess.
+        """
+        along = math.tan(self.slope_rad(stand)[0])
+        return abs(along - self._leaning[0]) <= LEANS
 
     def slope_rad(self, stand: Stand) -> tuple[float, float]:
         """Slope of the ground ahead (along, across): up ahead and up to the left are positive."""
@@ -366,10 +375,10 @@ class GroundTracker:
         u, z, _ = np.array(self._seen).T
         if len(u) < LEAST_SEEN or float(np.ptp(u)) < SEEN_M:
             return None
-        slope, height_m = _slope(u, z), float(z.mean())
+        slope, height_m = slope_of(u, z), float(z.mean())
         rough_m = float(np.abs(z - height_m - slope * (u - u.mean())).max())
         half = len(u) // 2
-        halves = _slope(u[:half], z[:half]), _slope(u[half:], z[half:])
+        halves = slope_of(u[:half], z[:half]), slope_of(u[half:], z[half:])
         if not min(halves) * max(halves) > 0.0 or min(map(abs, halves)) < EVEN * abs(slope):
             return None
         rise_m = height_m + slope * (float(u[-1]) - float(u.mean())) - stand.z_m
@@ -381,16 +390,6 @@ class GroundTracker:
         self._history.clear()
         self._seen.clear()
         return Line(x_m, y_m, stand.z_m + rise_m, slope * hx, slope * hy, stand.travel_m)
-
-
-def _slope(u: F64, z: F64) -> float:
-    """Of the straight line nearest in z to points (n,); 0 where all of them stand at one u.
-
-    In plain sums: a solver of the linear algebra library may wait for threads of its own.
-    """
-    off = u - u.mean()
-    spread = float((off * off).sum())
-    return float((off * (z - z.mean())).sum()) / spread if spread > 0.0 else 0.0
 
 
 def _limited(slope: float) -> float:

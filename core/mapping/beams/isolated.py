@@ -11,11 +11,11 @@ import numpy as np
 from core.mapping.beams.cells import CellGrid, flat_index
 from core.mapping.beams.ground_plane import ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
-from core.records import F64, I32, U8
+from core.records import F64, U8
 from jit import kernel
 
 ALONE_M = 0.3  # neighbours that end so much nearer or farther are of something else
-SOON = 12  # scans: half a second at 25 Hz
+SOON_S = 0.5
 
 
 @kernel
@@ -38,11 +38,11 @@ def _find(
     ground: F64,
     h_pos_m: float,
     window: tuple[int, int, int, float],
-    serial: int,
-    last: I32,
+    t_s: float,
+    last_s: F64,
     skipped: U8,
 ) -> None:
-    """Which beams (n,) are left out; `last` is the scan, by cell, of its newest lone return."""
+    """Which beams (n,) are left out; `last_s`: when each cell had its newest one."""
     for i in range(rays.shape[0]):
         skipped[i], r = 0, ranges_m[0, i]
         if not r >= MIN_RANGE_M or not _is_alone(ranges_m, i):
@@ -51,8 +51,8 @@ def _find(
         at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
         if at < 0 or lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < h_pos_m:
             continue
-        before, last[at] = last[at], serial
-        if before == 0 or not 0 < serial - before <= SOON:
+        before_s, last_s[at] = last_s[at], t_s
+        if not 0.0 < t_s - before_s <= SOON_S:
             skipped[i] = 1
 
 
@@ -61,7 +61,7 @@ class Specks:
 
     def __init__(self, cells: CellGrid, h_pos_m: float, max_beams: int) -> None:
         self._cells, self._h_pos_m = cells, h_pos_m
-        self._last: I32 = cells.grid.layer(np.int32, 0).reshape(-1)
+        self._last_s: F64 = cells.grid.layer(np.float64, -np.inf).reshape(-1)
         self._skipped: U8 = np.zeros(max_beams, dtype=np.uint8)
 
     def find(self, sweep: Sweep, ground: F64) -> U8:
@@ -74,8 +74,8 @@ class Specks:
             ground,
             self._h_pos_m,
             self._cells.window,
-            self._cells.scan,
-            self._last,
+            sweep.t_s,
+            self._last_s,
             skipped,
         )
         return skipped

@@ -17,6 +17,7 @@ from core.mapping.beams.elevation import Elevation
 from core.mapping.beams.ground import GroundTracker
 from core.mapping.beams.ground_plane import Stand
 from core.mapping.beams.slip import Faces
+from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
 from core.mapping.terrain import Terrain
@@ -48,11 +49,15 @@ class BeamMaps:
         bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
         filters = config.map.cell_value == "kalman"
         self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters, beams)
-        self.clearing = Clearing(self.cells)
+        robot = config.robot
+        footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
+        self.fresh = Freshness(self.cells.grid, obstacle.free_max_age_s, footprint)
+        self.clearing = Clearing(self.cells, self.fresh)
         self.ground = GroundTracker(self.cells, beams)
         self.terrain = Terrain(self.cells)
         self.faces = Faces(self.cells, beams)
-        self._deciding = Deciding(self.cells, self.window, *bounds_m, obstacle.soft_free_below_m)
+        period_s = config.scanner.options.spec.period_s
+        self._deciding = Deciding(self.cells, self.window, self.fresh, obstacle, period_s)
         self._h_neg_m = obstacle.h_neg_m
         self._stand: Stand | None = None
 
@@ -72,6 +77,7 @@ class BeamMaps:
         sweep = self._geometry.cast(scan, attitudes, odometry)
         stand = stand_at(sweep.t_s, attitudes, odometry)
         self.cells.grid.follow(stand.x_m, stand.y_m)
+        self.fresh.follow(sweep.t_s, stand.x_m, stand.y_m, stand.heading)
         self._deciding.follow(stand.x_m, stand.y_m)
         self.ground.follow(sweep, stand)
         self.cells.begin_scan()
@@ -83,14 +89,16 @@ class BeamMaps:
             ground = self.ground
             self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)
         returns = self.elevation.add(sweep, self.ground.numbers, trust)
-        slide = self.faces.maybe_slide(sweep, self.ground.numbers, stand)
+        corrected_m = odometry.corrected_m
+        slipped_m = self.faces.maybe_slipped_m(sweep, self.ground.numbers, stand, corrected_m)
         turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
-        if slide is not None and not turns and self.ground.found and is_calm:
-            odometry.correct_along(slide.heading, slide.ahead_m, slide.variance_m2)
-        jitters = self.ground.jitters
-        self.clearing.add(sweep, self.ground.numbers, stood=stood, jitters=jitters)
+        if slipped_m is not None and not turns and self.ground.found and is_calm:
+            odometry.correct_slip(stand.heading, slipped_m)
+        clears = known and self.ground.is_even(stand) and not self.ground.jitters
+        self.clearing.add(sweep, self.ground.numbers, clears=clears, stood=stood)
         touched = self.cells.touched[: self.cells.used]
         self._deciding.decide(touched)
+        self.fresh.expire(self.window)
         self.terrain.note(touched)
         return returns
 

@@ -3,20 +3,19 @@
 Wheels that slip alike count more than the robot travels, and no gyro sees it. But the front of a
 pillar, a box or a wall stays where it is: returns from it that come to lie before or behind those
 that made it known tell how far the pose is off along the way. Only faces that look along the way
-are used, many returns of a scan must agree in their middle, and what they say must grow evenly with
-the travel, by a few hundredths of it: things that move, or that lie on top of others, do not.
+are used, and many returns of a scan must agree in their middle. `core.motion.slip` judges whether
+what they say over a while is slip.
 Source: point-to-line matching, Censi, ICRA 2008, in one direction.
 """
 
 import math
-from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from core.mapping.beams.cells import CellGrid, Cells, flat_index
 from core.mapping.beams.ground_plane import Stand, ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
+from core.motion.slip import SlipEstimator
 from core.records import F64
 from jit import kernel
 
@@ -31,20 +30,6 @@ MOST_M = 0.25
 LEAST = 12  # returns that agree
 AGREE_M = 0.05  # about their middle
 SAME_LEG = math.cos(math.radians(20.0))  # a robot that has turned by more makes its faces anew
-GROWN_M, LEAST_TOLD = 0.7, 12  # travel, and scans of it, over which slip must have grown,
-GAP_M = 0.3  # without a longer gap,
-LEAST_SLIP, MOST_SLIP = 0.015, 0.2  # by this share of the travel,
-ROUGH_M = 0.015  # and evenly
-SIGMA_M = 0.01  # of what that says
-
-
-@dataclass(frozen=True, slots=True)
-class Slide:
-    """The pose lies too far ahead by so much."""
-
-    ahead_m: float
-    heading: tuple[float, float]  # unit vector of the way, map frame
-    variance_m2: float
 
 
 @kernel
@@ -158,7 +143,7 @@ class Faces:
     def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
         self._slides = np.zeros(max_beams)
-        self._told: deque[tuple[float, float]] = deque(maxlen=500)  # travel and offset
+        self._slip = SlipEstimator()
         self._leg, self._heading = 1, (math.nan, math.nan)
 
     def warm(self) -> None:
@@ -167,21 +152,27 @@ class Faces:
 
     def erase(self) -> None:
         """Forget what they told; the cells forget the faces."""
-        self._told.clear()
+        self._slip.restart()
 
-    def maybe_slide(self, sweep: Sweep, ground: F64, stand: Stand) -> Slide | None:
-        """What a sweep says, if enough of it agrees; its returns add to the faces."""
-        cells = self._cells
-        (ax, ay), (bx, by) = self._heading, stand.heading
-        if not ax * bx + ay * by >= SAME_LEG:
+    def maybe_slipped_m(
+        self, sweep: Sweep, ground: F64, stand: Stand, corrected_m: F64
+    ) -> float | None:
+        """How far the pose has newly run ahead along the heading, if enough of a sweep shows it.
+
+        corrected_m (2,) is the sum of all corrections of the place so far. Returns of the sweep add
+        to the faces.
+        """
+        cells, (hx, hy) = self._cells, stand.heading
+        if not self._heading[0] * hx + self._heading[1] * hy >= SAME_LEG:
             self._leg, self._heading = self._leg + 1, stand.heading
-            self._told.clear()
+            self._slip.restart()
         n = _slides(
             sweep.lenses,
             sweep.rays,
             sweep.ranges_m,
             ground,
-            *stand.heading,
+            hx,
+            hy,
             cells.window,
             self._leg,
             cells.flat,
@@ -191,24 +182,7 @@ class Faces:
             return None
         slides = self._slides[:n]
         count, mean_m = _agreeing(slides, float(np.median(slides)))
-        return self._maybe_grown(stand, mean_m) if count >= max(LEAST, 0.5 * n) else None
-
-    def _maybe_grown(self, stand: Stand, off_m: float) -> Slide | None:
-        """What the faces' offsets of some travel say, if they have grown as slip makes them grow.
-
-        The top of a table moves as fast as the robot, and a thing that stands does not move.
-        """
-        told = self._told
-        if told and abs(stand.travel_m - told[-1][0]) > GAP_M:
-            told.clear()
-        told.append((stand.travel_m, off_m))
-        if len(told) < LEAST_TOLD or abs(stand.travel_m - told[0][0]) < GROWN_M:
+        if count < max(LEAST, 0.5 * n):
             return None
-        travel_m, off = np.array(told).T
-        share, start = np.polyfit(travel_m - travel_m[0], off, 1)
-        rough_m = float(np.abs(off - start - share * (travel_m - travel_m[0])).max())
-        told.clear()
-        if not LEAST_SLIP <= abs(share) <= MOST_SLIP or rough_m > ROUGH_M:
-            return None
-        grown_m = float(share) * float(travel_m[-1] - travel_m[0])
-        return Slide(grown_m, stand.heading, SIGMA_M**2)
+        corrected_ahead_m = float(hx * corrected_m[0] + hy * corrected_m[1])
+        return self._slip.maybe_slipped_m(stand.travel_m, mean_m, corrected_ahead_m)

@@ -45,11 +45,13 @@ def _turn(
     average_m: F64,
     count: I32,
     states: I8,
+    seen_s: F64,
     cell_m: float,
     turned_rad: float,
     to_average_m: F64,
     to_count: I32,
     to_states: I8,
+    to_seen_s: F64,
 ) -> None:
     """Copy each cell to where its centre lands; of two that meet, the last in reading order."""
     cells = count.shape[0]
@@ -66,11 +68,12 @@ def _turn(
                 to_average_m[to_row, to_column] = average_m[row, column]
                 to_count[to_row, to_column] = count[row, column]
                 to_states[to_row, to_column] = states[row, column]
+                to_seen_s[to_row, to_column] = seen_s[row, column]
 
 
 @kernel
 def _move_row(
-    average_m: F64, count: I32, states: I8, from_row: int, to_row: int, blank_state: int
+    average_m: F64, count: I32, states: I8, seen_s: F64, from_row: int, to_row: int
 ) -> None:
     """Copy a row; from outside the maps comes an empty one."""
     cells = count.shape[0]
@@ -78,16 +81,17 @@ def _move_row(
     for column in range(cells):
         average_m[to_row, column] = average_m[from_row, column] if inside else np.nan
         count[to_row, column] = count[from_row, column] if inside else 0
-        states[to_row, column] = states[from_row, column] if inside else blank_state
+        states[to_row, column] = states[from_row, column] if inside else UNKNOWN
+        seen_s[to_row, column] = seen_s[from_row, column] if inside else -np.inf
 
 
 @kernel
-def _scroll(average_m: F64, count: I32, states: I8, rows: int) -> None:
+def _scroll(average_m: F64, count: I32, states: I8, seen_s: F64, rows: int) -> None:
     """Move all rows towards smaller Y by `rows`, or towards larger Y where that is negative."""
     cells = count.shape[0]
     for k in range(cells):
         to_row = k if rows > 0 else cells - 1 - k
-        _move_row(average_m, count, states, to_row + rows, to_row, UNKNOWN)
+        _move_row(average_m, count, states, seen_s, to_row + rows, to_row)
 
 
 @kernel
@@ -119,8 +123,14 @@ class PaperGrid:
         self.average_m = np.full((cells, cells), np.nan)  # NaN: nothing seen
         self.count: I32 = np.zeros((cells, cells), dtype=np.int32)
         self.states: I8 = np.full((cells, cells), UNKNOWN, dtype=np.int8)
+        self.seen_s = np.full((cells, cells), -np.inf)  # when each was met last, by who knows
         self._h_pos_m, self._h_neg_m = h_pos_m, h_neg_m
-        self._spare = self.average_m.copy(), self.count.copy(), self.states.copy()
+        average_m, count, states, seen_s = self._arrays
+        self._spare = average_m.copy(), count.copy(), states.copy(), seen_s.copy()
+
+    @property
+    def _arrays(self) -> tuple[F64, I32, I8, F64]:
+        return self.average_m, self.count, self.states, self.seen_s
 
     def turn_needed(self, turned_rad: float) -> bool:
         """Whether turning by an angle (counter-clockwise) moves the deciding cell by over a cell.
@@ -139,16 +149,16 @@ class PaperGrid:
 
     def turn(self, turned_rad: float) -> None:
         """Turn the maps' content counter-clockwise about the laser."""
-        now = self.average_m, self.count, self.states
-        self.average_m, self.count, self.states = self._spare
+        now = self._arrays
+        self.average_m, self.count, self.states, self.seen_s = self._spare
         self._spare = now
         self.erase()
-        _turn(*now, self.cell_m, turned_rad, self.average_m, self.count, self.states)
+        _turn(*now, self.cell_m, turned_rad, *self._arrays)
 
     def scroll(self, rows: int) -> None:
         """Move the content back by whole rows, as the robot goes ahead; forth where negative."""
         if rows != 0:
-            _scroll(self.average_m, self.count, self.states, rows)
+            _scroll(*self._arrays, rows)
 
     def decide(self, touched: I32) -> None:
         """Decide the cells (flat indices) whose averages changed; one at a bound is an obstacle."""
@@ -159,3 +169,4 @@ class PaperGrid:
         self.average_m[...] = np.nan
         self.count[...] = 0
         self.states[...] = UNKNOWN
+        self.seen_s[...] = -np.inf

@@ -14,13 +14,14 @@ import numpy as np
 
 from core.config import Config
 from core.grid.window import StateWindow
+from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
 from core.mapping.paper.grid import centre_of, index_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I8, I32, I64, OBSTACLE, UNKNOWN, PointSweep, Scan
+from core.records import F64, FREE, I8, I32, I64, OBSTACLE, UNKNOWN, PointSweep, Scan
 from jit import kernel
 
 NOWHERE = -1  # a cell of the window that lies outside the paper's maps
@@ -59,11 +60,26 @@ def _find_sources(
 
 
 @kernel
-def _list_changes(source: I32, states: I8, shown: I8, at: I32, new: I8) -> int:
-    """Where the window (flat) shows other than its sources' states; returns how many cells."""
+def _list_changes(
+    source: I32,
+    states: I8,
+    seen_s: F64,
+    covered_s: F64,
+    oldest_s: float,
+    shown: I8,
+    at: I32,
+    new: I8,
+) -> int:
+    """Where the window (flat) shows other than its sources' states; returns how many cells.
+
+    Free ground is shown as unknown if beams met it (seen_s, of the paper's cells) and the robot
+    stood on it (covered_s, of the window's) longer ago than is fresh.
+    """
     used = 0
     for k in range(source.size):
         state = states[source[k]] if source[k] != NOWHERE else UNKNOWN
+        if state == FREE and max(seen_s[source[k]], covered_s[k]) < oldest_s:
+            state = UNKNOWN
         if shown[k] != state:
             at[used], new[used] = k, state
             used += 1
@@ -90,6 +106,9 @@ class ReferencePlaneMaps:
         self.plane = ReferencePlane(settings, np.zeros(0))
         self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
         size = obstacle.window_cells
+        robot = config.robot
+        footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
+        self.fresh = Freshness(self.window.grid, obstacle.free_max_age_s, footprint)
         self._mount_xy_m = scanner.mount_x_m, scanner.mount_y_m
         self._source: I32 = np.full((size, size), NOWHERE, dtype=np.int32)
         self._at: I32 = np.zeros(size**2, dtype=np.int32)
@@ -111,7 +130,7 @@ class ReferencePlaneMaps:
         used = self.plane.add(ranges_m, yaw_rad, pitch_rad, roll_rad, odometry.travel_at(last_s))
         if self.plane.restarts != restarts:
             self.window.erase()
-        self._show(odometry.xy_at(last_s), yaw_rad - odometry.yaw_start_rad)
+        self._show(last_s, odometry.xy_at(last_s), yaw_rad - odometry.yaw_start_rad)
         return used
 
     def _follow_beams(self, scan: Scan) -> None:
@@ -124,7 +143,7 @@ class ReferencePlaneMaps:
                 self.erase()
             self._beams = beams
 
-    def _show(self, xy_m: F64, yaw_rad: float) -> None:
+    def _show(self, t_s: float, xy_m: F64, yaw_rad: float) -> None:
         """The paper's states in the window, from the body's position (2,) and yaw in the map."""
         x_m, y_m = float(xy_m[0]), float(xy_m[1])
         self.window.follow(x_m, y_m)
@@ -134,8 +153,17 @@ class ReferencePlaneMaps:
         corner = self.window.grid.corner_i, self.window.grid.corner_j
         states, cell_m = self.plane.obstacles, self.plane.settings.cell_m
         _find_sources(corner, lens, states, cell_m, self._source)
+        self.plane.grid.seen_s.ravel()[self.plane.touched] = t_s
+        self.fresh.follow(t_s, x_m, y_m, (c, s))
         changed = _list_changes(
-            self._source.ravel(), states.ravel(), self.window.cells.ravel(), self._at, self._new
+            self._source.ravel(),
+            states.ravel(),
+            self.plane.grid.seen_s.ravel(),
+            self.fresh.seen_s,
+            self.fresh.oldest_s,
+            self.window.cells.ravel(),
+            self._at,
+            self._new,
         )
         self.window.put(self._at[:changed], self._new[:changed])
 

@@ -177,6 +177,7 @@ class ReferencePlane:
         self._sigma_rad = np.array(sigma_rad, dtype=np.float64)
         self._reference_m = np.zeros(self._sigma_rad.size)
         self._touched: I32 = np.zeros(self._sigma_rad.size, dtype=np.int32)
+        self.touched = self._touched[:0]  # flat indices of the cells that the newest scan met
         self._reset_reference()
 
     def _reset_reference(self) -> None:
@@ -212,9 +213,9 @@ class ReferencePlane:
         self._scroll(yaw_rad, displacement_m)
         if self._update_plane(pitch_rad, roll_rad):
             self._count_from(yaw_rad, displacement_m)
-        touched = self._touched[: self._compare_and_add(ranges_m)]
-        self.grid.decide(touched)
-        return touched.size
+        self.touched = self._touched[: self._compare_and_add(ranges_m)]
+        self.grid.decide(self.touched)
+        return self.touched.size
 
     def _count_from(self, yaw_rad: float, displacement_m: float) -> None:
         self._yaw_turned_rad, self._scrolled_at_m, self._rest_m = yaw_rad, displacement_m, 0.0

@@ -1,4 +1,4 @@
-/* The header as a program: a receiver of the planner link on a host, for tools/cli/link_test.py.
+/* The header as a program: a receiver of the planner link on a host, for `mapod link-test`.
  *
  *   receiver stdio            frames on standard input and output, as on a serial line
  *   receiver tcp PORT         one client after the other, as on a serial line

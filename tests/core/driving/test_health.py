@@ -72,3 +72,10 @@ def test_what_warns_has_a_bit_of_its_own_and_leaves_the_map_valid() -> None:
         word = health_word(replace(GOOD, **warning))
         assert word == health_word(GOOD) | bit
         assert trusted(word)
+
+
+def test_scans_are_stale_after_three_periods_but_no_sooner_than_the_links_time_out() -> None:
+    assert [round(health.stale_s(1 / hz), 9) for hz in (50, 25, 20, 10)] == [0.15, 0.15, 0.15, 0.3]
+    slow = replace(GOOD, age_scan_s=0.29, age_scanner_s=0.29, scan_stale_s=0.3)
+    assert trusted(health_word(slow))
+    assert not trusted(health_word(replace(slow, age_scan_s=0.31)))

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from config_file import load_config, with_changes
-from core.mapping.beams.classifier import NEW_LOOKS
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
@@ -16,6 +15,7 @@ from core.summary import robot_in_words
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
 from tests.core.motion.test_attitude import attitude
+from tests.support.cell_rig import NEW_LOOKS
 
 CONFIG = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 

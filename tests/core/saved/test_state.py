@@ -9,7 +9,6 @@ import pytest
 from config_file import load_config, with_changes
 from core.config import Config
 from core.mapping.beams.cells import CELL
-from core.mapping.beams.classifier import NEW_LOOKS
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
@@ -19,6 +18,7 @@ from core.saved.state import AWAY_VAR_M2, restore, state_of, was_moving
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
 from tests.core.motion.test_attitude import attitude
+from tests.support.cell_rig import NEW_LOOKS
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 END_S, LATER_S = 2.0, 5000.0
@@ -224,6 +224,17 @@ def test_the_papers_maps_are_kept() -> None:
 def test_ground_around_an_earlier_runs_start_is_not_vouched_for() -> None:
     assert loaded(STATE["beams"]).continued
     assert not Mapper(config_of()).continued
+
+
+def test_faces_of_an_earlier_run_are_not_taken_for_those_of_a_segment_of_this_one() -> None:
+    arrays = {name: array.copy() for name, array in STATE["beams"].items()}
+    for name in ("cells.face_n", "cells.face_leg"):
+        if name in arrays:
+            arrays[name][:] = 2
+    again = loaded(arrays)
+    assert isinstance(again.maps, BeamMaps)
+    assert not again.maps.cells.flat["face_n"].any()
+    assert not again.maps.cells.flat["face_leg"].any()
 
 
 def test_without_a_pose_nothing_is_saved() -> None:

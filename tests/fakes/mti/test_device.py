@@ -136,32 +136,6 @@ def test_each_data_message_of_the_sheet_comes_byte_for_byte(
     assert bench.write(b"", 0.02) == wire(name)
 
 
-@pytest.mark.parametrize(
-    ("mode", "settings", "size"),
-    [
-        (0x0004, 0x1, 18), (0x0004, 0x5, 14), (0x0004, 0x9, 38), (0x0002, 0x1, 38),
-        (0x0006, 0x5, 50), (0x0006, 0x1, 54), (0x0006, 0x9, 74), (0x0806, 0x5, 51),
-        (0x0006, 0x55, 26), (0x0007, 0x5, 54), (0x0006, 0x105, 50), (0x0006, 0x205, 74),
-        (0x0006, 0x305, 98),
-    ],
-)  # fmt: skip
-def test_messages_have_the_lengths_of_the_sheets_table(mode: int, settings: int, size: int) -> None:
-    bench = Bench()
-    bench.write(wire("GoToConfig"))
-    bench.write(framed(0xD0, struct.pack(">H", mode)))
-    bench.write(framed(0xD2, struct.pack(">I", settings)))
-    assert bench.write(wire("ReqDataLength")) == framed(0x0B, struct.pack(">H", size))
-    assert bench.write(wire("GoToMeasurement"), 0.002)
-    assert {len(data) for mid, data in bench.listen(0.1)} == {size}
-
-
-def test_a_matrix_is_sent_column_by_column() -> None:
-    bench = Bench()
-    bench.configure(framed(0xD2, bytes.fromhex("00000309")))
-    data = messages(bench.listen(0.05))[0]
-    np.testing.assert_allclose(struct.unpack(">9d", data[:72]), bench.R.T.ravel(), atol=1e-12)
-
-
 @given(*[st.floats(-179.0, 179.0)] * 3)
 def test_quaternion_and_euler_angles_tell_the_same_rotation(
     roll_deg: float, pitch_deg: float, yaw_deg: float

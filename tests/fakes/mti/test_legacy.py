@@ -1,4 +1,4 @@
-"""The fake's legacy models: all modes and settings, requests, and usual clients."""
+"""The fake's legacy models: all modes and settings, and requests."""
 
 import struct
 from collections.abc import Callable
@@ -132,68 +132,6 @@ def test_the_byte_de_at_power_up_brings_the_usual_baud_rate_back() -> None:
     assert bench.fake.baud == 115200
     bench.write(wire("WakeUpAck"))
     assert bench.write(wire("ReqBaudrate")) == wire("Baudrate")
-
-
-# -- clients ----------------------------------------------------------------------------------
-
-
-class Client:
-    """The usual tool: one request at a time, repeated every 0.25 s, data frames skipped."""
-
-    def __init__(self, bench: Bench) -> None:
-        self.bench = bench
-
-    def ask(self, mid: int, data: bytes = b"") -> bytes:
-        """The answer's data; fails after four tries."""
-        for _ in range(4):
-            for answered, found in self._heard(framed(mid, data)):
-                assert answered != 0x42
-                if answered == mid + 1:
-                    return found
-        raise AssertionError(f"no answer to {mid:02X}")
-
-    def _heard(self, request: bytes) -> list[tuple[int, bytes]]:
-        stream, found = self.bench.write(request, 0.25), []
-        while (start := stream.find(b"\xfa\xff")) >= 0:
-            stream = stream[start:]
-            size = stream[3] + 5 if len(stream) > 3 else 999
-            if len(stream) >= size and sum(stream[1:size]) & 0xFF == 0:
-                found.append((stream[2], stream[4 : size - 1]))
-                stream = stream[size:]
-            else:
-                stream = stream[1:]
-        return found
-
-    def inspect(self) -> None:
-        """All that it reads before it measures."""
-        self.ask(0x30)
-        identity = self.ask(0x02)
-        assert self.ask(0x00) == identity
-        assert len(self.ask(0x0C)) == 118
-        assert len(self.ask(0x12)) in (3, 11)
-        assert self.ask(0x1C).strip().startswith(b"MTi")
-        kinds = self.ask(0x62)
-        assert len(kinds) == 110
-        version, kind = self.ask(0x64)
-        assert bytes([kind, version]) in [kinds[k : k + 2] for k in range(0, 110, 22)]
-
-
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("deaf_acks", [0, 2])
-def test_the_usual_tool_reads_all_it_wants_and_measures(model: str, deaf_acks: int) -> None:
-    bench = Bench(model=model)
-    bench.fake.deaf_acks = deaf_acks
-    bench.write(b"", 0.123)
-    client = Client(bench)
-    client.inspect()
-    if MODELS[model].legacy:
-        assert client.ask(0xD0) == b"\0\4"
-        assert client.ask(0xD2) == b"\0\0\0\1"
-        assert (client.ask(0x04), client.ask(0xD4)) == (b"\4\x80", b"\0\0")
-    else:
-        assert client.ask(0xC0)[:2] == b"\x10\x20"
-    client.ask(0x10)
-    assert {mid for mid, _ in bench.listen(0.2)} == {0x32 if MODELS[model].legacy else 0x36}
 
 
 # -- faults -----------------------------------------------------------------------------------

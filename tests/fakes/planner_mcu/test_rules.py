@@ -7,11 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import FREE, OBSTACLE, UNKNOWN
-from mapod_link.frames import POSE, frame_from_bytes
 from tests.support.c_bench import Bench, driving, random_ground
 from tools.rig.c_planner import PlannerSettings
-
-VOUCHED = PlannerSettings(start_clear_m=9.0)
 
 
 @settings(max_examples=12, deadline=None)
@@ -96,36 +93,23 @@ def test_unknown_ground_is_entered_only_where_the_settings_allow_it_and_slowly()
         assert max(fastest) > 0.7 * expected or expected == 0.0
 
 
-def test_the_ground_vouched_for_ends_at_its_radius() -> None:
-    bench = Bench(PlannerSettings(start_clear_m=3.0))
+@pytest.mark.parametrize(("clear_m", "goal_m", "wall_m"), [(3.0, 8.0, 9.9), (9.0, 5.0, 1.4)])
+def test_ground_assumed_clear_ends_at_its_radius_and_at_an_obstacle(
+    clear_m: float, goal_m: float, wall_m: float
+) -> None:
+    bench = Bench(PlannerSettings(start_clear_m=clear_m))
     bench.cells[:] = UNKNOWN
+    bench.put((wall_m, wall_m + 0.1), (-9.0, 9.0), OBSTACLE)
     bench.obeys = True
     bench.run(0.3)
-    bench.planner.goal(8.0, 0.0)
-    bench.run(15.0, lambda: check_inside(bench))
-    assert bench.place[0] > 1.0
+    bench.planner.goal(goal_m, 0.0)
 
+    def check() -> None:
+        assert bench.is_safe(clear_m)
+        assert math.hypot(*bench.place[:2]) < clear_m - 0.3
 
-def check_inside(bench: Bench) -> None:
-    """Whether the footprint is within the ground vouched for, and no motion leaves it."""
-    assert bench.is_safe(clear_m=3.0)
-    assert math.hypot(bench.place[0], bench.place[1]) < 3.0 - 0.3
-
-
-def test_an_obstacle_within_the_ground_vouched_for_stops_all_the_same() -> None:
-    bench = Bench(VOUCHED)
-    bench.cells[:] = UNKNOWN
-    bench.put((1.4, 1.5), (-9.0, 9.0), OBSTACLE)
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(5.0, 0.0)
-    bench.run(10.0, lambda: check_safe(bench))
-    assert bench.place[0] + 0.52 < 1.4
-
-
-def check_safe(bench: Bench) -> None:
-    """Whether the app would let the newest motion pass."""
-    assert bench.is_safe(clear_m=9.0)
+    bench.run(15.0, check)
+    assert min(clear_m, wall_m) - 2.0 < bench.place[0] + 0.52 < min(clear_m, wall_m)
 
 
 def test_places_beyond_all_sense_move_nothing() -> None:
@@ -172,10 +156,3 @@ def test_the_same_bytes_give_the_same_frames() -> None:
         said.append(bench.asked)
     assert said[0] == said[1]
     assert len(said[0]) > 50
-
-
-def test_the_bench_speaks_as_a_sender_does() -> None:
-    bench = Bench()
-    bench.run(0.2)
-    kinds = {frame.type for f in bench.heard if not isinstance(frame := frame_from_bytes(f), str)}
-    assert POSE in kinds

@@ -13,6 +13,7 @@ from hw.ax3500.session import Ax3500
 from hw.device import Port
 from hw.ports.wires import open_port
 from tests.support.bench_ax3500_session import FakeBench, SteadyWheels
+from tests.support.real_wires import START_S, opened
 
 TICK_S, SETTLE_TICKS = 0.005, 100  # 0.5 s, as long as main waits
 HANGING_S = 10.0  # a pty that carries nothing for so long fails the test
@@ -47,8 +48,8 @@ class PtyBench:
     def __init__(self) -> None:
         self.master, slave = os.openpty()
         tty.setraw(slave)
-        self.port = CountingPort(open_port(f"serial://{os.ttyname(slave)}?baud=9600"))
-        self.wheels, self.now_s, self.heard = SteadyWheels(), 0.0, 0
+        self.port = CountingPort(opened(open_port(f"serial://{os.ttyname(slave)}?baud=9600")))
+        self.wheels, self.now_s, self.heard = SteadyWheels(), START_S, 0
         self.fake = FakeAx3500(self.wheels, 1, "rs232_watchdog")
         self.ax = Ax3500(
             self.port,
@@ -60,7 +61,6 @@ class PtyBench:
             max_counts_per_s=2000.0,
             enable_motors=True,
         )
-        assert self.port.poll(0.0)
         os.close(slave)
 
     def tick(self) -> None:

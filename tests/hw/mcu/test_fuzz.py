@@ -24,6 +24,7 @@ def test_frames_of_arbitrary_bodies_noise_and_damage_do_no_harm_under_sanitizers
     assert done.stdout == f"{len(paths)} inputs\n"
 
 
+@pytest.mark.slow
 def test_the_fuzzer_finds_nothing_in_a_short_run(tmp_path: Path) -> None:
     done = fuzz(tmp_path / "corpus", f"-runs={RUNS}", "-seed=1")
     assert done.returncode == 0, done.stderr[-3000:]

@@ -83,6 +83,7 @@ class Wire:
         pytest.fail(f"no map yet: {self.board.status()}")
 
 
+@pytest.mark.slow
 def test_its_map_is_the_senders_after_losses_and_its_stack_was_small(tmp_path: Path) -> None:
     with Board(build_firmware(), tmp_path) as board:
         wire = Wire(board, size=61)

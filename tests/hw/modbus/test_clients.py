@@ -1,4 +1,4 @@
-"""The register image read by others' clients: pymodbus's own, libmodbus (C) and mbpoll."""
+"""The register image read by others' clients: pymodbus's own and libmodbus (C)."""
 
 import asyncio
 import shutil
@@ -14,7 +14,7 @@ from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
 
 from core.records import ObstacleWindow
 from hw.modbus.image import RegisterImage
-from hw.modbus.layout import COARSE, WINDOW, WINDOW_CELLS, stride_of
+from hw.modbus.layout import COARSE, WINDOW, stride_of
 from hw.modbus.pdu import Refusal
 from tests.support.modbus_rig import (
     CLEAR,
@@ -166,49 +166,5 @@ def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
         assert window[0] == window[-1] == 1
         line.close()
         end.close()
-
-    asyncio.run(run())
-
-
-@pytest.mark.parametrize("kind", ["tcp", "rtu"])
-@pytest.mark.parametrize("table", ["3", "4"])
-def test_mbpoll_reads_the_image(kind: str, table: str) -> None:
-    if shutil.which("mbpoll") is None:
-        raise MissingToolError("needs mbpoll: apt install mbpoll")
-
-    async def run() -> None:
-        image, port, line, end = new_image(), free_port(), Line(), Line()
-        url = line.url(19200) if kind == "rtu" else f"tcp://127.0.0.1:{port}"
-        mode = ["-m", "rtu", "-b", "19200", "-P", "none"] if kind == "rtu" else ["-p", str(port)]
-        where = end.path if kind == "rtu" else "127.0.0.1"
-        async with serving(url, image, Clock()):
-            join(line, end)
-            common = ["-a", "1", "-0", "-1", "-t", f"{table}:hex", "-o", "10"]
-            out = await output_of(
-                "mbpoll", *mode, *common, "-r", str(WINDOW_CELLS), "-c", "100", where
-            )
-            unjoin(line, end)
-        told = [int(row.split("0x")[1], 16) for row in out.splitlines() if row.startswith("[")]
-        assert told == expected(image, WINDOW_CELLS, 100)
-        line.close()
-        end.close()
-
-    asyncio.run(run())
-
-
-def test_mbpoll_is_refused_what_is_not_there() -> None:
-    if shutil.which("mbpoll") is None:
-        raise MissingToolError("needs mbpoll: apt install mbpoll")
-
-    async def run() -> None:
-        port = free_port()
-        async with serving(f"tcp://127.0.0.1:{port}", new_image(), Clock()):
-            process = await asyncio.create_subprocess_exec(
-                *("mbpoll", "-p", str(port), "-a", "17", "-r", "1", "-1", "127.0.0.1"),
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.PIPE,
-            )
-            _, err = await process.communicate()
-            assert b"Target device failed to respond" in err
 
     asyncio.run(run())

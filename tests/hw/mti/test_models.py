@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from hw.mti.output import carried_hz, legacy_output, new_outputs
+from hw.mti.output import legacy_output, new_outputs
 from tests.support.mti_frames import framed, wire
 from tests.support.scripted_mti import NEW_REQUEST, TICK_S, Bench, Scripted, ScriptedNew
 
@@ -152,10 +152,6 @@ def test_what_is_asked_for_never_exceeds_the_line(rate_hz: float, baud: int) -> 
         frame = 5 + sum(sizes[identifier] for identifier, _ in choice.outputs)
         assert choice.rate_hz * frame * 10 < baud
         assert choice.remark or choice.rate_hz == rate_hz
-
-
-def test_the_figures_of_the_sheet_about_the_line() -> None:
-    assert carried_hz(50, 115200) / 0.97 == pytest.approx(209, abs=1)
 
 
 def test_a_newer_device_on_a_slow_line_is_asked_for_less_and_says_so() -> None:

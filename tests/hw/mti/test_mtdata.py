@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hw.device import BadFrame
 from hw.mti.mtdata import MtDataDecoder, data_bytes
 from hw.mti.sample import MtSample
-from tests.support.mti_frames import ROWS, wire
+from tests.support.mti_frames import ROWS, euler_deg, wire
 from tests.support.scripted_mti import Truth, slow_mtdata, slow_number
 
 EULER_FRAME = wire("MTData 0006 00000005")
@@ -43,16 +43,6 @@ def sample_of(message: str) -> MtSample:
     sample = MtDataDecoder(int(mode, 16), int(settings, 16)).decode(bytes.fromhex(row[2])[4:-1])
     assert isinstance(sample, MtSample)
     return sample
-
-
-def euler_deg(q: tuple[float, float, float, float] | None) -> list[float]:
-    """Roll, pitch and yaw by the formulas of section 6."""
-    assert q is not None
-    w, x, y, z = q
-    roll = math.atan2(2 * (y * z + w * x), 2 * w * w + 2 * z * z - 1)
-    pitch = -math.asin(2 * x * z - 2 * w * y)
-    yaw = math.atan2(2 * (x * y + w * z), 2 * w * w + 2 * x * x - 1)
-    return [math.degrees(angle) for angle in (roll, pitch, yaw)]
 
 
 def truth_of(settings: int) -> Truth:

@@ -21,7 +21,7 @@ from hw.mti.mtdata2 import (
 from hw.mti.numbers import NUMBER_SIZES
 from hw.mti.sample import MtSample
 from tests.support.mti_frames import ROWS as FRAMES
-from tests.support.mti_frames import framed
+from tests.support.mti_frames import euler_deg, framed
 from tests.support.scripted_mti import slow_number
 
 BAUD = 115200
@@ -29,16 +29,6 @@ BAUD = 115200
 
 def frames_of(data: bytes) -> list[MtFrame]:
     return [event for event in MtParser(BAUD).feed(0.0, data) if isinstance(event, MtFrame)]
-
-
-def euler_deg(q: tuple[float, float, float, float] | None) -> list[float]:
-    """Roll, pitch and yaw by the formulas of section 6."""
-    assert q is not None
-    w, x, y, z = q
-    roll = math.atan2(2 * (y * z + w * x), 2 * w * w + 2 * z * z - 1)
-    pitch = -math.asin(2 * x * z - 2 * w * y)
-    yaw = math.atan2(2 * (x * y + w * z), 2 * w * w + 2 * x * x - 1)
-    return [math.degrees(angle) for angle in (roll, pitch, yaw)]
 
 
 def test_mtdata2_messages_of_the_sheet() -> None:

@@ -1,6 +1,5 @@
 """Tiles and what else a planner asks for: frames of the sheet, pieces, budgets, and asking only."""
 
-import json
 import math
 import struct
 
@@ -41,10 +40,9 @@ from hw.planner_link.scheduler import FrameScheduler
 from hw.planner_link.tiles import F32, MOST_REFUSALS, Tiles, pack_values
 from mapod_link.asking import hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
-from tests import VECTORS
 from tests.support.planner_line import ZONE, Line, Sky, SkyTiles
+from tests.support.planner_sender import vector
 
-TOLD = json.loads((VECTORS / "planner_link.json").read_text())
 SECRET = Secret(bytes(range(32)), 0x5A17C0DE, 0x11223344)
 NAN = math.nan
 EXAMPLES = {  # first cell, values
@@ -56,10 +54,6 @@ EXAMPLES = {  # first cell, values
     "tile_variance": (2, 5, [4e-4, 25e-6, 30e-6, NAN, NAN, 9e-6, 8.7e-6, 9e-6, 1e-5, 0.07]),
     "tile_slope": (3, 0, [0.7854, 0.785, 0.786, NAN, NAN]),
 }  # fmt: skip
-
-
-def vector(name: str) -> bytes:
-    return bytes.fromhex(TOLD[name])
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

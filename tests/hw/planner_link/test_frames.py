@@ -1,6 +1,5 @@
 """The sender's frames against the worked example of the protocol, byte for byte."""
 
-import json
 import math
 from itertools import pairwise
 
@@ -25,20 +24,14 @@ from hw.planner_link.frames import (
     serial_bytes,
 )
 from hw.planner_link.messages import Ack, decode_answer
-from tests import VECTORS
+from tests.support.planner_sender import vector
 
-TOLD = json.loads((VECTORS / "planner_link.json").read_text())
 OPS = bytes.fromhex("82 ff22 82 ff22 7f06")
 SESSION = 0x5A17C0DE
 SECRET = Secret(bytes(range(32)), SESSION, 0x11223344)
 EXAMPLE = PoseReport(
     12.34, -2.5, 0.7854, -0.0052, 0.0017, 0.65, -0.12, 0x7F, 0.012, 0.004, 0.008, 1
 )
-
-
-def vector(name: str) -> bytes:
-    """A frame of section 13."""
-    return bytes.fromhex(TOLD[name])
 
 
 def test_the_geometry_of_the_example() -> None:

@@ -198,7 +198,7 @@ def test_every_byte_that_goes_out_is_paid_for_also_the_zero_after_a_pause() -> N
     scheduler = FrameScheduler(port, 115_200, 0.04, None, 130, 1)
     scheduler.earn(1.0)
     scheduler.earn(1.04)
-    before = scheduler.credit
+    before = scheduler.budget.credit
     scheduler.queue(POSE, bytes(range(1, 25)))  # COBS of a frame without spare bytes
     scheduler.write(1.04)
-    assert len(port.take()) == before - scheduler.credit
+    assert len(port.take()) == before - scheduler.budget.credit

@@ -1,6 +1,5 @@
 """External poses on the planner link: the frame of the sheet, which count, for which instant."""
 
-import json
 import math
 import struct
 from dataclasses import replace
@@ -20,19 +19,14 @@ from hw.planner_link.replay_guard import ReplayGuard
 from hw.planner_link.requests import Requests
 from hw.planner_link.sender import PlannerLink
 from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
-from tests import VECTORS
+from tests.support.planner_sender import vector
 
-TOLD = json.loads((VECTORS / "planner_link.json").read_text())
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
 BODY = struct.Struct("<IIiihHHhHH")
 EXAMPLE_BODY = (SESSION, NONCE, 105_250, -48_900, 12_345, 20, 30, -2500, 175, 40)
 EXAMPLE = External(
     3, 52_360, SESSION, NONCE, 105.25, -48.9, 1.2345, 0.02, 0.03, -0.25, 0.0175, 0.04
 )
-
-
-def vector(name: str) -> bytes:
-    return bytes.fromhex(TOLD[name])
 
 
 def external(t_ms: int, seq: int = 1, age_s: float = 0.0, nonce: int = NONCE) -> External:

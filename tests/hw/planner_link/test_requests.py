@@ -1,6 +1,5 @@
 """Drive requests: the frame of the sheet, and which frames are obeyed, until when."""
 
-import json
 from dataclasses import replace
 
 import pytest
@@ -18,15 +17,10 @@ from hw.planner_link.requests import Requests
 from mapod_link.asking import drive_body
 from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
 from mapod_link.frames import DRIVE as FAKE_DRIVE
-from tests import VECTORS
+from tests.support.planner_sender import vector
 
-TOLD = json.loads((VECTORS / "planner_link.json").read_text())
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
 EXAMPLE = Drive(2, 52_340, SESSION, NONCE, 0.65, -0.12, 0.3)
-
-
-def vector(name: str) -> bytes:
-    return bytes.fromhex(TOLD[name])
 
 
 def drive(t_ms: int, seq: int | None = None, valid_s: float = 0.3, nonce: int = NONCE) -> Drive:

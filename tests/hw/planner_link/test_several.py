@@ -1,6 +1,5 @@
 """Several planners on one map: each told everything by its own numbers, and one who drives."""
 
-import json
 import math
 from collections.abc import Sequence
 
@@ -16,10 +15,8 @@ from hw.planner_link.sender import LinkSettings, Wire
 from mapod_link.asking import drive_body, hello_body
 from mapod_link.frames import bytes_from_frame, signed_bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
-from tests import VECTORS
 from tests.support.planner_line import POSE_REPORT, ZONE, Sky, SkyTiles
 
-TOLD = json.loads((VECTORS / "planner_link.json").read_text())
 SESSION, TICK_S = 0x5A17C0DE, 0.02
 
 

@@ -1,4 +1,4 @@
-"""`tools/calibration/calibrate.py` against the fakes: in the world, and over ports in real time."""
+"""`mapod calibrate` against the fakes: in the world, and over ports in real time."""
 
 import doctest
 import math

@@ -88,7 +88,7 @@ def test_stale_comes_at_stale_ms_to_the_millisecond(name: str, half: int) -> Non
     other = MAP if half == POSE else POSE
     receiver.feed_datagram(10.1, frame(other, 3, 1100, bodies[other]))
     assert not receiver.stale(10.149)
-    assert receiver.stale(10.152)
+    assert receiver.stale(10.151)
 
 
 def test_the_vectors_here_are_those_of_the_sheet() -> None:

@@ -47,7 +47,8 @@ class BoardOnLine:
         if passed:
             self.board.send(b"".join(frame + b"\0" for frame in passed))
             self._taken += len(passed)
-            self._wait_for_board()
+            while (status := self.board.status())["accepted"] + status["bad_frames"] < self._taken:
+                pass  # the emulator is slower than the simulated line at times
         elif now_s - self._spoke_s < QUIET_S:
             return b""
         self._spoke_s = now_s
@@ -63,13 +64,6 @@ class BoardOnLine:
     def poll(self, now_s: float) -> list[bytes]:
         """Not on this line."""
         raise NotImplementedError
-
-    def _wait_for_board(self) -> None:
-        """The emulator is slower than the simulated line at times."""
-        while True:
-            status = self.board.status()
-            if status["accepted"] + status["bad_frames"] >= self._taken:
-                return
 
     def _rough(self, frame: bytes) -> bytes:
         """What is left of a frame; b"" if it is lost."""
@@ -109,6 +103,7 @@ def seconds_until_alike(loop: Loop, board: EmulatedBoard, at_most_s: float) -> f
     return loop.now_s - from_s
 
 
+@pytest.mark.slow
 def test_the_boards_map_equals_the_apps_after_any_loss(board: EmulatedBoard) -> None:
     line = BoardOnLine(board)
     loop = Loop("corridor", 3, planner=line, baud=BAUD)

@@ -10,7 +10,7 @@ from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE
 from tests.support.cell_rig import LENS, CellRig, Point, sweep_to
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
-from tests.support.flat_world import Box, Cylinder, World
+from tests.support.flat_world import Box, Cylinder, World, ramp
 
 WALK_MPS = 1.2
 STANDING, SLOW, BRISK = Ride(), Ride(v_mps=0.4), Ride(v_mps=1.0)
@@ -116,6 +116,35 @@ def test_boxes_driven_past_keep_every_edge(height_m: float) -> None:
     assert rig.maps.clearing.cleared == 0
     for x, y in ((9.1, 0.7), (10.2, -0.9), (11.3, 0.7)):
         assert obstacles_near(rig, x, y, 0.35) > 0
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 1.0])
+def test_a_box_before_a_ramp_stays_where_the_ground_before_the_ramp_is_taken_to_rise(
+    gap_m: float,
+) -> None:
+    """Nearer than the line the ground is interpolated: here 5 to 10 cm too high."""
+    box = Box((12.0, -0.3, 0.0), (12.4, 0.3, 0.2))
+    slope = ramp(12.4 + gap_m, math.radians(11.0), 6.0)
+    end = Box((20.0, -8.0, 0.0), (20.2, 8.0, 4.0))
+    rig = Rig(config_of(), World(slope, (box, end)), Ride(v_mps=0.5), 10.8 / 0.5).run()
+    assert rig.maps.clearing.cleared == 0
+    assert obstacles_near(rig, 12.2, 0.0, 0.45) >= 12
+
+
+def test_while_a_turning_robot_only_guesses_the_ground_nothing_is_cleared() -> None:
+    """Walls all around, nearer than the laser meets the floor: its line is never found."""
+    walls = [Box((-4.2, s * 4.1 - 0.1, 0), (4.2, s * 4.1 + 0.1, 3)) for s in (-1, 1)]
+    walls += [Box((s * 4.1 - 0.1, -4.2, 0), (s * 4.1 + 0.1, 4.2, 3)) for s in (-1, 1)]
+    chest = Box((2.0, -1.8, 0.0), (2.6, 1.8, 1.0), until_s=1.5)
+    world = World(solids=(*walls, chest))
+    rig = Rig(config_of(), world, Ride(w_radps=0.5), 2.6)
+    for _ in rig.drive():
+        if rig.maps.ground.is_guess:
+            break
+    before = rig.maps.clearing.cleared
+    assert obstacles_near(rig, 2.2, 0.0, 0.5) > 0
+    for _ in rig.drive():
+        assert rig.maps.clearing.cleared == before
 
 
 @pytest.mark.parametrize("x_m", [6.0, 9.0])

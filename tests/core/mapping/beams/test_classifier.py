@@ -1,13 +1,14 @@
 """What a cell means: Definition 1, contradictions, holes, and what waits for its neighbours."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from core.grid.window import StateWindow
-from core.mapping.beams.classifier import ENOUGH, LOOKED_AGAIN, NEW_LOOKS, Deciding
+from core.mapping.beams.classifier import ENOUGH, LOOKED_AGAIN, NEW_S
 from core.records import FREE, OBSTACLE, UNKNOWN
-from tests.support.cell_rig import CELL_M, CellRig, H, Point, floor_around
+from tests.support.cell_rig import CELL_M, NEW_LOOKS, CellRig, H, Point, floor_around
 
 
 def rows(x: float, z: float = 0.0) -> list[Point]:
@@ -113,10 +114,13 @@ def test_changes_are_told_once_and_only_when_the_meaning_changed() -> None:
     assert rig.window.cells.ravel()[at] == OBSTACLE
 
 
-def test_a_cell_that_is_hit_again_and_again_is_free_though_nothing_lies_behind_it() -> None:
+@pytest.mark.parametrize("period_s", [0.02, 0.04, 0.1])
+def test_a_cell_that_is_hit_for_a_second_is_free_though_nothing_lies_behind_it(
+    period_s: float,
+) -> None:
     """A robot that stands still: the laser draws one line across the floor."""
-    rig = CellRig()
-    for k in range(NEW_LOOKS):
+    rig = CellRig(period_s=period_s)
+    for k in range(round(NEW_S / period_s)):
         assert rig.state(2.1, 0.1) == UNKNOWN, k
         rig.add((2.1, 0.1, 0.0))
     assert rig.state(2.1, 0.1) == FREE
@@ -155,7 +159,7 @@ def test_a_smaller_window_always_shows_what_the_elevation_map_knows(
         rig.add((x + 1.0, y, 0.0), (x, y + 1.5, 0.3), (x - dx, y - dy, -0.02 * k))
     whole = StateWindow(window, CELL_M)
     whole.grid.corner_i, whole.grid.corner_j = rig.window.grid.corner_i, rig.window.grid.corner_j
-    Deciding(rig.cells, whole, H, -H, 0.0).decide(np.arange(41 * 41, dtype=np.int32))
+    rig.deciding_into(whole).decide(np.arange(41 * 41, dtype=np.int32))
     np.testing.assert_array_equal(rig.window.cells, whole.cells)
 
 

@@ -2,10 +2,11 @@
 
 import pytest
 
-from core.mapping.beams.isolated import SOON
+from core.mapping.beams.isolated import SOON_S
 from core.records import FREE, OBSTACLE, UNKNOWN
-from tests.support.cell_rig import LENS, CellRig, Point, floor_around, sweep_to
+from tests.support.cell_rig import LENS, SCAN_S, CellRig, Point, floor_around, sweep_to
 
+SOON = round(SOON_S / SCAN_S)  # scans
 BEHIND: list[Point] = [(3.1, 0.02 * k, 0.0) for k in range(-4, 5)]  # floor, beam beside beam
 
 
@@ -36,9 +37,13 @@ def test_on_free_ground_it_takes_no_freedom() -> None:
     assert rig.state(1.5, 0.0) == FREE
 
 
-@pytest.mark.parametrize("scans_between", [0, SOON - 1])
-def test_what_comes_again_soon_is_there(scans_between: int) -> None:
-    rig = CellRig()
+@pytest.mark.parametrize(
+    ("scans_between", "period_s"), [(0, SCAN_S), (SOON - 1, SCAN_S), (2 * SOON - 1, SCAN_S / 2)]
+)
+def test_what_comes_again_within_half_a_second_is_there(
+    scans_between: int, period_s: float
+) -> None:
+    rig = CellRig(period_s=period_s)
     speck(rig)
     for _ in range(scans_between):
         rig.add(*BEHIND)

@@ -70,6 +70,21 @@ class Drive:
         return self.maps.add(scan_of(ranges_m, t_s), self.attitudes, self.odometry)
 
 
+def test_free_ground_that_was_not_met_again_is_unknown_after_a_while() -> None:
+    drive = Drive(settings_of(obstacle={"free_max_age_s": 1.0}))
+    ranges_m = FLOOR_M.copy()
+    ranges_m[200:260] = 5.0
+    drive.scan(ranges_m, 0.5)
+    drive.scan(np.full(BEAMS, np.nan), 1.4)
+    first = straight(drive.maps)
+    assert {FREE, OBSTACLE, UNKNOWN} == set(first.values())
+    drive.scan(np.full(BEAMS, np.nan), 1.6)
+    old = {at: UNKNOWN if state == FREE else state for at, state in first.items()}
+    assert straight(drive.maps) == old
+    drive.scan(ranges_m, 1.8)
+    assert straight(drive.maps) == first
+
+
 def straight(maps: ReferencePlaneMaps) -> dict[tuple[int, int], int]:
     """States of the window by world cell (i, j)."""
     grid = maps.window.grid

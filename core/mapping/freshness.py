@@ -1,0 +1,111 @@
+"""When a cell was last seen to be free of what may come in; what is too old is told as unknown.
+
+Free ground stays fresh where something that comes in would be noticed: where beams end, where they
+pass over on their way down, and under the robot itself. Elsewhere it ages. A beam that passes over
+ground that is too old does not make it free again, for it does not see what is low: the floor must
+be met. Each scan looks at some rows of the window, so that each row is looked at within SWEEP_S.
+Source: design, section 8 (free is told only for what is known to be free now).
+"""
+
+import math
+
+import numpy as np
+
+from core.grid.ring import RingGrid
+from core.grid.window import StateWindow, put_state
+from core.records import F64, FREE, I8, I32, UNKNOWN
+from jit import kernel
+
+SWEEP_S = 1.0
+
+
+@kernel
+def _cover(
+    seen_s: F64,
+    window: tuple[int, int, int, float],
+    place: tuple[float, float, float, float],
+    footprint: tuple[float, float, float],
+    t_s: float,
+) -> None:
+    """Nothing comes in where the robot stands: the cells whose middles its footprint covers.
+
+    place: x, y and unit vector of the heading. footprint: ahead, behind, to either side.
+    """
+    size, cell_m = window[2], window[3]
+    x, y, hx, hy = place
+    reach = math.hypot(max(footprint[0], footprint[1]), footprint[2])
+    for j in range(math.floor((y - reach) / cell_m), math.floor((y + reach) / cell_m) + 1):
+        for i in range(math.floor((x - reach) / cell_m), math.floor((x + reach) / cell_m) + 1):
+            if not (0 <= i - window[0] < size and 0 <= j - window[1] < size):
+                continue
+            dx, dy = (i + 0.5) * cell_m - x, (j + 0.5) * cell_m - y
+            ahead, aside = hx * dx + hy * dy, hx * dy - hy * dx
+            if -footprint[1] <= ahead <= footprint[0] and abs(aside) <= footprint[2]:
+                seen_s[(j % size) * size + i % size] = t_s
+
+
+@kernel
+def _expire(
+    seen_s: F64,
+    oldest_s: float,
+    from_size: int,
+    window: tuple[int, int, int],
+    rows: tuple[int, int],
+    cells: I8,
+    marked: I8,
+    changed: I32,
+    used: int,
+) -> int:
+    """Free cells of some rows (first, count) that are too old become unknown; the changes noted."""
+    size = window[2]
+    for k in range(rows[0], rows[0] + rows[1]):
+        row = k % size
+        j = window[1] + (row - window[1]) % size
+        for column in range(size):
+            if cells[row * size + column] != FREE:
+                continue
+            i = window[0] + (column - window[0]) % size
+            if seen_s[(j % from_size) * from_size + i % from_size] < oldest_s:
+                used = put_state(row * size + column, UNKNOWN, cells, marked, changed, used)
+    return used
+
+
+class Freshness:
+    """The instants of the cells of a grid; another window that shows them may be smaller."""
+
+    def __init__(
+        self, grid: RingGrid, max_age_s: float, footprint: tuple[float, float, float]
+    ) -> None:
+        self._grid, self._max_age_s, self._footprint = grid, max_age_s, footprint
+        self.seen_s: F64 = grid.layer(np.float64, -math.inf).reshape(-1)
+        self.now_s, self._passed_s = -math.inf, math.inf
+        self._row = 0
+
+    @property
+    def oldest_s(self) -> float:
+        """What was seen before is too old."""
+        return self.now_s - self._max_age_s
+
+    def follow(self, t_s: float, x_m: float, y_m: float, heading: tuple[float, float]) -> None:
+        """It is t_s, and the robot stands there; the grid has moved with it before."""
+        self._passed_s, self.now_s = t_s - self.now_s, t_s
+        grid = self._grid
+        window = (grid.corner_i, grid.corner_j, grid.size, grid.cell_m)
+        _cover(self.seen_s, window, (x_m, y_m, *heading), self._footprint, t_s)
+
+    def expire(self, window: StateWindow) -> None:
+        """Tell what has become too old as unknown, in so many rows as are due."""
+        size = window.grid.size
+        rows = min(size, math.ceil(size * min(self._passed_s / SWEEP_S, 1.0)))
+        window.used = _expire(
+            self.seen_s,
+            self.oldest_s,
+            self._grid.size,
+            (window.grid.corner_i, window.grid.corner_j, size),
+            (self._row, rows),
+            window.cells.ravel(),
+            window.marked,
+            window.changed,
+            window.used,
+        )
+        self._row = (self._row + rows) % size

@@ -1,0 +1,122 @@
+"""Free ground ages where something may have come in, and the stop zone sees it."""
+
+import numpy as np
+import pytest
+
+from core.driving.control import DriveControl
+from core.driving.zone import ZoneReporter
+from core.mapping.freshness import SWEEP_S
+from core.records import FREE, UNKNOWN, StopZoneReport
+from tests.support.cell_rig import SCAN_S, CellRig, Point, floor_around, sweep_to
+from tests.support.flat_ride import Ride, Rig, config_of, state_at
+from tests.support.flat_world import World
+
+HERE, AROUND = (2.1, 0.1), floor_around(2.1, 0.1)
+
+
+def zone_of(rig: Rig) -> StopZoneReport:
+    """What the planner is told of the stop zone now."""
+    control = DriveControl(config_of(), rig.mapper.maps)
+    pose = rig.mapper.maybe_pose(rig.now_s)
+    reporter = ZoneReporter(control, rig.maps.window, 1.0)
+    return reporter.report(pose, True, (0.0, 0.0), None, False)
+
+
+def test_a_robot_that_stands_for_long_says_no_longer_that_it_is_free_behind_it() -> None:
+    config = config_of(obstacle={"free_max_age_s": 10.0})
+    rig = Rig(config, World(), Ride(v_mps=1.0, stop_s=12.0), 12.0 + 10.0 + 2 * SWEEP_S)
+    for now_s in rig.drive():
+        if now_s < 12.5:
+            soon = zone_of(rig)
+    late = zone_of(rig)
+    assert soon.free_behind_m > 1.5
+    assert late.free_behind_m < 0.1
+    assert soon.free_ahead_m == pytest.approx(late.free_ahead_m, abs=0.5)  # beams pass over it
+    assert late.free_ahead_m > 6.0
+    x, y, _ = rig.place()
+    assert state_at(rig, x, y) == FREE  # nothing comes in under the robot
+    assert state_at(rig, x - 1.0, y) == UNKNOWN
+    assert state_at(rig, x + 2.0, y) == FREE
+
+
+def rest(rig: CellRig, seconds: float, *points: Point) -> None:
+    """Scans that see nothing, or these places, for a while."""
+    for _ in range(round(seconds / SCAN_S)):
+        rig.add(*points)
+
+
+def free_rig(max_age_s: float = 5.0, window: int = 41) -> CellRig:
+    """Floor that is free at HERE, and around."""
+    rig = CellRig(window=window, free_max_age_s=max_age_s)
+    rest(rig, 2.0, (*HERE, 0.0), *AROUND)
+    assert rig.state(*HERE) == FREE
+    return rig
+
+
+@pytest.mark.parametrize("window", [41, 25])
+def test_free_lasts_as_long_as_the_settings_say_and_comes_back_when_floor_is_met(
+    window: int,
+) -> None:
+    rig = free_rig(window=window)
+    rig.window.take_changed()
+    rest(rig, 4.9)
+    assert rig.state(*HERE) == FREE
+    rest(rig, 0.2 + SWEEP_S)
+    assert not (rig.window.cells == FREE).any()
+    changed = rig.window.take_changed()
+    assert len(changed) >= 9
+    assert (rig.window.cells.ravel()[changed] == UNKNOWN).all()
+    rig.add((*HERE, 0.0))
+    assert rig.state(*HERE) == FREE
+    assert rig.state(HERE[0] + 0.2, HERE[1]) == UNKNOWN
+
+
+def test_a_neighbour_that_is_met_does_not_make_old_ground_free_again() -> None:
+    rig = free_rig()
+    rest(rig, 5.2 + SWEEP_S, *AROUND[:3])  # which has decided its neighbours anew each time
+    assert rig.state(*HERE) == UNKNOWN
+
+
+@pytest.mark.parametrize(("falls", "state"), [(True, FREE), (False, UNKNOWN)])
+def test_beams_that_pass_over_on_their_way_down_keep_ground_free(falls: bool, state: int) -> None:
+    rig = free_rig()
+    over: Point = (3.9, 0.1, 0.5 if falls else 1.2)
+    rest(rig, 8.0, *[over] * 9)
+    assert rig.state(*HERE) == state
+
+
+def test_beams_that_pass_over_too_late_or_that_never_come_back_do_not() -> None:
+    rig = free_rig()
+    for _ in range(round(8.0 / SCAN_S)):
+        rig.add_silent(*[(3.9, 0.1, 0.5)] * 9)
+    assert rig.state(*HERE) == UNKNOWN
+    rest(rig, 1.0, *[(3.9, 0.1, 0.5)] * 9)
+    assert rig.state(*HERE) == UNKNOWN
+
+
+def test_under_the_robot_nothing_comes_in() -> None:
+    rig = free_rig()
+    rig.x, rig.y = HERE
+    rest(rig, 8.0)
+    assert rig.state(*HERE) == FREE
+    assert rig.state(HERE[0], HERE[1] + 0.2) == FREE
+    assert rig.state(HERE[0] - 0.4, HERE[1]) == UNKNOWN  # its middle lies behind the footprint
+    rig.x = -20.0  # it has gone
+    rest(rig, 5.2 + SWEEP_S)
+    assert rig.state(*HERE) == UNKNOWN
+
+
+def test_after_a_pause_all_of_the_window_is_looked_at_once() -> None:
+    rig = free_rig()
+    rig.t_s += 60.0
+    rig.add()
+    assert not (rig.window.cells == FREE).any()
+
+
+def test_an_obstacle_does_not_age() -> None:
+    rig = CellRig(free_max_age_s=1.0)
+    rest(rig, 0.2, (2.1, 0.1, 0.5))
+    before = rig.window.cells.copy()
+    rest(rig, 4.0)
+    rig.take(sweep_to([(3.0, 1.0, 0.0)], t_s=rig.t_s))
+    np.testing.assert_array_equal(before, rig.window.cells)

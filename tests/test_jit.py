@@ -1,0 +1,134 @@
+"""What compiles a kernel anew, and what does not: no map is drawn by the code of yesterday."""
+
+import shutil
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+LOW = '''
+from typing import NamedTuple
+from jit import kernel
+
+GAIN = 3
+OFFSET = (1.0, 2.0)
+
+class Pair(NamedTuple):
+    first: float
+    second: float
+
+@kernel
+def scaled(x: float, times: int) -> float:
+    """As it is."""
+    return x * GAIN * times
+
+@kernel
+def aside(x: float) -> float:
+    return x
+'''
+HIGH = '''
+from jit import kernel
+from low import OFFSET, Pair, scaled
+
+@kernel
+def total(pair: Pair) -> float:
+    """A sum."""
+    return scaled(pair.first, 2) + pair.second + OFFSET[0]
+'''
+
+
+def tried(folder: Path, low: str = LOW, high: str = HIGH) -> tuple[float, int]:
+    """What `total` gives for (10, 100) when it is loaded anew, and how many kernels compiled."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, text in (("low", low), ("high", high)):
+            (folder / f"{name}.py").write_text(text, encoding="utf-8")
+            patch.setitem(sys.modules, name, ModuleType(name))
+            exec(compile(text, folder / f"{name}.py", "exec"), vars(sys.modules[name]))
+        total, scaled = sys.modules["high"].total, sys.modules["low"].scaled
+        result = total(sys.modules["low"].Pair(10.0, 100.0))
+    return result, sum(len(kernel.stats.cache_misses) for kernel in (total, scaled))
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with both files, and their kernels compiled."""
+    folder = tmp_path_factory.mktemp("kernels")
+    assert tried(folder) == (161.0, 2)
+    return folder
+
+
+@pytest.fixture
+def copied(compiled: Path, tmp_path: Path) -> Path:
+    """A copy of it, with other file times."""
+    return Path(shutil.copytree(compiled, tmp_path / "copy", copy_function=shutil.copyfile))
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("", ""),
+        ('"""As it is."""', '"""As it has\n    to be."""'),
+        ('"""A sum."""', '"""The sum."""  # of two'),
+        ("GAIN = 3", "# thrice\n\n\nGAIN = 3"),
+        ("    return x\n", "    return x + 1\n"),
+        ("from jit import kernel\n", "import math\nfrom jit import kernel\n"),
+    ],
+)
+def test_what_means_the_same_compiles_nothing(copied: Path, before: str, after: str) -> None:
+    assert before in LOW + HIGH
+    changed = [text.replace(before, after) for text in (LOW, HIGH)]
+    assert tried(copied, *changed) == (161.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "result", "count"),
+    [
+        ("GAIN = 3", "GAIN = 4", 181.0, 2),  # in the other file, used by a kernel there
+        ("(1.0, 2.0)", "(0.5, 2.0)", 160.5, 1),  # in the other file, used here
+        ("x * GAIN", "x + GAIN", 117.0, 2),
+        ("+ pair.second", "- pair.second", -39.0, 1),
+        ("first, 2)", "first, 5)", 251.0, 1),
+        ("first: float\n    second:", "second: float\n    first:", 611.0, 1),
+    ],
+)
+def test_a_change_compiles_all_that_it_reaches_and_no_more(
+    copied: Path, before: str, after: str, result: float, count: int
+) -> None:
+    changed = [text.replace(before, after) for text in (LOW, HIGH)]
+    kept = len(list(copied.rglob("*.nb?")))
+    assert tried(copied, *changed) == (result, count)
+    assert len(list(copied.rglob("*.nb?"))) == kept  # what the kernels were before is gone
+    assert tried(copied) == (161.0, count)
+
+
+def test_where_nothing_can_be_written_beside_the_source_the_user_s_cache_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    (tmp_path / "__pycache__").write_text("no folder")
+    assert tried(tmp_path) == (161.0, 2)
+    assert tried(tmp_path) == (161.0, 0)
+    assert len(list((tmp_path / "home").rglob("*.nbc"))) == 2
+
+
+def test_whole_numbers_of_any_width_and_value_share_one_machine_code(tmp_path: Path) -> None:
+    calls = "scaled(pair.first, 2) + 0 * scaled(1.0, 0) + 0 * scaled(1.0, np.int8(pair.first))"
+    high = HIGH.replace("scaled(pair.first, 2)", calls).replace(
+        "from jit", "import numpy as np\nfrom jit"
+    )
+    assert tried(tmp_path, LOW, high) == (161.0, 2)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "error"),
+    [
+        ("* GAIN", "* LATER", "scaled uses LATER, which must stand above it"),
+        ("GAIN = 3", "GAIN = [3]", r"scaled uses \[3\]: a kernel may use numbers"),
+    ],
+)
+def test_what_can_t_be_followed_is_refused(
+    tmp_path: Path, before: str, after: str, error: str
+) -> None:
+    with pytest.raises((NameError, TypeError), match=error):
+        tried(tmp_path, LOW.replace(before, after))

@@ -16,6 +16,7 @@ def test_every_codec_is_timed_on_whole_frames(measured: list[Cost]) -> None:
     assert all(cost.frames > 10 for cost in measured)
 
 
+@pytest.mark.real_time
 def test_a_stream_with_one_percent_of_its_bytes_altered_costs_at_most_three_times_a_clean_one(
     measured: list[Cost],
 ) -> None:

@@ -28,7 +28,7 @@ from mapod_link.wires import SerialWire, StreamWire, UdpWire, wire_from_url
 from tests import ROOT
 from tests.support.planner_sender import NONCE, geom_body, map_body, op, pose_body, signed_frame
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 def frames_of_a_map() -> list[bytes]:

@@ -108,8 +108,8 @@ def new_image(**settings: Any) -> RegisterImage:
 
 
 async def until(done: Callable[[], object]) -> None:
-    """Give the loop and the kernel up to a few seconds to bring it about."""
-    for _ in range(4000):
+    """Give the loop and the kernel all the time that they need to bring it about."""
+    for _ in range(60_000):
         if done():
             return
         await asyncio.sleep(0.001)
@@ -155,13 +155,13 @@ class Tcp:
 
     async def answer(self) -> bytes:
         """The next answer."""
-        head = await asyncio.wait_for(self.reader.readexactly(6), 5)
-        return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 5)
+        head = await asyncio.wait_for(self.reader.readexactly(6), 60)
+        return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 60)
 
     async def ended(self) -> bool:
         """Whether the server closed the connection; waits for that, or for bytes."""
         with contextlib.suppress(ConnectionResetError):
-            return not await asyncio.wait_for(self.reader.read(1), 5)
+            return not await asyncio.wait_for(self.reader.read(1), 60)
         return True
 
     def close(self) -> None:
@@ -197,7 +197,7 @@ class Udp(asyncio.DatagramProtocol):
     async def ask(self, request: bytes) -> bytes:
         """The answer to one request."""
         self.send(request)
-        return await asyncio.wait_for(self.heard.get(), 5)
+        return await asyncio.wait_for(self.heard.get(), 60)
 
     def close(self) -> None:
         """Close the socket."""

@@ -148,7 +148,9 @@ def test_fa_ff_occurs_in_data_that_are_nearly_true(word: int) -> None:
     bench = Bench()
     bench.fake.fa_ff = True
     bench.configure(wire("SetOutputMode"), framed(0xD2, struct.pack(">I", word)))
-    for data in messages(bench.listen(0.1)):
+    told = messages(bench.listen(0.1))
+    assert len(told) > 5
+    for data in told:
         assert b"\xfa\xff" in data
         acceleration = Reader(data, word >> 8 & 3).numbers(3)
         np.testing.assert_allclose(acceleration, ACCEL_MPS2, atol=1e-3)

@@ -6,6 +6,7 @@ import pytest
 
 from hw.planner_link.frames import ACK, GEOM
 from mapod_link.frames import bytes_from_frame
+from tests.support.cases import few
 from tests.support.planner_line import HeldPort, Line, Sky
 
 
@@ -32,7 +33,7 @@ def test_with_loss_no_free_stands_for_an_obstacle_unless_suspect_and_all_is_repa
 
 
 @pytest.mark.parametrize(("ack_every", "loss"), [(0, 0.01), (1, 0.2), (5, 0.2)])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", few(range(6), 2))
 def test_a_planner_that_is_not_suspect_has_forgotten_what_left_the_window_and_came_back(
     seed: int, ack_every: int, loss: float
 ) -> None:

@@ -24,7 +24,7 @@ from config_file import load_config, read_key
 from core.config import Config, ConfigError
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
-from core.summary import robot_in_words
+from core.summary import describe_robot
 from hw.device import Port
 from hw.ports.url import parse_url
 from hw.runtime.real_time import take_real_time
@@ -168,7 +168,7 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         return 2
     with contextlib.closing(ports):
         if options.check:
-            print(robot_in_words(config, [parse_url(url).baud for url in config.planner.ports]))
+            print(describe_robot(config, [parse_url(url).baud for url in config.planner.ports]))
         elif options.warm:
             warm_kernels(config)
         else:

@@ -99,7 +99,7 @@ class WheelCounts:
 
 
 @record(eq=False)
-class ObstacleWindow:
+class ObstacleMap:
     """The obstacle map as it stands: a ring of tri-state cells, aligned with the map frame.
 
     World cell (i, j) covers x in [i, i + 1) * cell_m and y in [j, j + 1) * cell_m of the map frame

@@ -18,7 +18,7 @@ PASSES_PER_S = 2.0  # rolling refresh
 LINE_SHARE = 0.85  # of what a line carries is used
 
 
-def robot_in_words(config: Config, line_bauds: list[int | None]) -> str:
+def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
     """A dozen lines: what the laser sees of the ground, map sizes, memory, link rate.
 
     Args:
@@ -32,13 +32,13 @@ def robot_in_words(config: Config, line_bauds: list[int | None]) -> str:
         f"scanner   {scanner.driver} at {scanner.port}: {scanner.options.describe()}",
         f"          {scanner.mount_z_m:g} m above the ground, looking "
         f"{abs(scanner.mount_tilt_deg):g} deg {'down' if scanner.mount_tilt_deg >= 0 else 'up'}",
-        *(f"          {line}" for line in _ground_in_words(config)),
+        *(f"          {line}" for line in _describe_ground(config)),
         f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.options.describe()}",
         f"drive     {drive.driver} at {drive.port}: {drive.options.describe()}, "
         f"{counts_per_m:.0f} counts per metre",
         *(
             f"motors    {line}" if k == 0 else f"          {line}"
-            for k, line in enumerate(_motors_in_words(config))
+            for k, line in enumerate(_describe_motors(config))
         ),
         f"map       method {config.map.method}, {cells} x {cells} cells of "
         f"{config.map.cell_m:g} m = {cells * config.map.cell_m:.1f} m square, {memory_mb:.1f} MB",
@@ -46,12 +46,12 @@ def robot_in_words(config: Config, line_bauds: list[int | None]) -> str:
         f"the planner gets {window} x {window} cells",
     ]
     for url, baud in zip(config.planner.ports, line_bauds, strict=True):
-        lines += _link_in_words(config, url, baud)
+        lines += _describe_link(config, url, baud)
     lines += [f"modbus    {url}" for url in config.modbus.ports]
     return "\n".join(lines)
 
 
-def _link_in_words(config: Config, url: str, line_baud: int | None) -> list[str]:
+def _describe_link(config: Config, url: str, line_baud: int | None) -> list[str]:
     """What one receiver gets, and whether its line carries it."""
     rate_hz = config.planner.rate_hz
     if not config.planner.push:
@@ -70,7 +70,7 @@ def _link_in_words(config: Config, url: str, line_baud: int | None) -> list[str]
     ]
 
 
-def _motors_in_words(config: Config) -> list[str]:
+def _describe_motors(config: Config) -> list[str]:
     """What the motors will do."""
     robot = config.robot
     if not robot.enable_motors:
@@ -106,7 +106,7 @@ def _motors_in_words(config: Config) -> list[str]:
     return lines
 
 
-def _ground_in_words(config: Config) -> list[str]:
+def _describe_ground(config: Config) -> list[str]:
     """Where the centre beam meets the ground, and how wide the seen strip of ground is."""
     scanner = config.scanner
     R_body_sensor = R_from_rpy(

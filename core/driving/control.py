@@ -64,7 +64,7 @@ def modbus_refusal(config: Config) -> str:
     return "" if config.robot.enable_motors else NOT_ENABLED
 
 
-def doubt(word: int, mode: int, sight: str, others: tuple[str, ...] = ()) -> str:
+def stop_reason(word: int, mode: int, sight: str, others: tuple[str, ...] = ()) -> str:
     """The first reason to stand still, in words; "" if all that is known speaks for driving.
 
     Args:
@@ -73,15 +73,15 @@ def doubt(word: int, mode: int, sight: str, others: tuple[str, ...] = ()) -> str
     """
     if mode == health.REPLAYED:
         return "these are recorded data"
-    for bit, words in FORBIDDEN:
+    for bit, message in FORBIDDEN:
         if word & bit:
-            return words
-    for words in others:
-        if words:
-            return words
-    for bit, words in NEEDED:
+            return message
+    for message in others:
+        if message:
+            return message
+    for bit, message in NEEDED:
         if not word & bit:
-            return words
+            return message
     if mode != health.RUNNING:
         return "mapod is not running as it should"
     return sight
@@ -118,19 +118,19 @@ class DriveControl:
         self,
         now_s: float,
         request: DriveRequest | None,
-        doubt: str,
+        stop_reason: str,
         pose: Pose | None,
-        start_vouched: bool,
+        assumed_clear: bool,
         motors_off: str = "",
         moves: Motion = (0.0, 0.0),
     ) -> Powers:
         """Wheel power until the next step.
 
         Args:
-            doubt: why to stand still, in words.
+            stop_reason: why to stand still, in words.
             moves: as measured. A robot that is faster than it was told (downhill, or full power is
                 more than the settings say) is slowed down for what is in the way of its real speed.
-            start_vouched: the map still is that of the start.
+            assumed_clear: the map still is that of the start.
             motors_off: why the motors do not obey; when that ends, a request that was there all
                 the time moves nothing: somebody may stand at the emergency stop.
         """
@@ -138,8 +138,8 @@ class DriveControl:
         self._last_s = now_s
         asks = request is not None and now_s <= request.valid_until_s and _is_motion(request)
         self._let_go_for = (motors_off or self._let_go_for) if asks else ""
-        if doubt or motors_off or pose is None:
-            return self.halt(doubt or motors_off or "the pose is not known")
+        if stop_reason or motors_off or pose is None:
+            return self.halt(stop_reason or motors_off or "the pose is not known")
         if self._let_go_for:
             return self.halt(f"until the commander lets go once: {self._let_go_for}")
         if request is None or not now_s <= request.valid_until_s:
@@ -153,23 +153,27 @@ class DriveControl:
         rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
         if measured_mps > FASTER * rate_mps + FASTER_MPS:
             rate_mps = measured_mps
-        found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), start_vouched)
+        found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), assumed_clear)
         allowed_mps = self.zone.allowed_mps(found.free_m)
         if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
-            return self.halt(self.words(found))
+            return self.halt(self.describe(found))
         share = min(1.0, allowed_mps / rate_mps) if rate_mps >= STANDING_MPS else 1.0
         self.v_mps, self.w_radps = share * motion[0], share * motion[1]
         self.blocked_by = ""
         return self._powers()
 
     def drop_ahead(
-        self, moves: Motion, request: DriveRequest | None, pose: Pose | None, start_vouched: bool
+        self,
+        moves: Motion,
+        request: DriveRequest | None,
+        pose: Pose | None,
+        assumed_clear: bool,
     ) -> bool:
         """Whether the way to a stop, as the robot moves or else is asked to, leads to a drop."""
         if pose is None:
             return False
         motion = self.heading_for(moves, request)
-        return self.is_drop(self.look(pose, motion, 0.0, start_vouched))
+        return self.is_drop(self.look(pose, motion, 0.0, assumed_clear))
 
     def heading_for(self, moves: Motion, request: DriveRequest | None) -> Motion:
         """As the robot moves, or else as it is asked to within the settings' limits; or zero."""
@@ -177,7 +181,7 @@ class DriveControl:
             return moves
         return self._limited(request.v_mps, request.w_radps) if request else (0.0, 0.0)
 
-    def words(self, found: Obstruction) -> str:
+    def describe(self, found: Obstruction) -> str:
         """What stands in the way."""
         if found.state != OBSTACLE:
             return "ground in the way was not seen to be free"
@@ -204,18 +208,18 @@ class DriveControl:
         self.w_radps = _towards(self.w_radps, wanted[1], turn, turn)
 
     def look(
-        self, pose: Pose, motion: Motion, from_mps: float, vouched: bool, for_s: float = 0.0
+        self, pose: Pose, motion: Motion, from_mps: float, assumed_clear: bool, for_s: float = 0.0
     ) -> Obstruction:
         """What a motion would meet on its way to a stop (`StopZone.look`)."""
         if not any(motion):
             return NOTHING
-        window, clear = self._maps.window, self.clear(vouched)
+        window, clear = self._maps.window, self.clear(assumed_clear)
         place = (pose.x_m, pose.y_m, pose.yaw_rad)
         return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps, for_s)
 
-    def clear(self, vouched: bool) -> Place:
+    def clear(self, assumed_clear: bool) -> Place:
         """x, y and radius (m) of the ground of the start that the settings vouch for."""
-        return 0.0, 0.0, self._robot.start_clear_m if vouched else 0.0
+        return 0.0, 0.0, self._robot.start_clear_m if assumed_clear else 0.0
 
     def is_drop(self, found: Obstruction) -> bool:
         """Whether that is lower than the ground, or ground that did not show."""

@@ -25,7 +25,7 @@ SECTORS = 8
 
 
 @kernel
-def _way_to(
+def _path_to(
     i: int,
     j: int,
     cell_m: float,
@@ -57,7 +57,7 @@ def _way_to(
 
 
 @kernel
-def free_way(
+def free_path(
     cells: I8,
     window: tuple[int, int, int],
     cell_m: float,
@@ -86,7 +86,7 @@ def free_way(
             state = cell_state(i, j, cells, window, first, cell_m, clear)
             if state == FREE:
                 continue
-            way = _way_to(i, j, cell_m, place, rect, (margin, kept), state == UNKNOWN)
+            way = _path_to(i, j, cell_m, place, rect, (margin, kept), state == UNKNOWN)
             if way < best:
                 best, best_i, best_j = way, i, j
             if state == OBSTACLE and way <= longest:

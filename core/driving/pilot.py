@@ -5,7 +5,7 @@ Source: design, section 8.
 """
 
 from core.config import Config
-from core.driving.control import NOT_ENABLED, DriveControl, Powers, doubt
+from core.driving.control import NOT_ENABLED, DriveControl, Powers, stop_reason
 from core.driving.stall import STALLED, StallWatch
 from core.driving.zone import NOT_TRUSTED, ZoneReporter
 from core.mapping.mapper import Mapper
@@ -48,13 +48,13 @@ class Pilot:
             trusted,
             (told.v_mps, told.w_radps),
             request if request is not None and now_s <= request.valid_until_s else None,
-            self._start_vouched,
+            self._start_assumed_clear,
         )
 
     def look_ahead(self, now_s: float, told: PoseReport, request: DriveRequest | None) -> None:
         """Whether the way to a stop leads to a drop."""
         pose, moves = self._mapper.maybe_pose(now_s), (told.v_mps, told.w_radps)
-        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self._start_vouched)
+        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self._start_assumed_clear)
 
     def powers(
         self,
@@ -79,9 +79,9 @@ class Pilot:
         powers = self.control.step(
             now_s,
             request,
-            doubt(told.health, told.mode, sight, others),
+            stop_reason(told.health, told.mode, sight, others),
             self._mapper.maybe_pose(now_s),
-            self._start_vouched,
+            self._start_assumed_clear,
             motors_off,
             (told.v_mps, told.w_radps),
         )
@@ -89,6 +89,6 @@ class Pilot:
         return powers
 
     @property
-    def _start_vouched(self) -> bool:
+    def _start_assumed_clear(self) -> bool:
         """The map still is that of the start, whose ground the settings vouch for."""
         return self._mapper.counts.erased == 0 and not self._mapper.continued

@@ -163,7 +163,7 @@ def _first(
 
 
 @kernel
-def _free_way(
+def _free_path(
     cx: float,
     cy: float,
     half: float,
@@ -232,7 +232,7 @@ def _sweep(
                 state = cell_state(i, j, cells, window, first, cell_m, clear)
                 if state == FREE:
                     continue
-                free = _free_way(
+                free = _free_path(
                     (i + 0.5) * cell_m,
                     (j + 0.5) * cell_m,
                     half,
@@ -291,7 +291,7 @@ class StopZone:
         """Speed that no point of the footprint exceeds."""
         return abs(v_mps) + abs(w_radps) * self._reach_m
 
-    def way_m(self, rate_mps: float) -> float:
+    def stop_m(self, rate_mps: float) -> float:
         """From the order to stop until it stands."""
         return rate_mps * self._reaction_s + rate_mps**2 / (2 * self._brake_mps2)
 
@@ -322,7 +322,7 @@ class StopZone:
         rate_mps = self.rate_mps(*motion)
         if rate_mps < STANDING_MPS:
             return NOTHING
-        wanted_m = self.way_m(max(rate_mps, from_mps))
+        wanted_m = self.stop_m(max(rate_mps, from_mps))
         wanted_m = max(wanted_m, min(LONGEST_M, rate_mps * for_s))
         length_m = min(LONGEST_M, wanted_m)
         free_m, i, j = _sweep(

@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from core.driving.control import FASTER, FASTER_MPS, MOVING_MPS, SET_OUT_MPS, DriveControl, Motion
-from core.driving.corridor import SECTORS, free_way, nearest_obstacles
+from core.driving.corridor import SECTORS, free_path, nearest_obstacles
 from core.driving.stop_zone import LONGEST_M, Obstruction, Place
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.motion.odometry import Pose
 from core.records import OBSTACLE, DriveRequest, StopZoneReport
 
@@ -25,7 +25,7 @@ NOT_TRUSTED = StopZoneReport(0, 0, 0, 0, 0, 0, 0, 0, 0, (0.0,) * SECTORS, UNKNOW
 class ZoneReporter:
     """Reports of one robot, from its drive control and the window that this looks at."""
 
-    def __init__(self, control: DriveControl, window: StateWindow, max_speed_mps: float) -> None:
+    def __init__(self, control: DriveControl, window: ObstacleWindow, max_speed_mps: float) -> None:
         self._control, self._window, self._max_mps = control, window, max_speed_mps
         self._sectors_m = np.full(SECTORS, math.inf)
 
@@ -35,7 +35,7 @@ class ZoneReporter:
         trusted: bool,
         moves: Motion,
         request: DriveRequest | None,
-        vouched: bool,
+        assumed_clear: bool,
     ) -> StopZoneReport:
         """The stop zone as it is now.
 
@@ -43,23 +43,23 @@ class ZoneReporter:
             trusted: the inputs are such that free may be told.
             moves: forward m/s and rad/s, as measured.
             request: what the robot is asked to do, if it is.
-            vouched: the map still is that of the start.
+            assumed_clear: the map still is that of the start.
         """
         if pose is None or not trusted:
             return NOT_TRUSTED
         place = (pose.x_m, pose.y_m, pose.yaw_rad)
-        ahead, hard_ahead_m = self._way(place, 1, vouched)
-        behind, hard_behind_m = self._way(place, -1, vouched)
+        ahead, hard_ahead_m = self._way(place, 1, assumed_clear)
+        behind, hard_behind_m = self._way(place, -1, assumed_clear)
         nearest_m, bearing_rad = nearest_obstacles(
             self._window.cells, *self._frame, place, self._control.zone.rect, self._sectors_m
         )
-        state, causes = self._judge(pose, ahead, moves, request, vouched)
+        state, causes = self._judge(pose, ahead, moves, request, assumed_clear)
         return StopZoneReport(
             ahead.free_m,
             hard_ahead_m,
             behind.free_m,
             hard_behind_m,
-            self._contact_s(pose, moves, vouched),
+            self._contact_s(pose, moves, assumed_clear),
             min(self._max_mps, self._control.zone.allowed_mps(ahead.free_m)),
             min(self._max_mps, self._control.zone.allowed_mps(behind.free_m)),
             nearest_m,
@@ -74,15 +74,15 @@ class ZoneReporter:
         grid = self._window.grid
         return (grid.corner_i, grid.corner_j, grid.size), grid.cell_m
 
-    def _way(self, place: Place, sense: int, vouched: bool) -> tuple[Obstruction, float]:
+    def _way(self, place: Place, sense: int, assumed_clear: bool) -> tuple[Obstruction, float]:
         """What ends the way straight ahead (1) or back (-1), and metres to an obstacle there."""
         zone, (window, cell_m) = self._control.zone, self._frame
         front, rear, side = zone.rect
         rect = (front, rear, side) if sense > 0 else (rear, front, side)
         x, y, yaw = place
         turned = (x, y, yaw if sense > 0 else yaw + math.pi)
-        clear = zone.clear_of(self._control.clear(vouched))
-        free_m, i, j, hard_m = free_way(
+        clear = zone.clear_of(self._control.clear(assumed_clear))
+        free_m, i, j, hard_m = free_path(
             self._window.cells, window, cell_m, turned, rect, zone.margin_m, LONGEST_M, clear
         )
         return Obstruction(free_m, i, j, self._state_of(i, j)), hard_m
@@ -92,11 +92,11 @@ class ZoneReporter:
         inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
         return int(self._window.cells[j % grid.size, i % grid.size]) if inside else 0
 
-    def _contact_s(self, pose: Pose, moves: Motion, vouched: bool) -> float:
+    def _contact_s(self, pose: Pose, moves: Motion, assumed_clear: bool) -> float:
         rate_mps = self._control.zone.rate_mps(*moves)
         if rate_mps < MOVING_MPS:
             return math.inf
-        found = self._control.look(pose, moves, 0.0, vouched, for_s=CONTACT_S)
+        found = self._control.look(pose, moves, 0.0, assumed_clear, for_s=CONTACT_S)
         return found.free_m / rate_mps if found.free_m < CONTACT_S * rate_mps else math.inf
 
     def _judge(
@@ -105,7 +105,7 @@ class ZoneReporter:
         ahead: Obstruction,
         moves: Motion,
         request: DriveRequest | None,
-        vouched: bool,
+        assumed_clear: bool,
     ) -> tuple[int, int]:
         """State, and causes if it is not clear, of the way that the robot takes or would take."""
         control = self._control
@@ -113,7 +113,7 @@ class ZoneReporter:
         rate_mps, full_mps = control.zone.rate_mps(*moves), self._max_mps
         if any(motion):
             full_mps = control.zone.rate_mps(*control.at_full_speed(motion))
-            found = control.look(pose, motion, full_mps, vouched)
+            found = control.look(pose, motion, full_mps, assumed_clear)
         allowed_mps = control.zone.allowed_mps(found.free_m)
         if allowed_mps >= full_mps:
             return CLEAR, 0

@@ -1,4 +1,4 @@
-"""`StateWindow`: the tri-state cells that the planner gets, and which of them changed.
+"""`ObstacleWindow`: the tri-state cells that the planner gets, and which of them changed.
 
 It decides nothing: a method puts states in, the link takes changes out.
 """
@@ -30,7 +30,7 @@ def _put(at: I32, states: I8, cells: I8, marked: I8, changed: I32, used: int) ->
     return used
 
 
-class StateWindow:
+class ObstacleWindow:
     """Cells (size, size) int8, OBSTACLE, UNKNOWN or FREE, laid out as `RingGrid` says."""
 
     def __init__(self, cells: int, cell_m: float) -> None:

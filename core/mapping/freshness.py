@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from core.grid.ring import RingGrid
-from core.grid.window import StateWindow, put_state
+from core.grid.window import ObstacleWindow, put_state
 from core.records import F64, FREE, I8, I32, UNKNOWN
 from jit import kernel
 
@@ -93,7 +93,7 @@ class Freshness:
         window = (grid.corner_i, grid.corner_j, grid.size, grid.cell_m)
         _cover(self.seen_s, window, (x_m, y_m, *heading), self._footprint, t_s)
 
-    def expire(self, window: StateWindow) -> None:
+    def expire(self, window: ObstacleWindow) -> None:
         """Tell what has become too old as unknown, in so many rows as are due."""
         size = window.grid.size
         rows = min(size, math.ceil(size * min(self._passed_s / SWEEP_S, 1.0)))

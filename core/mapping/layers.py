@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.grid.ring import RingGrid
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
 from core.mapping.terrain import F32, Terrain
@@ -54,7 +54,7 @@ def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
     return np.where(inside, ring[j % grid.size, i % grid.size], np.nan)
 
 
-def states_at(window: StateWindow, i: I64, j: I64) -> F64:
+def states_at(window: ObstacleWindow, i: I64, j: I64) -> F64:
     """States (n,) at world cells; NaN where nothing is known."""
     states = at_cells(window.grid, i, j, window.cells)
     return np.where(states == UNKNOWN, np.nan, states)
@@ -67,7 +67,7 @@ def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
     return LayerView(name, values, grid.corner_i, grid.corner_j, grid.cell_m)
 
 
-def state_view(window: StateWindow) -> LayerView:
+def state_view(window: ObstacleWindow) -> LayerView:
     """The states that were decided."""
     cells = window.cells
     return view_of("state", window.grid, np.where(cells == UNKNOWN, np.nan, cells))
@@ -81,7 +81,7 @@ def _soft(cells: Cells, out: F64) -> None:
 
 
 def maybe_beams_layer(
-    name: str, cells: CellGrid, terrain: Terrain, window: StateWindow
+    name: str, cells: CellGrid, terrain: Terrain, window: ObstacleWindow
 ) -> LayerView | None:
     """A layer of method `beams`; none where there is none of this name."""
     if name == "state":
@@ -105,7 +105,7 @@ def maybe_beams_layer(
 
 
 def maybe_beams_values(
-    name: str, cells: CellGrid, terrain: Terrain, window: StateWindow, i: I64, j: I64
+    name: str, cells: CellGrid, terrain: Terrain, window: ObstacleWindow, i: I64, j: I64
 ) -> F64 | None:
     """Of method `beams`, at world cells i, j (n,); none where there is no such layer to ask for."""
     if name == "state":
@@ -123,7 +123,7 @@ def maybe_beams_values(
 
 
 def maybe_plane_values(
-    name: str, average_m: F64, source: I32, window: StateWindow, i: I64, j: I64
+    name: str, average_m: F64, source: I32, window: ObstacleWindow, i: I64, j: I64
 ) -> F64 | None:
     """Of method `reference_plane`, as `maybe_beams_values`; arguments of `maybe_plane_layer`."""
     if name == "state":
@@ -136,7 +136,7 @@ def maybe_plane_values(
 
 
 def maybe_plane_layer(
-    name: str, average_m: F64, source: I32, window: StateWindow
+    name: str, average_m: F64, source: I32, window: ObstacleWindow
 ) -> LayerView | None:
     """A layer of method `reference_plane`, which has heights and states only.
 

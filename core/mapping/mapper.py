@@ -17,7 +17,7 @@ from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.rays import check_sweep, span_s
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry, Pose
-from core.records import F64, Attitude, ObstacleWindow, PointSweep, Scan, WheelCounts
+from core.records import F64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
 WAITING = 4  # scans; fewer than the scanner codec has slots
@@ -148,10 +148,10 @@ class Mapper:
         """A layer by its name in `core.mapping.layers.UNITS`, a copy; None where there is none."""
         return self.maps.maybe_layer(name)
 
-    def window(self, trusted: bool) -> ObstacleWindow:
+    def window(self, trusted: bool) -> ObstacleMap:
         """The obstacle map and what changed in it since the last call."""
         window = self.maps.window
-        return ObstacleWindow(
+        return ObstacleMap(
             window.cells,
             window.grid.corner_i,
             window.grid.corner_j,

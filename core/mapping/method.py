@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.mapping.layers import LayerView
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
@@ -16,7 +16,7 @@ MAX_SLOPE_RAD = 0.35  # a robot that leans more, 20 deg, has no use for a map
 class Maps(Protocol):
     """An elevation map and the obstacle map made of it, kept up by one method."""
 
-    window: StateWindow
+    window: ObstacleWindow
 
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay as they are."""

@@ -53,10 +53,10 @@ def _cast(
     t_body_sensor: F64,
     first: F64,
     last: F64,
-    lenses: F64,
+    from_map: F64,
     rays: F64,
 ) -> None:
-    """Fills `lenses` and `rays` (n, 3), map frame.
+    """Fills `from_map` and `rays` (n, 3), map frame.
 
     `fan` is origins and directions (n, 3) in the sensor's frame, and times (n,); `first` and `last`
     (3,) are where the body was at the first and at the last beam.
@@ -76,7 +76,7 @@ def _cast(
         _turn_to_map(q, cy, sy, ray)
         _turn_to_map(q, cy, sy, arm)
         for k in range(3):
-            lenses[i, k] = (1 - share) * first[k] + share * last[k] + arm[k]
+            from_map[i, k] = (1 - share) * first[k] + share * last[k] + arm[k]
             rays[i, k] = ray[k]
 
 
@@ -85,13 +85,13 @@ class Sweep:
     """One scan as rays in the map frame; valid until the next one is cast."""
 
     t_s: float  # of its last beam
-    lenses: F64  # (n, 3) metres
+    origins: F64  # (n, 3) metres
     rays: F64  # (n, 3) unit vectors
     ranges_m: F64  # (echoes, n); NaN: no measurement
 
     def points(self) -> F64:
         """Its returns (k, 3), map frame, metres: beam by beam, echo by echo."""
-        places = self.lenses[:, None, :] + self.ranges_m.T[:, :, None] * self.rays[:, None, :]
+        places = self.origins[:, None, :] + self.ranges_m.T[:, :, None] * self.rays[:, None, :]
         return np.asarray(places[self.ranges_m.T >= MIN_RANGE_M])
 
 
@@ -141,7 +141,7 @@ class BeamGeometry:
         self._t_body_sensor = np.array(mount_xyz_m, dtype=np.float64)
         self._origins, self._directions = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
         self._times_s = np.zeros(max_beams)
-        self._lenses, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
+        self._from_map, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
 
     def points(self, scan: Scan) -> PointSweep:
         """A scan as a sweep of rays; valid until the next one is asked for."""
@@ -160,7 +160,7 @@ class BeamGeometry:
         first_s, last_s = span_s(scan)
         sweep = self.points(scan) if isinstance(scan, Scan) else scan
         n = sweep.times_s.size
-        lenses, rays = self._lenses[:n], self._rays[:n]
+        from_map, rays = self._from_map[:n], self._rays[:n]
         _cast(
             (
                 np.ascontiguousarray(sweep.origins),
@@ -176,7 +176,7 @@ class BeamGeometry:
             self._t_body_sensor,
             odometry.xyz_at(first_s),
             odometry.xyz_at(last_s),
-            lenses,
+            from_map,
             rays,
         )
-        return Sweep(last_s, lenses, rays, sweep.ranges_m)
+        return Sweep(last_s, from_map, rays, sweep.ranges_m)

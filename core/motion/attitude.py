@@ -13,7 +13,7 @@ import numpy as np
 from core.geometry import R_from_rpy, Rpy, q_from_R, q_from_rpy, q_product, rpy_from_q, rpy_of
 from core.motion.heading import HeadingFilter
 from core.motion.magnetic import Quaternion
-from core.motion.tilt import LevelFilter
+from core.motion.tilt import TiltFilter
 from core.records import F64, Attitude
 from jit import kernel
 
@@ -137,7 +137,7 @@ class AttitudeRing:
         self.start = self.count = 0
         self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
         self.heading = HeadingFilter()
-        self.level = LevelFilter() if levels else None  # None: the sensor's angles as they are
+        self.level = TiltFilter() if levels else None  # None: the sensor's angles as they are
         self.rate_body_radps: Rates = (0.0, 0.0, 0.0)  # newest; NaN where it is not delivered
         self.newest_s = -math.inf  # time of the newest sample; -inf when there is none
         self.rejected = 0  # samples out of order or no orientation at all

@@ -27,7 +27,7 @@ NOISE_RADPS, NOISE_S = 0.08, 0.4  # as where the gyro jumps by so much from samp
 STEEP_RAD = math.radians(60.0)  # there, roll and pitch have no meaning; nor has a robot's map
 
 
-class LevelFilter:
+class TiltFilter:
     """Roll and pitch (rad) at each sample of one attitude sensor."""
 
     def __init__(self) -> None:

@@ -14,13 +14,16 @@ from core.mapping.beams.cells import CELL
 from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved.encoding import Arrays, StateError
 
-FORMAT, VERSION = "mapod map state", 1
+FORMAT, VERSION = "mapod map state", 2
 I64, I32, I8, FLOAT = np.dtype(np.int64), np.dtype(np.int32), np.dtype(np.int8), np.dtype(float)
 UNSEEN = -1  # `looks` of a cell of a loaded map in which nothing was seen since
 MOST_M = 1e6  # no place and no height is farther off
 MOST_S = 1e9  # nor anything longer ago
 MOST_CELLS = 100_000_000  # nor a cell's index
 MOST_SCANS = 2**31 - 2  # as many as a record can number
+# fields that begin anew with each run, and those that are saved
+OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers", "face_n", "face_segment")
+KEPT = tuple(name for name in CELL.names or () if name not in OF_THIS_RUN)
 UNBOUNDED = ("low_m", "top_m")  # +inf and -inf while nothing rises
 COUNTED_IN = ("hit_scan", "stamp", "above_scan", "below_scan", "miss_scan", "through_scan")
 
@@ -60,7 +63,7 @@ def shapes_of(config: Config) -> Shapes:
     shapes["cells.corner"] = (I64, (2,))
     shapes["cells.scan"] = (I64, ())
     shapes["cells.at"] = (I32, (None,))  # flat indices of those of which anything is known
-    for name in CELL.names or ():
+    for name in KEPT:
         shapes[f"cells.{name}"] = (CELL[name], (None,))
     return shapes
 
@@ -173,7 +176,7 @@ def _check_cells(arrays: Arrays, config: Config) -> None:
     if (np.diff(at) <= 0).any():
         raise StateError("cells.at: holds a cell twice, or out of order")
     newest = int(arrays["cells.scan"])
-    for name in CELL.names or ():
+    for name in KEPT:
         field = arrays[f"cells.{name}"]
         if field.shape != at.shape:
             raise StateError(f"cells.{name}: has {len(field)} cells, cells.at has {len(at)}")

@@ -14,17 +14,24 @@ from dataclasses import astuple
 import numpy as np
 
 from core.config import Config
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CELL
-from core.mapping.beams.ground_plane import Line
+from core.mapping.beams.ground_plane import GroundPlane
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
-from core.saved.check import FORMAT, UNSEEN, VERSION, check_state, settings_of
+from core.saved.check import FORMAT, KEPT, UNSEEN, VERSION, check_state, settings_of
 from core.saved.encoding import Arrays, StateError
 
-OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers", "face_n", "face_leg")  # begin anew
+OF_THIS_RUN = (
+    "far_sides",
+    "floor_run",
+    "through",
+    "outliers",
+    "face_n",
+    "face_segment",
+)  # begin anew
 STILL = 0.02  # m/s and rad/s
 AWAY_VAR_M2 = 0.05**2  # what a filtered height is less sure of after a time that nobody saw
 
@@ -63,7 +70,7 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
     return arrays
 
 
-def _of_window(window: StateWindow) -> Arrays:
+def _of_window(window: ObstacleWindow) -> Arrays:
     corner = window.grid.corner_i, window.grid.corner_j
     return {
         "window.corner": np.array(corner, dtype=np.int64),
@@ -83,7 +90,7 @@ def _of_beams(maps: BeamMaps, now_s: float) -> Arrays:
         "cells.at": at,
         "ground.line": np.zeros((0, 6)),
     }
-    for name in CELL.names or ():
+    for name in KEPT:
         arrays[f"cells.{name}"] = records[name].copy()
     arrays["cells.t_s"] = np.where(records["count"] > 0, now_s - records["t_s"], 0.0)
     if line is not None:
@@ -114,7 +121,7 @@ def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> Non
     _into_window(maps.window, arrays)
 
 
-def _into_window(window: StateWindow, arrays: Arrays) -> None:
+def _into_window(window: ObstacleWindow, arrays: Arrays) -> None:
     """Its obstacles, as changes that are still to be told; nothing told before holds."""
     window.erase()
     window.epoch = int(arrays["window.epoch"]) + 1
@@ -129,15 +136,15 @@ def _into_beams(maps: BeamMaps, arrays: Arrays, now_s: float, away_var_m2: float
     cells.grid.corner_i, cells.grid.corner_j = (int(part) for part in arrays["cells.corner"])
     cells.scan = int(arrays["cells.scan"])
     records = np.zeros(at.size, dtype=CELL)
-    for name in CELL.names or ():
-        records[name] = 0 if name in OF_THIS_RUN else arrays[f"cells.{name}"]
+    for name in KEPT:
+        records[name] = arrays[f"cells.{name}"]
     records["looks"] = UNSEEN
     records["t_s"] = now_s - arrays["cells.t_s"]
     records["var_m2"] += away_var_m2
     cells.flat[at] = records
     maps.terrain.note(at)
     for row in arrays["ground.line"]:
-        maps.ground.line = Line(*(float(part) for part in row))
+        maps.ground.line = GroundPlane(*(float(part) for part in row))
 
 
 def was_moving(arrays: Arrays) -> bool:

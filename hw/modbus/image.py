@@ -10,7 +10,7 @@ Time is an argument; nothing here waits.
 import math
 import struct
 
-from core.records import ObstacleWindow, PoseReport, StopZoneReport
+from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.modbus.drive import Ask, DriveRegisters, nobody_asks
 from hw.modbus.encoding import age_ms
 from hw.modbus.layout import (
@@ -92,7 +92,7 @@ class RegisterImage:
         now_s: float,
         pose: PoseReport,
         zone: StopZoneReport,
-        window: ObstacleWindow,
+        window: ObstacleMap,
         *,
         planner_heard: bool = False,
         driven: tuple[float, float] = (0.0, 0.0),
@@ -112,7 +112,7 @@ class RegisterImage:
         if lost or window.epoch != self._epoch or not 0.0 <= since_s < PACK_S - SLACK_S:
             self._take_map(now_s, window, pose)
 
-    def _take_map(self, now_s: float, window: ObstacleWindow, pose: PoseReport) -> None:
+    def _take_map(self, now_s: float, window: ObstacleMap, pose: PoseReport) -> None:
         in_use = [self._live, *(view.held for view in self._views if view.held is not None)]
         self._generation = next_generation(self._generation)
         self._live = self._packer.pack(now_s, window, pose, self._generation, in_use)

@@ -7,7 +7,7 @@ outside the window is unknown. In steady state nothing of window size is allocat
 
 import numpy as np
 
-from core.records import I8, U8, ObstacleWindow, PoseReport
+from core.records import I8, U8, ObstacleMap, PoseReport
 from hw.modbus.encoding import heading_cdeg, mm_signed
 from hw.modbus.layout import (
     COARSE_BLOCK,
@@ -112,7 +112,7 @@ class Packer:
     def pack(
         self,
         now_s: float,
-        window: ObstacleWindow,
+        window: ObstacleMap,
         pose: PoseReport,
         generation: int,
         in_use: list[Snapshot],

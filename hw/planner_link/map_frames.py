@@ -5,7 +5,7 @@ Source: planner link, sections 4, 6 and 7.
 
 import math
 
-from core.records import I32, ObstacleWindow
+from core.records import I32, ObstacleMap
 from hw.planner_link import kernels as map_kernels
 from hw.planner_link.frames import MAP, MAP_HEAD, REFRESH, encode_map
 from hw.planner_link.kernels import LONGEST_OP
@@ -50,7 +50,7 @@ class MapPublisher:
         self._repair.begin_epoch(self._scheduler.seq)
         self._cursor.begin()
 
-    def follow(self, window: ObstacleWindow) -> None:
+    def follow(self, window: ObstacleMap) -> None:
         """Take in the map as it is meant now."""
         careful = self._repair.in_step or self._map.corner != self._origin
         old = self._map.update(window, careful)

@@ -11,7 +11,7 @@ import zlib
 
 import numpy as np
 
-from core.records import I8, I32, U8, ObstacleWindow
+from core.records import I8, I32, U8, ObstacleMap
 from hw.planner_link.kernels import (
     ANY,
     BLOCK,
@@ -94,7 +94,7 @@ class PublishedMap:
         """Cells of lost frames, not sent again yet."""
         return int(self._ring.counts[LOST_CELLS])
 
-    def update(self, window: ObstacleWindow, careful: bool) -> tuple[int, int] | None:
+    def update(self, window: ObstacleMap, careful: bool) -> tuple[int, int] | None:
         """Take in the map as it is meant now; the old corner if the window has moved.
 
         `careful` publishes what comes back into the window before the planner is known to have

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from core.records import ExternalPose, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import Port
 from hw.planner_link.poses import ExternalPoses
 from hw.planner_link.replay_guard import ReplayGuard
@@ -43,7 +43,7 @@ class Planners:
         self,
         now_s: float,
         pose: PoseReport,
-        window: ObstacleWindow,
+        window: ObstacleMap,
         zone: StopZoneReport | None,
         tiles: TileSource | None,
     ) -> None:

@@ -10,7 +10,7 @@ Source: planner link, sections 2 to 8.
 import math
 from dataclasses import dataclass
 
-from core.records import ObstacleWindow, PoseReport, StopZoneReport
+from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.device import BadFrame, Port
 from hw.planner_link.frames import (
     DIGEST,
@@ -277,7 +277,7 @@ class PlannerLink:
         self,
         now_s: float,
         pose: PoseReport,
-        window: ObstacleWindow,
+        window: ObstacleMap,
         zone: StopZoneReport | None = None,
         tiles: TileSource | None = None,
     ) -> None:
@@ -338,7 +338,7 @@ class PlannerLink:
         return True
 
     def _publish_map(
-        self, now_s: float, dt_s: float, window: ObstacleWindow, source: TileSource
+        self, now_s: float, dt_s: float, window: ObstacleMap, source: TileSource
     ) -> None:
         """Changes, tiles, refresh and digest of a planner that need not ask."""
         scheduler, budget = self._scheduler, self._scheduler.budget
@@ -358,7 +358,7 @@ class PlannerLink:
             self._last.digest_s = now_s
             scheduler.queue(DIGEST, encode_digest(self.geom_id, self._map.digest()))
 
-    def _publish_tiles(self, budget: float, window: ObstacleWindow, source: TileSource) -> None:
+    def _publish_tiles(self, budget: float, window: ObstacleMap, source: TileSource) -> None:
         if self._tiles.waiting:
             corner = None if self.peer.refusal else (window.corner_i, window.corner_j)
             self._tiles.publish(

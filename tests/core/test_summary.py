@@ -9,14 +9,14 @@ from config_file import load_config, with_changes
 from core.driving import health
 from core.driving.report import report
 from core.mapping.mapper import Mapper
-from core.summary import robot_in_words
+from core.summary import describe_robot
 from tests import ROOT
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 
 
 def told(**sections: dict[str, Any]) -> str:
-    return robot_in_words(with_changes(SHIPPED, **sections), [None])
+    return describe_robot(with_changes(SHIPPED, **sections), [None])
 
 
 def test_as_shipped_motors_never_move() -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from config_file import load_config
 from core.driving.stop_zone import StopZone
 from core.grid.ring import RingGrid
-from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleMap, PoseReport, StopZoneReport
 from fakes.wires.memory import MemoryPort
 from hw.planner_link.receivers import one_link
 from mapod_link.frames import DRIVE, frame_from_bytes
@@ -108,7 +108,7 @@ class Bench:
         ring = self.ring()
         changed = np.flatnonzero(ring != self._told).astype(np.int32)
         self._told = ring
-        window = ObstacleWindow(ring, self.corner, self.corner, changed, 0, True)
+        window = ObstacleMap(ring, self.corner, self.corner, changed, 0, True)
         pose = PoseReport(
             *self.place, 0.0, 0.0, *self.moves, self.health, 0.02, 0.01, 0.05, self.mode
         )

@@ -6,12 +6,12 @@ import numpy as np
 import numpy.typing as npt
 
 from core.config import Obstacle
-from core.grid.window import StateWindow
-from core.mapping.beams.carving import Clearing
+from core.grid.window import ObstacleWindow
+from core.mapping.beams.carving import FreeSpaceCarver
 from core.mapping.beams.cells import CellGrid
-from core.mapping.beams.classifier import NEW_S, Deciding
+from core.mapping.beams.classifier import NEW_S, CellClassifier
 from core.mapping.beams.elevation import Elevation
-from core.mapping.beams.ground import GroundTracker
+from core.mapping.beams.ground_plane import LEVEL
 from core.mapping.freshness import Freshness
 from core.mapping.rays import Sweep
 
@@ -53,26 +53,26 @@ class CellRig:
         period_s: float = SCAN_S,
     ) -> None:
         self.cells = CellGrid(cells, CELL_M)
-        self.window = StateWindow(window, CELL_M)
+        self.window = ObstacleWindow(window, CELL_M)
         self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters, 1081)
         self.fresh = Freshness(self.cells.grid, free_max_age_s, FOOTPRINT)
-        self.clearing = Clearing(self.cells, self.fresh)
+        self.carver = FreeSpaceCarver(self.cells, self.fresh)
         self.obstacle = Obstacle(H, -H, window, soft_free_below_m, free_max_age_s)
         self.period_s = period_s
-        self.deciding = self.deciding_into(self.window)
-        self.ground: F64 = GroundTracker(self.cells, 1081).numbers  # level, at z = 0
+        self.classifier = self.classifier_into(self.window)
+        self.ground = LEVEL
         self.x = self.y = self.t_s = 0.0
 
-    def deciding_into(self, window: StateWindow) -> Deciding:
+    def classifier_into(self, window: ObstacleWindow) -> CellClassifier:
         """What decides these cells into a window."""
-        return Deciding(self.cells, window, self.fresh, self.obstacle, self.period_s)
+        return CellClassifier(self.cells, window, self.fresh, self.obstacle, self.period_s)
 
     def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
         """A whole scan; how many returns it had."""
         self.fresh.follow(sweep.t_s, self.x, self.y, (1.0, 0.0))
         returns = self.fill(sweep, trust)
-        self.clearing.add(sweep, self.ground)
-        self.deciding.decide(self.cells.touched[: self.cells.used])
+        self.carver.add(sweep, self.ground)
+        self.classifier.decide(self.cells.touched[: self.cells.used])
         self.fresh.expire(self.window)
         self.t_s += self.period_s
         return returns
@@ -90,13 +90,13 @@ class CellRig:
         """A scan of beams towards places, of which nothing comes back."""
         sweep = sweep_to(list(points), lens, self.t_s)
         silent = np.full_like(sweep.ranges_m, np.nan)
-        return self.take(Sweep(sweep.t_s, sweep.lenses, sweep.rays, silent))
+        return self.take(Sweep(sweep.t_s, sweep.origins, sweep.rays, silent))
 
     def follow(self, x: float, y: float) -> None:
         """Move both windows with the robot."""
         self.x, self.y = x, y
         self.cells.grid.follow(x, y)
-        self.deciding.follow(x, y)
+        self.classifier.follow(x, y)
 
     def state(self, x: float, y: float) -> int:
         """What the cell at a place means; the place must be in the window."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from core.records import FREE, I8, OBSTACLE, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import FREE, I8, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import DeviceStatus
 from hw.modbus.client import ServerContext
 from hw.modbus.image import RegisterImage
@@ -87,10 +87,10 @@ def context_of(image: RegisterImage, clock: Clock) -> ServerContext:
 
 def window_of(
     cells: I8, corner: tuple[int, int] = (-7, 3), *, trusted: bool = True, epoch: int = 0
-) -> ObstacleWindow:
+) -> ObstacleMap:
     """An obstacle window of these ring cells."""
     changed = np.zeros(0, dtype=np.int32)
-    return ObstacleWindow(cells, corner[0], corner[1], changed, epoch, trusted)
+    return ObstacleMap(cells, corner[0], corner[1], changed, epoch, trusted)
 
 
 def some_cells(seed: int, size: int = SIZE) -> I8:

@@ -5,7 +5,7 @@ import random
 import numpy as np
 import numpy.typing as npt
 
-from core.records import FREE, OBSTACLE, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import FREE, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort
 from hw.planner_link.receivers import one_link
@@ -65,11 +65,11 @@ class Sky:
             if not old_j <= j < old_j + self.size:
                 self.cells[j % self.size, :] = 0
 
-    def window(self) -> ObstacleWindow:
+    def window(self) -> ObstacleMap:
         """As the core hands it over."""
         changed: I32 = np.array(sorted(set(self._changed)), dtype=np.int32)
         self._changed.clear()
-        return ObstacleWindow(self.cells, *self.corner, changed, self.epoch, self.trusted)
+        return ObstacleMap(self.cells, *self.corner, changed, self.epoch, self.trusted)
 
     def meant(self) -> npt.NDArray[np.uint8]:
         """What the planner should hold, in window coordinates."""

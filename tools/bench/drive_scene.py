@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.grid.window import StateWindow
-from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN, ObstacleWindow
+from core.grid.window import ObstacleWindow
+from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN, ObstacleMap
 from jit import kernel
 from tools.bench.drive_building import Place, building, people, way
 
@@ -189,7 +189,7 @@ def scans(scanner: str, seconds: float = SCANS_S, seed: int = SEED) -> tuple[Sca
 @functools.cache
 def drive(scanner: str, size: int, seconds: float = SCANS_S, seed: int = SEED) -> tuple[Step, ...]:
     """The drive as changes of a window of (size, size) cells, one step a scan."""
-    window = StateWindow(size, CELL_M)
+    window = ObstacleWindow(size, CELL_M)
     misses = window.grid.layer(np.int8, 0)
     seen = np.full(size * size, -1, dtype=np.int32)
     at_put, put = np.zeros(size * size, dtype=np.int32), np.zeros(size * size, dtype=np.int8)
@@ -218,10 +218,10 @@ class Playback:
     """The drive again, as the windows that the core would hand to the link at its own rate."""
 
     def __init__(self, steps: tuple[Step, ...], size: int) -> None:
-        self._steps, self._window, self._next = steps, StateWindow(size, CELL_M), 0
+        self._steps, self._window, self._next = steps, ObstacleWindow(size, CELL_M), 0
         self.place = steps[0].place
 
-    def until(self, t_s: float) -> ObstacleWindow:
+    def until(self, t_s: float) -> ObstacleMap:
         """The window with every scan up to a time of the drive in it.
 
         Its `cells` are the playback's own: copy them to keep them.
@@ -233,6 +233,6 @@ class Playback:
             self._window.put(step.at, step.states)
         grid = self._window.grid
         changed = self._window.take_changed()
-        return ObstacleWindow(
+        return ObstacleMap(
             self._window.cells, grid.corner_i, grid.corner_j, changed, self._window.epoch, True
         )

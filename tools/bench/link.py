@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from core.records import I8, I32, ObstacleWindow
+from core.records import I8, I32, ObstacleMap
 from tools.bench.drive_building import Place
 from tools.bench.drive_figures import sizes
 from tools.bench.drive_scene import SCANS_S
@@ -130,11 +130,11 @@ class Clutter:
         first = size // 2 * size + size // 2 - COST_CELLS // 2
         self._at: I32 = np.arange(first, first + COST_CELLS, dtype=np.int32)
 
-    def next(self, changes: bool) -> ObstacleWindow:
+    def next(self, changes: bool) -> ObstacleMap:
         """One tick later."""
         at = self._at if changes else self._at[:0]
         self._cells.ravel()[at] = self._random.integers(-1, 2, at.size)
-        return ObstacleWindow(self._cells, 0, 0, at, 0, True)
+        return ObstacleMap(self._cells, 0, 0, at, 0, True)
 
 
 def cost_us(size: int, baud: int = 115_200, rate_hz: int = 50) -> float:

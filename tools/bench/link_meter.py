@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from core.records import F64, FREE, I32, I64, OBSTACLE, U8, ObstacleWindow
+from core.records import F64, FREE, I32, I64, OBSTACLE, U8, ObstacleMap
 from mapod_link import bodies
 from mapod_link.bodies import maybe_map_geometry, maybe_map_update
 from mapod_link.cell_map import CellMap
@@ -97,7 +97,7 @@ class Meter:
         self._size = size
         self.readings = Readings()
         self._new, self._wrong = Waiting(), Waiting()
-        self._window: ObstacleWindow | None = None  # as the sender means it
+        self._window: ObstacleMap | None = None  # as the sender means it
         self._was: tuple[int, int] = (0, 0)  # its corner one tick before
         self._before = np.zeros((size, size), dtype=np.int8)  # its cells one tick before
         self._told = CellMap(size, size)  # as all frames up to the newest that arrived tell it
@@ -123,7 +123,7 @@ class Meter:
 
     # The sender's side
 
-    def mean(self, now_s: float, window: ObstacleWindow) -> None:
+    def mean(self, now_s: float, window: ObstacleMap) -> None:
         """A tick: what the map is from now on."""
         at: I32 = window.changed
         row, column = at.astype(np.int64) // self._size, at.astype(np.int64) % self._size

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.records import F64, ObstacleWindow, PoseReport, StopZoneReport
+from core.records import F64, ObstacleMap, PoseReport, StopZoneReport
 from hw.planner_link.receivers import one_link
 from hw.planner_link.sender import PlannerLink
 from mapod_link.frames import MORE, frame_from_bytes
@@ -99,7 +99,7 @@ def new_link(port: LinePort, baud: int | None, size: int, rate_hz: float) -> Pla
     )
 
 
-def step(link: PlannerLink, now_s: float, place: Place, window: ObstacleWindow) -> float:
+def step(link: PlannerLink, now_s: float, place: Place, window: ObstacleMap) -> float:
     """One tick of the sender, with the robot where the drive has it; seconds of computing."""
     where = (place.x_m, place.y_m, place.yaw_rad, 0.0, 0.0, place.v_mps, place.w_radps)
     pose = PoseReport(*where, health=0x7F, age_scan_s=0.02, age_ahrs_s=0.01, age_enc_s=0.02, mode=1)

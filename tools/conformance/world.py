@@ -5,7 +5,7 @@ import random
 import numpy as np
 import numpy.typing as npt
 
-from core.records import FREE, OBSTACLE, ObstacleWindow, PoseReport
+from core.records import FREE, OBSTACLE, ObstacleMap, PoseReport
 
 I8 = npt.NDArray[np.int8]
 CODES = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown 0, obstacle 1, free -1
@@ -69,8 +69,8 @@ class World:
         codes = CODES[cells]
         return codes if self.trusted else np.where(codes == 1, 0, codes).astype(np.uint8)
 
-    def window(self) -> ObstacleWindow:
+    def window(self) -> ObstacleMap:
         """As the core hands it over."""
         changed = np.array(sorted(self._changed), dtype=np.int32)
         self._changed.clear()
-        return ObstacleWindow(self._cells, *self.corner, changed, self.epoch, self.trusted)
+        return ObstacleMap(self._cells, *self.corner, changed, self.epoch, self.trusted)

@@ -6,6 +6,10 @@ also if it passes just where the thing was seen last, and goes on far. Some scan
 so, without a return from the thing in between; then what stood in the cell is forgotten, and the
 floor that was seen there counts again. Each beam is looked at every 20 cm, at other places in each
 scan, so that the cost grows with neither the window nor the fineness of the cells.
+
+Where some scans in a row see floor alone in a cell, none is missing there. What was low there, in
+each part of which floor has been seen since, was floor lifted by an attitude that leant. Under what
+is higher than LOW_M floor may well be seen: that stays.
 Source: design, section 7 (clearing).
 """
 
@@ -14,7 +18,7 @@ import math
 import numpy as np
 
 from core.mapping.beams.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
-from core.mapping.beams.ground_plane import ground_m
+from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
@@ -31,6 +35,35 @@ LEAST_HALF_M = 0.005
 CLEAR_M = 0.7  # so far behind it, at least, the beam went on: it does not graze an edge
 JUST_M = 0.008  # below where it was seen last: who came nearer saw things ever higher up
 GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
+FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said,
+FLOOR_FOR_LONG, LOW_M = 8, 0.20  # and so many that something so low stood where they see floor
+
+
+@kernel
+def _ends_lack(cells: Cells, at: int) -> None:
+    """Forget that floor lacked, unless parts still lack it."""
+    cell = cells[at]
+    if cell.miss_bits & ~cell.floor_bits == 0:
+        cell.below, cell.miss, cell.miss_sure, cell.miss_bits = 0, 0, 0, 0
+        if cell.above == 0:
+            cell.mean_m, cell.count = cell.floor_m, cell.floor_count
+
+
+@kernel
+def _was_floor(cells: Cells, at: int) -> bool:
+    """Whether all that stood here was low, and floor has since been seen in each part of it."""
+    cell = cells[at]
+    return bool(cell.above > 0 and cell.top_m <= LOW_M and cell.high_bits & ~cell.floor_bits == 0)
+
+
+@kernel
+def see_floor_again(cells: Cells, at: int) -> None:
+    """Floor alone was seen in a cell in FLOOR_AGAIN scans in a row, or more."""
+    cell = cells[at]
+    if cell.below + cell.miss > 0:
+        _ends_lack(cells, at)
+    if cell.floor_run >= FLOOR_FOR_LONG and _was_floor(cells, at):
+        forget(cells, at)
 
 
 @kernel
@@ -50,12 +83,12 @@ def _passes(cells: Cells, at: int, bit: int, h: float, r: float, stood: bool, se
 
 @kernel
 def _goes_through(
-    lens: F64,
+    origin: F64,
     ray: F64,
     middle: float,
     end: float,
     at: int,
-    ground: F64,
+    ground: Ground,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -70,9 +103,9 @@ def _goes_through(
         return False
     for k in range(FINER):
         r = middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER
-        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        x, y = origin[0] + r * ray[0], origin[1] + r * ray[1]
         if r < end and flat_index(x, y, window[3], (window[0], window[1]), window[2]) == at:
-            h, bit = lens[2] + r * ray[2] - ground_m(ground, x, y), part_bit(x, y, window[3], sub)
+            h, bit = origin[2] + r * ray[2] - ground_m(ground, x, y), part_bit(x, y, window[3], sub)
             if _passes(cells, at, bit, h, r, stood and r < end - CLEAR_M, serial):
                 return True
     return False
@@ -92,10 +125,10 @@ def _note(
 
 @kernel
 def _clear(
-    lenses: F64,
+    origins: F64,
     rays: F64,
     ranges_m: F64,
-    ground: F64,
+    ground: Ground,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -125,11 +158,11 @@ def _clear(
         phase = (i * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0
         end = min(nearest - BEFORE_M, REACH_M)
         r = MIN_RANGE_M + phase * STEP_M
-        lens_x, lens_y, way_x, way_y = lenses[i, 0], lenses[i, 1], rays[i, 0], rays[i, 1]
+        origin_x, origin_y, ray_x, ray_y = origins[i, 0], origins[i, 1], rays[i, 0], rays[i, 1]
         falls = rays[i, 2] < 0.0
         while r < end:
-            column = math.floor((lens_x + r * way_x) * per_m) - window[0]
-            row = math.floor((lens_y + r * way_y) * per_m) - window[1]
+            column = math.floor((origin_x + r * ray_x) * per_m) - window[0]
+            row = math.floor((origin_y + r * ray_y) * per_m) - window[1]
             if 0 <= column < size and 0 <= row < size:  # flat_index() without its divisions
                 column, row = column + first_column, row + first_row
                 column -= size if column >= size else 0
@@ -138,7 +171,7 @@ def _clear(
                 if falls and seen_s[at] >= times[1]:
                     seen_s[at] = times[0]
                 if clears and stands[at] and _goes_through(
-                    lenses[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
+                    origins[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
                 ):  # fmt: skip
                     cells[at].through_scan = serial
                     cells[at].through += 1
@@ -151,7 +184,7 @@ def _clear(
     return used, cleared
 
 
-class Clearing:
+class FreeSpaceCarver:
     """Clears the cells of a `CellGrid` by the beams of sweeps."""
 
     def __init__(self, cells: CellGrid, fresh: Freshness) -> None:
@@ -160,7 +193,9 @@ class Clearing:
         self._is_new = True
         self.cleared = 0  # cells so far
 
-    def add(self, sweep: Sweep, ground: F64, *, clears: bool = True, stood: bool = False) -> None:
+    def add(
+        self, sweep: Sweep, ground: Ground, *, clears: bool = True, stood: bool = False
+    ) -> None:
         """Take a sweep that was added to the cells just before.
 
         Args:
@@ -174,7 +209,7 @@ class Clearing:
         t_s = sweep.t_s
         _note(cells.touched, cells.used, cells.flat, cells.scan, t_s, self._stands, seen_s)
         cells.used, cleared = _clear(
-            sweep.lenses,
+            sweep.origins,
             sweep.rays,
             sweep.ranges_m,
             ground,

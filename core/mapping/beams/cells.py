@@ -33,7 +33,7 @@ CELL = np.dtype(
         ("face_x_m", np.float64),  # middle of what made a face across the way known, map frame,
         ("face_y_m", np.float64),
         ("face_n", np.int32),  # of so many returns,
-        ("face_leg", np.int32),  # on this leg of the way
+        ("face_segment", np.int32),  # on this segment of the path
         ("count", np.int32),  # returns
         ("floor_count", np.int32),
         ("looks", np.int32),  # scans of which a return fell in; -1: of a loaded map, none yet
@@ -41,7 +41,7 @@ CELL = np.dtype(
         ("above", np.int32),  # scans with a return at or above h_pos,
         ("below", np.int32),  # or at or below h_neg,
         ("miss", np.int32),  # or in which floor was due here and did not show
-        ("deep", np.int32),  # those of them that found nothing, or nothing above h_neg
+        ("miss_sure", np.int32),  # those of them that found nothing, or nothing above h_neg
         ("through", np.int32),  # scans in a row in which a beam passed through what stood here
         ("outliers", np.int32),  # returns in a row that the filter did not believe
         ("soft", np.int32),  # rising returns that scatter or echo twice,
@@ -52,7 +52,7 @@ CELL = np.dtype(
         ("above_scan", np.int32),
         ("below_scan", np.int32),
         ("miss_scan", np.int32),
-        ("deep_scan", np.int32),
+        ("miss_sure_scan", np.int32),
         ("through_scan", np.int32),
         ("floor_bits", np.int32),  # parts where floor was seen,
         ("high_bits", np.int32),  # or something at or above h_pos,

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.config import Obstacle
-from core.grid.window import StateWindow, put_state
+from core.grid.window import ObstacleWindow, put_state
 from core.mapping.beams.cells import CellGrid, Cells, known, ones
 from core.mapping.freshness import Freshness
 from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
@@ -63,7 +63,7 @@ def lacks_floor(cells: Cells, at: int, sub: int) -> bool:
         return False
     parts, most = ones(cell.miss_bits & ~cell.floor_bits), sub * sub
     return bool(
-        (cell.deep >= ENOUGH and parts >= sub)
+        (cell.miss_sure >= ENOUGH and parts >= sub)
         or (cell.miss >= MISSED_ENOUGH and parts >= min(MISSED_SUBS * sub, most))
         or parts >= min(MOST_SUBS * sub, most)
     )
@@ -158,13 +158,13 @@ def _decide(
     return used
 
 
-class Deciding:
-    """Decides the cells of a `CellGrid` into a `StateWindow`, which may be smaller."""
+class CellClassifier:
+    """Decides the cells of a `CellGrid` into a `ObstacleWindow`, which may be smaller."""
 
     def __init__(
         self,
         source: CellGrid,
-        window: StateWindow,
+        window: ObstacleWindow,
         fresh: Freshness,
         obstacle: Obstacle,
         period_s: float,

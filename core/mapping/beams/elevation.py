@@ -12,6 +12,7 @@ Source: the paper, section 4.2.2 (average); design, section 7.
 
 import math
 
+from core.mapping.beams.carving import FLOOR_AGAIN, see_floor_again
 from core.mapping.beams.cells import (
     CellGrid,
     Cells,
@@ -21,9 +22,8 @@ from core.mapping.beams.cells import (
     touch,
     touch_around,
 )
-from core.mapping.beams.floor_again import FLOOR_AGAIN, see_floor_again
-from core.mapping.beams.ground_plane import DUE_M, due_m, ground_m
-from core.mapping.beams.isolated import Specks
+from core.mapping.beams.ground_plane import DUE_M, Ground, due_m, ground_m
+from core.mapping.beams.isolated import IsolatedReturns
 from core.mapping.beams.negative import MAX_EVIDENCE, missed, missing
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, I32, U8
@@ -206,10 +206,10 @@ def _is_unsure(h: float, behind: float, limits: Limits) -> bool:
 def _take_returns(
     i: int,
     t_s: float,
-    lens: F64,
+    origin: F64,
     ray: F64,
     ranges_m: F64,
-    ground: F64,
+    ground: Ground,
     limits: Limits,
     trust: Trust,
     window: tuple[int, int, int, float],
@@ -228,14 +228,14 @@ def _take_returns(
             continue
         returns += 1
         nearest = min(nearest, r)
-        x, y, z = lens[0] + r * ray[0], lens[1] + r * ray[1], lens[2] + r * ray[2]
+        x, y, z = origin[0] + r * ray[0], origin[1] + r * ray[1], origin[2] + r * ray[2]
         h = z - ground_m(ground, x, y)
         at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
         if at < 0 or h > limits[2] or (h <= limits[1] and not trust[0]):
             continue
         if h < GUESS_M and r > GUESS_FROM_M and not trust[2]:
             continue
-        if _is_unsure(h, ground[6] * x + ground[7] * y - ground[8], limits):
+        if _is_unsure(h, ground.hx * x + ground.hy * y - ground.from_m, limits):
             continue
         if not known(cells, at):
             used = touch_around(at, window[2], cells, serial, touched, used)
@@ -250,11 +250,11 @@ def _take_returns(
 @kernel
 def _add(
     t_s: float,
-    lenses: F64,
+    origins: F64,
     rays: F64,
     ranges_m: F64,
     skipped: U8,
-    ground: F64,
+    ground: Ground,
     limits: Limits,
     trust: Trust,
     window: tuple[int, int, int, float],
@@ -270,29 +270,29 @@ def _add(
     for i in range(rays.shape[0]):
         if skipped[i]:
             continue
-        lens, ray = lenses[i], rays[i]
+        origin, ray = origins[i], rays[i]
         used, n, nearest = _take_returns(
-            i, t_s, lens, ray, ranges_m, ground, limits, trust, window, sub, cells, serial,
+            i, t_s, origin, ray, ranges_m, ground, limits, trust, window, sub, cells, serial,
             filters, touched, used,
         )  # fmt: skip
         returns += n
-        due = due_m(lens, ray, ground)
+        due = due_m(origin, ray, ground)
         if due > DUE_M or nearest <= due or not trust[0]:
             continue
         depth = missing(
-            i, lens, ray, due, nearest, ranges_m, ground, limits, trust[1], window, cells
+            i, origin, ray, due, nearest, ranges_m, ground, limits, trust[1], window, cells
         )
         if depth > 0:
             used = missed(
-                lens, ray, due, nearest, depth > 1, window, sub, cells, serial, touched, used
+                origin, ray, due, nearest, depth > 1, window, sub, cells, serial, touched, used
             )
     return used, returns
 
 
 @kernel
 def _judge_again(
-    ground: F64,
-    before: F64,
+    ground: Ground,
+    before: Ground,
     since_s: float,
     limits: Limits,
     window: tuple[int, int, int, float],
@@ -315,13 +315,13 @@ def _judge_again(
         x, y = (i + 0.5) * cell_m, (j + 0.5) * cell_m
         z = ground_m(ground, x, y)
         if cell.miss > 0 and z < ground_m(before, x, y) + 0.5 * limits[1]:
-            cell.miss, cell.deep, cell.miss_bits = 0, 0, 0
+            cell.miss, cell.miss_sure, cell.miss_bits = 0, 0, 0
             used = touch(at, cells, serial, touched, used)
         if cell.count == 0 or cell.t_s < since_s:
             continue
         if cell.z_high_m - z >= limits[0] or cell.z_low_m - z <= limits[1]:
             continue
-        cell.above, cell.below, cell.miss, cell.deep = 0, 0, 0, 0
+        cell.above, cell.below, cell.miss, cell.miss_sure = 0, 0, 0, 0
         cell.floor_bits |= cell.high_bits
         cell.high_bits, cell.miss_bits, cell.rising, cell.outliers = 0, 0, 0, 0
         cell.low_m, cell.top_m = math.inf, -math.inf
@@ -345,17 +345,17 @@ class Elevation:
     ) -> None:
         self.cells, self.grid = cells, cells.grid
         self._limits: Limits = (h_pos_m, h_neg_m, height_m)
-        self._filters, self._specks = filters, Specks(cells, h_pos_m, max_beams)
+        self._filters, self._isolated = filters, IsolatedReturns(cells, h_pos_m, max_beams)
 
-    def add(self, sweep: Sweep, ground: F64, trust: Trust) -> int:
+    def add(self, sweep: Sweep, ground: Ground, trust: Trust) -> int:
         """Take the returns of a sweep over the ground (10,); how many there were."""
         cells = self.cells
         cells.used, returns = _add(
             sweep.t_s,
-            sweep.lenses,
+            sweep.origins,
             sweep.rays,
             sweep.ranges_m,
-            self._specks.find(sweep, ground),
+            self._isolated.find(sweep, ground),
             ground,
             self._limits,
             trust,
@@ -369,7 +369,7 @@ class Elevation:
         )
         return int(returns)
 
-    def judge_again(self, ground: F64, before: F64, since_s: float) -> None:
+    def judge_again(self, ground: Ground, before: Ground, since_s: float) -> None:
         """The ground (10,) was found anew, after it was lost at since_s with (10,) before."""
         cells = self.cells
         cells.used = _judge_again(

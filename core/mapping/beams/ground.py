@@ -16,10 +16,19 @@ import numpy as np
 
 from core.geometry import slope_of
 from core.mapping.beams.cells import CellGrid
-from core.mapping.beams.ground_memory import LineMemory, Turning
-from core.mapping.beams.ground_plane import Line, Stand, fit, near_plane, nearest_due, seek, turned
+from core.mapping.beams.ground_memory import GroundMemory, Turning
+from core.mapping.beams.ground_plane import (
+    LEVEL,
+    BodyPose,
+    Ground,
+    GroundPlane,
+    fit,
+    near_plane,
+    nearest_due,
+    seek,
+    turned,
+)
 from core.mapping.rays import Sweep
-from core.records import F64
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one
 FLAT_SHARE = 0.4  # of the returns near the plane lie close together, if there is floor at all
@@ -65,22 +74,17 @@ TRIED_GATE = 0.25  # of the gates
 
 
 class GroundTracker:
-    """The ground by which heights are told: `numbers` (10,), for the kernels.
-
-    They are offset and slopes along map x and y of the plane at the line, the same of the plane
-    from under the wheels to it, (a, b, c): the first one holds where a x + b y >= c; and by how
-    much this very scan shows the line too high, where scans jitter.
-    """
+    """The ground by which heights are told: `model`, for the kernels."""
 
     def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
-        self.numbers: F64 = np.zeros(10)
-        self.before: F64 = np.zeros(10)  # the same when the line was lost
+        self.model = LEVEL
+        self.before = LEVEL  # the same when the line was lost
         self.found = False  # the newest scan saw the line
-        self.line: Line | None = None
+        self.line: GroundPlane | None = None
         # lines that were found, each with the robot's heading then
-        self._history: deque[tuple[Line, tuple[float, float]]] = deque(maxlen=KEPT)
-        self._memory, self._turning = LineMemory(), Turning()
+        self._history: deque[tuple[GroundPlane, tuple[float, float]]] = deque(maxlen=KEPT)
+        self._memory, self._turning = GroundMemory(), Turning()
         self._anchor = np.zeros(2)
         self._found = np.zeros((max_beams, 5))
         # lines while it is lost: place along the way, height, travel
@@ -117,67 +121,67 @@ class GroundTracker:
         """Whether scans lie so differently that nothing a few centimetres high can be told."""
         return self._jitter_m2 > JITTER_M**2
 
-    def is_calm(self, t_s: float, stand: Stand) -> bool:
+    def is_calm(self, t_s: float, body: BodyPose) -> bool:
         """Whether the robot has not nodded for a while: wheels on a bump lift the lens unseen."""
         nodded_s, at_m = self._nodded
-        return t_s - nodded_s > CALM_S and abs(stand.travel_m - at_m) > CALM_M
+        return t_s - nodded_s > CALM_S and abs(body.travel_m - at_m) > CALM_M
 
-    def is_sure(self, stand: Stand) -> bool:
+    def is_sure(self, body: BodyPose) -> bool:
         """Whether what lies below the ground ahead is low: not behind the crest of a ramp."""
-        return self.found or abs(self.slope_rad(stand)[0]) < CREST_RAD
+        return self.found or abs(self.slope_rad(body)[0]) < CREST_RAD
 
     @property
     def is_guess(self) -> bool:
         """Whether the robot turns, and has turned far since it last saw the line."""
         return self._lost_turned_rad > GUESS_RAD and self._turned_rad > 0.0
 
-    def is_even(self, stand: Stand) -> bool:
+    def is_even(self, body: BodyPose) -> bool:
         """Whether the ground at the line is about as steep as under the robot.
 
         Where it is not, what lies in between is taken to rise or fall evenly, which is a guess.
         """
-        along = math.tan(self.slope_rad(stand)[0])
+        along = math.tan(self.slope_rad(body)[0])
         return abs(along - self._leaning[0]) <= LEANS
 
-    def slope_rad(self, stand: Stand) -> tuple[float, float]:
+    def slope_rad(self, body: BodyPose) -> tuple[float, float]:
         """Slope of the ground ahead (along, across): up ahead and up to the left are positive."""
         line = self.line
         if line is None:
             return 0.0, 0.0
-        (hx, hy), gx, gy = stand.heading, line.slope_x, line.slope_y
+        (hx, hy), gx, gy = body.heading, line.slope_x, line.slope_y
         return math.atan(gx * hx + gy * hy), math.atan(gy * hx - gx * hy)
 
-    def follow(self, sweep: Sweep, stand: Stand) -> None:
+    def follow(self, sweep: Sweep, body: BodyPose) -> None:
         """Take the floor returns of a scan, before they are added to the cells."""
         line, was_found = self.line, self.found
         self._jitter_m = 0.0
-        self._lean(sweep.t_s, stand)
-        self._turned_rad = self._turning.step(sweep.t_s, stand.heading)
+        self._lean(sweep.t_s, body)
+        self._turned_rad = self._turning.step(sweep.t_s, body.heading)
         self._memory.turn(self._turned_rad)
         if line is not None:
-            line = turned(line, self._heading, stand)
-        self._heading = stand.heading
+            line = turned(line, self._heading, body)
+        self._heading = body.heading
         if line is None:
-            line = Line(stand.x_m, stand.y_m, stand.z_m, 0.0, 0.0, stand.travel_m)
-        line = self._moved(line, sweep, stand)
-        fitted = self._fitted(line, sweep, stand)
+            line = GroundPlane(body.x_m, body.y_m, body.z_m, 0.0, 0.0, body.travel_m)
+        line = self._moved(line, sweep, body)
+        fitted = self._fitted(line, sweep, body)
         in_view = self._candidates >= 2 * LEAST
         if fitted is None and was_found and in_view and self._history:
             self._offsets.clear()
-            line = self._moved(self._before(stand), sweep, stand)
-            fitted = self._fitted(line, sweep, stand)
+            line = self._moved(self._before(body), sweep, body)
+            fitted = self._fitted(line, sweep, body)
         self.is_new = False
         turned_away = self._lost_turned_rad > GUESS_RAD
         if (fitted is None and (in_view or turned_away)) or self.line is None:
-            tried = self._tried(sweep, stand)
+            tried = self._tried(sweep, body)
             if tried is None and fitted is None and in_view:
-                tried = self._climbed(line, sweep, stand)
+                tried = self._climbed(line, sweep, body)
             self.is_new = tried is not None and math.isfinite(self.lost_s)
             fitted = tried or fitted
         if fitted is None and math.isinf(self.lost_s):
             self.lost_s = sweep.t_s
-            self._set(line, stand)
-            self.before[:] = self.numbers
+            self._set(line, body)
+            self.before = self.model
         self.found = fitted is not None
         if not self.found:
             self._offsets.clear()
@@ -185,87 +189,94 @@ class GroundTracker:
             self.lost_s = math.inf
             self._seen.clear()
         self.line = fitted or line
-        self._set(self.line, stand, self._jitter_m)
+        self._set(self.line, body, self._jitter_m)
         self._last_s = sweep.t_s
         self._lost_turned_rad = 0.0 if self.found else self._lost_turned_rad + self._turned_rad
         if self.found:
-            self._memory.keep(self.line, stand)
+            self._memory.keep(self.line, body)
         if self.found and (
             not self._history
-            or abs(stand.travel_m - self._history[-1][0].travel_m) > BACK_M / KEPT * 2
+            or abs(body.travel_m - self._history[-1][0].travel_m) > BACK_M / KEPT * 2
         ):
-            self._history.append((self.line, stand.heading))
+            self._history.append((self.line, body.heading))
 
-    def _lean(self, t_s: float, stand: Stand) -> None:
+    def _lean(self, t_s: float, body: BodyPose) -> None:
         """Follow the robot's own slope slowly: one that nods stands on level ground."""
-        (hx, hy), (gx, gy) = stand.heading, stand.slopes
+        (hx, hy), (gx, gy) = body.heading, body.slopes
         now = (gx * hx + gy * hy, gy * hx - gx * hy)
         off = max(abs(now[0] - self._leaning[0]), abs(now[1] - self._leaning[1]))
         if off > NOD and not math.isinf(self._last_s):
-            self._nodded = t_s, stand.travel_m
+            self._nodded = t_s, body.travel_m
         share = 1.0 if math.isinf(self._last_s) else 1.0 - math.exp((self._last_s - t_s) / LEAN_S)
         self._leaning = (
             self._leaning[0] + share * (now[0] - self._leaning[0]),
             self._leaning[1] + share * (now[1] - self._leaning[1]),
         )
 
-    def _set(self, line: Line, stand: Stand, jitter_m: float = 0.0) -> None:
-        """The numbers for a line, seen from where the robot stands.
+    def _set(self, line: GroundPlane, body: BodyPose, jitter_m: float = 0.0) -> None:
+        """The model for a line, seen from where the robot stands.
 
         A jitter of the attitude turns all that a scan shows about the robot.
         """
-        (hx, hy), numbers = stand.heading, self.numbers
-        ahead_m = hx * (line.x_m - stand.x_m) + hy * (line.y_m - stand.y_m)
-        aside_m = hx * (line.y_m - stand.y_m) - hy * (line.x_m - stand.x_m)
+        hx, hy = body.heading
+        ahead_m = hx * (line.x_m - body.x_m) + hy * (line.y_m - body.y_m)
+        aside_m = hx * (line.y_m - body.y_m) - hy * (line.x_m - body.x_m)
         across = line.slope_y * hx - line.slope_x * hy
         turn = jitter_m / ahead_m if ahead_m > 0.5 else 0.0
         z_m = line.z_m + jitter_m
         along = line.slope_x * hx + line.slope_y * hy
         if ahead_m > 0.5:
-            along = (z_m - across * aside_m - stand.z_m) / ahead_m
+            along = (z_m - across * aside_m - body.z_m) / ahead_m
         near_x, near_y = along * hx - across * hy, along * hy + across * hx
         far_x, far_y = line.slope_x + turn * hx, line.slope_y + turn * hy
-        numbers[0] = z_m - far_x * line.x_m - far_y * line.y_m
-        numbers[1], numbers[2] = far_x, far_y
-        numbers[3] = stand.z_m - near_x * stand.x_m - near_y * stand.y_m
-        numbers[4], numbers[5] = near_x, near_y
-        numbers[6], numbers[7] = hx, hy
-        numbers[8] = hx * line.x_m + hy * line.y_m
-        numbers[9] = jitter_m
+        self.model = Ground(
+            z_m - far_x * line.x_m - far_y * line.y_m,
+            far_x,
+            far_y,
+            body.z_m - near_x * body.x_m - near_y * body.y_m,
+            near_x,
+            near_y,
+            hx,
+            hy,
+            hx * line.x_m + hy * line.y_m,
+            jitter_m,
+        )
 
-    def _moved(self, line: Line, sweep: Sweep, stand: Stand) -> Line:
+    def _moved(self, line: GroundPlane, sweep: Sweep, body: BodyPose) -> GroundPlane:
         """The line where this scan should see it, on the same plane."""
-        self._set(line, stand)
-        if not nearest_due(sweep.lenses, sweep.rays, self.numbers, self._anchor):
+        self._set(line, body)
+        if not nearest_due(sweep.origins, sweep.rays, self.model, self._anchor):
             return line
         x, y = float(self._anchor[0]), float(self._anchor[1])
-        return Line(x, y, line.height_m(x, y), line.slope_x, line.slope_y, stand.travel_m)
+        return GroundPlane(x, y, line.height_m(x, y), line.slope_x, line.slope_y, body.travel_m)
 
-    def _before(self, stand: Stand) -> Line:
+    def _before(self, body: BodyPose) -> GroundPlane:
         """The line as it was a while ago."""
         history = self._history
-        while len(history) > 1 and abs(stand.travel_m - history[-1][0].travel_m) < BACK_M:
+        while len(history) > 1 and abs(body.travel_m - history[-1][0].travel_m) < BACK_M:
             history.pop()
-        return turned(*history[-1], stand)
+        return turned(*history[-1], body)
 
     def _look(
-        self, line: Line, sweep: Sweep, stand: Stand, gate: float
+        self, line: GroundPlane, sweep: Sweep, body: BodyPose, gate: float
     ) -> tuple[int, int, float, float]:
-        near, candidates = self._near(line, sweep, stand, gate)
+        near, candidates = self._near(line, sweep, body, gate)
         n, offset_m, slope = fit(self._found, near)
         if n < FLAT_SHARE * near:
             n = 0
         return int(n), candidates, float(offset_m), float(slope)
 
-    def _near(self, line: Line, sweep: Sweep, stand: Stand, gate: float) -> tuple[int, int]:
+    def _near(
+        self, line: GroundPlane, sweep: Sweep, body: BodyPose, gate: float
+    ) -> tuple[int, int]:
         """How many returns lie near a line's plane, into `_found`, and how many might have."""
-        self._set(line, stand)
+        self._set(line, body)
         self._anchor[:] = line.x_m, line.y_m
         near, candidates = near_plane(
-            sweep.lenses,
+            sweep.origins,
             sweep.rays,
             sweep.ranges_m,
-            self.numbers,
+            self.model,
             self._anchor,
             gate,
             self._cells.window,
@@ -274,33 +285,33 @@ class GroundTracker:
         )
         return int(near), int(candidates)
 
-    def _fitted(self, line: Line, sweep: Sweep, stand: Stand) -> Line | None:
+    def _fitted(self, line: GroundPlane, sweep: Sweep, body: BodyPose) -> GroundPlane | None:
         """The line moved towards what the scan shows; none if it does not show it."""
-        n, candidates, offset_m, across = self._look(line, sweep, stand, 1.0)
+        n, candidates, offset_m, across = self._look(line, sweep, body, 1.0)
         self._candidates = candidates
         if n < max(LEAST, 0.1 * candidates):
             return None
         self._offsets.append(offset_m)
         middle_m = sorted(self._offsets)[len(self._offsets) // 2]
         if abs(middle_m) > KEPT_M + KEPT_SLOPE * math.hypot(
-            line.x_m - stand.x_m, line.y_m - stand.y_m
+            line.x_m - body.x_m, line.y_m - body.y_m
         ):
             return None
         jitter_m = offset_m - middle_m
         self._jitter_m2 += (min(jitter_m**2, MOST_JITTER_M**2) - self._jitter_m2) / JITTER_SCANS
         is_jitter = self.jitters and abs(jitter_m) <= MOST_JITTER_M
         self._jitter_m = jitter_m if is_jitter else 0.0
-        return self._followed(line, stand, sweep.t_s, middle_m, across)
+        return self._followed(line, body, sweep.t_s, middle_m, across)
 
     def _followed(
-        self, line: Line, stand: Stand, t_s: float, middle_m: float, across: float
-    ) -> Line:
+        self, line: GroundPlane, body: BodyPose, t_s: float, middle_m: float, across: float
+    ) -> GroundPlane:
         """The line moved by part of how far off it was found, and of its slope across."""
         passed_s = max(0.0, min(1.0, t_s - self._last_s))
         last = self.line
-        before_m = last.travel_m if last else stand.travel_m
-        moved_m = abs(stand.travel_m - before_m)
-        if middle_m < CREST_M and self.slope_rad(stand)[0] > CREST_RAD:
+        before_m = last.travel_m if last else body.travel_m
+        moved_m = abs(body.travel_m - before_m)
+        if middle_m < CREST_M and self.slope_rad(body)[0] > CREST_RAD:
             moved_m *= CREST_FASTER
         led_m = moved_m + TURNED_M * self._turned_rad
         stay = math.exp(-led_m / FOLLOW_M - passed_s / FOLLOW_S)
@@ -310,35 +321,35 @@ class GroundTracker:
         self._swept_m = max(swept_m, SWEPT_KEPT * self._swept_m)
         over_m = max(moved_m, SWEPT_SHARE * self._swept_m, 1e-3)
         bend = (1.0 - math.exp(-moved_m / FOLLOW_M)) ** 2 * middle_m / over_m
-        if stand.travel_m < before_m:
+        if body.travel_m < before_m:
             bend = -bend
         tilt = (1.0 - math.exp(-led_m / TURN_M - passed_s / FOLLOW_S)) * across
         self._offsets = deque((off_m - rise_m for off_m in self._offsets), MIDDLE_OF)
-        hx, hy = stand.heading
+        hx, hy = body.heading
         along = line.slope_x * hx + line.slope_y * hy
         on_ramp = math.hypot(*self._leaning) > LEANS
-        nods = not on_ramp and not self.is_calm(t_s, stand)
+        nods = not on_ramp and not self.is_calm(t_s, body)
         bend *= NODDING_BEND if nods else 1.0
         return_m = NODDING_RETURN_M if nods else RETURN_M
-        bend += (self._leaning[0] - along) * min(1.0, abs(stand.travel_m - before_m) / return_m)
+        bend += (self._leaning[0] - along) * min(1.0, abs(body.travel_m - before_m) / return_m)
         slope_x = _limited(line.slope_x + bend * hx - tilt * hy)
         slope_y = _limited(line.slope_y + bend * hy + tilt * hx)
-        return Line(line.x_m, line.y_m, line.z_m + rise_m, slope_x, slope_y, stand.travel_m)
+        return GroundPlane(line.x_m, line.y_m, line.z_m + rise_m, slope_x, slope_y, body.travel_m)
 
-    def _again(self, sweep: Sweep, stand: Stand) -> tuple[Line | None, int]:
+    def _again(self, sweep: Sweep, body: BodyPose) -> tuple[GroundPlane | None, int]:
         """The remembered plane that most of the returns lie on, if many do, and how many."""
         best, most = None, LEAST
-        for kept in self._memory.near(stand):
-            line = self._moved(kept, sweep, stand)
-            n, candidates, _, _ = self._look(line, sweep, stand, TRIED_GATE)
+        for kept in self._memory.near(body):
+            line = self._moved(kept, sweep, body)
+            n, candidates, _, _ = self._look(line, sweep, body, TRIED_GATE)
             if n > most and n >= 0.3 * candidates:
                 best, most = line, n
         return best, most
 
-    def _tried(self, sweep: Sweep, stand: Stand) -> Line | None:
+    def _tried(self, sweep: Sweep, body: BodyPose) -> GroundPlane | None:
         """The plane through the robot's wheels that most of the returns lie on, if many do."""
-        best, most = self._again(sweep, stand)
-        (hx, hy), (along, across) = stand.heading, self._leaning
+        best, most = self._again(sweep, body)
+        (hx, hy), (along, across) = body.heading, self._leaning
         leans = self.line is None or math.hypot(along, across) > LEANS
         for share in TRIED_SLOPES if leans else (0.0,):
             slopes = (
@@ -346,10 +357,10 @@ class GroundTracker:
                 _limited(share * (along * hy + across * hx)),
             )
             for offset_m in TRIED_M if leans else TRIED_LEVEL_M:
-                z_m = stand.z_m + offset_m
-                line = Line(stand.x_m, stand.y_m, z_m, *slopes, stand.travel_m)
-                line = self._moved(line, sweep, stand)
-                n, candidates, _, _ = self._look(line, sweep, stand, TRIED_GATE)
+                z_m = body.z_m + offset_m
+                line = GroundPlane(body.x_m, body.y_m, z_m, *slopes, body.travel_m)
+                line = self._moved(line, sweep, body)
+                n, candidates, _, _ = self._look(line, sweep, body, TRIED_GATE)
                 if n > most * 1.1 and n >= 0.3 * candidates:
                     best, most = line, n
         if best is not None:
@@ -357,20 +368,20 @@ class GroundTracker:
             self._offsets.clear()
         return best
 
-    def _climbed(self, line: Line, sweep: Sweep, stand: Stand) -> Line | None:
+    def _climbed(self, line: GroundPlane, sweep: Sweep, body: BodyPose) -> GroundPlane | None:
         """The plane of lines that rise or fall evenly, if it leads down or up to the robot: a ramp.
 
         A kerb's top is level, a wall stands still: neither does.
         """
-        near, candidates = self._near(line, sweep, stand, SEEK_GATE)
+        near, candidates = self._near(line, sweep, body, SEEK_GATE)
         at = np.zeros(3)
         n = int(seek(self._found, near, at))
         if n < max(2 * LEAST, FLAT_SHARE * candidates):
             return None
-        (hx, hy), x_m, y_m = stand.heading, float(at[1]), float(at[2])
-        if self._seen and abs(stand.travel_m - self._seen[-1][2]) < SEEN_STEP_M:
+        (hx, hy), x_m, y_m = body.heading, float(at[1]), float(at[2])
+        if self._seen and abs(body.travel_m - self._seen[-1][2]) < SEEN_STEP_M:
             return None
-        seen = (hx * x_m + hy * y_m, line.height_m(x_m, y_m) + float(at[0]), stand.travel_m)
+        seen = (hx * x_m + hy * y_m, line.height_m(x_m, y_m) + float(at[0]), body.travel_m)
         self._seen.append(seen)
         u, z, _ = np.array(self._seen).T
         if len(u) < LEAST_SEEN or float(np.ptp(u)) < SEEN_M:
@@ -381,15 +392,15 @@ class GroundTracker:
         halves = slope_of(u[:half], z[:half]), slope_of(u[half:], z[half:])
         if not min(halves) * max(halves) > 0.0 or min(map(abs, halves)) < EVEN * abs(slope):
             return None
-        rise_m = height_m + slope * (float(u[-1]) - float(u.mean())) - stand.z_m
-        ahead_m = float(u[-1]) - hx * stand.x_m - hy * stand.y_m
+        rise_m = height_m + slope * (float(u[-1]) - float(u.mean())) - body.z_m
+        ahead_m = float(u[-1]) - hx * body.x_m - hy * body.y_m
         if not (LEAST_SLOPE <= abs(slope) <= STEEPEST and rough_m <= ROUGH_M):
             return None
         if not -FOOT_M <= ahead_m - rise_m / slope <= ahead_m + FOOT_M:
             return None
         self._history.clear()
         self._seen.clear()
-        return Line(x_m, y_m, stand.z_m + rise_m, slope * hx, slope * hy, stand.travel_m)
+        return GroundPlane(x_m, y_m, body.z_m + rise_m, slope * hx, slope * hy, body.travel_m)
 
 
 def _limited(slope: float) -> float:

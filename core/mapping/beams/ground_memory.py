@@ -8,7 +8,7 @@ Source: design, section 7 (ground).
 
 import math
 
-from core.mapping.beams.ground_plane import Line, Stand
+from core.mapping.beams.ground_plane import BodyPose, GroundPlane
 
 SECTORS = 24  # of the circle
 NEAR_M = 2.0  # from the place where a line was found, it may be tried again,
@@ -36,11 +36,11 @@ class Turning:
         return abs(self._radps) * passed_s if abs(self._radps) > TURNING_RADPS else 0.0
 
 
-class LineMemory:
+class GroundMemory:
     """The newest line found in each sector of heading, with what the robot had turned till then."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[Line, Stand, float] | None] = [None] * SECTORS
+        self._kept: list[tuple[GroundPlane, BodyPose, float] | None] = [None] * SECTORS
         self._turned_rad = 0.0  # to and fro, since the start
 
     def forget(self) -> None:
@@ -51,22 +51,22 @@ class LineMemory:
         """The robot has turned; the sense does not matter."""
         self._turned_rad += by_rad
 
-    def keep(self, line: Line, stand: Stand) -> None:
+    def keep(self, line: GroundPlane, body: BodyPose) -> None:
         """A line that was just found."""
-        self._kept[_sector(stand)] = line, stand, self._turned_rad
+        self._kept[_sector(body)] = line, body, self._turned_rad
 
-    def near(self, stand: Stand) -> list[Line]:
+    def near(self, body: BodyPose) -> list[GroundPlane]:
         """Those that were found from near here, looking the same way, before it turned away."""
-        at, found = _sector(stand), []
+        at, found = _sector(body), []
         for sector in (at, at - 1, (at + 1) % SECTORS):
             kept = self._kept[sector]
             if kept is None or self._turned_rad - kept[2] < AWAY_RAD:
                 continue
-            if math.hypot(kept[1].x_m - stand.x_m, kept[1].y_m - stand.y_m) <= NEAR_M:
+            if math.hypot(kept[1].x_m - body.x_m, kept[1].y_m - body.y_m) <= NEAR_M:
                 found.append(kept[0])
         return found
 
 
-def _sector(stand: Stand) -> int:
-    hx, hy = stand.heading
+def _sector(body: BodyPose) -> int:
+    hx, hy = body.heading
     return int((math.atan2(hy, hx) / (2 * math.pi) + 1.0) * SECTORS) % SECTORS

@@ -5,6 +5,7 @@ Source: design, section 7 (ground).
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,18 +25,41 @@ WIDE_M = 0.03  # bins where nothing is known of it: within a metre
 TURNS_WITH = math.tan(math.radians(1.2))  # a slope that may be the attitude's error
 
 
-@kernel
-def ground_m(ground: F64, x: float, y: float) -> float:
-    """Height of the ground (map frame) at a place, by `GroundTracker.numbers`."""
-    k = 0 if ground[6] * x + ground[7] * y >= ground[8] else 3
-    return float(ground[k] + ground[k + 1] * x + ground[k + 2] * y)
+class Ground(NamedTuple):
+    """The ground by which heights are told, for the kernels; metres, map frame.
+
+    A plane (height at the origin, slopes along x and y) holds at the line and behind it, where
+    hx x + hy y >= from_m; another one from under the wheels to the line.
+    """
+
+    far_m: float
+    far_x: float
+    far_y: float
+    near_m: float
+    near_x: float
+    near_y: float
+    hx: float  # heading
+    hy: float
+    from_m: float
+    jitter_m: float  # by so much this very scan shows the line too high, where scans jitter
+
+
+LEVEL = Ground(*[0.0] * 10)
 
 
 @kernel
-def due_m(lens: F64, ray: F64, ground: F64) -> float:
+def ground_m(ground: Ground, x: float, y: float) -> float:
+    """Height of the ground (map frame) at a place."""
+    if ground.hx * x + ground.hy * y >= ground.from_m:
+        return ground.far_m + ground.far_x * x + ground.far_y * y
+    return ground.near_m + ground.near_x * x + ground.near_y * y
+
+
+@kernel
+def due_m(origin: F64, ray: F64, ground: Ground) -> float:
     """Range at which a beam should meet the ground at the line; inf where it does not go down."""
-    above = lens[2] - (ground[0] + ground[1] * lens[0] + ground[2] * lens[1])
-    fall = ray[2] - ground[1] * ray[0] - ground[2] * ray[1]
+    above = origin[2] - (ground.far_m + ground.far_x * origin[0] + ground.far_y * origin[1])
+    fall = ray[2] - ground.far_x * ray[0] - ground.far_y * ray[1]
     if fall > -1e-3 or above <= 0.0:
         return math.inf
     return float(-above / fall)
@@ -71,10 +95,10 @@ def _peak(found: F64, n: int, over_m: float, bin_m: float) -> float:
 
 @kernel
 def near_plane(
-    lenses: F64,
+    origins: F64,
     rays: F64,
     ranges_m: F64,
-    ground: F64,
+    ground: Ground,
     anchor: F64,
     gate: float,
     window: tuple[int, int, int, float],
@@ -87,17 +111,17 @@ def near_plane(
     """
     n, candidates = 0, 0
     for i in range(rays.shape[0]):
-        due = due_m(lenses[i], rays[i], ground)
+        due = due_m(origins[i], rays[i], ground)
         r = ranges_m[0, i]
         if due > DUE_M or not r >= MIN_RANGE_M or r < 0.5 * due:
             continue
         candidates += 1
-        x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
-        h = lenses[i, 2] + r * rays[i, 2] - (ground[0] + ground[1] * x + ground[2] * y)
+        x, y = origins[i, 0] + r * rays[i, 0], origins[i, 1] + r * rays[i, 1]
+        h = origins[i, 2] + r * rays[i, 2] - (ground.far_m + ground.far_x * x + ground.far_y * y)
         if abs(h) > gate * (GATE_M + GATE_SLOPE * r) or _is_steep(x, y, window, cells):
             continue
         found[n, 0] = h
-        found[n, 1] = ground[6] * (y - anchor[1]) - ground[7] * (x - anchor[0])
+        found[n, 1] = ground.hx * (y - anchor[1]) - ground.hy * (x - anchor[0])
         found[n, 2] = 1.0 / (1.0 + 0.02 * r * r)
         found[n, 3], found[n, 4] = x, y
         n += 1
@@ -146,20 +170,20 @@ def seek(found: F64, n: int, at: F64) -> int:
 
 
 @kernel
-def nearest_due(lenses: F64, rays: F64, ground: F64, anchor: F64) -> bool:
+def nearest_due(origins: F64, rays: F64, ground: Ground, anchor: F64) -> bool:
     """Where the nearest of the beams should meet the ground, into `anchor` (2,); False: nowhere."""
     least = DUE_M
     for i in range(rays.shape[0]):
-        due = due_m(lenses[i], rays[i], ground)
+        due = due_m(origins[i], rays[i], ground)
         if due < least:
             least = due
-            anchor[0] = lenses[i, 0] + due * rays[i, 0]
-            anchor[1] = lenses[i, 1] + due * rays[i, 1]
+            anchor[0] = origins[i, 0] + due * rays[i, 0]
+            anchor[1] = origins[i, 1] + due * rays[i, 1]
     return least < DUE_M
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class BodyPose:
     """Where the robot stands, map frame: the body's origin, its heading, and its own plane."""
 
     x_m: float
@@ -171,7 +195,7 @@ class Stand:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class GroundPlane:
     """The floor where the scanner sees it: height and slopes at a place, map frame."""
 
     x_m: float
@@ -186,7 +210,7 @@ class Line:
         return self.z_m + self.slope_x * (x_m - self.x_m) + self.slope_y * (y_m - self.y_m)
 
 
-def turned(line: Line, heading: tuple[float, float], stand: Stand) -> Line:
+def turned(line: GroundPlane, heading: tuple[float, float], body: BodyPose) -> GroundPlane:
     """A line that is nearly level turns with the robot: so does an attitude that is off.
 
     Args:
@@ -194,12 +218,12 @@ def turned(line: Line, heading: tuple[float, float], stand: Stand) -> Line:
     """
     if math.hypot(line.slope_x, line.slope_y) > TURNS_WITH:
         return line
-    (ax, ay), (bx, by) = heading, stand.heading
+    (ax, ay), (bx, by) = heading, body.heading
     c, s = ax * bx + ay * by, ax * by - ay * bx
-    dx, dy = line.x_m - stand.x_m, line.y_m - stand.y_m
-    return Line(
-        stand.x_m + c * dx - s * dy,
-        stand.y_m + s * dx + c * dy,
+    dx, dy = line.x_m - body.x_m, line.y_m - body.y_m
+    return GroundPlane(
+        body.x_m + c * dx - s * dy,
+        body.y_m + s * dx + c * dy,
         line.z_m,
         c * line.slope_x - s * line.slope_y,
         s * line.slope_x + c * line.slope_y,

@@ -9,7 +9,7 @@ Source: design, section 7 (what was seen once is looked at again).
 import numpy as np
 
 from core.mapping.beams.cells import CellGrid, flat_index
-from core.mapping.beams.ground_plane import ground_m
+from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, U8
 from jit import kernel
@@ -32,10 +32,10 @@ def _is_alone(ranges_m: F64, i: int) -> bool:
 
 @kernel
 def _find(
-    lenses: F64,
+    origins: F64,
     rays: F64,
     ranges_m: F64,
-    ground: F64,
+    ground: Ground,
     h_pos_m: float,
     window: tuple[int, int, int, float],
     t_s: float,
@@ -47,16 +47,16 @@ def _find(
         skipped[i], r = 0, ranges_m[0, i]
         if not r >= MIN_RANGE_M or not _is_alone(ranges_m, i):
             continue
-        x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
+        x, y = origins[i, 0] + r * rays[i, 0], origins[i, 1] + r * rays[i, 1]
         at = flat_index(x, y, window[3], (window[0], window[1]), window[2])
-        if at < 0 or lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < h_pos_m:
+        if at < 0 or origins[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < h_pos_m:
             continue
         before_s, last_s[at] = last_s[at], t_s
         if not 0.0 < t_s - before_s <= SOON_S:
             skipped[i] = 1
 
 
-class Specks:
+class IsolatedReturns:
     """Finds the lone returns of sweeps over the cells of a `CellGrid`."""
 
     def __init__(self, cells: CellGrid, h_pos_m: float, max_beams: int) -> None:
@@ -64,11 +64,11 @@ class Specks:
         self._last_s: F64 = cells.grid.layer(np.float64, -np.inf).reshape(-1)
         self._skipped: U8 = np.zeros(max_beams, dtype=np.uint8)
 
-    def find(self, sweep: Sweep, ground: F64) -> U8:
+    def find(self, sweep: Sweep, ground: Ground) -> U8:
         """(n,), 1 for each beam that is not to be believed; kept until the next call."""
         skipped = self._skipped[: len(sweep.rays)]
         _find(
-            sweep.lenses,
+            sweep.origins,
             sweep.rays,
             sweep.ranges_m,
             ground,

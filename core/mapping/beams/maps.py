@@ -9,14 +9,14 @@ import numpy as np
 
 from core.config import Config
 from core.geometry import R_from_rpy
-from core.grid.window import StateWindow
-from core.mapping.beams.carving import Clearing
+from core.grid.window import ObstacleWindow
+from core.mapping.beams.carving import FreeSpaceCarver
 from core.mapping.beams.cells import CellGrid
-from core.mapping.beams.classifier import Deciding, lacks_floor
+from core.mapping.beams.classifier import CellClassifier, lacks_floor
 from core.mapping.beams.elevation import Elevation
 from core.mapping.beams.ground import GroundTracker
-from core.mapping.beams.ground_plane import Stand
-from core.mapping.beams.slip import Faces
+from core.mapping.beams.ground_plane import BodyPose
+from core.mapping.beams.slip import FaceMatcher
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
@@ -28,7 +28,7 @@ from core.records import F64, I64, OBSTACLE, PointSweep, Scan
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
 STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
 LINE_M, MOST_SWEPT = 8.0, 3.0  # how far off it is, and how much more it may be swept aside
-STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it slides along its way
+STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it offsets along its way
 
 
 class BeamMaps:
@@ -45,29 +45,29 @@ class BeamMaps:
             beams,
         )
         self.cells = CellGrid(config.map.cells, config.map.cell_m)
-        self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
+        self.window = ObstacleWindow(obstacle.window_cells, config.map.cell_m)
         bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
         filters = config.map.cell_value == "kalman"
         self.elevation = Elevation(self.cells, *bounds_m, config.robot.height_m, filters, beams)
         robot = config.robot
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.cells.grid, obstacle.free_max_age_s, footprint)
-        self.clearing = Clearing(self.cells, self.fresh)
+        self.carver = FreeSpaceCarver(self.cells, self.fresh)
         self.ground = GroundTracker(self.cells, beams)
         self.terrain = Terrain(self.cells)
-        self.faces = Faces(self.cells, beams)
+        self.face_matcher = FaceMatcher(self.cells, beams)
         period_s = config.scanner.options.spec.period_s
-        self._deciding = Deciding(self.cells, self.window, self.fresh, obstacle, period_s)
+        self._classifier = CellClassifier(self.cells, self.window, self.fresh, obstacle, period_s)
         self._h_neg_m = obstacle.h_neg_m
-        self._stand: Stand | None = None
+        self._body: BodyPose | None = None
 
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay empty."""
         self.ground.warm()
-        self.elevation.judge_again(self.ground.numbers, self.ground.numbers, 0.0)
+        self.elevation.judge_again(self.ground.model, self.ground.model, 0.0)
         self.window.put(np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
         lacks_floor(self.cells.flat, 0, self.cells.sub)
-        self.faces.warm()
+        self.face_matcher.warm()
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had.
@@ -75,43 +75,43 @@ class BeamMaps:
         What it says of the place goes to the odometry.
         """
         sweep = self._geometry.cast(scan, attitudes, odometry)
-        stand = stand_at(sweep.t_s, attitudes, odometry)
-        self.cells.grid.follow(stand.x_m, stand.y_m)
-        self.fresh.follow(sweep.t_s, stand.x_m, stand.y_m, stand.heading)
-        self._deciding.follow(stand.x_m, stand.y_m)
-        self.ground.follow(sweep, stand)
+        body = body_pose_at(sweep.t_s, attitudes, odometry)
+        self.cells.grid.follow(body.x_m, body.y_m)
+        self.fresh.follow(sweep.t_s, body.x_m, body.y_m, body.heading)
+        self._classifier.follow(body.x_m, body.y_m)
+        self.ground.follow(sweep, body)
         self.cells.begin_scan()
-        is_calm = self.ground.is_calm(sweep.t_s, stand)
-        is_straight, stood = self._moved(stand)
+        is_calm = self.ground.is_calm(sweep.t_s, body)
+        is_straight, stood = self._moved(body)
         known = not self.ground.is_guess
-        trust = (known and self.ground.is_sure(stand), is_calm and is_straight, known)
+        trust = (known and self.ground.is_sure(body), is_calm and is_straight, known)
         if self.ground.is_new:
             ground = self.ground
-            self.elevation.judge_again(ground.numbers, ground.before, ground.lost_s)
-        returns = self.elevation.add(sweep, self.ground.numbers, trust)
+            self.elevation.judge_again(ground.model, ground.before, ground.lost_s)
+        returns = self.elevation.add(sweep, self.ground.model, trust)
         corrected_m = odometry.corrected_m
-        slipped_m = self.faces.maybe_slipped_m(sweep, self.ground.numbers, stand, corrected_m)
+        slipped_m = self.face_matcher.maybe_slipped_m(sweep, self.ground.model, body, corrected_m)
         turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
         if slipped_m is not None and not turns and self.ground.found and is_calm:
-            odometry.correct_slip(stand.heading, slipped_m)
-        clears = known and self.ground.is_even(stand) and not self.ground.jitters
-        self.clearing.add(sweep, self.ground.numbers, clears=clears, stood=stood)
+            odometry.correct_slip(body.heading, slipped_m)
+        clears = known and self.ground.is_even(body) and not self.ground.jitters
+        self.carver.add(sweep, self.ground.model, clears=clears, stood=stood)
         touched = self.cells.touched[: self.cells.used]
-        self._deciding.decide(touched)
+        self._classifier.decide(touched)
         self.fresh.expire(self.window)
         self.terrain.note(touched)
         return returns
 
-    def _moved(self, stand: Stand) -> tuple[bool, bool]:
+    def _moved(self, body: BodyPose) -> tuple[bool, bool]:
         """Whether the line moves on with the robot, and whether the robot stands.
 
         A line of a robot that stands or turns meets the floor by chance.
         """
-        before, self._stand = self._stand, stand
+        before, self._body = self._body, body
         if before is None:
             return False, False
-        moved_m = abs(stand.travel_m - before.travel_m)
-        (ax, ay), (bx, by) = before.heading, stand.heading
+        moved_m = abs(body.travel_m - before.travel_m)
+        (ax, ay), (bx, by) = before.heading, body.heading
         swept_m = abs(ax * by - ay * bx) * LINE_M
         is_straight = moved_m > LEAST_MOVED_M and swept_m < MOST_SWEPT * moved_m
         return is_straight, moved_m < STOOD_M and swept_m < STOOD_SWEPT_M
@@ -129,7 +129,7 @@ class BeamMaps:
         self.cells.grid.erase()
         self.window.erase()
         self.ground.erase()
-        self.faces.erase()
+        self.face_matcher.erase()
 
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell lies low, or is a place where floor was due and did not show."""
@@ -150,11 +150,11 @@ class BeamMaps:
         )
 
 
-def stand_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Stand:
+def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> BodyPose:
     """Where and how the robot stands at a covered instant, map frame."""
     roll, pitch, yaw = attitudes.rpy_at(t_s)
     yaw -= odometry.yaw_start_rad
     nx, ny, nz = (float(part) for part in R_from_rpy(roll, pitch, yaw)[:, 2])
     x_m, y_m, z_m = (float(part) for part in odometry.xyz_at(t_s))
     heading = (math.cos(yaw), math.sin(yaw))
-    return Stand(x_m, y_m, z_m, heading, (-nx / nz, -ny / nz), odometry.travel_at(t_s))
+    return BodyPose(x_m, y_m, z_m, heading, (-nx / nz, -ny / nz), odometry.travel_at(t_s))

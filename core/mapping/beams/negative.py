@@ -9,7 +9,7 @@ Source: design, section 7.
 import math
 
 from core.mapping.beams.cells import Cells, flat_index, known, part_bit, touch, touch_around
-from core.mapping.beams.ground_plane import ground_m
+from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64, I32
 from jit import kernel
@@ -30,7 +30,7 @@ def no_floor(
     x: float,
     y: float,
     skip: int,
-    is_deep: bool,
+    is_sure: bool,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -49,19 +49,19 @@ def no_floor(
     if cell.miss_scan != serial and cell.miss < MAX_EVIDENCE:
         cell.miss_scan = serial
         cell.miss += 1
-    if is_deep and cell.deep_scan != serial:
-        cell.deep_scan = serial
-        cell.deep += 1
+    if is_sure and cell.miss_sure_scan != serial:
+        cell.miss_sure_scan = serial
+        cell.miss_sure += 1
     return touch(at, cells, serial, touched, used)
 
 
 @kernel
 def missed(
-    lens: F64,
+    origin: F64,
     ray: F64,
     due: float,
     seen: float,
-    is_deep: bool,
+    is_sure: bool,
     window: tuple[int, int, int, float],
     sub: int,
     cells: Cells,
@@ -72,30 +72,30 @@ def missed(
     """A beam went on where floor was due: from there to where it was seen (inf: never) is none."""
     corner = (window[0], window[1])
     if math.isinf(seen):
-        x, y = lens[0] + due * ray[0], lens[1] + due * ray[1]
-        return no_floor(x, y, -1, is_deep, window, sub, cells, serial, touched, used)
+        x, y = origin[0] + due * ray[0], origin[1] + due * ray[1]
+        return no_floor(x, y, -1, is_sure, window, sub, cells, serial, touched, used)
     step = window[3] / sub
     level = math.hypot(ray[0], ray[1])
     last = flat_index(
-        lens[0] + seen * ray[0], lens[1] + seen * ray[1], window[3], corner, window[2]
+        origin[0] + seen * ray[0], origin[1] + seen * ray[1], window[3], corner, window[2]
     )
     steps = min(math.ceil((seen - due) * level / step), MAX_HOLE_STEPS)
     for s in range(steps):
         r = due + (seen - due) * s / steps
-        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        x, y = origin[0] + r * ray[0], origin[1] + r * ray[1]
         skip = last if (seen - r) * level <= step else -1  # where it was seen, there is something
-        used = no_floor(x, y, skip, is_deep, window, sub, cells, serial, touched, used)
+        used = no_floor(x, y, skip, is_sure, window, sub, cells, serial, touched, used)
     return used
 
 
 @kernel
 def floor_before(
-    lens: F64,
+    origin: F64,
     ray: F64,
     due: float,
     x: float,
     y: float,
-    ground: F64,
+    ground: Ground,
     window: tuple[int, int, int, float],
     cells: Cells,
 ) -> float:
@@ -108,11 +108,11 @@ def floor_before(
     before = math.nan
     for back in range(1, LOOKS_BACK + 1):
         r = due - BEFORE_M * back / level
-        bx, by = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        bx, by = origin[0] + r * ray[0], origin[1] + r * ray[1]
         at = flat_index(bx, by, window[3], corner, window[2])
         if at < 0 or cells[at].floor_count == 0 or cells[at].above > 0:
             continue
-        z = float(cells[at].z_m + ground[1] * (x - bx) + ground[2] * (y - by))
+        z = float(cells[at].z_m + ground.far_x * (x - bx) + ground.far_y * (y - by))
         if math.isnan(before):
             if back > NEAR_BACK:
                 return math.nan
@@ -139,12 +139,12 @@ def _is_dark(ranges_m: F64, i: int) -> bool:
 @kernel
 def missing(
     i: int,
-    lens: F64,
+    origin: F64,
     ray: F64,
     due: float,
     nearest: float,
     ranges_m: F64,
-    ground: F64,
+    ground: Ground,
     limits: tuple[float, float, float],
     is_calm: bool,
     window: tuple[int, int, int, float],
@@ -156,11 +156,15 @@ def missing(
     """
     if math.isinf(nearest):
         return 2 if _is_dark(ranges_m, i) else 0
-    x, y, z = lens[0] + nearest * ray[0], lens[1] + nearest * ray[1], lens[2] + nearest * ray[2]
+    x, y, z = (
+        origin[0] + nearest * ray[0],
+        origin[1] + nearest * ray[1],
+        origin[2] + nearest * ray[2],
+    )
     h = z - ground_m(ground, x, y)
     if h <= limits[1]:
         return 2
     if h > -LOWER_M or due > SHALLOW_M:
         return 0
-    h = z - ground[9] - floor_before(lens, ray, due, x, y, ground, window, cells)
+    h = z - ground.jitter_m - floor_before(origin, ray, due, x, y, ground, window, cells)
     return int(h <= -(BELOW_M + BELOW_SLOPE * nearest if is_calm else NODDING_M))

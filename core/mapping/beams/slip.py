@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from core.mapping.beams.cells import CellGrid, Cells, flat_index
-from core.mapping.beams.ground_plane import Stand, ground_m
+from core.mapping.beams.ground_plane import BodyPose, Ground, ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.motion.slip import SlipEstimator
 from core.records import F64
@@ -29,12 +29,12 @@ KNOWN = 12  # of them, from which on it tells something
 MOST_M = 0.25
 LEAST = 12  # returns that agree
 AGREE_M = 0.05  # about their middle
-SAME_LEG = math.cos(math.radians(20.0))  # a robot that has turned by more makes its faces anew
+SAME_SEGMENT = math.cos(math.radians(20.0))  # a robot that has turned by more makes its faces anew
 
 
 @kernel
 def _normal(
-    lenses: F64, rays: F64, ranges_m: F64, i: int, hx: float, hy: float, normal: F64
+    origins: F64, rays: F64, ranges_m: F64, i: int, hx: float, hy: float, normal: F64
 ) -> bool:
     """Whether the surface that a beam meets looks along the way; its normal (2,), along it."""
     a, b = i - APART, i + APART
@@ -43,8 +43,8 @@ def _normal(
     r, ra, rb = ranges_m[0, i], ranges_m[0, a], ranges_m[0, b]
     if not (abs(ra - r) < ALONG_M and abs(rb - r) < ALONG_M and ra > MIN_RANGE_M):
         return False
-    dx = lenses[b, 0] + rb * rays[b, 0] - lenses[a, 0] - ra * rays[a, 0]
-    dy = lenses[b, 1] + rb * rays[b, 1] - lenses[a, 1] - ra * rays[a, 1]
+    dx = origins[b, 0] + rb * rays[b, 0] - origins[a, 0] - ra * rays[a, 0]
+    dy = origins[b, 1] + rb * rays[b, 1] - origins[a, 1] - ra * rays[a, 1]
     length = math.hypot(dx, dy)
     if length < 1e-3:
         return False
@@ -55,11 +55,11 @@ def _normal(
 
 
 @kernel
-def _is_upright_face(cells: Cells, at: int, leg: int) -> bool:
+def _is_upright_face(cells: Cells, at: int, segment: int) -> bool:
     """Whether a cell holds a face that is known, and was met at different heights."""
     cell = cells[at]
     is_upright = cell.z_high_m - cell.z_low_m >= UPRIGHT_M
-    return bool(cell.face_leg == leg and cell.face_n >= KNOWN and is_upright)
+    return bool(cell.face_segment == segment and cell.face_n >= KNOWN and is_upright)
 
 
 @kernel
@@ -70,7 +70,7 @@ def _off(
     cell_m: float,
     corner: tuple[int, int],
     size: int,
-    leg: int,
+    segment: int,
     cells: Cells,
 ) -> float:
     """How far a return lies ahead of the nearest known face; inf: there is none near."""
@@ -78,7 +78,7 @@ def _off(
     for step in range(-1, 2):
         sx, sy = x + step * cell_m * normal[0], y + step * cell_m * normal[1]
         at = flat_index(sx, sy, cell_m, corner, size)
-        if at >= 0 and _is_upright_face(cells, at, leg):
+        if at >= 0 and _is_upright_face(cells, at, segment):
             off = (x - cells[at].face_x_m) * normal[0] + (y - cells[at].face_y_m) * normal[1]
             if abs(off) < abs(best):
                 best = off
@@ -86,37 +86,37 @@ def _off(
 
 
 @kernel
-def _slides(
-    lenses: F64,
+def _offsets_of(
+    origins: F64,
     rays: F64,
     ranges_m: F64,
-    ground: F64,
+    ground: Ground,
     hx: float,
     hy: float,
     window: tuple[int, int, int, float],
-    leg: int,
+    segment: int,
     cells: Cells,
-    slides: F64,
+    offsets: F64,
 ) -> int:
     """How far (k,) along the way returns lie ahead of the faces they belong to; learns new ones."""
     corner, size, cell_m = (window[0], window[1]), window[2], window[3]
     normal, n = np.zeros(2), 0
     for i in range(rays.shape[0]):
         r = ranges_m[0, i]
-        if not r >= MIN_RANGE_M or not _normal(lenses, rays, ranges_m, i, hx, hy, normal):
+        if not r >= MIN_RANGE_M or not _normal(origins, rays, ranges_m, i, hx, hy, normal):
             continue
-        x, y = lenses[i, 0] + r * rays[i, 0], lenses[i, 1] + r * rays[i, 1]
-        if lenses[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < LOW_M:
+        x, y = origins[i, 0] + r * rays[i, 0], origins[i, 1] + r * rays[i, 1]
+        if origins[i, 2] + r * rays[i, 2] - ground_m(ground, x, y) < LOW_M:
             continue
-        off = _off(x, y, normal, cell_m, corner, size, leg, cells)
+        off = _off(x, y, normal, cell_m, corner, size, segment, cells)
         if math.isfinite(off):
-            slides[n] = off / (normal[0] * hx + normal[1] * hy)
+            offsets[n] = off / (normal[0] * hx + normal[1] * hy)
             n += 1
         own = flat_index(x, y, cell_m, corner, size)
         if own < 0:
             continue
-        if cells[own].face_leg != leg:
-            cells[own].face_leg, cells[own].face_n = leg, 0
+        if cells[own].face_segment != segment:
+            cells[own].face_segment, cells[own].face_n = segment, 0
         if cells[own].face_n >= MADE_OF:
             continue
         if math.isinf(off) or cells[own].face_n > 0:
@@ -128,61 +128,61 @@ def _slides(
 
 
 @kernel
-def _agreeing(slides: F64, middle_m: float) -> tuple[int, float]:
+def _agreeing(offsets: F64, middle_m: float) -> tuple[int, float]:
     """How many of some (n,) agree with their middle, and their mean."""
     count, total_m = 0, 0.0
-    for k in range(len(slides)):
-        if abs(slides[k] - middle_m) <= AGREE_M:
-            count, total_m = count + 1, total_m + slides[k]
+    for k in range(len(offsets)):
+        if abs(offsets[k] - middle_m) <= AGREE_M:
+            count, total_m = count + 1, total_m + offsets[k]
     return count, total_m / max(count, 1)
 
 
-class Faces:
+class FaceMatcher:
     """What stands across the way, in the cells of a `CellGrid`, and what it says of the pose."""
 
     def __init__(self, cells: CellGrid, max_beams: int) -> None:
         self._cells = cells
-        self._slides = np.zeros(max_beams)
+        self._offsets = np.zeros(max_beams)
         self._slip = SlipEstimator()
-        self._leg, self._heading = 1, (math.nan, math.nan)
+        self._segment, self._heading = 1, (math.nan, math.nan)
 
     def warm(self) -> None:
         """Run the kernel that few scans need."""
-        _agreeing(self._slides[:1], 0.0)
+        _agreeing(self._offsets[:1], 0.0)
 
     def erase(self) -> None:
         """Forget what they told; the cells forget the faces."""
         self._slip.restart()
 
     def maybe_slipped_m(
-        self, sweep: Sweep, ground: F64, stand: Stand, corrected_m: F64
+        self, sweep: Sweep, ground: Ground, body: BodyPose, corrected_m: F64
     ) -> float | None:
         """How far the pose has newly run ahead along the heading, if enough of a sweep shows it.
 
         corrected_m (2,) is the sum of all corrections of the place so far. Returns of the sweep add
         to the faces.
         """
-        cells, (hx, hy) = self._cells, stand.heading
-        if not self._heading[0] * hx + self._heading[1] * hy >= SAME_LEG:
-            self._leg, self._heading = self._leg + 1, stand.heading
+        cells, (hx, hy) = self._cells, body.heading
+        if not self._heading[0] * hx + self._heading[1] * hy >= SAME_SEGMENT:
+            self._segment, self._heading = self._segment + 1, body.heading
             self._slip.restart()
-        n = _slides(
-            sweep.lenses,
+        n = _offsets_of(
+            sweep.origins,
             sweep.rays,
             sweep.ranges_m,
             ground,
             hx,
             hy,
             cells.window,
-            self._leg,
+            self._segment,
             cells.flat,
-            self._slides,
+            self._offsets,
         )
         if n < LEAST:
             return None
-        slides = self._slides[:n]
-        count, mean_m = _agreeing(slides, float(np.median(slides)))
+        offsets = self._offsets[:n]
+        count, mean_m = _agreeing(offsets, float(np.median(offsets)))
         if count < max(LEAST, 0.5 * n):
             return None
         corrected_ahead_m = float(hx * corrected_m[0] + hy * corrected_m[1])
-        return self._slip.maybe_slipped_m(stand.travel_m, mean_m, corrected_ahead_m)
+        return self._slip.maybe_slipped_m(body.travel_m, mean_m, corrected_ahead_m)

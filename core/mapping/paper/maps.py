@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
 from core.mapping.paper.grid import centre_of, index_of
@@ -104,7 +104,7 @@ class ReferencePlaneMaps:
             compensated=compensated,
         )
         self.plane = ReferencePlane(settings, np.zeros(0))
-        self.window = StateWindow(obstacle.window_cells, config.map.cell_m)
+        self.window = ObstacleWindow(obstacle.window_cells, config.map.cell_m)
         size = obstacle.window_cells
         robot = config.robot
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.driving import health
-from core.driving.control import NOT_ENABLED, SILENT, DriveControl, doubt, link_refusal
+from core.driving.control import NOT_ENABLED, SILENT, DriveControl, link_refusal, stop_reason
 from core.mapping.beams.maps import BeamMaps
 from core.motion.odometry import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
@@ -35,10 +35,10 @@ class Robot:
         self.powers = (0.0, 0.0)
         self.step(DriveRequest(0.0, 0.0, 1e9))
 
-    def step(self, request: DriveRequest | None, doubt: str = "", **kw: Any) -> None:
+    def step(self, request: DriveRequest | None, stop_reason: str = "", **kw: Any) -> None:
         self.now_s += PERIOD_S
         pose = kw.pop("pose", HERE)
-        self.powers = self.control.step(self.now_s, request, doubt, pose, True, **kw)
+        self.powers = self.control.step(self.now_s, request, stop_reason, pose, True, **kw)
 
     def run(self, v_mps: float, w_radps: float, seconds: float) -> None:
         for _ in range(round(seconds / PERIOD_S)):
@@ -213,10 +213,14 @@ def test_a_drop_is_told_from_what_stands_up(seen: dict[str, float], is_drop: boo
 
 def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -> None:
     asks = DriveRequest(0.5, 0.0, 1e9)
-    for clear_m, vouched, goes in ((3.0, True, True), (3.0, False, False), (0.3, True, False)):
+    for clear_m, assumed_clear, goes in (
+        (3.0, True, True),
+        (3.0, False, False),
+        (0.3, True, False),
+    ):
         robot = Robot(start_clear_m=clear_m)
         robot.window.cells[...] = UNKNOWN
-        powers = robot.control.step(robot.now_s + PERIOD_S, asks, "", HERE, vouched)
+        powers = robot.control.step(robot.now_s + PERIOD_S, asks, "", HERE, assumed_clear)
         assert (powers != (0.0, 0.0)) is goes
 
 
@@ -224,11 +228,11 @@ def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -
 
 
 def test_all_well_leaves_no_doubt_and_every_missing_bit_makes_one() -> None:
-    assert doubt(WELL, health.RUNNING, "") == ""
+    assert stop_reason(WELL, health.RUNNING, "") == ""
     for bit in range(7):
-        assert doubt(WELL & ~(1 << bit), health.RUNNING, ""), bit
+        assert stop_reason(WELL & ~(1 << bit), health.RUNNING, ""), bit
     for bit in (9, 15):
-        assert doubt(WELL | 1 << bit, health.RUNNING, ""), bit
+        assert stop_reason(WELL | 1 << bit, health.RUNNING, ""), bit
 
 
 @given(
@@ -242,7 +246,7 @@ def test_there_is_no_doubt_only_if_all_is_known_to_be_well(
 ) -> None:
     well = word & WELL == WELL and not word & (1 << 9 | 1 << 15) and mode == health.RUNNING
     well = well and not sight and not other
-    assert (doubt(word, mode, sight, (other,)) == "") is well
+    assert (stop_reason(word, mode, sight, (other,)) == "") is well
 
 
 @pytest.mark.parametrize(

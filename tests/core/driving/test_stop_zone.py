@@ -126,12 +126,12 @@ def test_the_allowed_speed_is_one_from_which_it_stops_in_time(free_m: float) -> 
     allowed = zone().allowed_mps(free_m)
     assert allowed == 0.0 or allowed >= SLOWEST_MPS
     assert allowed * REACTION_S + allowed**2 / (2 * BRAKE_MPS2) <= free_m + 1e-9
-    assert zone().way_m(allowed) <= free_m + 1e-9
+    assert zone().stop_m(allowed) <= free_m + 1e-9
 
 
 def test_the_way_to_a_stop_is_reaction_and_braking() -> None:
-    assert zone().way_m(1.0) == pytest.approx(REACTION_S + 1 / (2 * BRAKE_MPS2))
-    assert zone().allowed_mps(zone().way_m(0.7)) == pytest.approx(0.7)
+    assert zone().stop_m(1.0) == pytest.approx(REACTION_S + 1 / (2 * BRAKE_MPS2))
+    assert zone().allowed_mps(zone().stop_m(0.7)) == pytest.approx(0.7)
     assert zone().allowed_mps(math.inf) == math.inf
 
 
@@ -186,7 +186,7 @@ def test_the_free_way_is_that_of_the_slow_model_and_never_longer(
     for i, j in marks:
         cells[j % SIZE, i % SIZE] = OBSTACLE
     found = zone().look(grid, cells, place, (v, w), NOWHERE, 1.5)
-    way_m = zone().way_m(max(1.5, zone().rate_mps(v, w)))
+    way_m = zone().stop_m(max(1.5, zone().rate_mps(v, w)))
     model_m = free_way_m(place, v, w, marks, way_m)
     if math.isfinite(model_m):
         assert found.free_m <= model_m + 0.05

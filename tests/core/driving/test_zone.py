@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from config_file import load_config, with_changes
 from core.config import Config
 from core.driving.control import DriveControl
-from core.driving.corridor import free_way, nearest_obstacles
+from core.driving.corridor import free_path, nearest_obstacles
 from core.driving.stop_zone import LONGEST_M, StopZone
 from core.driving.zone import (
     CLEAR,
@@ -69,10 +69,10 @@ class Ground:
         request: DriveRequest | None = None,
         yaw_rad: float = 0.0,
         trusted: bool = True,
-        vouched: bool = False,
+        assumed_clear: bool = False,
     ) -> StopZoneReport:
         pose = Pose(0.0, 0.0, 0.0, yaw_rad, 0.0, 0.0)
-        return self.reporter.report(pose, trusted, moves, request, vouched)
+        return self.reporter.report(pose, trusted, moves, request, assumed_clear)
 
 
 def test_on_free_ground_the_way_ends_where_the_window_does() -> None:
@@ -108,7 +108,9 @@ def test_unseen_ground_ends_the_way_but_is_no_obstacle() -> None:
     told = ground.report()
     assert told.causes == UNSEEN
     assert told.free_ahead_m < told.obstacle_ahead_m < 1.0
-    assert ground.report(vouched=True).free_ahead_m == told.free_ahead_m  # nobody vouches for 0 m
+    assert (
+        ground.report(assumed_clear=True).free_ahead_m == told.free_ahead_m
+    )  # nobody vouches for 0 m
 
 
 def test_contact_is_when_the_margin_meets_what_is_not_free() -> None:
@@ -186,7 +188,7 @@ def test_the_free_way_is_never_longer_than_that_of_the_drive_control(
     grid, states = ground.window.grid, ground.window.cells
     frame = (grid.corner_i, grid.corner_j, grid.size)
     clear = (0.0, 0.0, 0.0)
-    free_m, _, _, hard_m = free_way(states, frame, CELL_M, place, RECT, MARGIN_M, LONGEST_M, clear)
+    free_m, _, _, hard_m = free_path(states, frame, CELL_M, place, RECT, MARGIN_M, LONGEST_M, clear)
     found = zone.look(grid, states, place, (1.0, 0.0), clear, from_mps=10.0)
     assert free_m <= found.free_m + 1e-3
     assert free_m <= hard_m

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.records import FREE, OBSTACLE, UNKNOWN
 
 STATES = st.sampled_from([OBSTACLE, UNKNOWN, FREE])
@@ -19,7 +19,7 @@ PUTS = st.lists(
 )
 
 
-def put(window: StateWindow, cells: list[tuple[int, int]]) -> None:
+def put(window: ObstacleWindow, cells: list[tuple[int, int]]) -> None:
     """Set (flat index, state) pairs, in order."""
     window.put(
         np.array([at for at, _ in cells], dtype=np.int32),
@@ -29,7 +29,7 @@ def put(window: StateWindow, cells: list[tuple[int, int]]) -> None:
 
 @given(steps=PUTS)
 def test_cells_and_changes_equal_a_slow_model(steps: list[list[tuple[int, int]] | str]) -> None:
-    window = StateWindow(SIZE, 0.2)
+    window = ObstacleWindow(SIZE, 0.2)
     model, changed, epoch = [UNKNOWN] * SIZE**2, set[int](), 0
     for step in steps:
         if step == "erase":
@@ -52,7 +52,7 @@ def test_cells_and_changes_equal_a_slow_model(steps: list[list[tuple[int, int]] 
 
 
 def test_a_cell_lies_where_the_ring_says() -> None:
-    window = StateWindow(SIZE, 0.2)
+    window = ObstacleWindow(SIZE, 0.2)
     i, j = window.grid.cell_of(0.5, -0.3)
     assert (i, j) == (2, -2)
     put(window, [((j % SIZE) * SIZE + i % SIZE, OBSTACLE)])
@@ -61,7 +61,7 @@ def test_a_cell_lies_where_the_ring_says() -> None:
 
 
 def test_what_stays_in_view_stays_and_what_enters_is_unknown() -> None:
-    window = StateWindow(SIZE, 0.2)
+    window = ObstacleWindow(SIZE, 0.2)
     window.cells[...] = FREE
     put(window, [(0 * SIZE + 3, OBSTACLE)])  # world cell (3, 0)
     assert not window.follow(0.3, 0.0)  # within the hysteresis
@@ -74,7 +74,7 @@ def test_what_stays_in_view_stays_and_what_enters_is_unknown() -> None:
 
 
 def test_an_erased_window_has_nothing_to_tell_but_its_epoch() -> None:
-    window = StateWindow(SIZE, 0.2)
+    window = ObstacleWindow(SIZE, 0.2)
     put(window, [(5, FREE), (6, OBSTACLE)])
     window.erase()
     assert window.epoch == 1
@@ -84,7 +84,7 @@ def test_an_erased_window_has_nothing_to_tell_but_its_epoch() -> None:
 
 
 def test_a_change_back_and_forth_is_told_once() -> None:
-    window = StateWindow(SIZE, 0.2)
+    window = ObstacleWindow(SIZE, 0.2)
     put(window, [(5, FREE), (5, OBSTACLE), (5, FREE)])
     put(window, [(5, OBSTACLE)])
     assert window.take_changed().tolist() == [5]

@@ -11,7 +11,7 @@ from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, PointSweep, Scan, WheelCounts
-from core.summary import robot_in_words
+from core.summary import describe_robot
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
 from tests.core.motion.test_attitude import attitude
@@ -162,10 +162,10 @@ def test_restarted_counters_erase_both_maps_and_begin_a_new_epoch() -> None:
 
 
 def test_the_summary_says_where_the_papers_laser_looks() -> None:
-    text = robot_in_words(CONFIG, [None])
+    text = describe_robot(CONFIG, [None])
     assert "meets the ground 8.45 m ahead of the axle (range 8.27 m)" in text
     assert "481 beams from 30 to 150 deg, 25 scans/s" in text
     assert "101 x 101 cells of 0.2 m = 20.2 m square" in text
     assert "width of ground seen there: 28.7 m" in text
     assert "too little" not in text
-    assert "too little" in robot_in_words(CONFIG, [19_200])
+    assert "too little" in describe_robot(CONFIG, [19_200])

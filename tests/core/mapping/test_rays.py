@@ -79,7 +79,7 @@ def test_points_equal_a_plain_transcription_at_each_beams_own_instant(
         bearing = scan.first_rad + i * scan.step_rad
         beam = ranges_m[0, i] * np.array([math.cos(bearing), math.sin(bearing), 0.0])
         lens = odometry.xyz_at(t) + R_map_body @ [0.3, -0.1, 1.0]
-        np.testing.assert_allclose(sweep.lenses[i], lens, atol=1e-6)
+        np.testing.assert_allclose(sweep.origins[i], lens, atol=1e-6)
         np.testing.assert_allclose(points[i], lens + R_map_body @ R_body_sensor @ beam, atol=1e-5)
     assert sweep.t_s == pytest.approx(scan.t_s + 39 * DT_S)
 
@@ -99,7 +99,7 @@ def test_the_lens_rises_with_the_robot_on_a_ramp() -> None:
     sweep = BeamGeometry(*PAPER, 481).cast(scan_of(np.full((1, 3), 5.0), 0.8), ring, odometry)
     arm = R_from_rpy(0.0, up, 0.0) @ [0.25, 0.0, 1.08]
     travelled = 0.8 * np.array([math.cos(up), 0.0, -math.sin(up)])
-    np.testing.assert_allclose(sweep.lenses[0], travelled + arm, atol=2e-3)
+    np.testing.assert_allclose(sweep.origins[0], travelled + arm, atol=2e-3)
 
 
 def test_the_centre_beam_of_the_papers_robot_meets_the_ground_eight_metres_ahead() -> None:
@@ -116,7 +116,7 @@ def test_no_measurement_and_the_housing_give_no_point_and_both_echoes_give_two()
     nan = float("nan")
     ranges_m = np.array([[2.0, nan, MIN_RANGE_M / 2, 3.0], [nan, nan, nan, 5.0]])
     sweep = BeamGeometry(*PAPER, 481).cast(scan_of(ranges_m), ring, odometry)
-    distances = np.linalg.norm(sweep.points() - sweep.lenses[[0, 3, 3]], axis=1)
+    distances = np.linalg.norm(sweep.points() - sweep.origins[[0, 3, 3]], axis=1)
     np.testing.assert_allclose(distances, [2.0, 3.0, 5.0])
 
 
@@ -124,7 +124,7 @@ def test_a_robot_nose_down_on_a_bump_still_sees_the_floor_flat() -> None:
     ring, odometry = moving((0.02, 0.05, 0.0), (0.1, -0.2, 0.0), 0.0)
     geometry = BeamGeometry(*PAPER, 481)
     probe = geometry.cast(scan_of(np.ones((1, 481))), ring, odometry)
-    lenses, rays = probe.lenses, probe.rays
+    lenses, rays = probe.origins, probe.rays
     ranges_m = np.where(rays[:, 2] < -0.05, -lenses[:, 2] / rays[:, 2], np.nan)[None, :]
     points = geometry.cast(scan_of(ranges_m), ring, odometry).points()
     assert len(points) > 100

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.classifier import SOFT_LEAST
 from core.mapping.layers import UNITS, LayerView, maybe_beams_layer, maybe_plane_layer
@@ -85,7 +85,7 @@ def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
     ]
     terrain.note(np.array(ats, dtype=np.int32))
     terrain.update()
-    window = StateWindow(SIZE, CELL_M)
+    window = ObstacleWindow(SIZE, CELL_M)
     expected = np.full((3, SIZE, SIZE), np.nan)
     for i, j in heights:
         expected[:, j, i] = plain(heights, i, j)
@@ -111,7 +111,7 @@ def test_a_kerb_is_a_step_in_the_cells_on_both_its_sides_and_in_no_other() -> No
     ats = [put(cells, i, j, 0.12) for i, j in upper]
     terrain.note(np.array(ats, dtype=np.int32))
     terrain.update()
-    view = maybe_beams_layer("step", cells, terrain, StateWindow(SIZE, CELL_M))
+    view = maybe_beams_layer("step", cells, terrain, ObstacleWindow(SIZE, CELL_M))
     assert view is not None
     columns = np.arange(view.corner_i, view.corner_i + SIZE)
     stepped = np.isclose(view.values, 0.12)
@@ -185,7 +185,7 @@ def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> 
         assert np.isnan(layer).all()
 
 
-def views_of(cells: CellGrid, window: StateWindow) -> dict[str, LayerView]:
+def views_of(cells: CellGrid, window: ObstacleWindow) -> dict[str, LayerView]:
     """All layers of method `beams`, by name."""
     terrain = Terrain(cells)
     terrain.note(np.arange(cells.flat.size, dtype=np.int32))
@@ -195,7 +195,7 @@ def views_of(cells: CellGrid, window: StateWindow) -> dict[str, LayerView]:
 
 
 def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
-    cells, window = CellGrid(SIZE, CELL_M), StateWindow(5, CELL_M)
+    cells, window = CellGrid(SIZE, CELL_M), ObstacleWindow(5, CELL_M)
     for grid in (cells.grid, window.grid):
         grid.follow(3.0, -2.0)
     i, j = cells.grid.cell_of(3.1, -2.1)
@@ -216,7 +216,7 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
 
 
 def test_a_layer_is_a_copy() -> None:
-    cells, window = CellGrid(SIZE, CELL_M), StateWindow(SIZE, CELL_M)
+    cells, window = CellGrid(SIZE, CELL_M), ObstacleWindow(SIZE, CELL_M)
     for view in views_of(cells, window).values():
         view.values[...] = 7.0
     assert not cells.cells["mean_m"].any()
@@ -224,7 +224,7 @@ def test_a_layer_is_a_copy() -> None:
 
 
 def test_soft_things_are_marked_soft() -> None:
-    cells, window = CellGrid(SIZE, CELL_M), StateWindow(SIZE, CELL_M)
+    cells, window = CellGrid(SIZE, CELL_M), ObstacleWindow(SIZE, CELL_M)
     at = put(cells, 0, 0, 0.2)
     cells.flat[at]["soft"] = cells.flat[at]["doubles"] = SOFT_LEAST
     put(cells, 1, 0, 0.0)
@@ -234,7 +234,7 @@ def test_soft_things_are_marked_soft() -> None:
 
 
 def test_the_papers_heights_are_shown_where_the_window_takes_them_from() -> None:
-    window = StateWindow(5, CELL_M)
+    window = ObstacleWindow(5, CELL_M)
     window.follow(2.0, 0.0)
     i, j = window.grid.corner_i + 1, window.grid.corner_j + 2
     source = np.full((5, 5), -1, dtype=np.int32)

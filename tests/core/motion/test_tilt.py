@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.motion.tilt import ALONE_S, APART_RAD, LevelFilter
+from core.motion.tilt import ALONE_S, APART_RAD, TiltFilter
 
 PERIOD_S = 0.01
 NAN = (math.nan,) * 3
@@ -29,7 +29,7 @@ class Sensor:
 
     def __init__(self, truth: Angles, bias_radps: tuple[float, float] = (0.0, 0.0)) -> None:
         self.truth, self.bias = truth, bias_radps
-        self.level, self.t_s, self.worst_rad = LevelFilter(), 0.0, 0.0
+        self.level, self.t_s, self.worst_rad = TiltFilter(), 0.0, 0.0
 
     def run(
         self,
@@ -143,7 +143,7 @@ def test_a_gap_is_not_bridged_by_the_gyro() -> None:
 
 @pytest.mark.parametrize(("noise_radps", "doubted"), [(0.01, 0), (0.03, 0), (0.1, 1), (0.3, 1)])
 def test_a_gyro_that_only_makes_noise_is_not_believed(noise_radps: float, doubted: int) -> None:
-    level, chance, worst_rad = LevelFilter(), random.Random(3), 0.0
+    level, chance, worst_rad = TiltFilter(), random.Random(3), 0.0
     for k in range(900):
         x, y, z = (chance.gauss(0.0, noise_radps) for _ in range(3))
         told = level.step(0.01 * k, 0.0, 0.0, np.array([x, y, z]), stands=False)

@@ -8,11 +8,11 @@ import pytest
 
 from config_file import load_config, with_changes
 from core.config import Config
-from core.mapping.beams.cells import CELL
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, UNKNOWN, Scan, WheelCounts
+from core.saved.check import KEPT
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import AWAY_VAR_M2, restore, state_of, was_moving
 from tests import ROOT
@@ -121,7 +121,7 @@ def test_what_is_new_is_not_free_because_an_earlier_run_saw_floor_behind_it() ->
     arrays = {name: array.copy() for name, array in STATE["beams"].items()}
     floor = np.flatnonzero((arrays["cells.count"] > 20) & (arrays["cells.above"] == 0))[0]
     everywhere, hit = np.arange(101 * 101, dtype=np.int32), arrays["cells.count"] > 0
-    for name in CELL.names or ():
+    for name in KEPT:
         field = np.full(everywhere.size, arrays[f"cells.{name}"][floor])
         field[arrays["cells.at"][hit]] = arrays[f"cells.{name}"][hit]
         arrays[f"cells.{name}"] = field
@@ -226,15 +226,15 @@ def test_ground_around_an_earlier_runs_start_is_not_vouched_for() -> None:
     assert not Mapper(config_of()).continued
 
 
-def test_faces_of_an_earlier_run_are_not_taken_for_those_of_a_segment_of_this_one() -> None:
-    arrays = {name: array.copy() for name, array in STATE["beams"].items()}
-    for name in ("cells.face_n", "cells.face_leg"):
-        if name in arrays:
-            arrays[name][:] = 2
-    again = loaded(arrays)
+def test_faces_and_segments_of_an_earlier_run_are_not_taken_for_those_of_this_one() -> None:
+    mapper = stand(Mapper(config_of()), 0.0)
+    assert isinstance(mapper.maps, BeamMaps)
+    seen = mapper.maps.cells.flat["stamp"] > 0
+    mapper.maps.cells.flat["face_n"][seen], mapper.maps.cells.flat["face_segment"][seen] = 40, 2
+    again = loaded(state_of(mapper, config_of(), END_S))
     assert isinstance(again.maps, BeamMaps)
     assert not again.maps.cells.flat["face_n"].any()
-    assert not again.maps.cells.flat["face_leg"].any()
+    assert not again.maps.cells.flat["face_segment"].any()
 
 
 def test_without_a_pose_nothing_is_saved() -> None:

@@ -126,8 +126,14 @@ def test_each_answer_is_built_as_printed() -> None:
 def test_each_authenticated_answer_is_built_as_printed() -> None:
     told = answers(keyed())
     del told["ack"]  # of other frames than those printed
+    hello = frame_from_bytes(vector("hello"))
+    assert not isinstance(hello, str)
+    numbers = hello.type, hello.seq, hello.t_ms, hello.body
+    assert told.pop("hello") == signed_bytes_from_frame(*numbers, KEY, 0x5A17C0DE, NONCE)
     for name, frame in told.items():
         assert frame.hex(" ") == VECTORS.get(f"{name}_auth", VECTORS[name]), name
+    newcomer = CReceiver(NONCE, key=KEY, max_cells=101 * 101)  # which knows no session
+    assert newcomer.hello(1.0)[1] == 0
 
 
 @pytest.mark.parametrize("name", ["map", "digest", "stop_zone", "tile_class", "tile_height"])

@@ -12,7 +12,7 @@ from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient, Async
 from pymodbus.client.base import ModbusBaseClient
 from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
 
-from core.records import ObstacleWindow
+from core.records import ObstacleMap
 from hw.modbus.image import RegisterImage
 from hw.modbus.layout import COARSE, WINDOW, stride_of
 from hw.modbus.pdu import Refusal
@@ -84,7 +84,7 @@ async def talk(client: ModbusBaseClient, image: RegisterImage) -> None:
     client.close()
 
 
-def next_window(epoch: int) -> ObstacleWindow:
+def next_window(epoch: int) -> ObstacleMap:
     """Another map at every call."""
     return window_of(some_cells(epoch), (epoch, epoch), epoch=epoch)
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import I32, U8, ObstacleWindow
+from core.records import I32, U8, ObstacleMap
 from fakes.wires.wire import MemoryPort
 from hw.planner_link.kernels import BLOCK, EVERY, LOST_ANY, NEAR, REFRESH, REST, URGENT
 from hw.planner_link.published import PublishedMap
@@ -309,7 +309,7 @@ def test_a_tick_with_a_full_window_to_tell_allocates_nothing_of_its_size() -> No
     ring = PublishedMap(101)
     ring.update(sky.window(), careful=True)
     told = ring.published
-    ring.update(ObstacleWindow(sky.cells, 5, 5, np.zeros(0, np.int32), 0, False), careful=True)
+    ring.update(ObstacleMap(sky.cells, 5, 5, np.zeros(0, np.int32), 0, False), careful=True)
     ring.forget()
     ring.publish_again()
     assert ring.published is told

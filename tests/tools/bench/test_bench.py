@@ -1,26 +1,12 @@
-"""The decode bench: what it claims of damaged streams, as a ratio within one run."""
+"""The decode bench: what it decodes and damages. How fast that is, it prints; no test asks."""
 
-import pytest
-
-from tools.bench.decode import Cost, altered, costs
+from tools.bench.decode import altered, costs
 
 
-@pytest.fixture(scope="module")
-def measured() -> list[Cost]:
-    """Each codec once."""
-    return costs()
-
-
-def test_every_codec_is_timed_on_whole_frames(measured: list[Cost]) -> None:
+def test_every_codec_is_timed_on_whole_frames() -> None:
+    measured = costs()
     assert [cost.unit for cost in measured] == ["telegram", "telegram", "packet", "packet", "line"]
     assert all(cost.frames > 10 for cost in measured)
-
-
-@pytest.mark.real_time
-def test_a_stream_with_one_percent_of_its_bytes_altered_costs_at_most_three_times_a_clean_one(
-    measured: list[Cost],
-) -> None:
-    assert {cost.name: cost.ratio for cost in measured if cost.ratio > 3.0} == {}
 
 
 def test_so_many_bytes_are_altered_as_said() -> None:

@@ -75,6 +75,7 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     assert outcome.told
 
 
+@pytest.mark.slow
 def test_two_faults_at_once_do_no_harm_and_end() -> None:
     pair = (BY_TITLE["ahrs.drop_rate=0.0005"], BY_TITLE["scanner.drop_rate=0.2"])
     assert problems_of_pair(pair, drive_with(*pair, seed=7, start_s=8.0)) == []

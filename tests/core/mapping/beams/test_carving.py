@@ -101,7 +101,7 @@ def test_a_wall_driven_past_is_not_cleared(v_mps: float) -> None:
     rig = Rig(config_of(), World(solids=(wall,)), Ride(v_mps=v_mps), 9.0 / v_mps)
     for _ in rig.drive():
         pass
-    assert rig.maps.clearing.cleared == 0
+    assert rig.maps.carver.cleared == 0
     found = places_where(rig, OBSTACLE)
     for x in np.arange(3.9, 8.8, 0.2):
         assert np.any((np.abs(found[:, 0] - x) < 0.11) & (np.abs(found[:, 1] - 1.1) < 0.21)), x
@@ -114,7 +114,7 @@ def test_boxes_driven_past_keep_every_edge(height_m: float) -> None:
         for x, y, yaw in ((9.0, 0.6, 0.0), (10.03, -1.1, 0.4), (11.11, 0.5, 0.8))
     )
     rig = Rig(config_of(), World(solids=boxes), Ride(v_mps=0.5), 16.0).run()
-    assert rig.maps.clearing.cleared == 0
+    assert rig.maps.carver.cleared == 0
     for x, y in ((9.1, 0.7), (10.2, -0.9), (11.3, 0.7)):
         assert obstacles_near(rig, x, y, 0.35) > 0
 
@@ -128,7 +128,7 @@ def test_a_box_before_a_ramp_stays_where_the_ground_before_the_ramp_is_taken_to_
     slope = ramp(12.4 + gap_m, math.radians(11.0), 6.0)
     end = Box((20.0, -8.0, 0.0), (20.2, 8.0, 4.0))
     rig = Rig(config_of(), World(slope, (box, end)), Ride(v_mps=0.5), 10.8 / 0.5).run()
-    assert rig.maps.clearing.cleared == 0
+    assert rig.maps.carver.cleared == 0
     assert obstacles_near(rig, 12.2, 0.0, 0.45) >= 12
 
 
@@ -142,10 +142,10 @@ def test_while_a_turning_robot_only_guesses_the_ground_nothing_is_cleared() -> N
     for _ in rig.drive():
         if rig.maps.ground.is_guess:
             break
-    before = rig.maps.clearing.cleared
+    before = rig.maps.carver.cleared
     assert obstacles_near(rig, 2.2, 0.0, 0.5) > 0
     for _ in rig.drive():
-        assert rig.maps.clearing.cleared == before
+        assert rig.maps.carver.cleared == before
 
 
 @pytest.mark.parametrize("x_m", few([9.0, 6.0], 1))
@@ -166,7 +166,7 @@ def test_a_thin_pole_stays(x_m: float, ride: Ride) -> None:
 def test_beside_and_above_a_wall_in_a_turn_nothing_is_cleared() -> None:
     walls = (Box((4.0, -6.0, 0.0), (4.2, 6.0, 2.5)), Box((-3.0, 5.0, 0.0), (4.0, 5.2, 1.0)))
     rig = Rig(config_of(), World(solids=walls), Ride(w_radps=0.6), 10.0).run()
-    assert rig.maps.clearing.cleared <= 1  # of some hundreds
+    assert rig.maps.carver.cleared <= 1  # of some hundreds
 
 
 # Beam by beam
@@ -187,7 +187,7 @@ def pass_by(rig: CellRig, z: float, times: int, ends: bool = True) -> None:
         lens: Point = (0.0, 0.1, z)
         sweep = sweep_to([(4.0, 0.1, z)] * 9, lens, rig.t_s)
         if not ends:
-            sweep = Sweep(sweep.t_s, sweep.lenses, sweep.rays, np.full((1, 9), np.nan))
+            sweep = Sweep(sweep.t_s, sweep.origins, sweep.rays, np.full((1, 9), np.nan))
         rig.take(sweep)
 
 
@@ -196,7 +196,7 @@ def test_beams_through_the_middle_clear_after_some_scans_in_a_row() -> None:
     pass_by(rig, 0.4, THROUGH - 1)
     assert rig.state(2.1, 0.1) == OBSTACLE
     pass_by(rig, 0.4, 8)
-    assert rig.clearing.cleared == 1
+    assert rig.carver.cleared == 1
     assert rig.state(2.1, 0.1) != OBSTACLE
     cell = rig.cell(2.1, 0.1)
     assert (cell["above"], cell["high_bits"], cell["rising"]) == (0, 0, 0)
@@ -206,7 +206,7 @@ def test_beams_through_the_middle_clear_after_some_scans_in_a_row() -> None:
 def test_beams_over_or_under_what_was_seen_clear_nothing(z: float) -> None:
     rig = blocked()
     pass_by(rig, z, 5 * THROUGH)
-    assert rig.clearing.cleared == 0
+    assert rig.carver.cleared == 0
     assert rig.state(2.1, 0.1) == OBSTACLE
 
 
@@ -215,7 +215,7 @@ def test_a_return_in_between_begins_the_count_anew() -> None:
     for _ in range(6):
         pass_by(rig, 0.4, THROUGH - 2)
         rig.add((2.1, 0.1, 0.4), (2.1, 0.1, 0.6))
-    assert rig.clearing.cleared == 0
+    assert rig.carver.cleared == 0
     assert rig.state(2.1, 0.1) == OBSTACLE
 
 
@@ -223,7 +223,7 @@ def test_beams_that_never_come_back_prove_nothing() -> None:
     """Black cloth and glass look like that."""
     rig = blocked()
     pass_by(rig, 0.4, 5 * THROUGH, ends=False)
-    assert rig.clearing.cleared == 0
+    assert rig.carver.cleared == 0
 
 
 def test_beams_through_another_part_of_the_cell_prove_nothing() -> None:
@@ -233,14 +233,14 @@ def test_beams_through_another_part_of_the_cell_prove_nothing() -> None:
     for _ in range(5 * THROUGH):
         rig.take(sweep_to([(4.0, 0.17, 0.4)] * 9, (0.0, 0.17, 0.4), rig.t_s))
     assert rig.state(2.1, 0.1) == OBSTACLE
-    assert rig.clearing.cleared == 0
+    assert rig.carver.cleared == 0
 
 
 def test_a_beam_that_ends_just_behind_may_have_grazed_what_it_hit() -> None:
     rig = blocked()
     for _ in range(5 * THROUGH):
         rig.take(sweep_to([(2.25, 0.1, 0.4)] * 9, (0.0, 0.1, 0.4), rig.t_s))
-    assert rig.clearing.cleared == 0
+    assert rig.carver.cleared == 0
 
 
 def test_the_floor_that_was_seen_counts_again() -> None:
@@ -262,4 +262,4 @@ def test_far_off_nothing_is_cleared() -> None:
         rig.add((far, 0.1, 0.2), (far, 0.1, 0.6))
     for _ in range(5 * THROUGH):
         rig.take(sweep_to([(far + 2, 0.1, 0.4)] * 9, (0.0, 0.1, 0.4), rig.t_s))
-    assert rig.clearing.cleared == 0
+    assert rig.carver.cleared == 0

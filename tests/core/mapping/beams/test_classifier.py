@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.grid.window import StateWindow
+from core.grid.window import ObstacleWindow
 from core.mapping.beams.classifier import ENOUGH, LOOKED_AGAIN, NEW_S
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cell_rig import CELL_M, NEW_LOOKS, CellRig, H, Point, floor_around
@@ -157,9 +157,9 @@ def test_a_smaller_window_always_shows_what_the_elevation_map_knows(
         x, y = x + dx, y + dy
         rig.follow(x, y)
         rig.add((x + 1.0, y, 0.0), (x, y + 1.5, 0.3), (x - dx, y - dy, -0.02 * k))
-    whole = StateWindow(window, CELL_M)
+    whole = ObstacleWindow(window, CELL_M)
     whole.grid.corner_i, whole.grid.corner_j = rig.window.grid.corner_i, rig.window.grid.corner_j
-    rig.deciding_into(whole).decide(np.arange(41 * 41, dtype=np.int32))
+    rig.classifier_into(whole).decide(np.arange(41 * 41, dtype=np.int32))
     np.testing.assert_array_equal(rig.window.cells, whole.cells)
 
 

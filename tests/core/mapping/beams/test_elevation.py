@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from core.mapping.beams.carving import FLOOR_AGAIN
 from core.mapping.beams.classifier import ENOUGH
 from core.mapping.beams.elevation import (
     DRIFT_M2_PER_S,
@@ -21,7 +22,7 @@ from core.mapping.beams.elevation import (
     SIGMA_RANGE_M,
     octant,
 )
-from core.mapping.beams.floor_again import FLOOR_AGAIN
+from core.mapping.beams.ground_plane import Ground
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cell_rig import CELL_M, HEIGHT_M, LENS, CellRig, H, Point, floor_around, sweep_to
@@ -86,7 +87,7 @@ def test_what_a_cell_keeps_equals_a_dict_model(scans: list[list[Point]]) -> None
 
 def test_heights_are_told_over_the_ground_and_kept_in_the_map_frame_too() -> None:
     rig = CellRig()
-    rig.ground[:9] = (0.5, 0.1, 0.0, 0.5, 0.1, 0.0, 0.0, 0.0, 0.0)  # z = 0.5 + 0.1 x
+    rig.ground = Ground(0.5, 0.1, 0.0, 0.5, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)  # z = 0.5 + 0.1 x
     rig.add((2.1, 0.1, 0.75), (3.1, 0.1, 0.81), lens=(0.0, 0.0, 1.58))
     assert rig.cell(2.1, 0.1)["mean_m"] == pytest.approx(0.04)
     assert rig.cell(2.1, 0.1)["z_m"] == pytest.approx(0.75)
@@ -95,7 +96,7 @@ def test_heights_are_told_over_the_ground_and_kept_in_the_map_frame_too() -> Non
 
 def test_near_and_far_ground_are_told_apart_by_the_line_between_them() -> None:
     rig = CellRig()
-    rig.ground[:9] = (0.3, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 3.0)  # level from x = 3 on
+    rig.ground = Ground(0.3, 0.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 3.0, 0.0)  # level from x = 3 on
     rig.add((2.1, 0.1, 0.21), (3.5, 0.1, 0.30))
     for x in (2.1, 3.5):
         assert rig.cell(x, 0.1)["mean_m"] == pytest.approx(0.0)
@@ -222,7 +223,7 @@ class PlainFilter:
 NEAR_FLOOR = st.floats(-0.09, 0.09)
 JUMP = st.floats(
     0.21, 0.9
-)  # floor that is seen again ends what was lower: core/mapping/beams/floor_again.py
+)  # floor that is seen again ends what was lower: core/mapping/beams/carving.py
 
 
 @settings(max_examples=40)
@@ -307,7 +308,7 @@ def test_an_outlier_of_the_filter_still_is_a_contradiction() -> None:
 def test_both_echoes_fall_in_and_the_first_one_alone_may_be_soft() -> None:
     rig = CellRig()
     one = sweep_to([(2.1, 0.1, 0.3)] * 3)
-    rig.take(Sweep(0.0, one.lenses, one.rays, np.stack([one.ranges_m[0], one.ranges_m[0] + 0.5])))
+    rig.take(Sweep(0.0, one.origins, one.rays, np.stack([one.ranges_m[0], one.ranges_m[0] + 0.5])))
     cell = rig.cell(2.1, 0.1)
     assert int(rig.cells.cells["count"].sum()) == 6
     assert (cell["soft"], cell["doubles"], cell["hard"]) == (1, 1, 2)  # the outer two: who knows

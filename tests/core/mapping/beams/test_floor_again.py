@@ -2,7 +2,7 @@
 
 import pytest
 
-from core.mapping.beams.floor_again import FLOOR_FOR_LONG, LOW_M
+from core.mapping.beams.carving import FLOOR_FOR_LONG, LOW_M
 from core.records import FREE, OBSTACLE
 from tests.support.cell_rig import CELL_M, CellRig, Point, floor_around
 

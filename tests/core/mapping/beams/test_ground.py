@@ -7,7 +7,7 @@ import pytest
 
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground import STEEPEST, GroundTracker
-from core.mapping.beams.ground_plane import DUE_M, Stand, due_m, ground_m
+from core.mapping.beams.ground_plane import DUE_M, LEVEL, BodyPose, due_m, ground_m
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few
@@ -26,14 +26,14 @@ def drive(world: World, metres: float) -> Rig:
 
 def slope_deg(rig: Rig) -> tuple[float, float]:
     """What the tracker says of the ground ahead of a robot that looks along +x."""
-    along, across = rig.maps.ground.slope_rad(Stand(0, 0, 0, (1.0, 0.0), (0.0, 0.0), 0.0))
+    along, across = rig.maps.ground.slope_rad(BodyPose(0, 0, 0, (1.0, 0.0), (0.0, 0.0), 0.0))
     return math.degrees(along), math.degrees(across)
 
 
 def error_m(rig: Rig, x: float, y: float) -> float:
     """Tracked minus true height of the ground at a place."""
     true = float(rig.world.ground.height(np.array([[x, y]]))[0])
-    return ground_m(rig.maps.ground.numbers, x, y) - true
+    return ground_m(rig.maps.ground.model, x, y) - true
 
 
 FEW = 4  # a row of cells, where the line leaps from the ramp's top to the level behind it
@@ -154,9 +154,9 @@ def test_a_low_box_is_an_obstacle_on_a_ramp_too() -> None:
 # The tracker alone
 
 
-def stand(x: float = 0.0, z: float = 0.0) -> Stand:
+def stand(x: float = 0.0, z: float = 0.0) -> BodyPose:
     """A level robot that looks along +x."""
-    return Stand(x, 0.0, z, (1.0, 0.0), (0.0, 0.0), x)
+    return BodyPose(x, 0.0, z, (1.0, 0.0), (0.0, 0.0), x)
 
 
 def floor_sweep(x: float, z: float, t_s: float, silent: bool = False) -> Sweep:
@@ -184,11 +184,11 @@ def test_the_line_is_lost_without_returns_and_found_again_with_them() -> None:
     for k in range(50, 75):
         tracker.follow(floor_sweep(0.04 * k, 0.0, 0.04 * k, silent=True), stand(0.04 * k))
         assert not tracker.found
-    assert abs(ground_m(tracker.numbers, 10.0, 0.0)) < 0.02
+    assert abs(ground_m(tracker.model, 10.0, 0.0)) < 0.02
     for k in range(75, 80):
         tracker.follow(floor_sweep(0.04 * k, 0.0, 0.04 * k), stand(0.04 * k))
     assert tracker.found
-    assert abs(ground_m(tracker.numbers, 11.0, 0.0)) < 0.02
+    assert abs(ground_m(tracker.model, 11.0, 0.0)) < 0.02
 
 
 def test_erasing_begins_anew_from_where_the_robot_stands() -> None:
@@ -198,7 +198,7 @@ def test_erasing_begins_anew_from_where_the_robot_stands() -> None:
     assert tracker.slope_rad(stand()) == (0.0, 0.0)
     tracker.follow(floor_sweep(2.0, 0.0, 9.0), stand(2.0))
     assert tracker.found
-    assert abs(ground_m(tracker.numbers, 10.0, 0.0)) < 0.03
+    assert abs(ground_m(tracker.model, 10.0, 0.0)) < 0.03
 
 
 def test_the_ground_leads_straight_from_under_the_wheels_to_the_line() -> None:
@@ -206,12 +206,10 @@ def test_the_ground_leads_straight_from_under_the_wheels_to_the_line() -> None:
     tracker.follow(floor_sweep(2.0, 0.03, 2.0), stand(2.0, z=0.05))
     line = tracker.line
     assert line is not None
-    assert ground_m(tracker.numbers, 2.0, 0.0) == pytest.approx(0.05, abs=1e-6)
+    assert ground_m(tracker.model, 2.0, 0.0) == pytest.approx(0.05, abs=1e-6)
     middle = 0.5 * (2.0 + line.x_m)
-    assert ground_m(tracker.numbers, middle, 0.0) == pytest.approx(
-        0.5 * (0.05 + line.z_m), abs=0.01
-    )
-    assert ground_m(tracker.numbers, line.x_m, line.y_m) == pytest.approx(line.z_m, abs=1e-6)
+    assert ground_m(tracker.model, middle, 0.0) == pytest.approx(0.5 * (0.05 + line.z_m), abs=0.01)
+    assert ground_m(tracker.model, line.x_m, line.y_m) == pytest.approx(line.z_m, abs=1e-6)
 
 
 def test_no_plane_is_steeper_than_the_steepest_ramp() -> None:
@@ -225,13 +223,12 @@ def test_no_plane_is_steeper_than_the_steepest_ramp() -> None:
 
 
 def test_where_a_beam_is_due_follows_from_the_plane() -> None:
-    numbers = np.zeros(12)
     lens, down = np.array([0.0, 0.0, 1.0]), math.radians(10)
     ray = np.array([math.cos(down), 0.0, -math.sin(down)])
-    assert due_m(lens, ray, numbers) == pytest.approx(1.0 / math.sin(down))
-    assert due_m(lens, np.array([1.0, 0.0, 0.0]), numbers) == math.inf
-    numbers[1] = math.tan(down)  # a ramp up as steep as the beam comes down
-    due = due_m(lens, ray, numbers)
+    assert due_m(lens, ray, LEVEL) == pytest.approx(1.0 / math.sin(down))
+    assert due_m(lens, np.array([1.0, 0.0, 0.0]), LEVEL) == math.inf
+    ramp_up = LEVEL._replace(far_x=math.tan(down))  # as steep as the beam comes down
+    due = due_m(lens, ray, ramp_up)
     assert lens[2] + due * ray[2] == pytest.approx(due * ray[0] * math.tan(down))
     assert DUE_M > 8.45
 
@@ -246,7 +243,7 @@ def leaning_sweep(yaw_rad: float, t_s: float, share: float = 1.0) -> Sweep:
         share: of the way to the floor at which all beams end.
     """
     plain = floor_sweep(0.0, 0.0, t_s)
-    lens_m, rays = plain.lenses[0], plain.rays
+    lens_m, rays = plain.origins[0], plain.rays
     ranges_m = -lens_m[2] / (rays @ np.array([-TILT[0], -TILT[1], 1.0]) + 1e-12)
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -260,10 +257,12 @@ def test_a_line_that_was_found_before_the_robot_turned_lies_as_it_would_now() ->
     for k in range(100):
         t_s, x = 0.04 * k, 2.0 - 0.04 * (100 - k)
         sweep = leaning_sweep(0.0, t_s)
-        sweep.lenses[:, 0] += x - 2.0
+        sweep.origins[:, 0] += x - 2.0
         tracker.follow(sweep, stand(x))
     headings = [math.radians(k) for k in range(0, 91, 2)]
-    stands = [Stand(2.0, 0.0, 0.0, (math.cos(a), math.sin(a)), (0.0, 0.0), 2.0) for a in headings]
+    stands = [
+        BodyPose(2.0, 0.0, 0.0, (math.cos(a), math.sin(a)), (0.0, 0.0), 2.0) for a in headings
+    ]
     for yaw_rad, place in zip(headings, stands, strict=True):
         t_s += 0.04
         tracker.follow(leaning_sweep(yaw_rad, t_s), place)

@@ -3,23 +3,23 @@
 import math
 import random
 
-from core.mapping.beams.ground_memory import AWAY_RAD, NEAR_M, LineMemory, Turning
-from core.mapping.beams.ground_plane import Line, Stand
+from core.mapping.beams.ground_memory import AWAY_RAD, NEAR_M, GroundMemory, Turning
+from core.mapping.beams.ground_plane import BodyPose, GroundPlane
 
 
-def stand(yaw_deg: float, x_m: float = 0.0) -> Stand:
+def stand(yaw_deg: float, x_m: float = 0.0) -> BodyPose:
     """A level robot."""
     yaw = math.radians(yaw_deg)
-    return Stand(x_m, 0.0, 0.0, (math.cos(yaw), math.sin(yaw)), (0.0, 0.0), x_m)
+    return BodyPose(x_m, 0.0, 0.0, (math.cos(yaw), math.sin(yaw)), (0.0, 0.0), x_m)
 
 
-def line(z_m: float) -> Line:
+def line(z_m: float) -> GroundPlane:
     """Some line that is told by its height."""
-    return Line(8.0, 0.0, z_m, 0.0, 0.0, 0.0)
+    return GroundPlane(8.0, 0.0, z_m, 0.0, 0.0, 0.0)
 
 
 def test_a_line_is_tried_again_where_the_robot_looks_as_it_did() -> None:
-    memory = LineMemory()
+    memory = GroundMemory()
     for yaw_deg, z_m in ((0.0, 0.1), (90.0, 0.2), (-170.0, 0.3)):
         memory.keep(line(z_m), stand(yaw_deg))
     memory.turn(1.1 * AWAY_RAD)
@@ -28,7 +28,7 @@ def test_a_line_is_tried_again_where_the_robot_looks_as_it_did() -> None:
 
 
 def test_only_after_it_has_turned_away_and_only_near_the_place() -> None:
-    memory = LineMemory()
+    memory = GroundMemory()
     memory.keep(line(0.1), stand(0.0))
     assert memory.near(stand(0.0)) == []
     memory.turn(1.1 * AWAY_RAD)
@@ -39,7 +39,7 @@ def test_only_after_it_has_turned_away_and_only_near_the_place() -> None:
 
 
 def test_the_newest_of_a_sector_counts() -> None:
-    memory = LineMemory()
+    memory = GroundMemory()
     memory.keep(line(0.1), stand(1.0))
     memory.turn(1.1 * AWAY_RAD)
     memory.keep(line(0.2), stand(2.0))

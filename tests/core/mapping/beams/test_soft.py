@@ -81,7 +81,7 @@ def stalks(rig: CellRig, doubles: int, singles: int, top_m: float = 0.3) -> None
     """Returns in the cell at (2.1, 0.1), of which some echo again from the floor behind."""
     one = sweep_to([(2.1, 0.1, top_m)] * (doubles + singles), t_s=rig.t_s)
     second = np.where(np.arange(doubles + singles) < doubles, one.ranges_m[0] + 0.5, math.nan)
-    rig.take(Sweep(rig.t_s, one.lenses, one.rays, np.stack([one.ranges_m[0], second])))
+    rig.take(Sweep(rig.t_s, one.origins, one.rays, np.stack([one.ranges_m[0], second])))
 
 
 def soft_rig(free_below_m: float) -> CellRig:
@@ -116,7 +116,7 @@ def test_a_soft_cell_is_free_only_below_the_height_of_the_settings(
 def test_two_echoes_close_together_are_one_thing() -> None:
     rig = CellRig()
     one = sweep_to([(2.1, 0.1, 0.3)] * 20)
-    rig.take(Sweep(0.0, one.lenses, one.rays, np.stack([one.ranges_m[0], one.ranges_m[0] + 0.05])))
+    rig.take(Sweep(0.0, one.origins, one.rays, np.stack([one.ranges_m[0], one.ranges_m[0] + 0.05])))
     assert rig.cell(2.1, 0.1)["soft"] == 0
 
 
@@ -135,5 +135,5 @@ def test_a_lone_double_echo_on_a_plain_surface_is_hard() -> None:
     rig = CellRig()
     one = sweep_to([(2.1, 0.1, 0.3)] * 5)
     second = np.where(np.arange(5) == 2, one.ranges_m[0] + 0.5, math.nan)
-    rig.take(Sweep(0.0, one.lenses, one.rays, np.stack([one.ranges_m[0], second])))
+    rig.take(Sweep(0.0, one.origins, one.rays, np.stack([one.ranges_m[0], second])))
     assert (int(rig.cell(2.1, 0.1)["soft"]), int(rig.cell(2.1, 0.1)["hard"])) == (0, 5)

@@ -27,6 +27,7 @@ from numba.core.dispatcher import Dispatcher
 P = ParamSpec("P")
 R = TypeVar("R")
 
+COMPILED = not numba.config.DISABLE_JIT  # False: kernels run as Python, for coverage
 OF_CODE = ("co_code", "co_exceptiontable", "co_names", "co_varnames", "co_freevars", "co_cellvars")
 VALUES = (bool, int, float, complex, str, type(None), np.generic, np.dtype)
 

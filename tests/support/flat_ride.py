@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from config_file import load_config, with_changes
 from core.config import Config
@@ -18,6 +19,7 @@ from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.records import Attitude, Scan, WheelCounts
 from hw.lms1xx.options import Lms1xxOptions
+from jit import COMPILED
 from tests import ROOT
 from tests.support.flat_world import F64, Profile, World
 
@@ -107,6 +109,8 @@ class Rig:
     def __init__(
         self, config: Config, world: World, ride: Ride, seconds: float, seed: int = 7
     ) -> None:
+        if not COMPILED:
+            pytest.skip("a ride through kernels as Python takes minutes")
         self.mapper = Mapper(config)
         maps = self.mapper.maps
         assert isinstance(maps, BeamMaps)

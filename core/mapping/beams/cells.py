@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.records import I32
-from jit import kernel
+from jit import COMPILED, kernel
 
 Cells = npt.NDArray[Any]  # flat, of CELL
 
@@ -147,7 +147,8 @@ class CellGrid:
     def __init__(self, size: int, cell_m: float) -> None:
         self.grid = RingGrid(size, cell_m)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
-        self.flat: Cells = self.cells.reshape(-1)
+        flat = self.cells.reshape(-1)
+        self.flat: Cells = flat if COMPILED else flat.view(np.recarray)  # fields as attributes
         self.sub = parts_of(cell_m)
         self.touched: I32 = np.zeros(size**2, dtype=np.int32)
         self.used = 0  # of `touched`

@@ -22,6 +22,7 @@ MAX_EVIDENCE = 60_000  # scans that say the same; more say no more
 BEFORE_M = 0.12  # steps back from where a beam should meet the floor
 NEAR_BACK, LOOKS_BACK = 3, 8  # in which there must be floor, and what it rises from is looked for
 RAISED_M = 0.03
+LEAST_LEVEL = 1e-6  # of a beam's direction
 MAX_HOLE_STEPS = 256  # along one beam below the ground, a part of a cell each
 
 
@@ -106,6 +107,8 @@ def floor_before(
     """
     corner, level = (window[0], window[1]), math.hypot(ray[0], ray[1])
     before = math.nan
+    if level < LEAST_LEVEL:  # straight down, nothing lies before
+        return before
     for back in range(1, LOOKS_BACK + 1):
         r = due - BEFORE_M * back / level
         bx, by = origin[0] + r * ray[0], origin[1] + r * ray[1]

@@ -10,7 +10,14 @@ from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.driving import health
-from core.driving.control import NOT_ENABLED, SILENT, DriveControl, link_refusal, stop_reason
+from core.driving.control import (
+    NOT_ENABLED,
+    SILENT,
+    DriveControl,
+    link_refusal,
+    modbus_refusal,
+    stop_reason,
+)
 from core.mapping.beams.maps import BeamMaps
 from core.motion.odometry import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
@@ -192,7 +199,7 @@ def test_a_robot_that_is_faster_than_it_was_told_stops_before_it_too(factor: flo
         ({"mean_m": 0.0, "count": 9, "below": 2}, True),
         ({"mean_m": 0.0, "count": 9, "below": 1, "above": 2}, False),
         ({"count": 0, "miss": 2, "miss_bits": 0xFFFF}, True),
-        ({"count": 9, "miss": 2, "deep": 2, "miss_bits": 0xFFFF, "floor_bits": 0x0FFF}, True),
+        ({"count": 9, "miss": 2, "miss_sure": 2, "miss_bits": 0xFFFF, "floor_bits": 0x0FFF}, True),
         ({"count": 9, "miss": 2, "miss_bits": 0xFFFF, "above": 2, "mean_m": 0.2}, False),
     ],
 )
@@ -229,10 +236,26 @@ def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -
 
 def test_all_well_leaves_no_doubt_and_every_missing_bit_makes_one() -> None:
     assert stop_reason(WELL, health.RUNNING, "") == ""
+    assert stop_reason(WELL, health.DEGRADED, "")
     for bit in range(7):
         assert stop_reason(WELL & ~(1 << bit), health.RUNNING, ""), bit
     for bit in (9, 15):
         assert stop_reason(WELL | 1 << bit, health.RUNNING, ""), bit
+
+
+def test_over_modbus_nobody_drives_unless_the_settings_allow_it_and_the_motors() -> None:
+    for allowed, enabled, refusal in (
+        (False, True, "allow_drive"),
+        (True, False, NOT_ENABLED),
+        (True, True, ""),
+    ):
+        config = with_changes(
+            load_config(SHIPPED),
+            robot={"enable_motors": enabled},
+            modbus={"allow_drive": allowed},
+        )
+        assert refusal in modbus_refusal(config)
+        assert bool(modbus_refusal(config)) is bool(refusal)
 
 
 @given(

@@ -120,3 +120,17 @@ def test_an_obstacle_does_not_age() -> None:
     rest(rig, 4.0)
     rig.take(sweep_to([(3.0, 1.0, 0.0)], t_s=rig.t_s))
     np.testing.assert_array_equal(before, rig.window.cells)
+
+
+def test_old_ground_that_comes_into_a_smaller_window_is_unknown() -> None:
+    rig = free_rig(max_age_s=60.0, window=21)
+    rig.follow(-2.0, 0.0)
+    rig.t_s += 50.0
+    rest(rig, 0.04)
+    rig.follow(0.0, 0.0)
+    assert rig.state(*HERE) == FREE
+    rig.follow(-2.0, 0.0)
+    rig.t_s += 20.0
+    rest(rig, 0.04)
+    rig.follow(0.0, 0.0)
+    assert rig.state(*HERE) == UNKNOWN

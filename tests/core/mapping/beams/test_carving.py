@@ -226,6 +226,16 @@ def test_beams_that_never_come_back_prove_nothing() -> None:
     assert rig.carver.cleared == 0
 
 
+def test_before_a_robot_that_stands_a_beam_just_there_clears_what_was_seen_at_one_height() -> None:
+    rig = blocked(0.4, 0.4)
+    for stood in (False, True):
+        for _ in range(THROUGH + 2):
+            sweep = sweep_to([(4.0, 0.1, 0.393)] * 9, (0.0, 0.1, 0.393), rig.t_s)
+            rig.fill(sweep)
+            rig.carver.add(sweep, rig.ground, stood=stood)
+        assert rig.carver.cleared == int(stood)
+
+
 def test_beams_through_another_part_of_the_cell_prove_nothing() -> None:
     rig = CellRig()
     for _ in range(3):

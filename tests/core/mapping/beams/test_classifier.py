@@ -16,7 +16,7 @@ def rows(x: float, z: float = 0.0) -> list[Point]:
     return [(x, 0.025 + 0.05 * k, z) for k in range(4)]
 
 
-@given(z=st.floats(-0.5, 0.5))
+@given(z=st.floats(-0.5, 0.5).filter(lambda z: abs(abs(z) - H) > 1e-9))  # the next one's
 def test_definition_1_with_a_cell_at_a_bound_an_obstacle(z: float) -> None:
     rig = CellRig()
     rig.add((2.1, 0.1, z), *floor_around(2.1, 0.1))

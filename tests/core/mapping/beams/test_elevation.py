@@ -348,3 +348,25 @@ def test_over_ground_that_is_a_guess_only_what_stands_high_or_near_counts() -> N
         for _ in range(3):
             rig.take(sweep_to([(x_m, y_m, h_m) for y_m in (0.1, 0.3, 0.5)]), (False, False, False))
         assert (rig.cell(x_m, 0.3)["count"] > 0) == counts
+
+
+def test_a_beam_straight_down_finds_no_floor_before_and_ends_no_run() -> None:
+    rig = CellRig()
+    for _ in range(ENOUGH):
+        assert rig.add((0.0, 0.0, -0.03)) == 1  # a little lower than it should be
+    assert int(rig.cell(0.1, 0.1)["miss"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("near_m", "risen_m", "missed"), [(0.2, 0.0, True), (0.7, 0.0, False), (0.2, 0.04, False)]
+)
+def test_little_holes_are_believed_beside_floor_alone_that_has_not_risen(
+    near_m: float, risen_m: float, missed: bool
+) -> None:
+    """What rises by a few centimetres casts a shadow that looks like a hole."""
+    rig = CellRig()
+    for k in range(20):
+        rig.add((3.1 - near_m - 0.02 * (k % 3), 0.1, risen_m), (2.3, 0.1, 0.0))
+    for _ in range(ENOUGH):
+        rig.add((3.1, 0.1, -0.05))
+    assert bool(rig.cells.flat["miss"].any()) is missed

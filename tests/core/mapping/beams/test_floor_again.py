@@ -56,3 +56,17 @@ def test_what_is_seen_now_and_then_stays() -> None:
             rig.add(*line(0.0))
         rig.add(*line(0.13)[:2])
         assert rig.state(X, Y) == OBSTACLE
+
+
+def test_floor_that_is_seen_where_it_was_missed_leaves_what_stands_high_beside_it() -> None:
+    rig = CellRig()
+    for _ in range(3):
+        rig.add(*line(0.7))
+        rig.add_silent(*line(0.0, 1.0))
+    assert rig.cell(X, Y)["miss_bits"] != 0
+    mean_m = rig.cell(X, Y)["mean_m"]
+    for _ in range(FLOOR_FOR_LONG):
+        rig.add(*line(0.0, 1.0))
+    assert rig.cell(X, Y)["miss_bits"] == rig.cell(X, Y)["miss"] == 0
+    assert 0.0 < rig.cell(X, Y)["mean_m"] < mean_m  # its average goes on
+    assert rig.state(X, Y) == OBSTACLE

@@ -1,0 +1,145 @@
+"""The map through any life: scans in any order, pauses, moves, loss. It never says free unseen."""
+
+import math
+
+import numpy as np
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from core.mapping.freshness import SWEEP_S
+from core.mapping.rays import Sweep
+from core.records import FREE, OBSTACLE, UNKNOWN
+from tests.support.cell_rig import CELL_M, FOOTPRINT, HEIGHT_M, CellRig, Point, sweep_to
+
+MAX_AGE_S = 4.0
+SIZE, WINDOW = 31, 21
+LENS_M = 1.08
+PLACES = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+HEIGHTS = st.sampled_from([0.0, 0.0, 0.0, 0.01, 0.15, 0.6, -0.05, -0.3, HEIGHT_M + 0.2])
+
+
+class MapLife(RuleBasedStateMachine):
+    """What beams could know of each cell, kept in a plain dict beside the map."""
+
+    @initialize(window=st.sampled_from([WINDOW, SIZE]))
+    def begin(self, window: int) -> None:
+        """A new map."""
+        self.rig = CellRig(SIZE, window, free_max_age_s=MAX_AGE_S)
+        self.met_s: dict[tuple[int, int], float] = {}  # newest return that fell into a cell
+        self.watched_s: dict[tuple[int, int], float] = {}  # a beam ended in, or passed over it
+
+    def _take(self, sweep: Sweep) -> None:
+        rig = self.rig
+        rig.take(sweep)
+        self._forget_outside()
+        for origin, ray, r in zip(sweep.origins, sweep.rays, sweep.ranges_m[0], strict=True):
+            if not r >= 0.15:
+                continue
+            x, y, _ = origin + r * ray
+            at = rig.cells.grid.cell_of(x, y)
+            self.met_s[at] = self.watched_s[at] = sweep.t_s
+            for share in np.arange(0.0, r, 0.04):
+                x, y, _ = origin + share * ray
+                self.watched_s[rig.cells.grid.cell_of(x, y)] = sweep.t_s
+        reach = math.hypot(FOOTPRINT[0], FOOTPRINT[2])
+        for dx in np.arange(-reach, reach, 0.05):
+            for dy in np.arange(-reach, reach, 0.05):
+                self.watched_s[rig.cells.grid.cell_of(rig.x + dx, rig.y + dy)] = sweep.t_s
+
+    def _forget_outside(self) -> None:
+        grid = self.rig.cells.grid
+        for at in list(self.met_s):
+            inside = all(
+                0 <= k - corner < grid.size
+                for k, corner in zip(at, (grid.corner_i, grid.corner_j), strict=True)
+            )
+            if not inside:
+                del self.met_s[at]
+
+    @rule(
+        places=st.lists(st.tuples(PLACES, HEIGHTS), min_size=1, max_size=6), times=st.integers(1, 9)
+    )
+    def see(self, places: list[tuple[tuple[float, float], float]], times: int) -> None:
+        """Some scans of the same places around the robot."""
+        rig = self.rig
+        points: list[Point] = [(rig.x + x, rig.y + y, z) for (x, y), z in places]
+        for _ in range(times):
+            self._take(sweep_to(points, (rig.x, rig.y, LENS_M), rig.t_s))
+
+    @rule(place=PLACES, scans=st.integers(1, 30))
+    def sweep_floor(self, place: tuple[float, float], scans: int) -> None:
+        """A patch of floor of four by four cells, again and again."""
+        rig = self.rig
+        steps = CELL_M * np.arange(4)
+        points: list[Point] = [
+            (rig.x + place[0] + dx, rig.y + place[1] + dy, 0.0) for dx in steps for dy in steps
+        ]
+        for _ in range(scans):
+            self._take(sweep_to(points, (rig.x, rig.y, LENS_M), rig.t_s))
+
+    @rule(places=st.lists(PLACES, min_size=3, max_size=6))
+    def lose(self, places: list[tuple[float, float]]) -> None:
+        """A scan of beams that never come back."""
+        rig = self.rig
+        points: list[Point] = [(rig.x + x, rig.y + y, 0.0) for x, y in places]
+        sweep = sweep_to(points, (rig.x, rig.y, LENS_M), rig.t_s)
+        silent = np.full_like(sweep.ranges_m, np.nan)
+        self._take(Sweep(sweep.t_s, sweep.origins, sweep.rays, silent))
+
+    @rule(seconds=st.floats(0.0, 2 * MAX_AGE_S))
+    def wait(self, seconds: float) -> None:
+        """The scanner is silent; then a scan that shows nothing."""
+        self.rig.t_s += seconds
+        self._take(sweep_to([], t_s=self.rig.t_s))
+
+    @rule(dx=st.floats(-2.0, 2.0), dy=st.floats(-2.0, 2.0))
+    def move(self, dx: float, dy: float) -> None:
+        """The robot goes elsewhere."""
+        self.rig.follow(self.rig.x + dx, self.rig.y + dy)
+        self._forget_outside()
+
+    @rule()
+    def erase(self) -> None:
+        """The pose was lost."""
+        self.rig.cells.grid.erase()
+        self.rig.window.erase()
+        self.met_s.clear()
+
+    @invariant()
+    def free_is_what_a_beam_met_and_nothing_came_in_since(self) -> None:
+        """Never free what no beam saw, nor what nobody watched for too long."""
+        rig = self.rig
+        grid = rig.window.grid
+        for row, column in np.argwhere(rig.window.cells == FREE):
+            i = grid.corner_i + (column - grid.corner_i) % grid.size
+            j = grid.corner_j + (row - grid.corner_j) % grid.size
+            at = int(i), int(j)
+            assert at in self.met_s, f"{at} is free, and no beam ever met it"
+            age_s = rig.t_s - self.watched_s[at]
+            assert age_s <= MAX_AGE_S + SWEEP_S + 2 * rig.period_s, f"{at} was seen {age_s} s ago"
+
+    @invariant()
+    def states_are_states_and_changes_are_told_once(self) -> None:
+        """Whatever happens, the window stays a window."""
+        window = self.rig.window
+        assert np.isin(window.cells, (FREE, UNKNOWN, OBSTACLE)).all()
+        changed = window.changed[: window.used]
+        assert len(set(changed.tolist())) == len(changed)
+        assert (window.marked[changed] == 1).all()
+        assert int(window.marked.sum()) == len(changed)
+
+
+MapLife.TestCase.settings = settings(max_examples=25, stateful_step_count=20)
+test_a_map_lives_any_life = MapLife.TestCase
+
+
+def test_a_life_has_free_ground() -> None:
+    """Else the above would prove nothing."""
+    life = MapLife()
+    life.begin(WINDOW)
+    life.sweep_floor((1.0, 1.0), 30)
+    assert (life.rig.window.cells == FREE).sum() >= 4
+    life.free_is_what_a_beam_met_and_nothing_came_in_since()
+    life.wait(2 * MAX_AGE_S)
+    assert not (life.rig.window.cells == FREE).any()

@@ -44,7 +44,8 @@ def test_a_log_that_nobody_reads_stops_nobody_and_what_it_lost_is_told(
     events = [json.loads(far_end.readline())]
     while events[-1]["number"] != MANY:
         events.append(json.loads(far_end.readline()))
-    assert events[-1]["lines_dropped"] == MANY - LINES - (len(events) - 1)
+    dropped = sum(event.get("lines_dropped", 0) for event in events)  # told with the next line
+    assert dropped == MANY - LINES - (len(events) - 1) > 0
 
 
 def test_a_reader_that_has_gone_stops_nobody(pipe: tuple[IO[str], LogWriter]) -> None:

@@ -2,9 +2,12 @@
 
 import asyncio
 import contextlib
+import fcntl
 import math
 import os
 import socket
+import sys
+import termios
 import tty
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
@@ -222,6 +225,11 @@ class Line:
     def send(self, data: bytes) -> None:
         """Onto the line."""
         os.write(self.master, data)
+
+    def arrived(self) -> int:
+        """Bytes that lie at the server's end."""
+        count = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
+        return int.from_bytes(count, sys.byteorder)
 
     def listen(self) -> bytes:
         """All that was heard and not taken yet."""

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
+.PHONY: help setup run rig planner test coverage mutants check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -63,6 +63,12 @@ c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner 
 test: setup $(VENV)/.ready-test ## all tests, with progress
 	@echo "mapod: running the tests"
 	@$(BIN)/python -m pytest
+
+coverage: setup $(VENV)/.ready-test ## every branch of what says free or moves the robot, with kernels as Python: 100 % or it fails
+	@$(BIN)/python -m tests.mutation.coverage
+
+mutants: setup $(VENV)/.ready-test ## faults put into those files: their tests must see each [N=40, 0: all; SEED=1]
+	@$(BIN)/python -m tests.mutation --count $(or $(N),40) --seed $(SEED)
 
 check: $(VENV)/.ready-sim $(VENV)/.ready-test $(VENV)/.ready-lint ## format, lint, strict types
 	@$(BIN)/ruff format --check .

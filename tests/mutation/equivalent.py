@@ -6,6 +6,7 @@ UNMET = "ground that no beam of this run has met has no age, and is not free for
 MORE_CELLS = "the cells that are looked at are more; the distance of each still decides"
 
 CARVING, CLASSIFIER = "core/mapping/beams/carving.py", "core/mapping/beams/classifier.py"
+FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
 STOP_ZONE = "core/driving/stop_zone.py"
 EQUIVALENT: dict[str, str] = {
     f"{CARVING} _passes: abs(h - middle) <= half -> abs(h - middle) < half": FLOATS,
@@ -13,6 +14,8 @@ EQUIVALENT: dict[str, str] = {
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
     f"{CLASSIFIER} _state: cell.count == 0 or cell.looks < 0 -> "
     "cell.count == 0 and cell.looks < 0": UNMET,
+    f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0": FREE_ALL_OVER,
+    f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0 (2)": FREE_ALL_OVER,
     f"{STOP_ZONE} _sweep: math.floor((now[1] + reach) / cell_m) -> "
     "math.ceil((now[1] + reach) / cell_m)": MORE_CELLS,
 }

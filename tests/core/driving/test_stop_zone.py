@@ -231,8 +231,9 @@ def test_a_cell_that_only_the_farthest_corner_comes_near_to_counts(quarter: int)
     corner_rad = math.atan2(WIDTH_M / 2 + MARGIN_M, FRONT_M + MARGIN_M)
     away = math.hypot(WIDTH_M / 2 + MARGIN_M, FRONT_M + MARGIN_M) - 0.04
     c, s = round(math.cos(quarter * math.pi / 2)), round(math.sin(quarter * math.pi / 2))
-    place = (-away * c + 0.1 * s * s, -away * s + 0.1 * c * c, quarter * math.pi / 2 - corner_rad)
-    at = (0.05 * c + 0.1 * s * s, 0.05 * s + 0.1 * c * c)
+    x, y = -2.0 + 0.1 * s * s, -2.0 + 0.1 * c * c
+    place = (x - away * c, y - away * s, quarter * math.pi / 2 - corner_rad)
+    at = (x + 0.05 * c, y + 0.05 * s)
     rect = (FRONT_M, REAR_M, WIDTH_M / 2)
     for marks, is_less in (((), False), (((*at, OBSTACLE),), True)):
         grid, cells = ground(*marks)

@@ -101,6 +101,7 @@ def test_a_full_wire_is_left_alone_until_it_has_room_and_gets_nothing_outdated()
     line.settle(0.5)
     assert line.holds_what_is_meant()
     assert not line.planner.suspect
+    assert line.planner.missing == 0
 
 
 def test_a_line_that_is_too_slow_leaves_out_ticks_and_is_not_overrun() -> None:
@@ -157,6 +158,7 @@ def test_a_digest_comes_last_once_a_second_where_there_is_room() -> None:
             assert types(line)[-1] == DIGEST
             assert types(line)[-2] == MAP
     assert line.planner.accepted[DIGEST] == 4
+    assert line.planner.accepted[MAP] >= 200
     assert line.planner.digest_ok
     assert line.planner.accepted[GEOM] == 4
     full = Line(Sky(101, 2), baud=115_200)

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import textwrap
 import threading
-import time
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,7 +23,7 @@ from mapod_link import OBSTACLE, Receiver, asking, bodies, client, frames, open_
 from mapod_link.client import Link
 from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE, Frame, frame_from_bytes
 from mapod_link.serial_line import Deframer, serial_from_frame
-from mapod_link.wires import SerialWire, StreamWire, UdpWire, wire_from_url
+from mapod_link.wires import SerialWire, StreamWire
 from tests import ROOT
 from tests.support.planner_sender import NONCE, geom_body, map_body, op, pose_body, signed_frame
 
@@ -334,13 +333,3 @@ def test_a_map_over_tcp_arrives_and_the_newest_sender_begins_with_a_whole_frame(
             if hangs_up:
                 sender.close()
         assert not link.receiver.rejected
-
-
-def test_wires_tell_where_they_are() -> None:
-    wire = wire_from_url("udp://127.0.0.1:0")
-    assert isinstance(wire, UdpWire)
-    assert re.fullmatch(r"udp://127\.0\.0\.1:\d+", wire.url)
-    began_s = time.monotonic()
-    wire.wait(0.02)
-    assert time.monotonic() >= began_s
-    wire.close()

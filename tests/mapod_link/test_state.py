@@ -9,17 +9,11 @@ import pytest
 
 from mapod_link.bodies import FREE, OBSTACLE
 from mapod_link.frames import (
-    ACK,
-    ASK,
     DIGEST,
-    DRIVE,
-    EXTERNAL_POSE,
     GEOM,
-    HELLO,
     MAP,
     POSE,
     STOP_ZONE,
-    bytes_from_frame,
 )
 from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
@@ -31,7 +25,6 @@ from tests.support.planner_sender import (
     op,
     pose_body,
     receiving,
-    state_of,
     zone_body,
 )
 
@@ -49,38 +42,6 @@ def test_a_gap_makes_the_map_suspect_until_a_map_frame_says_that_it_is_repaired(
     assert not line.planner.suspect
     assert line.planner.advice(line.now_s) == ("go", "")
     assert (line.planner.gaps, line.planner.missing) == (1, 1)
-
-
-@pytest.mark.parametrize("kind", [ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE])
-def test_an_echo_of_what_goes_to_the_sender_says_nothing(kind: int) -> None:
-    line = receiving()
-    before = state_of(line.planner)
-    line.planner.feed_datagram(1.0, bytes_from_frame(kind, 30_000, 5000, bytes(16)))
-    assert state_of(line.planner) == before
-    assert line.planner.ignored_types == 1
-    line.send(POSE, pose_body())
-    assert not line.planner.suspect
-
-
-def test_maps_of_a_geometry_that_never_arrived_count_but_change_nothing() -> None:
-    line = receiving()
-    line.send(MAP, map_body(op(OBSTACLE, 45)))
-    heard_s = line.now_s
-    line.send(GEOM, geom_body(geom_id=8, width=5, height=4), lost=True)
-    line.send(MAP, map_body(op(FREE, 20), geom_id=8, repaired=100))
-    assert (line.planner.window() == OBSTACLE).all()
-    assert line.planner.suspect
-    assert line.planner.ignored_maps == 1
-    ack = line.planner.ack(line.now_s)
-    assert (ack[0], ack[2] & 0b111) == (6, 0b110)  # not the geometry, the map before it
-    assert ack[14] & 1  # NEED_GEOM
-    line.send(POSE, pose_body())
-    assert line.planner.stale(heard_s + 0.16)  # a map that is ignored renews nothing
-    line.send(GEOM, geom_body(geom_id=8, width=5, height=4))
-    assert line.planner.blank
-    line.send(MAP, map_body(op(FREE, 20), geom_id=8))
-    assert line.planner.window().tolist() == [[FREE] * 5] * 4
-    assert not line.planner.ack(line.now_s)[14] & 0b1001
 
 
 def test_a_window_larger_than_the_receiver_holds_is_refused_and_said() -> None:

@@ -135,13 +135,6 @@ def test_it_works_across_the_wrap_of_clock_numbers_and_origin() -> None:
     assert window[2].tolist() == [1] * 8 + [0]
 
 
-def test_a_new_session_forgets_pose_and_map_of_the_old_one() -> None:
-    line = Line(seq=500).begin()
-    assert line.repeat(GEOM, geom_body(session=5), 1)
-    state = line.receiver.state(line.now_s)
-    assert (state.last, state.mask, state.blank, state.has_pose) == (1, 0, True, False)
-
-
 def test_a_window_that_is_too_large_leaves_no_map() -> None:
     line = Line().begin()
     line.send(GEOM, geom_body(8, width=11, height=10))
@@ -154,16 +147,6 @@ def test_a_window_that_is_too_large_leaves_no_map() -> None:
     line.send(POSE, pose_body())
     line.send(MAP, map_body(FREE_ROW, geom_id=9))
     assert line.advice() == ("go", "")
-
-
-def test_after_a_minutes_silence_numbers_say_nothing_and_all_is_unknown() -> None:
-    line = Line().begin()
-    t_ms = round(line.now_s * 1000)
-    line.now_s += 59
-    assert not line.repeat(POSE, pose_body(), line.seq - 1, t_ms + 59_999)
-    assert line.receiver.window().any()
-    assert line.repeat(POSE, pose_body(), line.seq - 1, t_ms + 60_000)
-    assert not line.receiver.window().any()
 
 
 def test_a_digest_that_differs_stops_the_planner_and_asks_for_everything() -> None:
@@ -197,20 +180,6 @@ def test_echoes_of_what_travels_the_other_way_are_left_alone() -> None:
         assert line.send(kind, bytes(3))
     assert line.receiver.accepted["unknown_type"] == 4
     assert not line.receiver.suspect
-
-
-def test_with_a_key_frames_of_the_past_are_not_taken_up_again() -> None:
-    line = Line(KEY).begin()
-    t_ms = round(line.now_s * 1000)
-    assert not line.send(POSE, pose_body(), t_ms=t_ms - 1)
-    line.session = 6
-    assert line.send(GEOM, geom_body(session=6))
-    line.session = SESSION
-    assert not line.send(GEOM, geom_body())
-    assert line.receiver.state(line.now_s).auth_failed
-    assert line.receiver.rejected == {"tag": 1}
-    line.receiver.poll(line.now_s)
-    assert line.receiver.poll(line.now_s + 0.3)[0][0] == 0x19
 
 
 def test_a_receiver_that_only_asks_says_so_and_acknowledges_nothing() -> None:

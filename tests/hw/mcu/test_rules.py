@@ -15,29 +15,26 @@ from mapod_link.frames import (
     STOP_ZONE,
     TILE,
     bytes_from_frame,
-    signed_bytes_from_frame,
 )
 from tests.support.c_link import NO_YAW, NOT_KNOWN, Ask, CReceiver, ExternalPose
 from tests.support.planner_sender import (
     GOOD_HEALTH,
     NONCE,
-    SESSION,
     geom_body,
     map_body,
     op,
     pose_body,
 )
 
-KEY = bytes(range(32))
 FREE_ROW = op(1, 9)
 
 
 class Line:
     """A sender without a mind, and its receiver."""
 
-    def __init__(self, key: bytes | None = None, seq: int = 0, max_cells: int = 100) -> None:
-        self.receiver = CReceiver(NONCE, key=key, max_cells=max_cells)
-        self.seq, self.now_s, self.key, self.session = seq, 10.0, key, SESSION
+    def __init__(self, seq: int = 0) -> None:
+        self.receiver = CReceiver(NONCE, max_cells=100)
+        self.seq, self.now_s = seq, 10.0
 
     def send(self, kind: int, body: bytes, *, lost: bool = False, t_ms: int | None = None) -> bool:
         """The next frame; whether it was accepted."""
@@ -47,13 +44,7 @@ class Line:
     def repeat(self, kind: int, body: bytes, seq: int, t_ms: int | None = None) -> bool:
         """A frame with a number of the caller's choice."""
         t_ms = round(self.now_s * 1000) if t_ms is None else t_ms
-        numbers = kind, seq, t_ms, body
-        frame = (
-            signed_bytes_from_frame(*numbers, self.key, self.session, NONCE)
-            if self.key
-            else bytes_from_frame(*numbers)
-        )
-        return self.receiver.feed_datagram(self.now_s, frame)
+        return self.receiver.feed_datagram(self.now_s, bytes_from_frame(kind, seq, t_ms, body))
 
     def begin(self) -> "Line":
         """Geometry 7, a pose, and a row of FREE cells."""

@@ -19,7 +19,6 @@ from mapod_link.frames import (
     POSE,
     Frame,
     bytes_from_frame,
-    frame_from_bytes,
     tag_is_right,
 )
 from mapod_link.receiver import OUTBOX, Receiver
@@ -33,6 +32,7 @@ from tests.support.planner_sender import (
     receiving,
     signed_frame,
     vector,
+    whole,
 )
 
 KEY = bytes(range(32))
@@ -40,8 +40,7 @@ KEY = bytes(range(32))
 
 def frames_of(receiver: Receiver, now_s: float) -> list[Frame]:
     """What the receiver sends now."""
-    frames = [frame_from_bytes(data) for data in receiver.poll(now_s)]
-    return [frame for frame in frames if not isinstance(frame, str)]
+    return whole(receiver.poll(now_s))
 
 
 def answers(receiver: Receiver, now_s: float) -> list[tuple[int, int]]:

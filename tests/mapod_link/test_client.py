@@ -21,11 +21,19 @@ import pytest
 import mapod_link
 from mapod_link import OBSTACLE, Receiver, asking, bodies, client, frames, open_link
 from mapod_link.client import Link
-from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE, Frame, frame_from_bytes
+from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE
 from mapod_link.serial_line import Deframer, serial_from_frame
 from mapod_link.wires import SerialWire, StreamWire
 from tests import ROOT
-from tests.support.planner_sender import NONCE, geom_body, map_body, op, pose_body, signed_frame
+from tests.support.planner_sender import (
+    NONCE,
+    geom_body,
+    map_body,
+    op,
+    pose_body,
+    signed_frame,
+    whole,
+)
 
 PATIENCE_S = 20.0
 
@@ -42,12 +50,6 @@ def has_map(receiver: Receiver) -> bool:
 
 def port_of(link: Link) -> int:
     return int(link.url.rsplit(":", 1)[1])
-
-
-def whole(datagrams: list[bytes]) -> list[Frame]:
-    """The frames, all of them valid."""
-    read = [frame_from_bytes(data) for data in datagrams]
-    return [frame for frame in read if not isinstance(frame, str)]
 
 
 # Documents

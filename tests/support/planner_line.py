@@ -1,7 +1,6 @@
 """A sender and the fakes' receiver on a line that loses frames, for tests of the planner link."""
 
 import random
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,9 +8,7 @@ import numpy.typing as npt
 from core.records import FREE, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort
-from hw.device import Port
 from hw.planner_link.receivers import one_link
-from hw.planner_link.sender import PlannerLink
 from hw.planner_link.tiles import F32, TileSource
 from mapod_link.serial_line import serial_from_frame
 
@@ -120,12 +117,6 @@ class HeldPort(MemoryPort):
         """The test alone decides."""
 
 
-def link_on(port: Port, **changes: Any) -> PlannerLink:
-    """A sender without a key, of 50 frames a second, on a wire that is no serial line."""
-    usual: dict[str, Any] = {"size": 9, "cell_mm": 50, "session": 0x5A17C0DE, "tick_s": 0.02}
-    return one_link(port, **{**usual, "stale_ms": 150, **changes})
-
-
 class Line:
     """A sender and a receiver with a wire in between that may lose frames."""
 
@@ -149,7 +140,7 @@ class Line:
     ) -> None:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss
         self.port = port or MemoryPort(datagrams=baud is None)
-        self.link = link_on(
+        self.link = one_link(
             self.port, size=sky.size, cell_mm=200, session=session, tick_s=1 / rate_hz,
             line_baud=baud, key=key, first_seq=first_seq, push=push,
         )  # fmt: skip

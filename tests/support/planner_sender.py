@@ -10,7 +10,7 @@ import zlib
 from typing import Generic, TypeVar
 
 from fakes.planner_mcu.receiver import FakePlanner
-from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame, int16
+from mapod_link.frames import GEOM, MAP, POSE, Frame, bytes_from_frame, frame_from_bytes, int16
 from mapod_link.receiver import Receiver
 from tests import ROOT
 
@@ -22,6 +22,12 @@ NONCE = 0x11223344
 
 def vector(name: str) -> bytes:
     return bytes.fromhex(VECTORS[name])
+
+
+def whole(datagrams: list[bytes]) -> list[Frame]:
+    """The frames, those of them that are valid."""
+    read = [frame_from_bytes(data) for data in datagrams]
+    return [frame for frame in read if not isinstance(frame, str)]
 
 
 def geom_body(

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from fakes.wires.memory import MemoryPort
+from hw.planner_link.receivers import one_link
 from tests.support.c_board import build_firmware
-from tests.support.planner_line import POSE_REPORT, Sky, link_on
+from tests.support.planner_line import POSE_REPORT, Sky
 from tools.rig.board import Board
 
 FREE, OBSTACLE = 1, 2
@@ -24,7 +25,9 @@ class Wire:
 
     def __init__(self, board: Board, size: int, key: bytes | None = None) -> None:
         self.board, self.sky, self.port = board, Sky(size, seed=4), MemoryPort()
-        self.link = link_on(self.port, size=size, tick_s=TICK_S, line_baud=115_200, key=key)
+        self.link = one_link(
+            self.port, size=size, session=0x5A17C0DE, tick_s=TICK_S, line_baud=115_200, key=key
+        )
         self.now_s, self.random, self.lost, self.sent = 50.0, random.Random(9), 0, 0
         self.noise = 0  # bad frames that are none of the sender's
 

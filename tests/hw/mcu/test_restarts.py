@@ -5,8 +5,9 @@ import numpy.typing as npt
 import pytest
 
 from fakes.wires.wire import MemoryPort
+from hw.planner_link.receivers import one_link
 from tests.support.c_link import CReceiver
-from tests.support.planner_line import POSE_REPORT, Sky, link_on
+from tests.support.planner_line import POSE_REPORT, Sky
 
 SIZE, TICK_S, KEY, NONCE = 31, 0.02, bytes(range(32)), 5
 
@@ -24,7 +25,7 @@ class Runs:
         """The next run; nothing of the one before is on the wire any more."""
         self._session += 1
         self.port = MemoryPort(datagrams=True)
-        self.link = link_on(self.port, size=SIZE, session=self._session, key=self._key)
+        self.link = one_link(self.port, size=SIZE, session=self._session, key=self._key)
         self.sky.epoch += 1
 
     def run(self, seconds: float) -> None:

@@ -30,6 +30,7 @@ from hw.planner_link.tiles import F32, MOST_REFUSALS, Tiles, pack_values
 from mapod_link.asking import hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
 from tests.support.planner_line import ZONE, Line, Sky, SkyTiles
+from tests.support.planner_sender import whole
 
 NAN = math.nan
 
@@ -78,9 +79,7 @@ def ask(line: Line, ask_id: int, layer: int, rectangle: tuple[int, int, int, int
 def pieces(line: Line) -> list[tuple[int, ...]]:
     """What the last tick's TILE frames say: all fields up to `first`, and `count`."""
     found = []
-    for data in line.frames:
-        frame = frame_from_bytes(data)
-        assert not isinstance(frame, str)
+    for frame in whole(line.frames):
         if frame.type == TILE:
             head = TILE_HEAD.unpack_from(frame.body)
             found.append((*head[:7], int.from_bytes(head[7], "little"), head[9]))

@@ -14,8 +14,9 @@ from core.records import I32, U8, ObstacleMap
 from fakes.wires.wire import MemoryPort
 from hw.planner_link.kernels import BLOCK, EVERY, LOST_ANY, NEAR, REFRESH, REST, URGENT
 from hw.planner_link.published import PublishedMap
+from hw.planner_link.receivers import one_link
 from mapod_link.frames import Frame, bytes_from_frame, frame_from_bytes
-from tests.support.planner_line import POSE_REPORT, ZONE, HeldPort, Sky, SkyTiles, link_on
+from tests.support.planner_line import POSE_REPORT, ZONE, HeldPort, Sky, SkyTiles
 
 GEOM, MAP, DIGEST = 1, 3, 4
 
@@ -145,7 +146,7 @@ class Run:
         self.sky = Sky(size, seed, (32_760, -32_770))
         self.port: MemoryPort = HeldPort(datagrams=True)
         self.loss, self.now_s = loss, 1000.0
-        self.link = link_on(self.port, size=size, session=seed, line_baud=baud, first_seq=65_000)
+        self.link = one_link(self.port, size=size, session=seed, line_baud=baud, first_seq=65_000)
         self.end = SlowReceiver(self.sky.corner)
         self.acks: list[tuple[float, bytes]] = []  # on their way
         self.repaired: dict[int, int] = {}  # newest by epoch

@@ -20,6 +20,7 @@ from hw.planner_link.frames import (
 from hw.planner_link.scheduler import FrameScheduler
 from mapod_link.frames import Frame, frame_from_bytes
 from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
+from tests.support.planner_sender import whole
 
 INF, NAN = math.inf, math.nan
 
@@ -117,8 +118,7 @@ def test_a_line_that_is_too_slow_leaves_out_ticks_and_is_not_overrun() -> None:
 
 def types(line: Line) -> list[int]:
     """The types of the last tick's frames, in their order; UDP."""
-    frames = [frame_from_bytes(data) for data in line.frames]
-    return [frame.type for frame in frames if not isinstance(frame, str)]
+    return [frame.type for frame in whole(line.frames)]
 
 
 def test_the_stop_zone_comes_every_100_ms_and_at_once_when_it_changes() -> None:

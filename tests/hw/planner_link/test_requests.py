@@ -11,12 +11,12 @@ from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
 from hw.planner_link.frames import DRIVE, encode_frame, encode_serial
 from hw.planner_link.messages import Drive, decode_answer
+from hw.planner_link.receivers import one_link
 from hw.planner_link.replay_guard import MOST_COMMANDERS, ReplayGuard
 from hw.planner_link.requests import Requests
 from mapod_link.asking import drive_body
 from mapod_link.frames import DRIVE as FAKE_DRIVE
 from mapod_link.frames import bytes_from_frame
-from tests.support.planner_line import link_on
 from tests.support.planner_sender import vector
 
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
@@ -200,7 +200,9 @@ def test_a_link_takes_requests_and_poses_where_it_may_and_counts_why_not(
     name: str, serial: bool, damaged: bool, key: bytes | None, refusal: str, reason: str
 ) -> None:
     port = MemoryPort(datagrams=not serial)
-    link = link_on(port, key=key, drive_refusal=refusal, pose_refusal=refusal)
+    link = one_link(
+        port, size=9, session=SESSION, key=key, drive_refusal=refusal, pose_refusal=refusal
+    )
     frame = bytearray(vector(name))
     frame[20] ^= damaged
     port.give(encode_serial(bytes(frame)) if serial else bytes(frame))

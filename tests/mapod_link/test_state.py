@@ -17,8 +17,8 @@ from mapod_link.frames import (
 )
 from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
-    GOOD_HEALTH,
     NONCE,
+    STOPS,
     Line,
     geom_body,
     map_body,
@@ -110,18 +110,7 @@ def test_what_the_stop_zone_allows_is_for_both_ways_and_grows_old() -> None:
     assert line.planner.stop_zone is None
 
 
-@pytest.mark.parametrize(
-    ("health", "mode", "why"),
-    [
-        (GOOD_HEALTH, 4, "mode 4"),
-        (GOOD_HEALTH, 0, "mode 0"),
-        (GOOD_HEALTH & ~(1 << 4), 1, "pose not valid"),
-        (GOOD_HEALTH & ~(1 << 5), 1, "map not valid"),
-        (GOOD_HEALTH | 1 << 7, 1, "drop-off ahead"),
-        (GOOD_HEALTH | 1 << 9, 2, "attitude out of range"),
-        (GOOD_HEALTH | 1 << 15, 2, "operator stop"),
-    ],
-)
+@pytest.mark.parametrize(("health", "mode", "why"), STOPS)
 def test_the_planner_stops_for_what_the_pose_frame_says(health: int, mode: int, why: str) -> None:
     line = receiving()
     line.send(POSE, pose_body(health, mode))

@@ -16,6 +16,12 @@ from tests import ROOT
 
 VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
 GOOD_HEALTH = 0x007F
+STOPS = [  # health and mode in a POSE frame, and why a planner stops for them
+    (GOOD_HEALTH, 0, "mode 0"), (GOOD_HEALTH, 3, "mode 3"), (GOOD_HEALTH, 4, "mode 4"),
+    (GOOD_HEALTH & ~0x10, 1, "pose not valid"), (GOOD_HEALTH & ~0x20, 1, "map not valid"),
+    (GOOD_HEALTH | 0x80, 1, "drop-off ahead"), (GOOD_HEALTH | 0x200, 2, "attitude out of range"),
+    (GOOD_HEALTH | 0x8000, 2, "operator stop"),
+]  # fmt: skip
 SESSION = 0x5A17C0DE
 NONCE = 0x11223344
 

@@ -20,6 +20,7 @@ from tests.support.c_link import NO_YAW, NOT_KNOWN, Ask, CReceiver, ExternalPose
 from tests.support.planner_sender import (
     GOOD_HEALTH,
     NONCE,
+    STOPS,
     geom_body,
     map_body,
     op,
@@ -70,23 +71,11 @@ def test_it_is_blank_and_says_stop_until_the_first_map() -> None:
     assert line.receiver.window()[0].tolist() == [1] * 9
 
 
-@pytest.mark.parametrize(
-    ("health", "mode", "why"),
-    [
-        (GOOD_HEALTH, 0, "mode"),
-        (GOOD_HEALTH, 3, "mode"),
-        (GOOD_HEALTH, 4, "mode"),
-        (GOOD_HEALTH & ~0x10, 1, "pose not valid"),
-        (GOOD_HEALTH & ~0x20, 1, "map not valid"),
-        (GOOD_HEALTH | 0x200, 1, "attitude out of range"),
-        (GOOD_HEALTH | 0x80, 2, "drop-off ahead"),
-        (GOOD_HEALTH | 0x8000, 2, "operator stop"),
-    ],
-)
+@pytest.mark.parametrize(("health", "mode", "why"), STOPS)
 def test_each_line_of_the_table_stops_the_planner(health: int, mode: int, why: str) -> None:
     line = Line().begin()
     line.send(POSE, pose_body(health, mode))
-    assert line.advice() == ("stop", why)
+    assert line.advice() == ("stop", "mode" if why.startswith("mode") else why)
     line.send(POSE, pose_body(GOOD_HEALTH, 2))
     assert line.advice() == ("go", "")
 

@@ -9,11 +9,14 @@ import pytest
 
 from mapod_link.bodies import FREE, OBSTACLE
 from mapod_link.frames import (
+    ACK,
     DIGEST,
+    EXTERNAL_POSE,
     GEOM,
     MAP,
     POSE,
     STOP_ZONE,
+    bytes_from_frame,
 )
 from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
@@ -25,6 +28,7 @@ from tests.support.planner_sender import (
     op,
     pose_body,
     receiving,
+    state_of,
     zone_body,
 )
 
@@ -42,6 +46,17 @@ def test_a_gap_makes_the_map_suspect_until_a_map_frame_says_that_it_is_repaired(
     assert not line.planner.suspect
     assert line.planner.advice(line.now_s) == ("go", "")
     assert (line.planner.gaps, line.planner.missing) == (1, 1)
+
+
+@pytest.mark.parametrize("kind", range(ACK, EXTERNAL_POSE + 1))
+def test_an_echo_of_what_goes_to_the_sender_says_nothing(kind: int) -> None:
+    line = receiving()
+    before = state_of(line.planner)
+    line.planner.feed_datagram(1.0, bytes_from_frame(kind, 30_000, 5000, bytes(16)))
+    assert state_of(line.planner) == before
+    assert line.planner.ignored_types == 1
+    line.send(POSE, pose_body())
+    assert not line.planner.suspect
 
 
 def test_a_window_larger_than_the_receiver_holds_is_refused_and_said() -> None:

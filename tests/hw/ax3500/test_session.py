@@ -286,18 +286,6 @@ def test_counters_that_are_not_told_are_a_loss_with_its_cause(
     assert bench.cause == f"no counters for 2 s: {why}"
 
 
-def test_noise_of_another_device_does_not_stop_the_search() -> None:
-    bench = FakeBench()
-    bench.fake.deaf = True
-    for _ in range(100):
-        bench.port.give(b"\x02sRA junk\x03\r\x01\r")
-        bench.run(0.05)
-    assert bench.cause != ""
-    bench.fake.deaf = False
-    bench.run(3.0)
-    assert bench.state == "running"
-
-
 @given(offset=st.integers(0, 400), mask=st.integers(1, 127), dropped=st.booleans())
 def test_any_byte_altered_or_lost_is_survived(offset: int, mask: int, dropped: bool) -> None:
     bench = moving(mode="rc", enter=True)

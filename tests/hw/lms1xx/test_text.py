@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hw.lms1xx.cola import PayloadError
 from hw.lms1xx.cola_fields import TextFields, number
-from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, new_parser
+from hw.lms1xx.telegrams import MAX_BEAMS, Refusal, ScanTelegram, new_parser
 from tests import VECTORS
 from tests.support.lms111_vectors import FRAMES, texted
 from tests.support.lms111_vectors import TEXTS as PLAIN
@@ -83,15 +83,6 @@ def test_a_tim781_is_read_in_its_real_segments() -> None:
         assert scan.scan_hz == 15.0
     first = np.frombuffer(TIM781, ">u2", 811, TIM781.index(b"DIST1") + 21)
     np.testing.assert_array_equal(scans[0].channels["DIST1"].raw, first)
-
-
-def test_refusals_and_answers_are_read() -> None:
-    assert fed(TEXTS["write denied"]) == [Refusal(0x0A, "ascii")]
-    assert fed(b"\x02sFA 1A\x03\x02sAN Run 1\x03\x02sWA LMPoutputRange\x03") == [
-        Refusal(0x1A, "ascii"),
-        Answer("sAN", "Run", b"1", "ascii"),
-        Answer("sWA", "LMPoutputRange", b"", "ascii"),
-    ]
 
 
 def test_numbers_are_read_leniently_and_never_wrongly() -> None:

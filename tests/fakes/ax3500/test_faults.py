@@ -129,11 +129,11 @@ def test_without_its_encoder_module_it_says_so_and_counts_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("property_", "sent"),
-    [({"echoes": False}, b"70\r6C\r"), ({"lf_after_cr": True}, b"?E\r\n70\r\n6C\r\n")],
+    ("echoes", "lf_after_cr", "sent"),
+    [(False, False, b"70\r6C\r"), (True, True, b"?E\r\n70\r\n6C\r\n")],
 )
-def test_what_goes_with_an_answer_may_differ(property_: dict[str, bool], sent: bytes) -> None:
-    assert Bench(**property_).run(0.0, b"?E\r") == sent
+def test_what_goes_with_an_answer_may_differ(echoes: bool, lf_after_cr: bool, sent: bytes) -> None:
+    assert Bench(echoes=echoes, lf_after_cr=lf_after_cr).run(0.0, b"?E\r") == sent
 
 
 def test_it_may_enter_rs232_mode_without_a_word() -> None:

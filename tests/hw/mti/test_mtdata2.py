@@ -155,9 +155,8 @@ def received(at_s: float, **fields: object) -> Received:
 
 @pytest.mark.parametrize("rate_first", [False, True])
 def test_orientation_and_rate_of_one_instant_become_one_sample(rate_first: bool) -> None:
-    orientation: dict[str, object] = {"q_earth_sensor": Q}
-    parts = [orientation, {"rate_radps": RATE}]
-    first, second = reversed(parts) if rate_first else parts
+    parts: list[dict[str, object]] = [{"q_earth_sensor": Q}, {"rate_radps": RATE}]
+    first, second = parts[::-1] if rate_first else parts
     merger = SampleMerger(0.01)
     assert merger.take(received(1.0, fine_ticks=100, counter=1, **first)) == []
     [whole] = merger.take(received(1.001, fine_ticks=100, counter=2, **second))

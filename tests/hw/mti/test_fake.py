@@ -120,13 +120,6 @@ def test_every_model_is_found_again_after_a_brown_out(model: str, forgets: bool)
     assert len(bench.run(1.0)) == pytest.approx(100, abs=2)
 
 
-def test_a_rate_beyond_the_device_is_said() -> None:
-    bench = bench_of("MTi-3", 200.0)
-    bench.run(5.0)
-    assert bench.state() == "running"
-    assert "at 100 Hz, not 200" in bench.cause()
-
-
 class Life(RuleBasedStateMachine):
     """Faults come and go; once they are gone attitudes come again, at their instants."""
 

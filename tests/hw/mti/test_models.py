@@ -24,15 +24,6 @@ class Split(ScriptedNew):
         return first + framed(0x36, stamp + struct.pack(">HB3f", 0x8020, 12, 0.01, -0.02, 0.25))
 
 
-@pytest.mark.parametrize("device_type", [Scripted, ScriptedNew])
-def test_a_device_that_wakes_up_as_it_is_found_runs(device_type: type[Scripted]) -> None:
-    device = device_type()
-    device.measuring, device.unasked = False, wire("WakeUp")
-    bench = Bench(device)
-    assert bench.run_until("running", 3.0), bench.cause()
-    assert device.heard[0] == wire("WakeUpAck") or wire("WakeUpAck") in device.heard
-
-
 def test_a_device_that_keeps_north_east_down_is_turned() -> None:
     device = Scripted()  # an MTi-G
     device.answers[wire("ReqDID")] = framed(0x01, bytes.fromhex("01500618"))

@@ -289,6 +289,18 @@ def test_nothing_is_commanded_where_motors_are_disabled() -> None:
         motors.sent(1, 0)
 
 
+def test_zero_wished_during_the_trouble_does_not_end_it() -> None:
+    motors = idle_motors()
+    assert motors.maybe_command("too hot") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.2)
+    assert motors.why_off.endswith("too hot")
+    assert motors.maybe_command("") is None
+    motors.wish(0.0, 0.0)
+    motors.look(1.3)
+    assert motors.why_off == ""
+
+
 def test_after_a_restart_nothing_moves_before_the_status_is_told_anew() -> None:
     bench = motor_bench()
     bench.fake.boot_s = 0.05

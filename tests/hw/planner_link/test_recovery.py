@@ -6,6 +6,7 @@ import pytest
 
 from hw.planner_link.frames import ACK, GEOM
 from mapod_link.frames import bytes_from_frame
+from tests.support.cases import few
 from tests.support.planner_line import ZONE, HeldPort, Line, Sky
 
 KEY = bytes(range(32))

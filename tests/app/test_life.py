@@ -212,7 +212,7 @@ def test_a_wrong_baud_rate_is_thought_of(house: House) -> None:
 # --- in simulated time
 
 
-@pytest.mark.parametrize(("name", "gone_s"), [("scanner"), ("ahrs", 8.0), ("drive", 8.0)])
+@pytest.mark.parametrize(("name", "gone_s"), [("scanner", 60.0), ("ahrs", 8.0), ("drive", 8.0)])
 def test_a_long_time_without_a_device_is_survived_by_the_others(name: str, gone_s: float) -> None:
     loop = ClosedLoop()
     loop.run(6)

@@ -68,6 +68,7 @@ def test_faults_are_drawn_alike_for_one_seed_and_can_be_ordered(loop: Loop) -> N
     assert {name.partition(".")[0] for name in drawn} == set(DRAWN_DEVICES)
 
 
+@pytest.mark.slow
 def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     fault = BY_TITLE["scanner.wire.mute"]
     outcome = drive_with(fault)

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test coverage mutants check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
+.PHONY: help setup run rig planner test test-all nightly coverage mutants check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -60,9 +60,23 @@ c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner 
 	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
 	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 
-test: setup $(VENV)/.ready-test ## all tests, with progress
-	@echo "mapod: running the tests"
-	@$(BIN)/python -m pytest
+# The drives of one file share what they look at, so a file stays in one process.
+PYTEST := $(BIN)/python -m pytest
+PARALLEL := -n auto --maxprocesses 8 --dist loadfile
+
+test: setup $(VENV)/.ready-test ## the tests, on all cores: none of them looks at the clock
+	@echo "mapod: running the tests, but not the slow ones and those in real time (make test-all)"
+	@$(PYTEST) $(PARALLEL) -m "not slow and not real_time"
+
+test-all: test ## the tests, then the slow ones, those in real time one by one, and the C under sanitizers
+	@echo "mapod: running the slow tests"
+	@$(PYTEST) $(PARALLEL) -m "slow and not real_time"
+	@echo "mapod: running the tests in real time"
+	@$(PYTEST) -n 0 -m real_time
+	@$(MAKE) --no-print-directory coverage c-sanitize
+
+nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
+	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"
 
 coverage: setup $(VENV)/.ready-test ## every branch of what says free or moves the robot, with kernels as Python: 100 % or it fails
 	@$(BIN)/python -m tests.mutation.coverage

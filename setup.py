@@ -76,7 +76,7 @@ class BuildUnderOneName(build_py):
 
     def run(self) -> None:
         """Build; an editable install takes the files where they are."""
-        super().run()  # type: ignore[no-untyped-call]
+        super().run()
         if self.editable_mode:
             return
         built = {path.name: moved(path.read_bytes(), path) for path in ROOT.glob("mapod/*.py")}
@@ -88,4 +88,4 @@ class BuildUnderOneName(build_py):
             target.write_bytes(content)
 
 
-setup(cmdclass={"build_py": BuildUnderOneName})  # type: ignore[no-untyped-call]
+setup(cmdclass={"build_py": BuildUnderOneName})

@@ -1,5 +1,6 @@
 """Test settings for the whole house: hypothesis repeats the same cases on every machine.
 
+The profile `nightly` (make nightly) tries others each time.
 A test that needs a program which is not installed is skipped; where CI is set, it fails.
 """
 
@@ -18,6 +19,9 @@ settings.register_profile(
     deadline=None,
     max_examples=60,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+)
+settings.register_profile(
+    "nightly", parent=settings.get_profile("mapod"), derandomize=False, max_examples=1000
 )
 settings.load_profile("mapod")
 

@@ -136,7 +136,7 @@ def run_program(codec: str, program: bytes) -> None:
         steps += 1
         check_measured(device.step(now_s))
         port.take()
-    held = len(pickle.dumps([device._parser, getattr(device, "stream", None)]))
+    held = len(pickle.dumps([device._intake._parser, getattr(device, "stream", None)]))
     assert held <= MOST_HELD, f"holds {held} bytes"
 
 

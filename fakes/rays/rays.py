@@ -82,9 +82,10 @@ class Rays:
             (n,), or (2, n) with the second echoes of a scene that has them; -inf where a beam came
             back dazzled.
         """
-        bodies, turns = poses_at(times_s)
+        # Of one layout, whoever gives them: the kernels are compiled for that one.
+        bodies, turns, bearings = map(np.ascontiguousarray, (*poses_at(times_s), bearings_rad))
         lens, errors = (LENS_BODY_M, R_BODY_LENS), self._errors
-        beams = Beams(bodies, turns, *lens, bearings_rad, self._pattern, errors.beam_rad)
+        beams = Beams(bodies, turns, *lens, bearings, self._pattern, errors.beam_rad)
         since_begin_s = times_s - begin_s
         passers = self._passers.between(since_begin_s[0], since_begin_s[-1])
         echoes, azimuths = echoes_of_beams(
@@ -130,9 +131,10 @@ class _Passers:
         self.parts: tuple[Part, ...] = (*(part for _, part in self._of_movers), *walking)
         stays = [(mover.from_s, mover.until_s) for mover, _ in self._of_movers]
         self._stays_s = np.array([*stays, *[(-math.inf, math.inf)] * len(walking)]).reshape(-1, 2)
-        self._radii_m = np.array([part.radius_m for part in self.parts])
-        self._halves_m = np.array([part.half_m or (0.0, 0.0) for part in self.parts]).reshape(-1, 2)
-        self._spans_m = np.array([part.z for part in self.parts]).reshape(-1, 2)
+        halves_m = [part.half_m or (0.0, 0.0) for part in self.parts]
+        self._radii_m = np.array([part.radius_m for part in self.parts], dtype=float)
+        self._halves_m = np.array(halves_m, dtype=float).reshape(-1, 2)
+        self._spans_m = np.array([part.z for part in self.parts], dtype=float).reshape(-1, 2)
 
     def between(self, first_s: float, last_s: float) -> Passers:
         """For a sweep from first_s to last_s, seconds since the world's begin."""

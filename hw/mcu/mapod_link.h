@@ -764,7 +764,7 @@ static uint32_t mapod_p_close(struct mapod_talk *talk, const struct mapod_link *
     mapod_p_put16(&out[2], talk->seq);
     mapod_p_put32(&out[4], now_ms);
 #ifdef MAPOD_LINK_AUTH
-    if ((link->key != NULL) && mapod_p_is(link, MAPOD_P_HAS_GEOM) && (type != MAPOD_P_HELLO)) {
+    if ((link->key != NULL) && mapod_p_is(link, MAPOD_P_HAS_GEOM)) { /* else: no session yet */
         out[1] = MAPOD_P_AUTH;
         mapod_p_tag(link, link->geom.session, out, size, &out[size]);
         size += 8u;

@@ -80,7 +80,7 @@ def test_without_any_device_it_runs_tells_the_planner_so_and_ends_cleanly(
         try:
             frames = [planner.recv(2048) for _ in range(60)]
             process.send_signal(ending)
-            _, log = process.communicate(timeout=20)
+            _, log = process.communicate(timeout=120)
         finally:
             process.kill()
     assert process.returncode == 0

@@ -63,9 +63,7 @@ class Episode:
         self.house.until(lambda: not self.house.health & OK[self.name] and self.changes)
 
     def until_back(self) -> None:
-        self.house.until(
-            lambda: self.house.all_run() and self.changes[-1]["state"] == "running", 20.0
-        )
+        self.house.until(lambda: self.house.all_run() and self.changes[-1]["state"] == "running")
 
 
 @pytest.mark.real_time
@@ -75,7 +73,7 @@ def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: Ho
     house.scanner_wire = None
     house.plug_in("drive", house.drive)
     house.start()
-    house.until(lambda: house.health & OK["drive"], 60.0)
+    house.until(lambda: house.health & OK["drive"])
     house.run(1.0)
     assert house.health & 7 == OK["drive"]
     assert house.has_said("scanner", f"connection refused by 127.0.0.1:{house.scanner_port}")
@@ -186,7 +184,7 @@ def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
     stranger.baud, stranger.mode = 115_200, "rc"
     episode = Episode(house, "ahrs")
     house.plug_in("ahrs", stranger)
-    house.until(lambda: house.has_said("ahrs", "seems to be a Roboteq", episode.since), 20.0)
+    house.until(lambda: house.has_said("ahrs", "seems to be a Roboteq", episode.since))
     house.plug_in("ahrs", house.ahrs)
     episode.until_back()
     house.run(0.5)
@@ -194,7 +192,7 @@ def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
     sensor = house.new_ahrs()
     sensor.baud = 9600
     house.plug_in("drive", sensor)
-    house.until(lambda: house.has_said("drive", "seems to be an Xsens MTi", episode.since), 20.0)
+    house.until(lambda: house.has_said("drive", "seems to be an Xsens MTi", episode.since))
     house.plug_in("drive", house.drive)
     episode.until_back()
 
@@ -205,7 +203,7 @@ def test_a_wrong_baud_rate_is_thought_of(house: House) -> None:
     sensor = house.new_ahrs()
     sensor.baud = 57_600
     house.plug_in("ahrs", sensor)
-    house.until(lambda: house.has_said("ahrs", "baud rate", episode.since), 20.0)
+    house.until(lambda: house.has_said("ahrs", "baud rate", episode.since))
     house.plug_in("ahrs", house.ahrs)
     episode.until_back()
     episode.check(most_lines=10)

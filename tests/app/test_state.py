@@ -246,7 +246,7 @@ def test_the_process_loads_a_map_tells_its_obstacles_and_saves_when_asked(
             for _ in range(30):
                 planner.recv(2048)
             process.send_signal(signal.SIGTERM)
-            _, log = process.communicate(timeout=20)
+            _, log = process.communicate(timeout=120)
         finally:
             process.kill()
     assert process.returncode == 0

@@ -86,6 +86,7 @@ def test_the_pose_stays_within_a_few_centimetres(
     assert abs(pose.yaw_rad - yaw) < np.radians(0.5)
 
 
+@pytest.mark.slow
 def test_with_six_times_the_attitude_noise_it_errs_to_the_side_of_obstacle() -> None:
     for seed in (1, 2):
         loop = ClosedLoop(seed=seed)

@@ -118,7 +118,7 @@ class House:
             except ValueError:
                 raise AssertionError(f"no log line: {line.decode()}") from None
 
-    def until(self, done: Callable[[], object], limit_s: float = 15.0) -> None:
+    def until(self, done: Callable[[], object], limit_s: float = 60.0) -> None:
         """Step until it holds."""
         begun_s = time.monotonic()
         while not done():
@@ -160,7 +160,7 @@ class House:
         if self.process is not None:
             self.process.send_signal(signal.SIGTERM)
             try:
-                status = self.process.wait(timeout=10)
+                status = self.process.wait(timeout=60)
             finally:
                 self.process.kill()
                 assert self.process.stderr is not None

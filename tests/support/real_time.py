@@ -9,7 +9,7 @@ from contextlib import ExitStack, closing, contextmanager
 import numpy as np
 
 from fakes.mti.device import FakeMti
-from fakes.wires.wire import Fake, PtyWire, TcpWire
+from fakes.wires.wire import PtyWire, TcpWire
 
 STEP_S = 0.002
 
@@ -57,11 +57,3 @@ def served(*wires: PtyWire | TcpWire) -> Iterator[None]:
         finally:
             done.set()
             thread.join()
-
-
-@contextmanager
-def on_ptys(*fakes: Fake) -> Iterator[list[str]]:
-    """Each fake on a pty; gives the paths."""
-    wires = [PtyWire(fake) for fake in fakes]
-    with served(*wires):
-        yield [wire.path for wire in wires]

@@ -169,11 +169,11 @@ def costs() -> list[Cost]:
     """Of every codec."""
     session = (VECTORS / "lms111_session_d2h.bin").read_bytes()
     scans = session[session.index(b"sSN LMDscandata") - 8 :]
-    text = (VECTORS / "mrs1000_cola_a_one_scan.bin").read_bytes()
+    text = (VECTORS / "tim781_1s_d2h.bin").read_bytes()
     recorded = (VECTORS / "mti_rec1.bin").read_bytes()
     return [
         cost("LMS111, CoLa-B, 541 points, recorded", "telegram", _Scans, scans, PIECE),
-        cost("MRS1000, CoLa-A, 6 x 1101 values, recorded", "telegram", _Scans, text, PIECE),
+        cost("TiM781, CoLa-B, 811 points, recorded", "telegram", _Scans, text, PIECE),
         cost("MTi, MTData, 50 bytes", "packet", _Samples, legacy_stream(), LINE_PIECE),
         cost("MTi, MTData2, recorded", "packet", _Samples, recorded, LINE_PIECE),
         cost("AX3500, echo and counter", "line", _Counters, counter_stream(), LINE_PIECE),

@@ -120,4 +120,5 @@ NO_FAULTS = {
     "planner.ack_every": "how often it acknowledges: its own choice",
     "planner.ack_period_s": "how often it acknowledges: its own choice",
     "planner.max_cells": "how much room it has",
+    "planner.begin_stream": "told of a new connection: what its owner does, and no fault",
 }

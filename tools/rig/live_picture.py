@@ -1,23 +1,20 @@
 """The live rig's picture: the map as it came over the link, robot and goal in it; words beside."""
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from mapod_link.receiver import Receiver
 from tools.cli.view import PICTURE_PERIOD_S, WAIT_S, zone_lines
-from tools.rig.watch import GOAL, PANEL_COLUMNS, ROBOT, legend, text_of
+from tools.rig.watch import beside, legend, stamp
 from tools.terminal.planner_end import PlannerEnd
 from tools.terminal.screen import status_lines
 
 U8 = npt.NDArray[np.uint8]
-FRONT_M, REAR_M, HALF_M, GOAL_M = 0.52, 0.20, 0.30, 0.3  # of robot and goal, as drawn
 
 
 def image_of(planner: Receiver, goal: tuple[float, float] | None) -> U8:
@@ -31,16 +28,9 @@ def image_of(planner: Receiver, goal: tuple[float, float] | None) -> U8:
         return np.zeros((0, 0), np.uint8)
     i, j = origin[0] + np.arange(geom.width), origin[1] + np.arange(geom.height)
     x, y = np.meshgrid((i + 0.5) * geom.cell_m, (j + 0.5) * geom.cell_m)
-    image = window.copy()
-    if goal is not None:
-        gx, gy = np.clip(goal, (x.min(), y.min()), (x.max(), y.max()))
-        image[np.hypot(x - gx, y - gy) <= GOAL_M] = GOAL
-    if planner.pose is not None:
-        pose = planner.pose
-        c, s = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
-        ahead = c * (x - pose.x_m) + s * (y - pose.y_m)
-        left = c * (y - pose.y_m) - s * (x - pose.x_m)
-        image[(ahead > -REAR_M) & (ahead < FRONT_M) & (np.abs(left) < HALF_M)] = ROBOT
+    image, pose = window.copy(), planner.pose
+    place = None if pose is None else (pose.x_m, pose.y_m, pose.yaw_rad)
+    stamp(image, x, y, place, goal)
     return np.ascontiguousarray(image.T[::-1, ::-1])
 
 
@@ -56,11 +46,7 @@ def picture(
     words = [*lines, legend()]
     if not image.size:
         return Group(Text("waiting for the map", "bold"), *words)
-    room = (max(1, columns - PANEL_COLUMNS - 2), max(1, 2 * rows))
-    factor = max(1, -(-image.shape[1] // room[0]), -(-image.shape[0] // room[1]))
-    table = Table.grid(padding=(0, 2))
-    table.add_row(text_of(image, factor), Group(*words[:rows]))
-    return table
+    return beside(image, words, columns, rows)
 
 
 def show(

@@ -6,7 +6,7 @@ time, or to so many times of it.
 
 import math
 import time
-from itertools import pairwise
+from collections.abc import Sequence
 from types import TracebackType
 
 import numpy as np
@@ -17,16 +17,18 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
+from tools.rig.contact import FRONT_M, REAR_M, SIDE_M, Place
 from tools.rig.one_run import Run
 from tools.rig.stops import Stop
-from tools.terminal.screen import BAD, GOOD, POOR, has_screen, labelled
+from tools.terminal.screen import BAD, GOOD, POOR, half_blocks, has_screen, labelled
 
 U8 = npt.NDArray[np.uint8]
+F64 = npt.NDArray[np.float64]
 DRAWN_S, LINE_S = 0.1, 2.0  # of real time, of simulated time
 UNKNOWN, FREE, OBSTACLE, THING, ROBOT, GOAL, PERSON = range(7)
 COLOURS = ("#1c1c24", "#1f7d3d", "#e02b2b", "#5a3a3a", "#ffae00", "#40c0ff", "#e060e0")
 STYLES = [[Style(color=upper, bgcolor=lower) for lower in COLOURS] for upper in COLOURS]
-THING_M = 0.15
+THING_M, GOAL_M = 0.15, 0.3
 PANEL_COLUMNS = 46
 STATES = {"driving": GOOD, "arrived": GOOD, "idle": POOR, "stopped": BAD}
 
@@ -98,30 +100,30 @@ def image_of(run: Run) -> U8:
     people = run.judge.truth.people
     for px, py, radius_m in [] if people is None else people.tolist():
         image[np.hypot(x - px, y - py) <= max(radius_m, grid.cell_m / 2)] = PERSON
-    if 0 <= run.goals.at < len(run.goals.all):
-        gx, gy = np.clip(run.goals.current, (x.min(), y.min()), (x.max(), y.max()))
-        image[np.hypot(x - gx, y - gy) <= 0.3] = GOAL
-    rx, ry, yaw = run.judge.truth.place
-    c, s = math.cos(yaw), math.sin(yaw)
-    ahead, left = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
-    image[(ahead > -0.25) & (ahead < 0.57) & (np.abs(left) < 0.35)] = ROBOT
+    is_driving = 0 <= run.goals.at < len(run.goals.all)
+    stamp(image, x, y, run.judge.truth.place, run.goals.current if is_driving else None)
     return np.ascontiguousarray(image.T[::-1, ::-1])
 
 
-def text_of(image: U8, factor: int) -> Text:
-    """An image in colour, two rows a line, every `factor`-th cell."""
-    image = image[::factor, ::factor]
-    if len(image) % 2:
-        image = np.vstack([image, np.zeros((1, image.shape[1]), np.uint8)])
-    text = Text(no_wrap=True, overflow="crop")
-    for upper, lower in zip(image[::2], image[1::2], strict=True):
-        edges = np.flatnonzero((np.diff(upper) != 0) | (np.diff(lower) != 0)) + 1
-        for first, end in pairwise([0, *edges.tolist(), len(upper)]):
-            half = " " if upper[first] == lower[first] else "▀"
-            text.append(half * (end - first), STYLES[upper[first]][lower[first]])
-        text.append("\n")
-    text.right_crop(1)
-    return text
+def stamp(image: U8, x: F64, y: F64, place: Place | None, goal: tuple[float, float] | None) -> None:
+    """Robot and goal into an image whose cells have these centres; a goal beyond, at the edge."""
+    if goal is not None:
+        gx, gy = np.clip(goal, (x.min(), y.min()), (x.max(), y.max()))
+        image[np.hypot(x - gx, y - gy) <= GOAL_M] = GOAL
+    if place is not None:
+        rx, ry, yaw = place
+        c, s = math.cos(yaw), math.sin(yaw)
+        ahead, left = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
+        image[(ahead > -REAR_M) & (ahead < FRONT_M) & (np.abs(left) < SIDE_M)] = ROBOT
+
+
+def beside(image: U8, words: Sequence[Text], columns: int, lines: int) -> RenderableType:
+    """An image with words to its right, for a terminal of this size."""
+    room = (max(1, columns - PANEL_COLUMNS - 2), max(1, 2 * lines))
+    factor = max(1, -(-image.shape[1] // room[0]), -(-image.shape[0] // room[1]))
+    table = Table.grid(padding=(0, 2))
+    table.add_row(half_blocks(image[::factor, ::factor], STYLES), Group(*words[:lines]))
+    return table
 
 
 def panel(run: Run) -> list[Text]:
@@ -165,10 +167,4 @@ def legend() -> Text:
 
 def picture(run: Run, console: Console) -> RenderableType:
     """Map and panel, for this terminal."""
-    columns, lines = console.size
-    image = image_of(run)
-    room = (max(1, columns - PANEL_COLUMNS - 2), max(1, 2 * lines))
-    factor = max(-(-image.shape[1] // room[0]), -(-image.shape[0] // room[1]))
-    table = Table.grid(padding=(0, 2))
-    table.add_row(text_of(image, factor), Group(*panel(run)[:lines]))
-    return table
+    return beside(image_of(run), panel(run), *console.size)

@@ -4,6 +4,7 @@ Map x, where the robot's nose pointed when the run began, is up; map y is left.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -100,27 +101,37 @@ def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
     """The map in colour, two rows of cells a line."""
     full = image_from_window(window)
     image = downsampled(full, factor).copy()
+    if robot is None:
+        return half_blocks(image, HALVES)
+    row, col = cell_of_robot(robot, full.shape, factor)
+    rows, cols = np.ogrid[: image.shape[0], : image.shape[1]]
+    image[np.hypot(rows - row, cols - col) <= robot.radius / factor] = ROBOT
+    return half_blocks(image, HALVES, (row // 2, col, ARROWS[eighth(robot.yaw_rad)]))
+
+
+def half_blocks(
+    image: U8, styles: Sequence[Sequence[Style]], mark: tuple[int, int, str] | None = None
+) -> Text:
+    """An image in colour, two rows a line.
+
+    Args:
+        styles: by the kinds of the upper and of the lower cell.
+        mark: line, column, and the character that stands there.
+    """
     if len(image) % 2:
         image = np.vstack([image, np.zeros((1, image.shape[1]), np.uint8)])
-    at = (-1, -1)
-    if robot is not None:
-        row, col = cell_of_robot(robot, full.shape, factor)
-        rows, cols = np.ogrid[: image.shape[0], : image.shape[1]]
-        image[np.hypot(rows - row, cols - col) <= robot.radius / factor] = ROBOT
-        at = row // 2, col
     text = Text(no_wrap=True, overflow="crop")
     for line, (upper, lower) in enumerate(zip(image[::2], image[1::2], strict=True)):
-        edges = np.flatnonzero(np.diff(upper) | np.diff(lower)) + 1
+        edges = np.flatnonzero((np.diff(upper) != 0) | (np.diff(lower) != 0)) + 1
         cuts = {0, *edges.tolist(), len(upper)}
-        if robot is not None and line == at[0] and 0 <= at[1] < len(upper):
-            cuts |= {at[1], at[1] + 1}
-        ordered = sorted(cuts)
-        for first, end in pairwise(ordered):
-            if robot is not None and (line, first) == at:
-                text.append(ARROWS[eighth(robot.yaw_rad)], ARROW_STYLE)
+        if mark is not None and line == mark[0] and 0 <= mark[1] < len(upper):
+            cuts |= {mark[1], mark[1] + 1}
+        for first, end in pairwise(sorted(cuts)):
+            if mark is not None and (line, first) == mark[:2]:
+                text.append(mark[2], ARROW_STYLE)
             else:
                 half = " " if upper[first] == lower[first] else "▀"
-                text.append(half * (end - first), HALVES[upper[first]][lower[first]])
+                text.append(half * (end - first), styles[upper[first]][lower[first]])
         text.append("\n")
     text.right_crop(1)
     return text

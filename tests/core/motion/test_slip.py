@@ -5,6 +5,7 @@ import math
 import pytest
 
 from core.motion.slip import GAP_M, MOST_SLIP, STRETCH_M, SlipEstimator
+from tests.support.cases import few
 from tests.support.flat_ride import Ride, Rig, config_of
 from tests.support.flat_world import Box, Solid, World
 
@@ -20,7 +21,7 @@ def error_m(slip: float, v_mps: float, solids: tuple[Solid, ...] = SHELVES) -> f
     return float(rig.mapper.odometry.xy_at(rig.now_s)[0]) - rig.place()[0]
 
 
-@pytest.mark.parametrize("v_mps", [0.4, 0.8])
+@pytest.mark.parametrize("v_mps", few([0.8, 0.4], 1))
 def test_two_thirds_of_a_slip_towards_upright_faces_are_corrected(v_mps: float) -> None:
     """15 % of 8 m are 1.2 m, of which the first 0.2 m come before any face is known."""
     assert abs(error_m(0.15, v_mps, ())) == pytest.approx(1.2, abs=0.02)

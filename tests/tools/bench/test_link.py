@@ -17,7 +17,7 @@ from tools.bench.drive_building import SPEED_MPS, building, people, way, way_m
 from tools.bench.drive_scene import CELL_M, Playback, drive, scans
 from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_meter import Meter, View
-from tools.bench.link_run import Case, Figures, Run, measure
+from tools.bench.link_run import LOSS, Case, Run, measure
 
 SHORT_S = 8.0
 FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
@@ -274,63 +274,47 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
 # What is asked of the link
 
 
-@pytest.fixture(scope="module", params=["tick", "10 Hz"])
-def asked(request: pytest.FixtureRequest) -> tuple[Case, Figures]:
-    """The line to judge by: 115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
-    case = Case(115_200, 25, request.param, seeds=(1, 2))
-    return case, measure(case)
-
-
-def test_a_new_obstacle_is_at_the_receiver_within_two_ticks(asked: tuple[Case, Figures]) -> None:
-    case, got = asked
-    assert got.new_obstacles > 8000
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case(115_200, 25, "tick", seconds=SHORT_S),
+        pytest.param(Case(115_200, 25, "tick", seeds=(1, 2)), marks=pytest.mark.slow),
+        pytest.param(Case(115_200, 25, "10 Hz", seeds=(1, 2)), marks=pytest.mark.slow),
+    ],
+    ids=lambda case: f"{case.ack} {case.seconds:g} s",
+)
+def test_the_line_to_judge_by_tells_soon_mends_soon_and_is_never_overrun(case: Case) -> None:
+    """115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
+    got = measure(case)
+    assert got.new_obstacles > 100 * case.seconds * len(case.seeds)
     assert got.held_ms[1] <= 2 * 1000 / case.rate_hz
-
-
-def test_what_a_loss_has_hit_is_right_again_within_half_a_second(
-    asked: tuple[Case, Figures],
-) -> None:
-    _, got = asked
-    assert got.recovered > 200
+    assert got.recovered > 20
     assert got.recovery_ms[1] <= 500.0
-
-
-def test_a_line_is_never_overrun(asked: tuple[Case, Figures]) -> None:
-    _, got = asked
     assert got.worst_wait_ticks <= 1.0
     assert got.bytes_per_s <= 0.85 * 11_520
-
-
-SAFE = [
-    Case(115_200, 50, "none", 101, seconds=SHORT_S, loss=0.1),
-    Case(115_200, 25, "10 Hz", 201, "level", seconds=SHORT_S, loss=0.05),
-    Case(921_600, 50, "tick", 201, "level", seconds=SHORT_S, loss=0.2),
-    Case(None, 50, "tick", 101, "level", seconds=SHORT_S, loss=0.3),
-]
-
-
-@pytest.mark.parametrize("case", SAFE, ids=lambda case: f"{case.line} {case.ack} {case.loss}")
-def test_no_receiver_that_is_sure_holds_free_where_it_was_told_of_an_obstacle(case: Case) -> None:
-    assert measure(case).unsafe == 0
-
-
-def test_the_line_to_judge_by_is_safe_as_well(asked: tuple[Case, Figures]) -> None:
-    assert asked[1].unsafe == 0
+    assert got.unsafe == 0
 
 
 @pytest.mark.parametrize(
-    ("baud", "size", "rate_hz"), [(115_200, 101, 50), (115_200, 401, 10), (230_400, 201, 50)]
+    "case",
+    [
+        Case(115_200, 50, "none", 101, loss=0.1),
+        Case(115_200, 25, "10 Hz", 201, "level", loss=0.05),
+        Case(921_600, 50, "tick", 201, "level", loss=0.2),
+        Case(None, 50, "tick", 101, "level", loss=0.3),
+        Case(115_200, 50, "tick", 101, "level"),
+        pytest.param(Case(115_200, 10, "tick", 401, "level"), marks=pytest.mark.slow),
+        Case(230_400, 50, "tick", 201, "level"),
+    ],
+    ids=lambda case: f"{case.line} {case.size} {case.ack} {case.loss}",
 )
-def test_no_line_has_more_than_one_tick_of_bytes_to_send_when_a_tick_begins(
-    baud: int, size: int, rate_hz: int
+def test_whoever_is_sure_holds_no_free_that_was_told_an_obstacle_and_no_line_waits(
+    case: Case,
 ) -> None:
-    got = measure(Case(baud, rate_hz, "tick", size, "level", seconds=SHORT_S))
-    assert got.worst_wait_ticks <= 1.0
-
-
-def test_a_tick_costs_as_much_with_a_large_window_as_with_a_small_one() -> None:
-    small, large = bench_link.cost_us(101), bench_link.cost_us(401)
-    assert large < 2.0 * small
+    got = measure(dataclasses.replace(case, seconds=SHORT_S))
+    assert got.unsafe == 0
+    if case.loss == LOSS:
+        assert got.worst_wait_ticks <= 1.0
 
 
 def test_the_tables_say_what_is_measured(capsys: pytest.CaptureFixture[str]) -> None:

@@ -290,6 +290,7 @@ def ran(path: Path, scanner: FakeLms111, *given: str) -> int:
         return tool.main([*options(path, "--seconds", "2"), *given])
 
 
+@pytest.mark.real_time
 def test_the_whole_tool_over_ports_in_real_time(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

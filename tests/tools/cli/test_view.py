@@ -316,10 +316,10 @@ def frames_of_a_map() -> list[bytes]:
 
 
 def until(end: PlannerEnd, holds: Callable[[], bool]) -> float:
-    """Steps until it holds, gives the time; gives up after two seconds."""
+    """Steps until it holds, gives the time; gives up after a minute."""
     now_s = began_s = end.step(0.0)
     while not holds():
-        assert now_s - began_s < 2.0, "nothing came"
+        assert now_s - began_s < 60.0, "nothing came"
         now_s = end.step(0.02)
     return now_s
 
@@ -328,7 +328,7 @@ def test_frames_over_udp_make_a_map_and_are_answered() -> None:
     wire = UdpWire("127.0.0.1", 0)
     end = PlannerEnd(wire, WatchingReceiver())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.settimeout(2.0)
+        sender.settimeout(60.0)
         sender.connect(("127.0.0.1", int(wire.url.rsplit(":", 1)[1])))
         sender.send(b"no frame")
         until(end, lambda: end.planner.rejected.total() == 1)

@@ -61,12 +61,14 @@ def test_a_picture_shows_both_methods_and_is_small(turned: tuple[Outcome, Path])
     assert {(40, 90, 220), (60, 170, 75), (215, 40, 40), (250, 165, 60)} <= colours
 
 
+@pytest.mark.slow
 def test_bumps_make_ten_times_fewer_false_obstacles_than_the_papers_method(tmp_path: Path) -> None:
     theirs, ours = figures(speed_bumps(True, tmp_path), "false obstacle cells, mean")
     assert theirs > 5.0
     assert ours <= theirs / 10
 
 
+@pytest.mark.slow
 def test_a_ramp_makes_ten_times_fewer_false_obstacles_than_the_papers_method(
     tmp_path: Path,
 ) -> None:
@@ -75,6 +77,7 @@ def test_a_ramp_makes_ten_times_fewer_false_obstacles_than_the_papers_method(
     assert ours <= theirs / 10
 
 
+@pytest.mark.slow
 def test_a_ditch_of_60_cm_bars_the_way_long_before_the_robot_is_there(tmp_path: Path) -> None:
     outcome = ditch(0.6, True, tmp_path)
     assert figures(outcome, "bars the way")[1] > 5.0

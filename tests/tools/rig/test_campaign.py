@@ -148,6 +148,7 @@ def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
     assert stop.why == "the scanner delivers no scans"
 
 
+@pytest.mark.slow
 def test_over_a_serial_line_the_planner_drives_as_well() -> None:
     run = Run(RunSpec(place(goals=GOALS[:1]), 1, limit_s=20.0, baud=115_200), BlindPilot())
     while not run.ended:
@@ -215,6 +216,7 @@ def test_run_k_of_a_seed_is_the_same_whatever_else_is_run() -> None:
     assert len(spec_of(1, 3, SCENES, faults=2).faults) >= 2
 
 
+@pytest.mark.slow
 def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None:
     program("gcc")
     tasks = [Task(k, spec_of(1, k, SCENES, limit_s=3.0)) for k in range(2)]

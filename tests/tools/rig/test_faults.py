@@ -68,6 +68,7 @@ def test_faults_are_drawn_alike_for_one_seed_and_can_be_ordered(loop: Loop) -> N
     assert {name.partition(".")[0] for name in drawn} == set(DRAWN_DEVICES)
 
 
+@pytest.mark.slow
 def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     fault = BY_TITLE["scanner.wire.mute"]
     outcome = drive_with(fault)
@@ -75,6 +76,7 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     assert outcome.told
 
 
+@pytest.mark.slow
 def test_two_faults_at_once_do_no_harm_and_end() -> None:
     pair = (BY_TITLE["ahrs.drop_rate=0.0005"], BY_TITLE["scanner.drop_rate=0.2"])
     assert problems_of_pair(pair, drive_with(*pair, seed=7, start_s=8.0)) == []

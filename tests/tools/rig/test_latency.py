@@ -138,6 +138,7 @@ def test_quantiles_are_values_that_were_there() -> None:
     assert latency.quantiles(list(range(1, 101))) == (50, 99, 100)
 
 
+@pytest.mark.real_time
 def test_a_short_measurement_finds_each_scan_at_the_far_end(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -78,16 +78,17 @@ def test_a_scene_that_is_not_there_is_an_error(
     assert "moon" in capsys.readouterr().err
 
 
+@pytest.mark.real_time
 def test_a_device_that_does_not_answer_is_named_with_its_cause(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program("gcc")
-    monkeypatch.setattr(rig_bench, "DEVICES_S", 1.0)
+    monkeypatch.setattr(rig_bench, "DEVICES_S", 8.0)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # what is kept lies there
     path = bench(tmp_path, "host")
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('ahrs = "fake"', f'ahrs = "serial://{tmp_path}/mti?baud=115200"'))
-    assert live.main(["--config", str(path), "--seconds", "5"]) == 1
+    assert live.main(["--config", str(path), "--seconds", "60"]) == 1
     said = capsys.readouterr().err
-    assert "no map 1 s after the app's start; " in said
+    assert "no map 8 s after the app's start; " in said
     assert f"ahrs: no such device {tmp_path}/mti" in said

@@ -10,6 +10,7 @@ from core.mapping.beams.ground import STEEPEST, GroundTracker
 from core.mapping.beams.ground_plane import DUE_M, LEVEL, BodyPose, due_m, ground_m
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE
+from tests.support.cases import few
 from tests.support.flat_ride import Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import FAR_M, Box, Profile, World, kerb, ramp
 
@@ -53,7 +54,7 @@ def test_flat_ground_is_tracked_within_two_centimetres_and_level() -> None:
     assert slope_deg(rig) == pytest.approx((0.0, 0.0), abs=0.3)
 
 
-@pytest.mark.parametrize("degrees", [*DEGREES, -1, -2, -3, -4])
+@pytest.mark.parametrize("degrees", few([8, 3, -4, 1, 2, 4, 5, 6, 7, -1, -2, -3], 3))
 def test_a_ramp_is_free_ground_from_its_foot_to_behind_its_top(degrees: int) -> None:
     """6 m long, full width: the robot drives on to it, up (or down), and off it."""
     rig = drive(World(ramp(9.53, math.radians(degrees), 6.0)), 16.0)
@@ -75,7 +76,7 @@ def test_a_ramp_that_falls_nearly_as_the_beams_do_is_not_free_before_it_is_seen(
         assert seen or state_at(rig, float(x), 0.1) != FREE
 
 
-@pytest.mark.parametrize("degrees", [-6, -3, 3, 6])
+@pytest.mark.parametrize("degrees", few([-6, 6, -3, 3], 2))
 def test_the_slope_ahead_is_reported(degrees: int) -> None:
     rig = drive(World(ramp(9.53, math.radians(degrees))), 7.0)
     along, across = slope_deg(rig)
@@ -93,7 +94,7 @@ def test_ground_that_falls_off_to_one_side_is_free_ground(degrees: int) -> None:
     assert slope_deg(rig)[1] == pytest.approx(degrees, abs=1.0)
 
 
-@pytest.mark.parametrize("degrees", [-6, -3, 3, 6])
+@pytest.mark.parametrize("degrees", few([-6, 6, -3, 3], 2))
 def test_a_start_on_a_ramp_is_a_start_on_ground(degrees: int) -> None:
     rise = FAR_M * math.tan(math.radians(degrees))
     rig = drive(World(Profile(((-FAR_M, -rise), (FAR_M, rise)))), 6.0)
@@ -111,7 +112,7 @@ def test_from_a_ramp_on_to_its_level_top_is_ground_all_the_way(degrees: int, at_
     assert state_at(rig, 15.1, 0.1) == FREE
 
 
-@pytest.mark.parametrize("rise_m", [0.12, 0.15, 0.20, 0.30])
+@pytest.mark.parametrize("rise_m", few([0.12, 0.30, 0.15, 0.20], 2))
 def test_a_kerb_across_the_whole_view_is_not_swallowed(rise_m: float) -> None:
     """The robot goes on until its nose is half a metre before it."""
     rig = drive(World(kerb(9.53, rise_m)), 8.5)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from core.records import FREE, OBSTACLE, UNKNOWN
+from tests.support.cases import few
 from tests.support.flat_ride import Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import FAR_M, Box, Profile, World, ditch, kerb
 
@@ -45,7 +46,7 @@ def false_obstacles(rig: Rig, low: float, high: float) -> int:
 
 @pytest.mark.parametrize(
     ("width_m", "shift_m"),
-    [(0.3, 0.05), (0.3, 0.10), (0.3, 0.15), (0.6, 0.0), (0.6, 0.1), (1.5, 0.05)],
+    few([(0.3, 0.05), (0.6, 0.1), (0.3, 0.10), (0.3, 0.15), (0.6, 0.0), (1.5, 0.05)], 2),
 )
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.2, -0.6])
 def test_a_ditch_across_the_way_is_an_obstacle_in_every_lane(
@@ -69,7 +70,7 @@ def test_a_narrow_ditch_that_fills_a_row_of_cells_is_no_free_way(yaw_rad: float)
     assert len(within(ground, places_where(rig, FREE), near_m, near_m + 0.3, WITHIN_M)) == 0
 
 
-@pytest.mark.parametrize("v_mps", [0.2, 0.5])
+@pytest.mark.parametrize("v_mps", few([0.5, 0.2], 1))
 def test_a_narrow_ditch_is_still_an_obstacle_when_the_robot_is_before_it(v_mps: float) -> None:
     """Slow or fast: at 1.5 m from the robot's nose the laser has long seen the floor behind."""
     rig = drive(World(ditch(9.08, 0.3)), 9.08 - 1.5 - 0.52, v_mps)
@@ -87,8 +88,14 @@ def test_a_ditch_that_lies_in_view_of_a_standing_robot_is_never_free() -> None:
 
 @pytest.mark.parametrize(
     ("rise_m", "shift_m"),
-    [(sign * 0.12, 0.05 * k) for sign in (1, -1) for k in range(4)]
-    + [(0.20, 0.0), (0.20, 0.1), (-0.20, 0.05), (-0.20, 0.15), (-0.50, 0.0)],
+    few(
+        [
+            *[(0.12, 0.0), (-0.12, 0.05), (0.12, 0.15), (-0.50, 0.0)],
+            *[(-0.12, 0.0), (0.12, 0.05), (0.12, 0.1), (-0.12, 0.1), (-0.12, 0.15)],
+            *[(0.20, 0.0), (0.20, 0.1), (-0.20, 0.05), (-0.20, 0.15)],
+        ],
+        4,
+    ),
 )
 def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
     rise_m: float, shift_m: float
@@ -102,10 +109,13 @@ def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
 
 @pytest.mark.parametrize(
     ("rise_m", "pitching_deg", "pitching_hz"),
-    [
-        *[(0.12, 1, 1.0), (0.12, 0.3, 1.0), (0.15, 1, 0.3), (0.2, 3, 1.0)],
-        *[(-0.12, 1, 1.0), (-0.12, 2, 1.0), (-0.15, 1, 0.3), (-0.2, 3, 1.0)],
-    ],
+    few(
+        [
+            *[(0.12, 1, 1.0), (-0.12, 2, 1.0), (0.2, 3, 1.0)],
+            *[(0.12, 0.3, 1.0), (0.15, 1, 0.3), (-0.12, 1, 1.0), (-0.15, 1, 0.3), (-0.2, 3, 1.0)],
+        ],
+        3,
+    ),
 )
 def test_a_robot_that_nods_does_not_take_a_kerb_for_ground(
     rise_m: float, pitching_deg: float, pitching_hz: float
@@ -125,7 +135,7 @@ def test_a_table_does_not_drag_the_pose_along() -> None:
 
 
 @pytest.mark.parametrize(("rise_m", "at_most"), [(0.08, 1), (-0.08, 3)])
-@pytest.mark.parametrize("shift_m", [0.0, 0.05, 0.10, 0.15])
+@pytest.mark.parametrize("shift_m", few([0.0, 0.15, 0.05, 0.10], 2))
 def test_a_kerb_of_eight_centimetres_bars_no_more_than_its_own_shadow(
     rise_m: float, at_most: int, shift_m: float
 ) -> None:

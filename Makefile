@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all nightly check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
+.PHONY: help setup run rig planner test test-all nightly coverage mutants check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -73,10 +73,16 @@ test-all: test ## the tests, then the slow ones, those in real time one by one, 
 	@$(PYTEST) $(PARALLEL) -m "slow and not real_time"
 	@echo "mapod: running the tests in real time"
 	@$(PYTEST) -n 0 -m real_time
-	@$(MAKE) --no-print-directory c-sanitize
+	@$(MAKE) --no-print-directory coverage c-sanitize
 
 nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
 	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"
+
+coverage: setup $(VENV)/.ready-test ## every branch of what says free or moves the robot, with kernels as Python: 100 % or it fails
+	@$(BIN)/python -m tests.mutation.coverage
+
+mutants: setup $(VENV)/.ready-test ## faults put into those files: their tests must see each [N=40, 0: all; SEED=1]
+	@$(BIN)/python -m tests.mutation --count $(or $(N),40) --seed $(SEED)
 
 check: $(VENV)/.ready-sim $(VENV)/.ready-test $(VENV)/.ready-lint ## format, lint, strict types
 	@$(BIN)/ruff format --check .

@@ -6,13 +6,8 @@ Source: planner link, sections 3 (STOP_ZONE) and 5.
 from mapod_link.bodies import Pose, StopZone
 
 Advice = tuple[str, str]  # "go" | "slow" | "stop"; why, "" for go
-POSE_VALID, MAP_VALID, DROP_OFF, ATTITUDE_OUT, OPERATOR_STOP = (
-    1 << 4,
-    1 << 5,
-    1 << 7,
-    1 << 9,
-    1 << 15,
-)
+POSE_VALID, MAP_VALID, DROP_OFF = 1 << 4, 1 << 5, 1 << 7  # bits of POSE's health
+ATTITUDE_OUT, OPERATOR_STOP = 1 << 9, 1 << 15
 ZONE_STALE_S = 0.35
 RUNNING = (1, 2)  # modes in which a robot may move
 JUDGED = (1, 2, 3)  # states of a stop zone that speak of what is known

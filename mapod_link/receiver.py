@@ -178,17 +178,9 @@ class Receiver(Listener):
         if self.geom is None or not self.ack_every:
             return False
         body = asking.external_body(
-            self.geom.session,
-            self.nonce,
-            x_m,
-            y_m,
-            yaw_rad,
-            sigma_x_m=sigma_x_m,
-            sigma_y_m=sigma_y_m,
-            sigma_yaw_rad=sigma_yaw_rad,
-            correlation=correlation,
-            age_s=age_s,
-        )
+            self.geom.session, self.nonce, x_m, y_m, yaw_rad, sigma_x_m=sigma_x_m,
+            sigma_y_m=sigma_y_m, sigma_yaw_rad=sigma_yaw_rad, correlation=correlation, age_s=age_s,
+        )  # fmt: skip
         self._send(now_s, EXTERNAL_POSE, body)
         return True
 

@@ -21,8 +21,6 @@ QUERY = re.compile(r"\?[VAPRMEIKDZ]|\?Q[0-2]|\^[0-9A-F]{2}")  # nothing that cha
 
 COUNTER = re.compile(r"[0-9A-Fa-f]{1,8}")
 BYTE = re.compile(r"[0-9A-Fa-f]{2}")
-LOG_LINE = re.compile(r":(?:[0-9A-Fa-f]{2}){12,16}")  # R/C and analog mode, unasked (section 8)
-
 HALF, TURN = 2**31, 2**32
 ROLLOVER_ZONE = 10**6  # counts from either end within which "rolls over to zero" is believed
 
@@ -110,16 +108,6 @@ def maybe_counter(text: str) -> int | None:
         return None
     number = int(text, 16)
     return number - 16 ** len(text) if int(text[0], 16) >= 8 else number
-
-
-def counter_text(count: int) -> str:
-    """The shortened form in which the controller writes a counter of 32 bits (section 5)."""
-    if not -HALF <= count < HALF:
-        raise ValueError(f"count: 32 bits, given {count}")
-    digits = f"{count % TURN:08X}"
-    filler, first_of_own_sign = ("0", "01234567") if count >= 0 else ("F", "89ABCDEF")
-    short = digits.lstrip(filler) or filler
-    return short if short[0] in first_of_own_sign else filler + short
 
 
 def maybe_byte(text: str) -> int | None:

@@ -34,24 +34,15 @@ class Request(NamedTuple):
     sequence: int
 
 
-class Acknowledged(NamedTuple):
-    """What became of the newest request."""
-
-    sequence: int
-    result: int
-
-
 class DriveRegisters:
     """The drive block of one run of mapod."""
 
     def __init__(self, ask: Ask) -> None:
         self._ask = ask
         self._request = Request(0, 0, 0, 0)
-        self._ack = Acknowledged(0, TAKEN)
-        self._taken, self._until_s = 0, -math.inf
+        self._result = TAKEN  # of it
+        self._taken, self._until_s = 0, -math.inf  # number of the newest that was obeyed; its end
         self.driven = (0.0, 0.0)  # m/s, rad/s: what the motors are commanded to
-        self.taken = self.refused = 0
-        self.last_refusal = ""  # of the newest request; "" if it was taken
 
     def write(self, now_s: float, arrived_s: float, who: str, at: int, words: list[int]) -> Refusal:
         """Written registers `words` from `at` on, which arrived at `arrived_s` on the host clock.
@@ -64,15 +55,11 @@ class DriveRegisters:
         v, w, valid_ms, sequence = words
         if v == NO_SPEED or w == NO_SPEED or valid_ms > MOST_VALID_MS:
             return Refusal.VALUE
-        request = Request(_signed(v), _signed(w), valid_ms, sequence)
-        self._request = request
-        reason = self._take(now_s, arrived_s, who, request)
-        self._ack = Acknowledged(sequence, RESULTS.get(reason, REFUSED) if reason else TAKEN)
-        self.last_refusal = reason
-        if reason:
-            self.refused += 1
-        else:
-            self.taken, self._taken = self.taken + 1, sequence
+        self._request = Request(_signed(v), _signed(w), valid_ms, sequence)
+        reason = self._take(now_s, arrived_s, who, self._request)
+        self._result = RESULTS.get(reason, REFUSED) if reason else TAKEN
+        if not reason:
+            self._taken = sequence
         return Refusal.NONE
 
     def _take(self, now_s: float, arrived_s: float, who: str, request: Request) -> str:
@@ -95,8 +82,8 @@ class DriveRegisters:
                 "drive_w": self._request.w_mrads,
                 "drive_valid": self._request.valid_ms,
                 "drive_sequence": self._request.sequence,
-                "ack_sequence": self._ack.sequence,
-                "ack_result": self._ack.result,
+                "ack_sequence": self._request.sequence,
+                "ack_result": self._result,
                 "ack_taken": self._taken,
                 "ack_left": bounded((self._until_s - now_s) * 1000.0, 0, MOST_VALID_MS),
                 "driven_v": thousandths_signed(self.driven[0]),

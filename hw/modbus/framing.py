@@ -174,7 +174,6 @@ class RtuReceiver:
         self._buffer = bytearray()
         self._asked: tuple[int, int] | None = None  # another unit and function: it may answer now
         self.rejected = 0  # bytes that belonged to no frame
-        self.others = 0  # frames of other units, and broadcasts
 
     @property
     def waits(self) -> bool:
@@ -251,7 +250,6 @@ class RtuReceiver:
         del self._buffer[:size]
         unit, function = frame[0], frame[1]
         if unit not in self._units:
-            self.others += 1
             was_answer = self._asked == (unit, function & 0x7F)
             self._asked = None if was_answer or unit == 0 else (unit, function)
         elif not function & 0x80 and request_size(frame) in (size, UNKNOWN):

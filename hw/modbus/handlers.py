@@ -8,6 +8,7 @@ references with each connection, which nothing frees while the garbage collector
 """
 
 import asyncio
+from functools import partial
 from typing import Any, Protocol
 
 from pymodbus.server.requesthandler import ServerRequestHandler
@@ -231,25 +232,20 @@ class LineHandler(ServerRequestHandler):
         self._reject(before)
         if self._found and now_s - self._found_s > BUSY_LINE_S:
             self._offer()
-        self._listen(self._silent_s, self._silence)
+        self._listen(self._silent_s, long=False)
 
-    def _listen(self, wait_s: float, then: Any) -> None:
+    def _listen(self, wait_s: float, *, long: bool) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = self._context.loop.call_later(wait_s, then)
+        self._timer = self._context.loop.call_later(wait_s, partial(self._silence, long))
 
-    def _silence(self) -> None:
+    def _silence(self, long: bool) -> None:
         before = self._receiver.rejected
-        self._found += self._receiver.silence(long=False)
+        self._found += self._receiver.silence(long=long)
         self._reject(before)
         self._offer()
-        self._listen(LONG_SILENCE_S, self._long_silence)
-
-    def _long_silence(self) -> None:
-        before = self._receiver.rejected
-        self._found += self._receiver.silence(long=True)
-        self._reject(before)
-        self._offer()
+        if not long:
+            self._listen(LONG_SILENCE_S, long=True)
 
     def _offer(self) -> None:
         found, self._found = self._found, []

@@ -126,23 +126,20 @@ class RegisterImage:
         self, now_s: float, view: View | None, first: int, count: int, utc_s: float = 0.0
     ) -> bytes | Refusal:
         """Registers first..first+count as bytes; `view` None reads the newest map."""
+        if not self.can_read(first, count):
+            return Refusal.ADDRESS
         end = first + count
         if end <= LOW_END:
             return self._low(now_s, view, utc_s, end)[2 * first :]
-        if self.drive is not None and first >= DRIVE and end <= DRIVE + DRIVE_BLOCK.size:
+        if self.drive is not None and first < WINDOW:
             return self.drive.pack(now_s)[2 * (first - DRIVE) : 2 * (end - DRIVE)]
-        if first >= WINDOW and end <= self._window_end:
-            return self._window(now_s, view, first, end)
-        return Refusal.ADDRESS
+        return self._window(now_s, view, first, end)
 
     def can_read(self, first: int, count: int) -> bool:
         """Whether there are such registers."""
         end = first + count
-        return (
-            end <= LOW_END
-            or (self.drive is not None and first >= DRIVE and end <= DRIVE + DRIVE_BLOCK.size)
-            or (first >= WINDOW and end <= self._window_end)
-        )
+        drives = self.drive is not None and first >= DRIVE and end <= DRIVE + DRIVE_BLOCK.size
+        return end <= LOW_END or drives or WINDOW <= first <= end <= self._window_end
 
     def _low(self, now_s: float, view: View | None, utc_s: float, end: int) -> bytes:
         """Status, latch and coarse map, up to register `end`; what lies between reads 0."""

@@ -133,10 +133,7 @@ class MapPublisher:
         self._due_cells = min(self._due_cells + self._cells * dt_s / PASS_S, self._cells)
         floor = budget.credit - spare
         while True:
-            left = max(
-                budget.credit - floor,
-                min(budget.saved, budget.credit),
-            )
+            left = max(budget.credit - floor, min(budget.saved, budget.credit))
             if budget.saved < budget.most_saved:  # else its share is due, whatever it delays
                 left = min(left, budget.line_left)
             if self._has_map and (self._due_cells < 1 or left < slice_cost):

@@ -110,8 +110,8 @@ def one_link(
     first_seq: int = 1,
     **settings: Any,
 ) -> PlannerLink:
-    """A link by itself, for benches; `settings` as in `LinkSettings`."""
-    known = LinkSettings(**settings)
+    """A link by itself, for benches; `settings` as in `LinkSettings`, some with a usual value."""
+    known = LinkSettings(**{"cell_mm": 50, "tick_s": 0.02, "stale_ms": 150, **settings})
     guard = ReplayGuard(session, has_key=known.key is not None)
     wire = Wire(port, line_baud, drive_refusal, pose_refusal)
     requests, poses = Requests(guard), ExternalPoses(guard)

@@ -22,22 +22,12 @@ class Requests:
 
     def __init__(self, guard: ReplayGuard) -> None:
         self._guard = guard
-        self._driving = ""  # whose request is obeyed
-        self._link = NO_LINK
+        self.driver = ""  # who drives, or drove last; "" after a stop, and before the first
+        self.link = NO_LINK  # by which the driver's request came
         self.newest: DriveRequest | None = None
         self.accepted = 0
         self.refused: Counter[str] = Counter()  # by reason
         self.last_refusal = ""  # why the newest frame was refused; "" if it was not
-
-    @property
-    def driver(self) -> str:
-        """Who drives, or drove last; "" after a stop, and before the first request."""
-        return self._driving
-
-    @property
-    def link(self) -> int:
-        """Number of the link by which the driver's request came, or NO_LINK."""
-        return self._link
 
     def take(self, now_s: float, drive: Drive, refusal: str = "", link: int = 0) -> None:
         """One well-formed, where necessary authenticated frame.
@@ -94,13 +84,13 @@ class Requests:
         """The reason if it is refused; whose request is valid, drives alone."""
         rules = self.newest is not None and now_s <= self.newest.valid_until_s
         if valid_s == 0.0:  # anybody may stop it
-            self.newest, self._driving, self._link = DriveRequest(0.0, 0.0, -math.inf), "", NO_LINK
-        elif rules and self._driving not in ("", who):
+            self.newest, self.driver, self.link = DriveRequest(0.0, 0.0, -math.inf), "", NO_LINK
+        elif rules and self.driver not in ("", who):
             return "somebody else is driving"
         elif until_s <= now_s:
             return "it arrived too late"
         else:
-            self._driving, self._link = who, link
+            self.driver, self.link = who, link
             self.newest = DriveRequest(v_mps, w_radps, until_s)
         self.accepted += 1
         self.last_refusal = ""

@@ -345,11 +345,8 @@ class PlannerLink:
         self._publisher.publish_changes()
         spare = budget.credit - budget.tick_bytes
         if self._tiles.waiting:
-            self._publish_tiles(
-                budget.credit - budget.saved - budget.tick_bytes / 2,
-                window,
-                source,
-            )
+            left = budget.credit - budget.saved - budget.tick_bytes / 2
+            self._publish_tiles(left, window, source)
             spare = 0.0
         self._publisher.refresh(dt_s, spare)
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq

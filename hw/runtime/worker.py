@@ -11,9 +11,7 @@ from typing import Any, TypeVar
 
 from hw.runtime.real_time import leave_real_time
 
-STACK_BYTES = (
-    256 * 1024
-)  # locked memory: the default of 8 MiB would be touched as the thread starts
+STACK_BYTES = 256 * 1024  # locked: the default of 8 MiB would be touched as the thread starts
 T = TypeVar("T")
 
 

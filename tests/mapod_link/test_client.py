@@ -12,7 +12,6 @@ import subprocess
 import sys
 import textwrap
 import threading
-import time
 import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,11 +21,19 @@ import pytest
 import mapod_link
 from mapod_link import OBSTACLE, Receiver, asking, bodies, client, frames, open_link
 from mapod_link.client import Link
-from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE, Frame, frame_from_bytes
+from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE
 from mapod_link.serial_line import Deframer, serial_from_frame
-from mapod_link.wires import SerialWire, StreamWire, UdpWire, wire_from_url
+from mapod_link.wires import SerialWire, StreamWire
 from tests import ROOT
-from tests.support.planner_sender import NONCE, geom_body, map_body, op, pose_body, signed_frame
+from tests.support.planner_sender import (
+    NONCE,
+    geom_body,
+    map_body,
+    op,
+    pose_body,
+    signed_frame,
+    whole,
+)
 
 PATIENCE_S = 60.0
 
@@ -43,12 +50,6 @@ def has_map(receiver: Receiver) -> bool:
 
 def port_of(link: Link) -> int:
     return int(link.url.rsplit(":", 1)[1])
-
-
-def whole(datagrams: list[bytes]) -> list[Frame]:
-    """The frames, all of them valid."""
-    read = [frame_from_bytes(data) for data in datagrams]
-    return [frame for frame in read if not isinstance(frame, str)]
 
 
 # Documents
@@ -334,13 +335,3 @@ def test_a_map_over_tcp_arrives_and_the_newest_sender_begins_with_a_whole_frame(
             if hangs_up:
                 sender.close()
         assert not link.receiver.rejected
-
-
-def test_wires_tell_where_they_are() -> None:
-    wire = wire_from_url("udp://127.0.0.1:0")
-    assert isinstance(wire, UdpWire)
-    assert re.fullmatch(r"udp://127\.0\.0\.1:\d+", wire.url)
-    began_s = time.monotonic()
-    wire.wait(0.02)
-    assert time.monotonic() >= began_s
-    wire.close()

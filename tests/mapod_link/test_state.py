@@ -10,12 +10,9 @@ import pytest
 from mapod_link.bodies import FREE, OBSTACLE
 from mapod_link.frames import (
     ACK,
-    ASK,
     DIGEST,
-    DRIVE,
     EXTERNAL_POSE,
     GEOM,
-    HELLO,
     MAP,
     POSE,
     STOP_ZONE,
@@ -23,8 +20,8 @@ from mapod_link.frames import (
 )
 from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
-    GOOD_HEALTH,
     NONCE,
+    STOPS,
     Line,
     geom_body,
     map_body,
@@ -51,7 +48,7 @@ def test_a_gap_makes_the_map_suspect_until_a_map_frame_says_that_it_is_repaired(
     assert (line.planner.gaps, line.planner.missing) == (1, 1)
 
 
-@pytest.mark.parametrize("kind", [ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE])
+@pytest.mark.parametrize("kind", range(ACK, EXTERNAL_POSE + 1))
 def test_an_echo_of_what_goes_to_the_sender_says_nothing(kind: int) -> None:
     line = receiving()
     before = state_of(line.planner)
@@ -60,27 +57,6 @@ def test_an_echo_of_what_goes_to_the_sender_says_nothing(kind: int) -> None:
     assert line.planner.ignored_types == 1
     line.send(POSE, pose_body())
     assert not line.planner.suspect
-
-
-def test_maps_of_a_geometry_that_never_arrived_count_but_change_nothing() -> None:
-    line = receiving()
-    line.send(MAP, map_body(op(OBSTACLE, 45)))
-    heard_s = line.now_s
-    line.send(GEOM, geom_body(geom_id=8, width=5, height=4), lost=True)
-    line.send(MAP, map_body(op(FREE, 20), geom_id=8, repaired=100))
-    assert (line.planner.window() == OBSTACLE).all()
-    assert line.planner.suspect
-    assert line.planner.ignored_maps == 1
-    ack = line.planner.ack(line.now_s)
-    assert (ack[0], ack[2] & 0b111) == (6, 0b110)  # not the geometry, the map before it
-    assert ack[14] & 1  # NEED_GEOM
-    line.send(POSE, pose_body())
-    assert line.planner.stale(heard_s + 0.16)  # a map that is ignored renews nothing
-    line.send(GEOM, geom_body(geom_id=8, width=5, height=4))
-    assert line.planner.blank
-    line.send(MAP, map_body(op(FREE, 20), geom_id=8))
-    assert line.planner.window().tolist() == [[FREE] * 5] * 4
-    assert not line.planner.ack(line.now_s)[14] & 0b1001
 
 
 def test_a_window_larger_than_the_receiver_holds_is_refused_and_said() -> None:
@@ -149,18 +125,7 @@ def test_what_the_stop_zone_allows_is_for_both_ways_and_grows_old() -> None:
     assert line.planner.stop_zone is None
 
 
-@pytest.mark.parametrize(
-    ("health", "mode", "why"),
-    [
-        (GOOD_HEALTH, 4, "mode 4"),
-        (GOOD_HEALTH, 0, "mode 0"),
-        (GOOD_HEALTH & ~(1 << 4), 1, "pose not valid"),
-        (GOOD_HEALTH & ~(1 << 5), 1, "map not valid"),
-        (GOOD_HEALTH | 1 << 7, 1, "drop-off ahead"),
-        (GOOD_HEALTH | 1 << 9, 2, "attitude out of range"),
-        (GOOD_HEALTH | 1 << 15, 2, "operator stop"),
-    ],
-)
+@pytest.mark.parametrize(("health", "mode", "why"), STOPS)
 def test_the_planner_stops_for_what_the_pose_frame_says(health: int, mode: int, why: str) -> None:
     line = receiving()
     line.send(POSE, pose_body(health, mode))

@@ -27,14 +27,14 @@ UNKNOWN = {1: -32_768, 2: 65_535, 3: 65_535}
 class Sender:
     """Answers ASK frames cell by cell from a function of the endless grid; may lose frames."""
 
-    def __init__(self, receiver: Receiver, cells_a_piece: int = 7) -> None:
-        self.receiver, self.cells_a_piece = receiver, cells_a_piece
+    def __init__(self, cells_a_piece: int = 7) -> None:
+        self.receiver, self.cells_a_piece = Receiver(NONCE), cells_a_piece
         self.now_s, self.seq, self.geom_id, self.window = 1.0, 1, 7, (0, 0)
         self.asked: list[tuple[int, ...]] = []
         self.hellos = 0
         self.loses: Callable[[], bool] = lambda: False
         self.before_piece: Callable[[int], None] = lambda first: None
-        receiver.feed_datagram(0.9, bytes_from_frame(GEOM, 1, 900, geom_body()))
+        self.receiver.feed_datagram(0.9, bytes_from_frame(GEOM, 1, 900, geom_body()))
 
     def raw(self, layer: int, i: int, j: int) -> int:
         """The value of a cell, modulo 65 536 as its place."""
@@ -120,11 +120,10 @@ def test_a_tile_is_that_of_the_sender_whatever_gets_lost(
     seed: int,
 ) -> None:
     chance = random.Random(seed)
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver, cells_a_piece=chance.choice([1, 5, 300]))
+    sender = Sender(cells_a_piece=chance.choice([1, 5, 300]))
     sender.window = (1000, -70)
     sender.loses = lambda: chance.random() < loss
-    tile = receiver.ask_tile(layer, *place, *size, in_window=in_window)
+    tile = sender.receiver.ask_tile(layer, *place, *size, in_window=in_window)
     for _ in range(1600):
         sender.step()
         if tile.done:
@@ -140,11 +139,10 @@ def test_a_tile_is_that_of_the_sender_whatever_gets_lost(
 
 
 def test_only_the_rows_that_miss_are_asked_for_again_and_soon() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver, cells_a_piece=4)
+    sender = Sender(cells_a_piece=4)
     lost = iter([False] + [k in (2, 3) for k in range(6)])
     sender.loses = lambda: next(lost, False)
-    tile = receiver.ask_tile("height", 5, 6, 4, 6)
+    tile = sender.receiver.ask_tile("height", 5, 6, 4, 6)
     sender.step()
     assert tile.here.all(axis=1).tolist() == [True, True, False, False, True, True]
     sender.step(0.04)
@@ -155,9 +153,8 @@ def test_only_the_rows_that_miss_are_asked_for_again_and_soon() -> None:
 
 
 def test_what_is_not_here_yet_is_not_known() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    heights, classes = (receiver.ask_tile(name, 0, 0, 7, 2) for name in ("height", "class"))
+    sender = Sender()
+    heights, classes = (sender.receiver.ask_tile(name, 0, 0, 7, 2) for name in ("height", "class"))
     assert np.isnan(heights.values).all()
     assert not classes.values.any()
     sender.loses = lambda: len(sender.asked) == 2
@@ -168,9 +165,8 @@ def test_what_is_not_here_yet_is_not_known() -> None:
 
 
 def test_four_at_a_time_and_the_others_wait() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tiles = [receiver.ask_tile("slope", k, 0, 5, 5) for k in range(6)]
+    sender = Sender()
+    tiles = [sender.receiver.ask_tile("slope", k, 0, 5, 5) for k in range(6)]
     sender.step()
     assert [tile.complete for tile in tiles] == [True] * 4 + [False] * 2
     sender.step()
@@ -180,10 +176,9 @@ def test_four_at_a_time_and_the_others_wait() -> None:
 
 @pytest.mark.parametrize(("status", "why"), [(1, "no such layer"), (2, "too many"), (9, "9")])
 def test_a_refusal_ends_the_asking(status: int, why: str) -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tile = receiver.ask_tile("slope", 0, 0, 5, 5)
-    receiver.poll(1.0)
+    sender = Sender()
+    tile = sender.receiver.ask_tile("slope", 0, 0, 5, 5)
+    sender.receiver.poll(1.0)
     sender.say(tile.id, 3, status, (0, 0, 5, 5))
     assert why in tile.refusal
     assert tile.done
@@ -193,10 +188,9 @@ def test_a_refusal_ends_the_asking(status: int, why: str) -> None:
 
 
 def test_too_many_at_a_time_is_asked_again_later() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tile = receiver.ask_tile("slope", 0, 0, 5, 5)
-    receiver.poll(1.0)
+    sender = Sender()
+    tile = sender.receiver.ask_tile("slope", 0, 0, 5, 5)
+    sender.receiver.poll(1.0)
     sender.say(tile.id, 3, 3, (0, 0, 5, 5))
     sender.step(0.1)
     assert not tile.done
@@ -205,14 +199,13 @@ def test_too_many_at_a_time_is_asked_again_later() -> None:
 
 
 def test_a_map_begun_anew_in_the_middle_begins_the_tile_anew() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
+    sender = Sender()
 
     def anew(first: int) -> None:
         sender.geom_id = 8 if first >= 14 else sender.geom_id
 
     sender.before_piece = anew
-    tile = receiver.ask_tile("height", 3, 4, 7, 5)
+    tile = sender.receiver.ask_tile("height", 3, 4, 7, 5)
     sender.step()
     assert tile.here.all(axis=1).tolist() == [False, False, True, True, True]
     sender.step()
@@ -222,9 +215,8 @@ def test_a_map_begun_anew_in_the_middle_begins_the_tile_anew() -> None:
 
 
 def test_another_run_of_the_sender_is_asked_all_of_it() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tile = receiver.ask_tile("height", 3, 4, 7, 5, in_window=True)
+    sender = Sender()
+    tile = sender.receiver.ask_tile("height", 3, 4, 7, 5, in_window=True)
     lost = iter([False] * 3)
     sender.loses = lambda: next(lost, True)
     sender.step()
@@ -232,7 +224,7 @@ def test_another_run_of_the_sender_is_asked_all_of_it() -> None:
     sender.loses = lambda: False
     sender.window = (50, 50)
     geom = geom_body(session=99)
-    receiver.feed_datagram(1.2, bytes_from_frame(GEOM, 1, 5, geom))
+    sender.receiver.feed_datagram(1.2, bytes_from_frame(GEOM, 1, 5, geom))
     assert not tile.here.any()
     sender.seq = 1
     sender.step()
@@ -241,14 +233,13 @@ def test_another_run_of_the_sender_is_asked_all_of_it() -> None:
 
 
 def test_a_sender_that_does_not_answer_is_greeted_and_asked_once_a_second() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    receiver.ask_tile("class", 0, 0, 9, 9)
+    sender = Sender()
+    sender.receiver.ask_tile("class", 0, 0, 9, 9)
     sender.loses = lambda: True
     asked = 0
     for _ in range(300):
         sender.now_s += 0.1
-        frames = [frame_from_bytes(data) for data in receiver.poll(sender.now_s)]
+        frames = [frame_from_bytes(data) for data in sender.receiver.poll(sender.now_s)]
         kinds = [getattr(frame, "type", -1) for frame in frames]
         asked += kinds.count(ASK)
         sender.hellos += kinds.count(HELLO)
@@ -263,20 +254,18 @@ def test_a_sender_that_does_not_answer_is_greeted_and_asked_once_a_second() -> N
 
 
 def test_a_dropped_tile_is_asked_for_no_more() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tile = receiver.ask_tile("class", 0, 0, 9, 9)
-    receiver.tiles.drop(tile)
+    sender = Sender()
+    tile = sender.receiver.ask_tile("class", 0, 0, 9, 9)
+    sender.receiver.tiles.drop(tile)
     sender.step()
     assert tile.done
     assert not sender.asked
 
 
 def test_a_piece_of_other_columns_is_left_alone() -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tile = receiver.ask_tile("height", 0, 0, 3, 3)
-    receiver.poll(1.0)
+    sender = Sender()
+    tile = sender.receiver.ask_tile("height", 0, 0, 3, 3)
+    sender.receiver.poll(1.0)
     for rectangle in ((1, 0, 3, 3), (0, 0, 4, 3), (0, 1, 3, 3), (0, -1, 3, 3)):
         sender.say(tile.id, 1, 0, rectangle, 0, 3, bytes(6))
     sender.say(tile.id, 2, 0, (0, 0, 3, 3), 0, 3, bytes(6))
@@ -295,10 +284,9 @@ def test_a_piece_of_other_columns_is_left_alone() -> None:
 def test_pieces_of_other_questions_never_put_a_value_at_a_wrong_place(
     rectangle: tuple[int, int, int, int], first: int, count: int, layer: int, tile_id: int
 ) -> None:
-    receiver = Receiver(NONCE)
-    sender = Sender(receiver)
-    tile = receiver.ask_tile("height", 0, 0, 6, 6)
-    receiver.poll(1.0)
+    sender = Sender()
+    tile = sender.receiver.ask_tile("height", 0, 0, 6, 6)
+    sender.receiver.poll(1.0)
     i, j, width, _ = rectangle
     cells = range(first, first + count)
     raws = [sender.raw(1, i + k % max(width, 1), j + k // max(width, 1)) for k in cells]

@@ -50,6 +50,8 @@ def mutants_of(path: str, source: str) -> list[Mutant]:
     """All of a file, in the order of its lines; later ones of one name are numbered."""
     tree, found, named = ast.parse(source), [], Counter[str]()
     for function, node in _nodes(tree, ""):
+        if not function:  # numbers at the top are what the method was tuned to; tests name them
+            continue
         for field, new in _changes(node):
             old, before = getattr(node, field), ast.unparse(node)
             setattr(node, field, new)

@@ -9,7 +9,6 @@ BEAMS = (
     "tests/core/mapping/beams/test_isolated.py",
     "tests/core/mapping/test_freshness.py",
     "tests/core/grid",
-    "tests/core/mapping/test_map_life.py",
 )
 DRIVING = (
     "tests/core/driving/test_health.py",

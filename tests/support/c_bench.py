@@ -76,15 +76,7 @@ class Bench:
         """A run of the sender begins."""
         self.port = MemoryPort(datagrams=True)
         self.link = one_link(
-            self.port,
-            size=self.size,
-            cell_mm=self.cell_mm,
-            session=self.session,
-            tick_s=TICK_S,
-            line_baud=None,
-            key=None,
-            stale_ms=150,
-            drive_refusal="",
+            self.port, size=self.size, cell_mm=self.cell_mm, session=self.session, tick_s=TICK_S
         )
         self._told: I8 = np.full((self.size, self.size), UNKNOWN, dtype=np.int8)
 

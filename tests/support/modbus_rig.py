@@ -6,7 +6,7 @@ import fcntl
 import math
 import os
 import socket
-import sys
+import struct
 import termios
 import tty
 from collections.abc import AsyncIterator, Callable
@@ -18,8 +18,9 @@ import numpy as np
 from core.records import FREE, I8, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import DeviceStatus
 from hw.modbus.client import ServerContext
-from hw.modbus.image import RegisterImage
+from hw.modbus.image import RegisterImage, View
 from hw.modbus.layout import stride_of
+from hw.modbus.pdu import Refusal
 from hw.modbus.server import ModbusServer
 
 START_S = 1000.0
@@ -226,10 +227,10 @@ class Line:
         """Onto the line."""
         os.write(self.master, data)
 
-    def arrived(self) -> int:
-        """Bytes that lie at the server's end."""
-        count = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
-        return int.from_bytes(count, sys.byteorder)
+    def unread(self) -> int:
+        """Bytes that wait at the server's end."""
+        waiting = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
+        return int.from_bytes(waiting, "little")
 
     def listen(self) -> bytes:
         """All that was heard and not taken yet."""
@@ -260,8 +261,8 @@ class Line:
 
 def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:
     """A read of registers over TCP or UDP."""
-    pdu = bytes((code,)) + first.to_bytes(2, "big") + count.to_bytes(2, "big")
-    return number.to_bytes(2, "big") + b"\0\0\0\x06" + bytes((unit,)) + pdu
+    pdu = struct.pack(">BHH", code, first, count)
+    return mbap(pdu, unit, number)
 
 
 def words_of(answer: bytes) -> list[int]:
@@ -269,21 +270,36 @@ def words_of(answer: bytes) -> list[int]:
     assert answer[7] < 0x80, f"refused with {answer[8]}"
     data = answer[9:]
     assert len(data) == answer[8]
-    return [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
+    return words_from(data)
 
 
 def write_request(first: int, words: list[int], unit: int = 1, number: int = 1) -> bytes:
     """A write of registers (code 16) over TCP or UDP."""
-    data = b"".join(word.to_bytes(2, "big") for word in words)
-    pdu = bytes((16,)) + first.to_bytes(2, "big") + len(words).to_bytes(2, "big")
-    pdu += bytes((len(data),)) + data
-    return (
-        number.to_bytes(2, "big")
-        + b"\0\0"
-        + (len(pdu) + 1).to_bytes(2, "big")
-        + bytes((unit,))
-        + pdu
-    )
+    head = struct.pack(">BHHB", 16, first, len(words), 2 * len(words))
+    pdu = head + struct.pack(f">{len(words)}H", *words)
+    return mbap(pdu, unit, number)
+
+
+def mbap(pdu: bytes, unit: int = 1, number: int = 1) -> bytes:
+    """A request or an answer as it is on a network."""
+    return struct.pack(">HHHB", number, 0, len(pdu) + 1, unit) + pdu
+
+
+def words(
+    image: RegisterImage, first: int, count: int, now_s: float = START_S, view: View | None = None
+) -> list[int]:
+    """Registers of the image, without a wire, in as many reads as a client needs."""
+    found: list[int] = []
+    for at in range(first, first + count, 125):
+        data = image.read(now_s, view, at, min(125, first + count - at))
+        assert not isinstance(data, Refusal), data
+        found += words_from(data)
+    return found
+
+
+def words_from(data: bytes) -> list[int]:
+    """Registers as they are on the wire."""
+    return [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
 
 
 def rows_of(registers: list[int], edge: int) -> list[list[int]]:

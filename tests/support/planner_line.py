@@ -141,18 +141,9 @@ class Line:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss
         self.port = port or MemoryPort(datagrams=baud is None)
         self.link = one_link(
-            self.port,
-            size=sky.size,
-            cell_mm=200,
-            session=session,
-            tick_s=1 / rate_hz,
-            line_baud=baud,
-            key=key,
-            stale_ms=150,
-            drive_refusal="nobody drives here",
-            first_seq=first_seq,
-            push=push,
-        )
+            self.port, size=sky.size, cell_mm=200, session=session, tick_s=1 / rate_hz,
+            line_baud=baud, key=key, first_seq=first_seq, push=push,
+        )  # fmt: skip
         self.zone, self.tiles = zone, tiles
         self.planner = planner or FakePlanner(ack_every=ack_every, key=key)
         self.now_s, self.random = 100.0, random.Random(seed)

@@ -10,18 +10,30 @@ import zlib
 from typing import Generic, TypeVar
 
 from fakes.planner_mcu.receiver import FakePlanner
-from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame, int16
+from mapod_link.frames import GEOM, MAP, POSE, Frame, bytes_from_frame, frame_from_bytes, int16
 from mapod_link.receiver import Receiver
 from tests import ROOT
 
 VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
 GOOD_HEALTH = 0x007F
+STOPS = [  # health and mode in a POSE frame, and why a planner stops for them
+    (GOOD_HEALTH, 0, "mode 0"), (GOOD_HEALTH, 3, "mode 3"), (GOOD_HEALTH, 4, "mode 4"),
+    (GOOD_HEALTH & ~0x10, 1, "pose not valid"), (GOOD_HEALTH & ~0x20, 1, "map not valid"),
+    (GOOD_HEALTH | 0x80, 1, "drop-off ahead"), (GOOD_HEALTH | 0x200, 2, "attitude out of range"),
+    (GOOD_HEALTH | 0x8000, 2, "operator stop"),
+]  # fmt: skip
 SESSION = 0x5A17C0DE
 NONCE = 0x11223344
 
 
 def vector(name: str) -> bytes:
     return bytes.fromhex(VECTORS[name])
+
+
+def whole(datagrams: list[bytes]) -> list[Frame]:
+    """The frames, those of them that are valid."""
+    read = [frame_from_bytes(data) for data in datagrams]
+    return [frame for frame in read if not isinstance(frame, str)]
 
 
 def geom_body(

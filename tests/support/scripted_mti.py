@@ -119,11 +119,9 @@ class Scripted:
         self.heard: list[bytes] = []
         self.measuring, self.mute, self.deaf = True, False, False
         self.counter, self.first_s = 65530, 0.0
-        self.burst_s = 0.0  # bytes are held back to multiples of it
         self.unasked = b""
         self.truth = Truth()
-        self._due_s, self._held = 0.0, b""
-        self._released_s = 0.0
+        self._due_s = 0.0
 
     def message(self) -> bytes:
         """A sample at roll 1.5, pitch -2.25, yaw 90 degrees."""
@@ -170,11 +168,7 @@ class Scripted:
             if frame == wire("GoToMeasurement") and answer and answer[2:3] != b"\x42":
                 self.measuring = True
             sent += answer or b""
-        self._held += b"" if self.mute else sent
-        if self.burst_s and now_s - self._released_s < self.burst_s:
-            return b""
-        released, self._held, self._released_s = self._held, b"", now_s
-        return released
+        return b"" if self.mute else sent
 
 
 class ScriptedNew(Scripted):

@@ -117,7 +117,7 @@ class SenderBench:
         self.exam, self.size, self.baud = exam, size, baud
         self.world = World(size, exam.random.getrandbits(32), (32_760, -32_775))
         self.port = ExamPort(exam, loss, hears, exam.random.getrandbits(32))
-        self.compared = self.suspicious = 0
+        self.compared = 0
         self.slowest_s = 0.0  # tick of the newest run
         exam.begin(3, 3)
         self.start_sender()
@@ -127,16 +127,9 @@ class SenderBench:
         exam, session = self.exam, self.exam.random.getrandbits(32)
         self.session = session
         self.link = one_link(
-            self.port,
-            size=self.size,
-            cell_mm=50,
-            session=session,
-            tick_s=TICK_S,
-            line_baud=self.baud,
+            self.port, size=self.size, session=session, tick_s=TICK_S, line_baud=self.baud,
             key=exam.key,
-            stale_ms=150,
-            drive_refusal="nobody drives here",
-        )
+        )  # fmt: skip
         nonce = exam.hello.nonce if exam.hello else 1
         self.perfect = SlowReceiver(nonce=nonce, max_cells=MOST_CELLS, key=exam.key)
         self.port.sent.clear()
@@ -180,7 +173,6 @@ class SenderBench:
         """No FREE where the sender has told an OBSTACLE, while *suspect* is clear."""
         model = self.exam.model
         if model.last is None or model.blank or model.suspect:
-            self.suspicious += model.suspect
             return
         if model.geom is None or model.geom.session != self.session:
             return  # the new run's GEOM got lost: what is held is the old one's, and soon stale

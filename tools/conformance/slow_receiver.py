@@ -50,7 +50,7 @@ class SlowReceiver:
         ack_every: counted frames for an ACK at once; 0: no way back, no ACK and no HELLO.
     """
 
-    seed, known_flags, max_frame, ack_period_s = SEED, 0x1F, MAX_FRAME, 0.1
+    seed, max_frame, ack_period_s = SEED, MAX_FRAME, 0.1
 
     def __init__(
         self,
@@ -172,7 +172,7 @@ class SlowReceiver:
         if not SHORTEST <= len(data) <= self.max_frame:
             return False
         whole = self.has_right_crc(data)
-        return whole and data[0] >> 4 == 1 and not data[1] & ~self.known_flags & 0xE0
+        return whole and data[0] >> 4 == 1 and not data[1] & 0xE0
 
     def has_right_crc(self, data: bytes) -> bool:
         """Over the seed and all that stands before it."""
@@ -263,15 +263,11 @@ class SlowReceiver:
         """Section 4, before operations."""
         assert self.geom is not None
         i, j = self.origin or (0, 0)
-        di, dj = self.step_of(ox, i), self.step_of(oy, j)
+        di, dj = int16(ox - i), int16(oy - j)
         if self.origin is None or abs(di) >= self.geom.width or abs(dj) >= self.geom.height:
             self.forget()
         self.origin = i + di, j + dj
         self.forget_outside()
-
-    def step_of(self, wire: int, held: int) -> int:
-        """Cells that the window has moved along one axis; the endless grid wraps."""
-        return int16(wire - held)
 
     def forget_outside(self) -> None:
         """Cells that have left the window are unknown when they come back."""

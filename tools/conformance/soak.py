@@ -74,17 +74,9 @@ class Soak:
         """A new run, under another session, from any number."""
         self.session = self.chance.getrandbits(32)
         self.link = one_link(
-            self.port,
-            size=self.leg.size,
-            cell_mm=50,
-            session=self.session,
-            tick_s=TICK_MS / 1000,
-            line_baud=self.leg.baud,
-            key=KEY if self.leg.keyed else None,
-            stale_ms=150,
-            drive_refusal="nobody drives here",
-            first_seq=self.first_seq,
-        )
+            self.port, size=self.leg.size, session=self.session, tick_s=TICK_MS / 1000,
+            line_baud=self.leg.baud, key=KEY if self.leg.keyed else None, first_seq=self.first_seq,
+        )  # fmt: skip
         self.first_seq = self.chance.randrange(1, 65_536)
         self.port.answers.clear()
         self._forget()

@@ -21,8 +21,6 @@ MORE, REFRESH, AUTH = 0x01, 0x02, 0x10
 NEED_GEOM, NEED_FULL, STALE, SUSPECT = 0x01, 0x02, 0x04, 0x08
 DIGEST_OK, AUTH_FAILED = 0x20, 0x40
 SEED, MAX_FRAME, SHORTEST = b"MPL1", 368, 12
-LONGEST_CELLS = 346 * 4  # a MAP frame's operations, one byte each, tell at least so many cells
-NO_SEQ = 0x10000
 
 
 def int16(number: int) -> int:

@@ -6,7 +6,7 @@ import pytest
 
 from config_file import with_changes
 from core.driving.control import NOT_ENABLED
-from core.driving.health import MAP_VALID, POSE_VALID, RUNNING
+from core.driving.health import MAP_VALID, POSE_VALID, RUNNING, TOO_STEEP
 from core.driving.pilot import ZONE_S, Pilot
 from core.driving.report import report
 from core.driving.stall import STALLED
@@ -14,6 +14,7 @@ from core.driving.zone import NOT_TRUSTED
 from core.mapping.mapper import Mapper
 from core.records import FREE, OBSTACLE, DriveRequest, PoseReport, WheelCounts
 from tests.core.mapping.test_mapper import CONFIG, standing, wall_and_floor
+from tests.core.motion.test_attitude import attitude
 
 AHEAD = DriveRequest(0.5, 0.0, 1e9)
 NOW_S = 1.0
@@ -69,6 +70,14 @@ def test_a_robot_that_stands_well_is_told_as_such_and_one_without_a_pose_at_zero
     assert not trusted
     assert (told.x_m, told.y_m, told.yaw_rad, told.v_mps) == (0.0, 0.0, 0.0, 0.0)
     assert not told.health & POSE_VALID
+
+
+@pytest.mark.parametrize("leans", [(0.4, 0.0), (0.0, -0.4)])
+def test_a_robot_that_leans_either_way_is_told_as_too_steep(leans: tuple[float, float]) -> None:
+    mapper = Mapper(CONFIG)
+    for k in range(3):
+        mapper.add_attitude(attitude(0.01 * k, *leans))
+    assert told_by(mapper, 0.02)[1].health & TOO_STEEP
 
 
 def test_the_stop_zone_is_worked_out_now_and_then_and_at_once_when_trust_goes() -> None:

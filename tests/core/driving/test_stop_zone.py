@@ -8,7 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.driving.stop_zone import NOTHING, SLOWEST_MPS, Obstruction, Place, StopZone
+from core.driving.stop_zone import (
+    NOTHING,
+    SLOWEST_MPS,
+    Obstruction,
+    Place,
+    StopZone,
+    clearance,
+)
 from core.grid.ring import RingGrid
 from core.records import FREE, OBSTACLE, UNKNOWN
 
@@ -216,3 +223,20 @@ def test_what_lies_beyond_the_longest_sweep_is_not_thought_free() -> None:
     found = zone().look(grid, cells, (0.0, 0.0, 0.0), (20.0, 0.0), (0.0, 0.0, 0.0))
     assert found.free_m == 10.0
     assert zone().allowed_mps(found.free_m) < 20.0
+
+
+@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+def test_a_cell_that_only_the_farthest_corner_comes_near_to_counts(quarter: int) -> None:
+    """The corner of footprint and margin points straight at the edge of a cell, 4 cm beyond it."""
+    corner_rad = math.atan2(WIDTH_M / 2 + MARGIN_M, FRONT_M + MARGIN_M)
+    away = math.hypot(WIDTH_M / 2 + MARGIN_M, FRONT_M + MARGIN_M) - 0.04
+    c, s = round(math.cos(quarter * math.pi / 2)), round(math.sin(quarter * math.pi / 2))
+    x, y = -2.0 + 0.1 * s * s, -2.0 + 0.1 * c * c
+    place = (x - away * c, y - away * s, quarter * math.pi / 2 - corner_rad)
+    at = (x + 0.05 * c, y + 0.05 * s)
+    rect = (FRONT_M, REAR_M, WIDTH_M / 2)
+    for marks, is_less in (((), False), (((*at, OBSTACLE),), True)):
+        grid, cells = ground(*marks)
+        window = (grid.corner_i, grid.corner_j, SIZE)
+        kept_m = clearance(cells, window, CELL_M, place, rect, MARGIN_M, NOWHERE)
+        assert (kept_m < MARGIN_M - 0.02) is is_less

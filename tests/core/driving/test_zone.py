@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.config import Config
-from core.driving.control import DriveControl
+from core.driving.control import MOVING_MPS, DriveControl
 from core.driving.corridor import free_path, nearest_obstacles
 from core.driving.stop_zone import LONGEST_M, StopZone
 from core.driving.zone import (
@@ -99,6 +99,13 @@ def test_a_wall_ahead_slows_and_then_stops_and_leaves_the_way_back_free() -> Non
         assert told.nearest_m == pytest.approx(near_m, abs=1e-6)
         assert told.allowed_behind_mps == 1.0
         assert ground.report(moves=(-0.5, 0.0)).state == CLEAR
+
+
+def test_a_robot_at_the_least_speed_of_motion_counts_as_moving() -> None:
+    ground = Ground()
+    ground.paint(0.75, 0.05, OBSTACLE)
+    assert ground.report(moves=(-0.99 * MOVING_MPS, 0.0)).state == STOP  # ahead counts
+    assert ground.report(moves=(-MOVING_MPS, 0.0)).state == CLEAR
 
 
 def test_unseen_ground_ends_the_way_but_is_no_obstacle() -> None:

@@ -45,11 +45,11 @@ def rest(rig: CellRig, seconds: float, *points: Point) -> None:
         rig.add(*points)
 
 
-def free_rig(max_age_s: float = 5.0, window: int = 41) -> CellRig:
-    """Floor that is free at HERE, and around."""
+def free_rig(max_age_s: float = 5.0, window: int = 41, here: tuple[float, float] = HERE) -> CellRig:
+    """Floor that is free at a place, and around."""
     rig = CellRig(window=window, free_max_age_s=max_age_s)
-    rest(rig, 2.0, (*HERE, 0.0), *AROUND)
-    assert rig.state(*HERE) == FREE
+    rest(rig, 2.0, (*here, 0.0), *floor_around(*here))
+    assert rig.state(*here) == FREE
     return rig
 
 
@@ -94,16 +94,17 @@ def test_beams_that_pass_over_too_late_or_that_never_come_back_do_not() -> None:
     assert rig.state(*HERE) == UNKNOWN
 
 
-def test_under_the_robot_nothing_comes_in() -> None:
-    rig = free_rig()
-    rig.x, rig.y = HERE
+@pytest.mark.parametrize("here", [HERE, (-2.1, -1.1)])
+def test_under_the_robot_nothing_comes_in(here: tuple[float, float]) -> None:
+    rig = free_rig(here=here)
+    rig.x, rig.y = here
     rest(rig, 8.0)
-    assert rig.state(*HERE) == FREE
-    assert rig.state(HERE[0], HERE[1] + 0.2) == FREE
-    assert rig.state(HERE[0] - 0.4, HERE[1]) == UNKNOWN  # its middle lies behind the footprint
+    assert rig.state(*here) == FREE
+    assert rig.state(here[0], here[1] + 0.2) == FREE
+    assert rig.state(here[0] - 0.4, here[1]) == UNKNOWN  # its middle lies behind the footprint
     rig.x = -20.0  # it has gone
     rest(rig, 5.2 + SWEEP_S)
-    assert rig.state(*HERE) == UNKNOWN
+    assert rig.state(*here) == UNKNOWN
 
 
 def test_after_a_pause_all_of_the_window_is_looked_at_once() -> None:

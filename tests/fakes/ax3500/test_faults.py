@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from fakes.ax3500.device import MODES, FakeAx3500, Mode
-from fakes.ax3500.power import Model, thermistor_from_celsius
+from fakes.ax3500.power import Model
 from tests.support.bench_ax3500 import Bench, HeldWheels
 
 # who moves the wheels
@@ -28,14 +28,6 @@ def test_entering_rs232_mode_takes_the_vehicle_from_its_radio() -> None:
     assert bench.wheels.powers == [(100 / 127, -50 / 127), (0.0, 0.0)]
     bench.fake.command(90, 90)
     assert len(bench.wheels.powers) == 2
-
-
-def test_a_radio_that_overrides_drives_in_rs232_mode_too() -> None:
-    bench = Bench("rs232", radio_overrides=True)
-    bench.fake.command(64, 0)
-    bench.run(0.1, b"!A10\r")
-    bench.fake.command(64, 0)
-    assert bench.wheels.powers == [(64 / 127, 0.0), (16 / 127, 0.0), (64 / 127, 0.0)]
 
 
 def test_the_stick_that_is_still_held_counts_again_once_the_controller_is_up() -> None:
@@ -104,11 +96,6 @@ def test_a_load_shows_in_amps_volts_and_heat_and_passes() -> None:
     assert bench.ask("?M") == cold
 
 
-def test_the_thermistors_table_holds_at_its_points_and_between() -> None:
-    assert [thermistor_from_celsius(c) for c in (-40, 35, 150, -99, 999)] == [248, 128, 8, 248, 8]
-    assert thermistor_from_celsius(25.4) == 152  # the sheet's example
-
-
 @pytest.mark.parametrize(
     ("model", "identity", "amps", "output_d"),
     [
@@ -141,14 +128,12 @@ def test_without_its_encoder_module_it_says_so_and_counts_nothing() -> None:
 # what it says, and how
 
 
-def test_without_echo_the_answer_stands_alone() -> None:
-    bench = Bench(echoes=False)
-    assert bench.run(0.0, b"?E\r!C\r") == b"70\r6C\r+\r"
-
-
-def test_a_line_feed_may_follow_each_cr() -> None:
-    bench = Bench(lf_after_cr=True)
-    assert bench.run(0.0, b"?E\r") == b"?E\r\n70\r\n6C\r\n"
+@pytest.mark.parametrize(
+    ("echoes", "lf_after_cr", "sent"),
+    [(False, False, b"70\r6C\r"), (True, True, b"?E\r\n70\r\n6C\r\n")],
+)
+def test_what_goes_with_an_answer_may_differ(echoes: bool, lf_after_cr: bool, sent: bytes) -> None:
+    assert Bench(echoes=echoes, lf_after_cr=lf_after_cr).run(0.0, b"?E\r") == sent
 
 
 def test_it_may_enter_rs232_mode_without_a_word() -> None:

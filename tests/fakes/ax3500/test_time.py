@@ -57,12 +57,6 @@ def test_the_answer_waits_for_its_delay_and_echoes_do_not() -> None:
     assert bench.run(0.020) == b"0\r"
 
 
-def test_unpaced_everything_is_there_at_once() -> None:
-    bench = Bench(paced=True)
-    bench.fake.paced = False
-    assert bench.run(0.0, b"?Q0\r?E\r") == b"?Q0\r0\r?E\r70\r6C\r"
-
-
 def test_a_counter_is_taken_when_the_cr_has_arrived_whenever_one_looks() -> None:
     for look_s in (0.001, 0.005, 0.020):
         bench = Bench(paced=True)
@@ -242,15 +236,3 @@ def test_a_lost_byte_on_the_wire_damages_one_answer_only(offset: int) -> None:
         answers.append(b"".join(port.read()))
     whole = b"?Q0\r0FA\r"
     assert answers == [whole[:offset] + whole[offset + 1 :], whole]
-
-
-def test_a_damaged_query_is_refused() -> None:
-    bench, port = Bench(), MemoryPort()
-    wire = Wire(bench.fake, port, 1)
-    wire.host_damage_rate = 1.0
-    port.write(b"?Q0")
-    wire.step(bench.now_s)
-    wire.host_damage_rate = 0.0
-    port.write(b"\r")
-    wire.step(bench.now_s)
-    assert b"".join(port.read()).endswith(b"\r-\r")

@@ -49,23 +49,6 @@ def test_drivers_that_read_each_answer_with_one_read_of_a_hundred_bytes_are_cont
         assert scan.endswith(b" 0 0 0 0 0 0\x03")
 
 
-def test_a_driver_that_polls_for_readiness_and_reads_all_fields_is_content() -> None:
-    bench = Bench()
-
-    def device_state() -> bytes:
-        return payloads(bench.ask(FRAMES["read device state"]))[0]
-
-    assert device_state() == b"sRA SCdevicestate \1"
-    for name in ("login", "start", "run"):
-        bench.ask(FRAMES[name])
-        assert device_state() == b"sRA SCdevicestate \0"
-    bench.now_s += 1.0
-    assert device_state() == b"sRA SCdevicestate \1"
-    for number in range(30):
-        [answer] = payloads(bench.ask(framed(f"sRN field{number:03}")))
-        assert answer == b"sRA field%03d \0" % number
-
-
 def test_standby_stops_the_mirror_and_starting_needs_no_second_login() -> None:
     bench = Bench()
     bench.start()

@@ -62,15 +62,6 @@ def test_answers_can_be_lost_late_cut_short_or_damaged() -> None:
     assert bench.ask(FRAMES["read scan"]) == b""
 
 
-def test_it_is_silent_for_so_long_after_power_up() -> None:
-    bench = Bench(start_silent_s=2.0)
-    assert not bench.ask(FRAMES["login"])
-    bench.listen(2.0)
-    assert bench.ask(FRAMES["login"])
-    bench.fake.reboot(bench.now_s)
-    assert not bench.ask(FRAMES["login"])
-
-
 def test_dropped_scans_are_missing_in_the_scan_counter() -> None:
     bench = Bench(drop_rate=0.3)
     bench.start()

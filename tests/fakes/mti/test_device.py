@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 
 from fakes.mti.device import FakeMti, State
 from tests.support.bench_mti import RATE_RADPS, Bench, counters, frames, messages, turned
-from tests.support.mti_frames import framed, wire
+from tests.support.mti_frames import configuration, framed, wire
 
 COUNTER_ONLY = framed(0xD0, b"\0\0")
-
-
-def configuration(tail_102: str) -> bytes:
-    """The Configuration frame of section 8; bytes 102..109 are given."""
-    data = bytes.fromhex("00300D2A 04800000") + bytes(88) + bytes.fromhex("0001 00300D2A")
-    return framed(0x0D, data + bytes.fromhex(tail_102 + "0003 020601 330208"))
 
 
 def test_the_start_up_conversation_of_the_sheet_comes_byte_for_byte() -> None:

@@ -88,15 +88,6 @@ def test_every_mode_in_all_settings_decodes_back_to_the_truth(mode_bits: int) ->
         assert len(bench.fake._last[1]) == bench.fake.memory.length()
 
 
-def test_what_a_setting_says_is_what_comes_over_the_wire() -> None:
-    bench = Bench(model="MTi-G")
-    word = 0x8000_0305
-    bench.configure(framed(0xD0, b"\x08\x07"), framed(0xD2, struct.pack(">I", word)))
-    data = messages(bench.listen(0.1))
-    assert data
-    check_truth(bench, data[-1], 0x0807, word)
-
-
 def test_the_mti_g_has_its_own_configuration_and_refusals() -> None:
     bench = Bench(model="MTi-G")
     bench.write(wire("GoToConfig"))

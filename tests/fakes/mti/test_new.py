@@ -129,18 +129,6 @@ def rotated(q: list[float]) -> F64:
     return np.array(turned_axes).T
 
 
-@pytest.mark.parametrize(
-    ("bits", "angles_deg"), [(0, (0, 0, 90)), (8, (0, 0, 0)), (4, (180, 0, 0))]
-)
-def test_a_flat_sensor_to_the_north_reads_what_the_sheet_says(
-    bits: int, angles_deg: tuple[float, float, float]
-) -> None:
-    bench = Bench(0.0, 0.0, 0.0, model="MTi-30")
-    message = asked_for(bench, (0x2030 | bits, 100))[-1]
-    got = values(0, message[0x2030 | bits])
-    np.testing.assert_allclose(np.abs(got), angles_deg, atol=1e-6)  # 180 is -180
-
-
 def test_vectors_and_temperature_are_the_truth() -> None:
     bench = Bench(model="MTi-G-700")
     ids = (0x4023, 0x8023, 0xC023, 0x0813)

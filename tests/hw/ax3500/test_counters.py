@@ -109,43 +109,25 @@ def test_both_counters_back_near_zero_are_a_restart_at_once() -> None:
     assert pairs(results)[-1].two == 8
 
 
-def test_travel_over_an_outage_counts_where_the_zero_was_kept() -> None:
+@pytest.mark.parametrize(
+    ("before", "after", "at_s", "restarts", "travel"),
+    [
+        ([50_000, 50_010], [54_000, 54_010], 5.0, 0, 54_010),  # the zero was kept
+        ([50_000, 50_010], [30, 40], 60.0, 1, 40),  # long enough to have driven back to it
+        ([500, 500], [500, 500], 10.0, 0, 500),  # stood still near zero
+        ([0, 50], [1000, 1050], 0.8, 0, 1050),  # left it behind over a short outage
+        ([0, -50], [-1000, -1050], 0.8, 0, -1050),
+        ([900, 910], [20, 30], 1.2, 1, 30),  # fell back
+    ],
+)
+def test_an_outage_is_told_from_a_restart(
+    before: list[int], after: list[int], at_s: float, restarts: int, travel: int
+) -> None:
     counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
-    drive(counters, [(50_000, 50_000), (50_010, 50_010)], 0.0)
-    results = drive(counters, [(55_000, 54_000), (55_010, 54_010)], 5.0)
-    assert counters.restarts == 0
-    assert pairs(results)[-1].two == 54_010
-
-
-def test_an_outage_long_enough_to_drive_back_to_zero_still_counts_as_a_restart() -> None:
-    counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
-    drive(counters, [(50_000, 50_000), (50_010, 50_010)], 0.0)
-    results = drive(counters, [(30, 30), (40, 40)], 60.0)
-    assert counters.restarts == 1
-    assert pairs(results)[-1].two == 40
-
-
-def test_a_robot_that_stood_still_near_zero_over_an_outage_keeps_its_zero() -> None:
-    counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
-    drive(counters, [(500, 500), (500, 500)], 0.0)
-    drive(counters, [(500, 500), (500, 500)], 10.0)
-    assert counters.restarts == 0
-
-
-def test_a_slow_pace_is_no_outage() -> None:
-    counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
-    drive(counters, [(15 * k, 15 * k) for k in range(20)], 0.0, period_s=0.3)
-    results = drive(counters, [(900, 900), (915, 915)], 6.3)  # one pair was lost: 0.6 s
-    assert len(pairs(results)) == len(results) == 2
-
-
-def test_a_robot_that_leaves_near_zero_behind_over_a_short_outage_has_just_travelled() -> None:
-    for sign in (1, -1):
-        counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
-        drive(counters, [(0, 0), (sign * 50, sign * 40)], 0.0)
-        results = drive(counters, [(sign * 1000, sign * 990), (sign * 1050, sign * 1040)], 0.8)
-        assert counters.restarts == 0
-        assert pairs(results)[-1].two == sign * 1040
+    drive(counters, list(zip(before, before, strict=True)), 0.0)
+    results = drive(counters, list(zip(after, after, strict=True)), at_s)
+    assert counters.restarts == restarts
+    assert pairs(results)[-1].two == travel
 
 
 def test_counters_that_cannot_have_come_so_far_since_zero_have_not_restarted() -> None:
@@ -155,11 +137,11 @@ def test_counters_that_cannot_have_come_so_far_since_zero_have_not_restarted() -
     assert counters.restarts == 0
 
 
-def test_a_restart_of_counters_near_zero_still_counts_where_they_fell_back() -> None:
+def test_a_slow_pace_is_no_outage() -> None:
     counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
-    drive(counters, [(900, 900), (910, 910)], 0.0)
-    drive(counters, [(20, 20), (30, 30)], 1.2)
-    assert counters.restarts == 1
+    drive(counters, [(15 * k, 15 * k) for k in range(20)], 0.0, period_s=0.3)
+    results = drive(counters, [(900, 900), (915, 915)], 6.3)  # one pair was lost: 0.6 s
+    assert len(pairs(results)) == len(results) == 2
 
 
 def test_a_told_restart_makes_the_next_readings_the_new_zero() -> None:

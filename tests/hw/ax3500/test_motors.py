@@ -1,6 +1,7 @@
 """Motors on the fake controller: never without leave, and zero on any doubt."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -68,22 +69,27 @@ def test_the_motor_mode_decides_what_a_command_means(mode: int, moves: bool) -> 
     assert ("position" in bench.ax.status.cause) is not moves
 
 
-@pytest.mark.parametrize("parameter", ["^00", "^01"])
-def test_an_unreadable_mode_keeps_the_motors_off(parameter: str) -> None:
-    bench = motor_bench()
-    bench.fake.refuse = {parameter}
+@pytest.mark.parametrize(
+    ("mode", "refused", "cause"),
+    [
+        ("rs232_watchdog", "^00", "^00"),
+        ("rs232_watchdog", "^01", "^01"),
+        ("rs232_watchdog", "^89", "does not tell its status"),
+        ("rs232_watchdog", "?I", "does not tell its status"),
+        ("rs232", "", "without watchdog (^00 is 01, must be 02)"),
+    ],
+)
+def test_what_a_controller_does_not_tell_keeps_the_motors_off(
+    mode: Mode, refused: str, cause: str
+) -> None:
+    bench = motor_bench(mode)
+    bench.fake.refuse = {refused}
     bench.start((0.5, 0.5))
+    assert bench.wheels.powers == []
     bench.ax.stop()
-    assert b"!" not in bench.port.written
-    assert parameter in bench.ax.status.cause
+    assert (b"!" in bench.port.written) is (refused in ("^89", "?I"))  # which lets zeros through
+    assert cause in bench.ax.status.cause
     assert bench.ax.status.state == "running"
-
-
-def test_a_controller_without_watchdog_gets_no_commands() -> None:
-    bench = motor_bench("rs232")
-    bench.start((0.5, 0.5))
-    assert b"!" not in bench.port.written
-    assert "without watchdog (^00 is 01, must be 02)" in bench.ax.status.cause
 
 
 @pytest.mark.parametrize("refused", [set[str](), {"^00"}])
@@ -94,34 +100,21 @@ def test_entering_rs232_mode_switches_the_watchdog_on(refused: set[str]) -> None
     assert bench.wheels.power() == HALF
 
 
-@pytest.mark.parametrize("query", ["^89", "?I"])
-def test_a_status_that_is_not_told_keeps_the_motors_off(query: str) -> None:
-    bench = motor_bench()
-    bench.fake.refuse = {query}
-    bench.start((0.5, 0.5))
-    assert bench.wheels.powers == []
-    assert "does not tell its status" in bench.ax.status.cause
-
-
 # ---- wishes
 
 
 def test_motors_follow_the_wish_and_are_refreshed_within_the_watchdog() -> None:
     bench = motor_bench()
-    bench.start((0.5, -0.25))
-    assert bench.wheels.power() == pytest.approx((0.5, -0.25), abs=0.01)
-    changes = len(bench.wheels.powers)
-    bench.run(5.0, (0.5, -0.25))
-    assert (bench.fake.watchdog_stops, len(bench.wheels.powers)) == (0, changes)
-
-
-def test_a_wish_that_changes_is_followed_within_a_tenth_of_a_second() -> None:
-    bench = motor_bench()
-    bench.start((0.2, 0.2))
+    bench.start((7.0, -7.0))
+    assert bench.wheels.power() == (1.0, -1.0)
     for k in range(20):
         wish = (0.2 + 0.02 * k, -0.02 * k)
         bench.run(0.1, wish)
         assert bench.wheels.power() == pytest.approx(wish, abs=0.01)
+    bench.run(0.1, (0.5, -0.25))
+    changes = len(bench.wheels.powers)
+    bench.run(5.0, (0.5, -0.25))
+    assert (bench.fake.watchdog_stops, len(bench.wheels.powers)) == (0, changes)
 
 
 @pytest.mark.parametrize("wish", [None, (math.nan, 0.5), (0.5, math.inf), (0.0, 0.0)])
@@ -141,12 +134,6 @@ def test_channels_and_signs_hold_for_motors_too() -> None:
     assert bench.wheels.power() == pytest.approx((-0.25, 0.5), abs=0.01)
 
 
-def test_more_than_full_power_is_full_power() -> None:
-    bench = motor_bench()
-    bench.start((7.0, -7.0))
-    assert bench.wheels.power() == (1.0, -1.0)
-
-
 def test_stop_writes_zero_at_once() -> None:
     bench = motor_bench()
     bench.start((0.5, 0.5))
@@ -161,28 +148,32 @@ def test_stop_writes_zero_at_once() -> None:
 # ---- trouble
 
 
-@pytest.mark.parametrize("what", ["emergency stop", "status bit", "W", "restart", "lost", "cut"])
-def test_after_trouble_the_stick_must_be_let_go_first(what: str) -> None:
+TROUBLES: dict[str, Callable[[FakeBench], None]] = {
+    "emergency stop": lambda bench: setattr(bench.fake, "emergency_stop", True),
+    "status bit": lambda bench: setattr(bench.fake, "status", 0x02),
+    "W": lambda bench: bench.fake.send_w(),
+    "restart": lambda bench: bench.fake.restart(bench.now_s),
+    "mute": lambda bench: setattr(bench.fake, "mute", True),
+    "deaf": lambda bench: setattr(bench.fake, "deaf", True),
+    "noisy": lambda bench: setattr(bench.fake, "w_rate", 0.1),
+    "damage": lambda bench: setattr(bench.wire, "damage_rate", 1.0),
+    "cut": lambda bench: setattr(bench.wire, "cut", True),
+}
+
+
+@pytest.mark.parametrize("what", TROUBLES)
+def test_trouble_stops_within_a_second_and_then_the_stick_must_be_let_go_first(what: str) -> None:
     bench = motor_bench()
     bench.start((0.5, 0.5))
-    match what:
-        case "emergency stop":
-            bench.fake.emergency_stop = True
-        case "status bit":
-            bench.fake.status = 0x02
-        case "W":
-            bench.fake.send_w()
-        case "restart":
-            bench.fake.restart(bench.now_s)
-        case "lost":
-            bench.fake.mute = True
-        case "cut":
-            bench.wire.cut = True
-    bench.run(3.0, (0.5, 0.5))
+    assert bench.wheels.power() == HALF
+    TROUBLES[what](bench)
+    bench.run(1.02, (0.5, 0.5))
+    assert bench.wheels.power() == STOPPED
+    bench.run(2.0, (0.5, 0.5))
     assert bench.wheels.power() == STOPPED
     assert bench.ax.trouble != ""
-    bench.fake.emergency_stop = bench.fake.mute = bench.wire.cut = False
-    bench.fake.status = 0
+    bench.fake.emergency_stop = bench.fake.mute = bench.fake.deaf = bench.wire.cut = False
+    bench.fake.status, bench.fake.w_rate, bench.wire.damage_rate = 0, 0.0, 0.0
     seen = len(bench.wheels.powers)
     bench.run(5.0, (0.5, 0.5))
     assert bench.ax.status.state == "running"
@@ -235,30 +226,6 @@ def test_a_status_that_is_lost_once_stops_nothing() -> None:
     assert bench.wheels.power() == HALF
     assert [power for power in bench.wheels.powers[seen:] if power[0] not in (0.0, 64 / 127)] == []
     assert bench.ax.trouble == ""
-
-
-@pytest.mark.parametrize("fault", ["mute", "damage", "cut", "reset", "deaf", "noisy", "W"])
-def test_motors_are_zero_within_a_second_of_any_fault(fault: str) -> None:
-    bench = motor_bench()
-    bench.start((0.5, 0.5))
-    assert bench.wheels.power() == HALF
-    match fault:
-        case "mute" | "deaf":
-            setattr(bench.fake, fault, True)
-        case "damage":
-            bench.wire.damage_rate = 1.0
-        case "cut":
-            bench.wire.cut = True
-        case "reset":
-            bench.fake.reset(bench.now_s)
-        case "noisy":
-            bench.fake.w_rate = 0.1
-        case "W":
-            bench.fake.send_w()
-    bench.run(1.02, (0.5, 0.5))
-    assert bench.wheels.power() == STOPPED
-    bench.run(5.0, (0.5, 0.5))
-    assert bench.wheels.power() == STOPPED
 
 
 @pytest.mark.parametrize("seed", range(12))

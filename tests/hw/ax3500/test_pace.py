@@ -24,16 +24,6 @@ def pairs_per_s(digits: int, motors_hz: float = 0.0) -> float:
     return (1 / CHARACTER_S - 38 - 16 * motors_hz) / (2 * (6 + digits))
 
 
-@pytest.mark.parametrize(
-    ("motors_hz", "pairs"),
-    [(0.0, (46.1, 38.4, 32.9)), (2.5, (44.1, 36.8, 31.5)), (20.0, (30.1, 25.1, 21.5))],
-)
-def test_the_budget_is_as_the_module_says(motors_hz: float, pairs: tuple[float, ...]) -> None:
-    assert [pairs_per_s(digits, motors_hz) for digits in (4, 6, 8)] == pytest.approx(
-        pairs, abs=0.06
-    )
-
-
 @pytest.mark.parametrize("digits", [4, 6, 8])
 def test_a_loop_that_wakes_for_each_answer_gets_what_is_derived(digits: int) -> None:
     bench = FakeBench(poll_hz=60.0, look_s=LOOK_S)
@@ -112,34 +102,6 @@ def test_a_stick_that_moves_all_the_time_leaves_the_counters_their_turn(delay_s:
     assert min(bench.wheels.power()) > 0.3
     bench.run(0.1 + 3 * (delay_s + 0.012), (0.0, 0.0))  # the exchange under way, and two zeros
     assert bench.wheels.power() == (0.0, 0.0)
-
-
-@pytest.mark.parametrize("delay_s", [0.06, 0.08])
-def test_one_lost_answer_of_a_slow_controller_makes_up_no_restart(delay_s: float) -> None:
-    bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
-    bench.fake.reply_delay_s = delay_s
-    bench.start()
-    bench.wheels.counts_per_s = [1500.0, 1500.0]
-    first = bench.run(1.0)[-1]
-    bench.fake.mute = True
-    bench.run(0.05)
-    bench.fake.mute = False
-    last = bench.run(2.0)[-1]
-    assert last.restarts == 0
-    assert last.left - first.left == pytest.approx(1500.0 * (last.t_s - first.t_s), abs=25)
-
-
-@pytest.mark.parametrize("delay_s", [0.01, 0.015, 0.025, 0.06])
-def test_the_remark_changes_at_most_once_in_ten_seconds(delay_s: float) -> None:
-    bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
-    bench.fake.reply_delay_s = delay_s
-    bench.start()
-    causes = []
-    for _ in range(200):
-        bench.run(0.1)
-        causes.append(bench.ax.status.cause)
-    assert causes[0] == ""
-    assert sum(a != b for a, b in itertools.pairwise(causes)) <= 2
 
 
 def test_a_controller_that_turns_slow_and_quick_again_is_told_and_no_longer_told() -> None:

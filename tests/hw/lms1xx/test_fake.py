@@ -12,7 +12,6 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from core.records import Scan
 from fakes.lms1xx.device import FakeLms111
 from fakes.wires.wire import MemoryPort, Wire
-from hw.lms1xx import commands
 from hw.lms1xx.session import Lms111
 
 F64 = npt.NDArray[np.float64]
@@ -98,31 +97,6 @@ def test_times_hold_while_the_devices_clock_drifts_and_the_wire_is_late() -> Non
     assert bench.lms.status.missed == 0
 
 
-def test_a_reboot_is_survived_and_times_are_right_again() -> None:
-    bench = Bench()
-    bench.run(5.0)
-    bench.fake.reboot(bench.now_s)
-    bench.run(RECOVERY_S)
-    assert bench.state == "running"
-    assert bench.lms.status.losses == 1
-    for scan in bench.run(1.0):
-        assert -0.001 < late_s(scan) < TICK_S + 0.001
-
-
-def test_a_device_that_keeps_its_own_mode_is_used_and_that_is_said() -> None:
-    bench = Bench(25, 0.25)
-    bench.fake.refuse["mLMPsetscancfg"] = 0x01
-    bench.run(5.0)
-    assert bench.state == "running"
-    assert bench.lms.status.cause == (
-        "the scanner refuses mLMPsetscancfg (access denied), "
-        "scans at 50 Hz in steps of 0.5 deg, configured are 25 Hz and 0.25 deg"
-    )
-    scan = bench.run(0.2)[0]
-    assert scan.ranges_m.shape == (1, 241)
-    assert -0.001 < late_s(scan) < TICK_S + 0.001
-
-
 def test_a_device_without_its_newer_state_may_take_long_to_speed_up() -> None:
     bench = Bench(50, 0.5)
     bench.fake.refuse["STlms"] = 0x03
@@ -149,23 +123,6 @@ def test_scans_that_are_not_valid_now_and_then_are_left_out_and_change_no_state(
     bench.run(1.0)
     assert bench.state == "starting"
     assert "device status" in bench.lms.status.cause
-
-
-def test_a_device_that_was_set_to_text_is_found_after_the_next_connection() -> None:
-    bench = Bench()
-    bench.run(3.0)
-    assert bench.state == "running"
-    for command in (commands.login(), commands.set_dialect("ascii"), commands.RUN):
-        bench.port.write(command.encode("binary"))
-        bench.run(0.1)
-    bench.wire.cut = True
-    bench.run(0.2)
-    bench.wire.cut = False
-    bench.run(RECOVERY_S)
-    assert bench.state == "running"
-    assert bench.lms._memory.dialect == "ascii"
-    for scan in bench.run(1.0):
-        assert -0.001 < late_s(scan) < TICK_S + 0.001
 
 
 class Faults(RuleBasedStateMachine):

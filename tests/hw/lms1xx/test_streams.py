@@ -77,15 +77,6 @@ def test_where_the_stream_is_cut_makes_no_difference(
     assert comparable(fed(dialect, *pieces)) == comparable(fed(dialect, stream))
 
 
-def test_a_stream_that_comes_byte_by_byte_is_read_the_same() -> None:
-    cut = [b"\x02\x02", b"\x02\x02\x02\x02\x00\x00", b"\x02", b"\x02sR"]
-    ends = [FRAMES["scan A"], FRAMES["scan B"], LOGGED_IN, REFUSED]
-    stream = b"".join(junk + telegram for junk, telegram in zip(cut, ends, strict=True))
-    whole = fed("auto", stream)
-    assert comparable(fed("auto", *(bytes([byte]) for byte in stream))) == comparable(whole)
-    assert [event.skipped for event in whole if isinstance(event, BadFrame)] == cut
-
-
 @pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
 @pytest.mark.parametrize("frame", PACKED, ids=["scan A", "answer", "refusal", "ready", "scan B"])
 def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(

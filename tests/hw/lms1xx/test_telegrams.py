@@ -148,13 +148,6 @@ def test_distances_may_be_scaled_shifted_and_of_eight_bits() -> None:
     np.testing.assert_allclose(metres(scan, "DIST2"), [0.255, 0.016, math.nan])
 
 
-def test_a_part_of_a_channel_can_be_read_into_a_slot() -> None:
-    [scan] = [e for e in fed(RECORDED) if isinstance(e, ScanTelegram) and e.scan_counter == 4]
-    out = np.zeros(3)
-    lms111.ranges_m_from_channel(scan.channels["DIST1"], slice(269, 272), out)
-    assert out[1] == 1.339
-
-
 @pytest.mark.parametrize(
     ("payload", "reason"),
     [

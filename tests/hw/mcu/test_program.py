@@ -1,6 +1,5 @@
 """The C header as a program answers on standard input and output, TCP and UDP."""
 
-import json
 import socket
 import subprocess
 from pathlib import Path
@@ -9,12 +8,11 @@ import pytest
 
 from mapod_link.frames import Frame, frame_from_bytes
 from mapod_link.serial_line import Deframer
-from tests import ROOT
+from tests.support.planner_sender import VECTORS, vector
 from tools.rig.c_build import MCU, built
 
-VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
 NAMES = ("geom", "pose", "map")
-SERIAL = b"".join(bytes.fromhex(VECTORS[f"{name}_serial"]) for name in NAMES)
+SERIAL = b"".join(vector(f"{name}_serial") for name in NAMES)
 ACK, HELLO = 8, 9
 GENEROUS_S = 60.0
 
@@ -54,7 +52,7 @@ def test_it_answers_whoever_sends_datagrams() -> None:
             port = int(program.stderr.readline().split()[1])
             sender.settimeout(GENEROUS_S)
             for name in NAMES:
-                sender.sendto(bytes.fromhex(VECTORS[name]), ("127.0.0.1", port))
+                sender.sendto(vector(name), ("127.0.0.1", port))
             last = 0
             while last != 3:
                 frame = frame_from_bytes(sender.recv(2048))

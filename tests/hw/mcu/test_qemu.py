@@ -26,15 +26,7 @@ class Wire:
     def __init__(self, board: Board, size: int, key: bytes | None = None) -> None:
         self.board, self.sky, self.port = board, Sky(size, seed=4), MemoryPort()
         self.link = one_link(
-            self.port,
-            size=size,
-            cell_mm=50,
-            session=0x5A17C0DE,
-            tick_s=TICK_S,
-            line_baud=115_200,
-            key=key,
-            stale_ms=150,
-            drive_refusal="",
+            self.port, size=size, session=0x5A17C0DE, tick_s=TICK_S, line_baud=115_200, key=key
         )
         self.now_s, self.random, self.lost, self.sent = 50.0, random.Random(9), 0, 0
         self.noise = 0  # bad frames that are none of the sender's

@@ -25,17 +25,7 @@ class Runs:
         """The next run; nothing of the one before is on the wire any more."""
         self._session += 1
         self.port = MemoryPort(datagrams=True)
-        self.link = one_link(
-            self.port,
-            size=SIZE,
-            cell_mm=200,
-            session=self._session,
-            tick_s=TICK_S,
-            line_baud=None,
-            key=self._key,
-            stale_ms=150,
-            drive_refusal="nobody drives here",
-        )
+        self.link = one_link(self.port, size=SIZE, session=self._session, key=self._key)
         self.sky.epoch += 1
 
     def run(self, seconds: float) -> None:

@@ -1,22 +1,15 @@
 """The C header reads and writes the frames that the protocol prints, byte for byte."""
 
-import json
-
 import pytest
 
 from mapod_link.frames import frame_from_bytes, signed_bytes_from_frame
-from tests import ROOT
 from tests.support.c_link import NOT_KNOWN, Ask, CReceiver, ExternalPose, serial_from_frame
+from tests.support.planner_sender import VECTORS, vector
 
-VECTORS = json.loads((ROOT / "tests/vectors" / "planner_link.json").read_text())
 KEY, NONCE = bytes.fromhex(VECTORS["auth_key"]), int(VECTORS["auth_nonce"], 0)
 HEARD = ["geom", "pose", "map", "digest", "stop_zone", "tile_class"]
 HEARD += ["tile_height", "tile_variance", "tile_slope", "tile_refused"]
 RECTANGLE = (236, -40, 5, 3)  # i, j, width, height
-
-
-def vector(name: str) -> bytes:
-    return bytes.fromhex(VECTORS[name])
 
 
 def begun() -> CReceiver:

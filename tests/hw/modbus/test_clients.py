@@ -15,7 +15,6 @@ from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
 from core.records import ObstacleMap
 from hw.modbus.image import RegisterImage
 from hw.modbus.layout import COARSE, WINDOW, stride_of
-from hw.modbus.pdu import Refusal
 from tests.support.modbus_rig import (
     CLEAR,
     GOOD,
@@ -28,23 +27,12 @@ from tests.support.modbus_rig import (
     serving,
     some_cells,
     window_of,
+    words,
 )
 from tools.rig.c_build import MissingToolError
 
 COUNT = 10 + SIZE * stride_of(SIZE) + 1  # registers of a window: head, cells, generation
 SOURCE = Path(__file__).parent / "modbus_reader.c"
-
-
-def expected(image: RegisterImage, first: int, count: int) -> list[int]:
-    """What the image holds, without a wire."""
-    found: list[int] = []
-    while count:
-        size = min(count, 125)
-        data = image.read(START_S, None, first, size)
-        assert not isinstance(data, Refusal)
-        found += [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(size)]
-        first, count = first + size, count - size
-    return found
 
 
 def client_of(kind: str, port: int, path: str) -> ModbusBaseClient:
@@ -59,9 +47,9 @@ async def talk(client: ModbusBaseClient, image: RegisterImage) -> None:
     """All that pymodbus's client is asked to do; the window while maps go by."""
     assert await client.connect()
     status = await client.read_holding_registers(0, count=80, device_id=1)
-    assert list(status.registers) == expected(image, 0, 80)
+    assert list(status.registers) == words(image, 0, 80)
     coarse = await client.read_input_registers(COARSE, count=71, device_id=1)
-    assert list(coarse.registers) == expected(image, COARSE, 71)
+    assert list(coarse.registers) == words(image, COARSE, 71)
     wrong = await client.read_holding_registers(60000, count=1, device_id=1)
     assert (wrong.isError(), wrong.exception_code) == (True, 2)
     written = await client.write_register(1, 3, device_id=1)
@@ -72,7 +60,7 @@ async def talk(client: ModbusBaseClient, image: RegisterImage) -> None:
     names = await client.read_device_information(read_code=2, device_id=1)
     assert isinstance(names, ReadDeviceInformationResponse)
     assert names.information[0] == b"mapod"
-    whole = expected(image, WINDOW, COUNT)
+    whole = words(image, WINDOW, COUNT)
     read: list[int] = []
     while len(read) < COUNT:
         size = min(7, COUNT - len(read))
@@ -80,7 +68,7 @@ async def talk(client: ModbusBaseClient, image: RegisterImage) -> None:
         read += piece.registers
         image.publish(START_S, GOOD, CLEAR, next_window(len(read)))
     assert read == whole
-    assert expected(image, WINDOW, 1) != whole[:1]
+    assert words(image, WINDOW, 1) != whole[:1]
     client.close()
 
 
@@ -160,9 +148,9 @@ def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
             out = await output_of(reader, *where, "2")
             unjoin(line, end)
         status, coarse, window = ([int(word) for word in row.split()] for row in out.splitlines())
-        assert status == expected(image, 0, 80)
-        assert coarse == expected(image, COARSE, 71)
-        assert window == expected(image, WINDOW, COUNT)
+        assert status == words(image, 0, 80)
+        assert coarse == words(image, COARSE, 71)
+        assert window == words(image, WINDOW, COUNT)
         assert window[0] == window[-1] == 1
         line.close()
         end.close()

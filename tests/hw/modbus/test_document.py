@@ -5,7 +5,6 @@ from pathlib import Path
 
 from hw.modbus import layout
 from hw.modbus.pdu import Refusal
-from tests.support.modbus_rig import START_S, new_image
 from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled, main
 
 TEXT = DOCUMENT.read_text(encoding="utf-8")
@@ -36,11 +35,3 @@ def test_registers_that_the_text_names_are_where_it_says() -> None:
     named = {(name, int(at)) for name, at in re.findall(r"`(\w+)` \((\d+)\)", TEXT)}
     assert len(named) > 8
     assert named <= places
-
-
-def test_what_the_least_cycle_reads_can_be_read_in_one_request() -> None:
-    image = new_image()
-    for first, count in ((0, 80), (layout.COARSE, 71), (0, 125), (layout.WINDOW, 10)):
-        data = image.read(START_S, None, first, count)
-        assert not isinstance(data, Refusal)
-        assert len(data) == 2 * count

@@ -16,6 +16,7 @@ from tests.support.modbus_rig import (
     new_image,
     some_cells,
     window_of,
+    words,
 )
 
 V, W = 500, 65536 - 300
@@ -42,13 +43,6 @@ def enabled() -> tuple[RegisterImage, Commander]:
     return new_image(ask=commander, drive_refusal=""), commander
 
 
-def block(image: RegisterImage, now_s: float = START_S) -> list[int]:
-    """The drive block."""
-    data = image.read(now_s, None, DRIVE, 10)
-    assert not isinstance(data, Refusal)
-    return [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(10)]
-
-
 def test_where_driving_is_not_enabled_there_are_no_such_registers() -> None:
     image = new_image(drive_refusal="not enabled")
     assert image.read(START_S, None, DRIVE, 1) == Refusal.ADDRESS
@@ -57,14 +51,12 @@ def test_where_driving_is_not_enabled_there_are_no_such_registers() -> None:
 
 def test_a_request_is_taken_whole_and_acknowledged() -> None:
     image, commander = enabled()
-    assert block(image) == [0] * 10
+    assert words(image, DRIVE, 10) == [0] * 10
     assert image.write(START_S, START_S, None, "me", DRIVE, [V, W, 200, 7]) is Refusal.NONE
     assert commander.asked == [(START_S, "me", 0.5, -0.3, 0.2)]
     image.publish(START_S, GOOD, CLEAR, window_of(some_cells(1)), driven=(0.25, -0.1))
-    assert block(image, START_S + 0.05) == [V, W, 200, 7, 7, 0, 7, 150, 250, 65436]
-    assert block(image, START_S + 1)[7] == 0
-    assert image.drive is not None
-    assert (image.drive.taken, image.drive.refused) == (1, 0)
+    assert words(image, DRIVE, 10, START_S + 0.05) == [V, W, 200, 7, 7, 0, 7, 150, 250, 65436]
+    assert words(image, DRIVE, 10, START_S + 1)[7] == 0
 
 
 @pytest.mark.parametrize(
@@ -75,13 +67,11 @@ def test_a_refusal_of_the_app_shows_in_the_acknowledgement(reason: str, result: 
     image.write(START_S, START_S, None, "me", DRIVE, [V, W, 200, 7])
     commander.reason = reason
     assert image.write(START_S, START_S, None, "me", DRIVE, [V, W, 200, 8]) is Refusal.NONE
-    assert block(image)[3:7] == [8, 8, result, 7]
-    assert image.drive is not None
-    assert image.drive.last_refusal == reason
+    assert words(image, DRIVE, 10)[3:7] == [8, 8, result, 7]
 
 
 @pytest.mark.parametrize(
-    ("first", "words"),
+    ("first", "given"),
     [
         (DRIVE, [V]),
         (DRIVE, [V, W, 200]),
@@ -95,12 +85,12 @@ def test_a_refusal_of_the_app_shows_in_the_acknowledgement(reason: str, result: 
     ],
 )
 def test_part_of_a_request_or_a_value_out_of_range_changes_nothing(
-    first: int, words: list[int]
+    first: int, given: list[int]
 ) -> None:
     image, commander = enabled()
-    assert image.write(START_S, START_S, None, "me", first, words) == Refusal.VALUE
+    assert image.write(START_S, START_S, None, "me", first, given) == Refusal.VALUE
     assert commander.asked == []
-    assert block(image) == [0] * 10
+    assert words(image, DRIVE, 10) == [0] * 10
 
 
 def test_the_acknowledgement_can_not_be_written() -> None:
@@ -114,10 +104,10 @@ def test_the_time_that_a_request_waited_is_taken_off_but_a_stop_is_never_too_lat
     assert commander.asked[-1][4] == 0.05
     image.write(START_S + 0.2, START_S, None, "me", DRIVE, [V, W, 200, 2])
     assert len(commander.asked) == 1
-    assert block(image)[4:7] == [2, 2, 1]
+    assert words(image, DRIVE, 10)[4:7] == [2, 2, 1]
     image.write(START_S + 9, START_S, None, "me", DRIVE, [0, 0, 0, 3])
     assert commander.asked[-1] == (START_S + 9, "me", 0.0, 0.0, 0.0)
-    assert block(image)[5] == 0
+    assert words(image, DRIVE, 10)[5] == 0
 
 
 def test_only_this_machine_and_a_line_may_drive_and_others_may_still_freeze_and_read() -> None:

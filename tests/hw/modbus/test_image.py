@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import FREE, I8, OBSTACLE
-from hw.modbus.image import PACK_S, VIEW_S, RegisterImage, View, next_generation
+from hw.modbus.image import PACK_S, VIEW_S, RegisterImage, next_generation
 from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, stride_of
 from hw.modbus.pdu import Refusal
 from hw.modbus.status import STALE_S
@@ -24,23 +24,8 @@ from tests.support.modbus_rig import (
     rows_of,
     some_cells,
     window_of,
+    words,
 )
-
-STEPS = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3)), max_size=40)
-
-
-def words(
-    image: RegisterImage, first: int, count: int, now_s: float = START_S, view: View | None = None
-) -> list[int]:
-    """Registers, in as many reads as a client needs."""
-    found: list[int] = []
-    while count:
-        size = min(count, 125)
-        data = image.read(now_s, view, first, size)
-        assert not isinstance(data, Refusal), data
-        found += [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(size)]
-        first, count = first + size, count - size
-    return found
 
 
 def coarse(rows: list[list[int]]) -> list[list[int]]:
@@ -147,37 +132,6 @@ def test_a_map_that_nobody_publishes_any_more_is_told_as_unknown_and_so_it_is_at
         assert words(image, WINDOW, 1, now_s) == words(image, COARSE, 1, now_s) == [0]
         assert words(image, COARSE + 1, 1, now_s) == [0xFFFF]
     assert words(new_image(), WINDOW, 1, START_S + STALE_S - 0.01) == [1]
-
-
-@given(steps=STEPS, reads=st.integers(1, 60))
-def test_a_view_read_in_many_pieces_never_mixes_two_maps(
-    steps: list[tuple[int, int]], reads: int
-) -> None:
-    image, count = new_image(), SIZE * stride_of(SIZE)
-    views = [image.new_view() for _ in range(4)]
-    truth = {1: raster(some_cells(1), (-7, 3), True)}
-    read: list[list[int]] = [[] for _ in views]
-    generation = [0] * 4
-    now_s = START_S
-    for seed, (which, action) in enumerate(steps):
-        view = which % 4
-        if which == 4:  # a publication
-            now_s += PACK_S
-            corner = (seed, -seed)
-            image.publish(now_s, GOOD, CLEAR, window_of(some_cells(seed), corner))
-            newest = words(image, WINDOW, 1, now_s)[0]
-            truth[newest] = raster(some_cells(seed), corner, True)
-        elif action == 0 or not generation[view]:
-            generation[view] = words(image, WINDOW, 1, now_s, views[view])[0]
-            read[view] = []
-        else:
-            at = len(read[view])
-            size = min(reads, count - at)
-            read[view] += words(image, WINDOW_CELLS + at, size, now_s, views[view])
-            if size and len(read[view]) == count:
-                assert rows_of(read[view], SIZE) == truth[generation[view]]
-                end = words(image, WINDOW_CELLS + count, 1, now_s, views[view])
-                assert end == [generation[view]]
 
 
 def test_a_view_is_frozen_by_its_first_read_by_its_header_and_by_the_latch_only() -> None:

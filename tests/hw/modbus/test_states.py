@@ -33,6 +33,7 @@ from tests.support.modbus_rig import (
     rows_of,
     some_cells,
     window_of,
+    words_from,
     write_request,
 )
 
@@ -200,7 +201,7 @@ class Modbus(RuleBasedStateMachine):
                 self.take_words(reader, first, answer.pdu[2:])
 
     def take_words(self, reader: Reader, first: int, data: bytes) -> None:
-        words = [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
+        words = words_from(data)
         if first == WINDOW:
             reader.generation, reader.words = words[0], []
             return

@@ -18,6 +18,7 @@ from tests.support.modbus_rig import (
     Tcp,
     Udp,
     free_port,
+    mbap,
     new_image,
     read_request,
     serving,
@@ -27,9 +28,7 @@ from tests.support.modbus_rig import (
 HEAD = bytes.fromhex("4D50 0100 0001 0000 0000 0007 6D61 706F 6400 0000")
 TCP_ANSWER = bytes.fromhex("00 01 00 00 00 17 01 03 14") + HEAD
 RTU_READ_TEN = bytes.fromhex("01 03 00 00 00 0A C5 CD")
-UNKNOWN_63 = bytes.fromhex("00 05 00 00 00 02 01 63")
 
-Network = Callable[[int], Coroutine[Any, Any, Tcp | Udp]]
 NETWORKS = pytest.mark.parametrize("kind", ["tcp", "udp"])
 
 
@@ -37,18 +36,6 @@ def framed(pdu: str, unit: int = 1) -> bytes:
     """On a line, with its checksum."""
     frame = bytes((unit,)) + bytes.fromhex(pdu)
     return frame + crc16(frame).to_bytes(2, "little")
-
-
-def mbap(pdu: str, unit: int = 1, number: int = 1) -> bytes:
-    """On a network."""
-    data = bytes.fromhex(pdu)
-    return (
-        number.to_bytes(2, "big")
-        + b"\0\0"
-        + (len(data) + 1).to_bytes(2, "big")
-        + bytes((unit,))
-        + data
-    )
 
 
 def on_network(kind: str, talk: Callable[[Any, ModbusServer], Coroutine[Any, Any, None]]) -> None:
@@ -118,7 +105,8 @@ REFUSED = [
 def test_refusals_have_the_function_and_the_code_of_the_standard(kind: str) -> None:
     async def talk(client: Tcp | Udp, server: ModbusServer) -> None:
         for number, (pdu, refusal) in enumerate(REFUSED):
-            assert await client.ask(mbap(pdu, number=number)) == mbap(refusal, number=number), pdu
+            answer = mbap(bytes.fromhex(refusal), number=number)
+            assert await client.ask(mbap(bytes.fromhex(pdu), number=number)) == answer, pdu
 
     on_network(kind, talk)
 
@@ -252,7 +240,7 @@ def test_units_that_are_not_ours_are_refused_on_a_network(kind: str) -> None:
         for unit in (0, 1, 2, 9, 255):
             assert (await client.ask(read_request(0, 1, unit)))[7:] == bytes.fromhex("03024D50")
         for unit in (10, 17, 247, 254):
-            assert await client.ask(read_request(0, 1, unit)) == mbap("83 0B", unit)
+            assert await client.ask(read_request(0, 1, unit)) == mbap(b"\x83\x0b", unit)
 
     on_network(kind, talk)
 

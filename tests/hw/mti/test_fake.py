@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from core.records import Attitude
 from fakes.mti.device import FakeMti
+from tests.support.mti_frames import wire
 from tests.support.scripted_mti import TICK_S, Bench
 
 F64 = npt.NDArray[np.float64]
@@ -69,16 +70,6 @@ def test_bursts_and_drift_move_the_instants_by_a_tick_at_most(drift_ppm: float) 
     assert max(map(abs, lates_s)) < TICK_S + 0.0015
 
 
-def test_a_sensor_that_is_powered_after_the_app_is_found() -> None:
-    bench = bench_of()
-    bench.device.mute = True
-    bench.run(3.0)
-    bench.device.mute = False
-    bench.device.power_up(bench.now_s)
-    bench.run(2.0)
-    assert bench.state() == "running"
-
-
 def test_numbers_that_are_none_are_no_attitudes() -> None:
     bench = bench_of()
     bench.run(2.0)
@@ -94,9 +85,13 @@ def test_numbers_that_are_none_are_no_attitudes() -> None:
 MODELS = ["MTi-28", "MTi-G", "MTi-30", "MTi-3", "MTi-G-700", "MTi-630"]
 
 
+@pytest.mark.parametrize("written", [b"", wire("GoToConfig")], ids=["measuring", "in Config"])
 @pytest.mark.parametrize("model", MODELS)
-def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model: str) -> None:
+def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(
+    model: str, written: bytes
+) -> None:
     bench = bench_of(model)
+    bench.device.exchange(0.0, written)  # by another host
     bench.run(5.0)
     assert (bench.state(), bench.cause()) == ("running", "")
     attitudes = bench.run(3.0)
@@ -109,15 +104,6 @@ def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model:
         down = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
         np.testing.assert_allclose(down, motion_at(0.0)[0][2], atol=1e-6)
         np.testing.assert_allclose(attitude.rate_radps, motion_at(0.0)[1], atol=1e-6)
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_the_magnetic_field_comes_with_the_attitude_in_the_sensors_axes(model: str) -> None:
-    bench = bench_of(model)
-    bench.run(3.0)
-    attitudes = bench.run(0.5)
-    assert len(attitudes) > 40
-    for attitude in attitudes:
         assert attitude.magnetic is not None
         R, _, _ = motion_at(attitude.t_s)
         np.testing.assert_allclose(R @ attitude.magnetic, bench.device.earth_field, atol=0.02)
@@ -132,13 +118,6 @@ def test_every_model_is_found_again_after_a_brown_out(model: str, forgets: bool)
     assert (bench.state(), bench.cause()) == ("running", "")
     assert bench.mti.status.losses == 1
     assert len(bench.run(1.0)) == pytest.approx(100, abs=2)
-
-
-def test_a_rate_beyond_the_device_is_said() -> None:
-    bench = bench_of("MTi-3", 200.0)
-    bench.run(5.0)
-    assert bench.state() == "running"
-    assert "at 100 Hz, not 200" in bench.cause()
 
 
 class Life(RuleBasedStateMachine):

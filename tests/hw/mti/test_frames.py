@@ -94,13 +94,6 @@ def test_a_claimed_frame_that_never_completes_is_given_up_in_time() -> None:
     assert good == MtFrame(0x32, EULER_FRAME[4:-1])
 
 
-def test_a_frame_that_a_stalled_host_reads_in_two_halves_is_whole() -> None:
-    parser = MtParser(BAUD)
-    assert parser.feed(0.0, EULER_FRAME[:20]) == []
-    [frame] = parser.feed(1.0, EULER_FRAME[20:])
-    assert isinstance(frame, MtFrame)
-
-
 @given(position=st.integers(0, len(EULER_FRAME) - 1), other=st.integers(1, 255))
 def test_a_frame_with_any_one_byte_altered_is_rejected(position: int, other: int) -> None:
     altered = bytearray(EULER_FRAME)

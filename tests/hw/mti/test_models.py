@@ -3,7 +3,6 @@
 import math
 import struct
 
-import numpy as np
 import pytest
 
 from hw.mti.output import legacy_output, new_outputs
@@ -11,31 +10,6 @@ from tests.support.mti_frames import framed, wire
 from tests.support.scripted_mti import NEW_REQUEST, TICK_S, Bench, Scripted, ScriptedNew
 
 HALF = math.sqrt(0.5)
-
-
-class MtiG(Scripted):
-    """Legacy with GPS: refuses the newer messages, firmware of three bytes."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.answers[wire("ReqDID")] = framed(0x01, bytes.fromhex("01500618"))
-        self.registers |= {0xD0: "1836", 0xD2: "80000203"}  # GPS, UTC, 16.32, NED
-
-
-class Mti3(ScriptedNew):
-    """Gives no answer at all to what it does not know."""
-
-    device_id = "03880012"
-
-    def answer(self, frame: bytes) -> bytes | None:
-        answer = super().answer(frame)
-        return None if answer and answer[2] == 0x42 else answer
-
-
-class Mti630(ScriptedNew):
-    """Eight bytes of device id."""
-
-    device_id = "0000000000820034"
 
 
 class Split(ScriptedNew):
@@ -50,37 +24,10 @@ class Split(ScriptedNew):
         return first + framed(0x36, stamp + struct.pack(">HB3f", 0x8020, 12, 0.01, -0.02, 0.25))
 
 
-@pytest.mark.parametrize("device_type", [Scripted, MtiG, ScriptedNew, Mti3, Mti630])
-@pytest.mark.parametrize("measuring", [True, False])
-def test_every_model_runs_whether_it_is_found_measuring_or_in_config(
-    device_type: type[Scripted], measuring: bool
-) -> None:
-    device = device_type()
-    device.measuring = measuring
-    bench = Bench(device)
-    assert bench.run_until("running", 5.0), bench.cause()
-    assert bench.cause() == ""
-    attitudes = bench.run(1.0)
-    assert len(attitudes) == 100
-    assert bench.mti.status.rejected == bench.mti.status.missed == 0
-    assert all(math.hypot(*attitude.q_earth_sensor) == pytest.approx(1) for attitude in attitudes)
-    np.testing.assert_allclose(attitudes[-1].rate_radps, [0.01, -0.02, 0.25], rtol=1e-6)
-    bench.run(1.0)
-    assert bench.mti.clock_locked
-    assert bench.mti.clock_uncertainty_s < 0.005
-
-
-@pytest.mark.parametrize("device_type", [Scripted, ScriptedNew])
-def test_a_device_that_wakes_up_as_it_is_found_runs(device_type: type[Scripted]) -> None:
-    device = device_type()
-    device.measuring, device.unasked = False, wire("WakeUp")
-    bench = Bench(device)
-    assert bench.run_until("running", 3.0), bench.cause()
-    assert device.heard[0] == wire("WakeUpAck") or wire("WakeUpAck") in device.heard
-
-
 def test_a_device_that_keeps_north_east_down_is_turned() -> None:
-    device = MtiG()
+    device = Scripted()  # an MTi-G
+    device.answers[wire("ReqDID")] = framed(0x01, bytes.fromhex("01500618"))
+    device.registers |= {0xD0: "1836", 0xD2: "80000203"}  # GPS, UTC, 16.32, NED
     device.stubborn = {0xD2: "80000005"}
     bench = Bench(device)
     assert bench.run_until("running", 3.0), bench.cause()

@@ -114,31 +114,6 @@ def test_no_data_of_any_mode_and_settings_makes_the_decoder_raise(
     assert isinstance(decoder.decode(given_bytes + b"\0"), BadFrame)
 
 
-@pytest.mark.parametrize(
-    ("mode", "settings", "size"),
-    [
-        (0x0004, 0x001, 18),
-        (0x0004, 0x005, 14),
-        (0x0004, 0x009, 38),
-        (0x0002, 0x001, 38),
-        (0x0006, 0x005, 50),
-        (0x0006, 0x001, 54),
-        (0x0006, 0x009, 74),
-        (0x0806, 0x005, 51),
-        (0x0006, 0x055, 26),
-        (0x0007, 0x005, 54),
-        (0x0006, 0x105, 50),
-        (0x0006, 0x205, 74),
-        (0x0006, 0x305, 98),
-        (0x4000, 0x001, 22),
-        (0x5806, 0x003, 20 + 44 + 1 + 2 + 12),  # raw keeps only GPS, status, counter and UTC
-        (0x003E, 0x400, 4 * (9 + 4 + 3 + 3) + 2),
-    ],
-)
-def test_data_lengths_are_those_of_the_sheet(mode: int, settings: int, size: int) -> None:
-    assert MtDataDecoder(mode, settings).size == size
-
-
 def test_calibrated_data_and_euler_angles_of_the_sheet() -> None:
     sample = sample_of("MTData 0006 00000005")
     np.testing.assert_allclose(sample.accel_mps2 or (), [0.12, -0.34, 9.81], rtol=1e-6)

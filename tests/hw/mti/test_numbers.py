@@ -5,7 +5,6 @@ import struct
 
 import numpy as np
 import numpy.typing as npt
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -87,21 +86,9 @@ def test_every_earth_frame_becomes_north_west_up(
         np.testing.assert_allclose(matrix(sample.q_earth_sensor), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize(("frame", "roll", "yaw"), [(0, 0, 90), (1, 180, 0), (2, 0, 0)])
-def test_a_flat_sensor_with_x_to_north_has_no_rotation_left(
-    frame: int, roll: float, yaw: float
-) -> None:
-    """Section 6: ENU reads yaw 90, NWU 0, NED 0 with roll 180."""
-    q = maybe_orientation(1, (float(roll), 0.0, float(yaw)), frame)
-    np.testing.assert_allclose(matrix(q), np.eye(3), atol=1e-12)
-
-
-def test_a_frame_that_is_not_known_is_refused() -> None:
-    assert maybe_orientation(1, (0.0, 0.0, 0.0), 3) is None
-
-
 def test_what_is_no_rotation_is_refused() -> None:
     nan, inf = math.nan, math.inf
+    assert maybe_orientation(1, (0.0, 0.0, 0.0), 3) is None  # no such earth frame
     assert maybe_unit(1.0, 0.1, 0.3, 0.0) is None
     assert maybe_unit(nan, 0.0, 0.0, 0.0) is None
     assert maybe_unit(inf, 0.0, 0.0, 0.0) is None

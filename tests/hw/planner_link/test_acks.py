@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hw.planner_link.frames import GEOM, POSE
 from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
 from hw.planner_link.published import PublishedMap
-from hw.planner_link.recovery import MOST_LAG, REMEMBERED, Repair
+from hw.planner_link.recovery import MOST_LAG, Repair
 from hw.planner_link.refresh import RefreshCursor
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
@@ -60,23 +60,17 @@ class Acks:
         line.link.poll(line.now_s)
 
 
-def test_an_acknowledgement_of_the_newest_frame_settles_everything_sent() -> None:
+@pytest.mark.parametrize(
+    ("behind", "echo", "believed"), [(0, None, True), (UNTIMED, 0, False), (0, 0, True)]
+)
+def test_of_a_receiver_that_keeps_no_times_the_newest_frames_are_believed(
+    behind: int, echo: int | None, believed: bool
+) -> None:
     line = quiet()
-    acks = Acks(line)
-    acks.give()
-    seq = line.link._scheduler.seq
+    newest = line.link._scheduler.seq
+    Acks(line).give(newest - behind, echo=echo)
     line.tick()
-    assert line.link._repair.repaired == seq
-
-
-def test_of_a_receiver_that_keeps_no_times_the_newest_frames_are_believed() -> None:
-    line = quiet()
-    acks = Acks(line)
-    for behind, believed in ((UNTIMED, False), (0, True)):
-        newest = line.link._scheduler.seq
-        acks.give(newest - behind, echo=0)
-        line.tick()
-        assert (line.link._repair.repaired == newest) == believed
+    assert (line.link._repair.repaired == newest) == believed
 
 
 @pytest.mark.parametrize(
@@ -279,11 +273,6 @@ def test_a_round_is_complete_when_each_cell_was_told_or_has_entered_since(
             told[corner[0] + cell % size, corner[1] + cell // size] = seq
         if (newest := way.advance(end)) > 0:
             assert min(told.values()) >= newest
-
-
-def test_without_acknowledgements_at_first_nothing_is_kept_for_ever() -> None:
-    line = quiet()
-    assert len(line.link._repair._sent) <= REMEMBERED
 
 
 @pytest.mark.parametrize("key", [None, bytes(32)])

@@ -12,28 +12,17 @@ from fakes.planner_mcu.receiver import FakePlanner
 from hw.device import BadFrame
 from hw.planner_link.frames import (
     ASK,
-    DIGEST,
     GEOM,
     MAP,
-    MORE,
     POSE,
     STOP_ZONE,
     TILE,
     TILE_HEAD,
-    Secret,
-    encode_digest,
     encode_frame,
-    encode_serial,
-    encode_stop_zone,
 )
 from hw.planner_link.messages import (
-    ASK_GEOM,
-    ASK_POSE,
     ASK_TILE,
-    ASK_ZONE,
-    IN_WINDOW,
     Ask,
-    Hello,
     decode_answer,
 )
 from hw.planner_link.scheduler import FrameScheduler
@@ -41,60 +30,9 @@ from hw.planner_link.tiles import F32, MOST_REFUSALS, Tiles, pack_values
 from mapod_link.asking import hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
 from tests.support.planner_line import ZONE, Line, Sky, SkyTiles
-from tests.support.planner_sender import vector
+from tests.support.planner_sender import whole
 
-SECRET = Secret(bytes(range(32)), 0x5A17C0DE, 0x11223344)
 NAN = math.nan
-EXAMPLES = {  # first cell, values
-    "tile_class": (0, 0, [1, 1, 1, NAN, 0, 1, 1, 1, 0, 0, -1, -1, -1, -1, -1]),
-    "tile_height": (
-        1, 0, [0.152, 0.149, 0.151, NAN, NAN, 0.04, 0.148, 0.15, NAN, NAN, 0.003, -0.002, 0.0,
-               0.001, -0.004],
-    ),
-    "tile_variance": (2, 5, [4e-4, 25e-6, 30e-6, NAN, NAN, 9e-6, 8.7e-6, 9e-6, 1e-5, 0.07]),
-    "tile_slope": (3, 0, [0.7854, 0.785, 0.786, NAN, NAN]),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_the_tiles_of_the_example(name: str) -> None:
-    layer, first, values = EXAMPLES[name]
-    packed = pack_values(layer, np.array(values, dtype=np.float32), True)
-    head = TILE_HEAD.pack(
-        0x0102, layer, 0, 236, -40, 5, 3, first.to_bytes(3, "little"), 7, len(values), 50
-    )
-    flags, seq = (MORE, 9) if name == "tile_slope" else (0, 6 + layer)
-    frame = encode_frame(TILE, flags, seq, 1060, head + packed)
-    assert frame == vector(name)
-    assert encode_serial(frame) == vector(f"{name}_serial")
-    assert encode_frame(TILE, flags, seq, 1060, head + packed, SECRET) == vector(f"{name}_auth")
-
-
-def test_the_stop_zone_and_the_digest_of_the_example() -> None:
-    for kind, seq, body, name in (
-        (STOP_ZONE, 5, encode_stop_zone(ZONE), "stop_zone"),
-        (DIGEST, 4, encode_digest(7, 0x55964B82), "digest"),
-    ):
-        frame = encode_frame(kind, 0, seq, 1040, body)
-        assert frame == vector(name)
-        assert encode_serial(frame) == vector(f"{name}_serial")
-        assert encode_frame(kind, 0, seq, 1040, body, SECRET) == vector(f"{name}_auth")
-
-
-def test_the_questions_of_the_example() -> None:
-    asks = {
-        "ask_tile": Ask(0x0102, ASK_TILE, 1, 236, -40, 5, 3),
-        "ask_now": Ask(0x0103, ASK_GEOM | ASK_POSE | ASK_ZONE, 0, 0, 0, 0, 0),
-        "ask_window": Ask(0x0104, ASK_TILE | IN_WINDOW, 0, 40, 60, 5, 3),
-    }
-    for name, ask in asks.items():
-        assert decode_answer(vector(name)) == ask
-        assert decode_answer(vector(f"{name}_auth"), SECRET) == ask
-        assert isinstance(decode_answer(vector(name), SECRET), BadFrame)
-    assert decode_answer(vector("hello")) == Hello(0x11223344, 10_201, 368, False, 4, 52_370)
-    assert decode_answer(vector("hello_poll"), SECRET) == Hello(
-        0x11223344, 10_201, 128, True, 4, 52_370
-    )
 
 
 @given(body=st.binary(max_size=16))
@@ -141,9 +79,7 @@ def ask(line: Line, ask_id: int, layer: int, rectangle: tuple[int, int, int, int
 def pieces(line: Line) -> list[tuple[int, ...]]:
     """What the last tick's TILE frames say: all fields up to `first`, and `count`."""
     found = []
-    for data in line.frames:
-        frame = frame_from_bytes(data)
-        assert not isinstance(frame, str)
+    for frame in whole(line.frames):
         if frame.type == TILE:
             head = TILE_HEAD.unpack_from(frame.body)
             found.append((*head[:7], int.from_bytes(head[7], "little"), head[9]))

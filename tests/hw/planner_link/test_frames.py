@@ -3,6 +3,7 @@
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,21 +11,41 @@ from hypothesis import strategies as st
 from core.records import PoseReport
 from hw.device import BadFrame
 from hw.planner_link.frames import (
+    DIGEST,
     GEOM,
     MAP,
     MORE,
     POSE,
+    STOP_ZONE,
+    TILE,
+    TILE_HEAD,
     Deframer,
     Secret,
+    encode_digest,
     encode_frame,
     encode_geom,
     encode_map,
     encode_pose,
     encode_serial,
+    encode_stop_zone,
     serial_bytes,
 )
-from hw.planner_link.messages import Ack, decode_answer
-from tests.support.planner_sender import vector
+from hw.planner_link.messages import (
+    ASK_GEOM,
+    ASK_POSE,
+    ASK_TILE,
+    ASK_ZONE,
+    IN_WINDOW,
+    Ack,
+    Ask,
+    Drive,
+    External,
+    Hello,
+    decode_answer,
+)
+from hw.planner_link.tiles import pack_values
+from tests.support.planner_line import ZONE
+from tests.support.planner_sender import VECTORS, vector
 
 OPS = bytes.fromhex("82 ff22 82 ff22 7f06")
 SESSION = 0x5A17C0DE
@@ -34,35 +55,75 @@ EXAMPLE = PoseReport(
 )
 
 
-def test_the_geometry_of_the_example() -> None:
-    frame = encode_frame(GEOM, 0, 1, 1000, encode_geom(7, 101, 50, SESSION, 0.02, 150))
-    assert frame == vector("geom")
-    assert encode_serial(frame) == vector("geom_serial")
+NAN = math.nan
+TILES = {  # layer, first cell, values
+    "tile_class": (0, 0, [1, 1, 1, NAN, 0, 1, 1, 1, 0, 0, -1, -1, -1, -1, -1]),
+    "tile_height": (
+        1, 0, [0.152, 0.149, 0.151, NAN, NAN, 0.04, 0.148, 0.15, NAN, NAN, 0.003, -0.002, 0.0,
+               0.001, -0.004],
+    ),
+    "tile_variance": (2, 5, [4e-4, 25e-6, 30e-6, NAN, NAN, 9e-6, 8.7e-6, 9e-6, 1e-5, 0.07]),
+    "tile_slope": (3, 0, [0.7854, 0.785, 0.786, NAN, NAN]),
+}  # fmt: skip
 
 
-def test_the_pose_of_the_example() -> None:
-    frame = encode_frame(POSE, MORE, 2, 1020, encode_pose(EXAMPLE))
-    assert frame == vector("pose")
-    assert encode_serial(frame) == vector("pose_serial")
+def tile_body(layer: int, first: int, values: list[float]) -> bytes:
+    place = (236, -40, 5, 3, first.to_bytes(3, "little"), 7, len(values), 50)
+    packed = pack_values(layer, np.array(values, dtype=np.float32), True)
+    return TILE_HEAD.pack(0x0102, layer, 0, *place) + packed
 
 
-def test_the_map_of_the_example_plain_and_authenticated() -> None:
-    body = encode_map((196, -100), 0, 7, 6100, OPS)
-    assert encode_frame(MAP, 0, 3, 1020, body) == vector("map")
-    assert encode_serial(vector("map")) == vector("map_serial")
-    assert encode_frame(MAP, 0, 3, 1020, body, SECRET) == vector("map_auth")
+SENT = {  # type, flags, number, time, body
+    "geom": (GEOM, 0, 1, 1000, encode_geom(7, 101, 50, SESSION, 0.02, 150)),
+    "pose": (POSE, MORE, 2, 1020, encode_pose(EXAMPLE)),
+    "map": (MAP, 0, 3, 1020, encode_map((196, -100), 0, 7, 6100, OPS)),
+    "digest": (DIGEST, 0, 4, 1040, encode_digest(7, 0x55964B82)),
+    "stop_zone": (STOP_ZONE, 0, 5, 1040, encode_stop_zone(ZONE)),
+    **{
+        name: (TILE, *((MORE, 9) if name == "tile_slope" else (0, 6 + tile[0])), 1060,
+               tile_body(*tile))
+        for name, tile in TILES.items()
+    },
+}  # fmt: skip
+HEARD = {
+    "ack": Ack(1, 52_310, 3, 0b11, 1020, pytest.approx(0.0013), 0, 8, 7),  # type: ignore[arg-type]
+    "drive": Drive(2, 52_340, SESSION, 0x11223344, 0.65, -0.12, 0.3),
+    "external_pose": External(
+        3, 52_360, SESSION, 0x11223344, 105.25, -48.9, 1.2345, 0.02, 0.03, -0.25, 0.0175, 0.04
+    ),
+    "ask_tile": Ask(0x0102, ASK_TILE, 1, 236, -40, 5, 3),
+    "ask_now": Ask(0x0103, ASK_GEOM | ASK_POSE | ASK_ZONE, 0, 0, 0, 0, 0),
+    "ask_window": Ask(0x0104, ASK_TILE | IN_WINDOW, 0, 40, 60, 5, 3),
+}
 
 
-def test_the_acknowledgement_of_the_example() -> None:
-    ack = decode_answer(vector("ack"))
-    assert ack == Ack(1, 52_310, 3, 0b11, 1020, pytest.approx(0.0013), 0, 8, 7)  # type: ignore[arg-type]
-    assert Deframer().feed(vector("ack_serial")) == [vector("ack")]
+@pytest.mark.parametrize("name", SENT)
+def test_what_is_sent_is_the_example_of_the_protocol(name: str) -> None:
+    assert encode_frame(*SENT[name]) == vector(name)
+    assert encode_serial(vector(name)) == vector(f"{name}_serial")
+    if f"{name}_auth" in VECTORS:
+        assert encode_frame(*SENT[name], SECRET) == vector(f"{name}_auth")
 
 
-def test_with_a_key_an_unsigned_acknowledgement_is_refused() -> None:
-    refused = decode_answer(vector("ack"), SECRET)
+@pytest.mark.parametrize("name", HEARD)
+def test_the_answers_of_the_example_are_understood_and_with_a_key_only_signed_ones(
+    name: str,
+) -> None:
+    assert decode_answer(vector(name)) == HEARD[name]
+    assert Deframer().feed(vector(f"{name}_serial")) == [vector(name)]
+    refused = decode_answer(vector(name), SECRET)
     assert isinstance(refused, BadFrame)
     assert refused.reason == "no valid tag"
+    if f"{name}_auth" in VECTORS:
+        signed = vector(f"{name}_auth")
+        assert decode_answer(signed, SECRET) == HEARD[name]
+        assert isinstance(decode_answer(signed[:-5] + bytes(5), SECRET), BadFrame)
+
+
+def test_a_hello_needs_no_tag() -> None:
+    assert decode_answer(vector("hello")) == Hello(0x11223344, 10_201, 368, False, 4, 52_370)
+    polls = Hello(0x11223344, 10_201, 128, True, 4, 52_370)
+    assert decode_answer(vector("hello_poll"), SECRET) == polls
 
 
 def test_every_one_bit_error_is_refused() -> None:

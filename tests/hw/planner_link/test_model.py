@@ -147,10 +147,7 @@ class Run:
         self.sky = Sky(size, seed, (32_760, -32_770))
         self.port: MemoryPort = HeldPort(datagrams=True)
         self.loss, self.now_s = loss, 1000.0
-        self.link = one_link(
-            self.port, size=size, cell_mm=50, session=seed, tick_s=0.02, line_baud=baud, key=None,
-            stale_ms=150, drive_refusal="no", first_seq=65_000,
-        )  # fmt: skip
+        self.link = one_link(self.port, size=size, session=seed, line_baud=baud, first_seq=65_000)
         self.end = SlowReceiver(self.sky.corner)
         self.acks: list[tuple[float, bytes]] = []  # on their way
         self.repaired: dict[int, int] = {}  # newest by epoch

@@ -9,17 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import ExternalPose
-from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
-from hw.planner_link.frames import EXTERNAL_POSE, Secret, encode_frame, encode_serial
+from hw.planner_link.frames import EXTERNAL_POSE, encode_frame
 from hw.planner_link.messages import Drive, External, decode_answer
 from hw.planner_link.poses import OLDEST_S, WAITING, ExternalPoses
-from hw.planner_link.receivers import one_link
 from hw.planner_link.replay_guard import ReplayGuard
 from hw.planner_link.requests import Requests
-from hw.planner_link.sender import PlannerLink
-from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
-from tests.support.planner_sender import vector
 
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
 BODY = struct.Struct("<IIiihHHhHH")
@@ -35,30 +30,6 @@ def external(t_ms: int, seq: int = 1, age_s: float = 0.0, nonce: int = NONCE) ->
 
 def poses() -> ExternalPoses:
     return ExternalPoses(ReplayGuard(SESSION))
-
-
-def link_on(port: MemoryPort, pose_refusal: str, key: bytes | None = None) -> PlannerLink:
-    return one_link(
-        port, size=9, cell_mm=50, session=SESSION, tick_s=0.02, line_baud=None, key=key,
-        stale_ms=150, drive_refusal="nobody drives here", pose_refusal=pose_refusal,
-    )  # fmt: skip
-
-
-def test_the_external_pose_of_the_example_plain_and_authenticated() -> None:
-    assert decode_answer(vector("external_pose")) == EXAMPLE
-    secret = Secret(KEY, SESSION, NONCE)
-    assert decode_answer(vector("external_pose_auth"), secret) == EXAMPLE
-    for frame in (vector("external_pose"), vector("external_pose_auth")[:-5] + bytes(5)):
-        assert isinstance(decode_answer(frame, secret), BadFrame)
-    assert encode_serial(vector("external_pose")) == vector("external_pose_serial")
-
-
-def test_the_example_is_what_its_table_says() -> None:
-    body = BODY.pack(*EXAMPLE_BODY)
-    assert bytes_from_frame(12, 3, 52_360, body) == vector("external_pose")
-    signed = HEAD.pack(0x1C, AUTH, 3, 52_360) + body
-    tag = tag_of(signed, KEY, SESSION, NONCE)
-    assert bytes_from_frame(12, 3, 52_360, body, AUTH, tag) == vector("external_pose_auth")
 
 
 @pytest.mark.parametrize(
@@ -154,37 +125,3 @@ def test_poses_that_nobody_takes_do_not_pile_up() -> None:
     for k in range(3 * WAITING):
         external_poses.take(10.0 + 0.1 * k, external(100 * k))
     assert len(external_poses.take_all()) == WAITING
-
-
-@pytest.mark.parametrize("datagrams", [True, False])
-def test_a_link_takes_poses_where_it_may_and_counts_damaged_ones(datagrams: bool) -> None:
-    port = MemoryPort(datagrams=datagrams)
-    link = link_on(port, "")
-    port.give(vector("external_pose" if datagrams else "external_pose_serial"))
-    link.poll(3.0)
-    assert [pose.t_s for pose in link.external_poses.take_all()] == [pytest.approx(2.96)]
-    damaged = bytearray(vector("external_pose"))
-    damaged[20] ^= 1
-    port.give(bytes(damaged) if datagrams else encode_serial(bytes(damaged)))
-    link.poll(3.1)
-    assert link.external_poses.take_all() == []
-    assert link.external_poses.refused == {"bad checksum": 1}
-    assert link.requests.refused.total() == 0
-
-
-def test_a_link_that_leaves_the_machine_without_a_key_takes_none() -> None:
-    port = MemoryPort(datagrams=True)
-    link = link_on(port, "from another machine it takes a key")
-    port.give(vector("external_pose"))
-    link.poll(3.0)
-    assert link.external_poses.take_all() == []
-    assert link.external_poses.refused == {"from another machine it takes a key": 1}
-
-
-def test_with_a_key_a_pose_without_its_tag_is_refused() -> None:
-    port = MemoryPort(datagrams=True)
-    link = link_on(port, "", KEY)
-    port.give(vector("external_pose"))
-    link.poll(3.0)
-    assert link.external_poses.take_all() == []
-    assert link.external_poses.refused == {"no valid tag": 1}

@@ -7,28 +7,36 @@ import pytest
 from hw.planner_link.frames import ACK, GEOM
 from mapod_link.frames import bytes_from_frame
 from tests.support.cases import few
-from tests.support.planner_line import HeldPort, Line, Sky
+from tests.support.planner_line import ZONE, HeldPort, Line, Sky
+
+KEY = bytes(range(32))
 
 
 @pytest.mark.parametrize("ack_every", [0, 1])
 @pytest.mark.parametrize("baud", [None, 115_200, 921_600])
-@pytest.mark.parametrize("corner", [(0, 0), (32_760, -32_770)])
+@pytest.mark.parametrize(("corner", "key"), [((0, 0), KEY), ((32_760, -32_770), None)])
 def test_with_loss_no_free_stands_for_an_obstacle_unless_suspect_and_all_is_repaired(
-    ack_every: int, baud: int | None, corner: tuple[int, int]
+    ack_every: int, baud: int | None, corner: tuple[int, int], key: bytes | None
 ) -> None:
-    line = Line(Sky(31, 5, corner), baud=baud, loss=0.05, ack_every=ack_every, seed=9)
+    sky = Sky(31, 5, corner)
+    line = Line(sky, baud=baud, loss=0.05, key=key, ack_every=ack_every, zone=ZONE, seed=9)
+    compared = 0
     for k in range(400):
         if k % 7 == 0:
             line.sky.move(k // 7 % 3 - 1, k // 7 % 2)
         line.sky.change(4)
         line.tick()
-        if line.last_arrived and not line.planner.suspect:
+        if line.last_arrived and not line.planner.suspect and not line.planner.blank:
+            compared += 1
             wrong = (line.planner.window() == 1) & (line.told() == 2)
             assert not wrong.any(), k
+    assert compared > 40
     line.loss = 0.0
     line.settle(3.0)
     assert line.holds_what_is_meant()
     assert not line.planner.suspect
+    assert not line.planner.need_full
+    assert line.planner.digest_ok
     assert line.planner.gaps > 0
 
 
@@ -65,6 +73,7 @@ def test_acknowledgements_of_the_old_map_on_their_way_do_not_start_the_new_one_a
     line.sky.cells[:] = 0
     line.sky.epoch += 1
     line.tick()
+    assert not line.planner.window().any()
     line.port.give(bytes_from_frame(ACK, 99, 0, late))
     line.sky.change(3)
     line.settle(0.2)
@@ -88,3 +97,18 @@ def test_maps_of_a_restarted_sender_wait_for_its_geometry() -> None:
     assert (line.planner.window() == held).all()
     restarted.settle(1.0)
     assert restarted.holds_what_is_meant()
+
+
+@pytest.mark.parametrize("key", [None, KEY])
+def test_a_sender_that_starts_again_is_found_again(key: bytes | None) -> None:
+    line = Line(Sky(21, 1), key=key)
+    line.settle(1.0)
+    again = Line(line.sky, key=key, session=78, planner=line.planner)
+    again.now_s = line.now_s + 0.5
+    again.settle(2.0)
+    assert line.planner.geom is not None
+    assert line.planner.geom.session == 78
+    assert again.holds_what_is_meant()
+    assert not line.planner.stale(again.now_s)
+    assert not line.planner.suspect
+    assert not line.planner.auth_failed

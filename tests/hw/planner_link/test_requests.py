@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from core.records import DriveRequest
 from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
-from hw.planner_link.frames import DRIVE, Secret, encode_frame, encode_serial
+from hw.planner_link.frames import DRIVE, encode_frame, encode_serial
 from hw.planner_link.messages import Drive, decode_answer
 from hw.planner_link.receivers import one_link
 from hw.planner_link.replay_guard import MOST_COMMANDERS, ReplayGuard
 from hw.planner_link.requests import Requests
 from mapod_link.asking import drive_body
-from mapod_link.frames import AUTH, HEAD, bytes_from_frame, tag_of
 from mapod_link.frames import DRIVE as FAKE_DRIVE
+from mapod_link.frames import bytes_from_frame
 from tests.support.planner_sender import vector
 
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
@@ -26,26 +26,6 @@ EXAMPLE = Drive(2, 52_340, SESSION, NONCE, 0.65, -0.12, 0.3)
 def drive(t_ms: int, seq: int | None = None, valid_s: float = 0.3, nonce: int = NONCE) -> Drive:
     """A request of 1 m/s."""
     return Drive(t_ms if seq is None else seq, t_ms, SESSION, nonce, 1.0, 0.0, valid_s)
-
-
-def test_the_request_of_the_example_plain_and_authenticated() -> None:
-    assert decode_answer(vector("drive")) == EXAMPLE
-    secret = Secret(KEY, SESSION, NONCE)
-    assert decode_answer(vector("drive_auth"), secret) == EXAMPLE
-    for frame in (vector("drive"), vector("drive_auth")[:-5] + bytes(5)):
-        assert isinstance(decode_answer(frame, secret), BadFrame)
-    assert encode_serial(vector("drive")) == vector("drive_serial")
-
-
-def test_the_fakes_request_is_that_of_the_example() -> None:
-    body = drive_body(SESSION, NONCE, 0.65, -0.12, 0.3)
-    assert bytes_from_frame(FAKE_DRIVE, 2, 52_340, body) == vector("drive")
-    signed = HEAD.pack(0x1A, AUTH, 2, 52_340) + body
-    tag = tag_of(signed, KEY, SESSION, NONCE)
-    assert bytes_from_frame(FAKE_DRIVE, 2, 52_340, body, AUTH, tag) == vector("drive_auth")
-    for wrong in ((40.0, 0.0, 0.3), (0.0, -33.0, 0.3), (0.0, 0.0, 1.1), (0.0, 0.0, -0.1)):
-        with pytest.raises(ValueError, match="no DRIVE frame tells"):
-            drive_body(SESSION, NONCE, *wrong)
 
 
 @given(
@@ -86,13 +66,6 @@ def test_any_body_is_a_request_within_its_ranges_or_refused(body: bytes) -> None
         assert isinstance(told, BadFrame)
 
 
-def test_a_request_is_obeyed_for_as_long_as_it_says() -> None:
-    requests = Requests(ReplayGuard(SESSION))
-    requests.take(10.0, EXAMPLE)
-    assert requests.newest == DriveRequest(0.65, -0.12, 10.3)
-    assert (requests.accepted, requests.last_refusal) == (1, "")
-
-
 @pytest.mark.parametrize(
     ("frame", "reason"),
     [
@@ -106,7 +79,9 @@ def test_a_request_is_obeyed_for_as_long_as_it_says() -> None:
 def test_what_is_not_to_be_obeyed_changes_nothing_and_is_counted(frame: Drive, reason: str) -> None:
     requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, EXAMPLE)
+    assert (requests.accepted, requests.last_refusal) == (1, "")
     before = requests.newest
+    assert before == DriveRequest(0.65, -0.12, 10.3)
     requests.take(10.01, frame)
     assert requests.newest == before
     assert requests.refused.total() == 1
@@ -209,20 +184,35 @@ def test_with_a_key_nobody_is_forgotten_and_a_full_memory_asks_for_a_new_session
     assert requests.last_refusal == ""
 
 
-@pytest.mark.parametrize("datagrams", [True, False])
-def test_a_link_takes_requests_from_datagrams_and_from_a_serial_line(datagrams: bool) -> None:
-    port = MemoryPort(datagrams=datagrams)
+REFUSAL = "from another machine it takes a key"
+
+
+@pytest.mark.parametrize("name", ["drive", "external_pose"])
+@pytest.mark.parametrize(
+    ("serial", "damaged", "key", "refusal", "reason"),
+    [
+        (False, False, None, "", ""), (True, False, None, "", ""),
+        (False, True, None, "", "bad checksum"), (True, True, None, "", "bad checksum"),
+        (False, False, KEY, "", "no valid tag"), (False, False, None, REFUSAL, REFUSAL),
+    ],
+)  # fmt: skip
+def test_a_link_takes_requests_and_poses_where_it_may_and_counts_why_not(
+    name: str, serial: bool, damaged: bool, key: bytes | None, refusal: str, reason: str
+) -> None:
+    port = MemoryPort(datagrams=not serial)
     link = one_link(
-        port, size=9, cell_mm=50, session=SESSION, tick_s=0.02, line_baud=None, key=None,
-        stale_ms=150, drive_refusal="",
-    )  # fmt: skip
-    port.give(vector("drive" if datagrams else "drive_serial"))
+        port, size=9, session=SESSION, key=key, drive_refusal=refusal, pose_refusal=refusal
+    )
+    frame = bytearray(vector(name))
+    frame[20] ^= damaged
+    port.give(encode_serial(bytes(frame)) if serial else bytes(frame))
     link.poll(3.0)
-    assert link.requests.newest == DriveRequest(0.65, -0.12, 3.3)
-    damaged = bytearray(vector("drive"))
-    damaged[20] ^= 1
-    port.give(bytes(damaged) if datagrams else encode_serial(bytes(damaged)))
-    link.poll(3.1)
-    assert link.counters.answers_rejected == 1
-    assert link.requests.refused == {"bad checksum": 1}
-    assert link.requests.newest == DriveRequest(0.65, -0.12, 3.3)
+    refused = {"drive": link.requests.refused, "external_pose": link.external_poses.refused}
+    assert refused.pop(name) == ({reason: 1} if reason else {})
+    assert not any(refused.values())
+    assert link.counters.answers_rejected == (damaged or key is not None)
+    taken = not reason
+    driven = DriveRequest(0.65, -0.12, 3.3) if taken and name == "drive" else None
+    assert link.requests.newest == driven
+    seen_s = [pytest.approx(2.96)] if taken and name == "external_pose" else []
+    assert [pose.t_s for pose in link.external_poses.take_all()] == seen_s

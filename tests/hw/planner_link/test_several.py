@@ -38,9 +38,9 @@ class Fleet:
         )
         self.ends = [FakePlanner(seed=k, ack_every=1, key=key) for k in range(len(refusals))]
 
-    def tick(self, dt_s: float = TICK_S) -> None:
+    def tick(self) -> None:
         """One tick of all links."""
-        self.now_s += dt_s
+        self.now_s += TICK_S
         self.planners.step(self.now_s, POSE_REPORT, self.sky.window(), ZONE, SkyTiles(self.sky))
         for port, end in zip(self.ports, self.ends, strict=True):
             for piece in port.take_datagrams():
@@ -50,6 +50,11 @@ class Fleet:
                     end.feed_stream(self.now_s, piece)
             for frame in end.poll(self.now_s):
                 port.give(frame if port.datagrams else serial_from_frame(frame))
+
+    def settle(self, ticks: int) -> None:
+        """So many ticks without changes."""
+        for _ in range(ticks):
+            self.tick()
 
     def drive(self, way: int, t_ms: int, nonce: int, valid_s: float = 0.3) -> None:
         """A request of 1 m/s by one of the wires."""
@@ -69,8 +74,7 @@ def test_all_planners_hold_the_map_whatever_happens_to_one_of_them() -> None:
         fleet.ports[1].connected = not 40 < k < 90  # it misses what changed meanwhile
         fleet.ends[2].deaf = 60 < k < 80
         fleet.tick()
-    for _ in range(60):
-        fleet.tick()
+    fleet.settle(60)
     for end in fleet.ends:
         assert (end.window() == sky.meant()).all()
         assert not end.suspect
@@ -81,12 +85,10 @@ def test_all_planners_hold_the_map_whatever_happens_to_one_of_them() -> None:
 
 def test_each_link_has_its_own_epoch_and_geometry() -> None:
     fleet = Fleet(Sky(21, 2))
-    for _ in range(10):
-        fleet.tick()
+    fleet.settle(10)
     before = [end.geom.geom_id for end in fleet.ends if end.geom]
     fleet.ends[0].need_full = True
-    for _ in range(10):
-        fleet.tick()
+    fleet.settle(10)
     after = [end.geom.geom_id for end in fleet.ends if end.geom]
     assert after[0] == (before[0] + 1) % 256
     assert after[1] == before[1]
@@ -156,12 +158,10 @@ def test_doubt_speaks_of_the_wire_by_which_it_is_driven_and_of_any_planner_that_
     assert fleet.planners.stop_reason == ""
     fleet.ports[0].connected = fleet.ports[1].connected = True
     fleet.ends[1].stopped = True
-    for _ in range(8):
-        fleet.tick()
+    fleet.settle(8)
     assert fleet.planners.stop_reason == "the planner says it stopped"
     fleet.ends[1].stopped = False
-    for _ in range(8):
-        fleet.tick()
+    fleet.settle(8)
     assert fleet.planners.stop_reason == ""
 
 
@@ -201,8 +201,7 @@ def test_before_the_clock_of_the_frames_wraps_all_get_a_new_session(key: bytes |
 def test_a_full_memory_of_commanders_begins_a_new_session_in_which_no_old_frame_counts() -> None:
     key = bytes(range(32))
     fleet = Fleet(Sky(9, 2), key=key)
-    for _ in range(20):
-        fleet.tick()
+    fleet.settle(20)
     end = fleet.ends[0]
     frames = []
     for nonce in range(1, MOST_COMMANDERS + 1):
@@ -211,8 +210,7 @@ def test_a_full_memory_of_commanders_begins_a_new_session_in_which_no_old_frame_
         fleet.ports[0].give(frames[-1])
         fleet.tick()
     assert fleet.planners.requests.accepted == MOST_COMMANDERS
-    for _ in range(20):
-        fleet.tick()
+    fleet.settle(20)
     assert fleet.planners.session != SESSION
     for known in fleet.ends:
         assert known.geom is not None
@@ -243,8 +241,7 @@ def test_somebody_is_heard_for_a_second_after_each_valid_frame() -> None:
 
 def test_the_counts_are_those_of_all_links() -> None:
     fleet = Fleet(Sky(9, 2))
-    for _ in range(20):
-        fleet.tick()
+    fleet.settle(20)
     sent = sum(link.frames_sent for link in fleet.planners.links)
     assert sent > 80
     assert fleet.planners.counters == {

@@ -4,35 +4,16 @@ key.
 Each receiver is also asked directly for what it holds: cell by cell, *suspect*, *stale*.
 """
 
-from collections.abc import Callable
-
 import pytest
 
-from mapod_link.receiver import Receiver as PythonReceiver
 from tests.support.cases import few
 from tests.support.conformance_vectors import VECTORS
-from tests.tools.conformance.test_faults import KEY
-from tools.conformance.c_receiver import CReceiver
+from tools.conformance.__main__ import KEY, RECEIVERS, Make
 from tools.conformance.exam import Exam
-from tools.conformance.in_process import InProcess, Receiver
+from tools.conformance.in_process import InProcess
 from tools.conformance.suite import CHECKS, Verdict, chosen, meet, run
-from tools.conformance.vectors import PLAIN, TAGGED, VECTOR_GEOM, VECTOR_NONCE
+from tools.conformance.vectors import PLAIN, TAGGED, VECTOR_GEOM
 from tools.conformance.wire import GEOM, MAP, POSE, cobs, frame, map_body, op, pose_body
-
-Make = Callable[[int, bytes | None], Receiver]
-
-
-def c_receiver(start: int, key: bytes | None) -> Receiver:
-    """Of the C header."""
-    return CReceiver(VECTOR_NONCE + start, key=key)
-
-
-def python_receiver(start: int, key: bytes | None) -> Receiver:
-    """The public one."""
-    return PythonReceiver(VECTOR_NONCE + start, key=key)
-
-
-RECEIVERS: dict[str, Make] = {"Python": python_receiver, "C": c_receiver}
 
 
 def examined(make: Make, key: bytes | None, datagrams: bool, only: str = "") -> list[Verdict]:

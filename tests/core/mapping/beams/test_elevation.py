@@ -370,3 +370,17 @@ def test_little_holes_are_believed_beside_floor_alone_that_has_not_risen(
     for _ in range(ENOUGH):
         rig.add((3.1, 0.1, -0.05))
     assert bool(rig.cells.flat["miss"].any()) is missed
+
+
+@pytest.mark.parametrize("first", [0, 2, 4])
+@pytest.mark.parametrize("dark", [1, 2, 3])
+def test_three_beams_in_a_row_that_do_not_come_back_miss_floor_and_fewer_got_lost(
+    first: int, dark: int
+) -> None:
+    """Also at either end of the scan."""
+    rig = CellRig()
+    sweep = sweep_to([(3.1, 0.05 * k, 0.0) for k in range(7)])
+    first += 3 - dark if first == 4 else 0
+    sweep.ranges_m[0, first : first + dark] = np.nan
+    rig.take(sweep)
+    assert bool(rig.cells.flat["miss"].any()) is (dark == 3)

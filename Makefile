@@ -54,15 +54,15 @@ faults: setup ## every fault of every fake while the robot drives, and pairs of 
 realtime: setup ## how late ticks are, and how soon a scan is at the far end of the wire, with and without load [SECONDS=60]
 	@$(BIN)/python -m tools.rig.latency $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
 
-c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
-	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
-	  $(BIN)/python -m pytest $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py) \
-	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
-	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
-
 # The drives of one file share what they look at, so a file stays in one process.
 PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n auto --maxprocesses 8 --dist loadfile
+
+c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
+	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
+	  $(PYTEST) $(PARALLEL) $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py) \
+	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
+	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 
 test: setup $(VENV)/.ready-test ## the tests, on all cores: none of them looks at the clock
 	@echo "mapod: running the tests, but not the slow ones and those in real time (make test-all)"

@@ -14,6 +14,7 @@ from tools.fuzz import CODECS, FRAMED, RAW, TIME, instruction, run_program
 RUNS = 1500
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     importlib.util.find_spec("atheris") is None,
     reason="the fuzzer has no wheel for this machine's processor",

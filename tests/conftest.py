@@ -12,13 +12,14 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.support.cases import USUAL
 from tools.rig.c_build import MissingToolError
 
 settings.register_profile(
     "mapod",
     derandomize=True,
     deadline=None,
-    max_examples=60,
+    max_examples=USUAL,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
 )
 settings.register_profile(

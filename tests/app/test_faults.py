@@ -6,7 +6,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from core.records import FREE
-from tests.support.cases import few
+from tests.support.cases import examples, few
 from tests.support.closed_loop import ClosedLoop
 
 DEVICES = ("scanner", "ahrs", "drive")
@@ -83,7 +83,7 @@ def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
     mask=st.integers(1, 255),
     what=st.sampled_from(["alter", "drop", "delay"]),
 )
-@settings(max_examples=6, phases=[Phase.generate])
+@settings(max_examples=examples(6), phases=[Phase.generate])
 def test_any_byte_altered_cut_out_or_delayed_is_survived(
     device: str, offset: int, mask: int, what: str
 ) -> None:

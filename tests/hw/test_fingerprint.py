@@ -21,6 +21,7 @@ from hw.fingerprint import (
     maybe_protocol,
 )
 from tests import VECTORS
+from tests.support.cases import examples
 from tests.support.real_time import StillWheels
 
 SSH, MT = b"SSH-2.0-OpenSSH_9.2p1 Debian-2\r\n", bytes.fromhex("FA FF 3E 00 C3")
@@ -128,7 +129,7 @@ def test_random_bytes_are_nearly_never_believed() -> None:
 
 
 @given(st.binary(max_size=600))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_no_bytes_make_it_raise(data: bytes) -> None:
     maybe_protocol(data)
     is_noise(data)

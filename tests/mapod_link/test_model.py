@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.receiver import Receiver
+from tests.support.cases import examples
 from tests.support.planner_sender import NONCE, geom_body, map_body, op, pose_body, zone_body
 from tools.conformance.slow_receiver import SlowReceiver
 
@@ -134,4 +135,4 @@ class TwoReceivers(RuleBasedStateMachine):
 
 
 TestTwoReceivers = TwoReceivers.TestCase
-TestTwoReceivers.settings = settings(max_examples=60, stateful_step_count=40)
+TestTwoReceivers.settings = settings(max_examples=examples(60), stateful_step_count=40)

@@ -1,9 +1,12 @@
-"""Cases of a parametrized test of which a few are enough for each run."""
+"""How many cases of a test each run tries, and which are left to `make test-all` and `nightly`."""
 
 from collections.abc import Iterable
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+USUAL = 60  # examples of a property in each run
 
 
 def few(cases: Iterable[Any], count: int) -> list[Any]:
@@ -11,3 +14,8 @@ def few(cases: Iterable[Any], count: int) -> list[Any]:
     given = list(cases)
     rest = [case if isinstance(case, tuple) else (case,) for case in given[count:]]
     return [*given[:count], *(pytest.param(*case, marks=pytest.mark.slow) for case in rest)]
+
+
+def examples(count: int) -> int:
+    """So many examples of a property that costs more than most; in proportion for `nightly`."""
+    return round(count * settings().max_examples / USUAL)

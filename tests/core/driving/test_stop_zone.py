@@ -18,6 +18,7 @@ from core.driving.stop_zone import (
 )
 from core.grid.ring import RingGrid
 from core.records import FREE, OBSTACLE, UNKNOWN
+from tests.support.cases import examples
 
 FRONT_M, REAR_M, WIDTH_M, MARGIN_M, BRAKE_MPS2 = 0.5, 0.2, 0.6, 0.15, 0.8
 CELL_M, SIZE = 0.2, 41
@@ -176,7 +177,7 @@ def free_way_m(
     return math.inf
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     place=st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-3.2, 3.2)),
     v=st.sampled_from([-0.6, 0.0, 0.3, 1.0]),

@@ -26,6 +26,7 @@ from core.mapping.mapper import Mapper
 from core.motion.odometry import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest, StopZoneReport
 from tests import ROOT
+from tests.support.cases import examples
 
 CELL_M, SIZE = 0.1, 121
 RECT, MARGIN_M = (0.5, 0.2, 0.3), 0.15
@@ -183,7 +184,7 @@ marks = st.lists(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(places, marks)
 def test_the_free_way_is_never_longer_than_that_of_the_drive_control(
     place: tuple[float, float, float], cells: list[tuple[int, int, int]]
@@ -217,7 +218,7 @@ def _slow_way(i: int, j: int, place: tuple[float, float, float]) -> float:
     return min(ways)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(places, st.sets(st.tuples(st.integers(-60, 59), st.integers(-60, 59)), max_size=20))
 def test_the_nearest_obstacle_is_the_nearest(
     place: tuple[float, float, float], cells: set[tuple[int, int]]

@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from core.mapping.freshness import SWEEP_S
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE, UNKNOWN
+from tests.support.cases import examples
 from tests.support.cell_rig import CELL_M, FOOTPRINT, HEIGHT_M, CellRig, Point, sweep_to
 
 MAX_AGE_S = 4.0
@@ -130,7 +131,7 @@ class MapLife(RuleBasedStateMachine):
         assert int(window.marked.sum()) == len(changed)
 
 
-MapLife.TestCase.settings = settings(max_examples=25, stateful_step_count=20)
+MapLife.TestCase.settings = settings(max_examples=examples(25), stateful_step_count=20)
 test_a_map_lives_any_life = MapLife.TestCase
 
 

@@ -14,6 +14,7 @@ from core.mapping.beams.classifier import SOFT_LEAST
 from core.mapping.layers import UNITS, LayerView, maybe_beams_layer, maybe_plane_layer
 from core.mapping.terrain import Terrain
 from core.records import FREE, OBSTACLE
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 SIZE, CELL_M = 9, 0.2
@@ -70,7 +71,7 @@ def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> 
     return [slope_rad, step_m, math.sqrt(off + own**2)]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(heights=HEIGHTS, x_cells=st.integers(-20, 20), y_cells=st.integers(-20, 20))
 def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
     heights: dict[tuple[int, int], tuple[float, float]], x_cells: int, y_cells: int

@@ -10,6 +10,7 @@ from config_file import load_config, with_changes
 from core.mapping.tiles import TileValues
 from core.records import FREE, OBSTACLE
 from tests import ROOT
+from tests.support.cases import examples
 from tests.support.closed_loop import ClosedLoop
 
 LAYERS = ("state", "height", "variance", "slope")
@@ -38,7 +39,7 @@ def expected(loop: ClosedLoop, layer: str, i: int, j: int, width: int, height: i
     return cells.ravel()
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     st.integers(-70, 70),
     st.integers(-70, 70),

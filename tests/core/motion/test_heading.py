@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from core.geometry import wrapped
 from core.motion.heading import HeadingFilter, yaw_rate
 from core.motion.magnetic import FieldReference, strength_and_dip
+from tests.support.cases import examples
 from tests.support.turning_robot import Errors, Robot
 
 RAD = math.radians
@@ -192,7 +193,7 @@ SAMPLE = st.tuples(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @given(st.lists(SAMPLE, max_size=40))
 def test_no_samples_make_the_yaw_anything_but_a_number(samples: list[tuple]) -> None:  # type: ignore[type-arg]
     heading, t_s = HeadingFilter(), 0.0

@@ -12,6 +12,7 @@ from core.motion.heading import OFFSET_RAD
 from core.motion.odometry import EXTRAPOLATED_S, Odometry
 from core.records import Attitude, ExternalPose, WheelCounts
 from tests.core.motion.test_attitude import attitude
+from tests.support.cases import examples
 from tests.support.turning_robot import Errors, Robot
 
 TRACK_M, COUNTS_PER_M = 0.5, 2000 / (2 * math.pi * 0.15)
@@ -243,7 +244,7 @@ RECORD = (
 )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(st.lists(RECORD, max_size=40), st.integers(0, 20))
 def test_no_records_in_any_order_raise_or_give_a_pose_that_is_no_number(
     records: list[WheelCounts | Attitude | ExternalPose], every: int

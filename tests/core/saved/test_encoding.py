@@ -17,6 +17,7 @@ from core.saved.check import KEPT, VERSION, check_state
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import restore
 from tests.core.saved.test_state import LATER_S, METHODS, SHIPPED, STATE, config_of, saved, states
+from tests.support.cases import examples
 
 DATA = bytes_from_arrays(STATE["beams"])
 
@@ -38,7 +39,7 @@ def test_the_file_is_an_npz_without_pickles_and_the_same_state_gives_the_same_by
     assert bytes_from_arrays(saved()) == DATA
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(place=st.integers(0, len(DATA) - 1), bit=st.integers(0, 7))
 def test_a_flipped_bit_is_refused_wherever_it_is(place: int, bit: int) -> None:
     damaged = bytearray(DATA)
@@ -47,7 +48,7 @@ def test_a_flipped_bit_is_refused_wherever_it_is(place: int, bit: int) -> None:
         arrays_from_bytes(bytes(damaged))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(length=st.integers(0, len(DATA) - 1), more=st.binary(max_size=20))
 def test_a_cut_or_continued_file_is_refused(length: int, more: bytes) -> None:
     for damaged in (DATA[:length], DATA[len(DATA) - length :], DATA + b"\0" + more):
@@ -55,7 +56,7 @@ def test_a_cut_or_continued_file_is_refused(length: int, more: bytes) -> None:
             arrays_from_bytes(damaged)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(data=st.binary(max_size=300))
 def test_no_bytes_are_taken_for_a_map_and_none_make_it_raise_anything_else(data: bytes) -> None:
     with pytest.raises(StateError):

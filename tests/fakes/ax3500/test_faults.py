@@ -8,6 +8,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from fakes.ax3500.device import MODES, FakeAx3500, Mode
 from fakes.ax3500.power import Model
 from tests.support.bench_ax3500 import Bench, HeldWheels
+from tests.support.cases import examples
 
 # who moves the wheels
 
@@ -308,4 +309,4 @@ class Controller(RuleBasedStateMachine):
 
 
 TestController = Controller.TestCase
-TestController.settings = settings(max_examples=40, stateful_step_count=25)
+TestController.settings = settings(max_examples=examples(40), stateful_step_count=25)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from fakes.lms1xx.client import Client
 from fakes.lms1xx.device import FakeLms111
 from tests.support.bench_lms111 import START_S, Bench, five_metres, payloads
+from tests.support.cases import examples
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 # --- drivers that people use
@@ -136,7 +137,7 @@ ANSWERS = {
 }
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.data(), st.booleans(), st.floats(0.02, 0.7))
 def test_in_any_order_each_command_gets_one_answer_or_refusal(
     data: st.DataObject, binary: bool, wait_s: float
@@ -166,7 +167,7 @@ PIECES = st.lists(
 )
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.booleans(), PIECES, st.floats(0.0, 3.0))
 def test_no_bytes_break_it_and_it_answers_afterwards(
     binary: bool, pieces: list[bytes], step_s: float

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from fakes.mti.device import FakeMti, State
 from fakes.mti.models import MODELS
 from tests.support.bench_mti import ACCEL_MPS2, RATE_RADPS, Bench, frames, messages, turned
+from tests.support.cases import examples
 from tests.support.mti_frames import framed, wire
 
 MAGNETIC = (0.45, -0.10, -0.89)
@@ -221,7 +222,7 @@ REQUESTS = st.tuples(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.sampled_from(list(MODELS)), st.lists(REQUESTS, max_size=12))
 def test_any_request_gets_one_answer_or_silence_and_settings_last(
     model: str, requests: list[tuple[int, bytes, float]]

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.c_bench import Bench, driving, random_ground
+from tests.support.cases import examples
 from tools.rig.c_planner import PlannerSettings
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(
     seed=st.integers(0, 10_000),
     share=st.floats(0.02, 0.5),
@@ -34,7 +35,7 @@ def test_no_motion_that_it_asks_for_would_be_stopped_by_the_app(
     bench.run(3.0, check)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=examples(5), deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_a_robot_that_drives_through_what_lies_about_never_touches_anything(seed: int) -> None:
     bench = Bench()

@@ -67,6 +67,7 @@ def test_what_is_loaded_again_has_no_problems_and_is_the_same(name: str) -> None
     assert mjcf(scene).count("<geom name=") >= len(scene.firm)
 
 
+@pytest.mark.slow
 def test_rooms_differ_in_number_and_size() -> None:
     counts, lengths = set(), set()
     for seed in SEEDS:
@@ -78,6 +79,7 @@ def test_rooms_differ_in_number_and_size() -> None:
     assert len(lengths) == len(SEEDS)
 
 
+@pytest.mark.slow
 def test_turns_go_to_the_left_and_to_the_right() -> None:
     sides = [math.copysign(1.0, loaded("turn", seed).goals[0][1]) for seed in SEEDS]
     assert 4 <= sides.count(1.0) <= 16

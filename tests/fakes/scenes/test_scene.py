@@ -16,6 +16,7 @@ from fakes.world.kinematic import KinematicWorld
 from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.slip import Slip
 from fakes.world.trajectory import held
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
@@ -255,7 +256,7 @@ def test_a_box_is_there_until_it_is_taken_away_and_from_when_it_is_put_there() -
     assert world.height_at([5.2], [0.0], 1001.5)[0] == 1.0
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(t_s=st.floats(0.0, 30.0), bearing_deg=st.floats(-50.0, 50.0))
 def test_whatever_moves_stands_where_its_height_is(t_s: float, bearing_deg: float) -> None:
     walk = person("walks", ((3.0, -3.0), (5.0, 3.0), (3.0, -3.0)), 0.8, returns=True)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from fakes.world.crowd import Crowd, Walker, walker_from
 from fakes.world.crowd_kernels import FRONT_M, HALF_WIDTH_M, PERSONAL_M, REAR_M
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]
@@ -114,7 +115,7 @@ def test_who_cannot_get_on_turns_round() -> None:
     assert places[300:, 0, 0].min() < 1.0
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(seed=st.integers(0, 1000), speed=st.floats(0.2, 1.0), turn=st.floats(-0.3, 0.3))
 def test_the_same_seed_and_the_same_robot_give_the_same_walks(
     seed: int, speed: float, turn: float

@@ -21,6 +21,7 @@ from fakes.world.driver import PERIOD_S, TURN_RADPS, Driver
 from fakes.world.rig import Rig
 from fakes.world.world import World
 from tests import ROOT
+from tests.support.cases import few
 
 F64 = npt.NDArray[np.float64]
 SERVE = [sys.executable, "-m", "fakes"]
@@ -247,7 +248,7 @@ def test_the_process_says_where_its_devices_are_and_ends_by_itself() -> None:
     assert done.stderr in ("", LAGS)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", few([signal.SIGTERM, signal.SIGINT], 1))
 def test_a_signal_ends_the_process_without_complaint(
     served: subprocess.Popen[str], number: signal.Signals
 ) -> None:

@@ -28,6 +28,7 @@ from fakes.world.trajectory import (
     tilted,
     turn,
 )
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 FLOOR = Solid("floor", (-30.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
@@ -71,7 +72,7 @@ def ramp(slope_deg: float, begin_m: float = 2.0) -> tuple[Shape, ...]:
 # -- trajectories -----------------------------------------------------------------------------
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(legs=st.lists(LEGS, min_size=1, max_size=4))
 def test_a_way_ends_where_its_legs_lead_and_never_jumps(legs: list[Leg]) -> None:
     way = Way(*legs)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from tests.support.bench_ax3500_session import FULL_COUNTS_PER_S, FakeBench
+from tests.support.cases import examples
 
 STOPPED = (0.0, 0.0)
 DOUBT_S = 1.0  # from any doubt to wheels without power
@@ -216,6 +217,6 @@ class MonitorLife(MotorLife):
 
 
 TestMotorLife = MotorLife.TestCase
-TestMotorLife.settings = settings(max_examples=20, stateful_step_count=15)
+TestMotorLife.settings = settings(max_examples=examples(10), stateful_step_count=15)
 TestMonitorLife = MonitorLife.TestCase
-TestMonitorLife.settings = settings(max_examples=8, stateful_step_count=12)
+TestMonitorLife.settings = settings(max_examples=examples(8), stateful_step_count=12)

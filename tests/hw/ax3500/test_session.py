@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from core.records import WheelCounts
 from hw.ax3500.session import IN_RC_MODE, State
 from tests.support.bench_ax3500_session import MAX_COUNTS_PER_S, TICK_S, FakeBench
+from tests.support.cases import examples
 
 Stored = Literal["rc", "rs232"]
 
@@ -341,4 +342,4 @@ class Life(RuleBasedStateMachine):
 
 
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=25, stateful_step_count=15)
+TestLife.settings = settings(max_examples=examples(12), stateful_step_count=15)

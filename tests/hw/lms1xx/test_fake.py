@@ -13,6 +13,7 @@ from core.records import Scan
 from fakes.lms1xx.device import FakeLms111
 from fakes.wires.wire import MemoryPort, Wire
 from hw.lms1xx.session import Lms111
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 TICK_S = 0.005
@@ -179,5 +180,5 @@ class Faults(RuleBasedStateMachine):
         raise AssertionError(self.bench.lms.status)
 
 
-Faults.TestCase.settings = settings(max_examples=12, stateful_step_count=10)
+Faults.TestCase.settings = settings(max_examples=examples(8), stateful_step_count=10)
 TestFaults = Faults.TestCase

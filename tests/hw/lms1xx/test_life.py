@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.cases import examples
 from tests.support.lms111_vectors import framed, texted
 from tests.support.scripted_lms111 import CONFIGURING, SFA, TICK_S, WANTED, Bench, willing
 
@@ -250,7 +251,7 @@ def test_hostile_bytes_cost_little_in_one_step_and_the_scans_behind_them_are_tak
 NOISE = [framed(SFA + b"\x00\x03"), framed("sAN Run "), texted("sFA A"), texted("sAN Run 1")]
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.lists(st.binary(max_size=60) | st.sampled_from(NOISE)), st.booleans())
 def test_no_bytes_at_any_time_stop_the_session_for_good(noise: list[bytes], is_text: bool) -> None:
     bench = Bench()

@@ -118,6 +118,7 @@ def test_with_a_key_it_keeps_the_map_and_its_drive_command_is_believed(tmp_path:
         assert board.status()["stack"] < 800
 
 
+@pytest.mark.slow
 def test_noise_on_its_line_changes_nothing(tmp_path: Path) -> None:
     with Board(build_firmware(), tmp_path) as board:
         wire = Wire(board, size=41)

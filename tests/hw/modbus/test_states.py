@@ -20,6 +20,7 @@ from hw.modbus.server import TcpService
 from hw.planner_link.replay_guard import ReplayGuard
 from hw.planner_link.requests import Requests
 from hw.ports.url import parse_url
+from tests.support.cases import examples
 from tests.support.modbus_rig import (
     CLEAR,
     GOOD,
@@ -224,4 +225,4 @@ class Modbus(RuleBasedStateMachine):
 
 
 TestModbus = Modbus.TestCase
-TestModbus.settings = settings(max_examples=40, stateful_step_count=40, deadline=None)
+TestModbus.settings = settings(max_examples=examples(40), stateful_step_count=40, deadline=None)

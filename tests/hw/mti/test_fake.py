@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from core.records import Attitude
 from fakes.mti.device import FakeMti
+from tests.support.cases import examples
 from tests.support.mti_frames import wire
 from tests.support.scripted_mti import TICK_S, Bench
 
@@ -185,6 +186,6 @@ class NewLife(Life):
 
 
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=12, stateful_step_count=12)
+TestLife.settings = settings(max_examples=examples(12), stateful_step_count=12)
 TestNewLife = NewLife.TestCase
-TestNewLife.settings = settings(max_examples=8, stateful_step_count=12)
+TestNewLife.settings = settings(max_examples=examples(8), stateful_step_count=12)

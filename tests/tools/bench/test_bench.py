@@ -11,6 +11,7 @@ def measured() -> list[Cost]:
     return costs()
 
 
+@pytest.mark.slow
 def test_every_codec_is_timed_on_whole_frames(measured: list[Cost]) -> None:
     assert [cost.unit for cost in measured] == ["telegram", "telegram", "packet", "packet", "line"]
     assert all(cost.frames > 10 for cost in measured)

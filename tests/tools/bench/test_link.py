@@ -11,6 +11,7 @@ from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN, ObstacleMap
 from mapod_link import bodies
 from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
+from tests.support.cases import few
 from tools.bench import drive_figures, drive_scene
 from tools.bench import link as bench_link
 from tools.bench.drive_building import SPEED_MPS, building, people, way, way_m
@@ -95,7 +96,7 @@ def test_what_changes_is_listed_or_has_come_in_unknown() -> None:
 
 @pytest.mark.parametrize(
     ("scanner", "size", "full_mean", "changes_50hz"),
-    [("tilted", 101, 559, 6815), ("tilted", 201, 2078, 8980), ("level", 101, 147, 4795)],
+    few([("tilted", 101, 559, 6815), ("tilted", 201, 2078, 8980), ("level", 101, 147, 4795)], 1),
 )
 def test_the_drive_is_about_as_hard_to_tell_as_the_sheets(
     scanner: str, size: int, full_mean: float, changes_50hz: float

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from core.geometry import R_from_rpy, q_from_R
 from core.motion.attitude import AttitudeRing
 from core.records import F64, Attitude, Scan
+from tests.support.cases import examples
 from tools.calibration.fit import FloorView, Mount
 from tools.calibration.mount import Calibration, FloorWatch, NoFloorError, calibrate, reads_m
 
@@ -317,7 +318,7 @@ def test_other_mounts_are_found_as_well(mount: Mount) -> None:
     assert np.abs(turned - np.eye(3)).max() < RAD(0.05)
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@settings(max_examples=examples(6), deadline=None, derandomize=True)
 @given(
     st.floats(0.3, 2.0),
     st.floats(6.0, 40.0),

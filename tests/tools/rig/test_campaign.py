@@ -76,6 +76,7 @@ def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult)
     assert 0.0 < arrived.worst_stop_m < 0.5
 
 
+@pytest.mark.slow
 def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not(
     arrived: RunResult,
 ) -> None:
@@ -119,6 +120,7 @@ def test_before_a_wall_mapod_stops_it_and_the_run_tells_why() -> None:
     assert 0.1 < result.least_gap_m < 0.7
 
 
+@pytest.mark.slow
 def test_a_planner_that_gives_up_ends_the_run_with_its_cause() -> None:
     pilot = BlindPilot()
     pilot.gives_up = "no way over seen ground"

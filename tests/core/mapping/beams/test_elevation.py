@@ -25,6 +25,7 @@ from core.mapping.beams.elevation import (
 from core.mapping.beams.ground_plane import Ground
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import FREE, OBSTACLE, UNKNOWN
+from tests.support.cases import examples
 from tests.support.cell_rig import CELL_M, HEIGHT_M, LENS, CellRig, H, Point, floor_around, sweep_to
 
 COORDINATE = st.floats(-4.5, 4.5)
@@ -226,7 +227,7 @@ JUMP = st.floats(
 )  # floor that is seen again ends what was lower: core/mapping/beams/carving.py
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     returns=st.lists(
         st.tuples(st.one_of(NEAR_FLOOR, NEAR_FLOOR, JUMP), st.floats(0, 30)),

@@ -18,6 +18,7 @@ from core.motion.odometry import Odometry
 from core.records import FREE, OBSTACLE, UNKNOWN, Scan, WheelCounts
 from tests import ROOT
 from tests.core.motion.test_attitude import attitude
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 I8 = npt.NDArray[np.int8]
@@ -106,7 +107,7 @@ def random_scan(seed: int) -> F64:
     return ranges_m
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=examples(8), deadline=None)
 @given(
     v_mps=st.floats(-1, 1),
     w_radps=st.floats(-0.5, 0.5),

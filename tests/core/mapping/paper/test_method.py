@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from core.mapping.paper.steps import PaperSettings, ReferencePlane
+from tests.support.cases import examples
 from tests.support.slow_reference_plane import SlowPlane
 
 F64 = npt.NDArray[np.float64]
@@ -97,7 +98,7 @@ def drive(scene: PaperSettings, sigma_rad: F64, steps: list[Step], seed: int) ->
     return slow
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(
     scene=SCENE,
     step_deg=st.floats(0.5, 5),

@@ -3,7 +3,7 @@
 It looks for what chance hardly makes: headers of several bytes, right checksums, fixed words.
 It refuses to guess: bytes that prove nothing give None.
 Source: the sheets of the devices (CoLa: lms111 2; MT: mti 2; Roboteq: ax3500 1 and 8; SCIP: urg04lx
-2 and 3), docs/planner-link.md 2, NMEA 0183, RFC 9110 and RFC 4253.
+2 and 3), docs/protocols/planner-link.md 2, NMEA 0183, RFC 9110 and RFC 4253.
 """
 
 import re

@@ -79,7 +79,7 @@
  * least three times within MAPOD_ZONE_STALE_MS. When nothing answers for a second, send
  * mapod_talk_hello again: the sender may have started anew.
  *
- * Source: planner link, version 1 (docs/planner-link.md of mapod).
+ * Source: planner link, version 1 (docs/protocols/planner-link.md of mapod).
  */
 #ifndef MAPOD_LINK_H
 #define MAPOD_LINK_H

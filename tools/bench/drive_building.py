@@ -2,7 +2,7 @@
 
 A floor of 24 m x 32 m: three by four rooms of 8 m, with a door in every wall between two of them.
 Frame: x along the short side, y along the long one, metres, origin in a corner.
-Source: planner link, section 10 (docs/planner-link.md), which tells the drive in words.
+Source: planner link, section 10 (docs/protocols/planner-link.md), which tells the drive in words.
 """
 
 import math

@@ -3,7 +3,7 @@
 Plays the sender: own frames for tests 1 to 6 and 15, mapod's sender for the rest of 5 and for 7.
 All that it sees of the receiver are its ACK and HELLO frames; its map is compared by DIGEST frames.
 Nothing here moves a robot, but a robot that trusts this map might: take its motors off.
-Source: planner link, section 14 (docs/planner-link.md).
+Source: planner link, section 14 (docs/protocols/planner-link.md).
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """The faults of the motor controller, its wire, and the planner's end; what must come of them.
 
-Source of what must come: docs/devices.md, docs/planner-link.md (DRIVE), README ("Drive").
+Source of what must come: docs/devices.md, docs/protocols/planner-link.md (DRIVE), README ("Drive").
 """
 
 from tools.rig.fault_kinds import BLIND, either, goes_on, stops, wire_faults

@@ -1,115 +1,73 @@
 """What the planner link does on lines of all rates: `python -m tools.bench.link [--quick]`.
 
-The synthetic drive (`drive_scene.py`) goes through mapod's own sender over a simulated line
-with 10 ms of delay and 1 % of the frames lost, both ways, to a receiver that acknowledges once a
-tick, ten times a second or never. Printed beside the figures of the planner link, sections 10
-and 11. Only the cost of encoding is of this machine; all else is the same everywhere.
+A drive (`drive.py`) goes through mapod's own sender over a simulated line with 10 ms of delay and
+1 % of the frames lost, both ways, to a receiver that acknowledges once a tick, ten times a second
+or never. Only the cost of encoding is of this machine; all else is the same everywhere.
 """
 
 import argparse
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from core.records import I8, I32, ObstacleMap
-from tools.bench.drive_building import Place
-from tools.bench.drive_figures import sizes
-from tools.bench.drive_scene import SCANS_S
+from tools.bench.drive import drive
 from tools.bench.link_line import Lane, LinePort
-from tools.bench.link_run import START_S, Case, Figures, measure, new_link, step
+from tools.bench.link_run import DRIVE_S, START_S, Case, Figures, measure, new_link, step
 
 QUICK_S = 10.0
-RATES_HZ = (10, 25, 50)
-DRIVE_SHEET = {  # section 10: whole map mean, worst; changes with pose and headers, bytes a second
-    ("tilted", 101): (559, 1904, 2684, 4788, 6815),
-    ("tilted", 201): (2078, 3888, 4241, 6965, 8980),
-    ("tilted", 401): (3731, 5467, 4266, 6988, 9005),
-    ("level", 101): (147, 440, 2019, 3188, 4795),
-    ("level", 201): (543, 1025, 3839, 5525, 7510),
-    ("level", 401): (2343, 3155, 5540, 8495, 11175),
-}
-SEEDS = (1, 2, 3)
-LOSS_SHEET = (  # section 11: new obstacle and recovery in ms, refresh pass in s, suspect in %
-    (Case(115_200, 25, "10 Hz"), "0/0/160", "120/480", "0.53", "10"),
-    (Case(115_200, 25, "tick"), "", "", "", ""),
-    (Case(115_200, 25, "none"), "0/0/1040", "200/920", "0.52", "33"),
-    (Case(115_200, 10, "10 Hz"), "0/0/100", "100/100", "0.49", "2"),
-    (Case(115_200, 50, "10 Hz"), "0/0/100", "120/980", "0.83", "14"),
-    (Case(230_400, 50, "10 Hz"), "0/0/80", "60/200", "0.18", "6"),
-    (Case(921_600, 50, "10 Hz"), "0/0/100", "20/98", "0.18", "6"),
-    (Case(921_600, 50, "tick"), "0/0/40", "20/40", "0.18", "2"),
-    (Case(921_600, 50, "none"), "0/0/120", "40/180", "0.18", "16"),
-    (Case(921_600, 50, "tick", 401), "0/0/40", "20/40", "0.16", "3"),
+LOSSY = (  # section 11
+    Case(115_200, 25, "10 Hz"),
+    Case(115_200, 25, "tick"),
+    Case(115_200, 25, "none"),
+    Case(115_200, 10, "10 Hz"),
+    Case(115_200, 50, "10 Hz"),
+    Case(230_400, 50, "10 Hz"),
+    Case(921_600, 50, "10 Hz"),
+    Case(921_600, 50, "tick"),
+    Case(921_600, 50, "none"),
+    Case(921_600, 50, "tick", 401),
 )
-LEGEND = """in brackets the sheet's (section 11). In ms: p50/p99/worst. "told": from the tick in
-which a cell is an obstacle to the tick whose frames tell it; "held": until the receiver has it,
-with the time of the line and the delay. "wait": ticks of line time still to be sent when a tick
-begins, worst. "kept": ticks in which nothing could be sent. "unsafe": cells FREE at a receiver
-without doubt that was told of an OBSTACLE there."""
+LEGEND = """In ms: p50/p99/worst. "told": from the tick in which a cell is an obstacle to the tick
+whose frames tell it; "held": until the receiver has it, with the time of the line and the delay.
+"recovery": how long a cell that a loss has hit stays wrong. "wait": ticks of line time still to be
+sent when a tick begins, worst. "kept": ticks in which nothing could be sent. "unsafe": cells FREE
+at a receiver without doubt that was told of an OBSTACLE there."""
 LINES = (115_200, 230_400, 460_800, 921_600, None)
 WINDOWS = (101, 201, 401)
 ADVISED_HZ = {(115_200, 201): 25, (115_200, 401): 10}  # section 8; 50 for all others
 COST_CELLS, COST_RUN, COST_SETTLE_S, COST_TICKS = 40, 4, 30.0, 500
 
 
-def print_drive(seconds: float, windows: tuple[int, ...] = WINDOWS) -> None:
-    """How big the maps of the drive are, beside those that the sheet was measured with."""
-    print(f"\nThe synthetic drive, {seconds:g} s; in brackets the sheet's (section 10), bytes")
-    print(f"{'':<14}{'whole map, mean':>22}{'worst':>18}", end="")
-    print("".join(f"{f'changes a second, {rate} Hz':>28}" for rate in RATES_HZ))
-    for (scanner, size), sheet in DRIVE_SHEET.items():
-        if size not in windows:
-            continue
-        got = sizes(scanner, size, seconds, RATES_HZ)
-        values = [got.full_mean, got.full_worst, *got.wire_per_s.values()]
-        widths = (22, 18, 28, 28, 28)
-        cells = zip(values, sheet, widths, strict=True)
-        print(f"{scanner + ' ' + str(size):<14}", end="")
-        print("".join(f"{f'{value:.0f} ({said})':>{width}}" for value, said, width in cells))
-
-
-def print_loss(seconds: float, seeds: tuple[int, ...]) -> None:
-    """The rows of section 11."""
-    print(f"\n1 % of frames lost, 10 ms one way, tilted, {len(seeds)} drives of {seconds:g} s;")
-    print(LEGEND)
-    _print_head()
-    for case, obstacle, recovery, pass_s, suspect in LOSS_SHEET:
-        got = measure(replace(case, seconds=seconds, seeds=seeds))
-        print_row(case, got, (obstacle, recovery, pass_s, suspect))
-
-
-def print_grid(seconds: float, lines: tuple[int | None, ...] = LINES) -> None:
+def advised(lines: tuple[int | None, ...], windows: tuple[int, ...]) -> list[Case]:
     """Every line with every window, at the rate that section 8 advises."""
-    print(f"\nEvery line and window at the rate of section 8, ACK once a tick, {seconds:g} s")
-    _print_head()
-    for scanner in ("tilted", "level"):
-        for baud in lines:
-            for size in WINDOWS:
-                rate_hz = ADVISED_HZ.get((baud or 0, size), 50)
-                case = Case(baud, rate_hz, "tick", size, scanner, seconds=seconds)
-                print_row(case, measure(case), ("", "", "", ""))
+    return [
+        Case(baud, ADVISED_HZ.get((baud or 0, size), 50), "tick", size)
+        for size in windows
+        for baud in lines
+    ]
 
 
-def _print_head() -> None:
+def print_table(title: str, cases: Iterable[Case], seconds: float) -> None:
+    """A row for each case."""
+    print(f"\n{title}: 1 % of frames lost, 10 ms one way, {seconds:g} s")
     print(
-        f"{'line, rate, window, ACK':<34}{'new obstacle: told':>22}{'held':>14}"
-        f"{'recovery':>24}{'pass s':>14}{'suspect %':>14}{'B/s':>7}{'wait':>6}{'kept':>5}"
-        f"{'unsafe':>7}"
+        f"{'line, rate, window, ACK':<28}{'new obstacle: told':>20}{'held':>14}{'recovery':>14}"
+        f"{'pass s':>8}{'suspect %':>11}{'B/s':>7}{'wait':>6}{'kept':>5}{'unsafe':>7}"
     )
+    for case in cases:
+        print(row(case, measure(replace(case, seconds=seconds))), flush=True)
 
 
-def print_row(case: Case, got: Figures, sheet: tuple[str, str, str, str]) -> None:
+def row(case: Case, got: Figures) -> str:
     """One line of a table."""
-    said = [f" ({text})" if text else "" for text in sheet]
-    name = f"{case.line} {case.rate_hz} Hz {case.size} {case.scanner} {case.ack}"
-    print(
-        f"{name:<34}"
-        f"{_slashed(got.told_ms) + said[0]:>22}{_slashed(got.held_ms):>14}"
-        f"{_slashed(got.recovery_ms) + said[1]:>24}{f'{got.pass_s:.2f}' + said[2]:>14}"
-        f"{f'{100 * got.suspect:.0f}' + said[3]:>14}{got.bytes_per_s:>7.0f}"
-        f"{got.worst_wait_ticks:>6.2f}{got.ticks_held:>5}{got.unsafe:>7}",
-        flush=True,
+    name = f"{case.line} {case.rate_hz} Hz {case.size} {case.ack}"
+    return (
+        f"{name:<28}{_slashed(got.told_ms):>20}{_slashed(got.held_ms):>14}"
+        f"{_slashed(got.recovery_ms):>14}{got.pass_s:>8.2f}{100 * got.suspect:>11.0f}"
+        f"{got.bytes_per_s:>7.0f}{got.worst_wait_ticks:>6.2f}{got.ticks_held:>5}{got.unsafe:>7}"
     )
 
 
@@ -142,12 +100,12 @@ def cost_us(size: int, baud: int = 115_200, rate_hz: int = 50) -> float:
     down, up = Lane(baud, 0.0, 0.0, 1), Lane(baud, 0.0, 0.0, 2)
     port, clutter = LinePort(down, up), Clutter(size)
     link = new_link(port, baud, size, rate_hz)
-    place = Place(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    pose = drive(101, 1.0)[0].pose
     costs_s: list[float] = []
     settled = round(COST_SETTLE_S * rate_hz)
     for tick in range(settled + COST_TICKS):
         port.now_s = START_S + tick / rate_hz
-        costs_s.append(step(link, port.now_s, place, clutter.next(tick >= settled)))
+        costs_s.append(step(link, port.now_s, pose, clutter.next(tick >= settled)))
         down.arrivals(port.now_s)
     return 1e6 * float(np.quantile(costs_s[-COST_TICKS:], 0.25))
 
@@ -165,11 +123,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
     quick = parser.parse_args(arguments).quick
-    seconds = QUICK_S if quick else SCANS_S
-    print("planner link: simulated, some minutes" if not quick else "planner link: simulated")
-    print_drive(seconds, WINDOWS[:2] if quick else WINDOWS)
-    print_loss(seconds, SEEDS[:1] if quick else SEEDS)
-    print_grid(seconds, LINES[:1] if quick else LINES)
+    seconds = QUICK_S if quick else DRIVE_S
+    print("planner link: simulated" + ("" if quick else ", some minutes"))
+    print(LEGEND)
+    print_table("Losses", LOSSY[:1] if quick else LOSSY, seconds)
+    at_random = [replace(case, drives=False) for case in LOSSY]
+    print_table("A map that changes at random", at_random[:1] if quick else at_random, seconds)
+    lines, windows = (LINES[:1], WINDOWS[:2]) if quick else (LINES, WINDOWS)
+    print_table("Lines and windows, as section 8 advises", advised(lines, windows), seconds)
     print_cost()
     return 0
 

@@ -14,11 +14,11 @@ from hw.planner_link.sender import PlannerLink
 from mapod_link.frames import MORE, frame_from_bytes
 from mapod_link.receiver import Receiver
 from mapod_link.serial_line import serial_from_frame
-from tools.bench.drive_building import Place
-from tools.bench.drive_scene import CELL_M, SCANS_S, Playback, drive
+from tools.bench.drive import CELL_M, Playback, RandomMap, drive
 from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_meter import Meter, Readings, View
 
+DRIVE_S = 40.0
 START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything counts
 DELAY_S, LOSS = 0.010, 0.01
 NEVER = 10**9  # frames
@@ -34,14 +34,14 @@ class Case:
     rate_hz: int
     ack: str  # "tick", "10 Hz" or "none"
     size: int = 201
-    scanner: str = "tilted"
+    drives: bool = True  # False: a map that changes at random, and fills a slow line
     loss: float = LOSS
-    seconds: float = SCANS_S
+    seconds: float = DRIVE_S
     seeds: tuple[int, ...] = (1,)  # one drive for each: other frames get lost
 
     @property
     def line(self) -> str:
-        """In words."""
+        """Its rate in kbaud, for a table."""
         return f"{self.baud // 100 / 10:g} k" if self.baud else "UDP"
 
 
@@ -99,10 +99,8 @@ def new_link(port: LinePort, baud: int | None, size: int, rate_hz: float) -> Pla
     )
 
 
-def step(link: PlannerLink, now_s: float, place: Place, window: ObstacleMap) -> float:
-    """One tick of the sender, with the robot where the drive has it; seconds of computing."""
-    where = (place.x_m, place.y_m, place.yaw_rad, 0.0, 0.0, place.v_mps, place.w_radps)
-    pose = PoseReport(*where, health=0x7F, age_scan_s=0.02, age_ahrs_s=0.01, age_enc_s=0.02, mode=1)
+def step(link: PlannerLink, now_s: float, pose: PoseReport, window: ObstacleMap) -> float:
+    """One tick of the sender; seconds of computing."""
     begun_s = time.perf_counter()
     link.step(now_s, pose, window, ZONE)
     return time.perf_counter() - begun_s
@@ -118,7 +116,9 @@ class Run:
         self.port = LinePort(self.down, self.up)
         self.link = new_link(self.port, case.baud, case.size, case.rate_hz)
         self.far, self.meter = FarEnd(case.ack, seed), Meter(case.size)
-        self._playback = Playback(drive(case.scanner, case.size, case.seconds), case.size)
+        self._playback = (
+            Playback(drive(case.size, case.seconds)) if case.drives else RandomMap(case.size, seed)
+        )
         self.waits_s: list[float] = []
         self.steps_s: list[float] = []
         self.bytes_sent = 0  # since things count
@@ -143,7 +143,7 @@ class Run:
         self.waits_s.append(self.down.waiting_s(now_s))
         window = self._playback.until(drive_s)
         self.meter.mean(now_s, window)
-        self.steps_s.append(step(self.link, now_s, self._playback.place, window))
+        self.steps_s.append(step(self.link, now_s, self._playback.pose, window))
 
     def _carry(self, until_s: float) -> None:
         """Frames to the receiver, its answers on their way back."""

@@ -1,128 +1,57 @@
 """The bench of the planner link: its drive, its line, its meter, and what a link has to keep."""
 
 import dataclasses
-import math
-from itertools import groupby
 
 import numpy as np
 import pytest
 
-from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN, ObstacleMap
+from core.records import FREE, OBSTACLE, UNKNOWN, ObstacleMap
 from mapod_link import bodies
 from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
-from tests.support.cases import few
-from tools.bench import drive_figures, drive_scene
-from tools.bench import link as bench_link
-from tools.bench.drive_building import SPEED_MPS, building, people, way, way_m
-from tools.bench.drive_scene import CELL_M, Playback, drive, scans
+from tools.bench.drive import Playback, drive
+from tools.bench.link import row
 from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_meter import Meter, View
 from tools.bench.link_run import LOSS, Case, Run, measure
 
-SHORT_S = 8.0
+SHORT_S = 5.0
 FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
 
 
 # The drive
 
 
-def test_the_robot_drives_on_through_doors_at_walking_pace() -> None:
-    places = way(40.0, 0.02)
-    gone_m = sum(place.v_mps * 0.02 for place in places)
-    assert 0.85 * 40 * SPEED_MPS < gone_m <= 40 * SPEED_MPS
-    assert max(way_m(place.x_m, place.y_m) for place in places) < 0.4
-    walls = building(1).walls
-    for place in places[::5]:
-        assert _least_m(walls, place.x_m, place.y_m) > 0.35
-
-
-def _least_m(walls: F64, x: float, y: float) -> float:
-    """From a point to the nearest wall."""
-    start, along = walls[:, :2], walls[:, 2:] - walls[:, :2]
-    part = ((np.array([x, y]) - start) * along).sum(axis=1) / (along**2).sum(axis=1)
-    nearest = start + np.clip(part, 0, 1)[:, None] * along
-    return float(np.hypot(*(nearest - (x, y)).T).min())
-
-
-def test_people_walk_back_and_forth() -> None:
-    tracks = np.array([people(t_s) for t_s in np.arange(0, 40, 0.1)])
-    assert tracks.shape == (400, 3, 4)
-    steps_m = np.hypot(*np.diff(tracks[:, :, :2], axis=0).T)
-    assert steps_m.max() < 0.12
-    assert (np.ptp(tracks[:, :, 0], axis=0) + np.ptp(tracks[:, :, 1], axis=0) > 3.0).all()
-
-
-def test_a_level_beam_ends_at_the_wall_and_a_tilted_one_on_the_floor() -> None:
-    level, tilted = scans("level", 1.0)[0], scans("tilted", 1.0)[0]
-    ahead = drive_scene.BEAMS // 2
-    walls = building(drive_scene.SEED).walls
-    end = level.ends_m[ahead]
-    assert level.kinds[ahead] == OBSTACLE
-    assert _least_m(walls, *end) < 0.1
-    assert tilted.kinds[ahead] == FREE
-    floor_m = drive_scene.SCANNER_HEIGHT_M / math.tan(drive_scene.TILT_RAD)
-    reach_m = math.dist(tilted.ends_m[ahead], tilted.sensor_m)
-    assert reach_m == pytest.approx(floor_m, abs=0.06)
-
-
-def test_playing_slowly_gives_the_same_windows_as_playing_fast() -> None:
-    steps = drive("tilted", 101, SHORT_S)
-    fast, slow = Playback(steps, 101), Playback(steps, 101)
-    told = np.zeros((101, 101), dtype=np.int8)
+def test_playing_slowly_tells_the_same_windows_as_playing_fast() -> None:
+    """What is listed, and nothing else but cells that came in unknown, has changed."""
+    fast, slow = (Playback(drive(201, SHORT_S)) for _ in range(2))
+    told: dict[tuple[int, int], int] = {}
     for tick in range(round(SHORT_S * 10)):
         for part in range(4, -1, -1):
             window = fast.until(tick / 10 - part / 50)
+            place(told, window)
         merged = slow.until(tick / 10)
-        assert (merged.corner_i, merged.corner_j) == (window.corner_i, window.corner_j)
         np.testing.assert_array_equal(merged.cells, window.cells)
-        told.ravel()[merged.changed] = merged.cells.ravel()[merged.changed]
-    assert np.count_nonzero(told) > 1000
+        assert (merged.corner_i, merged.corner_j) == (window.corner_i, window.corner_j)
+    size = len(merged.cells)
+    seen = 0
+    for i in range(merged.corner_i, merged.corner_i + size):
+        for j in range(merged.corner_j, merged.corner_j + size):
+            state = merged.cells[j % size, i % size]
+            assert told.get((i, j), UNKNOWN) == state
+            seen += state != UNKNOWN
+    assert seen > 300
 
 
-def test_what_changes_is_listed_or_has_come_in_unknown() -> None:
-    playback, before = Playback(drive("level", 101, SHORT_S), 101), np.zeros((101, 101), np.int8)
-    corner: tuple[int, int] | None = None
-    for tick in range(round(SHORT_S * 25)):
-        window = playback.until(tick / 25)
-        listed = np.zeros(101 * 101, dtype=np.bool_)
-        listed[window.changed] = True
-        differs = (window.cells != before).ravel() & ~listed
-        if corner == (window.corner_i, window.corner_j):
-            assert not differs.any()
-        assert not window.cells.ravel()[differs].any()
-        corner, before = (window.corner_i, window.corner_j), window.cells.copy()
-
-
-@pytest.mark.parametrize(
-    ("scanner", "size", "full_mean", "changes_50hz"),
-    few([("tilted", 101, 559, 6815), ("tilted", 201, 2078, 8980), ("level", 101, 147, 4795)], 1),
-)
-def test_the_drive_is_about_as_hard_to_tell_as_the_sheets(
-    scanner: str, size: int, full_mean: float, changes_50hz: float
-) -> None:
-    got = drive_figures.sizes(scanner, size, 40.0, (50,))
-    assert got.full_mean == pytest.approx(full_mean, rel=0.3)
-    assert got.wire_per_s[50] == pytest.approx(changes_50hz, rel=0.1)
-
-
-def test_operations_are_counted_as_section_3_has_them() -> None:
-    random = np.random.default_rng(3)
-    for size, states in ((5, 3), (40, 2), (150, 1)):
-        cells: I8 = np.repeat(random.integers(-1, states - 1, size * size // 5), 5).astype(np.int8)
-        wanted: I8 = (random.random(size * size) < 0.1).astype(np.int8)
-        corner = (7, -3)
-        raster = np.roll(cells.reshape(size, size), (3, -7), axis=(0, 1)).ravel()
-        asked = np.roll(wanted.reshape(size, size), (3, -7), axis=(0, 1)).ravel()
-        for only in (False, True):
-            words = np.where(asked | (not only), raster, 9)
-            runs = [(int(key), len(list(group))) for key, group in groupby(words)]
-            ends = (only and runs[0][0] == 9, only and runs[-1][0] == 9)
-            runs = runs[ends[0] : len(runs) - ends[1]]
-            expected = sum(
-                1 if n < 64 else 2 + (n - 64 >= 128) + (n - 64 >= 2**14) for _, n in runs
-            )
-            assert drive_figures.ops_bytes(cells, corner, only, wanted, size) == expected
+def place(told: dict[tuple[int, int], int], window: ObstacleMap) -> None:
+    """Put the listed changes, by world cell; forget what the window has left."""
+    size, ci, cj = len(window.cells), window.corner_i, window.corner_j
+    for at in window.changed:
+        i, j = ci + (at % size - ci) % size, cj + (at // size - cj) % size
+        told[i, j] = window.cells.flat[at]
+    for i, j in list(told):
+        if not (0 <= i - ci < size and 0 <= j - cj < size):
+            del told[i, j]
 
 
 # The line
@@ -267,7 +196,7 @@ class Careless(Run):
 
 
 def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
-    run = Careless(Case(115_200, 25, "tick", 101, loss=0.2, seconds=SHORT_S), 1)
+    run = Careless(Case(115_200, 25, "tick", 101, drives=False, loss=0.2, seconds=SHORT_S), 1)
     run.go()
     assert run.meter.readings.unsafe > 0
 
@@ -279,17 +208,18 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
     "case",
     [
         Case(115_200, 25, "tick", seconds=SHORT_S),
+        Case(115_200, 25, "tick", 101, drives=False, seconds=SHORT_S),
         pytest.param(Case(115_200, 25, "tick", seeds=(1, 2)), marks=pytest.mark.slow),
         pytest.param(Case(115_200, 25, "10 Hz", seeds=(1, 2)), marks=pytest.mark.slow),
     ],
-    ids=lambda case: f"{case.ack} {case.seconds:g} s",
+    ids=lambda case: f"{case.ack} {case.seconds:g} s {case.drives}",
 )
 def test_the_line_to_judge_by_tells_soon_mends_soon_and_is_never_overrun(case: Case) -> None:
-    """115 200 baud, 25 Hz, 201 x 201 cells, 1 % of the frames lost."""
+    """115 200 baud, 25 Hz, 1 % of the frames lost."""
     got = measure(case)
-    assert got.new_obstacles > 100 * case.seconds * len(case.seeds)
+    assert got.new_obstacles > 40 * case.seconds * len(case.seeds)
     assert got.held_ms[1] <= 2 * 1000 / case.rate_hz
-    assert got.recovered > 20
+    assert got.recovered > 0
     assert got.recovery_ms[1] <= 500.0
     assert got.worst_wait_ticks <= 1.0
     assert got.bytes_per_s <= 0.85 * 11_520
@@ -299,13 +229,12 @@ def test_the_line_to_judge_by_tells_soon_mends_soon_and_is_never_overrun(case: C
 @pytest.mark.parametrize(
     "case",
     [
-        Case(115_200, 50, "none", 101, loss=0.1),
-        Case(115_200, 25, "10 Hz", 201, "level", loss=0.05),
-        Case(921_600, 50, "tick", 201, "level", loss=0.2),
-        Case(None, 50, "tick", 101, "level", loss=0.3),
-        Case(115_200, 50, "tick", 101, "level"),
-        pytest.param(Case(115_200, 10, "tick", 401, "level"), marks=pytest.mark.slow),
-        Case(230_400, 50, "tick", 201, "level"),
+        Case(115_200, 50, "none", 101, drives=False, loss=0.1),
+        Case(115_200, 25, "10 Hz", 201, drives=False, loss=0.05),
+        Case(921_600, 50, "tick", 201, drives=False, loss=0.2),
+        Case(None, 50, "tick", 101, drives=False, loss=0.3),
+        Case(115_200, 50, "tick", 101, drives=False),
+        pytest.param(Case(115_200, 10, "tick", 401, drives=False), marks=pytest.mark.slow),
     ],
     ids=lambda case: f"{case.line} {case.size} {case.ack} {case.loss}",
 )
@@ -318,14 +247,6 @@ def test_whoever_is_sure_holds_no_free_that_was_told_an_obstacle_and_no_line_wai
         assert got.worst_wait_ticks <= 1.0
 
 
-def test_the_tables_say_what_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
-    bench_link.print_drive(2.0, (101,))
-    bench_link.print_row(
-        Case(115_200, 25, "tick"), measure(Case(None, 25, "tick", 101, seconds=2.0)), ("7/8/9",) * 4
-    )
-    text = capsys.readouterr().out
-    assert "tilted 101" in text
-    assert "(6815)" in text
-    assert "115.2 k 25 Hz 201 tilted tick" in text
-    assert text.count("(7/8/9)") == 4
-    assert CELL_M == 0.05
+def test_a_row_says_what_is_measured() -> None:
+    case = Case(None, 25, "tick", 101, drives=False, seconds=2.0)
+    assert row(case, measure(case)).split()[:5] == ["UDP", "25", "Hz", "101", "tick"]

@@ -6,11 +6,13 @@ or never. Only the cost of encoding is of this machine; all else is the same eve
 """
 
 import argparse
+import logging
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import structlog
 
 from core.records import I8, I32, ObstacleMap
 from tools.bench.drive import drive
@@ -123,6 +125,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
     quick = parser.parse_args(arguments).quick
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
     seconds = QUICK_S if quick else DRIVE_S
     print("planner link: simulated" + ("" if quick else ", some minutes"))
     print(LEGEND)

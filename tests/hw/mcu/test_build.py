@@ -37,14 +37,14 @@ MORE_CODE_WITH_TAGS, MORE_STACK_WITH_TAGS = 856, 350
 
 
 @pytest.mark.parametrize("settings", few(SETTINGS, 2))
-@pytest.mark.parametrize("compiler", ["gcc", "clang", GCC])
+@pytest.mark.parametrize("compiler", few(["gcc", GCC, "clang"], 2))
 def test_it_compiles_strictly(compiler: str, settings: str, tmp_path: Path) -> None:
     core = ("-Os", "-mcpu=cortex-m0", "-mthumb") if compiler == GCC else ("-O2",)
     words = (*STRICT, *core, *SETTINGS[settings], "-c", str(MCU / "example.c"))
     compile_c(compiler, tmp_path / "x.o", *words)
 
 
-@pytest.mark.parametrize("core", CORES)
+@pytest.mark.parametrize("core", few(CORES, 1))
 def test_clang_compiles_it_for_a_cortex_m_without_any_system_header(
     core: str, tmp_path: Path
 ) -> None:
@@ -58,7 +58,7 @@ def test_clang_compiles_it_for_a_cortex_m_without_any_system_header(
     compile_c("clang", tmp_path / "x.o", *words)
 
 
-@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize("compiler", few(["g++", "clang++"], 1))
 def test_it_compiles_strictly_as_cpp_and_links_with_the_c_of_another_file(
     compiler: str, tmp_path: Path
 ) -> None:
@@ -82,7 +82,7 @@ def test_a_frame_buffer_of_a_wrong_size_is_refused(tmp_path: Path) -> None:
             compile_c("gcc", tmp_path / "x.o", *words)
 
 
-@pytest.mark.parametrize("core", CORES)
+@pytest.mark.parametrize("core", few(CORES, 1))
 def test_code_state_and_stack_are_within_the_protocols_figures(core: str) -> None:
     size, keyed = linked(core, CORE_SET, NO_TILES), (*CORE_SET, "mapod_link_set_key")
     assert size.code <= CODE[core]

@@ -12,6 +12,7 @@ INPUTS = 700
 RUNS = 5_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 def test_frames_of_arbitrary_bodies_noise_and_damage_do_no_harm_under_sanitizers(
     compiler: str, tmp_path: Path

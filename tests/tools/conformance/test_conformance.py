@@ -54,6 +54,7 @@ def test_every_error_of_one_and_two_bits_and_every_burst_is_refused(name: str) -
     assert int(done) == int(of) == 4 * sum(240 - length + 1 for length in range(3, 33))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_maps_of_up_to_401_by_401_cells_equal_those_of_the_model(name: str) -> None:
     make = RECEIVERS[name]

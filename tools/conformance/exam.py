@@ -117,7 +117,7 @@ class Exam:
         self.model = SlowReceiver()
         self.undecided: set[int] = set()  # numbers that a receiver may count or not
         self.may_be_suspect = False  # for it did not count one of those
-        self.has_digest = self.met = False
+        self.has_digest = False
         self.tail: deque[bytes] = deque(maxlen=12)
         self._geom_id = self.random.randrange(256)
 

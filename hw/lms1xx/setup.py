@@ -7,14 +7,14 @@ Source: lms111 sheet, sections 3, 4 and 6.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from hw.device import DeviceStatus
-from hw.exchange import Exchange, StartAgainError, Steps
+from hw.exchange import StartAgainError, Steps
 from hw.lms1xx import commands
 from hw.lms1xx.commands import Command, ScanConfig
-from hw.lms1xx.exchange import ANSWER_S, OPTIONAL_S, START_UP_S, ColaExchange, Memory, ScanStream
-from hw.lms1xx.scan import FIRST_DEG, LAST_DEG, ScanSettings
+from hw.lms1xx.exchange import ANSWER_S, OPTIONAL_S, START_UP_S, ColaExchange
+from hw.lms1xx.options import Lms1xxOptions
+from hw.lms1xx.scan import FIRST_DEG, LAST_DEG
 from hw.lms1xx.status import CONFIG_FAULTS, CONFIGURING, IDLE, READY, STATES
 from hw.lms1xx.telegrams import Answer, Refusal
 
@@ -34,37 +34,24 @@ CONTENT_FIELDS = (  # of `LMDscandatacfg`, up to the interval
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Survey:
+class Survey(NamedTuple):
     """What the device says about its settings; None where it does not."""
 
     scan: ScanConfig | None
     content: tuple[int, ...] | None
     span_deg: tuple[float, float] | None
 
-    @property
-    def values(self) -> tuple[object, ...]:
-        """To be compared."""
-        return (self.scan, self.content, self.span_deg)
-
 
 class Setup:
     """From the first answer to a device that measures."""
 
-    def __init__(
-        self,
-        exchange: Exchange,
-        cola: ColaExchange,
-        status: DeviceStatus,
-        stream: ScanStream,
-        memory: Memory,
-        settings: ScanSettings,
-    ) -> None:
-        self._exchange, self._cola, self._status = exchange, cola, status
-        self._stream, self._memory, self._settings = stream, memory, settings
+    def __init__(self, cola: ColaExchange, options: Lms1xxOptions) -> None:
+        self._cola, self._options = cola, options
+        self._exchange, self._status, self._memory = cola.exchange, cola.status, cola.memory
         self._config = ScanConfig(
-            round(settings.scan_rate_hz * 100), round(settings.angular_step_deg * 10_000)
+            round(options.scan_rate_hz * 100), round(options.angular_step_deg * 10_000)
         )
+        self._content = commands.content(options.echo)
         self._unreadable: set[str] = set()  # names that are not asked for again in this attempt
         self._state: int | None = None  # code of STlms; None also where it says that it is busy
 
@@ -132,27 +119,25 @@ class Setup:
 
     def _is_wanted(self, survey: Survey) -> bool:
         """Whether nothing is to be set; or nothing more than what was refused before."""
-        if None in survey.values:
+        if None in survey:
             return False
-        wanted = (self._config, commands.content(self._settings.echo))
-        is_whole = survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))
-        is_as_wanted = (survey.scan, survey.content) == wanted and is_whole
-        return is_as_wanted or survey.values == self._memory.settled
+        is_as_wanted = (survey.scan, survey.content) == (self._config, self._content)
+        return (is_as_wanted and _is_whole(survey)) or survey == self._memory.settled
 
     def _remark_differences(self, survey: Survey) -> None:
         """Asked, and got, where that differs; step and rate of the scans themselves count."""
         if survey.scan is not None and survey.scan != self._config:
             asked, got = _describe_mode(self._config), _describe_mode(survey.scan)
             self._cola.remark(f"was asked for {asked} and says {got}")
-        wanted = commands.content(self._settings.echo)
+        wanted = self._content
         if survey.content is not None and survey.content != wanted:
             if survey.content[-1] != wanted[-1]:
                 self._cola.remark(f"sends one scan in {survey.content[-1]} only")
             for field, told, says in zip(CONTENT_FIELDS, wanted, survey.content, strict=False):
                 if told != says:
                     self._cola.remark(f"has {field} {says} in its scans, not {told} as it was told")
-        settings, span_deg = self._settings, survey.span_deg
-        if span_deg and not covers(span_deg, (settings.first_deg, settings.last_deg)):
+        options, span_deg = self._options, survey.span_deg
+        if span_deg and not covers(span_deg, (options.first_deg, options.last_deg)):
             asked, got = f"{FIRST_DEG:g} to {LAST_DEG:g} deg", f"{span_deg[0]:g} to {span_deg[1]:g}"
             self._cola.remark(f"was asked for {asked} and says {got} deg")
 
@@ -165,7 +150,7 @@ class Setup:
         answer = yield from self._maybe_read(commands.READ_STATE)
         if answer is not None and (state := commands.maybe_state(answer)) is not None:
             if state[1] is not None:
-                self._stream.temperature_ok = state[1]
+                self._memory.temperature_ok = state[1]
             return state[0]
         answer = yield from self._maybe_read(commands.READ_DEVICE_STATE)
         number = None if answer is None else commands.maybe_number(answer)
@@ -185,26 +170,24 @@ class Setup:
             return
         if survey.scan != self._config:  # else the mirror may stay as it is
             yield from self._set_scan_config()
-        yield from self._cola.ask_optional(commands.set_content(self._settings.echo))
-        if survey.span_deg is None or not covers(survey.span_deg, (FIRST_DEG, LAST_DEG)):
+        yield from self._cola.ask_optional(commands.set_content(self._options.echo))
+        if not _is_whole(survey):
             # Firmware that refuses the whole field of view (1.23 does) keeps its own.
             yield from self._cola.ask_optional(commands.set_output_range(self._config.step))
         yield from self._cola.must(commands.START_MEASURING)
         self._memory.owes_run = not (yield from self._cola.must(commands.RUN))
         self._memory.set_up_s = self._exchange.now_s
         yield from self._wait_until_ready()
-        survey = yield from self._survey()
-        self._memory.settled = survey.values
+        survey = self._memory.settled = yield from self._survey()
         self._remark_differences(survey)
 
     def _log_in(self, is_measuring: bool) -> Steps[bool]:
         """False where it is refused, and the device measures all the same."""
         self._memory.owes_run = True  # from here on: its answer may get lost
         before_s, self._memory.set_up_s = self._memory.set_up_s, self._exchange.now_s
-        login = commands.login()
-        result = yield from self._cola.ask(login, ANSWER_LOGIN_S)
+        result = yield from self._cola.ask(commands.LOGIN, ANSWER_LOGIN_S)
         if result is None:
-            raise StartAgainError(f"the scanner does not answer {login.name}")
+            raise StartAgainError(f"the scanner does not answer {commands.LOGIN.name}")
         if isinstance(result, Answer) and commands.is_good(result):
             return True
         self._memory.owes_run, self._memory.set_up_s = False, before_s  # nothing has changed
@@ -223,17 +206,11 @@ class Setup:
             self._memory.owes_run = False
 
     def _set_scan_config(self) -> Steps[None]:
+        """What it took instead is read back later, and told then."""
         answer = yield from self._cola.ask_optional(commands.set_scan_config(self._config))
-        taken = commands.maybe_taken_config(answer) if answer is not None else None
-        if taken is None:
-            return
-        status, config = taken
-        if status:
+        if answer is not None and (status := commands.maybe_number(answer)):
             fault = CONFIG_FAULTS.get(status, f"status {status}")
             self._cola.remark(f"did not take {_describe_mode(self._config)}: {fault}")
-        elif config is not None and config != self._config:
-            asked = _describe_mode(self._config)
-            self._cola.remark(f"took {_describe_mode(config)} instead of {asked}")
 
     def _wait_until_ready(self) -> Steps[None]:
         begun_s = self._exchange.now_s
@@ -254,6 +231,11 @@ class Setup:
 def covers(span_deg: tuple[float, float], wanted_deg: tuple[float, float]) -> bool:
     """Whether one field of view has all of the other."""
     return span_deg[0] <= wanted_deg[0] + SLACK_DEG and span_deg[1] >= wanted_deg[1] - SLACK_DEG
+
+
+def _is_whole(survey: Survey) -> bool:
+    """Whether it sends its whole field of view."""
+    return survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))
 
 
 def _describe_mode(config: ScanConfig) -> str:

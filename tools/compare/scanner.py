@@ -130,8 +130,7 @@ def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = ""
     name = f"{command.kind} {command.name}{f' {how}' if how else ''}"
 
     def is_answer(event: object) -> bool:
-        is_own = isinstance(event, Answer) and f"{event.kind} {event.name}" == command.answer
-        return is_own or isinstance(event, Refusal)
+        return isinstance(event, Refusal) or command.is_answered_by(event)
 
     reply = reply_to(talk, command.encode(dialect), is_answer, ANSWER_S)
     if reply is None:
@@ -170,7 +169,7 @@ def _settings(talk: Conversation, dialect: Dialect) -> Portrait:
     """A login, the settings that it has once more, start and Run; what was stored stays."""
     scanner = Scanner(talk, dialect)
     config = commands.maybe_scan_config(scanner.ask(commands.READ_SCAN_CONFIG))
-    wanted = [commands.login(), commands.set_content("first")]
+    wanted = [commands.LOGIN, commands.set_content("first")]
     if config is not None:
         wanted += [commands.set_scan_config(config), commands.set_output_range(config.step)]
     facts: Portrait = {}
@@ -188,7 +187,7 @@ def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
     facts: Portrait = {}
     for event in talk.hear(seconds + 2.0):
         now_s = talk.now_s()
-        if isinstance(event, Answer) and f"{event.kind} {event.name}" == begin.answer:
+        if begin.is_answered_by(event):
             facts["subscription: delay"] = delay_fact(now_s - subscribed_s)
         if isinstance(event, Refusal):
             facts["subscription: refused"] = Fact(event.reason)

@@ -14,6 +14,7 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.wires.wire import MemoryPort, Wire
 from hw.lms1xx.session import Lms111
 from tests.support.cases import examples
+from tests.support.scripted_lms111 import options
 
 F64 = npt.NDArray[np.float64]
 TICK_S = 0.005
@@ -35,14 +36,10 @@ class Bench:
         self.fake.noise_m = 0.0
         self.port, self.now_s, self.tick_s = MemoryPort(), 50.0, tick_s
         self.wire = Wire(self.fake, self.port, seed=1)
-        self.lms = Lms111(
-            self.port,
-            scan_rate_hz=rate_hz,
-            angular_step_deg=step_deg,
-            first_deg=30.0,
-            last_deg=150.0,
-            echo="first",
+        given = options(
+            scan_rate_hz=rate_hz, angular_step_deg=step_deg, first_deg=30.0, last_deg=150.0
         )
+        self.lms = Lms111(self.port, given)
 
     @property
     def state(self) -> str:
@@ -71,11 +68,11 @@ def test_beams_are_those_of_the_world_at_their_instants(
     rate_hz: int, step_deg: float, n: int
 ) -> None:
     bench = Bench(rate_hz, step_deg)
-    bench.run(3.0)
-    scans = bench.run(4.0)
+    bench.run(2.0)
+    scans = bench.run(2.0)
     status = bench.lms.status
     assert (status.state, status.cause) == ("running", "")
-    assert len(scans) == 4 * rate_hz
+    assert len(scans) == 2 * rate_hz
     assert status.missed == status.rejected == 0
     assert bench.lms.clock_locked
     for scan in scans:
@@ -87,13 +84,13 @@ def test_beams_are_those_of_the_world_at_their_instants(
 def test_times_hold_while_the_devices_clock_drifts_and_the_wire_is_late() -> None:
     bench = Bench(50, 0.5, tick_s=0.001)
     bench.fake.drift_ppm = 200.0
-    bench.fake.clock_offset_us = 2**32 - 12_000_000  # wraps on the way
-    errors_s = []  # taken at once: the pool of ranges goes round
-    for tick in range(300):  # a delay that comes and goes, 0 to 30 ms
+    bench.fake.clock_offset_us = 2**32 - 6_000_000  # wraps on the way
+    errors_s = []
+    for tick in range(120):  # a delay that comes and goes, 0 to 30 ms
         bench.wire.delay_s = 0.01 * (1 + math.sin(tick)) if tick % 5 else 0.0
         errors_s += [abs(late_s(scan)) for scan in bench.run(0.1)]
     assert bench.state == "running"
-    assert len(errors_s) > 1400
+    assert len(errors_s) > 550
     assert np.percentile(errors_s[100:], 99) < 0.002
     assert bench.lms.status.missed == 0
 
@@ -112,18 +109,13 @@ def test_a_device_without_its_newer_state_may_take_long_to_speed_up() -> None:
 def test_scans_that_are_not_valid_now_and_then_are_left_out_and_change_no_state() -> None:
     bench = Bench(50, 0.5)
     bench.run(3.0)
-    changes, state = 0, bench.state
-    for turn in range(60):
+    taken = 0
+    for turn in range(20):
         bench.fake.device_status = 1 - turn % 2
-        bench.run(0.1)
-        changes += bench.state != state
-        state = bench.state
-    assert (changes, bench.lms.status.losses) == (0, 0)
-    assert bench.lms.not_ready > 50
-    bench.fake.device_status = 1
-    bench.run(1.0)
-    assert bench.state == "starting"
-    assert "device status" in bench.lms.status.cause
+        taken += len(bench.run(0.1))
+        assert bench.state == "running"
+    assert taken == pytest.approx(50, abs=2)
+    assert bench.lms.status.losses == 0
 
 
 class Faults(RuleBasedStateMachine):
@@ -180,5 +172,5 @@ class Faults(RuleBasedStateMachine):
         raise AssertionError(self.bench.lms.status)
 
 
-Faults.TestCase.settings = settings(max_examples=examples(8), stateful_step_count=10)
+Faults.TestCase.settings = settings(max_examples=examples(4), stateful_step_count=8)
 TestFaults = Faults.TestCase

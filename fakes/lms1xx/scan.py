@@ -5,11 +5,12 @@ Source: lms111 sheet, sections 1, 3 and 5.
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from fakes.lms1xx.cola_values import Value
+from fakes.lms1xx.cola import Value
 
 U16 = npt.NDArray[np.uint16]
 AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
@@ -21,40 +22,33 @@ CONTENT = "BBBBBBBBBBBH"  # arguments of LMDscandatacfg
 SCAN_CONFIG, OUTPUT_RANGE, TIME = "IHIii", "HIii", "HBBBBBI"
 
 
-@dataclass(frozen=True, slots=True)
-class Content:
+class Content(NamedTuple):
     """What a scan telegram carries: the arguments of LMDscandatacfg."""
 
     channels: int = 1  # bit 0: first echo, bit 1: second
-    rssi: bool = False
-    rssi_wide: bool = False  # 16 bit instead of 8
-    encoder: bool = False
-    position: bool = False
-    name: bool = False
-    comment: bool = False
-    time: bool = False
+    channels_high: int = 0
+    rssi: int = 0
+    rssi_wide: int = 0  # 16 bit instead of 8
+    unit: int = 0
+    encoder: int = 0
+    encoder_high: int = 0
+    position: int = 0
+    name: int = 0
+    comment: int = 0
+    time: int = 0
     interval: int = 1  # every n-th scan is sent
 
-    @classmethod
-    def maybe_from(cls, arguments: tuple[int, ...]) -> "Content | None":
-        """From the twelve arguments of the wire; None if a value is out of range."""
-        low, high, rssi, wide, unit, encoder, encoder_high, *flags = arguments
-        position, name, comment, time, interval = flags
-        switches = (rssi, wide, encoder, position, name, comment, time)
-        if low not in (1, 2, 3) or high or unit or encoder_high or max(switches) > 1:
-            return None
-        if not 1 <= interval <= 50_000:
-            return None
-        rssi, wide, encoder, position, name, comment, time = map(bool, switches)
-        return cls(low, rssi, wide, encoder, position, name, comment, time, interval)
+    @property
+    def is_possible(self) -> bool:
+        """Whether each value is in its range."""
+        unused = (self.channels_high, self.unit, self.encoder_high)
+        switches = (self.rssi, self.rssi_wide, self.encoder, *self[7:11])
+        if self.channels not in (1, 2, 3) or any(unused) or max(switches) > 1:
+            return False
+        return 1 <= self.interval <= 50_000
 
-    def values(self) -> list[Value]:
-        """The twelve arguments of the wire."""
-        numbers = (
-            self.channels, 0, self.rssi, self.rssi_wide, 0, self.encoder, 0,
-            self.position, self.name, self.comment, self.time, self.interval,
-        )  # fmt: skip
-        return list(zip(CONTENT, map(int, numbers), strict=True))
+
+AS_DELIVERED = Content()
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +59,7 @@ class ScanSettings:
     resolution: int = 5000  # 1/10000 deg
     start: int = AREA_START  # of the output, as written
     stop: int = AREA_STOP
-    content: Content = Content()
+    content: Content = AS_DELIVERED
 
     @property
     def period_s(self) -> float:
@@ -130,7 +124,7 @@ class ScanTelegram:
     shots: int  # measurement frequency, 100 Hz
     channels: tuple[Channel, ...]
     encoders: tuple[tuple[int, int], ...] = ()  # position, speed
-    position: bool = False
+    position: int = 0
     name: bytes | None = None
     comment: bytes | None = None
     when: datetime | None = None
@@ -185,7 +179,7 @@ def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Cha
     wanted = [k for k in (0, 1) if content.channels >> k & 1]
     rows += [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
     if content.rssi:
-        wide = content.rssi_wide
+        wide = bool(content.rssi_wide)
         rows += [
             Channel(b"RSSI%d" % (k + 1), _remission(echoes_mm[k], wide), *where, wide=wide)
             for k in wanted

@@ -1,16 +1,15 @@
-"""What hosts set in a fake LMS111: what was written, and what is kept over a loss of power.
+"""What a fake LMS111 is, and what hosts set in it and is kept over a loss of power.
 
-Source: lms111 sheet, sections 3 and 4.
+The texts of the LMS10x are recorded; those of the sisters are made after them.
+Source: lms111 sheet, sections 1, 3, 4 and 6.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from fakes.lms1xx import cola
-from fakes.lms1xx.cola import RefusedError
-from fakes.lms1xx.cola_values import Value
-from fakes.lms1xx.head import MOST_SCANS
+from fakes.lms1xx.cola import WRITE_DENIED, RefusedError, Value
 from fakes.lms1xx.scan import (
     AREA_START,
     AREA_STOP,
@@ -21,17 +20,39 @@ from fakes.lms1xx.scan import (
     ScanSettings,
 )
 
+MOST_SCANS = 100  # of the mean filter
 FILTERS = {"LFPmeanfilter": ("BHB", (0, 2, 0)), "LFPnto1filter": ("B", (0,)),
            "MSsuppmode": ("B", (0,))}  # fmt: skip
 
 Write = Callable[[tuple[int, ...]], None]
 
 
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One kind of device."""
+
+    ident: tuple[bytes, bytes]  # DeviceIdent
+    firmware: bytes
+    max_range_m: float = 20.0
+    telegram_version: int = 1
+    refuse: dict[str, int] = field(default_factory=dict)  # kind and name -> sFA code
+
+
+LMS10X = (b"LMS10x_FieldEval", b"V1.36-21.10.2010")
+MODELS = {
+    "LMS111": Model(LMS10X, b"V1.80.2  "),
+    "LMS100": Model(LMS10X, b"V1.80.1"),
+    "LMS100-1.23": Model(LMS10X, b"V1.23", refuse={"sWN LMPoutputRange": WRITE_DENIED}),
+    "LMS151": Model(
+        (b"LMS15x_FieldEval", b"V1.36-21.10.2010"), b"V1.80.1", max_range_m=50.0, telegram_version=0
+    ),
+}
+
+
 class Settings:
     """The settings of one device. They count for its scans from Run on."""
 
     def __init__(self) -> None:
-        self.stores = 0  # times that its memory was written
         self.scan = self._stored = ScanSettings()
         self.filters = {name: values for name, (_, values) in FILTERS.items()}
         self._filters_stored = dict(self.filters)
@@ -43,19 +64,7 @@ class Settings:
     def store(self) -> list[Value]:
         """Keep all; the values of the answer."""
         self._stored, self._filters_stored = self.scan, dict(self.filters)
-        self.stores += 1
         return [("B", 1)]
-
-    @property
-    def mean_scans(self) -> int:
-        """Over how many scans the mean filter works; 0: it is off."""
-        on, scans, _ = self.filters["LFPmeanfilter"]
-        return scans if on else 0
-
-    @property
-    def two_in_a_row(self) -> bool:
-        """Whether the n-to-1 filter is on."""
-        return bool(self.filters["LFPnto1filter"][0])
 
     def writers(self) -> dict[str, tuple[str, Write]]:
         """Variable -> kinds of its values, and what takes them."""
@@ -66,8 +75,8 @@ class Settings:
         }
 
     def _set_content(self, values: tuple[int, ...]) -> None:
-        content = Content.maybe_from(values)
-        if content is None:
+        content = Content(*values)
+        if not content.is_possible:
             raise RefusedError(cola.CONDITION_FAILED)
         self.scan = replace(self.scan, content=content)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from core.records import Scan
 from fakes.lms1xx import cola
-from fakes.lms1xx.cola_values import Value, packed, read, unpacked, written
+from fakes.lms1xx.cola import Value, packed, read, unpacked, written
 from fakes.lms1xx.scan import U16, Channel, ScanTelegram
 from fakes.wires.wire import MemoryPort
 from hw.lms1xx.options import Lms1xxOptions

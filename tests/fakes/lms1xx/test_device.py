@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.lms1xx.cola_values import packed, written
+from fakes.lms1xx.cola import packed, written
 from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.scan import Channel, ScanTelegram
 from tests.support.bench_lms111 import (
@@ -296,7 +296,7 @@ def test_settings_count_from_run_on_and_a_login_ends_measuring() -> None:
     assert not bench.scans(0.2)
     assert payloads(bench.ask(FRAMES["read device state"]))[0].endswith(b"\0")
     bench.ask(FRAMES["scan 25"])
-    assert bench.fake.settings.frequency == 5000
+    assert bench.fake.head.settings.frequency == 5000
     bench.ask(FRAMES["start"])
     bench.ask(FRAMES["run"])
     scans = bench.scans(1.3)

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.lms1xx.client import Client
-from fakes.lms1xx.device import FakeLms111
+from fakes.lms1xx.device import Client, FakeLms111
 from tests.support.bench_lms111 import START_S, Bench, five_metres, payloads
 from tests.support.cases import examples
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted

@@ -141,6 +141,11 @@ class CommandReader:
 # --- values
 
 
+def fields(kinds: str, *numbers: float) -> list[Value]:
+    """One value of each kind."""
+    return list(zip(kinds, numbers, strict=True))
+
+
 def packed(values: Iterable[Value]) -> bytes:
     """As CoLa-B has them, big-endian and without separators."""
     parts = []

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 
 from fakes.lms1xx import cola
-from fakes.lms1xx.cola import RefusedError, Value, packed, read, unpacked, written
+from fakes.lms1xx.cola import RefusedError, Value, fields, packed, read, unpacked, written
 from fakes.lms1xx.faults import Faults
 from fakes.lms1xx.head import LaserHead, Truth
 from fakes.lms1xx.scan import CONTENT, SCAN_CONFIG, TIME
@@ -26,7 +26,7 @@ IDLE, CONFIGURING, ROTATING, READY = 3, 2, 4, 7  # STlms
 BUSY_STATE, READY_STATE, ERROR_STATE = 0, 1, 2  # SCdevicestate
 EVENTS = ("LMDscandata", "LFErec", "LIDoutputstate", "LIDinputstate")
 FIELD = re.compile(r"field0[0-2]\d")
-INPUTS: list[Value] = [*zip("HI", (1, 0), strict=True), *zip("BBBB", (2, 2, 2, 2), strict=True)]
+INPUTS = fields("HIBBBBH", 1, 0, 2, 2, 2, 2, 0)
 HOURS = 0x456  # of operation, in tenths
 ANSWER_S = 0.0012
 SLOW_ANSWERS_S = {"SetAccessMode": 0.0028, "LMCstartmeas": 0.014}
@@ -248,7 +248,7 @@ class FakeLms111(Faults):
         readers: dict[str, Callable[[], list[Value]]] = {
             "LMPscancfg": self._written.scan.scan_config,
             "LMPoutputRange": lambda: self._written.scan.output_range(self.untrue_output_step),
-            "LMDscandatacfg": lambda: list(zip(CONTENT, self._written.scan.content, strict=True)),
+            "LMDscandatacfg": lambda: fields(CONTENT, *self._written.scan.content),
             "LMDscandata": self._polled,
             "STlms": self._state_in_full,
             "SCdevicestate": lambda: [("B", self._device_state())],
@@ -258,13 +258,13 @@ class FakeLms111(Faults):
             "EIHstCola": lambda: [("B", int(self._binary_next))],
             "FirmwareVersion": lambda: [("S", self._model.firmware)],
             "LocationName": lambda: [("S", b"not defined")],
-            "LIDinputstate": lambda: [*INPUTS, ("H", 0)],
+            "LIDinputstate": lambda: INPUTS,
             **dict.fromkeys(("DeviceIdent", "0"), lambda: [("S", t) for t in self._model.ident]),
         }
         if name in readers:
             return readers[name]()
         if name in FILTERS:
-            return list(zip(FILTERS[name][0], self._written.filters[name], strict=True))
+            return fields(FILTERS[name][0], *self._written.filters[name])
         if FIELD.fullmatch(name):
             return [("B", 0)]  # not defined
         raise RefusedError(cola.UNKNOWN_VARIABLE)
@@ -333,9 +333,8 @@ class FakeLms111(Faults):
             return [("B", 0)]
         if not 1970 <= when.year < 2100:
             return [("B", 0)]
-        self.head.clock_set = when - timedelta(
-            microseconds=self.head.uptime_us(self.head.clock.device_s)
-        )
+        uptime_us = self.head.uptime_us(self.head.clock.device_s)
+        self.head.clock_set = when - timedelta(microseconds=uptime_us)
         return [("B", 1)]
 
     def _start(self, wanted: bool) -> list[Value]:
@@ -372,7 +371,7 @@ class FakeLms111(Faults):
         now = self.head.date(self.head.clock.device_s)
         texts = (now.strftime("%H:%M:%S"), now.strftime("%d.%m.%Y"))
         return [
-            *zip("HB", (self.state, int(self.temperature_bad)), strict=True),
+            *fields("HB", self.state, int(self.temperature_bad)),
             *(("S", text.encode("ascii")) for text in texts),
-            *(("I", 0) for _ in range(3)),
+            *fields("III", 0, 0, 0),
         ]

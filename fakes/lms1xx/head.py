@@ -16,7 +16,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import numpy.typing as npt
 
-from fakes.lms1xx.cola import Value
+from fakes.lms1xx.cola import Value, fields
 from fakes.lms1xx.faults import Faults
 from fakes.lms1xx.scan import (
     AREA_START,
@@ -208,8 +208,8 @@ class LaserHead:
     def _outputs_told(self, sweep: int) -> tuple[float, str, list[Value]]:
         """The event of the outputs' change after the first scans."""
         device_s = self._sent_device_s(sweep)
-        values: list[Value] = [("H", 1), ("I", self.uptime_us(device_s) % 2**32)]
+        values = fields("HI", 1, self.uptime_us(device_s) % 2**32)
         for output in OUTPUTS:
-            values += zip("BI", output, strict=True)
+            values += fields("BI", *output)
         values += [("H", 1), *time_values(self.date(device_s))]
         return self.clock.host_s(device_s), "LIDoutputstate", values

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from fakes.lms1xx.cola import Value
+from fakes.lms1xx.cola import Value, fields
 
 U16 = npt.NDArray[np.uint16]
 AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
@@ -83,14 +83,12 @@ class ScanSettings:
 
     def scan_config(self) -> list[Value]:
         """Of LMPscancfg: the area is always that of the mirror."""
-        numbers = (self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
-        return list(zip(SCAN_CONFIG, numbers, strict=True))
+        return fields(SCAN_CONFIG, self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
 
     def output_range(self, untrue_step: bool) -> list[Value]:
         """Of LMPoutputRange."""
         step = REPORTED_RESOLUTION if untrue_step else self.resolution
-        numbers = (1, step, self.start, self.stop)
-        return list(zip(OUTPUT_RANGE, numbers, strict=True))
+        return fields(OUTPUT_RANGE, 1, step, self.start, self.stop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,8 +104,8 @@ class Channel:
 
     def values(self) -> list[Value]:
         """Head and row."""
-        head = (self.name, self.scale, 0.0, self.first, self.step, len(self.raw))
-        return [*zip("NffiHH", head, strict=True), ("W" if self.wide else "w", self.raw)]
+        head = fields("ffiHH", self.scale, 0.0, self.first, self.step, len(self.raw))
+        return [("N", self.name), *head, ("W" if self.wide else "w", self.raw)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,24 +130,21 @@ class ScanTelegram:
 
     def values(self) -> list[Value]:
         """From the version to the event flag."""
-        counters = (self.telegrams % 2**16, self.scans % 2**16)
-        times = (self.scan_us % 2**32, self.sent_us % 2**32)
-        values: list[Value] = [
-            *zip("HHI", (self.version, 1, SERIAL_NUMBER), strict=True),
-            *zip("BB", self.status, strict=True),
-            *zip("HHII", (*counters, *times), strict=True),
-            *zip("BBBB", (0, 0, *self.outputs), strict=True),
-            *zip("HIIH", (0, self.frequency, self.shots, len(self.encoders)), strict=True),
+        values = [
+            *fields("HHIBB", self.version, 1, SERIAL_NUMBER, *self.status),
+            *fields("HH", self.telegrams % 2**16, self.scans % 2**16),
+            *fields("II", self.scan_us % 2**32, self.sent_us % 2**32),
+            *fields("BBBBH", 0, 0, *self.outputs, 0),
+            *fields("IIH", self.frequency, self.shots, len(self.encoders)),
         ]
         for encoder in self.encoders:
-            values += zip("Ih", encoder, strict=True)
+            values += fields("Ih", *encoder)
         for wide in (True, False):
             rows = [channel for channel in self.channels if channel.wide == wide]
             values.append(("H", len(rows)))
             for row in rows:
                 values += row.values()
-        place = [*(("f", 0.0) for _ in range(6)), ("B", 0)]
-        values += _optional(place if self.position else None)
+        values += _optional(fields("ffffffB", *[0.0] * 6, 0) if self.position else None)
         values += _optional(None if self.name is None else [("s", self.name)])
         values += _optional(None if self.comment is None else [("s", self.comment)])
         values += _optional(time_values(self.when) if self.when else None)
@@ -163,9 +158,7 @@ def _optional(block: list[Value] | None) -> list[Value]:
 def time_values(when: datetime) -> list[Value]:
     """Date and time."""
     day = (when.year, when.month, when.day)
-    return list(
-        zip(TIME, (*day, when.hour, when.minute, when.second, when.microsecond), strict=True)
-    )
+    return fields(TIME, *day, when.hour, when.minute, when.second, when.microsecond)
 
 
 def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Channel, ...]:
@@ -174,16 +167,14 @@ def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Cha
     Args:
         echoes_mm: first and second echo, (n,) codes each of the points that are sent.
     """
-    content, rows = settings.content, []
-    where = (settings.first_angle, settings.resolution)
+    content, where = settings.content, (settings.first_angle, settings.resolution)
     wanted = [k for k in (0, 1) if content.channels >> k & 1]
-    rows += [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
+    rows = [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
     if content.rssi:
         wide = bool(content.rssi_wide)
-        rows += [
-            Channel(b"RSSI%d" % (k + 1), _remission(echoes_mm[k], wide), *where, wide=wide)
-            for k in wanted
-        ]
+        for k in wanted:
+            bright = _remission(echoes_mm[k], wide)
+            rows.append(Channel(b"RSSI%d" % (k + 1), bright, *where, wide=wide))
     return tuple(rows)
 
 

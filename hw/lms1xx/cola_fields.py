@@ -70,13 +70,12 @@ def _codes(layout: str) -> tuple[str, ...]:
 
 
 class TextFields:
-    """Takes fields written out off a payload: hexadecimal without a sign, decimal with one."""
+    """The same of fields written out: hexadecimal without a sign, decimal with one."""
 
     def __init__(self, payload: bytes) -> None:
         self._payload, self._at = payload, 0
 
     def fields(self, layout: str) -> tuple[Any, ...]:
-        """Values by a struct layout, one token each."""
         return tuple(self._value(code) for code in _codes(layout))
 
     def _value(self, code: str) -> Any:
@@ -114,7 +113,6 @@ class TextFields:
         return str(text, "latin-1")
 
     def array(self, kind: str, count: int) -> Raw:
-        """As many tokens."""
         *tokens, rest = [*self._payload[self._at :].split(None, count), b""][: count + 1]
         if len(tokens) < count:
             raise PayloadError("telegram ends early")
@@ -128,7 +126,6 @@ class TextFields:
         return np.array([number(token, code) for token in tokens], kind)
 
     def rest(self) -> bytes:
-        """All that is left."""
         left, self._at = self._payload[self._at :].strip(b" "), len(self._payload)
         return left
 

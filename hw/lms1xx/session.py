@@ -44,13 +44,12 @@ class Lms111Session:
     """The conversation of section 4, from its beginning as often as needed."""
 
     def __init__(self, status: DeviceStatus, memory: Memory, options: Lms1xxOptions) -> None:
-        self._memory = memory
+        self._memory, self._options = memory, options
         self._exchange = Exchange(
             status, self._hear, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S
         )
         self._cola = ColaExchange(self._exchange, status, memory, options.dialect)
         self._setup = Setup(self._cola, options)
-        self._watch = TelegramWatch(self._cola, options)
 
     def _hear(self, tick: Tick) -> list[Any]:
         self._memory.telegrams = []
@@ -87,17 +86,16 @@ class Lms111Session:
         exchange, memory = self._exchange, self._memory
         begun_s = heard_s = exchange.now_s
         patience_s, complaint = FIRST_SCAN_S, ""
-        checkup = Checkup(self._cola)
-        self._watch.begin()
+        checkup, watch = Checkup(self._cola), TelegramWatch(self._cola, self._options)
         while exchange.now_s - heard_s <= patience_s:
             for event in (yield from exchange.turn(checkup.out(exchange.now_s))):
                 if isinstance(event, BadFrame):
                     complaint = complaint or event.reason
                 elif not isinstance(event, ScanTelegram):
                     checkup.hear(event)
-                elif not event.polled and self._watch.is_new(event):
+                elif not event.polled and watch.is_new(event):
                     heard_s, patience_s = exchange.now_s, SILENCE_S
-                    if self._watch.take(heard_s, event):
+                    if watch.take(heard_s, event):
                         exchange.succeed()
             if exchange.now_s - begun_s >= PEACE_S:
                 memory.rest_s = REST_S

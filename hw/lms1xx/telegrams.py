@@ -86,7 +86,6 @@ class ScanTelegram:
     arrived_s: float  # host clock
     polled: bool  # asked for, not streamed
     version: int
-    device_number: int
     serial_number: int
     status: tuple[int, int]  # (0, 0): measurements are valid
     telegram_counter: int
@@ -95,7 +94,6 @@ class ScanTelegram:
     sent_us: int  # when transmission began
     inputs: tuple[int, int]
     outputs: tuple[int, int]
-    layer_raw: int  # of sister models; 0
     scan_hz: float
     measurement_hz: float
     encoders: tuple[tuple[int, int], ...]  # position, speed
@@ -177,10 +175,8 @@ def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
 def _scan_telegram(
     now_s: float, polled: bool, fields: Fields, dialect: Dialect, max_beams: int
 ) -> ScanTelegram:
-    version, device, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(
-        _FIXED
-    )
-    i1, i2, o1, o2, layer, centihertz, hectohertz, encoders = rest
+    version, _, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(_FIXED)
+    i1, i2, o1, o2, _, centihertz, hectohertz, encoders = rest
     if centihertz == 0:
         raise PayloadError("scan frequency is 0")
     if encoders > MAX_ENCODERS:
@@ -189,7 +185,6 @@ def _scan_telegram(
         arrived_s=now_s,
         polled=polled,
         version=version,
-        device_number=device,
         serial_number=serial,
         status=(s1, s2),
         telegram_counter=telegrams,
@@ -198,7 +193,6 @@ def _scan_telegram(
         sent_us=sent_us,
         inputs=(i1, i2),
         outputs=(o1, o2),
-        layer_raw=layer,
         scan_hz=centihertz / 100,
         measurement_hz=hectohertz * 100.0,
         encoders=tuple((p, s) for p, s in (fields.fields("Ih") for _ in range(encoders))),

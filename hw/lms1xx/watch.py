@@ -71,7 +71,7 @@ class Checkup:
 
 
 class TelegramWatch:
-    """Takes the telegrams of one connection, and sets the status by them."""
+    """Takes the telegrams of one subscription, and sets the status by them."""
 
     def __init__(self, cola: ColaExchange, options: Lms1xxOptions) -> None:
         self._cola, self._options = cola, options
@@ -79,10 +79,6 @@ class TelegramWatch:
         self._last: ScanTelegram | None = None
         self._usable_s = -math.inf  # host clock, last telegram that may be believed
         self._told: tuple[object, ...] = ()  # what the cause was last made of
-
-    def begin(self) -> None:
-        """A new subscription: nothing is compared with what came before it."""
-        self._last, self._told = None, ()
 
     def is_new(self, telegram: ScanTelegram) -> bool:
         """False for a telegram that was there before; counts those that never came."""

@@ -13,13 +13,12 @@ from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command
 from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
-from tools.cli.conversation import Conversation, conversation
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
 from tools.cli.scanner import Scanner, dialect_of
 from tools.compare.facts import (
     SILENT,
     Fact,
     Portrait,
-    Reply,
     counts_in_words,
     delay_fact,
     noise_fact,
@@ -87,35 +86,28 @@ def make_alike(real: str, fake: str) -> None:
         RefusedError: the fake does not take them.
     """
     with conversation(real, new_parser("auto")) as talk:
-        dialect = dialect_of(talk)
-        wanted = [written for read in MIRRORED if (written := _as_written(talk, read, dialect))]
-        device_state = reply_to(
-            talk, commands.READ_DEVICE_STATE.encode(dialect), _answers, ANSWER_S
-        )
-        measures = device_state is not None and _device_state(device_state) == READY
-    with conversation(fake, new_parser(dialect)) as talk:
-        scanner = Scanner(talk, dialect)
+        scanner = Scanner(talk, dialect_of(talk))
+        read = [(command.name, _maybe_told(scanner, command)) for command in MIRRORED]
+        wanted = [_written(name, told) for name, told in read if told is not None]
+        state = _maybe_told(scanner, commands.READ_DEVICE_STATE)
+        measures = state is not None and commands.maybe_number(state) == READY
+    with conversation(fake, new_parser(scanner.dialect)) as talk:
+        scanner = Scanner(talk, scanner.dialect)
         scanner.logged_in(*wanted, *([commands.START_MEASURING] if measures else []))
         _wait_until_ready(talk, scanner)
 
 
-def _answers(event: object) -> bool:
-    return isinstance(event, Answer | Refusal)
-
-
-def _device_state(reply: Reply) -> int | None:
-    event = reply.event
-    return commands.maybe_number(event) if isinstance(event, Answer) else None
-
-
-def _as_written(talk: Conversation, read: Command, dialect: Dialect) -> Command | None:
-    """The command that writes what a read gives; None where it is not told."""
-    reply = reply_to(talk, read.encode(dialect), _answers, ANSWER_S)
-    if reply is None or not isinstance(reply.event, Answer):
+def _maybe_told(scanner: Scanner, command: Command) -> Answer | None:
+    try:
+        return scanner.ask(command)
+    except (NoAnswerError, RefusedError):
         return None
-    values = reply.event.values
-    text = values.decode("latin-1") if dialect == "ascii" else ""
-    return Command("sWN", read.name, b"" if text else values, text)
+
+
+def _written(name: str, told: Answer) -> Command:
+    """The command that writes what a read gave."""
+    is_text = told.dialect == "ascii"
+    return Command("sWN", name, told.values, told.values.decode("latin-1") if is_text else "")
 
 
 def _wait_until_ready(talk: Conversation, scanner: Scanner) -> None:
@@ -135,28 +127,14 @@ def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = ""
     reply = reply_to(talk, command.encode(dialect), is_answer, ANSWER_S)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
-    return {
-        f"{name}: answer": Fact(_in_words(reply)),
-        f"{name}: delay": delay_fact(reply.delay_s),
-        **_values(name, command, reply.event),
-    }
-
-
-def _in_words(reply: Reply) -> str:
-    event = reply.event
-    return f"refused: {event.reason}" if isinstance(event, Refusal) else str(event.kind)
-
-
-def _values(name: str, command: Command, event: Answer | Refusal) -> Portrait:
-    """What an answer holds: its own, or what the two should agree on."""
+    event, delay = reply.event, delay_fact(reply.delay_s)
     if isinstance(event, Refusal):
-        return {}
+        return {f"{name}: answer": Fact(f"refused: {event.reason}"), f"{name}: delay": delay}
+    facts = {f"{name}: answer": Fact(str(event.kind)), f"{name}: delay": delay}
     if command.name in OWN:
-        return {f"{name}: values": Fact(_readable(event), "own")}
-    return {
-        f"{name}: size": Fact(len(event.values), "same", unit="bytes"),
-        f"{name}: values": Fact(_readable(event)),
-    }
+        return facts | {f"{name}: values": Fact(_readable(event), "own")}
+    size = Fact(len(event.values), "same", unit="bytes")
+    return facts | {f"{name}: size": size, f"{name}: values": Fact(_readable(event))}
 
 
 def _readable(event: Answer) -> str:
@@ -221,17 +199,13 @@ def _format(scan: ScanTelegram) -> Portrait:
         "scan: channels": Fact(" ".join(scan.channels)),
     }
     for option in ("position", "name", "comment", "clock", "event"):
-        there = getattr(scan, option) is not None
-        facts[f"scan: {option}"] = Fact("there" if there else NOT_SENT)
+        facts[f"scan: {option}"] = Fact("not sent" if getattr(scan, option) is None else "there")
     for channel in scan.channels.values():
         facts[f"scan {channel.content}: layout"] = Fact(
             f"{len(channel.raw)} values from {channel.first_deg:g} deg in steps of "
             f"{channel.step_deg:g} deg, x {channel.scale:g} + {channel.offset:g}"
         )
     return facts
-
-
-NOT_SENT = "not sent"
 
 
 def _counters(scans: list[ScanTelegram], arrivals_s: list[float]) -> Iterator[tuple[str, Fact]]:

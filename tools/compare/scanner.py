@@ -12,7 +12,14 @@ import numpy as np
 from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command
-from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
+from hw.lms1xx.telegrams import (
+    LEAST_RANGE_RAW,
+    Answer,
+    Refusal,
+    ScanTelegram,
+    new_parser,
+    ranges_m_from_channel,
+)
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
 from tools.cli.scanner import Scanner, dialect_of
 from tools.compare.facts import (
@@ -56,7 +63,6 @@ MIRRORED = (commands.READ_CONTENT, commands.READ_OUTPUT_RANGE)  # besides rate a
 READY = 1  # of SCdevicestate
 MIRROR = 0.01  # share by which mirrors turn faster or slower: a recorded one by 0.0075
 LEAST_SCANS = 10  # for their noise
-FIRST_VALID_RAW = 8  # smaller numbers are codes
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
@@ -235,11 +241,10 @@ def _ranges(scans: list[ScanTelegram]) -> Portrait:
     channels = [scan.channels["DIST1"] for scan in scans if "DIST1" in scan.channels]
     if not channels or len({len(channel.raw) for channel in channels}) > 1:
         return {}
-    raw = np.array([channel.raw for channel in channels])
-    ranges_m = (raw * channels[0].scale + channels[0].offset) / 1000
-    codes = Counter(int(code) for code in raw[-1][raw[-1] < FIRST_VALID_RAW])
-    seen = (raw >= FIRST_VALID_RAW).all(axis=0)
-    facts = number_facts("scan: ranges", list(ranges_m[-1][raw[-1] >= FIRST_VALID_RAW]), "m")
+    ranges_m = np.array([ranges_m_from_channel(channel, slice(None)) for channel in channels])
+    codes = Counter(int(raw) for raw in channels[-1].raw if raw < LEAST_RANGE_RAW)
+    seen = np.isfinite(ranges_m).all(axis=0)
+    facts = number_facts("scan: ranges", list(ranges_m[-1][np.isfinite(ranges_m[-1])]), "m")
     if seen.any() and len(scans) >= LEAST_SCANS:
         spread_m = float(np.median(ranges_m[:, seen].std(axis=0)))
         facts["scan: noise of a range, median"] = noise_fact(spread_m, "m")

@@ -136,7 +136,7 @@ ANSWERS = {
 }
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(15))
 @given(st.data(), st.booleans(), st.floats(0.02, 0.7))
 def test_in_any_order_each_command_gets_one_answer_or_refusal(
     data: st.DataObject, binary: bool, wait_s: float
@@ -166,7 +166,7 @@ PIECES = st.lists(
 )
 
 
-@settings(max_examples=examples(100))
+@settings(max_examples=examples(20))
 @given(st.booleans(), PIECES, st.floats(0.0, 3.0))
 def test_no_bytes_break_it_and_it_answers_afterwards(
     binary: bool, pieces: list[bytes], step_s: float
@@ -180,6 +180,7 @@ def test_no_bytes_break_it_and_it_answers_afterwards(
     assert b"not defined" in bench.ask(command("sRN LocationName"))
 
 
+@settings(max_examples=examples(10))
 @given(st.lists(st.integers(0, 400)))
 def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> None:
     names = ("login", "scan 25", "write content rssi", "read state", "start", "run", "subscribe")
@@ -189,9 +190,10 @@ def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> N
     whole.fake.exchange(START_S, stream)
     for a, b in pairwise(edges):
         assert cut.fake.exchange(START_S, stream[a:b]) == b""
-    assert cut.listen(0.6) == whole.listen(0.6)
+    assert cut.listen(0.4) == whole.listen(0.4)
 
 
+@settings(max_examples=examples(20))
 @given(st.binary(max_size=60))
 def test_a_command_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
     bench = Bench()

@@ -16,8 +16,8 @@ from fakes.lms1xx import cola
 from fakes.lms1xx.cola import RefusedError, Value, fields, packed, read, unpacked, written
 from fakes.lms1xx.faults import Faults
 from fakes.lms1xx.head import LaserHead, Truth
-from fakes.lms1xx.scan import CONTENT, SCAN_CONFIG, TIME
-from fakes.lms1xx.settings import FILTERS, MODELS, Settings
+from fakes.lms1xx.scan import TIME
+from fakes.lms1xx.settings import MODELS, SCAN_CONFIG, WRITABLE, Settings
 from fakes.wires.timing import Outbox
 
 HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords of the user levels
@@ -161,9 +161,7 @@ class FakeLms111(Faults):
     def _apply(self) -> None:
         """What was written counts from now on."""
         self.head.settings = self._written.scan
-        on, scans, _ = self._written.filters["LFPmeanfilter"]
-        self.mean_scans = scans if on else 0
-        self.two_in_a_row = bool(self._written.filters["LFPnto1filter"][0])
+        self.mean_scans, self.two_in_a_row = self._written.filters
 
     def reboot(self, now_s: float) -> None:
         """Power off and on: what mEEwriteall did not keep is lost."""
@@ -246,9 +244,7 @@ class FakeLms111(Faults):
 
     def _read(self, name: str) -> list[Value]:
         readers: dict[str, Callable[[], list[Value]]] = {
-            "LMPscancfg": self._written.scan.scan_config,
-            "LMPoutputRange": lambda: self._written.scan.output_range(self.untrue_output_step),
-            "LMDscandatacfg": lambda: fields(CONTENT, *self._written.scan.content),
+            "LMPscancfg": self._written.read_scan_config,
             "LMDscandata": self._polled,
             "STlms": self._state_in_full,
             "SCdevicestate": lambda: [("B", self._device_state())],
@@ -263,21 +259,22 @@ class FakeLms111(Faults):
         }
         if name in readers:
             return readers[name]()
-        if name in FILTERS:
-            return fields(FILTERS[name][0], *self._written.filters[name])
+        if name in WRITABLE:
+            return self._written.read(name, self.untrue_output_step)
         if FIELD.fullmatch(name):
             return [("B", 0)]  # not defined
         raise RefusedError(cola.UNKNOWN_VARIABLE)
 
     def _write(self, client: Client, name: str, take: Take) -> list[Value]:
-        writers = self._written.writers() | {"EIHstCola": ("B", self._set_dialect)}
-        if name not in writers:
+        if name not in WRITABLE and name != "EIHstCola":
             self._read(name)  # unknown, or else:
             raise RefusedError(cola.WRITE_DENIED)
         if client.level < CLIENT:
             raise RefusedError(cola.WRITE_DENIED)
-        kinds, write = writers[name]
-        write(take(kinds))
+        if name == "EIHstCola":
+            self._set_dialect(*take("B"))
+        else:
+            self._written.write(name, take(WRITABLE[name][0]))
         return []
 
     def _call(self, client: Client, name: str, take: Take) -> list[Value]:
@@ -321,10 +318,10 @@ class FakeLms111(Faults):
         self._apply()
         return [("B", 1)]
 
-    def _set_dialect(self, values: tuple[int, ...]) -> None:
-        if values[0] > 1:
+    def _set_dialect(self, is_binary: int) -> None:
+        if is_binary > 1:
             raise RefusedError(cola.CONDITION_FAILED)
-        self._binary_next, self._changed_s = bool(values[0]), self.head.clock.device_s
+        self._binary_next, self._changed_s = bool(is_binary), self.head.clock.device_s
 
     def _set_time(self, values: tuple[int, ...]) -> list[Value]:
         try:

@@ -15,11 +15,9 @@ from fakes.lms1xx.cola import Value, fields
 U16 = npt.NDArray[np.uint16]
 AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
 MODES = ((5000, 5000), (2500, 2500), (2500, 5000))  # 1/100 Hz, 1/10000 deg
-REPORTED_RESOLUTION = 5000  # in LMPoutputRange of many, at whatever resolution they scan
 NO_ECHO, FIRST_VALID = 0, 16
 SERIAL_NUMBER = 18_090_362
-CONTENT = "BBBBBBBBBBBH"  # arguments of LMDscandatacfg
-SCAN_CONFIG, OUTPUT_RANGE, TIME = "IHIii", "HIii", "HBBBBBI"
+TIME = "HBBBBBI"
 
 
 class Content(NamedTuple):
@@ -80,15 +78,6 @@ class ScanSettings:
     def first_angle(self) -> int:
         """Of the first point that is sent, 1/10000 deg."""
         return AREA_START + self.first_index * self.resolution
-
-    def scan_config(self) -> list[Value]:
-        """Of LMPscancfg: the area is always that of the mirror."""
-        return fields(SCAN_CONFIG, self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
-
-    def output_range(self, untrue_step: bool) -> list[Value]:
-        """Of LMPoutputRange."""
-        step = REPORTED_RESOLUTION if untrue_step else self.resolution
-        return fields(OUTPUT_RANGE, 1, step, self.start, self.stop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,7 +25,6 @@ UNKNOWN_COMMAND, UNKNOWN_EVENT = 0x0C, 0x0F
 VALUE_OVERFLOW, INVALID_CHARACTER = 0x10, 0x11
 
 TEXT_START, TEXT_END = b"\x02", b"\x03"
-PRINTABLE = frozenset(range(0x20, 0x7F))
 BITS = {"B": 8, "H": 16, "I": 32, "b": 8, "h": 16, "i": 32}
 NUMBER = re.compile(rb"[+-][0-9]+|[0-9A-Fa-f]+")
 
@@ -71,9 +70,9 @@ def command(payload: bytes) -> tuple[str, str, bytes]:
     return kind.decode("ascii"), name.decode("latin-1"), arguments
 
 
-def is_printable(payload: bytes) -> bool:
-    """Whether it has only characters of text."""
-    return PRINTABLE.issuperset(payload)
+def is_text(payload: bytes) -> bool:
+    """Whether it may be a telegram of CoLa-A."""
+    return payload.startswith(b"s") and payload.isascii() and payload.decode().isprintable()
 
 
 class TextReader:

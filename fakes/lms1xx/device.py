@@ -24,7 +24,8 @@ HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords of th
 CLIENT = 3  # the level that may change settings
 IDLE, CONFIGURING, ROTATING, READY = 3, 2, 4, 7  # STlms
 BUSY_STATE, READY_STATE, ERROR_STATE = 0, 1, 2  # SCdevicestate
-EVENTS = ("LMDscandata", "LFErec", "LIDoutputstate", "LIDinputstate")
+SCANS = "LMDscandata"
+EVENTS = (SCANS, "LFErec", "LIDoutputstate", "LIDinputstate")  # the others never occur
 FIELD = re.compile(r"field0[0-2]\d")
 INPUTS = fields("HIBBBBH", 1, 0, 2, 2, 2, 2, 0)
 HOURS = 0x456  # of operation, in tenths
@@ -68,10 +69,9 @@ class Client:
         sent = self._outbox.take(now_s - self._device.late_s)
         return b"" if self._device.mute else sent
 
-    def tell(self, due_s: float, name: str, values: list[Value]) -> None:
-        """An event, if it has subscribed to it."""
-        if name in self.subscribed:
-            self._send(due_s, _payload(f"sSN {name} ", values, self._binary), self._binary)
+    def tell(self, due_s: float, values: list[Value]) -> None:
+        """A scan."""
+        self._send(due_s, _payload(f"sSN {SCANS} ", values, self._binary), self._binary)
 
     def _answer(self, now_s: float, payload: bytes) -> None:
         kind, name, arguments = cola.command(payload)
@@ -84,7 +84,7 @@ class Client:
             code = device.refuse.get(f"{kind} {name}", device.refuse.get(name))
             if code is not None:
                 raise RefusedError(code)
-            if not binary and not (payload.startswith(b"s") and cola.is_printable(payload)):
+            if not binary and not cola.is_text(payload):
                 raise RefusedError(cola.INVALID_CHARACTER)
             if kind not in PREFIXES:
                 raise RefusedError(cola.UNKNOWN_COMMAND)
@@ -212,12 +212,12 @@ class FakeLms111(Faults):
         if not self.head.has_news:
             return now_s  # as at most looks
         clients = (*self._clients, self._single)
-        wanted = set[str]().union(*(client.subscribed for client in clients))
-        if self._configuring:
-            wanted = set()  # ready or not: no scan before Run
-        for due_s, name, values in self.head.due_telegrams(wanted):
-            for client in clients:
-                client.tell(due_s, name, values)
+        listeners = [client for client in clients if SCANS in client.subscribed]
+        # Ready or not: no scan before Run.
+        is_wanted = bool(listeners) and not self._configuring
+        for due_s, values in self.head.due_scans(is_wanted):
+            for client in listeners:
+                client.tell(due_s, values)
         return now_s
 
     @property

@@ -16,7 +16,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import numpy.typing as npt
 
-from fakes.lms1xx.cola import Value, fields
+from fakes.lms1xx.cola import Value
 from fakes.lms1xx.faults import Faults
 from fakes.lms1xx.scan import (
     AREA_START,
@@ -26,7 +26,6 @@ from fakes.lms1xx.scan import (
     ScanSettings,
     ScanTelegram,
     channels_of,
-    time_values,
 )
 from fakes.lms1xx.settings import MOST_SCANS
 from fakes.wires.timing import Quartz
@@ -43,7 +42,6 @@ SAME_MM = 200  # the n-to-1 filter wants an echo so near to the one of the scan 
 NOT_VALID_YET = b"\1\0"  # device status of the first scans, as recorded
 EPOCH = datetime(1970, 1, 1)
 FIRST_TELEGRAM = 63_336  # as recorded
-OUTPUTS = ((0, 0xFC), (0, 0x112), (1, 0x5D), *[(2, 0)] * 8)  # state, changes; recorded
 
 
 class LaserHead:
@@ -110,21 +108,16 @@ class LaserHead:
         """Whether a sweep has ended since the last telegrams."""
         return self.latest_sweep() >= self._next_sweep
 
-    def due_telegrams(self, subscribed: set[str]) -> list[tuple[float, str, list[Value]]]:
-        """Events (due, name, values) since the last call that somebody has subscribed to."""
+    def due_scans(self, is_wanted: bool) -> list[tuple[float, list[Value]]]:
+        """When each of the telegrams since the last call goes out, and its values."""
         latest, settings, due = self.latest_sweep(), self.settings, []
-        settling = self._faults.settling_scans
-        if "LIDoutputstate" in subscribed and self._next_sweep <= settling <= latest:
-            due.append(self._outputs_told(settling))
-        if "LMDscandata" in subscribed:
-            kept = math.ceil(KEPT_S / settings.period_s)
-            for sweep in range(max(self._next_sweep, latest + 1 - kept), latest + 1):
-                if sweep % settings.content.interval or self.hit(self._faults.drop_rate):
-                    if self._faults.two_in_a_row or self._faults.mean_scans:
-                        self.echoes_mm(sweep)  # filters look at each sweep, sent or not
-                    continue
-                due_s = self.clock.host_s(self._sent_device_s(sweep))
-                due.append((due_s, "LMDscandata", self.scan(sweep)))
+        kept = math.ceil(KEPT_S / settings.period_s) if is_wanted else 0
+        for sweep in range(max(self._next_sweep, latest + 1 - kept), latest + 1):
+            if sweep % settings.content.interval or self.hit(self._faults.drop_rate):
+                if self._faults.two_in_a_row or self._faults.mean_scans:
+                    self.echoes_mm(sweep)  # filters look at each sweep, sent or not
+                continue
+            due.append((self.clock.host_s(self._sent_device_s(sweep)), self.scan(sweep)))
         self._next_sweep = max(self._next_sweep, latest + 1)
         return due
 
@@ -204,12 +197,3 @@ class LaserHead:
             mean = (rows * valid).sum(0) / np.maximum(valid.sum(0), 1)
             out = np.where(out >= FIRST_VALID, np.round(mean), out).astype(np.uint16)
         return out
-
-    def _outputs_told(self, sweep: int) -> tuple[float, str, list[Value]]:
-        """The event of the outputs' change after the first scans."""
-        device_s = self._sent_device_s(sweep)
-        values = fields("HI", 1, self.uptime_us(device_s) % 2**32)
-        for output in OUTPUTS:
-            values += fields("BI", *output)
-        values += [("H", 1), *time_values(self.date(device_s))]
-        return self.clock.host_s(device_s), "LIDoutputstate", values

@@ -20,29 +20,28 @@ def test_drivers_that_read_each_answer_with_one_read_of_a_hundred_bytes_are_cont
     run_first: bool,
 ) -> None:
     bench = Bench(binary=False)
-
-    def one_read(command: str) -> str:
+    states = ["sRN STlms"] * 15
+    for command, said in (
+        ("sMN SetAccessMode 03 F4724744", "sAN SetAccessMode 1"),
+        (
+            "sMN mLMPsetscancfg +2500 +1 +2500 -450000 +2250000",
+            "sAN mLMPsetscancfg 0 9C4 1 9C4 FFF92230 225510",
+        ),
+        ("sRN LMPscancfg", "sRA LMPscancfg 9C4 1 9C4 FFF92230 225510"),
+        ("sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 0 +1", "sWA LMDscandatacfg"),
+        ("sRN LMPoutputRange", TEXTS["range is"].decode()),
+        ("sMN LMCstartmeas", "sAN LMCstartmeas 0"),
+        *((state, "sRA STlms ") for state in ([] if run_first else states)),
+        ("sMN Run", "sAN Run 1"),
+        *((state, "sRA STlms ") for state in (states if run_first else [])),
+    ):
         answer = bench.say(command, 0.05)
+        assert answer.startswith(said)
         assert len(answer) <= 98
-        return answer
-
-    def wait_until_ready() -> None:
-        assert any(one_read("sRN STlms").startswith("sRA STlms 7 0 8 00:00:") for _ in range(20))
-
-    assert one_read("sMN SetAccessMode 03 F4724744") == "sAN SetAccessMode 1"
-    taken = one_read("sMN mLMPsetscancfg +2500 +1 +2500 -450000 +2250000")
-    assert taken == "sAN mLMPsetscancfg 0 9C4 1 9C4 FFF92230 225510"
-    assert one_read("sRN LMPscancfg") == "sRA LMPscancfg 9C4 1 9C4 FFF92230 225510"
-    assert one_read("sWN LMDscandatacfg 01 00 0 0 0 00 00 0 0 0 0 +1") == "sWA LMDscandatacfg"
-    assert one_read("sRN LMPoutputRange") == TEXTS["range is"].decode()
-    assert one_read("sMN LMCstartmeas") == "sAN LMCstartmeas 0"
-    if not run_first:
-        wait_until_ready()
-    assert one_read("sMN Run") == "sAN Run 1"
-    if run_first:
-        wait_until_ready()
-    assert bench.say("sEN LMDscandata 1", 0.002) == "sEA LMDscandata 1"
-    found = re.findall(rb"\x02sSN LMDscandata [^\x02\x03]*\x03", bench.ask(b"", 0.5))
+    assert bench.say("sRN STlms").startswith("sRA STlms 7 0 8 00:00:")
+    heard = bench.ask(texted("sEN LMDscandata 1"), 0.5)
+    assert texted("sEA LMDscandata 1") in heard
+    found = re.findall(rb"\x02sSN LMDscandata [^\x02\x03]*\x03", heard)
     assert len(found) == pytest.approx(12, abs=1)
     for scan in found:
         assert b" DIST1 3F800000 00000000 FFF92230 9C4 439 " in scan

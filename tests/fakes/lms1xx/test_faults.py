@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.support.bench_lms111 import Bench, counters, payloads, raw_of
+from tests.support.bench_lms111 import Bench, counters, payloads, raw_of, scans_of
 from tests.support.lms111_vectors import FRAMES, framed
 
 
@@ -19,11 +19,11 @@ def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:
 def test_frozen_repeats_one_telegram() -> None:
     bench = Bench()
     bench.start()
-    last = bench.scans(0.1)[-1]
+    last = bench.listen(0.1)[-1]
     bench.fake.frozen = True
-    assert set(bench.scans(0.2)) == {last}
+    assert set(bench.listen(0.2)) == {last}
     bench.fake.frozen = False
-    assert counters(bench.scans(0.1))[0] == counters([last])[0] + 11
+    assert counters(bench.scans(0.1))[0] == counters(scans_of(framed(last)))[0] + 11
 
 
 def test_late_delays_every_byte() -> None:
@@ -90,7 +90,7 @@ def test_the_ordered_status_and_the_filtered_beams_are_told() -> None:
     bench = Bench(device_status=1, in_error=True, filtered_rate=1.0, settling_scans=0)
     bench.start()
     scan = bench.scans(0.1)[0]
-    assert scan[24:26] == b"\0\1"
+    assert scan.status == (0, 1)
     assert set(raw_of(scan)) == {3}
     [state] = [p for p in payloads(bench.ask(FRAMES["read device state"])) if b"SCdev" in p]
     assert state == b"sRA SCdevicestate \2"
@@ -99,6 +99,6 @@ def test_the_ordered_status_and_the_filtered_beams_are_told() -> None:
 def test_a_dirty_window_is_told_when_asked_and_changes_no_undocumented_byte_of_a_scan() -> None:
     bench = Bench(contamination=2, settling_scans=1)
     bench.start()
-    assert [scan[24:26] for scan in bench.scans(0.06)] == [b"\1\0", b"\0\0", b"\0\0"]
+    assert [scan.status for scan in bench.scans(0.06)] == [(1, 0), (0, 0), (0, 0)]
     bench.ask(FRAMES["unsubscribe"])
     assert bench.ask(FRAMES["read contamination"]) == framed("sRA LCMstate ", b"\2")

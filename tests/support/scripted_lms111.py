@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from datetime import datetime
 
 import numpy as np
+from msgspec.structs import replace
 
 from core.records import Scan
 from fakes.lms1xx import cola
@@ -146,18 +147,7 @@ class ScriptedLms111:
             yield from GOOD.get(name, [])
 
 
-def options(**changes: object) -> Lms1xxOptions:
-    """50 Hz, all beams, the first echo; or as said."""
-    given: dict[str, object] = {
-        "dialect": "auto",
-        "scan_rate_hz": 50,
-        "angular_step_deg": 0.5,
-        "first_deg": -45.0,
-        "last_deg": 225.0,
-        "echo": "first",
-        "accepted_status": [],
-    }
-    return Lms1xxOptions(**(given | changes))  # type: ignore[arg-type]
+USUAL = Lms1xxOptions("auto", 50, 0.5, -45.0, 225.0, "first", [])  # all beams
 
 
 class Bench:
@@ -165,7 +155,7 @@ class Bench:
 
     def __init__(self, **changes: object) -> None:
         self.fake, self.port, self.now_s = ScriptedLms111(), MemoryPort(), 100.0
-        self.lms = Lms111(self.port, options(**changes))
+        self.lms = Lms111(self.port, replace(USUAL, **changes))
         self.causes: list[str] = []  # each when it came up
 
     def run(self, seconds: float, tick_s: float = TICK_S) -> list[Scan]:

@@ -1,6 +1,7 @@
 """The LMS111 session on the fake scanner: true ranges at true instants, and its faults."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,9 +13,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from core.records import Scan
 from fakes.lms1xx.device import FakeLms111
 from fakes.wires.wire import MemoryPort, Wire
+from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.session import Lms111
 from tests.support.cases import examples
-from tests.support.scripted_lms111 import options
 
 F64 = npt.NDArray[np.float64]
 TICK_S = 0.005
@@ -31,14 +32,14 @@ def ranges_m_at(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
 class Bench:
     """The fake, a wire, a clock, the session."""
 
-    def __init__(self, rate_hz: int = 25, step_deg: float = 0.25, tick_s: float = TICK_S) -> None:
+    def __init__(
+        self, rate_hz: Literal[25, 50] = 25, step_deg: float = 0.25, tick_s: float = TICK_S
+    ) -> None:
         self.fake = FakeLms111(ranges_m_at, seed=1)
         self.fake.noise_m = 0.0
         self.port, self.now_s, self.tick_s = MemoryPort(), 50.0, tick_s
         self.wire = Wire(self.fake, self.port, seed=1)
-        given = options(
-            scan_rate_hz=rate_hz, angular_step_deg=step_deg, first_deg=30.0, last_deg=150.0
-        )
+        given = Lms1xxOptions("auto", rate_hz, step_deg, 30.0, 150.0, "first", [])
         self.lms = Lms111(self.port, given)
 
     @property
@@ -65,7 +66,7 @@ def late_s(scan: Scan) -> float:
 
 @pytest.mark.parametrize(("rate_hz", "step_deg", "n"), [(25, 0.25, 481), (50, 0.5, 241)])
 def test_beams_are_those_of_the_world_at_their_instants(
-    rate_hz: int, step_deg: float, n: int
+    rate_hz: Literal[25, 50], step_deg: float, n: int
 ) -> None:
     bench = Bench(rate_hz, step_deg)
     bench.run(2.0)

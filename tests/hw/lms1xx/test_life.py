@@ -146,31 +146,23 @@ def test_settings_that_are_others_after_a_new_connection_are_set_again_at_once()
 # --- running
 
 
-def test_silence_is_a_loss_after_a_second_and_the_session_begins_anew() -> None:
-    bench = willing()
-    bench.run(0.5)
-    bench.fake.streams = False
-    bench.run(0.9)
-    assert bench.state == "running"
-    bench.run(0.2)
-    assert (bench.state, bench.lms.status.losses) == ("starting", 1)
-    assert "no scan from the scanner for 1 s" in bench.causes
-    bench.run(1.0)
-    assert bench.state == "running"
-    assert bench.fake.asked.count("sEN LMDscandata") == 2
-    assert bench.lms.status.missed == 0
-
-
-def test_a_telegram_sent_again_and_again_is_silence() -> None:
+@pytest.mark.parametrize("repeats", [False, True], ids=["silent", "one telegram again and again"])
+def test_silence_is_a_loss_after_a_second_and_the_session_begins_anew(repeats: bool) -> None:
     bench = willing()
     bench.run(0.5)
     bench.fake.streams = False
     telegram = bench.fake.scan(bench.now_s)
-    for _ in range(250):
-        bench.port.give(telegram)
+    for tick in range(216):
+        assert tick > 180 or bench.state == "running"
+        bench.port.give(telegram * repeats)
         bench.run(TICK_S)
-    assert bench.lms.status.losses == 1
-    assert bench.lms.status.rejected > 100
+    assert (bench.state, bench.lms.status.losses) == ("starting", 1)
+    assert any(cause.startswith("no scan from the scanner for 1 s") for cause in bench.causes)
+    assert (bench.lms.status.rejected > 150) is repeats
+    bench.run(1.0)
+    assert bench.state == "running"
+    assert bench.fake.asked.count("sEN LMDscandata") == 2
+    assert bench.lms.status.missed == 0
 
 
 def test_events_between_command_and_answer_do_not_disturb() -> None:
@@ -191,16 +183,9 @@ def test_scans_that_never_came_are_counted_also_across_the_wrap() -> None:
     scans = bench.run(1.0)
     assert len(scans) > 20
     assert bench.lms.status.missed == len(scans) - 1
-
-
-def test_a_scan_counter_that_begins_anew_is_not_taken_for_missed_scans() -> None:
-    bench = willing()
-    bench.fake.scan_number = 5000
-    bench.run(0.5)
-    bench.fake.scan_number = 0
-    bench.run(0.5)
-    assert bench.lms.status.missed == 0
-    assert bench.state == "running"
+    bench.fake.scan_number, bench.fake.step_by = 5000, 1  # its counter begins anew
+    assert bench.run(0.2)
+    assert bench.lms.status.missed == len(scans) - 1
 
 
 def test_damage_is_counted_and_the_next_scans_are_taken() -> None:

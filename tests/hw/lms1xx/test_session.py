@@ -5,11 +5,12 @@ import struct
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.wires.wire import MemoryPort
 from hw.lms1xx.session import Lms111
-from tests.support.scripted_lms111 import TICK_S, UNKNOWN, WANTED, Bench, options, willing
+from tests.support.scripted_lms111 import TICK_S, UNKNOWN, USUAL, WANTED, Bench, willing
 
 READS = ["sRN LMPscancfg", "sRN LMDscandatacfg", "sRN LMPoutputRange", "sRN STlms"]
 GREETING = ["sRN SCdevicestate", "sRN FirmwareVersion"]
@@ -49,7 +50,7 @@ def test_the_recorded_device_accepts_our_commands_and_delivers_its_scans(
 ) -> None:
     fake = device.from_files(vectors / "lms111_session_d2h.bin")
     port, scans = MemoryPort(), []
-    lms = Lms111(port, options(dialect=dialect))
+    lms = Lms111(port, replace(USUAL, dialect=dialect))
     now_s = 0.0
     while not fake.done:
         port.give(fake.exchange(now_s, port.take()))

@@ -7,6 +7,7 @@ Source: lms111 sheet, sections 2, 4 and 5.
 
 import csv
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
 
@@ -28,10 +29,11 @@ class RecordedLms111:
 
     Args:
         d2h: the device's bytes.
-        scan_times_s: of each scan, from any zero; None: by the scan frequency that each tells.
+        scan_times_s: of each scan, from any zero; where they are not as many, by the frequency
+            that each scan tells.
     """
 
-    def __init__(self, d2h: bytes, scan_times_s: list[float] | None = None) -> None:
+    def __init__(self, d2h: bytes, scan_times_s: Sequence[float] = ()) -> None:
         self._answers: dict[bytes, deque[bytes]] = defaultdict(deque)
         self._scans: list[bytes] = []
         for payload in cola.CommandReader(MAX_PAYLOAD).feed(0.0, d2h):
@@ -40,7 +42,8 @@ class RecordedLms111:
                 self._scans.append(payload)
             elif kind in REQUEST_OF:
                 self._answers[REQUEST_OF[kind] + b" " + name].append(payload)
-        self._times_s = scan_times_s or self._nominal_times_s()
+        is_timed = len(scan_times_s) == len(self._scans)
+        self._times_s = scan_times_s if is_timed else self._nominal_times_s()
         self._reader = cola.CommandReader()
         self._zero_s: float | None = None
         self._sent = 0
@@ -50,7 +53,7 @@ class RecordedLms111:
     def from_files(cls, d2h_path: Path) -> "RecordedLms111":
         """NAME_d2h.bin, with its times where NAME_index.csv lies beside it."""
         index_path = d2h_path.with_name(d2h_path.name.replace("_d2h.bin", "_index.csv"))
-        times_s = None
+        times_s: list[float] = []
         if index_path != d2h_path and index_path.exists():
             with index_path.open(encoding="utf-8", newline="") as file:
                 rows = [row for row in csv.DictReader(file) if row["name"] == SCAN.decode()]

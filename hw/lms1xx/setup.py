@@ -26,12 +26,7 @@ ANSWER_LOGIN_S = 2.0
 STOPPED = (CONFIGURING, IDLE)  # it measures only after somebody has sent Run
 SLACK_DEG = 0.01  # output ranges are off the grid by 0.0003 deg
 ANOTHER_HOST = "another host may be configuring it"
-SCAN_MODE = "Hz in steps of"  # in every remark on rate and step
 BUSY = "says that it is busy"
-CONTENT_FIELDS = (  # of `LMDscandatacfg`, up to the interval
-    *("echoes", "echoes (high byte)", "remission", "16 bit remission", "remission unit"),
-    *("encoders", "encoders (high byte)", "position", "name", "comment", "time"),
-)
 
 
 class Survey(NamedTuple):
@@ -70,7 +65,7 @@ class Setup:
             survey = yield from self._survey()
             self._state = yield from self._maybe_state()
             if (yield from self._measures_as_wanted(survey)):
-                self._remark_differences(survey)
+                self._remark_contents(survey)
                 return None
             is_stopped = self._state in STOPPED
             begun_s = max(self._memory.set_up_s, self._memory.ran_s if is_stopped else -math.inf)
@@ -124,22 +119,11 @@ class Setup:
         is_as_wanted = (survey.scan, survey.content) == (self._config, self._content)
         return (is_as_wanted and _is_whole(survey)) or survey == self._memory.settled
 
-    def _remark_differences(self, survey: Survey) -> None:
-        """Asked, and got, where that differs; step and rate of the scans themselves count."""
-        if survey.scan is not None and survey.scan != self._config:
-            asked, got = _describe_mode(self._config), _describe_mode(survey.scan)
-            self._cola.remark(f"was asked for {asked} and says {got}")
-        wanted = self._content
-        if survey.content is not None and survey.content != wanted:
-            if survey.content[-1] != wanted[-1]:
-                self._cola.remark(f"sends one scan in {survey.content[-1]} only")
-            for field, told, says in zip(CONTENT_FIELDS, wanted, survey.content, strict=False):
-                if told != says:
-                    self._cola.remark(f"has {field} {says} in its scans, not {told} as it was told")
-        options, span_deg = self._options, survey.span_deg
-        if span_deg and not covers(span_deg, (options.first_deg, options.last_deg)):
-            asked, got = f"{FIRST_DEG:g} to {LAST_DEG:g} deg", f"{span_deg[0]:g} to {span_deg[1]:g}"
-            self._cola.remark(f"was asked for {asked} and says {got} deg")
+    def _remark_contents(self, survey: Survey) -> None:
+        """Where they are others than told; all else that it took, the scans themselves tell."""
+        if survey.content is not None and survey.content != self._content:
+            says, told = (" ".join(map(str, values)) for values in (survey.content, self._content))
+            self._cola.remark(f"has LMDscandatacfg {says}, not {told} as it was told")
 
     def _maybe_state(self) -> Steps[int | None]:
         """The code of `STlms`, or its like by the older `SCdevicestate`; None: not known, or busy.
@@ -166,7 +150,7 @@ class Setup:
         """Log in, set what differs, start, Run, and read back what it took."""
         self._status.fall_back("starting", self._exchange.failure or "the scanner is being set up")
         if not (yield from self._log_in(self._state == READY)):
-            self._remark_differences(survey)
+            self._remark_contents(survey)
             return
         if survey.scan != self._config:  # else the mirror may stay as it is
             yield from self._set_scan_config()
@@ -179,7 +163,7 @@ class Setup:
         self._memory.set_up_s = self._exchange.now_s
         yield from self._wait_until_ready()
         survey = self._memory.settled = yield from self._survey()
-        self._remark_differences(survey)
+        self._remark_contents(survey)
 
     def _log_in(self, is_measuring: bool) -> Steps[bool]:
         """False where it is refused, and the device measures all the same."""
@@ -206,11 +190,10 @@ class Setup:
             self._memory.owes_run = False
 
     def _set_scan_config(self) -> Steps[None]:
-        """What it took instead is read back later, and told then."""
         answer = yield from self._cola.ask_optional(commands.set_scan_config(self._config))
         if answer is not None and (status := commands.maybe_number(answer)):
             fault = CONFIG_FAULTS.get(status, f"status {status}")
-            self._cola.remark(f"did not take {_describe_mode(self._config)}: {fault}")
+            self._cola.remark(f"did not take the scan rate and step: {fault}")
 
     def _wait_until_ready(self) -> Steps[None]:
         begun_s = self._exchange.now_s
@@ -236,7 +219,3 @@ def covers(span_deg: tuple[float, float], wanted_deg: tuple[float, float]) -> bo
 def _is_whole(survey: Survey) -> bool:
     """Whether it sends its whole field of view."""
     return survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))
-
-
-def _describe_mode(config: ScanConfig) -> str:
-    return f"{config.centihertz / 100:g} {SCAN_MODE} {config.step / 10_000:g} deg"

@@ -12,7 +12,7 @@ from hw.lms1xx import commands
 from hw.lms1xx.commands import Command
 from hw.lms1xx.exchange import ColaExchange
 from hw.lms1xx.options import Lms1xxOptions
-from hw.lms1xx.setup import SCAN_MODE, covers
+from hw.lms1xx.setup import covers
 from hw.lms1xx.status import CONTAMINATIONS, HOT, TOO_DIRTY, describe_status
 from hw.lms1xx.telegrams import Refusal, ScanTelegram
 
@@ -128,7 +128,6 @@ class TelegramWatch:
         if channel is not None:
             is_hz, is_deg = telegram.scan_hz, channel.step_deg
             if (is_hz, is_deg) != (options.scan_rate_hz, options.angular_step_deg):
-                faults = [fault for fault in faults if SCAN_MODE not in fault]  # said once
                 faults.append(
                     f"scans at {is_hz:g} Hz in steps of {is_deg:g} deg, configured are "
                     f"{options.scan_rate_hz:g} Hz and {options.angular_step_deg:g} deg"

@@ -32,7 +32,7 @@ _TYPES = {b"sRA", b"sWA", b"sAN", b"sEA", b"sSN"}
 _FIXED = "HHI2BHHII2B2BHIIH"
 _CHANNEL = "5sffiHH"  # content, scale, offset, first angle, step, points
 
-REFUSALS = {
+REFUSALS = {  # those that a host may meet; the sheet has them all
     0x01: "access denied",
     0x02: "unknown method",
     0x03: "unknown variable",
@@ -50,15 +50,6 @@ REFUSALS = {
     0x0F: "unknown event",
     0x10: "text: value overflow",
     0x11: "text: invalid character",
-    0x12: "no system message",
-    0x13: "no answer from the system",
-    0x14: "internal error",
-    0x15: "hub address corrupted",
-    0x16: "hub address not decoded",
-    0x17: "hub address exceeded",
-    0x18: "hub address: blank expected",
-    0x19: "asynchronous methods suppressed",
-    0x1A: "complex arrays not supported",
 }
 
 

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from fakes.lms1xx.cola import packed, written
-from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.scan import Channel, ScanTelegram
 from tests.support.bench_lms111 import (
     F64,
     START_S,
     Bench,
     counters,
-    five_metres,
     payloads,
     raw_of,
     scans_of,
@@ -35,6 +33,10 @@ def test_each_answer_printed_in_the_sheet_comes_byte_for_byte() -> None:
         (FRAMES["write content"], FRAMES["write denied"]),
         (framed("sMN LMCstartmeas"), framed("sFA\0\1")),
         (FRAMES["scan 50"], framed("sFA\0\1")),
+        (FRAMES["login 2"], FRAMES["logged in"]),
+        (FRAMES["write content"], FRAMES["write denied"]),
+        (FRAMES["login 4"], FRAMES["logged in"]),
+        (FRAMES["write content"], FRAMES["content written"]),
         (FRAMES["login"], FRAMES["logged in"]),
         (FRAMES["scan 25"], FRAMES["scan 25 taken"]),
         (FRAMES["read scan"], FRAMES["scan is 25"]),
@@ -61,14 +63,6 @@ def test_each_answer_printed_in_the_sheet_comes_byte_for_byte() -> None:
     bench.listen(0.5)
     assert bench.ask(FRAMES["read device state"]) == FRAMES["device ready"]
     assert payloads(bench.ask(FRAMES["read state"]))[0].startswith(b"sRA STlms \0\7\0\0\x0812:34:5")
-
-
-@pytest.mark.parametrize("login", ["login 2", "login 4"])
-def test_the_other_levels_log_in_and_only_service_may_also_set(login: str) -> None:
-    bench = Bench()
-    assert bench.ask(FRAMES[login]) == FRAMES["logged in"]
-    service = login == "login 4"
-    assert (b"sFA" in bench.ask(FRAMES["write content"])) is not service
 
 
 def test_the_telegrams_printed_in_the_sheet_are_encoded_byte_for_byte() -> None:
@@ -345,10 +339,3 @@ def test_its_clock_wraps_and_drifts_and_paces_the_scans() -> None:
     sent_us = [scan.sent_us for scan in scans]
     assert {(b - a) % 2**32 for a, b in pairwise(sent_us)} <= {19_999, 20_000, 20_001}
     assert sum(b < a for a, b in pairwise(sent_us)) == 1
-
-
-def test_one_that_measures_at_power_up_needs_only_a_subscription() -> None:
-    fake = FakeLms111(five_metres, seed=1)
-    fake.measures_at_power_up = True
-    fake.exchange(0.0, FRAMES["subscribe"])
-    assert len(payloads(fake.exchange(0.5, b""))) > 5

@@ -130,17 +130,11 @@ class Faults(RuleBasedStateMachine):
     def time_passes(self, seconds: float) -> None:
         self.bench.run(seconds)
 
-    @rule(seconds=st.floats(0.1, 3.0))
-    def mute_for(self, seconds: float) -> None:
-        self.bench.fake.mute = True
+    @rule(fault=st.sampled_from(["mute", "frozen"]), seconds=st.floats(0.1, 3.0))
+    def silent_for(self, fault: str, seconds: float) -> None:
+        setattr(self.bench.fake, fault, True)
         self.bench.run(seconds)
-        self.bench.fake.mute = False
-
-    @rule(seconds=st.floats(0.1, 3.0))
-    def frozen_for(self, seconds: float) -> None:
-        self.bench.fake.frozen = True
-        self.bench.run(seconds)
-        self.bench.fake.frozen = False
+        setattr(self.bench.fake, fault, False)
 
     @rule(late_s=st.floats(0.0, 0.3))
     def late_by(self, late_s: float) -> None:

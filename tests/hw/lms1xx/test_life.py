@@ -188,18 +188,6 @@ def test_scans_that_never_came_are_counted_also_across_the_wrap() -> None:
     assert bench.lms.status.missed == len(scans) - 1
 
 
-def test_damage_is_counted_and_the_next_scans_are_taken() -> None:
-    bench = willing()
-    bench.run(0.5)
-    telegram = bytearray(bench.fake.scan(bench.now_s))
-    telegram[500] ^= 0x10
-    bench.port.give(bytes(telegram))
-    assert bench.run(0.2)
-    status = bench.lms.status
-    assert (status.rejected, status.skipped_bytes, status.state) == (1, 1191, "running")
-    assert [frame.reason for frame in status.rejections] == ["wrong checksum"]
-
-
 HOSTILE = {  # looks like telegrams, each time anew
     "text": b"\x02sRA \x03",
     "scan": b"\x02sSN LMDscandata 1 1 1 1 1 1 1 1 1 1\x03",

@@ -129,7 +129,8 @@ def run_program(codec: str, program: bytes) -> None:
         steps += 1
         check_measured(device.step(now_s))
         port.take()
-    held = len(pickle.dumps([device._intake._parser, getattr(device, "stream", None)]))
+    known = getattr(device, "stream", None), getattr(device, "_memory", None)
+    held = len(pickle.dumps([device._intake._parser, known]))
     assert held <= MOST_HELD, f"holds {held} bytes"
 
 

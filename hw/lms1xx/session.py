@@ -23,7 +23,7 @@ import math
 from typing import Any
 
 from core.records import Scan
-from hw.device import BadFrame, Device, DeviceStatus, Port, Session, Tick
+from hw.device import BadFrame, Device, DeviceStatus, Port, Session
 from hw.exchange import Exchange, StartAgainError, Steps
 from hw.lms1xx import commands
 from hw.lms1xx.exchange import ColaExchange, Memory
@@ -45,15 +45,9 @@ class Lms111Session:
 
     def __init__(self, status: DeviceStatus, memory: Memory, options: Lms1xxOptions) -> None:
         self._memory, self._options = memory, options
-        self._exchange = Exchange(
-            status, self._hear, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S
-        )
+        self._exchange = Exchange(status, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S)
         self._cola = ColaExchange(self._exchange, status, memory, options.dialect)
         self._setup = Setup(self._cola, options)
-
-    def _hear(self, tick: Tick) -> list[Any]:
-        self._memory.telegrams = []
-        return tick.events
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
@@ -155,12 +149,12 @@ class Lms111(Device[Scan]):
         return "the scanner's window is too dirty" if too_dirty else ""
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Scan]:
+        telegrams, self._memory.telegrams = self._memory.telegrams, []
         scans: list[Scan] = []
-        for telegram in self._memory.telegrams:
+        for telegram in telegrams:
             scan = self._maker.scan(telegram)
             if isinstance(scan, Scan):
                 scans.append(scan)
             else:
                 self.status.reject(scan)
-        self._memory.telegrams = []
         return scans

@@ -117,7 +117,7 @@ def _payload(head: str, values: list[Value], binary: bool) -> bytes:
 
 
 class FakeLms111(Faults):
-    """One scanner. The attributes that it is made of as a record of faults are set at any time.
+    """One scanner. Its faults and properties are attributes (`Faults`), to be set at any time.
 
     Args:
         ranges_m_at: what its beams meet (`LaserHead`).
@@ -130,8 +130,9 @@ class FakeLms111(Faults):
         self._model = MODELS[model]
         self.refuse.update(self._model.refuse)
         self.max_range_m = self._model.max_range_m
-        self.head = LaserHead(self, ranges_m_at, seed, self._model.telegram_version)
         self._written = Settings()
+        version = self._model.telegram_version
+        self.head = LaserHead(self, ranges_m_at, seed, version, self._written.scan)
         self._binary = self._binary_next = True  # what a new connection speaks, now and later
         self._clients: list[Client] = []
         self._single = Client(self, self._binary)  # behind a wire that knows no connections

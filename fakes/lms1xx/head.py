@@ -54,10 +54,12 @@ class LaserHead:
         version: of its telegrams.
     """
 
-    def __init__(self, faults: Faults, ranges_m_at: Truth, seed: int, version: int) -> None:
+    def __init__(
+        self, faults: Faults, ranges_m_at: Truth, seed: int, version: int, settings: ScanSettings
+    ) -> None:
         self.clock = Quartz()
         self.clock_set = EPOCH  # date and time at which its clock showed 0
-        self.settings = ScanSettings()
+        self.settings = settings
         self.begin_s: float | None = None  # device time of the first sweep
         self._faults, self._ranges_m_at, self._version = faults, ranges_m_at, version
         self._random, self._noise = random.Random(seed), np.random.default_rng(seed)

@@ -46,18 +46,15 @@ class Content(NamedTuple):
         return 1 <= self.interval <= 50_000
 
 
-AS_DELIVERED = Content()
-
-
 @dataclass(frozen=True, slots=True)
 class ScanSettings:
-    """All settings of a scan; those of the factory if nothing else is said."""
+    """All settings of a scan."""
 
-    frequency: int = 5000  # 1/100 Hz
-    resolution: int = 5000  # 1/10000 deg
-    start: int = AREA_START  # of the output, as written
-    stop: int = AREA_STOP
-    content: Content = AS_DELIVERED
+    frequency: int  # 1/100 Hz
+    resolution: int  # 1/10000 deg
+    start: int  # of the output, as written, 1/10000 deg
+    stop: int
+    content: Content
 
     @property
     def period_s(self) -> float:

@@ -122,16 +122,7 @@ class Driver(Generic[Made]):
 
 
 def _lms1xx(port: Port, options: Lms1xxOptions, around: Surroundings) -> Lms111:
-    return Lms111(
-        port,
-        dialect=options.dialect,
-        scan_rate_hz=options.scan_rate_hz,
-        angular_step_deg=options.angular_step_deg,
-        first_deg=options.first_deg,
-        last_deg=options.last_deg,
-        echo=options.echo,
-        accepted_status=options.accepted_status,
-    )
+    return Lms111(port, options)
 
 
 def _mti(port: Port, options: MtiOptions, around: Surroundings) -> Mti:

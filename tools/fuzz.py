@@ -45,20 +45,13 @@ def frame_of(codec: str, payload: bytes) -> bytes:
 def new_device(codec: str, port: Any) -> Any:
     """A device of mapod, as main.py makes it."""
     from hw.ax3500.session import Ax3500
+    from hw.lms1xx.options import Lms1xxOptions
     from hw.lms1xx.session import Lms111
     from hw.mti.session import Mti
 
     match codec:
         case "lms111":
-            return Lms111(
-                port,
-                dialect="auto",
-                scan_rate_hz=25,
-                angular_step_deg=0.25,
-                first_deg=30.0,
-                last_deg=150.0,
-                echo="both",
-            )
+            return Lms111(port, Lms1xxOptions("auto", 25, 0.25, 30.0, 150.0, "both", []))
         case "mti":
             return Mti(port, rate_hz=100, baud=115_200)
         case _:
@@ -136,7 +129,8 @@ def run_program(codec: str, program: bytes) -> None:
         steps += 1
         check_measured(device.step(now_s))
         port.take()
-    held = len(pickle.dumps([device._intake._parser, getattr(device, "stream", None)]))
+    known = getattr(device, "stream", None), getattr(device, "_memory", None)
+    held = len(pickle.dumps([device._intake._parser, known]))
     assert held <= MOST_HELD, f"holds {held} bytes"
 
 

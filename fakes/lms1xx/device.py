@@ -13,58 +13,127 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 
 from fakes.lms1xx import cola
-from fakes.lms1xx.client import Client, Take
-from fakes.lms1xx.cola import RefusedError
-from fakes.lms1xx.cola_values import Value
-from fakes.lms1xx.head import EPOCH, F64, LaserHead
-from fakes.lms1xx.models import MODELS
-from fakes.lms1xx.scan import SCAN_CONFIG, TIME
-from fakes.lms1xx.settings import FILTERS, Settings
+from fakes.lms1xx.cola import RefusedError, Value, fields, packed, read, unpacked, written
+from fakes.lms1xx.faults import Faults
+from fakes.lms1xx.head import LaserHead, Truth
+from fakes.lms1xx.scan import TIME
+from fakes.lms1xx.settings import MODELS, SCAN_CONFIG, WRITABLE, Settings
+from fakes.wires.timing import Outbox
 
 HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords of the user levels
 CLIENT = 3  # the level that may change settings
 IDLE, CONFIGURING, ROTATING, READY = 3, 2, 4, 7  # STlms
 BUSY_STATE, READY_STATE, ERROR_STATE = 0, 1, 2  # SCdevicestate
-EVENTS = ("LMDscandata", "LFErec", "LIDoutputstate", "LIDinputstate")
+SCANS = "LMDscandata"
+EVENTS = (SCANS, "LFErec", "LIDoutputstate", "LIDinputstate")  # the others never occur
 FIELD = re.compile(r"field0[0-2]\d")
-INPUTS: list[Value] = [*zip("HI", (1, 0), strict=True), *zip("BBBB", (2, 2, 2, 2), strict=True)]
+INPUTS = fields("HIBBBBH", 1, 0, 2, 2, 2, 2, 0)
 HOURS = 0x456  # of operation, in tenths
+ANSWER_S = 0.0012
+SLOW_ANSWERS_S = {"SetAccessMode": 0.0028, "LMCstartmeas": 0.014}
+PREFIXES = {"sRN": "sRA", "sWN": "sWA", "sMN": "sAN", "sEN": "sEA"}
+
+Take = Callable[[str], tuple[int, ...]]  # the arguments of a command, by the kinds it has
 
 
-class FakeLms111(LaserHead):
-    """One scanner. Plain attributes are its faults and properties, to be set at any time."""
+class Client:
+    """One host's connection: its login, its subscriptions, its dialect; `exchange` is its wire.
 
-    def __init__(
-        self, ranges_m_at: Callable[[float, F64, F64], F64], seed: int, model: str = "LMS111"
-    ) -> None:
+    One answer a command, in order; each answer and each scan is one piece.
+    """
+
+    def __init__(self, device: "FakeLms111", binary: bool) -> None:
+        self.gone = False  # the device has thrown it out; its wire closes then
+        self._device = device
+        self.begin(binary)
+
+    def begin(self, binary: bool) -> None:
+        """As newly connected, or as after a loss of power: nothing that was under way is sent."""
+        self.level = 0  # of its login
+        self.subscribed: set[str] = set()
+        self._binary = binary
+        self._reader = cola.CommandReader() if binary else cola.TextReader()
+        self._outbox = Outbox()
+        self._answered_s = -math.inf
+
+    def left(self, now_s: float) -> None:
+        """This host has gone."""
+        self._device.leave(self)
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """Take what this host wrote; give all that the device has sent it up to now_s."""
+        now_s = self._device.advance(now_s)
+        if self._device.answers and not self._device.deaf:
+            for payload in self._reader.feed(now_s, received):
+                self._answer(now_s, payload)
+        sent = self._outbox.take(now_s - self._device.late_s)
+        return b"" if self._device.mute else sent
+
+    def tell(self, due_s: float, values: list[Value]) -> None:
+        """A scan."""
+        self._send(due_s, _payload(f"sSN {SCANS} ", values, self._binary), self._binary)
+
+    def _answer(self, now_s: float, payload: bytes) -> None:
+        kind, name, arguments = cola.command(payload)
+        device, binary = self._device, self._binary  # a reboot may change the dialect
+
+        def take(kinds: str) -> tuple[int, ...]:
+            return unpacked(kinds, arguments) if binary else read(kinds, arguments)
+
+        try:
+            code = device.refuse.get(f"{kind} {name}", device.refuse.get(name))
+            if code is not None:
+                raise RefusedError(code)
+            if not binary and not cola.is_text(payload):
+                raise RefusedError(cola.INVALID_CHARACTER)
+            if kind not in PREFIXES:
+                raise RefusedError(cola.UNKNOWN_COMMAND)
+            values = device.carry_out(self, kind, name, take)
+            answer = _payload(f"{PREFIXES[kind]} {name} ", values, binary)
+        except RefusedError as refused:
+            answer = cola.refusal(refused.code, binary)
+        if device.answers_lost > 0:
+            device.answers_lost -= 1
+            return
+        wait_s = SLOW_ANSWERS_S.get(name, ANSWER_S) + device.slow_answer_s
+        self._answered_s = max(now_s + wait_s, self._answered_s)
+        self._send(self._answered_s, answer, binary)
+
+    def _send(self, due_s: float, payload: bytes, binary: bool) -> None:
+        device = self._device
+        telegram = cola.frame(payload) if binary else cola.text_frame(payload)
+        if device.head.hit(device.wrong_checksum_rate):
+            telegram = telegram[:-1] + bytes([telegram[-1] ^ 0xFF])
+        if device.cut_next:
+            device.cut_next = False
+            telegram = telegram[: len(telegram) // 2]
+        self._outbox.put(due_s, telegram)
+
+
+def _payload(head: str, values: list[Value], binary: bool) -> bytes:
+    if binary:
+        return head.encode("latin-1") + packed(values)
+    return head.encode("latin-1") + written(values) if values else head.rstrip().encode()
+
+
+class FakeLms111(Faults):
+    """One scanner. Its faults and properties are attributes (`Faults`), to be set at any time.
+
+    Args:
+        ranges_m_at: what its beams meet (`LaserHead`).
+    """
+
+    def __init__(self, ranges_m_at: Truth, seed: int, model: str = "LMS111") -> None:
         if model not in MODELS:
             raise ValueError(f"model: must be one of {', '.join(MODELS)}, is {model!r}")
-        super().__init__(ranges_m_at, seed)
-        self.mute = False  # its bytes are lost, it hears
-        self.deaf = False  # it measures on, and hears nothing
-        self.late_s = 0.0  # that all its bytes take longer
-        self.slow_answer_s = 0.0  # that its answers take longer
-        self.answers_lost = 0  # so many next answers are swallowed, the commands obeyed
-        self.cut_next = False  # the next telegram stops in its middle; then off again
-        self.refuse: dict[str, int] = {}  # name, or kind and name, of a command -> sFA code
-        self.start_silent_s = 0.0  # after power-up
-        self.refuse_connections_s = 0.0  # after power-up
-        self.dialect_change_s = 0.0  # from EIHstCola until new connections speak the new one
-        self.wrong_checksum_rate = 0.0  # of all telegrams
-        self.spin_up_s = 0.3  # from Run to the first sweep
-        self.temperature_bad = False  # out of its range
-        self.in_error = False  # as SCdevicestate tells
-        self.untrue_output_step = True  # LMPoutputRange says 0.5 deg, whatever it scans at
-        self.measures_at_power_up = False  # without being told to
-        self.power_ons = 0x3F  # so far
-        self.max_clients = 4  # connections at once
+        super().__init__()
         self._model = MODELS[model]
         self.refuse.update(self._model.refuse)
         self.max_range_m = self._model.max_range_m
-        self._version = self._model.telegram_version
         self._written = Settings()
+        version = self._model.telegram_version
+        self.head = LaserHead(self, ranges_m_at, seed, version, self._written.scan)
         self._binary = self._binary_next = True  # what a new connection speaks, now and later
-        self._changed_s = -math.inf  # device time at which EIHstCola was written
         self._clients: list[Client] = []
         self._single = Client(self, self._binary)  # behind a wire that knows no connections
         self._power_up()
@@ -80,15 +149,11 @@ class FakeLms111(LaserHead):
         self._single.begin(binary)
 
     def _power_up(self) -> None:
-        self._clock.restart()
-        self._clock_set = EPOCH  # date and time at which its clock showed 0
+        self.head.power_up()
         self._written.load()
         self._apply()
-        self._changed_s = -math.inf
-        self._begin_s: float | None = None  # device time of the first sweep
+        self._changed_s = -math.inf  # device time at which EIHstCola was written
         self._configuring = False
-        self._next_sweep = 0
-        self._last_telegram = []
         self._binary = self._binary_next
         for client in (*self._clients, self._single):
             client.begin(self._binary)
@@ -96,17 +161,12 @@ class FakeLms111(LaserHead):
 
     def _apply(self) -> None:
         """What was written counts from now on."""
-        self._active = self._written.scan
-        self.mean_scans, self.two_in_a_row = self._written.mean_scans, self._written.two_in_a_row
-
-    @property
-    def stores(self) -> int:
-        """Times that its memory was written."""
-        return self._written.stores
+        self.head.settings = self._written.scan
+        self.mean_scans, self.two_in_a_row = self._written.filters
 
     def reboot(self, now_s: float) -> None:
         """Power off and on: what mEEwriteall did not keep is lost."""
-        self._clock.follow(now_s, self.drift_ppm)
+        self.head.clock.follow(now_s, self.drift_ppm)
         self._restart()
 
     def _restart(self, asker: Client | None = None) -> None:
@@ -122,7 +182,7 @@ class FakeLms111(LaserHead):
         """One more host; None: it is turned away."""
         self.advance(now_s)
         has_room = len(self._clients) < self.max_clients
-        if not has_room or self._clock.device_s < self.refuse_connections_s:
+        if not has_room or self.head.clock.device_s < self.refuse_connections_s:
             return None
         self._take_dialect()
         client = Client(self, self._binary)
@@ -145,33 +205,29 @@ class FakeLms111(LaserHead):
 
     def advance(self, now_s: float) -> float:
         """Let the device do all that is due; the instant that it has reached."""
-        now_s = self._clock.follow(now_s, self.drift_ppm)
+        now_s = self.head.clock.follow(now_s, self.drift_ppm)
         if self._fresh:
             self._fresh = False
             if self.measures_at_power_up:
-                self._sweep_from(self.start_silent_s + self.spin_up_s)
-        if self._latest_sweep() < self._next_sweep:
-            return now_s  # as at most looks: no sweep has ended since the last one
+                self.head.sweep_from(self.start_silent_s + self.spin_up_s)
+        if not self.head.has_news:
+            return now_s  # as at most looks
         clients = (*self._clients, self._single)
-        wanted = set[str]().union(*(client.subscribed for client in clients))
-        if self._configuring:
-            wanted = set()  # ready or not: no scan before Run
-        for due_s, name, values in self._due_telegrams(wanted):
-            for client in clients:
-                client.tell(due_s, name, values)
+        listeners = [client for client in clients if SCANS in client.subscribed]
+        # Ready or not: no scan before Run.
+        is_wanted = bool(listeners) and not self._configuring
+        for due_s, values in self.head.due_scans(is_wanted):
+            for client in listeners:
+                client.tell(due_s, values)
         return now_s
 
     @property
     def answers(self) -> bool:
         """Whether it has started far enough to answer."""
-        return self._clock.device_s >= self.start_silent_s
-
-    def has_wrong_checksum(self) -> bool:
-        """Whether the next telegram is to be damaged."""
-        return self._hit(self.wrong_checksum_rate)
+        return self.head.clock.device_s >= self.start_silent_s
 
     def _take_dialect(self) -> None:
-        if self._clock.device_s - self._changed_s >= self.dialect_change_s:
+        if self.head.clock.device_s - self._changed_s >= self.dialect_change_s:
             self._binary = self._binary_next
 
     # -- commands -----------------------------------------------------------------------------
@@ -182,21 +238,14 @@ class FakeLms111(LaserHead):
         Raises:
             RefusedError: it is not done, and the code says why.
         """
-        match kind:
-            case "sRN":
-                return self._read(name)
-            case "sWN":
-                return self._write(client, name, take)
-            case "sMN":
-                return self._call(client, name, take)
-            case _:
-                return self._subscribe(client, name, take)
+        if kind == "sRN":
+            return self._read(name)
+        do = {"sWN": self._write, "sMN": self._call, "sEN": self._subscribe}[kind]
+        return do(client, name, take)
 
     def _read(self, name: str) -> list[Value]:
         readers: dict[str, Callable[[], list[Value]]] = {
-            "LMPscancfg": self._written.scan.scan_config,
-            "LMPoutputRange": self._output_range,
-            "LMDscandatacfg": self._written.scan.content.values,
+            "LMPscancfg": self._written.read_scan_config,
             "LMDscandata": self._polled,
             "STlms": self._state_in_full,
             "SCdevicestate": lambda: [("B", self._device_state())],
@@ -206,30 +255,31 @@ class FakeLms111(LaserHead):
             "EIHstCola": lambda: [("B", int(self._binary_next))],
             "FirmwareVersion": lambda: [("S", self._model.firmware)],
             "LocationName": lambda: [("S", b"not defined")],
-            "LIDinputstate": lambda: [*INPUTS, ("H", 0)],
-            **dict.fromkeys(("DeviceIdent", "0"), self._identity),
+            "LIDinputstate": lambda: INPUTS,
+            **dict.fromkeys(("DeviceIdent", "0"), lambda: [("S", t) for t in self._model.ident]),
         }
         if name in readers:
             return readers[name]()
-        if name in FILTERS:
-            return list(zip(FILTERS[name][0], self._written.filters[name], strict=True))
+        if name in WRITABLE:
+            return self._written.read(name, self.untrue_output_step)
         if FIELD.fullmatch(name):
             return [("B", 0)]  # not defined
         raise RefusedError(cola.UNKNOWN_VARIABLE)
 
     def _write(self, client: Client, name: str, take: Take) -> list[Value]:
-        writers = self._written.writers() | {"EIHstCola": ("B", self._set_dialect)}
-        if name not in writers:
+        if name not in WRITABLE and name != "EIHstCola":
             self._read(name)  # unknown, or else:
             raise RefusedError(cola.WRITE_DENIED)
         if client.level < CLIENT:
             raise RefusedError(cola.WRITE_DENIED)
-        kinds, write = writers[name]
-        write(take(kinds))
+        if name == "EIHstCola":
+            self._set_dialect(*take("B"))
+        else:
+            self._written.write(name, take(WRITABLE[name][0]))
         return []
 
     def _call(self, client: Client, name: str, take: Take) -> list[Value]:
-        methods: dict[str, tuple[str, int, Callable[[tuple[int, ...]], list[Value]]]] = {
+        methods: dict[str, tuple[str, int, Callable[[tuple[int, ...]], list[Value] | None]]] = {
             "SetAccessMode": ("bI", 0, lambda values: self._log_in(client, *values)),
             "Run": ("", 0, lambda _: self._run(client)),
             "mLMPsetscancfg": (SCAN_CONFIG, CLIENT, self._written.set_scan_config),
@@ -238,14 +288,14 @@ class FakeLms111(LaserHead):
             "LMCstandby": ("", CLIENT, lambda _: self._start(False)),
             "mEEwriteall": ("", CLIENT, lambda _: self._written.store()),
             "LSPsetdatetime": (TIME, CLIENT, self._set_time),
-            "mSCreboot": ("", CLIENT, lambda _: self._told_to_reboot(client)),
+            "mSCreboot": ("", CLIENT, lambda _: self._restart(client)),
         }
         if name not in methods:
             raise RefusedError(cola.UNKNOWN_METHOD)
         kinds, level, method = methods[name]
         if client.level < level:
             raise RefusedError(cola.METHOD_DENIED)
-        return method(take(kinds))
+        return method(take(kinds)) or []
 
     def _subscribe(self, client: Client, name: str, take: Take) -> list[Value]:
         if name not in EVENTS:
@@ -258,21 +308,21 @@ class FakeLms111(LaserHead):
         if HASHES.get(level) != password:
             return [("B", 0)]
         client.level = level
-        self._configuring, self._begin_s = True, None
+        self._configuring, self.head.begin_s = True, None
         return [("B", 1)]
 
     def _run(self, client: Client) -> list[Value]:
         client.level, self._configuring = 0, False
-        has_changed = self._active != self._written.scan
-        if self._begin_s is not None and has_changed:
-            self._sweep_from(max(self._begin_s, self._clock.device_s))
+        has_changed = self.head.settings != self._written.scan
+        if self.head.begin_s is not None and has_changed:
+            self.head.sweep_from(max(self.head.begin_s, self.head.clock.device_s))
         self._apply()
         return [("B", 1)]
 
-    def _set_dialect(self, values: tuple[int, ...]) -> None:
-        if values[0] > 1:
+    def _set_dialect(self, is_binary: int) -> None:
+        if is_binary > 1:
             raise RefusedError(cola.CONDITION_FAILED)
-        self._binary_next, self._changed_s = bool(values[0]), self._clock.device_s
+        self._binary_next, self._changed_s = bool(is_binary), self.head.clock.device_s
 
     def _set_time(self, values: tuple[int, ...]) -> list[Value]:
         try:
@@ -281,28 +331,25 @@ class FakeLms111(LaserHead):
             return [("B", 0)]
         if not 1970 <= when.year < 2100:
             return [("B", 0)]
-        self._clock_set = when - timedelta(microseconds=self._uptime_us(self._clock.device_s))
+        uptime_us = self.head.uptime_us(self.head.clock.device_s)
+        self.head.clock_set = when - timedelta(microseconds=uptime_us)
         return [("B", 1)]
 
     def _start(self, wanted: bool) -> list[Value]:
         """The mirror turns at once and it gets ready, but scans come only after Run."""
-        if wanted and self._begin_s is None:
-            self._sweep_from(self._clock.device_s + self.spin_up_s)
+        if wanted and self.head.begin_s is None:
+            self.head.sweep_from(self.head.clock.device_s + self.spin_up_s)
         elif not wanted:
-            self._begin_s = None
+            self.head.begin_s = None
         return [("B", 0)]
-
-    def _told_to_reboot(self, client: Client) -> list[Value]:
-        self._restart(client)
-        return []
 
     # -- what it tells ------------------------------------------------------------------------
 
     @property
     def state(self) -> int:
         """The code of STlms."""
-        if self._begin_s is not None:
-            return READY if self._clock.device_s >= self._begin_s else ROTATING
+        if self.head.begin_s is not None:
+            return READY if self.head.clock.device_s >= self.head.begin_s else ROTATING
         return CONFIGURING if self._configuring else IDLE
 
     def _device_state(self) -> int:
@@ -311,24 +358,18 @@ class FakeLms111(LaserHead):
         is_busy = self._configuring or self.state == ROTATING
         return BUSY_STATE if is_busy else READY_STATE
 
-    def _output_range(self) -> list[Value]:
-        return self._written.scan.output_range(self.untrue_output_step)
-
-    def _identity(self) -> list[Value]:
-        return [("S", text) for text in self._model.ident]
-
     def _polled(self) -> list[Value]:
         """The last complete sweep."""
-        latest = self._latest_sweep()
+        latest = self.head.latest_sweep()
         if latest < 0:
             raise RefusedError(cola.CONDITION_FAILED)
-        return self._scan(latest)
+        return self.head.scan(latest)
 
     def _state_in_full(self) -> list[Value]:
-        now = self._date(self._clock.device_s)
+        now = self.head.date(self.head.clock.device_s)
         texts = (now.strftime("%H:%M:%S"), now.strftime("%d.%m.%Y"))
         return [
-            *zip("HB", (self.state, int(self.temperature_bad)), strict=True),
+            *fields("HB", self.state, int(self.temperature_bad)),
             *(("S", text.encode("ascii")) for text in texts),
-            *(("I", 0) for _ in range(3)),
+            *fields("III", 0, 0, 0),
         ]

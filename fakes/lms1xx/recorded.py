@@ -7,6 +7,7 @@ Source: lms111 sheet, sections 2, 4 and 5.
 
 import csv
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
 
@@ -16,21 +17,6 @@ MAX_PAYLOAD = 65_536
 SCAN, SUBSCRIBE = b"sSN LMDscandata", b"sEN LMDscandata"
 REQUEST_OF = {b"sRA": b"sRN", b"sWA": b"sWN", b"sAN": b"sMN", b"sEA": b"sEN"}
 FREQUENCY_AT = slice(44, 48)  # of a scan's payload, 1/100 Hz
-
-
-def take_payloads(buffer: bytearray) -> list[bytes]:
-    """The payloads of the whole telegrams at the front of a buffer, which loses them and junk."""
-    payloads = []
-    while len(buffer) >= 8:
-        end = 9 + int.from_bytes(buffer[4:8], "big")
-        if not buffer.startswith(cola.START) or end > MAX_PAYLOAD:
-            del buffer[0]
-            continue
-        if len(buffer) < end:
-            break
-        payloads.append(bytes(buffer[8 : end - 1]))
-        del buffer[:end]
-    return payloads
 
 
 def head(payload: bytes) -> bytes:
@@ -43,20 +29,22 @@ class RecordedLms111:
 
     Args:
         d2h: the device's bytes.
-        scan_times_s: of each scan, from any zero; None: by the scan frequency that each tells.
+        scan_times_s: of each scan, from any zero; where they are not as many, by the frequency
+            that each scan tells.
     """
 
-    def __init__(self, d2h: bytes, scan_times_s: list[float] | None = None) -> None:
+    def __init__(self, d2h: bytes, scan_times_s: Sequence[float] = ()) -> None:
         self._answers: dict[bytes, deque[bytes]] = defaultdict(deque)
         self._scans: list[bytes] = []
-        for payload in take_payloads(bytearray(d2h)):
+        for payload in cola.CommandReader(MAX_PAYLOAD).feed(0.0, d2h):
             kind, _, name = head(payload).partition(b" ")
             if head(payload) == SCAN:
                 self._scans.append(payload)
             elif kind in REQUEST_OF:
                 self._answers[REQUEST_OF[kind] + b" " + name].append(payload)
-        self._times_s = scan_times_s or self._nominal_times_s()
-        self._inbox = bytearray()
+        is_timed = len(scan_times_s) == len(self._scans)
+        self._times_s = scan_times_s if is_timed else self._nominal_times_s()
+        self._reader = cola.CommandReader()
         self._zero_s: float | None = None
         self._sent = 0
         self.unknown: list[bytes] = []  # commands that the recording holds no answer to
@@ -65,7 +53,7 @@ class RecordedLms111:
     def from_files(cls, d2h_path: Path) -> "RecordedLms111":
         """NAME_d2h.bin, with its times where NAME_index.csv lies beside it."""
         index_path = d2h_path.with_name(d2h_path.name.replace("_d2h.bin", "_index.csv"))
-        times_s = None
+        times_s: list[float] = []
         if index_path != d2h_path and index_path.exists():
             with index_path.open(encoding="utf-8", newline="") as file:
                 rows = [row for row in csv.DictReader(file) if row["name"] == SCAN.decode()]
@@ -88,16 +76,10 @@ class RecordedLms111:
         """True once the last recorded scan has been sent."""
         return self._sent == len(self._scans)
 
-    @property
-    def duration_s(self) -> float:
-        """From the first scan to the last."""
-        return self._times_s[-1] - self._times_s[0] if self._times_s else 0.0
-
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what the host wrote; give all that the device has sent up to now_s."""
-        self._inbox += received
         sent = bytearray()
-        for payload in take_payloads(self._inbox):
+        for payload in self._reader.feed(now_s, received):
             sent += cola.frame(self._answer(now_s, payload))
         while self._zero_s is not None and not self.done:
             if self._times_s[self._sent] - self._times_s[0] > now_s - self._zero_s:
@@ -111,7 +93,7 @@ class RecordedLms111:
         if not answers:
             self.unknown.append(payload)
             code = cola.UNKNOWN_METHOD if payload.startswith(b"sMN") else cola.UNKNOWN_VARIABLE
-            return b"sFA" + code.to_bytes(2, "big")
+            return cola.refusal(code)
         if head(payload) == SUBSCRIBE and self._zero_s is None and self._scans:
             self._zero_s = now_s + 0.07  # the first scan came 72 ms after the subscription
         return answers.popleft() if len(answers) > 1 else answers[0]

@@ -5,67 +5,56 @@ Source: lms111 sheet, sections 1, 3 and 5.
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from fakes.lms1xx.cola_values import Value
+from fakes.lms1xx.cola import Value, fields
 
 U16 = npt.NDArray[np.uint16]
 AREA_START, AREA_STOP = -450_000, 2_250_000  # field of view, 1/10000 deg
 MODES = ((5000, 5000), (2500, 2500), (2500, 5000))  # 1/100 Hz, 1/10000 deg
-REPORTED_RESOLUTION = 5000  # in LMPoutputRange of many, at whatever resolution they scan
 NO_ECHO, FIRST_VALID = 0, 16
 SERIAL_NUMBER = 18_090_362
-CONTENT = "BBBBBBBBBBBH"  # arguments of LMDscandatacfg
-SCAN_CONFIG, OUTPUT_RANGE, TIME = "IHIii", "HIii", "HBBBBBI"
+TIME = "HBBBBBI"
 
 
-@dataclass(frozen=True, slots=True)
-class Content:
+class Content(NamedTuple):
     """What a scan telegram carries: the arguments of LMDscandatacfg."""
 
     channels: int = 1  # bit 0: first echo, bit 1: second
-    rssi: bool = False
-    rssi_wide: bool = False  # 16 bit instead of 8
-    encoder: bool = False
-    position: bool = False
-    name: bool = False
-    comment: bool = False
-    time: bool = False
+    channels_high: int = 0
+    rssi: int = 0
+    rssi_wide: int = 0  # 16 bit instead of 8
+    unit: int = 0
+    encoder: int = 0
+    encoder_high: int = 0
+    position: int = 0
+    name: int = 0
+    comment: int = 0
+    time: int = 0
     interval: int = 1  # every n-th scan is sent
 
-    @classmethod
-    def maybe_from(cls, arguments: tuple[int, ...]) -> "Content | None":
-        """From the twelve arguments of the wire; None if a value is out of range."""
-        low, high, rssi, wide, unit, encoder, encoder_high, *flags = arguments
-        position, name, comment, time, interval = flags
-        switches = (rssi, wide, encoder, position, name, comment, time)
-        if low not in (1, 2, 3) or high or unit or encoder_high or max(switches) > 1:
-            return None
-        if not 1 <= interval <= 50_000:
-            return None
-        rssi, wide, encoder, position, name, comment, time = map(bool, switches)
-        return cls(low, rssi, wide, encoder, position, name, comment, time, interval)
-
-    def values(self) -> list[Value]:
-        """The twelve arguments of the wire."""
-        numbers = (
-            self.channels, 0, self.rssi, self.rssi_wide, 0, self.encoder, 0,
-            self.position, self.name, self.comment, self.time, self.interval,
-        )  # fmt: skip
-        return list(zip(CONTENT, map(int, numbers), strict=True))
+    @property
+    def is_possible(self) -> bool:
+        """Whether each value is in its range."""
+        unused = (self.channels_high, self.unit, self.encoder_high)
+        switches = (self.rssi, self.rssi_wide, self.encoder, *self[7:11])
+        if self.channels not in (1, 2, 3) or any(unused) or max(switches) > 1:
+            return False
+        return 1 <= self.interval <= 50_000
 
 
 @dataclass(frozen=True, slots=True)
 class ScanSettings:
-    """All settings of a scan; those of the factory if nothing else is said."""
+    """All settings of a scan."""
 
-    frequency: int = 5000  # 1/100 Hz
-    resolution: int = 5000  # 1/10000 deg
-    start: int = AREA_START  # of the output, as written
-    stop: int = AREA_STOP
-    content: Content = Content()
+    frequency: int  # 1/100 Hz
+    resolution: int  # 1/10000 deg
+    start: int  # of the output, as written, 1/10000 deg
+    stop: int
+    content: Content
 
     @property
     def period_s(self) -> float:
@@ -87,17 +76,6 @@ class ScanSettings:
         """Of the first point that is sent, 1/10000 deg."""
         return AREA_START + self.first_index * self.resolution
 
-    def scan_config(self) -> list[Value]:
-        """Of LMPscancfg: the area is always that of the mirror."""
-        numbers = (self.frequency, 1, self.resolution, AREA_START, AREA_STOP)
-        return list(zip(SCAN_CONFIG, numbers, strict=True))
-
-    def output_range(self, untrue_step: bool) -> list[Value]:
-        """Of LMPoutputRange."""
-        step = REPORTED_RESOLUTION if untrue_step else self.resolution
-        numbers = (1, step, self.start, self.stop)
-        return list(zip(OUTPUT_RANGE, numbers, strict=True))
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Channel:
@@ -112,8 +90,8 @@ class Channel:
 
     def values(self) -> list[Value]:
         """Head and row."""
-        head = (self.name, self.scale, 0.0, self.first, self.step, len(self.raw))
-        return [*zip("NffiHH", head, strict=True), ("W" if self.wide else "w", self.raw)]
+        head = fields("ffiHH", self.scale, 0.0, self.first, self.step, len(self.raw))
+        return [("N", self.name), *head, ("W" if self.wide else "w", self.raw)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,7 +108,7 @@ class ScanTelegram:
     shots: int  # measurement frequency, 100 Hz
     channels: tuple[Channel, ...]
     encoders: tuple[tuple[int, int], ...] = ()  # position, speed
-    position: bool = False
+    position: int = 0
     name: bytes | None = None
     comment: bytes | None = None
     when: datetime | None = None
@@ -138,24 +116,21 @@ class ScanTelegram:
 
     def values(self) -> list[Value]:
         """From the version to the event flag."""
-        counters = (self.telegrams % 2**16, self.scans % 2**16)
-        times = (self.scan_us % 2**32, self.sent_us % 2**32)
-        values: list[Value] = [
-            *zip("HHI", (self.version, 1, SERIAL_NUMBER), strict=True),
-            *zip("BB", self.status, strict=True),
-            *zip("HHII", (*counters, *times), strict=True),
-            *zip("BBBB", (0, 0, *self.outputs), strict=True),
-            *zip("HIIH", (0, self.frequency, self.shots, len(self.encoders)), strict=True),
+        values = [
+            *fields("HHIBB", self.version, 1, SERIAL_NUMBER, *self.status),
+            *fields("HH", self.telegrams % 2**16, self.scans % 2**16),
+            *fields("II", self.scan_us % 2**32, self.sent_us % 2**32),
+            *fields("BBBBH", 0, 0, *self.outputs, 0),
+            *fields("IIH", self.frequency, self.shots, len(self.encoders)),
         ]
         for encoder in self.encoders:
-            values += zip("Ih", encoder, strict=True)
+            values += fields("Ih", *encoder)
         for wide in (True, False):
             rows = [channel for channel in self.channels if channel.wide == wide]
             values.append(("H", len(rows)))
             for row in rows:
                 values += row.values()
-        place = [*(("f", 0.0) for _ in range(6)), ("B", 0)]
-        values += _optional(place if self.position else None)
+        values += _optional(fields("ffffffB", *[0.0] * 6, 0) if self.position else None)
         values += _optional(None if self.name is None else [("s", self.name)])
         values += _optional(None if self.comment is None else [("s", self.comment)])
         values += _optional(time_values(self.when) if self.when else None)
@@ -169,9 +144,7 @@ def _optional(block: list[Value] | None) -> list[Value]:
 def time_values(when: datetime) -> list[Value]:
     """Date and time."""
     day = (when.year, when.month, when.day)
-    return list(
-        zip(TIME, (*day, when.hour, when.minute, when.second, when.microsecond), strict=True)
-    )
+    return fields(TIME, *day, when.hour, when.minute, when.second, when.microsecond)
 
 
 def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Channel, ...]:
@@ -180,16 +153,14 @@ def channels_of(settings: ScanSettings, echoes_mm: tuple[U16, U16]) -> tuple[Cha
     Args:
         echoes_mm: first and second echo, (n,) codes each of the points that are sent.
     """
-    content, rows = settings.content, []
-    where = (settings.first_angle, settings.resolution)
+    content, where = settings.content, (settings.first_angle, settings.resolution)
     wanted = [k for k in (0, 1) if content.channels >> k & 1]
-    rows += [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
+    rows = [Channel(b"DIST%d" % (k + 1), echoes_mm[k], *where) for k in wanted]
     if content.rssi:
-        wide = content.rssi_wide
-        rows += [
-            Channel(b"RSSI%d" % (k + 1), _remission(echoes_mm[k], wide), *where, wide=wide)
-            for k in wanted
-        ]
+        wide = bool(content.rssi_wide)
+        for k in wanted:
+            bright = _remission(echoes_mm[k], wide)
+            rows.append(Channel(b"RSSI%d" % (k + 1), bright, *where, wide=wide))
     return tuple(rows)
 
 

@@ -1,80 +1,107 @@
-"""What hosts set in a fake LMS111: what was written, and what is kept over a loss of power.
+"""What a fake LMS111 is, and what hosts set in it and is kept over a loss of power.
 
-Source: lms111 sheet, sections 3 and 4.
+The texts of the LMS10x are recorded; those of the sisters are made after them.
+Source: lms111 sheet, sections 1, 3, 4 and 6.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, field
 
-from fakes.lms1xx import cola
-from fakes.lms1xx.cola import RefusedError
-from fakes.lms1xx.cola_values import Value
-from fakes.lms1xx.head import MOST_SCANS
-from fakes.lms1xx.scan import (
-    AREA_START,
-    AREA_STOP,
-    CONTENT,
-    MODES,
-    OUTPUT_RANGE,
-    Content,
-    ScanSettings,
-)
+from fakes.lms1xx.cola import CONDITION_FAILED, WRITE_DENIED, RefusedError, Value, fields
+from fakes.lms1xx.scan import AREA_START, AREA_STOP, MODES, Content, ScanSettings
 
-FILTERS = {"LFPmeanfilter": ("BHB", (0, 2, 0)), "LFPnto1filter": ("B", (0,)),
-           "MSsuppmode": ("B", (0,))}  # fmt: skip
+MOST_SCANS = 100  # of the mean filter
+REPORTED_RESOLUTION = 5000  # in LMPoutputRange of many, at whatever resolution they scan
+SCAN_CONFIG = "IHIii"  # of LMPscancfg and mLMPsetscancfg
 
-Write = Callable[[tuple[int, ...]], None]
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One kind of device."""
+
+    ident: tuple[bytes, bytes]  # DeviceIdent
+    firmware: bytes
+    max_range_m: float = 20.0
+    telegram_version: int = 1
+    refuse: dict[str, int] = field(default_factory=dict)  # kind and name -> sFA code
+
+
+LMS10X = (b"LMS10x_FieldEval", b"V1.36-21.10.2010")
+MODELS = {
+    "LMS111": Model(LMS10X, b"V1.80.2  "),
+    "LMS100": Model(LMS10X, b"V1.80.1"),
+    "LMS100-1.23": Model(LMS10X, b"V1.23", refuse={"sWN LMPoutputRange": WRITE_DENIED}),
+    "LMS151": Model(
+        (b"LMS15x_FieldEval", b"V1.36-21.10.2010"), b"V1.80.1", max_range_m=50.0, telegram_version=0
+    ),
+}
+
+
+def _is_area(count: int, step: int, start: int, stop: int) -> bool:
+    return count == 1 and AREA_START <= start <= stop <= AREA_STOP
+
+
+WRITABLE: dict[str, tuple[str, tuple[int, ...], Callable[..., bool]]] = {
+    # kinds of its values, values as delivered, which are taken
+    "LMPoutputRange": ("HIii", (1, 5000, AREA_START, AREA_STOP), _is_area),
+    "LMDscandatacfg": ("BBBBBBBBBBBH", Content(), lambda *values: Content(*values).is_possible),
+    "LFPmeanfilter": ("BHB", (0, 2, 0), lambda on, scans, _: on <= 1 and 2 <= scans <= MOST_SCANS),
+    "LFPnto1filter": ("B", (0,), lambda on: on <= 1),
+    "MSsuppmode": ("B", (0,), lambda fog: fog <= 1),
+}
 
 
 class Settings:
     """The settings of one device. They count for its scans from Run on."""
 
     def __init__(self) -> None:
-        self.stores = 0  # times that its memory was written
-        self.scan = self._stored = ScanSettings()
-        self.filters = {name: values for name, (_, values) in FILTERS.items()}
-        self._filters_stored = dict(self.filters)
+        self._mode = MODES[0]
+        self._values = {name: delivered for name, (_, delivered, _) in WRITABLE.items()}
+        self._stored = self._mode, dict(self._values)
 
     def load(self) -> None:
         """At power-up: what was stored."""
-        self.scan, self.filters = self._stored, dict(self._filters_stored)
+        self._mode, self._values = self._stored[0], dict(self._stored[1])
 
     def store(self) -> list[Value]:
         """Keep all; the values of the answer."""
-        self._stored, self._filters_stored = self.scan, dict(self.filters)
-        self.stores += 1
+        self._stored = self._mode, dict(self._values)
         return [("B", 1)]
 
     @property
-    def mean_scans(self) -> int:
-        """Over how many scans the mean filter works; 0: it is off."""
-        on, scans, _ = self.filters["LFPmeanfilter"]
-        return scans if on else 0
+    def scan(self) -> ScanSettings:
+        """What it is to measure with."""
+        _, _, start, stop = self._values["LMPoutputRange"]
+        return ScanSettings(*self._mode, start, stop, Content(*self._values["LMDscandatacfg"]))
 
     @property
-    def two_in_a_row(self) -> bool:
-        """Whether the n-to-1 filter is on."""
-        return bool(self.filters["LFPnto1filter"][0])
+    def filters(self) -> tuple[int, bool]:
+        """Over how many scans the mean filter works (0: it is off); the n-to-1 filter."""
+        on, scans, _ = self._values["LFPmeanfilter"]
+        return scans if on else 0, bool(self._values["LFPnto1filter"][0])
 
-    def writers(self) -> dict[str, tuple[str, Write]]:
-        """Variable -> kinds of its values, and what takes them."""
-        return {
-            "LMPoutputRange": (OUTPUT_RANGE, self._set_output_range),
-            "LMDscandatacfg": (CONTENT, self._set_content),
-            **{name: (FILTERS[name][0], partial(self._set_filter, name)) for name in FILTERS},
-        }
+    def read(self, name: str, untrue_step: bool) -> list[Value]:
+        """The values of a writable variable."""
+        kinds, values = WRITABLE[name][0], self._values[name]
+        if name == "LMPoutputRange":
+            step = REPORTED_RESOLUTION if untrue_step else self._mode[1]
+            values = (values[0], step, *values[2:])
+        return fields(kinds, *values)
 
-    def _set_content(self, values: tuple[int, ...]) -> None:
-        content = Content.maybe_from(values)
-        if content is None:
-            raise RefusedError(cola.CONDITION_FAILED)
-        self.scan = replace(self.scan, content=content)
+    def write(self, name: str, values: tuple[int, ...]) -> None:
+        """As a host says.
 
-    def _set_filter(self, name: str, values: tuple[int, ...]) -> None:
-        if values[0] > 1 or (name == "LFPmeanfilter" and not 2 <= values[1] <= MOST_SCANS):
-            raise RefusedError(cola.CONDITION_FAILED)
-        self.filters[name] = values
+        Raises:
+            RefusedError: it does not take such values.
+        """
+        if not WRITABLE[name][2](*values):
+            raise RefusedError(CONDITION_FAILED)
+        self._values[name] = values
+
+    def read_scan_config(self) -> list[Value]:
+        """Of LMPscancfg: the area is always that of the mirror."""
+        frequency, resolution = self._mode
+        return fields(SCAN_CONFIG, frequency, 1, resolution, AREA_START, AREA_STOP)
 
     def set_scan_config(self, values: tuple[int, ...]) -> list[Value]:
         """What `mLMPsetscancfg` asks for; the values of the answer."""
@@ -89,11 +116,5 @@ class Settings:
         elif not status and sectors != 1:
             status = 5
         if not status:
-            self.scan = replace(self.scan, frequency=frequency, resolution=resolution)
-        return [("B", status), *self.scan.scan_config()]
-
-    def _set_output_range(self, values: tuple[int, ...]) -> None:
-        count, _, start, stop = values
-        if count != 1 or not AREA_START <= start <= stop <= AREA_STOP:
-            raise RefusedError(cola.CONDITION_FAILED)
-        self.scan = replace(self.scan, start=start, stop=stop)
+            self._mode = (frequency, resolution)
+        return [("B", status), *self.read_scan_config()]

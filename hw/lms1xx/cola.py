@@ -88,58 +88,50 @@ class ColaParser(Generic[Event]):
             at = self._skip(now_s, at, start, "no telegram", events)
             if head is None:
                 break
-            is_text = self._buffer[at + 1] == ord("s")
-            end, is_whole = self._text_end(at) if is_text else self._binary_end(at)
-            if end is None:
-                if not self._is_overdue(now_s):
-                    break
-                at = self._skip(now_s, at, at + 1, "telegram never completed", events)
-                continue
-            if not is_whole:
-                at = self._skip(now_s, at, end, "telegram cut short", events)
-                continue
-            self._waiting_since_s, self._searched = None, 0
             try:
-                event = self._text(now_s, at, end) if is_text else self._binary(now_s, at, end)
+                found = self._maybe_event(now_s, at)
+                if found is None:
+                    self._check_patience(now_s)
             except PayloadError as error:
                 at = self._skip(now_s, at, at + 1, str(error), events)
                 continue
+            if found is None:
+                break
+            self._waiting_since_s, self._searched = None, 0
             self._report(events)
             self._reason = ""
+            at, event = found
             events.append(event)
-            at = end
         del self._buffer[:at]
         return events
 
-    def _binary_end(self, at: int) -> tuple[int | None, bool]:
-        """Where the binary telegram ends; None while its end is not there yet."""
+    def _maybe_event(self, now_s: float, at: int) -> tuple[int, Event] | None:
+        """The end of the telegram there, and its event; None while its rest is waited for."""
+        if self._buffer[at + 1] == ord("s"):
+            stop = TEXT_STOP.search(self._buffer, at + max(1, self._searched))
+            if stop is None:
+                self._searched = len(self._buffer) - at
+                if self._searched <= MAX_TEXT:
+                    return None
+            if stop is None or stop.group() != TEXT_END:
+                raise PayloadError("telegram cut short")
+            payload = bytes(self._buffer[at + 1 : stop.start()])
+            return stop.end(), self._decode(now_s, payload, "ascii")
         size = int.from_bytes(self._buffer[at + 4 : at + HEAD_SIZE], "big")
         end = at + HEAD_SIZE + size + 1
-        return (end if end <= len(self._buffer) else None), True
-
-    def _text_end(self, at: int) -> tuple[int | None, bool]:
-        """The same of a text, and whether it ends as one; a new start, or endlessness, is junk."""
-        stop = TEXT_STOP.search(self._buffer, at + max(1, self._searched))
-        if stop is None:
-            self._searched = len(self._buffer) - at
-            return (at + 1, False) if self._searched > MAX_TEXT else (None, True)
-        is_whole = stop.group() == TEXT_END
-        return stop.end() if is_whole else stop.start(), is_whole
-
-    def _binary(self, now_s: float, at: int, end: int) -> Event:
-        """What a binary telegram's payload and checksum say."""
+        if end > len(self._buffer):
+            return None
         rest = bytes(self._buffer[at + HEAD_SIZE : end])
         if _xor(rest) != 0:  # the payload with its own checksum
             raise PayloadError("wrong checksum")
-        return self._decode(now_s, rest[:-1], "binary")
+        return end, self._decode(now_s, rest[:-1], "binary")
 
-    def _text(self, now_s: float, at: int, end: int) -> Event:
-        return self._decode(now_s, bytes(self._buffer[at + 1 : end - 1]), "ascii")
-
-    def _is_overdue(self, now_s: float) -> bool:
+    def _check_patience(self, now_s: float) -> None:
+        """For the rest of the telegram at the front, but not for ever."""
         if self._waiting_since_s is None:
             self._waiting_since_s = now_s
-        return now_s - self._waiting_since_s >= INCOMPLETE_S
+        if now_s - self._waiting_since_s >= INCOMPLETE_S:
+            raise PayloadError("telegram never completed")
 
     def _junk_end(self, at: int) -> int:
         """Where the bytes begin that may be the start of a telegram cut short, after `at`."""

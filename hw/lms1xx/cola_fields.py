@@ -9,65 +9,45 @@ Source: lms111 sheet, section 2.
 import re
 import struct
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from hw.lms1xx.cola import PayloadError
+from hw.lms1xx.cola import Dialect, PayloadError
 
 Raw = npt.NDArray[np.integer[Any]]
 
-_NUMBER = re.compile(rb"[+-]?[0-9A-Fa-f]{1,9}")
+_NUMBER = re.compile(rb"[+-][0-9]{1,9}|[0-9A-Fa-f]{1,9}")
 _NUMBERS = re.compile(rb"[0-9A-Fa-f ]*")
 _TOKEN = re.compile(rb" *([^ ]+)")
 _BITS = {"b": 8, "B": 8, "h": 16, "H": 16, "i": 32, "I": 32}
 
 
-class Fields(Protocol):
-    """Takes fields off a payload; PayloadError where it ends early."""
-
-    def fields(self, layout: str) -> tuple[Any, ...]:
-        """Values by a struct layout."""
-
-    def text(self, length: str) -> str:
-        """A length of that layout, then so many characters."""
-
-    def array(self, kind: str, count: int) -> Raw:
-        """So many values of a numpy kind, (count,)."""
-
-    def rest(self) -> bytes:
-        """All that is left."""
-
-
-@lru_cache(64)
-def _struct(layout: str) -> struct.Struct:
-    return struct.Struct(">" + layout)
-
-
 class BinaryFields:
-    """Packed fields."""
+    """Takes packed fields off a payload."""
 
-    def __init__(self, payload: bytes, at: int = 0) -> None:
-        self._payload, self._at = payload, at
+    def __init__(self, payload: bytes) -> None:
+        self._payload, self._at = payload, 0
 
     def fields(self, layout: str) -> tuple[Any, ...]:
         """Values by a struct layout."""
-        packed = _struct(layout)
-        if self._at + packed.size > len(self._payload):
-            raise PayloadError("telegram ends early")
-        values = packed.unpack_from(self._payload, self._at)
-        self._at += packed.size
+        layout = ">" + layout
+        try:
+            values = struct.unpack_from(layout, self._payload, self._at)
+        except struct.error:
+            raise PayloadError("telegram ends early") from None
+        self._at += struct.calcsize(layout)
         return values
 
     def text(self, length: str) -> str:
-        """Length and characters."""
+        """A length of that layout, then so many characters."""
         (size,) = self.fields(length)
         (text,) = self.fields(f"{size}s")
         return str(text, "latin-1")
 
     def array(self, kind: str, count: int) -> Raw:
-        """Values without a copy."""
+        """So many values of a numpy kind, (count,), without a copy."""
         if self._at + count * np.dtype(kind).itemsize > len(self._payload):
             raise PayloadError("telegram ends early")
         values = np.frombuffer(self._payload, kind, count, self._at)
@@ -90,13 +70,12 @@ def _codes(layout: str) -> tuple[str, ...]:
 
 
 class TextFields:
-    """Fields written out: hexadecimal without a sign, decimal with one."""
+    """The same of fields written out: hexadecimal without a sign, decimal with one."""
 
-    def __init__(self, payload: bytes, at: int = 0) -> None:
-        self._payload, self._at = payload, at
+    def __init__(self, payload: bytes) -> None:
+        self._payload, self._at = payload, 0
 
     def fields(self, layout: str) -> tuple[Any, ...]:
-        """Values by a struct layout, one token each."""
         return tuple(self._value(code) for code in _codes(layout))
 
     def _value(self, code: str) -> Any:
@@ -134,7 +113,6 @@ class TextFields:
         return str(text, "latin-1")
 
     def array(self, kind: str, count: int) -> Raw:
-        """As many tokens."""
         *tokens, rest = [*self._payload[self._at :].split(None, count), b""][: count + 1]
         if len(tokens) < count:
             raise PayloadError("telegram ends early")
@@ -142,13 +120,12 @@ class TextFields:
         self._at = len(self._payload) - len(rest)
         code = {1: "B", 2: "H"}[np.dtype(kind).itemsize]
         if _NUMBERS.fullmatch(self._payload, begin, self._at):
-            values = np.array([int(token, 16) for token in tokens], np.float64)
-            if values.max(initial=0) < 1 << _BITS[code]:
-                return values.astype(kind)
+            values = [int(token, 16) for token in tokens]
+            if max(values, default=0) < 1 << _BITS[code]:
+                return np.array(values, kind)
         return np.array([number(token, code) for token in tokens], kind)
 
     def rest(self) -> bytes:
-        """All that is left."""
         left, self._at = self._payload[self._at :].strip(b" "), len(self._payload)
         return left
 
@@ -166,8 +143,6 @@ def number(token: bytes, code: str) -> int:
         raise PayloadError(f"{token[:12]!r} is no number")
     bits, is_signed = _BITS[code], code.islower()
     if token[:1] in (b"+", b"-"):
-        if not token[1:].isdigit():
-            raise PayloadError(f"{token[:12]!r} is no number")
         value = int(token)
     else:
         value = int(token, 16)
@@ -177,3 +152,11 @@ def number(token: bytes, code: str) -> int:
     if not least <= value < least + (1 << bits):
         raise PayloadError(f"{token[:12]!r} is too big")
     return value
+
+
+Fields = BinaryFields | TextFields
+
+
+def new_fields(payload: bytes, dialect: Dialect) -> Fields:
+    """A reader of what is written in a dialect."""
+    return BinaryFields(payload) if dialect == "binary" else TextFields(payload)

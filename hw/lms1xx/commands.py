@@ -1,6 +1,6 @@
 """Commands to a SICK LMS1xx, each in both dialects, and readers of their answers. No I/O, no clock.
 
-A command's answer has its `answer` type and name. LMS1xx differ in what they call good: 0 after
+LMS1xx differ in what they call good: 0 after
 start, stop and standby; 1 after login, Run, storing and setting the clock (`is_good`).
 Source: lms111 sheet, sections 2 to 4.
 """
@@ -8,14 +8,15 @@ Source: lms111 sheet, sections 2 to 4.
 import struct
 from dataclasses import dataclass
 from datetime import datetime
+from typing import TypeGuard
 
 from hw.lms1xx.cola import Dialect, PayloadError, encode_frame, encode_text
 from hw.lms1xx.telegrams import FIELD_FIRST, FIELD_LAST, Answer, Echo
 
 ANSWERS = {"sRN": "sRA", "sWN": "sWA", "sMN": "sAN", "sEN": "sEA"}
-HASHES = {2: 0xB21ACE26, 3: 0xF4724744, 4: 0x81BE23AA}  # of the passwords as delivered, by level
 GOOD_IS_ZERO = {"LMCstartmeas", "LMCstopmeas", "LMCstandby"}
 
+LOGIN_LEVEL, PASSWORD_HASH = 3, 0xF4724744  # of the user level that may set, as delivered
 _SCAN_CONFIG = "IHIii"  # frequency 1/100 Hz, sectors, resolution, first, last (1/10000 deg)
 _OUTPUT_RANGE = "HIii"  # sectors, resolution, first, last
 # Channels, remission (on, 16 bit, unit), encoders, position, name, comment, time, interval.
@@ -32,10 +33,11 @@ class Command:
     values: bytes = b""
     text: str = ""
 
-    @property
-    def answer(self) -> str:
-        """Type and name of its answer."""
-        return f"{ANSWERS[self.kind]} {self.name}"
+    def is_answered_by(self, event: object) -> TypeGuard[Answer]:
+        """Whether a telegram is its answer, by type and name."""
+        if not isinstance(event, Answer):
+            return False
+        return (event.kind, event.name) == (ANSWERS[self.kind], self.name)
 
     def encode(self, dialect: Dialect) -> bytes:
         """As a whole telegram."""
@@ -50,17 +52,21 @@ def read(name: str) -> Command:
     return Command("sRN", name)
 
 
-def login(level: int = 3, password_hash: int = HASHES[3]) -> Command:
-    """`SetAccessMode`; it ends measuring until Run."""
-    values = struct.pack(">bI", level, password_hash)
-    return Command("sMN", "SetAccessMode", values, f"{level:02} {password_hash:08X}")
+def _command(kind: str, name: str, layout: str, form: str, *values: int) -> Command:
+    """With values, by their struct layout and by their form as a text.
+
+    In a text a number without a sign is hexadecimal.
+    """
+    return Command(kind, name, struct.pack(">" + layout, *values), form.format(*values))
 
 
 def subscribe(is_wanted: bool = True) -> Command:
     """Scans as they are measured, or no more."""
-    return Command("sEN", "LMDscandata", bytes([is_wanted]), str(int(is_wanted)))
+    return _command("sEN", "LMDscandata", "B", "{}", int(is_wanted))
 
 
+# It ends measuring until Run.
+LOGIN = _command("sMN", "SetAccessMode", "bI", "{:02} {:08X}", LOGIN_LEVEL, PASSWORD_HASH)
 READ_SCAN_CONFIG = read("LMPscancfg")
 READ_OUTPUT_RANGE = read("LMPoutputRange")
 READ_CONTENT = read("LMDscandatacfg")
@@ -82,8 +88,7 @@ STORE = Command("sMN", "mEEwriteall")  # wears the memory out: for a person to a
 
 def set_dialect(dialect: Dialect) -> Command:
     """`EIHstCola`: answered in the old dialect; the new one counts from the next connection on."""
-    is_binary = dialect == "binary"
-    return Command("sWN", "EIHstCola", bytes([is_binary]), str(int(is_binary)))
+    return _command("sWN", "EIHstCola", "B", "{}", int(dialect == "binary"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,17 +102,13 @@ class ScanConfig:
 def set_scan_config(config: ScanConfig) -> Command:
     """`mLMPsetscancfg`: answered by a status and the values that the device took."""
     values = (config.centihertz, 1, config.step, FIELD_FIRST, FIELD_LAST)
-    packed = struct.pack(">" + _SCAN_CONFIG, *values)
-    return Command("sMN", "mLMPsetscancfg", packed, _decimal(values))
+    return _command("sMN", "mLMPsetscancfg", _SCAN_CONFIG, " ".join(["{:+d}"] * 5), *values)
 
 
 def set_content(echo: Echo) -> Command:
     """`LMDscandatacfg`: one or both echoes, no remission, with the time block, every scan."""
-    values = content(echo)
-    one, two, rssi, wide, unit, e1, e2, *options, interval = values
-    text = f"{one:02} {two:02} {rssi} {wide} {unit} {e1:02} {e2:02} "
-    text += " ".join(map(str, options)) + f" +{interval}"
-    return Command("sWN", "LMDscandatacfg", struct.pack(">" + _CONTENT, *values), text)
+    form = "{:02} {:02} {} {} {} {:02} {:02} {} {} {} {} {:+d}"
+    return _command("sWN", "LMDscandatacfg", _CONTENT, form, *content(echo))
 
 
 def content(echo: Echo) -> tuple[int, ...]:
@@ -115,10 +116,10 @@ def content(echo: Echo) -> tuple[int, ...]:
     return (1 if echo == "first" else 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 1)
 
 
-def set_output_range(step: int, first: int = FIELD_FIRST, last: int = FIELD_LAST) -> Command:
-    """`LMPoutputRange`, 1/10000 deg; by default the whole field of view."""
-    values = struct.pack(">" + _OUTPUT_RANGE, 1, step, first, last)
-    text = f"1 {step:X} {first & 0xFFFFFFFF:X} {last & 0xFFFFFFFF:X}"
+def set_output_range(step: int) -> Command:
+    """`LMPoutputRange`: the whole field of view; step in 1/10000 deg."""
+    values = struct.pack(">" + _OUTPUT_RANGE, 1, step, FIELD_FIRST, FIELD_LAST)
+    text = f"1 {step:X} {FIELD_FIRST & 0xFFFFFFFF:X} {FIELD_LAST:X}"
     return Command("sWN", "LMPoutputRange", values, text)
 
 
@@ -126,14 +127,7 @@ def set_clock(time: datetime) -> Command:
     """`LSPsetdatetime`: needs a login."""
     day = (time.year, time.month, time.day)
     values = (*day, time.hour, time.minute, time.second, time.microsecond)
-    return Command(
-        "sMN", "LSPsetdatetime", struct.pack(">" + _DATE_TIME, *values), _decimal(values)
-    )
-
-
-def _decimal(values: tuple[int, ...]) -> str:
-    """Numbers with a sign: without one they would be hexadecimal."""
-    return " ".join(f"{value:+d}" for value in values)
+    return _command("sMN", "LSPsetdatetime", _DATE_TIME, " ".join(["{:+d}"] * 7), *values)
 
 
 # --- answers
@@ -169,15 +163,6 @@ def maybe_scan_config(answer: Answer) -> ScanConfig | None:
     """What `LMPscancfg` says."""
     values = _maybe_values(answer, _SCAN_CONFIG)
     return ScanConfig(values[0], values[2]) if values else None
-
-
-def maybe_taken_config(answer: Answer) -> tuple[int, ScanConfig | None] | None:
-    """Status of `mLMPsetscancfg` (0: good), and the values that were taken."""
-    status = maybe_number(answer)
-    values = _maybe_values(answer, "B" + _SCAN_CONFIG)
-    if status is None:
-        return None
-    return status, ScanConfig(values[1], values[3]) if values else None
 
 
 def maybe_content(answer: Answer) -> tuple[int, ...] | None:

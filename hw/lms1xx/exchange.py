@@ -5,6 +5,8 @@ names itself is asked first: what comes before that answer is of the past.
 Source: lms111 sheet, sections 1, 2 and 6.
 """
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -31,45 +33,28 @@ BOOTING = "waiting for the scanner to answer, which takes up to 120 s after powe
 
 @dataclass(slots=True)
 class Memory:
-    """What is known of the device from one connection to the next."""
+    """What is known of the device from one connection to the next, and its newest telegrams."""
 
     dialect: Dialect | None = None  # in which it answered
     owes_run: bool = False  # somebody must still send Run: a login ended measuring
-    set_up_s: float = float("-inf")  # host clock, when it was last set up
-    ran_s: float = float("-inf")  # host clock, when its scans ceased
+    set_up_s: float = -math.inf  # host clock, when it was last set up
+    ran_s: float = -math.inf  # host clock, when its scans ceased
     rest_s: float = 3.0  # until it is set up again: another host may want it otherwise
-    settled: tuple[object, ...] = ()  # what it read back then
-
-    def forget_rest(self) -> None:
-        """A new connection: it may be set up at once."""
-        self.set_up_s = self.ran_s = float("-inf")
-
-
-@dataclass(slots=True)
-class ScanStream:
-    """What the session hands to the side that measures."""
-
-    telegrams: list[ScanTelegram] = field(default_factory=list)  # of this tick, to be used
-    not_ready: int = 0  # telegrams that were not to be used
-    newest: ScanTelegram | None = None  # usable or not
-    contamination: int | None = None  # as asked for, and the next two as well
-    temperature_ok: bool | None = None
+    settled: tuple[object, ...] | None = None  # what it read back then
     firmware: str = ""
+    serial_number: int | None = None
+    contamination: int | None = None
+    temperature_ok: bool | None = None
+    telegrams: list[ScanTelegram] = field(default_factory=list)  # of this tick, to be used
 
 
 class ColaExchange:
     """Greeting, commands, answers, and remarks on what is not as it should be."""
 
     def __init__(
-        self,
-        exchange: Exchange,
-        status: DeviceStatus,
-        stream: ScanStream,
-        memory: Memory,
-        dialect: DialectSetting,
+        self, exchange: Exchange, status: DeviceStatus, memory: Memory, dialect: DialectSetting
     ) -> None:
-        self._exchange, self._status = exchange, status
-        self._stream, self._memory = stream, memory
+        self.exchange, self.status, self.memory = exchange, status, memory
         first: Dialect = (memory.dialect or "binary") if dialect == "auto" else dialect
         other: Dialect = "ascii" if first == "binary" else "binary"
         self._dialects: tuple[Dialect, ...] = (first, other) if dialect == "auto" else (first,)
@@ -88,19 +73,19 @@ class ColaExchange:
         A device that starts takes connections before it answers; set to one dialect, it is silent
         to the other.
         """
-        begun_s, asked = self._exchange.now_s, 0
+        begun_s, asked = self.exchange.now_s, 0
         while True:
             rounds, turn = divmod(asked, len(self._dialects))
             greeting = GREETINGS[rounds % len(GREETINGS)].encode(self._dialects[turn])
-            heard: Heard | None = yield from self._exchange.ask(greeting, _maybe_telegram, PROBE_S)
+            heard: Heard | None = yield from self.exchange.ask(greeting, _maybe_telegram, PROBE_S)
             if heard is not None:
-                self.dialect = self._memory.dialect = heard.dialect
+                self.dialect = self.memory.dialect = heard.dialect
                 self.is_unsure = True  # other greetings may be answered yet
                 return
             asked += 1
             if asked > 1:
-                silence = self._describe_silence(self._exchange.now_s - begun_s)
-                self._status.fall_back("starting", silence)
+                silence = self._describe_silence(self.exchange.now_s - begun_s)
+                self.status.fall_back("starting", silence)
 
     def _describe_silence(self, silent_s: float) -> str:
         if len(self._dialects) > 1:
@@ -115,17 +100,11 @@ class ColaExchange:
 
     def ask(self, command: Command, wait_s: float, tries: int = TRIES) -> Steps[Result]:
         """Its answer, a refusal, or None after the last try."""
-
-        def maybe_result(event: Any) -> Result:
-            if isinstance(event, Answer):
-                return event if f"{event.kind} {event.name}" == command.answer else None
-            return event if isinstance(event, Refusal) else None
-
         for _ in range(tries):
             if self.is_unsure:
                 yield from self._resync()
             out = command.encode(self.dialect)
-            result: Result = yield from self._exchange.ask(out, maybe_result, wait_s)
+            result: Result = yield from self.exchange.ask(out, _result_of(command), wait_s)
             if result is not None:
                 return result
             self.is_unsure = True
@@ -133,15 +112,16 @@ class ColaExchange:
 
     def _resync(self) -> Steps[None]:
         """Until the answers to earlier commands are there or lost; reads the firmware's version."""
-        out = commands.READ_FIRMWARE.encode(self.dialect)
-        heard: Result = yield from self._exchange.ask(out, _maybe_firmware, RESYNC_S)
+        read = commands.READ_FIRMWARE
+        out, matches = read.encode(self.dialect), _result_of(read)
+        heard: Result = yield from self.exchange.ask(out, matches, RESYNC_S)
         while isinstance(heard, Refusal):  # an earlier command's, or of this read: soon quiet
             self.is_unsure = False
-            heard = yield from self._exchange.wait_for(_maybe_firmware, QUIET_S)
+            heard = yield from self.exchange.wait_for(matches, QUIET_S)
         if heard is not None:
-            self._stream.firmware = (commands.maybe_texts(heard) or (self._stream.firmware,))[0]
+            self.memory.firmware = (commands.maybe_texts(heard) or (self.memory.firmware,))[0]
             self.is_unsure = False
-        elif not self._stream.firmware:  # it never told it: it is not waited for every time
+        elif not self.memory.firmware:  # it never told it: it is not waited for every time
             self.is_unsure = False
 
     def ask_optional(
@@ -178,10 +158,14 @@ def _maybe_telegram(event: Any) -> Heard | None:
     return event if isinstance(event, Heard) else None
 
 
-def _maybe_firmware(event: Any) -> Result:
-    if isinstance(event, Answer):
-        return event if event.name == commands.READ_FIRMWARE.name else None
-    return event if isinstance(event, Refusal) else None
+def _result_of(command: Command) -> Callable[[Any], Result]:
+    """Finds its answer or a refusal among telegrams."""
+
+    def maybe_result(event: Any) -> Result:
+        is_result = isinstance(event, Refusal) or command.is_answered_by(event)
+        return event if is_result else None
+
+    return maybe_result
 
 
 def _describe_refusal(command: Command, result: Result) -> str:

@@ -11,17 +11,20 @@ from msgspec import Meta, Struct
 
 from core.records import ScannerSpec
 from hw.lms1xx.cola import DialectSetting
-from hw.lms1xx.scan import AHEAD_DEG
 from hw.lms1xx.telegrams import MAX_BEAMS, Echo
 
 MODES = {(50, 0.5), (25, 0.25), (25, 0.5)}  # Hz, deg
 MAX_RANGE_M = 20.0  # of an LMS111
+AHEAD_DEG = 90.0  # the device angle that is bearing 0
 
 DeviceAngle = Annotated[float, Meta(ge=-45, le=225)]
 
 
 class Lms1xxOptions(Struct, frozen=True):
-    """Rate, step, used field of view and echoes."""
+    """Rate, step, used field of view and echoes.
+
+    "auto" finds the dialect out; "binary" and "ascii" (CoLa-B and CoLa-A) never try the other.
+    """
 
     dialect: DialectSetting
     scan_rate_hz: Literal[25, 50]
@@ -29,7 +32,7 @@ class Lms1xxOptions(Struct, frozen=True):
     first_deg: DeviceAngle
     last_deg: DeviceAngle
     echo: Echo
-    accepted_status: list[Annotated[int, Meta(ge=2, le=255)]]
+    accepted_status: list[Annotated[int, Meta(ge=2, le=255)]]  # beside 0, of scans that are used
 
     def __post_init__(self) -> None:
         if (self.scan_rate_hz, self.angular_step_deg) not in MODES:

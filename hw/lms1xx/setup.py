@@ -7,14 +7,14 @@ Source: lms111 sheet, sections 3, 4 and 6.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from hw.device import DeviceStatus
-from hw.exchange import Exchange, StartAgainError, Steps
+from hw.exchange import StartAgainError, Steps
 from hw.lms1xx import commands
 from hw.lms1xx.commands import Command, ScanConfig
-from hw.lms1xx.exchange import ANSWER_S, OPTIONAL_S, START_UP_S, ColaExchange, Memory, ScanStream
-from hw.lms1xx.scan import FIRST_DEG, LAST_DEG, ScanSettings
+from hw.lms1xx.exchange import ANSWER_S, OPTIONAL_S, START_UP_S, ColaExchange
+from hw.lms1xx.options import Lms1xxOptions
+from hw.lms1xx.scan import FIRST_DEG, LAST_DEG
 from hw.lms1xx.status import CONFIG_FAULTS, CONFIGURING, IDLE, READY, STATES
 from hw.lms1xx.telegrams import Answer, Refusal
 
@@ -26,45 +26,27 @@ ANSWER_LOGIN_S = 2.0
 STOPPED = (CONFIGURING, IDLE)  # it measures only after somebody has sent Run
 SLACK_DEG = 0.01  # output ranges are off the grid by 0.0003 deg
 ANOTHER_HOST = "another host may be configuring it"
-SCAN_MODE = "Hz in steps of"  # in every remark on rate and step
 BUSY = "says that it is busy"
-CONTENT_FIELDS = (  # of `LMDscandatacfg`, up to the interval
-    *("echoes", "echoes (high byte)", "remission", "16 bit remission", "remission unit"),
-    *("encoders", "encoders (high byte)", "position", "name", "comment", "time"),
-)
 
 
-@dataclass(frozen=True, slots=True)
-class Survey:
+class Survey(NamedTuple):
     """What the device says about its settings; None where it does not."""
 
     scan: ScanConfig | None
     content: tuple[int, ...] | None
     span_deg: tuple[float, float] | None
 
-    @property
-    def values(self) -> tuple[object, ...]:
-        """To be compared."""
-        return (self.scan, self.content, self.span_deg)
-
 
 class Setup:
     """From the first answer to a device that measures."""
 
-    def __init__(
-        self,
-        exchange: Exchange,
-        cola: ColaExchange,
-        status: DeviceStatus,
-        stream: ScanStream,
-        memory: Memory,
-        settings: ScanSettings,
-    ) -> None:
-        self._exchange, self._cola, self._status = exchange, cola, status
-        self._stream, self._memory, self._settings = stream, memory, settings
+    def __init__(self, cola: ColaExchange, options: Lms1xxOptions) -> None:
+        self._cola, self._options = cola, options
+        self._exchange, self._status, self._memory = cola.exchange, cola.status, cola.memory
         self._config = ScanConfig(
-            round(settings.scan_rate_hz * 100), round(settings.angular_step_deg * 10_000)
+            round(options.scan_rate_hz * 100), round(options.angular_step_deg * 10_000)
         )
+        self._content = commands.content(options.echo)
         self._unreadable: set[str] = set()  # names that are not asked for again in this attempt
         self._state: int | None = None  # code of STlms; None also where it says that it is busy
 
@@ -83,7 +65,7 @@ class Setup:
             survey = yield from self._survey()
             self._state = yield from self._maybe_state()
             if (yield from self._measures_as_wanted(survey)):
-                self._remark_differences(survey)
+                self._remark_contents(survey)
                 return None
             is_stopped = self._state in STOPPED
             begun_s = max(self._memory.set_up_s, self._memory.ran_s if is_stopped else -math.inf)
@@ -132,29 +114,16 @@ class Setup:
 
     def _is_wanted(self, survey: Survey) -> bool:
         """Whether nothing is to be set; or nothing more than what was refused before."""
-        if None in survey.values:
+        if None in survey:
             return False
-        wanted = (self._config, commands.content(self._settings.echo))
-        is_whole = survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))
-        is_as_wanted = (survey.scan, survey.content) == wanted and is_whole
-        return is_as_wanted or survey.values == self._memory.settled
+        is_as_wanted = (survey.scan, survey.content) == (self._config, self._content)
+        return (is_as_wanted and _is_whole(survey)) or survey == self._memory.settled
 
-    def _remark_differences(self, survey: Survey) -> None:
-        """Asked, and got, where that differs; step and rate of the scans themselves count."""
-        if survey.scan is not None and survey.scan != self._config:
-            asked, got = _describe_mode(self._config), _describe_mode(survey.scan)
-            self._cola.remark(f"was asked for {asked} and says {got}")
-        wanted = commands.content(self._settings.echo)
-        if survey.content is not None and survey.content != wanted:
-            if survey.content[-1] != wanted[-1]:
-                self._cola.remark(f"sends one scan in {survey.content[-1]} only")
-            for field, told, says in zip(CONTENT_FIELDS, wanted, survey.content, strict=False):
-                if told != says:
-                    self._cola.remark(f"has {field} {says} in its scans, not {told} as it was told")
-        settings, span_deg = self._settings, survey.span_deg
-        if span_deg and not covers(span_deg, (settings.first_deg, settings.last_deg)):
-            asked, got = f"{FIRST_DEG:g} to {LAST_DEG:g} deg", f"{span_deg[0]:g} to {span_deg[1]:g}"
-            self._cola.remark(f"was asked for {asked} and says {got} deg")
+    def _remark_contents(self, survey: Survey) -> None:
+        """Where they are others than told; all else that it took, the scans themselves tell."""
+        if survey.content is not None and survey.content != self._content:
+            says, told = (" ".join(map(str, values)) for values in (survey.content, self._content))
+            self._cola.remark(f"has LMDscandatacfg {says}, not {told} as it was told")
 
     def _maybe_state(self) -> Steps[int | None]:
         """The code of `STlms`, or its like by the older `SCdevicestate`; None: not known, or busy.
@@ -165,7 +134,7 @@ class Setup:
         answer = yield from self._maybe_read(commands.READ_STATE)
         if answer is not None and (state := commands.maybe_state(answer)) is not None:
             if state[1] is not None:
-                self._stream.temperature_ok = state[1]
+                self._memory.temperature_ok = state[1]
             return state[0]
         answer = yield from self._maybe_read(commands.READ_DEVICE_STATE)
         number = None if answer is None else commands.maybe_number(answer)
@@ -181,30 +150,28 @@ class Setup:
         """Log in, set what differs, start, Run, and read back what it took."""
         self._status.fall_back("starting", self._exchange.failure or "the scanner is being set up")
         if not (yield from self._log_in(self._state == READY)):
-            self._remark_differences(survey)
+            self._remark_contents(survey)
             return
         if survey.scan != self._config:  # else the mirror may stay as it is
             yield from self._set_scan_config()
-        yield from self._cola.ask_optional(commands.set_content(self._settings.echo))
-        if survey.span_deg is None or not covers(survey.span_deg, (FIRST_DEG, LAST_DEG)):
+        yield from self._cola.ask_optional(commands.set_content(self._options.echo))
+        if not _is_whole(survey):
             # Firmware that refuses the whole field of view (1.23 does) keeps its own.
             yield from self._cola.ask_optional(commands.set_output_range(self._config.step))
         yield from self._cola.must(commands.START_MEASURING)
         self._memory.owes_run = not (yield from self._cola.must(commands.RUN))
         self._memory.set_up_s = self._exchange.now_s
         yield from self._wait_until_ready()
-        survey = yield from self._survey()
-        self._memory.settled = survey.values
-        self._remark_differences(survey)
+        survey = self._memory.settled = yield from self._survey()
+        self._remark_contents(survey)
 
     def _log_in(self, is_measuring: bool) -> Steps[bool]:
         """False where it is refused, and the device measures all the same."""
         self._memory.owes_run = True  # from here on: its answer may get lost
         before_s, self._memory.set_up_s = self._memory.set_up_s, self._exchange.now_s
-        login = commands.login()
-        result = yield from self._cola.ask(login, ANSWER_LOGIN_S)
+        result = yield from self._cola.ask(commands.LOGIN, ANSWER_LOGIN_S)
         if result is None:
-            raise StartAgainError(f"the scanner does not answer {login.name}")
+            raise StartAgainError(f"the scanner does not answer {commands.LOGIN.name}")
         if isinstance(result, Answer) and commands.is_good(result):
             return True
         self._memory.owes_run, self._memory.set_up_s = False, before_s  # nothing has changed
@@ -224,16 +191,9 @@ class Setup:
 
     def _set_scan_config(self) -> Steps[None]:
         answer = yield from self._cola.ask_optional(commands.set_scan_config(self._config))
-        taken = commands.maybe_taken_config(answer) if answer is not None else None
-        if taken is None:
-            return
-        status, config = taken
-        if status:
+        if answer is not None and (status := commands.maybe_number(answer)):
             fault = CONFIG_FAULTS.get(status, f"status {status}")
-            self._cola.remark(f"did not take {_describe_mode(self._config)}: {fault}")
-        elif config is not None and config != self._config:
-            asked = _describe_mode(self._config)
-            self._cola.remark(f"took {_describe_mode(config)} instead of {asked}")
+            self._cola.remark(f"did not take the scan rate and step: {fault}")
 
     def _wait_until_ready(self) -> Steps[None]:
         begun_s = self._exchange.now_s
@@ -256,5 +216,6 @@ def covers(span_deg: tuple[float, float], wanted_deg: tuple[float, float]) -> bo
     return span_deg[0] <= wanted_deg[0] + SLACK_DEG and span_deg[1] >= wanted_deg[1] - SLACK_DEG
 
 
-def _describe_mode(config: ScanConfig) -> str:
-    return f"{config.centihertz / 100:g} {SCAN_MODE} {config.step / 10_000:g} deg"
+def _is_whole(survey: Survey) -> bool:
+    """Whether it sends its whole field of view."""
+    return survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))

@@ -8,7 +8,6 @@ units end in `ranges_m_from_channel`. Source: lms111 sheet, sections 2 and 5.
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
@@ -17,7 +16,7 @@ import numpy as np
 
 from core.records import F64
 from hw.lms1xx.cola import ColaParser, Dialect, DialectSetting, PayloadError
-from hw.lms1xx.cola_fields import BinaryFields, Fields, Raw, TextFields
+from hw.lms1xx.cola_fields import Fields, Raw, TextFields, new_fields
 
 Echo = Literal["first", "last", "both"]
 
@@ -26,9 +25,6 @@ MAX_CHANNELS, MAX_ENCODERS = 16, 8
 LEAST_RANGE_RAW = 16  # smaller values say why there is no measurement
 FIELD_FIRST, FIELD_LAST = -450_000, 2_250_000  # whole field of view, 1/10000 deg
 CONTENT = re.compile(r"[A-Z]{4}[1-9]")  # DIST1, RSSI2; sister models have more, and of others
-# Raw distances below LEAST_RANGE_RAW (section 5; the words of 2 and 3 are not confirmed there).
-CODES = {0: "no echo", 1: "dazzled", 2: "implausible", 3: "filtered"}
-RESERVED = "reserved"  # 4..15
 
 _TYPES = {b"sRA", b"sWA", b"sAN", b"sEA", b"sSN"}
 # After the name: version, device, serial number, status, counters, stamps, inputs, outputs,
@@ -36,7 +32,7 @@ _TYPES = {b"sRA", b"sWA", b"sAN", b"sEA", b"sSN"}
 _FIXED = "HHI2BHHII2B2BHIIH"
 _CHANNEL = "5sffiHH"  # content, scale, offset, first angle, step, points
 
-REFUSALS = {
+REFUSALS = {  # those that a host may meet; the sheet has them all
     0x01: "access denied",
     0x02: "unknown method",
     0x03: "unknown variable",
@@ -54,15 +50,6 @@ REFUSALS = {
     0x0F: "unknown event",
     0x10: "text: value overflow",
     0x11: "text: invalid character",
-    0x12: "no system message",
-    0x13: "no answer from the system",
-    0x14: "internal error",
-    0x15: "hub address corrupted",
-    0x16: "hub address not decoded",
-    0x17: "hub address exceeded",
-    0x18: "hub address: blank expected",
-    0x19: "asynchronous methods suppressed",
-    0x1A: "complex arrays not supported",
 }
 
 
@@ -77,6 +64,11 @@ class Channel:
     step_deg: float
     raw: Raw  # (n,)
 
+    @property
+    def layout(self) -> tuple[float, float, int]:
+        """First angle, step, and number of values."""
+        return self.first_deg, self.step_deg, len(self.raw)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScanTelegram:
@@ -85,7 +77,6 @@ class ScanTelegram:
     arrived_s: float  # host clock
     polled: bool  # asked for, not streamed
     version: int
-    device_number: int
     serial_number: int
     status: tuple[int, int]  # (0, 0): measurements are valid
     telegram_counter: int
@@ -94,7 +85,6 @@ class ScanTelegram:
     sent_us: int  # when transmission began
     inputs: tuple[int, int]
     outputs: tuple[int, int]
-    layer_raw: int  # of sister models; 0
     scan_hz: float
     measurement_hz: float
     encoders: tuple[tuple[int, int], ...]  # position, speed
@@ -118,7 +108,7 @@ class Answer:
 
     def fields(self) -> Fields:
         """A reader of the values."""
-        return BinaryFields(self.values) if self.dialect == "binary" else TextFields(self.values)
+        return new_fields(self.values, self.dialect)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +147,7 @@ def decode(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> Te
         raise PayloadError("unknown telegram")
     name, space, values = payload[4:].partition(b" ")
     if name == b"LMDscandata" and space and kind in (b"sSN", b"sRA"):
-        reader: Callable[[bytes, int], Fields] = TextFields if dialect == "ascii" else BinaryFields
-        fields = reader(payload, 16)
+        fields = new_fields(values, dialect)
         return _scan_telegram(now_s, kind == b"sRA", fields, dialect, max_beams)
     if not (name.isascii() and name.isalnum()):
         raise PayloadError("unknown telegram")
@@ -168,7 +157,7 @@ def decode(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> Te
 def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
     """Binary: two bytes right after the type; text: after a space."""
     if dialect == "ascii" and payload[3:4] == b" ":
-        return Refusal(TextFields(payload, 3).fields("H")[0], dialect)
+        return Refusal(TextFields(payload[3:]).fields("H")[0], dialect)
     if dialect == "binary" and len(payload) == 5:
         return Refusal(int.from_bytes(payload[3:], "big"), dialect)
     raise PayloadError("unknown telegram")
@@ -177,10 +166,8 @@ def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
 def _scan_telegram(
     now_s: float, polled: bool, fields: Fields, dialect: Dialect, max_beams: int
 ) -> ScanTelegram:
-    version, device, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(
-        _FIXED
-    )
-    i1, i2, o1, o2, layer, centihertz, hectohertz, encoders = rest
+    version, _, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(_FIXED)
+    i1, i2, o1, o2, _, centihertz, hectohertz, encoders = rest
     if centihertz == 0:
         raise PayloadError("scan frequency is 0")
     if encoders > MAX_ENCODERS:
@@ -189,7 +176,6 @@ def _scan_telegram(
         arrived_s=now_s,
         polled=polled,
         version=version,
-        device_number=device,
         serial_number=serial,
         status=(s1, s2),
         telegram_counter=telegrams,
@@ -198,7 +184,6 @@ def _scan_telegram(
         sent_us=sent_us,
         inputs=(i1, i2),
         outputs=(o1, o2),
-        layer_raw=layer,
         scan_hz=centihertz / 100,
         measurement_hz=hectohertz * 100.0,
         encoders=tuple((p, s) for p, s in (fields.fields("Ih") for _ in range(encoders))),
@@ -254,17 +239,9 @@ def _flag(fields: Fields, what: str) -> bool:
     return bool(value)
 
 
-def ranges_m_from_channel(channel: Channel, part: slice, out: F64) -> None:
-    """Ranges of a part of a DIST channel into `out` (k,); NaN where nothing was measured."""
+def ranges_m_from_channel(channel: Channel, part: slice) -> F64:
+    """Ranges (k,) of a part of a DIST channel; NaN where nothing was measured."""
     raw = channel.raw[part]
-    np.multiply(raw, channel.scale / 1000, out=out, dtype=np.float64)
-    if channel.offset:
-        out += channel.offset / 1000
-    out[(raw < LEAST_RANGE_RAW) | (out <= 0)] = math.nan
-
-
-def beams_lost(channel: Channel, part: slice) -> dict[str, int]:
-    """How many beams of a part of a DIST channel measured nothing, by cause."""
-    raw = channel.raw[part]
-    counts = np.bincount(raw[raw < LEAST_RANGE_RAW], minlength=LEAST_RANGE_RAW).tolist()
-    return {cause: counts[code] for code, cause in CODES.items()} | {RESERVED: sum(counts[4:])}
+    ranges_m = np.multiply(raw, channel.scale / 1000, dtype=np.float64) + channel.offset / 1000
+    ranges_m[(raw < LEAST_RANGE_RAW) | (ranges_m <= 0)] = math.nan
+    return ranges_m

@@ -1,39 +1,84 @@
-"""Judges the telegrams of a SICK LMS1xx that is measuring: new, usable, as configured, and well.
+"""While a SICK LMS1xx measures: asks how it is, and judges its telegrams. No I/O, no clock.
 
 It refuses to deliver what is not known to be good: a repeated telegram, a device status that is not
 documented as good, a window too dirty to see through. Source: lms111 sheet, sections 3 and 5.
 """
 
 import math
+from typing import Any
 
-from hw.device import BadFrame, DeviceStatus
-from hw.lms1xx.exchange import ScanStream
-from hw.lms1xx.scan import ScanSettings
-from hw.lms1xx.setup import SCAN_MODE, covers
-from hw.lms1xx.status import (
-    CONTAMINATIONS,
-    TOO_DIRTY,
-    ScannerCondition,
-    describe_status,
-    is_usable,
-)
-from hw.lms1xx.telegrams import ScanTelegram
+from hw.device import BadFrame
+from hw.lms1xx import commands
+from hw.lms1xx.commands import Command
+from hw.lms1xx.exchange import ColaExchange
+from hw.lms1xx.options import Lms1xxOptions
+from hw.lms1xx.setup import covers
+from hw.lms1xx.status import CONTAMINATIONS, HOT, TOO_DIRTY, describe_status
+from hw.lms1xx.telegrams import Refusal, ScanTelegram
 
 UNUSABLE_S = 0.5  # without a scan that may be believed, after which it runs no longer
+CHECK_EVERY_S = 2.5  # by turns: each question every 5 s
+CHECK_ANSWER_S = 2.0
+GIVE_UP = 2
+
+
+class Checkup:
+    """The questions of one connection: contamination, and temperature with the state.
+
+    One at a time, while scans go on; one that was refused or not answered twice is asked no more.
+    """
+
+    def __init__(self, cola: ColaExchange) -> None:
+        now_s = cola.exchange.now_s
+        self._dialect, self._memory = cola.dialect, cola.memory
+        self._topics = [commands.READ_CONTAMINATION, commands.READ_STATE]
+        self._unanswered = {topic.name: 0 for topic in self._topics}
+        self._due_s, self._asked_s = now_s + 0.5, now_s
+        self._asked: Command | None = None
+
+    def out(self, now_s: float) -> bytes:
+        """The bytes of the next question, if it is due."""
+        if self._asked is not None and now_s - self._asked_s >= CHECK_ANSWER_S:
+            self._fail(self._asked)
+        if self._asked is not None or now_s < self._due_s or not self._topics:
+            return b""
+        self._asked, self._asked_s = self._topics.pop(0), now_s
+        self._due_s = now_s + CHECK_EVERY_S
+        return self._asked.encode(self._dialect)
+
+    def hear(self, event: Any) -> None:
+        """Remember what it says, if it answers what was asked."""
+        asked = self._asked
+        if asked is None:
+            return
+        if isinstance(event, Refusal):
+            self._fail(asked)
+        elif asked.is_answered_by(event):
+            self._unanswered[asked.name] = 0
+            self._topics.append(asked)
+            self._asked = None
+            if asked is commands.READ_CONTAMINATION:
+                self._memory.contamination = commands.maybe_number(event)
+            elif (state := commands.maybe_state(event)) is not None and state[1] is not None:
+                self._memory.temperature_ok = state[1]
+
+    def _fail(self, asked: Command) -> None:
+        """No answer: ask once more when its turn comes."""
+        self._unanswered[asked.name] += 1
+        if self._unanswered[asked.name] < GIVE_UP:
+            self._topics.append(asked)
+        self._asked = None
 
 
 class TelegramWatch:
-    """Takes the telegrams of one connection, and sets the status by them."""
+    """Takes the telegrams of one subscription, and sets the status by them."""
 
-    def __init__(self, status: DeviceStatus, stream: ScanStream, settings: ScanSettings) -> None:
-        self._status, self._stream, self._settings = status, stream, settings
+    def __init__(self, cola: ColaExchange, options: Lms1xxOptions) -> None:
+        self._cola, self._options = cola, options
+        self._status, self._memory = cola.status, cola.memory
         self._last: ScanTelegram | None = None
         self._usable_s = -math.inf  # host clock, last telegram that may be believed
         self._told: tuple[object, ...] = ()  # what the cause was last made of
-
-    def begin(self) -> None:
-        """A new subscription: nothing is compared with what came before it."""
-        self._last, self._told = None, ()
 
     def is_new(self, telegram: ScanTelegram) -> bool:
         """False for a telegram that was there before; counts those that never came."""
@@ -49,65 +94,52 @@ class TelegramWatch:
             self._status.missed += gap
         return True
 
-    def take(self, now_s: float, telegram: ScanTelegram, remarks: list[str]) -> bool:
+    def take(self, now_s: float, telegram: ScanTelegram) -> bool:
         """Hand it to the side that measures, if it may be believed; whether it was."""
-        self._stream.newest = telegram
+        memory = self._memory
+        memory.serial_number = telegram.serial_number
         if doubt := self._doubt(telegram):
-            self._stream.not_ready += 1
             if now_s - self._usable_s >= UNUSABLE_S:
                 self._status.fall_back("starting", f"the scanner {doubt}")
                 self._told = ()
             return False
         self._usable_s = now_s
-        self._stream.telegrams.append(telegram)
-        geometry = [
-            (channel.first_deg, channel.step_deg, len(channel.raw))
-            for channel in telegram.channels.values()
-        ]
-        health = (self._stream.contamination, self._stream.temperature_ok, telegram.status)
-        if self._told != (told := (telegram.scan_hz, *health, *geometry)):
+        memory.telegrams.append(telegram)
+        layouts = (channel.layout for channel in telegram.channels.values())
+        health = (memory.contamination, memory.temperature_ok, telegram.status)
+        if self._told != (told := (telegram.scan_hz, *health, *layouts)):
             self._told = told
-            self._status.state, self._status.cause = "running", self._remark(telegram, remarks)
+            self._status.state, self._status.cause = "running", self._remark(telegram)
         return True
 
     def _doubt(self, telegram: ScanTelegram) -> str:
         """Why its ranges are not to be used; "" if they are."""
-        if not is_usable(telegram.status, self._settings.accepted_status):
+        value = telegram.status[0] | telegram.status[1]  # which byte says what is not documented
+        if value and value not in self._options.accepted_status:
             return describe_status(telegram.status)
-        dirt = self._stream.contamination or 0
+        dirt = self._memory.contamination or 0
         return CONTAMINATIONS.get(dirt, "") if dirt >= TOO_DIRTY else ""
 
-    def _remark(self, telegram: ScanTelegram, remarks: list[str]) -> str:
+    def _remark(self, telegram: ScanTelegram) -> str:
         """What is not as configured, or not well, in one sentence; "" if all is."""
-        settings, channels = self._settings, telegram.channels
-        faults = list(remarks)
+        options, channels = self._options, telegram.channels
+        faults = list(self._cola.remarks)
         channel = channels.get("DIST1") or channels.get("DIST2")
         if channel is not None:
             is_hz, is_deg = telegram.scan_hz, channel.step_deg
-            if (is_hz, is_deg) != (settings.scan_rate_hz, settings.angular_step_deg):
-                faults = [fault for fault in faults if SCAN_MODE not in fault]  # said once
+            if (is_hz, is_deg) != (options.scan_rate_hz, options.angular_step_deg):
                 faults.append(
                     f"scans at {is_hz:g} Hz in steps of {is_deg:g} deg, configured are "
-                    f"{settings.scan_rate_hz:g} Hz and {settings.angular_step_deg:g} deg"
+                    f"{options.scan_rate_hz:g} Hz and {options.angular_step_deg:g} deg"
                 )
             last_deg = channel.first_deg + (len(channel.raw) - 1) * is_deg
             span_deg = (channel.first_deg - is_deg / 2, last_deg + is_deg / 2)
-            if not covers(span_deg, (settings.first_deg, settings.last_deg)):
+            if not covers(span_deg, (options.first_deg, options.last_deg)):
                 faults.append(f"sends {channel.first_deg:g} to {last_deg:g} deg only")
-        if settings.echo != "first" and "DIST2" not in channels:
+        if options.echo != "first" and "DIST2" not in channels:
             faults.append("sends no second echo")
-        if message := condition_of(self._stream).message:
-            faults.append(message)
-        return f"the scanner {', '.join(faults)}" if faults else ""
-
-
-def condition_of(stream: ScanStream) -> ScannerCondition:
-    """What is known of the scanner, without its beams."""
-    newest = stream.newest
-    return ScannerCondition(
-        contamination=stream.contamination,
-        temperature_ok=stream.temperature_ok,
-        device_status=newest.status if newest else (0, 0),
-        firmware=stream.firmware,
-        serial_number=newest.serial_number if newest else None,
-    )
+        faults.append(CONTAMINATIONS.get(self._memory.contamination or 0, ""))
+        faults.append(HOT if self._memory.temperature_ok is False else "")
+        faults.append(describe_status(telegram.status) if any(telegram.status) else "")
+        told = ", ".join(fault for fault in faults if fault)
+        return f"the scanner {told}" if told else ""

@@ -1,13 +1,13 @@
 """A fake LMS111 and a host that writes frames and looks at what came back; frames of the sheet."""
 
 import re
-import struct
 from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from fakes.lms1xx.device import FakeLms111
+from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from tests.support.lms111_vectors import FRAMES, framed, texted
 
 F64 = npt.NDArray[np.float64]
@@ -26,15 +26,18 @@ def payloads(stream: bytes) -> list[bytes]:
     return found
 
 
-def raw_of(scan: bytes) -> list[int]:
-    """The DIST1 values of a telegram without encoder."""
-    _, _, count = struct.unpack_from(">iHH", scan, 69)
-    assert scan[56:61] == b"DIST1"
-    return list(struct.unpack_from(f">{count}H", scan, 77))
+def scans_of(stream: bytes) -> list[ScanTelegram]:
+    """The scans among telegrams, as mapod's own parser reads them."""
+    found = new_parser("auto").feed(0.0, stream)
+    return [scan for scan in found if isinstance(scan, ScanTelegram)]
 
 
-def counters(scans: list[bytes]) -> list[int]:
-    return [struct.unpack_from(">H", scan, 28)[0] for scan in scans]
+def raw_of(scan: ScanTelegram, content: str = "DIST1") -> list[int]:
+    return [int(raw) for raw in scan.channels[content].raw]
+
+
+def counters(scans: list[ScanTelegram]) -> list[int]:
+    return [scan.scan_counter for scan in scans]
 
 
 def five_metres(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
@@ -69,18 +72,20 @@ class Bench:
         assert re.fullmatch(rb"\x02[^\x02\x03]*\x03", answer), answer
         return answer[1:-1].decode()
 
-    def listen(self, seconds: float) -> list[bytes]:
-        """What comes, as payloads."""
-        sent = b""
-        until_s = self.now_s + seconds
+    def hear(self, seconds: float) -> bytes:
+        """What comes."""
+        sent, until_s = b"", self.now_s + seconds
         while self.now_s < until_s:
             self.now_s += 0.005
             sent += self.fake.exchange(self.now_s, b"")
-        return payloads(sent)
+        return sent
 
-    def scans(self, seconds: float) -> list[bytes]:
-        heard = self.listen(seconds)
-        return [payload for payload in heard if payload.startswith(b"sSN LMDscandata ")]
+    def listen(self, seconds: float) -> list[bytes]:
+        """What comes, as payloads."""
+        return payloads(self.hear(seconds))
+
+    def scans(self, seconds: float) -> list[ScanTelegram]:
+        return scans_of(self.hear(seconds))
 
     def start(self, *settings: bytes) -> None:
         """The order of a session, up to streaming; nothing is lost on the way."""

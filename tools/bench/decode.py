@@ -14,7 +14,8 @@ import numpy as np
 from fakes.mti.device import FakeMti
 from hw.ax3500.lines import Line, LineParser, maybe_counter
 from hw.device import BadFrame, Parser
-from hw.lms1xx.scan import ScanMaker, ScanSettings
+from hw.lms1xx.options import Lms1xxOptions
+from hw.lms1xx.scan import ScanMaker
 from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder
@@ -92,11 +93,7 @@ class _Scans:
 
     def __init__(self) -> None:
         self._telegrams = new_parser("auto")
-        self._maker = ScanMaker(
-            ScanSettings(
-                scan_rate_hz=50, angular_step_deg=0.5, first_deg=-45.0, last_deg=225.0, echo="first"
-            )
-        )
+        self._maker = ScanMaker(Lms1xxOptions("auto", 50, 0.5, -45.0, 225.0, "first", []))
 
     def feed(self, now_s: float, data: bytes) -> list[object]:
         """Scans, answers and bad frames."""

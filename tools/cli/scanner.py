@@ -41,9 +41,7 @@ class Scanner:
         """
 
         def is_answer(event: object) -> bool:
-            if isinstance(event, Answer):
-                return f"{event.kind} {event.name}" == command.answer
-            return isinstance(event, Refusal)
+            return isinstance(event, Refusal) or command.is_answered_by(event)
 
         try:
             event = self._talk.ask(command.encode(self.dialect), is_answer, ANSWER_S, tries=1)
@@ -61,7 +59,7 @@ class Scanner:
 
     def logged_in(self, *wanted: Command) -> None:
         """Commands that need a login; Run follows, whatever became of them."""
-        self.do(commands.login())
+        self.do(commands.LOGIN)
         try:
             for command in wanted:
                 self.do(command)
@@ -165,7 +163,7 @@ def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
             scanner.logged_in(commands.STOP_MEASURING)
             return ["it does not measure any more, until mapod starts it"]
         case "reboot":
-            scanner.do(commands.login())
+            scanner.do(commands.LOGIN)
             scanner.do(commands.REBOOT)
             return ["it starts anew, which takes up to 30 s"]
         case _:

@@ -12,14 +12,20 @@ import numpy as np
 from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command
-from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
-from tools.cli.conversation import Conversation, conversation
+from hw.lms1xx.telegrams import (
+    LEAST_RANGE_RAW,
+    Answer,
+    Refusal,
+    ScanTelegram,
+    new_parser,
+    ranges_m_from_channel,
+)
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
 from tools.cli.scanner import Scanner, dialect_of
 from tools.compare.facts import (
     SILENT,
     Fact,
     Portrait,
-    Reply,
     counts_in_words,
     delay_fact,
     noise_fact,
@@ -57,7 +63,6 @@ MIRRORED = (commands.READ_CONTENT, commands.READ_OUTPUT_RANGE)  # besides rate a
 READY = 1  # of SCdevicestate
 MIRROR = 0.01  # share by which mirrors turn faster or slower: a recorded one by 0.0075
 LEAST_SCANS = 10  # for their noise
-FIRST_VALID_RAW = 8  # smaller numbers are codes
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
@@ -87,35 +92,28 @@ def make_alike(real: str, fake: str) -> None:
         RefusedError: the fake does not take them.
     """
     with conversation(real, new_parser("auto")) as talk:
-        dialect = dialect_of(talk)
-        wanted = [written for read in MIRRORED if (written := _as_written(talk, read, dialect))]
-        device_state = reply_to(
-            talk, commands.READ_DEVICE_STATE.encode(dialect), _answers, ANSWER_S
-        )
-        measures = device_state is not None and _device_state(device_state) == READY
-    with conversation(fake, new_parser(dialect)) as talk:
-        scanner = Scanner(talk, dialect)
+        scanner = Scanner(talk, dialect_of(talk))
+        read = [(command.name, _maybe_told(scanner, command)) for command in MIRRORED]
+        wanted = [_written(name, told) for name, told in read if told is not None]
+        state = _maybe_told(scanner, commands.READ_DEVICE_STATE)
+        measures = state is not None and commands.maybe_number(state) == READY
+    with conversation(fake, new_parser(scanner.dialect)) as talk:
+        scanner = Scanner(talk, scanner.dialect)
         scanner.logged_in(*wanted, *([commands.START_MEASURING] if measures else []))
         _wait_until_ready(talk, scanner)
 
 
-def _answers(event: object) -> bool:
-    return isinstance(event, Answer | Refusal)
-
-
-def _device_state(reply: Reply) -> int | None:
-    event = reply.event
-    return commands.maybe_number(event) if isinstance(event, Answer) else None
-
-
-def _as_written(talk: Conversation, read: Command, dialect: Dialect) -> Command | None:
-    """The command that writes what a read gives; None where it is not told."""
-    reply = reply_to(talk, read.encode(dialect), _answers, ANSWER_S)
-    if reply is None or not isinstance(reply.event, Answer):
+def _maybe_told(scanner: Scanner, command: Command) -> Answer | None:
+    try:
+        return scanner.ask(command)
+    except (NoAnswerError, RefusedError):
         return None
-    values = reply.event.values
-    text = values.decode("latin-1") if dialect == "ascii" else ""
-    return Command("sWN", read.name, b"" if text else values, text)
+
+
+def _written(name: str, told: Answer) -> Command:
+    """The command that writes what a read gave."""
+    is_text = told.dialect == "ascii"
+    return Command("sWN", name, told.values, told.values.decode("latin-1") if is_text else "")
 
 
 def _wait_until_ready(talk: Conversation, scanner: Scanner) -> None:
@@ -130,34 +128,19 @@ def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = ""
     name = f"{command.kind} {command.name}{f' {how}' if how else ''}"
 
     def is_answer(event: object) -> bool:
-        is_own = isinstance(event, Answer) and f"{event.kind} {event.name}" == command.answer
-        return is_own or isinstance(event, Refusal)
+        return isinstance(event, Refusal) or command.is_answered_by(event)
 
     reply = reply_to(talk, command.encode(dialect), is_answer, ANSWER_S)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
-    return {
-        f"{name}: answer": Fact(_in_words(reply)),
-        f"{name}: delay": delay_fact(reply.delay_s),
-        **_values(name, command, reply.event),
-    }
-
-
-def _in_words(reply: Reply) -> str:
-    event = reply.event
-    return f"refused: {event.reason}" if isinstance(event, Refusal) else str(event.kind)
-
-
-def _values(name: str, command: Command, event: Answer | Refusal) -> Portrait:
-    """What an answer holds: its own, or what the two should agree on."""
+    event, delay = reply.event, delay_fact(reply.delay_s)
     if isinstance(event, Refusal):
-        return {}
+        return {f"{name}: answer": Fact(f"refused: {event.reason}"), f"{name}: delay": delay}
+    facts = {f"{name}: answer": Fact(str(event.kind)), f"{name}: delay": delay}
     if command.name in OWN:
-        return {f"{name}: values": Fact(_readable(event), "own")}
-    return {
-        f"{name}: size": Fact(len(event.values), "same", unit="bytes"),
-        f"{name}: values": Fact(_readable(event)),
-    }
+        return facts | {f"{name}: values": Fact(_readable(event), "own")}
+    size = Fact(len(event.values), "same", unit="bytes")
+    return facts | {f"{name}: size": size, f"{name}: values": Fact(_readable(event))}
 
 
 def _readable(event: Answer) -> str:
@@ -170,7 +153,7 @@ def _settings(talk: Conversation, dialect: Dialect) -> Portrait:
     """A login, the settings that it has once more, start and Run; what was stored stays."""
     scanner = Scanner(talk, dialect)
     config = commands.maybe_scan_config(scanner.ask(commands.READ_SCAN_CONFIG))
-    wanted = [commands.login(), commands.set_content("first")]
+    wanted = [commands.LOGIN, commands.set_content("first")]
     if config is not None:
         wanted += [commands.set_scan_config(config), commands.set_output_range(config.step)]
     facts: Portrait = {}
@@ -188,7 +171,7 @@ def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
     facts: Portrait = {}
     for event in talk.hear(seconds + 2.0):
         now_s = talk.now_s()
-        if isinstance(event, Answer) and f"{event.kind} {event.name}" == begin.answer:
+        if begin.is_answered_by(event):
             facts["subscription: delay"] = delay_fact(now_s - subscribed_s)
         if isinstance(event, Refusal):
             facts["subscription: refused"] = Fact(event.reason)
@@ -222,17 +205,13 @@ def _format(scan: ScanTelegram) -> Portrait:
         "scan: channels": Fact(" ".join(scan.channels)),
     }
     for option in ("position", "name", "comment", "clock", "event"):
-        there = getattr(scan, option) is not None
-        facts[f"scan: {option}"] = Fact("there" if there else NOT_SENT)
+        facts[f"scan: {option}"] = Fact("not sent" if getattr(scan, option) is None else "there")
     for channel in scan.channels.values():
         facts[f"scan {channel.content}: layout"] = Fact(
             f"{len(channel.raw)} values from {channel.first_deg:g} deg in steps of "
             f"{channel.step_deg:g} deg, x {channel.scale:g} + {channel.offset:g}"
         )
     return facts
-
-
-NOT_SENT = "not sent"
 
 
 def _counters(scans: list[ScanTelegram], arrivals_s: list[float]) -> Iterator[tuple[str, Fact]]:
@@ -262,11 +241,10 @@ def _ranges(scans: list[ScanTelegram]) -> Portrait:
     channels = [scan.channels["DIST1"] for scan in scans if "DIST1" in scan.channels]
     if not channels or len({len(channel.raw) for channel in channels}) > 1:
         return {}
-    raw = np.array([channel.raw for channel in channels])
-    ranges_m = (raw * channels[0].scale + channels[0].offset) / 1000
-    codes = Counter(int(code) for code in raw[-1][raw[-1] < FIRST_VALID_RAW])
-    seen = (raw >= FIRST_VALID_RAW).all(axis=0)
-    facts = number_facts("scan: ranges", list(ranges_m[-1][raw[-1] >= FIRST_VALID_RAW]), "m")
+    ranges_m = np.array([ranges_m_from_channel(channel, slice(None)) for channel in channels])
+    codes = Counter(int(raw) for raw in channels[-1].raw if raw < LEAST_RANGE_RAW)
+    seen = np.isfinite(ranges_m).all(axis=0)
+    facts = number_facts("scan: ranges", list(ranges_m[-1][np.isfinite(ranges_m[-1])]), "m")
     if seen.any() and len(scans) >= LEAST_SCANS:
         spread_m = float(np.median(ranges_m[:, seen].std(axis=0)))
         facts["scan: noise of a range, median"] = noise_fact(spread_m, "m")

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.lms1xx.head import LaserHead
 from fakes.rays.crossing_kernels import across_disc, cosine_at, meet_passers, ways_through_box
 from fakes.rays.kernels import Passers, horizon_from, pencil_from, spans_of_passers
 from fakes.rays.rays import SECOND_SHARE
@@ -169,11 +168,9 @@ def test_the_scanners_second_echo_is_what_stands_behind_the_stalks() -> None:
     world = KinematicWorld(Scene("some", (FLOOR, curtain, WALL)), LEVEL)
     rig = Rig(world, 1)
     rig.step(100.0)
-    head = rig.scanner
-    assert isinstance(head, LaserHead)
-    head._sweep_from(100.0)
+    rig.scanner.head.sweep_from(100.0)
     rig.step(101.0)
-    first, second = (echo.astype(int) for echo in head._echoes_mm(0))
+    first, second = (echo.astype(int) for echo in rig.scanner.head.echoes_mm(0))
     twice = (first > 0) & (second > 0)
     assert twice.sum() > 50
     assert (second[twice] > first[twice] - 100).all()  # noise

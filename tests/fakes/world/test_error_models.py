@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fakes.lms1xx.head import LaserHead
+from fakes.lms1xx.device import FakeLms111
 from fakes.rays.beam_kernels import PULSE_M, echoes_from_rays
 from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE, pattern_of
 from fakes.scenes.scene import Scene, Solid
@@ -184,10 +184,10 @@ def test_a_dazzled_beam_is_told_with_the_devices_code_for_it() -> None:
     def look(first_s: float, times_s: F64, bearings_rad: F64) -> F64:
         return np.resize(ranges_m, len(times_s))
 
-    head = LaserHead(look, 1)
-    head.noise_m, head.offset_m = 0.0, 0.03
-    head._sweep_from(0.0)
-    codes, _ = head._echoes_mm(0)
+    fake = FakeLms111(look, 1)
+    fake.noise_m, fake.offset_m = 0.0, 0.03
+    fake.head.sweep_from(0.0)
+    codes, _ = fake.head.echoes_mm(0)
     assert codes[:4].tolist() == [0, 1, 2030, 0]
 
 

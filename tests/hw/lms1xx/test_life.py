@@ -1,4 +1,4 @@
-"""The life of a link to an LMS111: its dialect, its start, other hosts, silence, how it is."""
+"""The life of a link to an LMS111: its dialect, its start, other hosts, silence, hostile bytes."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.support.cases import examples
 from tests.support.lms111_vectors import framed, texted
-from tests.support.scripted_lms111 import CONFIGURING, SFA, TICK_S, WANTED, Bench, willing
+from tests.support.scripted_lms111 import CONFIGURING, TICK_S, UNKNOWN, WANTED, Bench, willing
 
 # --- dialect and start
 
@@ -27,7 +27,7 @@ def test_a_device_that_speaks_text_is_found_and_delivers_the_same(dialect: str) 
 def test_the_dialect_that_answered_is_tried_first_next_time_and_may_change() -> None:
     bench = willing()
     bench.fake.is_text = True
-    bench.run(1.0)
+    bench.run(0.5)
     bench.reconnect()
     sent = []
     for _ in range(3):
@@ -35,7 +35,7 @@ def test_the_dialect_that_answered_is_tried_first_next_time_and_may_change() -> 
         sent.append(bench.port.take())
         bench.now_s += TICK_S
     assert b"".join(sent).startswith(b"\x02sRN SCdevicestate\x03")
-    bench.run(1.0)
+    bench.run(0.5)
     bench.fake.is_text = False  # somebody set EIHstCola
     bench.reconnect()
     assert bench.run(0.8)
@@ -48,12 +48,12 @@ def test_a_set_dialect_never_tries_the_other_and_the_cause_names_it(
 ) -> None:
     bench = willing(dialect=dialect)
     bench.fake.is_text = is_text
-    bench.run(30.0)
+    bench.run(30.0, tick_s=0.05)
     assert bench.cause.startswith("waiting for the scanner to answer")
-    bench.run(10.0)
+    bench.run(10.0, tick_s=0.05)
     other = "CoLa-A (EIHstCola 0)" if is_text else "CoLa-B (EIHstCola 1)"
     assert f"or it may be set to {other} instead of" in bench.cause
-    bench.run(85.0)
+    bench.run(85.0, tick_s=0.05)
     assert bench.cause.startswith(f"the scanner does not answer: it may be set to {other}")
     assert not bench.fake.asked
     bench.fake.is_text = not is_text
@@ -62,22 +62,23 @@ def test_a_set_dialect_never_tries_the_other_and_the_cause_names_it(
 
 def test_one_that_speaks_neither_dialect_is_said_after_two_minutes() -> None:
     bench = willing()
-    bench.run(119.0, deaf=True)
+    bench.fake.deaf_until_s = bench.now_s + 121.0
+    bench.run(119.0, tick_s=0.05)
     assert bench.cause.startswith("waiting for the scanner to answer")
-    bench.run(2.0, deaf=True)
+    bench.run(2.0)
     assert bench.cause == "the scanner answers in neither dialect"
     assert bench.run(1.0)
 
 
 @pytest.mark.parametrize("is_text", [False, True], ids=["binary", "ascii"])
-@pytest.mark.parametrize("silent_s", [30.0, 30.13, 30.31])
+@pytest.mark.parametrize("silent_s", [30.0, 30.31])
 def test_the_first_scan_comes_within_a_second_after_a_start_that_takes_half_a_minute(
     silent_s: float, is_text: bool
 ) -> None:
     bench = willing()
     bench.fake.is_text = is_text
     bench.fake.deaf_until_s = bench.now_s + silent_s
-    assert not bench.run(silent_s)
+    assert not bench.run(silent_s, tick_s=0.01)
     assert bench.cause.startswith("waiting for the scanner to answer")
     assert bench.run(1.0)
     assert bench.cause == ""
@@ -85,7 +86,7 @@ def test_the_first_scan_comes_within_a_second_after_a_start_that_takes_half_a_mi
 
 def test_many_late_answers_to_the_greeting_do_no_harm() -> None:
     bench = willing()
-    bench.fake.answers["sRN SCdevicestate"] = SFA + b"\x00\x03"
+    bench.fake.answers["sRN SCdevicestate"] = UNKNOWN
     bench.fake.late_s["sRN SCdevicestate"] = 1.5
     assert bench.run(4.0)
     assert (bench.state, bench.cause) == ("running", "")
@@ -96,7 +97,7 @@ def test_a_stream_that_runs_proves_its_dialect() -> None:
     bench.fake.is_text = True
     bench.fake.answers["sRN SCdevicestate"] = None
     bench.run(TICK_S)
-    bench.port.give(bench.fake.frame(bench.fake.scan_payload(100.0)))
+    bench.port.give(bench.fake.scan(100.0))
     assert bench.run(0.5)
 
 
@@ -108,18 +109,18 @@ def test_a_host_that_logs_in_is_named_and_not_fought_faster_than_every_three_sec
     bench.run(1.0)
     assert bench.fake.asked.count("sMN SetAccessMode") == 1
     for _ in range(800):  # for 16 s, the other logs in whenever we have set it running
-        bench.run(0.02)
+        bench.run(0.02, tick_s=0.01)
         if bench.state == "running":
             bench.fake.streams, bench.fake.state = False, CONFIGURING
     assert "the scanner is being configured: another host may be configuring it" in bench.causes
     assert 3 <= bench.fake.asked.count("sMN SetAccessMode") <= 6
-    bench.run(10.0)
+    bench.run(10.0, tick_s=0.01)
     assert (bench.state, bench.cause) == ("running", "")
 
 
 def test_a_host_that_logs_in_and_finishes_soon_is_not_fought_at_all() -> None:
     bench = willing()
-    bench.run(20.0)
+    bench.run(11.0, tick_s=0.02)  # longer than it is thought that somebody may want it otherwise
     bench.fake.streams, bench.fake.state = False, CONFIGURING
     bench.run(2.5)
     assert bench.cause == "the scanner is being configured: another host may be configuring it"
@@ -134,10 +135,10 @@ def test_a_host_that_logs_in_and_finishes_soon_is_not_fought_at_all() -> None:
 
 def test_settings_that_are_others_after_a_new_connection_are_set_again_at_once() -> None:
     bench = Bench()
-    bench.run(1.0)
+    bench.run(0.7)
     bench.fake.settings["LMPscancfg"] = (2500, 1, 2500, -450000, 2250000)  # or it has restarted
     bench.reconnect()
-    bench.run(1.0)
+    bench.run(0.7)
     assert bench.fake.settings["LMPscancfg"] == WANTED["LMPscancfg"]
     assert bench.state == "running"
 
@@ -145,39 +146,31 @@ def test_settings_that_are_others_after_a_new_connection_are_set_again_at_once()
 # --- running
 
 
-def test_silence_is_a_loss_after_a_second_and_the_session_begins_anew() -> None:
+@pytest.mark.parametrize("repeats", [False, True], ids=["silent", "one telegram again and again"])
+def test_silence_is_a_loss_after_a_second_and_the_session_begins_anew(repeats: bool) -> None:
     bench = willing()
-    bench.run(1.0)
+    bench.run(0.5)
     bench.fake.streams = False
-    bench.run(0.9)
-    assert bench.state == "running"
-    bench.run(0.2)
+    telegram = bench.fake.scan(bench.now_s)
+    for tick in range(216):
+        assert tick > 180 or bench.state == "running"
+        bench.port.give(telegram * repeats)
+        bench.run(TICK_S)
     assert (bench.state, bench.lms.status.losses) == ("starting", 1)
-    assert "no scan from the scanner for 1 s" in bench.causes
+    assert any(cause.startswith("no scan from the scanner for 1 s") for cause in bench.causes)
+    assert (bench.lms.status.rejected > 150) is repeats
     bench.run(1.0)
     assert bench.state == "running"
     assert bench.fake.asked.count("sEN LMDscandata") == 2
     assert bench.lms.status.missed == 0
 
 
-def test_a_telegram_sent_again_and_again_is_silence() -> None:
-    bench = willing()
-    bench.run(1.0)
-    bench.fake.streams = False
-    telegram = framed(bench.fake.scan_payload(bench.now_s))
-    for _ in range(250):
-        bench.port.give(telegram)
-        bench.run(TICK_S)
-    assert bench.lms.status.losses == 1
-    assert bench.lms.status.rejected > 100
-
-
 def test_events_between_command_and_answer_do_not_disturb() -> None:
     bench = Bench()
     event = framed(b"sSN LIDoutputstate \x00\x01")
-    for _ in range(300):
+    for _ in range(150):
         bench.port.give(event)
-        bench.port.give(framed(bench.fake.scan_payload(bench.now_s)))
+        bench.port.give(bench.fake.scan(bench.now_s))
         bench.run(TICK_S)
     assert bench.state == "running"
     assert bench.fake.asked.count("sMN SetAccessMode") == 1
@@ -190,28 +183,9 @@ def test_scans_that_never_came_are_counted_also_across_the_wrap() -> None:
     scans = bench.run(1.0)
     assert len(scans) > 20
     assert bench.lms.status.missed == len(scans) - 1
-
-
-def test_a_scan_counter_that_begins_anew_is_not_taken_for_missed_scans() -> None:
-    bench = willing()
-    bench.fake.scan_number = 5000
-    bench.run(0.5)
-    bench.fake.scan_number = 0
-    bench.run(0.5)
-    assert bench.lms.status.missed == 0
-    assert bench.state == "running"
-
-
-def test_damage_is_counted_and_the_next_scans_are_taken() -> None:
-    bench = willing()
-    bench.run(0.5)
-    telegram = bytearray(framed(bench.fake.scan_payload(bench.now_s)))
-    telegram[500] ^= 0x10
-    bench.port.give(bytes(telegram))
+    bench.fake.scan_number, bench.fake.step_by = 5000, 1  # its counter begins anew
     assert bench.run(0.2)
-    status = bench.lms.status
-    assert (status.rejected, status.skipped_bytes, status.state) == (1, 1191, "running")
-    assert [frame.reason for frame in status.rejections] == ["wrong checksum"]
+    assert bench.lms.status.missed == len(scans) - 1
 
 
 HOSTILE = {  # looks like telegrams, each time anew
@@ -227,7 +201,7 @@ def test_hostile_bytes_cost_little_in_one_step_and_the_scans_behind_them_are_tak
     junk: bytes,
 ) -> None:
     bench = willing()
-    bench.run(1.0)
+    bench.run(0.5)
     bench.port.give(junk * (65_536 // len(junk)))
     decoded, most = [0], 0
     parser: Any = bench.lms._intake._parser
@@ -248,10 +222,10 @@ def test_hostile_bytes_cost_little_in_one_step_and_the_scans_behind_them_are_tak
     assert (bench.state, bench.lms.status.missed) == ("running", 0)
 
 
-NOISE = [framed(SFA + b"\x00\x03"), framed("sAN Run "), texted("sFA A"), texted("sAN Run 1")]
+NOISE = [framed(UNKNOWN), framed("sAN Run "), texted("sFA A"), texted("sAN Run 1")]
 
 
-@settings(max_examples=examples(25))
+@settings(max_examples=examples(10))
 @given(st.lists(st.binary(max_size=60) | st.sampled_from(NOISE)), st.booleans())
 def test_no_bytes_at_any_time_stop_the_session_for_good(noise: list[bytes], is_text: bool) -> None:
     bench = Bench()
@@ -260,8 +234,8 @@ def test_no_bytes_at_any_time_stop_the_session_for_good(noise: list[bytes], is_t
         bench.port.give(piece)
         bench.run(0.02)
     for _ in range(20):
-        bench.run(1.0)
+        bench.run(1.0, tick_s=0.02)
         if bench.state == "running":
             break
-    assert bench.run(0.5)
+    assert bench.run(0.2)
     assert bench.state == "running"

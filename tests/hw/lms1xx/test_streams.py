@@ -1,7 +1,6 @@
 """CoLa streams of both dialects: cut anywhere, mixed with junk, damaged, never ending."""
 
 import random
-from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -10,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.device import BadFrame
-from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, REPORTED_SIZE, Dialect
-from hw.lms1xx.telegrams import Answer, Refusal, ScanTelegram, new_parser
+from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, REPORTED_SIZE, ColaParser
+from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, decode, new_parser
 from tests import VECTORS
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 
@@ -77,14 +76,11 @@ def test_where_the_stream_is_cut_makes_no_difference(
     assert comparable(fed(dialect, *pieces)) == comparable(fed(dialect, stream))
 
 
-@pytest.mark.parametrize("mask", [0x01, 0x80, 0xFF])
 @pytest.mark.parametrize("frame", PACKED, ids=["scan A", "answer", "refusal", "ready", "scan B"])
-def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(
-    frame: bytes, mask: int
-) -> None:
+def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(frame: bytes) -> None:
     after = LOGGED_IN + FRAMES["scan A"]
     for at in range(len(frame)):
-        altered = frame[:at] + bytes([frame[at] ^ mask]) + frame[at + 1 :]
+        altered = frame[:at] + bytes([frame[at] ^ (0x01, 0x80, 0xFF)[at % 3]]) + frame[at + 1 :]
         parser = new_parser()
         events = parser.feed(0.0, altered + after)
         events += parser.feed(INCOMPLETE_S, b"\xff")  # a length too long has been waited for
@@ -93,28 +89,26 @@ def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(
 
 
 @pytest.mark.parametrize(
-    ("stuck", "good"),
+    ("stuck", "after", "good"),
     [
         (
             b"\x02\x02\x02\x02\x00\x00\x40\x00sRA and no more",
+            LOGGED_IN,
             Answer("sAN", "SetAccessMode", b"\1"),
         ),
-        (b"\x02sRA LMPsc", Refusal(0x0A, "ascii")),
+        (b"\x02sRA LMPsc", REFUSED, Refusal(0x0A, "ascii")),
     ],
     ids=["binary", "ascii"],
 )
 def test_a_telegram_that_never_completes_is_waited_for_only_so_long(
-    stuck: bytes, good: Answer | Refusal
+    stuck: bytes, after: bytes, good: Answer | Refusal
 ) -> None:
     parser = new_parser("auto")
     assert parser.feed(1.0, stuck) == []
     assert parser.feed(1.0 + INCOMPLETE_S - 0.01, b"") == []
     assert parser.feed(1.0 + INCOMPLETE_S, b"") == []  # now it is junk, told with what follows
-    after = LOGGED_IN if isinstance(good, Answer) else REFUSED
-    assert parser.feed(1.1 + INCOMPLETE_S, after) == [
-        BadFrame("telegram never completed", stuck),
-        good,
-    ]
+    junk = BadFrame("telegram never completed", stuck)
+    assert parser.feed(1.1 + INCOMPLETE_S, after) == [junk, good]
 
 
 def test_a_text_without_an_end_is_kept_only_so_far_and_a_new_start_ends_it() -> None:
@@ -150,24 +144,21 @@ def test_the_start_mark_within_a_damaged_telegram_does_no_harm() -> None:
 @pytest.mark.parametrize("file", ["mrs1000_cola_a_one_scan.bin", "tim781_1s_d2h.bin"])
 def test_a_damaged_stream_costs_no_more_decoding_than_a_clean_one(file: str) -> None:
     unit, chance = (VECTORS / file).read_bytes(), random.Random(5)
-    stream = unit * (200_000 // len(unit))
+    stream = unit * (100_000 // len(unit))
     damaged = bytearray(stream)
     for at in chance.sample(range(len(stream)), len(stream) // 100):
         damaged[at] ^= chance.randrange(1, 256)
-    clean, worse = (decoded_bytes(data) for data in (stream, bytes(damaged)))
-    assert worse <= 1.05 * clean
+    assert decoded_bytes(bytes(damaged)) <= 1.05 * decoded_bytes(stream)
 
 
 def decoded_bytes(data: bytes) -> int:
-    parser, decoded = new_parser("auto"), 0
-    decode: Callable[[float, bytes, Dialect], Any] = parser._decode
+    decoded = []
 
-    def counted(now_s: float, payload: bytes, dialect: Dialect) -> Any:
-        nonlocal decoded
-        decoded += len(payload)
-        return decode(now_s, payload, dialect)
+    def count(now_s: float, payload: bytes, dialect: str) -> None:
+        decoded.append(len(payload))
+        decode(now_s, payload, dialect, MAX_BEAMS)  # type: ignore[arg-type]
 
-    parser._decode = counted
+    parser = ColaParser(count, "auto")
     for at in range(0, len(data), 1448):
         parser.feed(at * 1e-6, data[at : at + 1448])
-    return decoded
+    return sum(decoded)

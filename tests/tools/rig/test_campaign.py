@@ -164,7 +164,7 @@ def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) 
     assert facts["digest"] == run.result().digest
     assert facts["collisions"][0]["what"] == "low box"
     played = RecordedLms111.from_files(folder / "scanner_d2h.bin")
-    assert played.duration_s > 2.0
+    assert played.scans > 50
     for wire in record.WIRES:
         index = (folder / f"{wire}_index.csv").read_text(encoding="ascii").splitlines()
         for way in ("d2h", "h2d"):

@@ -1,4 +1,4 @@
-"""The fake LMS111 in CoLa-A, its models, and what it measures."""
+"""The fake LMS111 in CoLa-A, its models, what it measures; its faults, each by one attribute."""
 
 import struct
 
@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
-from tests.support.bench_lms111 import F64, Bench, counters, five_metres, payloads, raw_of
+from tests.support.bench_lms111 import (
+    F64,
+    Bench,
+    counters,
+    five_metres,
+    payloads,
+    raw_of,
+    scans_of,
+)
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 # --- CoLa-A
@@ -15,26 +23,21 @@ from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 def test_each_answer_printed_in_the_sheet_comes_as_text() -> None:
     bench = Bench(binary=False)
     for command, answer in (
-        ("write range 180", "write denied"),
-        ("login", None),
-        ("scan 50", "scan 50 taken"),
-        ("read scan", "scan is 50"),
-        ("write content rssi", None),
-        ("set time", None),
+        (TEXTS["write range 180"], TEXTS["write denied"]),
+        (TEXTS["login"], b"sAN SetAccessMode 1"),
+        (TEXTS["scan 50"], TEXTS["scan 50 taken"]),
+        (TEXTS["read scan"], TEXTS["scan is 50"]),
+        (TEXTS["write content rssi"], b"sWA LMDscandatacfg"),
+        (TEXTS["set time"], b"sAN LSPsetdatetime 1"),
+        (b"sRN LocationName", TEXTS["location"]),
+        (b"sRN DeviceIdent", TEXTS["ident"]),
+        (b"sRI 0", b"sRA 0 10 LMS10x_FieldEval 10 V1.36-21.10.2010"),
+        (b"sRN FirmwareVersion", b"sRA FirmwareVersion 9 V1.80.2  "),
+        (b"sRN LMPoutputRange", TEXTS["range is"]),
+        (b"sWN LMPoutputRange 1 1388 0 1B7740", b"sWA LMPoutputRange"),
+        (b"sRN LMPoutputRange", b"sRA LMPoutputRange 1 1388 0 1B7740"),
     ):
-        got = bench.say(TEXTS[command].decode())
-        assert answer is None or got == TEXTS[answer].decode()
-        assert answer is not None or not got.startswith("sFA")
-    for command, said in (
-        ("sRN LocationName", TEXTS["location"].decode()),
-        ("sRN DeviceIdent", TEXTS["ident"].decode()),
-        ("sRI 0", "sRA 0 10 LMS10x_FieldEval 10 V1.36-21.10.2010"),
-        ("sRN FirmwareVersion", "sRA FirmwareVersion 9 V1.80.2  "),
-        ("sRN LMPoutputRange", TEXTS["range is"].decode()),
-        ("sWN LMPoutputRange 1 1388 0 1B7740", "sWA LMPoutputRange"),
-        ("sRN LMPoutputRange", "sRA LMPoutputRange 1 1388 0 1B7740"),
-    ):
-        assert bench.say(command) == said
+        assert bench.say(command.decode()) == answer.decode()
 
 
 @pytest.mark.parametrize(
@@ -89,18 +92,6 @@ def test_models_differ_as_the_sheet_says() -> None:
         FakeLms111(five_metres, 1, model="LMS999")
 
 
-def test_filters_are_kept_as_other_settings_are() -> None:
-    bench = Bench()
-    on, read = framed("sWN LFPmeanfilter ", b"\1\0\x0a\0"), framed("sRN LFPmeanfilter")
-    for stored, kept in ((b"", b"\0\0\2\0"), (FRAMES["store"], b"\1\0\x0a\0")):
-        bench.ask(FRAMES["login"])
-        assert bench.ask(on) == framed("sWA LFPmeanfilter ")
-        bench.ask(stored)
-        bench.fake.reboot(bench.now_s)
-        assert bench.ask(read) == framed("sRA LFPmeanfilter ", kept)
-    assert (bench.fake.stores, bench.fake.mean_scans) == (1, 10)
-
-
 @pytest.mark.parametrize(
     ("name", "values"),
     [("LFPmeanfilter", b"\1\0\1\0"), ("LFPmeanfilter", b"\1\0\x65\0"), ("LFPnto1filter", b"\2"),
@@ -139,9 +130,7 @@ def test_a_second_echo_is_sent_where_there_is_one() -> None:
     bench = Bench(two_echoes, noise_m=0.0)
     bench.start(FRAMES["write content all"])
     scan = bench.scans(1.0)[10]
-    for name, value in ((b"DIST1", 2000), (b"DIST2", 6000)):
-        at = scan.index(name) + 21
-        assert set(np.frombuffer(scan[at : at + 2 * 541], ">u2").tolist()) == {value}
+    assert (set(raw_of(scan)), set(raw_of(scan, "DIST2"))) == ({2000}, {6000})
 
 
 @pytest.mark.parametrize(
@@ -175,3 +164,94 @@ def test_a_telegram_with_every_third_scan_is_filtered_over_every_scan() -> None:
     assert counters(scans)[1] - counters(scans)[0] == 3
     assert set(raw_of(scans[0])) == {3}  # the first sweep of all
     assert min(raw_of(scans[1])) > 4000
+
+
+# --- faults
+
+
+def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:
+    bench = Bench(mute=True)
+    bench.start()
+    assert not bench.listen(0.2)
+    bench.fake.mute = False
+    assert bench.scans(0.1)
+
+
+def test_frozen_repeats_one_telegram() -> None:
+    bench = Bench()
+    bench.start()
+    last = bench.listen(0.1)[-1]
+    bench.fake.frozen = True
+    assert set(bench.listen(0.2)) == {last}
+    bench.fake.frozen = False
+    assert counters(bench.scans(0.1))[0] == counters(scans_of(framed(last)))[0] + 11
+
+
+def test_late_delays_every_byte() -> None:
+    bench = Bench()
+    bench.start()
+    before = bench.scans(0.1)
+    bench.fake.late_s = 0.15
+    assert not bench.scans(0.145)
+    assert counters(bench.scans(0.1))[0] == counters(before)[-1] + 1
+    assert not bench.ask(FRAMES["unsubscribe"]).endswith(FRAMES["unsubscribed"])
+
+
+def test_a_refused_command_gets_the_code_that_was_ordered() -> None:
+    bench = Bench(refuse={"sWN LMPoutputRange": 0x0A, "DeviceIdent": 3})
+    bench.ask(FRAMES["login"])
+    assert bench.ask(FRAMES["write range"]) == FRAMES["write denied"]
+    assert b"sRA" in bench.ask(FRAMES["read range"])
+    assert bench.ask(framed("sRN DeviceIdent")) == FRAMES["unknown variable"]
+
+
+def test_answers_can_be_lost_late_cut_short_or_damaged() -> None:
+    bench = Bench(answers_lost=1)
+    assert bench.ask(FRAMES["login"]) == b""
+    assert bench.ask(FRAMES["write content"]) == FRAMES["content written"]  # it had obeyed
+    bench.fake.slow_answer_s = 0.5
+    assert bench.ask(FRAMES["read scan"], 0.4) == b""
+    assert bench.ask(b"", 0.2) == FRAMES["scan is 50"]
+    bench.fake.slow_answer_s, bench.fake.cut_next = 0.0, True
+    cut = bench.ask(FRAMES["read scan"])
+    assert FRAMES["scan is 50"].startswith(cut)
+    assert 0 < len(cut) < len(FRAMES["scan is 50"])
+    bench.fake.wrong_checksum_rate = 1.0
+    good = FRAMES["scan is 50"]
+    assert bench.ask(FRAMES["read scan"]) == good[:-1] + bytes([good[-1] ^ 0xFF])
+    bench.fake.deaf = True
+    assert bench.ask(FRAMES["read scan"]) == b""
+
+
+def test_after_a_hold_up_it_does_not_make_up_for_what_it_could_not_keep() -> None:
+    bench = Bench()
+    bench.start()
+    bench.now_s += 1e6
+    assert len(payloads(bench.fake.exchange(bench.now_s, b""))) == 45
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"), [("dazzled_rate", 1), ("implausible_rate", 2), ("filtered_rate", 3)]
+)
+def test_bad_light_is_told_by_its_code(fault: str, code: int) -> None:
+    bench = Bench()
+    setattr(bench.fake, fault, 0.25)
+    bench.start()
+    codes = raw_of(bench.scans(0.1)[0])
+    assert 0.15 * 541 < codes.count(code) < 0.35 * 541
+
+
+def test_the_ordered_status_is_told() -> None:
+    bench = Bench(device_status=1, in_error=True, settling_scans=0)
+    bench.start()
+    assert bench.scans(0.1)[0].status == (0, 1)
+    [state] = [p for p in payloads(bench.ask(FRAMES["read device state"])) if b"SCdev" in p]
+    assert state == b"sRA SCdevicestate \2"
+
+
+def test_a_dirty_window_is_told_when_asked_and_changes_no_undocumented_byte_of_a_scan() -> None:
+    bench = Bench(contamination=2, settling_scans=1)
+    bench.start()
+    assert [scan.status for scan in bench.scans(0.06)] == [(1, 0), (0, 0), (0, 0)]
+    bench.ask(FRAMES["unsubscribe"])
+    assert bench.ask(FRAMES["read contamination"]) == framed("sRA LCMstate ", b"\2")

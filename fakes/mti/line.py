@@ -58,7 +58,7 @@ class SerialLine:
         while self._queue:
             begin_s, byte_s, message = self._queue[0]
             if begin_s + byte_s * len(message) > until_s:
-                count = min(len(message), max(0, int((until_s - begin_s) / byte_s)))
+                count = int((until_s - begin_s) / byte_s) if until_s > begin_s else 0
                 if count:
                     sent += message[:count]
                     self._queue[0] = (begin_s + byte_s * count, byte_s, message[count:])

@@ -100,7 +100,7 @@ class Stream(Desk, SerialLine):
     def _message_now(self, now_s: float) -> None:
         """One message more than the period asks for."""
         if self.memory.mtdata2:
-            self._send_packets(self._clock.device_s, due(self.memory.outputs, 0, 1))
+            self._send_packets(self._clock.device_s, due(self.memory.outputs, 0, self.memory.model.base_hz))
         else:
             self._message(self._clock.device_s)
 

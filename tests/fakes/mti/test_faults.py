@@ -106,7 +106,10 @@ def test_a_brown_out_cuts_a_message_and_wakes_up_again() -> None:
     assert len(heard) == 27 + 5
     assert counters(messages(bench.listen(1.0)))[:2] == [2, 3]  # 0D and 91 held the line so long
     assert bench.fake.memory.mode == 0x0006
+    bench.fake.late_s = 0.1  # what was cut is late, too
     bench.fake.brown_out(bench.now_s, forgets=True)
+    assert not bench.write(b"", 0.05)
+    assert bench.write(b"", 0.1).endswith(wire("WakeUp"))
     assert bench.fake.memory.mode == 0x0004
 
 

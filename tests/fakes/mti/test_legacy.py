@@ -182,15 +182,15 @@ def test_late_bytes_and_jitter_move_arrivals_and_keep_the_order() -> None:
     assert jittered == sorted(jittered)
 
 
-def test_an_error_unasked_and_data_before_the_acknowledgement() -> None:
-    bench = Bench()
+@pytest.mark.parametrize(("model", "data"), [("MTi-28", 0x32), ("MTi-30", 0x36)])
+def test_an_error_unasked_and_data_before_the_acknowledgement(model: str, data: int) -> None:
+    bench = Bench(model=model)
     bench.listen(0.1)
     bench.fake.error_next = 0x1E
     assert (0x42, b"\x1e") in bench.listen(0.05)
     bench.fake.late_data = 3
-    assert [mid for mid, _ in frames(bench.write(wire("GoToConfig"), 0.2))][-4:] == [0x32] * 3 + [
-        0x31
-    ]
+    mids = [mid for mid, _ in frames(bench.write(wire("GoToConfig"), 0.2))]
+    assert mids[-4:] == [data] * 3 + [0x31]
 
 
 def test_deaf_it_speaks_on_and_another_host_changes_what_it_says() -> None:

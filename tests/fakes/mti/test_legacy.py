@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.mti.device import FakeMti, State
+from fakes.mti.messages import mtdata
 from fakes.mti.models import MODELS
 from tests.support.bench_mti import ACCEL_MPS2, RATE_RADPS, Bench, frames, messages, turned
 from tests.support.cases import examples
@@ -84,9 +85,9 @@ def test_every_mode_in_all_settings_decodes_back_to_the_truth(mode_bits: int) ->
     ):
         word = counter | kind << 2 | off << 4 | number_format << 8 | ned << 31
         bench.fake.memory.mode, bench.fake.memory.settings = mode, word
-        bench.fake._message(0.0)  # one, without waiting for its period
-        check_truth(bench, bench.fake._last[1], mode, word)
-        assert len(bench.fake._last[1]) == bench.fake.memory.length()
+        data = mtdata(bench.fake.sensor.sample(0.0), mode, word)
+        check_truth(bench, data, mode, word)
+        assert len(data) == bench.fake.memory.length()
 
 
 def test_the_mti_g_has_its_own_configuration_and_refusals() -> None:

@@ -1,18 +1,33 @@
 """What one data message of an MTi says, whichever of the two forms it came in.
 
-It refuses values that are not finite: an 8-bit checksum lets one damaged frame in 256 pass.
+Numbers come in four formats, orientations in three notations and three earth frames. The one earth
+frame of all that leaves here has x north, y west, z up: what legacy devices use. A newer device's
+east-north-up is turned by -90 degrees about z, north-east-down by half a turn about x. So yaw is 0
+where the sensor's x axis points north, whatever the device was told.
 
-Source: MTi sheet, sections 4 and 5.
+It refuses values that are not finite and orientations that are not rotations: an 8-bit checksum
+lets one damaged frame in 256 pass.
+
+Source: MTi sheet, sections 3 to 6.
 """
 
 import math
+import struct
 from typing import Any
 
 from core.records import record
 from hw.device import BadFrame
-from hw.mti.numbers import Quaternion, Vector, maybe_orientation
 
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # w x y z
+
+NUMBER_SIZES = (4, 4, 6, 8)  # float32, fixed 12.20, fixed 16.32, float64
+QUATERNION, EULER, MATRIX = 0, 1, 2  # bits 3-2 of the output settings
+ORIENTATION_NUMBERS = (4, 3, 9, 0)  # the fourth kind is reserved
+ENU, NED, NWU = 0, 1, 2  # earth frames, by bits 3-2 of a data identifier
+ROTATION_TOLERANCE = 0.02  # of lengths and dot products
 MAX_RATE_RADPS = 100.0  # the fastest variant of the device ends at 21
+HALF_ROOT = math.sqrt(0.5)
 
 
 @record()
@@ -62,3 +77,95 @@ class SampleBuilder:
     def sample(self, data: bytes) -> MtSample | BadFrame:
         """The sample, if nothing was wrong."""
         return BadFrame(self._wrong, data) if self._wrong else MtSample(**self._values)
+
+
+def numbers(data: bytes, start: int, count: int, number_format: int) -> tuple[float, ...]:
+    """So many numbers in one of the four formats (section 3, "OutputSettings").
+
+    >>> numbers(bytes.fromhex("C0000000FFFD"), 0, 1, 2)
+    (-2.25,)
+    """
+    match number_format:
+        case 0:
+            return struct.unpack_from(f">{count}f", data, start)
+        case 1:
+            return tuple(n / 2**20 for n in struct.unpack_from(f">{count}i", data, start))
+        case 2:  # fraction first, then the integer below it
+            parts = struct.unpack_from(">" + "Ih" * count, data, start)
+            return tuple(i + f / 2**32 for f, i in zip(parts[::2], parts[1::2], strict=True))
+        case _:
+            return struct.unpack_from(f">{count}d", data, start)
+
+
+def maybe_orientation(kind: int, values: tuple[float, ...], frame: int) -> Quaternion | None:
+    """What takes the sensor to x north, y west, z up; None: it is no rotation, or no known frame.
+
+    Args:
+        kind: QUATERNION, EULER or MATRIX.
+        values: as they stand on the wire; angles in degrees.
+        frame: ENU, NED or NWU.
+    """
+    q = (maybe_unit, maybe_from_euler_deg, maybe_from_columns)[kind](*values)
+    if q is None or frame not in (ENU, NED, NWU):
+        return None
+    if frame == NWU:
+        return q
+    w, x, y, z = q
+    if frame == NED:  # half a turn about x
+        return -x, w, -z, y
+    a = HALF_ROOT  # -90 degrees about z
+    return a * (w + z), a * (x + y), a * (y - x), a * (z - w)
+
+
+def maybe_unit(w: float, x: float, y: float, z: float) -> Quaternion | None:
+    """The quaternion brought to length 1; None where it is too far from it."""
+    norm = math.hypot(w, x, y, z)
+    if not abs(norm - 1.0) <= ROTATION_TOLERANCE:  # so that NaN is refused too
+        return None
+    return w / norm, x / norm, y / norm, z / norm
+
+
+def maybe_from_euler_deg(roll: float, pitch: float, yaw: float) -> Quaternion | None:
+    """Rz(yaw) Ry(pitch) Rx(roll), which takes sensor to earth; None outside of the device's ranges.
+
+    >>> maybe_from_euler_deg(0.0, 0.0, 180.0)
+    (6.123233995736766e-17, 0.0, 0.0, 1.0)
+    """
+    if not (abs(roll) <= 180.5 and abs(pitch) <= 90.5 and abs(yaw) <= 180.5):
+        return None
+    a, b, c = math.radians(roll) / 2, math.radians(pitch) / 2, math.radians(yaw) / 2
+    sa, ca = math.sin(a), math.cos(a)
+    sb, cb = math.sin(b), math.cos(b)
+    sc, cc = math.sin(c), math.cos(c)
+    return (
+        ca * cb * cc + sa * sb * sc,
+        sa * cb * cc - ca * sb * sc,
+        ca * sb * cc + sa * cb * sc,
+        ca * cb * sc - sa * sb * cc,
+    )
+
+
+def maybe_from_columns(*r: float) -> Quaternion | None:
+    """Of R_earth_sensor, column by column as on the wire (section 6); None: not a rotation."""
+    x, y, z = r[0:3], r[3:6], r[6:9]  # sensor axes in the earth frame
+    off = (_dot(x, x) - 1, _dot(y, y) - 1, _dot(z, z) - 1, _dot(x, y), _dot(y, z), _dot(z, x))
+    x_cross_y = (
+        x[1] * y[2] - x[2] * y[1],
+        x[2] * y[0] - x[0] * y[2],
+        x[0] * y[1] - x[1] * y[0],
+    )
+    if not (all(abs(o) <= ROTATION_TOLERANCE for o in off) and _dot(x_cross_y, z) > 0):
+        return None
+    rows = (  # 4 q_k q, for k = w, x, y, z; the row of the largest q_k is the exact one
+        (1 + x[0] + y[1] + z[2], y[2] - z[1], z[0] - x[2], x[1] - y[0]),
+        (y[2] - z[1], 1 + x[0] - y[1] - z[2], y[0] + x[1], z[0] + x[2]),
+        (z[0] - x[2], y[0] + x[1], 1 - x[0] + y[1] - z[2], z[1] + y[2]),
+        (x[1] - y[0], z[0] + x[2], z[1] + y[2], 1 - x[0] - y[1] + z[2]),
+    )
+    row = max(enumerate(rows), key=lambda item: item[1][item[0]])[1]
+    norm = math.hypot(*row)
+    return maybe_unit(*(part / norm for part in row))
+
+
+def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -3,15 +3,17 @@
 Source: MTi sheet, sections 4, 5 and 9.
 """
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 
+from core.records import record
 from hw.device import BadFrame, DeviceStatus
 from hw.exchange import StartAgainError
 from hw.mti.conversation import RESTARTED
 from hw.mti.frames import Mid, MtFrame, describe_error
 from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import Received, SampleMerger, decode_mtdata2
+from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
 from hw.mti.times import COUNTER_WRAP, RateWatch
 
@@ -19,6 +21,16 @@ MAX_GAP_S = 2.0  # beyond the time that passed: a counter that began anew, not l
 MAX_FOREIGN = 3  # data messages in a row that are of another kind or length than set up
 ERROR_SHOWN_S = 5.0  # for so long an Error in the stream is told while running
 DATA_MIDS = (Mid.MTData, Mid.MTData2)
+STAMPS = ("counter", "fine_ticks", "status")  # in every message
+
+
+@record()
+class Received:
+    """A sample, and what of its frame its time is found by."""
+
+    sample: MtSample
+    wire_bytes: int
+    arrived_s: float  # host clock, last byte
 
 
 @dataclass(slots=True)
@@ -39,6 +51,71 @@ class MtStream:
     def note(self, remark: str) -> None:
         """The first thing said stays: what follows is mostly its consequence."""
         self.remark = self.remark or remark
+
+
+class SampleMerger:
+    """Joins messages of one instant: orientation in one, rate of turn in the next.
+
+    A sample that lacks one of the two is held until a message of another instant comes, or a period
+    has passed; then it goes on as it is. Whatever is put in comes out, in order.
+
+    Args:
+        joins: False: no rate of turn will ever come, so nothing waits for it.
+    """
+
+    def __init__(self, period_s: float, *, joins: bool = True) -> None:
+        self._period_s, self._joins = period_s, joins
+        self._held: Received | None = None
+
+    def continues(self, sample: MtSample) -> bool:
+        """Whether it belongs to the held sample: the same instant, and nothing said twice."""
+        if self._held is None:
+            return False
+        held = self._held.sample
+        if held.fine_ticks is not None and sample.fine_ticks is not None:
+            if held.fine_ticks != sample.fine_ticks:
+                return False
+        elif held.counter is None or held.counter != sample.counter:
+            return False
+        return not (_said(held) & _said(sample))
+
+    def take(self, received: Received) -> list[Received]:
+        """The samples that became complete."""
+        if self._held is not None and self.continues(received.sample):
+            received, self._held = _joined(self._held, received), None
+        given, sample = self._give(), received.sample
+        if self._joins and (sample.q_earth_sensor is None) != (sample.rate_radps is None):
+            self._held = received
+            return given
+        return [*given, received]
+
+    def flush(self, now_s: float) -> list[Received]:
+        """The held sample, once it has waited for a period."""
+        if self._held is not None and now_s - self._held.arrived_s >= self._period_s:
+            return self._give()
+        return []
+
+    def _give(self) -> list[Received]:
+        held, self._held = self._held, None
+        return [] if held is None else [held]
+
+
+def _said(sample: MtSample) -> set[str]:
+    """The fields that a message carries beside its stamps."""
+    names = (part.name for part in dataclasses.fields(sample) if part.name not in STAMPS)
+    return {name for name in names if getattr(sample, name) is not None}
+
+
+def _joined(first: Received, second: Received) -> Received:
+    """Timed by the message with the orientation."""
+    values = {
+        part.name: getattr(second.sample, part.name)
+        for part in dataclasses.fields(MtSample)
+        if getattr(first.sample, part.name) is None
+    }
+    timed = first if first.sample.q_earth_sensor is not None else second
+    sample = dataclasses.replace(first.sample, **values)
+    return Received(sample, timed.wire_bytes, timed.arrived_s)
 
 
 class StreamReader:
@@ -99,6 +176,7 @@ class StreamReader:
             self._foreign += 1
             return BadFrame(f"{Mid(frame.mid).name}, which was not asked for", frame.data)
         if legacy is None:
+            self._foreign = 0
             sample = decode_mtdata2(frame.data)
         else:
             self._foreign = self._foreign + 1 if len(frame.data) != legacy.size else 0

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from hw.device import BadFrame
 from hw.mti.sample import (
-    MATRIX,
+    EULER,
     NED,
     NUMBER_SIZES,
     NWU,
@@ -54,7 +54,7 @@ class MtDataDecoder:
         for name, start, end in self._blocks:
             if name in FIELDS:
                 builder.take(name, numbers(data, start, FIELDS[name], self._number_format))
-            elif name == "orientation" and self._orientation <= MATRIX:
+            elif name == "orientation" and self._orientation <= EULER:
                 count = ORIENTATION_NUMBERS[self._orientation]
                 values = numbers(data, start, count, self._number_format)
                 builder.take_orientation(self._orientation, values, self._frame)

@@ -11,7 +11,6 @@ import struct
 from hw.device import BadFrame
 from hw.mti.sample import (
     EULER,
-    MATRIX,
     NUMBER_SIZES,
     QUATERNION,
     MtSample,
@@ -24,13 +23,12 @@ HEAD = struct.Struct(">HB")  # identifier and size of a packet
 NUMBERS = {
     0x0810: ("temperature_c", 1),
     0x2010: ("q_earth_sensor", 4),
-    0x2020: ("q_earth_sensor", 9),
     0x2030: ("q_earth_sensor", 3),
     0x4020: ("accel_mps2", 3),
     0x8020: ("rate_radps", 3),
     0xC020: ("magnetic", 3),
 }
-ORIENTATIONS = {0x2010: QUATERNION, 0x2020: MATRIX, 0x2030: EULER}
+ORIENTATIONS = {0x2010: QUATERNION, 0x2030: EULER}
 INTEGERS = {
     0x1020: ("counter", 2),
     0x1060: ("fine_ticks", 4),

@@ -1,9 +1,10 @@
 """What one data message of an MTi says, whichever of the two forms it came in.
 
-Numbers come in four formats, orientations in three notations and three earth frames. The one earth
-frame of all that leaves here has x north, y west, z up: what legacy devices use. A newer device's
-east-north-up is turned by -90 degrees about z, north-east-down by half a turn about x. So yaw is 0
-where the sensor's x axis points north, whatever the device was told.
+Numbers come in four formats, orientations as quaternions or Euler angles (matrices, which nobody
+asks for, are stepped over), in three earth frames. The one earth frame of all that leaves here has
+x north, y west, z up: what legacy devices use. A newer device's east-north-up is turned by -90
+degrees about z, north-east-down by half a turn about x. So yaw is 0 where the sensor's x axis
+points north, whatever the device was told.
 
 It refuses values that are not finite and orientations that are not rotations: an 8-bit checksum
 lets one damaged frame in 256 pass.
@@ -22,8 +23,8 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w x y z
 
 NUMBER_SIZES = (4, 4, 6, 8)  # float32, fixed 12.20, fixed 16.32, float64
-QUATERNION, EULER, MATRIX = 0, 1, 2  # bits 3-2 of the output settings
-ORIENTATION_NUMBERS = (4, 3, 9, 0)  # the fourth kind is reserved
+QUATERNION, EULER = 0, 1  # bits 3-2 of the output settings
+ORIENTATION_NUMBERS = (4, 3, 9, 0)  # the third kind is a matrix, the fourth reserved
 ENU, NED, NWU = 0, 1, 2  # earth frames, by bits 3-2 of a data identifier
 ROTATION_TOLERANCE = 0.02  # of lengths and dot products
 MAX_RATE_RADPS = 100.0  # the fastest variant of the device ends at 21
@@ -64,7 +65,7 @@ class SampleBuilder:
         self._values[name] = values if len(values) > 1 else values[0]
 
     def take_orientation(self, kind: int, values: tuple[float, ...], frame: int) -> None:
-        """Quaternion, Euler angles or matrix, as they stand on the wire."""
+        """Quaternion or Euler angles, as they stand on the wire."""
         q = maybe_orientation(kind, values, frame)
         if q is None:
             self.reject("orientation is not a rotation")
@@ -101,11 +102,11 @@ def maybe_orientation(kind: int, values: tuple[float, ...], frame: int) -> Quate
     """What takes the sensor to x north, y west, z up; None: it is no rotation, or no known frame.
 
     Args:
-        kind: QUATERNION, EULER or MATRIX.
+        kind: QUATERNION or EULER.
         values: as they stand on the wire; angles in degrees.
         frame: ENU, NED or NWU.
     """
-    q = (maybe_unit, maybe_from_euler_deg, maybe_from_columns)[kind](*values)
+    q = maybe_unit(*values) if kind == QUATERNION else maybe_from_euler_deg(*values)
     if q is None or frame not in (ENU, NED, NWU):
         return None
     if frame == NWU:
@@ -143,29 +144,3 @@ def maybe_from_euler_deg(roll: float, pitch: float, yaw: float) -> Quaternion | 
         ca * sb * cc + sa * cb * sc,
         ca * cb * sc - sa * sb * cc,
     )
-
-
-def maybe_from_columns(*r: float) -> Quaternion | None:
-    """Of R_earth_sensor, column by column as on the wire (section 6); None: not a rotation."""
-    x, y, z = r[0:3], r[3:6], r[6:9]  # sensor axes in the earth frame
-    off = (_dot(x, x) - 1, _dot(y, y) - 1, _dot(z, z) - 1, _dot(x, y), _dot(y, z), _dot(z, x))
-    x_cross_y = (
-        x[1] * y[2] - x[2] * y[1],
-        x[2] * y[0] - x[0] * y[2],
-        x[0] * y[1] - x[1] * y[0],
-    )
-    if not (all(abs(o) <= ROTATION_TOLERANCE for o in off) and _dot(x_cross_y, z) > 0):
-        return None
-    rows = (  # 4 q_k q, for k = w, x, y, z; the row of the largest q_k is the exact one
-        (1 + x[0] + y[1] + z[2], y[2] - z[1], z[0] - x[2], x[1] - y[0]),
-        (y[2] - z[1], 1 + x[0] - y[1] - z[2], y[0] + x[1], z[0] + x[2]),
-        (z[0] - x[2], y[0] + x[1], 1 - x[0] + y[1] - z[2], z[1] + y[2]),
-        (x[1] - y[0], z[0] + x[2], z[1] + y[2], 1 - x[0] - y[1] + z[2]),
-    )
-    row = max(enumerate(rows), key=lambda item: item[1][item[0]])[1]
-    norm = math.hypot(*row)
-    return maybe_unit(*(part / norm for part in row))
-
-
-def _dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

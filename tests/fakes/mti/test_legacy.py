@@ -12,7 +12,17 @@ from hypothesis import strategies as st
 from fakes.mti.device import FakeMti, State
 from fakes.mti.messages import mtdata
 from fakes.mti.models import MODELS
-from tests.support.bench_mti import ACCEL_MPS2, RATE_RADPS, Bench, frames, messages, turned
+from fakes.mti.rotation import orientation
+from tests.support.bench_mti import (
+    ACCEL_MPS2,
+    RATE_RADPS,
+    Bench,
+    frames,
+    messages,
+    numbers,
+    rotated,
+    turned,
+)
 from tests.support.cases import examples
 from tests.support.mti_frames import framed, wire
 
@@ -20,61 +30,38 @@ MAGNETIC = (0.45, -0.10, -0.89)
 MODES = (1, 2, 4, 0x800)
 
 
-class Reader:
-    """An independent decoder: takes a message's fields from its front."""
-
-    def __init__(self, data: bytes, number_format: int) -> None:
-        self.data, self._format = data, number_format
-
-    def take(self, size: int) -> bytes:
-        taken, self.data = self.data[:size], self.data[size:]
-        assert len(taken) == size
-        return taken
-
-    def numbers(self, count: int) -> list[float]:
-        return [self._number() for _ in range(count)]
-
-    def _number(self) -> float:
-        if self._format == 0:
-            return float(struct.unpack(">f", self.take(4))[0])
-        if self._format == 1:
-            return int(struct.unpack(">i", self.take(4))[0]) / 2**20
-        if self._format == 3:
-            return float(struct.unpack(">d", self.take(8))[0])
-        fraction, whole = struct.unpack(">Ih", self.take(6))
-        return float(whole + fraction / 2**32)
-
-
 def check_truth(bench: Bench, data: bytes, mode: int, word: int) -> None:
     """Every block of an MTData message against what is true."""
-    reader, atol = Reader(data, word >> 8 & 3), 3e-5
-    ned = np.diag([1.0, -1.0, -1.0]) if word >> 31 else np.eye(3)
+    number_format, kind, expected = word >> 8 & 3, word >> 2 & 3, list[float]()
     if mode & 0x1:
-        assert reader.numbers(1) == [35.0]
+        expected.append(35.0)
     if mode & 0x2:
         for bit, truth in zip((4, 5, 6), (ACCEL_MPS2, RATE_RADPS, MAGNETIC), strict=True):
-            if not word >> bit & 1:
-                np.testing.assert_allclose(reader.numbers(3), truth, atol=atol)
-    if mode & 0x4:
-        kind = word >> 2 & 3
-        told = reader.numbers((4, 3, 9)[kind])
-        R = ned @ bench.R
-        if kind == 0:
-            w, x, y, z = told
-            first = [w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)]
-            np.testing.assert_allclose(first, R[:, 0], atol=atol)
-        elif kind == 1:
-            np.testing.assert_allclose(turned(*told), R, atol=atol)
-        else:
-            np.testing.assert_allclose(np.array(told).reshape(3, 3).T, R, atol=atol)
+            expected += () if word >> bit & 1 else truth
+    oriented = (4, 3, 9)[kind] if mode & 0x4 else 0
+    size = (4, 4, 6, 8)[number_format] * (len(expected) + oriented)
+    told = numbers(data[:size], number_format)
+    np.testing.assert_allclose(told[: len(expected)], expected, atol=3e-5)
+    if oriented:
+        R = (np.diag([1.0, -1.0, -1.0]) if word >> 31 else np.eye(3)) @ bench.R
+        matrix = (rotated, lambda e: turned(*e), lambda m: np.array(m).reshape(3, 3).T)[kind]
+        np.testing.assert_allclose(matrix(told[len(expected) :]), R, atol=3e-5)
     if mode & 0x800:
-        assert reader.take(1)[0] & 0x03 == 0x03
-    if word & 1:
-        reader.take(2)
-    assert reader.data == b""
+        assert data[size] & 0x03 == 0x03
+    assert len(data) == size + (1 if mode & 0x800 else 0) + (2 if word & 1 else 0)
 
 
-@pytest.mark.parametrize("mode_bits", [1, 2, 4, 8, 12, 7, 15])
+@pytest.mark.parametrize("kind", [0, 1])
+@given(*[st.floats(-179.0, 179.0)] * 3)
+def test_quaternion_and_euler_angles_tell_any_rotation(
+    kind: int, roll_deg: float, pitch_deg: float, yaw_deg: float
+) -> None:
+    R = turned(roll_deg, pitch_deg / 2, yaw_deg)
+    told = orientation(R, kind)
+    np.testing.assert_allclose(turned(*told) if kind else rotated(told), R, atol=1e-9)
+
+
+@pytest.mark.parametrize("mode_bits", [1, 4, 8, 7, 15])
 def test_every_mode_in_all_settings_decodes_back_to_the_truth(mode_bits: int) -> None:
     mode = sum(bit for k, bit in enumerate(MODES) if mode_bits >> k & 1)
     bench = Bench(model="MTi-G")
@@ -145,7 +132,7 @@ def test_fa_ff_occurs_in_data_that_are_nearly_true(word: int) -> None:
     assert len(told) > 5
     for data in told:
         assert b"\xfa\xff" in data
-        acceleration = Reader(data, word >> 8 & 3).numbers(3)
+        acceleration = numbers(data[: 3 * (4, 4, 6, 8)[word >> 8 & 3]], word >> 8 & 3)
         np.testing.assert_allclose(acceleration, ACCEL_MPS2, atol=1e-3)
 
 
@@ -223,7 +210,7 @@ REQUESTS = st.tuples(
 )
 
 
-@settings(max_examples=examples(60))
+@settings(max_examples=examples(30))
 @given(st.sampled_from(list(MODELS)), st.lists(REQUESTS, max_size=12))
 def test_any_request_gets_one_answer_or_silence_and_settings_last(
     model: str, requests: list[tuple[int, bytes, float]]

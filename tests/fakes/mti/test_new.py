@@ -9,11 +9,18 @@ import pytest
 
 from fakes.mti.device import FakeMti
 from tests import VECTORS
-from tests.support.bench_mti import ACCEL_MPS2, F64, RATE_RADPS, Bench, frames, turned
+from tests.support.bench_mti import (
+    ACCEL_MPS2,
+    RATE_RADPS,
+    Bench,
+    frames,
+    numbers,
+    rotated,
+    turned,
+)
 from tests.support.mti_frames import framed, wire
 
 NEWER = ("MTi-30", "MTi-3", "MTi-G-700", "MTi-630")
-SIZES = (4, 4, 6, 8)
 MEASURED = (0x0810, 0x2010, 0x2020, 0x2030, 0x4020, 0x8020, 0xC020)
 KNOWN = (*MEASURED, 0x1020, 0x1060, 0xE010, 0xE020)
 FAST = framed(0x18, b"\x80")
@@ -44,18 +51,6 @@ def packets(data: bytes) -> list[tuple[int, bytes]]:
 def structure(data: bytes) -> tuple[tuple[int, int], ...]:
     """Ids and sizes of a message's packets, in order."""
     return tuple((identifier, len(content)) for identifier, content in packets(data))
-
-
-def values(identifier: int, data: bytes) -> list[float]:
-    """The numbers of a packet."""
-    size = SIZES[identifier & 3]
-    parts = [data[k : k + size] for k in range(0, len(data), size)]
-    if identifier & 3 in (0, 3):
-        return [struct.unpack(">f" if size == 4 else ">d", part)[0] for part in parts]
-    if identifier & 3 == 1:
-        return [int.from_bytes(part, "big", signed=True) / 2**20 for part in parts]
-    whole = [int.from_bytes(part[4:] + part[:4], "big", signed=True) for part in parts]
-    return [number / 2**32 for number in whole]
 
 
 def entries(*asked: tuple[int, int]) -> bytes:
@@ -114,26 +109,17 @@ def test_orientation_is_the_truth_in_each_earth_frame(
     }[earth]  # fmt: skip
     R = R_nwu @ bench.R
     atol = 2e-6 if number_format < 2 else 1e-6
-    matrix = np.array(values(0x2020 | y, message[0x2020 | y])).reshape(3, 3).T
+    matrix = np.array(numbers(message[0x2020 | y], number_format)).reshape(3, 3).T
     np.testing.assert_allclose(matrix, R, atol=atol)
-    np.testing.assert_allclose(turned(*values(y, message[0x2030 | y])), R, atol=1e-5)
-    np.testing.assert_allclose(rotated(values(y, message[0x2010 | y])), R, atol=1e-5)
-
-
-def rotated(q: list[float]) -> F64:
-    """The matrix of a quaternion, by turning each axis."""
-    w, v = q[0], np.array(q[1:])
-    turned_axes = [
-        axis + 2 * w * np.cross(v, axis) + 2 * np.cross(v, np.cross(v, axis)) for axis in np.eye(3)
-    ]
-    return np.array(turned_axes).T
+    np.testing.assert_allclose(turned(*numbers(message[0x2030 | y], number_format)), R, atol=1e-5)
+    np.testing.assert_allclose(rotated(numbers(message[0x2010 | y], number_format)), R, atol=1e-5)
 
 
 def test_vectors_and_temperature_are_the_truth() -> None:
     bench = Bench(model="MTi-G-700")
     ids = (0x4023, 0x8023, 0xC023, 0x0813)
     message = asked_for(bench, *((i, 100) for i in ids), seconds=1.0)[-2]
-    got = {i: values(3, data) for i, data in message.items() if i in ids}
+    got = {i: numbers(data, 3) for i, data in message.items() if i in ids}
     np.testing.assert_allclose(got[0x4023], ACCEL_MPS2, atol=1e-9)
     np.testing.assert_allclose(got[0x8023], RATE_RADPS, atol=1e-9)
     np.testing.assert_allclose(got[0xC023], (0.45, -0.10, -0.89), atol=1e-9)

@@ -12,7 +12,6 @@ from tests.support.mti_frames import ROWS, wire
 
 BAUD = 115200
 EULER_FRAME = wire("MTData 0006 00000005")
-DATA_WITH_PREAMBLE = bytes.fromhex("3F80 0000 0000 0000 0000 0000 FAFF")
 MIDS = st.integers(0, 255)
 JUNK = st.binary(max_size=20).map(lambda junk: junk.replace(b"\xfa", b""))
 
@@ -75,13 +74,6 @@ def test_where_junk_is_cut_makes_no_difference(junk: bytes, cuts: list[int]) -> 
     events = [event for a, b in pairwise(edges) for event in parser.feed(0.0, stream[a:b])]
     assert events == whole.feed(0.0, stream)
     assert parser.feed(1.0, b"\0" * 300) == whole.feed(1.0, b"\0" * 300)
-
-
-def test_a_preamble_inside_data_does_not_split_its_frame() -> None:
-    assert (
-        frames_of(encode_frame(0x32, DATA_WITH_PREAMBLE) * 3)
-        == [MtFrame(0x32, DATA_WITH_PREAMBLE)] * 3
-    )
 
 
 def test_a_claimed_frame_that_never_completes_is_given_up_in_time() -> None:

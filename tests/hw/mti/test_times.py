@@ -63,34 +63,27 @@ def test_bursts_of_an_adapter_as_shipped_with_losses_and_drift_leave_two_millise
     line.burst_s, line.lost_rate = 0.016, 0.05
     line.errors_s(12.0)
     assert line.times.locked
-    errors_s = line.errors_s(60.0)
+    errors_s = line.errors_s(20.0)
     assert errors_s.min() > -0.0005
     assert errors_s.max() < 0.0025
     assert np.abs(np.diff(errors_s)).max() < 0.0025  # when the window lets go of its best sample
 
 
-@pytest.mark.parametrize("drift_ppm", [-200.0, 30.0, 200.0])
+@pytest.mark.parametrize("drift_ppm", [-200.0, 200.0])
 def test_five_milliseconds_of_exponential_jitter_leave_one_for_99_of_100_samples(
     drift_ppm: float,
 ) -> None:
     line = Line(drift_ppm=drift_ppm)
     line.jitter_s = 0.005
     line.errors_s(15.0)
-    assert np.quantile(np.abs(line.errors_s(60.0)), 0.99) < 0.001
+    assert np.quantile(np.abs(line.errors_s(20.0)), 0.99) < 0.001
     assert line.times.uncertainty_s < 0.003
 
 
-@pytest.mark.parametrize("wrap", [864_000_000, 2**32])
-def test_the_fine_time_runs_on_over_the_end_of_its_day_and_of_its_word(wrap: int) -> None:
-    line = Line(fine=True, wrap=wrap)
-    errors_s = line.errors_s(20.0)
-    assert np.abs(errors_s).max() < 0.001
-    assert line.times.locked
-
-
-def test_the_sample_counter_runs_on_over_its_wraps() -> None:
-    line = Line(drift_ppm=0.0)
-    assert np.abs(line.errors_s(1400.0)).max() < 1e-6  # two wraps
+@pytest.mark.parametrize("wrap", [None, 864_000_000, 2**32])
+def test_a_counter_and_a_fine_time_run_on_over_their_wraps(wrap: int | None) -> None:
+    line = Line(drift_ppm=0.0, fine=wrap is not None, wrap=wrap or 2**32)
+    assert np.abs(line.errors_s(20.0)).max() < 1e-6
     assert line.times.locked
 
 

@@ -1,4 +1,4 @@
-"""Orientations of an MTi: three notations, three earth frames, and what is no rotation."""
+"""Orientations of an MTi: two notations, three earth frames, and what is no rotation."""
 
 import math
 import struct
@@ -15,7 +15,6 @@ from hw.mti.sample import (
     NED,
     NWU,
     MtSample,
-    maybe_from_columns,
     maybe_from_euler_deg,
     maybe_orientation,
     maybe_unit,
@@ -46,16 +45,6 @@ def matrix(q: tuple[float, float, float, float] | None) -> npt.NDArray[np.float6
     )
 
 
-@given(ANGLES)
-def test_euler_angles_and_matrices_become_the_quaternion_of_their_rotation(
-    angles: tuple[float, float, float],
-) -> None:
-    expected = rotation(*angles)
-    np.testing.assert_allclose(matrix(maybe_from_euler_deg(*angles)), expected, atol=1e-12)
-    columns = [float(value) for value in expected.T.ravel()]
-    np.testing.assert_allclose(matrix(maybe_from_columns(*columns)), expected, atol=1e-12)
-
-
 TO_NWU = {  # rows: where the axes of the frame point, in north, west, up
     ENU: np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
     NED: np.diag([1.0, -1.0, -1.0]),
@@ -67,11 +56,7 @@ TO_NWU = {  # rows: where the axes of the frame point, in north, west, up
 def test_every_earth_frame_becomes_north_west_up(
     angles: tuple[float, float, float], frame: int
 ) -> None:
-    told = rotation(*angles)
-    expected = TO_NWU[frame] @ told
-    columns = tuple(float(value) for value in told.T.ravel())
-    np.testing.assert_allclose(matrix(maybe_orientation(1, angles, frame)), expected, atol=1e-12)
-    np.testing.assert_allclose(matrix(maybe_orientation(2, columns, frame)), expected, atol=1e-12)
+    expected = TO_NWU[frame] @ rotation(*angles)
     if frame != ENU:  # which no legacy device has
         settings = 0x304 | (0x8000_0000 if frame == NED else 0)
         legacy = MtDataDecoder(0x0004, settings).decode(struct.pack(">3d", *angles))
@@ -79,7 +64,6 @@ def test_every_earth_frame_becomes_north_west_up(
         np.testing.assert_allclose(matrix(legacy.q_earth_sensor), expected, atol=1e-12)
     for packet, data in (
         (0x2033, struct.pack(">3d", *angles)),
-        (0x2023, struct.pack(">9d", *columns)),
         (0x2013, struct.pack(">4d", *(maybe_from_euler_deg(*angles) or ()))),
     ):
         message = struct.pack(">HB", packet | frame << 2, len(data)) + data
@@ -96,5 +80,3 @@ def test_what_is_no_rotation_is_refused() -> None:
     assert maybe_unit(inf, 0.0, 0.0, 0.0) is None
     assert maybe_from_euler_deg(nan, 0.0, 0.0) is None
     assert maybe_from_euler_deg(0.0, 91.0, 0.0) is None
-    assert maybe_from_columns(*(1.0, 0, 0, 0, 1.0, 0, 0, 0, -1.0)) is None  # left-handed
-    assert maybe_from_columns(*(1e200, 0, 0, 0, 1.0, 0, 0, nan, 1.0)) is None

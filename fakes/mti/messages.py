@@ -59,41 +59,26 @@ class Sample:
 # -- numbers ----------------------------------------------------------------------------------
 
 
-def number(value: float, number_format: int) -> bytes:
-    """One number of a message; what a fixed format cannot hold becomes its nearest, or lowest."""
-    if number_format == FLOAT32:
-        return struct.pack(">f", value)
-    if number_format == FLOAT64:
-        return struct.pack(">d", value)
-    fraction, size = (20, 4) if number_format == FIXED_12_20 else (32, 6)
-    most = 2 ** (8 * size - 1)
-    scaled = -most if not math.isfinite(value) else round(value * 2**fraction)
-    return _fixed(max(-most, min(most - 1, scaled)), number_format)
-
-
 def numbers(values: Sequence[float], number_format: int, preamble: bool = False) -> bytes:
-    """Many of them; with `preamble` the smallest holds `FA FF`, as near to its value as may be."""
+    """Numbers of a message; with `preamble` the smallest holds `FA FF`, as near as may be to it."""
     if number_format == FLOAT32 and not preamble:
         return struct.pack(f">{len(values)}f", *values)
-    parts = [number(value, number_format) for value in values]
-    if preamble and parts:
-        k = min(range(len(parts)), key=lambda part: abs(values[part]))
-        parts[k] = _with_preamble(values[k], number_format)
-    return b"".join(parts)
+    least = min(range(len(values)), key=lambda k: abs(values[k])) if preamble and values else -1
+    return b"".join(_number(value, number_format, k == least) for k, value in enumerate(values))
 
 
-def _with_preamble(value: float, number_format: int) -> bytes:
-    """Nearly the value, its least bytes FA FF."""
+def _number(value: float, number_format: int, preamble: bool) -> bytes:
+    """One number; what a fixed format cannot hold becomes its nearest, or lowest."""
     if number_format in (FLOAT32, FLOAT64):
-        return number(value, number_format)[:-2] + PREAMBLE_TWICE.to_bytes(2, "big")
-    fraction = 20 if number_format == FIXED_12_20 else 32
-    scaled = round(value * 2**fraction) if math.isfinite(value) else 0
-    upper = round((scaled - PREAMBLE_TWICE) / 2**16)
-    return _fixed(upper * 2**16 + PREAMBLE_TWICE, number_format)
-
-
-def _fixed(scaled: int, number_format: int) -> bytes:
-    fixed = scaled.to_bytes(NUMBER_SIZES[number_format], "big", signed=True)
+        data = struct.pack(">f" if number_format == FLOAT32 else ">d", value)
+        return data[:-2] + PREAMBLE_TWICE.to_bytes(2, "big") if preamble else data
+    fraction, size = (20, 4) if number_format == FIXED_12_20 else (32, 6)
+    most = 2 ** (8 * size - 1)
+    scaled = round(value * 2**fraction) if math.isfinite(value) else -most
+    if preamble:
+        upper = round((scaled - PREAMBLE_TWICE) / 2**16)
+        scaled = max(-most, upper * 2**16) + PREAMBLE_TWICE
+    fixed: bytes = max(-most, min(most - 1, scaled)).to_bytes(size, "big", signed=True)
     return fixed if number_format == FIXED_12_20 else fixed[2:] + fixed[:2]
 
 

@@ -8,23 +8,12 @@ import struct
 from core.records import record
 
 CONFIGURATION_BYTES = 118
-BAUD_CODES = {
-    460800: 0x00,
-    230400: 0x01,
-    115200: 0x02,
-    76800: 0x03,
-    57600: 0x04,
-    38400: 0x05,
-    28800: 0x06,
-    19200: 0x07,
-    14400: 0x08,
-    9600: 0x09,
-    921600: 0x80,  # firmware of 2.4.6 and later also knows it as 0A
-    4800: 0x0B,
-    2000000: 0x0C,  # this and what follows: newer devices only
-    4000000: 0x0D,
-    3686400: 0x0E,
-}
+BAUDS = (  # by code; from 2000000 on: newer devices only
+    *(460800, 230400, 115200, 76800, 57600, 38400, 28800, 19200, 14400, 9600),
+    *(921600, 4800, 2000000, 4000000, 3686400),
+)
+BAUD_CODES = {baud: code for code, baud in enumerate(BAUDS)}
+BAUD_CODES[921600] = 0x80  # only firmware of 2.4.6 and later knows it as 0A, too
 
 
 @record()

@@ -2,7 +2,7 @@
 
 import math
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -120,10 +120,3 @@ class Bench:
         for request in requests:
             assert frames(self.write(request))[0][0] == request[2] + 1
         assert self.write(wire("GoToMeasurement"), 0.002) == wire("GoToMeasurementAck")
-
-
-def bench_with(change: Callable[[FakeMti], None]) -> Bench:
-    """A bench whose fake has a fault from the beginning."""
-    bench = Bench()
-    change(bench.fake)
-    return bench

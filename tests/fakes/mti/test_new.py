@@ -11,6 +11,7 @@ from fakes.mti.device import FakeMti
 from tests import VECTORS
 from tests.support.bench_mti import (
     ACCEL_MPS2,
+    F64,
     RATE_RADPS,
     Bench,
     frames,
@@ -96,34 +97,28 @@ def test_messages_have_the_structures_that_were_recorded(n: int) -> None:
 
 
 @pytest.mark.parametrize("number_format", [0, 1, 2, 3])
-@pytest.mark.parametrize(("bits", "earth"), [(0, "ENU"), (4, "NED"), (8, "NWU")])
+@pytest.mark.parametrize(
+    ("bits", "R_nwu"), [(0, turned(0, 0, 90)), (4, np.diag([1.0, -1.0, -1.0])), (8, np.eye(3))]
+)
 def test_orientation_is_the_truth_in_each_earth_frame(
-    number_format: int, bits: int, earth: str
+    number_format: int, bits: int, R_nwu: F64
 ) -> None:
-    y = bits | number_format
     bench = Bench(10.0, -20.0, 30.0, model="MTi-630")
-    asked = [(0x2010 | y, 100), (0x2020 | y, 100), (0x2030 | y, 100)]
-    message = asked_for(bench, *asked)[-1]
-    R_nwu = {
-        "ENU": turned(0, 0, 90), "NED": np.diag([1.0, -1.0, -1.0]), "NWU": np.eye(3)
-    }[earth]  # fmt: skip
+    asked = [kind | bits | number_format for kind in (0x2010, 0x2020, 0x2030)]
+    message = asked_for(bench, *((identifier, 100) for identifier in asked))[-1]
+    quaternion, matrix, euler_deg = (numbers(message[i], number_format) for i in asked)
     R = R_nwu @ bench.R
-    atol = 2e-6 if number_format < 2 else 1e-6
-    matrix = np.array(numbers(message[0x2020 | y], number_format)).reshape(3, 3).T
-    np.testing.assert_allclose(matrix, R, atol=atol)
-    np.testing.assert_allclose(turned(*numbers(message[0x2030 | y], number_format)), R, atol=1e-5)
-    np.testing.assert_allclose(rotated(numbers(message[0x2010 | y], number_format)), R, atol=1e-5)
+    np.testing.assert_allclose(np.array(matrix).reshape(3, 3).T, R, atol=2e-6)
+    np.testing.assert_allclose(turned(*euler_deg), R, atol=1e-5)
+    np.testing.assert_allclose(rotated(quaternion), R, atol=1e-5)
 
 
 def test_vectors_and_temperature_are_the_truth() -> None:
     bench = Bench(model="MTi-G-700")
-    ids = (0x4023, 0x8023, 0xC023, 0x0813)
-    message = asked_for(bench, *((i, 100) for i in ids), seconds=1.0)[-2]
-    got = {i: numbers(data, 3) for i, data in message.items() if i in ids}
-    np.testing.assert_allclose(got[0x4023], ACCEL_MPS2, atol=1e-9)
-    np.testing.assert_allclose(got[0x8023], RATE_RADPS, atol=1e-9)
-    np.testing.assert_allclose(got[0xC023], (0.45, -0.10, -0.89), atol=1e-9)
-    assert got[0x0813] == [35.0]
+    truths = {0x4023: ACCEL_MPS2, 0x8023: RATE_RADPS, 0xC023: (0.45, -0.10, -0.89), 0x0813: [35.0]}
+    message = asked_for(bench, *((identifier, 100) for identifier in truths))[-2]
+    for identifier, truth in truths.items():
+        np.testing.assert_allclose(numbers(message[identifier], 3), truth, atol=1e-9)
 
 
 def test_rates_differ_and_packets_are_split_over_messages() -> None:

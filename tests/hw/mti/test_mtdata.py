@@ -103,21 +103,6 @@ def test_every_output_mode_is_decoded_with_settings_that_cover_each_switch(
             check(mode, settings)
 
 
-@pytest.mark.parametrize(
-    ("number_format", "value", "expected"),
-    [
-        (1, 1.5, "00180000"), (1, -2.25, "FFDC0000"), (1, 9.81, "009CF5C3"),
-        (2, 1.5, "800000000001"), (2, -2.25, "C0000000FFFD"), (2, 90, "00000000005A"),
-        (2, -0.34, "A8F5C28FFFFF"),
-    ],
-)  # fmt: skip
-def test_fixed_numbers_of_the_sheet(number_format: int, value: float, expected: str) -> None:
-    assert slow_number(value, number_format) == bytes.fromhex(expected)
-    sample = MtDataDecoder(0x0001, number_format << 8).decode(bytes.fromhex(expected))
-    assert isinstance(sample, MtSample)
-    assert sample.temperature_c == pytest.approx(value, abs=1e-6)
-
-
 def test_a_position_that_is_no_number_harms_nothing() -> None:
     sample = MtDataDecoder(0x0030, 1).decode(struct.pack(">6fH", *[math.nan] * 6, 7))
     assert sample == MtSample(counter=7)

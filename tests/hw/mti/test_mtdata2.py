@@ -52,8 +52,7 @@ def test_every_frame_of_the_recordings_is_read(vectors: Path, number: int) -> No
     assert len(good) == 100
     counters = [sample.counter or 0 for sample in good]
     assert counters == list(range(counters[0], counters[0] + 100))
-    oriented = [sample for sample in good if sample.q_earth_sensor]
-    assert len(oriented) >= 90
+    assert sum(sample.q_earth_sensor is not None for sample in good) >= 90
     ticks = np.diff([sample.fine_ticks or 0 for sample in good])
     assert np.median(ticks) == 100
 
@@ -143,13 +142,9 @@ def test_an_orientation_waits_for_one_period_at_most_and_goes_without_rate() -> 
     [alone] = merger.flush(1.011)
     assert alone.sample.rate_radps is None
     assert merger.flush(2.0) == []
-
-
-def test_a_rate_of_another_instant_is_not_mixed_in() -> None:
-    merger = SampleMerger(0.01)
-    merger.take(received(1.0, fine_ticks=100, q_earth_sensor=Q))
-    [alone] = merger.take(received(1.01, fine_ticks=200, rate_radps=RATE))
-    assert (alone.sample.fine_ticks, alone.sample.rate_radps) == (100, None)
+    merger.take(alone)
+    [again] = merger.take(received(1.02, fine_ticks=200, rate_radps=RATE))  # of another instant
+    assert (again.sample.fine_ticks, again.sample.rate_radps) == (100, None)
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.booleans(), st.booleans()), max_size=20))

@@ -21,7 +21,6 @@ Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
 import enum
-import math
 from typing import Any
 
 from core.records import Attitude
@@ -31,7 +30,6 @@ from hw.mti.conversation import ANSWER_S, TRIES, Conversation
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.setup import identify, set_up
 from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
-from hw.mti.times import SampleTimes
 
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 BAUDS_TOLD_AFTER_S = 3.0
@@ -52,24 +50,25 @@ class MtiSession:
 
     def __init__(self, status: DeviceStatus, stream: MtStream, rate_hz: float, baud: int) -> None:
         self.state = State.WAITING
+        self.attitudes: list[Attitude] = []  # of this tick
+        self.reader = StreamReader(status, stream, 10 / baud)
         self._status, self._stream = status, stream
         self._rate_hz, self._baud = rate_hz, baud
         self._talk = Conversation(status, baud, lambda: self.state is State.WAITING)
         self._exchange = self._talk.exchange
-        self._reader = StreamReader(status, stream)
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
         yield from self._exchange.turn()
         while True:
             try:
-                self._stream.samples, self._stream.remark = [], ""
+                self._stream.remark = ""
                 yield from self._find()
                 yield from self._set_up()
                 yield from self._start()
                 yield from self._deliver()
             except StartAgainError as why:
-                self.state, self._stream.samples = State.WAITING, []
+                self.state, self.attitudes = State.WAITING, []
                 self._exchange.fail(why)
                 yield from self._exchange.back_off()
 
@@ -105,14 +104,14 @@ class MtiSession:
     def _deliver(self) -> Steps[None]:
         """As long as samples with an orientation keep coming."""
         self.state, stream, exchange = State.DELIVERING, self._stream, self._exchange
-        stream.starts += 1
-        self._reader = reader = StreamReader(self._status, stream, self._reader.newest)
+        newest = self.reader.newest
+        self.reader = reader = StreamReader(self._status, stream, 10 / self._baud, newest)
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
             frames = yield from exchange.turn()
-            stream.samples = reader.take(frames, exchange.now_s)
-            if any(received.sample.q_earth_sensor for received in stream.samples):
+            self.attitudes = reader.take(frames, exchange.now_s)
+            if self.attitudes:
                 heard_s = exchange.now_s
                 self._status.state, self._status.cause = "running", reader.remark(heard_s)
                 exchange.succeed()
@@ -125,9 +124,6 @@ class Mti(Device[Attitude]):
 
     def __init__(self, port: Port, *, rate_hz: float, baud: int) -> None:
         self.stream = MtStream()
-        self._byte_s = 10 / baud
-        self._times: SampleTimes | None = None
-        self._starts = 0  # of the stream, that the times are for
         status = DeviceStatus("mti")
 
         def new_session() -> Session:
@@ -139,13 +135,12 @@ class Mti(Device[Attitude]):
     @property
     def clock_locked(self) -> bool:
         """True while the sensor runs and its clock is known well enough."""
-        running = self.status.state == "running"
-        return running and self._times is not None and self._times.locked
+        return self.status.state == "running" and self.session.reader.times.locked
 
     @property
     def clock_uncertainty_s(self) -> float:
-        """Typical error of a sample's time, beyond a constant delay; inf before the first one."""
-        return math.inf if self._times is None else self._times.uncertainty_s
+        """Typical error of a sample's time, beyond a constant delay."""
+        return self.session.reader.times.uncertainty_s
 
     @property
     def identity(self) -> str:
@@ -157,15 +152,5 @@ class Mti(Device[Attitude]):
         return ", ".join(part for part in parts if part)
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Attitude]:
-        if self._times is None or self._starts != self.stream.starts:
-            self._starts = self.stream.starts
-            self._times = SampleTimes(self.stream.period_s, self._byte_s)
-        attitudes = []
-        for received in self.stream.samples:
-            sample = received.sample
-            if sample.q_earth_sensor is not None:
-                t_s = self._times.t_s(sample, received.arrived_s, received.wire_bytes)
-                rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
-                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
-        self.stream.samples = []
+        attitudes, self.session.attitudes = self.session.attitudes, []
         return attitudes

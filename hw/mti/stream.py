@@ -5,9 +5,10 @@ Source: MTi sheet, sections 4, 5 and 9.
 
 import dataclasses
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from core.records import record
+from core.records import Attitude
 from hw.device import BadFrame, DeviceStatus
 from hw.exchange import StartAgainError
 from hw.mti.conversation import RESTARTED
@@ -15,7 +16,7 @@ from hw.mti.frames import Mid, MtFrame, describe_error
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
-from hw.mti.times import COUNTER_WRAP, RateWatch
+from hw.mti.times import COUNTER_WRAP, RateWatch, SampleTimes
 
 MAX_GAP_S = 2.0  # beyond the time that passed: a counter that began anew, not lost samples
 MAX_FOREIGN = 3  # data messages in a row that are of another kind or length than set up
@@ -24,20 +25,17 @@ DATA_MIDS = (Mid.MTData, Mid.MTData2)
 STAMPS = ("counter", "fine_ticks", "status")  # in every message
 
 
-@record()
-class Received:
-    """A sample, and what of its frame its time is found by."""
+class Received(NamedTuple):
+    """A sample, and the frame by which its time is found."""
 
     sample: MtSample
-    wire_bytes: int
-    arrived_s: float  # host clock, last byte
+    frame: MtFrame
 
 
 @dataclass(slots=True)
 class MtStream:
     """What the session knows of the device and its stream, for the side that measures."""
 
-    starts: int = 0
     period_s: float = math.nan
     device_id: str = ""  # hexadecimal
     product: str = ""
@@ -46,7 +44,6 @@ class MtStream:
     legacy: MtDataDecoder | None = None  # None: the stream is MTData2
     with_rate: bool = True  # of turn
     remark: str = ""  # what is not as configured
-    samples: list[Received] = field(default_factory=list)  # of this tick
 
     def note(self, remark: str) -> None:
         """The first thing said stays: what follows is mostly its consequence."""
@@ -91,7 +88,7 @@ class SampleMerger:
 
     def flush(self, now_s: float) -> list[Received]:
         """The held sample, once it has waited for a period."""
-        if self._held is not None and now_s - self._held.arrived_s >= self._period_s:
+        if self._held is not None and now_s - self._held.frame.arrived_s >= self._period_s:
             return self._give()
         return []
 
@@ -114,20 +111,21 @@ def _joined(first: Received, second: Received) -> Received:
         if getattr(first.sample, part.name) is None
     }
     timed = first if first.sample.q_earth_sensor is not None else second
-    sample = dataclasses.replace(first.sample, **values)
-    return Received(sample, timed.wire_bytes, timed.arrived_s)
+    return Received(dataclasses.replace(first.sample, **values), timed.frame)
 
 
 class StreamReader:
-    """Frames of one stream in, samples out; from each start of the stream a new one.
+    """Frames of one stream in, attitudes out; from each start of the stream a new one.
 
     Args:
+        byte_s: of one byte on the wire.
         newest: the sample before this stream, so that a frozen one is known again.
     """
 
     def __init__(
-        self, status: DeviceStatus, stream: MtStream, newest: MtSample | None = None
+        self, status: DeviceStatus, stream: MtStream, byte_s: float, newest: MtSample | None = None
     ) -> None:
+        self.times = SampleTimes(stream.period_s, byte_s)
         self.complaint = ""  # the last thing that was wrong with a data message
         self.newest = newest
         self._status, self._stream = status, stream
@@ -138,12 +136,16 @@ class StreamReader:
         self._foreign = 0
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
-    def take(self, frames: list[MtFrame], now_s: float) -> list[Received]:
-        """The samples that are complete now."""
-        samples: list[Received] = []
-        for frame in frames:
-            samples += self._received(frame)
-        return samples + self._merger.flush(now_s)
+    def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
+        """The attitudes that are complete now."""
+        complete = [received for frame in frames for received in self._received(frame)]
+        attitudes = []
+        for sample, frame in complete + self._merger.flush(now_s):
+            if sample.q_earth_sensor is not None:
+                t_s = self.times.t_s(sample, frame.arrived_s, frame.wire_bytes)
+                rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
+                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
+        return attitudes
 
     def remark(self, now_s: float) -> str:
         """What a person should know while it runs; "" if all is as configured."""
@@ -167,7 +169,7 @@ class StreamReader:
             if self._foreign >= MAX_FOREIGN:
                 raise StartAgainError(f"the MTi does not send what was set: {sample.reason}")
             return []
-        return self._merger.take(Received(sample, frame.wire_bytes, frame.arrived_s))
+        return self._merger.take(Received(sample, frame))
 
     def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
         """The sample of a data message, if it is of the stream that was set up, and a new one."""

@@ -121,7 +121,7 @@ Q, RATE = (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3)
 
 
 def received(at_s: float, **fields: object) -> Received:
-    return Received(MtSample(**fields), 40, at_s)  # type: ignore[arg-type]
+    return Received(MtSample(**fields), MtFrame(0x36, b"", at_s))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("rate_first", [False, True])
@@ -132,7 +132,7 @@ def test_orientation_and_rate_of_one_instant_become_one_sample(rate_first: bool)
     assert merger.take(received(1.0, fine_ticks=100, counter=1, **first)) == []
     [whole] = merger.take(received(1.001, fine_ticks=100, counter=2, **second))
     assert (whole.sample.q_earth_sensor, whole.sample.rate_radps) == (Q, RATE)
-    assert whole.arrived_s == (1.001 if rate_first else 1.0)  # that of the orientation
+    assert whole.frame.arrived_s == (1.001 if rate_first else 1.0)  # that of the orientation
 
 
 def test_an_orientation_waits_for_one_period_at_most_and_goes_without_rate() -> None:

@@ -133,7 +133,7 @@ PIECES = st.lists(
 )
 
 
-@settings(max_examples=examples(30))
+@settings(max_examples=examples(20))
 @given(PIECES, st.sampled_from([0.0, 0.01, 0.3, 5.0]))
 def test_no_bytes_make_it_raise(pieces: list[bytes], step_s: float) -> None:
     bench = Bench()
@@ -163,6 +163,7 @@ def test_a_damaged_request_is_ignored() -> None:
     assert bench.fake.memory.mode == 0x0004
 
 
+@settings(max_examples=examples(20))
 @given(st.binary(max_size=60))
 def test_a_request_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
     bench = Bench()

@@ -61,7 +61,7 @@ def test_quaternion_and_euler_angles_tell_any_rotation(
     np.testing.assert_allclose(turned(*told) if kind else rotated(told), R, atol=1e-9)
 
 
-@pytest.mark.parametrize("mode_bits", [1, 4, 8, 7, 15])
+@pytest.mark.parametrize("mode_bits", [1, 4, 15])
 def test_every_mode_in_all_settings_decodes_back_to_the_truth(mode_bits: int) -> None:
     mode = sum(bit for k, bit in enumerate(MODES) if mode_bits >> k & 1)
     bench = Bench(model="MTi-G")
@@ -212,7 +212,7 @@ REQUESTS = st.tuples(
 )
 
 
-@settings(max_examples=examples(30))
+@settings(max_examples=examples(20))
 @given(st.sampled_from(list(MODELS)), st.lists(REQUESTS, max_size=12))
 def test_any_request_gets_one_answer_or_silence_and_settings_last(
     model: str, requests: list[tuple[int, bytes, float]]

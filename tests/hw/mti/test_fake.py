@@ -141,6 +141,6 @@ class NewLife(Life):
 
 
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=examples(5), stateful_step_count=10)
+TestLife.settings = settings(max_examples=examples(4), stateful_step_count=8)
 TestNewLife = NewLife.TestCase
-TestNewLife.settings = settings(max_examples=examples(3), stateful_step_count=10)
+TestNewLife.settings = settings(max_examples=examples(2), stateful_step_count=8)

@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.mti.mtdata import MtDataDecoder
@@ -21,6 +21,7 @@ from hw.mti.sample import (
     maybe_unit,
 )
 from tests.support.bench_mti import rotated, turned
+from tests.support.cases import examples
 
 TO_NWU = {  # rows: where the axes of the frame point, in north, west, up
     ENU: np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
@@ -30,14 +31,15 @@ TO_NWU = {  # rows: where the axes of the frame point, in north, west, up
 
 
 @pytest.mark.parametrize("frame", TO_NWU)
+@settings(max_examples=examples(20))
 @given(st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180)))
 def test_every_earth_frame_becomes_north_west_up(
     frame: int, angles: tuple[float, float, float]
 ) -> None:
     samples = []
     if frame != ENU:  # which no legacy device has
-        settings = 0x304 | (0x8000_0000 if frame == NED else 0)
-        samples.append(MtDataDecoder(0x0004, settings).decode(struct.pack(">3d", *angles)))
+        word = 0x304 | (0x8000_0000 if frame == NED else 0)
+        samples.append(MtDataDecoder(0x0004, word).decode(struct.pack(">3d", *angles)))
     for packet, data in (
         (0x2033, struct.pack(">3d", *angles)),
         (0x2013, struct.pack(">4d", *(maybe_from_euler_deg(*angles) or ()))),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from core.records import Attitude
 from fakes.mti.models import MODELS
@@ -79,11 +79,9 @@ def test_every_model_is_found_again_after_a_brown_out(model: str, forgets: bool)
 class Life(RuleBasedStateMachine):
     """Faults come and go; once they are gone attitudes come again, at their instants."""
 
-    model = "MTi-28"
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.bench = Bench(Scripted(self.model))
+    @initialize(model=st.sampled_from(["MTi-28", "MTi-30"]))
+    def begin(self, model: str) -> None:
+        self.bench = Bench(Scripted(model))
 
     @rule(mute=st.booleans())
     def silence(self, mute: bool) -> None:
@@ -134,13 +132,5 @@ class Life(RuleBasedStateMachine):
         assert self.bench.state() == "running" or self.bench.cause()
 
 
-class NewLife(Life):
-    """The same of a newer device."""
-
-    model = "MTi-30"
-
-
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=examples(4), stateful_step_count=8)
-TestNewLife = NewLife.TestCase
-TestNewLife.settings = settings(max_examples=examples(2), stateful_step_count=8)
+TestLife.settings = settings(max_examples=examples(5), stateful_step_count=8)

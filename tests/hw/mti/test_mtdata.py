@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from hw.device import BadFrame
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.sample import MtSample
-from tests.support.mti_frames import ROWS, euler_deg, slow_number, wire
+from tests.support.mti_frames import ROWS, euler_deg, slow_number
 
-EULER_FRAME = wire("MTData 0006 00000005")
 MODES = [
     *(
         sum(bits)
@@ -139,10 +138,3 @@ def test_the_other_number_formats_and_the_quaternion_of_the_sheet() -> None:
     yaw_90 = sample_of("MTData 0004 00000001")
     np.testing.assert_allclose(yaw_90.q_earth_sensor or (), [0.5**0.5, 0, 0, 0.5**0.5], atol=1e-7)
     assert sample_of("MTData 0004 00000005").counter == 64255
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e30])
-def test_values_that_no_device_measures_make_a_bad_frame(value: float) -> None:
-    data = bytearray(EULER_FRAME[4:-1])
-    data[12:16] = struct.pack(">f", value)
-    assert isinstance(MtDataDecoder(6, 5).decode(bytes(data)), BadFrame)

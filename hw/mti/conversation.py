@@ -6,8 +6,6 @@ answer.
 Source: MTi sheet, sections 1, 2 and 9.
 """
 
-from collections.abc import Callable
-
 from hw.device import DeviceStatus, Tick
 from hw.exchange import Exchange, StartAgainError, Steps
 from hw.mti.configuration import BAUD_CODES
@@ -24,15 +22,12 @@ Answer = bytes | int  # data; the code of an Error, or NO_ANSWER
 
 
 class Conversation:
-    """One device on its line.
+    """One device on its line."""
 
-    Args:
-        is_waiting: whether nothing is going on that a WakeUp could end.
-    """
-
-    def __init__(self, status: DeviceStatus, baud: int, is_waiting: Callable[[], bool]) -> None:
+    def __init__(self, status: DeviceStatus, baud: int) -> None:
+        self.waits = True  # nothing is going on that a WakeUp could end
         self.exchange = Exchange(status, self._hear, pause_s=PAUSE_S, longest_pause_s=PAUSE_S)
-        self._is_waiting, self._baud = is_waiting, baud
+        self._baud = baud
         self._refusal = b""  # data of the last Error
         self._has_noise = self._has_frames = False  # since they were told last
 
@@ -44,7 +39,7 @@ class Conversation:
         if not any(frame.mid == Mid.WakeUp for frame in frames):
             return frames
         self.exchange.reply(encode_frame(Mid.WakeUpAck))
-        if not self._is_waiting():
+        if not self.waits:
             raise StartAgainError(RESTARTED)
         return []
 

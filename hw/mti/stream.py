@@ -55,13 +55,10 @@ class SampleMerger:
 
     A sample that lacks one of the two is held until a message of another instant comes, or a period
     has passed; then it goes on as it is. Whatever is put in comes out, in order.
-
-    Args:
-        joins: False: no rate of turn will ever come, so nothing waits for it.
     """
 
-    def __init__(self, period_s: float, *, joins: bool = True) -> None:
-        self._period_s, self._joins = period_s, joins
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
         self._held: Received | None = None
 
     def continues(self, sample: MtSample) -> bool:
@@ -81,7 +78,7 @@ class SampleMerger:
         if self._held is not None and self.continues(received.sample):
             received, self._held = _joined(self._held, received), None
         given, sample = self._give(), received.sample
-        if self._joins and (sample.q_earth_sensor is None) != (sample.rate_radps is None):
+        if (sample.q_earth_sensor is None) != (sample.rate_radps is None):
             self._held = received
             return given
         return [*given, received]
@@ -129,8 +126,8 @@ class StreamReader:
         self.complaint = ""  # the last thing that was wrong with a data message
         self.newest = newest
         self._status, self._stream = status, stream
-        joins = stream.legacy is None and stream.with_rate
-        self._merger = SampleMerger(stream.period_s, joins=joins)
+        joins = stream.legacy is None and stream.with_rate  # else nothing waits for its rate
+        self._merger = SampleMerger(stream.period_s if joins else 0.0)
         self._watch = RateWatch(stream.period_s)
         self._newest_s = math.nan  # arrival of it; NaN: in a stream before this one
         self._foreign = 0

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from hw.device import DeviceStatus
 from hw.mti.frames import MtFrame
 from hw.mti.output import legacy_output, new_outputs
-from hw.mti.session import State
 from hw.mti.stream import MtStream, StreamReader
 from tests.support.cases import examples
 from tests.support.mti_frames import configuration, framed, wire
@@ -51,7 +50,6 @@ def test_the_conversation_is_that_of_the_sheet(
     assert bench.device.heard == requests
     assert (bench.state(), bench.cause()) == ("running", "")
     assert bench.mti.identity == identity
-    assert bench.mti.session.state is State.DELIVERING
     assert len(attitudes) > 170
     assert bench.mti.status.rejected == bench.mti.status.missed == 0
 

@@ -231,7 +231,9 @@ def _notes(sort: type) -> Mapping[str, tuple[str, str]]:
         text = textwrap.dedent(inspect.getsource(ancestor)) if with_source else ""
         lines = text.splitlines()
         aliases = vars(inspect.getmodule(ancestor) or object)
-        for node in ast.walk(ast.parse(text)):
+        tree = ast.parse(text)
+        fields = [node for top in tree.body if isinstance(top, ast.ClassDef) for node in top.body]
+        for node in ast.walk(tree):
             if isinstance(node, ast.Assign | ast.AnnAssign):
                 comment = lines[(node.end_lineno or node.lineno) - 1][node.end_col_offset or 0 :]
                 meaning = comment.strip().removeprefix("#").strip() if "#" in comment else ""
@@ -240,8 +242,11 @@ def _notes(sort: type) -> Mapping[str, tuple[str, str]]:
                     annotation = str(aliases[annotation])
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
                 for target in targets:
-                    if isinstance(target, ast.Attribute):
-                        notes.setdefault(target.attr, (annotation, meaning))
+                    name = target.attr if isinstance(target, ast.Attribute) else None
+                    if isinstance(target, ast.Name) and node in fields:
+                        name = target.id
+                    if name is not None:
+                        notes.setdefault(name, (annotation, meaning))
     return notes
 
 

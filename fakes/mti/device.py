@@ -8,14 +8,16 @@ Source: MTi sheet, whole.
 """
 
 import math
+import struct
+from collections.abc import Callable
 from enum import Enum
 
 from fakes.mti import frames as mt
-from fakes.mti.answers import SELF_TEST, Answer, Desk
+from fakes.mti.faults import Faults
 from fakes.mti.line import SerialLine
-from fakes.mti.memory import NOT_IMPLEMENTED, Memory, bauds
-from fakes.mti.models import MODELS
-from fakes.mti.sensor import Motion
+from fakes.mti.memory import BAD_PARAMETER, NOT_IMPLEMENTED, REGISTERS, Memory, maybe_outputs
+from fakes.mti.models import FOURTH, HARDWARE, MODELS
+from fakes.mti.sensor import Motion, Sensor
 from fakes.mti.stream import Stream
 from fakes.wires.timing import Quartz
 
@@ -27,7 +29,10 @@ EMTS_BYTES = 1320
 RESTORE_BYTE, RESTORE_CODE, RESTORE_BAUD = 0xDE, 2, 115200
 WAKE_UP, WAKE_UP_ACK, ERROR, CONFIGURATION, EMTS = 0x3E, 0x3F, 0x42, 0x0D, 0x91
 GO_TO_MEASUREMENT, GO_TO_CONFIG, REQ_DATA, RESET = 0x10, 0x30, 0x34, 0x40
-WHILE_MEASURING = (0x22, GO_TO_CONFIG, REQ_DATA, RESET, 0xA4)
+NO_ROTATION, SELF_TEST, SCENARIO, RESET_ORIENTATION, OUTPUTS = 0x22, 0x24, 0x64, 0xA4, 0xC0
+WHILE_MEASURING = (NO_ROTATION, GO_TO_CONFIG, RESET, RESET_ORIENTATION)
+
+Answer = bytes | int  # the data, or the code of an Error
 
 
 class State(Enum):
@@ -39,10 +44,8 @@ class State(Enum):
     MEASURING = "measuring"
 
 
-class FakeMti(Stream, Desk, SerialLine):
+class FakeMti(Faults):
     """One sensor, found in mid-stream as shipped: orientation and counter at 100 Hz.
-
-    Plain attributes, of its bases too, are its faults and properties, to be set at any time.
 
     Args:
         motion_at: instant (host clock) to R_earth_sensor (3, 3), rate of turn (3,) rad/s, and
@@ -53,18 +56,16 @@ class FakeMti(Stream, Desk, SerialLine):
     def __init__(self, motion_at: Motion, seed: int, model: str = "MTi-28") -> None:
         if model not in MODELS:
             raise ValueError(f"model must be one of {', '.join(MODELS)}, is {model!r}")
-        SerialLine.__init__(self, seed)
-        Desk.__init__(self, motion_at, seed, MODELS[model])
-        self.drift_ppm = 0.0  # of its clock
-        self.deaf_acks = 0  # so many answers are swallowed, the requests obeyed
-        self.late_data = 0  # so many data messages still come before a GoToConfig's answer
-        self.error_next: int | None = None  # code of an Error that it sends unasked, once
-        self._emts = self._random.randbytes(EMTS_BYTES)
+        super().__init__()
+        self.memory = Memory(MODELS[model])
+        self.sensor = Sensor(self, self.memory, motion_at, seed)
         self._clock, self._reader = Quartz(), mt.RequestReader()
+        self._line = SerialLine(self, seed)
+        self._emts = self._line.random.randbytes(EMTS_BYTES)
+        self._stream = Stream(self, self.memory, self.sensor, self._line, self._clock)
         self._state = State.MEASURING
         self._begin_s = self._wake_end_s = -math.inf  # of the wake-up
-        Stream.__init__(self)
-        self.counter = self._random.randrange(2**16)
+        self.counter = self._line.random.randrange(2**16)
 
     @property
     def state(self) -> State:
@@ -74,17 +75,15 @@ class FakeMti(Stream, Desk, SerialLine):
     def power_up(self, now_s: float) -> None:
         """Off and on: WakeUp, and without an answer the stream 500 ms later."""
         now_s = self._clock.follow(now_s, self.drift_ppm)
-        self._silence(now_s)
+        self._line.break_off(now_s)
         self._restart(now_s)
 
     def brown_out(self, now_s: float, *, forgets: bool = False) -> None:
         """A dip of its supply in mid-message; one that forgets is as shipped again."""
-        self._silence(now_s)
-        self._put_half(now_s)
+        self._line.break_off(now_s, self._stream.half_message())
         if forgets:
-            self.memory = Memory(self.memory.model)
-        now_s = self._clock.follow(now_s, self.drift_ppm)
-        self._restart(now_s)
+            self.memory.restore()
+        self._restart(self._clock.follow(now_s, self.drift_ppm))
 
     def another_host(self, mode: int, settings: int) -> None:
         """Output mode and settings as if another program had set them; MTData from now on."""
@@ -96,13 +95,14 @@ class FakeMti(Stream, Desk, SerialLine):
         if self._state in (State.BOOTING, State.WAKING):
             self._wake_on(now_s, received)
         if self._state is State.MEASURING:
-            self._measure()
+            self._stream.measure()
+            self._stop_if_full()
         if self.error_next is not None:
-            self._send(now_s, mt.frame(ERROR, bytes([self.error_next & 0xFF])))
+            self._line.send(now_s, mt.frame(ERROR, bytes([self.error_next & 0xFF])))
             self.error_next = None
         for request in self._reader.feed(now_s, b"" if self.deaf else received):
             self._take(now_s, request)
-        return self._taken(now_s)
+        return self._line.taken(now_s)
 
     # -- states -------------------------------------------------------------------------------
 
@@ -114,21 +114,27 @@ class FakeMti(Stream, Desk, SerialLine):
         self._wake_end_s = self._begin_s + WAKE_S
         self.baud = RESTORE_BAUD  # the only one at which DE is heard
         self.counter = 0
-        self._forget_resets()
+        self.sensor.forget_resets()
 
     def _wake_on(self, now_s: float, received: bytes) -> None:
         """WakeUp when it has booted; into Measurement state once the host has had its time."""
         if self._state is State.BOOTING and RESTORE_BYTE in received and not self.deaf:
             self.memory.baud_code = RESTORE_CODE
         if self._state is State.BOOTING and now_s >= self._begin_s:
-            self.baud = bauds(self.memory.model)[self.memory.baud_code]
+            self.baud = self.memory.baud
             self._state = State.WAKING
-            self._send(self._begin_s, mt.frame(WAKE_UP))
+            self._line.send(self._begin_s, mt.frame(WAKE_UP))
         if self._state is State.WAKING and now_s >= self._wake_end_s:
-            self._send(self._wake_end_s, mt.frame(CONFIGURATION, self.memory.configuration()))
-            self._send(self._wake_end_s, mt.frame(EMTS, self._emts))
+            configuration = mt.frame(CONFIGURATION, self.memory.configuration())
+            self._line.send(self._wake_end_s, configuration)
+            self._line.send(self._wake_end_s, mt.frame(EMTS, self._emts))
             self._state = State.MEASURING
-            self._measure_from(self._clock.device_s - (now_s - self._wake_end_s))
+            self._stream.begin(self._clock.device_s - (now_s - self._wake_end_s))
+
+    def _stop_if_full(self) -> None:
+        """Out of Measurement state if a full line has ended it."""
+        if self._stream.stopped:
+            self._state = State.CONFIG
 
     # -- requests -----------------------------------------------------------------------------
 
@@ -139,15 +145,16 @@ class FakeMti(Stream, Desk, SerialLine):
         if self._state in (State.BOOTING, State.WAKING) or mid == WAKE_UP_ACK:
             return
         if self._state is State.MEASURING:
-            if mid == REQ_DATA:
-                self._on_request(now_s, request.data)
-            if mid not in WHILE_MEASURING or mid == REQ_DATA:
+            if mid == REQ_DATA and not request.data:
+                self._stream.answer_request()
+                self._stop_if_full()
+            if mid not in WHILE_MEASURING:
                 return
-        if mid == GO_TO_CONFIG and self._state is State.MEASURING and not request.data:
-            for _ in range(self.late_data):
-                self._message_now(now_s)
-        answer = self._obeyed(now_s, mid, request.data)
-        if self._is_silent(mid):
+            if mid == GO_TO_CONFIG and not request.data:
+                for _ in range(self.late_data):
+                    self._stream.message_now()
+        answer = self._answer(now_s, mid, request.data)
+        if mid in self.memory.model.silent_mids:
             return
         if isinstance(answer, int):
             message = mt.frame(ERROR, bytes([answer]), request.bus_id)
@@ -156,32 +163,88 @@ class FakeMti(Stream, Desk, SerialLine):
         if self.deaf_acks > 0:
             self.deaf_acks -= 1
         else:
-            self._send(now_s + (SELF_TEST_S if mid == SELF_TEST else ANSWER_S), message)
+            self._line.send(now_s + (SELF_TEST_S if mid == SELF_TEST else ANSWER_S), message)
         if mid == RESET and answer == b"":
             self._restart(now_s + RESTART_S)
 
-    def _obeyed(self, now_s: float, mid: int, data: bytes) -> Answer:
-        """The answer, after the change of state that was asked for."""
-        if mid in (GO_TO_CONFIG, GO_TO_MEASUREMENT, RESET) and data:
-            return self._answered(now_s, 0x00, data, True)  # as any message that has none
-        if mid == GO_TO_CONFIG:
-            self._state = State.CONFIG
+    def _answer(self, now_s: float, mid: int, data: bytes) -> Answer:
+        """The data of the answer, or the code of an Error, after all that was asked for."""
+        memory = self.memory
+        if mid in (NO_ROTATION, RESET_ORIENTATION):
+            if len(data) != 2:
+                return BAD_PARAMETER
+            value = int.from_bytes(data, "big")
+            if mid == RESET_ORIENTATION:
+                in_config = self._state is State.CONFIG
+                return self.sensor.reset_orientation(now_s, value, in_config)
+            self.sensor.still_until_s = now_s + value
             return b""
-        if mid == GO_TO_MEASUREMENT:
-            code = self._check_fits(self.memory.outputs) if self.memory.mtdata2 else 0
-            if code:
-                return code
-            self._state = State.MEASURING
-            self._measure_from(self._clock.device_s)
-            return b""
-        if mid == RESET:
-            return b""
-        if mid % 2:
+        if mid == OUTPUTS and not memory.model.legacy:
+            return self._outputs(data)
+        if mid in REGISTERS and (mid != SCENARIO or data):
+            register = REGISTERS[mid]
+            if not register.exists(memory):
+                return NOT_IMPLEMENTED
+            return (register.write(memory, data) or b"") if data else register.read(memory)
+        without_data = self._answers_without_data()
+        if mid not in without_data:
             return NOT_IMPLEMENTED
-        return self._answered(now_s, mid, data, self._state is State.CONFIG)
+        return BAD_PARAMETER if data else without_data[mid]()
 
-    def _to_config(self) -> None:
+    def _answers_without_data(self) -> dict[int, Callable[[], Answer]]:
+        """What is asked for by an empty message."""
+        memory, model = self.memory, self.memory.model
+        answers: dict[int, Callable[[], Answer]] = {
+            0x00: lambda: model.device_id,
+            0x02: lambda: model.device_id,
+            0x0C: memory.configuration,
+            0x0E: self._restore,
+            GO_TO_MEASUREMENT: self._go_to_measurement,
+            0x12: lambda: model.firmware,
+            0x1C: lambda: model.product,
+            SELF_TEST: lambda: struct.pack(">H", self.self_test),
+            GO_TO_CONFIG: self._go_to_config,
+            RESET: lambda: b"",
+            0x62: model.profiles,
+            SCENARIO: lambda: bytes([memory.scenario_version, memory.scenario]),
+        }
+        if not memory.mtdata2:
+            answers[0x0A] = lambda: struct.pack(">H", memory.length())
+        if not model.legacy:
+            answers[0x1E] = lambda: HARDWARE
+        return answers
+
+    def _restore(self) -> Answer:
+        self.memory.restore()
+        self.sensor.forget_resets()
+        return b""
+
+    def _go_to_config(self) -> Answer:
         self._state = State.CONFIG
+        return b""
 
-    def _is_measuring(self) -> bool:
-        return self._state is State.MEASURING
+    def _go_to_measurement(self) -> Answer:
+        code = self.memory.check_fits(self.memory.outputs) if self.memory.mtdata2 else 0
+        if code:
+            return code
+        self._state = State.MEASURING
+        self._stream.begin(self._clock.device_s)
+        return b""
+
+    def _outputs(self, data: bytes) -> Answer:
+        """The output configuration, read or set; the values taken come back."""
+        memory = self.memory
+        if data == bytes(4) and memory.model.generation == FOURTH:
+            memory.mtdata2 = False  # MTData from now on
+            return data
+        taken = maybe_outputs(data, memory.model) if data else memory.outputs
+        if isinstance(taken, int):
+            return taken
+        code = memory.check_fits(taken)
+        if code:
+            return code
+        if data:
+            memory.outputs, memory.mtdata2 = taken, True
+        elif not memory.mtdata2:
+            return bytes(4)
+        return b"".join(struct.pack(">HH", *entry) for entry in taken)

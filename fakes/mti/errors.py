@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from fakes.mti.kernels import believed, go_on
-from fakes.mti.rotation import F64, rotation
+from fakes.mti.kernels import believed, go_on, turn_about
+from fakes.mti.rotation import F64
 
 STATIC_RAD, HEADING_RAD = math.radians(0.5), math.radians(1.0)  # bounds: two sigmas
 LEAN_S = 4.0  # time constant with which it takes what it feels for the vertical: a full brake from
@@ -35,7 +35,7 @@ class SheetErrors:
     def __init__(self, seed: int) -> None:
         self._random = random = np.random.default_rng([seed, 7])
         roll, pitch = np.clip(random.normal(0.0, STATIC_RAD / 2, 2), -STATIC_RAD, STATIC_RAD)
-        self._R_case = rotation(np.array([roll, pitch, 0.0]))
+        self._R_case = turn_about(roll, pitch, 0.0)
         self._rate_bias_radps = random.normal(0.0, RATE_BIAS_RADPS, 3)
         self.accel_bias_mps2: F64 = random.normal(0.0, ACCEL_BIAS_MPS2, 3)
         self._lean_rad = np.zeros(2)  # about north and west

@@ -3,7 +3,7 @@
 Source: MTi sheet, section 1.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 PREAMBLE, EXTENDED = 0xFA, 0xFF
 MASTER, SINGLE = 0xFF, 0x01  # bus ids
@@ -20,8 +20,7 @@ def frame(mid: int, data: bytes = b"", bus_id: int = MASTER) -> bytes:
     return bytes([PREAMBLE]) + body + bytes([-sum(body) & 0xFF])
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(NamedTuple):
     """One message of the host."""
 
     mid: int
@@ -42,44 +41,32 @@ class RequestReader:
         requests = []
         while self._buffer:
             begin, end = self._extent()
-            if begin < 0:
-                self._skip()
-            elif len(self._buffer) < end:
-                if self._is_patient(now_s):
+            if end > len(self._buffer):
+                if self._waiting_s is None:
+                    self._waiting_s = now_s
+                if now_s - self._waiting_s <= PATIENCE_S:
                     break
-                self._skip()
-            elif sum(self._buffer[1:end]) & 0xFF:
-                self._skip()
-            else:
+            elif end and sum(self._buffer[1:end]) & 0xFF == 0:
                 bus_id, mid = self._buffer[1:3]
                 requests.append(Request(mid, bytes(self._buffer[begin : end - 1]), bus_id))
-                del self._buffer[:end]
-                self._waiting_s = None
+                self._drop(end)
+                continue
+            start = self._buffer.find(PREAMBLE, 1)  # the next byte that may begin a frame
+            self._drop(start if start > 0 else len(self._buffer))
         return requests
 
     def _extent(self) -> tuple[int, int]:
-        """Where data begins and the frame ends, as far as is known; begin < 0: no frame."""
+        """Where data begins and the frame ends, as far as is known; 0, 0: no frame."""
         buffer = self._buffer
         if buffer[0] != PREAMBLE or (len(buffer) > 1 and buffer[1] not in (MASTER, SINGLE)):
-            return -1, 0
-        if len(buffer) < 4:
-            return 4, 5
-        if buffer[3] != EXTENDED:
-            return 4, 5 + buffer[3]
+            return 0, 0
+        if len(buffer) < 4 or buffer[3] != EXTENDED:
+            return 4, 5 + (buffer[3] if len(buffer) > 3 else 0)
         if len(buffer) < 6:
             return 6, 7
         length = int.from_bytes(buffer[4:6], "big")
-        if not MIN_EXTENDED <= length <= MAX_EXTENDED:
-            return -1, 0
-        return 6, 7 + length
+        return (6, 7 + length) if MIN_EXTENDED <= length <= MAX_EXTENDED else (0, 0)
 
-    def _is_patient(self, now_s: float) -> bool:
-        if self._waiting_s is None:
-            self._waiting_s = now_s
-        return now_s - self._waiting_s <= PATIENCE_S
-
-    def _skip(self) -> None:
-        """To the next byte that may begin a frame."""
-        start = self._buffer.find(PREAMBLE, 1)
-        del self._buffer[: start if start > 0 else len(self._buffer)]
+    def _drop(self, count: int) -> None:
+        del self._buffer[:count]
         self._waiting_s = None

@@ -36,34 +36,6 @@ def turn_about(x: float, y: float, z: float) -> F64:
 
 
 @kernel
-def _told_vectors(
-    accel: F64, rate: F64, R_earth_sensor: F64, field: F64, sigmas: Sigmas, noise: F64,
-    accel_off: F64, rate_off: F64, full: F64, case: F64,
-) -> tuple[F64, int]:  # fmt: skip
-    """The vectors of `told`, and which of their numbers were clipped."""
-    told, clipped, sensed = np.empty((3, 3)), 0, np.empty(3)
-    for kind in range(3):
-        for axis in range(3):
-            if kind == 0:
-                value = accel[axis] + (accel_off[axis] + sigmas[1] * noise[2, axis])
-            elif kind == 1:
-                value = rate[axis] + (rate_off[axis] + sigmas[2] * noise[1, axis])
-            else:
-                value = 0.0
-                for k in range(3):
-                    value += R_earth_sensor[k, axis] * field[k]
-                value += sigmas[3] * noise[3, axis]
-            if abs(value) > full[kind]:
-                clipped |= 1 << (3 * kind + axis)
-            sensed[axis] = min(max(value, -full[kind]), full[kind])
-        for axis in range(3):
-            told[kind, axis] = (
-                case[axis, 0] * sensed[0] + case[axis, 1] * sensed[1] + case[axis, 2] * sensed[2]
-            )
-    return told, clipped
-
-
-@kernel
 def told(
     R_true: F64, R_believed: F64, accel: F64, rate: F64, field: F64, yaw_rad: float,
     sigmas: Sigmas, noise: F64, accel_off: F64, rate_off: F64, full: F64, earth: F64, case: F64,
@@ -86,9 +58,25 @@ def told(
     R = times(turn_about(0.0, 0.0, yaw_rad), R_believed)
     x, y, z = sigmas[0] * noise[0, 0], sigmas[0] * noise[0, 1], sigmas[0] * noise[0, 2]
     R = times(times(earth, times(R, turn_about(x, y, z))), case.T)
-    vectors, clipped = _told_vectors(
-        accel, rate, R_true, field, sigmas, noise, accel_off, rate_off, full, case
-    )
+    vectors, clipped, sensed = np.empty((3, 3)), 0, np.empty(3)
+    for kind in range(3):
+        for axis in range(3):
+            if kind == 0:
+                value = accel[axis] + (accel_off[axis] + sigmas[1] * noise[2, axis])
+            elif kind == 1:
+                value = rate[axis] + (rate_off[axis] + sigmas[2] * noise[1, axis])
+            else:
+                value = 0.0
+                for k in range(3):
+                    value += R_true[k, axis] * field[k]
+                value += sigmas[3] * noise[3, axis]
+            if abs(value) > full[kind]:
+                clipped |= 1 << (3 * kind + axis)
+            sensed[axis] = min(max(value, -full[kind]), full[kind])
+        for axis in range(3):
+            vectors[kind, axis] = (
+                case[axis, 0] * sensed[0] + case[axis, 1] * sensed[1] + case[axis, 2] * sensed[2]
+            )
     return R, vectors, clipped
 
 

@@ -1,28 +1,38 @@
 """What an MTi keeps over a loss of power: its settings, and which values each one takes.
 
-Source: MTi sheet, section 3.
+Source: MTi sheet, sections 3 and 5.
 """
 
 import math
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from fakes.mti.models import FIFTH, FOURTH, LEGACY, MODELS, Model
-from fakes.mti.mtdata import data_length, is_mode, is_settings
+from fakes.mti.messages import (
+    FRAME_BYTES,
+    HEADERS,
+    ORIENTED,
+    SIZES,
+    is_mode,
+    is_settings,
+    kind_of,
+    mtdata_length,
+    packet_size,
+)
+from fakes.mti.models import FIFTH, FOURTH, LEGACY, MODELS, SHIPPED_OUTPUTS, Model
 from fakes.mti.rotation import F64
 
-BAUDS = {
-    0x00: 460800, 0x01: 230400, 0x02: 115200, 0x03: 76800, 0x04: 57600, 0x05: 38400, 0x06: 28800,
-    0x07: 19200, 0x08: 14400, 0x09: 9600, 0x0A: 921600, 0x80: 921600, 0x0B: 4800,
-}  # fmt: skip
-NEW_BAUDS = {0x0C: 2_000_000, 0x0D: 4_000_000, 0x0E: 3_686_400}
-MIN_PERIOD = 225
 NO_PERIOD, NOT_IMPLEMENTED, NO_BAUD, BAD_PARAMETER = 0x03, 0x04, 0x20, 0x21  # Error codes
 TOO_MUCH_DATA = 0x29
+MIN_PERIOD = 225
+MOST_ENTRIES = 32  # of an output configuration
+MAX_HZ = 0xFFFF
+HEADER_HZ = 100  # of messages that hold headers alone
+
+Outputs = tuple[tuple[int, int], ...]  # MTData2: packet id, Hz
 
 
 @dataclass(slots=True, eq=False)
@@ -39,15 +49,25 @@ class Memory:
     location: int = 0
     heading_rad: float = 0.0
     mtdata2: bool = field(init=False)  # which of the two languages of data it speaks
-    outputs: tuple[tuple[int, int], ...] = field(init=False)  # MTData2: packet id, Hz
+    outputs: Outputs = SHIPPED_OUTPUTS
     scenario: int = field(init=False)
     G_reset: F64 = field(default_factory=lambda: np.eye(3))  # orientation resets that were stored:
     A_reset: F64 = field(default_factory=lambda: np.eye(3))  # of the earth and of the object
 
     def __post_init__(self) -> None:
         self.mtdata2 = not self.model.legacy
-        self.outputs = self.model.outputs
         self.scenario = self.model.scenario_word & 0xFF
+
+    def restore(self) -> None:
+        """As shipped."""
+        shipped = Memory(self.model)
+        for part in fields(self):
+            setattr(self, part.name, getattr(shipped, part.name))
+
+    @property
+    def baud(self) -> int:
+        """Of the line, from the next power-up on."""
+        return self.model.bauds[self.baud_code]
 
     @property
     def scenario_version(self) -> int:
@@ -56,7 +76,7 @@ class Memory:
 
     def length(self) -> int:
         """Bytes of an MTData message; 0 while it speaks MTData2."""
-        return 0 if self.mtdata2 else data_length(self.mode, self.settings)
+        return 0 if self.mtdata2 else mtdata_length(self.mode, self.settings)
 
     def configuration(self) -> bytes:
         """The 118 bytes of message 0D."""
@@ -69,6 +89,15 @@ class Memory:
         about = self.model.firmware[:3] + self.model.filter
         return head + bytes(88) + b"\0\1" + identity + tail + kind + about
 
+    def check_fits(self, outputs: Outputs) -> int:
+        """0, or the Error of outputs that the line cannot carry."""
+        step = stride(outputs, self.model.base_hz)
+        messages_hz = self.model.base_hz / step if step else 0.0
+        headers = sum(3 + packet_size(i) for i, _ in outputs if not is_rated(i))
+        rated = sum((3 + packet_size(i)) * hz for i, hz in outputs if is_rated(i))
+        bytes_per_s = messages_hz * (headers + FRAME_BYTES) + rated
+        return TOO_MUCH_DATA if bytes_per_s * 10 > self.baud else 0
+
 
 @dataclass(frozen=True, slots=True)
 class Register:
@@ -76,15 +105,15 @@ class Register:
 
     name: str
     form: str  # of struct
-    allows: Callable[[Any, Model], bool]
+    allows: Callable[[Any, Model], bool] = lambda value, model: True
     error: int = BAD_PARAMETER  # for a value that is not allowed
     generations: tuple[int, ...] = (LEGACY, FOURTH, FIFTH)
     mtdata_only: bool = False  # gone while the device speaks MTData2
 
     def exists(self, memory: Memory) -> bool:
         """Whether the device has it, as it is set now."""
-        model = memory.model
-        return model.generation in self.generations and not (self.mtdata_only and memory.mtdata2)
+        has_it = memory.model.generation in self.generations
+        return has_it and not (self.mtdata_only and memory.mtdata2)
 
     def read(self, memory: Memory) -> bytes:
         """As the answer carries it."""
@@ -101,46 +130,64 @@ class Register:
         return 0
 
 
-def bauds(model: Model) -> dict[int, int]:
-    """The baud rates of a device by code."""
-    return BAUDS if model.legacy else BAUDS | NEW_BAUDS
-
-
-def _is_angle(value: float, model: Model) -> bool:
-    return abs(value) <= math.pi
-
-
-def _is_any(value: object, model: Model) -> bool:
-    return True
-
-
-def _is_scenario(value: int, model: Model) -> bool:
-    return value in (kind for kind, _, _ in model.scenarios)
-
-
 OLDER = (LEGACY, FOURTH)
 REGISTERS = {
-    0x04: Register(
-        "period", ">H", lambda period, _: bool(period >= MIN_PERIOD), NO_PERIOD, generations=OLDER
+    0x04: Register("period", ">H", lambda period, _: period >= MIN_PERIOD, NO_PERIOD, OLDER),
+    0x18: Register("baud_code", ">B", lambda code, model: code in model.bauds, NO_BAUD),
+    0x64: Register(
+        "scenario", ">H", lambda kind, model: any(kind == k for k, _, _ in model.scenarios)
     ),
-    0x18: Register("baud_code", ">B", lambda code, model: code in bauds(model), NO_BAUD),
-    0x64: Register("scenario", ">H", _is_scenario),
-    0x82: Register("heading_rad", ">f", _is_angle, generations=(LEGACY,)),
-    0x84: Register("location", ">H", _is_any),
-    0xD0: Register(
-        "mode", ">H", lambda mode, _: is_mode(mode), generations=OLDER, mtdata_only=True
+    0x82: Register(
+        "heading_rad", ">f", lambda rad, _: abs(rad) <= math.pi, generations=(LEGACY,)
     ),
+    0x84: Register("location", ">H"),
+    0xD0: Register("mode", ">H", lambda mode, _: is_mode(mode), BAD_PARAMETER, OLDER, True),
     0xD2: Register(
         "settings", ">I", lambda word, model: is_settings(word, model.gnss or not model.legacy),
-        generations=OLDER, mtdata_only=True,
+        BAD_PARAMETER, OLDER, True,
     ),
-    0xD4: Register("skip", ">H", _is_any, generations=OLDER, mtdata_only=True),
-    0xDA: Register("error_mode", ">H", lambda mode, _: bool(mode <= 3)),
+    0xD4: Register("skip", ">H", generations=OLDER, mtdata_only=True),
+    0xDA: Register("error_mode", ">H", lambda mode, _: mode <= 3),
 }  # fmt: skip
 
 
-def scenarios(model: Model) -> bytes:
-    """The five slots of message 63."""
-    slots = [struct.pack(">BB20s", kind, version, name.ljust(20))
-             for kind, version, name in model.scenarios]  # fmt: skip
-    return b"".join(slots).ljust(5 * 22, b"\0")
+def maybe_outputs(data: bytes, model: Model) -> Outputs | int:
+    """The output configuration that is taken of a wanted one, or the code of an Error."""
+    if len(data) % 4 or len(data) > 4 * MOST_ENTRIES:
+        return BAD_PARAMETER
+    taken = []
+    for identifier, rate_hz in struct.iter_unpack(">HH", data):
+        entry = _maybe_entry(identifier, rate_hz, model)
+        if entry is not None:
+            taken.append(entry)
+        elif model.generation == FIFTH:  # the others leave out what they have not
+            return BAD_PARAMETER
+    return tuple(taken)
+
+
+def _maybe_entry(identifier: int, rate_hz: int, model: Model) -> tuple[int, int] | None:
+    """One output as it is taken; None: the device has it not."""
+    kind = kind_of(identifier)
+    if kind in HEADERS:
+        return (identifier, MAX_HZ) if identifier == kind else None
+    most_hz = model.rates_hz.get(kind)
+    if most_hz is None or kind not in SIZES:
+        return None
+    if identifier & 0xC and (kind not in ORIENTED or identifier & 0xC == 0xC):
+        return None
+    if rate_hz in (0, MAX_HZ) or rate_hz >= most_hz:
+        return identifier, most_hz
+    return identifier, max(hz for hz in range(1, rate_hz + 1) if most_hz % hz == 0)
+
+
+def is_rated(identifier: int) -> bool:
+    """Whether a packet comes at a rate of its own: no header."""
+    return kind_of(identifier) not in HEADERS
+
+
+def stride(outputs: Outputs, base_hz: int) -> int:
+    """The base ticks from one instant to the next at which anything is due; 0: never."""
+    rates = [hz for identifier, hz in outputs if is_rated(identifier)]
+    if not rates:
+        return base_hz // HEADER_HZ if outputs else 0
+    return math.gcd(*(base_hz // hz for hz in rates))

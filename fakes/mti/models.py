@@ -3,12 +3,20 @@
 Source: MTi sheet, sections 3, 5, 7 and 9; names of filter profiles [U].
 """
 
+import struct
 from dataclasses import dataclass, field
 
 LEGACY, FOURTH, FIFTH = 3, 4, 5  # generations: 10/100 series are the fourth, 600 the fifth
 DAY_TICKS, U32_TICKS = 864_000_000, 2**32
+HARDWARE = b"\x02\x00"
+SHIPPED_OUTPUTS = ((0x1020, 0xFFFF), (0x1060, 0xFFFF), (0x2010, 100), (0xE020, 0xFFFF))
 
-Scenarios = tuple[tuple[int, int, bytes], ...]
+BAUDS = {
+    0x00: 460800, 0x01: 230400, 0x02: 115200, 0x03: 76800, 0x04: 57600, 0x05: 38400, 0x06: 28800,
+    0x07: 19200, 0x08: 14400, 0x09: 9600, 0x0A: 921600, 0x80: 921600, 0x0B: 4800,
+}  # fmt: skip
+NEW_BAUDS = BAUDS | {0x0C: 2_000_000, 0x0D: 4_000_000, 0x0E: 3_686_400}
+
 ORIENTED = {0x2010: 400, 0x2020: 400, 0x2030: 400}
 INERTIAL = {0x4020: 400, 0x8020: 400, 0xC020: 100}
 SLOW = dict.fromkeys((*ORIENTED, *INERTIAL), 100)
@@ -27,15 +35,11 @@ class Model:
     generation: int = FOURTH
     firmware: bytes
     filter: bytes  # type in ASCII, major, minor
-    scenarios: Scenarios
+    scenarios: tuple[tuple[int, int, bytes], ...]  # filter profiles: kind, version, name
     scenario_word: int  # version and type as message 0D tells them
-    hardware: bytes = b"\x02\x00"
     gnss: bool = False  # it has a receiver, of which the fake sends nothing
     rates_hz: dict[int, int] = field(default_factory=dict)  # packet id without format: the most
-    fine_ticks: int = DAY_TICKS  # SampleTimeFine wraps there
-    refuses_unknown: bool = False  # outputs that it has not: Error 21 instead of leaving them out
-    silent_mids: frozenset[int] = frozenset()
-    outputs: tuple[tuple[int, int], ...] = ()  # as shipped: packet id, Hz
+    silent_mids: tuple[int, ...] = ()  # requests that it does not answer
 
     @property
     def legacy(self) -> bool:
@@ -43,9 +47,25 @@ class Model:
         return self.generation == LEGACY
 
     @property
+    def fine_ticks(self) -> int:
+        """SampleTimeFine wraps there."""
+        return U32_TICKS if self.generation == FIFTH else DAY_TICKS
+
+    @property
     def short_id(self) -> bytes:
         """The 4 bytes of the id that messages of fixed layout carry."""
         return self.device_id[-4:]
+
+    @property
+    def bauds(self) -> dict[int, int]:
+        """The baud rates by code."""
+        return BAUDS if self.legacy else NEW_BAUDS
+
+    def profiles(self) -> bytes:
+        """The five slots of message 63."""
+        slots = [struct.pack(">BB20s", k, version, name.ljust(20))
+                 for k, version, name in self.scenarios]  # fmt: skip
+        return b"".join(slots).ljust(5 * 22, b"\0")
 
     @property
     def base_hz(self) -> int:
@@ -53,8 +73,6 @@ class Model:
         return max(self.rates_hz.values(), default=400)
 
 
-HEAD = ((0x1020, 0xFFFF), (0x1060, 0xFFFF))
-SHIPPED = (*HEAD, (0x2010, 100), (0xE020, 0xFFFF))
 REVISION_11 = bytes.fromhex("010702 0000001C 00000010")
 MODELS = {
     "MTi-28": Model(
@@ -84,7 +102,6 @@ MODELS = {
         scenarios=NEW_PROFILES,
         scenario_word=0x0027,
         rates_hz={0x0810: 1, **ORIENTED, **INERTIAL},
-        outputs=SHIPPED,
     ),
     "MTi-3": Model(
         product=b"MTi-3-8A7G6".ljust(20),
@@ -95,10 +112,7 @@ MODELS = {
         scenarios=tuple((kind + 11, version, name) for kind, version, name in NEW_PROFILES),
         scenario_word=0x0032,
         rates_hz={0x0810: 1, **SLOW},
-        fine_ticks=U32_TICKS,
-        refuses_unknown=True,
-        silent_mids=frozenset({0xDA, 0xDC, 0x8E, 0x86}),
-        outputs=SHIPPED,
+        silent_mids=(0xDA, 0xDC, 0x8E, 0x86),
     ),
     "MTi-G-700": Model(
         product=b"MTi-G-700-2A5G4".ljust(20),
@@ -110,7 +124,6 @@ MODELS = {
         scenario_word=0x0001,
         gnss=True,
         rates_hz={0x0810: 100, **ORIENTED, **INERTIAL},  # 0810 as recorded
-        outputs=SHIPPED,
     ),
     "MTi-630": Model(
         product=b"MTi-630-8A1G6".ljust(20),
@@ -121,8 +134,5 @@ MODELS = {
         scenarios=((1, 1, b"Responsive"), (2, 1, b"Robust"), (3, 1, b"General")),
         scenario_word=0x0001,
         rates_hz={0x0810: 1, **ORIENTED, **INERTIAL},
-        fine_ticks=U32_TICKS,
-        refuses_unknown=True,
-        outputs=SHIPPED,
     ),
 }  # fmt: skip

@@ -50,26 +50,3 @@ def rotation_z(angle_rad: float) -> F64:
     """A turn to the left."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def rotation(vector_rad: F64) -> F64:
-    """The turn (3, 3) about a vector (3,) by its length."""
-    x, y, z = vector_rad.tolist()
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle == 0.0:
-        return np.eye(3)
-    half = math.sin(angle / 2) / angle
-    return rotation_from_quaternion(math.cos(angle / 2), half * x, half * y, half * z)
-
-
-def rotation_from_quaternion(w: float, x: float, y: float, z: float) -> F64:
-    """The rotation matrix (3, 3) of a quaternion of length 1."""
-    ww, xx, yy, zz = w * w, x * x, y * y, z * z
-    xy, xz, yz, wx, wy, wz = x * y, x * z, y * z, w * x, w * y, w * z
-    return np.array(
-        [
-            [ww + xx - yy - zz, 2 * (xy - wz), 2 * (xz + wy)],
-            [2 * (xy + wz), ww - xx + yy - zz, 2 * (yz - wx)],
-            [2 * (xz - wy), 2 * (yz + wx), ww - xx - yy + zz],
-        ]
-    )

@@ -6,12 +6,10 @@ answer.
 Source: MTi sheet, sections 1, 2 and 9.
 """
 
-from collections.abc import Callable
-
 from hw.device import DeviceStatus, Tick
 from hw.exchange import Exchange, StartAgainError, Steps
+from hw.mti.configuration import BAUD_CODES
 from hw.mti.frames import Mid, MtFrame, describe_error, encode_frame
-from hw.mti.service import BAUD_CODES
 
 CONFIG_RETRY_S = 0.25  # acknowledgements get lost among the data that is still in the pipe
 CONFIG_TRIES = 3  # before the cause says so
@@ -20,19 +18,16 @@ PAUSE_S = 0.2  # before a new attempt
 NO_ANSWER = -1
 RESTARTED = "the MTi has restarted: its settings are checked again"
 
-Answer = bytes | int  # data, or the code of an Error
+Answer = bytes | int  # data; the code of an Error, or NO_ANSWER
 
 
 class Conversation:
-    """One device on its line.
+    """One device on its line."""
 
-    Args:
-        is_waiting: whether nothing is going on that a WakeUp could end.
-    """
-
-    def __init__(self, status: DeviceStatus, baud: int, is_waiting: Callable[[], bool]) -> None:
+    def __init__(self, status: DeviceStatus, baud: int) -> None:
+        self.waits = True  # nothing is going on that a WakeUp could end
         self.exchange = Exchange(status, self._hear, pause_s=PAUSE_S, longest_pause_s=PAUSE_S)
-        self._is_waiting, self._baud = is_waiting, baud
+        self._baud = baud
         self._refusal = b""  # data of the last Error
         self._has_noise = self._has_frames = False  # since they were told last
 
@@ -44,51 +39,48 @@ class Conversation:
         if not any(frame.mid == Mid.WakeUp for frame in frames):
             return frames
         self.exchange.reply(encode_frame(Mid.WakeUpAck))
-        if not self._is_waiting():
+        if not self.waits:
             raise StartAgainError(RESTARTED)
         return []
 
-    def maybe_answer(
-        self, mid: Mid, data: bytes, sizes: tuple[int, ...], wait_s: float, tries: int = 1
-    ) -> Steps[Answer | None]:
-        """A request: the data of its answer, of one of the sizes, or the code of an Error."""
+    def try_ask(
+        self,
+        mid: Mid,
+        data: bytes = b"",
+        *sizes: int,
+        wait_s: float = ANSWER_S,
+        tries: int = OPTIONAL_TRIES,
+    ) -> Steps[Answer]:
+        """A request: the data of its answer, of one of the sizes (none given: empty), or a code."""
 
         def maybe_match(frame: MtFrame) -> Answer | None:
-            if frame.mid == mid + 1 and len(frame.data) in sizes:
+            if frame.mid == mid + 1 and len(frame.data) in (sizes or (0,)):
                 return frame.data
             if frame.mid == Mid.Error and frame.data:
                 self._refusal = frame.data
                 return frame.data[0]
             return None
 
-        return self.exchange.ask(encode_frame(mid, data), maybe_match, wait_s, tries)
+        command = encode_frame(mid, data)
+        answer = yield from self.exchange.ask(command, maybe_match, wait_s, tries)
+        return NO_ANSWER if answer is None else answer
 
-    def ask(
-        self, mid: Mid, data: bytes = b"", *sizes: int, optional: bool = False, tries: int = 0
-    ) -> Steps[Answer]:
-        """A request, repeated: the data of its answer, of one of the sizes (none given: empty).
+    def ask(self, mid: Mid, data: bytes = b"", *sizes: int) -> Steps[bytes]:
+        """The same where nothing goes on without an answer."""
+        answer = yield from self.try_ask(mid, data, *sizes, tries=TRIES)
+        if isinstance(answer, int):
+            raise StartAgainError(self.describe_refusal(mid, answer))
+        return answer
 
-        An optional one may be refused: the code of the Error then, or NO_ANSWER.
-        """
-        tries = tries or (OPTIONAL_TRIES if optional else TRIES)
-        answer = yield from self.maybe_answer(mid, data, sizes or (0,), ANSWER_S, tries)
-        if answer is None:
-            answer = NO_ANSWER
-        if isinstance(answer, bytes) or optional:
-            return answer
-        raise StartAgainError(self.describe_refusal(mid, answer))
-
-    def describe_refusal(self, mid: Mid, answer: int) -> str:
+    def describe_refusal(self, mid: Mid, code: int) -> str:
         """What became of a request that brought a code."""
-        if answer == NO_ANSWER:
+        if code == NO_ANSWER:
             return f"the MTi does not answer {mid.name}"
         return f"the MTi refuses {mid.name}: {describe_error(self._refusal)}"
 
     def read(self, mid: Mid, size: int) -> Steps[int]:
         """A setting as the device holds it."""
-        answer = yield from self.ask(mid, b"", size)
-        assert isinstance(answer, bytes)  # only optional requests give codes
-        return int.from_bytes(answer, "big")
+        return int.from_bytes((yield from self.ask(mid, b"", size)), "big")
 
     def go_to_config(self) -> Steps[str]:
         """Ask until it answers, however much data comes first; gives "" then.
@@ -96,19 +88,17 @@ class Conversation:
         Gives the reason each time it has been asked for a while: ask again.
         """
         self._has_noise = self._has_frames = False
-        exchange, answer = self.exchange, None
+        exchange = self.exchange
+        answer: Answer = NO_ANSWER
         for _ in range(CONFIG_TRIES):
             asked_s = exchange.now_s
-            answer = yield from self.maybe_answer(Mid.GoToConfig, b"", (0,), CONFIG_RETRY_S)
-            if answer == b"":
+            answer = yield from self.try_ask(Mid.GoToConfig, wait_s=CONFIG_RETRY_S, tries=1)
+            if isinstance(answer, bytes):
                 return ""
             while exchange.now_s - asked_s < CONFIG_RETRY_S:  # it sent an Error
                 yield from exchange.turn()
-        if isinstance(answer, int):
+        if isinstance(answer, int) and answer != NO_ANSWER:
             return self.describe_refusal(Mid.GoToConfig, answer)
-        return self._describe_silence()
-
-    def _describe_silence(self) -> str:
         if self._has_frames:
             return (
                 "the MTi sends data but does not answer GoToConfig: check the line to its receiver"

@@ -9,21 +9,24 @@ Source: MTi sheet, sections 3 and 4.
 from collections.abc import Iterator
 
 from hw.device import BadFrame
-from hw.mti.numbers import MATRIX, NUMBER_SIZES, ORIENTATION_NUMBERS, EarthFrame, numbers
-from hw.mti.sample import MtSample, SampleBuilder
+from hw.mti.sample import (
+    EULER,
+    NED,
+    NUMBER_SIZES,
+    NWU,
+    ORIENTATION_NUMBERS,
+    MtSample,
+    SampleBuilder,
+    numbers,
+)
 
 TEMPERATURE, CALIBRATED, ORIENTATION, AUXILIARY = 0x0001, 0x0002, 0x0004, 0x0008  # output modes
 POSITION, VELOCITY, STATUS, GPS, RAW = 0x0010, 0x0020, 0x0800, 0x1000, 0x4000
 COUNTER, UTC = 0x1, 0x2  # output settings
 NO_ACCELERATION, NO_RATE, NO_MAGNETIC, NO_ANALOG_1, NO_ANALOG_2 = 0x10, 0x20, 0x40, 0x400, 0x800
-NED = 0x8000_0000
+IN_NED = 0x8000_0000
 
-FIELDS = {  # block: how many numbers
-    "temperature_c": 1,
-    "accel_mps2": 3,
-    "rate_radps": 3,
-    "magnetic": 3,
-}
+FIELDS = {"temperature_c": 1, "accel_mps2": 3, "rate_radps": 3, "magnetic": 3}  # numbers in a block
 
 
 class MtDataDecoder:
@@ -31,7 +34,7 @@ class MtDataDecoder:
 
     def __init__(self, mode: int, settings: int) -> None:
         self._number_format, self._orientation = settings >> 8 & 3, settings >> 2 & 3
-        self._frame = EarthFrame.NED if settings & NED else EarthFrame.NWU
+        self._frame = NED if settings & IN_NED else NWU
         self._blocks: list[tuple[str, int, int]] = []  # name, start, end
         self.size = 0  # data bytes of a frame
         for name, size in _blocks(mode, settings):
@@ -51,18 +54,13 @@ class MtDataDecoder:
         for name, start, end in self._blocks:
             if name in FIELDS:
                 builder.take(name, numbers(data, start, FIELDS[name], self._number_format))
-            elif name == "orientation" and self._orientation <= MATRIX:
+            elif name == "orientation" and self._orientation <= EULER:
                 count = ORIENTATION_NUMBERS[self._orientation]
                 values = numbers(data, start, count, self._number_format)
                 builder.take_orientation(self._orientation, values, self._frame)
             elif name in ("counter", "status"):
                 builder.put(name, int.from_bytes(data[start:end], "big"))
         return builder.sample(data)
-
-
-def data_bytes(mode: int, settings: int) -> int:
-    """Of an MTData message."""
-    return sum(size for _, size in _blocks(mode, settings))
 
 
 def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:

@@ -9,9 +9,15 @@ Source: MTi sheet, sections 3, 4, 5 and 7.
 
 from dataclasses import dataclass
 
-from hw.mti.mtdata import CALIBRATED, COUNTER, NO_ACCELERATION, NO_MAGNETIC, ORIENTATION, data_bytes
-from hw.mti.mtdata2 import packet_bytes
-from hw.mti.numbers import EULER
+from hw.mti.mtdata import (
+    CALIBRATED,
+    COUNTER,
+    NO_ACCELERATION,
+    NO_MAGNETIC,
+    ORIENTATION,
+    MtDataDecoder,
+)
+from hw.mti.sample import EULER
 
 FRAME_BYTES = 5  # around the data
 LINE_SHARE = 0.97  # of the baud rate: 55-byte frames at 200 Hz are 95.5 % of 115200
@@ -21,11 +27,19 @@ EULER_COUNTER = EULER << 2 | COUNTER
 
 PACKET_COUNTER, FINE_TIME, RATE_OF_TURN, MAGNETIC = 0x1020, 0x1060, 0x8020, 0xC020
 QUATERNION_PACKET, EULER_PACKET = 0x2010, 0x2030
+PACKET_BYTES = {  # with head
+    PACKET_COUNTER: 5,
+    FINE_TIME: 7,
+    QUATERNION_PACKET: 19,
+    EULER_PACKET: 15,
+    RATE_OF_TURN: 15,
+    MAGNETIC: 15,
+}
 ALWAYS = 0xFFFF  # the "rate" of packets that come with every message
-NAMES = {
-    QUATERNION_PACKET: "quaternion, float32, ENU",
-    EULER_PACKET: "Euler angles, float32, ENU",
-    RATE_OF_TURN: "rate of turn, float32",
+NAMES = {  # of outputs without which something is missing
+    QUATERNION_PACKET: "2010 (quaternion, float32, ENU)",
+    EULER_PACKET: "2030 (Euler angles, float32, ENU)",
+    RATE_OF_TURN: "8020 (rate of turn, float32)",
 }
 NEW_RATES_HZ = (400, 200, 100, 80, 50, 40, 25, 20, 16, 10, 8, 5, 4, 2, 1)  # parts of 400
 
@@ -38,11 +52,6 @@ class LegacyOutput:
     settings: int
     period: int  # 1/115200 s
     remark: str = ""  # what is not as configured
-
-    @property
-    def rate_hz(self) -> float:
-        """Samples a second."""
-        return TICKS_PER_S / self.period
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +91,11 @@ def legacy_output(rate_hz: float, baud: int) -> LegacyOutput:
     period = min(MAX_PERIOD, max(MIN_PERIOD, round(TICKS_PER_S / rate_hz)))
     wanted_hz = TICKS_PER_S / period
     for mode, settings, with_rate in LEGACY_CHOICES:
-        if carried_hz(data_bytes(mode, settings), baud) >= wanted_hz:
+        if carried_hz(MtDataDecoder(mode, settings).size, baud) >= wanted_hz:
             remark = "" if with_rate else _without_rate(baud, rate_hz)
             return LegacyOutput(mode, settings, period, remark)
     mode, settings, _ = LEGACY_CHOICES[-2]
-    most_hz = carried_hz(data_bytes(mode, settings), baud)
+    most_hz = carried_hz(MtDataDecoder(mode, settings).size, baud)
     period = min(MAX_PERIOD, -int(-TICKS_PER_S // most_hz))
     return LegacyOutput(mode, settings, period, _too_slow(baud, TICKS_PER_S / period, rate_hz))
 
@@ -95,32 +104,23 @@ def new_outputs(rate_hz: float, baud: int) -> list[NewOutput]:
     """What to ask for, in this order, until the device takes it; never empty."""
     wanted_hz, found = max(1, round(rate_hz)), []
     for choice in NEW_CHOICES:
-        if carried_hz(_new_bytes(choice), baud) >= wanted_hz:
+        if _carried_hz_of(choice, baud) >= wanted_hz:
             remark = "" if RATE_OF_TURN in choice else _without_rate(baud, rate_hz)
             found.append(_new_output(choice, wanted_hz, remark))
     choice = NEW_CHOICES[2]
-    most_hz = min(carried_hz(_new_bytes(choice), baud), wanted_hz - 1)
+    most_hz = min(_carried_hz_of(choice, baud), wanted_hz - 1)
     lower_hz = next((hz for hz in NEW_RATES_HZ if hz <= most_hz), 1)
     return [*found, _new_output(choice, lower_hz, _too_slow(baud, lower_hz, rate_hz))]
 
 
-def _new_bytes(choice: tuple[int, ...]) -> int:
-    return sum(packet_bytes(identifier) for identifier in choice)
+def _carried_hz_of(choice: tuple[int, ...], baud: int) -> float:
+    return carried_hz(sum(PACKET_BYTES[identifier] for identifier in choice), baud)
 
 
 def _new_output(choice: tuple[int, ...], rate_hz: int, remark: str) -> NewOutput:
     always = (PACKET_COUNTER, FINE_TIME)
     outputs = tuple((output, ALWAYS if output in always else rate_hz) for output in choice)
     return NewOutput(outputs, rate_hz, remark)
-
-
-def describe_output(identifier: int) -> str:
-    """An output without which something is missing.
-
-    >>> describe_output(0x8020)
-    '8020 (rate of turn, float32)'
-    """
-    return f"{identifier:04X} ({NAMES[identifier]})"
 
 
 def _without_rate(baud: int, rate_hz: float) -> str:

@@ -1,18 +1,34 @@
 """What one data message of an MTi says, whichever of the two forms it came in.
 
-It refuses values that are not finite: an 8-bit checksum lets one damaged frame in 256 pass.
+Numbers come in four formats, orientations as quaternions or Euler angles (matrices, which nobody
+asks for, are stepped over), in three earth frames. The one earth frame of all that leaves here has
+x north, y west, z up: what legacy devices use. A newer device's east-north-up is turned by -90
+degrees about z, north-east-down by half a turn about x. So yaw is 0 where the sensor's x axis
+points north, whatever the device was told.
 
-Source: MTi sheet, sections 4 and 5.
+It refuses values that are not finite and orientations that are not rotations: an 8-bit checksum
+lets one damaged frame in 256 pass.
+
+Source: MTi sheet, sections 3 to 6.
 """
 
 import math
+import struct
 from typing import Any
 
 from core.records import record
 from hw.device import BadFrame
-from hw.mti.numbers import Quaternion, Vector, maybe_orientation
 
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]  # w x y z
+
+NUMBER_SIZES = (4, 4, 6, 8)  # float32, fixed 12.20, fixed 16.32, float64
+QUATERNION, EULER = 0, 1  # bits 3-2 of the output settings
+ORIENTATION_NUMBERS = (4, 3, 9, 0)  # the third kind is a matrix, the fourth reserved
+ENU, NED, NWU = 0, 1, 2  # earth frames, by bits 3-2 of a data identifier
+ROTATION_TOLERANCE = 0.02  # of lengths and dot products
 MAX_RATE_RADPS = 100.0  # the fastest variant of the device ends at 21
+HALF_ROOT = math.sqrt(0.5)
 
 
 @record()
@@ -49,7 +65,7 @@ class SampleBuilder:
         self._values[name] = values if len(values) > 1 else values[0]
 
     def take_orientation(self, kind: int, values: tuple[float, ...], frame: int) -> None:
-        """Quaternion, Euler angles or matrix, as they stand on the wire."""
+        """Quaternion or Euler angles, as they stand on the wire."""
         q = maybe_orientation(kind, values, frame)
         if q is None:
             self.reject("orientation is not a rotation")
@@ -62,3 +78,69 @@ class SampleBuilder:
     def sample(self, data: bytes) -> MtSample | BadFrame:
         """The sample, if nothing was wrong."""
         return BadFrame(self._wrong, data) if self._wrong else MtSample(**self._values)
+
+
+def numbers(data: bytes, start: int, count: int, number_format: int) -> tuple[float, ...]:
+    """So many numbers in one of the four formats (section 3, "OutputSettings").
+
+    >>> numbers(bytes.fromhex("C0000000FFFD"), 0, 1, 2)
+    (-2.25,)
+    """
+    match number_format:
+        case 0:
+            return struct.unpack_from(f">{count}f", data, start)
+        case 1:
+            return tuple(n / 2**20 for n in struct.unpack_from(f">{count}i", data, start))
+        case 2:  # fraction first, then the integer below it
+            parts = struct.unpack_from(">" + "Ih" * count, data, start)
+            return tuple(i + f / 2**32 for f, i in zip(parts[::2], parts[1::2], strict=True))
+        case _:
+            return struct.unpack_from(f">{count}d", data, start)
+
+
+def maybe_orientation(kind: int, values: tuple[float, ...], frame: int) -> Quaternion | None:
+    """What takes the sensor to x north, y west, z up; None: it is no rotation, or no known frame.
+
+    Args:
+        kind: QUATERNION or EULER.
+        values: as they stand on the wire; angles in degrees.
+        frame: ENU, NED or NWU.
+    """
+    q = maybe_unit(*values) if kind == QUATERNION else maybe_from_euler_deg(*values)
+    if q is None or frame not in (ENU, NED, NWU):
+        return None
+    if frame == NWU:
+        return q
+    w, x, y, z = q
+    if frame == NED:  # half a turn about x
+        return -x, w, -z, y
+    a = HALF_ROOT  # -90 degrees about z
+    return a * (w + z), a * (x + y), a * (y - x), a * (z - w)
+
+
+def maybe_unit(w: float, x: float, y: float, z: float) -> Quaternion | None:
+    """The quaternion brought to length 1; None where it is too far from it."""
+    norm = math.hypot(w, x, y, z)
+    if not abs(norm - 1.0) <= ROTATION_TOLERANCE:  # so that NaN is refused too
+        return None
+    return w / norm, x / norm, y / norm, z / norm
+
+
+def maybe_from_euler_deg(roll: float, pitch: float, yaw: float) -> Quaternion | None:
+    """Rz(yaw) Ry(pitch) Rx(roll), which takes sensor to earth; None outside of the device's ranges.
+
+    >>> maybe_from_euler_deg(0.0, 0.0, 180.0)
+    (6.123233995736766e-17, 0.0, 0.0, 1.0)
+    """
+    if not (abs(roll) <= 180.5 and abs(pitch) <= 90.5 and abs(yaw) <= 180.5):
+        return None
+    a, b, c = math.radians(roll) / 2, math.radians(pitch) / 2, math.radians(yaw) / 2
+    sa, ca = math.sin(a), math.cos(a)
+    sb, cb = math.sin(b), math.cos(b)
+    sc, cc = math.sin(c), math.cos(c)
+    return (
+        ca * cb * cc + sa * sb * sc,
+        sa * cb * cc - ca * sb * sc,
+        ca * sb * cc + sa * cb * sc,
+        ca * cb * sc - sa * sb * cc,
+    )

@@ -7,21 +7,19 @@ all is read, what differs is set, and read back. What it sends afterwards is wat
 it is not what was set up (a WakeUp, an unasked Configuration, data of another kind or length): then
 the next attempt begins.
 
-| state      | what it does                                    | what ends it                    |
+| step       | what it does                                    | what ends it                    |
 |------------|-------------------------------------------------|---------------------------------|
-| WAITING    | answers a WakeUp, and nothing else              | 0.2 s                           |
-| FINDING    | asks for Config state each 0.25 s, without end  | the answer                      |
-| SETTING_UP | reads who it is, sets and reads back the output | the last answer                 |
-| STARTING   | asks for Measurement state, three times         | the answer, or data             |
-| DELIVERING | checks and joins samples                        | silence, or a sign of a restart |
+| waits      | answers a WakeUp, and nothing else              | 0.2 s                           |
+| `_find`    | asks for Config state each 0.25 s, without end  | the answer                      |
+| `_set_up`  | reads who it is, sets and reads back the output | the last answer                 |
+| `_start`   | asks for Measurement state, three times         | the answer, or data             |
+| `_deliver` | checks and joins samples                        | silence, or a sign of a restart |
 
-A refusal, three unanswered requests or a WakeUp lead back to WAITING.
+A refusal, three unanswered requests or a WakeUp lead back to waiting.
 
 Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
-import enum
-import math
 from typing import Any
 
 from core.records import Attitude
@@ -31,64 +29,51 @@ from hw.mti.conversation import ANSWER_S, TRIES, Conversation
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.setup import identify, set_up
 from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
-from hw.mti.times import SampleTimes
 
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 BAUDS_TOLD_AFTER_S = 3.0
-
-
-class State(enum.Enum):
-    """What the session is at; the table above."""
-
-    WAITING = "waiting before the next attempt"
-    FINDING = "asking for Config state"
-    SETTING_UP = "reading and setting what differs"
-    STARTING = "asking for Measurement state"
-    DELIVERING = "delivering samples"
 
 
 class MtiSession:
     """The conversation of section 8, from its beginning as often as needed."""
 
     def __init__(self, status: DeviceStatus, stream: MtStream, rate_hz: float, baud: int) -> None:
-        self.state = State.WAITING
+        self.attitudes: list[Attitude] = []  # of this tick
+        self.reader = StreamReader(status, stream, 10 / baud)
         self._status, self._stream = status, stream
         self._rate_hz, self._baud = rate_hz, baud
-        self._talk = Conversation(status, baud, lambda: self.state is State.WAITING)
+        self._talk = Conversation(status, baud)
         self._exchange = self._talk.exchange
-        self._reader = StreamReader(status, stream)
 
     def run(self) -> Session:
         """Yields the bytes to write, is sent a Tick."""
         yield from self._exchange.turn()
         while True:
             try:
-                self._stream.samples, self._stream.remark = [], ""
+                self._talk.waits, self._stream.remark = False, ""
                 yield from self._find()
                 yield from self._set_up()
                 yield from self._start()
                 yield from self._deliver()
             except StartAgainError as why:
-                self.state, self._stream.samples = State.WAITING, []
+                self._talk.waits, self.attitudes = True, []
                 self._exchange.fail(why)
                 yield from self._exchange.back_off()
 
     def _find(self) -> Steps[None]:
-        self.state, began_s = State.FINDING, self._exchange.now_s
+        began_s = self._exchange.now_s
         while reason := (yield from self._talk.go_to_config()):
             if self._exchange.now_s - began_s >= BAUDS_TOLD_AFTER_S and "baud rate" in reason:
                 reason += f" ({self._talk.describe_bauds()})"
             self._status.fall_back("starting", reason)
 
     def _set_up(self) -> Steps[None]:
-        self.state = State.SETTING_UP
         self._status.fall_back("starting", self._exchange.failure or "the MTi is being set up")
         yield from identify(self._talk, self._stream)
         yield from set_up(self._talk, self._stream, self._rate_hz, self._baud)
 
     def _start(self) -> Steps[None]:
         """Data proves Measurement state as well as the acknowledgement that it may have hidden."""
-        self.state = State.STARTING
         proofs = (Mid.GoToMeasurement + 1, *DATA_MIDS, Mid.Error)
         frame: MtFrame | None = yield from self._exchange.ask(
             encode_frame(Mid.GoToMeasurement),
@@ -104,15 +89,15 @@ class MtiSession:
 
     def _deliver(self) -> Steps[None]:
         """As long as samples with an orientation keep coming."""
-        self.state, stream, exchange = State.DELIVERING, self._stream, self._exchange
-        stream.starts += 1
-        self._reader = reader = StreamReader(self._status, stream, self._reader.newest)
+        stream, exchange = self._stream, self._exchange
+        newest = self.reader.newest
+        self.reader = reader = StreamReader(self._status, stream, 10 / self._baud, newest)
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
             frames = yield from exchange.turn()
-            stream.samples = reader.take(frames, exchange.now_s)
-            if any(received.sample.q_earth_sensor for received in stream.samples):
+            self.attitudes = reader.take(frames, exchange.now_s)
+            if self.attitudes:
                 heard_s = exchange.now_s
                 self._status.state, self._status.cause = "running", reader.remark(heard_s)
                 exchange.succeed()
@@ -125,9 +110,6 @@ class Mti(Device[Attitude]):
 
     def __init__(self, port: Port, *, rate_hz: float, baud: int) -> None:
         self.stream = MtStream()
-        self._byte_s = 10 / baud
-        self._times: SampleTimes | None = None
-        self._starts = 0  # of the stream, that the times are for
         status = DeviceStatus("mti")
 
         def new_session() -> Session:
@@ -139,13 +121,12 @@ class Mti(Device[Attitude]):
     @property
     def clock_locked(self) -> bool:
         """True while the sensor runs and its clock is known well enough."""
-        running = self.status.state == "running"
-        return running and self._times is not None and self._times.locked
+        return self.status.state == "running" and self.session.reader.times.locked
 
     @property
     def clock_uncertainty_s(self) -> float:
-        """Typical error of a sample's time, beyond a constant delay; inf before the first one."""
-        return math.inf if self._times is None else self._times.uncertainty_s
+        """Typical error of a sample's time, beyond a constant delay."""
+        return self.session.reader.times.uncertainty_s
 
     @property
     def identity(self) -> str:
@@ -157,15 +138,5 @@ class Mti(Device[Attitude]):
         return ", ".join(part for part in parts if part)
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Attitude]:
-        if self._times is None or self._starts != self.stream.starts:
-            self._starts = self.stream.starts
-            self._times = SampleTimes(self.stream.period_s, self._byte_s)
-        attitudes = []
-        for received in self.stream.samples:
-            sample = received.sample
-            if sample.q_earth_sensor is not None:
-                t_s = self._times.t_s(sample, received.arrived_s, received.wire_bytes)
-                rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
-                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
-        self.stream.samples = []
+        attitudes, self.session.attitudes = self.session.attitudes, []
         return attitudes

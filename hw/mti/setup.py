@@ -10,26 +10,21 @@ Source: MTi sheet, sections 3, 8 and 9.
 import struct
 
 from hw.exchange import StartAgainError, Steps
-from hw.mti.conversation import NO_ANSWER, Conversation
+from hw.mti.configuration import CONFIGURATION_BYTES, maybe_configuration
+from hw.mti.conversation import NO_ANSWER, OPTIONAL_TRIES, TRIES, Conversation
 from hw.mti.frames import NOT_IMPLEMENTED, TIMER_OVERFLOW, TOO_MUCH_OUTPUT, Mid
-from hw.mti.mtdata import NED, MtDataDecoder
+from hw.mti.mtdata import IN_NED, MtDataDecoder
 from hw.mti.mtdata2 import ORIENTATIONS
 from hw.mti.output import (
     ALWAYS,
     FINE_TIME,
-    MAGNETIC,
+    NAMES,
     PACKET_COUNTER,
     RATE_OF_TURN,
     TICKS_PER_S,
     NewOutput,
-    describe_output,
     legacy_output,
     new_outputs,
-)
-from hw.mti.service import (
-    CONFIGURATION_BYTES,
-    decode_output_configuration,
-    maybe_configuration,
 )
 from hw.mti.stream import MtStream
 
@@ -41,19 +36,18 @@ OUTPUT_SIZES = tuple(range(0, 129, 4))  # bytes of an output configuration
 
 def identify(talk: Conversation, stream: MtStream) -> Steps[None]:
     """Who it is; only the id is insisted on."""
-    answer = yield from talk.ask(Mid.ReqDID, b"", 4, 8)
-    stream.device_id = answer.hex() if isinstance(answer, bytes) else ""
-    answer = yield from talk.ask(Mid.ReqProductCode, b"", *range(1, 21), optional=True)
-    if isinstance(answer, bytes):
-        stream.product = answer.decode("ascii", "replace").strip("\0 ")
-    answer = yield from talk.ask(Mid.ReqFWRev, b"", 3, 11, optional=True)
-    if isinstance(answer, bytes):
-        stream.firmware = ".".join(str(part) for part in answer[:3])
+    stream.device_id = (yield from talk.ask(Mid.ReqDID, b"", 4, 8)).hex()
+    product = yield from talk.try_ask(Mid.ReqProductCode, b"", *range(1, 21))
+    if isinstance(product, bytes):
+        stream.product = product.decode("ascii", "replace").strip("\0 ")
+    firmware = yield from talk.try_ask(Mid.ReqFWRev, b"", 3, 11)
+    if isinstance(firmware, bytes):
+        stream.firmware = ".".join(str(part) for part in firmware[:3])
     if not _seems_legacy(stream.device_id):
-        answer = yield from talk.ask(Mid.ReqHardwareVersion, b"", 2, optional=True, tries=1)
-        if isinstance(answer, bytes):
-            stream.hardware = f"{answer[0]}.{answer[1]}"
-    yield from talk.ask(Mid.ReqConfiguration, b"", CONFIGURATION_BYTES, optional=True)
+        hardware = yield from talk.try_ask(Mid.ReqHardwareVersion, b"", 2, tries=1)
+        if isinstance(hardware, bytes):
+            stream.hardware = f"{hardware[0]}.{hardware[1]}"
+    yield from talk.try_ask(Mid.ReqConfiguration, b"", CONFIGURATION_BYTES)
 
 
 def _seems_legacy(device_id: str) -> bool:
@@ -65,12 +59,12 @@ def set_up(talk: Conversation, stream: MtStream, rate_hz: float, baud: int) -> S
     """Output and rate, by whichever messages the device knows."""
     probes = [(Mid.SetOutputMode, (2,)), (Mid.SetOutputConfiguration, OUTPUT_SIZES)]
     for mid, sizes in probes if _seems_legacy(stream.device_id) else probes[::-1]:
-        answer = yield from talk.ask(mid, b"", *sizes, optional=True)
+        answer = yield from talk.try_ask(mid, b"", *sizes)
         if answer in (NOT_IMPLEMENTED, NO_ANSWER):
             continue
         if mid == Mid.SetOutputConfiguration:  # an Error may come in reply to reading, too
-            now = decode_output_configuration(answer) if isinstance(answer, bytes) else []
-            yield from _set_up_new(talk, stream, now, new_outputs(rate_hz, baud))
+            held = _outputs(answer) if isinstance(answer, bytes) else []
+            yield from _set_up_new(talk, stream, held, new_outputs(rate_hz, baud))
         elif isinstance(answer, int):
             raise StartAgainError(talk.describe_refusal(mid, answer))
         else:
@@ -88,7 +82,7 @@ def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: i
         period = yield from _set_period(talk, stream, period, wanted.period)
     mode = yield from _set(talk, Mid.SetOutputMode, 2, wanted.mode)
     settings = yield from _set(talk, Mid.SetOutputSettings, 4, wanted.settings)
-    if (mode, settings & ~NED) != (wanted.mode, wanted.settings):
+    if (mode, settings & ~IN_NED) != (wanted.mode, wanted.settings):
         raise StartAgainError(
             f"the MTi has output mode {mode:04X} and settings {settings:08X}, "
             f"not {wanted.mode:04X} and {wanted.settings:08X} as it was told"
@@ -99,7 +93,7 @@ def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: i
     given_hz = TICKS_PER_S / max(period, 1)
     if abs(given_hz - rate_hz) > 0.01 * rate_hz:
         stream.note(f"the MTi gives {given_hz:.1f} samples a second, not {rate_hz:g} as configured")
-    answer = yield from talk.ask(Mid.ReqConfiguration, b"", CONFIGURATION_BYTES, optional=True)
+    answer = yield from talk.try_ask(Mid.ReqConfiguration, b"", CONFIGURATION_BYTES)
     held = maybe_configuration(answer) if isinstance(answer, bytes) else None
     if held is not None and (held.output_mode, held.output_settings) != (mode, settings):
         stream.note("the MTi's configuration block contradicts its settings")
@@ -111,7 +105,7 @@ def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: i
 def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Steps[int]:
     """A setting as the device has it in the end: set only if it differs."""
     held = yield from talk.read(mid, size)
-    if held & ~NED == wanted:
+    if held & ~IN_NED == wanted:
         return held
     yield from talk.ask(mid, wanted.to_bytes(size, "big"))
     return (yield from talk.read(mid, size))
@@ -123,7 +117,7 @@ def _set_period(talk: Conversation, stream: MtStream, held: int, wanted: int) ->
     for period in [wanted, *longer]:
         if period == held:
             return held
-        answer = yield from talk.ask(Mid.SetPeriod, period.to_bytes(2, "big"), optional=True)
+        answer = yield from talk.try_ask(Mid.SetPeriod, period.to_bytes(2, "big"))
         if answer == NO_ANSWER:
             raise StartAgainError(talk.describe_refusal(Mid.SetPeriod, NO_ANSWER))
         if isinstance(answer, bytes):
@@ -134,7 +128,7 @@ def _set_period(talk: Conversation, stream: MtStream, held: int, wanted: int) ->
 
 def _clear_skip_factor(talk: Conversation) -> Steps[int]:
     """Samples left out after each one, in the end; some devices do not know the message."""
-    skip = yield from talk.ask(Mid.SetOutputSkipFactor, b"", 2, optional=True)
+    skip = yield from talk.try_ask(Mid.SetOutputSkipFactor, b"", 2)
     if not isinstance(skip, bytes) or skip == b"\0\0":
         return 0
     yield from talk.ask(Mid.SetOutputSkipFactor, b"\0\0")
@@ -148,22 +142,31 @@ def _set_up_new(
     talk: Conversation, stream: MtStream, held: list[tuple[int, int]], choices: list[NewOutput]
 ) -> Steps[None]:
     """The first choice that the device takes; its answer carries what it made of it."""
-    for number, choice in enumerate(choices):
+    for choice in choices:
         if sorted(held) == sorted(choice.outputs):
             _note_outputs(stream, choice, held)
             return
         data = b"".join(struct.pack(">HH", *output) for output in choice.outputs)
-        answer = yield from talk.ask(
-            Mid.SetOutputConfiguration, data, *OUTPUT_SIZES, optional=number < len(choices) - 1
+        is_last = choice is choices[-1]
+        answer = yield from talk.try_ask(
+            Mid.SetOutputConfiguration,
+            data,
+            *OUTPUT_SIZES,
+            tries=TRIES if is_last else OPTIONAL_TRIES,
         )
         if isinstance(answer, bytes):
-            read = yield from talk.ask(Mid.SetOutputConfiguration, b"", *OUTPUT_SIZES)
-            assert isinstance(read, bytes)
-            _note_outputs(stream, choice, decode_output_configuration(read))
+            taken = yield from talk.ask(Mid.SetOutputConfiguration, b"", *OUTPUT_SIZES)
+            _note_outputs(stream, choice, _outputs(taken))
             return
-        if answer not in TOO_MUCH:
-            raise StartAgainError(talk.describe_refusal(Mid.SetOutputConfiguration, answer))
-        stream.note(talk.describe_refusal(Mid.SetOutputConfiguration, answer))
+        refusal = talk.describe_refusal(Mid.SetOutputConfiguration, answer)
+        if is_last or answer not in TOO_MUCH:
+            raise StartAgainError(refusal)
+        stream.note(refusal)
+
+
+def _outputs(data: bytes) -> list[tuple[int, int]]:
+    """Identifier and Hz of each, in the device's order; 65535 Hz: with every message."""
+    return [(identifier, rate_hz) for identifier, rate_hz in struct.iter_unpack(">HH", data)]
 
 
 def _note_outputs(stream: MtStream, choice: NewOutput, held: list[tuple[int, int]]) -> None:
@@ -173,15 +176,14 @@ def _note_outputs(stream: MtStream, choice: NewOutput, held: list[tuple[int, int
     orientation_hz = max((given.get(kind, 0) for kind in ORIENTATIONS), default=0)
     if not orientation_hz:
         missing = next(kind for kind, _ in choice.outputs if kind in ORIENTATIONS)
-        raise StartAgainError(f"the MTi does not offer output {describe_output(missing)}")
+        raise StartAgainError(f"the MTi does not offer output {NAMES[missing]}")
     for identifier, rate_hz in choice.outputs:
-        if identifier in (PACKET_COUNTER, FINE_TIME, MAGNETIC):
-            continue  # what runs as well without them
-        given_hz = given.get(identifier, 0)
+        if identifier not in NAMES:
+            continue  # it runs as well without
+        output, given_hz = NAMES[identifier], given.get(identifier, 0)
         if not given_hz:
-            stream.note(f"the MTi does not offer output {describe_output(identifier)}")
+            stream.note(f"the MTi does not offer output {output}")
         elif given_hz not in (rate_hz, ALWAYS):
-            output = describe_output(identifier)
             stream.note(f"the MTi gives output {output} at {given_hz} Hz, not {rate_hz}")
     if not given.keys() & {PACKET_COUNTER, FINE_TIME}:
         stream.note("the MTi gives neither counter nor time: samples are dated by their arrival")

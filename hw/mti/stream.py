@@ -3,29 +3,39 @@
 Source: MTi sheet, sections 4, 5 and 9.
 """
 
+import dataclasses
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
+from core.records import Attitude
 from hw.device import BadFrame, DeviceStatus
 from hw.exchange import StartAgainError
 from hw.mti.conversation import RESTARTED
 from hw.mti.frames import Mid, MtFrame, describe_error
 from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import Received, SampleMerger, decode_mtdata2
+from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
-from hw.mti.times import COUNTER_WRAP, RateWatch
+from hw.mti.times import COUNTER_WRAP, RateWatch, SampleTimes
 
 MAX_GAP_S = 2.0  # beyond the time that passed: a counter that began anew, not lost samples
 MAX_FOREIGN = 3  # data messages in a row that are of another kind or length than set up
 ERROR_SHOWN_S = 5.0  # for so long an Error in the stream is told while running
 DATA_MIDS = (Mid.MTData, Mid.MTData2)
+STAMPS = ("counter", "fine_ticks", "status")  # in every message
+
+
+class Received(NamedTuple):
+    """A sample, and the frame by which its time is found."""
+
+    sample: MtSample
+    frame: MtFrame
 
 
 @dataclass(slots=True)
 class MtStream:
     """What the session knows of the device and its stream, for the side that measures."""
 
-    starts: int = 0
     period_s: float = math.nan
     device_id: str = ""  # hexadecimal
     product: str = ""
@@ -34,39 +44,105 @@ class MtStream:
     legacy: MtDataDecoder | None = None  # None: the stream is MTData2
     with_rate: bool = True  # of turn
     remark: str = ""  # what is not as configured
-    samples: list[Received] = field(default_factory=list)  # of this tick
 
     def note(self, remark: str) -> None:
         """The first thing said stays: what follows is mostly its consequence."""
         self.remark = self.remark or remark
 
 
+class SampleMerger:
+    """Joins messages of one instant: orientation in one, rate of turn in the next.
+
+    A sample that lacks one of the two is held until a message of another instant comes, or a period
+    has passed; then it goes on as it is. Whatever is put in comes out, in order.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._held: Received | None = None
+
+    def continues(self, sample: MtSample) -> bool:
+        """Whether it belongs to the held sample: the same instant, and nothing said twice."""
+        if self._held is None:
+            return False
+        held = self._held.sample
+        if held.fine_ticks is not None and sample.fine_ticks is not None:
+            if held.fine_ticks != sample.fine_ticks:
+                return False
+        elif held.counter is None or held.counter != sample.counter:
+            return False
+        return not (_said(held) & _said(sample))
+
+    def take(self, received: Received) -> list[Received]:
+        """The samples that became complete."""
+        if self._held is not None and self.continues(received.sample):
+            received, self._held = _joined(self._held, received), None
+        given, sample = self._give(), received.sample
+        if (sample.q_earth_sensor is None) != (sample.rate_radps is None):
+            self._held = received
+            return given
+        return [*given, received]
+
+    def flush(self, now_s: float) -> list[Received]:
+        """The held sample, once it has waited for a period."""
+        if self._held is not None and now_s - self._held.frame.arrived_s >= self._period_s:
+            return self._give()
+        return []
+
+    def _give(self) -> list[Received]:
+        held, self._held = self._held, None
+        return [] if held is None else [held]
+
+
+def _said(sample: MtSample) -> set[str]:
+    """The fields that a message carries beside its stamps."""
+    names = (part.name for part in dataclasses.fields(sample) if part.name not in STAMPS)
+    return {name for name in names if getattr(sample, name) is not None}
+
+
+def _joined(first: Received, second: Received) -> Received:
+    """Timed by the message with the orientation."""
+    values = {
+        part.name: getattr(second.sample, part.name)
+        for part in dataclasses.fields(MtSample)
+        if getattr(first.sample, part.name) is None
+    }
+    timed = first if first.sample.q_earth_sensor is not None else second
+    return Received(dataclasses.replace(first.sample, **values), timed.frame)
+
+
 class StreamReader:
-    """Frames of one stream in, samples out; from each start of the stream a new one.
+    """Frames of one stream in, attitudes out; from each start of the stream a new one.
 
     Args:
+        byte_s: of one byte on the wire.
         newest: the sample before this stream, so that a frozen one is known again.
     """
 
     def __init__(
-        self, status: DeviceStatus, stream: MtStream, newest: MtSample | None = None
+        self, status: DeviceStatus, stream: MtStream, byte_s: float, newest: MtSample | None = None
     ) -> None:
+        self.times = SampleTimes(stream.period_s, byte_s)
         self.complaint = ""  # the last thing that was wrong with a data message
         self.newest = newest
         self._status, self._stream = status, stream
-        joins = stream.legacy is None and stream.with_rate
-        self._merger = SampleMerger(stream.period_s, joins=joins)
+        joins = stream.legacy is None and stream.with_rate  # else nothing waits for its rate
+        self._merger = SampleMerger(stream.period_s if joins else 0.0)
         self._watch = RateWatch(stream.period_s)
         self._newest_s = math.nan  # arrival of it; NaN: in a stream before this one
         self._foreign = 0
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
-    def take(self, frames: list[MtFrame], now_s: float) -> list[Received]:
-        """The samples that are complete now."""
-        samples: list[Received] = []
-        for frame in frames:
-            samples += self._received(frame)
-        return samples + self._merger.flush(now_s)
+    def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
+        """The attitudes that are complete now."""
+        complete = [received for frame in frames for received in self._received(frame)]
+        attitudes = []
+        for sample, frame in complete + self._merger.flush(now_s):
+            if sample.q_earth_sensor is not None:
+                t_s = self.times.t_s(sample, frame.arrived_s, frame.wire_bytes)
+                rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
+                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
+        return attitudes
 
     def remark(self, now_s: float) -> str:
         """What a person should know while it runs; "" if all is as configured."""
@@ -90,7 +166,7 @@ class StreamReader:
             if self._foreign >= MAX_FOREIGN:
                 raise StartAgainError(f"the MTi does not send what was set: {sample.reason}")
             return []
-        return self._merger.take(Received(sample, frame.wire_bytes, frame.arrived_s))
+        return self._merger.take(Received(sample, frame))
 
     def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
         """The sample of a data message, if it is of the stream that was set up, and a new one."""
@@ -99,6 +175,7 @@ class StreamReader:
             self._foreign += 1
             return BadFrame(f"{Mid(frame.mid).name}, which was not asked for", frame.data)
         if legacy is None:
+            self._foreign = 0
             sample = decode_mtdata2(frame.data)
         else:
             self._foreign = self._foreign + 1 if len(frame.data) != legacy.size else 0

@@ -1,7 +1,8 @@
 """A fake MTi and a host that writes frames and looks at what came back; frames of the sheet."""
 
 import math
-from collections.abc import Callable
+import struct
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,29 +15,35 @@ START_S = 200.0
 RATE_RADPS, ACCEL_MPS2 = (0.01, -0.02, 0.25), (0.12, -0.34, 9.81)
 
 
-def frames(stream: bytes) -> list[tuple[int, bytes]]:
-    """(mid, data) of whole messages; fails on anything else."""
+def split(stream: bytes) -> tuple[list[tuple[int, bytes]], bytes]:
+    """(mid, data) of whole messages, and what begins the next one; fails on anything else."""
     found = []
-    while stream:
+    while len(stream) >= 5:
         assert stream[:2] == b"\xfa\xff"
         head, size = (6, int.from_bytes(stream[4:6], "big")) if stream[3] == 255 else (4, stream[3])
+        if len(stream) < head + size + 1:
+            break
         found.append((stream[2], stream[head : head + size]))
         assert stream.startswith(framed(*found[-1]))
         stream = stream[head + size + 1 :]
+    return found, stream
+
+
+def frames(stream: bytes) -> list[tuple[int, bytes]]:
+    """(mid, data) of whole messages and nothing else."""
+    found, rest = split(stream)
+    assert not rest
     return found
 
 
-def is_whole(stream: bytes) -> bool:
-    """Whether it ends where a message does; it must begin where one does."""
-    while stream:
-        extended = stream[3:4] == b"\xff"
-        if len(stream) < (7 if extended else 5):
-            return False
-        head, size = (6, int.from_bytes(stream[4:6], "big")) if extended else (4, stream[3])
-        if len(stream) < head + size + 1:
-            return False
-        stream = stream[head + size + 1 :]
-    return True
+def numbers(data: bytes, number_format: int) -> list[float]:
+    """All numbers of some data, by the words of section 3."""
+    if number_format in (0, 3):
+        size = 4 if number_format == 0 else 8
+        return list(struct.unpack(f">{len(data) // size}{'fd'[size // 8]}", data))
+    if number_format == 1:
+        return [n / 2**20 for n in struct.unpack(f">{len(data) // 4}i", data)]
+    return [whole + fraction / 2**32 for fraction, whole in struct.iter_unpack(">Ih", data)]
 
 
 def messages(heard: list[tuple[int, bytes]]) -> list[bytes]:
@@ -59,6 +66,13 @@ def turned(roll_deg: float, pitch_deg: float, yaw_deg: float) -> F64:
     pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
     return np.asarray(yaw @ pitch @ roll, dtype=np.float64)
+
+
+def rotated(q: Sequence[float]) -> F64:
+    """The matrix of a quaternion, by turning each axis."""
+    w, v = q[0], np.array(q[1:])
+    axes = [a + 2 * w * np.cross(v, a) + 2 * np.cross(v, np.cross(v, a)) for a in np.eye(3)]
+    return np.array(axes).T
 
 
 class Bench:
@@ -87,7 +101,7 @@ class Bench:
     def listen(self, seconds: float, step_s: float = 0.005) -> list[tuple[int, bytes]]:
         """What comes, as (mid, data); a message on the way at the end is waited for."""
         stream = b"".join(data for _, data in self.pieces(seconds, step_s))
-        while not is_whole(stream):
+        while split(stream)[1]:
             self.now_s += 0.0001
             stream += self.fake.exchange(self.now_s, b"")
         return frames(stream)
@@ -106,10 +120,3 @@ class Bench:
         for request in requests:
             assert frames(self.write(request))[0][0] == request[2] + 1
         assert self.write(wire("GoToMeasurement"), 0.002) == wire("GoToMeasurementAck")
-
-
-def bench_with(change: Callable[[FakeMti], None]) -> Bench:
-    """A bench whose fake has a fault from the beginning."""
-    bench = Bench()
-    change(bench.fake)
-    return bench

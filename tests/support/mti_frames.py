@@ -24,6 +24,16 @@ def framed(mid: int, data: bytes = b"") -> bytes:
     return b"\xfa" + body + bytes([-sum(body) & 0xFF])
 
 
+def slow_number(value: float, number_format: int) -> bytes:
+    """By the words of section 3, one byte after the other."""
+    if number_format in (0, 3):
+        return struct.pack(">f" if number_format == 0 else ">d", value)
+    if number_format == 1:
+        return (round(value * 2**20) % 2**32).to_bytes(4, "big")
+    b5, b4, b3, b2, b1, b0 = (round(value * 2**32) % 2**48).to_bytes(6, "big")
+    return bytes([b3, b2, b1, b0, b5, b4])
+
+
 def configuration(tail_102: str, device_id: str = "00300D2A", head: str = "04800000") -> bytes:
     """The Configuration frame of section 8; bytes 102..109 are given."""
     data = bytes.fromhex(device_id + head) + bytes(88) + bytes.fromhex("0001" + device_id)

@@ -5,13 +5,13 @@ port is that of mapod.toml, or --port. Close mapod first: a port has one reader.
 again when this is done.
 """
 
+import struct
 import sys
 from collections.abc import Callable
 
 from core.config import ConfigError
-from hw.mti import service as commands
+from hw.mti.configuration import BAUD_CODES, maybe_configuration
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
-from hw.mti.service import OrientationReset
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
@@ -19,41 +19,45 @@ from tools.cli.options import Parser, add_actions, configured, fail, parser_of
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
-SELF_TEST_S = 4.0
-RESETS = {
-    "heading-reset": OrientationReset.HEADING,
-    "object-reset": OrientationReset.OBJECT,
-    "alignment-reset": OrientationReset.ALIGNMENT,
-    "default-heading": OrientationReset.DEFAULT_HEADING,
-    "default-object": OrientationReset.DEFAULT_OBJECT,
-    "default-alignment": OrientationReset.DEFAULT_ALIGNMENT,
+SELF_TEST_S = 4.0  # the answer takes up to 3 s
+SCENARIO_BYTES = 22  # of one in the list
+SELF_TESTS = [  # by bit
+    f"{what} {axis}"
+    for what in ("acceleration", "rate of turn", "magnetic field")
+    for axis in ("x", "y", "z")
+]
+STORE = 0  # what the resets before it have made; Config state
+RESETS = {  # Measurement state
+    "heading-reset": 1,
+    "object-reset": 3,
+    "alignment-reset": 4,
+    "default-heading": 5,
+    "default-object": 6,
+    "default-alignment": 7,
 }
 
 
-def answer(talk: Conversation, request: bytes, seconds: float = 1.0, tries: int = 3) -> bytes:
-    """The data of the answer to a whole request frame.
+def answer(
+    talk: Conversation, mid: Mid, data: bytes = b"", seconds: float = 1.0, tries: int = 3
+) -> bytes:
+    """The data of the answer to a request.
 
     Raises:
         NoAnswerError, RefusedError: none came, or an Error.
     """
-    mid = request[2]
 
     def is_answer(event: MtFrame) -> bool:
         return event.mid in (mid + 1, Mid.Error)
 
-    frame: MtFrame = talk.ask(request, is_answer, seconds, tries)
+    frame: MtFrame = talk.ask(encode_frame(mid, data), is_answer, seconds, tries)
     if frame.mid == Mid.Error:
-        raise RefusedError(f"the MTi refuses {_name(mid)}: {describe_error(frame.data)}")
+        raise RefusedError(f"the MTi refuses {mid.name}: {describe_error(frame.data)}")
     return frame.data
-
-
-def _name(mid: int) -> str:
-    return Mid(mid).name if mid in Mid.__members__.values() else f"message {mid:02X}"
 
 
 def to_config(talk: Conversation) -> None:
     """Stop measuring, however much data comes first."""
-    answer(talk, encode_frame(Mid.GoToConfig), CONFIG_S, CONFIG_TRIES)
+    answer(talk, Mid.GoToConfig, b"", CONFIG_S, CONFIG_TRIES)
 
 
 def to_measurement(talk: Conversation) -> None:
@@ -64,13 +68,13 @@ def to_measurement(talk: Conversation) -> None:
 def info(talk: Conversation) -> list[str]:
     """Who it is, how it is set, which filter profiles it has."""
     to_config(talk)
-    lines = [f"device id {answer(talk, encode_frame(Mid.ReqDID)).hex()}"]
+    lines = [f"device id {answer(talk, Mid.ReqDID).hex()}"]
     try:
-        product = answer(talk, encode_frame(Mid.ReqProductCode))
+        product = answer(talk, Mid.ReqProductCode)
         lines.append(f"product {product.decode('ascii', 'replace').strip()}")
     except (RefusedError, NoAnswerError):
         lines.append("product not told")
-    configuration = commands.maybe_configuration(answer(talk, commands.encode_req_configuration()))
+    configuration = maybe_configuration(answer(talk, Mid.ReqConfiguration))
     if configuration is not None:
         firmware = ".".join(str(part) for part in configuration.firmware)
         lines += [
@@ -84,56 +88,68 @@ def info(talk: Conversation) -> list[str]:
 def scenarios(talk: Conversation) -> list[str]:
     """The filter profiles that it offers, and the one in use."""
     to_config(talk)
-    lines = [
-        f"scenario {offered.kind}: {offered.name} (version {offered.version})"
-        for offered in commands.decode_scenarios(answer(talk, commands.encode_req_scenarios()))
+    lines = [f"scenario {kind}: {name} (version {n})" for kind, n, name in _offered(talk)]
+    current = answer(talk, Mid.SetScenario)  # version and kind
+    return [*lines, f"in use: {current[1]}" if len(current) == 2 else "in use: not told"]
+
+
+def _offered(talk: Conversation) -> list[tuple[int, int, str]]:
+    """Kind, version and name of the filter profiles."""
+    data = answer(talk, Mid.ReqAvailableScenarios)
+    ends = range(SCENARIO_BYTES, len(data) + 1, SCENARIO_BYTES)
+    entries = [data[end - SCENARIO_BYTES : end] for end in ends]
+    return [
+        (entry[0], entry[1], entry[2:].decode("ascii", "replace").strip("\0 "))
+        for entry in entries
+        if entry[0]  # else an empty place
     ]
-    current = commands.maybe_scenario(answer(talk, commands.encode_req_scenario()))
-    return [*lines, f"in use: {current.kind}" if current else "in use: not told"]
 
 
 def set_scenario(talk: Conversation, kind: int) -> list[str]:
     """Choose a filter profile among those that it offers, and read it back."""
     to_config(talk)
-    offered = commands.decode_scenarios(answer(talk, commands.encode_req_scenarios()))
-    kinds = [scenario.kind for scenario in offered]
+    kinds = [offered for offered, _, _ in _offered(talk)]
     if kind not in kinds:
         raise RefusedError(f"scenario: must be one of {kinds}, is {kind}")
-    answer(talk, commands.encode_set_scenario(kind))
+    answer(talk, Mid.SetScenario, struct.pack(">H", kind))
     return scenarios(talk)
 
 
 def reset_orientation(talk: Conversation, name: str, keep: bool) -> list[str]:
     """Reset while it measures; kept over a loss of power only if told so."""
     to_measurement(talk)
-    answer(talk, commands.encode_reset_orientation(RESETS[name]))
+    answer(talk, Mid.ResetOrientation, struct.pack(">H", RESETS[name]))
     if not keep:
         return [f"{name} done, until the next loss of power (--keep to store it)"]
     to_config(talk)
-    answer(talk, commands.encode_reset_orientation(OrientationReset.STORE))
+    answer(talk, Mid.ResetOrientation, struct.pack(">H", STORE))
     return [f"{name} done and stored"]
 
 
 def self_test(talk: Conversation) -> list[str]:
     """What its own test says of each sensor axis."""
     to_config(talk)
-    failed = commands.maybe_failed_tests(answer(talk, commands.encode_self_test(), SELF_TEST_S, 1))
-    if failed is None:
+    data = answer(talk, Mid.RunSelfTest, b"", SELF_TEST_S, 1)
+    if len(data) != 2:
         raise RefusedError("the MTi's answer to RunSelfTest is not one")
+    passed = int.from_bytes(data, "big")
+    failed = [sensor for bit, sensor in enumerate(SELF_TESTS) if not passed >> bit & 1]
     return [f"failed: {', '.join(failed)}"] if failed else ["all passed"]
 
 
 def keep_still(talk: Conversation, seconds: int) -> list[str]:
     """Let it learn the bias of its gyroscopes."""
+    if not 0 <= seconds <= 0xFFFF:
+        raise ValueError(f"seconds: must be within 0..65535, is {seconds}")
     to_measurement(talk)
-    answer(talk, commands.encode_no_rotation(seconds))
+    answer(talk, Mid.SetNoRotation, struct.pack(">H", seconds))
     return [f"keep it still for {seconds} s: it learns the bias of its gyroscopes"]
 
 
 def set_baud(talk: Conversation, baud: int) -> list[str]:
     """Another rate, which counts from the next power-up on."""
     to_config(talk)
-    answer(talk, commands.encode_set_baudrate(baud))
+    answer(talk, Mid.SetBaudrate, bytes([BAUD_CODES[baud]]))
     return [f"{baud} baud from its next power-up on: set it in mapod.toml then"]
 
 
@@ -150,7 +166,7 @@ def parser() -> Parser:
     action("self-test", "of each sensor axis")
     action("still", "learn the gyroscopes' bias").add_argument("seconds", type=int)
     baud = action("baud", "from its next power-up on")
-    baud.add_argument("baud", type=int, choices=sorted(commands.BAUD_CODES))
+    baud.add_argument("baud", type=int, choices=sorted(BAUD_CODES))
     return words
 
 

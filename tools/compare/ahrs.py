@@ -10,11 +10,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hw.mti.configuration import MtConfiguration, maybe_configuration
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
-from hw.mti.service import MtConfiguration, maybe_configuration
 from hw.ports.url import parse_url
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.compare.facts import (

@@ -5,11 +5,12 @@ import struct
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.mti.device import State
-from tests.support.bench_mti import START_S, Bench, bench_with, counters, frames, messages
+from tests.support.bench_mti import START_S, Bench, counters, frames, messages
+from tests.support.cases import examples
 from tests.support.mti_frames import framed, wire
 
 
@@ -17,19 +18,16 @@ def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:
     bench = Bench()
     bench.fake.mute = True
     assert not bench.write(wire("GoToConfig"))
-    bench.fake.mute = False
-    assert not bench.listen(0.1)
     assert bench.fake.state is State.CONFIG
 
 
 def test_frozen_repeats_the_same_data() -> None:
     bench = Bench()
-    last = messages(bench.listen(0.2))[-1]
+    bench.listen(0.2)
     bench.fake.frozen = True
     repeated = messages(bench.listen(0.2))
     assert len(repeated) == 20
     assert set(repeated[1:]) == {repeated[0]}
-    assert counters([repeated[0]])[0] - counters([last])[0] in (0, 1)
 
 
 def test_bursts_come_at_multiples_of_the_adapters_time() -> None:
@@ -43,32 +41,23 @@ def test_bursts_come_at_multiples_of_the_adapters_time() -> None:
     assert {(b - a) % 2**16 for a, b in pairwise(counters(data))} == {1}
 
 
-def test_wrong_checksums_are_wrong() -> None:
-    bench = bench_with(lambda fake: setattr(fake, "wrong_checksum_rate", 1.0))
-    piece = bench.pieces(0.1, 0.001)[0][1]
-    assert sum(piece[1:]) & 0xFF != 0
-
-
-def test_a_gap_jumps_in_the_counter_once() -> None:
+def test_a_gap_jumps_in_the_counter_once_and_lost_messages_are_missing_in_it() -> None:
     bench = Bench()
     bench.listen(0.1)
     bench.fake.gap = 40
     counted = counters(messages(bench.listen(0.3)))
     assert sorted({(b - a) % 2**16 for a, b in pairwise(counted)}) == [1, 41]
-    assert bench.fake.gap == 0
-
-
-def test_lost_messages_are_missing_in_the_counter() -> None:
-    bench = bench_with(lambda fake: setattr(fake, "lost_rate", 0.3))
+    bench.fake.lost_rate = 0.3
     data = messages(bench.listen(2.0))
     assert 100 < len(data) < 180
     assert {1, 2} <= {(b - a) % 2**16 for a, b in pairwise(counters(data))}
 
 
 def test_nan_comes_in_every_number_format() -> None:
-    bench = bench_with(lambda fake: setattr(fake, "nan", True))
-    for settings, form in ((0x001, ">4f"), (0x005, ">3f"), (0x009, ">9f"), (0x301, ">4d")):
-        bench.configure(framed(0xD2, struct.pack(">I", settings)))
+    bench = Bench()
+    bench.fake.nan = True
+    for word, form in ((0x001, ">4f"), (0x005, ">3f"), (0x009, ">9f"), (0x301, ">4d")):
+        bench.configure(framed(0xD2, struct.pack(">I", word)))
         data = messages(bench.listen(0.05))[0]
         assert np.isnan(struct.unpack(form, data[:-2])).all()
     for fixed in (0x101, 0x201):
@@ -106,7 +95,10 @@ def test_a_brown_out_cuts_a_message_and_wakes_up_again() -> None:
     assert len(heard) == 27 + 5
     assert counters(messages(bench.listen(1.0)))[:2] == [2, 3]  # 0D and 91 held the line so long
     assert bench.fake.memory.mode == 0x0006
+    bench.fake.late_s = 0.1  # what was cut is late, too
     bench.fake.brown_out(bench.now_s, forgets=True)
+    assert not bench.write(b"", 0.05)
+    assert bench.write(b"", 0.1).endswith(wire("WakeUp"))
     assert bench.fake.memory.mode == 0x0004
 
 
@@ -141,6 +133,7 @@ PIECES = st.lists(
 )
 
 
+@settings(max_examples=examples(20))
 @given(PIECES, st.sampled_from([0.0, 0.01, 0.3, 5.0]))
 def test_no_bytes_make_it_raise(pieces: list[bytes], step_s: float) -> None:
     bench = Bench()
@@ -148,21 +141,7 @@ def test_no_bytes_make_it_raise(pieces: list[bytes], step_s: float) -> None:
         bench.write(piece, step_s)
 
 
-@given(
-    st.sampled_from([0x04, 0x18, 0x64, 0x82, 0x84, 0xD0, 0xD2, 0xD4, 0xDA]),
-    st.binary(min_size=1, max_size=4),
-)
-def test_no_setting_that_it_takes_makes_it_raise(mid: int, data: bytes) -> None:
-    bench = Bench()
-    bench.write(wire("GoToConfig"))
-    bench.write(framed(mid, data))
-    [(answered, value)] = frames(bench.write(framed(mid)))
-    assert answered == mid + 1
-    assert value
-    bench.write(wire("GoToMeasurement"), 0.002)
-    bench.listen(0.2)
-
-
+@settings(max_examples=examples(20))
 @given(st.lists(st.integers(0, 200)))
 def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> None:
     stream = b"".join(CONVERSATION)
@@ -171,18 +150,7 @@ def test_where_the_hosts_stream_is_cut_makes_no_difference(cuts: list[int]) -> N
     whole.fake.exchange(START_S, stream)
     for a, b in pairwise(edges):
         assert cut.fake.exchange(START_S, stream[a:b]) == b""
-    assert cut.listen(0.5) == whole.listen(0.5)
-
-
-@given(st.binary(max_size=60))
-def test_a_request_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
-    bench = Bench()
-    bench.write(wire("GoToConfig"), 0.2)
-    bench.write(junk, 0.2)
-    bench.write(wire("GoToConfig"), 0.2)  # may be taken for the rest of what the junk began
-    bench.write(b"", 1.0)
-    if bench.fake.state is State.CONFIG:
-        assert wire("GoToConfigAck") in bench.write(wire("GoToConfig"), 0.2)
+    assert cut.listen(0.1) == whole.listen(0.1)
 
 
 def test_a_damaged_request_is_ignored() -> None:
@@ -193,3 +161,15 @@ def test_a_damaged_request_is_ignored() -> None:
         damaged[k] ^= 0x08
         bench.write(bytes(damaged), 0.3)
     assert bench.fake.memory.mode == 0x0004
+
+
+@settings(max_examples=examples(20))
+@given(st.binary(max_size=60))
+def test_a_request_after_junk_is_heard_within_its_patience(junk: bytes) -> None:
+    bench = Bench()
+    bench.write(wire("GoToConfig"), 0.2)
+    bench.write(junk, 0.2)
+    bench.write(wire("GoToConfig"), 0.2)  # may be taken for the rest of what the junk began
+    bench.write(b"", 1.0)
+    if bench.fake.state is State.CONFIG:
+        assert wire("GoToConfigAck") in bench.write(wire("GoToConfig"), 0.2)

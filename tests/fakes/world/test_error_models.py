@@ -225,7 +225,7 @@ def test_two_rigs_of_one_seed_with_all_upsets_are_the_same_to_the_bit() -> None:
             rig.step(50.0 + k * 0.02)
             rig.drive.command(60, 50)
             sums.append(rig.world.ranges_m(np.full(9, 50.0 + k * 0.02), SWEEP_RAD[::60]).tolist())
-            sample = rig.ahrs._sample(50.0 + k * 0.02, 0)
+            sample = rig.ahrs.sensor.sample(50.0 + k * 0.02)
             sums.append([*sample.R_earth_sensor.ravel().tolist(), *sample.rate_radps.tolist()])
         told.append(repr((sums, rig.world.wheels.counts())))
     assert told[0] == told[1]

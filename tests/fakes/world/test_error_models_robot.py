@@ -7,10 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from fakes.mti.device import FakeMti
 from fakes.mti.errors import HEADING_RAD, STATIC_RAD, SheetErrors
-from fakes.mti.models import MODELS
 from fakes.mti.rotation import EULER, orientation
-from fakes.mti.sensor import Sensor
 from fakes.scenes.movers import STRIDE_M, person
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.crowd import Walker
@@ -29,11 +28,11 @@ def errors_deg(trajectory: Trajectory, seconds: float, seed: int) -> F64:
     """Errors (n, 3) of yaw, pitch, roll of a sensor on a robot that drives, 100 a second."""
     world = KinematicWorld(FLAT, trajectory)
     world.step_to(0.0)
-    sensor, rows = Sensor(world.motion_at, seed, MODELS["MTi-28"]), []
+    sensor, rows = FakeMti(world.motion_at, seed), []
     sensor.sheet_errors, sensor.angle_noise_rad = True, 0.0
     for t_s in np.arange(0.0, seconds, 0.01).tolist():
         world.step_to(t_s)
-        told = np.radians(orientation(sensor._sample(t_s, 0).R_earth_sensor, EULER)[::-1])
+        told = np.radians(orientation(sensor.sensor.sample(t_s).R_earth_sensor, EULER)[::-1])
         true = world.pose()[2:]
         rows.append([math.remainder(a - b, math.tau) for a, b in zip(told, true, strict=True)])
     return np.degrees(rows)
@@ -78,9 +77,9 @@ def test_on_a_drive_with_turns_roll_and_pitch_are_off_by_about_half_a_degree_rms
 def test_without_sheet_errors_the_sensor_is_as_before() -> None:
     world = KinematicWorld(FLAT, held())
     world.step_to(0.0)
-    sensor = Sensor(world.motion_at, 1, MODELS["MTi-28"])
+    sensor = FakeMti(world.motion_at, 1)
     sensor.angle_noise_rad = sensor.rate_noise_radps = sensor.accel_noise_mps2 = 0.0
-    sample = sensor._sample(0.0, 0)
+    sample = sensor.sensor.sample(0.0)
     np.testing.assert_allclose(sample.R_earth_sensor, np.eye(3), atol=1e-9)
     np.testing.assert_allclose(sample.rate_radps, 0.0, atol=1e-12)
     np.testing.assert_allclose(sample.accel_mps2, [0.0, 0.0, 9.81], atol=1e-6)

@@ -7,8 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fakes.mti.models import MODELS
-from fakes.mti.sensor import Sensor
+from fakes.mti.device import FakeMti
 from fakes.scenes.scene import Scene, Solid
 from fakes.scenes.solids import bump
 from fakes.world.driver import Driver
@@ -26,9 +25,9 @@ DOOR = MagneticDisturbance("door", (5.0, 0.0), math.radians(40.0))
 FIELD = np.array([0.4, 0.0, -0.9])
 
 
-def quiet_sensor(world: KinematicWorld) -> Sensor:
+def quiet_sensor(world: KinematicWorld) -> FakeMti:
     """The measuring part of an attitude sensor without noise, on a world with steel."""
-    sensor = Sensor(world.motion_at, 1, MODELS["MTi-28"])
+    sensor = FakeMti(world.motion_at, 1)
     sensor.angle_noise_rad = sensor.magnetic_noise = 0.0
     sensor.distortion_at = world.distortion_at
     return sensor
@@ -41,7 +40,7 @@ def yaw_errors(trajectory: Trajectory, seconds: float) -> tuple[F64, F64]:
     sensor, times_s, errors = quiet_sensor(world), np.arange(0.0, seconds, 0.01), []
     for t_s in times_s:
         world.step_to(float(t_s))
-        R = sensor._sample(float(t_s), 0).R_earth_sensor
+        R = sensor.sensor.sample(float(t_s)).R_earth_sensor
         errors.append(math.remainder(math.atan2(R[1, 0], R[0, 0]) - world.pose()[2], math.tau))
     return times_s, np.array(errors)
 
@@ -122,7 +121,7 @@ def test_steel_does_not_tilt_the_sensors_horizon() -> None:
         Scene("door", (FLOOR,), steels=(DOOR,)), held(0.1, -0.05, place=(5.0, 0.5, 1.0))
     )
     world.step_to(0.0)
-    R = quiet_sensor(world)._sample(0.0, 0).R_earth_sensor
+    R = quiet_sensor(world).sensor.sample(0.0).R_earth_sensor
     np.testing.assert_allclose(R[2], world.motion_at(0.0)[0][2], atol=1e-9)
 
 
@@ -131,7 +130,7 @@ def test_the_magnetic_vector_is_the_bent_field_in_the_sensors_axes() -> None:
     world = KinematicWorld(Scene("door", (FLOOR,), steels=(DOOR,)), held(place=place))
     world.step_to(0.0)
     bent = distortion((DOOR,), 5.0, 1.0) @ FIELD
-    magnetic = quiet_sensor(world)._sample(0.0, 0).magnetic
+    magnetic = quiet_sensor(world).sensor.sample(0.0).magnetic
     np.testing.assert_allclose(magnetic, [bent[1], -bent[0], bent[2]], atol=1e-9)
 
 
@@ -144,7 +143,7 @@ def test_the_pull_depends_on_the_way_and_not_on_how_often_the_sensor_is_read() -
         sensor = quiet_sensor(world)
         for t_s in np.arange(0.0, 12.0001, step_s):
             world.step_to(float(t_s))
-            R = sensor._sample(float(t_s), 0).R_earth_sensor
+            R = sensor.sensor.sample(float(t_s)).R_earth_sensor
         ends.append(math.atan2(R[1, 0], R[0, 0]))
     assert ends[0] == pytest.approx(ends[1], abs=1e-3)
 
@@ -154,7 +153,7 @@ def test_the_rig_brings_the_steel_to_the_sensor(steels: tuple[MagneticDisturbanc
     world = KinematicWorld(Scene("door", (FLOOR,), steels=steels), held(place=(5.0, 0.0, 0.0)))
     rig = Rig(world, 1)
     rig.step(0.0)
-    R = rig.ahrs._sample(0.0, 0).R_earth_sensor
+    R = rig.ahrs.sensor.sample(0.0).R_earth_sensor
     wrong_deg = math.degrees(math.atan2(R[1, 0], R[0, 0]))
     assert wrong_deg == pytest.approx(-40.0 if steels else 0.0, abs=0.5)
 

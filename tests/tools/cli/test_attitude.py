@@ -22,7 +22,8 @@ def test_it_tells_who_the_sensor_is_and_lets_it_measure_on(
     told = said(capsys, lines.serial(sensor), "info")
     assert "product MTi-28A53G35" in told
     assert "100 messages a second" in told
-    assert "scenario 3" in told
+    assert "scenario 3: machine (version 8)" in told
+    assert "in use: 3" in told
     assert sensor.state.value == "measuring"
 
 
@@ -57,8 +58,14 @@ def test_a_reset_is_stored_only_if_told_so(
 def test_the_self_test_and_a_baud_rate_are_told(
     capsys: pytest.CaptureFixture[str], lines: SimulatedLines
 ) -> None:
-    path = lines.serial(level_sensor())
+    sensor = level_sensor()
+    path = lines.serial(sensor)
     assert said(capsys, path, "self-test") == "all passed\n"
+    sensor.self_test = 0x00FE
+    assert said(capsys, path, "self-test") == "failed: acceleration x, magnetic field z\n"
+    assert "still for 5 s" in said(capsys, path, "still", "5")
+    assert attitude.main(["still", "65536", "--port", f"serial://{path}?baud=115200"]) == 2
+    assert "within 0..65535" in capsys.readouterr().err
     assert "921600 baud from its next power-up" in said(capsys, path, "baud", "921600")
 
 

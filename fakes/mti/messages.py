@@ -1,0 +1,168 @@
+"""What an MTi measured, as the data of its messages: legacy MTData, and the packets of MTData2.
+
+Output modes that mapod never asks for (raw, analog, position, velocity, GPS, UTC) are refused.
+
+Source: MTi sheet, sections 3 to 6, and its recordings.
+"""
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fakes.mti.rotation import (
+    ENU,
+    EULER,
+    F64,
+    MATRIX,
+    NED,
+    NWU,
+    QUATERNION,
+    R_FROM_NWU,
+    orientation,
+)
+
+FLOAT32, FIXED_12_20, FIXED_16_32, FLOAT64 = 0, 1, 2, 3
+NUMBER_SIZES = (4, 4, 6, 8)
+PREAMBLE_TWICE = 0xFAFF
+FRAME_BYTES = 5  # around the data
+
+TEMPERATURE, CALIBRATED, ORIENTATION, STATUS = 0x0001, 0x0002, 0x0004, 0x0800  # output modes
+KNOWN_MODE = TEMPERATURE | CALIBRATED | ORIENTATION | STATUS
+COUNTER = 0x1  # output settings
+NED_BIT = 0x8000_0000
+KNOWN_SETTINGS = 0x0F7D  # counter, orientation, three switches, format, two analog switches
+
+HEADERS = {0x1020: 2, 0x1060: 4, 0xE010: 1, 0xE020: 4}  # packets in every message; bytes
+SIZES = {0x0810: 1, 0x2010: 4, 0x2020: 9, 0x2030: 3, 0x4020: 3, 0x8020: 3, 0xC020: 3}  # numbers
+ORIENTED = {0x2010: QUATERNION, 0x2020: MATRIX, 0x2030: EULER}  # ready one sample later
+FRAMES = {0x0: ENU, 0x4: NED, 0x8: NWU}
+
+
+@dataclass(slots=True, eq=False)
+class Sample:
+    """One instant, in the frames that the device was told to use."""
+
+    R_earth_sensor: F64  # (3, 3), earth is north, west, up
+    rate_radps: F64  # (3,)
+    accel_mps2: F64  # (3,), with gravity
+    magnetic: F64  # (3,), 1 is the field at calibration
+    temperature_deg: float
+    status: int  # status word; its low byte is the status byte
+    counter: int
+    fine: int = 0  # 1e-4 s ticks
+    preamble: bool = False  # FA FF must occur in the data
+
+
+# -- numbers ----------------------------------------------------------------------------------
+
+
+def numbers(values: Sequence[float], number_format: int, preamble: bool = False) -> bytes:
+    """Numbers of a message; with `preamble` the smallest holds `FA FF`, as near as may be to it."""
+    if number_format == FLOAT32 and not preamble:
+        return struct.pack(f">{len(values)}f", *values)
+    least = min(range(len(values)), key=lambda k: abs(values[k])) if preamble and values else -1
+    return b"".join(_number(value, number_format, k == least) for k, value in enumerate(values))
+
+
+def _number(value: float, number_format: int, preamble: bool) -> bytes:
+    """One number; what a fixed format cannot hold becomes its nearest, or lowest."""
+    if number_format in (FLOAT32, FLOAT64):
+        data = struct.pack(">f" if number_format == FLOAT32 else ">d", value)
+        return data[:-2] + PREAMBLE_TWICE.to_bytes(2, "big") if preamble else data
+    fraction, size = (20, 4) if number_format == FIXED_12_20 else (32, 6)
+    most = 2 ** (8 * size - 1)
+    scaled = round(value * 2**fraction) if math.isfinite(value) else -most
+    if preamble:
+        upper = round((scaled - PREAMBLE_TWICE) / 2**16)
+        scaled = max(-most, upper * 2**16) + PREAMBLE_TWICE
+    fixed: bytes = max(-most, min(most - 1, scaled)).to_bytes(size, "big", signed=True)
+    return fixed if number_format == FIXED_12_20 else fixed[2:] + fixed[:2]
+
+
+# -- MTData -----------------------------------------------------------------------------------
+
+
+def is_mode(mode: int) -> bool:
+    """Whether the fake takes this output mode."""
+    return not mode & ~KNOWN_MODE
+
+
+def is_settings(settings: int, ned: bool) -> bool:
+    """Whether a device takes these output settings."""
+    known = KNOWN_SETTINGS | (NED_BIT if ned else 0)
+    return not settings & ~known and settings >> 2 & 3 <= MATRIX
+
+
+def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
+    """The data of an MTData message."""
+    values: list[float] = []
+    if mode & TEMPERATURE:
+        values.append(sample.temperature_deg)
+    if mode & CALIBRATED:
+        vectors = (sample.accel_mps2, sample.rate_radps, sample.magnetic)
+        for bit, vector in zip((4, 5, 6), vectors, strict=True):
+            if not settings >> bit & 1:
+                values += vector.tolist()
+    if mode & ORIENTATION:
+        R = R_FROM_NWU[NED] @ sample.R_earth_sensor if settings & NED_BIT else sample.R_earth_sensor
+        values += orientation(R, settings >> 2 & 3)
+    data = numbers(values, settings >> 8 & 3, sample.preamble)
+    data += bytes([sample.status & 0xFF]) if mode & STATUS else b""
+    return data + (struct.pack(">H", sample.counter) if settings & COUNTER else b"")
+
+
+def mtdata_length(mode: int, settings: int) -> int:
+    """Bytes of data in an MTData message."""
+    zero = np.zeros(3)
+    return len(mtdata(Sample(np.eye(3), zero, zero, zero, 0.0, 0, 0), mode, settings))
+
+
+# -- MTData2 ----------------------------------------------------------------------------------
+
+
+def kind_of(identifier: int) -> int:
+    """A packet's id without number format and frame."""
+    return identifier & 0xFFF0
+
+
+def packet_size(identifier: int) -> int:
+    """Bytes of a packet's data."""
+    kind = kind_of(identifier)
+    return HEADERS[kind] if kind in HEADERS else SIZES[kind] * NUMBER_SIZES[identifier & 3]
+
+
+def mtdata2(sample: Sample, identifiers: Sequence[int]) -> bytes:
+    """The packets of a sample in the order given."""
+    first = next((i for i in identifiers if kind_of(i) in SIZES), None)
+    data = b""
+    for identifier in identifiers:
+        content = _content(sample, identifier, sample.preamble and identifier == first)
+        data += struct.pack(">HB", identifier, len(content)) + content
+    return data
+
+
+def _content(sample: Sample, identifier: int, preamble: bool) -> bytes:
+    kind = kind_of(identifier)
+    if kind in HEADER_VALUES:
+        return HEADER_VALUES[kind](sample).to_bytes(HEADERS[kind], "big")
+    if kind in ORIENTED:
+        R = R_FROM_NWU[FRAMES[identifier & 0xC]] @ sample.R_earth_sensor
+        return numbers(orientation(R, ORIENTED[kind]), identifier & 3, preamble)
+    return numbers(VALUES[kind](sample), identifier & 3, preamble)
+
+
+HEADER_VALUES: dict[int, Callable[[Sample], int]] = {
+    0x1020: lambda sample: sample.counter,
+    0x1060: lambda sample: sample.fine,
+    0xE010: lambda sample: sample.status & 0xFF,
+    0xE020: lambda sample: sample.status,
+}
+VALUES: dict[int, Callable[[Sample], list[float]]] = {
+    0x0810: lambda sample: [sample.temperature_deg],
+    0x4020: lambda sample: sample.accel_mps2.tolist(),
+    0x8020: lambda sample: sample.rate_radps.tolist(),
+    0xC020: lambda sample: sample.magnetic.tolist(),
+}

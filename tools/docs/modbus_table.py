@@ -8,10 +8,9 @@ import re
 import sys
 from pathlib import Path
 
-from hw.modbus import client, handlers, image, layout, status
+from hw.modbus import client, image, layout, network, status
 from hw.modbus.drive import REFUSED, RESULTS
-from hw.modbus.layout import Block
-from hw.modbus.pdu import Refusal
+from hw.modbus.layout import Block, Refusal
 from hw.modbus.server import units_of
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs/protocols/modbus.md"
@@ -64,9 +63,9 @@ def limits() -> list[str]:
         f"| at once, after a rest | {client.CLIENT_BURST:g} |",
         f"| requests per second of all clients of all ports | {image.ALL_HZ:g} |",
         f"| requests of one client that wait; more end the connection | {client.MOST_WAITING} |",
-        f"| TCP connections | {handlers.MOST_CONNECTIONS} |",
-        f"| a TCP connection without a request is closed after | {handlers.IDLE_S:g} s |",
-        f"| or, when another wants its place, after | {handlers.SPARED_S:g} s |",
+        f"| TCP connections | {network.MOST_CONNECTIONS} |",
+        f"| a TCP connection without a request is closed after | {network.IDLE_S:g} s |",
+        f"| or, when another wants its place, after | {network.SPARED_S:g} s |",
         f"| new maps a second, at most | {1 / image.PACK_S:g} |",
         f"| a frozen window can be read for | {image.VIEW_S:g} s |",
         f"| nothing is told as true any more after mapod's silence of | {status.STALE_S:g} s |",

@@ -1,7 +1,6 @@
 """The obstacle window as registers: what is packed, when it is told, and that views never mix."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import FREE, I8, OBSTACLE
-from hw.modbus.image import PACK_S, VIEW_S, RegisterImage, next_generation
-from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, stride_of
-from hw.modbus.pdu import Refusal
+from hw.modbus.image import PACK_S, VIEW_S, RegisterImage
+from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from hw.modbus.status import STALE_S
 from tests.support.modbus_rig import (
     BAD,
@@ -195,20 +193,3 @@ def test_buffers_are_used_again_however_long_it_runs() -> None:
 def test_a_window_of_another_size_is_an_error_of_the_caller() -> None:
     with pytest.raises(ValueError, match="29 cells"):
         new_image().publish(START_S + 1, GOOD, CLEAR, window_of(some_cells(1, 28)))
-
-
-def test_generations_grow_by_one_and_skip_zero() -> None:
-    generation, seen = 65500, []
-    for _ in range(100):
-        generation = next_generation(generation)
-        seen.append(generation)
-    assert 0 not in seen
-    assert all(b - a == 1 or (a, b) == (65535, 1) for a, b in pairwise(seen))
-
-
-def test_a_clock_that_stands_still_or_a_scan_that_never_came_gives_no_better_age() -> None:
-    image = RegisterImage(size=8, cell_mm=100, session=0)
-    never = replace(GOOD, age_scan_s=float("inf"))
-    image.publish(START_S, never, CLEAR, window_of(some_cells(1, 8)))
-    assert words(image, WINDOW + 1, 1) == [0xFFFF]
-    assert words(image, COARSE + 1, 1) == [0xFFFF]

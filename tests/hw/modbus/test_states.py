@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from hw.modbus.client import MOST_WAITING, ServerContext
-from hw.modbus.framing import take_requests
-from hw.modbus.handlers import MOST_CONNECTIONS, TcpHandler
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, stride_of
-from hw.modbus.server import TcpService
+from hw.modbus.network import MOST_CONNECTIONS, TcpHandler, TcpService, take_requests
 from hw.planner_link.replay_guard import ReplayGuard
 from hw.planner_link.requests import Requests
 from hw.ports.url import parse_url
@@ -76,9 +74,10 @@ class Modbus(RuleBasedStateMachine):
     def begin(self) -> None:
         self.clock, self.number = Clock(), 0
         self.requests = Requests(ReplayGuard(7))
-        image = new_image(ask=self.requests.ask, drive_refusal="")
+        image = new_image(ask=self.requests.ask)
         views = {unit: image.new_view() for unit in range(2, 2 + MOST_CONNECTIONS)}
-        self.context: ServerContext = context_of(image, self.clock)
+        self.calls = Loop(self.clock)
+        self.context: ServerContext = context_of(image, self.calls)
         self.context.views = {1: None, **views}
         self.loop = asyncio.new_event_loop()
         url = parse_url("tcp://127.0.0.1:5020")
@@ -173,10 +172,9 @@ class Modbus(RuleBasedStateMachine):
     @rule(dt_s=st.sampled_from([0.001, 0.05, 0.3, 1.5, 70.0]))
     def run(self, dt_s: float) -> None:
         """Time passes; what is due comes."""
-        loop, until_s = self.context.loop, self.clock.now_s + dt_s
-        assert isinstance(loop, Loop)
-        while loop.calls and min(call.due_s for call in loop.calls) <= until_s:
-            loop.step()
+        until_s = self.clock.now_s + dt_s
+        while self.calls.calls and min(call.due_s for call in self.calls.calls) <= until_s:
+            self.calls.step()
         self.clock.now_s = max(self.clock.now_s, until_s)
         self.service.tend(self.clock.now_s)
         for reader in list(self.readers.values()):
@@ -225,4 +223,4 @@ class Modbus(RuleBasedStateMachine):
 
 
 TestModbus = Modbus.TestCase
-TestModbus.settings = settings(max_examples=examples(40), stateful_step_count=40, deadline=None)
+TestModbus.settings = settings(max_examples=examples(16), stateful_step_count=30, deadline=None)

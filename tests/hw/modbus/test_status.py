@@ -8,8 +8,7 @@ import pytest
 
 from hw.modbus import layout
 from hw.modbus.image import RegisterImage
-from hw.modbus.layout import STATUS_BLOCK, Block, Entry
-from hw.modbus.pdu import Refusal
+from hw.modbus.layout import STATUS_BLOCK, Block, Entry, Refusal
 from hw.modbus.status import STALE_S
 from tests.support.modbus_rig import BAD, CLEAR, GOOD, START_S, new_image, some_cells, window_of
 

@@ -1,30 +1,30 @@
-"""pymodbus's connections with their bytes taken in by us, for TCP, UDP and serial lines.
+"""Modbus over TCP and UDP: frames, and pymodbus's listening and connections without its handlers.
 
 pymodbus 3.16 listens, accepts and holds connections. Its own handler answers only the first of
 several requests, sends UDP answers to whoever asked last, says "unknown function" with the
-wrong bytes, stays deaf after garbage and talks over other slaves: so each of its entry points for
-bytes is overridden here, and none of its messages is used. It and asyncio also leave cycles of
-references with each connection, which nothing frees while the garbage collector is off: `_untie`.
+wrong bytes and stays deaf after garbage: so each of its entry points for bytes is overridden here,
+and none of its messages is used. It and asyncio also leave cycles of references with each
+connection, which nothing frees while the garbage collector is off: `_untie`.
+Source: Modbus messaging on TCP/IP implementation guide 1.0b, section 3.1.3.
 """
 
 import asyncio
-from functools import partial
-from typing import Any, Protocol
+import functools
+import logging
+import struct
+from typing import Any
 
+from pymodbus.server import ModbusTcpServer, ModbusUdpServer
 from pymodbus.server.requesthandler import ServerRequestHandler
+from pymodbus.simulator import DataType, SimData, SimDevice
 
-from hw.modbus.client import Client, ServerContext, Timer, is_loopback
-from hw.modbus.framing import (
-    LENGTH_OFFSET,
-    LENGTHS,
-    Request,
-    RtuReceiver,
-    datagram_requests,
-    mbap_frame,
-    rtu_frame,
-    take_requests,
-)
+from hw.modbus.client import Client, Request, ServerContext, is_loopback
+from hw.ports.url import PortUrl
 
+PYMODBUS = "3.16."  # the handlers stand on this version's inside
+MBAP = struct.Struct(">HHHB")  # transaction, protocol (0), length of what follows, unit
+LENGTHS = range(2, 255)  # unit and 1 to 253 bytes of request
+LENGTH_OFFSET = 6
 MOST_CONNECTIONS = 8
 IDLE_S = 60.0  # a TCP connection without a request is closed after this time,
 SPARED_S = 10.0  # and after this one already when another client wants its place
@@ -32,36 +32,53 @@ MOST_BYTES = 8192  # of one TCP client, that have arrived at once
 MOST_UDP_CLIENTS = 64
 UDP_WAITING = 16  # requests of one UDP client
 MOST_DATAGRAM = UDP_WAITING * (LENGTH_OFFSET + LENGTHS[-1])  # bytes: more can't be served
-CHARACTER_BITS = 11
-SILENT_CHARACTERS, LEAST_SILENT_S = 3.5, 0.00175
-LONG_SILENCE_S = 0.1  # nothing begun will be ended any more
-BUSY_LINE_S = 0.02  # a line that is never silent gets its answers after this time
-
 CYCLIC = ("trace_packet", "trace_pdu", "trace_connect", "low_level_send", "call_create")
 
 
-class Owner(Protocol):
-    """What a handler wants of its server."""
+def take_requests(data: bytearray) -> tuple[list[Request], str]:
+    """The whole requests at the start of `data`, which are taken out of it.
 
-    server_context: ServerContext
-    connections: "dict[TcpHandler, None]"  # in the order of their coming
-
-
-def silent_s(baud: int) -> float:
-    """The silence that ends a frame.
-
-    >>> round(1e3 * silent_s(9600), 2), round(1e3 * silent_s(115200), 2)
-    (4.01, 1.75)
+    And why what follows them is no Modbus frame, and nothing behind it can be understood; "" if
+    it may be one.
     """
-    return max(LEAST_SILENT_S, SILENT_CHARACTERS * CHARACTER_BITS / baud) if baud else 0.0
+    found: list[Request] = []
+    at, reason = 0, ""
+    while len(data) - at >= LENGTH_OFFSET:
+        transaction, protocol, length = struct.unpack_from(">HHH", data, at)
+        if protocol != 0 or length not in LENGTHS:
+            reason = "impossible length" if protocol == 0 else "wrong protocol number"
+            break
+        end = at + LENGTH_OFFSET + length
+        if end > len(data):
+            break
+        found.append(Request(data[at + LENGTH_OFFSET], bytes(data[at + 7 : end]), transaction))
+        at = end
+    del data[:at]
+    return found, reason
+
+
+def datagram_requests(data: bytes) -> list[Request]:
+    """The requests of one datagram: whole ones and nothing else; none if there is anything else."""
+    rest = bytearray(data)
+    found, reason = take_requests(rest)
+    return [] if rest or reason else found
+
+
+def mbap_frame(request: Request, pdu: bytes) -> bytes:
+    """The frame of an answer on TCP or UDP.
+
+    >>> mbap_frame(Request(1, b"", 5), bytes((0xE3, 1))).hex(" ")
+    '00 05 00 00 00 03 01 e3 01'
+    """
+    return MBAP.pack(request.transaction, 0, len(pdu) + 1, request.unit) + pdu
 
 
 class TcpHandler(ServerRequestHandler):
     """One TCP connection."""
 
-    def __init__(self, owner: Any) -> None:
+    def __init__(self, owner: "TcpService") -> None:
         super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._owner: Owner = owner
+        self._owner = owner
         self._data = bytearray()
         self._client: Client | None = None
         self._socket: asyncio.BaseTransport | None = None  # pymodbus drops its own too early
@@ -163,9 +180,9 @@ class TcpHandler(ServerRequestHandler):
 class UdpHandler(ServerRequestHandler):
     """The datagrams of all clients; each gets its own answers."""
 
-    def __init__(self, owner: Any) -> None:
+    def __init__(self, owner: "UdpService") -> None:
         super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._context: ServerContext = owner.server_context
+        self._context = owner.server_context
         self._clients: dict[Any, Client] = {}
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...] | None) -> None:
@@ -205,61 +222,59 @@ class UdpHandler(ServerRequestHandler):
         self._clients.clear()
 
 
-class LineHandler(ServerRequestHandler):
-    """A serial line, on which others may speak: we do only after a silence."""
+def _no_memory() -> SimDevice:
+    """pymodbus wants registers of its own; nothing reads them."""
+    return SimDevice(1, simdata=[SimData(0, values=0, datatype=DataType.REGISTERS)])
 
-    def __init__(self, owner: Any, path: str, baud: int) -> None:
-        super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._context: ServerContext = owner.server_context
-        self._silent_s = silent_s(baud)
-        self._client = Client(self._context, f"modbus rtu {path}", True, self._reply)
-        self._timer: Timer | None = None
-        self.restart()
 
-    def restart(self) -> None:
-        """The line was opened anew."""
-        self._receiver = RtuReceiver(frozenset(self._context.views))
-        self._found: list[Request] = []
-        self._found_s = float("-inf")  # since when they wait for silence
+class _Opening:
+    """Opens as pymodbus does, but says why it can't."""
 
-    def data_received(self, data: bytes) -> None:
-        """What the line carries, cut anywhere."""
-        now_s, before = self._context.clock(), self._receiver.rejected
-        found = self._receiver.feed(data)
-        if found and not self._found:
-            self._found_s = now_s
-        self._found += found
-        self._reject(before)
-        if self._found and now_s - self._found_s > BUSY_LINE_S:
-            self._offer()
-        self._listen(self._silent_s, long=False)
+    call_create: Any
+    transport: Any
+    is_listener: bool
 
-    def _listen(self, wait_s: float, *, long: bool) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer = self._context.loop.call_later(wait_s, partial(self._silence, long))
+    async def open(self) -> None:
+        """Begin to serve; raises OSError where that can't be."""
+        logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL + 1)
+        self.is_listener = True
+        made = await self.call_create()
+        self.transport = made[0] if isinstance(made, tuple) else made
 
-    def _silence(self, long: bool) -> None:
-        before = self._receiver.rejected
-        self._found += self._receiver.silence(long=long)
-        self._reject(before)
-        self._offer()
-        if not long:
-            self._listen(LONG_SILENCE_S, long=True)
+    def tend(self, now_s: float) -> str:
+        """From time to time; why it does not serve now, "" if it does."""
+        return ""
 
-    def _offer(self) -> None:
-        found, self._found = self._found, []
-        self._client.offer(found)
 
-    def _reject(self, before: int) -> None:
-        if noise := self._receiver.rejected - before:
-            self._context.reject("noise on the line", bytes(noise))
+class TcpService(_Opening, ModbusTcpServer):
+    """Listens for TCP connections."""
 
-    def _reply(self, request: Request, pdu: bytes) -> None:
-        self.send(rtu_frame(request, pdu))
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self.server_context = context
+        self.connections: dict[TcpHandler, None] = {}
+        super().__init__(_no_memory(), address=(url.host, url.port))
+        # asyncio accepts as many connections in one go as may wait: by itself a hundred
+        self.call_create = functools.partial(self.call_create, backlog=MOST_CONNECTIONS)
 
-    def callback_disconnected(self, exc: Exception | None) -> None:
-        """The server is closed."""
-        if self._timer is not None:
-            self._timer.cancel()
-        self._client.close()
+    def callback_new_connection(self) -> TcpHandler:
+        """Of one connection."""
+        return TcpHandler(self)
+
+    def tend(self, now_s: float) -> str:
+        """Close what has been idle for long."""
+        for handler in list(self.connections):
+            if now_s - handler.idle_since_s > IDLE_S:
+                handler.end()
+        return ""
+
+
+class UdpService(_Opening, ModbusUdpServer):
+    """Takes datagrams."""
+
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self.server_context = context
+        super().__init__(_no_memory(), address=(url.host, url.port))
+
+    def callback_new_connection(self) -> UdpHandler:
+        """Of the one socket."""
+        return UdpHandler(self)

@@ -7,6 +7,8 @@ import heapq
 import math
 from collections import deque
 
+from fakes.ax3500.properties import Properties
+
 BAUD = 9600
 CHARACTER_S = 10 / BAUD
 
@@ -14,8 +16,8 @@ CHARACTER_S = 10 / BAUD
 class SerialLine:
     """When each character has arrived, and when each one sent is out. Unpaced, both at once."""
 
-    def __init__(self) -> None:
-        self.paced = True
+    def __init__(self, of: Properties) -> None:
+        self._of = of
         self._arriving: deque[tuple[float, int]] = deque()  # arrived_s, character
         self._waiting: list[tuple[float, int, int]] = []  # not before, order, character; a heap
         self._order = 0
@@ -61,4 +63,4 @@ class SerialLine:
 
     @property
     def _character_s(self) -> float:
-        return CHARACTER_S if self.paced else 0.0
+        return CHARACTER_S if self._of.paced else 0.0

@@ -240,8 +240,8 @@ def _notes(sort: type) -> Mapping[str, tuple[str, str]]:
                     annotation = str(aliases[annotation])
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
                 for target in targets:
-                    if isinstance(target, ast.Attribute):
-                        notes.setdefault(target.attr, (annotation, meaning))
+                    name = getattr(target, "attr", getattr(target, "id", ""))
+                    notes.setdefault(name, (annotation, meaning))
     return notes
 
 

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from fakes.ax3500.device import FakeAx3500, Mode
+from fakes.ax3500.device import FakeAx3500
+from fakes.ax3500.properties import Mode
 
 
 class HeldWheels:

@@ -4,7 +4,8 @@ import math
 from typing import Any
 
 from core.records import WheelCounts
-from fakes.ax3500.device import FakeAx3500, Mode
+from fakes.ax3500.device import FakeAx3500
+from fakes.ax3500.properties import Mode
 from fakes.wires.wire import MemoryPort, Wire
 from hw.ax3500.session import Ax3500
 

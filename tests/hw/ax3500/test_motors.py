@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from fakes.ax3500.device import Mode
+from fakes.ax3500.properties import Mode
 from hw.ax3500.motors import Motors, encode_motor
 from tests.support.bench_ax3500_session import FakeBench
 

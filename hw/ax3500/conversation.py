@@ -19,10 +19,8 @@ ECHO_S, EXCHANGE_S = 0.1, 0.2
 QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
 STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
-KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
 NO_VALUE = "no value after the echo"
-NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
 
 
 @dataclass(slots=True)
@@ -57,38 +55,21 @@ class Conversation:
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
         self._expects_restart = expects_restart
-        self._clean_lines = self._unclean_lines = 0  # since the conversation began
-
-    @property
-    def is_noise(self) -> bool:
-        """Whether something arrives, and never a line that this controller may send."""
-        return self._unclean_lines > 0 and not self._clean_lines
 
     def _hear(self, tick: Tick) -> list[Any]:
         """The lines and bad frames of a tick."""
         if self._stream.readings:
             self._stream.readings = []
         self._motors.look(tick.now_s)
-        if not tick.events:
-            return tick.events
         events = [event for event in tick.events if not isinstance(event, WatchdogStop)]
         if len(events) < len(tick.events):
             self._stream.watchdog_stops += len(tick.events) - len(events)
             self._motors.doubt("the controller's watchdog stopped them")
         for event in events:
-            clean = isinstance(event, Line) and KNOWN_LINE.fullmatch(event.text) is not None
-            self._clean_lines += clean
-            self._unclean_lines += not clean
-        if not self._expects_restart():
-            self._check_restart(events)
-        return events
-
-    def _check_restart(self, events: list[Any]) -> None:
-        """Lines that nobody asked for: the controller starts up, or is back in R/C mode."""
-        for event in events:
-            if isinstance(event, Line) and is_start_up(event):
+            if isinstance(event, Line) and is_start_up(event) and not self._expects_restart():
                 self.have_restarted()
                 raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
+        return events
 
     def have_restarted(self) -> None:
         """Its counters begin at zero, in the mode that its flash says."""
@@ -136,8 +117,7 @@ class Conversation:
             self.failures, self.fault = 0, "refused"
             taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s[0]) / 2
             return taken_s, ["-"] if "-" in texts else texts
-        silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
-        self.fault = fault or silence
+        self.fault = fault or (NO_VALUE if echoed else NO_ECHO)
         yield from self._fail()
         return None
 

@@ -23,11 +23,10 @@ Source: AX3500 sheet, sections 1, 3, 10 and 12.
 import enum
 import math
 import re
-from dataclasses import replace
 from typing import Any
 
 from core.records import WheelCounts
-from hw.ax3500.conversation import NO_ECHO, NO_LINE, Conversation, CounterStream, is_start_up
+from hw.ax3500.conversation import NO_ECHO, Conversation, CounterStream, is_start_up
 from hw.ax3500.counters import Pair, WheelCounters
 from hw.ax3500.lines import (
     BYTE,
@@ -43,7 +42,7 @@ from hw.ax3500.lines import (
 )
 from hw.ax3500.motors import Motors
 from hw.ax3500.schedule import REFRESH_S, Schedule
-from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, ControllerState, state_after_answer
+from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, state_after_answer
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
 from hw.exchange import StartAgainError, Steps
 
@@ -134,8 +133,6 @@ class Ax3500Session:
                 if event.text.startswith(":"):
                     self._status.fall_back("starting", IN_RC_MODE)
                     began_s = x.now_s
-        if x.now_s - began_s >= LISTEN_LIMIT_S and self._talk.is_noise:
-            self._status.fall_back("starting", NO_LINE)
 
     def _enter(self) -> Steps[None]:
         before, self.state = self.state, State.ENTERING
@@ -220,7 +217,7 @@ class Ax3500Session:
         fault = self._counter_faults[self._good_s.index(min(self._good_s))]
         late = [k for k in (0, 1) if now_s - self._good_s[k] > LOST_S / 2]
         queries = " and ".join(READ_COUNTER[k] for k in late) + ": "
-        reason = fault if fault in (NO_ECHO, NO_LINE) else queries + (fault or "not asked in time")
+        reason = fault if fault == NO_ECHO else queries + (fault or "not asked in time")
         return f"no counters for {LOST_S:.0f} s: {reason}"
 
     def _command(self, channel: int, power: int) -> Steps[None]:
@@ -316,18 +313,12 @@ class Ax3500(Device[WheelCounts]):
         super().__init__(status, port, LineParser, new_session)
 
     @property
-    def controller(self) -> ControllerState:
-        """The newest of what the controller told beside its counters."""
+    def trouble(self) -> str:
+        """Why the motors get nothing; "" where nothing is known against them."""
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
-        told = self.stream.controller
-        return told if told.motors_off == off else replace(told, motors_off=off)
-
-    @property
-    def trouble(self) -> str:
-        """Why the motors get nothing; "" where nothing is known against them."""
-        return self.controller.trouble
+        return "; ".join(reason for reason in (self.stream.controller.trouble, off) if reason)
 
     @property
     def emergency_stop(self) -> bool:

@@ -3,13 +3,14 @@
 import itertools
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.ax3500.line import CHARACTER_S
 from fakes.ax3500.properties import Mode
 from fakes.wires.wire import MemoryPort, Wire
 from tests.support.bench_ax3500 import Bench
+from tests.support.cases import examples
 
 PROMPT = b"Roboteq v1.9b 06/01/07\rs\rEncoder v1.7\r00\r"
 MODES: list[Mode] = ["rc", "rs232", "rs232_watchdog", "analog"]
@@ -154,6 +155,7 @@ def test_the_letter_z_right_after_a_reset_is_the_end_of_the_encoders() -> None:
 # faults
 
 
+@settings(max_examples=examples(25))
 @given(writings=WRITINGS, mode=st.sampled_from(MODES), paced=st.booleans())
 def test_how_often_one_looks_makes_no_difference_nor_does_it_speak_faster_than_its_wire(
     writings: list[tuple[float, bytes]], mode: Mode, paced: bool

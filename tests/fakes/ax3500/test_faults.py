@@ -1,14 +1,10 @@
 """The fake controller's faults, each one attribute; its sisters; who moves the wheels, and when."""
 
 import pytest
-from hypothesis import settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from fakes.ax3500.device import FakeAx3500
-from fakes.ax3500.properties import MODES, Mode, Model
-from tests.support.bench_ax3500 import Bench, HeldWheels
-from tests.support.cases import examples
+from fakes.ax3500.properties import Model
+from tests.support.bench_ax3500 import Bench
 
 # who moves the wheels
 
@@ -199,85 +195,3 @@ def test_a_bad_address_hangs_the_module_over_a_reset_but_not_over_a_loss_of_powe
     bench.fake.power_cycle(bench.now_s)
     bench.run(0.71)
     assert bench.ask("?Q0") == ["0"]
-
-
-class Controller(RuleBasedStateMachine):
-    """Anything may happen to it; what it does to the wheels and the wire stays within its rules."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.wheels = HeldWheels()
-        self.fake = FakeAx3500(self.wheels, 1)
-        self.now_s, self.begin_s, self.sent = 50.0, 50.0, 0
-
-    def pass_time(self, seconds: float, written: bytes = b"") -> None:
-        self.sent += len(self.fake.exchange(self.now_s, written))
-        self.now_s += seconds
-        self.sent += len(self.fake.exchange(self.now_s, b""))
-
-    @rule(
-        written=st.sampled_from(
-            [b"?Q0\r", b"?Q1\r", b"!A40\r", b"!b7F\r", b"^89\r", b"?I\r", b"\r" * 12, b"%rrrrrr\r"]
-        )
-        | st.binary(max_size=6),
-        seconds=st.floats(0.0, 1.5),
-    )
-    def write(self, written: bytes, seconds: float) -> None:
-        self.pass_time(seconds, written)
-
-    @rule(
-        name=st.sampled_from(["mute", "deaf", "frozen", "echoes", "emergency_stop", "lf_after_cr"]),
-        on=st.booleans(),
-    )
-    def fault(self, name: str, on: bool) -> None:
-        setattr(self.fake, name, on)
-        self.pass_time(0.0)
-
-    @rule(volts=st.sampled_from([0.0, 24.0, 50.0]), late_s=st.sampled_from([0.0, 0.2]))
-    def supply(self, volts: float, late_s: float) -> None:
-        self.fake.battery_v, self.fake.late_s = volts, late_s
-        self.pass_time(0.0)
-
-    @rule(one=st.integers(-200, 200), two=st.integers(-200, 200))
-    def steer(self, one: int, two: int) -> None:
-        self.fake.command(one, two)
-
-    @rule(mode=st.sampled_from(MODES))
-    def switch(self, mode: Mode) -> None:
-        self.fake.mode = mode
-        self.pass_time(0.0)
-
-    @rule(power=st.booleans())
-    def restart(self, power: bool) -> None:
-        (self.fake.power_cycle if power else self.fake.reset)(self.now_s)
-
-    @rule(one=st.integers(-(2**33), 2**33))
-    def turn(self, one: int) -> None:
-        self.wheels.turned = (float(one), float(-one))
-
-    @invariant()
-    def a_condition_means_no_power(self) -> None:
-        if self.fake.condition() and self.wheels.powers:
-            self.fake.exchange(self.now_s, b"")
-            assert self.wheels.powers[-1] == (0.0, 0.0)
-
-    @invariant()
-    def the_wire_is_never_faster_than_it_can(self) -> None:
-        """960 characters a second."""
-        assert self.sent <= (self.now_s - self.begin_s) * 960 + 2
-
-    def teardown(self) -> None:
-        """With all faults gone, and power on again, it answers as new."""
-        for name in ("mute", "deaf", "frozen", "emergency_stop", "lf_after_cr"):
-            setattr(self.fake, name, False)
-        self.fake.echoes, self.fake.battery_v, self.fake.late_s = True, 24.0, 0.0
-        self.fake.parameters[0x00] = MODES.index("rs232")
-        self.pass_time(1.0)
-        self.fake.power_cycle(self.now_s)
-        self.pass_time(1.5)
-        self.fake.exchange(self.now_s, b"?I\r")
-        assert self.fake.exchange(self.now_s + 0.1, b"") == b"?I\r00\r00\r01\r"
-
-
-TestController = Controller.TestCase
-TestController.settings = settings(max_examples=examples(20), stateful_step_count=20)

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from fakes.ax3500.line import CHARACTER_S
 from fakes.ax3500.properties import Mode
-from fakes.wires.wire import MemoryPort, Wire
 from tests.support.bench_ax3500 import Bench
 from tests.support.cases import examples
 
@@ -194,18 +193,3 @@ def test_a_mute_controller_hears_and_says_nothing_later() -> None:
     bench.fake.mute = False
     assert bench.run(1.0) == b""
     assert bench.ask("?Q0") == ["0"]
-
-
-@pytest.mark.parametrize("offset", range(8))
-def test_a_lost_byte_on_the_wire_damages_one_answer_only(offset: int) -> None:
-    bench, port = Bench(), MemoryPort()
-    bench.place(250, 0)
-    wire = Wire(bench.fake, port, 1)
-    wire.drop_at = {offset}
-    answers = []
-    for _ in range(2):
-        port.write(b"?Q0\r")
-        wire.step(bench.now_s)
-        answers.append(b"".join(port.read()))
-    whole = b"?Q0\r0FA\r"
-    assert answers == [whole[:offset] + whole[offset + 1 :], whole]

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from hw.ax3500.lines import CHARACTER_S
-from hw.ax3500.schedule import SLOW_S, Schedule
+from hw.ax3500.schedule import Schedule
 from tests.support.bench_ax3500_session import FakeBench
 
 AT_DIGITS = {4: 4_000, 6: 2_000_000, 8: 1_000_000_000}  # counts whose text is so long
@@ -32,15 +32,6 @@ def test_a_loop_that_wakes_for_each_answer_gets_what_is_derived(digits: int, mot
     assert 0.95 < hz / pairs_per_s(digits, 2.5 if motors else 0.0) < 1.06
     assert bench.ax.status.rejected == 0
     assert (bench.wheels.power() != (0.0, 0.0)) is motors
-
-
-def test_a_loop_of_5_ms_ticks_alone_gets_what_whole_ticks_allow() -> None:
-    """Every exchange then takes whole ticks: 15 ms for a counter, however few its digits."""
-    bench = FakeBench(poll_hz=60.0)
-    bench.fake.reply_delay_s = 0.0
-    slow_hz = sum(1.0 / period_s for period_s in SLOW_S.values())
-    whole_ticks = (1.0 - 0.015 * slow_hz) / 0.030
-    assert measured_hz(bench, 6) == pytest.approx(whole_ticks, rel=0.03)
 
 
 @pytest.mark.parametrize(("poll_hz", "look_s"), [(5.0, math.inf), (30.0, math.inf), (20.0, LOOK_S)])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from core.records import WheelCounts
 from hw.ax3500.session import IN_RC_MODE, State
-from tests.support.bench_ax3500_session import MAX_COUNTS_PER_S, TICK_S, FakeBench
+from tests.support.bench_ax3500_session import TICK_S, FakeBench
 from tests.support.cases import examples
 
 Stored = Literal["rc", "rs232"]
@@ -96,27 +96,6 @@ def test_a_controller_without_encoder_module_is_named() -> None:
 
 
 # ---- counters
-
-
-def test_constant_acceleration_does_not_look_like_a_turn() -> None:
-    bench, acceleration = FakeBench(), MAX_COUNTS_PER_S / 4
-    measured = bench.run(4.0, acceleration=acceleration)
-    differences = [counts.right - counts.left for counts in measured]
-    assert MAX_COUNTS_PER_S * 0.012 > 25  # of travel between the two readings at the end
-    sagitta = acceleration * 0.05**2 / 8  # of the true curve over the chord of one period
-    assert len(differences) > 60
-    assert max(map(abs, differences)) < 1.0 + sagitta
-
-
-@pytest.mark.parametrize(("near", "speed"), [(2**31 - 900, 900.0), (-(2**31) + 900, -900.0)])
-def test_travel_goes_on_over_both_ends_of_the_counters(near: int, speed: float) -> None:
-    bench = moving(speed)
-    bench.fake.counter_offset = (near, near)
-    measured = bench.run(3.0)
-    assert (measured[-1].restarts, bench.ax.status.rejected) == (0, 0)
-    for k in range(1, len(measured)):
-        check_travel(measured[: k + 1], speed, 5)
-    assert abs(measured[-1].left - measured[0].left) > 1500
 
 
 def test_an_impossible_jump_is_dropped_and_counted() -> None:

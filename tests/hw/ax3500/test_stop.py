@@ -8,10 +8,9 @@ from typing import Any
 import pytest
 
 from fakes.ax3500.device import FakeAx3500
-from hw.ax3500.session import Ax3500
 from hw.device import Port
 from hw.ports.wires import open_port
-from tests.support.bench_ax3500_session import FakeBench, SteadyWheels
+from tests.support.bench_ax3500_session import FakeBench, SteadyWheels, session_on
 from tests.support.real_wires import START_S, opened
 
 TICK_S, SETTLE_TICKS = 0.005, 100  # 0.5 s, as long as main waits
@@ -41,16 +40,7 @@ class PtyBench:
         self.port: Any = CountingPort(opened(open_port(f"serial://{os.ttyname(slave)}?baud=9600")))
         self.wheels, self.now_s, self.heard = SteadyWheels(), START_S, 0
         self.fake = FakeAx3500(self.wheels, 1, "rs232_watchdog")
-        self.ax = Ax3500(
-            self.port,
-            poll_hz=20.0,
-            left_channel=1,
-            right_channel=2,
-            inverted_channels=(),
-            enter_rs232=False,
-            max_counts_per_s=2000.0,
-            enable_motors=True,
-        )
+        self.ax = session_on(self.port)
         os.close(slave)
 
     def tick(self) -> None:

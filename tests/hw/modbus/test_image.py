@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import FREE, I8, OBSTACLE
+from core.records import FREE
 from hw.modbus.image import PACK_S, VIEW_S, RegisterImage
 from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from hw.modbus.status import STALE_S
@@ -69,14 +69,6 @@ def test_cells_and_coarse_cells_equal_a_slow_model(
     registers = words(image, COARSE, 71, START_S + 1)
     assert rows_of(registers[7:-1], COARSE_CELLS) == coarse(expected)
     assert registers[0] == registers[-1] == words(image, WINDOW, 1, START_S + 1)[0]
-
-
-def test_cells_lie_in_a_register_as_the_document_says() -> None:
-    cells: I8 = np.zeros((8, 8), dtype=np.int8)
-    cells[0, :] = [0, FREE, OBSTACLE, OBSTACLE, 0, 0, 0, OBSTACLE]
-    image = new_image(size=8)
-    image.publish(START_S + 1, GOOD, CLEAR, window_of(cells, (0, 0)))
-    assert words(image, WINDOW_CELLS, 1, START_S + 1) == [0x80A4]
 
 
 def test_the_header_says_where_the_cells_lie_and_the_tail_where_the_robot_was() -> None:
@@ -150,19 +142,12 @@ def test_a_view_is_frozen_by_its_first_read_by_its_header_and_by_the_latch_only(
     assert words(image, WINDOW, 12, now_s, other)[0] == 3
 
 
-def test_a_view_that_is_too_old_says_so_until_it_is_latched_again() -> None:
-    image = new_image()
-    view = image.new_view()
-    words(image, WINDOW, 1, view=view)
-    late_s = START_S + VIEW_S + 0.1
-    image.publish(late_s, GOOD, CLEAR, window_of(some_cells(3)))
-    assert image.read(late_s, view, WINDOW_CELLS, 5) == Refusal.BUSY
-    assert words(image, WINDOW, 15, late_s, view)[0] == 2
-    assert len(words(image, WINDOW_CELLS, 5, late_s, view)) == 5
-
-
-@pytest.mark.parametrize("cause", ["trust lost", "map erased", "silent", "silent for a while"])
-def test_a_view_from_before_trust_was_lost_is_not_told_any_more(cause: str) -> None:
+@pytest.mark.parametrize(
+    "cause", ["too old", "trust lost", "map erased", "silent", "silent for a while"]
+)
+def test_a_view_that_is_too_old_or_not_trusted_any_more_is_told_only_when_frozen_anew(
+    cause: str,
+) -> None:
     image = new_image()
     view = image.new_view()
     words(image, WINDOW, 1, view=view)
@@ -172,6 +157,9 @@ def test_a_view_from_before_trust_was_lost_is_not_told_any_more(cause: str) -> N
     elif cause == "silent for a while":
         now_s += STALE_S
         image.publish(now_s, GOOD, CLEAR, window_of(some_cells(2)))
+    elif cause == "too old":
+        now_s = START_S + VIEW_S + 0.1
+        image.publish(START_S + VIEW_S, GOOD, CLEAR, window_of(some_cells(2)))
     else:
         window = window_of(some_cells(2))
         changes = {"trusted": False} if cause == "trust lost" else {"epoch": window.epoch + 1}

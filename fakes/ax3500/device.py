@@ -66,11 +66,9 @@ class FakeAx3500(Properties):
         self._stage.steer(one, two)
 
     def powers(self) -> tuple[int, int]:
-        """What the motors get, -127..127."""
         return self._stage.powers()
 
     def condition(self) -> int:
-        """`^89`: any bit takes the power away."""
         return self._stage.condition()
 
     @property
@@ -101,7 +99,6 @@ class FakeAx3500(Properties):
         return b"" if self.mute else sent
 
     def _next_s(self) -> float:
-        """When the next thing happens."""
         return min(self._wire.next_arrival_s, self._wake_s, self._watchdog_s, self._log_s)
 
     def restart(self, now_s: float) -> None:
@@ -180,7 +177,6 @@ class FakeAx3500(Properties):
         return f":{bytes(numbers[: self.log_numbers]).hex().upper()}\r".encode("ascii")
 
     def _hear(self, at_s: float) -> None:
-        """One character has arrived."""
         character = self._wire.take() & 0x7F
         if character == ord("Z") and at_s < self._reset_s + NO_Z_S:
             self.encoders.hung = True

@@ -35,7 +35,6 @@ class SerialLine:
             self._arriving.append((self._host_free_s, character))
 
     def take(self) -> int:
-        """The next character from the host."""
         return self._arriving.popleft()[1]
 
     def send(self, not_before_s: float, data: bytes) -> None:
@@ -57,7 +56,6 @@ class SerialLine:
         return bytes(out)
 
     def clear(self) -> None:
-        """Forget what is on the way or waits to be sent."""
         self._arriving.clear()
         self._waiting.clear()
 

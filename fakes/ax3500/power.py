@@ -81,7 +81,6 @@ class PowerStage:
         ]
 
     def steer(self, one: int, two: int) -> None:
-        """Sticks of the radio."""
         self._radio = [_clamped(int(one)), _clamped(int(two))]
         if self._of.radio_overrides:
             self._commands = list(self._radio)
@@ -121,7 +120,6 @@ class PowerStage:
         return _clamped(one), _clamped(two)
 
     def apply(self) -> None:
-        """Let the wheels have it."""
         powers = self.powers()
         if powers != self._applied:
             self._applied = powers
@@ -136,7 +134,6 @@ def thermistor_from_celsius(celsius: float) -> int:
 
 
 def clamped_byte(value: float) -> int:
-    """The nearest of 0..255."""
     return max(0, min(255, round(value)))
 
 

@@ -4,7 +4,6 @@ Source: AX3500 sheet, sections 1, 2, 10 and 12.
 """
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,25 +35,15 @@ class CounterStream:
 
 
 class Conversation:
-    """Exchanges with one controller, and what they say about it.
+    """Exchanges with one controller, and what they say about it."""
 
-    Args:
-        expects_restart: whether lines of a controller that starts up are no surprise now.
-    """
-
-    def __init__(
-        self,
-        status: DeviceStatus,
-        stream: CounterStream,
-        motors: Motors,
-        expects_restart: Callable[[], bool],
-    ) -> None:
+    def __init__(self, status: DeviceStatus, stream: CounterStream, motors: Motors) -> None:
         self.exchange = Exchange(status, self._hear, pause_s=0.0, longest_pause_s=0.0)
+        self.expects_restart = True  # lines of a controller that starts up are no surprise now
         self.fault = ""  # of the last exchange
         self.failures = 0  # exchanges in a row
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
-        self._expects_restart = expects_restart
 
     def _hear(self, tick: Tick) -> list[Any]:
         """The lines and bad frames of a tick."""
@@ -66,7 +55,7 @@ class Conversation:
             self._stream.watchdog_stops += len(tick.events) - len(events)
             self._motors.doubt("the controller's watchdog stopped them")
         for event in events:
-            if isinstance(event, Line) and is_start_up(event) and not self._expects_restart():
+            if isinstance(event, Line) and is_start_up(event) and not self.expects_restart:
                 self.have_restarted()
                 raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
         return events
@@ -81,10 +70,12 @@ class Conversation:
         def maybe_ok(event: Any) -> bool | None:  # a logging line may stand in front of it
             return True if isinstance(event, Line) and event.text.endswith("OK") else None
 
+        before, self.expects_restart = self.expects_restart, True
         if (yield from self.exchange.ask(CR, maybe_ok, CR_EVERY_S, CR_COUNT)):
             self._stream.zero_lost = True  # only a restart can have brought R/C mode
             self.entered = True
             yield from self.exchange.turn(self.stop_motors())
+        self.expects_restart = before
 
     def maybe_answer(
         self, query: str, out: bytes, legal: re.Pattern[str], lines: int = 1

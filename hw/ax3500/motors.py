@@ -172,7 +172,6 @@ class Motors:
         return encode_motor(channel, power, enabled=self.enabled)
 
     def acknowledged(self, channel: int, power: int) -> None:
-        """A `+` came."""
         told = self._channels[channel - 1]
         told.acknowledged, told.acknowledged_s = power, self._now_s
         told.may_move = power != 0

@@ -81,7 +81,6 @@ class Schedule:
         self._asked_s[query] = now_s + REFUSED_S
 
     def counter_took(self, took_s: float) -> None:
-        """How long one counter's exchange took."""
         self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
 
     def remark(self, now_s: float, motors_hz: float) -> str:

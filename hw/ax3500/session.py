@@ -20,7 +20,6 @@ LISTENING; five failed exchanges in a row to ENTERING, where that is allowed.
 Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
-import enum
 import math
 import re
 from typing import Any
@@ -57,15 +56,6 @@ OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is a
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
 
 
-class State(enum.Enum):
-    """What the session is at; the table above."""
-
-    LISTENING = "listening"
-    ENTERING = "taking the controller from its radio"
-    IDENTIFYING = "asking for identity and modes"
-    POLLING = "polling"
-
-
 class Ax3500Session:
     """The conversation with a controller, from its beginning as often as needed."""
 
@@ -77,11 +67,8 @@ class Ax3500Session:
         poll_hz: float,
         enter_rs232: bool,
     ) -> None:
-        self.state = State.LISTENING
         self._status, self._stream, self._motors = status, stream, motors
-        self._talk = Conversation(
-            status, stream, motors, lambda: self.state in (State.LISTENING, State.ENTERING)
-        )
+        self._talk = Conversation(status, stream, motors)
         self._exchange = self._talk.exchange
         self._schedule, self._may_enter = Schedule(poll_hz), enter_rs232
         self._good_s, self._heard = [0.0, 0.0], set[int]()
@@ -106,7 +93,7 @@ class Ax3500Session:
 
     def _begin_anew(self, trouble: str) -> bytes:
         """Nothing is known of the motors any more; zero for those that may be moving."""
-        self.state = State.LISTENING
+        self._talk.expects_restart = True
         out = self._talk.stop_motors()
         self._motors.forget_modes(trouble)
         return out
@@ -128,20 +115,15 @@ class Ax3500Session:
                 if event.text == "OK":
                     return
                 if event.text.startswith(":") and self._may_enter:
-                    yield from self._enter()
+                    yield from self._talk.enter()
                     return
                 if event.text.startswith(":"):
                     self._status.fall_back("starting", IN_RC_MODE)
                     began_s = x.now_s
 
-    def _enter(self) -> Steps[None]:
-        before, self.state = self.state, State.ENTERING
-        yield from self._talk.enter()
-        self.state = before
-
     def _identify(self) -> Steps[None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""
-        self.state = State.IDENTIFYING
+        self._talk.expects_restart = False
         for last_try in (False, True):
             for _ in range(READ_TRIES):
                 answer = yield from self._maybe_read(READ_IDENTITY)
@@ -150,7 +132,7 @@ class Ax3500Session:
                     return
             if last_try or not self._may_enter:
                 return
-            yield from self._enter()
+            yield from self._talk.enter()
 
     def _check_identity(self, answer: str) -> None:
         identity = maybe_byte(answer)
@@ -189,7 +171,7 @@ class Ax3500Session:
         A zero goes before everything. Other commands take turns with the queries that are due: on
         a slow line a wish that changes all the time would leave none to them.
         """
-        self.state, x = State.POLLING, self._exchange
+        x = self._exchange
         self._good_s, self._heard = [x.now_s, x.now_s], set()
         self._polling_s = x.now_s
         self._schedule.begin(x.now_s)
@@ -238,7 +220,7 @@ class Ax3500Session:
             self._counter_faults[channel] = self._talk.fault
             self._status.reject(BadFrame(f"{query}: {self._talk.fault}", b""))
             if self._talk.failures == FAILURES_TO_ENTER and self._may_enter:
-                yield from self._enter()
+                yield from self._talk.enter()
             return
         now_s = self._exchange.now_s
         self._schedule.counter_took(now_s - began_s)
@@ -307,8 +289,7 @@ class Ax3500(Device[WheelCounts]):
         status = DeviceStatus("ax3500")
 
         def new_session() -> Session:
-            self.session = Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232)
-            return self.session.run()
+            return Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232).run()
 
         super().__init__(status, port, LineParser, new_session)
 
@@ -327,7 +308,6 @@ class Ax3500(Device[WheelCounts]):
 
     @property
     def identity(self) -> str:
-        """Of the controller, as far as it was told."""
         identity = self.stream.identity
         return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
 

@@ -47,7 +47,6 @@ class ServerContext:
     status: DeviceStatus
 
     def reject(self, reason: str, data: bytes = b"") -> None:
-        """Something came that is not answered: for the log."""
         self.status.reject(BadFrame(reason, data))
 
 
@@ -66,7 +65,6 @@ class Client:
 
     @property
     def waiting(self) -> int:
-        """Requests that are not answered yet."""
         return len(self._waiting)
 
     def offer(self, requests: list[Request]) -> bool:
@@ -89,7 +87,6 @@ class Client:
             self._work()
 
     def close(self) -> None:
-        """It is gone."""
         self._waiting.clear()
         self._send = None
         if self._timer is not None:

@@ -57,7 +57,6 @@ class DriveRegisters:
         return Refusal.NONE
 
     def pack(self, now_s: float) -> bytes:
-        """The block as it is now."""
         v_mms, w_mrads, valid_ms, sequence = self._asked
         return DRIVE_BLOCK.pack(
             {
@@ -76,5 +75,4 @@ class DriveRegisters:
 
 
 def _signed(word: int) -> int:
-    """A register as int16."""
     return word - 0x10000 if word & 0x8000 else word

@@ -144,7 +144,6 @@ class RegisterImage:
         return self._window(now_s, view, first, end)
 
     def can_read(self, first: int, count: int) -> bool:
-        """Whether there are such registers."""
         end = first + count
         drives = self.drive is not None and first >= DRIVE and end <= DRIVE + DRIVE_BLOCK.size
         in_window = WINDOW <= first <= end <= WINDOW + self._packer.block.size

@@ -86,7 +86,6 @@ class TcpHandler(ServerRequestHandler):
 
     @property
     def idle_since_s(self) -> float:
-        """When it last asked something."""
         return self._client.asked_s if self._client else float("-inf")
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -148,7 +147,6 @@ class TcpHandler(ServerRequestHandler):
             self._client.hold(True)
 
     def resume_writing(self) -> None:
-        """It does again."""
         if self._client:
             self._client.hold(False)
 
@@ -158,14 +156,13 @@ class TcpHandler(ServerRequestHandler):
         self.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """It is gone."""
         super().connection_lost(exc)
         self._untie()
         vars(self._socket).pop("_read_ready_cb", None)  # asyncio's own cycle of references
         self._socket = None
 
     def callback_disconnected(self, exc: Exception | None) -> None:
-        """Nothing to tell anybody."""
+        """Nobody is told."""
 
     def _untie(self) -> None:
         """Let go of all that refers back to this object."""
@@ -186,7 +183,6 @@ class UdpHandler(ServerRequestHandler):
         self._clients: dict[Any, Client] = {}
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...] | None) -> None:
-        """One datagram: whole requests, or nothing."""
         found = datagram_requests(data) if len(data) <= MOST_DATAGRAM else []
         if not found:
             self._context.reject("a datagram of anything but whole requests", data)
@@ -216,7 +212,6 @@ class UdpHandler(ServerRequestHandler):
         return client
 
     def callback_disconnected(self, exc: Exception | None) -> None:
-        """The socket is closed."""
         for client in self._clients.values():
             client.close()
         self._clients.clear()
@@ -257,11 +252,9 @@ class TcpService(_Opening, ModbusTcpServer):
         self.call_create = functools.partial(self.call_create, backlog=MOST_CONNECTIONS)
 
     def callback_new_connection(self) -> TcpHandler:
-        """Of one connection."""
         return TcpHandler(self)
 
     def tend(self, now_s: float) -> str:
-        """Close what has been idle for long."""
         for handler in list(self.connections):
             if now_s - handler.idle_since_s > IDLE_S:
                 handler.end()
@@ -276,5 +269,4 @@ class UdpService(_Opening, ModbusUdpServer):
         super().__init__(_no_memory(), address=(url.host, url.port))
 
     def callback_new_connection(self) -> UdpHandler:
-        """Of the one socket."""
         return UdpHandler(self)

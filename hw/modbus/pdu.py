@@ -36,7 +36,6 @@ class Access:
     utc_s: float
 
     def read(self, first: int, count: int) -> Answer:
-        """Their bytes."""
         return self.image.read(self.now_s, self.view, first, count, self.utc_s)
 
     def write(self, first: int, words: list[int]) -> Refusal:

@@ -275,7 +275,6 @@ class LineService:
         self._port.write(rtu_frame(request, pdu))
 
     async def shutdown(self) -> None:
-        """Let go of the line."""
         self._wake_up.close()
         if self._timer is not None:
             self._timer.cancel()

@@ -102,7 +102,6 @@ class Status:
         self._started_s = math.inf  # of the first publication
 
     def pack(self, now_s: float, utc_s: float, said: Published, newest: Snapshot) -> bytes:
-        """The whole block as it is now."""
         self._started_s = min(self._started_s, said.at_s if said.generation else now_s)
         is_fresh = now_s - said.at_s <= STALE_S
         values = _values(said) if is_fresh else _stale_values(said)

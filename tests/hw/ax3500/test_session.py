@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import WheelCounts
-from hw.ax3500.session import IN_RC_MODE, State
+from hw.ax3500.session import IN_RC_MODE
 from tests.support.bench_ax3500_session import TICK_S, FakeBench
 from tests.support.cases import examples
 
@@ -40,7 +40,7 @@ def test_identity_is_asked_once_and_then_the_counters_by_turns(enter: bool) -> N
     counters = [line for line in bytes(bench.port.written).split(b"\r") if b"?Q" in line]
     assert set(counters[0::2]) == {b"?Q1"}
     assert set(counters[1::2]) == {b"?Q0"}
-    assert (bench.state, bench.cause, bench.ax.session.state) == ("running", "", State.POLLING)
+    assert (bench.state, bench.cause) == ("running", "")
     assert {(counts.left, counts.right) for counts in measured} == {(250.0, -235.0)}
     assert bench.ax.status.rejected == 0
 
@@ -58,7 +58,6 @@ def test_a_controller_in_radio_mode_is_left_alone_unless_allowed() -> None:
     bench = FakeBench("rc")
     assert bench.run(3.0) == []
     assert (bench.state, bench.cause) == ("starting", IN_RC_MODE)
-    assert bench.ax.session.state is State.LISTENING
     assert bench.port.written == b""
     bench.fake.mode = "rs232"  # somebody else took it over
     bench.run(2.5)

@@ -135,12 +135,12 @@ class RtuReceiver:
         size = len(self._buffer)
         if LEAST <= size <= MOST and crc16(self._buffer) == 0:  # of a function we do not know
             self._sort(size, found)
-        elif long or not self._is_answer_under_way():
-            at = self._maybe_last_request()
+        elif long or not (self._is_asked() and self._may_grow(answer_size(self._buffer))):
+            at = self._maybe_last_request()  # an answer under way may look like anything
             if at is not None:
                 self._drop(at)
                 self._sort(len(self._buffer), found)
-            elif long or not self._may_grow():
+            elif long or not self._may_grow(*self._sizes()):
                 self._drop(size)
         return found
 
@@ -163,14 +163,9 @@ class RtuReceiver:
                 return size
         return 0
 
-    def _may_grow(self) -> bool:
-        """Whether what lies at the start may become a frame."""
-        return any(size == MORE or len(self._buffer) < size <= MOST for size in self._sizes())
-
-    def _is_answer_under_way(self) -> bool:
-        """Whether another unit is in the middle of its answer, which may look like anything."""
-        size = answer_size(self._buffer)
-        return self._is_asked() and (size == MORE or len(self._buffer) < size <= MOST)
+    def _may_grow(self, *sizes: int) -> bool:
+        """Whether what lies at the start may become a frame of one of these sizes."""
+        return any(size == MORE or len(self._buffer) < size <= MOST for size in sizes)
 
     def _maybe_last_request(self) -> int | None:
         """Where a request for us begins that ends with the last byte."""

@@ -8,7 +8,6 @@ from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
 from fakes.wires.wire import MemoryPort, Wire
 from hw.ax3500.session import Ax3500
-from hw.device import Port
 
 TICK_S = 0.005
 MAX_COUNTS_PER_S = 2122.0
@@ -63,20 +62,6 @@ class RecordingPort(MemoryPort):
         super().write(data)
 
 
-def session_on(port: Port, **settings: Any) -> Ax3500:
-    """On channels 1 and 2, unless it is set otherwise."""
-    usual: dict[str, Any] = {
-        "left_channel": 1,
-        "right_channel": 2,
-        "inverted_channels": (),
-        "poll_hz": 20.0,
-        "enter_rs232": False,
-        "max_counts_per_s": MAX_COUNTS_PER_S,
-        "enable_motors": True,
-    }
-    return Ax3500(port, **(usual | settings))
-
-
 class FakeBench:
     """One fake, one session, one clock. The wire takes what is written at that instant.
 
@@ -101,8 +86,13 @@ class FakeBench:
         self.port, self.now_s = RecordingPort(), 0.0
         self.tick_s, self._looks = tick_s, max(1, round(tick_s / look_s))
         self.wire = Wire(self.fake, self.port, seed)
-        self.ax = session_on(
-            self.port, poll_hz=poll_hz, enter_rs232=enter, enable_motors=enable, **settings
+        usual: dict[str, Any] = {"left_channel": 1, "right_channel": 2, "inverted_channels": ()}
+        self.ax = Ax3500(
+            self.port,
+            poll_hz=poll_hz,
+            enter_rs232=enter,
+            enable_motors=enable,
+            **(usual | {"max_counts_per_s": MAX_COUNTS_PER_S} | settings),
         )
 
     @property

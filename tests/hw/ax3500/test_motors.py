@@ -141,6 +141,19 @@ def test_stop_writes_zero_at_once() -> None:
     assert bench.wheels.power() == STOPPED
 
 
+@pytest.mark.parametrize("fault", ["", "mute", "cut"])
+def test_it_is_settled_when_the_zeros_are_acknowledged_or_nobody_is_there(fault: str) -> None:
+    bench = FakeBench("rs232_watchdog", enable=True)
+    assert bench.ax.settled  # nothing was ever sent
+    bench.start((0.5, 0.5))
+    assert not bench.ax.settled
+    bench.fake.mute, bench.wire.cut = fault == "mute", fault == "cut"
+    bench.ax.stop()
+    assert not bench.ax.settled
+    bench.run(0.1)
+    assert bench.ax.settled is (fault != "mute")
+
+
 # ---- trouble
 
 

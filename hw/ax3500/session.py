@@ -40,6 +40,7 @@ from hw.ax3500.lines import (
     maybe_counter,
 )
 from hw.ax3500.motors import Motors
+from hw.ax3500.options import Ax3500Options
 from hw.ax3500.schedule import REFRESH_S, Schedule
 from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, state_after_answer
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
@@ -272,24 +273,22 @@ class Ax3500(Device[WheelCounts]):
     def __init__(
         self,
         port: Port,
+        options: Ax3500Options,
         *,
-        poll_hz: float,
-        left_channel: int,
-        right_channel: int,
-        inverted_channels: tuple[int, ...],
-        enter_rs232: bool,
         max_counts_per_s: float,
         enable_motors: bool,
     ) -> None:
         self.stream = CounterStream()
-        self.motors = Motors(enable_motors, left_channel, right_channel, inverted_channels)
-        signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
-        self._left, self._right = ((k - 1, signs[k - 1]) for k in (left_channel, right_channel))
+        left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
+        self.motors = Motors(enable_motors, left, right, options.invert)
+        signs = [-1.0 if channel in options.invert else 1.0 for channel in (1, 2)]
+        self._left, self._right = ((k - 1, signs[k - 1]) for k in (left, right))
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
         status = DeviceStatus("ax3500")
 
         def new_session() -> Session:
-            return Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232).run()
+            may_enter = options.enter_rs232
+            return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 
         super().__init__(status, port, LineParser, new_session)
 

@@ -72,13 +72,12 @@ class RegisterImage:
         size: int,
         cell_mm: int,
         session: int,
-        version: str = "",
-        name: str = "mapod",
+        version: str,
         ask: Ask | None = None,
     ) -> None:
         """An image of a window of size x size cells; without `ask` it has no drive registers."""
         self._packer = Packer(size, cell_mm)
-        self._status = Status(session, version, name, self._packer)
+        self._status = Status(session, version, self._packer)
         self.version = version
         self.drive = DriveRegisters(ask) if ask is not None else None
         self.pace = TokenBucket(ALL_HZ, ALL_BURST)

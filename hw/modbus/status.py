@@ -81,7 +81,7 @@ def health_bits(word: int, planner_heard: bool) -> int:
 class Status:
     """The status block of one run of mapod."""
 
-    def __init__(self, session: int, version: str, name: str, packer: Packer) -> None:
+    def __init__(self, session: int, version: str, packer: Packer) -> None:
         major_minor, patch = version_numbers(version)
         self._fixed: dict[str, Value] = {
             "magic": 0x4D50,
@@ -89,7 +89,7 @@ class Status:
             "version_major_minor": major_minor,
             "version_patch": patch,
             "instance": session % 2**32,
-            "name": name.encode("ascii", "replace")[:16],
+            "name": b"mapod",
             "word_order_test": WORD_ORDER_TEST,
             "cell": packer.cell_mm,
             "window_cells": packer.size,

@@ -7,6 +7,7 @@ from core.records import WheelCounts
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
 from fakes.wires.wire import MemoryPort, Wire
+from hw.ax3500.options import Ax3500Options
 from hw.ax3500.session import Ax3500
 
 TICK_S = 0.005
@@ -79,6 +80,7 @@ class FakeBench:
         tick_s: float = TICK_S,
         look_s: float = math.inf,
         seed: int = 1,
+        max_counts_per_s: float = MAX_COUNTS_PER_S,
         **settings: Any,
     ) -> None:
         self.wheels = SteadyWheels()
@@ -86,13 +88,10 @@ class FakeBench:
         self.port, self.now_s = RecordingPort(), 0.0
         self.tick_s, self._looks = tick_s, max(1, round(tick_s / look_s))
         self.wire = Wire(self.fake, self.port, seed)
-        usual: dict[str, Any] = {"left_channel": 1, "right_channel": 2, "inverted_channels": ()}
+        usual: dict[str, Any] = {"left_channel": 1, "right_channel": 2, "invert": []}
+        options = Ax3500Options(poll_hz=poll_hz, enter_rs232=enter, **(usual | settings))
         self.ax = Ax3500(
-            self.port,
-            poll_hz=poll_hz,
-            enter_rs232=enter,
-            enable_motors=enable,
-            **(usual | {"max_counts_per_s": MAX_COUNTS_PER_S} | settings),
+            self.port, options, max_counts_per_s=max_counts_per_s, enable_motors=enable
         )
 
     @property

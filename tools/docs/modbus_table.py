@@ -3,7 +3,6 @@
 The text of the document is written by hand; what stands between its marks is written by this tool.
 """
 
-import argparse
 import re
 import sys
 from pathlib import Path
@@ -120,20 +119,9 @@ def filled(text: str) -> str:
     return MARKS.sub(section, text)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Write the tables into the document, or say whether they are true."""
-    parser = argparse.ArgumentParser(prog="modbus_table", description=__doc__.partition("\n")[0])
-    parser.add_argument("--check", action="store_true", help="change nothing; 1 if it would")
-    parser.add_argument("document", nargs="?", type=Path, default=DOCUMENT)
-    options = parser.parse_args(arguments)
-    before = options.document.read_text(encoding="utf-8")
-    after = filled(before)
-    if after == before:
-        return 0
-    if options.check:
-        print(f"{options.document.name}: its tables are not those of the code")
-        return 1
-    options.document.write_text(after, encoding="utf-8")
+def main() -> int:
+    """Write the tables into the document."""
+    DOCUMENT.write_text(filled(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

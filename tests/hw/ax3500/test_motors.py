@@ -125,7 +125,7 @@ def test_no_wish_or_nonsense_is_zero(wish: tuple[float, float] | None) -> None:
 
 
 def test_channels_and_signs_hold_for_motors_too() -> None:
-    bench = motor_bench(left_channel=2, right_channel=1, inverted_channels=(1,))
+    bench = motor_bench(left_channel=2, right_channel=1, invert=[1])
     bench.start((0.5, 0.25))
     assert bench.wheels.power() == pytest.approx((-0.25, 0.5), abs=0.01)
 

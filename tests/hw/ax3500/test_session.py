@@ -46,7 +46,7 @@ def test_identity_is_asked_once_and_then_the_counters_by_turns(enter: bool) -> N
 
 
 def test_channels_and_signs_are_those_of_the_settings() -> None:
-    bench = FakeBench(left_channel=2, right_channel=1, inverted_channels=(1,))
+    bench = FakeBench(left_channel=2, right_channel=1, invert=[1])
     bench.wheels.counts_per_s = [-300.0, 500.0]
     measured = bench.run(2.0)
     check_travel(measured, 500.0, 5)

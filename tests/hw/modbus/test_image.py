@@ -113,7 +113,7 @@ def test_the_window_is_packed_ten_times_a_second_and_at_once_when_trust_is_lost(
 def test_a_map_that_nobody_publishes_any_more_is_told_as_unknown_and_so_it_is_at_the_start() -> (
     None
 ):
-    unpublished = RegisterImage(size=SIZE, cell_mm=200, session=1)
+    unpublished = RegisterImage(size=SIZE, cell_mm=200, session=1, version="")
     silent = START_S + STALE_S + 0.01
     for image, now_s in ((new_image(), silent), (unpublished, START_S)):
         count = SIZE * stride_of(SIZE)

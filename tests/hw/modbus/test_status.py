@@ -44,7 +44,7 @@ def test_blocks_do_not_overlap_and_have_room_for_what_is_in_them() -> None:
 
 
 def test_the_status_is_told_in_its_units_and_the_stop_zone_rounded_to_the_safe_side() -> None:
-    image = new_image(session=2**32 + 5, version="2.13.4", name="trolley number seven")
+    image = new_image(session=2**32 + 5, version="2.13.4")
     zone = replace(CLEAR, free_ahead_m=1.9999, allowed_ahead_mps=0.4999, contact_s=1.2399)
     image.publish(START_S, GOOD, zone, window_of(some_cells(1)))
     expected = {
@@ -96,7 +96,7 @@ def test_the_status_is_told_in_its_units_and_the_stop_zone_rounded_to_the_safe_s
         "window_registers": 116,
     }
     assert {name: told(image, name, START_S, 1.8e9) for name in expected} == expected
-    assert image.read(START_S, None, 6, 8) == b"trolley number s"
+    assert image.read(START_S, None, 6, 8) == b"mapod".ljust(16, b"\0")
     image.publish(START_S, GOOD, UNKNOWN_ZONE, window_of(some_cells(1)))
     assert told(image, "nearest") == told(image, "sector_3") == 0
 
@@ -119,7 +119,7 @@ def test_ages_grow_at_the_instant_of_reading_without_a_publication() -> None:
 
 @pytest.mark.parametrize("started", [True, False])
 def test_nothing_good_is_told_once_mapod_is_silent_or_before_it_speaks(started: bool) -> None:
-    image = new_image() if started else RegisterImage(size=29, cell_mm=200, session=7)
+    image = new_image() if started else RegisterImage(size=29, cell_mm=200, session=7, version="")
     image_pose = replace(GOOD, health=0x7F | 1 << 8 | 1 << 15)
     if started:
         image.publish(START_S, image_pose, CLEAR, window_of(some_cells(1)), planner_heard=True)

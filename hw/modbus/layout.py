@@ -63,14 +63,14 @@ class Entry:
 class Block:
     """Entries in the order of their addresses; what lies between them reads 0."""
 
-    def __init__(self, name: str, first: int, size: int, entries: list[Entry]) -> None:
-        self.name, self.first, self.size, self.entries = name, first, size, entries
+    def __init__(self, first: int, size: int, entries: list[Entry]) -> None:
+        self.first, self.size, self.entries = first, size, entries
         parts, at = [">"], first
         for entry in entries:
             assert at <= entry.address, f"{entry.name} begins in the entry before it"
             parts.append(f"{2 * (entry.address - at)}x{entry.format}")
             at = entry.address + entry.registers
-        assert at <= first + size, f"{name} is too small"
+        assert at <= first + size, f"no room for {entries[-1].name}"
         parts.append(f"{2 * (first + size - at)}x")
         self._struct = struct.Struct("".join(parts))
         self._places = {entry.name: entry for entry in entries}
@@ -96,7 +96,6 @@ _NONE = "65535: none is known"
 _GENERATION = "of registers 21 to 78; skips 0; 0: nothing published yet, or too long ago"
 
 STATUS_BLOCK = Block(
-    "status",
     STATUS,
     80,
     [
@@ -164,14 +163,13 @@ _LATCH = (
     "generation that this unit shows in its window; written (any value): the newest is frozen for "
     "this unit"
 )
-LATCH_BLOCK = Block("latch", LATCH, 1, [Entry("latch", LATCH, "u16", "", _LATCH)])
+LATCH_BLOCK = Block(LATCH, 1, [Entry("latch", LATCH, "u16", "", _LATCH)])
 
 _COARSE_ROW = -(-COARSE_CELLS // CELLS_PER_REGISTER)
 _COARSE_COUNT = COARSE_CELLS * _COARSE_ROW
 _COARSE_ROWS = f"{COARSE_CELLS} rows of {_COARSE_ROW} registers"
 COARSE_REGISTERS = 7 + _COARSE_COUNT + 1
 COARSE_BLOCK = Block(
-    "coarse map",
     COARSE,
     COARSE_REGISTERS,
     [
@@ -188,7 +186,6 @@ LOW_END = COARSE + COARSE_REGISTERS  # registers 0 up to here can be read across
 
 DRIVE_REQUEST = 4  # registers, written together
 DRIVE_BLOCK = Block(
-    "drive",
     DRIVE,
     10,
     [
@@ -234,7 +231,7 @@ def window_block(cells: int) -> Block:
         Entry("pose_y", end + 3, "i32", "mm", "likewise"),
         Entry("pose_heading", end + 5, "u16", "0.01 deg", "0 to 35999, likewise"),
     ]
-    return Block("window", WINDOW, 10 + count + 7, entries)
+    return Block(WINDOW, 10 + count + 7, entries)
 
 
 def bounded(value: float, lowest: int, highest: int) -> int:

@@ -15,7 +15,7 @@ from hw.modbus.layout import LATCH, LOW_END, MOST_READ, Answer, Refusal
 
 READ_COILS, READ_INPUT_BITS, READ_HOLDING, READ_INPUTS, WRITE_COIL, WRITE_ONE = 1, 2, 3, 4, 5, 6
 WRITE_COILS, WRITE_MANY, MASK_WRITE, WRITE_READ, IDENTIFY = 15, 16, 22, 23, 43
-MOST_BITS, MOST_BITS_WRITTEN = 2000, 1968
+MOST_BITS = 2000
 MOST_WRITTEN, MOST_WRITTEN_AND_READ = 123, 121
 BITS = 16  # of a register, in reading single ones
 DEVICE_ID, CONFORMITY = 0x0E, 0x82  # of code 43; regular identification, object by object as well
@@ -97,19 +97,9 @@ def _read_bits(pdu: bytes, registers: Access) -> Answer:
     return bytes((size,)) + every.to_bytes(size, "little")
 
 
-def _write_coil(pdu: bytes, registers: Access) -> Answer:
-    """No single bit can be written: they belong to what mapod tells."""
-    is_whole = len(pdu) == 5 and pdu[3:] in (b"\xff\x00", b"\x00\x00")
-    return Refusal.ADDRESS if is_whole else Refusal.VALUE
-
-
 def _write_coils(pdu: bytes, registers: Access) -> Answer:
-    if len(pdu) < 6:
-        return Refusal.VALUE
-    _, count = PAIR.unpack_from(pdu, 1)
-    size = -(-count // 8)
-    is_whole = 1 <= count <= MOST_BITS_WRITTEN and pdu[5] == size == len(pdu) - 6
-    return Refusal.ADDRESS if is_whole else Refusal.VALUE
+    """No single bit can be written: they belong to what mapod tells."""
+    return Refusal.ADDRESS
 
 
 def _write_one(pdu: bytes, registers: Access) -> Answer:
@@ -183,7 +173,7 @@ SERVED: dict[int, Callable[[bytes, Access], Answer]] = {
     READ_INPUT_BITS: _read_bits,
     READ_HOLDING: _read,
     READ_INPUTS: _read,
-    WRITE_COIL: _write_coil,
+    WRITE_COIL: _write_coils,
     WRITE_ONE: _write_one,
     WRITE_COILS: _write_coils,
     WRITE_MANY: _write_many,

@@ -71,7 +71,7 @@ def test_counters_are_written_as_the_sheet_and_the_vectors_say(vectors: Path) ->
 
 def test_an_edge_counts_when_it_has_passed() -> None:
     bench = Bench()
-    bench.wheels.turned = (4.9, -0.1)
+    bench.wheels.turned = [4.9, -0.1]
     assert (bench.ask("?Q0"), bench.ask("?Q1")) == (["4"], ["F"])
 
 

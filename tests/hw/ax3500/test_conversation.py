@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.support.bench_ax3500_session import FakeBench
+from tests.support.bench_ax3500 import FakeBench
 
 TICK_S = 0.005
 

@@ -8,7 +8,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from tests.support.bench_ax3500_session import FULL_COUNTS_PER_S, FakeBench
+from tests.support.bench_ax3500 import FULL_COUNTS_PER_S, FakeBench
 from tests.support.cases import examples
 
 STOPPED = (0.0, 0.0)

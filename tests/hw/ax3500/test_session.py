@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from core.records import WheelCounts
 from hw.ax3500.session import IN_RC_MODE
-from tests.support.bench_ax3500_session import TICK_S, FakeBench
+from tests.support.bench_ax3500 import TICK_S, FakeBench
 from tests.support.cases import examples
 
 Stored = Literal["rc", "rs232"]

@@ -5,7 +5,7 @@ import pytest
 from fakes.ax3500.device import FakeAx3500
 from fakes.wires.wire import Wire
 from hw.ax3500.values import VALUES, ControllerState, describe_status, state_after_answer
-from tests.support.bench_ax3500_session import FakeBench
+from tests.support.bench_ax3500 import FakeBench
 
 AX3500 = 0x68
 

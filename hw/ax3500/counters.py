@@ -1,6 +1,6 @@
 """Two absolute counters, read one after the other, as continuous travel at common instants.
 
-The counters wrap, start from zero when their controller restarts, and are now and then
+The counters wrap or roll over, start from zero when their controller restarts, and are now and then
 misread; what they say is believed only as far as the robot can have moved.
 
 Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
@@ -8,7 +8,7 @@ Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
 
 from dataclasses import dataclass
 
-from hw.ax3500.lines import wrap_difference
+from hw.ax3500.lines import maybe_rollover, wrap_difference
 from hw.device import BadFrame
 
 MARGIN = 1.5  # above the greatest speed
@@ -83,8 +83,10 @@ class WheelCounters:
     def _maybe_travel(self, last: _Reading, t_s: float, raw: int) -> int | None:
         """Counts since the last reading, if the robot can have made them."""
         bound = self._max_counts_per_s * max(0.0, t_s - last.t_s) * MARGIN + SLACK
-        travel = wrap_difference(raw, last.raw)
-        return travel if abs(travel) <= bound else None
+        for travel in (wrap_difference(raw, last.raw), maybe_rollover(raw, last.raw)):
+            if travel is not None and abs(travel) <= bound:
+                return travel
+        return None
 
     def _refuse(self, channel: int, last: _Reading, t_s: float, raw: int) -> BadFrame:
         self._refused[channel].append(raw)

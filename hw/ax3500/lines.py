@@ -22,6 +22,7 @@ QUERY = re.compile(r"\?[VAPRMEIKDZ]|\?Q[0-2]|\^[0-9A-F]{2}")  # nothing that cha
 COUNTER = re.compile(r"[0-9A-Fa-f]{1,8}")
 BYTE = re.compile(r"[0-9A-Fa-f]{2}")
 HALF, TURN = 2**31, 2**32
+ROLLOVER_ZONE = 10**6  # counts from either end within which "rolls over to zero" is believed
 
 BATTERY_V, INTERNAL_V = 55.0 / 256, 28.5 / 256  # a step of `?E`, first and second value
 # thermistor bytes from -40 C up, one each 5 C (section 7)
@@ -117,6 +118,13 @@ def maybe_byte(text: str) -> int | None:
 def wrap_difference(new: int, old: int) -> int:
     """Counts from old to new, the short way round the 32-bit circle."""
     return (new - old + HALF) % TURN - HALF
+
+
+def maybe_rollover(new: int, old: int) -> int | None:
+    """Counts from old to new if the counter passed an end and went on from zero, else None."""
+    if abs(old) <= HALF - ROLLOVER_ZONE or abs(new) >= ROLLOVER_ZONE:
+        return None
+    return new + HALF - old if old > 0 else new - 1 - HALF - old
 
 
 def celsius_from_thermistor(value: int) -> float:

@@ -64,6 +64,18 @@ def test_travel_is_continuous_over_the_wrap(begin: int, steps: list[tuple[int, i
     assert travelled == sum(step for _, step in steps)
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+def test_travel_is_continuous_where_the_counter_goes_on_from_zero(direction: int) -> None:
+    counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
+    end = 2**31 if direction > 0 else 2**31 + 1
+    travel = [end - 200 + 50 * k for k in range(10)]
+    rolled = [direction * (count - end if count >= end else count) for count in travel]
+    results = drive(counters, [(count, count) for count in rolled], 0.0)
+    assert len(pairs(results)) == len(results) == 9
+    assert counters.restarts == 0
+    assert pairs(results)[-1].two - rolled[0] == direction * 450
+
+
 @given(st.integers(1, 18), st.integers(0, 1), st.integers(-(2**31), 2**31 - 1))
 def test_one_misread_counter_is_dropped_and_leaves_no_trace(
     at: int, channel: int, misread: int

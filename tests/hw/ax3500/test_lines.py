@@ -17,6 +17,7 @@ from hw.ax3500.lines import (
     encode_query,
     maybe_byte,
     maybe_counter,
+    maybe_rollover,
     wrap_difference,
 )
 from hw.device import BadFrame
@@ -120,3 +121,11 @@ def test_differences_go_the_short_way_round() -> None:
     assert wrap_difference(-(2**31), 2**31 - 1) == 1
     assert wrap_difference(2**31 - 1, -(2**31)) == -1
     assert wrap_difference(5, -6) == 11
+
+
+def test_a_rollover_to_zero_is_told_from_a_restart() -> None:
+    assert maybe_rollover(0, 2**31 - 1) == 1
+    assert maybe_rollover(-1, -(2**31)) == -2
+    assert maybe_rollover(0, -(2**31)) == -1
+    assert maybe_rollover(0, 10**6) is None
+    assert maybe_rollover(2 * 10**6, 2**31 - 1) is None

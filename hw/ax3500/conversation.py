@@ -20,6 +20,8 @@ STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
 NO_VALUE = "no value after the echo"
+NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
+KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 
 
 @dataclass(slots=True)
@@ -44,6 +46,12 @@ class Conversation:
         self.failures = 0  # exchanges in a row
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
+        self._heard_line = self._heard_noise = False  # since the conversation began
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether something arrives, and never a line that this controller may send."""
+        return self._heard_noise and not self._heard_line
 
     def _hear(self, tick: Tick) -> list[Any]:
         """The lines and bad frames of a tick."""
@@ -55,6 +63,10 @@ class Conversation:
             self._stream.watchdog_stops += len(tick.events) - len(events)
             self._motors.doubt("the controller's watchdog stopped them")
         for event in events:
+            if isinstance(event, Line) and KNOWN_LINE.fullmatch(event.text):
+                self._heard_line = True
+            else:
+                self._heard_noise = True
             if isinstance(event, Line) and is_start_up(event) and not self.expects_restart:
                 self.have_restarted()
                 raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
@@ -108,7 +120,8 @@ class Conversation:
             self.failures, self.fault = 0, "refused"
             taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s[0]) / 2
             return taken_s, ["-"] if "-" in texts else texts
-        self.fault = fault or (NO_VALUE if echoed else NO_ECHO)
+        silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
+        self.fault = fault or silence
         yield from self._fail()
         return None
 

@@ -26,7 +26,7 @@ MAY, MUST = 0.6, 0.85  # of its period: fills a gap from then on, goes first fro
 REFUSED_S = 30.0  # to the next try of what the controller refuses
 SMOOTHING = 0.05
 JUDGE_S, REJUDGE_S = 5.0, 10.0  # from the beginning to the first remark, and to each next
-ENOUGH = 0.95  # of the pairs asked
+ENOUGH, ENOUGH_AGAIN = 0.95, 0.98  # of the pairs asked; the second ends a complaint
 NEWS = 0.15  # share by which the pairs that fit must change to be told anew
 REFRESH_S, CHANGE_S = 0.4, 0.05  # of motor commands
 
@@ -90,7 +90,8 @@ class Schedule:
         """
         if now_s >= self._judge_s:
             self._judge_s, fits = now_s + REJUDGE_S, self.fits_per_s(motors_hz)
-            if fits >= ENOUGH * self._poll_hz:
+            enough = ENOUGH if self._told_fits == math.inf else ENOUGH_AGAIN
+            if fits >= enough * self._poll_hz:
                 self._told_fits = math.inf
             elif abs(fits - self._told_fits) > NEWS * fits:
                 self._told_fits = fits

@@ -25,7 +25,7 @@ import re
 from typing import Any
 
 from core.records import WheelCounts
-from hw.ax3500.conversation import NO_ECHO, Conversation, CounterStream, is_start_up
+from hw.ax3500.conversation import NO_ECHO, NO_LINE, Conversation, CounterStream, is_start_up
 from hw.ax3500.counters import Pair, WheelCounters
 from hw.ax3500.lines import (
     BYTE,
@@ -121,6 +121,8 @@ class Ax3500Session:
                 if event.text.startswith(":"):
                     self._status.fall_back("starting", IN_RC_MODE)
                     began_s = x.now_s
+        if x.now_s - began_s >= LISTEN_LIMIT_S and self._talk.is_noise:
+            self._status.fall_back("starting", NO_LINE)
 
     def _identify(self) -> Steps[None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""
@@ -200,7 +202,7 @@ class Ax3500Session:
         fault = self._counter_faults[self._good_s.index(min(self._good_s))]
         late = [k for k in (0, 1) if now_s - self._good_s[k] > LOST_S / 2]
         queries = " and ".join(READ_COUNTER[k] for k in late) + ": "
-        reason = fault if fault == NO_ECHO else queries + (fault or "not asked in time")
+        reason = fault if fault in (NO_ECHO, NO_LINE) else queries + (fault or "not asked in time")
         return f"no counters for {LOST_S:.0f} s: {reason}"
 
     def _command(self, channel: int, power: int) -> Steps[None]:

@@ -23,7 +23,7 @@ def test_a_wrong_baud_rate_is_named() -> None:
         bench.port.give(garbled(b":0000000000FE00", k))
         bench.run(0.05)
     assert bench.state == "starting"
-    assert "wrong baud rate" in bench.cause
+    assert "check baud rate, parity E and 7 bits" in bench.cause
     bench.fake.deaf = False
     bench.run(6.0)
     assert (bench.state, bench.cause) == ("running", "")

@@ -52,34 +52,22 @@ class MotorLife(RuleBasedStateMachine):
     def vanish(self, nonsense: bool) -> None:
         self.wish = (math.nan, 0.5) if nonsense else None
 
-    @rule(mute=st.booleans())
-    def silence(self, mute: bool) -> None:
-        self.bench.fake.mute = mute
-
-    @rule(cut=st.booleans())
-    def pull(self, cut: bool) -> None:
-        self.bench.wire.cut = cut
-
-    @rule(delay_s=st.sampled_from([0.0, 0.04, 0.15]))
-    def delay(self, delay_s: float) -> None:
-        self.bench.wire.delay_s = delay_s
+    @rule(mute=st.booleans(), cut=st.booleans())
+    def silence(self, mute: bool, cut: bool) -> None:
+        self.bench.fake.mute, self.bench.wire.cut = mute, cut
 
     @rule(rate=st.sampled_from([0.0, 0.02, 0.5]), ours=st.booleans())
     def damage(self, rate: float, ours: bool) -> None:
         wire = self.bench.wire
         wire.damage_rate, wire.host_damage_rate = (0.0, rate) if ours else (rate, 0.0)
 
-    @rule(rate=st.sampled_from([0.0, 0.02]))
-    def lose(self, rate: float) -> None:
-        self.bench.wire.drop_rate = rate
+    @rule(rate=st.sampled_from([0.0, 0.02]), delay_s=st.sampled_from([0.0, 0.04, 0.15]))
+    def lose(self, rate: float, delay_s: float) -> None:
+        self.bench.wire.drop_rate, self.bench.wire.delay_s = rate, delay_s
 
-    @rule(pressed=st.booleans())
-    def press(self, pressed: bool) -> None:
-        self.bench.fake.emergency_stop = pressed
-
-    @rule(status=st.sampled_from([0x00, 0x01, 0x08]))
-    def complain(self, status: int) -> None:
-        self.bench.fake.status = status
+    @rule(pressed=st.booleans(), status=st.sampled_from([0x00, 0x01, 0x08]))
+    def complain(self, pressed: bool, status: int) -> None:
+        self.bench.fake.emergency_stop, self.bench.fake.status = pressed, status
 
     @rule(pressed=st.booleans())
     def hold_up(self, pressed: bool) -> None:

@@ -131,18 +131,6 @@ def test_a_flood_on_a_line_is_looked_at_in_bounded_portions_and_in_order() -> No
     converse("serial", talk)
 
 
-def test_a_line_that_nobody_reads_does_not_stall_the_loop() -> None:
-    async def talk(line: Line, server: ModbusServer, clock: Clock) -> None:
-        asker = server._service._client  # type: ignore[union-attr]
-        for _ in range(40):  # more answers than a pty keeps
-            clock.now_s += 1.0
-            line.send(bytes.fromhex("01 04 00 00 00 7D 30 2B"))
-            await until(lambda: asker.asked_s == clock.now_s)
-        assert server.status.state == "running"
-
-    converse("serial", talk)
-
-
 def test_a_mistake_of_ours_ends_the_server_and_is_not_kept_secret() -> None:
     async def run() -> None:
         def broken() -> float:

@@ -95,17 +95,6 @@ def test_refusals_are_the_same_on_a_line_even_of_functions_whose_length_nobody_k
     converse("serial", talk)
 
 
-@NETWORKS
-def test_a_read_is_answered_byte_for_byte_by_both_codes(kind: str) -> None:
-    async def talk(client: Tcp | Udp, server: ModbusServer, clock: Clock) -> None:
-        assert await client.ask(READ_TEN) == TCP_ANSWER
-        inputs = READ_TEN.replace(b"\x03", b"\x04")
-        assert await client.ask(inputs) == TCP_ANSWER.replace(b"\x01\x03\x14", b"\x01\x04\x14")
-        assert len(words_of(await client.ask(read_request(0, 125)))) == 125
-
-    converse(kind, talk)
-
-
 def test_frames_on_a_line_are_answered_byte_for_byte() -> None:
     async def talk(line: Line, server: ModbusServer, clock: Clock) -> None:
         answer = framed("03 14" + HEAD.hex())
@@ -128,8 +117,16 @@ def test_frames_on_a_line_are_answered_byte_for_byte() -> None:
 
 
 @NETWORKS
-def test_every_one_of_several_requests_in_one_piece_is_answered_in_order(kind: str) -> None:
+def test_reads_are_answered_byte_for_byte_and_in_order_on_our_units_alone(kind: str) -> None:
     async def talk(client: Tcp | Udp, server: ModbusServer, clock: Clock) -> None:
+        assert await client.ask(READ_TEN) == TCP_ANSWER
+        inputs = READ_TEN.replace(b"\x03", b"\x04")
+        assert await client.ask(inputs) == TCP_ANSWER.replace(b"\x01\x03\x14", b"\x01\x04\x14")
+        assert len(words_of(await client.ask(read_request(0, 125)))) == 125
+        for unit in (0, 1, 2, 9, 255):
+            assert (await client.ask(read_request(0, 1, unit)))[7:] == bytes.fromhex("03024D50")
+        for unit in (10, 17, 247, 254):
+            assert await client.ask(read_request(0, 1, unit)) == mbap(b"\x83\x0b", unit)
         pieces = [read_request(k, 1, number=k) for k in range(12)]
         answers = [await client.ask(b"".join(pieces))]
         answers += [await client.answer() for _ in range(11)]
@@ -196,17 +193,6 @@ def test_garbage_ends_a_connection_and_drops_a_datagram(garbage: str) -> None:
 
     converse("tcp", on_tcp)
     converse("udp", on_udp)
-
-
-@NETWORKS
-def test_units_that_are_not_ours_are_refused_on_a_network(kind: str) -> None:
-    async def talk(client: Tcp | Udp, server: ModbusServer, clock: Clock) -> None:
-        for unit in (0, 1, 2, 9, 255):
-            assert (await client.ask(read_request(0, 1, unit)))[7:] == bytes.fromhex("03024D50")
-        for unit in (10, 17, 247, 254):
-            assert await client.ask(read_request(0, 1, unit)) == mbap(b"\x83\x0b", unit)
-
-    converse(kind, talk)
 
 
 def test_what_is_not_for_us_is_no_request_on_a_line_whatever_its_bytes_are() -> None:

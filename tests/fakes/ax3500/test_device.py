@@ -150,16 +150,6 @@ def test_a_counter_goes_on_beyond_either_end(rollover: str, above: int, below: i
     assert bench.ask("?Q1") == [hex_from_counter(below)]
 
 
-def test_an_unknown_address_hangs_the_encoder_module_until_a_reset() -> None:
-    bench = Bench()
-    assert bench.ask("*10") == []
-    assert [bench.ask(line) for line in ("?Q0", "!Q2", "*88")] == [[]] * 3
-    assert bench.ask("?E") == ["70", "6C"]
-    bench.fake.restart(bench.now_s)
-    bench.run(0.71)
-    assert bench.ask("?Q0") == ["0"]
-
-
 def test_parameters_are_permanent_at_once_and_take_effect_later() -> None:
     bench = Bench()
     assert bench.ask("^00") == ["01", "+"]

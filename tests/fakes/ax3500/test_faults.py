@@ -191,7 +191,8 @@ def test_a_bad_address_hangs_the_module_over_a_reset_but_not_over_a_loss_of_powe
     assert bench.ask("*99") == ["00", "+"]  # a destination
     assert bench.ask("*9C") == []
     bench.run(0.71, b"%rrrrrr\r")
-    assert (bench.ask("?Q0"), bench.ask("?E")) == ([], ["70", "6C"])
+    assert [bench.ask(line) for line in ("?Q0", "!Q2", "*88")] == [[]] * 3
+    assert bench.ask("?E") == ["70", "6C"]
     bench.fake.power_cycle(bench.now_s)
     bench.run(0.71)
     assert bench.ask("?Q0") == ["0"]

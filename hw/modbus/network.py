@@ -1,27 +1,18 @@
-"""Modbus over TCP and UDP: frames, and pymodbus's listening and connections without its handlers.
+"""Modbus over TCP and UDP: frames, listening and connections.
 
-pymodbus 3.16 listens, accepts and holds connections. Its own handler answers only the first of
-several requests, sends UDP answers to whoever asked last, says "unknown function" with the
-wrong bytes and stays deaf after garbage: so each of its entry points for bytes is overridden here,
-and none of its messages is used. It and asyncio also leave cycles of references with each
-connection, which nothing frees while the garbage collector is off: `_untie`.
+pymodbus is not used: its server answers only the first of several requests, sends UDP answers to
+whoever asked last, says "unknown function" with the wrong bytes and stays deaf after garbage.
 Source: Modbus messaging on TCP/IP implementation guide 1.0b, section 3.1.3.
 """
 
 import asyncio
-import functools
-import logging
 import struct
+from functools import partial
 from typing import Any
-
-from pymodbus.server import ModbusTcpServer, ModbusUdpServer
-from pymodbus.server.requesthandler import ServerRequestHandler
-from pymodbus.simulator import DataType, SimData, SimDevice
 
 from hw.modbus.client import Client, Request, ServerContext, is_loopback
 from hw.ports.url import PortUrl
 
-PYMODBUS = "3.16."  # the handlers stand on this version's inside
 MBAP = struct.Struct(">HHHB")  # transaction, protocol (0), length of what follows, unit
 LENGTHS = range(2, 255)  # unit and 1 to 253 bytes of request
 LENGTH_OFFSET = 6
@@ -32,7 +23,6 @@ MOST_BYTES = 8192  # of one TCP client, that have arrived at once
 MOST_UDP_CLIENTS = 64
 UDP_WAITING = 16  # requests of one UDP client
 MOST_DATAGRAM = UDP_WAITING * (LENGTH_OFFSET + LENGTHS[-1])  # bytes: more can't be served
-CYCLIC = ("trace_packet", "trace_pdu", "trace_connect", "low_level_send", "call_create")
 
 
 def take_requests(data: bytearray) -> tuple[list[Request], str]:
@@ -73,15 +63,13 @@ def mbap_frame(request: Request, pdu: bytes) -> bytes:
     return MBAP.pack(request.transaction, 0, len(pdu) + 1, request.unit) + pdu
 
 
-class TcpHandler(ServerRequestHandler):
+class TcpConnection(asyncio.Protocol):
     """One TCP connection."""
 
     def __init__(self, owner: "TcpService") -> None:
-        super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._owner = owner
-        self._data = bytearray()
+        self._owner, self._data = owner, bytearray()
         self._client: Client | None = None
-        self._socket: asyncio.BaseTransport | None = None  # pymodbus drops its own too early
+        self._transport: Any = None
         self._is_ending = False  # it will ask nothing more, and waits for its answers
 
     @property
@@ -90,10 +78,9 @@ class TcpHandler(ServerRequestHandler):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the connection, or close it at once where there are too many."""
-        super().connection_made(transport)
-        self._socket = transport
+        self._transport = transport
         host, port = (*(transport.get_extra_info("peername") or ("", 0)), 0, 0)[:2]
-        context = self._owner.server_context
+        context = self._owner.context
         self._client = Client(context, f"modbus tcp {host}:{port}", is_loopback(host), self._reply)
         self._owner.connections[self] = None
         if len(self._owner.connections) > MOST_CONNECTIONS:
@@ -101,8 +88,8 @@ class TcpHandler(ServerRequestHandler):
 
     def _make_room(self) -> None:
         """End the connection that has been idle longest, or else this one."""
-        idlest = min(self._owner.connections, key=lambda handler: handler.idle_since_s)
-        context = self._owner.server_context
+        idlest = min(self._owner.connections, key=lambda one: one.idle_since_s)
+        context = self._owner.context
         if context.clock() - idlest.idle_since_s > SPARED_S:
             idlest.end()
         else:
@@ -115,14 +102,14 @@ class TcpHandler(ServerRequestHandler):
             return
         self._data += data
         if len(self._data) > MOST_BYTES:  # not even looked at: that would take long
-            self._owner.server_context.reject("more bytes at once than are looked at")
+            self._owner.context.reject("more bytes at once than are looked at")
             self.end()
             return
         found, reason = take_requests(self._data)
         if not self._client.offer(found):
             self.end()
         elif reason:
-            self._owner.server_context.reject(reason, bytes(self._data))
+            self._owner.context.reject(reason, bytes(self._data))
             self._data.clear()
             self._end_when_answered()
 
@@ -132,11 +119,11 @@ class TcpHandler(ServerRequestHandler):
             self.end()
 
     def _reply(self, request: Request, pdu: bytes) -> None:
-        self.send(mbap_frame(request, pdu))
+        self._transport.write(mbap_frame(request, pdu))
         if self._is_ending:
             self._end_when_answered()
 
-    def eof_received(self) -> bool:  # type: ignore[override]
+    def eof_received(self) -> bool:
         """It asks nothing more; True keeps the connection until all is answered."""
         self._is_ending = bool(self._client and self._client.waiting)
         return self._is_ending
@@ -152,37 +139,70 @@ class TcpHandler(ServerRequestHandler):
 
     def end(self) -> None:
         """Close the connection; what was sent still goes out."""
-        self._untie()
-        self.close()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        super().connection_lost(exc)
-        self._untie()
-        vars(self._socket).pop("_read_ready_cb", None)  # asyncio's own cycle of references
-        self._socket = None
-
-    def callback_disconnected(self, exc: Exception | None) -> None:
-        """Nobody is told."""
-
-    def _untie(self) -> None:
-        """Let go of all that refers back to this object."""
         self._owner.connections.pop(self, None)
         if self._client is not None:
             self._client.close()
             self._client = None
-        for name in CYCLIC:
-            self.__dict__.pop(name, None)
+        self._transport.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self.end()
+        # asyncio's own cycle of references, which nothing frees while the collector is off
+        vars(self._transport).pop("_read_ready_cb", None)
 
 
-class UdpHandler(ServerRequestHandler):
+class TcpService:
+    """Listens for TCP connections."""
+
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self.context, self._url = context, url
+        self.connections: dict[TcpConnection, None] = {}  # in the order of their coming
+        self._server: asyncio.Server | None = None
+
+    async def open(self) -> None:
+        """Begin to serve; raises OSError where that can't be."""
+        # asyncio accepts as many connections in one go as may wait: by itself a hundred
+        self._server = await self.context.loop.create_server(
+            partial(TcpConnection, self),
+            self._url.host,
+            self._url.port,
+            reuse_address=True,
+            backlog=MOST_CONNECTIONS,
+        )
+
+    def tend(self, now_s: float) -> str:
+        """Close what has been idle for long; why nothing is served now, "" if it is."""
+        for connection in list(self.connections):
+            if now_s - connection.idle_since_s > IDLE_S:
+                connection.end()
+        return ""
+
+    async def shutdown(self) -> None:
+        if self._server is not None:
+            self._server.close()
+        for connection in list(self.connections):
+            connection.end()
+
+
+class UdpService(asyncio.DatagramProtocol):
     """The datagrams of all clients; each gets its own answers."""
 
-    def __init__(self, owner: "UdpService") -> None:
-        super().__init__(owner, None, None, None)  # type: ignore[no-untyped-call]
-        self._context = owner.server_context
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self._context, self._url = context, url
         self._clients: dict[Any, Client] = {}
+        self._transport: asyncio.DatagramTransport | None = None
 
-    def datagram_received(self, data: bytes, addr: tuple[Any, ...] | None) -> None:
+    async def open(self) -> None:
+        """Begin to serve; raises OSError where that can't be."""
+        self._transport, _ = await self._context.loop.create_datagram_endpoint(
+            lambda: self, local_addr=(self._url.host, self._url.port)
+        )
+
+    def tend(self, now_s: float) -> str:
+        """Nothing to look after."""
+        return ""
+
+    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
         found = datagram_requests(data) if len(data) <= MOST_DATAGRAM else []
         if not found:
             self._context.reject("a datagram of anything but whole requests", data)
@@ -193,7 +213,7 @@ class UdpHandler(ServerRequestHandler):
         else:
             client.offer(found)
 
-    def _client_at(self, addr: Any) -> Client | None:
+    def _client_at(self, addr: tuple[Any, ...]) -> Client | None:
         """Who sends from there; None when there are too many others."""
         client = self._clients.get(addr)
         if client is not None:
@@ -204,69 +224,16 @@ class UdpHandler(ServerRequestHandler):
                 return None
             self._clients.pop(oldest).close()
         who = f"modbus udp {addr[0]}:{addr[1]}"
-
-        def reply(request: Request, pdu: bytes) -> None:
-            self.send(mbap_frame(request, pdu), addr)
-
-        client = self._clients[addr] = Client(self._context, who, is_loopback(addr[0]), reply)
+        client = Client(self._context, who, is_loopback(addr[0]), partial(self._reply, addr))
+        self._clients[addr] = client
         return client
 
-    def callback_disconnected(self, exc: Exception | None) -> None:
+    def _reply(self, addr: tuple[Any, ...], request: Request, pdu: bytes) -> None:
+        if self._transport is not None:
+            self._transport.sendto(mbap_frame(request, pdu), addr)
+
+    async def shutdown(self) -> None:
         for client in self._clients.values():
             client.close()
-        self._clients.clear()
-
-
-def _no_memory() -> SimDevice:
-    """pymodbus wants registers of its own; nothing reads them."""
-    return SimDevice(1, simdata=[SimData(0, values=0, datatype=DataType.REGISTERS)])
-
-
-class _Opening:
-    """Opens as pymodbus does, but says why it can't."""
-
-    call_create: Any
-    transport: Any
-    is_listener: bool
-
-    async def open(self) -> None:
-        """Begin to serve; raises OSError where that can't be."""
-        logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL + 1)
-        self.is_listener = True
-        made = await self.call_create()
-        self.transport = made[0] if isinstance(made, tuple) else made
-
-    def tend(self, now_s: float) -> str:
-        """From time to time; why it does not serve now, "" if it does."""
-        return ""
-
-
-class TcpService(_Opening, ModbusTcpServer):
-    """Listens for TCP connections."""
-
-    def __init__(self, context: ServerContext, url: PortUrl) -> None:
-        self.server_context = context
-        self.connections: dict[TcpHandler, None] = {}
-        super().__init__(_no_memory(), address=(url.host, url.port))
-        # asyncio accepts as many connections in one go as may wait: by itself a hundred
-        self.call_create = functools.partial(self.call_create, backlog=MOST_CONNECTIONS)
-
-    def callback_new_connection(self) -> TcpHandler:
-        return TcpHandler(self)
-
-    def tend(self, now_s: float) -> str:
-        for handler in list(self.connections):
-            if now_s - handler.idle_since_s > IDLE_S:
-                handler.end()
-        return ""
-
-
-class UdpService(_Opening, ModbusUdpServer):
-    """Takes datagrams."""
-
-    def __init__(self, context: ServerContext, url: PortUrl) -> None:
-        self.server_context = context
-        super().__init__(_no_memory(), address=(url.host, url.port))
-
-    def callback_new_connection(self) -> UdpHandler:
-        return UdpHandler(self)
+        if self._transport is not None:
+            self._transport.close()

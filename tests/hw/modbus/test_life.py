@@ -33,7 +33,7 @@ def test_connections_leave_nothing_behind_while_the_collector_is_off() -> None:
             clock.now_s += 1.0
             await client.ask(READ_TEN)
             seen += [weakref.ref(handler) for handler in connections]
-            seen += [weakref.ref(handler.transport) for handler in connections]
+            seen += [weakref.ref(handler._transport) for handler in connections]
             if k % 2:
                 client.writer.write(b"\xff" * 20)
                 await client.ended()

@@ -5,8 +5,6 @@ read in pieces is one map, and no drive request holds longer than it said when i
 """
 
 import asyncio
-from collections.abc import Callable
-from typing import Any
 
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -14,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from hw.modbus.client import MOST_WAITING, ServerContext
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
-from hw.modbus.network import MOST_CONNECTIONS, TcpHandler, TcpService, take_requests
+from hw.modbus.network import MOST_CONNECTIONS, TcpConnection, TcpService, take_requests
 from hw.planner_link.replay_guard import ReplayGuard
 from hw.planner_link.requests import Requests
 from hw.ports.url import parse_url
@@ -56,7 +54,7 @@ class Wire(asyncio.Transport):
 class Reader:
     """A client: what it has asked, and how much of a window it has read."""
 
-    def __init__(self, handler: TcpHandler, host: str, number: int) -> None:
+    def __init__(self, handler: TcpConnection, host: str, number: int) -> None:
         self.handler, self.wire, self.unit = handler, Wire(host, number), 2 + number
         self.is_local, self.asked = host == "127.0.0.1", list[tuple[int, int]]()
         self.generation, self.words = 0, list[int]()
@@ -75,24 +73,10 @@ class Modbus(RuleBasedStateMachine):
         self.calls = Loop(self.clock)
         self.context: ServerContext = context_of(image, self.calls)
         self.context.views = {1: None, **views}
-        self.loop = asyncio.new_event_loop()
-        url = parse_url("tcp://127.0.0.1:5020")
-        self.service = self.within(lambda: TcpService(self.context, url))
+        self.service = TcpService(self.context, parse_url("tcp://127.0.0.1:5020"))
         self.readers: dict[int, Reader] = {}
         self.maps = {1: raster(some_cells(1), (-7, 3), True)}
         self.granted_until_s = 0.0  # by what was asked, counted from when it arrived
-
-    def within(self, make: Callable[[], Any]) -> Any:
-        """What pymodbus wants to be made while a loop runs."""
-
-        async def run() -> Any:
-            return make()
-
-        return self.loop.run_until_complete(run())
-
-    def teardown(self) -> None:
-        if hasattr(self, "loop"):
-            self.loop.close()
 
     @rule(seed=st.integers(0, 99), trusted=st.booleans(), epoch=st.integers(0, 1))
     def publish(self, seed: int, trusted: bool, epoch: int) -> None:
@@ -108,8 +92,7 @@ class Modbus(RuleBasedStateMachine):
     def connect(self, local: bool, slot: int) -> None:
         if slot not in self.readers:
             host = "127.0.0.1" if local else "192.168.0.9"
-            handler = self.within(self.service.callback_new_connection)
-            self.readers[slot] = Reader(handler, host, slot)
+            self.readers[slot] = Reader(TcpConnection(self.service), host, slot)
 
     def reader(self, slot: int) -> Reader:
         return [*self.readers.values()][slot % len(self.readers)]

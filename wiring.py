@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from core.config import Config, ConfigError
-from core.driving.control import link_refusal, modbus_refusal
+from core.driving.control import link_refusal
 from hw.device import NoPort, Port
 from hw.modbus.image import RegisterImage
 from hw.modbus.server import ModbusServer
@@ -170,13 +170,13 @@ def maybe_image(
     """What Modbus clients read; none where nobody may."""
     if not config.modbus.ports:
         return None
+    may_drive = config.modbus.allow_drive and config.robot.enable_motors
     return RegisterImage(
         size=config.obstacle.window_cells,
         cell_mm=round(config.map.cell_m * 1000),
         session=session,
         version=version,
-        ask=planners.requests.ask,
-        drive_refusal=modbus_refusal(config),
+        ask=planners.requests.ask if may_drive else None,
     )
 
 

@@ -56,7 +56,7 @@ def arguments() -> argparse.Namespace:
 
 def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     """Build all, say where it is, and keep it in step with the host's clock."""
-    from fakes.ax3500.device import MODES
+    from fakes.ax3500.properties import MODES
     from fakes.programs.stamps import StampedAttitude, StampedScanner, WatchedWorld, stamps_in
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say

@@ -130,16 +130,8 @@ def _mti(port: Port, options: MtiOptions, around: Surroundings) -> Mti:
 
 
 def _ax3500(port: Port, options: Ax3500Options, around: Surroundings) -> Ax3500:
-    return Ax3500(
-        port,
-        poll_hz=options.poll_hz,
-        left_channel=options.left_channel,
-        right_channel=options.right_channel,
-        inverted_channels=tuple(options.invert),
-        enter_rs232=options.enter_rs232,
-        max_counts_per_s=around.max_counts_per_s,
-        enable_motors=around.enable_motors,
-    )
+    speed, enable = around.max_counts_per_s, around.enable_motors
+    return Ax3500(port, options, max_counts_per_s=speed, enable_motors=enable)
 
 
 SCANNERS: dict[str, Driver[Scanner]] = {"lms111": Driver(Lms1xxOptions, _lms1xx)}

@@ -25,7 +25,7 @@ MAY_IMPORT = {  # by the first part of a module's name
 LIBRARIES = {
     "jit": {"numpy", "numba"},
     "core": {"numpy", "msgspec"},
-    "hw": {"numpy", "msgspec", "serial", "cobs", "pymodbus"},
+    "hw": {"numpy", "msgspec", "serial", "cobs"},
     "mapod_link": {"numpy"},
     "fakes": {"numpy", "mujoco"},
     **{name: {"numpy", "structlog"} for name in TOP},

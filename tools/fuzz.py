@@ -44,6 +44,7 @@ def frame_of(codec: str, payload: bytes) -> bytes:
 
 def new_device(codec: str, port: Any) -> Any:
     """A device of mapod, as main.py makes it."""
+    from hw.ax3500.options import Ax3500Options
     from hw.ax3500.session import Ax3500
     from hw.lms1xx.options import Lms1xxOptions
     from hw.lms1xx.session import Lms111
@@ -55,16 +56,10 @@ def new_device(codec: str, port: Any) -> Any:
         case "mti":
             return Mti(port, rate_hz=100, baud=115_200)
         case _:
-            return Ax3500(
-                port,
-                poll_hz=20,
-                left_channel=1,
-                right_channel=2,
-                inverted_channels=(),
-                enter_rs232=True,
-                max_counts_per_s=3000.0,
-                enable_motors=True,
+            options = Ax3500Options(
+                poll_hz=20, left_channel=1, right_channel=2, invert=[], enter_rs232=True
             )
+            return Ax3500(port, options, max_counts_per_s=3000.0, enable_motors=True)
 
 
 def new_fake(codec: str) -> Any:

@@ -57,13 +57,6 @@ def link_refusal(url: str, has_key: bool, enabled: bool) -> str:
     return "" if own else "from another machine it takes a key (planner.key_file)"
 
 
-def modbus_refusal(config: Config) -> str:
-    """Why nobody may drive over Modbus, which authenticates nothing, in words; "" if one may."""
-    if not config.modbus.allow_drive:
-        return "Modbus clients may not drive ([modbus] allow_drive)"
-    return "" if config.robot.enable_motors else NOT_ENABLED
-
-
 def stop_reason(word: int, mode: int, sight: str, others: tuple[str, ...] = ()) -> str:
     """The first reason to stand still, in words; "" if all that is known speaks for driving.
 

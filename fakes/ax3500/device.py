@@ -1,9 +1,8 @@
 """Fake Roboteq AX3500 with encoder module, written from its sheet. Nothing of hw/ or core/ in it.
 
 It offers nothing of the later Roboteq families: what it does not know it echoes and answers `-`.
-Left open by the sheet and chosen here, most of it as attributes: the boot takes 0.7 s; a logging
-line breaks off where RS-232 mode begins; in mixed mode channel 1 gets sum, channel 2 difference;
-only a loss of power, no reset, wakes an encoder module that hangs.
+Left open by the sheet and chosen here: a logging line breaks off where RS-232 mode begins; only a
+loss of power, no reset, wakes an encoder module that hangs.
 
 As a program: `python -m fakes.programs.ax3500 --link $HOME/ax3500 --mode rc --fault mute@5s-7s`.
 
@@ -14,15 +13,12 @@ import math
 import random
 import re
 from collections.abc import Sequence
-from typing import Literal
 
 from fakes.ax3500.encoders import EncoderModule, hex_from_counter
 from fakes.ax3500.line import BAUD, SerialLine
-from fakes.ax3500.motors import Motors, Wheels
-from fakes.ax3500.power import Model
+from fakes.ax3500.power import PowerStage, Wheels
+from fakes.ax3500.properties import FACTORY, MODES, PROFILES, Mode, Model, Properties
 
-Mode = Literal["rc", "rs232", "rs232_watchdog", "analog"]
-MODES: tuple[Mode, ...] = ("rc", "rs232", "rs232_watchdog", "analog")  # as ^00 counts them
 CR = 0x0D
 BANNER, ENCODER_BANNER = "Roboteq v1.9b 06/01/07\rs\r", "Encoder v1.7\r00\r"  # section 11
 LOG_CHARACTER_S = 0.008
@@ -31,13 +27,15 @@ TAKE_OVER = 10  # CR in a row that end R/C or analog mode
 NO_Z_S = 1.0  # after a reset: the letter would set off firmware loading
 LONGEST_LINE = 32
 HEXADECIMAL = re.compile(r"([*$^])([0-9A-Fa-f]{2})(?: ([0-9A-Fa-f]{2}))?")
-COUNTER = re.compile("Q[0-9]")
+COUNTER = re.compile("[Qq][0-9]")
 OF_ENCODERS = re.compile(r"[*$]|[?!][Qq]|\?[Zz]")
 APPLY_S = 0.1  # that ^FF takes
+ENCODER_BIT = 0x20  # of the identity
+HIGHEST = {0x00: 3, 0x01: 0xC6, 0x07: 4, 0x08: 4, **dict.fromkeys((0x0C, 0x0F, 0x10, 0x11), 63)}
 
 
-class FakeAx3500(Motors):
-    """One controller, running, in the mode that ^00 says; faults and properties as attributes."""
+class FakeAx3500(Properties):
+    """One controller, running, in the mode that ^00 says."""
 
     def __init__(
         self,
@@ -48,42 +46,30 @@ class FakeAx3500(Motors):
         model: Model = "AX3500",
         paced: bool = True,
     ) -> None:
-        super().__init__(wheels, MODES.index(mode), model)
+        flash = {0x00: MODES.index(mode), **FACTORY}
+        super().__init__(model=model, parameters=flash, paced=paced)
         self.baud = BAUD  # of its line
-        self.mute = False  # hears and counts, says nothing
-        self.deaf = False  # hears nothing: no echo, no answer, and the watchdog strikes
-        self.frozen = False  # its counters stand still, whatever the wheels do
-        self.late_s = 0.0  # all that it says arrives so late
-        self.counter_offset = (0, 0)  # moves the counters, say close to their ends
-        self.rollover: Literal["wrap", "zero"] = "wrap"  # what a counter does beyond its ends
-        self.reply_delay_s = 0.001  # from a command's CR to its answer
-        self.boot_s = 0.7  # deaf after a reset
-        self.reset_after = 0  # characters to hear until it resets by itself; 0: it does not
-        self.w_rate = 0.0  # chance of a W in front of each character sent
-        self.echoes = True  # whether it sends back what it hears
-        self.echoes_take_over = False  # whether the ten CR come back
-        self.plus_after_read = True  # after ^nn and *nn
-        self.minus_on_empty = False  # to a lone CR
-        self.lf_after_cr = False  # LF after each CR sent
-        self.says_ok = True  # OK after the ten CR, and after the prompt in RS-232 mode
-        self.refuse: set[str] = set()  # lines that it answers with a minus, say ?R
-        self.register_sign: Literal["*", "$"] = "*"  # of the encoder module; $ before firmware 1.7
-        self.log_numbers = 13  # in a logging line: 12, 13, 14 or 16
-        self.analog_v = (2.5, 2.5, 2.5, 2.5)  # inputs 1..4
-        self.inputs = (0, 0)  # E and F
-        self.watchdog_stops = 0
+        self._stage = PowerStage(self, wheels)
         self._random = random.Random(seed)
-        self._held = wheels.counts()  # while frozen
-        self.encoders = EncoderModule(self._turned)
-        self._wire = SerialLine()
-        self._wire.paced = paced
+        self.encoders = EncoderModule(self, wheels.counts)
+        self._wire = SerialLine(self)
         self._text = bytearray()  # of the line that the host is writing
         self._returns = 0  # CR in a row
         self._now_s = self._reset_s = -math.inf
         self._wake_s = self._watchdog_s = self._log_s = math.inf  # next of each; inf: none
         self._log_rest = b""
         self._mode: Mode = mode
-        self._follows_radio = mode in ("rc", "analog")
+        self._stage.follows_radio = mode in ("rc", "analog")
+
+    def command(self, one: int, two: int) -> None:
+        """Sticks of the radio, -127..127: they count in R/C mode, else if `radio_overrides`."""
+        self._stage.steer(one, two)
+
+    def powers(self) -> tuple[int, int]:
+        return self._stage.powers()
+
+    def condition(self) -> int:
+        return self._stage.condition()
 
     @property
     def mode(self) -> Mode:
@@ -93,15 +79,6 @@ class FakeAx3500(Motors):
     @mode.setter
     def mode(self, mode: Mode) -> None:
         self._change_mode(mode, self._now_s)
-
-    @property
-    def paced(self) -> bool:
-        """Whether characters take their time on the wire; settable."""
-        return self._wire.paced
-
-    @paced.setter
-    def paced(self, paced: bool) -> None:
-        self._wire.paced = paced
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """Take what the host wrote; give all that the controller has sent up to now_s."""
@@ -117,12 +94,11 @@ class FakeAx3500(Motors):
                     self._stop(at_s)
                 case _:
                     self._log(at_s)
-        self._apply()
+        self._stage.apply()
         sent = self._wire.sent(now_s - self.late_s)
         return b"" if self.mute else sent
 
     def _next_s(self) -> float:
-        """When the next thing happens."""
         return min(self._wire.next_arrival_s, self._wake_s, self._watchdog_s, self._log_s)
 
     def restart(self, now_s: float) -> None:
@@ -131,7 +107,7 @@ class FakeAx3500(Motors):
         self._wire.clear()
         self.encoders.hung = False
         self._reset(now_s)
-        self._apply()
+        self._stage.apply()
 
     power_cycle = restart
 
@@ -139,30 +115,23 @@ class FakeAx3500(Motors):
         """What %rrrrrr does: the power stays, and so does what was on the way."""
         self._look(now_s)
         self._reset(now_s)
-        self._apply()
+        self._stage.apply()
 
     def send_w(self) -> None:
         """A watchdog letter that means nothing, now."""
         self._send(self._now_s, "W")
 
-    def _turned(self) -> tuple[float, float]:
-        if not self.frozen:
-            self._held = self._wheels.counts()
-        return self._held
-
     def _look(self, now_s: float) -> None:
         first, self._now_s = self._now_s == -math.inf, now_s
-        self.heat(now_s)
-        self.encoders.offset, self.encoders.rollover = self.counter_offset, self.rollover
         self.encoders.sample(now_s)
         if first:
             self._change_mode(self._mode, now_s)
 
     def _change_mode(self, mode: Mode, at_s: float) -> None:
         self._mode, self._returns, self._log_rest = mode, 0, b""
-        self._follows_radio = mode in ("rc", "analog")
-        if self._follows_radio:
-            self._halt()
+        self._stage.follows_radio = mode in ("rc", "analog")
+        if self._stage.follows_radio:
+            self._stage.halt()
         self._text.clear()
         running = math.isfinite(at_s) and self._wake_s == math.inf
         self._log_s = at_s if running and mode in ("rc", "analog") else math.inf
@@ -171,14 +140,14 @@ class FakeAx3500(Motors):
 
     def _reset(self, at_s: float) -> None:
         self.status, self._reset_s = 0x00, at_s
-        self._halt()
-        self._adopt_motor_mode()
+        self._stage.halt()
+        self._stage.adopt_motor_mode()
         self.encoders.reset(at_s)
-        self._wake_s, self._awake = at_s + self.boot_s, False
+        self._wake_s, self._stage.awake = at_s + self.boot_s, False
         self._change_mode(MODES[self.parameters[0x00]], at_s)
 
     def _wake(self, at_s: float) -> None:
-        self._wake_s, self._awake = math.inf, True
+        self._wake_s, self._stage.awake = math.inf, True
         self._change_mode(self._mode, at_s)
         says_ok = self.says_ok and self._log_s == math.inf
         self._send(
@@ -188,7 +157,7 @@ class FakeAx3500(Motors):
 
     def _stop(self, at_s: float) -> None:
         """The watchdog: a second without a character."""
-        self._halt()
+        self._stage.halt()
         self.watchdog_stops += 1
         self._watchdog_s = at_s + WATCHDOG_S
         self._send(at_s, "W")
@@ -201,14 +170,13 @@ class FakeAx3500(Motors):
         self._log_s = at_s + LOG_CHARACTER_S
 
     def _log_line(self) -> bytes:
-        numbers = [command & 0xFF for command in self.wanted()]
+        numbers = [command & 0xFF for command in self._stage.wanted()]
         for query in "VPAME":
             numbers += [value & 0xFF for value in self._values(query) or []]
-        numbers += [*(speed & 0xFF for speed in self.encoders.speeds()), 0, 0]
+        numbers += [0, 0, 0, 0]  # of the encoders: speeds and what is left out
         return f":{bytes(numbers[: self.log_numbers]).hex().upper()}\r".encode("ascii")
 
     def _hear(self, at_s: float) -> None:
-        """One character has arrived."""
         character = self._wire.take() & 0x7F
         if character == ord("Z") and at_s < self._reset_s + NO_Z_S:
             self.encoders.hung = True
@@ -249,7 +217,7 @@ class FakeAx3500(Motors):
             self._reset(at_s)
             return []
         if text.upper() == "^FF":
-            self._adopt_motor_mode()
+            self._stage.adopt_motor_mode()
             self._change_mode(MODES[self.parameters[0x00]], at_s)
             return ["+"]
         if OF_ENCODERS.match(text):
@@ -266,11 +234,35 @@ class FakeAx3500(Motors):
             return ["-"]
         sort, address, value = hexadecimal.groups()
         if value is not None:
-            write = self.set_parameter if sort == "^" else self.encoders.set_register
-            return ["+" if write(int(address, 16), int(value, 16)) else "-"]
+            is_set = sort == "^" and self.set_parameter(int(address, 16), int(value, 16))
+            return ["+" if is_set else "-"]
         if sort != "^":
             return self._read_reply(self.encoders.maybe_register(int(address, 16)))
-        return self._read_reply(self.maybe_parameter(int(address, 16))) or ["-"]
+        return self._read_reply(self._maybe_parameter(int(address, 16))) or ["-"]
+
+    def _maybe_parameter(self, address: int) -> int | None:
+        """The byte at an address; None: not one that can be read."""
+        if address in self.never_written:
+            return None
+        match address:
+            case 0x89:
+                return self.condition()
+            case 0x8A:
+                return PROFILES[self.model].identity | (ENCODER_BIT if self.encoder else 0)
+            case 0x8B | 0x8C:
+                return self._stage.limit_byte()
+        return self.parameters.get(address)
+
+    def set_parameter(self, address: int, value: int) -> bool:
+        """Write one byte, permanent at once, in effect later; False: no such one, or value."""
+        if address not in self.parameters or value > HIGHEST.get(address, 0xFF):
+            return False
+        if address == 0x01 and (value & 0x38 or value & 0x07 == 7):
+            return False
+        self.parameters[address] = value
+        self.never_written.discard(address)
+        self.flash_writes += address < 0x80
+        return True
 
     def _read_reply(self, value: int | None) -> list[str]:
         if value is None:
@@ -290,25 +282,23 @@ class FakeAx3500(Motors):
             case "V":
                 return [abs(power) for power in self.powers()]
             case "A":
-                return self.amps_bytes()
+                return self._stage.amps_bytes()
             case "P" | "R":
                 volts = self.analog_v[:2] if which == "P" else self.analog_v[2:]
                 return [max(-127, min(127, round((volt - 2.5) / 2.5 * 127))) for volt in volts]
             case "M":
-                return self.thermistor_bytes()
+                return self._stage.thermistor_bytes()
             case "E":
-                return self.voltage_bytes()
+                return self._stage.voltage_bytes()
             case "I":
                 return [*self.inputs, 0 if self.condition() & 0x80 else 1]
-            case "Z":
-                return self.encoders.speeds()
         return None
 
     def _order(self, order: str, at_s: float) -> bool:
         """What `!` asks for; False: nothing that it knows."""
-        if re.fullmatch("[Qq][0-9]", order):
+        if COUNTER.fullmatch(order):
             return self.encoders.order(int(order[1]), at_s)
-        return self._obey(order)
+        return self._stage.obey(order)
 
     def _send(self, at_s: float, text: str) -> None:
         text = text.replace("\r", "\r\n") if self.lf_after_cr else text

@@ -7,6 +7,8 @@ import heapq
 import math
 from collections import deque
 
+from fakes.ax3500.properties import Properties
+
 BAUD = 9600
 CHARACTER_S = 10 / BAUD
 
@@ -14,8 +16,8 @@ CHARACTER_S = 10 / BAUD
 class SerialLine:
     """When each character has arrived, and when each one sent is out. Unpaced, both at once."""
 
-    def __init__(self) -> None:
-        self.paced = True
+    def __init__(self, of: Properties) -> None:
+        self._of = of
         self._arriving: deque[tuple[float, int]] = deque()  # arrived_s, character
         self._waiting: list[tuple[float, int, int]] = []  # not before, order, character; a heap
         self._order = 0
@@ -33,7 +35,6 @@ class SerialLine:
             self._arriving.append((self._host_free_s, character))
 
     def take(self) -> int:
-        """The next character from the host."""
         return self._arriving.popleft()[1]
 
     def send(self, not_before_s: float, data: bytes) -> None:
@@ -55,10 +56,9 @@ class SerialLine:
         return bytes(out)
 
     def clear(self) -> None:
-        """Forget what is on the way or waits to be sent."""
         self._arriving.clear()
         self._waiting.clear()
 
     @property
     def _character_s(self) -> float:
-        return CHARACTER_S if self.paced else 0.0
+        return CHARACTER_S if self._of.paced else 0.0

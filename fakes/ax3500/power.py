@@ -1,35 +1,22 @@
-"""The power stage of the fake AX3500: supply, currents, heat, and what takes the power away.
+"""The power stage of the fake AX3500: who commands it, what the motors get, what takes it away.
 
-Left open by the sheet and chosen here: the limits of voltage and temperature, and how a load shows.
-Source: AX3500 sheet, sections 4 and 7.
+Left open by the sheet and chosen here: the limits of voltage and temperature, how a load shows, and
+that in mixed mode channel 1 gets the sum, channel 2 the difference.
+Source: AX3500 sheet, sections 1, 3, 4 and 7.
 """
 
-import math
-from typing import Literal, NamedTuple
+import re
+from typing import Protocol
 
-Model = Literal["AX3500", "AX1500", "AX2850"]
+from fakes.ax3500.properties import PROFILES, Properties
 
-
-class Profile(NamedTuple):
-    """What tells one controller of the family from another."""
-
-    identity: int  # ^8A, without the encoder's bit
-    amps_divider: float  # of ?A and the limits
-    limit_a: float
-    output_d: bool  # whether it knows !D
-
-
-PROFILES: dict[Model, Profile] = {
-    "AX3500": Profile(0x48, 2.0, 60.0, False),
-    "AX1500": Profile(0x02, 4.0, 30.0, False),
-    "AX2850": Profile(0x04, 1.0, 120.0, True),
-}
-ENCODER_BIT = 0x20  # of the identity
 OVERVOLTAGE, OVERTEMPERATURE, UNDERVOLTAGE = 0x01, 0x02, 0x04  # end by themselves
 EMERGENCY_STOP = 0x80  # stays until a reset
 HIGHEST_V, LOWEST_V, HOTTEST_DEG = 43.0, 8.0, 80.0
 SUPPLY_OHM = 0.06  # battery and cables
-HEAT_DEG_PER_A2, HEAT_S = 0.06, 90.0  # of the heat sinks
+FULL = 127
+POWER = re.compile("[ABab][0-7][0-9A-Fa-f]")
+MIXED = (1, 5)  # of ^01, bits 2:0
 
 # thermistor bytes at -40, -35 .. 150 C
 THERMISTOR = bytes.fromhex(
@@ -38,81 +25,105 @@ THERMISTOR = bytes.fromhex(
 )
 
 
+class Wheels(Protocol):
+    """What hangs on the controller."""
+
+    def counts(self) -> tuple[float, float]:
+        """Encoder counts of channel 1 and 2, now; any real numbers."""
+
+    def set_power(self, one: float, two: float) -> None:
+        """Power of both channels, -1..1."""
+
+
 class PowerStage:
-    """Supply and output stage; faults and properties as plain attributes."""
+    """Supply, and commands of radio and line; in mixed mode these are speed and steering."""
 
-    def __init__(self, model: Model) -> None:
-        self.model: Model = model
-        self.amps_divider = PROFILES[model].amps_divider  # ?A counts 1/divider A
-        self.encoder = True  # whether the encoder module is fitted
-        self.status = 0x00  # bits of ^89 to add to those that come by themselves
-        self.emergency_stop = False  # the button is pressed; its bit stays until a reset
-        self.battery_v = 24.06  # without load
-        self.internal_v = 12.02  # of the 12 V supply
-        self.amps = (0.0, 0.0)  # battery amps of channel 1 and 2 without load
-        self.celsius = (25.0, 25.0)  # heat sinks without load
-        self.load_a = 0.0  # what a channel takes at full power, on top
-        self._rise_deg = [0.0, 0.0]
-        self._shares = (0.0, 0.0)  # of the full power, as applied
-        self._heated_s = -math.inf
-
-    @property
-    def identity(self) -> int:
-        """`^8A`."""
-        return PROFILES[self.model].identity | (ENCODER_BIT if self.encoder else 0)
+    def __init__(self, of: Properties, wheels: Wheels) -> None:
+        self.awake, self.follows_radio = True, False
+        self._of, self._wheels = of, wheels
+        self._commands, self._radio, self._applied = [0, 0], [0, 0], (0, 0)
+        self._motor_mode = of.parameters[0x01]
 
     def condition(self) -> int:
         """`^89`: any bit takes the power away."""
-        if self.emergency_stop:
-            self.status |= EMERGENCY_STOP
-        high, low = self.battery_v > HIGHEST_V, self.battery_v < LOWEST_V
-        (one, two), (rise_one, rise_two) = self.celsius, self._rise_deg
-        hot = one + rise_one > HOTTEST_DEG or two + rise_two > HOTTEST_DEG
+        of = self._of
+        if of.emergency_stop:
+            of.status |= EMERGENCY_STOP
         return (
-            self.status
-            | (OVERVOLTAGE if high else 0)
-            | (UNDERVOLTAGE if low else 0)
-            | (OVERTEMPERATURE if hot else 0)
+            of.status
+            | (OVERVOLTAGE if of.battery_v > HIGHEST_V else 0)
+            | (UNDERVOLTAGE if of.battery_v < LOWEST_V else 0)
+            | (OVERTEMPERATURE if max(of.celsius) > HOTTEST_DEG else 0)
         )
 
     def amps_bytes(self) -> list[int]:
         """`?A`."""
-        return [clamped_byte(self.amps_divider * amps) for amps in self._amps_now()]
+        of = self._of
+        return [
+            clamped_byte(of.amps_divider * (rest + of.load_a * abs(power) / FULL))
+            for rest, power in zip(of.amps, self._applied, strict=True)
+        ]
 
     def limit_byte(self) -> int:
         """`^8B` and `^8C`."""
-        return clamped_byte(self.amps_divider * PROFILES[self.model].limit_a)
+        return clamped_byte(self._of.amps_divider * PROFILES[self._of.model].limit_a)
 
     def thermistor_bytes(self) -> list[int]:
         """`?M`."""
-        return [thermistor_from_celsius(celsius) for celsius in self._celsius_now()]
+        return [thermistor_from_celsius(celsius) for celsius in self._of.celsius]
 
     def voltage_bytes(self) -> list[int]:
         """`?E`: the battery sags under load."""
-        sag_v = SUPPLY_OHM * self.load_a * sum(abs(share) for share in self._shares)
+        load_a = self._of.load_a * sum(abs(power) / FULL for power in self._applied)
         return [
-            clamped_byte((self.battery_v - sag_v) * 256 / 55.0),
-            clamped_byte(self.internal_v * 256 / 28.5),
+            clamped_byte((self._of.battery_v - SUPPLY_OHM * load_a) * 256 / 55.0),
+            clamped_byte(self._of.internal_v * 256 / 28.5),
         ]
 
-    def heat(self, now_s: float) -> None:
-        """Let the heat sinks follow the load for the time gone by."""
-        gone_s, self._heated_s = now_s - self._heated_s, now_s
-        if not 0.0 < gone_s < math.inf or not (any(self._shares) or any(self._rise_deg)):
-            return
-        share = 1.0 - math.exp(-gone_s / HEAT_S)
-        for channel, power in enumerate(self._shares):
-            goal_deg = HEAT_DEG_PER_A2 * (self.load_a * power) ** 2
-            self._rise_deg[channel] += share * (goal_deg - self._rise_deg[channel])
+    def steer(self, one: int, two: int) -> None:
+        self._radio = [_clamped(int(one)), _clamped(int(two))]
+        if self._of.radio_overrides:
+            self._commands = list(self._radio)
+        self.apply()
 
-    def _amps_now(self) -> list[float]:
-        return [
-            rest + self.load_a * abs(share)
-            for rest, share in zip(self.amps, self._shares, strict=True)
-        ]
+    def obey(self, order: str) -> bool:
+        """What `!` asks of motors and outputs; False: nothing that it knows."""
+        knows_d = PROFILES[self._of.model].output_d
+        if order in ("C", "c") or (order in ("D", "d") and knows_d):
+            self._of.outputs[order.upper()] = order.isupper()
+        elif POWER.fullmatch(order):
+            power = int(order[1:], 16)
+            self._commands["AB".index(order[0].upper())] = power if order[0] in "AB" else -power
+        else:
+            return False
+        return True
 
-    def _celsius_now(self) -> list[float]:
-        return [rest + rise for rest, rise in zip(self.celsius, self._rise_deg, strict=True)]
+    def halt(self) -> None:
+        """Forget what the line commanded."""
+        self._commands = [0, 0]
+
+    def adopt_motor_mode(self) -> None:
+        """Flash takes effect, at a reset or `^FF`."""
+        self._motor_mode = self._of.parameters[0x01]
+
+    def wanted(self) -> list[int]:
+        """Commands of the one who commands in this mode."""
+        return self._radio if self.follows_radio else self._commands
+
+    def powers(self) -> tuple[int, int]:
+        """What the motors get, -127..127."""
+        one, two = self.wanted()
+        if self.condition() or not self.awake:
+            return 0, 0
+        if self._motor_mode & 0x07 in MIXED:
+            one, two = one + two, one - two
+        return _clamped(one), _clamped(two)
+
+    def apply(self) -> None:
+        powers = self.powers()
+        if powers != self._applied:
+            self._applied = powers
+            self._wheels.set_power(powers[0] / FULL, powers[1] / FULL)
 
 
 def thermistor_from_celsius(celsius: float) -> int:
@@ -123,5 +134,8 @@ def thermistor_from_celsius(celsius: float) -> int:
 
 
 def clamped_byte(value: float) -> int:
-    """The nearest of 0..255."""
     return max(0, min(255, round(value)))
+
+
+def _clamped(power: int) -> int:
+    return max(-FULL, min(FULL, power))

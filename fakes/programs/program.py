@@ -77,8 +77,8 @@ def run_attitude(argv: Sequence[str] | None = None) -> int:
 
 def run_drive(argv: Sequence[str] | None = None) -> int:
     """`python -m fakes.programs.ax3500`: on a pty, or on TCP; exit status."""
-    from fakes.ax3500.device import MODES, FakeAx3500
-    from fakes.ax3500.power import PROFILES
+    from fakes.ax3500.device import FakeAx3500
+    from fakes.ax3500.properties import MODES, PROFILES
 
     parser = _parser("ax3500", None, ("free",))
     parser.add_argument("--model", choices=tuple(PROFILES), default="AX3500")

@@ -4,7 +4,6 @@ Source: AX3500 sheet, sections 1, 2, 10 and 12.
 """
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,10 +18,10 @@ ECHO_S, EXCHANGE_S = 0.1, 0.2
 QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
 STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
-KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
 NO_VALUE = "no value after the echo"
 NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
+KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 
 
 @dataclass(slots=True)
@@ -38,57 +37,40 @@ class CounterStream:
 
 
 class Conversation:
-    """Exchanges with one controller, and what they say about it.
+    """Exchanges with one controller, and what they say about it."""
 
-    Args:
-        expects_restart: whether lines of a controller that starts up are no surprise now.
-    """
-
-    def __init__(
-        self,
-        status: DeviceStatus,
-        stream: CounterStream,
-        motors: Motors,
-        expects_restart: Callable[[], bool],
-    ) -> None:
+    def __init__(self, status: DeviceStatus, stream: CounterStream, motors: Motors) -> None:
         self.exchange = Exchange(status, self._hear, pause_s=0.0, longest_pause_s=0.0)
+        self.expects_restart = True  # lines of a controller that starts up are no surprise now
         self.fault = ""  # of the last exchange
         self.failures = 0  # exchanges in a row
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
-        self._expects_restart = expects_restart
-        self._clean_lines = self._unclean_lines = 0  # since the conversation began
+        self._heard_line = self._heard_noise = False  # since the conversation began
 
     @property
     def is_noise(self) -> bool:
         """Whether something arrives, and never a line that this controller may send."""
-        return self._unclean_lines > 0 and not self._clean_lines
+        return self._heard_noise and not self._heard_line
 
     def _hear(self, tick: Tick) -> list[Any]:
         """The lines and bad frames of a tick."""
         if self._stream.readings:
             self._stream.readings = []
         self._motors.look(tick.now_s)
-        if not tick.events:
-            return tick.events
         events = [event for event in tick.events if not isinstance(event, WatchdogStop)]
         if len(events) < len(tick.events):
             self._stream.watchdog_stops += len(tick.events) - len(events)
             self._motors.doubt("the controller's watchdog stopped them")
         for event in events:
-            clean = isinstance(event, Line) and KNOWN_LINE.fullmatch(event.text) is not None
-            self._clean_lines += clean
-            self._unclean_lines += not clean
-        if not self._expects_restart():
-            self._check_restart(events)
-        return events
-
-    def _check_restart(self, events: list[Any]) -> None:
-        """Lines that nobody asked for: the controller starts up, or is back in R/C mode."""
-        for event in events:
-            if isinstance(event, Line) and is_start_up(event):
+            if isinstance(event, Line) and KNOWN_LINE.fullmatch(event.text):
+                self._heard_line = True
+            else:
+                self._heard_noise = True
+            if isinstance(event, Line) and is_start_up(event) and not self.expects_restart:
                 self.have_restarted()
                 raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
+        return events
 
     def have_restarted(self) -> None:
         """Its counters begin at zero, in the mode that its flash says."""
@@ -100,10 +82,12 @@ class Conversation:
         def maybe_ok(event: Any) -> bool | None:  # a logging line may stand in front of it
             return True if isinstance(event, Line) and event.text.endswith("OK") else None
 
+        before, self.expects_restart = self.expects_restart, True
         if (yield from self.exchange.ask(CR, maybe_ok, CR_EVERY_S, CR_COUNT)):
             self._stream.zero_lost = True  # only a restart can have brought R/C mode
             self.entered = True
             yield from self.exchange.turn(self.stop_motors())
+        self.expects_restart = before
 
     def maybe_answer(
         self, query: str, out: bytes, legal: re.Pattern[str], lines: int = 1

@@ -95,7 +95,9 @@ class WheelCounters:
         )
         if both_near_zero or len(self._refused[channel]) >= REFUSALS:
             self.forget_zero()
-        return _jump(channel, wrap_difference(raw, last.raw), t_s - last.t_s, raw)
+        travel, passed_s = wrap_difference(raw, last.raw), t_s - last.t_s
+        reason = f"counter {channel + 1} jumped by {travel} in {passed_s:.3f} s"
+        return BadFrame(reason, str(raw).encode())
 
     def _is_near_zero(self, raw: int, passed_s: float = NEAR_ZERO_S) -> bool:
         """Whether a counter that began from zero within passed_s can have come so far."""
@@ -114,7 +116,7 @@ class WheelCounters:
         totals = self._maybe_totals(fresh)
         if totals is None and self._last[0] is not None:
             self._outages_refused += 1
-            certain = self._zero_lost or self._are_near_zero(fresh)
+            certain = self._zero_lost or all(self._is_near_zero(raw) for _, raw in fresh)
             if not certain and self._outages_refused < REFUSALS:
                 return BadFrame("counters jumped over an outage", repr(fresh).encode())
             self.restarts += 1
@@ -142,9 +144,6 @@ class WheelCounters:
             totals.append(last.total + travel)
         return totals
 
-    def _are_near_zero(self, fresh: list[tuple[float, int]]) -> bool:
-        return all(self._is_near_zero(raw) for _, raw in fresh)
-
     def _have_restarted(self, fresh: list[tuple[float, int]]) -> bool:
         """Whether both can have begun anew from zero, and that explains them better than travel.
 
@@ -166,8 +165,3 @@ def _maybe_pair(before: _Reading, now: _Reading, other: _Reading | None) -> Pair
         return None
     share = (other.t_s - before.t_s) / (now.t_s - before.t_s)
     return Pair(other.t_s, before.total + share * (now.total - before.total), other.total)
-
-
-def _jump(channel: int, travel: int, passed_s: float, raw: int) -> BadFrame:
-    reason = f"counter {channel + 1} jumped by {travel} in {passed_s:.3f} s"
-    return BadFrame(reason, str(raw).encode())

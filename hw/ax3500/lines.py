@@ -24,6 +24,7 @@ BYTE = re.compile(r"[0-9A-Fa-f]{2}")
 HALF, TURN = 2**31, 2**32
 ROLLOVER_ZONE = 10**6  # counts from either end within which "rolls over to zero" is believed
 
+BATTERY_V, INTERNAL_V = 55.0 / 256, 28.5 / 256  # a step of `?E`, first and second value
 # thermistor bytes from -40 C up, one each 5 C (section 7)
 THERMISTOR = (
     *(248, 246, 243, 240, 235, 230, 224, 217, 208, 199, 188, 177, 165, 153, 140, 128, 116, 104, 93),
@@ -48,8 +49,7 @@ class LineParser:
     """Takes a stream cut anywhere; gives Line, WatchdogStop, BadFrame; keeps less than a line."""
 
     def __init__(self) -> None:
-        self._text = bytearray()
-        self._began_s = 0.0
+        self._text, self._began_s = bytearray(), 0.0
         self._too_long = False  # dropping until the next CR
 
     def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
@@ -125,16 +125,6 @@ def maybe_rollover(new: int, old: int) -> int | None:
     if abs(old) <= HALF - ROLLOVER_ZONE or abs(new) >= ROLLOVER_ZONE:
         return None
     return new + HALF - old if old > 0 else new - 1 - HALF - old
-
-
-def battery_v_from_byte(value: int) -> float:
-    """Main battery (`?E`, first value)."""
-    return 55.0 * value / 256.0
-
-
-def internal_v_from_byte(value: int) -> float:
-    """Internal 12 V supply (`?E`, second value)."""
-    return 28.5 * value / 256.0
 
 
 def celsius_from_thermistor(value: int) -> float:

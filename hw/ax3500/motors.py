@@ -15,6 +15,7 @@ Source: AX3500 sheet, sections 1, 2, 3 and 7 (`^00`, `^01`).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hw.ax3500.lines import CR
@@ -56,7 +57,7 @@ class _Channel:
 class Motors:
     """What is wanted of two channels, what was acknowledged, and the command between them."""
 
-    def __init__(self, enabled: bool, left: int, right: int, inverted: tuple[int, ...]) -> None:
+    def __init__(self, enabled: bool, left: int, right: int, inverted: Sequence[int]) -> None:
         self.enabled = enabled
         self.refusal = UNKNOWN_MODE if enabled else ""  # why no command may be sent
         self._order = (left - 1, right - 1)  # which channel each wheel hangs on
@@ -172,7 +173,6 @@ class Motors:
         return encode_motor(channel, power, enabled=self.enabled)
 
     def acknowledged(self, channel: int, power: int) -> None:
-        """A `+` came."""
         told = self._channels[channel - 1]
         told.acknowledged, told.acknowledged_s = power, self._now_s
         told.may_move = power != 0

@@ -22,5 +22,4 @@ class Ax3500Options(Struct, frozen=True):
             )
 
     def describe(self) -> str:
-        """For a person to check."""
         return f"{self.poll_hz:g} pairs/s"

@@ -17,6 +17,8 @@ most one goes out between two pairs that are due, so a pair never takes longer t
 Source: AX3500 sheet, section 10.
 """
 
+import math
+
 from hw.ax3500.lines import CHARACTER_S, READ_COUNTER
 
 SLOW_S = {"^89": 1.0, "?I": 1.0, "?E": 2.0, "?A": 2.0, "?M": 2.0}  # query: its period
@@ -37,14 +39,14 @@ class Schedule:
         self._pair_due_s = 0.0
         self._second = False  # of a pair is next
         self._slow_went = False  # since the last pair
-        self._judge_s, self._told_fits = 0.0, float("inf")  # pairs/s in the remark; inf: none
+        self._judge_s, self._told_fits = 0.0, math.inf  # pairs/s in the remark; inf: none
         self._asked_s: dict[str, float] = {}
         self._pair_s = 2 * 12 * CHARACTER_S  # smoothed
 
     def begin(self, now_s: float) -> None:
         """Counters first; slow values are spread over their first period."""
         self._pair_due_s, self._second, self._slow_went = now_s, False, False
-        self._judge_s, self._told_fits = now_s + JUDGE_S, float("inf")
+        self._judge_s, self._told_fits = now_s + JUDGE_S, math.inf
         for k, (query, period_s) in enumerate(SLOW_S.items()):
             self._asked_s[query] = now_s - period_s * MAY + 0.1 + 0.05 * k
 
@@ -79,7 +81,6 @@ class Schedule:
         self._asked_s[query] = now_s + REFUSED_S
 
     def counter_took(self, took_s: float) -> None:
-        """How long one counter's exchange took."""
         self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
 
     def remark(self, now_s: float, motors_hz: float) -> str:
@@ -88,9 +89,13 @@ class Schedule:
         Judged when the measure has settled and seldom afterwards, so that it stays readable.
         """
         if now_s >= self._judge_s:
-            self._judge_s = now_s + REJUDGE_S
-            self._judge(self.fits_per_s(motors_hz))
-        if self._told_fits == float("inf"):
+            self._judge_s, fits = now_s + REJUDGE_S, self.fits_per_s(motors_hz)
+            enough = ENOUGH if self._told_fits == math.inf else ENOUGH_AGAIN
+            if fits >= enough * self._poll_hz:
+                self._told_fits = math.inf
+            elif abs(fits - self._told_fits) > NEWS * fits:
+                self._told_fits = fits
+        if self._told_fits == math.inf:
             return ""
         return f"{self._poll_hz:g} pairs/s asked, {self._told_fits:.0f} fit"
 
@@ -100,10 +105,3 @@ class Schedule:
         exchanges = max(0.0, 1.0 / exchange_s - 2.0 * motors_hz)  # a second, beside the motors'
         slow_hz = sum(1.0 / period_s for period_s in SLOW_S.values())
         return max((exchanges - slow_hz) / 2.0, exchanges / 3.0)  # the second: one slow each pair
-
-    def _judge(self, fits: float) -> None:
-        complains = self._told_fits != float("inf")
-        if fits >= (ENOUGH_AGAIN if complains else ENOUGH) * self._poll_hz:
-            self._told_fits = float("inf")
-        elif not complains or abs(fits - self._told_fits) > NEWS * self._told_fits:
-            self._told_fits = fits

@@ -20,10 +20,8 @@ LISTENING; five failed exchanges in a row to ENTERING, where that is allowed.
 Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
-import enum
 import math
 import re
-from dataclasses import replace
 from typing import Any
 
 from core.records import WheelCounts
@@ -42,8 +40,9 @@ from hw.ax3500.lines import (
     maybe_counter,
 )
 from hw.ax3500.motors import Motors
+from hw.ax3500.options import Ax3500Options
 from hw.ax3500.schedule import REFRESH_S, Schedule
-from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, ControllerState, state_after_answer
+from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, state_after_answer
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
 from hw.exchange import StartAgainError, Steps
 
@@ -58,15 +57,6 @@ OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is a
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
 
 
-class State(enum.Enum):
-    """What the session is at; the table above."""
-
-    LISTENING = "listening"
-    ENTERING = "taking the controller from its radio"
-    IDENTIFYING = "asking for identity and modes"
-    POLLING = "polling"
-
-
 class Ax3500Session:
     """The conversation with a controller, from its beginning as often as needed."""
 
@@ -78,11 +68,8 @@ class Ax3500Session:
         poll_hz: float,
         enter_rs232: bool,
     ) -> None:
-        self.state = State.LISTENING
         self._status, self._stream, self._motors = status, stream, motors
-        self._talk = Conversation(
-            status, stream, motors, lambda: self.state in (State.LISTENING, State.ENTERING)
-        )
+        self._talk = Conversation(status, stream, motors)
         self._exchange = self._talk.exchange
         self._schedule, self._may_enter = Schedule(poll_hz), enter_rs232
         self._good_s, self._heard = [0.0, 0.0], set[int]()
@@ -107,7 +94,7 @@ class Ax3500Session:
 
     def _begin_anew(self, trouble: str) -> bytes:
         """Nothing is known of the motors any more; zero for those that may be moving."""
-        self.state = State.LISTENING
+        self._talk.expects_restart = True
         out = self._talk.stop_motors()
         self._motors.forget_modes(trouble)
         return out
@@ -129,7 +116,7 @@ class Ax3500Session:
                 if event.text == "OK":
                     return
                 if event.text.startswith(":") and self._may_enter:
-                    yield from self._enter()
+                    yield from self._talk.enter()
                     return
                 if event.text.startswith(":"):
                     self._status.fall_back("starting", IN_RC_MODE)
@@ -137,14 +124,9 @@ class Ax3500Session:
         if x.now_s - began_s >= LISTEN_LIMIT_S and self._talk.is_noise:
             self._status.fall_back("starting", NO_LINE)
 
-    def _enter(self) -> Steps[None]:
-        before, self.state = self.state, State.ENTERING
-        yield from self._talk.enter()
-        self.state = before
-
     def _identify(self) -> Steps[None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""
-        self.state = State.IDENTIFYING
+        self._talk.expects_restart = False
         for last_try in (False, True):
             for _ in range(READ_TRIES):
                 answer = yield from self._maybe_read(READ_IDENTITY)
@@ -153,7 +135,7 @@ class Ax3500Session:
                     return
             if last_try or not self._may_enter:
                 return
-            yield from self._enter()
+            yield from self._talk.enter()
 
     def _check_identity(self, answer: str) -> None:
         identity = maybe_byte(answer)
@@ -192,7 +174,7 @@ class Ax3500Session:
         A zero goes before everything. Other commands take turns with the queries that are due: on
         a slow line a wish that changes all the time would leave none to them.
         """
-        self.state, x = State.POLLING, self._exchange
+        x = self._exchange
         self._good_s, self._heard = [x.now_s, x.now_s], set()
         self._polling_s = x.now_s
         self._schedule.begin(x.now_s)
@@ -241,7 +223,7 @@ class Ax3500Session:
             self._counter_faults[channel] = self._talk.fault
             self._status.reject(BadFrame(f"{query}: {self._talk.fault}", b""))
             if self._talk.failures == FAILURES_TO_ENTER and self._may_enter:
-                yield from self._enter()
+                yield from self._talk.enter()
             return
         now_s = self._exchange.now_s
         self._schedule.counter_took(now_s - began_s)
@@ -293,41 +275,32 @@ class Ax3500(Device[WheelCounts]):
     def __init__(
         self,
         port: Port,
+        options: Ax3500Options,
         *,
-        poll_hz: float,
-        left_channel: int,
-        right_channel: int,
-        inverted_channels: tuple[int, ...],
-        enter_rs232: bool,
         max_counts_per_s: float,
         enable_motors: bool,
     ) -> None:
         self.stream = CounterStream()
-        self.motors = Motors(enable_motors, left_channel, right_channel, inverted_channels)
-        signs = [-1.0 if channel in inverted_channels else 1.0 for channel in (1, 2)]
-        self._left, self._right = ((k - 1, signs[k - 1]) for k in (left_channel, right_channel))
+        left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
+        self.motors = Motors(enable_motors, left, right, options.invert)
+        signs = [-1.0 if channel in options.invert else 1.0 for channel in (1, 2)]
+        self._left, self._right = ((k - 1, signs[k - 1]) for k in (left, right))
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
         status = DeviceStatus("ax3500")
 
         def new_session() -> Session:
-            self.session = Ax3500Session(status, self.stream, self.motors, poll_hz, enter_rs232)
-            return self.session.run()
+            may_enter = options.enter_rs232
+            return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 
         super().__init__(status, port, LineParser, new_session)
 
     @property
-    def controller(self) -> ControllerState:
-        """The newest of what the controller told beside its counters."""
+    def trouble(self) -> str:
+        """Why the motors get nothing; "" where nothing is known against them."""
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
-        told = self.stream.controller
-        return told if told.motors_off == off else replace(told, motors_off=off)
-
-    @property
-    def trouble(self) -> str:
-        """Why the motors get nothing; "" where nothing is known against them."""
-        return self.controller.trouble
+        return "; ".join(reason for reason in (self.stream.controller.trouble, off) if reason)
 
     @property
     def emergency_stop(self) -> bool:
@@ -336,7 +309,6 @@ class Ax3500(Device[WheelCounts]):
 
     @property
     def identity(self) -> str:
-        """Of the controller, as far as it was told."""
         identity = self.stream.identity
         return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
 

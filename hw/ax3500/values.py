@@ -6,12 +6,7 @@ Source: AX3500 sheet, sections 4 and 7.
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from hw.ax3500.lines import (
-    battery_v_from_byte,
-    celsius_from_thermistor,
-    internal_v_from_byte,
-    maybe_byte,
-)
+from hw.ax3500.lines import BATTERY_V, INTERNAL_V, celsius_from_thermistor, maybe_byte
 
 READ_STATUS, READ_INPUTS = "^89", "?I"
 VALUES = {READ_STATUS: 1, READ_INPUTS: 3, "?E": 2, "?A": 2, "?M": 2}  # lines of each answer
@@ -39,34 +34,23 @@ class ControllerState:
     celsius: Both | None = None  # heat sinks
     emergency_stop: bool | None = None  # True: pressed
     status: int | None = None  # bits of ^89
-    motors_off: str = ""  # what keeps the motors at zero beside status and stop button
     taken_s: dict[str, float] = field(default_factory=dict)  # host clock, by query
 
     @property
     def trouble(self) -> str:
         """Why the motors get nothing; "" where nothing is known against them."""
-        if not (self.status or self.emergency_stop or self.motors_off):
+        if not (self.status or self.emergency_stop):
             return ""
         reasons = [f"the controller reports {bit}" for bit in describe_status(self.status or 0)]
         if self.emergency_stop:
             reasons.append("the emergency stop is pressed")
-        if self.motors_off:
-            reasons.append(self.motors_off)
         return "; ".join(reasons)
 
     def measured(self) -> dict[str, float]:
         """The numbers that were told, by name and unit."""
-        (amps_1, amps_2), (celsius_1, celsius_2) = (
-            both or (None, None) for both in (self.amps, self.celsius)
-        )
-        numbers = {
-            "battery_v": self.battery_v,
-            "internal_v": self.internal_v,
-            "amps_1": amps_1,
-            "amps_2": amps_2,
-            "celsius_1": celsius_1,
-            "celsius_2": celsius_2,
-        }
+        numbers = {"battery_v": self.battery_v, "internal_v": self.internal_v}
+        for name, both in (("amps", self.amps), ("celsius", self.celsius)):
+            numbers[f"{name}_1"], numbers[f"{name}_2"] = both or (None, None)
         return {name: round(number, 2) for name, number in numbers.items() if number is not None}
 
 
@@ -103,14 +87,12 @@ def _decoded(query: str, numbers: list[int], identity: int | None) -> dict[str, 
     match query:
         case "?A":
             divider = _maybe_amps_divider(identity)
-            amps = None if divider is None else (numbers[0] / divider, numbers[1] / divider)
-            return {"amps": amps}
+            return {"amps": divider and (numbers[0] / divider, numbers[1] / divider)}
         case "?M":
-            celsius = celsius_from_thermistor(numbers[0]), celsius_from_thermistor(numbers[1])
-            return {"celsius": celsius}
+            return {"celsius": tuple(map(celsius_from_thermistor, numbers[:2]))}
         case "?E":
-            internal_v = internal_v_from_byte(numbers[1])
-            return {"battery_v": battery_v_from_byte(numbers[0]), "internal_v": internal_v}
+            battery_v, internal_v = numbers[0] * BATTERY_V, numbers[1] * INTERNAL_V
+            return {"battery_v": battery_v, "internal_v": internal_v}
         case "?I":  # inputs E and F have no reader
             return {"emergency_stop": numbers[2] == 0}
     return {"status": numbers[0]}

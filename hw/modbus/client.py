@@ -6,41 +6,32 @@ lives in the loop has its turn. Drive requests from another machine are refused:
 says who sent them.
 """
 
+import asyncio
 import ipaddress
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple
 
 from hw.device import BadFrame, DeviceStatus
-from hw.modbus.framing import Request
-from hw.modbus.image import RegisterImage, View
-from hw.modbus.layout import LATCH
-from hw.modbus.pdu import Answer, Refusal, answer, refused
-from hw.modbus.token_bucket import TokenBucket
+from hw.modbus.image import RegisterImage, TokenBucket, View
+from hw.modbus.layout import Refusal
+from hw.modbus.pdu import Access, answer, refused
 
 CLIENT_HZ, CLIENT_BURST = 400.0, 60.0  # requests: lasting, and at once after a rest
 BATCH = 4  # requests answered in one call
 MOST_WAITING = 512  # requests of one client
 
+
+class Request(NamedTuple):
+    """One request as it arrived."""
+
+    unit: int
+    pdu: bytes  # function code and data, at least one byte
+    transaction: int = 0  # told back; RTU has none
+
+
 Send = Callable[[Request, bytes], None]
-
-
-class Timer(Protocol):
-    """A call to come."""
-
-    def cancel(self) -> object:
-        """It shall not come."""
-
-
-class Loop(Protocol):
-    """The two calls of an asyncio loop that are used."""
-
-    def call_soon(self, callback: Callable[[], object], /) -> Timer:
-        """Once whatever is due has had its turn."""
-
-    def call_later(self, delay_s: float, callback: Callable[[], object], /) -> Timer:
-        """After a time."""
 
 
 @dataclass(slots=True)
@@ -50,43 +41,13 @@ class ServerContext:
     image: RegisterImage
     clock: Callable[[], float]
     utc_s: Callable[[], float]
-    loop: Loop
+    loop: asyncio.AbstractEventLoop
     views: Mapping[int, View | None]  # by unit id, those that are ours; None: the live registers
     is_silent: bool  # to requests for other units, as a serial line demands
-    identity: Mapping[int, bytes]
     status: DeviceStatus
 
     def reject(self, reason: str, data: bytes = b"") -> None:
-        """Something came that is not answered: for the log."""
         self.status.reject(BadFrame(reason, data))
-
-
-@dataclass(slots=True)
-class Access:
-    """The registers as one request may use them."""
-
-    context: ServerContext
-    identity: Mapping[int, bytes]
-    view: View | None
-    who: str
-    is_local: bool
-    now_s: float
-    arrived_s: float
-
-    def read(self, first: int, count: int) -> Answer:
-        """Their bytes."""
-        return self.context.image.read(self.now_s, self.view, first, count, self.context.utc_s())
-
-    def can_read(self, first: int, count: int) -> bool:
-        """Whether there are such registers."""
-        return self.context.image.can_read(first, count)
-
-    def write(self, first: int, words: list[int]) -> Refusal:
-        """Take them, or say why not."""
-        image = self.context.image
-        if image.drive is not None and first != LATCH and not self.is_local:
-            return Refusal.FUNCTION
-        return image.write(self.now_s, self.arrived_s, self.view, self.who, first, words)
 
 
 class Client:
@@ -97,14 +58,13 @@ class Client:
         self._send: Send | None = send
         self._waiting: deque[tuple[float, Request]] = deque()
         self._pace = TokenBucket(CLIENT_HZ, CLIENT_BURST)
-        self._timer: Timer | None = None
+        self._timer: asyncio.Handle | None = None
         self._has_place = False  # at both paces, for the next request
         self._is_held = False
         self.asked_s = context.clock()  # when it last asked something
 
     @property
     def waiting(self) -> int:
-        """Requests that are not answered yet."""
         return len(self._waiting)
 
     def offer(self, requests: list[Request]) -> bool:
@@ -127,7 +87,6 @@ class Client:
             self._work()
 
     def close(self) -> None:
-        """It is gone."""
         self._waiting.clear()
         self._send = None
         if self._timer is not None:
@@ -154,14 +113,16 @@ class Client:
 
     def _answer(self, now_s: float, arrived_s: float, request: Request) -> None:
         context = self._context
-        if request.unit not in context.views:
-            if context.is_silent:
-                return
-            pdu = refused(request.pdu[0], Refusal.NO_UNIT)
+        if request.unit in context.views:
+            view, utc_s = context.views[request.unit], context.utc_s()
+            pdu = answer(
+                request.pdu,
+                Access(context.image, view, self._who, self._is_local, now_s, arrived_s, utc_s),
+            )
+        elif context.is_silent:
+            return
         else:
-            view, identity = context.views[request.unit], context.identity
-            access = Access(context, identity, view, self._who, self._is_local, now_s, arrived_s)
-            pdu = answer(request.pdu, access)
+            pdu = refused(request.pdu[0], Refusal.NO_UNIT)
         if self._send is not None:
             self._send(request, pdu)
 

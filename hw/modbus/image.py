@@ -11,21 +11,20 @@ import math
 import struct
 
 from core.records import ObstacleMap, PoseReport, StopZoneReport
-from hw.modbus.drive import Ask, DriveRegisters, nobody_asks
-from hw.modbus.encoding import age_ms
+from hw.modbus.drive import Ask, DriveRegisters
 from hw.modbus.layout import (
     COARSE,
     DRIVE,
     DRIVE_BLOCK,
+    DRIVE_REQUEST,
     LATCH,
-    LATCH_BLOCK,
     LOW_END,
-    STATUS_BLOCK,
     WINDOW,
+    Answer,
+    Refusal,
+    age_ms,
 )
-from hw.modbus.pdu import Refusal
 from hw.modbus.status import STALE_S, Published, Status
-from hw.modbus.token_bucket import TokenBucket
 from hw.modbus.window import Packer, Snapshot
 
 PACK_S = 0.1  # the window is packed no more often, but at once when trust in it is lost
@@ -44,6 +43,19 @@ def next_generation(generation: int) -> int:
     return generation % 0xFFFF + 1
 
 
+class TokenBucket:
+    """Places at a pace, first come, first served: so many a second, and a burst after a rest."""
+
+    def __init__(self, rate_hz: float, burst: float) -> None:
+        self._each_s, self._burst_s = 1.0 / rate_hz, burst / rate_hz
+        self._booked_s = -math.inf  # up to when all is given away
+
+    def book(self, now_s: float) -> float:
+        """Take the next place; how long until it comes."""
+        self._booked_s = max(self._booked_s, now_s - self._burst_s) + self._each_s
+        return max(0.0, self._booked_s - now_s)
+
+
 class View:
     """One reader's own frozen map; changed by nothing but its latch."""
 
@@ -60,18 +72,14 @@ class RegisterImage:
         size: int,
         cell_mm: int,
         session: int,
-        version: str = "",
-        name: str = "mapod",
-        ask: Ask = nobody_asks,
-        drive_refusal: str = "not enabled",
+        version: str,
+        ask: Ask | None = None,
     ) -> None:
-        """An image of a window of size x size cells; it has drive registers if no refusal."""
+        """An image of a window of size x size cells; without `ask` it has no drive registers."""
         self._packer = Packer(size, cell_mm)
-        self._status = Status(
-            session, version, name, size=size, stride=self._packer.stride, cell_mm=cell_mm
-        )
-        self.version, self.drive_refusal = version, drive_refusal
-        self.drive = None if drive_refusal else DriveRegisters(ask)
+        self._status = Status(session, version, self._packer)
+        self.version = version
+        self.drive = DriveRegisters(ask) if ask is not None else None
         self.pace = TokenBucket(ALL_HZ, ALL_BURST)
         self._said = Published()
         self._live = self._packer.blank
@@ -80,7 +88,6 @@ class RegisterImage:
         self._trusted = False  # as in the newest map
         self._broken_s = -math.inf  # what was frozen before is not trusted any more
         self._views: list[View] = []
-        self._window_end = WINDOW + self._packer.block.size
 
     def new_view(self) -> View:
         """A view for the unit ids of one more reader."""
@@ -124,46 +131,42 @@ class RegisterImage:
 
     def read(
         self, now_s: float, view: View | None, first: int, count: int, utc_s: float = 0.0
-    ) -> bytes | Refusal:
+    ) -> Answer:
         """Registers first..first+count as bytes; `view` None reads the newest map."""
         if not self.can_read(first, count):
             return Refusal.ADDRESS
         end = first + count
         if end <= LOW_END:
-            return self._low(now_s, view, utc_s, end)[2 * first :]
+            return self._low(now_s, view, utc_s)[2 * first : 2 * end]
         if self.drive is not None and first < WINDOW:
             return self.drive.pack(now_s)[2 * (first - DRIVE) : 2 * (end - DRIVE)]
         return self._window(now_s, view, first, end)
 
     def can_read(self, first: int, count: int) -> bool:
-        """Whether there are such registers."""
         end = first + count
         drives = self.drive is not None and first >= DRIVE and end <= DRIVE + DRIVE_BLOCK.size
-        return end <= LOW_END or drives or WINDOW <= first <= end <= self._window_end
+        in_window = WINDOW <= first <= end <= WINDOW + self._packer.block.size
+        return end <= LOW_END or drives or in_window
 
-    def _low(self, now_s: float, view: View | None, utc_s: float, end: int) -> bytes:
-        """Status, latch and coarse map, up to register `end`; what lies between reads 0."""
+    def _low(self, now_s: float, view: View | None, utc_s: float) -> bytes:
+        """Status, latch and coarse map; what lies between reads 0."""
         newest = self._newest(now_s)
+        status = self._status.pack(now_s, utc_s, self._said, newest)
+        held = newest if view is None else view.held
         low = bytearray(2 * LOW_END)
-        coarse_mm = self._packer.coarse_cell_mm
-        status = self._status.pack(now_s, utc_s, self._said, newest, coarse_mm)
-        low[: 2 * STATUS_BLOCK.size] = status
-        if end > LATCH:
-            held = newest if view is None else view.held
-            generation = held.generation if held is not None else 0
-            low[2 * LATCH : 2 * LATCH + 2] = LATCH_BLOCK.pack({"latch": generation})
-        if end > COARSE:
-            low[2 * COARSE :] = newest.coarse.data
-            WORD.pack_into(low, 2 * (COARSE + 1), age_ms(now_s - newest.scan_s))
-        return bytes(low[: 2 * end])
+        low[: len(status)] = status
+        WORD.pack_into(low, 2 * LATCH, held.generation if held is not None else 0)
+        low[2 * COARSE :] = newest.coarse.data
+        WORD.pack_into(low, 2 * (COARSE + 1), age_ms(now_s - newest.scan_s))
+        return bytes(low)
 
-    def _window(self, now_s: float, view: View | None, first: int, end: int) -> bytes | Refusal:
+    def _window(self, now_s: float, view: View | None, first: int, end: int) -> Answer:
         """Of the window block; reading its first register on a view latches the newest map."""
         held = self._newest(now_s)
         if view is not None:
             if first == WINDOW or view.held is None:
-                self.latch(now_s, view)
-            held = view.held or held
+                view.held = held
+            held = view.held
             if held.generation and not self._may_tell(now_s, held):
                 return Refusal.BUSY
         data = held.window[2 * (first - WINDOW) : 2 * (end - WINDOW)].tobytes()
@@ -178,10 +181,6 @@ class RegisterImage:
         young = 0.0 <= now_s - held.taken_s <= VIEW_S
         return young and not silent and held.taken_s >= self._broken_s
 
-    def latch(self, now_s: float, view: View) -> None:
-        """Freeze the newest map for a view."""
-        view.held = self._newest(now_s)
-
     def write(
         self,
         now_s: float,
@@ -194,9 +193,9 @@ class RegisterImage:
         """Take written registers; nothing but the latch and, where enabled, the drive request."""
         if first == LATCH and len(words) == 1:
             if view is not None:
-                self.latch(now_s, view)
+                view.held = self._newest(now_s)
             return Refusal.NONE
         end = first + len(words)
-        if self.drive is not None and first < DRIVE + 4 and end > DRIVE:
+        if self.drive is not None and first < DRIVE + DRIVE_REQUEST and end > DRIVE:
             return self.drive.write(now_s, arrived_s, who, first, words)
         return Refusal.ADDRESS

@@ -1,13 +1,16 @@
-"""Which register means what: the table from which the image and docs/protocols/modbus.md are made.
+"""Which register means what, and how SI numbers become what a register holds.
 
-Registers hold 16 bits; what needs two has its high word first. The same registers are read as
-holding (code 3) and input registers (code 4).
+The image and docs/protocols/modbus.md are made from these tables. Registers hold 16 bits; what
+needs two has its high word first. Numbers are scaled, rounded and kept within their range; an age
+or an obstacle's distance that is not a number becomes the worst value of its register.
 Source: own layout, with the link's cell codes, health bits and modes.
 """
 
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 
 LAYOUT_VERSION = 0x0100  # high byte: incompatible; low byte: additions
 WORD_ORDER_TEST = 0x12345678
@@ -23,6 +26,20 @@ FORMATS = {"u16": "H", "i16": "h", "u32": "I", "i32": "i"}
 Value = int | bytes
 
 
+class Refusal(IntEnum):
+    """Why a request is not served; NONE: it is."""
+
+    NONE = 0
+    FUNCTION = 1  # unknown, or not allowed to this client
+    ADDRESS = 2  # no such register, or it can't be written
+    VALUE = 3  # a count or a value that can't be, or only part of what belongs together
+    BUSY = 6  # what this unit had frozen is too old: freeze anew
+    NO_UNIT = 0x0B  # nobody with this unit id lives here
+
+
+Answer = bytes | Refusal
+
+
 @dataclass(frozen=True, slots=True)
 class Entry:
     """Registers that belong together: one number, a text, or cells."""
@@ -36,26 +53,24 @@ class Entry:
 
     @property
     def registers(self) -> int:
-        """How many registers it takes."""
         return 2 if self.kind in ("u32", "i32") else self.count
 
     @property
     def format(self) -> str:
-        """Its part of a struct format."""
         return FORMATS.get(self.kind, f"{2 * self.count}s")
 
 
 class Block:
     """Entries in the order of their addresses; what lies between them reads 0."""
 
-    def __init__(self, name: str, first: int, size: int, entries: list[Entry]) -> None:
-        self.name, self.first, self.size, self.entries = name, first, size, entries
+    def __init__(self, first: int, size: int, entries: list[Entry]) -> None:
+        self.first, self.size, self.entries = first, size, entries
         parts, at = [">"], first
         for entry in entries:
             assert at <= entry.address, f"{entry.name} begins in the entry before it"
             parts.append(f"{2 * (entry.address - at)}x{entry.format}")
             at = entry.address + entry.registers
-        assert at <= first + size, f"{name} is too small"
+        assert at <= first + size, f"no room for {entries[-1].name}"
         parts.append(f"{2 * (first + size - at)}x")
         self._struct = struct.Struct("".join(parts))
         self._places = {entry.name: entry for entry in entries}
@@ -74,7 +89,6 @@ _HEALTH = (
     "bit 0 scanner, 1 attitude sensor, 2 encoders deliver in time; 3 the pose is valid, 4 the map "
     "is; 5 a planner has answered; 6 settings are right; 15 something is wrong"
 )
-_LINK_HEALTH = "the health word of the planner link, bit by bit"
 _ZONE = "0 unknown, 1 clear, 2 slow, 3 stop; with 0 and 3 a vehicle must not go on"
 _CAUSES = "bit 0 an obstacle, 1 ground that was not seen, 2 a drop, 3 map or pose not to be trusted"
 _AGE = "65535: never, or 65.5 s and more"
@@ -82,7 +96,6 @@ _NONE = "65535: none is known"
 _GENERATION = "of registers 21 to 78; skips 0; 0: nothing published yet, or too long ago"
 
 STATUS_BLOCK = Block(
-    "status",
     STATUS,
     80,
     [
@@ -130,7 +143,7 @@ STATUS_BLOCK = Block(
         Entry("faults", 61, "u16", "", "how many things are wrong now; 0 in good health"),
         Entry("window_generation", 62, "u16", "", "of the newest window and coarse map"),
         Entry("generation_again", 63, "u16", "", "as register 20"),
-        Entry("link_health", 64, "u16", "", _LINK_HEALTH),
+        Entry("link_health", 64, "u16", "", "the health word of the planner link, bit by bit"),
         Entry("mode", 65, "u16", "", "0 booting, 1 running, 2 degraded, 3 fault, 4 replayed data"),
         Entry("zone_causes", 66, "u16", "", _CAUSES),
         Entry("free_ahead", 67, "u16", "mm", "straight ahead, until a cell that is not free"),
@@ -146,26 +159,17 @@ STATUS_BLOCK = Block(
     ],
 )
 
-LATCH_BLOCK = Block(
-    "latch",
-    LATCH,
-    1,
-    [
-        Entry(
-            "latch",
-            LATCH,
-            "u16",
-            "",
-            "generation that this unit shows in its window; written (any value): "
-            "the newest is frozen for this unit",
-        )
-    ],
+_LATCH = (
+    "generation that this unit shows in its window; written (any value): the newest is frozen for "
+    "this unit"
 )
+LATCH_BLOCK = Block(LATCH, 1, [Entry("latch", LATCH, "u16", "", _LATCH)])
 
 _COARSE_ROW = -(-COARSE_CELLS // CELLS_PER_REGISTER)
-COARSE_REGISTERS = 7 + COARSE_CELLS * _COARSE_ROW + 1
+_COARSE_COUNT = COARSE_CELLS * _COARSE_ROW
+_COARSE_ROWS = f"{COARSE_CELLS} rows of {_COARSE_ROW} registers"
+COARSE_REGISTERS = 7 + _COARSE_COUNT + 1
 COARSE_BLOCK = Block(
-    "coarse map",
     COARSE,
     COARSE_REGISTERS,
     [
@@ -174,14 +178,7 @@ COARSE_BLOCK = Block(
         Entry("coarse_x", COARSE + 2, "i32", "mm", "middle of cell (0, 0), map frame"),
         Entry("coarse_y", COARSE + 4, "i32", "mm", "likewise"),
         Entry("coarse_cell", COARSE + 6, "u16", "mm", "edge of a cell"),
-        Entry(
-            "coarse_cells",
-            COARSE + 7,
-            "cells",
-            "",
-            f"{COARSE_CELLS} rows of {_COARSE_ROW} registers",
-            COARSE_CELLS * _COARSE_ROW,
-        ),
+        Entry("coarse_cells", COARSE + 7, "cells", "", _COARSE_ROWS, _COARSE_COUNT),
         Entry("coarse_generation_again", COARSE + COARSE_REGISTERS - 1, "u16", "", "likewise"),
     ],
 )
@@ -189,7 +186,6 @@ LOW_END = COARSE + COARSE_REGISTERS  # registers 0 up to here can be read across
 
 DRIVE_REQUEST = 4  # registers, written together
 DRIVE_BLOCK = Block(
-    "drive",
     DRIVE,
     10,
     [
@@ -235,4 +231,69 @@ def window_block(cells: int) -> Block:
         Entry("pose_y", end + 3, "i32", "mm", "likewise"),
         Entry("pose_heading", end + 5, "u16", "0.01 deg", "0 to 35999, likewise"),
     ]
-    return Block("window", WINDOW, 10 + count + 7, entries)
+    return Block(WINDOW, 10 + count + 7, entries)
+
+
+def bounded(value: float, lowest: int, highest: int) -> int:
+    """Rounded, within the range; 0 for what is no number.
+
+    >>> bounded(1.6, 0, 10), bounded(-3.0, 0, 10), bounded(math.inf, 0, 10), bounded(math.nan, 0, 1)
+    (2, 0, 10, 0)
+    """
+    return 0 if math.isnan(value) else round(max(lowest, min(highest, value)))
+
+
+def mm_signed(metres: float) -> int:
+    """A coordinate, int32 mm."""
+    return bounded(metres * 1000.0, -(2**31), 2**31 - 1)
+
+
+def thousandths_signed(value: float) -> int:
+    """A speed in mm/s or a rate in mrad/s, int16."""
+    return bounded(value * 1000.0, -32768, 32767)
+
+
+def cdeg_signed(radians: float) -> int:
+    """An angle or a rate of turn, int16 hundredths of a degree."""
+    return bounded(math.degrees(radians) * 100.0, -32768, 32767)
+
+
+def heading_cdeg(yaw_rad: float) -> int:
+    """0 to 35999, counter-clockwise from x.
+
+    >>> heading_cdeg(-math.pi / 2), heading_cdeg(-1e-9), heading_cdeg(math.nan)
+    (27000, 0, 0)
+    """
+    return round(math.degrees(yaw_rad) * 100.0) % 36000 if math.isfinite(yaw_rad) else 0
+
+
+def way(metres: float) -> int:
+    """A free way or an allowed speed in thousandths, rounded down, at most 65534.
+
+    >>> way(1.9999), way(math.nan), way(math.inf)
+    (1999, 0, 65534)
+    """
+    return 0 if math.isnan(metres) else int(max(0.0, min(65534.0, metres * 1000.0)))
+
+
+def distance_mm(metres: float) -> int:
+    """To an obstacle, rounded down; inf is "none is known", no number is 0: right here.
+
+    >>> distance_mm(0.3), distance_mm(math.inf), distance_mm(100.0), distance_mm(math.nan)
+    (300, 65535, 65534, 0)
+    """
+    return NOT_KNOWN if metres == math.inf else way(metres)
+
+
+def or_worst(value: float) -> int:
+    """What is better when small; the highest value where it is not known, or too great.
+
+    >>> or_worst(12.4), or_worst(math.inf), or_worst(math.nan), or_worst(-1.0)
+    (12, 65535, 65535, 0)
+    """
+    return NOT_KNOWN if math.isnan(value) else bounded(value, 0, NOT_KNOWN)
+
+
+def age_ms(seconds: float) -> int:
+    """65535 when there is none, or it is 65.5 s and more."""
+    return or_worst(seconds * 1000.0)

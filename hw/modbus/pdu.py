@@ -7,15 +7,15 @@ Source: Modbus application protocol 1.1b3, section 6 (codes 1 to 6, 15, 16, 22, 
 """
 
 import struct
-from collections.abc import Callable, Mapping
-from enum import IntEnum
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
 
-from hw.modbus.layout import LOW_END, MOST_READ
+from hw.modbus.image import RegisterImage, View
+from hw.modbus.layout import LATCH, LOW_END, MOST_READ, Answer, Refusal
 
 READ_COILS, READ_INPUT_BITS, READ_HOLDING, READ_INPUTS, WRITE_COIL, WRITE_ONE = 1, 2, 3, 4, 5, 6
 WRITE_COILS, WRITE_MANY, MASK_WRITE, WRITE_READ, IDENTIFY = 15, 16, 22, 23, 43
-MOST_BITS, MOST_BITS_WRITTEN = 2000, 1968
+MOST_BITS = 2000
 MOST_WRITTEN, MOST_WRITTEN_AND_READ = 123, 121
 BITS = 16  # of a register, in reading single ones
 DEVICE_ID, CONFORMITY = 0x0E, 0x82  # of code 43; regular identification, object by object as well
@@ -23,36 +23,29 @@ BASIC, REGULAR, ONE_OBJECT = range(3), range(7), 4
 PAIR, FOUR = struct.Struct(">HH"), struct.Struct(">HHHH")
 
 
-class Refusal(IntEnum):
-    """Why a request is not served; NONE: it is."""
+@dataclass(frozen=True, slots=True)
+class Access:
+    """The registers as one request may use them."""
 
-    NONE = 0
-    FUNCTION = 1  # unknown, or not allowed to this client
-    ADDRESS = 2  # no such register, or it can't be written
-    VALUE = 3  # a count or a value that can't be, or only part of what belongs together
-    BUSY = 6  # what this unit had frozen is too old: freeze anew
-    NO_UNIT = 0x0B  # nobody with this unit id lives here
-
-
-Answer = bytes | Refusal
-
-
-class Registers(Protocol):
-    """The registers as this client, on this unit and at this instant, may use them."""
-
-    identity: Mapping[int, bytes]
+    image: RegisterImage
+    view: View | None
+    who: str
+    is_local: bool
+    now_s: float
+    arrived_s: float
+    utc_s: float
 
     def read(self, first: int, count: int) -> Answer:
-        """Their bytes."""
-
-    def can_read(self, first: int, count: int) -> bool:
-        """Whether there are such registers."""
+        return self.image.read(self.now_s, self.view, first, count, self.utc_s)
 
     def write(self, first: int, words: list[int]) -> Refusal:
-        """Take them, or say why not."""
+        """Take them, or say why not; nothing in Modbus says who drives from another machine."""
+        if self.image.drive is not None and first != LATCH and not self.is_local:
+            return Refusal.FUNCTION
+        return self.image.write(self.now_s, self.arrived_s, self.view, self.who, first, words)
 
 
-def answer(pdu: bytes, registers: Registers) -> bytes:
+def answer(pdu: bytes, registers: Access) -> bytes:
     """The answer to one request of at least one byte."""
     function = SERVED.get(pdu[0])
     found = function(pdu, registers) if function is not None else Refusal.FUNCTION
@@ -70,21 +63,21 @@ def refused(function: int, refusal: Refusal) -> bytes:
     return bytes((function | 0x80, refusal))
 
 
-def _read(pdu: bytes, registers: Registers) -> Answer:
+def _read(pdu: bytes, registers: Access) -> Answer:
     if len(pdu) != 5:
         return Refusal.VALUE
     first, count = PAIR.unpack_from(pdu, 1)
     return _read_counted(first, count, registers)
 
 
-def _read_counted(first: int, count: int, registers: Registers) -> Answer:
+def _read_counted(first: int, count: int, registers: Access) -> Answer:
     if not 1 <= count <= MOST_READ:
         return Refusal.VALUE
     data = registers.read(first, count)
     return data if isinstance(data, Refusal) else bytes((len(data),)) + data
 
 
-def _read_bits(pdu: bytes, registers: Registers) -> Answer:
+def _read_bits(pdu: bytes, registers: Access) -> Answer:
     """Bit b of register r is coil and input 16 * r + b, for the registers below the drive's."""
     if len(pdu) != 5:
         return Refusal.VALUE
@@ -104,29 +97,19 @@ def _read_bits(pdu: bytes, registers: Registers) -> Answer:
     return bytes((size,)) + every.to_bytes(size, "little")
 
 
-def _write_coil(pdu: bytes, registers: Registers) -> Answer:
+def _write_coils(pdu: bytes, registers: Access) -> Answer:
     """No single bit can be written: they belong to what mapod tells."""
-    is_whole = len(pdu) == 5 and pdu[3:] in (b"\xff\x00", b"\x00\x00")
-    return Refusal.ADDRESS if is_whole else Refusal.VALUE
+    return Refusal.ADDRESS
 
 
-def _write_coils(pdu: bytes, registers: Registers) -> Answer:
-    if len(pdu) < 6:
-        return Refusal.VALUE
-    _, count = PAIR.unpack_from(pdu, 1)
-    size = -(-count // 8)
-    is_whole = 1 <= count <= MOST_BITS_WRITTEN and pdu[5] == size == len(pdu) - 6
-    return Refusal.ADDRESS if is_whole else Refusal.VALUE
-
-
-def _write_one(pdu: bytes, registers: Registers) -> Answer:
+def _write_one(pdu: bytes, registers: Access) -> Answer:
     if len(pdu) != 5:
         return Refusal.VALUE
     first, word = PAIR.unpack_from(pdu, 1)
     return registers.write(first, [word]) or pdu[1:]
 
 
-def _write_many(pdu: bytes, registers: Registers) -> Answer:
+def _write_many(pdu: bytes, registers: Access) -> Answer:
     if len(pdu) < 6:
         return Refusal.VALUE
     first, count = PAIR.unpack_from(pdu, 1)
@@ -136,7 +119,7 @@ def _write_many(pdu: bytes, registers: Registers) -> Answer:
     return registers.write(first, words) or pdu[1:5]
 
 
-def _mask_write(pdu: bytes, registers: Registers) -> Answer:
+def _mask_write(pdu: bytes, registers: Access) -> Answer:
     """As a write of one register: of those that can be written alone, none has bits to keep."""
     if len(pdu) != 7:
         return Refusal.VALUE
@@ -144,7 +127,7 @@ def _mask_write(pdu: bytes, registers: Registers) -> Answer:
     return registers.write(first, [0]) or pdu[1:]
 
 
-def _write_read(pdu: bytes, registers: Registers) -> Answer:
+def _write_read(pdu: bytes, registers: Access) -> Answer:
     """Write first, then read; nothing is written if there is nothing to be read."""
     if len(pdu) < 10:
         return Refusal.VALUE
@@ -152,21 +135,27 @@ def _write_read(pdu: bytes, registers: Registers) -> Answer:
     is_whole = 1 <= count <= MOST_WRITTEN_AND_READ and pdu[9] == 2 * count == len(pdu) - 10
     if not is_whole or not 1 <= read_count <= MOST_READ:
         return Refusal.VALUE
-    if not registers.can_read(read_first, read_count):
+    if not registers.image.can_read(read_first, read_count):
         return Refusal.ADDRESS
     words = list(struct.unpack_from(f">{count}H", pdu, 10))
     refusal = registers.write(first, words)
     return refusal or _read_counted(read_first, read_count, registers)
 
 
-def _identify(pdu: bytes, registers: Registers) -> Answer:
+def identity_of(version: str) -> dict[int, bytes]:
+    """The objects of device identification: vendor, code, revision, url, product, model, app."""
+    revision = version.encode("ascii", "replace")[:32]
+    return dict(enumerate((b"mapod", b"MP", revision, b"", b"mapod obstacle map", b"MP", b"mapod")))
+
+
+def _identify(pdu: bytes, registers: Access) -> Answer:
     """Device identification: vendor, product and so on, as texts."""
     if len(pdu) < 2 or pdu[1] != DEVICE_ID:
         return Refusal.FUNCTION
     if len(pdu) != 4 or not 1 <= pdu[2] <= 4:
         return Refusal.VALUE
     level, first = pdu[2], pdu[3]
-    known = registers.identity
+    known = identity_of(registers.image.version)
     if level == ONE_OBJECT:
         if first not in known:
             return Refusal.ADDRESS
@@ -179,13 +168,12 @@ def _identify(pdu: bytes, registers: Registers) -> Answer:
     return bytes((DEVICE_ID, level, CONFORMITY, 0, 0, len(wanted))) + texts
 
 
-Function = Callable[[bytes, Registers], Answer]
-SERVED: dict[int, Function] = {
+SERVED: dict[int, Callable[[bytes, Access], Answer]] = {
     READ_COILS: _read_bits,
     READ_INPUT_BITS: _read_bits,
     READ_HOLDING: _read,
     READ_INPUTS: _read,
-    WRITE_COIL: _write_coil,
+    WRITE_COIL: _write_coils,
     WRITE_ONE: _write_one,
     WRITE_COILS: _write_coils,
     WRITE_MANY: _write_many,

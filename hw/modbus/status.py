@@ -8,16 +8,6 @@ import math
 from dataclasses import dataclass, replace
 
 from core.records import PoseReport, StopZoneReport
-from hw.modbus.encoding import (
-    age_ms,
-    bounded,
-    cdeg_signed,
-    distance_mm,
-    heading_cdeg,
-    mm_signed,
-    thousandths_signed,
-    way,
-)
 from hw.modbus.layout import (
     COARSE_CELLS,
     LAYOUT_VERSION,
@@ -26,8 +16,16 @@ from hw.modbus.layout import (
     WINDOW,
     WORD_ORDER_TEST,
     Value,
+    age_ms,
+    cdeg_signed,
+    distance_mm,
+    heading_cdeg,
+    mm_signed,
+    or_worst,
+    thousandths_signed,
+    way,
 )
-from hw.modbus.window import Snapshot
+from hw.modbus.window import Packer, Snapshot
 
 STALE_S = 1.0  # without a publication: nothing that was published is true any more
 NEVER = float("-inf")
@@ -38,7 +36,6 @@ POSE_VALID = 1 << 4  # of the link's health word
 TRANSLATED = {0: 0, 1: 1, 2: 2, 4: 3, 5: 4}  # bit of the link's word: bit of register 21
 PLANNER_HEARD, SETTINGS_RIGHT, ANY_FAULT = 1 << 5, 1 << 6, 1 << 15
 FAULT, UNTRUSTED = 3, 8  # mode; cause of a stop zone
-AGES = ("age_scan", "age_attitude", "age_encoders", "age_window", "age_pose")
 QUALITY = {1: 100, 2: 50}  # by mode
 
 NOWHERE = PoseReport(0, 0, 0, 0, 0, 0, 0, 0, math.inf, math.inf, math.inf, 0)
@@ -82,11 +79,9 @@ def health_bits(word: int, planner_heard: bool) -> int:
 
 
 class Status:
-    """The status block of one run of mapod; packed anew when something was published."""
+    """The status block of one run of mapod."""
 
-    def __init__(
-        self, session: int, version: str, name: str, *, size: int, stride: int, cell_mm: int
-    ) -> None:
+    def __init__(self, session: int, version: str, packer: Packer) -> None:
         major_minor, patch = version_numbers(version)
         self._fixed: dict[str, Value] = {
             "magic": 0x4D50,
@@ -94,54 +89,45 @@ class Status:
             "version_major_minor": major_minor,
             "version_patch": patch,
             "instance": session % 2**32,
-            "name": name.encode("ascii", "replace")[:16],
-            "uptime": 0,
+            "name": b"mapod",
             "word_order_test": WORD_ORDER_TEST,
-            "utc": 0,
-            "heartbeat": 0,
-            "cell": cell_mm,
-            "window_cells": size,
-            "window_stride": stride,
+            "cell": packer.cell_mm,
+            "window_cells": packer.size,
+            "window_stride": packer.stride,
             "window_first": WINDOW,
-            "window_registers": size * stride,
+            "window_registers": packer.size * packer.stride,
+            "coarse_cell": packer.coarse_cell_mm,
             "coarse_cells": COARSE_CELLS,
         }
         self._started_s = math.inf  # of the first publication
-        self._packed = bytearray()
-        self._packed_of: tuple[int, int, bool] | None = None  # generations, stale
 
-    def pack(
-        self, now_s: float, utc_s: float, said: Published, map_: Snapshot, coarse_cell_mm: int
-    ) -> bytes:
-        """The whole block as it is now."""
-        stale = not now_s - said.at_s <= STALE_S
-        key = (said.generation, map_.generation, stale)
-        if key != self._packed_of:
-            values = _stale_values(said) if stale else _values(said)
-            values |= self._fixed | _map_values(map_, coarse_cell_mm)
-            self._packed, self._packed_of = bytearray(STATUS_BLOCK.pack(values)), key
+    def pack(self, now_s: float, utc_s: float, said: Published, newest: Snapshot) -> bytes:
         self._started_s = min(self._started_s, said.at_s if said.generation else now_s)
-        for name, value in self._live(now_s, utc_s, said, map_).items():
-            STATUS_BLOCK.put(self._packed, name, value)
-        return bytes(self._packed)
-
-    def _live(
-        self, now_s: float, utc_s: float, said: Published, map_: Snapshot
-    ) -> dict[str, Value]:
-        """What goes on between two publications."""
-        pose, since_s = said.pose, now_s - said.at_s
-        has_pose = bool(pose.health & POSE_VALID)
-        return {
+        is_fresh = now_s - said.at_s <= STALE_S
+        values = _values(said) if is_fresh else _stale_values(said)
+        values |= self._fixed | _ages(now_s, said, newest)
+        values |= {
             "uptime": int(max(0.0, now_s - self._started_s)) % 2**32,
             "utc": int(max(0.0, utc_s)) % 2**32,
             # of the last publication: it stands still when mapod does
             "heartbeat": int(max(0.0, said.at_s - self._started_s)) % 2**16,
-            "age_scan": age_ms(pose.age_scan_s + since_s),
-            "age_attitude": age_ms(pose.age_ahrs_s + since_s),
-            "age_encoders": age_ms(pose.age_enc_s + since_s),
-            "age_window": age_ms(now_s - map_.scan_s),
-            "age_pose": age_ms(since_s) if has_pose else NOT_KNOWN,
+            "window_x": newest.x_mm,
+            "window_y": newest.y_mm,
+            "window_generation": newest.generation,
         }
+        return STATUS_BLOCK.pack(values)
+
+
+def _ages(now_s: float, said: Published, newest: Snapshot) -> dict[str, Value]:
+    """At the instant of reading."""
+    pose, since_s = said.pose, now_s - said.at_s
+    return {
+        "age_scan": age_ms(pose.age_scan_s + since_s),
+        "age_attitude": age_ms(pose.age_ahrs_s + since_s),
+        "age_encoders": age_ms(pose.age_enc_s + since_s),
+        "age_window": age_ms(now_s - newest.scan_s),
+        "age_pose": age_ms(since_s) if pose.health & POSE_VALID else NOT_KNOWN,
+    }
 
 
 def _stale_values(said: Published) -> dict[str, Value]:
@@ -153,11 +139,11 @@ def _stale_values(said: Published) -> dict[str, Value]:
 
 
 def _values(said: Published) -> dict[str, Value]:
-    """The entries that only a publication changes; ages come later."""
+    """What a publication says, but for its ages."""
     pose, zone, word = said.pose, said.zone, said.pose.health
-    values: dict[str, Value] = dict.fromkeys(AGES, NOT_KNOWN)
-    values |= {f"sector_{k}": distance_mm(zone.sectors_m[k]) for k in range(8)}
-    values |= {
+    sectors = {f"sector_{k}": distance_mm(zone.sectors_m[k]) for k in range(8)}
+    return {
+        **sectors,
         "generation": said.generation,
         "generation_again": said.generation,
         "generation_end": said.generation,
@@ -167,7 +153,7 @@ def _values(said: Published) -> dict[str, Value]:
         "heading": heading_cdeg(pose.yaw_rad),
         "quality": QUALITY.get(pose.mode, 0) if word & POSE_VALID else 0,
         "sigma_position": distance_mm(said.sigma_m),
-        "sigma_heading": _sigma_cdeg(said.sigma_rad),
+        "sigma_heading": or_worst(math.degrees(said.sigma_rad) * 100.0),
         "speed": thousandths_signed(pose.v_mps),
         "turn": cdeg_signed(pose.w_radps),
         "pitch": cdeg_signed(pose.pitch_rad),
@@ -175,12 +161,6 @@ def _values(said: Published) -> dict[str, Value]:
         "faults": fault_count(word),
         "link_health": word % 2**16,
         "mode": pose.mode,
-    }
-    return values | _zone_values(zone)
-
-
-def _zone_values(zone: StopZoneReport) -> dict[str, Value]:
-    return {
         "stop_zone": zone.state,
         "nearest": distance_mm(zone.nearest_m),
         "bearing": cdeg_signed(zone.bearing_rad),
@@ -193,17 +173,3 @@ def _zone_values(zone: StopZoneReport) -> dict[str, Value]:
         "allowed_ahead": way(zone.allowed_ahead_mps),
         "allowed_behind": way(zone.allowed_behind_mps),
     }
-
-
-def _map_values(map_: Snapshot, coarse_cell_mm: int) -> dict[str, Value]:
-    return {
-        "window_x": map_.x_mm,
-        "window_y": map_.y_mm,
-        "window_generation": map_.generation,
-        "coarse_cell": coarse_cell_mm,
-    }
-
-
-def _sigma_cdeg(radians: float) -> int:
-    """Standard deviation of the heading; 65535 where it is not known."""
-    return bounded(math.degrees(radians) * 100.0, 0, NOT_KNOWN) if radians >= 0 else NOT_KNOWN

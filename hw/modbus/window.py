@@ -8,12 +8,13 @@ outside the window is unknown. In steady state nothing of window size is allocat
 import numpy as np
 
 from core.records import I8, U8, ObstacleMap, PoseReport
-from hw.modbus.encoding import heading_cdeg, mm_signed
 from hw.modbus.layout import (
     COARSE_BLOCK,
     COARSE_CELLS,
     WINDOW_CELLS,
     Block,
+    heading_cdeg,
+    mm_signed,
     stride_of,
     window_block,
 )
@@ -101,13 +102,10 @@ class Packer:
         self.coarse_cell_mm = min(65535, self.coarse_block_cells * cell_mm)
         self._pool = [Snapshot(self.block), Snapshot(self.block)]
         self.blank = Snapshot(self.block)  # no map: told while there is none, or none to be told
-        self._put_head(self.blank, 0, 0, 0, False)
-        self._warm()
-
-    def _warm(self) -> None:
-        """Run the kernels: none is compiled in the loop."""
-        cells: I8 = np.zeros((self.size, self.size), dtype=np.int8)
-        self._pack_cells(self._pool[0], cells, (0, 0), False)
+        unknown: I8 = np.zeros((size, size), dtype=np.int8)
+        nowhere = ObstacleMap(unknown, 0, 0, np.zeros(0, dtype=np.int32), 0, False)
+        self._put_cells(self.blank, nowhere)  # runs the kernels: none is compiled in the loop
+        self._put_head(self.blank, nowhere)
 
     def pack(
         self,
@@ -125,11 +123,17 @@ class Packer:
         if window.cells.shape != (self.size, self.size):
             raise ValueError(f"a window of {self.size} cells is due, not {window.cells.shape}")
         free = self._unused(in_use)
-        self._put_head(free, generation, window.corner_i, window.corner_j, window.trusted)
-        self._put_tail(free, generation, pose)
-        self._pack_cells(free, window.cells, (window.corner_i, window.corner_j), window.trusted)
         free.generation, free.taken_s = generation, now_s
         free.scan_s = now_s - pose.age_scan_s
+        self._put_cells(free, window)
+        self._put_head(free, window)
+        tail = {
+            "generation_again": generation,
+            "pose_x": mm_signed(pose.x_m),
+            "pose_y": mm_signed(pose.y_m),
+            "pose_heading": heading_cdeg(pose.yaw_rad),
+        }
+        _put(self.block, free.window, tail)
         return free
 
     def _unused(self, in_use: list[Snapshot]) -> Snapshot:
@@ -140,51 +144,37 @@ class Packer:
         self._pool.append(Snapshot(self.block))
         return self._pool[-1]
 
-    def _pack_cells(
-        self, into: Snapshot, cells: I8, corner: tuple[int, int], trusted: bool
-    ) -> None:
-        count = 2 * self.size * self.stride
-        out = into.window[HEAD_BYTES : HEAD_BYTES + count]
-        _pack(cells, corner[0], corner[1], trusted, out, self._held)
+    def _put_cells(self, into: Snapshot, window: ObstacleMap) -> None:
+        out = into.window[HEAD_BYTES : HEAD_BYTES + 2 * self.size * self.stride]
+        corner_i, corner_j = window.corner_i, window.corner_j
+        _pack(window.cells, corner_i, corner_j, window.trusted, out, self._held)
         _pack_coarse(self._held, into.coarse[14:-2])
 
-    def _put_head(
-        self, into: Snapshot, generation: int, corner_i: int, corner_j: int, trusted: bool
-    ) -> None:
+    def _put_head(self, into: Snapshot, window: ObstacleMap) -> None:
+        """Where the cells of both maps lie; their ages are those of the instant of reading."""
         half_mm = self.cell_mm / 2
-        into.x_mm = mm_signed((corner_i * self.cell_mm + half_mm) / 1000.0)
-        into.y_mm = mm_signed((corner_j * self.cell_mm + half_mm) / 1000.0)
+        into.x_mm = mm_signed((window.corner_i * self.cell_mm + half_mm) / 1000.0)
+        into.y_mm = mm_signed((window.corner_j * self.cell_mm + half_mm) / 1000.0)
         head = {
-            "generation": generation,
-            "age": 0,
+            "generation": into.generation,
             "x": into.x_mm,
             "y": into.y_mm,
             "cell": self.cell_mm,
             "cells_edge": self.size,
             "stride": self.stride,
-            "flags": int(trusted),
+            "flags": int(window.trusted),
         }
         _put(self.block, into.window, head)
         off = (COARSE_CELLS * self.coarse_block_cells - self.size) // 2
         from_corner_mm = self.coarse_block_cells * half_mm - off * self.cell_mm
         coarse = {
-            "coarse_generation": generation,
-            "coarse_age": 0,
-            "coarse_x": mm_signed((corner_i * self.cell_mm + from_corner_mm) / 1000.0),
-            "coarse_y": mm_signed((corner_j * self.cell_mm + from_corner_mm) / 1000.0),
+            "coarse_generation": into.generation,
+            "coarse_x": mm_signed((window.corner_i * self.cell_mm + from_corner_mm) / 1000.0),
+            "coarse_y": mm_signed((window.corner_j * self.cell_mm + from_corner_mm) / 1000.0),
             "coarse_cell": self.coarse_cell_mm,
-            "coarse_generation_again": generation,
+            "coarse_generation_again": into.generation,
         }
         _put(COARSE_BLOCK, into.coarse, coarse)
-
-    def _put_tail(self, into: Snapshot, generation: int, pose: PoseReport) -> None:
-        tail = {
-            "generation_again": generation,
-            "pose_x": mm_signed(pose.x_m),
-            "pose_y": mm_signed(pose.y_m),
-            "pose_heading": heading_cdeg(pose.yaw_rad),
-        }
-        _put(self.block, into.window, tail)
 
 
 def _put(block: Block, into: U8, values: dict[str, int]) -> None:

@@ -13,8 +13,7 @@ import pytest
 from config_file import load_config, with_changes
 from core.records import I8
 from fakes.scenes.scene import Scene, Solid
-from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of
-from hw.modbus.pdu import Refusal
+from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from tests.support.closed_loop import SHIPPED, ClosedLoop
 from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, until, words_of
 from tools.settings import rewritten

@@ -2,14 +2,12 @@
 
 import asyncio
 import contextlib
-import fcntl
 import math
 import os
 import socket
 import struct
-import termios
 import tty
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
 from typing import Any
 
@@ -19,8 +17,7 @@ from core.records import FREE, I8, OBSTACLE, ObstacleMap, PoseReport, StopZoneRe
 from hw.device import DeviceStatus
 from hw.modbus.client import ServerContext
 from hw.modbus.image import RegisterImage, View
-from hw.modbus.layout import stride_of
-from hw.modbus.pdu import Refusal
+from hw.modbus.layout import Refusal, stride_of
 from hw.modbus.server import ModbusServer
 
 START_S = 1000.0
@@ -54,16 +51,16 @@ class Later:
 
 
 class Loop:
-    """Calls that come when a test says so, on its clock."""
+    """Calls that come when a test says so, on its clock; as much of a loop as a client uses."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self.calls: list[Later] = []
 
-    def call_soon(self, callback: Callable[[], object], /) -> Later:
+    def call_soon(self, callback: Callable[[], object]) -> Later:
         return self.call_later(0.0, callback)
 
-    def call_later(self, delay_s: float, callback: Callable[[], object], /) -> Later:
+    def call_later(self, delay_s: float, callback: Callable[[], object]) -> Later:
         self.calls.append(Later(self.clock.now_s + delay_s, callback))
         return self.calls[-1]
 
@@ -75,16 +72,15 @@ class Loop:
         call.callback()
 
 
-def context_of(image: RegisterImage, clock: Clock) -> ServerContext:
+def context_of(image: RegisterImage, loop: Any) -> ServerContext:
     """What clients share: unit 1 live, unit 2 a frozen view."""
     return ServerContext(
         image=image,
-        clock=clock,
+        clock=loop.clock,
         utc_s=lambda: 0.0,
-        loop=Loop(clock),
+        loop=loop,
         views={1: None, 2: image.new_view()},
         is_silent=False,
-        identity=dict.fromkeys(range(7), b"text"),
         status=DeviceStatus("modbus"),
     )
 
@@ -149,16 +145,18 @@ class Tcp:
 
     @classmethod
     async def connect(cls, port: int) -> "Tcp":
-        """To this machine."""
         return cls(*await asyncio.open_connection("127.0.0.1", port))
 
+    async def another(self) -> "Tcp":
+        """One more, to the same server."""
+        return await Tcp.connect(self.writer.get_extra_info("peername")[1])
+
     async def ask(self, request: bytes) -> bytes:
-        """The answer to one request."""
         self.writer.write(request)
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next answer."""
+        """The next one."""
         head = await asyncio.wait_for(self.reader.readexactly(6), 60)
         return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 60)
 
@@ -169,7 +167,6 @@ class Tcp:
         return True
 
     def close(self) -> None:
-        """End the connection."""
         self.writer.close()
 
 
@@ -178,11 +175,10 @@ class Udp(asyncio.DatagramProtocol):
 
     def __init__(self) -> None:
         self.heard: asyncio.Queue[bytes] = asyncio.Queue()
-        self.transport: asyncio.DatagramTransport | None = None
+        self.transport: Any = None
 
     @classmethod
     async def connect(cls, port: int) -> "Udp":
-        """To this machine."""
         loop = asyncio.get_running_loop()
         transport, client = await loop.create_datagram_endpoint(
             cls, remote_addr=("127.0.0.1", port)
@@ -190,22 +186,25 @@ class Udp(asyncio.DatagramProtocol):
         client.transport = transport
         return client
 
+    async def another(self) -> "Udp":
+        """One more, to the same server."""
+        return await Udp.connect(self.transport.get_extra_info("peername")[1])
+
     def datagram_received(self, data: bytes, addr: object) -> None:
         self.heard.put_nowait(data)
 
     def send(self, data: bytes) -> None:
-        """One datagram."""
-        assert self.transport is not None
         self.transport.sendto(data)
 
     async def ask(self, request: bytes) -> bytes:
-        """The answer to one request."""
         self.send(request)
+        return await self.answer()
+
+    async def answer(self) -> bytes:
+        """The next one."""
         return await asyncio.wait_for(self.heard.get(), 60)
 
     def close(self) -> None:
-        """Close the socket."""
-        assert self.transport is not None
         self.transport.close()
 
 
@@ -219,18 +218,8 @@ class Line:
         self.path = os.ttyname(self._slave)
         self.heard = bytearray()
 
-    def url(self, baud: int = 115200, more: str = "") -> str:
-        """For the server."""
-        return f"serial://{self.path}?baud={baud}{more}"
-
     def send(self, data: bytes) -> None:
-        """Onto the line."""
         os.write(self.master, data)
-
-    def unread(self) -> int:
-        """Bytes that wait at the server's end."""
-        waiting = fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4))
-        return int.from_bytes(waiting, "little")
 
     def listen(self) -> bytes:
         """All that was heard and not taken yet."""
@@ -246,17 +235,29 @@ class Line:
         del self.heard[:size]
         return answer
 
-    async def is_silent(self) -> bool:
-        """Whether nothing is said within a time longer than any that the server waits for."""
-        size = len(self.listen())
-        for _ in range(200):
-            await asyncio.sleep(0.001)
-        return len(self.listen()) == size
-
     def close(self) -> None:
-        """Both ends."""
         os.close(self.master)
         os.close(self._slave)
+
+
+Talk = Callable[[Any, ModbusServer, Clock], Coroutine[Any, Any, None]]
+
+
+def converse(kind: str, talk: Talk) -> None:
+    """Run a conversation with a server: of a client on a fresh port, or the master of a line."""
+
+    async def run() -> None:
+        clock, port, client = Clock(), free_port(), Line() if kind == "serial" else None
+        at = f"{client.path}?baud=115200" if client else f"127.0.0.1:{port}"
+        async with serving(f"{kind}://{at}", new_image(), clock) as server:
+            one = client or await (Tcp if kind == "tcp" else Udp).connect(port)
+            await talk(one, server, clock)
+            if one is not client:
+                one.close()
+        if client:
+            client.close()
+
+    asyncio.run(run())
 
 
 def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:

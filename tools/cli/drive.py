@@ -6,7 +6,6 @@ mapod first: a port has one reader. A controller in R/C mode only logs; it is le
 """
 
 import sys
-from collections.abc import Callable
 
 from core.config import ConfigError
 from hw.ax3500.lines import (
@@ -16,21 +15,24 @@ from hw.ax3500.lines import (
     READ_IDENTITY,
     Line,
     LineParser,
-    battery_v_from_byte,
-    celsius_from_thermistor,
     encode_query,
-    internal_v_from_byte,
     maybe_byte,
     maybe_counter,
 )
-from hw.ax3500.values import READ_STATUS, STATUS_BITS
+from hw.ax3500.values import (
+    READ_INPUTS,
+    READ_STATUS,
+    VALUES,
+    ControllerState,
+    describe_status,
+    state_after_answer,
+)
 from hw.ports.wires import PortUrlError
 from tools.cli import view
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
 from tools.cli.options import Parser, add_actions, add_seconds, configured, fail, parser_of
 
 ANSWER_S, LISTEN_S, TRIES = 0.4, 0.6, 2
-LINES = {"?E": 2, "?M": 2, "?I": 3}  # of an answer; all others have one
 MODES = {0: "R/C", 1: "RS-232 without watchdog", 2: "RS-232 with watchdog", 3: "analog"}
 NEEDS_WATCHDOG = "mapod moves no motor with it: set ^00 to 02"
 WATCH_S = 1.0
@@ -42,7 +44,7 @@ def answer(talk: Conversation, query: str) -> list[str]:
     Raises:
         NoAnswerError: no echo, or no answer.
     """
-    wanted = LINES.get(query, 1)
+    wanted = VALUES.get(query, 1)
     for _ in range(TRIES):
         talk.say(encode_query(query))
         texts: list[str] = []
@@ -68,58 +70,28 @@ def check_answers(talk: Conversation) -> None:
         raise NoAnswerError("no answer: check power, baud=9600, parity=E and bytesize=7") from None
 
 
-def numbers(talk: Conversation, query: str) -> list[int] | None:
-    """The bytes that answer a query; None where it is refused or damaged."""
-    values = [maybe_byte(text) for text in answer(talk, query)]
-    known = [value for value in values if value is not None]
-    return known if len(known) == LINES.get(query, 1) else None
-
-
-def identity(talk: Conversation) -> str:
-    """The model's bits."""
-    bits = (numbers(talk, READ_IDENTITY) or [0])[0]
-    return f"identity {bits:02X}, {'with' if bits & ENCODER_BIT else 'WITHOUT'} encoder module"
-
-
-def mode(talk: Conversation) -> str:
-    """How it starts."""
-    found = (numbers(talk, "^00") or [-1])[0]
-    doubt = "" if found == 2 else f"; {NEEDS_WATCHDOG}"
-    return f"mode {MODES.get(found, 'not told')}{doubt}"
+def state_of(talk: Conversation, *queries: str) -> ControllerState:
+    """What the queries tell; what is refused or damaged is not known."""
+    state = ControllerState()
+    for query in queries:
+        state = state_after_answer(state, query, answer(talk, query), 0.0, None) or state
+    return state
 
 
 def status(talk: Conversation) -> str:
     """What keeps the motors off."""
-    found = numbers(talk, READ_STATUS)
-    if found is None:
+    bits = state_of(talk, READ_STATUS).status
+    if bits is None:
         return "status not told"
-    words = [STATUS_BITS.get(k, f"bit {k}") for k in range(8) if found[0] >> k & 1]
-    return f"status {', '.join(words) or 'all well'}"
-
-
-def stop_button(talk: Conversation) -> str:
-    """The emergency stop's input."""
-    found = numbers(talk, "?I")
-    if found is None:
-        return "emergency stop not told"
-    return f"emergency stop {'PRESSED' if found[2] == 0 else 'not pressed'}"
+    return f"status {', '.join(describe_status(bits)) or 'all well'}"
 
 
 def volts(talk: Conversation) -> str:
     """Battery and internal supply."""
-    found = numbers(talk, "?E")
-    if found is None:
+    state = state_of(talk, "?E")
+    if state.battery_v is None or state.internal_v is None:
         return "voltages not told"
-    battery_v, internal_v = battery_v_from_byte(found[0]), internal_v_from_byte(found[1])
-    return f"battery {battery_v:.1f} V, internal supply {internal_v:.1f} V"
-
-
-def heat(talk: Conversation) -> str:
-    """The heat sinks."""
-    found = numbers(talk, "?M")
-    if found is None:
-        return "temperatures not told"
-    return "heat sinks " + " and ".join(f"{celsius_from_thermistor(n):.0f} C" for n in found)
+    return f"battery {state.battery_v:.1f} V, internal supply {state.internal_v:.1f} V"
 
 
 def counters(talk: Conversation) -> str:
@@ -129,17 +101,30 @@ def counters(talk: Conversation) -> str:
     return f"counters {told[0]} and {told[1]}"
 
 
-INFO: tuple[Callable[[Conversation], str], ...] = (
-    identity, mode, status, stop_button, volts, heat, counters,
-)  # fmt: skip
-WATCHED: tuple[Callable[[Conversation], str], ...] = (counters, volts, status)
+def info(talk: Conversation) -> list[str]:
+    """Who it is and how it is, a line each."""
+    bits = maybe_byte(answer(talk, READ_IDENTITY)[0]) or 0
+    mode = -1 if (told := maybe_byte(answer(talk, "^00")[0])) is None else told
+    doubt = "" if mode == 2 else f"; {NEEDS_WATCHDOG}"
+    state = state_of(talk, READ_INPUTS, "?M")
+    stop = {None: "not told", True: "PRESSED", False: "not pressed"}[state.emergency_stop]
+    heat = " and ".join(f"{celsius:.0f} C" for celsius in state.celsius or ())
+    return [
+        f"identity {bits:02X}, {'with' if bits & ENCODER_BIT else 'WITHOUT'} encoder module",
+        f"mode {MODES.get(mode, 'not told')}{doubt}",
+        status(talk),
+        f"emergency stop {stop}",
+        volts(talk),
+        f"heat sinks {heat or 'not told'}",
+        counters(talk),
+    ]
 
 
 def watch(talk: Conversation, seconds: float | None) -> None:
     """A line a second, for so long or until Ctrl-C."""
     begun_s = talk.now_s()
     while True:
-        print("; ".join(told(talk) for told in WATCHED), flush=True)
+        print(f"{counters(talk)}; {volts(talk)}; {status(talk)}", flush=True)
         if seconds is not None and talk.now_s() - begun_s + WATCH_S > seconds:
             return
         list(talk.hear(WATCH_S))
@@ -170,7 +155,7 @@ def main(given: list[str] | None = None) -> int:
             if options.what == "watch":
                 watch(talk, options.seconds)
             else:
-                print(*(told(talk) for told in INFO), sep="\n")
+                print(*info(talk), sep="\n")
     except (ConfigError, PortUrlError, OSError) as error:
         return fail("drive", error)
     except (NoAnswerError, RefusedError) as error:

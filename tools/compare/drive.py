@@ -8,14 +8,14 @@ import re
 from collections import Counter
 
 from hw.ax3500.lines import (
+    BATTERY_V,
     CR,
+    INTERNAL_V,
     READ_COUNTER,
     Line,
     LineParser,
     WatchdogStop,
-    battery_v_from_byte,
     encode_query,
-    internal_v_from_byte,
     maybe_counter,
 )
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
@@ -34,7 +34,6 @@ QUERIES = ("?V", "?A", "?P", "?R", "?M", "?E", "?I", "?Q0", "?Q1", "?Q2",
            "^00", "^01", "^02", "^89", "^8A", "^8B", "^8C")  # fmt: skip
 OWN = {"?A", "?P", "?R", "?M", "?E", "?Q0", "?Q1", "?Q2", "^8B", "^8C", "^02"}
 UNKNOWN = "?J"  # no such query: an error, and nothing happens
-VOLTS = {"?E": (battery_v_from_byte, internal_v_from_byte)}
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
@@ -136,14 +135,12 @@ def _form(values: list[str]) -> str:
 
 def _volts(name: str, text: str, values: list[str]) -> Portrait:
     """Voltages in volts, for a person; a battery is a battery's own matter."""
-    if text not in VOLTS or len(values) < 2:
+    if text != "?E" or _form(values) != "2 digits, 2 digits":
         return {}
+    battery_v, internal_v = int(values[0], 16) * BATTERY_V, int(values[1], 16) * INTERNAL_V
     return {
-        f"{name}: {what}": Fact(scale(int(value, 16)), "own", unit="V")
-        for what, scale, value in zip(
-            ("battery", "internal supply"), VOLTS[text], values, strict=False
-        )
-        if re.fullmatch("[0-9A-Fa-f]{2}", value)
+        f"{name}: battery": Fact(battery_v, "own", unit="V"),
+        f"{name}: internal supply": Fact(internal_v, "own", unit="V"),
     }
 
 

@@ -3,15 +3,13 @@
 The text of the document is written by hand; what stands between its marks is written by this tool.
 """
 
-import argparse
 import re
 import sys
 from pathlib import Path
 
-from hw.modbus import client, handlers, image, layout, status
+from hw.modbus import client, image, layout, network, status
 from hw.modbus.drive import REFUSED, RESULTS
-from hw.modbus.layout import Block
-from hw.modbus.pdu import Refusal
+from hw.modbus.layout import Block, Refusal
 from hw.modbus.server import units_of
 
 DOCUMENT = Path(__file__).resolve().parents[2] / "docs/protocols/modbus.md"
@@ -64,9 +62,9 @@ def limits() -> list[str]:
         f"| at once, after a rest | {client.CLIENT_BURST:g} |",
         f"| requests per second of all clients of all ports | {image.ALL_HZ:g} |",
         f"| requests of one client that wait; more end the connection | {client.MOST_WAITING} |",
-        f"| TCP connections | {handlers.MOST_CONNECTIONS} |",
-        f"| a TCP connection without a request is closed after | {handlers.IDLE_S:g} s |",
-        f"| or, when another wants its place, after | {handlers.SPARED_S:g} s |",
+        f"| TCP connections | {network.MOST_CONNECTIONS} |",
+        f"| a TCP connection without a request is closed after | {network.IDLE_S:g} s |",
+        f"| or, when another wants its place, after | {network.SPARED_S:g} s |",
         f"| new maps a second, at most | {1 / image.PACK_S:g} |",
         f"| a frozen window can be read for | {image.VIEW_S:g} s |",
         f"| nothing is told as true any more after mapod's silence of | {status.STALE_S:g} s |",
@@ -121,20 +119,9 @@ def filled(text: str) -> str:
     return MARKS.sub(section, text)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Write the tables into the document, or say whether they are true."""
-    parser = argparse.ArgumentParser(prog="modbus_table", description=__doc__.partition("\n")[0])
-    parser.add_argument("--check", action="store_true", help="change nothing; 1 if it would")
-    parser.add_argument("document", nargs="?", type=Path, default=DOCUMENT)
-    options = parser.parse_args(arguments)
-    before = options.document.read_text(encoding="utf-8")
-    after = filled(before)
-    if after == before:
-        return 0
-    if options.check:
-        print(f"{options.document.name}: its tables are not those of the code")
-        return 1
-    options.document.write_text(after, encoding="utf-8")
+def main() -> int:
+    """Write the tables into the document."""
+    DOCUMENT.write_text(filled(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

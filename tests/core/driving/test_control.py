@@ -15,7 +15,6 @@ from core.driving.control import (
     SILENT,
     DriveControl,
     link_refusal,
-    modbus_refusal,
     stop_reason,
 )
 from core.mapping.beams.maps import BeamMaps
@@ -241,21 +240,6 @@ def test_all_well_leaves_no_doubt_and_every_missing_bit_makes_one() -> None:
         assert stop_reason(WELL & ~(1 << bit), health.RUNNING, ""), bit
     for bit in (9, 15):
         assert stop_reason(WELL | 1 << bit, health.RUNNING, ""), bit
-
-
-def test_over_modbus_nobody_drives_unless_the_settings_allow_it_and_the_motors() -> None:
-    for allowed, enabled, refusal in (
-        (False, True, "allow_drive"),
-        (True, False, NOT_ENABLED),
-        (True, True, ""),
-    ):
-        config = with_changes(
-            load_config(SHIPPED),
-            robot={"enable_motors": enabled},
-            modbus={"allow_drive": allowed},
-        )
-        assert refusal in modbus_refusal(config)
-        assert bool(modbus_refusal(config)) is bool(refusal)
 
 
 @given(

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.ax3500.lines import (
+    BATTERY_V,
+    INTERNAL_V,
     Line,
     LineParser,
     WatchdogStop,
-    battery_v_from_byte,
     celsius_from_thermistor,
     encode_query,
-    internal_v_from_byte,
     maybe_byte,
     maybe_counter,
     maybe_rollover,
@@ -39,12 +39,9 @@ def texts(data: bytes) -> list[str]:
     return [event.text for event in LineParser().feed(0.0, data) if isinstance(event, Line)]
 
 
-@pytest.mark.parametrize(("text", "count"), NUMBERS.items())
-def test_the_number_table_of_the_sheet_holds(text: str, count: int) -> None:
-    assert maybe_counter(text) == count
-
-
-def test_the_table_of_counter_replies_holds(vectors: Path) -> None:
+def test_the_tables_of_counter_replies_hold(vectors: Path) -> None:
+    for text, count in NUMBERS.items():
+        assert maybe_counter(text) == count
     for decimal, reply, _ in rows(vectors / "ax3500_counter_replies.tsv"):
         assert maybe_counter(reply) == int(decimal)
 
@@ -58,8 +55,8 @@ def test_the_table_of_scaled_replies_holds(vectors: Path) -> None:
             assert unit == "C"
             assert celsius_from_thermistor(byte) == pytest.approx(float(number))
         else:
-            volts = battery_v_from_byte if which == ["main"] else internal_v_from_byte
-            assert volts(byte) == pytest.approx(float(number), abs=6e-4)
+            step_v = BATTERY_V if which == ["main"] else INTERNAL_V
+            assert byte * step_v == pytest.approx(float(number), abs=6e-4)
 
 
 def test_temperatures_are_linear_between_the_points_and_end_at_the_ends() -> None:
@@ -80,13 +77,6 @@ def test_what_does_more_than_read_cannot_be_encoded(query: str) -> None:
         encode_query(query)
 
 
-def test_the_queries_of_the_sheet() -> None:
-    assert encode_query("?Q0") == bytes.fromhex("3F 51 30 0D")
-    assert encode_query("?Q1") == bytes.fromhex("3F 51 31 0D")
-    assert encode_query("^8A") == bytes.fromhex("5E 38 41 0D")
-    assert encode_query("?E") == bytes.fromhex("3F 45 0D")
-
-
 def test_a_watchdog_letter_inside_an_echo_is_taken_out_and_told() -> None:
     events = LineParser().feed(1.0, bytes.fromhex("3F 51 57 30 0D 37 44 30 0D"))
     assert events == [WatchdogStop(), Line("?Q0", 1.0), Line("7D0", 1.0)]
@@ -101,14 +91,6 @@ def test_a_line_carries_the_time_of_its_first_character() -> None:
     assert parser.feed(1.0, b"\rW\n") == [WatchdogStop()]
     assert parser.feed(2.0, b"7") == []
     assert parser.feed(3.0, b"D0\r") == [Line("7D0", 2.0)]
-
-
-def test_the_prompt_of_the_sheet_is_four_lines() -> None:
-    prompt = bytes.fromhex(
-        "52 6F 62 6F 74 65 71 20 76 31 2E 39 62 20 30 36 2F 30 31 2F 30 37 0D 73 0D"
-        "45 6E 63 6F 64 65 72 20 76 31 2E 37 0D 30 30 0D"
-    )
-    assert texts(prompt) == ["Roboteq v1.9b 06/01/07", "s", "Encoder v1.7", "00"]
 
 
 @given(pieces=st.lists(WIRE, max_size=20), cuts=st.lists(st.integers(0, 80)))

@@ -1,18 +1,16 @@
 """The register image read by others' clients: pymodbus's own and libmodbus (C)."""
 
 import asyncio
+import contextlib
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 import pytest
-from pymodbus import FramerType
-from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient, AsyncModbusUdpClient
-from pymodbus.client.base import ModbusBaseClient
+from pymodbus.client import AsyncModbusUdpClient
 from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
 
-from core.records import ObstacleMap
 from hw.modbus.image import RegisterImage
 from hw.modbus.layout import COARSE, WINDOW, stride_of
 from tests.support.modbus_rig import (
@@ -35,59 +33,46 @@ COUNT = 10 + SIZE * stride_of(SIZE) + 1  # registers of a window: head, cells, g
 SOURCE = Path(__file__).parent / "modbus_reader.c"
 
 
-def client_of(kind: str, port: int, path: str) -> ModbusBaseClient:
-    """One of pymodbus's own."""
-    if kind == "rtu":
-        return AsyncModbusSerialClient(path, framer=FramerType.RTU, baudrate=115200)
-    client = AsyncModbusTcpClient if kind == "tcp" else AsyncModbusUdpClient
-    return client("127.0.0.1", port=port)
+@contextlib.asynccontextmanager
+async def offered(kind: str) -> AsyncIterator[tuple[RegisterImage, int, str]]:
+    """An image, and the port or the end of the line at which a client finds it."""
+    image, port, line, end = new_image(), free_port(), Line(), Line()
+    url = f"serial://{line.path}?baud=115200" if kind == "rtu" else f"{kind}://127.0.0.1:{port}"
+    async with serving(url, image, Clock()):
+        join(line, end)  # two ptys: each client opens a line itself
+        yield image, port, end.path
+        for one in (line, end):
+            asyncio.get_running_loop().remove_reader(one.master)
+    line.close()
+    end.close()
 
 
-async def talk(client: ModbusBaseClient, image: RegisterImage) -> None:
-    """All that pymodbus's client is asked to do; the window while maps go by."""
-    assert await client.connect()
-    status = await client.read_holding_registers(0, count=80, device_id=1)
-    assert list(status.registers) == words(image, 0, 80)
-    coarse = await client.read_input_registers(COARSE, count=71, device_id=1)
-    assert list(coarse.registers) == words(image, COARSE, 71)
-    wrong = await client.read_holding_registers(60000, count=1, device_id=1)
-    assert (wrong.isError(), wrong.exception_code) == (True, 2)
-    written = await client.write_register(1, 3, device_id=1)
-    assert (written.isError(), written.exception_code) == (True, 2)
-    assert not (await client.write_register(90, 0, device_id=2)).isError()
-    bits = await client.read_coils(0, count=16, device_id=1)
-    assert [k for k, bit in enumerate(bits.bits) if bit] == [4, 6, 8, 10, 11, 14]
-    names = await client.read_device_information(read_code=2, device_id=1)
-    assert isinstance(names, ReadDeviceInformationResponse)
-    assert names.information[0] == b"mapod"
-    whole = words(image, WINDOW, COUNT)
-    read: list[int] = []
-    while len(read) < COUNT:
-        size = min(7, COUNT - len(read))
-        piece = await client.read_holding_registers(WINDOW + len(read), count=size, device_id=2)
-        read += piece.registers
-        image.publish(START_S, GOOD, CLEAR, next_window(len(read)))
-    assert read == whole
-    assert words(image, WINDOW, 1) != whole[:1]
-    client.close()
+def test_pymodbus_reads_the_image_and_a_frozen_window_while_maps_go_by() -> None:
+    """Over UDP, which libmodbus does not speak; all that it can be asked to do."""
 
-
-def next_window(epoch: int) -> ObstacleMap:
-    """Another map at every call."""
-    return window_of(some_cells(epoch), (epoch, epoch), epoch=epoch)
-
-
-@pytest.mark.parametrize("kind", ["tcp", "udp", "rtu"])
-def test_pymodbus_reads_the_image_and_a_frozen_window_while_maps_go_by(kind: str) -> None:
     async def run() -> None:
-        image, port, line, end = new_image(), free_port(), Line(), Line()
-        url = line.url() if kind == "rtu" else f"{kind}://127.0.0.1:{port}"
-        async with serving(url, image, Clock()):
-            join(line, end)  # two ptys: each client opens a line itself
-            await talk(client_of(kind, port, end.path), image)
-            unjoin(line, end)
-        line.close()
-        end.close()
+        async with offered("udp") as (image, port, _):
+            client = AsyncModbusUdpClient("127.0.0.1", port=port)
+            assert await client.connect()
+            status = await client.read_holding_registers(0, count=80, device_id=1)
+            assert list(status.registers) == words(image, 0, 80)
+            wrong = await client.read_holding_registers(60000, count=1, device_id=1)
+            assert (wrong.isError(), wrong.exception_code) == (True, 2)
+            assert not (await client.write_register(90, 0, device_id=2)).isError()
+            bits = await client.read_coils(0, count=16, device_id=1)
+            assert [k for k, bit in enumerate(bits.bits) if bit] == [4, 6, 8, 10, 11, 14]
+            names = await client.read_device_information(read_code=2, device_id=1)
+            assert isinstance(names, ReadDeviceInformationResponse)
+            assert names.information[0] == b"mapod"
+            whole, read = words(image, WINDOW, COUNT), list[int]()
+            while (at := len(read)) < COUNT:
+                size = min(7, COUNT - at)
+                piece = await client.read_holding_registers(WINDOW + at, count=size, device_id=2)
+                read += piece.registers
+                image.publish(START_S, GOOD, CLEAR, window_of(some_cells(at), epoch=at + 1))
+            assert read == whole
+            assert words(image, WINDOW, 1) != whole[:1]
+            client.close()
 
     asyncio.run(run())
 
@@ -106,12 +91,6 @@ def join(one: Line, other: Line) -> None:
 
     loop.add_reader(one.master, carry(one, other))
     loop.add_reader(other.master, carry(other, one))
-
-
-def unjoin(*lines: Line) -> None:
-    """No more."""
-    for line in lines:
-        asyncio.get_running_loop().remove_reader(line.master)
 
 
 async def output_of(*command: str) -> str:
@@ -140,19 +119,13 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
     async def run() -> None:
-        image, port, line, end = new_image(), free_port(), Line(), Line()
-        url = line.url() if kind == "rtu" else f"tcp://127.0.0.1:{port}"
-        where = ["rtu", end.path, "115200"] if kind == "rtu" else ["tcp", str(port)]
-        async with serving(url, image, Clock()):
-            join(line, end)
+        async with offered(kind) as (image, port, path):
+            where = ["rtu", path, "115200"] if kind == "rtu" else ["tcp", str(port)]
             out = await output_of(reader, *where, "2")
-            unjoin(line, end)
         status, coarse, window = ([int(word) for word in row.split()] for row in out.splitlines())
         assert status == words(image, 0, 80)
         assert coarse == words(image, COARSE, 71)
         assert window == words(image, WINDOW, COUNT)
         assert window[0] == window[-1] == 1
-        line.close()
-        end.close()
 
     asyncio.run(run())

@@ -1,32 +1,20 @@
 """docs/modbus.md says what the code does: its tables are made from it, its rules are tried here."""
 
 import re
-from pathlib import Path
 
 from hw.modbus import layout
-from hw.modbus.pdu import Refusal
-from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled, main
+from hw.modbus.layout import Refusal
+from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled
 
 TEXT = DOCUMENT.read_text(encoding="utf-8")
 
 
-def test_the_tables_of_the_document_are_those_of_the_code() -> None:
+def test_the_document_has_every_table_of_the_code_once() -> None:
     assert filled(TEXT) == TEXT
-    assert main(["--check"]) == 0
-
-
-def test_the_document_has_every_table_once() -> None:
+    assert filled(MARKS.sub(r"<!-- begin \1 -->\nold\n<!-- end \1 -->", TEXT)) == TEXT
     names = [found[1] for found in MARKS.finditer(TEXT)]
     assert sorted(names) == sorted(SECTIONS)
     assert set(MEANINGS) == set(Refusal) - {Refusal.NONE}
-
-
-def test_the_tool_writes_what_is_missing_and_finds_what_is_wrong(tmp_path: Path) -> None:
-    copy = tmp_path / "modbus.md"
-    copy.write_text(MARKS.sub(r"<!-- begin \1 -->\nold\n<!-- end \1 -->", TEXT), encoding="utf-8")
-    assert main(["--check", str(copy)]) == 1
-    assert main([str(copy)]) == 0
-    assert copy.read_text(encoding="utf-8") == TEXT
 
 
 def test_registers_that_the_text_names_are_where_it_says() -> None:

@@ -2,16 +2,15 @@
 
 import pytest
 
-from hw.modbus.client import CLIENT_HZ, Client, is_loopback
-from hw.modbus.framing import Request
+from hw.modbus.client import CLIENT_HZ, Client, Request, is_loopback
 from hw.modbus.image import RegisterImage
-from hw.modbus.layout import DRIVE
-from hw.modbus.pdu import Refusal
+from hw.modbus.layout import DRIVE, Refusal
 from tests.support.modbus_rig import (
     CLEAR,
     GOOD,
     START_S,
     Clock,
+    Loop,
     context_of,
     new_image,
     some_cells,
@@ -40,11 +39,11 @@ class Commander:
 def enabled() -> tuple[RegisterImage, Commander]:
     """An image with drive registers."""
     commander = Commander()
-    return new_image(ask=commander, drive_refusal=""), commander
+    return new_image(ask=commander), commander
 
 
 def test_where_driving_is_not_enabled_there_are_no_such_registers() -> None:
-    image = new_image(drive_refusal="not enabled")
+    image = new_image()
     assert image.read(START_S, None, DRIVE, 1) == Refusal.ADDRESS
     assert image.write(START_S, START_S, None, "", DRIVE, [V, W, 200, 1]) == Refusal.ADDRESS
 
@@ -57,6 +56,7 @@ def test_a_request_is_taken_whole_and_acknowledged() -> None:
     image.publish(START_S, GOOD, CLEAR, window_of(some_cells(1)), driven=(0.25, -0.1))
     assert words(image, DRIVE, 10, START_S + 0.05) == [V, W, 200, 7, 7, 0, 7, 150, 250, 65436]
     assert words(image, DRIVE, 10, START_S + 1)[7] == 0
+    assert image.write(START_S, START_S, None, "me", DRIVE + 4, [1]) == Refusal.ADDRESS
 
 
 @pytest.mark.parametrize(
@@ -70,32 +70,20 @@ def test_a_refusal_of_the_app_shows_in_the_acknowledgement(reason: str, result: 
     assert words(image, DRIVE, 10)[3:7] == [8, 8, result, 7]
 
 
-@pytest.mark.parametrize(
-    ("first", "given"),
-    [
-        (DRIVE, [V]),
+def test_part_of_a_request_or_a_value_out_of_range_changes_nothing() -> None:
+    image, commander = enabled()
+    for first, given in (
         (DRIVE, [V, W, 200]),
-        (DRIVE + 1, [W, 200, 1]),
         (DRIVE + 3, [1]),
         (DRIVE, [V, W, 200, 1, 0]),
         (DRIVE - 1, [0, V, W, 200, 1]),
         (DRIVE, [V, W, 1001, 1]),
         (DRIVE, [0x8000, W, 200, 1]),
         (DRIVE, [V, 0x8000, 200, 1]),
-    ],
-)
-def test_part_of_a_request_or_a_value_out_of_range_changes_nothing(
-    first: int, given: list[int]
-) -> None:
-    image, commander = enabled()
-    assert image.write(START_S, START_S, None, "me", first, given) == Refusal.VALUE
+    ):
+        assert image.write(START_S, START_S, None, "me", first, given) == Refusal.VALUE
     assert commander.asked == []
     assert words(image, DRIVE, 10) == [0] * 10
-
-
-def test_the_acknowledgement_can_not_be_written() -> None:
-    image, _ = enabled()
-    assert image.write(START_S, START_S, None, "me", DRIVE + 4, [1]) == Refusal.ADDRESS
 
 
 def test_the_time_that_a_request_waited_is_taken_off_but_a_stop_is_never_too_late() -> None:
@@ -112,7 +100,7 @@ def test_the_time_that_a_request_waited_is_taken_off_but_a_stop_is_never_too_lat
 
 def test_only_this_machine_and_a_line_may_drive_and_others_may_still_freeze_and_read() -> None:
     image, commander = enabled()
-    context = context_of(image, Clock())
+    context = context_of(image, Loop(Clock()))
     answers: list[bytes] = []
     latch = bytes.fromhex("06 00 5A 00 01")
     read = bytes((3,)) + DRIVE.to_bytes(2, "big") + b"\0\1"
@@ -126,14 +114,14 @@ def test_only_this_machine_and_a_line_may_drive_and_others_may_still_freeze_and_
 
 def test_a_request_behind_many_others_of_a_client_that_is_slowed_counts_from_its_arrival() -> None:
     image, commander = enabled()
-    clock = Clock()
-    context = context_of(image, clock)
+    loop = Loop(Clock())
+    context = context_of(image, loop)
     answers: list[bytes] = []
     client = Client(context, "me", True, lambda _, pdu: answers.append(pdu))
     client.offer([READ] * 100 + [Request(1, WRITE)])
     while client.waiting:
-        context.loop.step()  # type: ignore[attr-defined]
-    waited_s = clock.now_s - START_S
+        loop.step()
+    waited_s = loop.clock.now_s - START_S
     assert waited_s == pytest.approx(41 / CLIENT_HZ)
     assert len(answers) == 101
     assert commander.asked[0][4] == pytest.approx(0.2 - waited_s)

@@ -1,17 +1,15 @@
 """The obstacle window as registers: what is packed, when it is told, and that views never mix."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import FREE, I8, OBSTACLE
-from hw.modbus.image import PACK_S, VIEW_S, RegisterImage, next_generation
-from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, stride_of
-from hw.modbus.pdu import Refusal
+from core.records import FREE
+from hw.modbus.image import PACK_S, VIEW_S, RegisterImage
+from hw.modbus.layout import COARSE, COARSE_CELLS, LATCH, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from hw.modbus.status import STALE_S
 from tests.support.modbus_rig import (
     BAD,
@@ -73,14 +71,6 @@ def test_cells_and_coarse_cells_equal_a_slow_model(
     assert registers[0] == registers[-1] == words(image, WINDOW, 1, START_S + 1)[0]
 
 
-def test_cells_lie_in_a_register_as_the_document_says() -> None:
-    cells: I8 = np.zeros((8, 8), dtype=np.int8)
-    cells[0, :] = [0, FREE, OBSTACLE, OBSTACLE, 0, 0, 0, OBSTACLE]
-    image = new_image(size=8)
-    image.publish(START_S + 1, GOOD, CLEAR, window_of(cells, (0, 0)))
-    assert words(image, WINDOW_CELLS, 1, START_S + 1) == [0x80A4]
-
-
 def test_the_header_says_where_the_cells_lie_and_the_tail_where_the_robot_was() -> None:
     image = new_image()
     head = words(image, WINDOW, 10)
@@ -123,7 +113,7 @@ def test_the_window_is_packed_ten_times_a_second_and_at_once_when_trust_is_lost(
 def test_a_map_that_nobody_publishes_any_more_is_told_as_unknown_and_so_it_is_at_the_start() -> (
     None
 ):
-    unpublished = RegisterImage(size=SIZE, cell_mm=200, session=1)
+    unpublished = RegisterImage(size=SIZE, cell_mm=200, session=1, version="")
     silent = START_S + STALE_S + 0.01
     for image, now_s in ((new_image(), silent), (unpublished, START_S)):
         count = SIZE * stride_of(SIZE)
@@ -152,19 +142,12 @@ def test_a_view_is_frozen_by_its_first_read_by_its_header_and_by_the_latch_only(
     assert words(image, WINDOW, 12, now_s, other)[0] == 3
 
 
-def test_a_view_that_is_too_old_says_so_until_it_is_latched_again() -> None:
-    image = new_image()
-    view = image.new_view()
-    words(image, WINDOW, 1, view=view)
-    late_s = START_S + VIEW_S + 0.1
-    image.publish(late_s, GOOD, CLEAR, window_of(some_cells(3)))
-    assert image.read(late_s, view, WINDOW_CELLS, 5) == Refusal.BUSY
-    assert words(image, WINDOW, 15, late_s, view)[0] == 2
-    assert len(words(image, WINDOW_CELLS, 5, late_s, view)) == 5
-
-
-@pytest.mark.parametrize("cause", ["trust lost", "map erased", "silent", "silent for a while"])
-def test_a_view_from_before_trust_was_lost_is_not_told_any_more(cause: str) -> None:
+@pytest.mark.parametrize(
+    "cause", ["too old", "trust lost", "map erased", "silent", "silent for a while"]
+)
+def test_a_view_that_is_too_old_or_not_trusted_any_more_is_told_only_when_frozen_anew(
+    cause: str,
+) -> None:
     image = new_image()
     view = image.new_view()
     words(image, WINDOW, 1, view=view)
@@ -174,6 +157,9 @@ def test_a_view_from_before_trust_was_lost_is_not_told_any_more(cause: str) -> N
     elif cause == "silent for a while":
         now_s += STALE_S
         image.publish(now_s, GOOD, CLEAR, window_of(some_cells(2)))
+    elif cause == "too old":
+        now_s = START_S + VIEW_S + 0.1
+        image.publish(START_S + VIEW_S, GOOD, CLEAR, window_of(some_cells(2)))
     else:
         window = window_of(some_cells(2))
         changes = {"trusted": False} if cause == "trust lost" else {"epoch": window.epoch + 1}
@@ -195,20 +181,3 @@ def test_buffers_are_used_again_however_long_it_runs() -> None:
 def test_a_window_of_another_size_is_an_error_of_the_caller() -> None:
     with pytest.raises(ValueError, match="29 cells"):
         new_image().publish(START_S + 1, GOOD, CLEAR, window_of(some_cells(1, 28)))
-
-
-def test_generations_grow_by_one_and_skip_zero() -> None:
-    generation, seen = 65500, []
-    for _ in range(100):
-        generation = next_generation(generation)
-        seen.append(generation)
-    assert 0 not in seen
-    assert all(b - a == 1 or (a, b) == (65535, 1) for a, b in pairwise(seen))
-
-
-def test_a_clock_that_stands_still_or_a_scan_that_never_came_gives_no_better_age() -> None:
-    image = RegisterImage(size=8, cell_mm=100, session=0)
-    never = replace(GOOD, age_scan_s=float("inf"))
-    image.publish(START_S, never, CLEAR, window_of(some_cells(1, 8)))
-    assert words(image, WINDOW + 1, 1) == [0xFFFF]
-    assert words(image, COARSE + 1, 1) == [0xFFFF]

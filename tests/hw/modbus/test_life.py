@@ -2,7 +2,6 @@
 
 import asyncio
 import gc
-import os
 import socket
 import weakref
 from pathlib import Path
@@ -10,13 +9,15 @@ from typing import Any
 
 import pytest
 
-from hw.modbus.server import CALL_BYTES, ModbusServer, _why_closed
+from hw.modbus.rtu import CALL_BYTES
+from hw.modbus.server import ModbusServer, _why_closed
 from hw.ports.url import PortUrlError, parse_url
 from tests.support.modbus_rig import (
     READ_TEN,
     Clock,
     Line,
     Tcp,
+    converse,
     free_port,
     new_image,
     serving,
@@ -25,31 +26,28 @@ from tests.support.modbus_rig import (
 
 
 def test_connections_leave_nothing_behind_while_the_collector_is_off() -> None:
-    async def run() -> None:
-        port, clock = free_port(), Clock()
-        url = f"tcp://127.0.0.1:{port}"
-        async with serving(url, new_image(), clock) as server:
-            connections = server._service.connections  # type: ignore[union-attr]
-            seen: list[weakref.ref[object]] = []
-            for k in range(20):
-                client = await Tcp.connect(port)
-                clock.now_s += 1.0
-                await client.ask(READ_TEN)
-                seen += [weakref.ref(handler) for handler in connections]
-                seen += [weakref.ref(handler.transport) for handler in connections]
-                if k % 2:
-                    client.writer.write(b"\xff" * 20)
-                    await client.ended()
-                client.close()
-                await until(lambda: not connections)
-            await asyncio.sleep(0)
-            assert len(seen) == 2 * 20
-            await until(lambda: not any(handler() for handler in seen))
+    async def talk(client: Tcp, server: ModbusServer, clock: Clock) -> None:
+        connections: Any = server._service.connections  # type: ignore[union-attr]
+        seen: list[weakref.ref[object]] = []
+        for k in range(20):
+            clock.now_s += 1.0
+            await client.ask(READ_TEN)
+            seen += [weakref.ref(handler) for handler in connections]
+            seen += [weakref.ref(handler._transport) for handler in connections]
+            if k % 2:
+                client.writer.write(b"\xff" * 20)
+                await client.ended()
+            client.close()
+            await until(lambda: not connections)
+            client = await client.another()
+        assert len(seen) == 2 * 20
+        await until(lambda: not any(handler() for handler in seen))
+        client.close()
 
     gc.collect()
     gc.disable()
     try:
-        asyncio.run(run())
+        converse("tcp", talk)
     finally:
         gc.enable()
 
@@ -64,16 +62,15 @@ def test_a_busy_port_is_told_and_taken_once_it_is_free(kind: str) -> None:
             other.listen()
         port, clock = other.getsockname()[1], Clock()
         server = ModbusServer(f"{kind}://127.0.0.1:{port}", new_image(), clock)
-        server.start()
-        await until(lambda: "in use by another program" in server.status.cause)
+        await server.tend()
+        assert "in use by another program" in server.status.cause
         assert server.status.state == "closed"
         other.close()
         clock.now_s += 1
-        await until(lambda: server.status.state == "running")
-        assert server.status.cause == ""
+        await server.tend()
+        assert (server.status.state, server.status.cause) == ("running", "")
         await server.stop()
-        assert server.status.state == "closed"
-        assert server.status.losses == 1
+        assert (server.status.state, server.status.losses) == ("closed", 1)
 
     asyncio.run(run())
 
@@ -119,60 +116,19 @@ def test_a_line_with_parity_comes_back_after_it_was_lost(tmp_path: Path) -> None
     asyncio.run(run())
 
 
-def test_a_line_that_nobody_reads_does_not_stall_the_loop() -> None:
-    async def run() -> None:
-        line, clock = Line(), Clock()
-        async with serving(line.url(), new_image(), clock) as server:
-            ask = bytes.fromhex("01 04 00 00 00 7D 30 2B")
-            asker = server._service._handler._client  # type: ignore[union-attr]
-            for _ in range(150):  # more answers than a pty keeps
-                clock.now_s += 1.0
-                os.write(line.master, ask)
-                await until(lambda: asker.asked_s == clock.now_s)
-            assert server.status.state == "running"
-            line.close()
-
-    asyncio.run(run())
-
-
 def test_a_flood_on_a_line_is_looked_at_in_bounded_portions_and_in_order() -> None:
-    async def run() -> None:
-        line, clock = Line(), Clock()
-        async with serving(line.url(), new_image(), clock) as server:
-            service: Any = server._service
-            line.send(bytes.fromhex("01 03 00 00 00 01 84 0A") * 400)
-            while line.unread() < 400 * 8:
-                pass  # the kernel hands it over a little later
-            service._hear()
-            assert len(service._unread) == 400 * 8 - CALL_BYTES
-            service._hear()
-            assert len(service._unread) == 400 * 8 - 2 * CALL_BYTES
-            answer = bytes.fromhex("01 03 02 4D 50 8D 28")
-            while len(line.listen()) < 400 * 7:
-                clock.now_s += 0.01
-                await asyncio.sleep(0)
-            assert bytes(line.heard) == answer * 400
-            assert not service._unread
-        line.close()
+    async def talk(line: Line, server: ModbusServer, clock: Clock) -> None:
+        service: Any = server._service
+        line.send(bytes.fromhex("01 03 00 00 00 01 84 0A") * 400)
+        answer, most = bytes.fromhex("01 03 02 4D 50 8D 28"), 0
+        while len(line.listen()) < 400 * 7:
+            clock.now_s += 0.01
+            most = max(most, len(service._unread))
+            await asyncio.sleep(0)
+        assert bytes(line.heard) == answer * 400
+        assert 400 * 8 - CALL_BYTES >= most > 0
 
-    asyncio.run(run())
-
-
-def test_a_line_that_is_never_silent_gets_its_answers_all_the_same() -> None:
-    async def run() -> None:
-        line, clock = Line(), Clock()
-        async with serving(line.url(), new_image(), clock):
-            line.send(bytes.fromhex("01 03 00 00 00 0A C5 CD"))
-            for _ in range(2000):
-                clock.now_s += 0.001
-                line.send(bytes.fromhex("11 03 02 00 05 38 44"))
-                await asyncio.sleep(0)
-                if line.listen():
-                    break
-            assert line.listen()[:3] == bytes.fromhex("01 03 14")
-        line.close()
-
-    asyncio.run(run())
+    converse("serial", talk)
 
 
 def test_a_mistake_of_ours_ends_the_server_and_is_not_kept_secret() -> None:

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from fakes.ax3500.device import FakeAx3500, Mode
+from fakes.ax3500.device import FakeAx3500
+from fakes.ax3500.properties import Mode
 from tests.support.real_time import StillWheels
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import drive

@@ -1,17 +1,16 @@
-"""Modbus frames: requests found in bytes, and answers put into frames.
+"""Modbus on a serial line (RTU), which may have other slaves: we speak only after a silence.
 
-**TCP and UDP**: a frame tells its length. **RTU**, on a line that may have other slaves: a frame is
-recognised by its length and checksum at the place where one must begin; what other units are asked,
-and what they answer, is stepped over whole, so that no byte of it is taken for a request. What lies
-there after noise is looked for only once the line is silent, and only at the very end: whoever asks
-us then waits. A broadcast (unit 0) is not answered.
-Source: Modbus messaging on TCP/IP implementation guide 1.0b, section 3.1.3; Modbus over serial line
-1.02, section 2.5.1.
+A frame is recognised by its length and checksum at the place where one must begin; what other
+units are asked, and what they answer, is stepped over whole, so that no byte of it is taken for a
+request. What lies there after noise is looked for only once the line is silent, and only at the
+very end: whoever asks us then waits. A broadcast (unit 0) is not answered.
+Source: Modbus over serial line 1.02, section 2.5.1.
 """
 
-import struct
-from typing import NamedTuple
+import asyncio
+from functools import partial
 
+from hw.modbus.client import Client, Request, ServerContext
 from hw.modbus.pdu import (
     IDENTIFY,
     MASK_WRITE,
@@ -23,66 +22,25 @@ from hw.modbus.pdu import (
     WRITE_ONE,
     WRITE_READ,
 )
-
-MBAP = struct.Struct(">HHHB")  # transaction, protocol (0), length of what follows, unit
-LENGTHS = range(2, 255)  # unit and 1 to 253 bytes of request
-LENGTH_OFFSET = 6
+from hw.ports.serial import SerialPort
+from hw.ports.url import PortUrl
+from hw.runtime.wakeup import WakeUp
 
 POLYNOMIAL, START = 0xA001, 0xFFFF
 LEAST, MOST = 4, 256  # bytes of a frame
 KEPT = 4 * MOST  # bytes without a frame in them; older ones are dropped
 UNKNOWN, MORE = 0, -1  # a frame's size: can't be told; can't be told yet
-EXCEPTION_SIZE, ECHO_SIZE = 5, 8
+EXCEPTION_SIZE = 5
 COUNTED = {WRITE_COILS: 6, WRITE_MANY: 6, WRITE_READ: 10, 20: 2, 21: 2}  # where the byte count is
 FIXED = {7: 4, 8: 8, 11: 4, 12: 4, 17: 4, MASK_WRITE: 10, 24: 6}
 ECHOED = {WRITE_COIL: 8, WRITE_ONE: 8, WRITE_COILS: 8, WRITE_MANY: 8, MASK_WRITE: 10, 8: 8, 11: 8}
 LISTED = {READ_COILS, 2, 3, READ_INPUTS, WRITE_READ, 12, 17, 20, 21}  # answers with a byte count
 
-
-class Request(NamedTuple):
-    """One request as it arrived."""
-
-    unit: int
-    pdu: bytes  # function code and data, at least one byte
-    transaction: int = 0  # told back; RTU has none
-
-
-def take_requests(data: bytearray) -> tuple[list[Request], str]:
-    """The whole requests at the start of `data`, which are taken out of it.
-
-    And why what follows them is no Modbus frame, and nothing behind it can be understood; "" if
-    it may be one.
-    """
-    found: list[Request] = []
-    at, reason = 0, ""
-    while len(data) - at >= LENGTH_OFFSET:
-        transaction, protocol, length = struct.unpack_from(">HHH", data, at)
-        if protocol != 0 or length not in LENGTHS:
-            reason = "impossible length" if protocol == 0 else "wrong protocol number"
-            break
-        end = at + LENGTH_OFFSET + length
-        if end > len(data):
-            break
-        found.append(Request(data[at + LENGTH_OFFSET], bytes(data[at + 7 : end]), transaction))
-        at = end
-    del data[:at]
-    return found, reason
-
-
-def datagram_requests(data: bytes) -> list[Request]:
-    """The requests of one datagram: whole ones and nothing else; none if there is anything else."""
-    rest = bytearray(data)
-    found, reason = take_requests(rest)
-    return [] if rest or reason else found
-
-
-def mbap_frame(request: Request, pdu: bytes) -> bytes:
-    """The frame of an answer on TCP or UDP.
-
-    >>> mbap_frame(Request(1, b"", 5), bytes((0xE3, 1))).hex(" ")
-    '00 05 00 00 00 03 01 e3 01'
-    """
-    return MBAP.pack(request.transaction, 0, len(pdu) + 1, request.unit) + pdu
+CHARACTER_BITS = 11
+SILENT_CHARACTERS, LEAST_SILENT_S = 3.5, 0.00175
+LONG_SILENCE_S = 0.1  # nothing begun will be ended any more
+CALL_BYTES = 1024  # looked at in one call: 11 ms of 921 600 baud
+MOST_FOUND = 64  # requests of a master that never falls silent, before it is answered all the same
 
 
 def _crc_table() -> list[int]:
@@ -147,23 +105,7 @@ def answer_size(frame: bytes | bytearray) -> int:
         return ECHOED[function]
     if function in LISTED:
         return MORE if len(frame) < 3 else min(MOST + 1, 3 + frame[2] + 2)
-    if function == 7:
-        return 5
-    if function == IDENTIFY:
-        return _identity_size(frame)
-    return UNKNOWN
-
-
-def _identity_size(frame: bytes | bytearray) -> int:
-    """Of an answer to device identification: it counts its texts."""
-    if len(frame) < 8:
-        return MORE
-    at = 8
-    for _ in range(frame[7]):
-        if len(frame) < at + 2:
-            return MORE
-        at += 2 + frame[at + 1]
-    return at + 2
+    return 5 if function == 7 else UNKNOWN
 
 
 class RtuReceiver:
@@ -174,11 +116,6 @@ class RtuReceiver:
         self._buffer = bytearray()
         self._asked: tuple[int, int] | None = None  # another unit and function: it may answer now
         self.rejected = 0  # bytes that belonged to no frame
-
-    @property
-    def waits(self) -> bool:
-        """Whether bytes lie here that silence would decide about."""
-        return bool(self._buffer)
 
     def feed(self, data: bytes) -> list[Request]:
         """The requests for us that these bytes complete."""
@@ -198,12 +135,12 @@ class RtuReceiver:
         size = len(self._buffer)
         if LEAST <= size <= MOST and crc16(self._buffer) == 0:  # of a function we do not know
             self._sort(size, found)
-        elif long or not self._is_answer_under_way():
-            at = self._maybe_last_request()
+        elif long or not (self._is_asked() and self._may_grow(answer_size(self._buffer))):
+            at = self._maybe_last_request()  # an answer under way may look like anything
             if at is not None:
                 self._drop(at)
                 self._sort(len(self._buffer), found)
-            elif long or not self._may_grow():
+            elif long or not self._may_grow(*self._sizes()):
                 self._drop(size)
         return found
 
@@ -226,14 +163,9 @@ class RtuReceiver:
                 return size
         return 0
 
-    def _may_grow(self) -> bool:
-        """Whether what lies at the start may become a frame."""
-        return any(size == MORE or len(self._buffer) < size <= MOST for size in self._sizes())
-
-    def _is_answer_under_way(self) -> bool:
-        """Whether another unit is in the middle of its answer, which may look like anything."""
-        size = answer_size(self._buffer)
-        return self._is_asked() and (size == MORE or len(self._buffer) < size <= MOST)
+    def _may_grow(self, *sizes: int) -> bool:
+        """Whether what lies at the start may become a frame of one of these sizes."""
+        return any(size == MORE or len(self._buffer) < size <= MOST for size in sizes)
 
     def _maybe_last_request(self) -> int | None:
         """Where a request for us begins that ends with the last byte."""
@@ -259,3 +191,87 @@ class RtuReceiver:
     def _drop(self, size: int) -> None:
         self.rejected += size
         del self._buffer[:size]
+
+
+def silent_s(baud: int) -> float:
+    """The silence that ends a frame.
+
+    >>> round(1e3 * silent_s(9600), 2), round(1e3 * silent_s(115200), 2)
+    (4.01, 1.75)
+    """
+    return max(LEAST_SILENT_S, SILENT_CHARACTERS * CHARACTER_BITS / baud) if baud else 0.0
+
+
+class LineService:
+    """Our unit on a serial line; where the line is lost, it comes back by itself."""
+
+    def __init__(self, context: ServerContext, url: PortUrl) -> None:
+        self._context, self._port = context, SerialPort(url)
+        self._silent_s = silent_s(url.baud or 0)
+        self._client = Client(context, f"modbus rtu {url.path}", True, self._reply)
+        self._wake_up = WakeUp(context.loop, (self._port,), self._hear)
+        self._timer: asyncio.Handle | None = None
+        self._opened = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._unread = bytearray()
+        self._receiver = RtuReceiver(frozenset(self._context.views))
+        self._found: list[Request] = []  # they wait for silence
+
+    async def open(self) -> None:
+        """Tending opens it, and opens it again."""
+
+    def tend(self, now_s: float) -> str:
+        """Open or reopen the line, send what it did not take at once, listen to it."""
+        is_open = self._port.poll(now_s)
+        if is_open and self._port.opened != self._opened:
+            self._opened = self._port.opened
+            self._begin()
+        if self._unread:
+            self._hear()
+        self._wake_up.after_tick()
+        return "" if is_open else self._port.cause
+
+    def _hear(self) -> None:
+        """Look at some of what has arrived; at the rest when it is tended next."""
+        self._unread += b"".join(self._port.read())
+        piece = bytes(self._unread[:CALL_BYTES])
+        del self._unread[:CALL_BYTES]
+        if piece:
+            self._take(self._receiver.feed(piece))
+        if len(self._found) > MOST_FOUND:
+            self._offer()
+        if not self._unread:
+            self._listen(self._silent_s, long=False)
+
+    def _listen(self, wait_s: float, *, long: bool) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._context.loop.call_later(wait_s, partial(self._silence, long))
+
+    def _silence(self, long: bool) -> None:
+        self._take(self._receiver.silence(long=long))
+        self._offer()
+        if not long:
+            self._listen(LONG_SILENCE_S, long=True)
+
+    def _take(self, found: list[Request]) -> None:
+        self._found += found
+        if noise := self._receiver.rejected:
+            self._receiver.rejected = 0
+            self._context.reject("noise on the line", bytes(noise))
+
+    def _offer(self) -> None:
+        found, self._found = self._found, []
+        self._client.offer(found)
+
+    def _reply(self, request: Request, pdu: bytes) -> None:
+        self._port.write(rtu_frame(request, pdu))
+
+    async def shutdown(self) -> None:
+        self._wake_up.close()
+        if self._timer is not None:
+            self._timer.cancel()
+        self._client.close()
+        self._port.close()

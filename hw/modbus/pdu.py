@@ -1,8 +1,7 @@
 """One Modbus request in, its answer out: function code and data, without the frame around them.
 
 Nothing raises on input: what can't be served gives an exception answer. Checked in the order of
-the standard: function, counts and values, addresses. pymodbus's own messages are not used: they
-let through what is too long, wrong counts and odd coil values, and cost more.
+the standard: function, counts and values, addresses.
 Source: Modbus application protocol 1.1b3, section 6 (codes 1 to 6, 15, 16, 22, 23, 43/14) and 7.
 """
 

@@ -231,15 +231,10 @@ class EmulatedBoard(Board):
         """All that the planner has to say at the time at which its clock stands."""
         self.ask("poll")
 
-    def origin(self) -> tuple[int, int]:
-        """Lowest column and row in the endless grid, modulo 65 536 as int16."""
-        status = self.status()
-        return status["ox"], status["oy"]
-
-    def snapshot(self) -> tuple[tuple[int, int], U8]:
-        """(origin, window) of one instant."""
+    def snapshot(self) -> tuple[U8, tuple[int, int]]:
+        """The window, and its lowest column and row in the endless grid modulo 65 536 as int16."""
         numbers, cells = self._dump()
-        return (numbers[2], numbers[3]), cells
+        return cells, (numbers[2], numbers[3])
 
     def state(self) -> PlannerState:
         """What the planner does, and why."""

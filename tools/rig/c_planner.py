@@ -21,7 +21,6 @@ from tools.rig.c_build import PlannerRobot, build_planner_library, shipped_robot
 
 U8 = npt.NDArray[np.uint8]
 OUT_BYTES = 64
-ADVICE = ("stop", "slow", "go")
 STATES = ("idle", "driving", "arrived", "stopped")
 RECOVERIES = ("", "wait", "look", "back", "probe", "view", "face", "pass")
 WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
@@ -82,23 +81,15 @@ class PlannerSettings:
 class PlannerState:
     """What the planner says of itself, SI, map frame."""
 
-    state: str  # "idle" | "driving" | "arrived" | "stopped"
-    why: str  # it stands, has stopped, or does not simply go on; "" for none
-    recovery: str  # the behaviour where no path leads on; "": it follows its path
-    v_mps: float  # asked for
-    w_radps: float
-    x_m: float  # where it believes to be
-    y_m: float
-    yaw_rad: float
-    goal: tuple[float, float]
-    advice: str  # of the link: "go" | "slow" | "stop"
-    advice_why: str
-    blank: bool
-    suspect: bool
-    stale: bool
-    tries: int  # recoveries for this goal, less those that have been made good
-    accepted: int  # frames, since the start
-    rejected: int
+    state: str = "idle"  # or "driving", "arrived", "stopped"
+    why: str = ""  # it stands, has stopped, or does not simply go on; "" for none
+    v_mps: float = 0.0  # asked for
+    w_radps: float = 0.0
+    recovery: str = ""  # the behaviour where no path leads on; "": it follows its path
+    goal: tuple[float, float] = (0.0, 0.0)
+    blank: bool = False
+    suspect: bool = False
+    accepted: int = 0  # frames, since the start
 
 
 def planner_state(told: Mapping[str, int]) -> PlannerState:
@@ -106,21 +97,13 @@ def planner_state(told: Mapping[str, int]) -> PlannerState:
     return PlannerState(
         state=STATES[told["state"]],
         why=WHY[told["why"]],
-        recovery=RECOVERIES[told["recovery"]],
         v_mps=told["v_mmps"] / 1000,
         w_radps=told["w_mradps"] / 1000,
-        x_m=told["x_mm"] / 1000,
-        y_m=told["y_mm"] / 1000,
-        yaw_rad=math.remainder(told["yaw"] * math.tau / 65_536, math.tau),
+        recovery=RECOVERIES[told["recovery"]],
         goal=(told["goal_x_mm"] / 1000, told["goal_y_mm"] / 1000),
-        advice=ADVICE[told["advice"]],
-        advice_why=WHY[told["link_why"]],
         blank=bool(told["blank"]),
         suspect=bool(told["suspect"]),
-        stale=bool(told["stale"]),
-        tries=told["tries"],
         accepted=told["accepted"],
-        rejected=told["bad_frames"],
     )
 
 

@@ -18,6 +18,8 @@ import numpy.typing as npt
 
 from core.records import record
 from fakes.scenes.scene import Scene
+from fakes.world.rig import AnyWorld
+from fakes.world.world import World
 from tools.rig.contact import (
     HEIGHT_M,
     NOTHING,
@@ -41,7 +43,6 @@ STOOD_S = 0.5  # a robot that has stood so long bumps into nobody
 DRIVING_MPS = 0.05
 AGAIN_S = 1.0  # out of touch for so long, and it is another contact
 LOOK_M = 2.0  # how far gaps are told
-PERSON_M = 1.75  # how high people are
 WHOLE_TURN = 2 * math.pi
 NOBODY = np.zeros((0, 3))
 
@@ -75,6 +76,13 @@ class Truth:
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     people: F64 | None = None  # (n, 3) x, y, radius
+
+
+def truth_of(world: AnyWorld, since_s: float) -> Truth:
+    """What is true now in a simulated world."""
+    x, y, yaw, pitch_rad, roll_rad = world.pose()
+    people = world.people() if isinstance(world, World) else None
+    return Truth(since_s, (x, y, yaw), world.height_m(), pitch_rad, roll_rad, people)
 
 
 class Judge:

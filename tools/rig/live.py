@@ -19,7 +19,6 @@ from tools.rig.bench import Bench
 from tools.rig.board import BoardError
 from tools.rig.c_build import CompileError, MissingToolError
 from tools.rig.config import RigConfig, load_rig_file
-from tools.rig.live_picture import show
 from tools.settings import NotThereError
 from tools.terminal.processes import RunError, Stop, folder_kept_on_failure, say
 from tools.terminal.screen import has_screen
@@ -41,9 +40,10 @@ def summary(bench: Bench, console: Console, now_s: float) -> bool:
     for words in bench.doubts.words(now_s):
         say(f"the link said stop: {words}")
     hits = 0
-    if bench.followed:
-        bench.followed.step()
-        judge, hits = bench.followed.judge, bench.followed.hits
+    if bench.truth:
+        bench.truth.step()
+        judge = bench.truth.judge
+        hits = len(judge.collisions)
         say(f"{hits} collisions; driven {judge.driven_m:.1f} m")
         for contact in judge.collisions:
             say(f"  {contact.words()}")
@@ -52,22 +52,10 @@ def summary(bench: Bench, console: Console, now_s: float) -> bool:
     taken = bench.log.real_time
     fifo = "taken" if taken.get("sched_fifo") else "not permitted"
     locked = "locked" if taken.get("memory_locked") else "not locked"
-    say(f"{bench.outcome.ticks}; SCHED_FIFO {fifo}, memory {locked}")
-    say(bench.outcome.map_words)
+    say(f"{bench.ticks}; SCHED_FIFO {fifo}, memory {locked}")
+    say(bench.map_words)
     given_up = any(visit.why for visit in tour.visits)
-    return hits == 0 and not given_up and not bench.outcome.map_differs
-
-
-def watch_it(bench: Bench, console: Console, stop: Stop) -> None:
-    """The picture, or a line now and then, for as long as it runs."""
-
-    def done(now_s: float) -> bool:
-        return stop.wanted or bench.done(now_s)
-
-    if has_screen(console):
-        show(bench.end, console, done, bench.lines, lambda: bench.goal)
-    else:
-        watch(bench.end, console, done, bench.words)
+    return hits == 0 and not given_up and not bench.map_differs
 
 
 def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int:
@@ -77,14 +65,19 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
     well = False
     try:
         with folder_kept_on_failure() as folder, Stop().on_signals() as stop:
-            say(f'setting up "{config.scene}" (seed {config.seed})')
+            say(f'setting up "{config.world.scene}" (seed {config.world.seed})')
             bench = Bench(config, options, folder)
             try:
                 say(bench.remark or f"planner: {bench.form.words}")
-                for name, port in config.real.items():
+                for name, port in config.devices.real.items():
                     say(f"{name}: the real one at {port}")
                 bench.start(stop)
-                watch_it(bench, console, stop)
+                watch(
+                    bench.end,
+                    console,
+                    lambda now_s: stop.wanted or bench.done(now_s),
+                    lambda now_s: "\n".join(bench.words()),
+                )
                 bench.compare_maps()
                 now_s = bench.end.step(0.0)
             except RunError as error:

@@ -53,8 +53,9 @@ def test_host_and_board_ask_for_the_same_motions_and_hold_the_same_map(
         assert len(asked) >= (ticks - 20) / 2
         assert asked == bench.asked
         assert any(drive[:2] != (0.0, 0.0) for drive in asked)
-        assert np.array_equal(emulated.window(), bench.planner.window())
-        assert emulated.origin() == bench.planner.origin()
+        window, origin = emulated.snapshot()
+        assert np.array_equal(window, bench.planner.window())
+        assert origin == bench.planner.origin()
         assert emulated.state() == bench.state
         assert emulated.status()["stack"] < 1200
 

@@ -16,9 +16,10 @@ from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid
 from tests.support.blind_pilot import BlindPilot
 from tools.rig import campaign, record, report
-from tools.rig.__main__ import main as rig_main
 from tools.rig.c_build import program
 from tools.rig.campaign import Task, outcome_of, outcomes_of, spec_of
+from tools.rig.draw import draw_run
+from tools.rig.draw import main as draw_main
 from tools.rig.loop import rig_config
 from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
 from tools.rig.record import Recorder
@@ -38,33 +39,27 @@ def place(*things: Solid, goals: Any = GOALS) -> Scene:
     return Scene("hall", (FLOOR, WALL, *things), goals=goals)
 
 
-def run_of(
+def result_of(
     scene: Scene, pilot: BlindPilot | None = None, limit_s: float = 25.0, **robot: Any
-) -> Run:
-    """A run of a blind planner, at its end."""
+) -> RunResult:
+    """What comes of a run of a blind planner."""
     config = with_changes(rig_config(scene), robot=robot) if robot else None
-    run = Run(RunSpec(scene, 1, limit_s=limit_s), pilot or BlindPilot(), config)
-    while not run.ended:
-        run.step()
-    return run
+    return Run(RunSpec(scene, 1, limit_s=limit_s), pilot or BlindPilot(), config).to_end()
 
 
 @pytest.fixture(scope="module")
 def arrived() -> RunResult:
     """A run without anything in the way."""
-    return run_of(place()).result()
+    return result_of(place())
 
 
 @pytest.fixture(scope="module")
 def caught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path]:
-    """A run that ends at a low box, and the folder in which it was written down."""
+    """A run that ends at a low box, watched, and the folder in which it was written down."""
     folder = tmp_path_factory.mktemp("run")
     run = Run(RunSpec(place(LOW_BOX), 1), BlindPilot())
     with Recorder(run, folder) as recorder:
-        while not run.ended:
-            run.step()
-            recorder(run)
-        recorder.finish(run.result())
+        recorder.finish(run.to_end(recorder))
     return run, folder
 
 
@@ -80,7 +75,7 @@ def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult)
 def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not(
     arrived: RunResult,
 ) -> None:
-    assert run_of(place()).result().digest == arrived.digest
+    assert result_of(place()).digest == arrived.digest
     other = Run(RunSpec(place(), 2), BlindPilot())
     same = Run(RunSpec(place(), 1), BlindPilot())
     for run in (other, same):
@@ -105,13 +100,13 @@ def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught(
 
 def test_one_that_backs_into_a_wall_with_mapods_zone_off_is_caught() -> None:
     scene = place(BEHIND, goals=((-4.0, 0.0),))
-    result = run_of(scene, BlindPilot(v_mps=-0.4), unknown_stops=False, start_clear_m=0.0).result()
+    result = result_of(scene, BlindPilot(v_mps=-0.4), unknown_stops=False, start_clear_m=0.0)
     assert result.collisions[0].what == "wall behind"
 
 
 def test_before_a_wall_mapod_stops_it_and_the_run_tells_why() -> None:
     scene = place(Solid("box", (2.5, 3.0), (-1.0, 1.0), (0.0, 1.2)), goals=((8.0, 0.0),))
-    result = run_of(scene, limit_s=12.0).result()
+    result = result_of(scene, limit_s=12.0)
     assert not result.collisions
     assert result.stops[0].in_way == "box"
     (missed,) = result.missed
@@ -124,13 +119,13 @@ def test_before_a_wall_mapod_stops_it_and_the_run_tells_why() -> None:
 def test_a_planner_that_gives_up_ends_the_run_with_its_cause() -> None:
     pilot = BlindPilot()
     pilot.gives_up = "no way over seen ground"
-    result = run_of(place(goals=GOALS[:1]), pilot, limit_s=30.0).result()
+    result = result_of(place(goals=GOALS[:1]), pilot, limit_s=30.0)
     assert result.sim_s == pytest.approx(FIRST_GOAL_S + GIVEN_UP_S, abs=0.5)
     assert "the planner: no way over seen ground" in result.missed[0].cause
 
 
 def test_a_planner_that_takes_another_place_for_its_goal_has_not_reached_it() -> None:
-    result = run_of(place(goals=((1.6, 0.0),)), BlindPilot(radius_m=1.2)).result()
+    result = result_of(place(goals=((1.6, 0.0),)), BlindPilot(radius_m=1.2))
     assert result.reached == 0
     assert "a place for it that is " in result.missed[0].cause
 
@@ -139,23 +134,13 @@ def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
     scene = place(goals=((7.0, 0.0),))
     spec = RunSpec(scene, 1, faults=("scanner.wire.mute@6s+1s",), limit_s=9.0)
     run = Run(spec, BlindPilot())
-    while not run.ended:
-        run.step()
+    (stop,) = run.to_end().stops
     assert [said for _, said in run.loop.happened] == [
         "scanner.wire.mute on",
         "scanner.wire.mute off",
     ]
-    (stop,) = run.result().stops
     assert stop.in_way == "a fault"
     assert stop.why == "the scanner delivers no scans"
-
-
-@pytest.mark.slow
-def test_over_a_serial_line_the_planner_drives_as_well() -> None:
-    run = Run(RunSpec(place(goals=GOALS[:1]), 1, limit_s=20.0, baud=115_200), BlindPilot())
-    while not run.ended:
-        run.step()
-    assert run.result().reached == 1
 
 
 def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) -> None:
@@ -175,7 +160,7 @@ def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) 
     events = [json.loads(line) for line in lines]
     assert {"goal_changed", "collision_noted", "run_ended"} <= {line["event"] for line in events}
     (folder / "picture.png").unlink()
-    with Image.open(record.draw(folder, run.scene)) as drawn:
+    with Image.open(draw_run(folder, run.scene)) as drawn:
         colours = np.array(drawn.convert("RGB")).reshape(-1, 3)
     assert (colours == (255, 174, 0)).all(axis=1).any()  # the robot
 
@@ -183,18 +168,14 @@ def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path]) 
 def test_what_is_no_recorded_run_is_told_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert rig_main(["draw", str(tmp_path)]) == 1
+    assert draw_main([str(tmp_path)]) == 1
     assert capsys.readouterr().err.count("\n") == 1
-    assert rig_main([]) == 0
-    assert "tools.rig.campaign" in capsys.readouterr().out
 
 
 def test_a_watched_run_tells_a_person_what_happens(capsys: pytest.CaptureFixture[str]) -> None:
     run = Run(RunSpec(place(LOW_BOX), 1, limit_s=5.5), BlindPilot())
     with Watcher(Console(), speed=0.0) as watcher:
-        while not run.ended:
-            run.step()
-            watcher(run)
+        run.to_end(watcher)
     assert "goal 1 of 2" in capsys.readouterr().out
     assert "5.5 s" in line_of(run)
     image = image_of(run)
@@ -254,7 +235,9 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
     assert "a second run differed" in text
     assert "broken off after 4 of 5 runs" in text
     assert "NOT WELL" in text
-    assert report.markdown([arrived, bad]).count("\n") == 3
+    with console.capture() as shown:
+        console.print(report.table([arrived, bad], markdown=True))
+    assert "| all   |    2 |" in shown.get()
     assert json.loads(json.dumps(report.as_json(outcomes)))[1]["collisions"]
     assert report.is_well(outcomes[:1], 1)
     assert not report.is_well(outcomes[:1], 2)

@@ -7,8 +7,8 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from tools.rig.fault_kinds import Fault, either, goes_on, stops
-from tools.rig.fault_run import ALL_WELL, Moment, Outcome, judge, problems, problems_of_pair
+from tools.rig.fault import Fault, either, goes_on, stops
+from tools.rig.fault_run import ALL_WELL, Moment, Outcome, fill_in, problems, problems_of_pair
 from tools.rig.fault_table import Job, Row, cells, jobs, markdown, show, summary
 from tools.rig.faults import CATALOGUE
 
@@ -29,7 +29,7 @@ def driven(
         reason = "" if v_mps else "no scans"
         moments.append(Moment(t_s, x_m, 0.0, v_mps > 0, wants(t_s, v_mps), health(t_s), reason))
         x_m += v_mps * STEP_S
-    judge(moments, outcome)
+    fill_in(moments, outcome)
     return outcome
 
 

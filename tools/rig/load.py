@@ -1,12 +1,9 @@
 """Load for a machine, as other programs make it: every core busy, memory moved, disk written.
 
-    python -m tools.rig.load --seconds 60
-
 For each core a process that computes, for every second one a process that moves memory, and one
 that writes to the disk and insists that it is there. All end with whoever started them.
 """
 
-import argparse
 import contextlib
 import functools
 import multiprocessing
@@ -64,19 +61,3 @@ def loaded(seconds: float, cores: int | None = None) -> Iterator[str]:
         for process in processes:
             process.kill()
             process.join()
-
-
-def main() -> int:
-    """Exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tools.rig.load", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--cores", type=int, help="computing processes; all cores by default")
-    options = parser.parse_args()
-    with loaded(options.seconds, options.cores) as words, contextlib.suppress(KeyboardInterrupt):
-        print(f"load for {options.seconds:g} s: {words}", flush=True)
-        time.sleep(options.seconds)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -1,7 +1,5 @@
 """The far end as a meter: stamps, matching frames with scans, load, and one short measurement."""
 
-import argparse
-import io
 import os
 from collections import deque
 from pathlib import Path
@@ -11,7 +9,6 @@ from rich.console import Console
 
 from fakes.programs.stamps import StampedAttitude, StampedScanner, Stamps, WatchedWorld
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
-from tests import ROOT
 from tools.rig import latency
 from tools.rig.far_end import Burst, FarEnd, Sent, sent_from_file, told_scans
 from tools.rig.load import loaded
@@ -140,20 +137,17 @@ def test_quantiles_are_values_that_were_there() -> None:
 
 @pytest.mark.real_time
 def test_a_short_measurement_finds_each_scan_at_the_far_end(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(latency, "SETTLE_S", 1.0)
-    options = argparse.Namespace(
-        seconds=2.0, seed=1, scene="corridor", config=str(ROOT / "mapod.toml")
-    )
-    console = Console(file=io.StringIO(), width=120)
     with Stop().on_signals() as stop:
-        row = latency.measure("alone", options, stop, console, load=False)
+        row = latency.measure("alone", 2.0, stop, load=False)
     assert row.scans > 60
     assert row.told > 0.9 * row.scans
     assert row.strangers <= 0.02 * row.scans
     assert row.ticks > 400
-    console.print(latency.table_of([row]))
-    told = console.file.getvalue() if isinstance(console.file, io.StringIO) else ""
-    assert f"{row.told} of {row.scans}" in told
-    assert "SCHED_FIFO" in latency.permissions(row)[0]
+    console = Console(width=120)
+    with console.capture() as shown:
+        console.print(latency.table_of([row]))
+    assert f"{row.told} of {row.scans}" in shown.get()
+    assert row.rights.startswith("SCHED_FIFO ")

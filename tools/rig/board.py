@@ -15,7 +15,6 @@ import socket
 import subprocess
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Literal, Self
 
 import numpy as np
@@ -90,12 +89,7 @@ class Board:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *what: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -148,15 +142,14 @@ class Board:
 
     def window(self) -> U8:
         """(height, width) cells as the board holds them: 0 unknown, 1 free, 2 obstacle."""
-        return self._dump()[1]
+        return self.snapshot()[0]
 
-    def _dump(self) -> tuple[list[int], U8]:
-        """The numbers of its answer, and the cells."""
-        numbers = [int(word) for word in self.ask("dump").split()[1:]]
-        width, height = numbers[:2]
+    def snapshot(self) -> tuple[U8, tuple[int, int]]:
+        """That, and its lowest column and row in the endless grid, modulo 65 536 as int16."""
+        width, height, *origin = (int(word) for word in self.ask("dump").split()[1:])
         rows = [self._line() for _ in range(height)]
         digits = np.frombuffer("".join(rows).encode(), np.uint8) - ord("0")
-        return numbers, digits.reshape(height, width)
+        return digits.reshape(height, width), (origin[0], origin[1])
 
     def _line(self) -> str:
         until_s = time.monotonic() + GENEROUS_S
@@ -190,7 +183,6 @@ class EmulatedBoard(Board):
 
     Args:
         nonce: of its HELLO; another one for each start.
-        key: 32 bytes, or None.
 
     Raises:
         MissingToolError, CompileError: see `tools.rig.c_build`.
@@ -201,16 +193,13 @@ class EmulatedBoard(Board):
         settings: PlannerSettings,
         folder: Path,
         link: Literal["socket", "pty"] = "socket",
-        key: bytes | None = None,
         nonce: int = 1,
     ) -> None:
         super().__init__(build_planner_firmware(settings.robot), folder, link)
-        self.settings = settings
-        words = [f"set {name} {v}" for name, v in zip(NAMES, settings.thousandths(), strict=True)]
-        words += [f"key {key.hex()}"] if key is not None else []
         try:
-            for word in [*words, f"start {nonce}"]:
-                self.ask(word)
+            for name, value in zip(NAMES, settings.thousandths(), strict=True):
+                self.ask(f"set {name} {value}")
+            self.ask(f"start {nonce}")
         except (OSError, BoardError):
             self.close()
             raise
@@ -230,11 +219,6 @@ class EmulatedBoard(Board):
     def let_speak(self) -> None:
         """All that the planner has to say at the time at which its clock stands."""
         self.ask("poll")
-
-    def snapshot(self) -> tuple[U8, tuple[int, int]]:
-        """The window, and its lowest column and row in the endless grid modulo 65 536 as int16."""
-        numbers, cells = self._dump()
-        return cells, (numbers[2], numbers[3])
 
     def state(self) -> PlannerState:
         """What the planner does, and why."""

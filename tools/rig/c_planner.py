@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from ctypes import c_int32 as i32
 from ctypes import c_uint8 as u8
-from ctypes import c_uint16 as u16
 from ctypes import c_uint32 as u32
 from dataclasses import dataclass, field
 
@@ -111,12 +110,10 @@ class _Report(ctypes.Structure):
     """struct planner_report of fakes/planner_mcu/library.c."""
 
     _fields_ = (
-        *((name, i32) for name in ("v_mmps", "w_mradps", "x_mm", "y_mm", "goal_x_mm")),
-        *((name, i32) for name in ("goal_y_mm", "width", "height", "ox", "oy")),
-        *((name, u32) for name in ("accepted", "tries")),
-        *((name, u16) for name in ("yaw", "bad_frames")),
-        *((name, u8) for name in ("state", "why", "recovery", "advice", "link_why")),
-        *((name, u8) for name in ("blank", "suspect", "stale")),
+        *((name, i32) for name in ("v_mmps", "w_mradps", "goal_x_mm", "goal_y_mm")),
+        *((name, i32) for name in ("width", "height", "ox", "oy")),
+        ("accepted", u32),
+        *((name, u8) for name in ("state", "why", "recovery", "blank", "suspect")),
     )
 
 
@@ -133,15 +130,11 @@ def library(robot: PlannerRobot) -> ctypes.CDLL:
     lib.planner_new.restype = handle
     lib.planner_free.argtypes = [handle]
     lib.planner_datagram.argtypes = [handle, u32, bytes_in, u32]
-    lib.planner_stream.argtypes = [handle, u32, bytes_in, u32]
-    lib.planner_stream.restype = None
     lib.planner_poll.argtypes = [handle, u32, bytes_in]
     lib.planner_poll.restype = u32
-    lib.planner_serial.argtypes = [bytes_in, u32]
-    lib.planner_serial.restype = u32
     lib.planner_goal.argtypes = [handle, i32, i32]
     lib.planner_halt.argtypes = [handle]
-    lib.planner_report.argtypes = [handle, u32, ctypes.POINTER(_Report)]
+    lib.planner_report.argtypes = [handle, ctypes.POINTER(_Report)]
     lib.planner_window.argtypes = [handle, ctypes.c_void_p]
     return lib
 
@@ -151,19 +144,14 @@ class CPlanner:
 
     Args:
         nonce: of its HELLO, not 0; another one for each planner of a run.
-        key: 32 bytes, or None.
     """
 
-    def __init__(self, settings: PlannerSettings, nonce: int = 1, key: bytes | None = None) -> None:
+    def __init__(self, settings: PlannerSettings, nonce: int = 1) -> None:
         self._lib = library(settings.robot)
+        self.settings = settings
         numbers = settings.thousandths()
-        self.settings, self.nonce = settings, nonce
-        self._now_s = 0.0
         self._out = ctypes.create_string_buffer(OUT_BYTES)
-        if key is not None and len(key) != 32:
-            raise ValueError("a key has 32 bytes")
-        array = (i32 * len(numbers))(*numbers)
-        self._handle = self._lib.planner_new(array, nonce, key)
+        self._handle = self._lib.planner_new((i32 * len(numbers))(*numbers), nonce, None)
         assert self._handle
 
     def __del__(self) -> None:
@@ -172,29 +160,14 @@ class CPlanner:
 
     def feed_datagram(self, now_s: float, data: bytes) -> bool:
         """One frame; whether it was accepted."""
-        return bool(self._lib.planner_datagram(self._handle, self._ms(now_s), data, len(data)) > 0)
-
-    def feed_stream(self, now_s: float, data: bytes) -> None:
-        """Bytes of a serial line, cut anywhere."""
-        self._lib.planner_stream(self._handle, self._ms(now_s), data, len(data))
+        return bool(self._lib.planner_datagram(self._handle, _ms(now_s), data, len(data)) > 0)
 
     def poll(self, now_s: float) -> list[bytes]:
-        """Frames to send, not framed for a serial line: HELLO, ACK, DRIVE."""
+        """Frames to send: HELLO, ACK, DRIVE."""
         frames: list[bytes] = []
-        now_ms = self._ms(now_s)
-        while size := self._lib.planner_poll(self._handle, now_ms, self._out):
+        while size := self._lib.planner_poll(self._handle, _ms(now_s), self._out):
             frames.append(self._out.raw[:size])
         return frames
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """The planner on a serial line: what came, and what it sends."""
-        self.feed_stream(now_s, received)
-        sent = bytearray()
-        for frame in self.poll(now_s):
-            out = ctypes.create_string_buffer(frame, OUT_BYTES)
-            size = self._lib.planner_serial(out, len(frame))
-            sent += out.raw[:size]
-        return bytes(sent)
 
     def goal(self, x_m: float, y_m: float) -> None:
         """Drive there; a goal before is forgotten."""
@@ -205,28 +178,24 @@ class CPlanner:
         self._lib.planner_halt(self._handle)
 
     def state(self, now_s: float) -> PlannerState:
-        """What it does, and why, as of now."""
-        report = self._report(now_s)
+        """What it does, and why."""
+        report = self._report()
         return planner_state({name: getattr(report, name) for name, *_ in _Report._fields_})
 
-    def window(self) -> U8:
-        """(height, width) copy of all cells: 0 unknown, 1 free, 2 obstacle; (0, 0) before any."""
-        report = self._report(self._now_s)
+    def snapshot(self) -> tuple[U8, tuple[int, int]]:
+        """(height, width) copy of all cells: 0 unknown, 1 free, 2 obstacle; (0, 0) before any.
+        And their lowest column and row in the endless grid, modulo 65 536 as int16."""
+        report = self._report()
         cells: U8 = np.zeros((report.height, report.width), np.uint8)
         if cells.size:
             self._lib.planner_window(self._handle, cells.ctypes.data)
-        return cells
+        return cells, (report.ox, report.oy)
 
-    def origin(self) -> tuple[int, int]:
-        """Lowest column and row in the endless grid, modulo 65 536 as int16."""
-        report = self._report(self._now_s)
-        return report.ox, report.oy
-
-    def _report(self, now_s: float) -> _Report:
+    def _report(self) -> _Report:
         report = _Report()
-        self._lib.planner_report(self._handle, self._ms(now_s), ctypes.byref(report))
+        self._lib.planner_report(self._handle, ctypes.byref(report))
         return report
 
-    def _ms(self, now_s: float) -> int:
-        self._now_s = now_s
-        return math.floor(now_s * 1000 + 1e-6) % 2**32
+
+def _ms(now_s: float) -> int:
+    return math.floor(now_s * 1000 + 1e-6) % 2**32

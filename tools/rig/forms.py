@@ -74,7 +74,7 @@ class HostForm(Form):
 
     def maybe_map(self) -> Window | None:
         """As it is."""
-        return self._planner.window(), self._planner.origin()
+        return self._planner.snapshot()
 
     def close(self) -> None:
         """No port any more."""

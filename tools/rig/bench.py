@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from fakes.scenes.scene import Scene, load_scene
+from fakes.scenes.scene import load_scene
 from mapod_link.wires import UdpWire
 from tools.cli.demo import FIRST_MAP_S
 from tools.cli.options import ROOT
@@ -36,7 +36,7 @@ class Bench:
         self._config, self._options, self._folder = config, options, folder
         self._children: list[Child] = []
         self._app: Child | None = None
-        self.scene: Scene = load_scene(config.world.scene, config.world.seed)
+        self.scene = load_scene(config.world.scene, config.world.seed)
         clear_m = config.planner.start_clear_m
         self._clear_m = self.scene.start_clear_m if clear_m == OF_SCENE else float(clear_m)
         self.log, self.doubts = AppLog(folder / "app.log"), Doubts()
@@ -46,7 +46,6 @@ class Bench:
         self.form, self.remark = form_of(config, self._clear_m, folder)
         of_scene = () if "drive" in config.devices.real else self.scene.goals
         self.tour = Tour(config.world.goals or of_scene, self.form.goal)
-        self.ticks, self.map_words, self.map_differs = "", "the maps were not compared", False
         self._looked_s = float("-inf")
         self._until_s = self._overdue_s = float("inf")
         self._started_s: float | None = None  # when the app was seen to have started
@@ -164,49 +163,45 @@ class Bench:
 
     # At the end
 
-    def compare_maps(self) -> None:
-        """Halt, then hold the app still, and compare both receivers' maps cell for cell."""
+    def compared_maps(self) -> tuple[str, bool]:
+        """Halt, then hold the app still, and compare both receivers' maps cell for cell.
+
+        What is found, in words; and whether the maps differ.
+        """
         app = self._app
         if app is None:  # told to end before it was started
-            return
+            return "the maps were not compared", False
         self.form.halt()
         self.run(STANDING_S)
-        self.log.step()
-        self.ticks = self.log.words  # of now: held still, it loses some more
+        self.log.step()  # held still, it loses some more ticks
+        found = "", True
         for _ in range(ATTEMPTS):
             os.kill(app.pid, signal.SIGSTOP)
             try:
                 self.run(DRAIN_S)
-                self._compare()
+                found = self._difference()
             finally:
                 os.kill(app.pid, signal.SIGCONT)
-            if not self.map_differs:
-                return
+            if not found[1]:
+                break
             self.run(DRAIN_S)
+        return found
 
-    def _compare(self) -> None:
+    def _difference(self) -> tuple[str, bool]:
         told, planner = self.form.maybe_map(), self.end.planner
-        ours, origin = planner.window(), planner.origin
         if told is None:
-            self.map_words = "the planner does not tell its map"
-            return
-        window, at = told
+            return "the planner does not tell its map", False
+        (window, at), ours, origin = told, planner.window(), planner.origin
         if at != origin or window.shape != ours.shape:
-            where = f"its window lies at {at}, ours at {origin}"
-            self.map_words, self.map_differs = f"the planner's map differs: {where}", True
-            return
+            return f"the planner's map differs: its window lies at {at}, ours at {origin}", True
         wrong, size = int((window != ours).sum()), ours.size
-        self.map_differs = wrong > 0 or planner.differs
+        if wrong:
+            return f"the planner's map differs in {wrong} of {size} cells", True
+        equal = f"the planner's map equals the second receiver's in all {size} cells"
         digest = "is" if planner.digest_ok else "was not"
-        self.map_words = (
-            f"the planner's map differs in {wrong} of {size} cells"
-            if wrong
-            else f"the planner's map equals the second receiver's in all {size} cells, whose "
-            f"digest {digest} the app's"
-        )
+        return f"{equal}, whose digest {digest} the app's", planner.differs
 
     def run(self, seconds: float) -> None:
-        """Serve all ends for so long."""
         until_s = time.monotonic() + seconds
         while (now_s := self.end.step(0.02)) < until_s:
             self.form.step(now_s)

@@ -93,7 +93,6 @@ class Board:
         self.close()
 
     def close(self) -> None:
-        """End the emulator."""
         self._end()
         for end in (self.link, self.text):
             if end is not None:
@@ -205,11 +204,9 @@ class EmulatedBoard(Board):
             raise
 
     def goal(self, x_m: float, y_m: float) -> None:
-        """Drive there; a goal before is forgotten."""
         self.ask(f"goal {round(x_m * 1000)} {round(y_m * 1000)}")
 
     def halt(self) -> None:
-        """Stop, and forget the goal."""
         self.ask("halt")
 
     def hold_clock(self, now_s: float) -> None:
@@ -221,5 +218,4 @@ class EmulatedBoard(Board):
         self.ask("poll")
 
     def state(self) -> PlannerState:
-        """What the planner does, and why."""
         return planner_state(self.status())

@@ -170,15 +170,12 @@ class CPlanner:
         return frames
 
     def goal(self, x_m: float, y_m: float) -> None:
-        """Drive there; a goal before is forgotten."""
         self._lib.planner_goal(self._handle, round(x_m * 1000), round(y_m * 1000))
 
     def halt(self) -> None:
-        """Stop, and forget the goal."""
         self._lib.planner_halt(self._handle)
 
     def state(self, now_s: float) -> PlannerState:
-        """What it does, and why."""
         report = self._report()
         return planner_state({name: getattr(report, name) for name, *_ in _Report._fields_})
 

@@ -163,7 +163,6 @@ def _output(name: str, *arguments: str) -> str:
 
 
 def header_report() -> list[str]:
-    """All figures of the header, as lines of a table."""
     lines = ["bytes                                    cortex-m0 cortex-m3 cortex-m4"]
     keyed = (*CORE_SET, "mapod_link_set_key")
     figures: dict[str, Callable[[str], int]] = {
@@ -185,7 +184,6 @@ def header_report() -> list[str]:
 
 
 def planner_report() -> list[str]:
-    """All figures of the planner, as lines of a table."""
     lines = ["the planner's firmware on a Cortex-M3, gcc -Os, tags included; bytes"]
     lines.append("window         flash       RAM   of that the planner")
     for cells in WINDOWS:

@@ -79,7 +79,6 @@ def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
 
 
 def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
-    """What a person wrote."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.rig.campaign",
         description=__doc__,
@@ -142,7 +141,6 @@ def again(options: argparse.Namespace) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Exit status."""
     options, begun_s = arguments_of(arguments), time.monotonic()
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
     try:

@@ -52,7 +52,6 @@ class Fault:
 
     @property
     def device(self) -> str:
-        """Whose fault it is."""
         return self.name.partition(".")[0]
 
     @property

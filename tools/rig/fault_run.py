@@ -69,7 +69,6 @@ class Pusher(FakePlanner):
         self._moved_s = math.nan
 
     def poll(self, now_s: float) -> list[bytes]:
-        """Frames for the app."""
         if now_s >= self._ask_s:
             self._ask_s = now_s + ASK_S
             self.drive(now_s, *self._wanted(now_s), VALID_S)

@@ -45,7 +45,6 @@ class Job:
 
     @property
     def title(self) -> str:
-        """The names of its faults."""
         return " AND ".join(fault.title for fault in self.faults)
 
     @property
@@ -93,7 +92,6 @@ def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
 
 
 def row_of(job: Job) -> Row:
-    """One drive, and what is wrong with it."""
     outcome = drive_with(*job.faults, seed=job.seed, start_s=job.start_s)
     if len(job.faults) == 1:
         return Row(job, outcome, problems(job.faults[0], outcome))
@@ -120,7 +118,6 @@ def wrong(rows: Iterable[Row]) -> list[Row]:
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """A row of the table as text."""
     one, verdict = row.outcome, "; ".join(row.problems) or "as it must"
     if one is None:
         return (row.job.title, row.job.must, *[""] * (len(COLUMNS) - 3), verdict)
@@ -200,7 +197,6 @@ def _markdown_table(head: Sequence[str], body: Iterator[tuple[str, ...]]) -> Ite
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
-    """The command line."""
     parser = argparse.ArgumentParser(prog="python -m tools.rig.fault_table", description=__doc__)
     parser.add_argument("--pairs", type=int, default=40, help="two faults at once, by chance")
     parser.add_argument("--rounds", type=int, default=1, help="drives for each single fault")

@@ -58,26 +58,21 @@ class HostForm(Form):
         super().__init__(self._wire.url)
 
     def step(self, now_s: float) -> None:
-        """Hear, decide, answer."""
         self._wire.feed(cast(Listener, self._planner))  # it asks for no more than datagrams
         for frame in self._planner.poll(now_s):
             self._wire.write(frame)
         self.state = self._planner.state(now_s)
 
     def goal(self, x_m: float, y_m: float) -> None:
-        """Go there."""
         self._planner.goal(x_m, y_m)
 
     def halt(self) -> None:
-        """Stand."""
         self._planner.halt()
 
     def maybe_map(self) -> Window | None:
-        """As it is."""
         return self._planner.snapshot()
 
     def close(self) -> None:
-        """No port any more."""
         self._wire.close()
 
 
@@ -93,24 +88,19 @@ class BoardForm(Form):
         self._asked_s = float("-inf")
 
     def step(self, now_s: float) -> None:
-        """Ask now and then what it is about."""
         if now_s - self._asked_s >= ASK_EVERY_S:
             self._asked_s, self.state = now_s, self._board.state()
 
     def goal(self, x_m: float, y_m: float) -> None:
-        """Go there."""
         self._board.goal(x_m, y_m)
 
     def halt(self) -> None:
-        """Stand."""
         self._board.halt()
 
     def maybe_map(self) -> Window | None:
-        """As the board dumps it."""
         return self._board.snapshot()
 
     def close(self) -> None:
-        """The emulator ends."""
         self._board.close()
 
 

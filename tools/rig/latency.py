@@ -221,7 +221,6 @@ def rights_words(taken: dict[str, Any], fakes_fifo: bool) -> str:
 
 
 def table_of(rows: Sequence[Figures]) -> Table:
-    """All measurements side by side."""
     table = Table(title="50 Hz x 541 beams, 201 x 201 cells: last byte of a scan to its map")
     for heading in ("", "p50", "p99", "most", "scans told", "ticks late p50", "most", "ticks lost"):
         table.add_column(heading, justify="right")

@@ -30,8 +30,8 @@ RIG_ERRORS = (
 )  # fmt: skip
 
 
-def summary(bench: Bench, console: Console, now_s: float) -> bool:
-    """Tell how it went; whether it went well."""
+def summary(bench: Bench, console: Console, now_s: float, maps: tuple[str, bool]) -> bool:
+    """Tell how it went, and how `maps` compared; whether it went well."""
     print_summary(bench.end, console, now_s)
     tour = bench.tour
     say(f"{tour.reached} of {tour.total} goals reached")
@@ -52,17 +52,15 @@ def summary(bench: Bench, console: Console, now_s: float) -> bool:
     taken = bench.log.real_time
     fifo = "taken" if taken.get("sched_fifo") else "not permitted"
     locked = "locked" if taken.get("memory_locked") else "not locked"
-    say(f"{bench.ticks}; SCHED_FIFO {fifo}, memory {locked}")
-    say(bench.map_words)
+    say(f"{bench.log.words}; SCHED_FIFO {fifo}, memory {locked}")
+    say(maps[0])
     given_up = any(visit.why for visit in tour.visits)
-    return hits == 0 and not given_up and not bench.map_differs
+    return hits == 0 and not given_up and not maps[1]
 
 
 def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int:
-    """The rig from start to end; exit status."""
     if options.seconds is None and not has_screen(console):
         options.seconds = SECONDS_WITHOUT_SCREEN
-    well = False
     try:
         with folder_kept_on_failure() as folder, Stop().on_signals() as stop:
             say(f'setting up "{config.world.scene}" (seed {config.world.seed})')
@@ -78,7 +76,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
                     lambda now_s: stop.wanted or bench.done(now_s),
                     lambda now_s: "\n".join(bench.words()),
                 )
-                bench.compare_maps()
+                maps = bench.compared_maps()
                 now_s = bench.end.step(0.0)
             except RunError as error:
                 raise RunError(f"{error}\nall that was said is in {folder}") from None
@@ -86,8 +84,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
                 complaints = bench.close()
             if complaints:
                 raise RunError("\n".join([*complaints, f"all that was said is in {folder}"]))
-            bench.log.step()
-            well = summary(bench, console, now_s)
+            well = summary(bench, console, now_s, maps)
     except RIG_ERRORS as error:
         print(f"mapod: {error}", file=sys.stderr, flush=True)
         return 1

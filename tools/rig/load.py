@@ -18,7 +18,6 @@ CHECK_EVERY = 64  # rounds of computing between two looks at the clock
 
 
 def compute(until_s: float) -> None:
-    """Keep a core busy."""
     number = 1
     while time.monotonic() < until_s:
         for _ in range(CHECK_EVERY * 1000):
@@ -26,14 +25,12 @@ def compute(until_s: float) -> None:
 
 
 def move_memory(until_s: float) -> None:
-    """Copy to and fro what fits no cache."""
     one, other = bytearray(MOVED_BYTES), bytearray(MOVED_BYTES)
     while time.monotonic() < until_s:
         one[:], other[:] = other, one
 
 
 def write_disk(until_s: float) -> None:
-    """Write a file again and again, and wait each time until the disk has it."""
     data = os.urandom(WRITTEN_BYTES)
     with tempfile.TemporaryFile() as file:
         while time.monotonic() < until_s:

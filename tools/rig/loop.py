@@ -144,7 +144,6 @@ class Loop:
         self._schedule = Schedule([order_from_text(text) for text in texts], targets)
 
     def step(self) -> None:
-        """One tick of everything."""
         self._advance()
         self.app.step(self.now_s)
         self._link_wire.step(self.now_s)

@@ -57,7 +57,6 @@ class RunSpec:
 
     @property
     def name(self) -> str:
-        """Of the scene."""
         return self.scene.name if isinstance(self.scene, Scene) else Path(self.scene).stem
 
 
@@ -94,7 +93,6 @@ class RunResult:
 
     @property
     def false_stops(self) -> tuple[Stop, ...]:
-        """Stops with nothing in the way."""
         return tuple(stop for stop in self.stops if stop.is_false)
 
 
@@ -149,7 +147,6 @@ class Run:
 
     @property
     def since_begin_s(self) -> float:
-        """Simulated."""
         return self.loop.since_begin_s
 
     def to_end(self, *each: Callable[["Run"], None]) -> RunResult:
@@ -161,7 +158,6 @@ class Run:
         return self.result()
 
     def step(self) -> None:
-        """One tick."""
         self.loop.step()
         if self.loop.ticks % self._ticks_per_truth == 0:
             self._look()
@@ -182,7 +178,6 @@ class Run:
             self._follow_goals()
 
     def _orders(self) -> Orders:
-        """Who wants what now."""
         state, control = self.state, self.loop.app.control
         asked = bool(state.v_mps or state.w_radps)
         return Orders(
@@ -241,7 +236,6 @@ class Run:
             self.goals.miss(number, f"never tried: {why}")
 
     def result(self) -> RunResult:
-        """What came of it, now."""
         judge, goals = self.judge, self.goals
         return RunResult(
             scene=self.spec.name,

@@ -83,7 +83,6 @@ class Recorder:
         self._events.write(json.dumps(line) + "\n")
 
     def __call__(self, run: Run) -> None:
-        """What this tick has brought."""
         truth = run.judge.truth
         if truth.since_s != self._truth_s:
             self._truth_s = truth.since_s
@@ -108,7 +107,6 @@ class Recorder:
             self._event(event, **facts)
 
     def finish(self, result: RunResult) -> None:
-        """The result, the map, the picture."""
         self._event("run_ended", why=result.ended)
         self._stack.close()
         run = self._run

@@ -86,7 +86,6 @@ def results_in(outcomes: Iterable[Outcome]) -> list[RunResult]:
 
 
 def counts(outcomes: Sequence[Outcome]) -> str:
-    """So far, in a few words."""
     total = Totals(results_in(outcomes))
     crashes = len(outcomes) - total.runs
     return (
@@ -154,7 +153,6 @@ def show(
     passed_s: float,
     markdown: bool = False,
 ) -> None:
-    """All of it, for a person."""
     results = results_in(outcomes)
     if results:
         console.print(table(results, markdown))
@@ -178,7 +176,6 @@ def show(
 
 
 def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Each run as JSON takes it."""
     return [
         {"number": outcome.number, "crash": outcome.crash, "repeated": outcome.repeated}
         | (facts_of(outcome.result) if outcome.result is not None else {})

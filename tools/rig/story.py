@@ -30,7 +30,6 @@ class Visit:
     gap_m: float = math.nan  # in truth, at the end
 
     def words(self, now_s: float) -> str:
-        """In a line."""
         where = f"({self.goal[0]:.1f}, {self.goal[1]:.1f}) m"
         took_s = (self.ended_s or now_s) - self.begun_s
         if self.ended_s is None:
@@ -56,7 +55,6 @@ class Tour:
 
     @property
     def is_over(self) -> bool:
-        """No goal is left."""
         return not self._left and self.now is None
 
     @property
@@ -153,7 +151,6 @@ class AppLog:
         self._causes: dict[str, str] = {}  # by device that does not run: why
 
     def step(self) -> None:
-        """Take what was added."""
         for event in self._lines.added():
             match event.get("event"):
                 case "ticks_counted":
@@ -179,7 +176,6 @@ class AppLog:
 
     @property
     def words(self) -> str:
-        """Ticks, in short."""
         return f"{self.missed} ticks lost, late by {1000 * self.latest_s:.1f} ms at most"
 
 
@@ -190,7 +186,6 @@ class TruthLog:
         self._lines, self.judge = JsonLines(path), Judge(scene)
 
     def step(self) -> None:
-        """Look at what was added."""
         for told in self._lines.added():
             if "since_s" not in told:  # the first line names the scene
                 continue

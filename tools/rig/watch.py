@@ -6,7 +6,6 @@ time, or to so many times of it.
 
 import math
 import time
-from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -59,12 +58,7 @@ class Watcher:
         self._begun_s = time.monotonic()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *what: object) -> None:
         if self._has_screen:
             self._live.stop()
 
@@ -84,7 +78,6 @@ class Watcher:
 
 
 def line_of(run: Run) -> str:
-    """The run now, in a line."""
     (x, y, yaw), state = run.judge.truth.place, run.state
     words = f"{run.since_begin_s:6.1f} s  x {x:+.2f} y {y:+.2f} m {math.degrees(yaw):+.0f} deg  "
     words += f"{run.judge.v_mps:+.2f} m/s  goal {run.goals.at + 1} of {len(run.goals.all)}  "
@@ -117,7 +110,6 @@ def image_of(run: Run) -> U8:
 
 
 def panel(run: Run) -> list[Text]:
-    """The numbers beside the map."""
     judge, state, control = run.judge, run.state, run.loop.app.control
     x, y, yaw = judge.truth.place
     stops = run.watch.stops
@@ -148,7 +140,6 @@ def _stop_words(stop: Stop) -> str:
 
 
 def legend() -> Text:
-    """What the colours mean."""
     line = Text(no_wrap=True)
     for name, kind in (("free", FREE), ("obstacle", OBSTACLE), ("unseen", THING), ("goal", GOAL)):
         line.append("██", COLOURS[kind]).append(f" {name} ")
@@ -156,7 +147,6 @@ def legend() -> Text:
 
 
 def picture(run: Run, console: Console) -> RenderableType:
-    """Map and panel, for this terminal."""
     image, (columns, lines) = image_of(run), console.size
     factor = factor_for(image.shape, columns - PANEL_COLUMNS - 2, lines)
     table = Table.grid(padding=(0, 2))

@@ -6,8 +6,8 @@
     python -m tools.rig.campaign --runs 50 --faults 1
 
 Run k of a seed takes the k-th of the scenes in turn and a seed of its own, and is the same in
-whatever process and order. Exit status 1: a collision, a crash, runs that differ, or fewer than
-nine goals of ten where nothing was made to fail.
+whatever process and order. Exit status 1: a collision, a crash, or fewer than nine goals of ten
+where nothing was made to fail.
 """
 
 import argparse
@@ -44,7 +44,6 @@ class Task:
     number: int
     spec: RunSpec
     folder: Path | None = None  # to record it in
-    twice: bool = False
 
 
 def spec_of(
@@ -57,16 +56,14 @@ def spec_of(
 
 
 def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
-    """One run from begin to end, recorded where that is wanted; or two that must agree."""
+    """One run from begin to end, recorded where that is wanted."""
     run = Run(task.spec)
     if task.folder is None:
-        result = run.to_end(*each)
-    else:
-        with Recorder(run, task.folder) as recorder:
-            result = run.to_end(recorder, *each)
-            recorder.finish(result)
-    agreed = Run(task.spec).to_end().digest == result.digest if task.twice else None
-    return Outcome(task.number, task.spec, result, repeated=agreed)
+        return Outcome(task.number, task.spec, run.to_end(*each))
+    with Recorder(run, task.folder) as recorder:
+        result = run.to_end(recorder, *each)
+        recorder.finish(result)
+    return Outcome(task.number, task.spec, result)
 
 
 def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
@@ -98,7 +95,6 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--record", type=Path, help="a folder for bytes, path, events, picture")
     parser.add_argument("--json", type=Path, help="a file for all results")
     parser.add_argument("--markdown", action="store_true", help="the table for a document")
-    parser.add_argument("--repeatable", action="store_true", help="each run twice: do they agree?")
     options = parser.parse_args(arguments)
     if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
         parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")
@@ -125,7 +121,6 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
             number,
             spec_of(options.seed, number, scenes, options.faults, options.limit),
             options.record / f"run_{number:03d}" if options.record else None,
-            options.repeatable,
         )
         for number in numbers
     ]

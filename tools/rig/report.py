@@ -30,12 +30,11 @@ class Outcome:
     spec: RunSpec
     result: RunResult | None = None
     crash: str = ""  # in words, with the traceback
-    repeated: bool | None = None  # whether a second run agreed to the bit; None: there was none
 
     @property
     def is_well(self) -> bool:
-        """No crash, no collision, nothing that differed."""
-        return self.result is not None and not self.result.collisions and self.repeated is not False
+        """No crash, no collision."""
+        return self.result is not None and not self.result.collisions
 
 
 class Totals:
@@ -106,7 +105,7 @@ def table(results: Sequence[RunResult], markdown: bool = False) -> Table:
 
 
 def complaints(outcomes: Iterable[Outcome], again: str) -> list[str]:
-    """What must not be: crashes, collisions, runs that differ; a line each, and how to repeat it.
+    """A line for each crash, collision and goal that was not reached; with how to repeat it.
 
     Args:
         again: the words that repeat a run, with {number} in them.
@@ -114,28 +113,19 @@ def complaints(outcomes: Iterable[Outcome], again: str) -> list[str]:
     lines = []
     for outcome in outcomes:
         if outcome.result is None:
-            what = [f"crashed: {outcome.crash}"]
+            what = [f": crashed: {outcome.crash}"]
         else:
-            what = [f"collision with {contact.words()}" for contact in outcome.result.collisions]
-        what += ["a second run differed"] if outcome.repeated is False else []
+            what = [f": collision with {contact.words()}" for contact in outcome.result.collisions]
+            what += [
+                f", goal {missed.number} at ({missed.x_m:.1f}, {missed.y_m:.1f}) m not reached: "
+                f"{missed.cause}"
+                for missed in outcome.result.missed
+            ]
+        repeat = again.format(number=outcome.number)
         lines += [
-            f"run {outcome.number} ({outcome.spec.name}): {words}; "
-            f"again: {again.format(number=outcome.number)}"
-            for words in what
+            f"run {outcome.number} ({outcome.spec.name}){said}; again: {repeat}" for said in what
         ]
     return lines
-
-
-def missed_goals(outcomes: Iterable[Outcome], again: str) -> list[str]:
-    """Each goal that was not reached, its cause, and how to repeat the run."""
-    return [
-        f"run {outcome.number} ({outcome.spec.name}), goal {missed.number} at "
-        f"({missed.x_m:.1f}, {missed.y_m:.1f}) m: {missed.cause}; "
-        f"again: {again.format(number=outcome.number)}"
-        for outcome in outcomes
-        if outcome.result is not None
-        for missed in outcome.result.missed
-    ]
 
 
 def is_well(outcomes: Sequence[Outcome], planned: int) -> bool:
@@ -166,8 +156,6 @@ def show(
     whys = (stop.why or "no reason told" for result in results for stop in result.false_stops)
     reasons = ", ".join(f"{count} x {why}" for why, count in Counter(whys).most_common())
     lines += [f"false stops: {reasons}"] if reasons else []
-    missed = missed_goals(outcomes, again)
-    lines += ["goals not reached:", *(f"  {line}" for line in missed)] if missed else []
     lines += complaints(outcomes, again)
     lines += [f"broken off after {len(outcomes)} of {planned} runs"] * (len(outcomes) < planned)
     lines += ["well" if is_well(outcomes, planned) else "NOT WELL"]
@@ -177,7 +165,7 @@ def show(
 
 def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
     return [
-        {"number": outcome.number, "crash": outcome.crash, "repeated": outcome.repeated}
+        {"number": outcome.number, "crash": outcome.crash}
         | (facts_of(outcome.result) if outcome.result is not None else {})
         for outcome in outcomes
     ]

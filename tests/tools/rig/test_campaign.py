@@ -29,9 +29,9 @@ from tools.rig.watch import Watcher, image_of, line_of, picture
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 WALL = Solid("wall", (14.0, 14.5), (-6.0, 6.0), (0.0, 2.0))
-LOW_BOX = Solid("low box", (1.0, 1.4), (-0.5, 0.5), (0.0, 0.2))  # where nobody may have left one
-BEHIND = Solid("wall behind", (-1.2, -1.0), (-6.0, 6.0), (0.0, 2.0))
-GOALS = ((0.8, 0.0), (1.4, 0.1))
+LOW_BOX = Solid("low box", (0.8, 1.2), (-0.5, 0.5), (0.0, 0.2))  # where nobody may have left one
+BEHIND = Solid("wall behind", (-0.7, -0.5), (-6.0, 6.0), (0.0, 2.0))
+GOALS = ((0.7, 0.0), (1.1, 0.1))
 SCENES = ("hall", "passage")
 
 
@@ -69,7 +69,7 @@ def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult)
     assert (arrived.reached, arrived.goals, arrived.ended) == (2, 2, "all goals were tried")
     assert not arrived.collisions
     assert not arrived.stops
-    assert 0.8 < arrived.driven_m < 2.0
+    assert 0.5 < arrived.driven_m < 1.5
     assert 0.0 < arrived.worst_stop_m < 0.5
 
 
@@ -118,7 +118,7 @@ def test_a_planner_that_gives_up_ends_the_run_with_its_cause() -> None:
 
 
 def test_a_planner_that_takes_another_place_for_its_goal_has_not_reached_it() -> None:
-    result = result_of(place(goals=((1.6, 0.0),)), BlindPilot(radius_m=1.2))
+    result = result_of(place(goals=((1.0, 0.0),)), BlindPilot(radius_m=0.9))
     assert result.reached == 0
     assert "a place for it that is " in result.missed[0].cause
 
@@ -209,7 +209,7 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
         Outcome(0, RunSpec("hall", 1), arrived),
         Outcome(1, RunSpec("hall", 2), bad),
         Outcome(2, RunSpec("hall", 3), crash="it fell"),
-        Outcome(3, RunSpec("hall", 1), arrived, repeated=False),
+        Outcome(3, RunSpec("hall", 1), arrived),
     ]
     console = Console(width=200, no_color=True)
     with console.capture() as shown:
@@ -219,7 +219,6 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
         "4 of 6 goals (66.7 %), 1 collisions, 1 crashes",
         "again: make campaign ONLY=1",
         "crashed: it fell",
-        "a second run differed",
         "broken off after 4 of 5 runs",
         "NOT WELL",
     ):

@@ -24,7 +24,7 @@ from rich.table import Table
 from mapod_link.client import Link
 from mapod_link.wires import UdpWire
 from tools.cli.options import ROOT
-from tools.rig.far_end import FarEnd, sent_from_file, told_scans
+from tools.rig.far_end import FarEnd, scans_from_file, told_scans
 from tools.rig.load import loaded
 from tools.rig.story import JsonLines
 from tools.settings import rewritten
@@ -188,7 +188,7 @@ def figures(
     )
     ended = next((event for event in after if event["event"] == "app_stopped"), {})
     rights = next((event for event in before if event["event"] == "real_time_taken"), {})
-    scans = sent_from_file(bench.stamps, "scan")
+    scans = scans_from_file(bench.stamps)
     bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
     told, strangers = told_scans(scans, bursts)
     inside = [one for one in told if begun_s <= one.scan.sent_s < ended_s]

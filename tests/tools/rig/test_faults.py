@@ -6,7 +6,7 @@ import pytest
 
 from fakes.faults.handles import handles
 from fakes.wires.wire import PtyWire, TcpWire
-from tools.rig.fault_run import Drive, drive_with, hall, harm, problems, problems_of_pair
+from tools.rig.fault_run import Drive, drive_with, hall, harm, problems
 from tools.rig.faults import CATALOGUE, DRAWN_DEVICES, NO_FAULTS, draw
 from tools.rig.loop import Loop
 
@@ -76,12 +76,6 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     outcome = drive_with(fault)
     assert problems(fault, outcome) == []
     assert outcome.told
-
-
-@pytest.mark.slow
-def test_two_faults_at_once_do_no_harm_and_end() -> None:
-    pair = (BY_TITLE["ahrs.drop_rate=0.0005"], BY_TITLE["scanner.drop_rate=0.2"])
-    assert problems_of_pair(pair, drive_with(*pair, seed=7, start_s=8.0)) == []
 
 
 def test_a_box_on_ground_that_somebody_vouched_for_is_hit_and_that_is_seen() -> None:

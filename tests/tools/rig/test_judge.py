@@ -12,7 +12,7 @@ from fakes.scenes.scene import Scene, load_scene
 from fakes.scenes.solids import GLASS, PLAIN, Material, Pillar, Solid, bump, soft
 from tools.rig.contact import OVERLAP_M, RECT, Place, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
-from tools.rig.stops import Orders, StopWatch, places_on, way_m
+from tools.rig.stops import Orders, StopWatch
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 WANTS, HELD = Orders(True, True, "", True), Orders(True, False, "an obstacle is in the way", True)
@@ -243,14 +243,6 @@ def test_arriving_is_no_stop_and_a_moment_is_none_either() -> None:
     driven(judge, 2.0, 2.5)
     watch.step(WANTS)
     assert not watch.stops
-
-
-def test_the_way_of_a_turn_is_an_arc() -> None:
-    places = places_on((0.0, 0.0, 0.0), 0.5, 0.5)
-    assert places[-1][1] > 0.1
-    turn = places_on((1.0, 2.0, 0.0), 0.0, 1.0)
-    assert turn[-1][:2] == (1.0, 2.0)
-    assert turn[-1][2] == pytest.approx(way_m(0.0, 1.0) / 0.6, abs=0.1)
 
 
 # The geometry against points

@@ -35,17 +35,15 @@ class Bench:
     def __init__(self, config: RigConfig, options: argparse.Namespace, folder: Path) -> None:
         self._config, self._options, self._folder = config, options, folder
         self._children: list[Child] = []
-        self._app: Child | None = None
-        self.scene = load_scene(config.world.scene, config.world.seed)
+        scene, is_real = load_scene(config.world.scene, config.world.seed), config.devices.real
         clear_m = config.planner.start_clear_m
-        self._clear_m = self.scene.start_clear_m if clear_m == OF_SCENE else float(clear_m)
+        self._clear_m = scene.start_clear_m if clear_m == OF_SCENE else float(clear_m)
         self.log, self.doubts = AppLog(folder / "app.log"), Doubts()
-        self.truth: TruthLog | None = None
-        self._wire = UdpWire("127.0.0.1", 0)
-        self.end = PlannerEnd(self._wire, WatchingReceiver())
-        self.form, self.remark = form_of(config, self._clear_m, folder)
-        of_scene = () if "drive" in config.devices.real else self.scene.goals
-        self.tour = Tour(config.world.goals or of_scene, self.form.goal)
+        # with a real drive the world's robot stands, and nothing of it is true
+        self.truth = None if "drive" in is_real else TruthLog(folder / "truth.jsonl", scene)
+        self.end = PlannerEnd(UdpWire("127.0.0.1", 0), WatchingReceiver())
+        self.form = form_of(config, self._clear_m, folder)
+        self.tour = Tour(config.world.goals or (scene.goals if self.truth else ()), self.form.goal)
         self._looked_s = float("-inf")
         self._until_s = self._overdue_s = float("inf")
         self._started_s: float | None = None  # when the app was seen to have started
@@ -64,7 +62,7 @@ class Bench:
             ports = told | ports
         config, shipped = self._folder / "mapod.toml", Path(self._config.robot.config).read_text()
         config.write_text(rewritten(shipped, self.values(ports)))
-        self._app = self._start("app", [str(ROOT / "main.py"), "--config", str(config)])
+        self._start("app", [str(ROOT / "main.py"), "--config", str(config)])
         self._overdue_s = time.monotonic() + FIRST_MAP_S
 
     def _fakes_words(self) -> list[str]:
@@ -76,18 +74,15 @@ class Bench:
             words += ["--leave-out", name]
         for fault in self._options.fault:
             words += ["--fault", fault]
-        if "drive" not in real:  # else the world's robot stands, and nothing of it is true
-            truth = self._folder / "truth.jsonl"
-            words += ["--truth", str(truth)]
-            self.truth = TruthLog(truth, self.scene)
+        words += ["--truth", str(self._folder / "truth.jsonl")] if self.truth else []
         return words
 
     def values(self, ports: dict[str, str]) -> dict[str, Any]:
         """What the app's settings become."""
         values: dict[str, Any] = {f"{name}.port": port for name, port in ports.items()}
-        values["planner.port"] = [self.form.url, self._wire.url]
+        values["planner.port"] = [self.form.url, self.end.wire.url]
         values["robot.start_clear_m"] = self._clear_m
-        if "drive" not in self._config.devices.real:  # else the file's own word counts
+        if self.truth:  # else the file's own word counts
             values["robot.enable_motors"] = True
         if self._config.planner.unknown_mps > 0:
             values["robot.unknown_stops"] = False
@@ -168,8 +163,8 @@ class Bench:
 
         What is found, in words; and whether the maps differ.
         """
-        app = self._app
-        if app is None:  # told to end before it was started
+        app = self._children[-1] if self._children else None
+        if app is None or app.name != "app":  # told to end before it was started
             return "the maps were not compared", False
         self.form.halt()
         self.run(STANDING_S)
@@ -210,5 +205,5 @@ class Bench:
         """End the app, the fakes and the planner; what did not end well."""
         complaints = [child.end() for child in reversed(self._children)]
         self.form.close()
-        self._wire.close()
+        self.end.wire.close()
         return [complaint for complaint in complaints if complaint]

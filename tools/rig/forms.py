@@ -26,6 +26,7 @@ class Form:
     itself, or by nobody, and says nothing."""
 
     words = "a real planner"
+    remark = ""  # why it is another one than was asked for
     state: PlannerState | None = None  # what it is about, as last heard; None: it does not say
 
     def __init__(self, url: str) -> None:
@@ -104,8 +105,8 @@ class BoardForm(Form):
         self._board.close()
 
 
-def form_of(config: RigConfig, clear_m: float, folder: Path) -> tuple[Form, str]:
-    """The planner that the bench asks for; and why it is another one, in words, or "".
+def form_of(config: RigConfig, clear_m: float, folder: Path) -> Form:
+    """The planner that the bench asks for; the one here, where there is no emulator.
 
     Args:
         clear_m: how far around the start the operator vouches for the ground.
@@ -114,14 +115,16 @@ def form_of(config: RigConfig, clear_m: float, folder: Path) -> tuple[Form, str]
         MissingToolError: not even this machine's compiler is there.
         ConfigError: the robot of the settings is none that the planner in C can drive.
     """
-    wanted = config.devices.planner
+    wanted, remark = config.devices.planner, ""
     if wanted not in (BOARD, HOST):
-        return Form(wanted), ""
+        return Form(wanted)
     robot = robot_from_config(load_config(Path(config.robot.config).read_text(encoding="utf-8")))
-    settings, remark = PlannerSettings(clear_m, config.planner.unknown_mps, robot), ""
+    settings = PlannerSettings(clear_m, config.planner.unknown_mps, robot)
     if wanted == BOARD:
         try:
-            return BoardForm(settings, folder / "board", config.planner.board_baud), ""
+            return BoardForm(settings, folder / "board", config.planner.board_baud)
         except MissingToolError as missing:
             remark = f"{missing}; taking the planner's C on this machine instead"
-    return HostForm(settings, config.world.seed + 1), remark
+    form = HostForm(settings, config.world.seed + 1)
+    form.remark = remark
+    return form

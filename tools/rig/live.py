@@ -66,7 +66,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
             say(f'setting up "{config.world.scene}" (seed {config.world.seed})')
             bench = Bench(config, options, folder)
             try:
-                say(bench.remark or f"planner: {bench.form.words}")
+                say(bench.form.remark or f"planner: {bench.form.words}")
                 for name, port in config.devices.real.items():
                     say(f"{name}: the real one at {port}")
                 bench.start(stop)

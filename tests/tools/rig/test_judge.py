@@ -93,25 +93,26 @@ def test_what_counts_depends_on_its_heights_and_on_what_it_is(
     assert bool(driven(Judge(scene_of(solid)), 0.0, 4.0).collisions) is collides
 
 
-def test_a_corner_over_a_drop_collides() -> None:
-    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
-    yard = Solid("yard", (3.0, 20.0), (-5.0, 5.0), (-3.0, -1.2))
-    judge = driven(Judge(scene_of(near, yard, floor=False)), 0.0, 3.0)
-    (contact,) = judge.collisions
-    assert contact.kind == "drop"
-    assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.015)
-    beside = driven(Judge(scene_of(near, yard, floor=False)), 0.0, 2.4)
-    assert not beside.collisions
+def ground(from_m: float, to_m: float, top_m: float) -> Solid:
+    return Solid("ground", (from_m, to_m), (-5.0, 5.0), (-3.0, top_m))
 
 
-def test_a_hole_without_a_bottom_counts_and_a_shallow_one_does_not() -> None:
-    parts = (
-        Solid("before", (-5.0, 3.0), (-5.0, 5.0), (-1.0, 0.0)),
-        Solid("behind", (3.3, 9.0), (-5.0, 5.0), (-1.0, 0.0)),
-    )
-    shallow = Solid("step", (3.0, 3.3), (-5.0, 5.0), (-1.0, -0.12))
-    assert driven(Judge(scene_of(*parts, floor=False)), 0.0, 3.0).collisions
-    assert not driven(Judge(scene_of(*parts, shallow, floor=False)), 0.0, 5.0).collisions
+@pytest.mark.parametrize(
+    ("beyond", "to_m", "collides"),
+    [
+        ([ground(3.0, 20.0, -1.2)], 3.0, True),  # a loading dock
+        ([ground(3.0, 20.0, -1.2)], 2.4, False),  # short of it
+        ([ground(3.3, 20.0, 0.0)], 3.0, True),  # a hole without a bottom
+        ([ground(3.0, 3.3, -0.12), ground(3.3, 20.0, 0.0)], 5.0, False),  # a shallow one
+    ],
+)
+def test_a_corner_over_a_drop_collides(beyond: list[Solid], to_m: float, collides: bool) -> None:
+    scene = scene_of(ground(-5.0, 3.0, 0.0), *beyond, floor=False)
+    contacts = driven(Judge(scene), 0.0, to_m).collisions
+    assert bool(contacts) is collides
+    for contact in contacts:
+        assert contact.kind == "drop"
+        assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.015)
 
 
 def test_a_ramp_is_no_collision() -> None:

@@ -99,7 +99,9 @@ def test_motors_are_enabled_for_a_simulated_robot_only(real: bool, tmp_path: Pat
     bench = Bench(config, argparse.Namespace(fault=[], seconds=None), tmp_path)
     values = bench.values({"scanner": "tcp://127.0.0.1:1"})
     assert values.get("robot.enable_motors") == (None if real else True)
-    assert values["robot.start_clear_m"] == (2.0 if real else bench.scene.start_clear_m)
+    assert values["robot.start_clear_m"] == (
+        2.0 if real else load_scene(config.world.scene).start_clear_m
+    )
     assert (bench.tour.total == 0) is real
     assert bench.close() == []
 
@@ -208,9 +210,9 @@ def test_without_an_emulator_the_planner_runs_here_and_the_packages_are_named(
 ) -> None:
     build_planner_library(shipped_robot())
     monkeypatch.setenv("PATH", str(tmp_path))
-    form, remark = form_of(load_rig_config(SHIPPED), 0.0, tmp_path)
+    form = form_of(load_rig_config(SHIPPED), 0.0, tmp_path)
     assert isinstance(form, HostForm)
-    assert "apt install" in remark
-    assert remark.endswith("taking the planner's C on this machine instead")
+    assert "apt install" in form.remark
+    assert form.remark.endswith("taking the planner's C on this machine instead")
     assert form.url.startswith("udp://127.0.0.1:")
     form.close()

@@ -118,13 +118,17 @@ class Loop:
         self._device_wires = tuple(self.wires.values())
         self._link_wire = DatagramWire(self.fakes["planner"], self.link_port, seed + 3)
         self.wires["planner"] = self._link_wire
-        scanner, ahrs, drive = self.ports.values()
-        ports = Ports(scanner, ahrs, drive, self.link_port)
-        self.app = App(self.config, ports, session=SESSION, key=key)
+        self.app = self._new_app(key)
         self.now_s, self.ticks = START_S, 0
         self._rate_hz = self.config.loop.rate_hz
         self._schedule: Schedule | None = None
         self.happened: list[tuple[float, str]] = []  # faults on and off, with their instants
+
+    def _new_app(self, key: bytes | None) -> App:
+        """For who puts something between the app and its ports to change."""
+        scanner, ahrs, drive = self.ports.values()
+        ports = Ports(scanner, ahrs, drive, self.link_port)
+        return App(self.config, ports, session=SESSION, key=key)
 
     def listen(self, tap: Tap) -> None:
         """Let `tap` have all bytes of all ports of the app, from now on."""

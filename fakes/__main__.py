@@ -57,7 +57,7 @@ def arguments() -> argparse.Namespace:
 def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     """Build all, say where it is, and keep it in step with the host's clock."""
     from fakes.ax3500.properties import MODES
-    from fakes.programs.stamps import StampedAttitude, StampedScanner, WatchedWorld, stamps_in
+    from fakes.programs.stamps import StampedScanner, WatchedWorld, stamps_in
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
     from fakes.world.rig import Rig  # these take half a second: after the handlers of main()
@@ -79,7 +79,6 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
         if isinstance(world, WatchedWorld):
             stamps = files.enter_context(stamps_in(given.stamp, time.monotonic))
             seen["scanner"] = StampedScanner(rig.scanner, world.swept_s, stamps)
-            seen["ahrs"] = StampedAttitude(rig.ahrs, world.sampled_s, stamps)
         if given.truth:
             told = (given.truth, world, given.scene, given.seed)
             witness = files.enter_context(ground_truth_log(*told))

@@ -21,19 +21,6 @@ void planner_free(struct planner *self)
     free(self);
 }
 
-void planner_stream(struct planner *self, uint32_t now_ms, const uint8_t *data, uint32_t size)
-{
-    uint32_t at;
-    for (at = 0; at < size; at++) {
-        (void)planner_byte(self, now_ms, data[at]);
-    }
-}
-
-uint32_t planner_serial(uint8_t *out, uint32_t size)
-{
-    return mapod_talk_serial(out, size);
-}
-
 void planner_goal(struct planner *self, int32_t x_mm, int32_t y_mm)
 {
     driver_goal(&self->driver, x_mm, y_mm);
@@ -45,24 +32,19 @@ void planner_halt(struct planner *self)
 }
 
 struct planner_report { /* laid out for ctypes */
-    int32_t v_mmps, w_mradps, x_mm, y_mm, goal_x_mm, goal_y_mm, width, height, ox, oy;
-    uint32_t accepted, tries;
-    uint16_t yaw, bad_frames;
-    uint8_t state, why, recovery, advice, link_why, blank, suspect, stale;
+    int32_t v_mmps, w_mradps, goal_x_mm, goal_y_mm, width, height, ox, oy;
+    uint32_t accepted;
+    uint8_t state, why, recovery, blank, suspect;
 };
 
-/* Everything small that it knows, as of now. */
-void planner_report(struct planner *self, uint32_t now_ms, struct planner_report *report)
+/* Everything small that it knows. */
+void planner_report(struct planner *self, struct planner_report *report)
 {
     const struct driver *const driver = &self->driver;
     const struct mapod_geom *const geom = mapod_link_geom(&self->link);
-    const struct mapod_pose *const pose = mapod_link_pose(&self->link);
     memset(report, 0, sizeof *report);
     report->v_mmps = driver->asked.v_mmps;
     report->w_mradps = driver->asked.w_mradps;
-    report->x_mm = (pose == NULL) ? 0 : pose->x_mm;
-    report->y_mm = (pose == NULL) ? 0 : pose->y_mm;
-    report->yaw = (pose == NULL) ? 0u : angle_from_link(pose->yaw);
     report->goal_x_mm = driver->goal.x_mm;
     report->goal_y_mm = driver->goal.y_mm;
     report->width = (geom == NULL) ? 0 : geom->width;
@@ -70,16 +52,11 @@ void planner_report(struct planner *self, uint32_t now_ms, struct planner_report
     report->ox = (int16_t)self->link.ox;
     report->oy = (int16_t)self->link.oy;
     report->accepted = self->accepted;
-    report->tries = driver->tries;
-    report->bad_frames = self->link.bad_frames;
     report->state = driver->state;
     report->why = driver->why;
     report->recovery = driver->recovery;
-    report->advice = (uint8_t)mapod_link_advice(&self->link, now_ms);
-    report->link_why = (uint8_t)mapod_link_why(&self->link, now_ms);
     report->blank = mapod_link_blank(&self->link);
     report->suspect = mapod_link_suspect(&self->link);
-    report->stale = mapod_link_stale(&self->link, now_ms);
 }
 
 /* All cells of the window, one a byte, row-major. */

@@ -1,22 +1,12 @@
 """A planner that turns to its goal and drives there, whatever the map says, for judges to catch."""
 
 import math
-from dataclasses import dataclass
 
 from fakes.planner_mcu.receiver import FakePlanner
+from tools.rig.c_planner import PlannerState
 
 VALID_S, PERIOD_S = 0.4, 0.1
 AIMED_RAD = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class BlindState:
-    """What it says of itself."""
-
-    state: str = "idle"
-    why: str = ""
-    v_mps: float = 0.0
-    w_radps: float = 0.0
 
 
 class BlindPilot(FakePlanner):
@@ -24,21 +14,23 @@ class BlindPilot(FakePlanner):
 
     Args:
         v_mps: its speed; below 0 it drives there in reverse.
-        gives_up_s: says "stopped" for ever from then on.
+
+    Attributes:
+        gives_up: says "stopped" for ever, for this reason.
     """
 
     def __init__(self, v_mps: float = 0.6, radius_m: float = 0.3) -> None:
         super().__init__()
         self._speed_mps, self._radius_m = v_mps, radius_m
         self._goal: tuple[float, float] | None = None
-        self._state, self._asked_s = BlindState(), -math.inf
+        self._state, self._asked_s = PlannerState(), -math.inf
         self.gives_up = ""
 
     def goal(self, x_m: float, y_m: float) -> None:
         """Drive there."""
-        self._goal, self._state = (x_m, y_m), BlindState("driving")
+        self._goal, self._state = (x_m, y_m), PlannerState("driving")
 
-    def state(self, now_s: float) -> BlindState:
+    def state(self, now_s: float) -> PlannerState:
         """What it does now."""
         return self._state
 
@@ -50,20 +42,19 @@ class BlindPilot(FakePlanner):
             self.drive(now_s, self._state.v_mps, self._state.w_radps, VALID_S)
         return super().poll(now_s)
 
-    def _decide(self, x_m: float, y_m: float) -> BlindState:
+    def _decide(self, x_m: float, y_m: float) -> PlannerState:
         pose = self.pose
         assert pose is not None
         if self.gives_up:
-            return BlindState("stopped", self.gives_up)
-        if self._state.state == "arrived" or math.dist((pose.x_m, pose.y_m), (x_m, y_m)) < (
-            self._radius_m
-        ):
-            return BlindState("arrived")
+            return PlannerState("stopped", self.gives_up)
+        away_m = math.dist((pose.x_m, pose.y_m), (x_m, y_m))
+        if self._state.state == "arrived" or away_m < self._radius_m:
+            return PlannerState("arrived")
         bearing_rad = math.atan2(y_m - pose.y_m, x_m - pose.x_m)
         if self._speed_mps < 0.0:
             bearing_rad += math.pi
         off_rad = (bearing_rad - pose.yaw_rad + math.pi) % (2 * math.pi) - math.pi
         turn_radps = max(-0.5, min(0.5, 1.5 * off_rad))
         if abs(off_rad) > AIMED_RAD:
-            return BlindState("driving", "", 0.0, turn_radps)
-        return BlindState("driving", "", self._speed_mps, turn_radps)
+            return PlannerState("driving", "", 0.0, turn_radps)
+        return PlannerState("driving", "", self._speed_mps, turn_radps)

@@ -59,7 +59,8 @@ def watch(
             while not done(now_s := end.step(WAIT_S)):
                 if now_s - drawn_s >= PICTURE_PERIOD_S:
                     drawn_s, (columns, lines) = now_s, console.size
-                    above = [Text(remark(now_s), "bold")] if remark else []
+                    said = remark(now_s).splitlines() if remark else []
+                    above = [Text(line, "bold") for line in said]
                     above += zone_lines(end.planner.stop_zone, now_s)
                     drawn = picture(end.planner, end.meter, now_s, columns, lines - len(above))
                     live.update(Group(*above, drawn), refresh=True)
@@ -68,8 +69,8 @@ def watch(
     while not done(now_s := end.step(WAIT_S)):
         if now_s - told_s >= PROGRESS_PERIOD_S:
             told_s = now_s
-            line = progress_line(end, now_s) + (f"; {remark(now_s)}" if remark else "")
-            console.print(line, highlight=False, soft_wrap=True)
+            line = progress_line(end, now_s) + (f"\n{remark(now_s)}" if remark else "")
+            console.print(line.replace("\n", "; "), highlight=False, soft_wrap=True)
 
 
 def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:

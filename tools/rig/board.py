@@ -15,7 +15,6 @@ import socket
 import subprocess
 import time
 from pathlib import Path
-from types import TracebackType
 from typing import Literal, Self
 
 import numpy as np
@@ -90,16 +89,10 @@ class Board:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *what: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """End the emulator."""
         self._end()
         for end in (self.link, self.text):
             if end is not None:
@@ -148,15 +141,14 @@ class Board:
 
     def window(self) -> U8:
         """(height, width) cells as the board holds them: 0 unknown, 1 free, 2 obstacle."""
-        return self._dump()[1]
+        return self.snapshot()[0]
 
-    def _dump(self) -> tuple[list[int], U8]:
-        """The numbers of its answer, and the cells."""
-        numbers = [int(word) for word in self.ask("dump").split()[1:]]
-        width, height = numbers[:2]
+    def snapshot(self) -> tuple[U8, tuple[int, int]]:
+        """That, and its lowest column and row in the endless grid, modulo 65 536 as int16."""
+        width, height, *origin = (int(word) for word in self.ask("dump").split()[1:])
         rows = [self._line() for _ in range(height)]
         digits = np.frombuffer("".join(rows).encode(), np.uint8) - ord("0")
-        return numbers, digits.reshape(height, width)
+        return digits.reshape(height, width), (origin[0], origin[1])
 
     def _line(self) -> str:
         until_s = time.monotonic() + GENEROUS_S
@@ -190,7 +182,6 @@ class EmulatedBoard(Board):
 
     Args:
         nonce: of its HELLO; another one for each start.
-        key: 32 bytes, or None.
 
     Raises:
         MissingToolError, CompileError: see `tools.rig.c_build`.
@@ -201,26 +192,21 @@ class EmulatedBoard(Board):
         settings: PlannerSettings,
         folder: Path,
         link: Literal["socket", "pty"] = "socket",
-        key: bytes | None = None,
         nonce: int = 1,
     ) -> None:
         super().__init__(build_planner_firmware(settings.robot), folder, link)
-        self.settings = settings
-        words = [f"set {name} {v}" for name, v in zip(NAMES, settings.thousandths(), strict=True)]
-        words += [f"key {key.hex()}"] if key is not None else []
         try:
-            for word in [*words, f"start {nonce}"]:
-                self.ask(word)
+            for name, value in zip(NAMES, settings.thousandths(), strict=True):
+                self.ask(f"set {name} {value}")
+            self.ask(f"start {nonce}")
         except (OSError, BoardError):
             self.close()
             raise
 
     def goal(self, x_m: float, y_m: float) -> None:
-        """Drive there; a goal before is forgotten."""
         self.ask(f"goal {round(x_m * 1000)} {round(y_m * 1000)}")
 
     def halt(self) -> None:
-        """Stop, and forget the goal."""
         self.ask("halt")
 
     def hold_clock(self, now_s: float) -> None:
@@ -231,16 +217,5 @@ class EmulatedBoard(Board):
         """All that the planner has to say at the time at which its clock stands."""
         self.ask("poll")
 
-    def origin(self) -> tuple[int, int]:
-        """Lowest column and row in the endless grid, modulo 65 536 as int16."""
-        status = self.status()
-        return status["ox"], status["oy"]
-
-    def snapshot(self) -> tuple[tuple[int, int], U8]:
-        """(origin, window) of one instant."""
-        numbers, cells = self._dump()
-        return (numbers[2], numbers[3]), cells
-
     def state(self) -> PlannerState:
-        """What the planner does, and why."""
         return planner_state(self.status())

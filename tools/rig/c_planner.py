@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from ctypes import c_int32 as i32
 from ctypes import c_uint8 as u8
-from ctypes import c_uint16 as u16
 from ctypes import c_uint32 as u32
 from dataclasses import dataclass, field
 
@@ -21,7 +20,6 @@ from tools.rig.c_build import PlannerRobot, build_planner_library, shipped_robot
 
 U8 = npt.NDArray[np.uint8]
 OUT_BYTES = 64
-ADVICE = ("stop", "slow", "go")
 STATES = ("idle", "driving", "arrived", "stopped")
 RECOVERIES = ("", "wait", "look", "back", "probe", "view", "face", "pass")
 WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
@@ -82,23 +80,15 @@ class PlannerSettings:
 class PlannerState:
     """What the planner says of itself, SI, map frame."""
 
-    state: str  # "idle" | "driving" | "arrived" | "stopped"
-    why: str  # it stands, has stopped, or does not simply go on; "" for none
-    recovery: str  # the behaviour where no path leads on; "": it follows its path
-    v_mps: float  # asked for
-    w_radps: float
-    x_m: float  # where it believes to be
-    y_m: float
-    yaw_rad: float
-    goal: tuple[float, float]
-    advice: str  # of the link: "go" | "slow" | "stop"
-    advice_why: str
-    blank: bool
-    suspect: bool
-    stale: bool
-    tries: int  # recoveries for this goal, less those that have been made good
-    accepted: int  # frames, since the start
-    rejected: int
+    state: str = "idle"  # or "driving", "arrived", "stopped"
+    why: str = ""  # it stands, has stopped, or does not simply go on; "" for none
+    v_mps: float = 0.0  # asked for
+    w_radps: float = 0.0
+    recovery: str = ""  # the behaviour where no path leads on; "": it follows its path
+    goal: tuple[float, float] = (0.0, 0.0)
+    blank: bool = False
+    suspect: bool = False
+    accepted: int = 0  # frames, since the start
 
 
 def planner_state(told: Mapping[str, int]) -> PlannerState:
@@ -106,21 +96,13 @@ def planner_state(told: Mapping[str, int]) -> PlannerState:
     return PlannerState(
         state=STATES[told["state"]],
         why=WHY[told["why"]],
-        recovery=RECOVERIES[told["recovery"]],
         v_mps=told["v_mmps"] / 1000,
         w_radps=told["w_mradps"] / 1000,
-        x_m=told["x_mm"] / 1000,
-        y_m=told["y_mm"] / 1000,
-        yaw_rad=math.remainder(told["yaw"] * math.tau / 65_536, math.tau),
+        recovery=RECOVERIES[told["recovery"]],
         goal=(told["goal_x_mm"] / 1000, told["goal_y_mm"] / 1000),
-        advice=ADVICE[told["advice"]],
-        advice_why=WHY[told["link_why"]],
         blank=bool(told["blank"]),
         suspect=bool(told["suspect"]),
-        stale=bool(told["stale"]),
-        tries=told["tries"],
         accepted=told["accepted"],
-        rejected=told["bad_frames"],
     )
 
 
@@ -128,12 +110,10 @@ class _Report(ctypes.Structure):
     """struct planner_report of fakes/planner_mcu/library.c."""
 
     _fields_ = (
-        *((name, i32) for name in ("v_mmps", "w_mradps", "x_mm", "y_mm", "goal_x_mm")),
-        *((name, i32) for name in ("goal_y_mm", "width", "height", "ox", "oy")),
-        *((name, u32) for name in ("accepted", "tries")),
-        *((name, u16) for name in ("yaw", "bad_frames")),
-        *((name, u8) for name in ("state", "why", "recovery", "advice", "link_why")),
-        *((name, u8) for name in ("blank", "suspect", "stale")),
+        *((name, i32) for name in ("v_mmps", "w_mradps", "goal_x_mm", "goal_y_mm")),
+        *((name, i32) for name in ("width", "height", "ox", "oy")),
+        ("accepted", u32),
+        *((name, u8) for name in ("state", "why", "recovery", "blank", "suspect")),
     )
 
 
@@ -150,15 +130,11 @@ def library(robot: PlannerRobot) -> ctypes.CDLL:
     lib.planner_new.restype = handle
     lib.planner_free.argtypes = [handle]
     lib.planner_datagram.argtypes = [handle, u32, bytes_in, u32]
-    lib.planner_stream.argtypes = [handle, u32, bytes_in, u32]
-    lib.planner_stream.restype = None
     lib.planner_poll.argtypes = [handle, u32, bytes_in]
     lib.planner_poll.restype = u32
-    lib.planner_serial.argtypes = [bytes_in, u32]
-    lib.planner_serial.restype = u32
     lib.planner_goal.argtypes = [handle, i32, i32]
     lib.planner_halt.argtypes = [handle]
-    lib.planner_report.argtypes = [handle, u32, ctypes.POINTER(_Report)]
+    lib.planner_report.argtypes = [handle, ctypes.POINTER(_Report)]
     lib.planner_window.argtypes = [handle, ctypes.c_void_p]
     return lib
 
@@ -168,19 +144,14 @@ class CPlanner:
 
     Args:
         nonce: of its HELLO, not 0; another one for each planner of a run.
-        key: 32 bytes, or None.
     """
 
-    def __init__(self, settings: PlannerSettings, nonce: int = 1, key: bytes | None = None) -> None:
+    def __init__(self, settings: PlannerSettings, nonce: int = 1) -> None:
         self._lib = library(settings.robot)
+        self.settings = settings
         numbers = settings.thousandths()
-        self.settings, self.nonce = settings, nonce
-        self._now_s = 0.0
         self._out = ctypes.create_string_buffer(OUT_BYTES)
-        if key is not None and len(key) != 32:
-            raise ValueError("a key has 32 bytes")
-        array = (i32 * len(numbers))(*numbers)
-        self._handle = self._lib.planner_new(array, nonce, key)
+        self._handle = self._lib.planner_new((i32 * len(numbers))(*numbers), nonce, None)
         assert self._handle
 
     def __del__(self) -> None:
@@ -189,61 +160,39 @@ class CPlanner:
 
     def feed_datagram(self, now_s: float, data: bytes) -> bool:
         """One frame; whether it was accepted."""
-        return bool(self._lib.planner_datagram(self._handle, self._ms(now_s), data, len(data)) > 0)
-
-    def feed_stream(self, now_s: float, data: bytes) -> None:
-        """Bytes of a serial line, cut anywhere."""
-        self._lib.planner_stream(self._handle, self._ms(now_s), data, len(data))
+        return bool(self._lib.planner_datagram(self._handle, _ms(now_s), data, len(data)) > 0)
 
     def poll(self, now_s: float) -> list[bytes]:
-        """Frames to send, not framed for a serial line: HELLO, ACK, DRIVE."""
+        """Frames to send: HELLO, ACK, DRIVE."""
         frames: list[bytes] = []
-        now_ms = self._ms(now_s)
-        while size := self._lib.planner_poll(self._handle, now_ms, self._out):
+        while size := self._lib.planner_poll(self._handle, _ms(now_s), self._out):
             frames.append(self._out.raw[:size])
         return frames
 
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """The planner on a serial line: what came, and what it sends."""
-        self.feed_stream(now_s, received)
-        sent = bytearray()
-        for frame in self.poll(now_s):
-            out = ctypes.create_string_buffer(frame, OUT_BYTES)
-            size = self._lib.planner_serial(out, len(frame))
-            sent += out.raw[:size]
-        return bytes(sent)
-
     def goal(self, x_m: float, y_m: float) -> None:
-        """Drive there; a goal before is forgotten."""
         self._lib.planner_goal(self._handle, round(x_m * 1000), round(y_m * 1000))
 
     def halt(self) -> None:
-        """Stop, and forget the goal."""
         self._lib.planner_halt(self._handle)
 
     def state(self, now_s: float) -> PlannerState:
-        """What it does, and why, as of now."""
-        report = self._report(now_s)
+        report = self._report()
         return planner_state({name: getattr(report, name) for name, *_ in _Report._fields_})
 
-    def window(self) -> U8:
-        """(height, width) copy of all cells: 0 unknown, 1 free, 2 obstacle; (0, 0) before any."""
-        report = self._report(self._now_s)
+    def snapshot(self) -> tuple[U8, tuple[int, int]]:
+        """(height, width) copy of all cells: 0 unknown, 1 free, 2 obstacle; (0, 0) before any.
+        And their lowest column and row in the endless grid, modulo 65 536 as int16."""
+        report = self._report()
         cells: U8 = np.zeros((report.height, report.width), np.uint8)
         if cells.size:
             self._lib.planner_window(self._handle, cells.ctypes.data)
-        return cells
+        return cells, (report.ox, report.oy)
 
-    def origin(self) -> tuple[int, int]:
-        """Lowest column and row in the endless grid, modulo 65 536 as int16."""
-        report = self._report(self._now_s)
-        return report.ox, report.oy
-
-    def _report(self, now_s: float) -> _Report:
+    def _report(self) -> _Report:
         report = _Report()
-        self._lib.planner_report(self._handle, self._ms(now_s), ctypes.byref(report))
+        self._lib.planner_report(self._handle, ctypes.byref(report))
         return report
 
-    def _ms(self, now_s: float) -> int:
-        self._now_s = now_s
-        return math.floor(now_s * 1000 + 1e-6) % 2**32
+
+def _ms(now_s: float) -> int:
+    return math.floor(now_s * 1000 + 1e-6) % 2**32

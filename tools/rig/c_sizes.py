@@ -11,10 +11,11 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from tools.rig.c_build import (
     BOARD,
@@ -50,16 +51,14 @@ NODE = re.compile(r'node: { title: "(?:[^"]*:)?([\w.]+)" label: "[^"]*?(\d+) byt
 EDGE = re.compile(r'edge: { sourcename: "(?:[^"]*:)?([\w.]+)" targetname: "(?:[^"]*:)?([\w.]+)"')
 
 
-@dataclass(frozen=True, slots=True)
-class Size:
+class Size(NamedTuple):
     """Of what the linker keeps, bytes."""
 
     code: int
     tables: int
 
 
-@dataclass(frozen=True, slots=True)
-class FirmwareSize:
+class FirmwareSize(NamedTuple):
     """Of a firmware, bytes."""
 
     flash: int
@@ -77,11 +76,8 @@ def linked(core: str, functions: tuple[str, ...], *defines: str) -> Size:
         chosen = (f"-mcpu={core}", *defines, *bare, *kept, *absent, str(MCU / "sizes.c"))
         elf = compile_c(GCC, Path(folder) / "x.elf", *OPTIONS, *chosen)
         lines = _output("arm-none-eabi-size", "-A", str(elf)).splitlines()
-    sizes = {
-        words[0]: int(words[1])
-        for line in lines
-        if (words := line.split())[:1] and words[0].startswith(".")
-    }
+    rows = [line.split() for line in lines if line.startswith(".")]
+    sizes = {row[0]: int(row[1]) for row in rows}
     return Size(sizes[".text"], sizes.get(".rodata", 0))
 
 
@@ -167,36 +163,27 @@ def _output(name: str, *arguments: str) -> str:
 
 
 def header_report() -> list[str]:
-    """All figures of the header, as lines of a table."""
     lines = ["bytes                                    cortex-m0 cortex-m3 cortex-m4"]
-
-    def row(title: str, numbers: list[int]) -> None:
-        lines.append(f"{title:40s}" + "".join(f"{number:10d}" for number in numbers))
-
-    core = [linked(name, CORE_SET, NO_TILES) for name in CORES]
-    auth = [linked(name, CORE_SET, NO_TILES, AUTH) for name in CORES]
-    keys = [linked(name, (*CORE_SET, "mapod_link_set_key"), AUTH, NO_TILES) for name in CORES]
-    tiles = [linked(name, CORE_SET) for name in CORES]
-    every = [linked(name, CORE_SET + REST) for name in CORES]
-    row("decoder with ACK (section 12): code", [size.code for size in core])
-    row("  its tables (CRC, sizes)", [size.tables for size in core])
-    pairs = list(zip(core, keys, strict=True))
-    row("with tags: code more", [key.code - size.code for size, key in pairs])
-    row("  tables more", [key.tables - size.tables for size, key in zip(core, auth, strict=True)])
-    row("checks of STOP_ZONE and TILE: code more", [
-        more.code - size.code for size, more in zip(core, tiles, strict=True)
-    ])  # fmt: skip
-    row("all that the header offers, no tags", [size.code + size.tables for size in every])
-    row("struct mapod_link", [state_bytes(name)[0] for name in CORES])
-    row("struct mapod_talk", [state_bytes(name)[1] for name in CORES])
-    row("struct mapod_link with tags", [state_bytes(name, AUTH)[0] for name in CORES])
-    row("deepest stack", [header_stack(name) for name in CORES])
-    row("deepest stack with tags", [header_stack(name, AUTH) for name in CORES])
+    keyed = (*CORE_SET, "mapod_link_set_key")
+    figures: dict[str, Callable[[str], int]] = {
+        "decoder with ACK (section 12): code": lambda core: linked(core, CORE_SET, NO_TILES).code,
+        "  its tables (CRC, sizes)": lambda core: linked(core, CORE_SET, NO_TILES).tables,
+        "with tags: code": lambda core: linked(core, keyed, AUTH, NO_TILES).code,
+        "  tables": lambda core: linked(core, keyed, AUTH, NO_TILES).tables,
+        "with checks of STOP_ZONE and TILE: code": lambda core: linked(core, CORE_SET).code,
+        "all that the header offers: code": lambda core: linked(core, CORE_SET + REST).code,
+        "struct mapod_link": lambda core: state_bytes(core)[0],
+        "struct mapod_talk": lambda core: state_bytes(core)[1],
+        "struct mapod_link with tags": lambda core: state_bytes(core, AUTH)[0],
+        "deepest stack": header_stack,
+        "deepest stack with tags": lambda core: header_stack(core, AUTH),
+    }
+    for title, figure in figures.items():
+        lines.append(f"{title:40s}" + "".join(f"{figure(core):10d}" for core in CORES))
     return lines
 
 
 def planner_report() -> list[str]:
-    """All figures of the planner, as lines of a table."""
     lines = ["the planner's firmware on a Cortex-M3, gcc -Os, tags included; bytes"]
     lines.append("window         flash       RAM   of that the planner")
     for cells in WINDOWS:

@@ -6,44 +6,35 @@
     python -m tools.rig.campaign --runs 50 --faults 1
 
 Run k of a seed takes the k-th of the scenes in turn and a seed of its own, and is the same in
-whatever process and order. Exit status 1: a collision, a crash, runs that differ, or fewer than
-nine goals of ten where nothing was made to fail.
+whatever process and order. Exit status 1: a collision, a crash, or fewer than nine goals of ten
+where nothing was made to fail.
 """
 
 import argparse
-import concurrent.futures
 import contextlib
 import json
-import logging
-import multiprocessing
 import os
 import random
-import signal
 import sys
 import time
-import traceback
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-import structlog
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from fakes.scenes.scene import campaign_scenes, load_scene
 from tools.rig import report
 from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
 from tools.rig.faults import draw
-from tools.rig.one_run import LIMIT_S, Run, RunResult, RunSpec
+from tools.rig.one_run import LIMIT_S, Run, RunSpec
+from tools.rig.pool import quiet, results_of, with_bar
 from tools.rig.record import Recorder
 from tools.rig.report import Outcome
 from tools.rig.watch import Watcher
 
-TOLD_EVERY_S = 5.0  # without a screen
-WIDE = 120  # columns, likewise
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")  # a worker has one core
+WIDE = 120  # columns, without a screen
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +44,6 @@ class Task:
     number: int
     spec: RunSpec
     folder: Path | None = None  # to record it in
-    twice: bool = False
 
 
 def spec_of(
@@ -65,109 +55,27 @@ def spec_of(
     return RunSpec(scenes[number % len(scenes)], own, orders, limit_s)
 
 
-def work() -> None:
-    """A worker begins: quiet, and ended by Ctrl-C without a word."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    quiet()
-
-
-def quiet() -> None:
-    """No log: thousands of runs would drown a person."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
-
-
-def result_of(task: Task, each: Callable[[Run], None] | None = None) -> RunResult:
+def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
     """One run from begin to end, recorded where that is wanted."""
     run = Run(task.spec)
-    with contextlib.ExitStack() as stack:
-        recorder = None
-        if task.folder is not None:
-            recorder = stack.enter_context(Recorder(run, task.folder))
-        while not run.ended:
-            run.step()
-            if recorder is not None:
-                recorder(run)
-            if each is not None:
-                each(run)
-        result = run.result()
-        if recorder is not None:
-            recorder.finish(result)
-    return result
+    if task.folder is None:
+        return Outcome(task.number, task.spec, run.to_end(*each))
+    with Recorder(run, task.folder) as recorder:
+        result = run.to_end(recorder, *each)
+        recorder.finish(result)
+    return Outcome(task.number, task.spec, result)
 
 
-def outcome_of(task: Task, each: Callable[[Run], None] | None = None) -> Outcome:
-    """One run, or two that must agree."""
-    result = result_of(task, each)
-    agreed = None
-    if task.twice:
-        agreed = result_of(replace(task, folder=None)).digest == result.digest
-    return Outcome(task.number, task.spec, result, repeated=agreed)
-
-
-def outcomes_of(tasks: Sequence[Task], jobs: int) -> Generator[Outcome, None, None]:
+def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
     """All runs, as they end, over so many processes."""
-    for name in THREADS:
-        os.environ.setdefault(name, "1")
-    pool = concurrent.futures.ProcessPoolExecutor(
-        min(jobs, len(tasks)), multiprocessing.get_context("spawn"), work
-    )
-    with pool:
-        waiting = {pool.submit(outcome_of, task): task for task in tasks}
-        try:
-            for future in concurrent.futures.as_completed(waiting):
-                task, error = waiting[future], future.exception()
-                if error is None:
-                    yield future.result()
-                else:
-                    yield Outcome(task.number, task.spec, crash=words_of(error))
-        except (KeyboardInterrupt, GeneratorExit):
-            pool.shutdown(cancel_futures=True)
-            raise
-
-
-def words_of(error: BaseException) -> str:
-    """A crash, with where it happened."""
-    if isinstance(error, BrokenProcessPool):
-        return "the process that ran it, or one beside it, was killed"
-    return "".join(traceback.format_exception(error))
-
-
-def followed(
-    console: Console, tasks: Sequence[Task], outcomes: Iterator[Outcome]
-) -> Iterator[Outcome]:
-    """The same outcomes, with a bar; or, without a screen, a line now and then."""
-    seen: list[Outcome] = []
-    if not console.is_terminal:
-        told_s = time.monotonic()
-        for outcome in outcomes:
-            seen.append(outcome)
-            if time.monotonic() - told_s >= TOLD_EVERY_S:
-                told_s = time.monotonic()
-                console.print(f"  {len(seen)} of {len(tasks)} runs: {counts(seen)}", soft_wrap=True)
-            yield outcome
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
-        followed_task = bar.add_task("runs", total=len(tasks))
-        for outcome in outcomes:
-            seen.append(outcome)
-            bar.update(followed_task, advance=1, description=counts(seen))
-            yield outcome
-
-
-def counts(outcomes: Sequence[Outcome]) -> str:
-    """So far, in a few words."""
-    results = [outcome.result for outcome in outcomes if outcome.result is not None]
-    total = report.totals_of(results)
-    crashes = len(outcomes) - len(results)
-    return (
-        f"{total.reached}/{total.goals} goals, {total.collisions} collisions, "
-        f"{total.false_stops} false stops" + (f", {crashes} crashes" if crashes else "")
-    )
+    with contextlib.closing(results_of(outcome_of, tasks, jobs)) as results:
+        for task, result in results:
+            if isinstance(result, str):
+                result = Outcome(task.number, task.spec, crash=result)
+            yield result
 
 
 def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
-    """What a person wrote."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.rig.campaign",
         description=__doc__,
@@ -186,8 +94,7 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("--record", type=Path, help="a folder for bytes, path, events, picture")
     parser.add_argument("--json", type=Path, help="a file for all results")
-    parser.add_argument("--markdown", action="store_true", help="the table for a document, too")
-    parser.add_argument("--repeatable", action="store_true", help="each run twice: do they agree?")
+    parser.add_argument("--markdown", action="store_true", help="the table for a document")
     options = parser.parse_args(arguments)
     if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
         parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")
@@ -214,7 +121,6 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
             number,
             spec_of(options.seed, number, scenes, options.faults, options.limit),
             options.record / f"run_{number:03d}" if options.record else None,
-            options.repeatable,
         )
         for number in numbers
     ]
@@ -230,7 +136,6 @@ def again(options: argparse.Namespace) -> str:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Exit status."""
     options, begun_s = arguments_of(arguments), time.monotonic()
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
     try:
@@ -247,13 +152,10 @@ def main(arguments: Sequence[str]) -> int:
                 outcomes.append(outcome_of(tasks[0], watcher))
         else:
             running = outcomes_of(tasks, options.jobs)
-            with contextlib.closing(running):
-                outcomes += followed(console, tasks, running)
+            outcomes += with_bar(console, len(tasks), running, report.counts)
     outcomes.sort(key=lambda outcome: outcome.number)
     passed_s = time.monotonic() - begun_s
-    report.show(console, outcomes, len(tasks), again(options), passed_s)
-    if options.markdown:
-        print(report.markdown([o.result for o in outcomes if o.result is not None]))
+    report.show(console, outcomes, len(tasks), again(options), passed_s, options.markdown)
     if options.json:
         options.json.write_text(json.dumps(report.as_json(outcomes), indent=1), encoding="utf-8")
     return 0 if report.is_well(outcomes, len(tasks)) else 1

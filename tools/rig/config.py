@@ -5,40 +5,54 @@ is refused unless the file says that the wheels are off the ground; a real drive
 a scene, and never enters ground that was not seen.
 """
 
-import math
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, get_type_hints
+
+import msgspec
+from msgspec import Meta, Struct
 
 from core.config import ConfigError
 from hw.ports.url import PortUrlError, parse_url
 
 FAKE, BOARD, HOST, OF_SCENE = "fake", "board", "host", "scene"
-SHEET, CLEAN = "sheet", "clean"
 DEVICES = ("scanner", "ahrs", "drive")
-MOST_SEED, MOST_M, MOST_CLEAR_M, MOST_MPS = 2**31 - 1, 1000, 20, 1
-BAUDS = (115_200, 230_400, 460_800, 921_600)
+
+Words = Annotated[str, Meta(min_length=1)]
+Metres = Annotated[float, Meta(ge=-1000, le=1000)]
+Clear = Annotated[float, Meta(ge=0, le=20)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigConfig:
-    """What `make rig` puts together."""
+class World(Struct, frozen=True, forbid_unknown_fields=True):
+    """Where the robot drives."""
 
-    scene: str
-    seed: int
-    goals: tuple[tuple[float, float], ...]  # (x, y) m, map frame; (): the scene's
-    sensors: str  # SHEET or CLEAN
-    scanner: str  # FAKE, or a port; likewise
-    ahrs: str
-    drive: str
-    planner: str  # BOARD, HOST, or a port
+    scene: Words
+    seed: Annotated[int, Meta(ge=0, le=2**31 - 1)]
+    goals: list[tuple[Metres, Metres]]  # (x, y) m, map frame; none: the scene's
+    sensors: Literal["sheet", "clean"]
+
+
+class Devices(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which of them are real: a name of a fake, or a port."""
+
+    scanner: Words
+    ahrs: Words
+    drive: Words
+    planner: Words
     wheels_off_the_ground: bool
-    board_baud: int
-    start_clear_m: float | None  # None: as the scene says
-    unknown_mps: float
-    config: str  # file of the app's settings
+
+    def __post_init__(self) -> None:
+        for name, fakes in (*((name, (FAKE,)) for name in DEVICES), ("planner", (BOARD, HOST))):
+            given = getattr(self, name)
+            try:
+                if given not in fakes:
+                    parse_url(given)
+            except PortUrlError as error:
+                allowed = " or ".join(map(repr, fakes))
+                raise ValueError(
+                    f"{name}: must be {allowed}, or a port ({error}), is {given!r}"
+                ) from None
 
     @property
     def real(self) -> dict[str, str]:
@@ -46,94 +60,27 @@ class RigConfig:
         return {name: port for name in DEVICES if (port := getattr(self, name)) != FAKE}
 
 
-def _text(value: Any) -> str:
-    """A text that is not empty."""
-    if not isinstance(value, str) or not value:
-        raise ValueError("a text that is not empty")
-    return value
+class Planner(Struct, frozen=True, forbid_unknown_fields=True):
+    """What the planner is told before it starts."""
+
+    board_baud: Literal[115_200, 230_400, 460_800, 921_600]
+    start_clear_m: Clear | Literal["scene"]
+    unknown_mps: Annotated[float, Meta(ge=0, le=1)]
 
 
-def _one_of(*allowed: object) -> Callable[[Any], Any]:
-    def check(value: Any) -> Any:
-        if isinstance(value, bool) or value not in allowed:
-            raise ValueError(" or ".join(repr(one) for one in allowed))
-        return value
+class Robot(Struct, frozen=True, forbid_unknown_fields=True):
+    """The robot's own settings."""
 
-    return check
+    config: Words  # file of the app's
 
 
-def _number(least: int, most: int, whole: bool = False) -> Callable[[Any], Any]:
-    def check(value: Any) -> Any:
-        right = isinstance(value, int if whole else int | float) and not isinstance(value, bool)
-        if not right or not math.isfinite(value) or not least <= value <= most:
-            raise ValueError(f"a {'whole ' if whole else ''}number from {least} to {most}")
-        return value if whole else float(value)
+class RigConfig(Struct, frozen=True, forbid_unknown_fields=True):
+    """What `make rig` puts together: the whole of `rig.toml`."""
 
-    return check
-
-
-def _switch(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError("true or false")
-    return value
-
-
-def _goals(value: Any) -> tuple[tuple[float, float], ...]:
-    number, words = _number(-MOST_M, MOST_M), "a list of places [x_m, y_m], or []"
-    if not isinstance(value, list):
-        raise ValueError(words)
-    goals = []
-    for place in value:
-        if not isinstance(place, list) or len(place) != 2:
-            raise ValueError(words)
-        goals.append((number(place[0]), number(place[1])))
-    return tuple(goals)
-
-
-def _port(*names: str) -> Callable[[Any], str]:
-    """One of the names, or the URL of a port."""
-
-    def check(value: Any) -> str:
-        if value in names:
-            return str(value)
-        try:
-            parse_url(value if isinstance(value, str) else "")
-        except PortUrlError as error:
-            named = " or ".join(repr(name) for name in names)
-            raise ValueError(f"{named}, or a port ({error})") from None
-        return str(value)
-
-    return check
-
-
-def _clear(value: Any) -> float | None:
-    try:
-        return None if value == OF_SCENE else float(_number(0, MOST_CLEAR_M)(value))
-    except ValueError as error:
-        raise ValueError(f"{OF_SCENE!r}, or {error}") from None
-
-
-KEYS: Mapping[str, Mapping[str, Callable[[Any], Any]]] = {
-    "world": {
-        "scene": _text,
-        "seed": _number(0, MOST_SEED, whole=True),
-        "goals": _goals,
-        "sensors": _one_of(SHEET, CLEAN),
-    },
-    "devices": {
-        "scanner": _port(FAKE),
-        "ahrs": _port(FAKE),
-        "drive": _port(FAKE),
-        "planner": _port(BOARD, HOST),
-        "wheels_off_the_ground": _switch,
-    },
-    "planner": {
-        "board_baud": _one_of(*BAUDS),
-        "start_clear_m": _clear,
-        "unknown_mps": _number(0, MOST_MPS),
-    },
-    "robot": {"config": _text},
-}
+    world: World
+    devices: Devices
+    planner: Planner
+    robot: Robot
 
 
 def load_rig_config(text: str, changes: Mapping[str, Any] | None = None) -> RigConfig:
@@ -149,52 +96,49 @@ def load_rig_config(text: str, changes: Mapping[str, Any] | None = None) -> RigC
     for name, value in (changes or {}).items():
         section, _, key = name.partition(".")
         table.setdefault(section, {})[key] = value
-    for section in table.keys() - KEYS.keys():
-        raise ConfigError(f"{section}: unknown; allowed are {', '.join(KEYS)}")
-    values: dict[str, Any] = {}
-    for section, keys in KEYS.items():
-        values |= _section(section, table.get(section), keys)
-    config = RigConfig(**values)
+    try:
+        config = msgspec.convert(table, RigConfig)
+    except msgspec.ValidationError as error:
+        raise ConfigError(_message(error, table)) from None
     _check_real_drive(config)
     return config
 
 
-def _section(section: str, table: Any, keys: Mapping[str, Callable[[Any], Any]]) -> dict[str, Any]:
-    """The checked values of one section."""
-    if not isinstance(table, dict):
-        raise ConfigError(f"{section}: missing; it is a section [{section}]")
-    for key in table.keys() - keys.keys():
-        raise ConfigError(f"{section}.{key}: unknown; allowed are {', '.join(keys)}")
-    values = {}
-    for key, check in keys.items():
-        if key not in table:
-            raise ConfigError(f"{section}.{key}: missing")
-        try:
-            values[key] = check(table[key])
-        except ValueError as error:
-            raise ConfigError(f"{section}.{key}: must be {error}, is {table[key]!r}") from None
-    return values
+def _message(error: msgspec.ValidationError, table: Mapping[str, Any]) -> str:
+    """What is wrong, behind the name of the key where it is."""
+    words, _, path = str(error).partition(" - at `$")
+    keys = path.strip(".`").partition("[")[0]
+    if isinstance(error.__cause__, ValueError):  # a struct's own check, which names its key
+        return f"{keys}.{words}"
+    section, _, key = keys.partition(".")
+    if not key:
+        return f"{keys}: {words}" if keys else words
+    if "enum value" in words:  # which would not say what is allowed
+        kind = get_type_hints(get_type_hints(RigConfig)[section])[key]
+        words = f"expected {kind}".replace("typing.", "")
+    return f"{keys}: {words}, is {table[section][key]!r}"
 
 
 def _check_real_drive(config: RigConfig) -> None:
     """No real wheels roll by what a fake has seen, or over ground that nobody has looked at."""
-    if config.drive == FAKE:
+    devices, planner = config.devices, config.planner
+    if devices.drive == FAKE:
         return
-    blind = [name for name in ("scanner", "ahrs") if getattr(config, name) == FAKE]
-    if blind and not config.wheels_off_the_ground:
+    blind = [name for name in ("scanner", "ahrs") if name not in devices.real]
+    if blind and not devices.wheels_off_the_ground:
         raise ConfigError(
             f"devices.wheels_off_the_ground: must be true, with a real drive beside a fake "
             f"{' and a fake '.join(blind)}: the robot would move without seeing where it goes"
         )
-    if config.start_clear_m is None:
+    if planner.start_clear_m == OF_SCENE:
         raise ConfigError(
             "planner.start_clear_m: must be a number with a real drive: how far around the start "
             "somebody has looked at the ground; a scene knows nothing of it"
         )
-    if config.unknown_mps > 0:
+    if planner.unknown_mps > 0:
         raise ConfigError(
             "planner.unknown_mps: must be 0 with a real drive: it would go where nobody has seen "
-            f"the ground, is {config.unknown_mps}"
+            f"the ground, is {planner.unknown_mps}"
         )
 
 
@@ -206,13 +150,11 @@ def load_rig_file(path: Path, changes: Mapping[str, Any] | None = None) -> RigCo
     """
     try:
         config = load_rig_config(path.read_text(encoding="utf-8"), changes)
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, ConfigError) as error:
         raise ConfigError(f"{path}: {error}") from None
-    except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    beside = path.resolve().parent / config.config
+    beside = path.resolve().parent / config.robot.config
     if not beside.is_file():
         raise ConfigError(
-            f"{path}: robot.config: must be a file that is there, is {config.config!r}"
+            f"{path}: robot.config: must be a file that is there, is {config.robot.config!r}"
         )
-    return replace(config, config=str(beside))
+    return msgspec.structs.replace(config, robot=Robot(str(beside)))

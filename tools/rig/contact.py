@@ -240,9 +240,7 @@ class Ground:
 
     def slack_m(self, place: Place, margin_m: float) -> float:
         """How far the ground may rise or fall under the outline, where it is not all level."""
-        if all(_beside(shape, place, margin_m) for shape in self.others):
-            return 0.0
-        return SLOPE * (FRONT_M + margin_m)
+        return SLOPE * (FRONT_M + margin_m) if self._others_at(place, margin_m) else 0.0
 
     def at_outline(self, place: Place, plane: Plane, beyond_m: float, margin_m: float = 0.0) -> str:
         """What is under the outline of the footprint, grown by a margin, in words; "": ground.
@@ -250,15 +248,14 @@ class Ground:
         Args:
             beyond_m: ground so much lower is a drop, and what rises so much an obstacle.
         """
-        if self._is_level(place, plane, margin_m):
+        others = self._others_at(place, margin_m)
+        if not others and self._is_level(place, plane, REACH_M + margin_m):
             return ""
         points = self._outlines.setdefault(margin_m, outline(margin_m))
         x, y = placed(points, place)
         base = plane.at(x, y)
         highest = np.full(len(x), -np.inf)
-        for shape in self.others:
-            if _beside(shape, place, margin_m):
-                continue
+        for shape in others:
             tops = shape.tops_m(x, y)
             if shape.bottom_m < base.min() + HEIGHT_M and (tops - base >= beyond_m).any():
                 return shape.name
@@ -267,16 +264,22 @@ class Ground:
         near = (x0 < x.max()) & (x1 > x.min()) & (y0 < y.max()) & (y1 > y.min())
         for k in np.flatnonzero(near):
             inside = (x >= x0[k]) & (x <= x1[k]) & (y >= y0[k]) & (y <= y1[k])
-            highest[inside & (top[k] - base < beyond_m)] = np.maximum(
-                highest[inside & (top[k] - base < beyond_m)], top[k]
-            )
+            under = inside & (top[k] - base < beyond_m)
+            highest[under] = np.maximum(highest[under], top[k])
         return "a drop" if (highest - base < -beyond_m).any() else ""
 
-    def _is_level(self, place: Place, plane: Plane, margin_m: float) -> bool:
-        """One box's top is the ground all around, and nothing lies near that isn't a box."""
-        if any(not _beside(shape, place, margin_m) for shape in self.others):
-            return False
-        reach_m = REACH_M + margin_m
+    def _others_at(self, place: Place, margin_m: float) -> list[Shape]:
+        """What is no box and no cylinder, and near enough to be under the footprint."""
+        reach_m, (x, y, _) = REACH_M + margin_m, place
+        return [
+            shape
+            for shape in self.others
+            if shape.x[0] - reach_m <= x <= shape.x[1] + reach_m
+            and shape.y[0] - reach_m <= y <= shape.y[1] + reach_m
+        ]
+
+    def _is_level(self, place: Place, plane: Plane, reach_m: float) -> bool:
+        """One box's top is the ground all around."""
         if _carries(self._floor, place, plane, reach_m):
             return True
         for box in self.boxes.tolist():
@@ -298,14 +301,3 @@ def _carries(box: Sequence[float], place: Place, plane: Plane, reach_m: float) -
 
 def _is_box(solid: Shape) -> bool:
     return isinstance(solid, Solid) and not solid.rise_rad and not solid.rise_x_rad
-
-
-def _beside(shape: Shape, place: Place, margin_m: float) -> bool:
-    """Whether a shape is too far to be under the footprint."""
-    reach_m = REACH_M + margin_m
-    return (
-        shape.x[0] > place[0] + reach_m
-        or shape.x[1] < place[0] - reach_m
-        or shape.y[0] > place[1] + reach_m
-        or shape.y[1] < place[1] - reach_m
-    )

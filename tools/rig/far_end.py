@@ -20,9 +20,9 @@ NEAR_S = 0.009  # a mapped scan's instant, as told and as stamped, are no farthe
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """A measurement as its fake stamped it; host monotonic seconds."""
+    """A scan as its fake stamped it; host monotonic seconds."""
 
-    measured_s: float  # of a scan: its last beam
+    measured_s: float  # its last beam
     sent_s: float  # its last byte, handed to the system
 
 
@@ -76,10 +76,10 @@ class FarEnd(FakePlanner):
         self.bursts[-1] = replace(self.bursts[-1], arrived_s=now_s, age=age)
 
 
-def sent_from_file(path: Path, what: str) -> list[Sent]:
-    """The measurements of one sort ("scan", "attitude") in a file of stamps, oldest first."""
+def scans_from_file(path: Path) -> list[Sent]:
+    """The scans in a file of stamps, oldest first."""
     rows = (line.split() for line in path.read_text(encoding="ascii").splitlines())
-    return [Sent(float(row[1]), float(row[2])) for row in rows if len(row) == 3 and row[0] == what]
+    return [Sent(float(row[1]), float(row[2])) for row in rows if len(row) == 3]
 
 
 def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Told], int]:

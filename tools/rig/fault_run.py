@@ -15,7 +15,8 @@ import numpy.typing as npt
 from core.records import FREE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
-from tools.rig.fault_kinds import Fault
+from tools.rig.fault import Fault
+from tools.rig.judge import Judge, truth_of
 from tools.rig.loop import Loop
 
 F64 = npt.NDArray[np.float64]
@@ -30,8 +31,7 @@ BOX_X_M, BOX_HIGH_M = 12.5, 0.2
 ARRIVED_X_M = BOX_X_M - 1.5  # from here on it stands for the box
 TAKE_EVERY = 4  # ticks: 50 times a second
 MAP_EVERY = 20
-SOLID_M = 0.15  # what is that high, or low, a robot must not touch
-FRONT_M, REAR_M, SIDE_M = 0.52, 0.20, 0.30  # of its footprint, about the axle
+SOLID_M = 0.15  # what is that high, or low, is not free
 STANDS_MPS, MOVES_MPS = 0.02, 0.05
 STOOD_S = 0.1  # a standstill lasts at least so long
 WELL = ("scanner", "attitude", "wheels", "clocks", "pose", "map", "loop")  # health bits 0 to 6
@@ -69,7 +69,6 @@ class Pusher(FakePlanner):
         self._moved_s = math.nan
 
     def poll(self, now_s: float) -> list[bytes]:
-        """Frames for the app."""
         if now_s >= self._ask_s:
             self._ask_s = now_s + ASK_S
             self.drive(now_s, *self._wanted(now_s), VALID_S)
@@ -115,8 +114,6 @@ class Outcome:
     collisions: list[str] = field(default_factory=list)
     wrong_free: list[str] = field(default_factory=list)  # FREE cells told, obstacles in truth
     unbidden_s: float = 0.0  # longest time with power since mapod last wanted any
-    far_m: float = 0.0  # where it was in the end, along the hall
-    said: list[str] = field(default_factory=list)  # by the fakes, with instants
 
 
 class Drive:
@@ -137,9 +134,11 @@ class Drive:
         seed: int = 1,
         scene: Scene | None = None,
     ) -> None:
-        self.loop = Loop(scene or hall(), seed, planner=(planner := Pusher()))
-        self.planner = planner
+        scene = scene or hall()
+        self.planner = Pusher()
+        self.loop = Loop(scene, seed, planner=self.planner)
         self.loop.set_faults(orders)
+        self._judge = Judge(scene)
         self.outcome = Outcome(*span_s)
         self._wait_s = wait_s
         self._is_sent = False  # at any tick since the last moment
@@ -155,8 +154,7 @@ class Drive:
                 self._take()
             if self.loop.ticks % MAP_EVERY == 0:
                 self._check_map()
-        judge(self._moments, self.outcome)
-        self.outcome.said = [f"{t - 1000:.2f} {words}" for t, words in self.loop.happened]
+        fill_in(self._moments, self.outcome)
         return self.outcome
 
     def _is_over(self) -> bool:
@@ -172,18 +170,21 @@ class Drive:
 
     def _take(self) -> None:
         loop, pose = self.loop, self.planner.pose
-        x_m, y_m, yaw_rad = loop.rig.world.pose()[:3]
+        truth = truth_of(loop.rig.world, loop.since_begin_s)
+        self._judge.step(truth)
+        self.outcome.collisions = [contact.words() for contact in self._judge.collisions]
         fresh = pose is not None and loop.now_s - pose.arrived_s < FRESH_S
-        health = pose.health if pose is not None and fresh else 0
-        has_power = loop.rig.drive.powers() != (0, 0)
-        is_sent, self._is_sent = self._is_sent, False
-        reason = loop.app.control.blocked_by
         self._moments.append(
-            Moment(loop.since_begin_s, x_m, y_m, has_power, is_sent, health, reason)
+            Moment(
+                truth.since_s,
+                *truth.place[:2],
+                has_power=loop.rig.drive.powers() != (0, 0),
+                is_sent=self._is_sent,
+                health=pose.health if pose is not None and fresh else 0,
+                reason=loop.app.control.blocked_by,
+            )
         )
-        touched = _touched(loop, x_m, y_m, yaw_rad)
-        if touched:
-            self.outcome.collisions.append(f"{touched} at {loop.since_begin_s:.2f} s")
+        self._is_sent = False
 
     def _check_map(self) -> None:
         """FREE cells as the planner holds them, in places that are solid in truth all around."""
@@ -192,31 +193,6 @@ class Drive:
             self.outcome.wrong_free += [
                 f"({x:.1f}, {y:.1f}) at {now_s:.1f} s" for x, y in wrong_free(self.loop)[:3]
             ]
-
-
-def _touched(loop: Loop, x_m: float, y_m: float, yaw_rad: float) -> str:
-    """What the footprint overlaps, in words; "" for nothing."""
-    ahead, aside = FOOTPRINT
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    x, y = x_m + c * ahead - s * aside, y_m + s * ahead + c * aside
-    heights = loop.rig.world.height_at(x, y)
-    hit = ~(np.abs(heights) < SOLID_M)
-    if not hit.any():
-        return ""
-    k = int(np.argmax(hit))
-    return f"something {heights[k]:.2f} m high at ({x[k]:.2f}, {y[k]:.2f})"
-
-
-def _footprint() -> tuple[F64, F64]:
-    """Points (n,) ahead of the axle and aside of it, on the rim of the footprint, 6 cm apart."""
-    ahead, aside = np.linspace(-REAR_M, FRONT_M, 13), np.linspace(-SIDE_M, SIDE_M, 11)
-    sides = [(a, side) for a in ahead for side in (-SIDE_M, SIDE_M)]
-    ends = [(end, b) for b in aside for end in (-REAR_M, FRONT_M)]
-    points = np.array(sides + ends)
-    return points[:, 0], points[:, 1]
-
-
-FOOTPRINT = _footprint()
 
 
 def wrong_free(loop: Loop) -> list[tuple[float, float]]:
@@ -249,7 +225,7 @@ def wrong_free(loop: Loop) -> list[tuple[float, float]]:
     return [(float(x[k]), float(y[k])) for k in np.nonzero(solid)[0]]
 
 
-def judge(moments: Sequence[Moment], outcome: Outcome) -> None:
+def fill_in(moments: Sequence[Moment], outcome: Outcome) -> None:
     """Fill in what follows from the moments of a whole drive."""
     t = np.array([moment.t_s for moment in moments])
     x, y = (np.array([getattr(m, axis) for m in moments]) for axis in ("x_m", "y_m"))
@@ -258,7 +234,6 @@ def judge(moments: Sequence[Moment], outcome: Outcome) -> None:
     power = np.array([moment.has_power for moment in moments])
     health = np.array([moment.health for moment in moments])
     well = health & ALL_WELL == ALL_WELL
-    outcome.far_m = float(x[-1])
     sent_s = np.maximum.accumulate(np.where([m.is_sent for m in moments], t, 0.0))
     outcome.unbidden_s = float(np.max(np.where(power, t - sent_s, 0.0)))
     first = int(np.searchsorted(t, outcome.start_s))

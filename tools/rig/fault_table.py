@@ -5,30 +5,28 @@ each is held against the catalogue; exit status 1 if anything is not as it must 
 """
 
 import argparse
-import logging
 import os
 import random
+import statistics
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 
-import numpy as np
-import structlog
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from tools.rig.fault_kinds import Fault
+from tools.rig.fault import Fault
 from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
 from tools.rig.faults import CATALOGUE
+from tools.rig.pool import results_of, with_bar
 
 EARLIER_S, LATER_S = -1.0, 1.5  # of the faults' begin, by chance
 FILE_COLUMNS = 180
 COLUMNS = ("fault", "must", "stands after s", "blind m", "told after s", "not well",
            "well after s", "drives after s", "verdict")  # fmt: skip
+SUMMARY = ("device", "drives", "stopped", "stands after s", "blind m", "well after s",
+           "drives after s", "wait", "wrong")  # fmt: skip
 HEAD = """# Every fault while driving: what the robot did
 
 Made by `python -m tools.rig.fault_table --markdown docs/faults.md`; docs/rig.md says how, and
@@ -47,7 +45,6 @@ class Job:
 
     @property
     def title(self) -> str:
-        """The names of its faults."""
         return " AND ".join(fault.title for fault in self.faults)
 
     @property
@@ -55,6 +52,11 @@ class Job:
         """What has to come of it."""
         musts = {fault.must for fault in self.faults}
         return next(must for must in ("stops", "either", "goes on") if must in musts)
+
+    @property
+    def group(self) -> str:
+        """The device, or "pairs"."""
+        return self.faults[0].device if len(self.faults) == 1 else "pairs"
 
 
 @dataclass(slots=True)
@@ -64,6 +66,11 @@ class Row:
     job: Job
     outcome: Outcome | None  # None: it crashed
     problems: list[str] = field(default_factory=list)
+
+    def complaint(self) -> str:
+        """What is wrong with it, and how it is repeated."""
+        job = self.job
+        return f"  {job.title} (seed {job.seed}, {job.start_s:g} s): {'; '.join(self.problems)}"
 
 
 def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
@@ -77,16 +84,14 @@ def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
     first = [FAULT_FROM_S, *(start_s() for _ in range(rounds - 1))]
     found = [Job((fault,), seed + k, at_s) for fault in chosen for k, at_s in enumerate(first)]
     noticed = [fault for fault in chosen if fault.is_noticed]
-    for _ in range(pairs):
+    for _ in range(pairs if noticed else 0):
         one = chance.choice(noticed)
         others = [f for f in CATALOGUE if f.device != one.device and f.is_noticed]
         found.append(Job((one, chance.choice(others)), seed + len(found), start_s()))
     return found
 
 
-def run_job(job: Job) -> Row:
-    """One drive, and what is wrong with it; the app's own log is of no use here."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+def row_of(job: Job) -> Row:
     outcome = drive_with(*job.faults, seed=job.seed, start_s=job.start_s)
     if len(job.faults) == 1:
         return Row(job, outcome, problems(job.faults[0], outcome))
@@ -94,41 +99,30 @@ def run_job(job: Job) -> Row:
 
 
 def run_all(wanted: Sequence[Job], processes: int, console: Console) -> list[Row]:
-    """All rows, in order of the jobs, with a bar meanwhile."""
-    rows: dict[int, Row] = {}
-    columns = (TextColumn("faults"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-               TextColumn("{task.fields[wrong]} wrong"))  # fmt: skip
-    with (
-        Progress(*columns, console=console) as progress,
-        ProcessPoolExecutor(processes, get_context("spawn")) as pool,
-    ):
-        bar = progress.add_task("", total=len(wanted), wrong=0)
-        running = {pool.submit(run_job, job): k for k, job in enumerate(wanted)}
-        for future in as_completed(running):
-            k = running[future]
-            rows[k] = _row(future, wanted[k])
-            if rows[k].problems:
-                progress.console.print(_complaint(rows[k]))
-            wrong = sum(bool(row.problems) for row in rows.values())
-            progress.update(bar, advance=1, wrong=wrong)
-    return [rows[k] for k in sorted(rows)]
+    """All rows, in order of the jobs; nothing may crash."""
+    rows = (
+        Row(job, None, [f"crashed: {row.splitlines()[-1]}"]) if isinstance(row, str) else row
+        for job, row in results_of(row_of, wanted, processes)
+    )
+    found: dict[Job, Row] = {}
+    for row in with_bar(console, len(wanted), rows, lambda seen: f"{len(wrong(seen))} wrong"):
+        found[row.job] = row
+        if row.problems:
+            console.print(row.complaint())
+    return [found[job] for job in wanted]
 
 
-def _row(future: "Future[Row]", job: Job) -> Row:
-    """The row, or that the drive ended with an exception: nothing may crash."""
-    error = future.exception()
-    if error is None:
-        return future.result()
-    return Row(job, None, [f"crashed: {type(error).__name__}: {error}"])
+def wrong(rows: Iterable[Row]) -> list[Row]:
+    """Those that are not as they must be."""
+    return [row for row in rows if row.problems]
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """A row of the table as text."""
     one, verdict = row.outcome, "; ".join(row.problems) or "as it must"
     if one is None:
         return (row.job.title, row.job.must, *[""] * (len(COLUMNS) - 3), verdict)
     waits = not all(fault.again for fault in row.job.faults)
-    again = "" if one.stood_s is None else "waits" if one.again_s is None and waits else None
+    again = "" if one.stood_s is None else _seconds(one.again_s, "waits" if waits else "never")
     return (
         row.job.title,
         row.job.must,
@@ -137,7 +131,7 @@ def cells(row: Row) -> tuple[str, ...]:
         _seconds(one.told_s, ""),
         " ".join(one.told),
         _seconds(one.well_s, "never"),
-        _seconds(one.again_s, "never") if again is None else again,
+        again,
         verdict,
     )
 
@@ -147,64 +141,45 @@ def _seconds(seconds: float | None, none: str) -> str:
 
 
 def summary(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
-    """By device: faults, how many stopped, and the median and the most of the times."""
-    for device in ("scanner", "ahrs", "drive", "planner", "pairs"):
-        chosen = [row for row in rows if _group(row.job) == device and row.outcome is not None]
+    """By device: drives, how many stopped, the median and the most of the times, how many wait."""
+    for group in ("scanner", "ahrs", "drive", "planner", "pairs"):
+        chosen = [row for row in rows if row.job.group == group]
         outcomes = [row.outcome for row in chosen if row.outcome is not None]
-        if not outcomes:
-            continue
         stood = [one for one in outcomes if one.stood_s is not None]
-        yield (
-            device,
-            str(len(outcomes)),
-            str(len(stood)),
-            _spread([one.stood_s for one in stood]),
-            _spread([one.blind_m for one in stood]),
-            _spread([one.well_s for one in stood]),
-            _spread([one.again_s for one in stood]),
-            str(sum(one.again_s is None for one in stood)),
-            str(sum(bool(row.problems) for row in chosen)),
-        )
-
-
-SUMMARY = ("device", "drives", "stopped", "stands after s", "blind m", "well after s",
-           "drives after s", "wait", "wrong")  # fmt: skip
-
-
-def _group(job: Job) -> str:
-    return job.faults[0].device if len(job.faults) == 1 else "pairs"
+        if outcomes:
+            yield (
+                group,
+                str(len(outcomes)),
+                str(len(stood)),
+                _spread([one.stood_s for one in stood]),
+                _spread([one.blind_m for one in stood]),
+                _spread([one.well_s for one in stood]),
+                _spread([one.again_s for one in stood]),
+                str(sum(one.again_s is None for one in stood)),
+                str(len(wrong(chosen))),
+            )
 
 
 def _spread(values: Sequence[float | None]) -> str:
     """Median and greatest of those that there are."""
     known = [value for value in values if value is not None]
-    return f"{np.median(known):.2f}, {max(known):.2f}" if known else ""
+    return f"{statistics.median(known):.2f}, {max(known):.2f}" if known else ""
 
 
 def show(rows: Sequence[Row], console: Console) -> None:
     """All rows, the summary, and what is wrong."""
-    table = Table(title="faults while driving at 0.8 m/s", row_styles=("", "dim"))
-    for column in COLUMNS:
-        table.add_column(column, overflow="fold")
+    table = Table(*COLUMNS, title="faults while driving at 0.8 m/s", row_styles=("", "dim"))
+    for column in table.columns:
+        column.overflow = "fold"
     for row in rows:
         table.add_row(*cells(row), style="red" if row.problems else "")
-    console.print(table)
-    short = Table(title="by device: median, greatest")
-    for column in SUMMARY:
-        short.add_column(column)
+    short = Table(*SUMMARY, title="by device: median, greatest")
     for line in summary(rows):
         short.add_row(*line)
-    console.print(short)
-    wrong = [row for row in rows if row.problems]
-    console.print(f"{len(rows)} drives, {len(wrong)} not as they must be")
-    for row in wrong:
-        console.print(_complaint(row))
-
-
-def _complaint(row: Row) -> str:
-    """What is wrong with a drive, and how it is repeated."""
-    job = row.job
-    return f"  {job.title} (seed {job.seed}, {job.start_s:g} s): {'; '.join(row.problems)}"
+    console.print(table, short)
+    console.print(f"{len(rows)} drives, {len(wrong(rows))} not as they must be")
+    for row in wrong(rows):
+        console.print(row.complaint())
 
 
 def markdown(rows: Sequence[Row]) -> str:
@@ -222,14 +197,13 @@ def _markdown_table(head: Sequence[str], body: Iterator[tuple[str, ...]]) -> Ite
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
-    """The command line."""
     parser = argparse.ArgumentParser(prog="python -m tools.rig.fault_table", description=__doc__)
     parser.add_argument("--pairs", type=int, default=40, help="two faults at once, by chance")
     parser.add_argument("--rounds", type=int, default=1, help="drives for each single fault")
     parser.add_argument("--seed", type=int, default=1, help="of all chance")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--only", default="", help="faults whose name holds this")
-    parser.add_argument("--markdown", help="file for the tables")
+    parser.add_argument("--markdown", type=Path, help="file for the tables")
     return parser.parse_args(given)
 
 
@@ -245,8 +219,8 @@ def main(given: list[str] | None = None) -> int:
     rows = run_all(wanted, options.jobs, console)
     show(rows, console)
     if options.markdown:
-        Path(options.markdown).write_text(markdown(rows), encoding="utf-8")
-    return 1 if any(row.problems for row in rows) else 0
+        options.markdown.write_text(markdown(rows), encoding="utf-8")
+    return 1 if wrong(rows) else 0
 
 
 if __name__ == "__main__":

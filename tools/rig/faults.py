@@ -5,38 +5,284 @@ can be told and is no fault stands in NO_FAULTS, with the reason: nothing is lef
 """
 
 import random
+from dataclasses import replace
 
-from tools.rig import fault_list_ahrs, fault_list_drive, fault_list_scanner
-from tools.rig.fault_kinds import Fault, Must, stops
+from tools.rig.fault import (
+    BLIND,
+    LATER,
+    LATER_S,
+    Fault,
+    Must,
+    either,
+    goes_on,
+    stops,
+    wire_faults,
+)
 
-CATALOGUE: tuple[Fault, ...] = (
-    *fault_list_scanner.SCANNER,
-    *fault_list_ahrs.AHRS,
-    *fault_list_drive.DRIVE,
-    *fault_list_drive.PLANNER,
+# Scanner. Source of what must come: docs/devices.md, docs/maps.md
+
+NO_SCAN = "no scan for 0.15 s: the input is stale, free cells are taken back"
+LESS = "fewer beams, no wrong ones: what they do not see stays unknown, and unknown stops"
+UNSEEN = "it goes on over ground that was seen before, and to no other"
+SEEN_AGAIN_S = 10.0  # restart, connection, login, spin-up, first scans
+
+SCANNER = (
+    *wire_faults("scanner", ("mute", "drop_rate"), NO_SCAN, "0.00003", 470_000),
+    stops("scanner.mute", NO_SCAN),
+    goes_on("scanner.deaf", "scans come on; mapod's questions are answered later"),
+    either("scanner.late_s", LATER, "0.03", recovers_s=LATER_S),
+    stops("scanner.late_s", LATER, "0.5", recovers_s=LATER_S),
+    stops("scanner.frozen", "the same telegram again is no new scan"),
+    goes_on("scanner.drop_rate", "the next scan is there in time", "0.2"),
+    stops("scanner.drop_rate", NO_SCAN, "1"),
+    goes_on("scanner.wrong_checksum_rate", "the next scan is there in time", "0.2"),
+    stops("scanner.wrong_checksum_rate", NO_SCAN, "1"),
+    goes_on("scanner.cut_next", "one telegram is lost", lasts_s=0.5),
+    goes_on("scanner.slow_answer_s", "nothing waits for an answer while it runs", "0.8"),
+    goes_on("scanner.answers_lost", "nothing waits for an answer while it runs", "3"),
+    goes_on("scanner.drift_ppm", "its clock is followed", "200"),
+    either("scanner.noise_m", "floor that scatters may look like obstacles", "0.05"),
+    either("scanner.noise_m", "floor that scatters looks like obstacles", "0.1"),
+    goes_on("scanner.offset_m", "as far off as its sheet allows", "0.03"),
+    either("scanner.dazzled_rate", LESS, "0.2"),
+    either("scanner.dazzled_rate", UNSEEN, "1"),
+    either("scanner.implausible_rate", LESS, "0.2"),
+    either("scanner.implausible_rate", UNSEEN, "1"),
+    either("scanner.filtered_rate", LESS, "0.2"),
+    either("scanner.filtered_rate", UNSEEN, "1"),
+    either("scanner.max_range_m", UNSEEN, "6"),
+    either("scanner.contamination", "a warning is told (health bit 8)", "1", 6.0),
+    stops("scanner.contamination", "too dirty: asked every few seconds", "2", 9.0, stands_s=8.0),
+    stops("scanner.contamination", "too dirty: asked every few seconds", "3", 9.0, stands_s=8.0),
+    stops("scanner.device_status", "its scans are not documented as good", "1"),
+    stops("scanner.device_status", "its scans are not documented as good", "2"),
+    stops("scanner.device_status", "its scans are not documented as good", "4"),
+    goes_on("scanner.in_error", "it is asked at the start only; each scan has a status of its own"),
+    goes_on("scanner.temperature_bad", "it is told in words; the scans are good", lasts_s=6.0),
+    either("scanner.mean_scans", "a filter set by another program smears what moves", "5"),
+    either("scanner.two_in_a_row", "a filter set by another program: it only takes beams away"),
+    stops("scanner.binary", "it speaks the other dialect", "off", 4.0, recovers_s=SEEN_AGAIN_S),
+    stops("scanner.reboot", "it starts anew", lasts_s=0.0, recovers_s=SEEN_AGAIN_S),
+    *(
+        stops(name, why, value, 6.0, then=("scanner.reboot",), recovers_s=SEEN_AGAIN_S)
+        for name, value, why in (
+            ("scanner.start_silent_s", "3", "it starts anew, and is silent at first"),
+            ("scanner.refuse_connections_s", "3", "it starts anew, and takes no host at first"),
+            ("scanner.spin_up_s", "3", "it starts anew, and its mirror is slow to spin up"),
+            ("scanner.settling_scans", "60", "it starts anew, its first scans are not valid"),
+            ("scanner.clock_offset_us", "4294000000", "it starts anew, its clock wraps soon"),
+            ("scanner.measures_at_power_up", "", "it starts anew, and measures as it was stored"),
+            ("scanner.untrue_output_step", "off", "it starts anew, with another firmware"),
+            ("scanner.refuse.SetAccessMode", "3", "it starts anew, and lets nobody log in"),
+            ("scanner.max_clients", "0", "it starts anew, and has no room for a host"),
+        )
+    ),
 )
-LIVE = (  # of sockets and ptys: not in process, but in the live rig (`make rig ARGS="--fault ..."`)
-    stops("scanner.unplugged", "its cable is pulled: nothing comes, and later all at once"),
-    stops("ahrs.gone", "its USB adapter is pulled: its path is gone", again=False),
-    stops("drive.gone", "its USB adapter is pulled: its path is gone; its watchdog stops"),
+
+# Attitude sensor. Source: docs/devices.md, docs/maps.md, docs/architecture.md
+
+NO_ATTITUDE = "no attitude for 0.15 s: it brakes without a heading, so the maps are erased"
+NOT_USED = "not used: attitude and rate of turn are all that mapod takes"
+FIELD = "the gyro carries the heading, a field that is not the earth's does not count"
+ONE = "one message is missing, the next one is there in time"
+JUMP = "a counter that jumps makes the clock doubtful until it is known again"
+SET_UP_S = 6.0  # wake-up, settings read and compared, clock locked
+
+_AHRS = (
+    *wire_faults("ahrs", ("mute",), NO_ATTITUDE, "0.0005", 48_000),
+    stops("ahrs.mute", NO_ATTITUDE),
+    goes_on("ahrs.deaf", "data come on, nothing is asked while it runs"),
+    either("ahrs.late_s", LATER, "0.02", recovers_s=LATER_S),
+    either("ahrs.late_s", LATER, "0.5", recovers_s=LATER_S),
+    stops("ahrs.frozen", "a counter that stands still is no new sample"),
+    goes_on("ahrs.burst_s", "a USB adapter's bursts: the counter tells when", "0.016"),
+    stops("ahrs.burst_s", NO_ATTITUDE, "0.5"),
+    goes_on("ahrs.jitter_s", "the least delayed samples tell its clock", "0.005"),
+    either("ahrs.jitter_s", LATER, "0.1", recovers_s=LATER_S),
+    goes_on("ahrs.lost_byte_rate", "few messages are hit", "0.0005"),
+    stops("ahrs.lost_byte_rate", NO_ATTITUDE, "0.2"),
+    goes_on("ahrs.lost_rate", "the next sample is there in time", "0.2"),
+    stops("ahrs.lost_rate", NO_ATTITUDE, "1"),
+    goes_on("ahrs.wrong_checksum_rate", "the next sample is there in time", "0.2"),
+    stops("ahrs.wrong_checksum_rate", NO_ATTITUDE, "1"),
+    stops("ahrs.length_off", "messages of another length than set up", "1"),
+    stops("ahrs.nan", "no number is no orientation"),
+    goes_on("ahrs.half_frame", ONE, lasts_s=0.5),
+    goes_on("ahrs.fa_ff", "a header within the data is no header"),
+    either("ahrs.gap", JUMP, "10", recovers_s=LATER_S),
+    either("ahrs.counter", JUMP, "300", recovers_s=LATER_S),
+    goes_on("ahrs.error_next", "an Error in the stream is told in words", "40", 0.5),
+    goes_on("ahrs.drift_ppm", "its clock is followed", "200"),
+    goes_on("ahrs.deaf_acks", "nothing is asked while it runs", "3"),
+    goes_on("ahrs.late_data", "nothing is asked while it runs", "3"),
+    goes_on("ahrs.fine_next", "a stamp that this model does not send", "5"),
+    stops("ahrs.brown_out", "it starts anew", lasts_s=0.0, recovers_s=SET_UP_S),
+    stops("ahrs.brown_out", "it starts anew as shipped", "forgets", 0.0, recovers_s=SET_UP_S),
+    stops("ahrs.power_up", "it starts anew", lasts_s=0.0, recovers_s=SET_UP_S),
+    stops(
+        "ahrs.another_host", "data of another kind: set up anew", "2,0", 0.0, recovers_s=SET_UP_S
+    ),
+    either(
+        "ahrs.baud",
+        "another rate of its line until it is off and on",
+        "9600",
+        after=("ahrs.power_up",),
+    ),
+    either("ahrs.angle_noise_rad", "floor that wobbles may look like obstacles", "0.01"),
+    either("ahrs.angle_noise_rad", "the gyro carries roll and pitch", "0.06"),
+    either("ahrs.rate_noise_radps", "the heading is less sure", "0.2"),
+    either("ahrs.rate_bias_radps", "the bias is learnt while it stands", "0,0,0.02"),
+    goes_on("ahrs.sheet_errors", "as wrong as its sheet allows"),
+    either("ahrs.yaw_jump_rad", FIELD, "0.5"),
+    goes_on("ahrs.earth_field", FIELD, "0.0,0.4,-0.9"),
+    goes_on("ahrs.magnetic_noise", FIELD, "0.3"),
+    goes_on("ahrs.pull_s", FIELD, "0.1", also=("ahrs.earth_field=0.2,0.35,-0.9",)),
+    goes_on("ahrs.accel_bias_mps2", NOT_USED, "1,0,0"),
+    goes_on("ahrs.accel_noise_mps2", NOT_USED, "1"),
+    goes_on("ahrs.temperature_deg", NOT_USED, "80"),
 )
-NO_FAULTS: dict[str, str] = {
-    **fault_list_scanner.NO_FAULTS,
-    **fault_list_ahrs.NO_FAULTS,
-    **fault_list_drive.NO_FAULTS,
+AHRS = (
+    tuple(  # whatever stops this sensor while the robot drives ends the map: it waits for a person
+        fault if fault.must == "goes on" else replace(fault, again=False) for fault in _AHRS
+    )
+)
+
+# Motor controller, and the planner's end. Source: docs/devices.md, README ("Drive"),
+# docs/protocols/planner-link.md (DRIVE)
+
+NO_COUNTER = (
+    "no counter for 0.4 s: the input is stale; where zero does not arrive, its watchdog stops"
+)
+RESTART = "its counters begin anew, so the maps are erased: unknown ground stops"
+TROUBLE = "it takes the power away itself; the commander must let go first"
+RADIO = "radio or sticks have it; only a restart can have brought that: the maps are erased"
+TRAIT = "a line is read with it and without it"
+STILL = "counters that stand while the motors have power are not believed"
+RESTARTED_S = 8.0  # a restart, listening, identity, modes, counters
+
+DRIVE = (
+    *wire_faults("drive", ("mute",), NO_COUNTER, "0.002", 4_000),
+    stops("drive.mute", NO_COUNTER),
+    stops("drive.deaf", NO_COUNTER),
+    stops("drive.frozen", STILL, again=False),
+    goes_on("drive.late_s", "the counters come late, in order", "0.02"),
+    either("drive.late_s", "counters that come too late are stale", "0.5"),
+    goes_on("drive.reply_delay_s", "slower answers, fewer counters a second", "0.01"),
+    stops("drive.reply_delay_s", NO_COUNTER, "0.6"),
+    stops("drive.counter_offset", RESTART, "100000,100000", again=False),
+    either("drive.counter_offset", "a jump of one counter is not believed", "5000,0", again=False),
+    either("drive.rollover", "matters at a counter's end only", "zero"),
+    stops("drive.encoder", "it has no counters any more", "off"),
+    stops("drive.refuse", "it refuses to tell a counter", "?Q0"),
+    stops("drive.emergency_stop", TROUBLE, again=False, after=("drive.reset",)),
+    stops("drive.status", TROUBLE, "128", again=False),
+    stops("drive.battery_v", TROUBLE, "7.0"),
+    stops("drive.battery_v", TROUBLE, "44.0"),
+    stops("drive.celsius", TROUBLE, "95,95"),
+    goes_on("drive.internal_v", "told to who asks; the motors run on", "9.0"),
+    goes_on("drive.amps", "told to who asks; the motors run on", "20,20"),
+    either("drive.load_a", "the battery sags, and the controller may cut out", "80"),
+    stops("drive.mode", RADIO, "rc", again=False),
+    stops("drive.mode", RADIO, "analog", again=False),
+    goes_on("drive.mode", f"{BLIND}: its watchdog is off", "rs232"),
+    stops("drive.mode", RADIO, "rc", again=False, also=("drive.log_numbers=16",)),
+    goes_on("drive.radio_overrides", "the sticks are at rest: they do not override"),
+    goes_on("drive.command", "sticks do not count in RS-232 mode", "60,60", 0.0),
+    stops("drive.reset", RESTART, lasts_s=0.0, again=False, recovers_s=RESTARTED_S),
+    stops("drive.restart", RESTART, lasts_s=0.0, again=False, recovers_s=RESTARTED_S),
+    stops("drive.power_cycle", RESTART, lasts_s=0.0, again=False, recovers_s=RESTARTED_S),
+    stops("drive.reset_after", RESTART, "20", again=False, recovers_s=RESTARTED_S),
+    *(
+        stops(
+            name,
+            why,
+            value,
+            6.0,
+            then=("drive.reset",),
+            after=("drive.reset",),
+            again=False,
+            recovers_s=RESTARTED_S,
+        )
+        for name, value, why in (
+            ("drive.boot_s", "3", "it restarts slowly"),
+            ("drive.parameters.0", "0", "it restarts in R/C mode: the radio has it"),
+            ("drive.parameters.1", "3", "it restarts in a motor mode that steers positions"),
+            ("drive.says_ok", "off", "it restarts and says less"),
+            ("drive.never_written", "0,1", "it restarts and does not tell its modes"),
+            ("drive.register_sign", "$", "it restarts with an older encoder module"),
+            ("drive.echoes_take_over", "", "it restarts"),
+        )
+    ),
+    either("drive.echoes", "an exchange needs the echo, or does without", "off"),
+    goes_on("drive.plus_after_read", TRAIT, "off"),
+    goes_on("drive.minus_on_empty", TRAIT),
+    goes_on("drive.lf_after_cr", TRAIT),
+    goes_on("drive.paced", "characters that take no time are early, no more", "off"),
+    either("drive.baud", "another rate of its line", "19200"),
+    either("drive.send_w", "a W may mean that the watchdog stopped the motors", "", 0.0),
+    either("drive.w_rate", "a W may mean that the watchdog stopped the motors", "0.02"),
+    goes_on("drive.inputs", "told to who asks", "1,1"),
+    goes_on("drive.outputs.C", "told to who asks", "on"),
+)
+
+NO_REQUEST = "no request is valid any more"
+PLANNER = (
+    stops("planner.mute", NO_REQUEST),
+    goes_on("planner.deaf", "it asks on; it is its own duty to stop (docs/planner-link.md)"),
+    either("planner.loss_rate", "what gets lost is sent again", "0.05"),
+    either("planner.loss_rate", "as deaf: its own duty to stop", "0.9"),
+    stops("planner.stopped", "it says that it has stopped"),
+    either("planner.nonce", "a planner that has restarted must have heard this run first", "77"),
+    either("planner.poll_only", "it takes only what it asks for", after=("planner.greet",)),
+    goes_on("planner.acknowledge", "an ACK more", "", 0.0),
+    goes_on("planner.greet", "a HELLO more", "", 0.0),
+    stops("planner.wire.mute", NO_REQUEST),
+    stops("planner.cut", NO_REQUEST),
+    goes_on("planner.delay_s", "requests are that much older", "0.05"),
+    stops("planner.delay_s", "a request that was on its way for too long is not valid", "0.6"),
+    goes_on("planner.drop_rate", "the next request is there in time", "0.1"),
+    stops("planner.drop_rate", NO_REQUEST, "1"),
+    goes_on("planner.damage_rate", "a damaged request is none", "0.001"),
+    stops("planner.damage_rate", NO_REQUEST, "0.5"),
+    either("planner.host_drop_rate", "what gets lost is sent again", "0.1"),
+    either("planner.host_damage_rate", "what gets lost is sent again", "0.002"),
+    goes_on("planner.alter_at.4700", "one damaged request", "255"),
+    goes_on("planner.drop_at", "one damaged request", "4700"),
+)
+
+CATALOGUE: tuple[Fault, ...] = (*SCANNER, *AHRS, *DRIVE, *PLANNER)
+NO_FAULTS = {
+    "scanner.comment": "a text that mapod does not ask for",
+    "scanner.name": "a text that mapod does not ask for",
+    "scanner.encoder": "a field of the telegram that mapod does not ask for",
+    "scanner.dialect_change_s": "only where a tool changes the dialect; scanner.binary is that",
+    "scanner.power_ons": "a count of the device",
+    "ahrs.self_test": "told to who asks for it: tools/cli/attitude.py",
+    "drive.amps_divider": "a property of the model",
+    "drive.analog_v": "inputs that mapod does not ask for",
+    "drive.model": "which one it is",
+    "drive.flash_writes": "a count of the fake",
+    "drive.watchdog_stops": "a count of the fake",
+    "drive.log_numbers": "in R/C mode only: there it is in the catalogue",
+    **{
+        f"planner.{name}": "a reading of the receiver, no fault"
+        for name in (
+            *("accepted", "auth_failed", "differs", "digest_ok", "ignored_maps", "ignored_types"),
+            *("need_full", "need_geom", "rejected", "repeated", "too_many_cells"),
+        )
+    },
+    "planner.ack_every": "how often it acknowledges: its own choice",
+    "planner.ack_period_s": "how often it acknowledges: its own choice",
+    "planner.max_cells": "how much room it has",
+    "planner.begin_stream": "told of a new connection: what its owner does, and no fault",
+    **dict.fromkeys(
+        ("scanner.unplugged", "ahrs.gone", "drive.gone"),  # a cable, an adapter is pulled
+        'of real sockets and ptys: in the live rig (`make rig ARGS="--fault ..."`)',
+    ),
 }
 DRAWN_DEVICES = ("scanner", "ahrs", "drive")  # the planner's end differs from run to run
 SHARES: dict[Must, float] = {"stops": 0.5, "either": 0.35, "goes on": 0.15}  # of what is drawn
 DRAW_FROM_S, DRAW_TO_S = 4.0, 40.0  # of a run
-
-
-def drawn_faults(must: Must) -> tuple[Fault, ...]:
-    """What a campaign draws from: of the devices and their wires, of which this must come."""
-    return tuple(
-        fault
-        for fault in CATALOGUE
-        if fault.drawn and fault.device in DRAWN_DEVICES and fault.must == must
-    )
 
 
 def draw(seed: int, n: int, from_s: float = DRAW_FROM_S, to_s: float = DRAW_TO_S) -> list[str]:
@@ -45,11 +291,12 @@ def draw(seed: int, n: int, from_s: float = DRAW_FROM_S, to_s: float = DRAW_TO_S
     The same seed gives the same orders; no device gets two faults at once.
     """
     chance = random.Random(f"faults {seed}")
+    drawn = [fault for fault in CATALOGUE if fault.drawn and fault.device in DRAWN_DEVICES]
     orders: list[str] = []
     busy: list[tuple[str, float, float]] = []
     while n > 0:
         [must] = chance.choices(list(SHARES), list(SHARES.values()))
-        fault = chance.choice(drawn_faults(must))
+        fault = chance.choice([fault for fault in drawn if fault.must == must])
         start_s = round(chance.uniform(from_s, to_s), 1)
         end_s = start_s + fault.lasts_s + 1.0
         if any(d == fault.device and start_s < e and s < end_s for d, s, e in busy):
@@ -58,23 +305,3 @@ def draw(seed: int, n: int, from_s: float = DRAW_FROM_S, to_s: float = DRAW_TO_S
         orders += fault.orders(start_s)
         n -= 1
     return orders
-
-
-def words_of(name: str) -> list[str]:
-    """The names of the handles that a fault's name may mean: with a dictionary's key, and without.
-
-    >>> words_of("scanner.alter_at.400")
-    ['scanner.alter_at.400', 'scanner.alter_at']
-    """
-    whole = name.partition("=")[0]
-    return [whole, whole.rpartition(".")[0]]
-
-
-def handles_in_catalogue() -> set[str]:
-    """The names, with their devices, of all that some fault of the catalogue sets or calls."""
-    return {
-        word
-        for fault in (*CATALOGUE, *LIVE)
-        for order in (fault.own, *fault.also, *fault.then, *fault.after)
-        for word in words_of(order)
-    }

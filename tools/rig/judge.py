@@ -10,7 +10,6 @@ the live rig. Map frame, whose origin and x axis are those of the robot's start;
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +17,8 @@ import numpy.typing as npt
 
 from core.records import record
 from fakes.scenes.scene import Scene
+from fakes.world.rig import AnyWorld
+from fakes.world.world import World
 from tools.rig.contact import (
     HEIGHT_M,
     NOTHING,
@@ -41,7 +42,6 @@ STOOD_S = 0.5  # a robot that has stood so long bumps into nobody
 DRIVING_MPS = 0.05
 AGAIN_S = 1.0  # out of touch for so long, and it is another contact
 LOOK_M = 2.0  # how far gaps are told
-PERSON_M = 1.75  # how high people are
 WHOLE_TURN = 2 * math.pi
 NOBODY = np.zeros((0, 3))
 
@@ -58,7 +58,6 @@ class Contact:
     speed_mps: float  # of the robot
 
     def words(self) -> str:
-        """For a person to read."""
         return (
             f"{self.what} at {self.at_s:.1f} s, robot at ({self.x_m:.2f}, {self.y_m:.2f}) m "
             f"with {self.speed_mps:.2f} m/s"
@@ -75,6 +74,12 @@ class Truth:
     pitch_rad: float = 0.0
     roll_rad: float = 0.0
     people: F64 | None = None  # (n, 3) x, y, radius
+
+
+def truth_of(world: AnyWorld, since_s: float) -> Truth:
+    x, y, yaw, pitch_rad, roll_rad = world.pose()
+    people = world.people() if isinstance(world, World) else None
+    return Truth(since_s, (x, y, yaw), world.height_m(), pitch_rad, roll_rad, people)
 
 
 class Judge:
@@ -95,13 +100,11 @@ class Judge:
         self.v_mps = self.w_radps = self.driven_m = self.stands_s = 0.0
         self.least_gap_m, self.nearest = math.inf, ""
         self.truth = Truth(0.0, (0.0, 0.0, 0.0))
-        self.recent: deque[Truth] = deque(maxlen=RATE_HZ)
         self._touched: dict[str, float] = {}  # what, and when last
         self._began = False
 
     @property
     def plane(self) -> Plane:
-        """The ground on which it stands."""
         now = self.truth
         return plane_under(now.place, now.height_m, now.pitch_rad, now.roll_rad)
 
@@ -111,11 +114,9 @@ class Judge:
         return abs(self.v_mps) + REACH_M * abs(self.w_radps) > DRIVING_MPS
 
     def step(self, truth: Truth) -> None:
-        """One truth more."""
         if self._began:
             self._move(truth)
         self.truth, self._began = truth, True
-        self.recent.append(truth)
         plane = self.plane
         for near in (
             self.ground.nearest(truth.place, plane, FROM_M, LOOK_M),

@@ -8,27 +8,26 @@ machine left alone, then with all of its cores loaded.
 
 import argparse
 import contextlib
-import json
 import math
 import os
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from mapod_link.client import Link
 from mapod_link.wires import UdpWire
 from tools.cli.options import ROOT
-from tools.rig.far_end import FarEnd, sent_from_file, told_scans
+from tools.rig.far_end import FarEnd, scans_from_file, told_scans
 from tools.rig.load import loaded
-from tools.settings import NotThereError, rewritten
+from tools.rig.story import JsonLines
+from tools.settings import rewritten
 from tools.terminal.processes import Child, RunError, Stop, ports_of, say
 
 SETTINGS: dict[str, str | float] = {
@@ -43,32 +42,27 @@ SETTINGS: dict[str, str | float] = {
     "log.format": "json",
 }
 START_S, SETTLE_S = 120.0, 6.0  # until the map runs; and until the clocks are locked well
-LINGER_S = 0.2  # for the last scan's map to arrive
+LOADED_S, LINGER_S = 2.0, 0.2  # for the load to begin; for the last scan's map to arrive
 OTHERS_PRIORITY = 10  # SCHED_FIFO of fakes and planner's end: they stand for other machines
 GOAL_P99_S = 0.005
 LEAST_TOLD = 0.99  # of the scans: what is never told has no latency
 SHARED_MEMORY = "/dev/shm"
-STEAL = 8  # field of the first line of /proc/stat
 LAGS = "the world lags"  # what the fakes say once they could not keep up
 
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What one measurement gave. Times in seconds; quantiles are (p50, p99, most)."""
+    """What one measurement gave. Times in seconds."""
 
     name: str
-    seconds: float
     scans: int  # that left the scanner
-    latency_s: tuple[float, float, float]
     told: int  # of those scans
     strangers: int  # ticks that fit no scan
+    latency_s: tuple[float, float, float]  # p50, p99, most
     late_s: tuple[float, float]  # of the ticks: median of the medians, and the latest
     ticks: int
     missed: int
-    locked: bool
-    fifo: bool
-    fakes_fifo: bool
-    stolen_s: float  # by the host of a virtual machine, of all cores together
+    rights: str  # what the machine permitted, and what it means where it did not
 
     @property
     def is_good(self) -> bool:
@@ -97,28 +91,16 @@ def prefer(pid: int) -> bool:
     return True
 
 
-def stolen_s() -> float:
-    """How long the host of this virtual machine, if it is one, has had its cores so far."""
-    fields = Path("/proc/stat").read_text(encoding="ascii").partition("\n")[0].split()
-    return int(fields[STEAL]) / os.sysconf("SC_CLK_TCK")
-
-
-def events_of(app: Child) -> list[dict[str, Any]]:
-    """What the app has logged so far, whole lines only."""
-    lines = app.log.read_text(errors="replace").splitlines()
-    return [json.loads(line) for line in lines if line.startswith("{") and line.endswith("}")]
-
-
 class Bench:
     """World, app and planner's end, from start to end."""
 
-    def __init__(self, folder: Path, options: argparse.Namespace, stop: Stop) -> None:
-        self._folder, self._options, self._stop = folder, options, stop
-        self.end = FarEnd(options.seed)
+    def __init__(self, folder: Path, stop: Stop) -> None:
+        self._folder, self._stop = folder, stop
+        self.end = FarEnd()
         self._wire = UdpWire("127.0.0.1", 0)
         self._link = Link(self._wire, self.end)
-        self.children: list[Child] = []
-        self.stamps = folder / "stamps.txt"
+        self._children: list[Child] = []
+        self.stamps, self.log = folder / "stamps.txt", JsonLines(folder / "app.log")
         self.fakes_fifo = False
 
     def start(self) -> None:
@@ -127,19 +109,17 @@ class Bench:
         Raises:
             RunError: one of them fails, or there is no map in time.
         """
-        options = self._options
-        words = ["--scene", options.scene, "--seed", str(options.seed)]
-        fakes = self._child("fakes", "-m", "fakes", *words, "--stamp", str(self.stamps))
+        fakes = self._child("fakes", "-m", "fakes", "--stamp", str(self.stamps))
         self.fakes_fifo = prefer(fakes.pid) and prefer(0)
         ports = ports_of(fakes, self._stop) or {}
         values = SETTINGS | {f"{name}.port": url for name, url in ports.items()}
         values["planner.port"] = self._wire.url
         config = self._folder / "mapod.toml"
-        config.write_text(rewritten(Path(options.config).read_text(), values))
+        config.write_text(rewritten((ROOT / "mapod.toml").read_text(), values))
         self._child("app", str(ROOT / "main.py"), "--config", str(config))
         overdue_s = time.monotonic() + START_S
         while not self._runs() and not self._stop.wanted:
-            self.step(0.05)
+            self.run(0.05)
             if time.monotonic() > overdue_s:
                 raise RunError(f"no map within {START_S:.0f} s")
         self.run(SETTLE_S)
@@ -147,36 +127,29 @@ class Bench:
     def _runs(self) -> bool:
         return not self.end.blank and self.end.pose is not None and self.end.pose.mode == 1
 
-    def step(self, wait_s: float) -> float:
-        """Hear and answer; gives the time."""
-        for child in self.children:
-            child.check_alive()
-        return self._link.step(wait_s)
-
-    def run(self, seconds: float, progress: Progress | None = None) -> None:
-        """Measure for so long."""
-        task = progress.add_task("measuring", total=seconds) if progress else None
-        begin_s = now_s = time.monotonic()
-        while now_s - begin_s < seconds and not self._stop.wanted:
-            now_s = self.step(0.05)
-            if progress and task is not None:
-                progress.update(task, completed=min(seconds, now_s - begin_s))
+    def run(self, seconds: float) -> None:
+        """Hear and answer for so long."""
+        until_s = time.monotonic() + seconds
+        while time.monotonic() < until_s and not self._stop.wanted:
+            for child in self._children:
+                child.check_alive()
+            self._link.step(0.05)
 
     def close(self) -> list[str]:
         """All processes end; complaints."""
-        complaints = [child.end() for child in reversed(self.children)]
+        complaints = [child.end() for child in reversed(self._children)]
         self._wire.close()
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        if self._children and LAGS in self._children[0].last_words():
+            complaints.append(f"the fakes say: {LAGS}: there is nothing to measure by")
         return [words for words in complaints if words]
 
     def _child(self, name: str, *words: str) -> Child:
-        self.children.append(Child(name, [sys.executable, *words], self._folder))
-        return self.children[-1]
+        self._children.append(Child(name, [sys.executable, *words], self._folder))
+        return self._children[-1]
 
 
-def measure(
-    name: str, options: argparse.Namespace, stop: Stop, console: Console, load: bool
-) -> Figures:
+def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
     """One measurement from start to end.
 
     Raises:
@@ -184,66 +157,70 @@ def measure(
     """
     # In memory: a log file on a disk that others keep busy would stall the app as it writes there.
     memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
-    with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as name_of_folder:
-        bench = Bench(Path(name_of_folder), options, stop)
-        begun_s = ended_s = stolen = 0.0
+    with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:
+        bench = Bench(Path(folder), stop)
         try:
             bench.start()
-            before = events_of(bench.children[1])
             with contextlib.ExitStack() as stack:
                 if load:
-                    words = stack.enter_context(loaded(options.seconds + 60.0))
-                    say(f"load: {words}")
-                    bench.run(2.0)
-                progress = stack.enter_context(Progress(console=console, transient=True))
-                begun_s, stolen_before_s = time.monotonic(), stolen_s()
-                bench.run(options.seconds, progress)
-                ended_s, stolen = time.monotonic(), stolen_s() - stolen_before_s
+                    say(f"load: {stack.enter_context(loaded(seconds + 60.0))}")
+                    bench.run(LOADED_S)
+                before, begun_s = bench.log.added(), time.monotonic()
+                bench.run(seconds)
+                ended_s = time.monotonic()
             bench.run(LINGER_S)
         finally:
             complaints = bench.close()
-        if LAGS in bench.children[0].last_words():
-            complaints.append(f"the fakes say: {LAGS}: there is nothing to measure by")
         if complaints:
             raise RunError("\n".join(complaints))
-        return replace(figures(name, bench, before, begun_s, ended_s), stolen_s=stolen)
+        return figures(name, bench, before, (begun_s, ended_s))
 
 
 def figures(
-    name: str, bench: Bench, before: list[dict[str, Any]], begun_s: float, ended_s: float
+    name: str, bench: Bench, before: list[dict[str, Any]], span_s: tuple[float, float]
 ) -> Figures:
     """What the stamps of both ends and the app's log say of a span of host time."""
-    events = events_of(bench.children[1])
-    taken = next((event for event in events if event["event"] == "real_time_taken"), {})
-    counted = [event for event in events if event["event"] == "ticks_counted"]
-    first = [event for event in before if event["event"] == "ticks_counted"][-1:]
-    since = counted[len([event for event in before if event["event"] == "ticks_counted"]) :]
-    ended: dict[str, Any] = next((one for one in events if one["event"] == "app_stopped"), {})
-    scans = sent_from_file(bench.stamps, "scan")
-    span = (burst for burst in bench.end.bursts if burst.arrived_s >= begun_s)
-    told, strangers = told_scans(scans, list(span))
+    begun_s, ended_s = span_s
+    after = bench.log.added()
+    counted, earlier = (
+        [event for event in events if event["event"] == "ticks_counted"]
+        for events in (after, before)
+    )
+    ended = next((event for event in after if event["event"] == "app_stopped"), {})
+    rights = next((event for event in before if event["event"] == "real_time_taken"), {})
+    scans = scans_from_file(bench.stamps)
+    bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
+    told, strangers = told_scans(scans, bursts)
     inside = [one for one in told if begun_s <= one.scan.sent_s < ended_s]
-    late_s = [event["latest_s"] or 0.0 for event in since]
-    middle_s = [event["late_p50_s"] or 0.0 for event in since]
     return Figures(
         name=name,
-        seconds=ended_s - begun_s,
         scans=sum(begun_s <= scan.sent_s < ended_s for scan in scans),
-        latency_s=quantiles([one.latency_s for one in inside]),
         told=len(inside),
         strangers=strangers,
-        late_s=(quantiles(middle_s)[0], max(late_s, default=math.nan)),
-        ticks=int(ended.get("ticks", 0)),
-        missed=int(ended.get("slots_missed", 0)) - sum(event["slots_missed"] for event in first),
-        locked=bool(taken.get("memory_locked")),
-        fifo=bool(taken.get("sched_fifo")),
-        fakes_fifo=bench.fakes_fifo,
-        stolen_s=0.0,
+        latency_s=quantiles([one.latency_s for one in inside]),
+        late_s=(
+            quantiles([event["late_p50_s"] or 0.0 for event in counted])[0],
+            max((event["latest_s"] or 0.0 for event in counted), default=math.nan),
+        ),
+        ticks=ended.get("ticks", 0),
+        missed=ended.get("slots_missed", 0) - (earlier[-1]["slots_missed"] if earlier else 0),
+        rights=rights_words(rights, bench.fakes_fifo),
+    )
+
+
+def rights_words(taken: dict[str, Any], fakes_fifo: bool) -> str:
+    """What the machine permitted, and what it means where it did not."""
+    no_fifo = "not permitted (run as root, or give the user `rtprio 20`)"
+    not_locked = "not locked (raise `memlock` in limits.conf)"
+    others = "too" if fakes_fifo else "not: under load their own delays are in the figures"
+    return (
+        f"SCHED_FIFO {'taken' if taken.get('sched_fifo') else no_fifo}; "
+        f"memory {'locked' if taken.get('memory_locked') else not_locked}; "
+        f"fakes and planner's end preferred {others}"
     )
 
 
 def table_of(rows: Sequence[Figures]) -> Table:
-    """All measurements side by side."""
     table = Table(title="50 Hz x 541 beams, 201 x 201 cells: last byte of a scan to its map")
     for heading in ("", "p50", "p99", "most", "scans told", "ticks late p50", "most", "ticks lost"):
         table.add_column(heading, justify="right")
@@ -254,44 +231,28 @@ def table_of(rows: Sequence[Figures]) -> Table:
     return table
 
 
-def permissions(row: Figures) -> list[str]:
-    """What the machine permitted, and what it means where it did not."""
-    fifo = "taken" if row.fifo else "not permitted (run as root, or give the user `rtprio 20`)"
-    locked = "locked" if row.locked else "not locked (raise `memlock` in limits.conf)"
-    others = "too" if row.fakes_fifo else "not: under load their own delays are in the figures"
-    return [
-        f"SCHED_FIFO {fifo}; memory {locked}; fakes and planner's end preferred {others}",
-        f"{row.strangers} ticks of the link fit no scan" if row.strangers else "",
-        f"{row.name}: the host of this virtual machine had its cores for {row.stolen_s:.2f} s"
-        if row.stolen_s
-        else "",
-    ]
-
-
 def main() -> int:
     """Exit status: 0 if the goal was met without load."""
     parser = argparse.ArgumentParser(prog="python -m tools.rig.latency", description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="for each measurement (60)")
-    parser.add_argument("--seed", type=int, default=1, help="of the world")
-    parser.add_argument("--scene", default="corridor", help="which world")
-    parser.add_argument("--config", default=str(ROOT / "mapod.toml"), help="the robot")
     parser.add_argument("--only", choices=("alone", "loaded"), help="one measurement of the two")
-    options = parser.parse_args()
-    console, rows = Console(), list[Figures]()
+    options, rows = parser.parse_args(), list[Figures]()
     with Stop().on_signals() as stop:
         for name in ("alone", "loaded"):
             if options.only in (None, name) and not stop.wanted:
                 say(f"measuring for {options.seconds:g} s, the machine {name}")
                 try:
-                    rows.append(measure(name, options, stop, console, name == "loaded"))
-                except (RunError, NotThereError) as error:
+                    rows.append(measure(name, options.seconds, stop, name == "loaded"))
+                except RunError as error:
                     print(f"mapod: {error}", file=sys.stderr)
                     return 1
     if not rows:
         return 1
-    console.print(table_of(rows))
-    for line in dict.fromkeys(line for row in rows for line in permissions(row) if line):
-        say(line)
+    Console().print(table_of(rows))
+    say(rows[0].rights)
+    for row in rows:
+        if row.strangers:
+            say(f"{row.name}: {row.strangers} ticks of the link fit no scan")
     met = rows[0].is_good
     say(f"goal (p99 below {1000 * GOAL_P99_S:g} ms, no tick lost): {'met' if met else 'NOT met'}")
     return 0 if met else 1

@@ -19,7 +19,6 @@ from tools.rig.bench import Bench
 from tools.rig.board import BoardError
 from tools.rig.c_build import CompileError, MissingToolError
 from tools.rig.config import RigConfig, load_rig_file
-from tools.rig.live_picture import show
 from tools.settings import NotThereError
 from tools.terminal.processes import RunError, Stop, folder_kept_on_failure, say
 from tools.terminal.screen import has_screen
@@ -31,8 +30,8 @@ RIG_ERRORS = (
 )  # fmt: skip
 
 
-def summary(bench: Bench, console: Console, now_s: float) -> bool:
-    """Tell how it went; whether it went well."""
+def summary(bench: Bench, console: Console, now_s: float, maps: tuple[str, bool]) -> bool:
+    """Tell how it went, and how `maps` compared; whether it went well."""
     print_summary(bench.end, console, now_s)
     tour = bench.tour
     say(f"{tour.reached} of {tour.total} goals reached")
@@ -41,9 +40,10 @@ def summary(bench: Bench, console: Console, now_s: float) -> bool:
     for words in bench.doubts.words(now_s):
         say(f"the link said stop: {words}")
     hits = 0
-    if bench.followed:
-        bench.followed.step()
-        judge, hits = bench.followed.judge, bench.followed.hits
+    if bench.truth:
+        bench.truth.step()
+        judge = bench.truth.judge
+        hits = len(judge.collisions)
         say(f"{hits} collisions; driven {judge.driven_m:.1f} m")
         for contact in judge.collisions:
             say(f"  {contact.words()}")
@@ -52,40 +52,31 @@ def summary(bench: Bench, console: Console, now_s: float) -> bool:
     taken = bench.log.real_time
     fifo = "taken" if taken.get("sched_fifo") else "not permitted"
     locked = "locked" if taken.get("memory_locked") else "not locked"
-    say(f"{bench.outcome.ticks}; SCHED_FIFO {fifo}, memory {locked}")
-    say(bench.outcome.map_words)
+    say(f"{bench.log.words}; SCHED_FIFO {fifo}, memory {locked}")
+    say(maps[0])
     given_up = any(visit.why for visit in tour.visits)
-    return hits == 0 and not given_up and not bench.outcome.map_differs
-
-
-def watch_it(bench: Bench, console: Console, stop: Stop) -> None:
-    """The picture, or a line now and then, for as long as it runs."""
-
-    def done(now_s: float) -> bool:
-        return stop.wanted or bench.done(now_s)
-
-    if has_screen(console):
-        show(bench.end, console, done, bench.lines, lambda: bench.goal)
-    else:
-        watch(bench.end, console, done, bench.words)
+    return hits == 0 and not given_up and not maps[1]
 
 
 def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int:
-    """The rig from start to end; exit status."""
     if options.seconds is None and not has_screen(console):
         options.seconds = SECONDS_WITHOUT_SCREEN
-    well = False
     try:
         with folder_kept_on_failure() as folder, Stop().on_signals() as stop:
-            say(f'setting up "{config.scene}" (seed {config.seed})')
+            say(f'setting up "{config.world.scene}" (seed {config.world.seed})')
             bench = Bench(config, options, folder)
             try:
-                say(bench.remark or f"planner: {bench.form.words}")
-                for name, port in config.real.items():
+                say(bench.form.remark or f"planner: {bench.form.words}")
+                for name, port in config.devices.real.items():
                     say(f"{name}: the real one at {port}")
                 bench.start(stop)
-                watch_it(bench, console, stop)
-                bench.compare_maps()
+                watch(
+                    bench.end,
+                    console,
+                    lambda now_s: stop.wanted or bench.done(now_s),
+                    lambda now_s: "\n".join(bench.words()),
+                )
+                maps = bench.compared_maps()
                 now_s = bench.end.step(0.0)
             except RunError as error:
                 raise RunError(f"{error}\nall that was said is in {folder}") from None
@@ -93,8 +84,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
                 complaints = bench.close()
             if complaints:
                 raise RunError("\n".join([*complaints, f"all that was said is in {folder}"]))
-            bench.log.step()
-            well = summary(bench, console, now_s)
+            well = summary(bench, console, now_s, maps)
     except RIG_ERRORS as error:
         print(f"mapod: {error}", file=sys.stderr, flush=True)
         return 1

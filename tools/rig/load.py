@@ -1,12 +1,9 @@
 """Load for a machine, as other programs make it: every core busy, memory moved, disk written.
 
-    python -m tools.rig.load --seconds 60
-
 For each core a process that computes, for every second one a process that moves memory, and one
 that writes to the disk and insists that it is there. All end with whoever started them.
 """
 
-import argparse
 import contextlib
 import functools
 import multiprocessing
@@ -21,7 +18,6 @@ CHECK_EVERY = 64  # rounds of computing between two looks at the clock
 
 
 def compute(until_s: float) -> None:
-    """Keep a core busy."""
     number = 1
     while time.monotonic() < until_s:
         for _ in range(CHECK_EVERY * 1000):
@@ -29,14 +25,12 @@ def compute(until_s: float) -> None:
 
 
 def move_memory(until_s: float) -> None:
-    """Copy to and fro what fits no cache."""
     one, other = bytearray(MOVED_BYTES), bytearray(MOVED_BYTES)
     while time.monotonic() < until_s:
         one[:], other[:] = other, one
 
 
 def write_disk(until_s: float) -> None:
-    """Write a file again and again, and wait each time until the disk has it."""
     data = os.urandom(WRITTEN_BYTES)
     with tempfile.TemporaryFile() as file:
         while time.monotonic() < until_s:
@@ -64,19 +58,3 @@ def loaded(seconds: float, cores: int | None = None) -> Iterator[str]:
         for process in processes:
             process.kill()
             process.join()
-
-
-def main() -> int:
-    """Exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tools.rig.load", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--cores", type=int, help="computing processes; all cores by default")
-    options = parser.parse_args()
-    with loaded(options.seconds, options.cores) as words, contextlib.suppress(KeyboardInterrupt):
-        print(f"load for {options.seconds:g} s: {words}", flush=True)
-        time.sleep(options.seconds)
-    return 0
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -26,8 +26,6 @@ START_S = 1000.0
 SESSION = 0x5A17C0DE
 WATCHDOG = 0x02  # register 00 of a controller that a PC drives
 CELLS = 121  # of the elevation map: on a ramp, the floor comes in sight 11 m ahead
-BITS = 10  # of a byte on a serial line
-SERIAL_PORT = "serial:///dev/planner?baud={baud}"
 
 Tap = Callable[[str, str, bytes], None]  # wire's name, "d2h" or "h2d", what went over it
 
@@ -40,9 +38,6 @@ class Planner(Protocol):
 
     def poll(self, now_s: float) -> list[bytes]:
         """Frames for the app, one a datagram."""
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """The same on a serial line: what came, and what it sends."""
 
 
 class TappedPort(MemoryPort):
@@ -69,50 +64,13 @@ class TappedPort(MemoryPort):
                 tap(self._name, way, data)
 
 
-class Lane:
-    """One direction of a serial line: bytes come out one after the other, at its rate."""
-
-    def __init__(self, baud: int) -> None:
-        self._byte_s, self._free_s = BITS / baud, 0.0  # when the next byte's time begins
-        self._waiting = bytearray()
-
-    def carry(self, now_s: float, data: bytes) -> bytes:
-        """Put bytes on the line; those of all that have come by now."""
-        if not self._waiting:
-            self._free_s = max(self._free_s, now_s)
-        count = int((now_s - self._free_s) / self._byte_s + 1e-6)
-        self._waiting += data
-        come = bytes(self._waiting[:count])
-        del self._waiting[:count]
-        self._free_s += len(come) * self._byte_s
-        return come
-
-
-class OnLine:
-    """A planner behind a serial line, as a device for a `Wire`."""
-
-    def __init__(self, planner: Planner, baud: int) -> None:
-        self._planner, self._down, self._up = planner, Lane(baud), Lane(baud)
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """What has come of the app's bytes to the planner, and back."""
-        answer = self._planner.exchange(now_s, self._down.carry(now_s, received))
-        return self._up.carry(now_s, answer)
-
-
-def rig_config(scene: Scene, baud: int | None = None) -> Config:
-    """The settings as shipped, with a larger map, of a robot that may be driven in this scene.
-
-    Args:
-        baud: of the planner's serial line; None: datagrams.
-    """
-    changes: dict[str, dict[str, Any]] = {
-        "robot": {"enable_motors": True, "start_clear_m": scene.start_clear_m},
-        "map": {"cells": CELLS},
-    }
-    if baud is not None:
-        changes["planner"] = {"port": SERIAL_PORT.format(baud=baud), "rate_hz": 25}
-    return with_changes(load_config(SHIPPED.read_text(encoding="utf-8")), **changes)
+def rig_config(scene: Scene) -> Config:
+    """The settings as shipped, with a larger map, of a robot that may be driven in this scene."""
+    return with_changes(
+        load_config(SHIPPED.read_text(encoding="utf-8")),
+        robot={"enable_motors": True, "start_clear_m": scene.start_clear_m},
+        map={"cells": CELLS},
+    )
 
 
 class Loop:
@@ -124,7 +82,6 @@ class Loop:
         config: as shipped for this scene, if none is given.
         planner: a public receiver that drives nowhere, if none is given.
         drives: a radio drives the robot along the scene's route, and the app only looks on.
-        baud: of the planner's line; None: datagrams, which come at once.
         key: of the link.
         errors: instead of the scene's own.
     """
@@ -137,12 +94,11 @@ class Loop:
         planner: Planner | None = None,
         *,
         drives: bool = False,
-        baud: int | None = None,
         key: bytes | None = None,
         errors: ErrorModels | None = None,
     ) -> None:
         self.rig = Rig(scene, seed, drives=drives, errors=errors)
-        self.config = config or rig_config(self.rig.world.scene, baud)
+        self.config = config or rig_config(self.rig.world.scene)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on
             self.rig.drive.parameters[0x00] = WATCHDOG
             self.rig.drive.mode = "rs232_watchdog"
@@ -154,19 +110,13 @@ class Loop:
             "planner": self.link_end,
         }
         self.ports = {name: TappedPort(name) for name in ("scanner", "ahrs", "drive")}
-        self.link_port = TappedPort("planner", datagrams=baud is None)
-        self._device_wires = tuple(
-            Wire(self.fakes[name], port, seed + k)
+        self.link_port = TappedPort("planner", datagrams=True)
+        self.wires: dict[str, Wire | DatagramWire] = {
+            name: Wire(self.fakes[name], port, seed + k)
             for k, (name, port) in enumerate(self.ports.items())
-        )
-        self._link_wire: DatagramWire | Wire = (
-            DatagramWire(self.fakes["planner"], self.link_port, seed + 3)
-            if baud is None
-            else Wire(OnLine(self.link_end, baud), self.link_port, seed + 3)
-        )
-        self.wires: dict[str, Wire | DatagramWire] = dict(
-            zip(self.ports, self._device_wires, strict=True)
-        )
+        }
+        self._device_wires = tuple(self.wires.values())
+        self._link_wire = DatagramWire(self.fakes["planner"], self.link_port, seed + 3)
         self.wires["planner"] = self._link_wire
         self.app = self._new_app(key)
         self.now_s, self.ticks = START_S, 0
@@ -175,9 +125,9 @@ class Loop:
         self.happened: list[tuple[float, str]] = []  # faults on and off, with their instants
 
     def _new_app(self, key: bytes | None) -> App:
-        ports = Ports(
-            self.ports["scanner"], self.ports["ahrs"], self.ports["drive"], self.link_port
-        )
+        """For who puts something between the app and its ports to change."""
+        scanner, ahrs, drive = self.ports.values()
+        ports = Ports(scanner, ahrs, drive, self.link_port)
         return App(self.config, ports, session=SESSION, key=key)
 
     def listen(self, tap: Tap) -> None:
@@ -198,7 +148,6 @@ class Loop:
         self._schedule = Schedule([order_from_text(text) for text in texts], targets)
 
     def step(self) -> None:
-        """One tick of everything."""
         self._advance()
         self.app.step(self.now_s)
         self._link_wire.step(self.now_s)

@@ -16,10 +16,8 @@ from typing import Any, Protocol
 from core.config import Config
 from fakes.scenes.scene import Scene, load_scene
 from fakes.world.error_models import as_the_sheets_say
-from fakes.world.rig import AnyWorld
-from fakes.world.world import F64, World
-from tools.rig.c_planner import CPlanner, PlannerSettings
-from tools.rig.judge import RATE_HZ, Contact, Judge, Truth
+from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
+from tools.rig.judge import RATE_HZ, Contact, Judge, truth_of
 from tools.rig.loop import Loop, Planner
 from tools.rig.stops import Orders, Stop, StopWatch
 
@@ -33,33 +31,13 @@ DWELLS_S = 2.0  # a robot that stands so long at its goal is there, whatever its
 POSE = struct.Struct("<7d")
 
 
-class PilotState(Protocol):
-    """What a planner says of itself."""
-
-    @property
-    def state(self) -> str:
-        """ "idle", "driving", "arrived" or "stopped"."""
-
-    @property
-    def why(self) -> str:
-        """Why it does not drive, in words; "" while it does."""
-
-    @property
-    def v_mps(self) -> float:
-        """What it asks for: forward,"""
-
-    @property
-    def w_radps(self) -> float:
-        """and counter-clockwise."""
-
-
 class Pilot(Planner, Protocol):
     """A planner that drives to a goal by itself."""
 
     def goal(self, x_m: float, y_m: float) -> Any:
         """Drive there, map frame."""
 
-    def state(self, now_s: float) -> PilotState:
+    def state(self, now_s: float) -> PlannerState:
         """What it does now."""
 
 
@@ -70,18 +48,15 @@ class RunSpec:
     Args:
         scene: a scene, the name of a shipped one, or the path of a scene's file.
         faults: what goes wrong, and when; see `fakes.faults.timetable`.
-        baud: of the planner's line; None: datagrams, which come at once.
     """
 
     scene: Scene | str | Path
     seed: int
     faults: tuple[str, ...] = ()
     limit_s: float = LIMIT_S
-    baud: int | None = None
 
     @property
     def name(self) -> str:
-        """Of the scene."""
         return self.scene.name if isinstance(self.scene, Scene) else Path(self.scene).stem
 
 
@@ -118,13 +93,7 @@ class RunResult:
 
     @property
     def false_stops(self) -> tuple[Stop, ...]:
-        """Stops with nothing in the way."""
         return tuple(stop for stop in self.stops if stop.is_false)
-
-    @property
-    def speed(self) -> float:
-        """Simulated seconds per second of one core."""
-        return self.sim_s / self.cpu_s if self.cpu_s else math.inf
 
 
 @dataclass(slots=True)
@@ -137,18 +106,13 @@ class Goals:
     missed: list[Missed] = field(default_factory=list)
 
     @property
-    def current(self) -> tuple[float, float]:
-        """x, y."""
-        return self.all[self.at]
+    def maybe_current(self) -> tuple[float, float] | None:
+        """x, y; None before the first and after the last."""
+        return self.all[self.at] if 0 <= self.at < len(self.all) else None
 
-    def miss(self, cause: str) -> None:
-        """The current one is given up."""
-        self.missed.append(Missed(self.at + 1, *self.current, cause))
-
-    def miss_rest(self, cause: str) -> None:
-        """Those behind the current one are never tried."""
-        for number in range(self.at + 1, len(self.all)):
-            self.missed.append(Missed(number + 1, *self.all[number], cause))
+    def miss(self, number: int, cause: str) -> None:
+        """One is not reached."""
+        self.missed.append(Missed(number + 1, *self.all[number], cause))
 
 
 class Run:
@@ -165,15 +129,16 @@ class Run:
         self.spec = spec
         scene = spec.scene
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, spec.seed)
-        self.pilot = pilot or new_pilot(self.scene)
+        clear_m = self.scene.start_clear_m
+        self.pilot = pilot or CPlanner(PlannerSettings(start_clear_m=clear_m))
         errors = as_the_sheets_say(self.scene.errors)
-        self.loop = Loop(self.scene, spec.seed, config, self.pilot, baud=spec.baud, errors=errors)
+        self.loop = Loop(self.scene, spec.seed, config, self.pilot, errors=errors)
         self.loop.set_faults(spec.faults)
         self.judge = Judge(self.scene)
         self.watch = StopWatch(self.judge, faulty=bool(spec.faults))
         self.goals = Goals(self.scene.goals)
         self.ended = "" if self.goals.all else "the scene has no goals"
-        self.state: PilotState = self.pilot.state(self.loop.now_s)
+        self.state = self.pilot.state(self.loop.now_s)
         self._ticks_per_truth = round(self.loop.config.loop.rate_hz / RATE_HZ)
         self._stopped_s = self._stood_s = 0.0  # since the goal was given: planner, and robot
         self._digest = hashlib.blake2b(digest_size=16)
@@ -182,24 +147,29 @@ class Run:
 
     @property
     def since_begin_s(self) -> float:
-        """Simulated."""
         return self.loop.since_begin_s
 
+    def to_end(self, *each: Callable[["Run"], None]) -> RunResult:
+        """All of it; `each` is called after every tick."""
+        while not self.ended:
+            self.step()
+            for one in each:
+                one(self)
+        return self.result()
+
     def step(self) -> None:
-        """One tick."""
         self.loop.step()
         if self.loop.ticks % self._ticks_per_truth == 0:
             self._look()
 
     def _look(self) -> None:
         """The truth now, and what follows from it."""
-        world = self.loop.rig.world
-        x, y, yaw, pitch, roll = world.pose()
-        height_m, people = world.height_m(), people_of(world)
-        self.judge.step(Truth(self.since_begin_s, (x, y, yaw), height_m, pitch, roll, people))
-        self._digest.update(POSE.pack(self.since_begin_s, x, y, yaw, pitch, roll, height_m))
+        truth = truth_of(self.loop.rig.world, self.since_begin_s)
+        self.judge.step(truth)
+        angles = truth.pitch_rad, truth.roll_rad
+        self._digest.update(POSE.pack(truth.since_s, *truth.place, *angles, truth.height_m))
         self.state = self.pilot.state(self.loop.now_s)
-        self.watch.step(self.orders)
+        self.watch.step(self._orders())
         if self.judge.collisions:
             self._end("collision with " + self.judge.collisions[0].words())
         elif self.since_begin_s >= self.spec.limit_s:
@@ -207,9 +177,7 @@ class Run:
         else:
             self._follow_goals()
 
-    @property
-    def orders(self) -> Orders:
-        """Who wants what now."""
+    def _orders(self) -> Orders:
         state, control = self.state, self.loop.app.control
         asked = bool(state.v_mps or state.w_radps)
         return Orders(
@@ -220,11 +188,12 @@ class Run:
         )
 
     def _follow_goals(self) -> None:
-        if self.goals.at < 0:
+        goal = self.goals.maybe_current
+        if goal is None:
             if self.since_begin_s >= FIRST_GOAL_S:
                 self._next_goal()
             return
-        state, away_m = self.state.state, math.dist(self.judge.truth.place[:2], self.goals.current)
+        state, away_m = self.state.state, math.dist(self.judge.truth.place[:2], goal)
         self._stopped_s = self._stopped_s + 1.0 / RATE_HZ if state == "stopped" else 0.0
         self._stood_s = self._stood_s + 1.0 / RATE_HZ if self.judge.stands_s > 0.0 else 0.0
         near = away_m <= GOAL_RADIUS_M + NEAR_M
@@ -237,16 +206,17 @@ class Run:
             self._give_up(f"{self.cause}, {away_m:.1f} m short of it")
 
     def _give_up(self, cause: str) -> None:
-        self.goals.miss(cause)
+        self.goals.miss(self.goals.at, cause)
         self._next_goal()
 
     def _next_goal(self) -> None:
         self.goals.at += 1
         self._stopped_s = self._stood_s = 0.0
-        if self.goals.at == len(self.goals.all):
+        goal = self.goals.maybe_current
+        if goal is None:
             self.ended = "all goals were tried"
         else:
-            self.pilot.goal(*self.goals.current)
+            self.pilot.goal(*goal)
 
     @property
     def cause(self) -> str:
@@ -258,13 +228,14 @@ class Run:
 
     def _end(self, why: str) -> None:
         self.ended = why
-        if 0 <= self.goals.at < len(self.goals.all):
-            away_m = math.dist(self.judge.truth.place[:2], self.goals.current)
-            self.goals.miss(f"{why} ({self.cause}), {away_m:.1f} m short of it")
-        self.goals.miss_rest(f"never tried: {why}")
+        goal = self.goals.maybe_current
+        if goal is not None:
+            away_m = math.dist(self.judge.truth.place[:2], goal)
+            self.goals.miss(self.goals.at, f"{why} ({self.cause}), {away_m:.1f} m short of it")
+        for number in range(self.goals.at + 1, len(self.goals.all)):
+            self.goals.miss(number, f"never tried: {why}")
 
     def result(self) -> RunResult:
-        """What came of it, now."""
         judge, goals = self.judge, self.goals
         return RunResult(
             scene=self.spec.name,
@@ -284,23 +255,3 @@ class Run:
             cpu_s=time.process_time() - self._begun_s,
             digest=self._digest.hexdigest(),
         )
-
-
-def people_of(world: AnyWorld) -> F64 | None:
-    """Those who walk in a world: (n, 3) x, y, radius; None where nobody can."""
-    return world.people() if isinstance(world, World) else None
-
-
-def new_pilot(scene: Scene) -> Pilot:
-    """The planner in C, for a scene."""
-    return CPlanner(PlannerSettings(start_clear_m=scene.start_clear_m))
-
-
-def run(spec: RunSpec, each: Callable[[Run], None] | None = None) -> RunResult:
-    """A whole run; `each` is called after every tick."""
-    one = Run(spec)
-    while not one.ended:
-        one.step()
-        if each is not None:
-            each(one)
-    return one.result()

@@ -11,7 +11,7 @@ A folder of its own holds, instants in simulated seconds since the first tick:
     map.npz             the app's obstacle map at the end: cells [j, i], corner, cell_m
     picture.png         all of it from above
 
-Pictures can be drawn again: `python -m tools.rig draw FOLDER`. A scanner's bytes can be played:
+Pictures can be drawn again: `python -m tools.rig.draw FOLDER`. A scanner's bytes can be played:
 `mapod replay FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
 """
 
@@ -24,14 +24,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from fakes.scenes.scene import Scene, load_scene
+from fakes.scenes.scene import Scene
+from tools.rig.draw import draw_run
 from tools.rig.one_run import Run, RunResult
-from tools.rig.picture import MapShot, Marks, draw_run
 
 WIRES = ("scanner", "ahrs", "drive", "planner")
 PATH_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad", "pitch_rad", "roll_rad", "z_m")
 INDEX_COLUMNS = ("t_s", "dir", "offset", "length", "name")
-DRAWN_EVERY = 10  # truths
 
 
 class Recorder:
@@ -47,12 +46,10 @@ class Recorder:
         self._stack = contextlib.ExitStack()
         self._bytes: dict[tuple[str, str], IO[bytes]] = {}
         self._index: dict[str, Any] = {}
-        self._offsets: dict[tuple[str, str], int] = {}
         for wire in WIRES:
             for way in ("d2h", "h2d"):
                 path = folder / f"{wire}_{way}.bin"
                 self._bytes[wire, way] = self._stack.enter_context(path.open("wb"))
-                self._offsets[wire, way] = 0
             self._index[wire] = self._rows(f"{wire}_index.csv", INDEX_COLUMNS)
         self._path = self._rows("path.csv", PATH_COLUMNS)
         events = folder / "events.jsonl"
@@ -75,9 +72,9 @@ class Recorder:
         return rows
 
     def _note_bytes(self, wire: str, way: str, data: bytes) -> None:
-        at = self._offsets[wire, way]
-        self._offsets[wire, way] = at + len(data)
-        self._bytes[wire, way].write(data)
+        out = self._bytes[wire, way]
+        at = out.tell()
+        out.write(data)
         now_s = f"{self._run.since_begin_s:.3f}"
         self._index[wire].writerow((now_s, way, at, len(data), ""))
 
@@ -86,7 +83,6 @@ class Recorder:
         self._events.write(json.dumps(line) + "\n")
 
     def __call__(self, run: Run) -> None:
-        """What this tick has brought."""
         truth = run.judge.truth
         if truth.since_s != self._truth_s:
             self._truth_s = truth.since_s
@@ -111,12 +107,11 @@ class Recorder:
             self._event(event, **facts)
 
     def finish(self, result: RunResult) -> None:
-        """The result, the map, the picture."""
         self._event("run_ended", why=result.ended)
         self._stack.close()
         run = self._run
         scene = None if isinstance(run.spec.scene, Scene) else str(run.spec.scene)
-        facts = {"scene_file": scene, "limit_s": run.spec.limit_s, "baud": run.spec.baud}
+        facts = {"scene_file": scene, "limit_s": run.spec.limit_s}
         facts |= facts_of(result)
         (self.folder / "run.json").write_text(json.dumps(facts, indent=1), encoding="utf-8")
         grid = run.loop.app.mapper.maps.window.grid
@@ -126,7 +121,7 @@ class Recorder:
             corner=np.array([grid.corner_i, grid.corner_j]),
             cell_m=np.array(grid.cell_m),
         )
-        draw(self.folder, run.scene)
+        draw_run(self.folder, run.scene)
 
 
 def facts_of(result: RunResult) -> dict[str, Any]:
@@ -134,34 +129,3 @@ def facts_of(result: RunResult) -> dict[str, Any]:
     facts = asdict(result)
     facts["false_stops"] = len(result.false_stops)
     return {key: None if value == float("inf") else value for key, value in facts.items()}
-
-
-def draw(folder: Path, scene: Scene | None = None) -> Path:
-    """The picture of a recorded run, from its files; the scene from its own, if it is not given.
-
-    Raises:
-        OSError, ValueError, KeyError: not a recorded run, or one of a scene that is not in a file.
-    """
-    facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    with (folder / "path.csv").open(encoding="ascii", newline="") as file:
-        rows = [[float(row[name]) for name in PATH_COLUMNS] for row in csv.DictReader(file)]
-    scene = scene or load_scene(facts["scene_file"], facts["seed"])
-    with np.load(folder / "map.npz") as held:
-        corner_i, corner_j = (int(part) for part in held["corner"])
-        shot = MapShot(held["cells"], corner_i, corner_j, float(held["cell_m"]))
-    places = {True: [], False: []}  # type: dict[bool, list[tuple[float, float]]]
-    for stop in facts["stops"]:
-        places[not stop["in_way"]].append((stop["x_m"], stop["y_m"]))
-    marks = Marks(
-        way=[(row[1], row[2]) for row in [*rows[::DRAWN_EVERY], *rows[-1:]]],
-        goals=scene.goals,
-        stops=places[False],
-        false_stops=places[True],
-        contacts=[(contact["x_m"], contact["y_m"]) for contact in facts["collisions"]],
-        robot=(rows[-1][1], rows[-1][2], rows[-1][3]) if rows else None,
-        seen=shot,
-        title=f"{facts['scene']}, seed {facts['seed']}: {facts['reached']} of {facts['goals']} "
-        f"goals; {facts['ended']}",
-    )
-    draw_run(folder / "picture.png", scene, marks)
-    return folder / "picture.png"

@@ -49,7 +49,6 @@ class Stop:
 
     @property
     def is_false(self) -> bool:
-        """Nothing was in the way."""
         return not self.in_way
 
 
@@ -128,7 +127,6 @@ class StopWatch:
         self.worst_way_m = 0.0  # from the order to stop to standing
 
     def step(self, orders: Orders) -> None:
-        """One instant more."""
         judge = self._judge
         wants, now_s = orders.asked and orders.driven, judge.truth.since_s
         if rate_mps(judge.v_mps, judge.w_radps) > MOVING_MPS:

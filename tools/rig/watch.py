@@ -6,8 +6,6 @@ time, or to so many times of it.
 
 import math
 import time
-from collections.abc import Sequence
-from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +15,20 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
-from tools.rig.contact import FRONT_M, REAR_M, SIDE_M, Place
+from tools.rig.contact import FRONT_M, REAR_M, SIDE_M
 from tools.rig.one_run import Run
 from tools.rig.stops import Stop
-from tools.terminal.screen import BAD, GOOD, POOR, half_blocks, has_screen, labelled
+from tools.terminal.screen import (
+    BAD,
+    GOOD,
+    POOR,
+    factor_for,
+    half_blocks,
+    has_screen,
+    labelled,
+)
 
 U8 = npt.NDArray[np.uint8]
-F64 = npt.NDArray[np.float64]
 DRAWN_S, LINE_S = 0.1, 2.0  # of real time, of simulated time
 UNKNOWN, FREE, OBSTACLE, THING, ROBOT, GOAL, PERSON = range(7)
 COLOURS = ("#1c1c24", "#1f7d3d", "#e02b2b", "#5a3a3a", "#ffae00", "#40c0ff", "#e060e0")
@@ -53,12 +58,7 @@ class Watcher:
         self._begun_s = time.monotonic()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *what: object) -> None:
         if self._has_screen:
             self._live.stop()
 
@@ -78,7 +78,6 @@ class Watcher:
 
 
 def line_of(run: Run) -> str:
-    """The run now, in a line."""
     (x, y, yaw), state = run.judge.truth.place, run.state
     words = f"{run.since_begin_s:6.1f} s  x {x:+.2f} y {y:+.2f} m {math.degrees(yaw):+.0f} deg  "
     words += f"{run.judge.v_mps:+.2f} m/s  goal {run.goals.at + 1} of {len(run.goals.all)}  "
@@ -100,34 +99,17 @@ def image_of(run: Run) -> U8:
     people = run.judge.truth.people
     for px, py, radius_m in [] if people is None else people.tolist():
         image[np.hypot(x - px, y - py) <= max(radius_m, grid.cell_m / 2)] = PERSON
-    is_driving = 0 <= run.goals.at < len(run.goals.all)
-    stamp(image, x, y, run.judge.truth.place, run.goals.current if is_driving else None)
+    if run.goals.maybe_current is not None:
+        gx, gy = np.clip(run.goals.maybe_current, (x.min(), y.min()), (x.max(), y.max()))
+        image[np.hypot(x - gx, y - gy) <= GOAL_M] = GOAL  # a goal beyond, at the edge
+    rx, ry, yaw = run.judge.truth.place
+    c, s = math.cos(yaw), math.sin(yaw)
+    ahead, left = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
+    image[(ahead > -REAR_M) & (ahead < FRONT_M) & (np.abs(left) < SIDE_M)] = ROBOT
     return np.ascontiguousarray(image.T[::-1, ::-1])
 
 
-def stamp(image: U8, x: F64, y: F64, place: Place | None, goal: tuple[float, float] | None) -> None:
-    """Robot and goal into an image whose cells have these centres; a goal beyond, at the edge."""
-    if goal is not None:
-        gx, gy = np.clip(goal, (x.min(), y.min()), (x.max(), y.max()))
-        image[np.hypot(x - gx, y - gy) <= GOAL_M] = GOAL
-    if place is not None:
-        rx, ry, yaw = place
-        c, s = math.cos(yaw), math.sin(yaw)
-        ahead, left = c * (x - rx) + s * (y - ry), c * (y - ry) - s * (x - rx)
-        image[(ahead > -REAR_M) & (ahead < FRONT_M) & (np.abs(left) < SIDE_M)] = ROBOT
-
-
-def beside(image: U8, words: Sequence[Text], columns: int, lines: int) -> RenderableType:
-    """An image with words to its right, for a terminal of this size."""
-    room = (max(1, columns - PANEL_COLUMNS - 2), max(1, 2 * lines))
-    factor = max(1, -(-image.shape[1] // room[0]), -(-image.shape[0] // room[1]))
-    table = Table.grid(padding=(0, 2))
-    table.add_row(half_blocks(image[::factor, ::factor], STYLES), Group(*words[:lines]))
-    return table
-
-
 def panel(run: Run) -> list[Text]:
-    """The numbers beside the map."""
     judge, state, control = run.judge, run.state, run.loop.app.control
     x, y, yaw = judge.truth.place
     stops = run.watch.stops
@@ -158,7 +140,6 @@ def _stop_words(stop: Stop) -> str:
 
 
 def legend() -> Text:
-    """What the colours mean."""
     line = Text(no_wrap=True)
     for name, kind in (("free", FREE), ("obstacle", OBSTACLE), ("unseen", THING), ("goal", GOAL)):
         line.append("██", COLOURS[kind]).append(f" {name} ")
@@ -166,5 +147,8 @@ def legend() -> Text:
 
 
 def picture(run: Run, console: Console) -> RenderableType:
-    """Map and panel, for this terminal."""
-    return beside(image_of(run), panel(run), *console.size)
+    image, (columns, lines) = image_of(run), console.size
+    factor = factor_for(image.shape, columns - PANEL_COLUMNS - 2, lines)
+    table = Table.grid(padding=(0, 2))
+    table.add_row(half_blocks(image[::factor, ::factor], STYLES), Group(*panel(run)[:lines]))
+    return table

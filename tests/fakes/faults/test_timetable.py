@@ -4,16 +4,13 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.ax3500.device import FakeAx3500
-from fakes.faults.handles import Attribute, Event, handles, seconds_from_text
 from fakes.faults.timetable import FaultError, Order, Schedule, list_of_all, order_from_text
-from fakes.lms1xx.device import FakeLms111
-from fakes.mti.device import FakeMti
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.simple import COUNTS_PER_S, Motion, Room, TwoWheels
+from tests.support.cases import examples
 
 
 class Device:
@@ -78,12 +75,7 @@ def test_what_is_no_fault_is_refused_and_said(text: str) -> None:
     assert str(caught.value)
 
 
-@given(st.floats(0, 1e4, allow_subnormal=False))
-def test_times_are_read_in_every_unit(seconds: float) -> None:
-    for unit, size in (("s", 1.0), ("ms", 1000.0), ("m", 1 / 60)):
-        assert seconds_from_text(f"{seconds * size:.9f}{unit}") == pytest.approx(seconds, abs=1e-6)
-
-
+@settings(max_examples=examples(20))
 @given(text=st.text(max_size=20) | st.from_regex(r"[a-z_.]{1,9}(=[a-z0-9,]*)?@[0-9ms+-]{1,6}"))
 def test_no_text_does_anything_but_make_a_schedule_or_be_refused(text: str) -> None:
     device = Device()
@@ -205,23 +197,6 @@ def test_the_list_tells_kind_value_and_the_comment_of_the_class() -> None:
     [line] = [line for line in text.splitlines() if line.startswith("  sort ")]
     assert line.split() == ["sort", "wrap|zero", "now", "'wrap'", "what", "it", "does"]
     assert "Power off and on." in text
-
-
-def test_all_fakes_have_their_faults_by_name() -> None:
-    fakes = {
-        "drive": FakeAx3500(TwoWheels(), 1),
-        "ahrs": FakeMti(Motion("still").motion_at, 1),
-        "scanner": FakeLms111(Room("room").ranges_m_at, 1),
-    }
-    for fake in fakes.values():
-        found = handles(fake)
-        assert isinstance(found["mute"], Attribute)
-        assert not {"exchange", "reconnected", "connect"} & set(found)
-        for handle in found.values():
-            assert handle.line()
-    assert isinstance(handles(fakes["scanner"])["reboot"], Event)
-    assert isinstance(handles(fakes["drive"])["reset"], Event)
-    assert isinstance(handles(fakes["ahrs"])["brown_out"], Event)
 
 
 # behind a fake that runs alone

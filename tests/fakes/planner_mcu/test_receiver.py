@@ -4,26 +4,7 @@ import pytest
 
 from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.frames import ACK, POSE, frame_from_bytes
-from mapod_link.receiver import Receiver
 from tests.support.planner_sender import begun, pose_body, vector
-
-
-def test_without_faults_it_is_the_public_receiver() -> None:
-    planner, receiver = FakePlanner(), Receiver(1)
-    for name in ("geom", "pose", "map", "digest", "stop_zone"):
-        for end in (planner, receiver):
-            end.feed_datagram(10.0, vector(name))
-    assert planner.digest() == receiver.digest()
-    assert planner.digest_ok
-    assert planner.ack(10.1) == receiver.ack(10.1)
-
-
-def test_the_acknowledgement_is_that_of_the_sheet() -> None:
-    planner = FakePlanner()
-    for name in ("geom", "pose", "map"):
-        planner.feed_datagram(52.3087, vector(name))
-    planner.numbers.gap = 3  # set here only to show the bit, as in the sheet
-    assert planner.poll(52.31) == [vector("ack")]
 
 
 def test_a_mute_planner_hears_and_says_nothing() -> None:
@@ -74,11 +55,3 @@ def test_the_same_seed_loses_the_same_frames_and_draws_the_same_nonce() -> None:
             planner.feed_datagram(float(now_s), vector("geom"))
     assert planners[0].nonce == planners[1].nonce != planners[2].nonce
     assert planners[0].repeated == planners[1].repeated
-
-
-def test_on_a_serial_line_it_takes_and_gives_bytes() -> None:
-    planner = FakePlanner()
-    answer = planner.exchange(0.0, vector("geom_serial") + vector("pose_serial"))
-    assert planner.pose is not None
-    assert answer.count(b"\0") == 1
-    assert answer.endswith(b"\0")

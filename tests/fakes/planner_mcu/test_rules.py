@@ -143,17 +143,3 @@ def test_settings_out_of_range_are_refused() -> None:
     for start_clear_m, unknown_mps in ((0.0, 9.0), (-1.0, 0.0)):
         with pytest.raises(ValueError, match="start_clear_m must be 0 to 30"):
             PlannerSettings(start_clear_m, unknown_mps)
-
-
-def test_the_same_bytes_give_the_same_frames() -> None:
-    said = []
-    for _ in range(2):
-        bench = Bench()
-        random_ground(bench, 3, 0.1)
-        bench.obeys = True
-        bench.run(0.3)
-        bench.planner.goal(7.0, 3.0)
-        bench.run(8.0)
-        said.append(bench.asked)
-    assert said[0] == said[1]
-    assert len(said[0]) > 50

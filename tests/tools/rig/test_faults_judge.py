@@ -7,13 +7,18 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from tools.rig.fault_kinds import Fault, either, goes_on, stops
-from tools.rig.fault_run import ALL_WELL, Moment, Outcome, judge, problems, problems_of_pair
+from tools.rig.fault import Fault, either, goes_on, stops
+from tools.rig.fault_run import ALL_WELL, Moment, Outcome, fill_in, problems, problems_of_pair
 from tools.rig.fault_table import Job, Row, cells, jobs, markdown, show, summary
 from tools.rig.faults import CATALOGUE
 
 STEP_S, END_S = 0.02, 20.0
 FAULT = stops("scanner.mute", "no scans")
+NOISE, DEAF = either("scanner.noise_m", "may be", "0.05"), goes_on("ahrs.deaf", "data come on")
+
+
+def goes(t_s: float) -> float:
+    return 0.4
 
 
 def driven(
@@ -29,7 +34,7 @@ def driven(
         reason = "" if v_mps else "no scans"
         moments.append(Moment(t_s, x_m, 0.0, v_mps > 0, wants(t_s, v_mps), health(t_s), reason))
         x_m += v_mps * STEP_S
-    judge(moments, outcome)
+    fill_in(moments, outcome)
     return outcome
 
 
@@ -52,37 +57,45 @@ def test_times_count_from_the_faults_begin_and_from_its_end() -> None:
 
 
 def test_a_robot_that_went_on_stood_nowhere() -> None:
-    outcome = driven(lambda t_s: 0.4)
+    outcome = driven(goes)
     assert outcome.stood_s is None
     assert outcome.blind_m == pytest.approx(1.2, abs=0.02)
     assert (outcome.well_s, outcome.again_s) == (0.0, 0.0)
-    assert problems(FAULT, outcome) == ["did not stop"]
-    assert problems(goes_on("scanner.deaf", "scans come on"), outcome) == []
-    assert problems(either("scanner.noise_m", "may be", "0.05"), outcome) == []
 
 
-def test_a_stop_that_comes_too_late_or_was_not_to_come_is_a_problem() -> None:
-    late = driven(stops_between(7.5, 9.0))
-    assert problems(FAULT, late) == ["stood after 2.5 s only, must after 2 s"]
-    assert problems(goes_on("scanner.deaf", ""), late) == ["stopped: no scans"]
+def ill_from(from_s: float) -> Callable[[float], int]:
+    return lambda t_s: 0 if t_s > from_s else ALL_WELL
 
 
-def test_a_robot_that_stays_or_is_never_well_again_is_a_problem() -> None:
-    stays = driven(lambda t_s: 0.4 if t_s < 5.5 else 0.0)
-    assert problems(FAULT, stays) == ["did not drive again"]
-    assert problems(replace(FAULT, again=False), stays) == []
-    ill = driven(stops_between(5.5, 9.0), lambda t_s: 0 if t_s > 5.2 else ALL_WELL)
-    assert problems(FAULT, ill) == ["well again never, must within 6 s"]
-    assert len(ill.told) == 7
+@pytest.mark.parametrize(
+    ("fault", "outcome", "found"),
+    [
+        (FAULT, driven(goes), ["did not stop"]),
+        (DEAF, driven(goes), []),
+        (NOISE, driven(goes), []),
+        (FAULT, driven(stops_between(7.5, 9.0)), ["stood after 2.5 s only, must after 2 s"]),
+        (DEAF, driven(stops_between(7.5, 9.0)), ["stopped: no scans"]),
+        (FAULT, driven(stops_between(5.5, END_S)), ["did not drive again"]),
+        (replace(FAULT, again=False), driven(stops_between(5.5, END_S)), []),
+        (
+            FAULT,
+            driven(stops_between(5.5, 9.0), ill_from(5.2)),
+            ["well again never, must within 6 s"],
+        ),
+    ],
+)
+def test_what_is_not_as_the_catalogue_has_it_is_a_problem(
+    fault: Fault, outcome: Outcome, found: list[str]
+) -> None:
+    assert problems(fault, outcome) == found
 
 
 def test_harm_is_a_problem_whatever_the_fault() -> None:
     outcome = driven(stops_between(5.6, 9.1))
     outcome.collisions.append("a box")
     outcome.wrong_free.append("(1.0, 2.0)")
-    harmless = either("scanner.noise_m", "may be", "0.05")
-    assert len(problems(harmless, outcome)) == 2
-    assert len(problems_of_pair([harmless, FAULT], outcome)) == 2
+    assert len(problems(NOISE, outcome)) == 2
+    assert len(problems_of_pair([NOISE, FAULT], outcome)) == 2
 
 
 def test_power_that_mapod_has_not_wanted_for_long_is_harm() -> None:
@@ -94,9 +107,8 @@ def test_power_that_mapod_has_not_wanted_for_long_is_harm() -> None:
 
 
 def test_a_pair_must_do_what_the_stricter_of_both_must() -> None:
-    on = driven(lambda t_s: 0.4)
-    assert problems_of_pair([FAULT, goes_on("ahrs.deaf", "")], on) == ["did not stop"]
-    assert problems_of_pair([either("ahrs.gap", ""), goes_on("ahrs.deaf", "")], on) == []
+    assert problems_of_pair([FAULT, DEAF], driven(goes)) == ["did not stop"]
+    assert problems_of_pair([NOISE, DEAF], driven(goes)) == []
 
 
 def test_a_campaign_has_each_fault_as_often_as_asked_and_pairs_of_two_devices() -> None:
@@ -108,32 +120,22 @@ def test_a_campaign_has_each_fault_as_often_as_asked_and_pairs_of_two_devices() 
     assert len(jobs(0, 1, 1, only="planner.mute")) == 1
 
 
-def rows() -> list[Row]:
-    """One that is as it must be, one that is not, one that crashed."""
-    good, bad = driven(stops_between(5.6, 9.1)), driven(lambda t_s: 0.4)
-    job = Job((FAULT,), 1, 5.0)
-    pair = Job((FAULT, goes_on("ahrs.deaf", "")), 2, 5.0)
-    return [
-        Row(job, good),
-        Row(pair, bad, ["did not stop"]),
-        Row(job, None, ["crashed: ValueError: x"]),
-    ]
-
-
 def test_the_tables_tell_all_drives_and_what_is_wrong() -> None:
+    stands, waits = driven(stops_between(5.6, 9.1)), driven(stops_between(5.5, END_S))
+    rows = [
+        Row(Job((FAULT,), 1, 5.0), stands),
+        Row(Job((FAULT, DEAF), 2, 5.0), driven(goes), ["did not stop"]),
+        Row(Job((FAULT,), 1, 5.0), None, ["crashed: ValueError: x"]),
+        Row(Job((replace(FAULT, again=False),), 1, 5.0), waits),
+    ]
     out = StringIO()
-    show(rows(), Console(file=out, width=250))
+    show(rows, Console(file=out, width=250))
     told = out.getvalue()
-    assert "3 drives, 2 not as they must be" in told
+    assert "4 drives, 2 not as they must be" in told
     assert "scanner.mute AND ahrs.deaf (seed 2, 5 s): did not stop" in told
     assert "crashed: ValueError: x" in told
-    assert [line[0] for line in summary(rows())] == ["scanner", "pairs"]
-    lines = markdown(rows()).splitlines()
+    assert [line[0] for line in summary(rows)] == ["scanner", "pairs"]
+    lines = markdown(rows).splitlines()
     assert any(line.startswith("| scanner.mute | stops | 0.6") for line in lines)
     assert not any("AND" in line for line in lines)
-
-
-def test_who_waits_for_a_person_is_told_in_the_table() -> None:
-    waits: Fault = replace(FAULT, again=False)
-    row = Row(Job((waits,), 1, 5.0), driven(lambda t_s: 0.4 if t_s < 5.5 else 0.0))
-    assert cells(row)[-2] == "waits"
+    assert cells(rows[3])[-2] == "waits"

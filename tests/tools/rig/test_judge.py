@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from fakes.scenes.movers import person
 from fakes.scenes.scene import Scene, load_scene
-from fakes.scenes.solids import Pillar, Solid, bump, soft
-from tools.rig.contact import OVERLAP_M, RECT, box_gap, disc_gap, outline, placed
+from fakes.scenes.solids import GLASS, PLAIN, Material, Pillar, Solid, bump, soft
+from tools.rig.contact import OVERLAP_M, RECT, Place, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
-from tools.rig.stops import Orders, StopWatch, is_in_way, places_on, way_m
+from tools.rig.stops import Orders, StopWatch
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 WANTS, HELD = Orders(True, True, "", True), Orders(True, False, "an obstacle is in the way", True)
@@ -69,54 +69,53 @@ def test_a_robot_that_stops_short_of_it_or_passes_beside_does_not() -> None:
     assert judge.least_gap_m == pytest.approx(0.05, abs=1e-6)
 
 
+def thing(low_m: float, high_m: float, material: Material = PLAIN) -> Solid:
+    return Solid("thing", (2.0, 3.0), (-1.0, 1.0), (low_m, high_m), material=material)
+
+
 @pytest.mark.parametrize(
-    ("low_m", "high_m", "collides"),
+    ("solid", "collides"),
     [
-        (0.0, 0.10, False),  # too low to count
-        (0.0, 0.15, True),
-        (0.72, 0.75, True),  # a table top
-        (1.25, 1.40, True),
-        (1.40, 2.00, False),  # higher than the robot
+        (thing(0.0, 0.10), False),  # too low to count
+        (thing(0.0, 0.15), True),
+        (thing(0.72, 0.75), True),  # a table top
+        (thing(1.25, 1.40), True),
+        (thing(1.40, 2.00), False),  # higher than the robot
+        (thing(0.0, 0.4, soft(20.0)), False),  # grass
+        (thing(0.0, 0.4, GLASS), True),
+        (Pillar("leg", (2.0, 0.29), 0.015, (0.0, 0.45)), True),  # of a chair
+        (bump("bump", (2.0, 2.6), (-2.0, 2.0), 0.05), False),
     ],
 )
-def test_what_counts_depends_on_its_heights(low_m: float, high_m: float, collides: bool) -> None:
-    thing = Solid("thing", (2.0, 3.0), (-1.0, 1.0), (low_m, high_m))
-    assert bool(driven(Judge(scene_of(thing)), 0.0, 2.0).collisions) is collides
+def test_what_counts_depends_on_its_heights_and_on_what_it_is(
+    solid: Solid | Pillar, collides: bool
+) -> None:
+    assert bool(driven(Judge(scene_of(solid)), 0.0, 4.0).collisions) is collides
 
 
-def test_glass_counts_and_grass_does_not() -> None:
-    grass = Solid("grass", (2.0, 3.0), (-1.0, 1.0), (0.0, 0.4), material=soft(20.0))
-    assert not driven(Judge(scene_of(grass)), 0.0, 3.0).collisions
+def ground(from_m: float, to_m: float, top_m: float) -> Solid:
+    return Solid("ground", (from_m, to_m), (-5.0, 5.0), (-3.0, top_m))
 
 
-def test_the_leg_of_a_chair_counts() -> None:
-    leg = Pillar("leg", (2.0, 0.29), 0.015, (0.0, 0.45))
-    (contact,) = driven(Judge(scene_of(leg)), 0.0, 2.2).collisions
-    assert contact.what == "leg"
+@pytest.mark.parametrize(
+    ("beyond", "to_m", "collides"),
+    [
+        ([ground(3.0, 20.0, -1.2)], 3.0, True),  # a loading dock
+        ([ground(3.0, 20.0, -1.2)], 2.4, False),  # short of it
+        ([ground(3.3, 20.0, 0.0)], 3.0, True),  # a hole without a bottom
+        ([ground(3.0, 3.3, -0.12), ground(3.3, 20.0, 0.0)], 5.0, False),  # a shallow one
+    ],
+)
+def test_a_corner_over_a_drop_collides(beyond: list[Solid], to_m: float, collides: bool) -> None:
+    scene = scene_of(ground(-5.0, 3.0, 0.0), *beyond, floor=False)
+    contacts = driven(Judge(scene), 0.0, to_m).collisions
+    assert bool(contacts) is collides
+    for contact in contacts:
+        assert contact.kind == "drop"
+        assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.015)
 
 
-def test_a_corner_over_a_drop_collides() -> None:
-    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
-    yard = Solid("yard", (3.0, 20.0), (-5.0, 5.0), (-3.0, -1.2))
-    judge = driven(Judge(scene_of(near, yard, floor=False)), 0.0, 3.0)
-    (contact,) = judge.collisions
-    assert contact.kind == "drop"
-    assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.015)
-    beside = driven(Judge(scene_of(near, yard, floor=False)), 0.0, 2.4)
-    assert not beside.collisions
-
-
-def test_a_hole_without_a_bottom_counts_and_a_shallow_one_does_not() -> None:
-    parts = (
-        Solid("before", (-5.0, 3.0), (-5.0, 5.0), (-1.0, 0.0)),
-        Solid("behind", (3.3, 9.0), (-5.0, 5.0), (-1.0, 0.0)),
-    )
-    shallow = Solid("step", (3.0, 3.3), (-5.0, 5.0), (-1.0, -0.12))
-    assert driven(Judge(scene_of(*parts, floor=False)), 0.0, 3.0).collisions
-    assert not driven(Judge(scene_of(*parts, shallow, floor=False)), 0.0, 5.0).collisions
-
-
-def test_a_ramp_and_a_bump_that_wheels_go_over_are_no_collision() -> None:
+def test_a_ramp_is_no_collision() -> None:
     rise_rad = math.radians(5.0)
     ramp = Solid("ramp", (3.0, 9.0), (-5.0, 5.0), (-0.5, 0.0), rise_x_rad=rise_rad)
     judge = Judge(Scene("ramp", (FLOOR, ramp)))
@@ -127,8 +126,6 @@ def test_a_ramp_and_a_bump_that_wheels_go_over_are_no_collision() -> None:
         pitch_rad = -math.atan2(caster_m - axle_m, 0.4)
         judge.step(Truth(0.02 * step, (x_m, 0.0, 0.0), axle_m, pitch_rad))
     assert not judge.collisions
-    over = Scene("bump", (FLOOR, bump("bump", (2.0, 2.6), (-2.0, 2.0), 0.05)))
-    assert not driven(Judge(over), 0.0, 4.0).collisions
 
 
 def test_who_walks_into_a_robot_that_stands_is_counted_apart() -> None:
@@ -215,15 +212,21 @@ def test_a_stop_before_a_drop_is_right() -> None:
     assert stop.in_way == "a drop"
 
 
-def test_a_stop_for_a_doubt_is_false_unless_something_was_made_to_fail() -> None:
-    (stop,) = stopped(scene_of(), "the scanner delivers no scans").stops
-    assert stop.is_false
-    (stop,) = stopped(scene_of(), "the scanner delivers no scans", faulty=True).stops
-    assert not stop.is_false
-    (stop,) = stopped(scene_of(), "ground in the way was not seen to be free", faulty=True).stops
-    assert stop.is_false
-    assert is_in_way("a drop is in the way")
-    assert not is_in_way("the pose is not known")
+@pytest.mark.parametrize(
+    ("why", "faulty", "is_false"),
+    [
+        ("the scanner delivers no scans", False, True),
+        ("the scanner delivers no scans", True, False),
+        ("ground in the way was not seen to be free", True, True),
+        ("a drop is in the way", True, True),
+        ("the pose is not known", True, False),
+    ],
+)
+def test_a_stop_for_a_doubt_is_false_unless_something_was_made_to_fail(
+    why: str, faulty: bool, is_false: bool
+) -> None:
+    (stop,) = stopped(scene_of(), why, faulty).stops
+    assert stop.is_false is is_false
 
 
 def test_arriving_is_no_stop_and_a_moment_is_none_either() -> None:
@@ -243,52 +246,39 @@ def test_arriving_is_no_stop_and_a_moment_is_none_either() -> None:
     assert not watch.stops
 
 
-def test_the_way_of_a_turn_is_an_arc() -> None:
-    places = places_on((0.0, 0.0, 0.0), 0.5, 0.5)
-    assert places[-1][1] > 0.1
-    turn = places_on((1.0, 2.0, 0.0), 0.0, 1.0)
-    assert turn[-1][:2] == (1.0, 2.0)
-    assert turn[-1][2] == pytest.approx(way_m(0.0, 1.0) / 0.6, abs=0.1)
-
-
 # The geometry against points
 
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))
 
 
+def check_gap(gap_m: float, by_points_m: float, place: Place, middle: tuple[float, float]) -> None:
+    """A gap is what the outline's points say; an overlap, that they or the thing lie within."""
+    if gap_m != OVERLAP_M:
+        assert by_points_m == pytest.approx(gap_m, abs=0.015)
+        return
+    c, s = math.cos(place[2]), math.sin(place[2])
+    dx, dy = middle[0] - place[0], middle[1] - place[1]
+    within = -0.2 <= c * dx + s * dy <= 0.52 and abs(c * dy - s * dx) <= 0.3
+    assert by_points_m < 0.02 or within
+
+
 @given(places, st.floats(-1, 1), st.floats(0.05, 2.0), st.floats(0.05, 2.0))
-def test_a_box_overlaps_just_when_points_of_either_lie_within_the_other(
-    place: tuple[float, float, float], x0: float, wide_m: float, deep_m: float
+def test_the_gap_to_a_box_is_that_of_the_outlines_points(
+    place: Place, x0: float, wide_m: float, deep_m: float
 ) -> None:
     span = (x0, x0 + wide_m, -deep_m / 2, deep_m / 2)
-    gap_m = box_gap(place, RECT, span)
     x, y = placed(outline(), place)
     dx = np.maximum(np.maximum(span[0] - x, x - span[1]), 0.0)
     dy = np.maximum(np.maximum(span[2] - y, y - span[3]), 0.0)
     by_points_m = float(np.hypot(dx, dy).min())
-    if gap_m == OVERLAP_M:
-        inside = box_gap((0.16 + place[0], place[1], place[2]), (1e-3, 1e-3, 1e-3), span)
-        c, s = math.cos(place[2]), math.sin(place[2])
-        cx, cy = x0 + wide_m / 2 - place[0], -place[1]
-        within = -0.2 <= c * cx + s * cy <= 0.52 and abs(c * cy - s * cx) <= 0.3
-        assert by_points_m < 0.02 or within or inside == OVERLAP_M
-    else:
-        assert by_points_m == pytest.approx(gap_m, abs=0.015)
-        assert by_points_m >= gap_m - 1e-9
+    check_gap(box_gap(place, RECT, span), by_points_m, place, (x0 + wide_m / 2, 0.0))
 
 
 @given(places, st.floats(0.01, 0.5))
-def test_a_disc_likewise(place: tuple[float, float, float], radius_m: float) -> None:
-    gap_m = disc_gap(place, RECT, 0.3, -0.1, radius_m)
+def test_so_is_the_gap_to_a_disc(place: Place, radius_m: float) -> None:
     x, y = placed(outline(), place)
     by_points_m = float(np.hypot(x - 0.3, y + 0.1).min()) - radius_m
-    if gap_m != OVERLAP_M:
-        assert by_points_m == pytest.approx(gap_m, abs=0.015)
-    else:
-        c, s = math.cos(place[2]), math.sin(place[2])
-        cx, cy = 0.3 - place[0], -0.1 - place[1]
-        within = -0.2 <= c * cx + s * cy <= 0.52 and abs(c * cy - s * cx) <= 0.3
-        assert by_points_m < 0.015 or within
+    check_gap(disc_gap(place, RECT, 0.3, -0.1, radius_m), by_points_m, place, (0.3, -0.1))
 
 
 @pytest.mark.parametrize("name", ["rooms", "dock", "office"])

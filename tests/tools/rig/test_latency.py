@@ -1,7 +1,5 @@
 """The far end as a meter: stamps, matching frames with scans, load, and one short measurement."""
 
-import argparse
-import io
 import os
 from collections import deque
 from pathlib import Path
@@ -9,11 +7,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fakes.programs.stamps import StampedAttitude, StampedScanner, Stamps, WatchedWorld
+from fakes.programs.stamps import StampedScanner, Stamps
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
-from tests import ROOT
 from tools.rig import latency
-from tools.rig.far_end import Burst, FarEnd, Sent, sent_from_file, told_scans
+from tools.rig.far_end import Burst, FarEnd, Sent, scans_from_file, told_scans
 from tools.rig.load import loaded
 from tools.terminal.processes import Stop
 
@@ -78,44 +75,22 @@ def test_frames_of_one_tick_are_one_burst_that_has_arrived_with_its_last_frame()
 class Teller:
     """A device that says what it is told to say."""
 
-    baud = 115_200
-
-    def __init__(self, says: list[bytes]) -> None:
-        self.says = says
+    def __init__(self, *says: bytes) -> None:
+        self._says = list(says)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """The next of its words."""
-        return self.says.pop(0)
+        return self._says.pop(0)
 
 
 def test_a_scan_is_stamped_as_it_leaves_and_answers_are_not(tmp_path: Path) -> None:
     stamps = Stamps(lambda: 5.125)
-    fake = StampedScanner(Teller([b"", b"sRA answer", SCAN]), deque([4.9, 4.98]), stamps)
+    fake = StampedScanner(Teller(b"", b"sRA answer", SCAN), deque([4.9, 4.98]), stamps)
     for now_s in (4.9, 5.0, 5.0):
         fake.exchange(now_s, b"")
     path = tmp_path / "stamps.txt"
     path.write_text("".join(stamps.lines) + "scan 1.0")  # the last line is not whole
-    assert sent_from_file(path, "scan") == [Sent(4.98, 5.125)]
-    assert sent_from_file(path, "attitude") == []
-
-
-def test_an_attitude_is_stamped_with_its_last_byte_however_the_stream_is_cut() -> None:
-    stamps = Stamps(lambda: 8.0079)
-    message = b"\xfa\xff\x32\x04\xfa\xff\x32\x00\x00"
-    parts = [b"", b"noise" + message[:3], message[3:8], message[8:] + b"\xfa\xff\x3e\x00\x00"]
-    fake = StampedAttitude(Teller(parts), deque([7.99, 8.0, 8.01]), stamps)
-    for now_s in (8.0, 8.004, 8.006, 8.008):
-        fake.exchange(now_s, b"")
-    assert stamps.lines == ["attitude 8.000000 8.007900\n"]
-
-
-def test_a_watched_world_remembers_when_it_was_looked_at() -> None:
-    world = WatchedWorld("corridor", 1)
-    world.step_to(10.0)
-    world.step_to(10.1)
-    for t_s in (10.02, 10.02, 10.03):
-        world.motion_at(t_s)
-    assert list(world.sampled_s) == [10.02, 10.03]
+    assert scans_from_file(path) == [Sent(4.98, 5.125)]
 
 
 def test_load_begins_and_leaves_no_process() -> None:
@@ -140,20 +115,17 @@ def test_quantiles_are_values_that_were_there() -> None:
 
 @pytest.mark.real_time
 def test_a_short_measurement_finds_each_scan_at_the_far_end(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(latency, "SETTLE_S", 1.0)
-    options = argparse.Namespace(
-        seconds=2.0, seed=1, scene="corridor", config=str(ROOT / "mapod.toml")
-    )
-    console = Console(file=io.StringIO(), width=120)
     with Stop().on_signals() as stop:
-        row = latency.measure("alone", options, stop, console, load=False)
+        row = latency.measure("alone", 2.0, stop, load=False)
     assert row.scans > 60
     assert row.told > 0.9 * row.scans
     assert row.strangers <= 0.02 * row.scans
     assert row.ticks > 400
-    console.print(latency.table_of([row]))
-    told = console.file.getvalue() if isinstance(console.file, io.StringIO) else ""
-    assert f"{row.told} of {row.scans}" in told
-    assert "SCHED_FIFO" in latency.permissions(row)[0]
+    console = Console(width=120)
+    with console.capture() as shown:
+        console.print(latency.table_of([row]))
+    assert f"{row.told} of {row.scans}" in shown.get()
+    assert row.rights.startswith("SCHED_FIFO ")

@@ -66,7 +66,7 @@ def test_wrong_settings_are_an_error_before_anything_starts(
 ) -> None:
     assert live.main(["--config", str(bench(tmp_path, "host")), "--seed", "-4"]) == 2
     said = capsys.readouterr()
-    assert "world.seed: must be a whole number" in said.err
+    assert "world.seed: Expected `int` >= 0" in said.err
     assert said.out == ""
 
 

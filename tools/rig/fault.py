@@ -6,7 +6,8 @@ after its end.
 """
 
 from dataclasses import dataclass
-from typing import Literal, TypedDict, Unpack
+from functools import partial
+from typing import Literal
 
 Must = Literal["stops", "goes on", "either"]
 
@@ -14,8 +15,6 @@ STANDS_S = 2.0  # an input's time-out, a loop, and the way to a stop from 0.8 m/
 RECOVERS_S = 6.0
 THEN_S, AFTER_S = 0.1, 0.2
 BLIND = "cannot be noticed"
-LATER = "a delay that changes makes the clock doubtful until it is known again"
-LATER_S = 15.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,10 +23,10 @@ class Fault:
 
     Attributes:
         name: device, and attribute or event; "scanner.wire.mute".
+        why: of what must come; it begins with BLIND where nothing can be known of the fault.
         value: as text; "" switches it on, or is an event without a number.
         lasts_s: until it ends; 0: it happens at once, or ends by itself.
         must: what the robot does meanwhile.
-        why: of what must come; it begins with BLIND where nothing can be known of the fault.
         stands_s: where it must stop: after so long at most it stands.
         recovers_s: all inputs are well again, and the map is valid, so long after the end.
         again: whether it also drives again then by itself. False: it waits for a person, or for
@@ -39,10 +38,10 @@ class Fault:
     """
 
     name: str
-    value: str
-    lasts_s: float
-    must: Must
     why: str
+    value: str = ""
+    lasts_s: float = 3.0
+    must: Must = "either"
     stands_s: float = STANDS_S
     recovers_s: float = RECOVERS_S
     again: bool = True
@@ -53,7 +52,6 @@ class Fault:
 
     @property
     def device(self) -> str:
-        """Whose fault it is."""
         return self.name.partition(".")[0]
 
     @property
@@ -74,7 +72,7 @@ class Fault:
     def orders(self, start_s: float) -> list[str]:
         """What to order of the fakes, beginning at start_s of the run.
 
-        >>> Fault("drive.mute", "", 2.0, "stops", "", after=("drive.reset",)).orders(5.0)
+        >>> stops("drive.mute", "", lasts_s=2.0, after=("drive.reset",)).orders(5.0)
         ['drive.mute@5s+2s', 'drive.reset@7.2s']
         """
         span = f"@{start_s:g}s" + (f"+{self.lasts_s:g}s" if self.lasts_s else "")
@@ -83,37 +81,12 @@ class Fault:
         return orders + [f"{event}@{start_s + self.lasts_s + AFTER_S:g}s" for event in self.after]
 
 
-class More(TypedDict, total=False):
-    """What a fault may say besides."""
+stops = partial(Fault, must="stops")
+goes_on = partial(Fault, must="goes on")
+either = partial(Fault, must="either")
 
-    stands_s: float
-    recovers_s: float
-    again: bool
-    also: tuple[str, ...]
-    then: tuple[str, ...]
-    after: tuple[str, ...]
-    drawn: bool
-
-
-def stops(
-    name: str, why: str, value: str = "", lasts_s: float = 3.0, **more: Unpack[More]
-) -> Fault:
-    """One that must stop the robot."""
-    return Fault(name, value, lasts_s, "stops", why, **more)
-
-
-def goes_on(
-    name: str, why: str, value: str = "", lasts_s: float = 3.0, **more: Unpack[More]
-) -> Fault:
-    """One that must not stop it."""
-    return Fault(name, value, lasts_s, "goes on", why, **more)
-
-
-def either(
-    name: str, why: str, value: str = "", lasts_s: float = 3.0, **more: Unpack[More]
-) -> Fault:
-    """One that may stop it or not."""
-    return Fault(name, value, lasts_s, "either", why, **more)
+LATER = "a delay that changes makes the clock doubtful until it is known again"
+LATER_S = 15.0
 
 
 def wire_faults(

@@ -11,9 +11,9 @@ from fakes.scenes.solids import BLACK, GLASS, Pillar
 from fakes.world.crowd import Walker
 from fakes.world.error_models import Patch
 from fakes.world.magnetic import MagneticDisturbance
-from tools.rig.draw_scene import BLACK as BLACK_COLOUR
-from tools.rig.draw_scene import GLASS as GLASS_COLOUR
-from tools.rig.draw_scene import LOWER, Chart, chart_of, main
+from tools.rig.draw import BLACK as BLACK_COLOUR
+from tools.rig.draw import GLASS as GLASS_COLOUR
+from tools.rig.draw import LOWER, Chart, chart_of, main
 
 SCENE = Scene(
     "some",

@@ -1,0 +1,90 @@
+"""Many runs on all cores: results as they come, a crash in words, and a bar meanwhile."""
+
+import concurrent.futures
+import logging
+import multiprocessing
+import os
+import signal
+import time
+import traceback
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from typing import TypeVar
+
+import structlog
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+T = TypeVar("T")
+R = TypeVar("R")
+TOLD_EVERY_S = 5.0  # without a screen
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")  # a worker has one core
+
+
+def quiet() -> None:
+    """No log: thousands of runs would drown a person."""
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
+
+
+def begin() -> None:
+    """A worker begins: quiet, and ended by Ctrl-C without a word."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    quiet()
+
+
+def results_of(
+    work: Callable[[T], R], tasks: Sequence[T], jobs: int
+) -> Generator[tuple[T, R | str], None, None]:
+    """Each task with its result, as they end, over so many processes; or with its crash in words.
+
+    Args:
+        work: a function that another process can import; its results are no texts.
+    """
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    pool = concurrent.futures.ProcessPoolExecutor(
+        min(jobs, len(tasks)), multiprocessing.get_context("spawn"), begin
+    )
+    with pool:
+        waiting = {pool.submit(work, task): task for task in tasks}
+        try:
+            for future in concurrent.futures.as_completed(waiting):
+                error = future.exception()
+                yield waiting[future], future.result() if error is None else words_of(error)
+        except (KeyboardInterrupt, GeneratorExit):
+            pool.shutdown(cancel_futures=True)
+            raise
+
+
+def words_of(error: BaseException) -> str:
+    """A crash, with where it happened."""
+    if isinstance(error, BrokenProcessPool):
+        return "the process that ran it, or one beside it, was killed"
+    return "".join(traceback.format_exception(error)).strip()
+
+
+def with_bar(
+    console: Console, total: int, results: Iterable[R], words: Callable[[Sequence[R]], str]
+) -> Iterator[R]:
+    """The same results, with a bar; or, without a screen, a line now and then.
+
+    Args:
+        words: about all results so far.
+    """
+    seen: list[R] = []
+    if not console.is_terminal:
+        told_s = time.monotonic()
+        for result in results:
+            seen.append(result)
+            if time.monotonic() - told_s >= TOLD_EVERY_S:
+                told_s = time.monotonic()
+                console.print(f"  {len(seen)} of {total} runs: {words(seen)}", soft_wrap=True)
+            yield result
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
+        task = bar.add_task("runs", total=total)
+        for result in results:
+            seen.append(result)
+            bar.update(task, advance=1, description=words(seen))
+            yield result

@@ -4,8 +4,8 @@
  * asks for none that can't end before a cell that is not FREE, but for ground that the operator
  * assumes to be clear at the start, or, where the settings allow it, for unknown ground at so low a
  * speed. No heap, no floating point, no clock of its own: the same bytes give the same motion on
- * every processor. What it knows of the robot and of its laser's mount are the macros ROBOT_...,
- * which the build takes from the settings of mapod.
+ * every processor. What it knows of the robot and of its laser's mount stands in robot.h, which the
+ * build makes from the settings of mapod.
  */
 #ifndef DRIVER_H
 #define DRIVER_H

@@ -12,6 +12,7 @@
 #define FIELD_H
 
 #include "ground.h"
+#include "robot.h"
 
 #if (ROBOT_WINDOW_CELLS < 3) || (ROBOT_WINDOW_CELLS > 255)
 #error "a field's cells are numbered in 16 bits: windows of 3 to 255 cells"

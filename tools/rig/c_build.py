@@ -114,9 +114,18 @@ class PlannerRobot:
     window_cells: int = 201  # along an edge of the largest map that it has room for
 
     def options(self) -> tuple[str, ...]:
-        """Words for the compiler: a macro for each, and where the planner's headers lie."""
-        macros = (f"-DROBOT_{f.name.upper()}={getattr(self, f.name)}" for f in fields(self))
-        return (*macros, f"-I{PLANNER}", "-DMAPOD_LINK_AUTH")
+        """Words for the compiler; the header robot.h that they name is made here."""
+        lines = ["/* Made by tools/rig/c_build.py from the settings of the robot. */"]
+        lines += [f"#define ROBOT_{f.name.upper()} {getattr(self, f.name)}" for f in fields(self)]
+        text = "\n".join([*lines, ""])
+        folder = BUILD / f"robot-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+        header = folder / "robot.h"
+        if not header.exists():
+            folder.mkdir(parents=True, exist_ok=True)
+            made = folder / f"{os.getpid()}"
+            made.write_text(text, encoding="utf-8")
+            os.replace(made, header)
+        return f"-I{folder}", f"-I{PLANNER}", "-DMAPOD_LINK_AUTH"
 
 
 def robot_from_config(config: Config) -> PlannerRobot:

@@ -9,6 +9,9 @@ import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE, Frame
+from mapod_link.tiles import TilePiece, maybe_tile_piece
+
 UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3  # of a cell; KEEP only in an operation
 GEOM_BODY = struct.Struct("<BxHHHIHH")
 POSE_BODY = struct.Struct("<iihhhhhHBBBB")
@@ -31,6 +34,20 @@ class Geometry:
     session: int  # of this run of the sender
     tick_s: float  # nominal period of MAP frames
     stale_s: float  # silence after which nothing that was told may be used
+
+    @property
+    def layout(self) -> tuple[int, int, int, float]:
+        """Another one means another map."""
+        return self.geom_id, self.width, self.height, self.cell_m
+
+    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """World cell (column, row) of a place in the map frame."""
+        return math.floor(x_m / self.cell_m), math.floor(y_m / self.cell_m)
+
+    def corner_around(self, pose: "Pose") -> tuple[int, int]:
+        """About where a window lies with the robot in its middle; MAP tells it modulo 65 536."""
+        i, j = self.cell_of(pose.x_m, pose.y_m)
+        return i - self.width // 2, j - self.height // 2
 
 
 def maybe_geometry(body: bytes) -> Geometry | None:
@@ -189,3 +206,18 @@ class Digest(NamedTuple):
 def maybe_digest(body: bytes) -> Digest | None:
     """None if the length is wrong."""
     return Digest(*DIGEST_BODY.unpack(body)) if len(body) == DIGEST_BODY.size else None
+
+
+Body = Geometry | Pose | StopZone | MapUpdate | Digest | TilePiece
+
+
+def maybe_body(frame: Frame, arrived_s: float, cells: int) -> Body | None:
+    """What a frame says of a window of so many cells; None: of no type, or not to be read."""
+    if frame.type == MAP:
+        return maybe_map_update(frame.body, cells)
+    if frame.type == POSE:
+        return maybe_pose(frame.body, frame.t_ms, arrived_s)
+    if frame.type == STOP_ZONE:
+        return maybe_stop_zone(frame.body, frame.t_ms, arrived_s)
+    known = {GEOM: maybe_geometry, TILE: maybe_tile_piece, DIGEST: maybe_digest}
+    return known[frame.type](frame.body) if frame.type in known else None

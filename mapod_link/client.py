@@ -1,17 +1,11 @@
 """A receiver on a wire, for a planner that wants maps and nothing else: blocking, one thread.
 
-    with open_link("udp://0.0.0.0:9750") as link:
-        while link.update(0.1):
-            if link.advice()[0] == "go":
-                plan(link.receiver.cells, link.receiver.pose)
-
 `update` has to be called often, ten times a second or more: it takes what has arrived and answers.
 """
 
 import secrets
 import time
 from collections.abc import Callable
-from types import TracebackType
 
 from mapod_link.advice import Advice
 from mapod_link.receiver import Receiver
@@ -36,17 +30,11 @@ class Link:
     def __enter__(self) -> "Link":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
     def url(self) -> str:
-        """Of the wire."""
         return self._wire.url
 
     @staticmethod

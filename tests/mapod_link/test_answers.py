@@ -16,12 +16,13 @@ from mapod_link.frames import (
     GEOM,
     HELLO,
     MAP,
+    OUTBOX,
     POSE,
     Frame,
     bytes_from_frame,
     tag_is_right,
 )
-from mapod_link.receiver import OUTBOX, Receiver
+from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
     NONCE,
     SESSION,

@@ -74,7 +74,7 @@ def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     assert receiver.stop_zone is not None
     counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 5}
     assert receiver.accepted == counts
-    assert (receiver.newest_seq, receiver.ignored_types) == (10, 0)
+    assert (receiver.numbers.last, receiver.ignored_types) == (10, 0)
 
 
 def test_the_view_follows_the_map_and_cannot_be_written() -> None:

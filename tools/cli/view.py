@@ -107,7 +107,7 @@ def progress_line(end: PlannerEnd, now_s: float) -> str:
 
 def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     """The final map and the numbers of the run."""
-    planner = end.planner
+    planner, gaps = end.planner, end.planner.numbers.gaps
     if planner.geom is None or planner.blank:
         console.print("no map has arrived")
         return
@@ -121,7 +121,7 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     lines = [
         *status_lines(planner, end.meter, now_s),
         labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
-        labelled("", f"{planner.gaps} gaps, {planner.ignored_maps} maps of another geometry"),
+        labelled("", f"{gaps} gaps, {planner.ignored_maps} maps of another geometry"),
     ]
     for line in lines:
         console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)

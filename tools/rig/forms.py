@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from config_file import load_config
-from mapod_link.listener import Listener
+from mapod_link.receiver import Receiver
 from mapod_link.wires import UdpWire
 from tools.rig.board import BoardError, EmulatedBoard
 from tools.rig.c_build import MissingToolError, robot_from_config
@@ -68,7 +68,7 @@ class HostForm:
 
     def step(self, now_s: float) -> None:
         """Hear, decide, answer."""
-        self._wire.feed(cast(Listener, self._planner))  # it asks for no more than datagrams
+        self._wire.feed(cast(Receiver, self._planner))  # it asks for no more than datagrams
         self._now_s = now_s
         for frame in self._planner.poll(now_s):
             self._wire.write(frame)

@@ -103,7 +103,7 @@ def test_a_full_wire_is_left_alone_until_it_has_room_and_gets_nothing_outdated()
     line.settle(0.5)
     assert line.holds_what_is_meant()
     assert not line.planner.suspect
-    assert line.planner.missing == 0
+    assert line.planner.numbers.missing == 0
 
 
 def test_a_line_that_is_too_slow_leaves_out_ticks_and_is_not_overrun() -> None:

@@ -37,7 +37,7 @@ def test_with_loss_no_free_stands_for_an_obstacle_unless_suspect_and_all_is_repa
     assert not line.planner.suspect
     assert not line.planner.need_full
     assert line.planner.digest_ok
-    assert line.planner.gaps > 0
+    assert line.planner.numbers.gaps > 0
 
 
 @pytest.mark.parametrize(("ack_every", "loss"), [(0, 0.01), (1, 0.2), (5, 0.2)])
@@ -85,7 +85,7 @@ def test_maps_of_a_restarted_sender_wait_for_its_geometry() -> None:
     line = Line(Sky(21, 3), ack_every=0)
     line.sky.change(300)
     line.settle(0.5)
-    next_seq = line.planner.newest_seq + 1  # its numbers happen to go on from the old ones
+    next_seq = line.planner.numbers.last + 1  # its numbers happen to go on from the old ones
     restarted = Line(Sky(21, 4), ack_every=0, session=78, first_seq=next_seq)
     restarted.planner, restarted.now_s = line.planner, line.now_s
     restarted.loss = 1.0

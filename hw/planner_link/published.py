@@ -50,9 +50,9 @@ class PublishedMap:
             rows=np.zeros((3, size), dtype=np.int32),
             blocks=np.zeros((3, size * blocks), dtype=np.int32),
             counts=np.zeros(4, dtype=np.int32),
+            once=np.zeros(size * size + 1, dtype=np.int32),
+            cleared=np.zeros(size * size, dtype=np.int32),
         )
-        self._once: I32 = np.zeros(size * size + 1, dtype=np.int32)  # their number, and the cells
-        self._cleared: I32 = np.zeros(size * size, dtype=np.int32)
         self._every: I32 = np.arange(size * size, dtype=np.int32)
         self._ops: U8 = np.zeros(512, dtype=np.uint8)
         self._packed: U8 = np.zeros((size * size + 3) // 4, dtype=np.uint8)
@@ -67,7 +67,7 @@ class PublishedMap:
         self.corner = (0, 0)
         self.mark_lost(NO_CELLS, self.corner)
         self._enter(self.corner, NO_SPAN)
-        self._once[0] = 1
+        self._ring.once[0] = 1
         self.mark_again()
         self.publish_again()
         self.forget()
@@ -124,7 +124,6 @@ class PublishedMap:
         """The planner holds nothing any more: all cells unknown there."""
         for array in self._ring:
             array[:] = 0
-        self._once[0] = 0
         if self.corner is not None:
             self._span = _span_of([self.corner])
             note_cells(self._cells, self._trusted, self._every, self._ring)
@@ -138,46 +137,26 @@ class PublishedMap:
         """Nobody knows what the planner holds: send every cell again."""
         mark_every_cell(self._cells, self._trusted, self._ring)
 
-    def encode(self, kind: int, first: int, end: int, room: int) -> tuple[int, bytes, int, I32]:
+    def encode(
+        self, wanted: int, first: int, end: int, room: int, for_good: bool = True
+    ) -> tuple[int, bytes, int, I32]:
         """Operations for the wanted cells of first..end in window raster order.
 
         Returns the first cell addressed (-1: nothing to send), the operations, where to go on, and
-        the cells that had been marked: (k,) raster indices.
+        the cells that had been marked: (k,) raster indices. Nothing is published if not for good.
         """
-        start, used, count, next_cell = self._encode(kind, first, end, room, True)
-        cleared = self._cleared[:count].copy() if count else NO_CELLS
-        return start, self._ops[:used].tobytes(), next_cell, cleared
-
-    def measure(self, kind: int, first: int, end: int, room: int) -> tuple[int, int]:
-        """Bytes that `encode` would write, and where it would go on; nothing is published."""
-        _, used, _, next_cell = self._encode(kind, first, end, room, False)
-        return used, next_cell
-
-    def _encode(
-        self, kind: int, first: int, end: int, room: int, for_good: bool
-    ) -> tuple[int, int, int, int]:
         assert self.corner is not None
-        return encode_cells(
-            kind,
-            first,
-            end,
-            min(room, self._ops.size),
-            for_good,
-            self._cells,
-            self._trusted,
-            self.corner,
-            self._ring,
-            self._ops,
-            self._cleared,
-            self._once,
+        room = min(room, self._ops.size)
+        meant = self._cells, self._trusted, self.corner
+        start, used, count, next_cell = encode_cells(
+            wanted, first, end, room, for_good, *meant, self._ring, self._ops
         )
+        return start, self._ops[:used].tobytes(), next_cell, self._ring.cleared[:count].copy()
 
     def mark_again(self) -> None:
         """New obstacles published since the last call are to be published once more."""
-        count = int(self._once[0])
-        if count:
-            mark_again_cells(self._cells, self._once[1 : count + 1], self._ring)
-            self._once[0] = 0
+        if self._ring.once[0]:
+            mark_again_cells(self._cells, self._ring)
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """A frame did not arrive: send those cells again that it carried.

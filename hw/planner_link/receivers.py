@@ -13,9 +13,7 @@ from typing import Any
 
 from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import Port
-from hw.planner_link.poses import ExternalPoses
-from hw.planner_link.replay_guard import ReplayGuard
-from hw.planner_link.requests import NO_LINK, Requests
+from hw.planner_link.requests import NO_LINK, ExternalPoses, ReplayGuard, Requests
 from hw.planner_link.sender import LinkSettings, PlannerLink, Wire
 from hw.planner_link.tiles import TileSource
 

@@ -9,7 +9,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.records import I32
-from hw.planner_link.messages import NEED_GEOM, Ack, Hello
+from hw.planner_link.messages import NEED_GEOM, Ack, Hello, apart
 from hw.planner_link.published import PublishedMap
 
 ACK_WINDOW = 33  # frames that an ACK speaks of
@@ -71,7 +71,7 @@ class Repair:
     def is_replayed(self, hello: Hello) -> bool:
         """Whether a signed HELLO is not newer than all of its nonce; notes it if it is."""
         newest = self._newest.get(hello.nonce)
-        if self.is_full if newest is None else _apart(hello, newest) <= (0, 0):
+        if self.is_full if newest is None else apart(hello, *newest) <= (0, 0):
             return True
         self._newest[hello.nonce] = hello.t_ms, hello.seq
         return False
@@ -82,8 +82,8 @@ class Repair:
         if newest is None and self.is_full:
             return True
         if newest is not None:
-            apart = _apart(ack, newest)
-            if apart < (0, 0) and (self._strict or apart[0] > -LATE_MS):
+            ahead = apart(ack, *newest)
+            if ahead < (0, 0) and (self._strict or ahead[0] > -LATE_MS):
                 return True
         self._newest[self._nonce] = ack.t_ms, ack.seq
         return False
@@ -144,12 +144,6 @@ class Repair:
                 self._map.mark_lost(sent.cells, sent.origin)
         if seen is not None:
             self._map.note_seen(seen, [sent.origin for sent in self._sent])
-
-
-def _apart(frame: Ack | Hello, newest: tuple[int, int]) -> tuple[int, int]:
-    """How much newer a frame is, by clock (ms) and then by number; both wrap."""
-    after_ms = (frame.t_ms - newest[0] + 2**31) % 2**32 - 2**31
-    return after_ms, (frame.seq - newest[1] + 2**15) % 2**16 - 2**15
 
 
 def _arrived(seq: int, newest: int, mask: int) -> bool:

@@ -17,8 +17,7 @@ from hw.modbus.framing import take_requests
 from hw.modbus.handlers import MOST_CONNECTIONS, TcpHandler
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, stride_of
 from hw.modbus.server import TcpService
-from hw.planner_link.replay_guard import ReplayGuard
-from hw.planner_link.requests import Requests
+from hw.planner_link.requests import ReplayGuard, Requests
 from hw.ports.url import parse_url
 from tests.support.cases import examples
 from tests.support.modbus_rig import (

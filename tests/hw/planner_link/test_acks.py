@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.planner_link.frames import GEOM, POSE
+from hw.planner_link.map_frames import RefreshCursor
 from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
 from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import MOST_LAG, Repair
-from hw.planner_link.refresh import RefreshCursor
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
+from tests.support.cases import few
 from tests.support.planner_line import Line, Sky
 
 
@@ -61,30 +62,21 @@ class Acks:
 
 
 @pytest.mark.parametrize(
-    ("behind", "echo", "believed"), [(0, None, True), (UNTIMED, 0, False), (0, 0, True)]
-)
-def test_of_a_receiver_that_keeps_no_times_the_newest_frames_are_believed(
-    behind: int, echo: int | None, believed: bool
+    ("ahead", "echo", "believed"),
+    [
+        (0, None, True), (0, 0, True), (-UNTIMED, 0, False), (1, None, False), (100, None, False),
+        (-3, 7, False), (0, 1, False), (0, 0xFFFFFFFF, False), (-60_000, None, False),
+        (30_000, 0, False),
+    ],
+)  # fmt: skip
+def test_only_what_tells_the_time_of_a_frame_that_was_sent_is_believed(
+    ahead: int, echo: int | None, believed: bool
 ) -> None:
-    line = quiet()
-    newest = line.link._scheduler.seq
-    Acks(line).give(newest - behind, echo=echo)
-    line.tick()
-    assert (line.link._repair.repaired == newest) == believed
-
-
-@pytest.mark.parametrize(
-    ("ahead", "echo"),
-    [(1, None), (100, None), (-3, 7), (0, 1), (0, 0xFFFFFFFF), (-60_000, None), (30_000, 0)],
-)
-def test_acknowledgements_of_frames_never_sent_change_nothing(ahead: int, echo: int | None) -> None:
     line = quiet(first_seq=65_500)
-    acks = Acks(line)
-    before = line.link._repair._covered
-    sent = len(line.link._repair._sent)
-    acks.give(line.link._scheduler.seq + ahead, echo=echo)
-    assert len(line.link._repair._sent) == sent
-    assert line.link._repair._covered == before
+    repair, newest = line.link._repair, line.link._scheduler.seq
+    before = repair._covered, len(repair._sent)
+    Acks(line).give(newest + ahead, echo=echo)
+    assert (repair._covered, len(repair._sent)) == ((newest, 0) if believed else before)
     assert line.link.counters.acks == 1
 
 
@@ -115,8 +107,8 @@ def test_an_older_acknowledgement_that_comes_late_does_not_take_back_a_stop() ->
 
 def test_with_a_key_no_older_acknowledgement_is_ever_taken() -> None:
     repair = Repair(PublishedMap(9), 0, strict=True)
-    late = Ack(5, 100, 1, 0, 0, 0.0, 0, 0, 7)
-    assert not repair.is_late(Ack(9, 1_000_000, 1, 0, 0, 0.0, 0, 0, 7))
+    late = Ack(5, 100, 1, 0, 0, 0, 7)
+    assert not repair.is_late(Ack(9, 1_000_000, 1, 0, 0, 0, 7))
     assert repair.is_late(late)
     repair.note_hello(5)
     assert not repair.is_late(late)
@@ -176,20 +168,20 @@ def test_the_digest_and_what_the_planner_makes_of_it_is_told() -> None:
 
 def test_a_planner_that_never_answers_costs_no_memory() -> None:
     line = quiet()
-    line.settle(20.0)
+    line.settle(11.0)
     assert not line.link._repair._sent
     assert len(line.link._publisher._cursor._marks) < 200
     assert line.link._scheduler.seq - line.link._repair.repaired < 100
     assert line.holds_what_is_meant()
 
 
-@pytest.mark.parametrize("minutes", [1, 15])
-def test_a_planner_that_hears_nothing_for_minutes_and_returns_is_told_all(minutes: int) -> None:
+@pytest.mark.parametrize("minutes", few([0.5, 15], 1))
+def test_a_planner_that_hears_nothing_for_minutes_and_returns_is_told_all(minutes: float) -> None:
     line = Line(Sky(9, 3), rate_hz=25)
     line.sky.change(30)
     line.settle(1.0)
     line.planner.deaf = True
-    for k in range(minutes * 60 * 25):
+    for k in range(round(minutes * 60 * 25)):
         if k % 500 == 0:
             line.sky.change(3)
         line.tick()
@@ -234,7 +226,7 @@ def test_after_a_planner_that_was_too_small_a_larger_one_begins_anew() -> None:
 def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again() -> None:
     line = quiet()
     acks = Acks(line)
-    line.link._due.epoch = True
+    line.link._state.epoch_due = True
     line.tick()
     first = line.link._repair.epoch_seq
     line.settle(0.1)

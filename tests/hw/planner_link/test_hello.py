@@ -28,10 +28,9 @@ def is_kept_up(line: Line) -> bool:
     return line.holds_what_is_meant() and not line.planner.stale(line.now_s)
 
 
-@pytest.mark.parametrize("own_nonce", [True, False])
 @pytest.mark.parametrize(
-    ("max_cells", "max_frame", "poll"),
-    [(2**32 - 1, 368, True), (0, 368, False), (10_000, 0, False)],
+    ("own_nonce", "max_cells", "max_frame", "poll"),
+    [(True, 2**32 - 1, 368, True), (False, 0, 368, False), (True, 10_000, 0, False)],
 )
 def test_a_forged_hello_does_not_silence_a_link_with_a_key(
     own_nonce: bool, max_cells: int, max_frame: int, poll: bool

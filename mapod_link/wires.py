@@ -33,6 +33,21 @@ def _is_ready(source: socket.socket | int, timeout_s: float) -> bool:
     return bool(select.select([source], [], [], max(timeout_s, 0.0))[0])
 
 
+def arrival_s(
+    notes: list[tuple[int, int, bytes]], ahead_s: float, least_s: float, most_s: float
+) -> float:
+    """When the kernel took a datagram, by the monotonic clock; `least_s` where it does not say.
+
+    Args:
+        ahead_s: of the wall clock, which it stamps with, and which may have been set meanwhile.
+    """
+    for level, kind, stamp in notes:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
+            seconds, nanoseconds = struct.unpack("@ll", stamp)
+            return min(max(seconds + nanoseconds * 1e-9 - ahead_s, least_s), most_s)
+    return least_s
+
+
 class UdpWire:
     """A bound socket; answers go to whoever sent the newest good frame.
 
@@ -68,13 +83,9 @@ class UdpWire:
                 return
             except ConnectionRefusedError:  # an answer of ours found nobody
                 continue
-            arrived_s = self._empty_s
-            for level, kind, stamp in notes:
-                if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
-                    seconds, nanoseconds = struct.unpack("@ll", stamp)
-                    arrived_s = seconds + nanoseconds * 1e-9 - ahead_s
-            now_s = time.monotonic()  # a wall clock may have been set meanwhile
-            taken = receiver.feed_datagram(min(max(arrived_s, self._empty_s), now_s), data)
+            now_s = time.monotonic()
+            arrived_s = arrival_s(notes, ahead_s, self._empty_s, now_s)
+            taken = receiver.feed_datagram(arrived_s, data)
             if taken or now_s - self._proven_s > PROVEN_FOR_S:
                 self.peer = sender
             self._proven_s = now_s if taken else self._proven_s

@@ -13,7 +13,7 @@ from mapod_link.receiver import Receiver
 from tests.support.planner_sender import NONCE, VECTORS, receiving, signed_frame, state_of, vector
 
 
-@given(st.lists(st.binary(max_size=400)))
+@given(st.lists(st.binary(max_size=400), max_size=8))
 def test_no_bytes_make_the_planner_raise(pieces: list[bytes]) -> None:
     planner = Receiver(NONCE)
     before = state_of(planner)
@@ -59,7 +59,7 @@ def test_a_frame_that_never_ends_is_one_rejection_and_holds_no_memory() -> None:
     assert planner.geom is not None
 
 
-@given(st.lists(st.binary(max_size=400)), st.booleans())
+@given(st.lists(st.binary(max_size=400), max_size=8), st.booleans())
 def test_a_receiver_with_a_key_stays_as_it_is_whatever_strangers_send(
     pieces: list[bytes], whole: bool
 ) -> None:

@@ -44,7 +44,8 @@ def arrival_s(
     for level, kind, stamp in notes:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
             seconds, nanoseconds = struct.unpack("@ll", stamp)
-            return min(max(seconds + nanoseconds * 1e-9 - ahead_s, least_s), most_s)
+            stamped_s: float = seconds + nanoseconds * 1e-9
+            return min(max(stamped_s - ahead_s, least_s), most_s)
     return least_s
 
 

@@ -44,12 +44,8 @@ PATIENCE_S = 60.0
 
 def frames_of_a_map(session: int = SESSION) -> list[bytes]:
     """GEOM, POSE and MAP with one obstacle."""
-    told = (
-        (GEOM, geom_body(session=session)),
-        (POSE, pose_body()),
-        (MAP, map_body(op(OBSTACLE, 1))),
-    )
-    return [frames.bytes_from_frame(kind, 1 + i, 5, body) for i, (kind, body) in enumerate(told)]
+    told = {GEOM: geom_body(session=session), POSE: pose_body(), MAP: map_body(op(OBSTACLE, 1))}
+    return [frames.bytes_from_frame(kind, kind, 5, body) for kind, body in told.items()]
 
 
 def has_map(receiver: Receiver) -> bool:
@@ -79,12 +75,8 @@ def test_the_ten_lines_run_as_they_stand() -> None:
         r"\n\n(    from mapod_link.*?)\n\n\*\*Without", mapod_link.__doc__ or "", re.S
     )
     assert lines is not None
-    code = (
-        textwrap.dedent(lines[1])
-        .replace("9750", "0")
-        .replace("while True", "for _ in [0, 1]")
-        .replace("0.1", "0.0")
-    )
+    code = textwrap.dedent(lines[1]).replace("9750", "0").replace("0.1", "0.0")
+    code = code.replace("while True", "for _ in [0, 1]")
     exec(compile(code, "ten lines", "exec"), {})
 
 

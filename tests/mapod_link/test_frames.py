@@ -5,6 +5,7 @@ Source: planner link, sections 2, 3, 13 and 14, items 1 and 3.
 
 import struct
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -105,7 +106,7 @@ def test_the_digest_of_the_vectors_is_read() -> None:
 
 
 NOT = None  # not known
-TILES: dict[str, tuple[int, int, list[float | None]]] = {  # layer, first cell, values
+TILES: dict[str, tuple[int, int, Sequence[float | None]]] = {  # layer, first cell, values
     "tile_class": (0, 0, [2, 2, 2, 0, 0] * 2 + [1] * 5),
     "tile_height": (1, 0, [
         0.152, 0.149, 0.151, NOT, NOT, 0.04, 0.148, 0.15, NOT, NOT, 0.003, -0.002, 0, 0.001, -0.004

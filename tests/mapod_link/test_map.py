@@ -33,21 +33,9 @@ def test_the_example_is_read_and_ends_in_the_cells_and_the_digest_of_the_sheet()
     planner = planner_of_the_example()
     assert planner.geom == Geometry(7, 101, 101, 0.05, SESSION, 0.02, 0.15)
     assert planner.pose == Pose(
-        1020,
-        52.3087,
-        12.34,
-        -2.5,
-        0.7854,
-        -0.0052,
-        0.0017,
-        0.65,
-        -0.12,
-        0x7F,
-        0.012,
-        0.004,
-        0.008,
-        1,
-    )
+        1020, 52.3087, 12.34, -2.5, 0.7854, -0.0052, 0.0017, 0.65, -0.12, 0x7F,
+        0.012, 0.004, 0.008, 1,
+    )  # fmt: skip
     assert planner.origin == (196, -100)
     expected = np.zeros((101, 101), np.uint8)
     expected[60:62, 40:43] = OBSTACLE

@@ -138,20 +138,6 @@ def test_need_geom_is_answered_at_once_whatever_was_heard_before() -> None:
     assert line.planner.accepted[GEOM] == count + 1
 
 
-def test_a_storm_of_acknowledgements_changes_nothing_that_one_would_not() -> None:
-    one, many = quiet(), quiet()
-    for line, count in ((one, 1), (many, 300)):
-        acks = Acks(line)
-        acks.give()
-        line.settle(0.2)
-        for _ in range(count):
-            acks.give(mask=0)
-        line.settle(0.2)
-    assert one.link._repair.repaired == many.link._repair.repaired
-    assert one.link.frames_sent == many.link.frames_sent
-    assert one.link.frames_lost == many.link.frames_lost > 0
-
-
 def test_the_digest_and_what_the_planner_makes_of_it_is_told() -> None:
     line = Line(Sky(21, 3))
     line.sky.change(50)

@@ -169,16 +169,11 @@ def test_a_digest_comes_last_and_once_a_second() -> None:
     assert line.planner.accepted[GEOM] == 4
 
 
-def test_a_serial_line_that_was_idle_begins_with_a_zero() -> None:
-    line = Line(Sky(9, 2), baud=115_200, rate_hz=10)
-    line.tick()
-    line.tick()
-    assert line.frames[0][0] == 0
-    assert all(frame[0] != 0 for frame in line.frames[1:])
-    line = Line(Sky(9, 2), baud=115_200, rate_hz=50)
-    line.tick()
-    line.tick()
-    assert sum(frame[0] == 0 for frame in line.frames) <= 1
+@pytest.mark.parametrize("rate_hz", [10, 50])
+def test_a_serial_line_that_was_idle_begins_with_a_zero(rate_hz: float) -> None:
+    line = Line(Sky(9, 2), baud=115_200, rate_hz=rate_hz)
+    line.settle(2 / rate_hz)
+    assert [frame[0] == 0 for frame in line.frames[:2]] == [rate_hz == 10, False]
 
 
 def test_a_new_obstacle_is_told_in_two_ticks() -> None:

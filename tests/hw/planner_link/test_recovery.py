@@ -4,39 +4,9 @@ import pytest
 
 from hw.planner_link.frames import ACK, GEOM
 from mapod_link.frames import bytes_from_frame
-from tests.support.cases import few
-from tests.support.planner_line import ZONE, Line, Sky
+from tests.support.planner_line import Line, Sky
 
 KEY = bytes(range(32))
-
-
-@pytest.mark.parametrize("ack_every", [0, 1])
-@pytest.mark.parametrize(
-    ("baud", "key"), few([(None, KEY), (115_200, None), (115_200, KEY), (921_600, None)], 2)
-)
-def test_with_loss_no_free_stands_for_an_obstacle_unless_suspect_and_all_is_repaired(
-    ack_every: int, baud: int | None, key: bytes | None
-) -> None:
-    sky = Sky(31, 5)
-    line = Line(sky, baud=baud, loss=0.05, key=key, ack_every=ack_every, zone=ZONE, seed=9)
-    compared = 0
-    for k in range(300):
-        if k % 7 == 0:
-            line.sky.move(k // 7 % 3 - 1, k // 7 % 2)
-        line.sky.change(4)
-        line.tick()
-        if line.is_up_to_date() and not line.planner.suspect:
-            compared += 1
-            wrong = (line.planner.window() == 1) & (line.told() == 2)
-            assert not wrong.any(), k
-    assert compared > 20
-    line.loss = 0.0
-    line.settle(2.0)
-    assert line.holds_what_is_meant()
-    assert not line.planner.suspect
-    assert not line.planner.need_full
-    assert line.planner.digest_ok
-    assert line.planner.numbers.gaps > 0
 
 
 def test_acknowledgements_of_the_old_map_on_their_way_do_not_start_the_new_one_again() -> None:

@@ -6,8 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.records import FREE, OBSTACLE
-from fakes.planner_mcu.receiver import FakePlanner
-from hw.planner_link.frames import MAP
 from tests.support.cases import few
 from tests.support.planner_line import Line, Sky
 
@@ -88,16 +86,6 @@ def test_free_is_taken_back_at_once_when_the_map_is_not_to_be_trusted() -> None:
     line.sky.trusted = True
     line.tick()
     assert line.holds_what_is_meant()
-
-
-def test_a_planner_that_is_too_small_gets_poses_but_no_map() -> None:
-    line = Line(Sky(21, 3))
-    line.planner = FakePlanner(ack_every=1, max_cells=400)
-    line.settle(0.5)
-    assert "lower obstacle.window_cells" in line.link.peer.refusal
-    before = line.planner.accepted[MAP]
-    line.settle(0.5)
-    assert line.planner.accepted[MAP] == before
 
 
 @given(pieces=st.lists(st.binary(max_size=60), max_size=8), datagrams=st.booleans())

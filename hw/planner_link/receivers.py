@@ -24,13 +24,9 @@ class Planners:
     def __init__(self, wires: Sequence[Wire], settings: LinkSettings, session: int) -> None:
         self.session, self._era = session, -1
         guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
-        self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
-        self.links = [
-            PlannerLink(
-                replace(wire, number=number), settings, session, self.requests, self.external_poses
-            )
-            for number, wire in enumerate(wires)
-        ]
+        asked = self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
+        numbered = [replace(wire, number=number) for number, wire in enumerate(wires)]
+        self.links = [PlannerLink(wire, settings, session, *asked) for wire in numbered]
 
     def poll(self, now_s: float) -> None:
         """Move all ports on, and take what the planners say."""
@@ -54,7 +50,7 @@ class Planners:
         """A new session, for all: before the frames' clock wraps (49 days), or memory is full."""
         era, before = round(now_s * 1000) // 2**32, self._era
         self._era = era
-        is_full = self._guard.is_full or any(link.is_full for link in self.links)
+        is_full = self._guard.is_full or any(link.peer.is_full for link in self.links)
         if before in (-1, era) and not is_full:
             return
         old = self.session.to_bytes(4, "little")
@@ -105,12 +101,9 @@ def one_link(
     line_baud: int | None = None,
     drive_refusal: str = "",
     pose_refusal: str = "no external poses are taken here",
-    first_seq: int = 1,
     **settings: Any,
 ) -> PlannerLink:
     """A link by itself, for benches; `settings` as in `LinkSettings`, some with a usual value."""
     known = LinkSettings(**{"cell_mm": 50, "tick_s": 0.02, "stale_ms": 150, **settings})
-    guard = ReplayGuard(session, has_key=known.key is not None)
     wire = Wire(port, line_baud, drive_refusal, pose_refusal)
-    requests, poses = Requests(guard), ExternalPoses(guard)
-    return PlannerLink(wire, known, session, requests, poses, first_seq)
+    return Planners([wire], known, session).links[0]

@@ -78,6 +78,7 @@ class LinkSettings:
     stale_ms: int
     key: bytes | None = None
     push: bool = True  # False: nothing is sent but what is asked for
+    first_seq: int = 1  # number of a link's first frame
 
 
 def _is_due(now_s: float, last_s: float, period_s: float) -> bool:
@@ -120,7 +121,6 @@ class PlannerLink:
         session: int,
         requests: Requests,
         external_poses: ExternalPoses,
-        first_seq: int = 1,
     ) -> None:
         self._wire, self._settings, self.port = wire, settings, wire.port
         self.requests, self.external_poses = requests, external_poses
@@ -129,10 +129,10 @@ class PlannerLink:
         self.peer = Peer(cells=cells, push=settings.push, has_key=key is not None)
         self._input = FrameInput(wire.port)
         self._scheduler = FrameScheduler(
-            wire.port, wire.line_baud, settings.tick_s, self._secret, SLICE_BODY, first_seq
+            wire.port, wire.line_baud, settings.tick_s, self._secret, SLICE_BODY, settings.first_seq
         )
         self._map = PublishedMap(settings.size)
-        self._repair = Repair(self._map, first_seq - 1, strict=key is not None)
+        self._repair = Repair(self._map, settings.first_seq - 1)
         self._publisher = MapPublisher(self._scheduler, self._map, self._repair, session % 256)
         self._tiles = Tiles(self._scheduler, settings.cell_mm)
         self._state, self.counters = State(geom_due=settings.push), LinkCounters()
@@ -144,18 +144,12 @@ class PlannerLink:
 
     @property
     def frames_sent(self) -> int:
-        """Since the start."""
         return self._scheduler.frames_sent
 
     @property
     def frames_lost(self) -> int:
         """MAP frames that ACKs have shown to be lost."""
         return self._repair.frames_lost
-
-    @property
-    def is_full(self) -> bool:
-        """No further planner can be told from a replay: a new session is needed."""
-        return self._repair.is_full
 
     def heard(self, now_s: float) -> bool:
         """Whether the planner has sent a valid frame within the last second."""
@@ -165,7 +159,7 @@ class PlannerLink:
         """Go on as another run does, under a new session: also who only asks hears of it."""
         self.session = session
         self._scheduler.secret = self._secret
-        self._repair.begin_session()
+        self.peer.begin_session()
         self._state.epoch_due = self._state.geom_due = True
 
     @property
@@ -214,9 +208,7 @@ class PlannerLink:
 
     def _take_hello(self, hello: Hello) -> None:
         """A planner has started: it holds nothing, and wants to know the geometry."""
-        is_replayed = hello.signed and self._repair.is_replayed(hello)
-        if self.peer.take_hello(hello, is_replayed):
-            self._repair.note_hello(hello.nonce)
+        if self.peer.take_hello(hello):
             self._tiles.forget()
             self._scheduler.secret = self._secret
             self._state.epoch_due = True
@@ -224,10 +216,9 @@ class PlannerLink:
         self._state.geom_due = True
 
     def _take_ack(self, now_s: float, ack: Ack) -> None:
-        if self._repair.is_late(ack):
+        if not self.peer.take_ack(ack):
             return
         self.counters.acks += 1
-        self.peer.status = ack.status
         if self.peer.end_polling():
             self._state.epoch_due = True
         newest = self._scheduler.maybe_sent(ack.last_seq, ack.echo_t_ms)

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from hw.planner_link.frames import GEOM, POSE
 from hw.planner_link.map_frames import RefreshCursor
-from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
-from hw.planner_link.published import PublishedMap
-from hw.planner_link.recovery import MOST_LAG, Repair
+from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack, Hello
+from hw.planner_link.peer import Peer
+from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
@@ -105,16 +105,17 @@ def test_an_older_acknowledgement_that_comes_late_does_not_take_back_a_stop() ->
     assert line.link.peer.stopped
 
 
-def test_with_a_key_no_older_acknowledgement_is_ever_taken() -> None:
-    repair = Repair(PublishedMap(9), 0, strict=True)
+@pytest.mark.parametrize("key", [True, False])
+def test_with_a_key_no_older_acknowledgement_is_ever_taken(key: bool) -> None:
+    peer = Peer(cells=81, push=True, has_key=key)
+    peer.take_hello(Hello(1, 1, 5, 100, 368, False))
     late = Ack(5, 100, 1, 0, 0, 0, 7)
-    assert not repair.is_late(Ack(9, 1_000_000, 1, 0, 0, 0, 7))
-    assert repair.is_late(late)
-    repair.note_hello(5)
-    assert not repair.is_late(late)
-    repair.note_hello(0)  # anybody may repeat an old one
-    assert repair.is_late(late)
-    assert not Repair(PublishedMap(9), 0, strict=False).is_late(late)
+    assert peer.take_ack(Ack(9, 1_000_000, 1, 0, 0, 0, 7))
+    assert peer.take_ack(late) is not key
+    peer.take_hello(Hello(1, 1, 6, 100, 368, False))
+    assert peer.take_ack(late)
+    peer.take_hello(Hello(1, 1, 5, 100, 368, False))  # anybody may repeat an old one
+    assert peer.take_ack(late) is not key
 
 
 def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:

@@ -37,7 +37,6 @@ class Geometry:
 
     @property
     def layout(self) -> tuple[int, int, int, float]:
-        """Another one means another map."""
         return self.geom_id, self.width, self.height, self.cell_m
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
@@ -51,7 +50,6 @@ class Geometry:
 
 
 def maybe_geometry(body: bytes) -> Geometry | None:
-    """None if the length or a size is wrong."""
     if len(body) != GEOM_BODY.size:
         return None
     geom_id, width, height, cell_mm, session, tick_ms, stale_ms = GEOM_BODY.unpack(body)
@@ -83,7 +81,6 @@ class Pose:
 
 
 def maybe_pose(body: bytes, t_ms: int, arrived_s: float) -> Pose | None:
-    """None if the length is wrong."""
     if len(body) != POSE_BODY.size:
         return None
     x_mm, y_mm, yaw, pitch, roll, v, w, health, *ages, mode = POSE_BODY.unpack(body)
@@ -129,7 +126,6 @@ class StopZone:
 
 
 def maybe_stop_zone(body: bytes, t_ms: int, arrived_s: float) -> StopZone | None:
-    """None if the length is wrong."""
     if len(body) != ZONE_BODY.size:
         return None
     *numbers, bearing, state, causes = ZONE_BODY.unpack(body)
@@ -204,7 +200,6 @@ class Digest(NamedTuple):
 
 
 def maybe_digest(body: bytes) -> Digest | None:
-    """None if the length is wrong."""
     return Digest(*DIGEST_BODY.unpack(body)) if len(body) == DIGEST_BODY.size else None
 
 

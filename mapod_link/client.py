@@ -81,7 +81,6 @@ class Link:
         return True
 
     def advice(self) -> Advice:
-        """("go" | "slow" | "stop", why) as of now."""
         return self.receiver.advice(self.now_s())
 
     def allowed_mps(self) -> tuple[float, float]:
@@ -89,7 +88,6 @@ class Link:
         return self.receiver.allowed_mps(self.now_s())
 
     def stale(self) -> bool:
-        """Nothing that is known may be used."""
         return self.receiver.stale(self.now_s())
 
     def drive(self, v_mps: float, w_radps: float, valid_s: float = 0.3) -> bool:
@@ -116,7 +114,6 @@ class Link:
         return tile
 
     def close(self) -> None:
-        """Let go of the wire."""
         self._wire.close()
 
 

@@ -73,7 +73,6 @@ def maybe_tile_piece(body: bytes) -> TilePiece | None:
 
 
 def _values(layer: int, data: bytes, count: int) -> F32:
-    """(count,) values of one piece."""
     if layer == CLASS:
         quads = np.frombuffer(data, np.uint8)[:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3
         classes = quads.reshape(-1)[:count].astype(np.float32)
@@ -116,7 +115,6 @@ class Tile:
 
     @property
     def complete(self) -> bool:
-        """All cells are here."""
         return bool(self.here.all())
 
     @property

@@ -3,8 +3,8 @@
 No call waits longer than it is told to. A wire reads the monotonic clock, to tell a receiver when
 bytes have arrived: never later than they did, so that what lay about unread is not taken for fresh.
 
-Each has a `url`, and a `peer`: whoever answers go to, None while there is nobody. `feed` hands over
-what has arrived; `write` sends a frame, or drops it where nobody can take it.
+Each has a `url`, and a `peer`: whoever answers go to, None while there is nobody. `wait` returns as
+soon as there is something to `feed`; `write` sends a frame, or drops it where nobody can take it.
 """
 
 import errno
@@ -70,7 +70,6 @@ class UdpWire:
         self.url = f"udp://[{bound[0]}]:{bound[1]}" if ":" in host else "udp://{}:{}".format(*bound)
 
     def wait(self, timeout_s: float) -> None:
-        """Until a datagram lies ready, or the time is over."""
         _is_ready(self._socket, timeout_s)
 
     def feed(self, receiver: Receiver) -> None:
@@ -115,7 +114,6 @@ class StreamWire:
         self._rest = b""  # of a frame that the line had room for in part
 
     def wait(self, timeout_s: float) -> None:
-        """Until a byte lies ready, or the time is over."""
         if not _is_ready(self._fd, 0.0):
             _is_ready(self._fd, timeout_s)
             self._empty_s = time.monotonic()
@@ -188,7 +186,6 @@ class TcpWire:
         return self._socket
 
     def wait(self, timeout_s: float) -> None:
-        """Until a byte or a sender is there, or the time is over."""
         if self._stream is None:
             _is_ready(self._listener, timeout_s)
         else:

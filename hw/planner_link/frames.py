@@ -42,7 +42,6 @@ class Secret:
     nonce: int
 
     def tag(self, frame: bytes) -> bytes:
-        """The tag of a frame's bytes up to the tag."""
         data = struct.pack("<II", self.session, self.nonce) + frame
         return hashlib.blake2s(data, key=self.key, digest_size=TAG_BYTES).digest()
 
@@ -59,7 +58,6 @@ def encode_frame(
 
 
 def encode_serial(frame: bytes) -> bytes:
-    """A frame as it goes over a serial line."""
     encoded: bytes = cobs.encode(frame)  # type: ignore[no-untyped-call]
     return encoded + b"\0"
 
@@ -111,7 +109,6 @@ def encode_map(
 
 
 def encode_digest(geom_id: int, window_crc: int) -> bytes:
-    """Body of a DIGEST frame."""
     return DIGEST_BODY.pack(geom_id, window_crc)
 
 
@@ -153,7 +150,6 @@ class Deframer:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[bytes | BadFrame]:
-        """The frames that these bytes complete."""
         frames: list[bytes | BadFrame] = []
         *ended, rest = data.split(b"\0")
         for part in ended:
@@ -192,7 +188,6 @@ class FrameInput:
         self._unread: deque[bytes] = deque()
 
     def read(self) -> list[bytes | BadFrame]:
-        """The frames of the next bytes."""
         if self._port.opened != self._opened:
             self._opened, self._deframer = self._port.opened, Deframer()
             self._unread.clear()

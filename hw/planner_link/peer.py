@@ -33,7 +33,6 @@ class Peer:
 
     @property
     def stopped(self) -> bool:
-        """It says that it stopped."""
         return bool(self.status & PLANNER_STOPPED)
 
     @property

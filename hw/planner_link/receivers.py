@@ -29,7 +29,6 @@ class Planners:
         self.links = [PlannerLink(wire, settings, session, *asked) for wire in numbered]
 
     def poll(self, now_s: float) -> None:
-        """Move all ports on, and take what the planners say."""
         for link in self.links:
             link.poll(now_s)
 

@@ -89,12 +89,10 @@ class Counted:
         self.last_refusal = ""  # why the newest frame was refused; "" if it was not
 
     def accept(self) -> None:
-        """One more that is used."""
         self.accepted += 1
         self.last_refusal = ""
 
     def refuse(self, reason: str) -> None:
-        """One more that is not."""
         self.refused[reason] += 1
         self.last_refusal = reason
 

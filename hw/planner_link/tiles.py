@@ -59,7 +59,6 @@ class Tile:
 
     @property
     def left(self) -> int:
-        """Cells to send."""
         return self.ask.width * self.ask.height - self.sent
 
     def begin(self, window: ObstacleMap) -> None:

@@ -94,28 +94,6 @@ def test_a_pose_without_a_yaw_needs_no_deviation_of_it() -> None:
     assert math.isnan(told.yaw_rad)
 
 
-@given(
-    kind=st.sampled_from([DRIVE, EXTERNAL_POSE]),
-    body=st.one_of(*(st.binary(min_size=size, max_size=most) for size, most in (
-        (0, 40), (16, 16), (28, 28)
-    ))),
-)  # fmt: skip
-def test_any_body_is_within_its_ranges_or_refused(kind: int, body: bytes) -> None:
-    told = decode_answer(encode_frame(kind, 0, 1, 1, body))
-    if isinstance(told, Drive):
-        assert len(body) == 16
-        assert max(abs(told.v_mps), abs(told.w_radps)) < 32.768
-        assert 0.0 <= told.valid_s <= 1.0
-    elif isinstance(told, External):
-        assert len(body) == 28
-        assert min(told.sigma_x_m, told.sigma_y_m) > 0.0
-        assert abs(told.correlation) <= 1.0
-        assert 0.0 <= told.age_s <= 1.0
-        assert math.isnan(told.yaw_rad) or abs(told.yaw_rad) <= 3.1416
-    else:
-        assert isinstance(told, BadFrame)
-
-
 # Which count
 
 

@@ -21,6 +21,11 @@ ZONE_BODY = struct.Struct("<8HhBB")
 NONE_KNOWN, OLDEST = 0xFFFF, 255  # of a distance or time; of an age
 AGE_UNIT_S = 0.004
 Run = tuple[int, int, int]  # state, first cell, cell after the last
+POSE_VALID, MAP_VALID, DROP_OFF = 1 << 4, 1 << 5, 1 << 7  # bits of POSE's health
+ATTITUDE_OUT, OPERATOR_STOP = 1 << 9, 1 << 15
+RUNNING = (1, 2)  # modes in which a robot may move
+ZONE_STALE_S = 0.35
+JUDGED = (1, 2, 3)  # states of a stop zone that speak of what is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +84,18 @@ class Pose:
     age_enc_s: float
     mode: int  # 0 booting, 1 running, 2 degraded, 3 fault, 4 replayed or simulated data
 
+    def stop_reason(self) -> str:
+        """Why section 5 stops a planner that hears this, the strictest first; "" for nothing."""
+        reasons = {
+            f"mode {self.mode}": self.mode not in RUNNING,
+            "pose not valid": not self.health & POSE_VALID,
+            "map not valid": not self.health & MAP_VALID,
+            "attitude out of range": self.health & ATTITUDE_OUT,
+            "drop-off ahead": self.health & DROP_OFF,
+            "operator stop": self.health & OPERATOR_STOP,
+        }
+        return next((why for why, holds in reasons.items() if holds), "")
+
 
 def maybe_pose(body: bytes, t_ms: int, arrived_s: float) -> Pose | None:
     if len(body) != POSE_BODY.size:
@@ -113,6 +130,15 @@ class StopZone:
     bearing_rad: float  # of it, counter-clockwise from ahead
     state: int  # 0 unknown, 1 clear, 2 slow, 3 stop; others: not of this version
     causes: int  # bits: 0 obstacle, 1 ground not seen, 2 drop, 3 not to be trusted
+
+    def allowed_mps(self, now_s: float) -> tuple[float, float]:
+        """How fast the robot may go straight ahead and straight back, by the sender's judgement.
+
+        Nothing is allowed by a stop zone older than 0.35 s, or where it says unknown.
+        """
+        if now_s - self.arrived_s > ZONE_STALE_S or self.state not in JUDGED:
+            return 0.0, 0.0
+        return self.allowed_ahead_mps, self.allowed_behind_mps
 
     def describe(self) -> str:
         """State and causes, to be read.

@@ -7,7 +7,6 @@ import secrets
 import time
 from collections.abc import Callable
 
-from mapod_link.advice import Advice
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import MOST_CELLS, Tile
 from mapod_link.wires import Wire, wire_from_url
@@ -80,7 +79,7 @@ class Link:
             self.update(min(SLICE_S, until_s - self.now_s()))
         return True
 
-    def advice(self) -> Advice:
+    def advice(self) -> tuple[str, str]:
         return self.receiver.advice(self.now_s())
 
     def allowed_mps(self) -> tuple[float, float]:

@@ -10,7 +10,6 @@ import math
 from collections import Counter
 
 from mapod_link import asking
-from mapod_link.advice import Advice, advice_for, allowed_mps
 from mapod_link.bodies import (
     Body,
     Digest,
@@ -142,7 +141,7 @@ class Receiver:
             return True
         return now_s - min(self.pose.arrived_s, self._map_s) > self.geom.stale_s
 
-    def advice(self, now_s: float) -> Advice:
+    def advice(self, now_s: float) -> tuple[str, str]:
         """("go" | "slow" | "stop", why): what section 5 makes a planner do, whatever its way."""
         if self.poll_only:
             return "stop", "a receiver that only asks keeps no map"
@@ -150,11 +149,15 @@ class Receiver:
             return "stop", f"the window has {self.too_many_cells} cells, too many for this receiver"
         if self.need_full:
             return "stop", "the map is not the sender's"
-        return advice_for(self.pose, self.blank, self.stale(now_s), self.suspect)
+        if self.pose is None or self.blank:
+            return "stop", "no map yet"
+        if why := "link stale" if self.stale(now_s) else self.pose.stop_reason():
+            return "stop", why
+        return ("slow", "a frame is missing") if self.suspect else ("go", "")
 
     def allowed_mps(self, now_s: float) -> tuple[float, float]:
         """How fast the robot may go straight ahead and back, besides what `advice` says."""
-        return allowed_mps(self.stop_zone, now_s)
+        return self.stop_zone.allowed_mps(now_s) if self.stop_zone else (0.0, 0.0)
 
     def digest(self) -> int:
         """CRC-32 of the window, as a DIGEST frame tells it."""

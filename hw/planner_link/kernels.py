@@ -87,19 +87,10 @@ def note_cells(cells: I8, trusted: bool, changed: I32, ring: Ring) -> None:
 
 
 @kernel
-def mark_again_cells(cells: I8, ring: Ring) -> None:
-    """New obstacles published in one frame, which may be lost: once more."""
-    for at in ring.once[1 : ring.once[0] + 1]:
-        if cells[at] == 1 and ring.published[at] == OBSTACLE:
-            _remark(at, int(ring.marks[at]) & (CHANGED | LOST) | AGAIN, OBSTACLE, ring)
-    ring.once[0] = 0
-
-
-@kernel
-def mark_every_cell(cells: I8, trusted: bool, ring: Ring) -> None:
-    """Nobody knows what the planner holds of any cell."""
-    for at in range(cells.size):
-        _remark(at, LOST | CHANGED, _code(cells[at], trusted), ring)
+def mark_cells(cells: I8, trusted: bool, listed: I32, kept: int, reason: int, ring: Ring) -> None:
+    """Mark the listed cells (flat indices) for a reason besides those that are kept."""
+    for at in listed:
+        _remark(at, int(ring.marks[at]) & kept | reason, _code(cells[at], trusted), ring)
 
 
 @kernel
@@ -269,25 +260,6 @@ def encode_cells(
             row, column, ring_column, is_checked = row + 1, 0, corner[0] % size, False
             ring_row = ring_row + 1 if ring_row + 1 < size else 0
     return start, _put(state, run, ops, used), count, min(at_cell, end)
-
-
-@kernel
-def mark_lost_cells(
-    lost: I32,
-    origin: tuple[int, int],
-    corner: tuple[int, int],
-    cells: I8,
-    trusted: bool,
-    ring: Ring,
-) -> None:
-    """Mark cells of a window at `origin` (raster indices), where the present one covers them."""
-    size = ring.rows.shape[1]
-    for cell in lost:
-        i, j = origin[0] + cell % size, origin[1] + cell // size
-        if 0 <= i - corner[0] < size and 0 <= j - corner[1] < size:
-            at = (j % size) * size + i % size
-            reasons = int(ring.marks[at]) & (CHANGED | AGAIN) | LOST
-            _remark(at, reasons, _code(cells[at], trusted), ring)
 
 
 @kernel

@@ -13,24 +13,24 @@ import numpy as np
 
 from core.records import I8, I32, U8, ObstacleMap
 from hw.planner_link.kernels import (
+    AGAIN,
     ANY,
     BLOCK,
+    CHANGED,
     HOT,
+    LOST,
     LOST_CELLS,
     MISSED,
     NO_SPAN,
+    OBSTACLE,
     Ring,
     Span,
     encode_cells,
     enter_cells,
-    mark_again_cells,
-    mark_every_cell,
-    mark_lost_cells,
+    mark_cells,
     note_cells,
     pack_published,
 )
-
-NO_CELLS: I32 = np.zeros(0, dtype=np.int32)
 
 
 def _span_of(corners: list[tuple[int, int]]) -> Span:
@@ -65,10 +65,7 @@ class PublishedMap:
     def _warm(self) -> None:
         """Run the kernels that only a move or a loss needs: none is compiled in the loop."""
         self.corner = (0, 0)
-        self.mark_lost(NO_CELLS, self.corner)
         self._enter(self.corner, NO_SPAN)
-        self._ring.once[0] = 1
-        self.mark_again()
         self.publish_again()
         self.forget()
         self.digest()
@@ -135,7 +132,10 @@ class PublishedMap:
 
     def publish_again(self) -> None:
         """Nobody knows what the planner holds: send every cell again."""
-        mark_every_cell(self._cells, self._trusted, self._ring)
+        self._mark(self._every, 0, LOST | CHANGED)
+
+    def _mark(self, listed: I32, kept: int, reason: int) -> None:
+        mark_cells(self._cells, self._trusted, listed, kept, reason, self._ring)
 
     def encode(
         self, wanted: int, first: int, end: int, room: int, for_good: bool = True
@@ -155,8 +155,12 @@ class PublishedMap:
 
     def mark_again(self) -> None:
         """New obstacles published since the last call are to be published once more."""
-        if self._ring.once[0]:
-            mark_again_cells(self._cells, self._ring)
+        ring = self._ring
+        if ring.once[0]:
+            once = ring.once[1 : ring.once[0] + 1]
+            still = (self._cells[once] == 1) & (ring.published[once] == OBSTACLE)
+            self._mark(once[still], CHANGED | LOST, AGAIN)
+            ring.once[0] = 0
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """A frame did not arrive: send those cells again that it carried.
@@ -165,7 +169,12 @@ class PublishedMap:
             lost: (k,) raster indices in the window at `origin`, as `encode` gave them.
         """
         if self.corner is not None:
-            mark_lost_cells(lost, origin, self.corner, self._cells, self._trusted, self._ring)
+            size, (corner_i, corner_j) = self.size, self.corner
+            j, i = np.divmod(lost, size)
+            i, j = i + origin[0] - corner_i, j + origin[1] - corner_j  # in the present window
+            inside = (i >= 0) & (i < size) & (j >= 0) & (j < size)
+            at = (j[inside] + corner_j) % size * size + (i[inside] + corner_i) % size
+            self._mark(at.astype(np.int32), CHANGED | AGAIN, LOST)
 
     def note_seen(self, seen: tuple[int, int], since: list[tuple[int, int]]) -> None:
         """The planner has had the window at `seen`, and perhaps at those corners since."""

@@ -8,7 +8,6 @@ Source: planner link, sections 3, 7 and 9.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
@@ -25,8 +24,10 @@ class Planners:
         self.session, self._era = session, -1
         guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
         asked = self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
-        numbered = [replace(wire, number=number) for number, wire in enumerate(wires)]
-        self.links = [PlannerLink(wire, settings, session, *asked) for wire in numbered]
+        self.links = [
+            PlannerLink(wire, settings, session, *asked, number)
+            for number, wire in enumerate(wires)
+        ]
 
     def poll(self, now_s: float) -> None:
         for link in self.links:

@@ -65,7 +65,6 @@ class Wire:
     line_baud: int | None  # None: it has no such thing (UDP, TCP)
     drive_refusal: str  # why nobody may drive over it, as a message; "" if one may
     pose_refusal: str = "no external poses are taken here"  # likewise of external poses
-    number: int = 0  # which of a run's wires it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,8 +120,10 @@ class PlannerLink:
         session: int,
         requests: Requests,
         external_poses: ExternalPoses,
+        number: int,
     ) -> None:
-        self._wire, self._settings, self.port = wire, settings, wire.port
+        """`number`: which of a run's links it is."""
+        self._wire, self._settings, self._number, self.port = wire, settings, number, wire.port
         self.requests, self.external_poses = requests, external_poses
         self.session, key = session, settings.key
         cells = settings.size**2
@@ -202,7 +203,7 @@ class PlannerLink:
                 if answer.wants & ASK_TILE:
                     self._tiles.take(answer)
             case Drive():
-                self.requests.take(now_s, answer, self._wire.drive_refusal, self._wire.number)
+                self.requests.take(now_s, answer, self._wire.drive_refusal, self._number)
             case External():
                 self.external_poses.take(now_s, answer, self._wire.pose_refusal)
 

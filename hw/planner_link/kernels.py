@@ -160,17 +160,11 @@ def _has_marks(wanted: int, counts: I32, at: int) -> bool:
 
 
 @kernel
-def _left_out(wanted: int, is_checked: bool, row: int, column: int, at: int, ring: Ring) -> int:
-    """How many cells from this one of the window, to its row's end at most, a pass leaves out.
-
-    `is_checked`: this cell's block is known not to be left out.
-    """
-    if wanted == REFRESH:
-        return 0
-    if is_checked:
-        return int(ring.marks[at] & wanted == 0)
+def _left_out(
+    wanted: int, row: int, column: int, ring_row: int, ring_column: int, ring: Ring
+) -> int:
+    """How many cells from this one of the window, to its row's end at most, a pass leaves out."""
     size = int(ring.rows.shape[1])
-    ring_row, ring_column = at // size, at % size
     if wanted & NEAR != 0:
         half, third = size // 2, max(1, size // 2 // NEAR_SHARE)
         if abs(row - half) > third or column > half + third:
@@ -182,7 +176,7 @@ def _left_out(wanted: int, is_checked: bool, row: int, column: int, at: int, rin
     blocks, block = (size + BLOCK - 1) // BLOCK, ring_column // BLOCK
     if not _has_marks(wanted, ring.blocks, ring_row * blocks + block):
         return min(min((block + 1) * BLOCK, size) - ring_column, size - column)
-    return int(ring.marks[at] & wanted == 0)
+    return int(ring.marks[ring_row * size + ring_column] & wanted == 0)
 
 
 @kernel
@@ -231,33 +225,33 @@ def encode_cells(
     start, used, count, state, run, gap = -1, 0, 0, KEEP, 0, 0
     at_cell, row, column = first, first // size, first % size
     ring_row, ring_column = (corner[1] + row) % size, (corner[0] + column) % size
-    is_checked = False  # this cell's block is not to be left out
+    is_refresh = is_checked = wanted == REFRESH  # checked: this cell's block is not left out
     while at_cell < end:
         at, step = ring_row * size + ring_column, 1
-        left_out = _left_out(wanted, is_checked, row, column, at, ring)
+        left_out = int((ring.marks[at] | REFRESH) & wanted == 0)
+        if not is_checked:
+            left_out = _left_out(wanted, row, column, ring_row, ring_column, ring)
         if left_out > 0:
             step = min(left_out, end - at_cell)
             gap += step
         else:
             code = _code(cells[at], trusted)
             if run == 0 or gap > 0 or code != state:
-                until = _op_bytes(run) + (_op_bytes(gap) if run > 0 else 0)
-                if used + until + LONGEST_OP > room:
+                if used + _op_bytes(run) + (_op_bytes(gap) if run > 0 else 0) + LONGEST_OP > room:
                     break
                 used = _put(KEEP, gap, ops, _put(state, run, ops, used)) if run > 0 else used
                 start = at_cell if run == 0 else start
                 state, run, gap = code, 0, 0
             if for_good and ring.marks[at] != 0:
                 count = _publish(at, at_cell, code, ring, count)
-            elif wanted == REFRESH and ring.marks[at] == 0:
-                stop = min(min(size - column, size - ring_column), end - at_cell)
-                step = _same(at, stop, code, ring)
+            elif is_refresh and ring.marks[at] == 0:
+                step = _same(at, min(size - column, size - ring_column, end - at_cell), code, ring)
             run += step
         at_cell, column, ring_column = at_cell + step, column + step, ring_column + step
         ring_column = ring_column if ring_column < size else ring_column - size
-        is_checked = step == 1 and ring_column % BLOCK != 0 and wanted & NEAR == 0
+        is_checked = is_refresh or (step == 1 and ring_column % BLOCK > 0 and wanted & NEAR == 0)
         if column == size:
-            row, column, ring_column, is_checked = row + 1, 0, corner[0] % size, False
+            row, column, ring_column, is_checked = row + 1, 0, corner[0] % size, is_refresh
             ring_row = ring_row + 1 if ring_row + 1 < size else 0
     return start, _put(state, run, ops, used), count, min(at_cell, end)
 

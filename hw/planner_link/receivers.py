@@ -78,8 +78,8 @@ class Planners:
             return "the planner says it stopped"
         if self.requests.driver:
             driven = self.requests.link
-            return "" if driven == NO_LINK else self.links[driven].port.cause
-        causes = [link.port.cause for link in self.links]
+            return "" if driven == NO_LINK else self.links[driven].wire.port.cause
+        causes = [link.wire.port.cause for link in self.links]
         return causes[0] if causes and all(causes) else ""
 
     @property

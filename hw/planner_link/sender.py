@@ -123,7 +123,7 @@ class PlannerLink:
         number: int,
     ) -> None:
         """`number`: which of a run's links it is."""
-        self._wire, self._settings, self._number, self.port = wire, settings, number, wire.port
+        self.wire, self._settings, self._number = wire, settings, number
         self.requests, self.external_poses = requests, external_poses
         self.session, key = session, settings.key
         cells = settings.size**2
@@ -172,7 +172,7 @@ class PlannerLink:
 
     def poll(self, now_s: float) -> bool:
         """Move the port on, and take what the planner says; True while the port is open."""
-        is_open = self.port.poll(now_s)
+        is_open = self.wire.port.poll(now_s)
         if self._state.heard_s is None:
             self._state.heard_s = now_s - UNHEARD_S
         for frame in self._input.read():
@@ -203,9 +203,9 @@ class PlannerLink:
                 if answer.wants & ASK_TILE:
                     self._tiles.take(answer)
             case Drive():
-                self.requests.take(now_s, answer, self._wire.drive_refusal, self._number)
+                self.requests.take(now_s, answer, self.wire.drive_refusal, self._number)
             case External():
-                self.external_poses.take(now_s, answer, self._wire.pose_refusal)
+                self.external_poses.take(now_s, answer, self.wire.pose_refusal)
 
     def _take_hello(self, hello: Hello) -> None:
         """A planner has started: it holds nothing, and wants to know the geometry."""
@@ -306,7 +306,7 @@ class PlannerLink:
     def _calls_out(self, now_s: float) -> bool:
         """Whether a planner that only asks is to be shown where we are."""
         state = self._state
-        if not self.peer.polled or not self.port.datagrams or state.heard_s is None:
+        if not self.peer.polled or not self.wire.port.datagrams or state.heard_s is None:
             return False
         calls = _is_due(now_s, state.heard_s, UNHEARD_S)
         calls &= _is_due(now_s, state.called_s, GEOM_EVERY_S)

@@ -9,6 +9,9 @@ import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE, Frame
+from mapod_link.tiles import TilePiece, maybe_tile_piece
+
 UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3  # of a cell; KEEP only in an operation
 GEOM_BODY = struct.Struct("<BxHHHIHH")
 POSE_BODY = struct.Struct("<iihhhhhHBBBB")
@@ -18,6 +21,11 @@ ZONE_BODY = struct.Struct("<8HhBB")
 NONE_KNOWN, OLDEST = 0xFFFF, 255  # of a distance or time; of an age
 AGE_UNIT_S = 0.004
 Run = tuple[int, int, int]  # state, first cell, cell after the last
+POSE_VALID, MAP_VALID, DROP_OFF = 1 << 4, 1 << 5, 1 << 7  # bits of POSE's health
+ATTITUDE_OUT, OPERATOR_STOP = 1 << 9, 1 << 15
+RUNNING = (1, 2)  # modes in which a robot may move
+ZONE_STALE_S = 0.35
+JUDGED = (1, 2, 3)  # states of a stop zone that speak of what is known
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +40,21 @@ class Geometry:
     tick_s: float  # nominal period of MAP frames
     stale_s: float  # silence after which nothing that was told may be used
 
+    @property
+    def layout(self) -> tuple[int, int, int, float]:
+        return self.geom_id, self.width, self.height, self.cell_m
+
+    def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """World cell (column, row) of a place in the map frame."""
+        return math.floor(x_m / self.cell_m), math.floor(y_m / self.cell_m)
+
+    def corner_around(self, pose: "Pose") -> tuple[int, int]:
+        """About where a window lies with the robot in its middle; MAP tells it modulo 65 536."""
+        i, j = self.cell_of(pose.x_m, pose.y_m)
+        return i - self.width // 2, j - self.height // 2
+
 
 def maybe_geometry(body: bytes) -> Geometry | None:
-    """None if the length or a size is wrong."""
     if len(body) != GEOM_BODY.size:
         return None
     geom_id, width, height, cell_mm, session, tick_ms, stale_ms = GEOM_BODY.unpack(body)
@@ -64,9 +84,20 @@ class Pose:
     age_enc_s: float
     mode: int  # 0 booting, 1 running, 2 degraded, 3 fault, 4 replayed or simulated data
 
+    def stop_reason(self) -> str:
+        """Why section 5 stops a planner that hears this, the strictest first; "" for nothing."""
+        reasons = {
+            f"mode {self.mode}": self.mode not in RUNNING,
+            "pose not valid": not self.health & POSE_VALID,
+            "map not valid": not self.health & MAP_VALID,
+            "attitude out of range": self.health & ATTITUDE_OUT,
+            "drop-off ahead": self.health & DROP_OFF,
+            "operator stop": self.health & OPERATOR_STOP,
+        }
+        return next((why for why, holds in reasons.items() if holds), "")
+
 
 def maybe_pose(body: bytes, t_ms: int, arrived_s: float) -> Pose | None:
-    """None if the length is wrong."""
     if len(body) != POSE_BODY.size:
         return None
     x_mm, y_mm, yaw, pitch, roll, v, w, health, *ages, mode = POSE_BODY.unpack(body)
@@ -100,6 +131,15 @@ class StopZone:
     state: int  # 0 unknown, 1 clear, 2 slow, 3 stop; others: not of this version
     causes: int  # bits: 0 obstacle, 1 ground not seen, 2 drop, 3 not to be trusted
 
+    def allowed_mps(self, now_s: float) -> tuple[float, float]:
+        """How fast the robot may go straight ahead and straight back, by the sender's judgement.
+
+        Nothing is allowed by a stop zone older than 0.35 s, or where it says unknown.
+        """
+        if now_s - self.arrived_s > ZONE_STALE_S or self.state not in JUDGED:
+            return 0.0, 0.0
+        return self.allowed_ahead_mps, self.allowed_behind_mps
+
     def describe(self) -> str:
         """State and causes, to be read.
 
@@ -112,7 +152,6 @@ class StopZone:
 
 
 def maybe_stop_zone(body: bytes, t_ms: int, arrived_s: float) -> StopZone | None:
-    """None if the length is wrong."""
     if len(body) != ZONE_BODY.size:
         return None
     *numbers, bearing, state, causes = ZONE_BODY.unpack(body)
@@ -187,5 +226,19 @@ class Digest(NamedTuple):
 
 
 def maybe_digest(body: bytes) -> Digest | None:
-    """None if the length is wrong."""
     return Digest(*DIGEST_BODY.unpack(body)) if len(body) == DIGEST_BODY.size else None
+
+
+Body = Geometry | Pose | StopZone | MapUpdate | Digest | TilePiece
+
+
+def maybe_body(frame: Frame, arrived_s: float, cells: int) -> Body | None:
+    """What a frame says of a window of so many cells; None: of no type, or not to be read."""
+    if frame.type == MAP:
+        return maybe_map_update(frame.body, cells)
+    if frame.type == POSE:
+        return maybe_pose(frame.body, frame.t_ms, arrived_s)
+    if frame.type == STOP_ZONE:
+        return maybe_stop_zone(frame.body, frame.t_ms, arrived_s)
+    known = {GEOM: maybe_geometry, TILE: maybe_tile_piece, DIGEST: maybe_digest}
+    return known[frame.type](frame.body) if frame.type in known else None

@@ -33,11 +33,9 @@ class CellMap:
 
     @property
     def size(self) -> int:
-        """Number of cells."""
         return self._flat.size
 
     def cell(self, col: int, row: int) -> int:
-        """Of the window; what lies outside is unknown."""
         height, width = self._cells.shape
         return int(self._cells[row, col]) if 0 <= row < height and 0 <= col < width else UNKNOWN
 
@@ -64,7 +62,6 @@ class CellMap:
         return False
 
     def forget(self) -> None:
-        """All cells unknown; the window stays where it is."""
         self._cells[:] = UNKNOWN
 
     def apply(self, update: MapUpdate) -> None:

@@ -1,19 +1,12 @@
 """A receiver on a wire, for a planner that wants maps and nothing else: blocking, one thread.
 
-    with open_link("udp://0.0.0.0:9750") as link:
-        while link.update(0.1):
-            if link.advice()[0] == "go":
-                plan(link.receiver.cells, link.receiver.pose)
-
 `update` has to be called often, ten times a second or more: it takes what has arrived and answers.
 """
 
 import secrets
 import time
 from collections.abc import Callable
-from types import TracebackType
 
-from mapod_link.advice import Advice
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import MOST_CELLS, Tile
 from mapod_link.wires import Wire, wire_from_url
@@ -36,17 +29,11 @@ class Link:
     def __enter__(self) -> "Link":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
     def url(self) -> str:
-        """Of the wire."""
         return self._wire.url
 
     @staticmethod
@@ -92,8 +79,7 @@ class Link:
             self.update(min(SLICE_S, until_s - self.now_s()))
         return True
 
-    def advice(self) -> Advice:
-        """("go" | "slow" | "stop", why) as of now."""
+    def advice(self) -> tuple[str, str]:
         return self.receiver.advice(self.now_s())
 
     def allowed_mps(self) -> tuple[float, float]:
@@ -101,7 +87,6 @@ class Link:
         return self.receiver.allowed_mps(self.now_s())
 
     def stale(self) -> bool:
-        """Nothing that is known may be used."""
         return self.receiver.stale(self.now_s())
 
     def drive(self, v_mps: float, w_radps: float, valid_s: float = 0.3) -> bool:
@@ -128,7 +113,6 @@ class Link:
         return tile
 
     def close(self) -> None:
-        """Let go of the wire."""
         self._wire.close()
 
 

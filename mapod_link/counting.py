@@ -1,12 +1,15 @@
-"""Which frames have arrived: their numbers, the gap that may hide something, the ACK's mask.
+"""Which frames count and have arrived: tags, numbers, the gap that may hide something, ACK's mask.
 
-Source: planner link, sections 5 and 6.
+Source: planner link, sections 5, 6 and 9.
 """
 
 import math
+from collections import deque
 
-from mapod_link.frames import Frame, int16
+from mapod_link.bodies import Geometry
+from mapod_link.frames import AUTH, Frame, int16, tag_is_right
 
+SESSIONS_KEPT = 4096  # sessions left behind, which are not taken up again with a key
 ALL_BITS = 0xFFFFFFFF
 SILENCE_MS, HALF = 60_000, 2**31  # between two frames: numbers may have wrapped unseen
 
@@ -22,21 +25,39 @@ class Numbers:
         gaps, missing: how often numbers were left out, and how many.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, key: bytes | None = None) -> None:
+        self._key = key
+        self._left_sessions: deque[int] = deque(maxlen=SESSIONS_KEPT)
         self.any = False  # a frame has counted: the others mean something
         self.last = self.mask = self.t_ms = 0
         self.counted_s = -math.inf
         self.gap: int | None = None
         self.taken = self.gaps = self.missing = 0
 
-    def is_newer(self, frame: Frame, keyed: bool) -> bool:
+    def is_genuine(self, frame: Frame, geom: Geometry | None, nonce: int) -> bool:
+        """Whether its tag is right, where there is a key; no session that was left comes back.
+
+        Args:
+            geom: which names the session: the frame's own, or the newest.
+        """
+        if self._key is None:
+            return True
+        if geom is None or not frame.flags & AUTH or geom.session in self._left_sessions:
+            return False
+        return tag_is_right(frame, self._key, geom.session, nonce)
+
+    def leave(self, session: int) -> None:
+        """The sender runs anew, as another session."""
+        self._left_sessions.append(session)
+
+    def is_newer(self, frame: Frame) -> bool:
         """Whether a frame is to be taken. With a key its clock may not go back either.
 
         A session ends before the sender's clock wraps, so the clocks compare as plain numbers.
         """
         if not self.any:
             return True
-        if keyed and frame.t_ms < self.t_ms:
+        if self._key is not None and frame.t_ms < self.t_ms:
             return False
         return self.is_after_silence(frame) or int16(frame.seq - self.last) > 0
 

@@ -6,8 +6,10 @@ Source: planner link, sections 2 and 9.
 
 import hashlib
 import hmac
+import math
 import struct
 import zlib
+from collections import deque
 from typing import NamedTuple
 
 VERSION, MAX_FRAME = 1, 368
@@ -19,6 +21,7 @@ HEAD = struct.Struct("<BBHI")  # kind, flags, seq, t_ms
 CRC_START = 0x2994717F  # of b"MPL1": frames of other layouts never pass
 SMALLEST = HEAD.size + CRC_SIZE
 KEY_SIZE = 32
+OUTBOX = 64  # frames kept for who polls too seldom; the oldest are dropped first
 
 
 class Frame(NamedTuple):
@@ -96,3 +99,30 @@ def tag_of(signed: bytes, key: bytes, session: int, nonce: int) -> bytes:
 def tag_is_right(frame: Frame, key: bytes, session: int, nonce: int) -> bool:
     """Compares in constant time."""
     return hmac.compare_digest(frame.tag, tag_of(frame.signed, key, session, nonce))
+
+
+class Outbox:
+    """Frames to be sent: numbered, signed where a key and a session are known, kept until taken."""
+
+    def __init__(self, key: bytes | None) -> None:
+        if key is not None and len(key) != KEY_SIZE:
+            raise ValueError(f"a key has {KEY_SIZE} bytes, not {len(key)}")
+        self.key, self._sent = key, 0
+        self._frames: deque[bytes] = deque(maxlen=OUTBOX)
+
+    def put(
+        self, now_s: float, frame_type: int, body: bytes, session: int | None, nonce: int
+    ) -> None:
+        """One frame more, as of now."""
+        self._sent += 1
+        told = frame_type, self._sent, math.floor(now_s * 1000 + 1e-6), body
+        if self.key is None or session is None:
+            self._frames.append(bytes_from_frame(*told))
+        else:
+            self._frames.append(signed_bytes_from_frame(*told, self.key, session, nonce))
+
+    def take(self) -> list[bytes]:
+        """All of them, oldest first."""
+        frames = list(self._frames)
+        self._frames.clear()
+        return frames

@@ -1,35 +1,48 @@
-"""A receiver of the planner link, whole: what `Listener` knows, and all that may be answered.
+"""A receiver of the planner link: bytes in; map, pose and stop zone out, and what it answers.
 
-It opens nothing and reads no clock; what is to be sent comes out of `poll`.
-Source: planner link, sections 3, 6 and 9.
+It refuses every frame that section 5 refuses, and such a frame changes nothing but counters. It
+opens nothing and reads no clock: time comes with each call, in seconds of any clock that never goes
+back, and what is to be sent comes out of `poll`.
+Source: planner link, sections 3 to 6 and 9.
 """
 
 import math
-from collections import deque
+from collections import Counter
 
 from mapod_link import asking
+from mapod_link.bodies import (
+    Body,
+    Digest,
+    Geometry,
+    MapUpdate,
+    Pose,
+    StopZone,
+    maybe_body,
+    maybe_map_geometry,
+)
+from mapod_link.cell_map import U8, CellMap
+from mapod_link.counting import Numbers
 from mapod_link.frames import (
     ACK,
     ASK,
     DRIVE,
     EXTERNAL_POSE,
+    GEOM,
     HELLO,
     MAP,
-    MAX_FRAME,
+    TILE,
     Frame,
-    bytes_from_frame,
-    signed_bytes_from_frame,
+    Outbox,
+    frame_from_bytes,
 )
-from mapod_link.listener import Listener
-from mapod_link.serial_line import serial_from_frame
-from mapod_link.tiles import MOST_CELLS, Tile
+from mapod_link.serial_line import Deframer, serial_from_frame
+from mapod_link.tiles import MOST_CELLS, Tile, TilePiece, Tiles
 
 HELLO_PERIOD_S = 0.25
 NOTHING_S = 1e-6  # of rounding, where ticks and periods agree
-OUTBOX = 64  # frames kept for who polls too seldom; the oldest are dropped first
 
 
-class Receiver(Listener):
+class Receiver:
     """A planner's end of the link, without its wire. Nothing raises on bytes.
 
     Args:
@@ -41,7 +54,16 @@ class Receiver(Listener):
         poll_only: keep no map; push nothing, for all is asked for.
 
     Attributes:
+        geom: newest geometry; None until one has arrived that this receiver can hold.
+        pose, stop_zone: newest; None until one has arrived in this run of the sender.
         stopped: PLANNER_STOPPED in each ACK: the sender moves nothing while it is set.
+        accepted: frames taken, by type. rejected: frames refused, by reason.
+        repeated, ignored_types, ignored_maps: frames left alone: older or twice, of no type for a
+            receiver, of another geometry.
+        numbers: which frames have arrived.
+        too_many_cells: of a window that this receiver cannot hold; 0: none was announced.
+        need_geom: to be asked for, with the next ACK.
+        need_full: likewise; the newest DIGEST that could be compared proves the map wrong.
     """
 
     def __init__(
@@ -54,55 +76,138 @@ class Receiver(Listener):
         max_cells: int = MOST_CELLS,
         poll_only: bool = False,
     ) -> None:
-        super().__init__(nonce, key, max_cells, poll_only)
-        self.stopped = False
+        self.nonce, self.max_cells, self.poll_only = nonce, max_cells, poll_only
         self.ack_every, self.ack_period_s = ack_every, ack_period_s
-        self._sent, self._unacked, self._asks = 0, 0, 0
+        self.accepted: Counter[int] = Counter()
+        self.rejected: Counter[str] = Counter()
+        self.ignored_types = self.ignored_maps = self.repeated = self.too_many_cells = 0
+        self.geom: Geometry | None = None
+        self.pose: Pose | None = None
+        self.stop_zone: StopZone | None = None
+        self.numbers, self.tiles, self._map = Numbers(key), Tiles(), CellMap(0, 0)
+        self.stopped = self.need_geom = self.need_full = False
+        self.digest_ok = self.auth_failed = self._hello_wanted = False
+        self._deframer, self._outbox = Deframer(), Outbox(key)
+        self._unacked = self._asks = 0
+        self._map_s = -math.inf  # when a MAP frame was applied last
         self._hello_due_s = self._acked_s = -math.inf
-        self._hello_wanted = False
-        self._outbox: deque[bytes] = deque(maxlen=OUTBOX)
+
+    # What is known
+
+    @property
+    def cells(self) -> U8:
+        """(height, width) read-only view, row-major from `origin`: 0 unknown, 1 free, 2 obstacle.
+
+        Later frames change what it shows; `window()` gives a copy. A new geometry has another one.
+        """
+        return self._map.cells
+
+    def window(self) -> U8:
+        """(height, width) copy of all cells."""
+        return self._map.cells.copy()
+
+    def cell(self, col: int, row: int) -> int:
+        """Of the window; what lies outside is unknown."""
+        return self._map.cell(col, row)
+
+    def cell_at(self, x_m: float, y_m: float) -> int:
+        """The cell at a place in the map frame; what lies outside of the window is unknown."""
+        if self.geom is None or self.origin is None:
+            return 0
+        i, j = self.geom.cell_of(x_m, y_m)
+        return self._map.cell(i - self.origin[0], j - self.origin[1])
+
+    @property
+    def origin(self) -> tuple[int, int] | None:
+        """World cell (column, row) of cells[0, 0], near the robot's pose; None while blank.
+
+        World cell (i, j) reaches from (i, j) * cell_m to (i + 1, j + 1) * cell_m in the map frame.
+        """
+        return self._map.origin
+
+    @property
+    def suspect(self) -> bool:
+        """A frame is missing that may have changed cells: some cell may be outdated."""
+        return self.numbers.gap is not None
+
+    @property
+    def blank(self) -> bool:
+        """There is no map yet."""
+        return self.origin is None
+
+    def stale(self, now_s: float) -> bool:
+        """Poses or maps do not arrive in time: nothing that is known may be used."""
+        if self.geom is None or self.pose is None:
+            return True
+        return now_s - min(self.pose.arrived_s, self._map_s) > self.geom.stale_s
+
+    def advice(self, now_s: float) -> tuple[str, str]:
+        """("go" | "slow" | "stop", why): what section 5 makes a planner do, whatever its way."""
+        if self.poll_only:
+            return "stop", "a receiver that only asks keeps no map"
+        if self.too_many_cells:
+            return "stop", f"the window has {self.too_many_cells} cells, too many for this receiver"
+        if self.need_full:
+            return "stop", "the map is not the sender's"
+        if self.pose is None or self.blank:
+            return "stop", "no map yet"
+        if why := "link stale" if self.stale(now_s) else self.pose.stop_reason():
+            return "stop", why
+        return ("slow", "a frame is missing") if self.suspect else ("go", "")
+
+    def allowed_mps(self, now_s: float) -> tuple[float, float]:
+        """How fast the robot may go straight ahead and back, besides what `advice` says."""
+        return self.stop_zone.allowed_mps(now_s) if self.stop_zone else (0.0, 0.0)
+
+    def digest(self) -> int:
+        """CRC-32 of the window, as a DIGEST frame tells it."""
+        return self._map.digest()
 
     # Bytes in, bytes out
 
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """The receiver on a serial line: what came, and what it sends until now_s."""
-        self.feed_stream(now_s, received)
-        return b"".join(serial_from_frame(frame) for frame in self.poll(now_s))
+    def begin_stream(self) -> None:
+        """A new connection: what was begun on the one before has no end."""
+        self._deframer = Deframer()
+
+    def feed_stream(self, now_s: float, data: bytes) -> None:
+        """Bytes from a serial line, cut anywhere; now_s: when they arrived."""
+        for frame in self._deframer.feed(data):
+            if frame is None:
+                self.rejected["cobs"] += 1
+            else:
+                self.feed_datagram(now_s, frame)
+
+    def feed_datagram(self, now_s: float, data: bytes) -> bool:
+        """One frame, without COBS; now_s: when it arrived. Whether it was taken."""
+        frame = frame_from_bytes(data)
+        before = self.numbers.taken
+        reason = frame if isinstance(frame, str) else self._take(now_s, frame)
+        if reason:
+            self.rejected[reason] += 1
+        return self.numbers.taken > before
 
     def poll(self, now_s: float) -> list[bytes]:
         """Frames to send now, a datagram each; `serial_from_frame` makes them fit a serial line."""
         if not self.ack_every:
             return []
-        if self._has_to_greet(now_s) and now_s >= self._hello_due_s:
+        # Nobody is known, or whoever sends does not know us: it may have started again
+        stranger = self.auth_failed or self._hello_wanted or self.tiles.is_unheard(now_s)
+        if (self.geom is None or stranger) and now_s >= self._hello_due_s:
             self._hello_due_s, self._hello_wanted = now_s + HELLO_PERIOD_S, False
-            body = asking.hello_body(self.nonce, self.max_cells, MAX_FRAME, self.poll_only)
-            self._send(now_s, HELLO, body)
-        asking_period_s = self.ack_period_s / (2 if self.need_geom or self.need_full else 1)
-        if (
-            self.numbers.any
-            and not self.poll_only
-            and now_s - self._acked_s >= asking_period_s - NOTHING_S
-        ):
+            hello = asking.hello_body(self.nonce, self.max_cells, poll=self.poll_only)
+            self._send(now_s, HELLO, hello)
+        period_s = self.ack_period_s / (2 if self.need_geom or self.need_full else 1)
+        if not self.poll_only and now_s - self._acked_s >= period_s - NOTHING_S:
             self.acknowledge(now_s)
         if self._may_ask:
             for body in self.tiles.questions(now_s):
                 self._send(now_s, ASK, body)
-        frames = list(self._outbox)
-        self._outbox.clear()
-        return frames
+        return self._outbox.take()
 
-    def _has_to_greet(self, now_s: float) -> bool:
-        """Nobody is known, or whoever sends does not know us: it may have started again."""
-        stranger = self.auth_failed or self._hello_wanted or self.tiles.is_unheard(now_s)
-        return self.geom is None or stranger
-
-    def note(self, now_s: float, frame: Frame) -> None:
-        """One more frame for the next ACK."""
-        self._unacked += 1
-        if self._unacked >= self.ack_every > 0 and not self.poll_only:
-            self.acknowledge(now_s)
-        if frame.type == MAP and self.poll_only:  # a sender that has started since pushes again
-            self._hello_wanted = True
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        """The receiver on a serial line: what came, and what it sends until now_s."""
+        self.feed_stream(now_s, received)
+        return b"".join(serial_from_frame(frame) for frame in self.poll(now_s))
 
     # What may be asked for; all of it goes out with the next poll
 
@@ -111,7 +216,7 @@ class Receiver(Listener):
         self._hello_wanted, self._hello_due_s = True, -math.inf
 
     def acknowledge(self, now_s: float) -> None:
-        """One ACK as of now, besides those that come by themselves; none before the first frame."""
+        """One ACK as of now, besides those that are due; none before the first frame."""
         if self.numbers.any and self.ack_every:
             self._acked_s, self._unacked = now_s, 0
             self._send(now_s, ACK, self.ack(now_s))
@@ -135,10 +240,7 @@ class Receiver(Listener):
         Args:
             layer: "class", "height", "variance" or "slope".
             i, j: lowest column and row; of the endless grid (as `origin`), or of the window.
-            width, height: cells along map x and y, together at most 160 801.
-
-        Raises:
-            ValueError: no such layer, no cells, or too many.
+            width, height: cells along map x and y, together at most 160 801; else `ValueError`.
         """
         return self.tiles.ask(layer, (i, j), (height, width), in_window)
 
@@ -146,10 +248,8 @@ class Receiver(Listener):
         """Ask the robot to move, forward and counter-clockwise, for up to 1 s; 0 s: stop now.
 
         To be repeated at least three times within `valid_s`. False, and nothing is sent, while the
-        run of the sender is not known or there is no return path.
-
-        Raises:
-            ValueError: a speed or a time that the frame cannot tell.
+        run of the sender is not known or there is no return path. `ValueError`: a speed or a time
+        that the frame cannot tell.
         """
         if self.geom is None or not self.ack_every:
             return False
@@ -170,11 +270,7 @@ class Receiver(Listener):
         correlation: float = 0.0,
         age_s: float = 0.0,
     ) -> bool:
-        """Tell where a positioning system saw the robot; see `asking.external_body`. As `drive`.
-
-        Raises:
-            ValueError: a number that the frame cannot tell.
-        """
+        """Tell where a positioning system saw the robot; see `asking.external_body`. As `drive`."""
         if self.geom is None or not self.ack_every:
             return False
         body = asking.external_body(
@@ -186,20 +282,13 @@ class Receiver(Listener):
 
     def ack(self, now_s: float) -> bytes:
         """The body of an ACK as of now."""
+        numbers = self.numbers
         bits = (
-            self.need_geom or self.geom is None,
-            self.need_full,
-            self.stale(now_s),
-            self.suspect,
-            self.stopped,
-            self.digest_ok,
-            self.auth_failed,
-        )
+            self.need_geom or self.geom is None, self.need_full, self.stale(now_s), self.suspect,
+            self.stopped, self.digest_ok, self.auth_failed,
+        )  # fmt: skip
         return asking.ack_body(
-            self.numbers.last,
-            self.numbers.mask,
-            self.numbers.t_ms,
-            now_s - self.numbers.counted_s,
+            *(numbers.last, numbers.mask, numbers.t_ms, now_s - numbers.counted_s),
             self.rejected.total(),
             sum(bit << i for i, bit in enumerate(bits)),
             self.geom.geom_id if self.geom else 0,
@@ -208,16 +297,104 @@ class Receiver(Listener):
     @property
     def _may_ask(self) -> bool:
         """There is a way back; and with a key, a session to sign for."""
-        return bool(self.ack_every) and (self._key is None or self.geom is not None)
+        return bool(self.ack_every) and (self._outbox.key is None or self.geom is not None)
 
     def _send(self, now_s: float, frame_type: int, body: bytes) -> None:
-        self._sent += 1
-        t_ms = math.floor(now_s * 1000 + 1e-6)
-        if self._key is None or self.geom is None:
-            frame = bytes_from_frame(frame_type, self._sent, t_ms, body)
+        session = self.geom.session if self.geom else None
+        self._outbox.put(now_s, frame_type, body, session, self.nonce)
+
+    # Section 5: which frames count
+
+    def note(self, now_s: float, frame: Frame) -> None:
+        """Called with each frame that is taken; to be extended by those who measure."""
+        self._unacked += 1
+        if self._unacked >= self.ack_every > 0 and not self.poll_only:
+            self.acknowledge(now_s)
+        if frame.type == MAP and self.poll_only:  # a sender that has started since pushes again
+            self._hello_wanted = True
+
+    def _take(self, now_s: float, frame: Frame) -> str:
+        """Checks a frame, then lets it act; gives the reason if it is rejected."""
+        if ACK <= frame.type <= EXTERNAL_POSE:  # goes to the sender: an echo, also of our own
+            self.ignored_types += 1
+            return ""
+        numbers, foreign = self.numbers, self._is_foreign(frame)
+        body = None if foreign else maybe_body(frame, now_s, self._map.size)
+        geom = body if isinstance(body, Geometry) else None
+        self.auth_failed = not numbers.is_genuine(frame, geom or self.geom, self.nonce)
+        if self.auth_failed:
+            return "tag"
+        begins = geom is not None and (self.geom is None or geom.session != self.geom.session)
+        anew = numbers.is_after_silence(frame)
+        if not begins and not numbers.is_newer(frame):
+            self.repeated += 1
+            return ""
+        if body is None and not foreign and GEOM <= frame.type <= TILE:
+            return "body"
+        if anew and not begins:
+            self._map.forget()
+            numbers.gap = None
+        numbers.count(now_s, frame, begins or anew)
+        self.accepted[frame.type] += 1
+        if foreign:
+            self.ignored_maps += 1
+            self.need_geom = True
         else:
-            session = self.geom.session
-            frame = signed_bytes_from_frame(
-                frame_type, self._sent, t_ms, body, self._key, session, self.nonce
-            )
-        self._outbox.append(frame)
+            self._act(now_s, frame, body, begins)
+        self.note(now_s, frame)
+        return ""
+
+    def _is_foreign(self, frame: Frame) -> bool:
+        """A MAP frame of a geometry that is not ours."""
+        geom_id = maybe_map_geometry(frame.body) if frame.type == MAP else None
+        return geom_id is not None and (self.geom is None or geom_id != self.geom.geom_id)
+
+    def _act(self, now_s: float, frame: Frame, body: Body | None, begins: bool) -> None:
+        match body:
+            case MapUpdate():
+                self._apply(now_s, body)
+            case Pose():
+                self.pose = body
+            case Geometry():
+                self._adopt(body, begins)
+            case StopZone():
+                self.stop_zone = body
+            case TilePiece():
+                self.tiles.take(now_s, body, frame.t_ms)
+            case Digest():
+                self._compare(body)
+            case None:
+                self.ignored_types += 1
+
+    # Section 4: the map
+
+    def _adopt(self, geom: Geometry, begins: bool) -> None:
+        """A geometry that does not fit ends the old one all the same: no map under a wrong one."""
+        old, cells, self.need_geom = self.geom, geom.width * geom.height, False
+        self.geom, self.too_many_cells = (geom, 0) if cells <= self.max_cells else (None, cells)
+        if begins:
+            self.pose = self.stop_zone = None  # of another run of the sender
+            self._map_s = -math.inf
+            self.tiles.begin_anew()
+            if old is not None:
+                self.numbers.leave(old.session)
+        if begins or old is None or geom.layout != old.layout:
+            self.need_full = self.digest_ok = False
+            self._map = CellMap(geom.width, geom.height) if self.geom else CellMap(0, 0)
+            self.numbers.gap = None
+
+    def _apply(self, now_s: float, update: MapUpdate) -> None:
+        corner = self.geom.corner_around(self.pose) if self.geom and self.pose else (0, 0)
+        if self._map.move(update.ox, update.oy, corner):
+            self.numbers.gap = None
+        self.numbers.repair(update.repaired)
+        self._map.apply(update)
+        self._map_s = now_s
+
+    def _compare(self, digest: Digest) -> None:
+        """A difference that no gap explains can only be mended by a new epoch."""
+        known = self.geom is not None and digest.geom_id == self.geom.geom_id
+        compares = known and not self.suspect and not self.blank
+        self.digest_ok = compares and self.digest() == digest.crc
+        if compares:
+            self.need_full = not self.digest_ok

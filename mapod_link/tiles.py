@@ -73,7 +73,6 @@ def maybe_tile_piece(body: bytes) -> TilePiece | None:
 
 
 def _values(layer: int, data: bytes, count: int) -> F32:
-    """(count,) values of one piece."""
     if layer == CLASS:
         quads = np.frombuffer(data, np.uint8)[:, None] >> np.array([0, 2, 4, 6], np.uint8) & 3
         classes = quads.reshape(-1)[:count].astype(np.float32)
@@ -95,6 +94,7 @@ class Tile:
         geom_id, cell_m: of the map that it was cut from, once a piece is here.
         t_ms: sender's clock of the oldest and of the newest piece; (0, 0) before.
         refusal: why there will be no answer; "" while there may be.
+        due_s: when to ask for it, while it is under way.
     """
 
     def __init__(
@@ -115,7 +115,6 @@ class Tile:
 
     @property
     def complete(self) -> bool:
-        """All cells are here."""
         return bool(self.here.all())
 
     @property
@@ -124,7 +123,8 @@ class Tile:
         return bool(self.refusal) or self.complete
 
     def begin_anew(self) -> None:
-        """Nothing is here, as before the first piece."""
+        """Nothing is here nor asked for, as before the first piece."""
+        self.due_s = -math.inf
         self.place = None if self._in_window else self._asked_place
         self.geom_id, self.cell_m, self.t_ms = -1, math.nan, (0, 0)
         self._clear()
@@ -167,8 +167,7 @@ class Tiles:
 
     def __init__(self) -> None:
         self._waiting: deque[Tile] = deque()
-        self._under_way: dict[int, Tile] = {}
-        self._due_s: dict[int, float] = {}  # when to ask, by id
+        self._under_way: dict[int, Tile] = {}  # by id
         self._next_id = 1
         self._unanswered = 0  # questions in a row
         self._first_asked_s = math.inf  # of those questions
@@ -195,23 +194,20 @@ class Tiles:
 
     def questions(self, now_s: float) -> list[bytes]:
         """Bodies of the ASK frames that are due."""
-        for tile_id in [i for i, tile in self._under_way.items() if tile.done]:
-            del self._under_way[tile_id], self._due_s[tile_id]
+        self._under_way = {i: tile for i, tile in self._under_way.items() if not tile.done}
         if not self._under_way:
             self._answered()
         while self._waiting and len(self._under_way) < AT_A_TIME:
             tile = self._waiting.popleft()
             if not tile.done:
-                self._under_way[tile.id], self._due_s[tile.id] = tile, -math.inf
-        bodies = []
-        for tile_id, tile in self._under_way.items():
-            if self._due_s[tile_id] <= now_s:
-                self._unanswered += 1
-                self._first_asked_s = min(self._first_asked_s, now_s)
-                nobody = self._unanswered > AT_A_TIME  # seems to be there
-                self._due_s[tile_id] = now_s + (2 * RETRY_S if nobody else RETRY_S)
-                bodies.append(tile.question())
-        return bodies
+                self._under_way[tile.id] = tile
+        due = [tile for tile in self._under_way.values() if tile.due_s <= now_s]
+        for tile in due:
+            self._unanswered += 1
+            self._first_asked_s = min(self._first_asked_s, now_s)
+            nobody = self._unanswered > AT_A_TIME  # seems to be there
+            tile.due_s = now_s + (2 * RETRY_S if nobody else RETRY_S)
+        return [tile.question() for tile in due]
 
     def take(self, now_s: float, piece: TilePiece, t_ms: int) -> None:
         """One TILE frame; of no tile under way: left alone."""
@@ -219,14 +215,14 @@ class Tiles:
         if tile is None or LAYERS.index(tile.layer) != piece.layer:
             return
         self._answered()
-        for tile_id in self._due_s:  # the sender is busy with one after the other
-            self._due_s[tile_id] = max(self._due_s[tile_id], now_s + RETRY_S)
+        for other in self._under_way.values():  # the sender is busy with one after the other
+            other.due_s = max(other.due_s, now_s + RETRY_S)
         if piece.status == TOO_MANY:
             return
         if piece.status:
             tile.refusal = REFUSALS.get(piece.status, f"refused with status {piece.status}")
         elif tile.put(piece, t_ms) and piece.is_last:
-            self._due_s[piece.id] = now_s + END_RETRY_S
+            tile.due_s = now_s + END_RETRY_S
 
     def is_unheard(self, now_s: float) -> bool:
         """Questions stay without any answer."""
@@ -237,6 +233,5 @@ class Tiles:
 
     def begin_anew(self) -> None:
         """Another run of the sender: nobody knows any more what was asked."""
-        for tile_id, tile in self._under_way.items():
+        for tile in self._under_way.values():
             tile.begin_anew()
-            self._due_s[tile_id] = -math.inf

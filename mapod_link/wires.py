@@ -2,6 +2,9 @@
 
 No call waits longer than it is told to. A wire reads the monotonic clock, to tell a receiver when
 bytes have arrived: never later than they did, so that what lay about unread is not taken for fresh.
+
+Each has a `url`, and a `peer`: whoever answers go to, None while there is nobody. `wait` returns as
+soon as there is something to `feed`; `write` sends a frame, or drops it where nobody can take it.
 """
 
 import errno
@@ -14,10 +17,9 @@ import sys
 import termios
 import time
 import tty
-from typing import Protocol
 from urllib.parse import parse_qs, urlsplit
 
-from mapod_link.listener import Listener
+from mapod_link.receiver import Receiver
 from mapod_link.serial_line import serial_from_frame
 
 SO_TIMESTAMPNS = 35  # Linux: the kernel stamps each datagram as it arrives
@@ -27,35 +29,24 @@ READ_SIZE, DATAGRAM_SIZE = 4096, 2048
 READS = 64  # at a time, so that a flood leaves time to answer
 
 
-class Wire(Protocol):
-    """Where frames come from and answers go to."""
-
-    url: str
-
-    @property
-    def peer(self) -> object:
-        """Whoever answers go to, to be compared; None: there is nobody."""
-
-    def wait(self, timeout_s: float) -> None:
-        """Until something has arrived, or the time is over."""
-
-    def feed(self, receiver: Listener) -> None:
-        """Hand over what has arrived.
-
-        Raises:
-            OSError: the wire is gone.
-        """
-
-    def write(self, frame: bytes) -> None:
-        """Send a frame; dropped where nobody can take it."""
-
-    def close(self) -> None:
-        """Let go of it."""
-
-
-def is_ready(source: socket.socket | int, timeout_s: float) -> bool:
-    """Whether there is something to read, at once or within the time."""
+def _is_ready(source: socket.socket | int, timeout_s: float) -> bool:
     return bool(select.select([source], [], [], max(timeout_s, 0.0))[0])
+
+
+def arrival_s(
+    notes: list[tuple[int, int, bytes]], ahead_s: float, least_s: float, most_s: float
+) -> float:
+    """When the kernel took a datagram, by the monotonic clock; `least_s` where it does not say.
+
+    Args:
+        ahead_s: of the wall clock, which it stamps with, and which may have been set meanwhile.
+    """
+    for level, kind, stamp in notes:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
+            seconds, nanoseconds = struct.unpack("@ll", stamp)
+            stamped_s: float = seconds + nanoseconds * 1e-9
+            return min(max(stamped_s - ahead_s, least_s), most_s)
+    return least_s
 
 
 class UdpWire:
@@ -79,10 +70,9 @@ class UdpWire:
         self.url = f"udp://[{bound[0]}]:{bound[1]}" if ":" in host else "udp://{}:{}".format(*bound)
 
     def wait(self, timeout_s: float) -> None:
-        """Until a datagram lies ready, or the time is over."""
-        is_ready(self._socket, timeout_s)
+        _is_ready(self._socket, timeout_s)
 
-    def feed(self, receiver: Listener) -> None:
+    def feed(self, receiver: Receiver) -> None:
         """Each datagram at the instant at which the kernel took it."""
         ahead_s = time.time() - time.monotonic()
         for _ in range(READS):
@@ -93,19 +83,14 @@ class UdpWire:
                 return
             except ConnectionRefusedError:  # an answer of ours found nobody
                 continue
-            arrived_s = self._empty_s
-            for level, kind, stamp in notes:
-                if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
-                    seconds, nanoseconds = struct.unpack("@ll", stamp)
-                    arrived_s = seconds + nanoseconds * 1e-9 - ahead_s
-            now_s = time.monotonic()  # a wall clock may have been set meanwhile
-            taken = receiver.feed_datagram(min(max(arrived_s, self._empty_s), now_s), data)
+            now_s = time.monotonic()
+            arrived_s = arrival_s(notes, ahead_s, self._empty_s, now_s)
+            taken = receiver.feed_datagram(arrived_s, data)
             if taken or now_s - self._proven_s > PROVEN_FOR_S:
                 self.peer = sender
             self._proven_s = now_s if taken else self._proven_s
 
     def write(self, frame: bytes) -> None:
-        """To the sender."""
         if self.peer is not None:
             try:
                 self._socket.sendto(frame, self.peer)
@@ -114,7 +99,6 @@ class UdpWire:
                     raise
 
     def close(self) -> None:
-        """Free the port."""
         self._socket.close()
 
 
@@ -130,17 +114,12 @@ class StreamWire:
         self._rest = b""  # of a frame that the line had room for in part
 
     def wait(self, timeout_s: float) -> None:
-        """Until a byte lies ready, or the time is over."""
-        if not is_ready(self._fd, 0.0):
-            is_ready(self._fd, timeout_s)
+        if not _is_ready(self._fd, 0.0):
+            _is_ready(self._fd, timeout_s)
             self._empty_s = time.monotonic()
 
-    def feed(self, receiver: Listener) -> None:
-        """All that has arrived.
-
-        Raises:
-            OSError: the line is gone.
-        """
+    def feed(self, receiver: Receiver) -> None:
+        """All that has arrived; `OSError`: the line is gone."""
         for _ in range(READS):
             try:
                 data = os.read(self._fd, READ_SIZE)
@@ -167,7 +146,6 @@ class StreamWire:
             return 0
 
     def close(self) -> None:
-        """Close the line."""
         os.close(self._fd)
 
 
@@ -205,17 +183,15 @@ class TcpWire:
 
     @property
     def peer(self) -> object:
-        """The connection."""
         return self._socket
 
     def wait(self, timeout_s: float) -> None:
-        """Until a byte or a sender is there, or the time is over."""
         if self._stream is None:
-            is_ready(self._listener, timeout_s)
+            _is_ready(self._listener, timeout_s)
         else:
             self._stream.wait(timeout_s)
 
-    def feed(self, receiver: Listener) -> None:
+    def feed(self, receiver: Receiver) -> None:
         """All that has arrived; a connection that ends is waited for anew."""
         if self._accept():
             receiver.begin_stream()
@@ -226,7 +202,6 @@ class TcpWire:
                 self._hang_up()
 
     def write(self, frame: bytes) -> None:
-        """To the sender that is connected."""
         if self._stream is not None:
             try:
                 self._stream.write(frame)
@@ -253,6 +228,9 @@ class TcpWire:
         if self._socket is not None:
             self._socket.close()
         self._socket = self._stream = None
+
+
+Wire = UdpWire | StreamWire | TcpWire
 
 
 def wire_from_url(url: str) -> Wire:

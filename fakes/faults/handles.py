@@ -18,7 +18,7 @@ import numpy as np
 NO_FAULTS = {  # readings of wires and fakes, and what belongs to the wire alone
     *("clients", "turned_away", "lost", "sent", "news", "path", "host", "port", "swallowed"),
     *("exchange", "step", "feed_datagram", "poll", "reconnected", "connect", "close", "left"),
-    *("send", "heard", "cut_up", "sample", "heat", "feed"),
+    *("send", "heard", "sample", "heat", "feed"),
 }
 ON, OFF = ("on", "true", "yes", "1"), ("off", "false", "no", "0")
 UNITS = {"ms": 1e-3, "s": 1.0, "m": 60.0, "": 1.0}

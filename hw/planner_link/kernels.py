@@ -15,18 +15,9 @@ CHANGED, LOST, AGAIN, NEW, GONE = 1, 2, 4, 8, 16
 ANY, HOT, MISSED = 0, 1, 2  # levels at which marks are counted: all; NEW, GONE; LOST, AGAIN
 LOST_CELLS = 3  # where `Ring.counts` has these
 
-# Which cells a pass writes
-(
-    EVERY,  # all that are marked
-    URGENT,  # of the levels HOT and MISSED
-    NEW_NEAR,
-    NEW_ANY,
-    GONE_ANY,
-    LOST_ANY,
-    NEAR,
-    REST,
-    REFRESH,
-) = range(9)
+# Which cells a pass writes: those with any of these marks; with NEAR only those near the robot
+EVERY, MISSING, NEAR, REFRESH = CHANGED | LOST | AGAIN | NEW | GONE, LOST | AGAIN, 32, 64
+URGENT = NEW | GONE | MISSING  # REFRESH: all cells, whatever their marks
 NEAR_SHARE = 3  # near is within a third of the half-width
 BLOCK = 32  # cells of a ring's row that are skipped as one while none of them is marked
 LONGEST_OP = 4  # bytes: a run of up to 64 + 2^21 cells
@@ -43,6 +34,8 @@ class Ring(NamedTuple):
     rows: I32  # (3, size) marked cells of a ring's row, by level
     blocks: I32  # (3, size * blocks) of each BLOCK cells of a row, by level
     counts: I32  # (4,) of all, by level; and the LOST ones alone
+    once: I32  # (size * size + 1,) new obstacles published since they were listed: number, cells
+    cleared: I32  # (size * size,) raster indices of the cells that a frame took the mark off
 
 
 @kernel
@@ -94,18 +87,10 @@ def note_cells(cells: I8, trusted: bool, changed: I32, ring: Ring) -> None:
 
 
 @kernel
-def mark_again_cells(cells: I8, published_once: I32, ring: Ring) -> None:
-    """New obstacles published in one frame (flat indices), which may be lost: once more."""
-    for at in published_once:
-        if cells[at] == 1 and ring.published[at] == OBSTACLE:
-            _remark(at, int(ring.marks[at]) & (CHANGED | LOST) | AGAIN, OBSTACLE, ring)
-
-
-@kernel
-def mark_every_cell(cells: I8, trusted: bool, ring: Ring) -> None:
-    """Nobody knows what the planner holds of any cell."""
-    for at in range(cells.size):
-        _remark(at, LOST | CHANGED, _code(cells[at], trusted), ring)
+def mark_cells(cells: I8, trusted: bool, listed: I32, kept: int, reason: int, ring: Ring) -> None:
+    """Mark the listed cells (flat indices) for a reason besides those that are kept."""
+    for at in listed:
+        _remark(at, int(ring.marks[at]) & kept | reason, _code(cells[at], trusted), ring)
 
 
 @kernel
@@ -141,20 +126,6 @@ def enter_cells(
 
 
 @kernel
-def _wanted(kind: int, mark: int) -> bool:
-    """Whether a pass of this kind writes a cell; where it lies is asked before."""
-    if kind == REFRESH:
-        return True
-    if kind == URGENT:
-        return mark & (NEW | GONE | LOST | AGAIN) != 0
-    if kind in (NEW_NEAR, NEW_ANY):
-        return mark & NEW != 0
-    if kind == GONE_ANY:
-        return mark & GONE != 0
-    return mark & (LOST | AGAIN) != 0 if kind == LOST_ANY else mark != 0
-
-
-@kernel
 def _op_bytes(run: int) -> int:
     """Bytes of the operation for a run; 0 for none."""
     if run <= 63:
@@ -180,31 +151,32 @@ def _put(state: int, run: int, ops: U8, used: int) -> int:
 
 
 @kernel
-def _has_marks(kind: int, counts: I32, at: int) -> bool:
-    """Whether of `counts` (3, n) any at `at` is of a level that a pass of this kind wants."""
-    if kind == URGENT:
-        return bool(counts[HOT, at] + counts[MISSED, at] != 0)
-    if kind in (NEW_NEAR, NEW_ANY, GONE_ANY):
-        return bool(counts[HOT, at] != 0)
-    return bool(counts[MISSED if kind == LOST_ANY else ANY, at] != 0)
+def _has_marks(wanted: int, counts: I32, at: int) -> bool:
+    """Whether of `counts` (3, n) any at `at` is of a level that a pass wants."""
+    if wanted & CHANGED != 0:
+        return bool(counts[ANY, at] != 0)
+    hot = wanted & (NEW | GONE) != 0 and counts[HOT, at] != 0
+    return bool(hot or (wanted & MISSING != 0 and counts[MISSED, at] != 0))
 
 
 @kernel
-def _unwanted(kind: int, row: int, column: int, ring_row: int, ring_column: int, ring: Ring) -> int:
-    """How many cells from this one of the window, to its row's end at most, are left out."""
+def _left_out(
+    wanted: int, row: int, column: int, ring_row: int, ring_column: int, ring: Ring
+) -> int:
+    """How many cells from this one of the window, to its row's end at most, a pass leaves out."""
     size = int(ring.rows.shape[1])
-    if kind in (NEW_NEAR, NEAR):
+    if wanted & NEAR != 0:
         half, third = size // 2, max(1, size // 2 // NEAR_SHARE)
         if abs(row - half) > third or column > half + third:
             return size - column
         if column < half - third:
             return half - third - column
-    if not _has_marks(kind, ring.rows, ring_row):
+    if not _has_marks(wanted, ring.rows, ring_row):
         return size - column
     blocks, block = (size + BLOCK - 1) // BLOCK, ring_column // BLOCK
-    if _has_marks(kind, ring.blocks, ring_row * blocks + block):
-        return 0
-    return min(min((block + 1) * BLOCK, size) - ring_column, size - column)
+    if not _has_marks(wanted, ring.blocks, ring_row * blocks + block):
+        return min(min((block + 1) * BLOCK, size) - ring_column, size - column)
+    return int(ring.marks[ring_row * size + ring_column] & wanted == 0)
 
 
 @kernel
@@ -217,13 +189,11 @@ def _same(at: int, most: int, code: int, ring: Ring) -> int:
 
 
 @kernel
-def _publish(
-    at: int, at_cell: int, code: int, ring: Ring, cleared: I32, count: int, once: I32
-) -> int:
-    """A marked cell is published; returns how many cells `cleared` lists now."""
-    mark = int(ring.marks[at])
+def _publish(at: int, at_cell: int, code: int, ring: Ring, count: int) -> int:
+    """A marked cell is published; returns how many cells `ring.cleared` lists now."""
+    mark, once = int(ring.marks[at]), ring.once
     if mark != AGAIN:
-        cleared[count] = at_cell
+        ring.cleared[count] = at_cell
         count += 1
     if mark & NEW != 0 and once[0] + 1 < once.size:
         once[0] += 1
@@ -235,7 +205,7 @@ def _publish(
 
 @kernel
 def encode_cells(
-    kind: int,
+    wanted: int,
     first: int,
     end: int,
     room: int,
@@ -245,76 +215,45 @@ def encode_cells(
     corner: tuple[int, int],
     ring: Ring,
     ops: U8,
-    cleared: I32,
-    once: I32,
 ) -> tuple[int, int, int, int]:
     """Write wanted cells of first..end (window raster) into `ops`, at most `room` bytes.
 
-    Only if it is for good, cells count as published and marks are cleared; which, goes to
-    `cleared`, and new obstacles to `once`, at its end and counted in its first place.
+    Only if it is for good, they count as published, marks are cleared, `once` and `cleared` grow.
     Returns the first cell written (-1: none), bytes, marks cleared, and where to go on.
     """
     size = int(ring.rows.shape[1])
-    start, used, count = -1, 0, 0
-    state, run, gap = KEEP, 0, 0
-    at_cell = first
-    row, column = first // size, first % size
+    start, used, count, state, run, gap = -1, 0, 0, KEEP, 0, 0
+    at_cell, row, column = first, first // size, first % size
     ring_row, ring_column = (corner[1] + row) % size, (corner[0] + column) % size
-    is_checked = kind == REFRESH  # this cell's block is not to be left out
+    is_refresh = is_checked = wanted == REFRESH  # checked: this cell's block is not left out
     while at_cell < end:
-        step = 1
-        at = ring_row * size + ring_column
-        skip = 0 if is_checked else _unwanted(kind, row, column, ring_row, ring_column, ring)
-        if skip > 0:
-            step = min(skip, end - at_cell)
+        at, step = ring_row * size + ring_column, 1
+        left_out = int((ring.marks[at] | REFRESH) & wanted == 0)
+        if not is_checked:
+            left_out = _left_out(wanted, row, column, ring_row, ring_column, ring)
+        if left_out > 0:
+            step = min(left_out, end - at_cell)
             gap += step
-        elif not _wanted(kind, ring.marks[at]):
-            gap += 1
         else:
             code = _code(cells[at], trusted)
             if run == 0 or gap > 0 or code != state:
-                until = _op_bytes(run) + (_op_bytes(gap) if run > 0 else 0)
-                if used + until + LONGEST_OP > room:
+                if used + _op_bytes(run) + (_op_bytes(gap) if run > 0 else 0) + LONGEST_OP > room:
                     break
                 used = _put(KEEP, gap, ops, _put(state, run, ops, used)) if run > 0 else used
                 start = at_cell if run == 0 else start
                 state, run, gap = code, 0, 0
-            run += 1
             if for_good and ring.marks[at] != 0:
-                count = _publish(at, at_cell, code, ring, cleared, count, once)
-            elif kind == REFRESH and ring.marks[at] == 0:
-                stop = min(min(size - column, size - ring_column), end - at_cell)
-                step = _same(at, stop, code, ring)
-                run += step - 1
+                count = _publish(at, at_cell, code, ring, count)
+            elif is_refresh and ring.marks[at] == 0:
+                step = _same(at, min(size - column, size - ring_column, end - at_cell), code, ring)
+            run += step
         at_cell, column, ring_column = at_cell + step, column + step, ring_column + step
-        if ring_column >= size:
-            ring_column -= size
-        same_block = skip == 0 and ring_column % BLOCK != 0 and kind not in (NEW_NEAR, NEAR)
-        is_checked = kind == REFRESH or same_block
+        ring_column = ring_column if ring_column < size else ring_column - size
+        is_checked = is_refresh or (step == 1 and ring_column % BLOCK > 0 and wanted & NEAR == 0)
         if column == size:
-            row, column, ring_column = row + 1, 0, corner[0] % size
+            row, column, ring_column, is_checked = row + 1, 0, corner[0] % size, is_refresh
             ring_row = ring_row + 1 if ring_row + 1 < size else 0
-            is_checked = kind == REFRESH
     return start, _put(state, run, ops, used), count, min(at_cell, end)
-
-
-@kernel
-def mark_lost_cells(
-    lost: I32,
-    origin: tuple[int, int],
-    corner: tuple[int, int],
-    cells: I8,
-    trusted: bool,
-    ring: Ring,
-) -> None:
-    """Mark cells of a window at `origin` (raster indices), where the present one covers them."""
-    size = ring.rows.shape[1]
-    for cell in lost:
-        i, j = origin[0] + cell % size, origin[1] + cell // size
-        if 0 <= i - corner[0] < size and 0 <= j - corner[1] < size:
-            at = (j % size) * size + i % size
-            reasons = int(ring.marks[at]) & (CHANGED | AGAIN) | LOST
-            _remark(at, reasons, _code(cells[at], trusted), ring)
 
 
 @kernel

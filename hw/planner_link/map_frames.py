@@ -4,14 +4,15 @@ Source: planner link, sections 4, 6 and 7.
 """
 
 import math
+from collections import deque
+from dataclasses import dataclass
 
 from core.records import I32, ObstacleMap
-from hw.planner_link import kernels as map_kernels
+from hw.planner_link import kernels
 from hw.planner_link.frames import MAP, MAP_HEAD, REFRESH, encode_map
-from hw.planner_link.kernels import LONGEST_OP
+from hw.planner_link.kernels import EVERY, GONE, LONGEST_OP, MISSING, NEAR, NEW, URGENT
 from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import Repair, SentMap
-from hw.planner_link.refresh import RefreshCursor
 from hw.planner_link.scheduler import FrameScheduler
 
 SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
@@ -19,12 +20,8 @@ SLICE_BODY = MAP_HEAD.size + SLICE_OPS
 LEAST_SLICE_OPS = 32  # the MAP frame that every tick has
 PASS_S = 0.2  # one refresh pass, where bandwidth allows
 MOST_PER_CELL = LONGEST_OP + 1  # bytes of operations: its run, and a KEEP up to it
-URGENT_KINDS = (
-    map_kernels.NEW_NEAR,
-    map_kernels.NEW_ANY,
-    map_kernels.LOST_ANY,
-    map_kernels.GONE_ANY,
-)
+MOST_URGENT_FIRST = (NEW | NEAR, NEW, MISSING, GONE)
+MARKS = 64  # places of a refresh round that are remembered
 LEAST_ROOM = 3 * LONGEST_OP  # bytes of operations, without which no frame is begun
 
 
@@ -63,18 +60,22 @@ class MapPublisher:
         self._map.mark_again()
         if self._map.marked == 0:
             return
-        if self._fit(map_kernels.EVERY):
-            self._publish(map_kernels.EVERY)
-        elif self._publish_urgent() and self._publish(map_kernels.NEAR):
-            self._publish_rest()
+        if self._fit(EVERY):
+            self._publish(EVERY)
+        elif self._publish_urgent() and self._publish(EVERY | NEAR):
+            # what is left, from where the last tick had to stop: no corner waits for ever
+            begun = self._rest_cell
+            self._rest_cell = self._publish_from(EVERY, begun, self._cells)
+            if self._rest_cell == self._cells:
+                self._rest_cell = self._publish_from(EVERY, 0, begun)
 
     def _publish_urgent(self) -> bool:
         """Obstacles that came or went, and what got lost; True if all of it fitted."""
         if not self._map.urgent:
             return True
-        if self._fit(map_kernels.URGENT):
-            return self._publish(map_kernels.URGENT)
-        return all(self._publish(kind) for kind in URGENT_KINDS)
+        if self._fit(URGENT):
+            return self._publish(URGENT)
+        return all(self._publish(wanted) for wanted in MOST_URGENT_FIRST)
 
     @property
     def _budget(self) -> float:
@@ -83,8 +84,8 @@ class MapPublisher:
         is_due = scheduler.budget.saved >= scheduler.cost(SLICE_BODY)
         return scheduler.budget.credit - (scheduler.budget.saved if is_due else 0.0)
 
-    def _fit(self, kind: int) -> bool:
-        """Whether one raster pass over the cells of a kind fits into this tick's budget."""
+    def _fit(self, wanted: int) -> bool:
+        """Whether one raster pass over the cells with such marks fits into this tick's budget."""
         budget, cell = self._budget, 0
         room = self._scheduler.room(budget, MAP_HEAD.size)
         if self._map.marked * MOST_PER_CELL + LEAST_ROOM < room:
@@ -93,31 +94,24 @@ class MapPublisher:
             room = self._scheduler.room(budget, MAP_HEAD.size)
             if room < LEAST_ROOM:
                 return False
-            used, cell = self._map.measure(kind, cell, self._cells, room)
-            budget -= self._scheduler.cost(MAP_HEAD.size + used) if used else 0
+            _, ops, cell, _ = self._map.encode(wanted, cell, self._cells, room, for_good=False)
+            budget -= self._scheduler.cost(MAP_HEAD.size + len(ops)) if ops else 0
         return True
 
-    def _publish(self, kind: int) -> bool:
-        """MAP frames with the cells of one kind; True if all of them fitted."""
-        return self._publish_from(kind, 0, self._cells) == self._cells
+    def _publish(self, wanted: int) -> bool:
+        """MAP frames with the cells that have such marks; True if all of them fitted."""
+        return self._publish_from(wanted, 0, self._cells) == self._cells
 
-    def _publish_from(self, kind: int, cell: int, end: int) -> int:
-        """MAP frames with the cells of one kind of cell..end; where to go on."""
+    def _publish_from(self, wanted: int, cell: int, end: int) -> int:
+        """MAP frames with those of cell..end; where to go on."""
         while cell < end:
             room = self._scheduler.room(self._budget, MAP_HEAD.size)
             if room < LEAST_ROOM:
                 return cell
-            start, ops, cell, marked = self._map.encode(kind, cell, end, room)
+            start, ops, cell, marked = self._map.encode(wanted, cell, end, room)
             if start >= 0:
                 self._queue(0, start, ops, marked)
         return cell
-
-    def _publish_rest(self) -> None:
-        """What is left, from where the last tick had to stop: no corner waits for ever."""
-        begun = self._rest_cell
-        self._rest_cell = self._publish_from(map_kernels.REST, begun, self._cells)
-        if self._rest_cell == self._cells:
-            self._rest_cell = self._publish_from(map_kernels.REST, 0, begun)
 
     def refresh(self, dt_s: float, spare: float) -> None:
         """Slices of the rolling refresh, by its pace, of its share and what else may be spent.
@@ -150,7 +144,7 @@ class MapPublisher:
         begun, due = self._cursor.cell, max(1, math.floor(self._due_cells))
         end = min(self._cells, begun + due)
         self._cursor.note_slice(self._scheduler.seq + 1)
-        start, ops, cell, marked = self._map.encode(map_kernels.REFRESH, begun, end, room)
+        start, ops, cell, marked = self._map.encode(kernels.REFRESH, begun, end, room)
         if seq := self._cursor.advance(cell):
             self._repair.note_round(seq)
         self._queue(REFRESH, start, ops, marked)
@@ -165,3 +159,66 @@ class MapPublisher:
         body = encode_map(self._origin, repaired, self.geom_id, start, ops)
         self._scheduler.queue(MAP, body, flags)
         self._repair.note_map(SentMap(self._scheduler.seq, marked, self._origin))
+
+
+@dataclass(slots=True)
+class Mark:
+    """A slice of the refresh began here."""
+
+    seq: int  # of its frame, unwrapped
+    lap: int
+    row: int  # of the window; may lie outside it
+    column: int
+
+
+class RefreshCursor:
+    """The refresh's way round the window, cell by cell; `cell` is the next one to send.
+
+    A receiver that lost a frame is whole again, even if it never answers, as soon as the refresh
+    has come round to where it was when the frame after that one was sent: every cell has then
+    either been sent again, or entered the window since, and is unknown to all who heard of that.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self.cell, self._lap = 0, 0
+        self._marks: deque[Mark] = deque()
+        self._marked_cell = -1  # where the newest mark was set, as `cell` then was
+
+    def begin(self) -> None:
+        """A new epoch: nothing of it was sent."""
+        self.cell, self._lap, self._marked_cell = 0, 0, -1
+        self._marks.clear()
+
+    def note_slice(self, seq: int) -> None:
+        """The next cells go out in frame `seq`."""
+        apart = self.cell - self._marked_cell
+        if self._marked_cell < 0 or apart < 0 or apart >= self._size**2 // MARKS:
+            self._marks.append(Mark(seq, self._lap, *divmod(self.cell, self._size)))
+            self._marked_cell = self.cell
+
+    def advance(self, cell: int) -> int:
+        """Cells before `cell` have been sent; the frame of the newest mark passed again, or 0."""
+        self.cell = cell
+        if cell >= self._size**2:
+            self.cell, self._lap = 0, self._lap + 1
+        newest = 0
+        while self._marks and self._is_round(self._marks[0]):
+            newest = self._marks.popleft().seq
+        return newest
+
+    def _is_round(self, mark: Mark) -> bool:
+        row, column = divmod(self.cell, self._size)
+        at = (mark.row, mark.column) if mark.row >= 0 else (0, 0)
+        return self._lap > mark.lap + 1 or (self._lap == mark.lap + 1 and (row, column) >= at)
+
+    def follow(self, di: int, dj: int) -> None:
+        """The window moved by (di, dj) cells: all places stay where they are in the world."""
+        most = self._size - 1
+        row, column = divmod(self.cell, self._size)
+        if self.cell > 0:
+            row, column = row - dj, max(0, min(most, column - di))
+            self.cell = max(0, min(most, row)) * self._size + (column if row >= 0 else 0)
+        for mark in self._marks:
+            mark.row, mark.column = mark.row - dj, mark.column - di
+        self._marked_cell = -1

@@ -6,12 +6,12 @@ Source: planner link, sections 2, 3 and 9.
 
 import hmac
 import math
-import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from struct import Struct
 
 from hw.device import BadFrame
-from hw.planner_link import frames as planner_frames
 from hw.planner_link.frames import (
     ACK,
     ASK,
@@ -32,13 +32,9 @@ from hw.planner_link.frames import (
 NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
 POLL = 1 << 0  # of a HELLO's capabilities
 ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, IN_WINDOW = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 7
-ACK_BODY, HELLO_BODY = struct.Struct("<HIIHHBB"), struct.Struct("<IIHH")
-DRIVE_BODY, ASK_BODY = struct.Struct("<IIhhHH"), struct.Struct("<HBBhhHH")
 LONGEST_VALID_MS, NO_SPEED = 1000, -(2**15)
-EXTERNAL_BODY = struct.Struct("<IIiihHHhHH")
 NO_YAW, NO_PLACE, MOST_YAW = -(2**15), -(2**31), 31416  # 0.0001 rad
 MOST_CORRELATION, OLDEST_MS = 10_000, 1000
-KINDS = {ACK: "ACK", HELLO: "HELLO", DRIVE: "DRIVE", ASK: "ASK", EXTERNAL_POSE: "EXTERNAL_POSE"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +46,6 @@ class Ack:
     last_seq: int
     mask: int  # bit i: frame last_seq - 1 - i was accepted
     echo_t_ms: int
-    hold_s: float
-    bad_frames: int
     status: int
     geom_id: int
 
@@ -60,12 +54,12 @@ class Ack:
 class Hello:
     """A planner that has just started."""
 
+    seq: int
+    t_ms: int  # the planner's clock
     nonce: int
     max_cells: int
     max_frame: int
     polls: bool  # nothing may be pushed at it: it asks
-    seq: int = 0
-    t_ms: int = 0  # the planner's clock
     signed: bool = False  # with a valid tag
 
 
@@ -116,6 +110,13 @@ class External:
 Answer = Ack | Hello | Ask | Drive | External
 
 
+def apart(frame: Answer, t_ms: int, seq: int) -> tuple[int, int]:
+    """How much newer a frame is than another, by clock (ms) and then by number; both wrap."""
+    assert not isinstance(frame, Ask)
+    after_ms = (frame.t_ms - t_ms + 2**31) % 2**32 - 2**31
+    return after_ms, (frame.seq - seq + 2**15) % 2**16 - 2**15
+
+
 def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFrame:
     """A frame that comes to the sender; with a secret, only one with the right tag.
 
@@ -135,13 +136,15 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFra
     tag = frame[end : -CRC.size]
     if secret is not None and kind != HELLO and not _is_signed(frame[:end], tag, secret):
         return BadFrame("no valid tag", frame)
-    answer = _decode_body(kind, frame[HEAD.size : end], seq, t_ms)
+    if kind not in BODIES:
+        return BadFrame("unknown type", frame)
+    name, layout, decode = BODIES[kind]
+    body = frame[HEAD.size : end]
+    answer = decode(seq, t_ms, *layout.unpack(body)) if len(body) == layout.size else None
     if isinstance(answer, Hello) and secret is not None:
         own = replace(secret, nonce=answer.nonce)
         answer = replace(answer, signed=_is_signed(frame[:end], tag, own))
-    return answer or BadFrame(
-        f"{KINDS[kind]} out of range" if kind in KINDS else "unknown type", frame
-    )
+    return answer or BadFrame(f"{name} out of range", frame)
 
 
 def _is_signed(content: bytes, tag: bytes, secret: Secret) -> bool:
@@ -149,55 +152,39 @@ def _is_signed(content: bytes, tag: bytes, secret: Secret) -> bool:
     return hmac.compare_digest(secret.tag(content), tag)
 
 
-def _decode_body(kind: int, body: bytes, seq: int, t_ms: int) -> Answer | None:
-    match kind:
-        case planner_frames.ACK if len(body) == ACK_BODY.size:
-            last, mask, echo, hold, bad, status, geom_id = ACK_BODY.unpack(body)
-            return Ack(seq, t_ms, last, mask, echo, hold * 1e-4, bad, status, geom_id)
-        case planner_frames.HELLO if len(body) == HELLO_BODY.size:
-            nonce, max_cells, max_frame, capabilities = HELLO_BODY.unpack(body)
-            polls = bool(capabilities & POLL)
-            return Hello(nonce, max_cells, min(max_frame, MAX_FRAME), polls, seq, t_ms)
-        case planner_frames.DRIVE:
-            return _maybe_drive(body, seq, t_ms)
-        case planner_frames.ASK:
-            return _maybe_ask(body)
-        case planner_frames.EXTERNAL_POSE:
-            return _maybe_external(body, seq, t_ms)
-    return None
-
-
 def is_kind(frame: bytes, kind: int) -> bool:
     """Whether a refused frame would have been one of that type."""
     return frame[:1] == bytes([VERSION << 4 | kind])
 
 
-def _maybe_ask(body: bytes) -> Ask | None:
-    """None for what asks for nothing, or for what nobody knows."""
-    if len(body) != ASK_BODY.size:
-        return None
-    ask = Ask(*ASK_BODY.unpack(body))
-    wants = ASK_GEOM | ASK_POSE | ASK_ZONE | ASK_TILE
+# Bodies as their fields; None unless all of it is as section 3 wants it: nothing counts in part
+
+
+def _ack(seq: int, t_ms: int, *fields: int) -> Ack:
+    last_seq, mask, echo_t_ms, _hold, _bad_frames, status, geom_id = fields
+    return Ack(seq, t_ms, last_seq, mask, echo_t_ms, status, geom_id)
+
+
+def _hello(seq: int, t_ms: int, *fields: int) -> Hello:
+    nonce, max_cells, max_frame, capabilities = fields
+    polls = bool(capabilities & POLL)
+    return Hello(seq, t_ms, nonce, max_cells, min(max_frame, MAX_FRAME), polls)
+
+
+def _maybe_ask(_seq: int, _t_ms: int, *fields: int) -> Ask | None:
+    ask, wants = Ask(*fields), ASK_GEOM | ASK_POSE | ASK_ZONE | ASK_TILE
     return ask if ask.wants & wants and not ask.wants & ~(wants | IN_WINDOW) else None
 
 
-def _maybe_drive(body: bytes, seq: int, t_ms: int) -> Drive | None:
-    """None unless all of it is as section 3 wants it: nothing is obeyed in part."""
-    if len(body) != DRIVE_BODY.size:
-        return None
-    session, nonce, v_mmps, w_mradps, valid_ms, reserved = DRIVE_BODY.unpack(body)
+def _maybe_drive(seq: int, t_ms: int, *fields: int) -> Drive | None:
+    session, nonce, v_mmps, w_mradps, valid_ms, reserved = fields
     if NO_SPEED in (v_mmps, w_mradps) or valid_ms > LONGEST_VALID_MS or reserved or not nonce:
         return None
     return Drive(seq, t_ms, session, nonce, v_mmps / 1000, w_mradps / 1000, valid_ms / 1000)
 
 
-def _maybe_external(body: bytes, seq: int, t_ms: int) -> External | None:
-    """None unless all of it is as section 3 wants it: nothing is used in part."""
-    if len(body) != EXTERNAL_BODY.size:
-        return None
-    session, nonce, x_mm, y_mm, yaw, sigma_x, sigma_y, tied, sigma_yaw, age_ms = (
-        EXTERNAL_BODY.unpack(body)
-    )
+def _maybe_external(seq: int, t_ms: int, *fields: int) -> External | None:
+    session, nonce, x_mm, y_mm, yaw, sigma_x, sigma_y, tied, sigma_yaw, age_ms = fields
     has_yaw = yaw != NO_YAW
     if not nonce or NO_PLACE in (x_mm, y_mm) or not sigma_x or not sigma_y:
         return None
@@ -206,16 +193,17 @@ def _maybe_external(body: bytes, seq: int, t_ms: int) -> External | None:
     if has_yaw and not (-MOST_YAW <= yaw < MOST_YAW and sigma_yaw):
         return None
     return External(
-        seq,
-        t_ms,
-        session,
-        nonce,
-        x_mm / 1000,
-        y_mm / 1000,
+        *(seq, t_ms, session, nonce, x_mm / 1000, y_mm / 1000),
         yaw / 10_000 if has_yaw else math.nan,
-        sigma_x / 1000,
-        sigma_y / 1000,
-        tied / MOST_CORRELATION,
-        sigma_yaw / 10_000,
-        age_ms / 1000,
+        *(sigma_x / 1000, sigma_y / 1000, tied / MOST_CORRELATION),
+        *(sigma_yaw / 10_000, age_ms / 1000),
     )
+
+
+BODIES: dict[int, tuple[str, Struct, Callable[..., Answer | None]]] = {
+    ACK: ("ACK", Struct("<HIIHHBB"), _ack),
+    HELLO: ("HELLO", Struct("<IIHH"), _hello),
+    DRIVE: ("DRIVE", Struct("<IIhhHH"), _maybe_drive),
+    ASK: ("ASK", Struct("<HBBhhHH"), _maybe_ask),
+    EXTERNAL_POSE: ("EXTERNAL_POSE", Struct("<IIiihHHhHH"), _maybe_external),
+}

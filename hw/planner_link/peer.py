@@ -4,13 +4,18 @@ A HELLO is believed whole where no key is set, and where it has a valid tag of t
 key, one without a tag (who sends it may know no session yet) only begins: its nonce counts, and
 how many cells it can hold, until something with a valid tag has come with that nonce. So nobody
 without the key can silence a link for longer than until the planner's next frame.
-Source: planner link, sections 3 (HELLO) and 9.
+
+ACKs count in the order of the planner's clock and numbers. With a key that order is kept for each
+nonce: anybody may repeat an old HELLO, and then what was signed for it.
+Source: planner link, sections 3 (HELLO), 6 and 9.
 """
 
 from hw.planner_link.frames import MAX_FRAME
-from hw.planner_link.messages import PLANNER_STOPPED, Hello
+from hw.planner_link.messages import PLANNER_STOPPED, Ack, Hello, apart
 
 LEAST_MAX_FRAME = 48  # bytes of a frame that a planner must take to get a map
+MOST_NONCES = 256  # of planners in one session
+LATE_MS = 2000  # an ACK that is older than the newest by more is from a planner started again
 
 
 class Peer:
@@ -24,16 +29,25 @@ class Peer:
         self.polled = not push  # nothing is pushed: it asks
         self.refusal = ""  # why no map is announced, as a message
         self.status = 0  # of its newest ACK
+        self._newest: dict[int, tuple[int, int]] = {}  # by nonce: t_ms and seq of the newest frame
 
     @property
     def stopped(self) -> bool:
-        """It says that it stopped."""
         return bool(self.status & PLANNER_STOPPED)
 
-    def take_hello(self, hello: Hello, is_replayed: bool) -> bool:
+    @property
+    def is_full(self) -> bool:
+        """No further planner can be told from a replay: a new session is needed."""
+        return self._has_key and len(self._newest) >= MOST_NONCES
+
+    def begin_session(self) -> None:
+        """No frame that was signed before is valid any more."""
+        self._newest.clear()
+
+    def take_hello(self, hello: Hello) -> bool:
         """A planner has started, or says it again; whether all begins anew."""
         before = (self.nonce, self.refusal, self.polled)
-        trusted = not self._has_key or (hello.signed and not is_replayed)
+        trusted = not self._has_key or (hello.signed and not self._is_replayed(hello))
         if not trusted and self._proven and hello.nonce == self.nonce:
             return False
         self._proven, self.nonce = trusted and self._has_key, hello.nonce
@@ -44,6 +58,28 @@ class Peer:
             return False
         if not self._has_key:  # else anybody could take back that the planner stopped
             self.status = 0
+            self._newest.clear()
+        return True
+
+    def _is_replayed(self, hello: Hello) -> bool:
+        """Whether a signed HELLO is not newer than all of its nonce; notes it if it is."""
+        newest = self._newest.get(hello.nonce)
+        if self.is_full if newest is None else apart(hello, *newest) <= (0, 0):
+            return True
+        self._newest[hello.nonce] = hello.t_ms, hello.seq
+        return False
+
+    def take_ack(self, ack: Ack) -> bool:
+        """Its status, unless a newer one has been taken before; whether it counts."""
+        newest = self._newest.get(self.nonce)
+        if newest is None and self.is_full:
+            return False
+        if newest is not None:
+            ahead = apart(ack, *newest)
+            if ahead < (0, 0) and (self._has_key or ahead[0] > -LATE_MS):
+                return False
+        self._newest[self.nonce] = ack.t_ms, ack.seq
+        self.status = ack.status
         return True
 
     def _refusal_of(self, max_cells: int) -> str:

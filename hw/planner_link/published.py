@@ -13,24 +13,24 @@ import numpy as np
 
 from core.records import I8, I32, U8, ObstacleMap
 from hw.planner_link.kernels import (
+    AGAIN,
     ANY,
     BLOCK,
+    CHANGED,
     HOT,
+    LOST,
     LOST_CELLS,
     MISSED,
     NO_SPAN,
+    OBSTACLE,
     Ring,
     Span,
     encode_cells,
     enter_cells,
-    mark_again_cells,
-    mark_every_cell,
-    mark_lost_cells,
+    mark_cells,
     note_cells,
     pack_published,
 )
-
-NO_CELLS: I32 = np.zeros(0, dtype=np.int32)
 
 
 def _span_of(corners: list[tuple[int, int]]) -> Span:
@@ -50,9 +50,9 @@ class PublishedMap:
             rows=np.zeros((3, size), dtype=np.int32),
             blocks=np.zeros((3, size * blocks), dtype=np.int32),
             counts=np.zeros(4, dtype=np.int32),
+            once=np.zeros(size * size + 1, dtype=np.int32),
+            cleared=np.zeros(size * size, dtype=np.int32),
         )
-        self._once: I32 = np.zeros(size * size + 1, dtype=np.int32)  # their number, and the cells
-        self._cleared: I32 = np.zeros(size * size, dtype=np.int32)
         self._every: I32 = np.arange(size * size, dtype=np.int32)
         self._ops: U8 = np.zeros(512, dtype=np.uint8)
         self._packed: U8 = np.zeros((size * size + 3) // 4, dtype=np.uint8)
@@ -65,10 +65,7 @@ class PublishedMap:
     def _warm(self) -> None:
         """Run the kernels that only a move or a loss needs: none is compiled in the loop."""
         self.corner = (0, 0)
-        self.mark_lost(NO_CELLS, self.corner)
         self._enter(self.corner, NO_SPAN)
-        self._once[0] = 1
-        self.mark_again()
         self.publish_again()
         self.forget()
         self.digest()
@@ -124,7 +121,6 @@ class PublishedMap:
         """The planner holds nothing any more: all cells unknown there."""
         for array in self._ring:
             array[:] = 0
-        self._once[0] = 0
         if self.corner is not None:
             self._span = _span_of([self.corner])
             note_cells(self._cells, self._trusted, self._every, self._ring)
@@ -136,48 +132,35 @@ class PublishedMap:
 
     def publish_again(self) -> None:
         """Nobody knows what the planner holds: send every cell again."""
-        mark_every_cell(self._cells, self._trusted, self._ring)
+        self._mark(self._every, 0, LOST | CHANGED)
 
-    def encode(self, kind: int, first: int, end: int, room: int) -> tuple[int, bytes, int, I32]:
+    def _mark(self, listed: I32, kept: int, reason: int) -> None:
+        mark_cells(self._cells, self._trusted, listed, kept, reason, self._ring)
+
+    def encode(
+        self, wanted: int, first: int, end: int, room: int, for_good: bool = True
+    ) -> tuple[int, bytes, int, I32]:
         """Operations for the wanted cells of first..end in window raster order.
 
         Returns the first cell addressed (-1: nothing to send), the operations, where to go on, and
-        the cells that had been marked: (k,) raster indices.
+        the cells that had been marked: (k,) raster indices. Nothing is published if not for good.
         """
-        start, used, count, next_cell = self._encode(kind, first, end, room, True)
-        cleared = self._cleared[:count].copy() if count else NO_CELLS
-        return start, self._ops[:used].tobytes(), next_cell, cleared
-
-    def measure(self, kind: int, first: int, end: int, room: int) -> tuple[int, int]:
-        """Bytes that `encode` would write, and where it would go on; nothing is published."""
-        _, used, _, next_cell = self._encode(kind, first, end, room, False)
-        return used, next_cell
-
-    def _encode(
-        self, kind: int, first: int, end: int, room: int, for_good: bool
-    ) -> tuple[int, int, int, int]:
         assert self.corner is not None
-        return encode_cells(
-            kind,
-            first,
-            end,
-            min(room, self._ops.size),
-            for_good,
-            self._cells,
-            self._trusted,
-            self.corner,
-            self._ring,
-            self._ops,
-            self._cleared,
-            self._once,
+        room = min(room, self._ops.size)
+        meant = self._cells, self._trusted, self.corner
+        start, used, count, next_cell = encode_cells(
+            wanted, first, end, room, for_good, *meant, self._ring, self._ops
         )
+        return start, self._ops[:used].tobytes(), next_cell, self._ring.cleared[:count].copy()
 
     def mark_again(self) -> None:
         """New obstacles published since the last call are to be published once more."""
-        count = int(self._once[0])
-        if count:
-            mark_again_cells(self._cells, self._once[1 : count + 1], self._ring)
-            self._once[0] = 0
+        ring = self._ring
+        if ring.once[0]:
+            once = ring.once[1 : ring.once[0] + 1]
+            still = (self._cells[once] == 1) & (ring.published[once] == OBSTACLE)
+            self._mark(once[still], CHANGED | LOST, AGAIN)
+            ring.once[0] = 0
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """A frame did not arrive: send those cells again that it carried.
@@ -186,7 +169,12 @@ class PublishedMap:
             lost: (k,) raster indices in the window at `origin`, as `encode` gave them.
         """
         if self.corner is not None:
-            mark_lost_cells(lost, origin, self.corner, self._cells, self._trusted, self._ring)
+            size, (corner_i, corner_j) = self.size, self.corner
+            j, i = np.divmod(lost, size)
+            i, j = i + origin[0] - corner_i, j + origin[1] - corner_j  # in the present window
+            inside = (i >= 0) & (i < size) & (j >= 0) & (j < size)
+            at = (j[inside] + corner_j) % size * size + (i[inside] + corner_i) % size
+            self._mark(at.astype(np.int32), CHANGED | AGAIN, LOST)
 
     def note_seen(self, seen: tuple[int, int], since: list[tuple[int, int]]) -> None:
         """The planner has had the window at `seen`, and perhaps at those corners since."""

@@ -8,14 +8,11 @@ Source: planner link, sections 3, 7 and 9.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import Port
-from hw.planner_link.poses import ExternalPoses
-from hw.planner_link.replay_guard import ReplayGuard
-from hw.planner_link.requests import NO_LINK, Requests
+from hw.planner_link.requests import NO_LINK, ExternalPoses, ReplayGuard, Requests
 from hw.planner_link.sender import LinkSettings, PlannerLink, Wire
 from hw.planner_link.tiles import TileSource
 
@@ -26,16 +23,13 @@ class Planners:
     def __init__(self, wires: Sequence[Wire], settings: LinkSettings, session: int) -> None:
         self.session, self._era = session, -1
         guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
-        self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
+        asked = self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
         self.links = [
-            PlannerLink(
-                replace(wire, number=number), settings, session, self.requests, self.external_poses
-            )
+            PlannerLink(wire, settings, session, *asked, number)
             for number, wire in enumerate(wires)
         ]
 
     def poll(self, now_s: float) -> None:
-        """Move all ports on, and take what the planners say."""
         for link in self.links:
             link.poll(now_s)
 
@@ -56,7 +50,7 @@ class Planners:
         """A new session, for all: before the frames' clock wraps (49 days), or memory is full."""
         era, before = round(now_s * 1000) // 2**32, self._era
         self._era = era
-        is_full = self._guard.is_full or any(link.is_full for link in self.links)
+        is_full = self._guard.is_full or any(link.peer.is_full for link in self.links)
         if before in (-1, era) and not is_full:
             return
         old = self.session.to_bytes(4, "little")
@@ -84,8 +78,8 @@ class Planners:
             return "the planner says it stopped"
         if self.requests.driver:
             driven = self.requests.link
-            return "" if driven == NO_LINK else self.links[driven].port.cause
-        causes = [link.port.cause for link in self.links]
+            return "" if driven == NO_LINK else self.links[driven].wire.port.cause
+        causes = [link.wire.port.cause for link in self.links]
         return causes[0] if causes and all(causes) else ""
 
     @property
@@ -107,12 +101,9 @@ def one_link(
     line_baud: int | None = None,
     drive_refusal: str = "",
     pose_refusal: str = "no external poses are taken here",
-    first_seq: int = 1,
     **settings: Any,
 ) -> PlannerLink:
     """A link by itself, for benches; `settings` as in `LinkSettings`, some with a usual value."""
     known = LinkSettings(**{"cell_mm": 50, "tick_s": 0.02, "stale_ms": 150, **settings})
-    guard = ReplayGuard(session, has_key=known.key is not None)
     wire = Wire(port, line_baud, drive_refusal, pose_refusal)
-    requests, poses = Requests(guard), ExternalPoses(guard)
-    return PlannerLink(wire, known, session, requests, poses, first_seq)
+    return Planners([wire], known, session).links[0]

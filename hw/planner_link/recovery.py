@@ -9,14 +9,12 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.records import I32
-from hw.planner_link.messages import NEED_GEOM, Ack, Hello
+from hw.planner_link.messages import NEED_GEOM, Ack
 from hw.planner_link.published import PublishedMap
 
 ACK_WINDOW = 33  # frames that an ACK speaks of
 REMEMBERED = 512  # MAP frames without an ACK
 MOST_LAG = 2**14  # frames: half of what a receiver can tell from the future
-MOST_NONCES = 256  # of planners in one session
-LATE_MS = 2000  # an ACK that is older than the newest by more is from a planner started again
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +29,15 @@ class SentMap:
 class Repair:
     """The bookkeeping of one planner's acknowledgements."""
 
-    def __init__(self, ring: PublishedMap, seq: int, strict: bool) -> None:
-        """Before the frame after `seq`; `strict`: an ACK older than the newest is never taken."""
-        self._map, self._strict = ring, strict
+    def __init__(self, ring: PublishedMap, seq: int) -> None:
+        """Before the frame after `seq`."""
+        self._map = ring
         self.epoch_seq = seq + 1  # first frame of this epoch
         self.repaired = self._covered = seq
         self._sent: deque[SentMap] = deque()
         self._geom_seq = 0  # first GEOM frame of this epoch, while nobody knows of its arrival
         self.in_step = True  # ACKs, if any come, tell of every MAP frame of this epoch
         self.frames_lost = 0
-        self._nonce = 0
-        self._newest: dict[int, tuple[int, int]] = {}  # by nonce: t_ms and seq of the newest
 
     def begin_epoch(self, seq: int) -> None:
         """After frame `seq`, both ends start from unknown."""
@@ -49,44 +45,6 @@ class Repair:
         self.repaired = self._covered = seq
         self.epoch_seq, self._geom_seq = seq + 1, 0
         self.in_step = True
-
-    def begin_session(self) -> None:
-        """A new session: no frame that was signed before is valid any more."""
-        self._newest.clear()
-
-    @property
-    def is_full(self) -> bool:
-        """No further planner can be told from a replay: a new session is needed."""
-        return self._strict and len(self._newest) >= MOST_NONCES
-
-    def note_hello(self, nonce: int) -> None:
-        """A planner has started: its numbers and its clock begin anew, not so those of a nonce.
-
-        A HELLO may have no tag. Anybody may repeat an old one, and then what was signed for it.
-        """
-        self._nonce = nonce
-        if not self._strict:
-            self._newest.clear()
-
-    def is_replayed(self, hello: Hello) -> bool:
-        """Whether a signed HELLO is not newer than all of its nonce; notes it if it is."""
-        newest = self._newest.get(hello.nonce)
-        if self.is_full if newest is None else _apart(hello, newest) <= (0, 0):
-            return True
-        self._newest[hello.nonce] = hello.t_ms, hello.seq
-        return False
-
-    def is_late(self, ack: Ack) -> bool:
-        """Whether a newer one has been taken before; notes this one if not."""
-        newest = self._newest.get(self._nonce)
-        if newest is None and self.is_full:
-            return True
-        if newest is not None:
-            apart = _apart(ack, newest)
-            if apart < (0, 0) and (self._strict or apart[0] > -LATE_MS):
-                return True
-        self._newest[self._nonce] = ack.t_ms, ack.seq
-        return False
 
     def note_geom(self, seq: int) -> None:
         """A GEOM frame goes out: what comes before the epoch's first one is ignored."""
@@ -144,12 +102,6 @@ class Repair:
                 self._map.mark_lost(sent.cells, sent.origin)
         if seen is not None:
             self._map.note_seen(seen, [sent.origin for sent in self._sent])
-
-
-def _apart(frame: Ack | Hello, newest: tuple[int, int]) -> tuple[int, int]:
-    """How much newer a frame is, by clock (ms) and then by number; both wrap."""
-    after_ms = (frame.t_ms - newest[0] + 2**31) % 2**32 - 2**31
-    return after_ms, (frame.seq - newest[1] + 2**15) % 2**16 - 2**15
 
 
 def _arrived(seq: int, newest: int, mask: int) -> bool:

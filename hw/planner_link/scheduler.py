@@ -63,7 +63,7 @@ class FrameScheduler:
         self._earned_s = self._written_s = -math.inf
         self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
         self._t_ms = array("I", bytes(4 * 2**16))  # of the newest of a number
-        self.frames_sent = self.bytes_sent = 0
+        self.frames_sent = 0
 
     def earn(self, now_s: float) -> float:
         """Budget for the time since the last tick, which is returned (s, bounded).
@@ -108,13 +108,9 @@ class FrameScheduler:
         """Bytes that a body may have behind its head, whatever the budget."""
         return self.max_frame - self._frame_bytes(head_bytes)
 
-    def fits(self, body_bytes: int) -> bool:
-        """Whether the planner takes a frame with a body of so many bytes."""
-        return self._frame_bytes(body_bytes) <= self.max_frame
-
     def queue(self, kind: int, body: bytes, flags: int = 0) -> None:
         """One more frame of this tick; left out if the planner can't take one so long."""
-        if self.fits(len(body)):
+        if self._frame_bytes(len(body)) <= self.max_frame:
             self.seq += 1
             self._queued.append((kind, flags, body))
             cost = self.cost(len(body))
@@ -131,12 +127,10 @@ class FrameScheduler:
         for k, (kind, flags, body) in enumerate(self._queued):
             more = MORE if k + 1 < len(self._queued) else 0
             frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)
-            data = frame if self.port.datagrams else lead + encode_serial(frame)
-            self.port.write(data)
+            self.port.write(frame if self.port.datagrams else lead + encode_serial(frame))
             lead = b""
             self._t_ms[(first + k) % 2**16] = t_ms
-            self.frames_sent += 1
-            self.bytes_sent += len(data)
+        self.frames_sent += len(self._queued)
         self._queued.clear()
         self._written_s = now_s
 

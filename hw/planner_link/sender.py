@@ -20,13 +20,13 @@ from hw.planner_link.frames import (
     GEOM,
     POSE,
     STOP_ZONE,
+    FrameInput,
     Secret,
     encode_digest,
     encode_geom,
     encode_pose,
     encode_stop_zone,
 )
-from hw.planner_link.input import FrameInput
 from hw.planner_link.map_frames import SLICE_BODY, MapPublisher
 from hw.planner_link.messages import (
     ASK_GEOM,
@@ -44,19 +44,17 @@ from hw.planner_link.messages import (
     is_kind,
 )
 from hw.planner_link.peer import Peer
-from hw.planner_link.poses import ExternalPoses
 from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import Repair
-from hw.planner_link.requests import Requests
+from hw.planner_link.requests import ExternalPoses, Requests
 from hw.planner_link.scheduler import FrameScheduler
-from hw.planner_link.tiles import NoTiles, Tiles, TileSource
+from hw.planner_link.tiles import Tiles, TileSource
 
 GEOM_EVERY_S = 1.0
 DIGEST_EVERY_S = 1.0
 ZONE_EVERY_S = 0.1
 NEED_FULL_EVERY_S = 0.25
 UNHEARD_S = 5.0  # of a planner on datagrams that only asks: it may not know where we are
-CLOSE_S = 1e-6  # of rounding, in periods
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +65,6 @@ class Wire:
     line_baud: int | None  # None: it has no such thing (UDP, TCP)
     drive_refusal: str  # why nobody may drive over it, as a message; "" if one may
     pose_refusal: str = "no external poses are taken here"  # likewise of external poses
-    number: int = 0  # which of a run's wires it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,21 +77,20 @@ class LinkSettings:
     stale_ms: int
     key: bytes | None = None
     push: bool = True  # False: nothing is sent but what is asked for
+    first_seq: int = 1  # number of a link's first frame
+
+
+def _is_due(now_s: float, last_s: float, period_s: float) -> bool:
+    return now_s - last_s >= period_s - 1e-6  # of rounding
 
 
 @dataclass(slots=True)
-class Due:
-    """What the next tick has to do besides what comes by itself."""
+class State:
+    """What the next tick has to do besides what comes by itself, and what happened last, when."""
 
-    geom: bool
-    epoch: bool = False  # both ends are to start from unknown
+    geom_due: bool
+    epoch_due: bool = False  # both ends are to start from unknown
     wanted: int = 0  # bits of ASK
-
-
-@dataclass(slots=True)
-class Last:
-    """When things happened last, on the host's clock, and what was said."""
-
     epoch: int = -1  # of the window; other than any
     geom_s: float = -math.inf
     called_s: float = -math.inf
@@ -124,27 +120,23 @@ class PlannerLink:
         session: int,
         requests: Requests,
         external_poses: ExternalPoses,
-        first_seq: int = 1,
+        number: int,
     ) -> None:
-        self._wire, self._settings = wire, settings
+        """`number`: which of a run's links it is."""
+        self.wire, self._settings, self._number = wire, settings, number
         self.requests, self.external_poses = requests, external_poses
         self.session, key = session, settings.key
         cells = settings.size**2
         self.peer = Peer(cells=cells, push=settings.push, has_key=key is not None)
         self._input = FrameInput(wire.port)
         self._scheduler = FrameScheduler(
-            wire.port, wire.line_baud, settings.tick_s, self._secret, SLICE_BODY, first_seq
+            wire.port, wire.line_baud, settings.tick_s, self._secret, SLICE_BODY, settings.first_seq
         )
         self._map = PublishedMap(settings.size)
-        self._repair = Repair(self._map, first_seq - 1, strict=key is not None)
+        self._repair = Repair(self._map, settings.first_seq - 1)
         self._publisher = MapPublisher(self._scheduler, self._map, self._repair, session % 256)
-        self._tiles = Tiles(settings.cell_mm)
-        self._due, self._last, self.counters = Due(geom=settings.push), Last(), LinkCounters()
-
-    @property
-    def port(self) -> Port:
-        """Of its wire."""
-        return self._wire.port
+        self._tiles = Tiles(self._scheduler, settings.cell_mm)
+        self._state, self.counters = State(geom_due=settings.push), LinkCounters()
 
     @property
     def geom_id(self) -> int:
@@ -153,34 +145,23 @@ class PlannerLink:
 
     @property
     def frames_sent(self) -> int:
-        """Since the start."""
         return self._scheduler.frames_sent
-
-    @property
-    def bytes_sent(self) -> int:
-        """As they went over the wire, since the start."""
-        return self._scheduler.bytes_sent
 
     @property
     def frames_lost(self) -> int:
         """MAP frames that ACKs have shown to be lost."""
         return self._repair.frames_lost
 
-    @property
-    def is_full(self) -> bool:
-        """No further planner can be told from a replay: a new session is needed."""
-        return self._repair.is_full
-
     def heard(self, now_s: float) -> bool:
         """Whether the planner has sent a valid frame within the last second."""
-        return self._last.heard_s is not None and now_s - self._last.heard_s < 1.0
+        return self._state.heard_s is not None and now_s - self._state.heard_s < 1.0
 
     def restart(self, session: int) -> None:
         """Go on as another run does, under a new session: also who only asks hears of it."""
         self.session = session
         self._scheduler.secret = self._secret
-        self._repair.begin_session()
-        self._due.epoch = self._due.geom = True
+        self.peer.begin_session()
+        self._state.epoch_due = self._state.geom_due = True
 
     @property
     def _secret(self) -> Secret | None:
@@ -191,82 +172,77 @@ class PlannerLink:
 
     def poll(self, now_s: float) -> bool:
         """Move the port on, and take what the planner says; True while the port is open."""
-        is_open = self.port.poll(now_s)
-        if self._last.heard_s is None:
-            self._last.heard_s = now_s - UNHEARD_S
+        is_open = self.wire.port.poll(now_s)
+        if self._state.heard_s is None:
+            self._state.heard_s = now_s - UNHEARD_S
         for frame in self._input.read():
             self._take(now_s, frame)
         return is_open
 
     def _take(self, now_s: float, frame: bytes | BadFrame) -> None:
-        answer = (
-            frame if isinstance(frame, BadFrame) else decode_answer(frame, self._scheduler.secret)
-        )
-        if not isinstance(answer, BadFrame):
-            self._last.heard_s = now_s
-            if not isinstance(answer, Hello) and self.peer.prove():
-                self._due.epoch = True
+        if isinstance(frame, BadFrame):
+            self.counters.answers_rejected += 1
+            return
+        answer = decode_answer(frame, self._scheduler.secret)
+        if isinstance(answer, BadFrame):
+            self.counters.answers_rejected += 1
+            for kind, counted in ((DRIVE, self.requests), (EXTERNAL_POSE, self.external_poses)):
+                if is_kind(frame, kind):
+                    counted.refuse(answer.reason)
+            return
+        self._state.heard_s = now_s
+        if not isinstance(answer, Hello) and self.peer.prove():
+            self._state.epoch_due = True
         match answer:
             case Ack():
                 self._take_ack(now_s, answer)
             case Hello():
                 self._take_hello(answer)
             case Ask():
-                self._due.wanted |= answer.wants
+                self._state.wanted |= answer.wants
                 if answer.wants & ASK_TILE:
                     self._tiles.take(answer)
             case Drive():
-                self.requests.take(now_s, answer, self._wire.drive_refusal, self._wire.number)
+                self.requests.take(now_s, answer, self.wire.drive_refusal, self._number)
             case External():
-                self.external_poses.take(now_s, answer, self._wire.pose_refusal)
-            case BadFrame(reason, data):
-                self.counters.answers_rejected += 1
-                if isinstance(frame, BadFrame):
-                    return
-                if is_kind(data, DRIVE):
-                    self.requests.refuse(reason)
-                elif is_kind(data, EXTERNAL_POSE):
-                    self.external_poses.refuse(reason)
+                self.external_poses.take(now_s, answer, self.wire.pose_refusal)
 
     def _take_hello(self, hello: Hello) -> None:
         """A planner has started: it holds nothing, and wants to know the geometry."""
-        is_replayed = hello.signed and self._repair.is_replayed(hello)
-        if self.peer.take_hello(hello, is_replayed):
-            self._repair.note_hello(hello.nonce)
+        if self.peer.take_hello(hello):
             self._tiles.forget()
             self._scheduler.secret = self._secret
-            self._due.epoch = True
+            self._state.epoch_due = True
         self._scheduler.max_frame = self.peer.max_frame
-        self._due.geom = True
+        self._state.geom_due = True
 
     def _take_ack(self, now_s: float, ack: Ack) -> None:
-        if self._repair.is_late(ack):
+        if not self.peer.take_ack(ack):
             return
         self.counters.acks += 1
-        self.peer.status = ack.status
         if self.peer.end_polling():
-            self._due.epoch = True
+            self._state.epoch_due = True
         newest = self._scheduler.maybe_sent(ack.last_seq, ack.echo_t_ms)
         if newest is not None and newest < self._repair.epoch_seq:
             return  # of another epoch: it says nothing of what is on its way now
         if newest is None:
             if ack.status & NEED_GEOM and not self.peer.polled:
-                self._due.geom, self._repair.in_step = True, False
+                self._state.geom_due, self._repair.in_step = True, False
             return
         if self.peer.polled:
             return
-        is_full_due = now_s - self._last.full_s >= NEED_FULL_EVERY_S
+        is_full_due = now_s - self._state.full_s >= NEED_FULL_EVERY_S
         if ack.status & NEED_FULL and ack.geom_id == self.geom_id and is_full_due:
-            self._last.full_s, self._due.epoch = now_s, True
+            self._state.full_s, self._state.epoch_due = now_s, True
         elif not self._repair.take(newest, ack, self.geom_id):
-            self._due.geom = True
+            self._state.geom_due = True
 
     def _begin_epoch(self, now_s: float) -> None:
         """New geometry number: both ends start from unknown."""
-        self._due.epoch = False
-        self._due.geom |= not self.peer.polled
+        self._state.epoch_due = False
+        self._state.geom_due |= not self.peer.polled
         # not soon after a GEOM that some have missed
-        self._last.digest_s = now_s - DIGEST_EVERY_S / 2
+        self._state.digest_s = now_s - DIGEST_EVERY_S / 2
         if self.peer.polled:
             self._map.put_away()
         self._publisher.begin_epoch()
@@ -289,8 +265,8 @@ class PlannerLink:
         """
         is_open = self.poll(now_s)
         lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
-        if self._due.epoch or lags or window.epoch != self._last.epoch:
-            self._last.epoch = window.epoch
+        if self._state.epoch_due or lags or window.epoch != self._state.epoch:
+            self._state.epoch = window.epoch
             self._begin_epoch(now_s)
         if not self.peer.polled:
             self._publisher.follow(window)
@@ -299,21 +275,21 @@ class PlannerLink:
             self.counters.ticks_held += 1
             return
         self._publish_state(now_s, pose, zone)
-        source = tiles or NoTiles()
         if self.peer.polled:
-            self._publish_tiles(self._scheduler.budget.credit, window, source)
+            told = None if self.peer.refusal else window
+            self._tiles.publish(self._scheduler.budget.credit, told, self.geom_id, tiles)
         elif not self.peer.refusal:
-            self._publish_map(now_s, dt_s, window, source)
-        self._due.wanted = 0
+            self._publish_map(now_s, dt_s, window, tiles)
+        self._state.wanted = 0
         self._scheduler.write(now_s)
 
     def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
         """GEOM, POSE and STOP_ZONE, where they are due or asked for."""
-        settings, pushes, wanted = self._settings, not self.peer.polled, self._due.wanted
+        settings, pushes, wanted = self._settings, not self.peer.polled, self._state.wanted
         calls = self._calls_out(now_s)
-        due = pushes and now_s - self._last.geom_s >= GEOM_EVERY_S - CLOSE_S
-        if not self.peer.refusal and (self._due.geom or due or calls or wanted & ASK_GEOM):
-            self._due.geom, self._last.geom_s = False, now_s
+        due = pushes and _is_due(now_s, self._state.geom_s, GEOM_EVERY_S)
+        if not self.peer.refusal and (self._state.geom_due or due or calls or wanted & ASK_GEOM):
+            self._state.geom_due, self._state.geom_s = False, now_s
             geom = (self.geom_id, settings.size, settings.cell_mm, self.session)
             self._scheduler.queue(GEOM, encode_geom(*geom, settings.tick_s, settings.stale_ms))
             self._repair.note_geom(self._scheduler.seq)
@@ -321,24 +297,24 @@ class PlannerLink:
             self._scheduler.queue(POSE, encode_pose(pose))
         if zone is None:
             return
-        due = now_s - self._last.zone_s >= ZONE_EVERY_S - CLOSE_S
-        new = self._last.zone != (zone.state, zone.causes)
+        due = _is_due(now_s, self._state.zone_s, ZONE_EVERY_S)
+        new = self._state.zone != (zone.state, zone.causes)
         if (pushes and (due or new)) or wanted & ASK_ZONE:
-            self._last.zone_s, self._last.zone = now_s, (zone.state, zone.causes)
+            self._state.zone_s, self._state.zone = now_s, (zone.state, zone.causes)
             self._scheduler.queue(STOP_ZONE, encode_stop_zone(zone))
 
     def _calls_out(self, now_s: float) -> bool:
         """Whether a planner that only asks is to be shown where we are."""
-        if not self.peer.polled or not self.port.datagrams or self._last.heard_s is None:
+        state = self._state
+        if not self.peer.polled or not self.wire.port.datagrams or state.heard_s is None:
             return False
-        unheard = now_s - self._last.heard_s >= UNHEARD_S - CLOSE_S
-        if not unheard or now_s - self._last.called_s < GEOM_EVERY_S - CLOSE_S:
-            return False
-        self._last.called_s = now_s
-        return True
+        calls = _is_due(now_s, state.heard_s, UNHEARD_S)
+        calls &= _is_due(now_s, state.called_s, GEOM_EVERY_S)
+        state.called_s = now_s if calls else state.called_s
+        return calls
 
     def _publish_map(
-        self, now_s: float, dt_s: float, window: ObstacleMap, source: TileSource
+        self, now_s: float, dt_s: float, window: ObstacleMap, tiles: TileSource | None
     ) -> None:
         """Changes, tiles, refresh and digest of a planner that need not ask."""
         scheduler, budget = self._scheduler, self._scheduler.budget
@@ -346,18 +322,11 @@ class PlannerLink:
         spare = budget.credit - budget.tick_bytes
         if self._tiles.waiting:
             left = budget.credit - budget.saved - budget.tick_bytes / 2
-            self._publish_tiles(left, window, source)
+            self._tiles.publish(left, window, self.geom_id, tiles)
             spare = 0.0
         self._publisher.refresh(dt_s, spare)
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq
-        due = now_s - self._last.digest_s >= DIGEST_EVERY_S - CLOSE_S
+        due = _is_due(now_s, self._state.digest_s, DIGEST_EVERY_S)
         if is_known and due and budget.credit >= scheduler.cost(DIGEST_BODY.size):
-            self._last.digest_s = now_s
+            self._state.digest_s = now_s
             scheduler.queue(DIGEST, encode_digest(self.geom_id, self._map.digest()))
-
-    def _publish_tiles(self, budget: float, window: ObstacleMap, source: TileSource) -> None:
-        if self._tiles.waiting:
-            corner = None if self.peer.refusal else (window.corner_i, window.corner_j)
-            self._tiles.publish(
-                self._scheduler, budget, corner, window.trusted, self.geom_id, source
-            )

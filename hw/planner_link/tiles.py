@@ -5,7 +5,6 @@ it has been sent.
 Source: planner link, section 3 (ASK, TILE; docs/protocols/planner-link.md).
 """
 
-import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,15 +12,20 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from core.records import U8
+from core.records import ObstacleMap
 from hw.planner_link.frames import TILE, TILE_HEAD, int16
 from hw.planner_link.messages import IN_WINDOW, Ask
 from hw.planner_link.scheduler import FrameScheduler
-from jit import kernel
 
 F32 = npt.NDArray[np.float32]
 LAYERS = ("state", "height", "variance", "slope")  # by their number in ASK and TILE
-STATE, HEIGHT, VARIANCE = 0, 1, 2
+STATE = 0
+NUMBERS = {  # of the other layers: scale, whether rounded up, least, most, not known
+    1: (1e3, False, -32_767, 32_767, -32_768),
+    2: (1e6, True, 0, 65_534, 65_535),
+    3: (1e4, False, 0, 65_534, 65_535),
+}
+QUAD_SHIFTS = np.array([0, 2, 4, 6], np.uint8)  # four states a byte, the first lowest
 NO_LAYER, BAD_SIZE, TOO_MANY, NO_MAP = 1, 2, 3, 4  # why a tile can't be had
 MOST_CELLS = 401 * 401
 MOST_TILES = 4  # at a time
@@ -44,44 +48,25 @@ class TileSource(Protocol):
         """
 
 
-class NoTiles:
-    """A source without any layer."""
-
-    def values(self, layer: str, i: int, j: int, width: int, first: int, count: int) -> F32 | None:
-        """Nothing."""
-        return None
-
-
 @dataclass(slots=True)
 class Tile:
     """One rectangle that was asked for, and how far it has been sent."""
 
     ask: Ask
-    status: int = 0
+    status: int = 0  # why it can't be had
     corner: tuple[int, int] = (0, 0)  # world cell, once the first piece is due
     sent: int = 0  # cells; 0 also before the first piece
 
+    @property
+    def left(self) -> int:
+        return self.ask.width * self.ask.height - self.sent
 
-@kernel
-def _pack_class(values: F32, trusted: bool, packed: U8) -> None:
-    """Two bits a cell into ceil(n / 4) zeroed bytes."""
-    for k in range(values.size):
-        code = 2 if values[k] == 1.0 else (1 if values[k] == -1.0 and trusted else 0)
-        packed[k // 4] |= code << 2 * (k % 4)
-
-
-@kernel
-def _pack_numbers(
-    values: F32, scale: float, up: bool, least: int, most: int, none: int, packed: U8
-) -> None:
-    """Little-endian 16-bit numbers into 2 n bytes; `up` rounds up, else to the nearest."""
-    for k in range(values.size):
-        number = none
-        if not math.isnan(values[k]):
-            scaled = max(float(least), min(float(most), values[k] * scale))
-            number = int(math.ceil(scaled - 1e-4) if up else math.floor(scaled + 0.5))
-        packed[2 * k] = number & 0xFF
-        packed[2 * k + 1] = number >> 8 & 0xFF
+    def begin(self, window: ObstacleMap) -> None:
+        """Its lowest corner is the one nearest to the window that fits."""
+        i, j = self.ask.i, self.ask.j
+        if not self.ask.wants & IN_WINDOW:
+            i, j = int16(i - window.corner_i), int16(j - window.corner_j)
+        self.corner = window.corner_i + i, window.corner_j + j
 
 
 def pack_values(layer: int, values: F32, trusted: bool) -> bytes:
@@ -91,32 +76,24 @@ def pack_values(layer: int, values: F32, trusted: bool) -> bytes:
         values: (n,) as a TileSource gives them.
         trusted: False: no free cell may be published.
     """
-    count = values.size
-    packed = np.zeros((count + 3) // 4 if layer == STATE else 2 * count, dtype=np.uint8)
     if layer == STATE:
-        _pack_class(values, trusted, packed)
-    elif layer == HEIGHT:
-        _pack_numbers(values, 1e3, False, -32_767, 32_767, -32_768, packed)
-    elif layer == VARIANCE:
-        _pack_numbers(values, 1e6, True, 0, 65_534, 65_535, packed)
-    else:
-        _pack_numbers(values, 1e4, False, 0, 65_534, 65_535, packed)
-    return packed.tobytes()
+        quads = np.zeros((-(-values.size // 4), 4), dtype=np.uint8)
+        free = (values == -1) & trusted
+        quads.reshape(-1)[: values.size] = np.where(values == 1, 2, free)
+        return bytes(np.bitwise_or.reduce(quads << QUAD_SHIFTS, axis=1))
+    scale, up, least, most, unknown = NUMBERS[layer]
+    scaled = np.clip(values.astype(np.float64) * scale, least, most)
+    rounded = np.ceil(scaled - 1e-4) if up else np.floor(scaled + 0.5)
+    return np.where(np.isnan(values), unknown, rounded).astype(np.int64).astype("<u2").tobytes()
 
 
 class Tiles:
     """What one planner has asked for and not got yet."""
 
-    def __init__(self, cell_mm: int) -> None:
-        self._cell_mm = cell_mm
+    def __init__(self, scheduler: FrameScheduler, cell_mm: int) -> None:
+        self._scheduler, self._cell_mm = scheduler, cell_mm
         self._tiles: deque[Tile] = deque()
         self._refused: deque[Tile] = deque(maxlen=MOST_REFUSALS)
-        self._warm()
-
-    def _warm(self) -> None:
-        """No kernel is compiled in the loop."""
-        for layer in range(len(LAYERS)):
-            pack_values(layer, np.zeros(1, dtype=np.float32), False)
 
     @property
     def waiting(self) -> bool:
@@ -141,19 +118,15 @@ class Tiles:
             self._tiles.append(Tile(ask))
 
     def publish(
-        self,
-        scheduler: FrameScheduler,
-        budget: float,
-        corner: tuple[int, int] | None,
-        trusted: bool,
-        geom_id: int,
-        source: TileSource,
+        self, budget: float, window: ObstacleMap | None, geom_id: int, source: TileSource | None
     ) -> None:
         """Pieces into the scheduler, under a budget of wire bytes.
 
         Args:
-            corner: world cell of the window's lowest corner; None: no map is announced.
+            window: None: no map is announced.
+            source: None: there is no layer at all.
         """
+        scheduler = self._scheduler
         floor = scheduler.budget.credit - budget
         while self.waiting:
             room = scheduler.room(scheduler.budget.credit - floor, TILE_HEAD.size)
@@ -161,46 +134,37 @@ class Tiles:
                 if room < 0:
                     return
                 scheduler.queue(TILE, self._head(self._refused.popleft(), geom_id, 0))
-                continue
-            tile = self._tiles[0]
-            if corner is None:
-                self._refuse(tile, NO_MAP)
-                continue
-            if tile.sent == 0:
-                tile.corner = _corner_of(tile.ask, corner)
-            if not self._publish_piece(scheduler, room, tile, trusted, geom_id, source):
+            elif window is None or source is None:
+                self._refuse(NO_MAP if window is None else NO_LAYER)
+            elif not self._publish_piece(room, window, geom_id, source):
                 return
 
-    def _refuse(self, tile: Tile, status: int) -> None:
-        tile.status = status
+    def _refuse(self, status: int) -> None:
+        """The first tile."""
+        self._tiles[0].status = status
         self._refused.append(self._tiles.popleft())
 
     def _publish_piece(
-        self,
-        scheduler: FrameScheduler,
-        room: int,
-        tile: Tile,
-        trusted: bool,
-        geom_id: int,
-        source: TileSource,
+        self, room: int, window: ObstacleMap, geom_id: int, source: TileSource
     ) -> bool:
-        """The next piece of a tile; False if there is too little room for it."""
-        ask = tile.ask
-        left = ask.width * ask.height - tile.sent
-        whole = (left + 3) // 4 if ask.layer == STATE else 2 * left
-        enough = min(whole, PIECE_BYTES, scheduler.most_room(TILE_HEAD.size))
+        """The next piece of the first tile; False if there is too little room for it."""
+        tile = self._tiles[0]
+        ask, is_state = tile.ask, tile.ask.layer == STATE
+        if tile.sent == 0:
+            tile.begin(window)
+        whole = (tile.left + 3) // 4 if is_state else 2 * tile.left
+        enough = min(whole, PIECE_BYTES, self._scheduler.most_room(TILE_HEAD.size))
         if room < max(2, enough):
             return False
-        count = min(left, 4 * room if ask.layer == STATE else room // 2)
-        layer = LAYERS[ask.layer]
-        values = source.values(layer, *tile.corner, ask.width, tile.sent, count)
+        count = min(tile.left, 4 * room if is_state else room // 2)
+        values = source.values(LAYERS[ask.layer], *tile.corner, ask.width, tile.sent, count)
         if values is None:
-            self._refuse(tile, NO_LAYER)
+            self._refuse(NO_LAYER)
             return True
-        head = self._head(tile, geom_id, count)
-        scheduler.queue(TILE, head + pack_values(ask.layer, values, trusted))
+        packed = pack_values(ask.layer, values, window.trusted)
+        self._scheduler.queue(TILE, self._head(tile, geom_id, count) + packed)
         tile.sent += count
-        if tile.sent == ask.width * ask.height:
+        if not tile.left:
             self._tiles.popleft()
         return True
 
@@ -208,22 +172,7 @@ class Tiles:
         ask = tile.ask
         i, j = (int16(tile.corner[0]), int16(tile.corner[1])) if count else (ask.i, ask.j)
         return TILE_HEAD.pack(
-            ask.id,
-            ask.layer,
-            tile.status,
-            i,
-            j,
-            ask.width,
-            ask.height,
+            *(ask.id, ask.layer, tile.status, i, j, ask.width, ask.height),
             tile.sent.to_bytes(3, "little"),
-            geom_id,
-            count,
-            self._cell_mm,
+            *(geom_id, count, self._cell_mm),
         )
-
-
-def _corner_of(ask: Ask, corner: tuple[int, int]) -> tuple[int, int]:
-    """World cell of a rectangle's lowest corner: the one nearest to the window that fits."""
-    if ask.wants & IN_WINDOW:
-        return corner[0] + ask.i, corner[1] + ask.j
-    return corner[0] + int16(ask.i - corner[0]), corner[1] + int16(ask.j - corner[1])

@@ -95,8 +95,8 @@ def test_each_receiver_gets_the_map_whatever_the_others_lose(company: Company) -
         assert not planner.suspect
         wrong = planner.window() != company.meant()
         assert int(wrong.sum()) <= 30  # of this very tick
-    assert company.planners[1].missing > 0
-    assert company.planners[0].missing == 0
+    assert company.planners[1].numbers.missing > 0
+    assert company.planners[0].numbers.missing == 0
 
 
 def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(company: Company) -> None:

@@ -16,12 +16,13 @@ from mapod_link.frames import (
     GEOM,
     HELLO,
     MAP,
+    OUTBOX,
     POSE,
     Frame,
     bytes_from_frame,
     tag_is_right,
 )
-from mapod_link.receiver import OUTBOX, Receiver
+from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
     NONCE,
     SESSION,
@@ -145,18 +146,9 @@ def test_the_authenticated_frame_of_the_sheet_is_taken_with_its_key_alone(right:
     assert receiver.pose is None
 
 
-def test_a_receiver_without_a_key_takes_signed_frames_as_they_are() -> None:
-    receiver = Receiver(NONCE)
-    for name in ("geom", "pose", "map_auth", "digest_auth", "stop_zone_auth"):
-        assert receiver.feed_datagram(0.0, vector(name))
-    assert receiver.digest_ok
-
-
-@pytest.mark.parametrize("days", [1, 20, 30, 48])
+@pytest.mark.parametrize("days", [1, 48])
 def test_a_frame_of_days_ago_is_old_whatever_its_number(days: int) -> None:
-    receiver = keyed()
-    receiver.feed_datagram(0.0, signed_frame(KEY, NONCE, POSE, 9, 1020, pose_body()))
-    now_ms = days * 86_400_000
+    receiver, now_ms = keyed(), days * 86_400_000
     receiver.feed_datagram(1.0, signed_frame(KEY, NONCE, POSE, 300, now_ms, pose_body(mode=2)))
     receiver.feed_datagram(2.0, signed_frame(KEY, NONCE, POSE, 301, 2000, pose_body(mode=4)))
     assert receiver.pose is not None

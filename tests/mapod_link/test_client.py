@@ -8,25 +8,25 @@ import doctest
 import os
 import re
 import socket
-import subprocess
-import sys
+import struct
 import textwrap
 import threading
 import tty
 from collections.abc import Callable, Iterator
-from pathlib import Path
+from functools import partial
+from types import ModuleType
 
 import pytest
 
 import mapod_link
-from mapod_link import OBSTACLE, Receiver, asking, bodies, client, frames, open_link
+from mapod_link import OBSTACLE, Receiver, asking, bodies, frames, open_link
 from mapod_link.client import Link
 from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE
 from mapod_link.serial_line import Deframer, serial_from_frame
-from mapod_link.wires import SerialWire, StreamWire
-from tests import ROOT
+from mapod_link.wires import SO_TIMESTAMPNS, SerialWire, StreamWire, UdpWire, arrival_s
 from tests.support.planner_sender import (
     NONCE,
+    SESSION,
     geom_body,
     map_body,
     op,
@@ -38,14 +38,18 @@ from tests.support.planner_sender import (
 PATIENCE_S = 60.0
 
 
-def frames_of_a_map() -> list[bytes]:
+def frames_of_a_map(session: int = SESSION) -> list[bytes]:
     """GEOM, POSE and MAP with one obstacle."""
-    told = ((GEOM, geom_body()), (POSE, pose_body()), (MAP, map_body(op(OBSTACLE, 1))))
-    return [frames.bytes_from_frame(kind, 1 + i, 5, body) for i, (kind, body) in enumerate(told)]
+    told = {GEOM: geom_body(session=session), POSE: pose_body(), MAP: map_body(op(OBSTACLE, 1))}
+    return [frames.bytes_from_frame(kind, kind, 5, body) for kind, body in told.items()]
 
 
 def has_map(receiver: Receiver) -> bool:
     return receiver.cell(0, 0) == OBSTACLE
+
+
+def knows_map_of(session: int, receiver: Receiver) -> bool:
+    return receiver.geom is not None and receiver.geom.session == session and not receiver.blank
 
 
 def port_of(link: Link) -> int:
@@ -55,11 +59,11 @@ def port_of(link: Link) -> int:
 # Documents
 
 
-@pytest.mark.parametrize("module", [mapod_link, frames, bodies, asking, client])
-def test_the_examples_in_the_docstrings_run(module: object) -> None:
-    tried = doctest.testmod(module)  # type: ignore[arg-type]
+@pytest.mark.parametrize("module", [mapod_link, frames, bodies])
+def test_the_examples_in_the_docstrings_run(module: ModuleType) -> None:
+    tried = doctest.testmod(module)
     assert tried.failed == 0
-    assert tried.attempted > 0 or module in (asking, client)
+    assert tried.attempted > 0
 
 
 def test_the_ten_lines_run_as_they_stand() -> None:
@@ -67,22 +71,9 @@ def test_the_ten_lines_run_as_they_stand() -> None:
         r"\n\n(    from mapod_link.*?)\n\n\*\*Without", mapod_link.__doc__ or "", re.S
     )
     assert lines is not None
-    code = textwrap.dedent(lines[1]).replace("9750", "0").replace("while True", "for _ in [0, 1]")
-    assert len(code.splitlines()) <= 12
+    code = textwrap.dedent(lines[1]).replace("9750", "0").replace("0.1", "0.0")
+    code = code.replace("while True", "for _ in [0, 1]")
     exec(compile(code, "ten lines", "exec"), {})
-
-
-def test_the_package_runs_without_the_rest_of_the_repository(tmp_path: Path) -> None:
-    (tmp_path / "mapod_link").symlink_to(ROOT / "mapod_link")
-    code = (
-        "import sys, mapod_link; mapod_link.Receiver(1)\n"
-        "rooms = {'core', 'hw', 'fakes', 'tools', 'tests', 'app', 'main', 'numba', 'cobs'}\n"
-        "print(sorted(rooms & {name.split('.')[0] for name in sys.modules}))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
 
 
 # UDP
@@ -111,28 +102,18 @@ def test_a_map_over_udp_arrives_and_is_answered() -> None:
         assert link.drive(0.1, 0.0)
         while whole([sender.recv(400)])[0].type != DRIVE:
             pass
-        time_over = link.now_s() + 0.16
-        assert not link.wait_for(lambda _: False, 0.2)
-        assert link.now_s() > time_over
-        assert link.stale()
+        assert not link.wait_for(lambda _: False, 0.0)
     assert link.receiver.nonce != 0
 
 
 def test_datagrams_that_lay_about_are_as_old_as_they_are() -> None:
-    with open_link("udp://127.0.0.1:0") as link, udp_sender(link) as sender:
-        for _ in range(3):  # the system begins to stamp a little after it was asked to
-            sender.send(b"no frame")
-            link.update(0.05)
-        for frame in frames_of_a_map():
-            sender.send(frame)
-        sent_s = link.now_s()
-        while link.now_s() < sent_s + 0.2:  # a planner that thinks for long
-            pass
-        link.update(1.0)
-        assert has_map(link.receiver)
-        assert link.receiver.pose is not None
-        assert link.receiver.pose.arrived_s < sent_s + 0.1
-        assert link.advice() == ("stop", "link stale")
+    kind, stamp = (socket.SOL_SOCKET, SO_TIMESTAMPNS), struct.pack("@ll", 1000, 500_000_000)
+    assert arrival_s([(*kind, stamp)], 900.0, 99.0, 102.0) == pytest.approx(100.5)
+    assert arrival_s([(*kind, stamp)], 900.0, 101.0, 102.0) == 101.0  # the wall clock was set
+    assert arrival_s([(*kind, stamp)], 900.0, 99.0, 100.0) == 100.0
+    assert arrival_s([(0, 0, b"")], 900.0, 99.0, 102.0) == 99.0  # not stamped: since the last look
+    with contextlib.closing(UdpWire("127.0.0.1", 0)) as wire:
+        assert wire._socket.getsockopt(*kind) == 1
 
 
 def test_a_stranger_does_not_turn_answers_away() -> None:
@@ -224,7 +205,7 @@ def test_a_tile_is_waited_for() -> None:
         thread.join()
         assert tile.complete
         assert tile.values.tolist() == [[1.0] * 8] * 5
-        late = link.tile("height", 0, 0, 2, 2, timeout_s=0.05)
+        late = link.tile("height", 0, 0, 2, 2, timeout_s=0.0)
         assert not late.complete
         assert late.refusal == "it was dropped"
 
@@ -258,7 +239,7 @@ def test_a_map_over_a_serial_line_arrives_and_is_answered(pty: tuple[int, str]) 
         link.update(0.0)
         stream = b"".join(map(serial_from_frame, frames_of_a_map()))
         os.write(far, stream[:40])
-        link.update(0.05)
+        link.update(0.0)
         os.write(far, stream[40:])
         assert link.wait_for(has_map, PATIENCE_S)
         heard = whole(read_until(lambda: os.read(far, 4096), 2))
@@ -270,7 +251,7 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_no_halves(pty: tuple[i
     far, path = pty
     wire = SerialWire(path, 115_200)
     frame = frames.bytes_from_frame(DRIVE, 1, 2, bytes(range(100)))
-    for _ in range(1000):
+    for _ in range(200):
         wire.write(frame)
     os.set_blocking(far, False)
     got: list[bytes | None] = []
@@ -279,7 +260,7 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_no_halves(pty: tuple[i
         with contextlib.suppress(BlockingIOError):
             got += deframer.feed(os.read(far, 4096))
         wire.write(frame)
-    assert 10 < len(got) < 1200
+    assert 10 < len(got) < 400
     assert set(got) == {frame}
     wire.close()
 
@@ -290,12 +271,10 @@ def test_bytes_that_lay_about_are_as_old_as_the_last_look(pty: tuple[int, str]) 
         link.update(0.0)
         looked_s = link.now_s()
         os.write(far, b"".join(map(serial_from_frame, frames_of_a_map())))
-        while link.now_s() < looked_s + 0.2:
-            pass
         assert link.update(0.0)
         assert link.receiver.pose is not None
         assert link.receiver.pose.arrived_s <= looked_s
-        assert link.advice() == ("stop", "link stale")
+        assert link.receiver.advice(looked_s + 0.151) == ("stop", "link stale")
 
 
 def test_a_line_that_hangs_up_is_an_error() -> None:
@@ -316,20 +295,11 @@ def test_a_map_over_tcp_arrives_and_the_newest_sender_begins_with_a_whole_frame(
         for session in (1, 2):
             sender = socket.create_connection(("127.0.0.1", port_of(link)), PATIENCE_S)
             senders.enter_context(sender)
-            for kind, body in (
-                (GEOM, geom_body(session=session)),
-                (POSE, pose_body()),
-                (MAP, map_body()),
-            ):
-                frame = frames.bytes_from_frame(kind, kind, 5, body)
-                sender.sendall(serial_from_frame(frame))
+            stream = b"".join(map(serial_from_frame, frames_of_a_map(session)))
+            sender.sendall(stream)
             sender.sendall(b"\x05half a frame")
 
-            def knows(receiver: Receiver, session: int = session) -> bool:
-                known = receiver.geom is not None and receiver.geom.session == session
-                return known and not receiver.blank
-
-            assert link.wait_for(knows, PATIENCE_S)
+            assert link.wait_for(partial(knows_map_of, session), PATIENCE_S)
             heard = whole(read_until(lambda of=sender: of.recv(4096), 2))  # type: ignore[misc]
             assert {frame.type for frame in heard} == {HELLO, ACK}
             if hangs_up:

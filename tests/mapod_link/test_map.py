@@ -6,7 +6,7 @@ Source: planner link, sections 4, 13 and 14, items 1 and 2.
 import numpy as np
 import pytest
 
-from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
+from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE
 from mapod_link.receiver import Receiver
 from tests.support.planner_sender import (
@@ -29,23 +29,14 @@ def planner_of_the_example() -> Receiver:
     return planner
 
 
-def test_the_example_frames_are_read_as_the_sheet_says() -> None:
+def test_the_example_is_read_and_ends_in_the_cells_and_the_digest_of_the_sheet() -> None:
     planner = planner_of_the_example()
-    assert planner.geom is not None
-    assert (planner.geom.width, planner.geom.cell_m, planner.geom.stale_s) == (101, 0.05, 0.15)
-    assert planner.geom.session == SESSION
+    assert planner.geom == Geometry(7, 101, 101, 0.05, SESSION, 0.02, 0.15)
+    assert planner.pose == Pose(
+        1020, 52.3087, 12.34, -2.5, 0.7854, -0.0052, 0.0017, 0.65, -0.12, 0x7F,
+        0.012, 0.004, 0.008, 1,
+    )  # fmt: skip
     assert planner.origin == (196, -100)
-    pose = planner.pose
-    assert pose is not None
-    assert (pose.x_m, pose.y_m, pose.v_mps, pose.w_radps) == (12.34, -2.5, 0.65, -0.12)
-    assert (pose.yaw_rad, pose.pitch_rad, pose.roll_rad) == (0.7854, -0.0052, 0.0017)
-    assert (pose.health, pose.mode, pose.t_ms) == (0x7F, 1, 1020)
-    assert (pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s) == (0.012, 0.004, 0.008)
-    assert not planner.rejected
-
-
-def test_the_example_ends_in_the_cells_and_the_digest_of_the_sheet() -> None:
-    planner = planner_of_the_example()
     expected = np.zeros((101, 101), np.uint8)
     expected[60:62, 40:43] = OBSTACLE
     expected[62, 40:] = FREE
@@ -74,7 +65,7 @@ def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     assert receiver.stop_zone is not None
     counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 5}
     assert receiver.accepted == counts
-    assert (receiver.newest_seq, receiver.ignored_types) == (10, 0)
+    assert (receiver.numbers.last, receiver.ignored_types) == (10, 0)
 
 
 def test_the_view_follows_the_map_and_cannot_be_written() -> None:

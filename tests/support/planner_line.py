@@ -149,7 +149,6 @@ class Line:
         self.now_s, self.random = 100.0, random.Random(seed)
         self.tick_bytes: list[int] = []
         self.frames: list[bytes] = []  # of the last tick
-        self.last_arrived = True
 
     def tick(self) -> None:
         """One tick of the link."""
@@ -157,15 +156,20 @@ class Line:
         self.link.step(self.now_s, POSE_REPORT, self.sky.window(), self.zone, self.tiles)
         pieces = self.port.take_datagrams()
         self.tick_bytes.append(sum(map(len, pieces)))
-        self.frames = pieces
-        self.last_arrived = True  # the tick's last frame: without it, no gap can show yet
+        self.frames = list(pieces)
+        if self.port.datagrams and len(pieces) > 1 and self.random.random() < self.loss:
+            pieces[-2:] = [
+                pieces[-1],
+                pieces[-2],
+                pieces[-2],
+            ]  # one overtakes, one comes twice
         for piece in pieces:
-            self.last_arrived = self.random.random() >= self.loss
-            if self.last_arrived:
-                if self.port.datagrams:
-                    self.planner.feed_datagram(self.now_s, piece)
-                else:
-                    self.planner.feed_stream(self.now_s, piece)
+            if self.random.random() < self.loss:
+                continue
+            if self.port.datagrams:
+                self.planner.feed_datagram(self.now_s, piece)
+            else:
+                self.planner.feed_stream(self.now_s, piece)
         for frame in self.planner.poll(self.now_s):
             if self.random.random() >= self.loss:
                 self.port.give(frame if self.port.datagrams else serial_from_frame(frame))
@@ -174,6 +178,12 @@ class Line:
         """Let time pass without changes."""
         for _ in range(round(seconds * self.rate_hz)):
             self.tick()
+
+    def is_up_to_date(self) -> bool:
+        """Whether the planner has the window, and the newest frame: else no gap can show yet."""
+        corner, origin = self.link._map.corner or (0, 0), self.planner.origin
+        same = origin and all((a - b) % 2**16 == 0 for a, b in zip(origin, corner, strict=True))
+        return bool(same) and self.planner.numbers.last == self.link._scheduler.seq % 2**16
 
     def told(self) -> npt.NDArray[np.uint8]:
         """What the sender takes the planner to hold, in window coordinates."""

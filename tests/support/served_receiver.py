@@ -5,28 +5,15 @@ import select
 import socket
 import threading
 import time
-from typing import Protocol
+from typing import Any
 
 from tools.conformance.wire import cobs
-
-
-class Served(Protocol):
-    """What all receivers have."""
-
-    def feed_datagram(self, now_s: float, data: bytes, /) -> object:
-        """One frame."""
-
-    def feed_stream(self, now_s: float, data: bytes, /) -> object:
-        """Bytes of a stream."""
-
-    def poll(self, now_s: float, /) -> list[bytes]:
-        """Frames to send."""
 
 
 class ServedReceiver:
     """Answers whoever speaks to it, until the context ends. `url` is where."""
 
-    def __init__(self, receiver: Served, datagrams: bool = True) -> None:
+    def __init__(self, receiver: Any, datagrams: bool = True) -> None:
         self._receiver, self._datagrams = receiver, datagrams
         kind = socket.SOCK_DGRAM if datagrams else socket.SOCK_STREAM
         self._socket = socket.socket(socket.AF_INET, kind)

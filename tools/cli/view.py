@@ -15,8 +15,7 @@ from rich.text import Text
 
 from config_file import read_key
 from core.config import ConfigError
-from mapod_link.advice import ZONE_STALE_S, allowed_mps
-from mapod_link.bodies import StopZone
+from mapod_link.bodies import ZONE_STALE_S, StopZone
 from mapod_link.wires import wire_from_url
 from tools.cli.options import add_key, add_port, add_seconds, fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
@@ -81,7 +80,7 @@ def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
     (ahead_m, behind_m), old_s = (zone.free_ahead_m, zone.free_behind_m), now_s - zone.arrived_s
     if old_s > ZONE_STALE_S:
         words, style, ahead_m, behind_m = f"not heard for {old_s:.1f} s", BAD, 0.0, 0.0
-    ahead_mps, behind_mps = allowed_mps(zone, now_s)
+    ahead_mps, behind_mps = zone.allowed_mps(now_s)
     line = labelled("way", words, style)
     line.append(f"  ahead {ahead_m:.2f} m, {ahead_mps:.2f} m/s")
     line.append(f"  behind {behind_m:.2f} m, {behind_mps:.2f} m/s")
@@ -108,7 +107,7 @@ def progress_line(end: PlannerEnd, now_s: float) -> str:
 
 def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     """The final map and the numbers of the run."""
-    planner = end.planner
+    planner, gaps = end.planner, end.planner.numbers.gaps
     if planner.geom is None or planner.blank:
         console.print("no map has arrived")
         return
@@ -122,7 +121,7 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     lines = [
         *status_lines(planner, end.meter, now_s),
         labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
-        labelled("", f"{planner.gaps} gaps, {planner.ignored_maps} maps of another geometry"),
+        labelled("", f"{gaps} gaps, {planner.ignored_maps} maps of another geometry"),
     ]
     for line in lines:
         console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)

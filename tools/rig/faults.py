@@ -267,7 +267,7 @@ NO_FAULTS = {
     **{
         f"planner.{name}": "a reading of the receiver, no fault"
         for name in (
-            *("accepted", "auth_failed", "differs", "digest_ok", "ignored_maps", "ignored_types"),
+            *("accepted", "auth_failed", "digest_ok", "ignored_maps", "ignored_types"),
             *("need_full", "need_geom", "rejected", "repeated", "too_many_cells"),
         )
     },

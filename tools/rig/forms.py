@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from config_file import load_config
-from mapod_link.listener import Listener
+from mapod_link.receiver import Receiver
 from mapod_link.wires import UdpWire
 from tools.rig.board import EmulatedBoard
 from tools.rig.c_build import MissingToolError, robot_from_config
@@ -59,7 +59,7 @@ class HostForm(Form):
         super().__init__(self._wire.url)
 
     def step(self, now_s: float) -> None:
-        self._wire.feed(cast(Listener, self._planner))  # it asks for no more than datagrams
+        self._wire.feed(cast(Receiver, self._planner))  # it asks for no more than datagrams
         for frame in self._planner.poll(now_s):
             self._wire.write(frame)
         self.state = self._planner.state(now_s)

@@ -16,7 +16,6 @@ import numpy as np
 
 from mapod_link.client import Link
 from mapod_link.frames import MAP, POSE, Frame
-from mapod_link.listener import Listener
 from mapod_link.receiver import Receiver
 from mapod_link.wires import StreamWire, Wire
 
@@ -145,7 +144,7 @@ class PtyWire(StreamWire):
         super().wait(timeout_s)
         time.sleep(min(0.001, timeout_s))
 
-    def feed(self, receiver: Listener) -> None:
+    def feed(self, receiver: Receiver) -> None:
         """What a line of this rate has carried by now."""
         now_s = time.monotonic()
         self._free_s = max(self._free_s, now_s - PTY_BURST_S)

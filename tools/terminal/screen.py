@@ -215,7 +215,7 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
         labelled("rates", f"map {maps:.1f}/s  pose {poses:.1f}/s  {bytes_per_s / 1000:.1f} kB/s"),
         labelled(delay, quantiles(meter.link_ms, meter, "link")),
         labelled("scan age", quantiles(meter.scan_ms, meter, "scan")),
-        labelled("frames", f"{planner.accepted.total()} taken, {planner.missing} missing"),
+        labelled("frames", f"{planner.accepted.total()} taken, {planner.numbers.missing} missing"),
         labelled("", f"{rejected} rejected, {planner.repeated} late", POOR if rejected else ""),
         labelled("cells", f"{np.sum(window == FREE)} free, {np.sum(window == OBSTACLE)} obstacle"),
     ]

@@ -44,7 +44,7 @@ def test_it_loses_the_share_of_frames_that_it_is_told_to(loss_rate: float) -> No
         line.send(POSE, pose_body())
     heard = line.planner.accepted.total() - before
     assert heard == pytest.approx(2000 * (1 - loss_rate), abs=90)
-    assert line.planner.missing == pytest.approx(2000 - heard, abs=5)
+    assert line.planner.numbers.missing == pytest.approx(2000 - heard, abs=5)
 
 
 def test_the_same_seed_loses_the_same_frames_and_draws_the_same_nonce() -> None:

@@ -13,8 +13,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from hw.modbus.client import MOST_WAITING, ServerContext
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from hw.modbus.network import MOST_CONNECTIONS, TcpConnection, TcpService, take_requests
-from hw.planner_link.replay_guard import ReplayGuard
-from hw.planner_link.requests import Requests
+from hw.planner_link.requests import ReplayGuard, Requests
 from hw.ports.url import parse_url
 from tests.support.cases import examples
 from tests.support.modbus_rig import (

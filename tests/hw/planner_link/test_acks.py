@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.planner_link.frames import GEOM, POSE
-from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack
-from hw.planner_link.published import PublishedMap
-from hw.planner_link.recovery import MOST_LAG, Repair
-from hw.planner_link.refresh import RefreshCursor
+from hw.planner_link.map_frames import RefreshCursor
+from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack, Hello
+from hw.planner_link.peer import Peer
+from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
 from mapod_link.frames import bytes_from_frame, frame_from_bytes
+from tests.support.cases import few
 from tests.support.planner_line import Line, Sky
 
 
@@ -61,68 +62,40 @@ class Acks:
 
 
 @pytest.mark.parametrize(
-    ("behind", "echo", "believed"), [(0, None, True), (UNTIMED, 0, False), (0, 0, True)]
-)
-def test_of_a_receiver_that_keeps_no_times_the_newest_frames_are_believed(
-    behind: int, echo: int | None, believed: bool
+    ("ahead", "echo", "believed"),
+    [
+        (0, None, True), (0, 0, True), (-UNTIMED, 0, False), (1, None, False), (100, None, False),
+        (-3, 7, False), (0, 1, False), (0, 0xFFFFFFFF, False), (-60_000, None, False),
+        (30_000, 0, False),
+    ],
+)  # fmt: skip
+def test_only_what_tells_the_time_of_a_frame_that_was_sent_is_believed(
+    ahead: int, echo: int | None, believed: bool
 ) -> None:
-    line = quiet()
-    newest = line.link._scheduler.seq
-    Acks(line).give(newest - behind, echo=echo)
-    line.tick()
-    assert (line.link._repair.repaired == newest) == believed
-
-
-@pytest.mark.parametrize(
-    ("ahead", "echo"),
-    [(1, None), (100, None), (-3, 7), (0, 1), (0, 0xFFFFFFFF), (-60_000, None), (30_000, 0)],
-)
-def test_acknowledgements_of_frames_never_sent_change_nothing(ahead: int, echo: int | None) -> None:
     line = quiet(first_seq=65_500)
-    acks = Acks(line)
-    before = line.link._repair._covered
-    sent = len(line.link._repair._sent)
-    acks.give(line.link._scheduler.seq + ahead, echo=echo)
-    assert len(line.link._repair._sent) == sent
-    assert line.link._repair._covered == before
+    repair, newest = line.link._repair, line.link._scheduler.seq
+    before = repair._covered, len(repair._sent)
+    Acks(line).give(newest + ahead, echo=echo)
+    assert (repair._covered, len(repair._sent)) == ((newest, 0) if believed else before)
     assert line.link.counters.acks == 1
 
 
-def test_a_number_that_has_wrapped_since_is_not_believed() -> None:
-    line = quiet()
-    old = frame_from_bytes(line.frames[-1])
-    assert not isinstance(old, str)
-    line.link._scheduler.seq += 2**16 - 8  # as many frames later: the number comes again
-    line.settle(0.2)
-    sent = len(line.link._repair._sent)
-    Acks(line).give(old.seq, echo=old.t_ms)
-    assert len(line.link._repair._sent) == sent
-
-
-def test_an_older_acknowledgement_that_comes_late_does_not_take_back_a_stop() -> None:
-    line = quiet()
-    acks = Acks(line)
-    now_ms = round(1000 * line.now_s)
-    acks.give(status=PLANNER_STOPPED, t_ms=now_ms)
-    acks.seq = 0
-    acks.give(status=0, t_ms=now_ms - 30)
-    assert line.link.peer.stopped
-    acks.give(status=0, t_ms=now_ms + 30)
-    assert not line.link.peer.stopped
-    acks.give(status=PLANNER_STOPPED, t_ms=5)  # started again: its clock begins anew
-    assert line.link.peer.stopped
-
-
-def test_with_a_key_no_older_acknowledgement_is_ever_taken() -> None:
-    repair = Repair(PublishedMap(9), 0, strict=True)
-    late = Ack(5, 100, 1, 0, 0, 0.0, 0, 0, 7)
-    assert not repair.is_late(Ack(9, 1_000_000, 1, 0, 0, 0.0, 0, 0, 7))
-    assert repair.is_late(late)
-    repair.note_hello(5)
-    assert not repair.is_late(late)
-    repair.note_hello(0)  # anybody may repeat an old one
-    assert repair.is_late(late)
-    assert not Repair(PublishedMap(9), 0, strict=False).is_late(late)
+@pytest.mark.parametrize("key", [True, False])
+def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never(
+    key: bool,
+) -> None:
+    peer = Peer(cells=81, push=True, has_key=key)
+    peer.take_hello(Hello(1, 1, 5, 100, 368, False))
+    assert peer.take_ack(Ack(9, 1_000_000, 1, 0, 0, PLANNER_STOPPED, 7))
+    assert not peer.take_ack(Ack(8, 999_970, 1, 0, 0, 0, 7))  # it comes late
+    assert peer.stopped
+    older = Ack(5, 100, 1, 0, 0, 0, 7)  # of a planner that has started again, or a replay
+    assert peer.take_ack(older) is not key
+    assert peer.stopped is key
+    peer.take_hello(Hello(1, 1, 6, 100, 368, False))
+    assert peer.take_ack(older)
+    peer.take_hello(Hello(1, 1, 5, 100, 368, False))  # anybody may repeat an old one
+    assert peer.take_ack(older) is not key
 
 
 def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
@@ -146,20 +119,6 @@ def test_need_geom_is_answered_at_once_whatever_was_heard_before() -> None:
     assert line.planner.accepted[GEOM] == count + 1
 
 
-def test_a_storm_of_acknowledgements_changes_nothing_that_one_would_not() -> None:
-    one, many = quiet(), quiet()
-    for line, count in ((one, 1), (many, 300)):
-        acks = Acks(line)
-        acks.give()
-        line.settle(0.2)
-        for _ in range(count):
-            acks.give(mask=0)
-        line.settle(0.2)
-    assert one.link._repair.repaired == many.link._repair.repaired
-    assert one.link.frames_sent == many.link.frames_sent
-    assert one.link.frames_lost == many.link.frames_lost > 0
-
-
 def test_the_digest_and_what_the_planner_makes_of_it_is_told() -> None:
     line = Line(Sky(21, 3))
     line.sky.change(50)
@@ -176,20 +135,20 @@ def test_the_digest_and_what_the_planner_makes_of_it_is_told() -> None:
 
 def test_a_planner_that_never_answers_costs_no_memory() -> None:
     line = quiet()
-    line.settle(20.0)
+    line.settle(11.0)
     assert not line.link._repair._sent
     assert len(line.link._publisher._cursor._marks) < 200
     assert line.link._scheduler.seq - line.link._repair.repaired < 100
     assert line.holds_what_is_meant()
 
 
-@pytest.mark.parametrize("minutes", [1, 15])
-def test_a_planner_that_hears_nothing_for_minutes_and_returns_is_told_all(minutes: int) -> None:
+@pytest.mark.parametrize("minutes", few([0.5, 15], 1))
+def test_a_planner_that_hears_nothing_for_minutes_and_returns_is_told_all(minutes: float) -> None:
     line = Line(Sky(9, 3), rate_hz=25)
     line.sky.change(30)
     line.settle(1.0)
     line.planner.deaf = True
-    for k in range(minutes * 60 * 25):
+    for k in range(round(minutes * 60 * 25)):
         if k % 500 == 0:
             line.sky.change(3)
         line.tick()
@@ -234,7 +193,7 @@ def test_after_a_planner_that_was_too_small_a_larger_one_begins_anew() -> None:
 def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again() -> None:
     line = quiet()
     acks = Acks(line)
-    line.link._due.epoch = True
+    line.link._state.epoch_due = True
     line.tick()
     first = line.link._repair.epoch_seq
     line.settle(0.1)

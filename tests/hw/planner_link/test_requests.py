@@ -1,31 +1,54 @@
-"""Drive requests: the frame of the sheet, and which frames are obeyed, until when."""
+"""Drive requests and external poses: the frames of the sheet, which count, and for how long."""
 
+import math
+import struct
 from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import DriveRequest
+from core.records import DriveRequest, ExternalPose
 from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
-from hw.planner_link.frames import DRIVE, encode_frame, encode_serial
-from hw.planner_link.messages import Drive, decode_answer
+from hw.planner_link.frames import DRIVE, EXTERNAL_POSE, encode_frame, encode_serial
+from hw.planner_link.messages import Drive, External, decode_answer
 from hw.planner_link.receivers import one_link
-from hw.planner_link.replay_guard import MOST_COMMANDERS, ReplayGuard
-from hw.planner_link.requests import Requests
+from hw.planner_link.requests import (
+    MOST_COMMANDERS,
+    OLDEST_S,
+    WAITING,
+    ExternalPoses,
+    ReplayGuard,
+    Requests,
+)
 from mapod_link.asking import drive_body
-from mapod_link.frames import DRIVE as FAKE_DRIVE
 from mapod_link.frames import bytes_from_frame
 from tests.support.planner_sender import vector
 
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
 EXAMPLE = Drive(2, 52_340, SESSION, NONCE, 0.65, -0.12, 0.3)
+SEEN = External(3, 52_360, SESSION, NONCE, 105.25, -48.9, 1.2345, 0.02, 0.03, -0.25, 0.0175, 0.04)
+BODIES = {  # the example's fields, as the sheet lays them out
+    DRIVE: (struct.Struct("<IIhhHH"), (SESSION, NONCE, 650, -120, 300, 0)),
+    EXTERNAL_POSE: (
+        struct.Struct("<IIiihHHhHH"),
+        (SESSION, NONCE, 105_250, -48_900, 12_345, 20, 30, -2500, 175, 40),
+    ),
+}
 
 
 def drive(t_ms: int, seq: int | None = None, valid_s: float = 0.3, nonce: int = NONCE) -> Drive:
     """A request of 1 m/s."""
     return Drive(t_ms if seq is None else seq, t_ms, SESSION, nonce, 1.0, 0.0, valid_s)
+
+
+def external(t_ms: int, seq: int = 1, age_s: float = 0.0) -> External:
+    """A pose without a yaw."""
+    return External(seq, t_ms, SESSION, NONCE, 1.0, 2.0, math.nan, 0.01, 0.02, 0.5, 0.0, age_s)
+
+
+# The frames
 
 
 @given(
@@ -39,31 +62,39 @@ def test_every_request_that_the_fake_can_tell_is_understood(
     v: int, w: int, valid_ms: int, seq: int, t_ms: int
 ) -> None:
     body = drive_body(SESSION, NONCE, v / 1000, w / 1000, valid_ms / 1000)
-    told = decode_answer(bytes_from_frame(FAKE_DRIVE, seq, t_ms, body))
+    told = decode_answer(bytes_from_frame(DRIVE, seq, t_ms, body))
     assert told == Drive(seq, t_ms, SESSION, NONCE, v / 1000, w / 1000, valid_ms / 1000)
 
 
 @pytest.mark.parametrize(
-    ("at", "value"),
-    [(8, b"\x00\x80"), (10, b"\x00\x80"), (12, b"\xe9\x03"), (14, b"\x01\x00"), (4, bytes(4))],
-)
-def test_a_field_out_of_its_range_refuses_the_whole_frame(at: int, value: bytes) -> None:
-    body = bytearray(drive_body(SESSION, NONCE, 0.5, 0.1, 0.3))
-    body[at : at + len(value)] = value
-    refused = decode_answer(encode_frame(DRIVE, 0, 1, 1, bytes(body)))
+    ("kind", "field", "value"),
+    [
+        *[(DRIVE, *wrong) for wrong in ((1, 0), (2, -(2**15)), (3, -(2**15)), (4, 1001), (5, 1))],
+        *[(EXTERNAL_POSE, *wrong) for wrong in (
+            (1, 0), (2, -(2**31)), (3, -(2**31)), (4, 31_416), (4, -31_417), (5, 0), (6, 0),
+            (7, 10_001), (7, -10_001), (8, 0), (9, 1001),
+        )],
+    ],
+)  # fmt: skip
+def test_a_field_out_of_its_range_refuses_the_whole_frame(
+    kind: int, field: int, value: int
+) -> None:
+    layout, fields = BODIES[kind]
+    wrong = [*fields[:field], value, *fields[field + 1 :]]
+    refused = decode_answer(encode_frame(kind, 0, 1, 1, layout.pack(*wrong)))
     assert isinstance(refused, BadFrame)
-    assert refused.reason == "DRIVE out of range"
+    assert refused.reason == ("DRIVE" if kind == DRIVE else "EXTERNAL_POSE") + " out of range"
 
 
-@given(body=st.binary(max_size=40))
-def test_any_body_is_a_request_within_its_ranges_or_refused(body: bytes) -> None:
-    told = decode_answer(encode_frame(DRIVE, 0, 1, 1, body))
-    if isinstance(told, Drive):
-        assert len(body) == 16
-        assert max(abs(told.v_mps), abs(told.w_radps)) < 32.768
-        assert 0.0 <= told.valid_s <= 1.0
-    else:
-        assert isinstance(told, BadFrame)
+def test_a_pose_without_a_yaw_needs_no_deviation_of_it() -> None:
+    layout, fields = BODIES[EXTERNAL_POSE]
+    body = layout.pack(*fields[:4], -(2**15), *fields[5:8], 0, 40)
+    told = decode_answer(encode_frame(EXTERNAL_POSE, 0, 1, 1, body))
+    assert isinstance(told, External)
+    assert math.isnan(told.yaw_rad)
+
+
+# Which count
 
 
 @pytest.mark.parametrize(
@@ -88,6 +119,16 @@ def test_what_is_not_to_be_obeyed_changes_nothing_and_is_counted(frame: Drive, r
     assert reason in requests.last_refusal
 
 
+def test_requests_and_poses_of_one_commander_are_one_sequence() -> None:
+    guard = ReplayGuard(SESSION)
+    requests, poses = Requests(guard), ExternalPoses(guard)
+    poses.take(10.0, external(1000, seq=7))
+    requests.take(10.0, drive(1000, 8))
+    poses.take(10.0, external(1000, seq=8))
+    assert (requests.accepted, poses.accepted) == (1, 1)
+    assert "older" in poses.last_refusal
+
+
 def test_numbers_and_clock_may_wrap() -> None:
     requests = Requests(ReplayGuard(SESSION))
     requests.take(10.0, drive(2**32 - 5, 0xFFFF))
@@ -96,14 +137,6 @@ def test_numbers_and_clock_may_wrap() -> None:
     assert requests.accepted == 3
     requests.take(700.0, drive(690_000, 0x8002))  # after many other frames
     assert requests.accepted == 4
-
-
-def test_where_driving_is_refused_every_request_is_refused_for_that_reason() -> None:
-    requests = Requests(ReplayGuard(SESSION))
-    requests.take(1.0, EXAMPLE, "not today")
-    requests.take(1.1, replace(EXAMPLE, t_ms=52_440, valid_s=0.0), "not today")
-    assert requests.newest is None
-    assert requests.refused == {"not today": 2}
 
 
 def test_what_lay_in_a_queue_is_valid_for_less_or_not_at_all() -> None:
@@ -119,23 +152,53 @@ def test_what_lay_in_a_queue_is_valid_for_less_or_not_at_all() -> None:
     assert requests.newest.valid_until_s == pytest.approx(12.31, abs=2e-3)
 
 
+def test_a_pose_is_for_when_it_was_seen_and_one_too_old_is_refused() -> None:
+    poses = ExternalPoses(ReplayGuard(SESSION))
+    poses.take(10.0, SEEN)
+    assert poses.take_all() == [
+        ExternalPose(
+            pytest.approx(9.96), 105.25, -48.9, 1.2345, pytest.approx(4e-4),  # type: ignore[arg-type]
+            pytest.approx(-1.5e-4), pytest.approx(9e-4), pytest.approx(0.0175**2),  # type: ignore[arg-type]
+        )
+    ]  # fmt: skip
+    poses.take(10.3, external(52_460, age_s=0.05))  # 200 ms later than its forerunner
+    assert poses.take_all()[-1].t_s == pytest.approx(10.05, abs=1e-3)
+    poses.take(11.5, external(52_560, age_s=0.1))
+    assert poses.last_refusal == "it arrived too late"
+    assert (poses.accepted, poses.refused.total()) == (2, 1)
+
+
 @given(st.lists(st.floats(0.0, 0.5), min_size=1, max_size=40), st.floats(-9e-4, 9e-4))
-def test_no_request_holds_longer_than_it_says_after_it_was_sent(
+def test_no_request_holds_longer_than_it_says_after_it_was_sent_and_no_pose_is_dated_wrong(
     delays_s: list[float], drift: float
 ) -> None:
-    requests, arrived_s = Requests(ReplayGuard(SESSION)), 0.0
+    requests, poses = Requests(ReplayGuard(SESSION)), ExternalPoses(ReplayGuard(SESSION))
     requests.take(100.0, drive(0, 0))
+    poses.take(100.0, external(0))
+    poses.take_all()
+    arrived_s = 100.0
     for k, delay_s in enumerate(delays_s, start=1):
         sent_s = 100.0 + 0.1 * k
         arrived_s = max(arrived_s, sent_s + delay_s)
         requests.take(arrived_s, drive(round(100 * k * (1 + drift)), k))
         assert requests.newest is not None
         assert requests.newest.valid_until_s <= sent_s + 0.3 + 0.003 * k
+        poses.take(arrived_s, external(100 * k))
+        for pose in poses.take_all():
+            assert arrived_s - OLDEST_S <= pose.t_s <= arrived_s
+            assert pose.t_s == pytest.approx(sent_s, abs=0.002 * k + 1e-6)
+
+
+def test_poses_that_nobody_takes_do_not_pile_up() -> None:
+    poses = ExternalPoses(ReplayGuard(SESSION))
+    for k in range(3 * WAITING):
+        poses.take(10.0 + 0.1 * k, external(100 * k))
+    assert len(poses.take_all()) == WAITING
 
 
 def test_a_clock_that_drifts_does_not_end_driving() -> None:
     requests = Requests(ReplayGuard(SESSION))
-    for k in range(20_000):
+    for k in range(10_000):
         requests.take(0.1 * k * 1.0005, drive(100 * k, k % 2**16))
     assert requests.refused.total() == 0
 

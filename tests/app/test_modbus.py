@@ -1,10 +1,6 @@
 """Modbus clients of the whole app: they read what it maps, and drive it only where they may."""
 
 import asyncio
-import signal
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,10 +12,8 @@ from fakes.scenes.scene import Scene, Solid
 from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of
 from hw.modbus.pdu import Refusal
 from tests.support.closed_loop import SHIPPED, ClosedLoop
-from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, until, words_of
-from tools.settings import rewritten
+from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, words_of
 
-ROOT = SHIPPED.parent
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 OFFERED = {"port": "tcp://127.0.0.1:5020"}
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
@@ -158,43 +152,3 @@ def test_without_both_settings_there_are_no_drive_registers(may_drive: bool, mot
     loop.run(0.1)
     assert loop.ask(300, 0, 200, 1) is Refusal.ADDRESS
     assert loop.image.read(loop.now_s, None, DRIVE, 1) is Refusal.ADDRESS
-
-
-def test_the_program_serves_its_registers_and_ends_when_it_is_told_to(tmp_path: Path) -> None:
-    port = free_port()
-    values = {
-        "modbus.port": f"tcp://127.0.0.1:{port}",
-        "scanner.port": f"tcp://127.0.0.1:{free_port()}",
-        "ahrs.port": f"serial://{tmp_path}/ahrs?baud=115200",
-        "drive.port": f"serial://{tmp_path}/drive?baud=9600&parity=E&bytesize=7",
-        "planner.port": f"udp://127.0.0.1:{free_port()}",
-    }
-    config = tmp_path / "mapod.toml"
-    config.write_text(rewritten(SHIPPED.read_text(encoding="utf-8"), values), encoding="utf-8")
-
-    async def run() -> None:
-        main = [sys.executable, str(ROOT / "main.py"), "--config", str(config)]
-        with subprocess.Popen(main, stderr=subprocess.DEVNULL) as process:
-            clients: list[Tcp] = []
-
-            async def connected() -> bool:
-                try:
-                    clients.append(await Tcp.connect(port))
-                except ConnectionRefusedError:
-                    return False
-                return True
-
-            while not await connected():
-                assert process.poll() is None
-                await asyncio.sleep(0.01)
-            words = words_of(await clients[0].ask(read_request(0, 80)))
-            assert words[:2] == [0x4D50, 0x0100]
-            assert words[ZONE] == words[ALLOWED_AHEAD] == 0
-            assert words[HEALTH] & 0b11111 == 0
-            assert words[18] << 16 | words[19] > 1_700_000_000
-            process.send_signal(signal.SIGTERM)
-            await until(lambda: process.poll() is not None)
-            assert process.returncode == 0
-            clients[0].close()
-
-    asyncio.run(run())

@@ -1,4 +1,4 @@
-"""What `pip install .` gives: the wheel, built from a copy, unpacked and used where nothing else is.
+"""What `pip install .` gives: the wheel, built from a copy and unpacked where nothing else is.
 
 No network is needed: the libraries are those of this environment.
 """

@@ -18,7 +18,6 @@ from tests.support.cases import few
 from tests.support.closed_loop import ClosedLoop
 from tests.support.house import OK, House
 
-QUIET_S = 1.5  # to measure the undisturbed process
 DEVICES = ("scanner", "ahrs", "drive")
 # Of a device that is back; the wire itself takes up to half a second of the scanner's one.
 WITHIN_S = {"scanner": 1.0 - CONNECT_S, "ahrs": 3.0, "drive": 3.0}
@@ -90,18 +89,6 @@ def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: Ho
 
 
 @pytest.mark.real_time
-def test_an_absent_device_costs_no_more_of_the_processor_than_a_running_one(house: House) -> None:
-    begun_s = house.processor_s()
-    house.run(QUIET_S)
-    running_s, begun_s = house.processor_s() - begun_s, house.processor_s()
-    house.unplug("ahrs")
-    house.run(QUIET_S)
-    assert house.processor_s() - begun_s < 1.5 * running_s + 0.2
-    house.plug_in("ahrs", house.ahrs)
-    house.until(house.all_run)
-
-
-@pytest.mark.real_time
 @pytest.mark.parametrize("gone_s", [0.1, 4.0])
 def test_a_network_cable_is_pulled(house: House, gone_s: float) -> None:
     assert house.scanner_wire is not None
@@ -119,7 +106,7 @@ def test_a_network_cable_is_pulled(house: House, gone_s: float) -> None:
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize("gone_s", [0.1, 3.0])
+@pytest.mark.parametrize("gone_s", [0.1, 2.0])
 @pytest.mark.parametrize("name", ["ahrs", "drive"])
 def test_an_adapter_is_pulled_and_put_in_again(house: House, name: str, gone_s: float) -> None:
     fake = house.ahrs if name == "ahrs" else house.drive
@@ -169,17 +156,6 @@ def test_another_host_that_came_first_to_a_scanner_for_one_is_waited_for(house: 
 
 
 @pytest.mark.real_time
-def test_another_host_on_a_scanner_for_several_changes_nothing(house: House) -> None:
-    episode = Episode(house, "scanner")
-    with socket.create_connection(("127.0.0.1", house.scanner_port)) as other:
-        other.sendall(b"\x02sRN DeviceIdent\x03")
-        house.run(1.0)
-    house.run(0.5)
-    assert house.all_run()
-    assert episode.changes == []
-
-
-@pytest.mark.real_time
 def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
     stranger = house.new_drive()
     stranger.baud, stranger.mode = 115_200, "rc"
@@ -196,18 +172,6 @@ def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
     house.until(lambda: house.has_said("drive", "seems to be an Xsens MTi", episode.since))
     house.plug_in("drive", house.drive)
     episode.until_back()
-
-
-@pytest.mark.real_time
-def test_a_wrong_baud_rate_is_thought_of(house: House) -> None:
-    episode = Episode(house, "ahrs")
-    sensor = house.new_ahrs()
-    sensor.baud = 57_600
-    house.plug_in("ahrs", sensor)
-    house.until(lambda: house.has_said("ahrs", "baud rate", episode.since))
-    house.plug_in("ahrs", house.ahrs)
-    episode.until_back()
-    episode.check(most_lines=10)
 
 
 # --- in simulated time

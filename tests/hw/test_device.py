@@ -229,14 +229,6 @@ def test_a_flood_is_parsed_over_many_steps_in_order_and_nothing_is_read_meanwhil
     assert steps >= FLOOD // per_step
 
 
-def test_a_step_that_comes_late_may_parse_what_came_in_the_meantime() -> None:
-    intake = Intake(Pieces, bytes_per_s=50_000.0)
-    intake.step(1.0)
-    intake.step(2.0)
-    intake.events(2.0, [b"." * 60_000])
-    assert not intake.waits
-
-
 def test_while_bytes_wait_the_port_is_not_read_neither_in_a_step_nor_between_two() -> None:
     device = Answers(port := MemoryPort())
     device.step(1.0)
@@ -333,18 +325,6 @@ def test_readers_follow_what_is_open_and_are_not_touched_while_nothing_changes()
     wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 5)
     wake_up.close()
-    assert loop.readers == {}
-
-
-def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
-    loop, one = Readable(), Wire(5)
-
-    def hear() -> None:
-        one.fd = -1
-
-    wake_up = WakeUp(loop, [one], hear)
-    wake_up.after_tick()
-    loop.readers[5]()
     assert loop.readers == {}
 
 

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.ax3500.device import FakeAx3500
 from hw.fingerprint import (
     KEPT,
     NAMES,
@@ -22,7 +21,6 @@ from hw.fingerprint import (
 )
 from tests import VECTORS
 from tests.support.cases import examples
-from tests.support.real_time import StillWheels
 
 SSH, MT = b"SSH-2.0-OpenSSH_9.2p1 Debian-2\r\n", bytes.fromhex("FA FF 3E 00 C3")
 EXAMPLES = [
@@ -112,14 +110,6 @@ def test_every_frame_printed_in_the_mti_sheet_is_an_mti_s() -> None:
     ]
     assert len(frames) > 10
     assert {maybe_protocol(frame) for frame in frames} == {"mt"}
-
-
-def test_a_fake_controller_in_radio_mode_is_known() -> None:
-    fake, heard = FakeAx3500(StillWheels(), 1), b""
-    fake.mode = "rc"
-    for tick in range(400):
-        heard += fake.exchange(10.0 + tick * 0.005, b"")
-    assert maybe_protocol(heard) == "roboteq"
 
 
 def test_random_bytes_are_nearly_never_believed() -> None:

@@ -147,13 +147,6 @@ class House:
             if line["event"] == "device_changed" and line["device"] == device
         ]
 
-    def processor_s(self) -> float:
-        """Time of the processor that the program has used so far."""
-        assert self.process is not None
-        stat = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii")
-        user, system = stat.rpartition(")")[2].split()[11:13]
-        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
-
     def close(self) -> int:
         """End the program as its user does; its exit status."""
         status = 0

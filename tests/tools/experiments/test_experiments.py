@@ -13,7 +13,7 @@ from tools.experiments import metrics
 from tools.experiments.beyond_edges import ditch
 from tools.experiments.beyond_ground import ramps, speed_bumps
 from tools.experiments.paper_motion import left_turn
-from tools.experiments.pictures import draw_maps, elevation_pixels, obstacle_pixels, upright
+from tools.experiments.pictures import elevation_pixels, obstacle_pixels, upright
 from tools.experiments.report import Outcome, Picture, Row, document, merged, verdict
 from tools.experiments.runner import experiments
 from tools.experiments.scenes import corridor, hall, ramp_corridor
@@ -127,13 +127,6 @@ def test_floor_beyond_a_ditch_is_floor_only_if_the_scene_says_so() -> None:
     assert not said.obstacle.any()
 
 
-def test_nothing_beyond_what_was_sampled_is_floor_or_danger() -> None:
-    floor = Solid("floor", (-2.0, 2.0), (-2.0, 2.0), (-1.0, 0.0))
-    truth = Truth(Place(floor), (-2.0, 2.0), (-2.0, 2.0)).cells(20, 0, 5, 0.2)
-    assert truth.obstacle.all()
-    assert not truth.danger.any()
-
-
 # -- the measures -------------------------------------------------------------------------------
 
 
@@ -199,15 +192,6 @@ def test_the_position_error_of_an_obstacle_cell_is_its_distance_from_a_true_one(
     assert metrics.wall_error_m(view, cells) == pytest.approx(0.3, abs=0.11)
 
 
-def test_growth_and_thickness() -> None:
-    known, seen = np.ones((4, 4), dtype=bool), np.ones((4, 4), dtype=bool)
-    seen[0] = False
-    assert metrics.area_growth(known, seen) == pytest.approx(1 / 3)
-    wall = np.zeros((4, 6), dtype=bool)
-    wall[:2, 2:5] = True
-    assert metrics.extent_m(wall, 0.1, 1) == pytest.approx(0.3)
-
-
 # -- pictures and the document --------------------------------------------------------------------
 
 
@@ -226,12 +210,6 @@ def test_a_picture_has_ahead_up_and_left_to_the_left() -> None:
     cells[2, 3] = 9  # farthest ahead, farthest left
     assert upright(cells).shape == (4, 3, 3)
     assert upright(cells)[0, 0, 0] == 9
-
-
-def test_a_picture_of_a_part_is_written(tmp_path: Path) -> None:
-    draw_maps(tmp_path / "a" / "b.png", "a map", [flat_view()], (1.0, 3.0), (1.0, 3.5))
-    with Image.open(tmp_path / "a" / "b.png") as image:
-        assert image.width > 100
 
 
 @pytest.mark.parametrize(

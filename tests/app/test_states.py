@@ -1,4 +1,4 @@
-"""Whatever comes, stays away and comes back, in any order: what must hold of the app at each tick."""
+"""Whatever comes, stays away and comes back, in any order: what must hold of the app then."""
 
 import contextlib
 

@@ -1,4 +1,4 @@
-"""Where the scanner sits, from flat floor: `python -m tools.cli.calibrate --height 1.08`.
+"""Where the scanner sits, from flat floor.
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -208,7 +208,3 @@ def main(given: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return fail("calibrate", "broken off; nothing is written", 1)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -201,7 +201,3 @@ def main(given: list[str] | None = None) -> int:
         options.out.write_text(json.dumps(facts, indent=1), encoding="utf-8")
     show(found, len(real.keys() | fake.keys()), Console())
     return 1 if any(one.counts for one in found) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

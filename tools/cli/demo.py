@@ -164,7 +164,3 @@ def main(arguments: list[str] | None = None) -> int:
         app=[python, str(ROOT / "main.py"), "--config"],
     )
     return run(options, commands, Console())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

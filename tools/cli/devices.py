@@ -9,7 +9,6 @@ controller; an MTi is stopped for a moment to say who it is, and measures again.
 a port has one reader.
 """
 
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -276,7 +275,3 @@ def main(arguments: list[str] | None = None) -> int:
     if any(one.section for one in found):
         return 0
     return fail("devices", f"none of mapod's devices on {len(found)} ports; see above", 1)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -7,7 +7,6 @@ Source: planner link, section 14 (docs/protocols/planner-link.md).
 """
 
 import argparse
-import sys
 from collections.abc import Iterator
 
 from config_file import read_key
@@ -127,7 +126,3 @@ def report(verdicts: list[Verdict], seed: int) -> int:
             print(*(f"    {data.hex(' ')}" for data in failure.frames), sep="\n")
             return FAILED
     return PASSED if counts["passed"] else NOT_EXAMINED
-
-
-if __name__ == "__main__":
-    sys.exit(main())

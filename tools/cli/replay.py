@@ -8,7 +8,6 @@ and --step-deg say how the scanner was set. Nothing is sent anywhere.
 import argparse
 import json
 import logging
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -148,7 +147,3 @@ def main(arguments: list[str] | None = None) -> int:
         return tell(replay, options.out)
     except (NoReplayError, RecordingError, ConfigError, UnicodeDecodeError, OSError) as error:
         return fail("replay", error)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

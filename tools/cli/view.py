@@ -181,7 +181,3 @@ def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
             steering.stop(end.step(0.0))
         print_summary(end, console, end.step(0.0))
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

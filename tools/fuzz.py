@@ -86,7 +86,6 @@ def new_fake(codec: str) -> Any:
         """Wheels that turn nothing."""
 
         def counts(self) -> tuple[float, float]:
-            """At rest."""
             return 1000.0, -1000.0
 
         def set_power(self, one: float, two: float) -> None:

@@ -25,7 +25,6 @@ class StandingWheels:
     """Wheels that do not turn."""
 
     def counts(self) -> tuple[float, float]:
-        """Encoder edges of channel 1 and 2."""
         return 0.0, 0.0
 
     def set_power(self, one: float, two: float) -> None:
@@ -57,7 +56,6 @@ class LaserReplay:
 
     @property
     def now_s(self) -> float:
-        """The simulated clock."""
         return BEGIN_S + self._ticks / self.config.loop.rate_hz
 
     @property
@@ -68,13 +66,11 @@ class LaserReplay:
 
     @property
     def lacks(self) -> str:
-        """The recording holds no scans."""
         if self.recording.scans:
             return ""
         return "the file holds no scan: no telegram in it is a CoLa-B scan (sSN LMDscandata)"
 
     def step(self) -> None:
-        """One tick."""
         self._ticks += 1
         for wire in self._wires:
             wire.step(self.now_s)

@@ -31,7 +31,6 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
 
 
 def help_text() -> str:
-    """All commands, a line each."""
     lines = [f"  {name:<11}{what}" for name, (_, what) in COMMANDS.items()]
     return "\n".join(
         [

@@ -156,7 +156,6 @@ def show(found: list[Difference], facts: int, console: Console) -> None:
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
-    """The command line."""
     parser = parser_of(
         "compare", __doc__, "mapod compare scanner --port tcp://192.168.0.1:2112 --out facts.json"
     )

@@ -62,7 +62,6 @@ class Demo:
         self._overdue_s = float("inf")
 
     def start(self, stop: Stop) -> None:
-        """Start the world, and the app on its ports."""
         fakes = self._start("world", self._commands.fakes)
         ports = ports_of(fakes, stop)
         if ports is None:

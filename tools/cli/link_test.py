@@ -105,7 +105,6 @@ def _met(exam: Exam) -> bool:
 
 
 def _told(verdicts: Iterator[Verdict]) -> Iterator[Verdict]:
-    """Each verdict, as soon as it is there."""
     for verdict in verdicts:
         check = verdict.check
         print(LINE.format(check.number, check.name, verdict.outcome, verdict.words), flush=True)

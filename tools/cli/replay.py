@@ -79,7 +79,6 @@ def replay_of(options: argparse.Namespace) -> Replay:
 
 
 def picture(replay: Replay, console: Console) -> Text:
-    """The map as the planner has it, in colour."""
     planner = replay.view.planner
     if planner.blank:
         return Text("waiting for the first map")

@@ -18,7 +18,6 @@ DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status."""
     parser = argparse.ArgumentParser(prog="tools.experiments", description=__doc__)
     parser.add_argument("--only", default="", help="those whose name begins so: 5.3, '7 ramps'")
     parser.add_argument("--quick", action="store_true", help="short drives; writes no document")

@@ -98,7 +98,6 @@ class GoneWatch:
                 self.last_s[view.name] = since_s
 
     def cleared_s(self) -> dict[str, float]:
-        """Until none was left; inf: some are left."""
         return {k: math.inf if self.left[k] else self.last_s[k] for k in self.left}
 
 

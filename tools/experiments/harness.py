@@ -111,7 +111,6 @@ class Run:
         return self.now_s - START_S
 
     def step(self) -> None:
-        """One tick of everything."""
         self.ticks += 1
         self.now_s = START_S + self.ticks / self.rate_hz
         self.rig.step(self.now_s)

@@ -17,7 +17,6 @@ EVERY_S = 1.0
 
 
 def false_now(test: Trial) -> dict[str, float]:
-    """Per app: false obstacle cells in the map now."""
     return test.per_app(metrics.false_obstacles)
 
 

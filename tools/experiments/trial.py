@@ -26,7 +26,6 @@ class Trial:
     truth: Truth
 
     def view(self, name: str) -> MapView:
-        """The maps of one app now."""
         return view_of(name, self.run.apps[name])
 
     def views(self, *names: str) -> list[MapView]:
@@ -34,7 +33,6 @@ class Trial:
         return [self.view(name) for name in names or self.run.apps]
 
     def cells(self, view: MapView) -> CellTruth:
-        """Truth of the cells of a view."""
         return self.truth.cells(view.corner_i, view.corner_j, view.size, view.cell_m)
 
     def seen(self, view: MapView) -> "SeenPart":
@@ -99,7 +97,6 @@ class Tally:
     taken: dict[str, list[float]] = field(default_factory=dict)
 
     def take(self, figures: dict[str, float]) -> None:
-        """One more of each."""
         for name, figure in figures.items():
             self.taken.setdefault(name, []).append(figure)
 
@@ -108,5 +105,4 @@ class Tally:
         return {name: float(np.mean(figures)) for name, figures in self.taken.items()}
 
     def most(self) -> dict[str, float]:
-        """The largest of what was taken."""
         return {name: float(np.max(figures)) for name, figures in self.taken.items()}

@@ -34,7 +34,6 @@ class BarWatch:
         self.most_free = dict.fromkeys(test.run.apps, 0.0)
 
     def look(self) -> None:
-        """Once more."""
         front_m = self._test.run.rig.world.pose()[0] + FRONT_M
         for view in self._test.views():
             if barred(view, self._span_m):

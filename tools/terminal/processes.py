@@ -69,7 +69,6 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its number."""
         return self._process.pid
 
     def check_alive(self) -> None:
@@ -79,7 +78,6 @@ class Child:
             raise RunError(f"the {self.name} ended with status {status}:\n{self.last_words()}")
 
     def last_words(self) -> str:
-        """The end of what it wrote."""
         lines = [
             line
             for path in (self.out, self.log)
@@ -139,5 +137,4 @@ def folder_kept_on_failure(wanted: Path | None = None) -> Iterator[Path]:
 
 
 def say(words: str) -> None:
-    """A line of progress."""
     print(f"mapod: {words}", flush=True)

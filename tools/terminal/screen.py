@@ -189,12 +189,10 @@ def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
 
 
 def age_words(age_s: float) -> str:
-    """An age of a POSE frame."""
     return f"{age_s * 1000:.0f}" if math.isfinite(age_s) else ">1020"
 
 
 def milliseconds(newest_ms: float, median_ms: float, p99_ms: float) -> str:
-    """A delay in words."""
     if math.isnan(newest_ms):
         return "-"
     return f"{newest_ms:.1f} ms (median {median_ms:.1f}, p99 {p99_ms:.1f})"
@@ -251,14 +249,12 @@ def pose_lines(pose: Pose) -> list[Text]:
 
 
 def labelled(label: str, words: str, style: str = "") -> Text:
-    """A line of the panel."""
     line = Text(no_wrap=True, overflow="ellipsis")
     line.append(f"{label:<9}", LABEL)
     return line.append(words, style)
 
 
 def head_lines(planner: Receiver, factor: int) -> list[Text]:
-    """Title, legend and scale."""
     if planner.geom is None:
         return [Text("mapod: waiting for the map's geometry", "bold")]
     geom = planner.geom

@@ -236,12 +236,11 @@ def test_a_row_says_whether_beams_is_better(
 def test_the_document_has_the_table_what_does_not_hold_and_the_pictures() -> None:
     worse = Row("5.9 test", "cells", {"reference_plane": 1.0, "beams": 2.0}, digits=0, paper="7")
     perfect = Row("5.9 test", "holes", {"reference_plane": 0.0, "beams": 0.0})
-    none = Row("5.9 test", "nothing", {"beams": float("nan")})
-    parts = {
-        "5.9 a": Outcome([worse, none], [Picture("a.png", "first")], ["Done."]),
-        "5.9 b": Outcome([Row("5.9 test", "more", {"beams": float("inf")}), perfect]),
-    }
-    text = document("# Title", merged(parts))
+    part = Outcome("5.9 test", "", [Row("5.9 test", "more", {"beams": float("inf")}), perfect])
+    part.tell("nothing", {"beams": float("nan")})
+    whole = Outcome("5.9 test", "Done.", [worse], [Picture("a.png", "first")])
+    text = document("# Title", merged([whole, part]))
+    assert "- **5.9 test**: Done." in text
     assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** | - |" in text
     assert "- worse: 5.9 test, cells: 2 against 1" in text
     assert "In 1 more rows" in text

@@ -192,11 +192,6 @@ class Lms111(Device[Scan]):
         return self._maker.clock.locked
 
     @property
-    def clock_uncertainty_s(self) -> float:
-        """Typical error of the scans' times."""
-        return self._maker.clock.uncertainty_s
-
-    @property
     def not_ready(self) -> int:
         """Telegrams that were not delivered, for they are not to be believed."""
         return self.stream.not_ready

@@ -143,11 +143,6 @@ class Mti(Device[Attitude]):
         return running and self._times is not None and self._times.locked
 
     @property
-    def clock_uncertainty_s(self) -> float:
-        """Typical error of a sample's time, beyond a constant delay; inf before the first one."""
-        return math.inf if self._times is None else self._times.uncertainty_s
-
-    @property
     def identity(self) -> str:
         """Product, firmware and device id, as far as they were told."""
         stream = self.stream

@@ -226,9 +226,9 @@ def test_the_program_without_any_device_serves_planner_and_modbus_and_ends_clean
         }
         text = rewritten(SHIPPED.read_text(encoding="utf-8"), values)
         config.write_text(text.replace("/dev/", f"{tmp_path}/no_"), encoding="utf-8")
-        command = [sys.executable, "main.py", "--config", config]
+        command = [sys.executable, "main.py", "--config", str(config)]
         process = subprocess.Popen(
-            [*command, "--load-map", saved, "--save-map", new],
+            [*command, "--load-map", str(saved), "--save-map", str(new)],
             cwd=ROOT,
             stderr=subprocess.PIPE,
             text=True,

@@ -136,7 +136,6 @@ def test_an_app_that_dies_is_reported_with_its_last_words_and_the_folder_stays(
     [
         ("sys.exit('no such scene')", "no such scene"),
         ("print('hello'); time.sleep(60)", "names no ports: hello"),
-        ("print('{}'); time.sleep(60)", "names no ports"),
     ],
 )
 def test_a_world_that_fails_is_reported(

@@ -11,7 +11,6 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.color import Color, ColorSystem
 from rich.console import Console
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
@@ -36,7 +35,7 @@ from tests.support.planner_sender import (
     with_map,
     zone_body,
 )
-from tools.cli.view import main, progress_line, zone_lines
+from tools.cli.view import main, zone_lines
 from tools.terminal.planner_end import Delays, Meter, PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.screen import (
     BAD,
@@ -86,13 +85,6 @@ def test_a_plain_map_is_read_as_it_was_drawn(yaw_deg: float, letter: str) -> Non
     assert drawn == ["#####", "#...#", "#.#.#", "#...#", f"# {letter} #"]
 
 
-def test_a_plain_map_leaves_out_empty_borders() -> None:
-    cells = np.zeros((9, 7), np.uint8)
-    assert plain_map(cells, None) == "(nothing known)"
-    cells[4, 2:5] = FREE
-    assert plain_map(cells, None) == ".\n.\n."
-
-
 def test_the_robot_stands_in_the_cell_of_its_pose() -> None:
     line = with_map(Line(WatchingReceiver()))
     pose = line.planner.pose
@@ -126,11 +118,6 @@ def test_colours_are_those_of_the_paper_two_rows_a_line() -> None:
     ]
     green, red, dark = COLOURS[FREE], COLOURS[OBSTACLE], COLOURS[UNKNOWN]
     assert seen == [(red, dark), (green, red), (green, green), (green, green)]
-
-
-@pytest.mark.parametrize("system", [ColorSystem.STANDARD, ColorSystem.EIGHT_BIT])
-def test_colours_stay_apart_on_plain_terminals(system: ColorSystem) -> None:
-    assert len({Color.parse(name).downgrade(system).number for name in COLOURS.values()}) == 4
 
 
 def test_the_robot_is_an_orange_spot_with_an_arrow() -> None:
@@ -217,14 +204,6 @@ def test_the_stop_zone_has_a_line_of_its_own_once_there_is_one() -> None:
         line.send(STOP_ZONE, zone_body(state))
         [drawn] = zone_lines(line.planner.stop_zone, line.now_s)
         assert style in [str(span.style) for span in drawn.spans]
-
-
-def test_without_a_screen_the_stop_zone_is_told_in_the_line() -> None:
-    line = with_map(Line(WatchingReceiver()))
-    line.send(STOP_ZONE, zone_body())
-    end = PlannerEnd(UdpWire("127.0.0.1", 0), line.planner)
-    assert "; way clear ahead 1.25 m" in progress_line(end, line.now_s)
-    end.wire.close()
 
 
 # Rates and delays

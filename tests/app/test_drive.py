@@ -110,13 +110,6 @@ def test_a_request_moves_the_robot_at_its_speed_and_no_faster_than_the_ramp() ->
     assert commander.place[2] - from_rad == pytest.approx(0.5, abs=0.06)
 
 
-def test_what_is_asked_for_beyond_the_limits_is_limited() -> None:
-    commander = Commander(max_speed_mps=0.4)
-    commander.drive(5.0, 0.0, 2.0)
-    assert commander.loop.app.control.v_mps == pytest.approx(0.4)
-    assert max(max(powers) for powers in commander.powers) <= round(0.4 * 127) + 1
-
-
 SILENT = [
     ("planner", "mute", "the commander has fallen silent"),
     ("scanner", "cut", "the scanner delivers no scans"),

@@ -9,7 +9,7 @@ import pytest
 from config_file import load_config, with_changes
 from core.records import I8
 from fakes.scenes.scene import Scene, Solid
-from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, stride_of
+from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, stride_of
 from hw.modbus.pdu import Refusal
 from tests.support.closed_loop import SHIPPED, ClosedLoop
 from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, words_of
@@ -87,16 +87,6 @@ def test_the_window_is_the_apps_map_and_a_silent_scanner_takes_all_that_is_free_
     assert (cells == 2).any()
     assert loop.word(HEALTH) & 0b10001 == 0
     assert loop.word(ZONE) == loop.word(ALLOWED_AHEAD) == 0
-
-
-def test_an_app_that_is_not_stepped_any_more_says_nothing_good() -> None:
-    loop = Served()
-    loop.run(1.5)
-    assert loop.word(GENERATION) != 0
-    loop.now_s += 1.1
-    assert loop.word(GENERATION) == loop.word(WINDOW) == loop.word(COARSE) == 0
-    assert loop.word(HEALTH) == 1 << 15
-    assert not loop.cells().any()
 
 
 def test_a_client_reads_one_whole_map_in_many_small_reads_while_the_robot_drives_on() -> None:

@@ -114,19 +114,6 @@ def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session
     assert device.sessions == 3  # made with the device, and once for each connection
 
 
-def test_with_or_without_hearing_the_same_bytes_give_the_same_measurements() -> None:
-    wake_up, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
-    got: tuple[list[bytes], list[bytes]] = ([], [])
-    for tick in range(50):
-        for port in (one, two):
-            port.give(b"x" * (1 + tick % 5))
-        if tick % 3:
-            wake_up.hear(tick * 0.005 - 0.002)
-        got[0].extend(data for _, data in wake_up.step(tick * 0.005))
-        got[1].extend(data for _, data in steps.step(tick * 0.005))
-    assert got[0] == got[1]
-
-
 # --- silence
 
 

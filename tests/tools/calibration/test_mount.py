@@ -283,14 +283,8 @@ def test_more_returns_than_are_worked_with_are_left_out_evenly() -> None:
     assert len(np.unique(view.rays_m[:, 1] > 0)) == 2
 
 
-@pytest.mark.parametrize(
-    "mount",
-    [
-        Mount(0.2, 0.0, 1.3, RAD(180.0), RAD(9.0), 0.0),  # upside down
-        Mount(-0.1, -0.2, 0.8, RAD(1.0), RAD(6.0), RAD(-30.0)),
-    ],
-)
-def test_other_mounts_are_found_as_well(mount: Mount) -> None:
+def test_a_mount_that_is_turned_and_upside_down_is_found_as_well() -> None:
+    mount = Mount(-0.1, -0.2, 0.8, RAD(179.0), RAD(6.0), RAD(-30.0))
     guess = replace(mount, roll_rad=mount.roll_rad - RAD(1.0), tilt_rad=mount.tilt_rad + RAD(1.5))
     found = calibrate(Place().view(mount, turning), guess, BY_TAPE, LEVEL)
     turned = found.mount.R_body_sensor.T @ mount.R_body_sensor

@@ -3,7 +3,6 @@
 import math
 import os
 import random
-import socket
 from collections.abc import Callable
 
 import numpy as np
@@ -15,17 +14,13 @@ from rich.console import Console
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import (
-    ACK,
     GEOM,
-    HELLO,
     MAP,
     POSE,
     STOP_ZONE,
     bytes_from_frame,
-    frame_from_bytes,
 )
 from mapod_link.serial_line import serial_from_frame
-from mapod_link.wires import SerialWire, UdpWire
 from tests.support.planner_sender import (
     Line,
     geom_body,
@@ -258,16 +253,6 @@ def test_a_quantile_is_right_to_a_tenth_of_a_millisecond(values: list[float], pa
 # Real wires
 
 
-def frames_of_a_map() -> list[bytes]:
-    bodies = (
-        (GEOM, geom_body()),
-        (POSE, pose_body()),
-        (POSE, pose_body()),
-        (MAP, map_body(op(OBSTACLE, 1))),
-    )
-    return [bytes_from_frame(kind, 1 + i, 5, body) for i, (kind, body) in enumerate(bodies)]
-
-
 def until(end: PlannerEnd, holds: Callable[[], bool]) -> float:
     """Steps until it holds, gives the time; gives up after a minute."""
     now_s = began_s = end.step(0.0)
@@ -275,38 +260,6 @@ def until(end: PlannerEnd, holds: Callable[[], bool]) -> float:
         assert now_s - began_s < 60.0, "nothing came"
         now_s = end.step(0.02)
     return now_s
-
-
-def test_frames_over_udp_make_a_map_and_are_answered() -> None:
-    wire = UdpWire("127.0.0.1", 0)
-    end = PlannerEnd(wire, WatchingReceiver())
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        sender.settimeout(60.0)
-        sender.connect(("127.0.0.1", int(wire.url.rsplit(":", 1)[1])))
-        sender.send(b"no frame")
-        until(end, lambda: end.planner.rejected.total() == 1)
-        for frame in frames_of_a_map():
-            sender.send(frame)
-        until(end, lambda: end.planner.cell(0, 0) == OBSTACLE)
-        answers = [frame_from_bytes(sender.recv(400)) for _ in range(2)]
-    assert [getattr(answer, "type", answer) for answer in answers] == [HELLO, ACK]
-    assert end.meter.frames == 4
-    end.step(0.0)  # nobody there any more
-    end.wire.write(b"to nobody")
-    end.step(0.0)
-    wire.close()
-
-
-def test_frames_over_a_serial_line_make_a_map_and_are_answered() -> None:
-    pty = PtyWire(115_200)
-    line = SerialWire(pty.url.removeprefix("serial://").split("?")[0], 115_200)
-    near, far = PlannerEnd(line, WatchingReceiver()), PlannerEnd(pty, WatchingReceiver())
-    for frame in frames_of_a_map():
-        line.write(frame)
-    until(far, lambda: far.planner.cell(0, 0) == OBSTACLE)
-    until(near, lambda: near.planner.accepted[ACK] > 0 or near.planner.ignored_types > 0)
-    line.close()
-    pty.close()
 
 
 def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:

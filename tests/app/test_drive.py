@@ -159,7 +159,7 @@ def test_it_stops_before_a_drop_and_the_planner_is_told_of_it() -> None:
     commander = Commander(near, far)
     told = 0
     commander.asks = (0.9, 0.0)
-    for _ in range(65):
+    for _ in range(60):
         commander.run(0.2)
         assert commander.loop.planner.pose is not None
         told |= commander.loop.planner.pose.health

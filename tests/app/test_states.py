@@ -104,5 +104,5 @@ class AppLife(RuleBasedStateMachine):
 
 TestAppLife = AppLife.TestCase
 TestAppLife.settings = settings(
-    max_examples=examples(4), stateful_step_count=14, phases=[Phase.generate]
+    max_examples=examples(3), stateful_step_count=14, phases=[Phase.generate]
 )

@@ -9,7 +9,7 @@ from tests.support.closed_loop import ClosedLoop, Comparison, compare
 EVERY_S = 3.0
 
 
-@pytest.fixture(scope="module", params=few([12.0, 45.0], 1))
+@pytest.fixture(scope="module", params=few([9.0, 45.0], 1))
 def drive(request: pytest.FixtureRequest) -> tuple[ClosedLoop, list[Comparison]]:
     """The begin of the shipped drive, or all, compared with the truth every few seconds."""
     loop = ClosedLoop()
@@ -40,7 +40,7 @@ def test_no_free_cell_lies_on_a_box_or_in_the_ditch(
 def test_the_floor_is_flat_within_15_mm(drive: tuple[ClosedLoop, list[Comparison]]) -> None:
     _, comparisons = drive
     errors_m = np.concatenate([comparison.floor_error_m for comparison in comparisons])
-    assert errors_m.size > 500
+    assert errors_m.size > 300
     assert float(np.sqrt(np.mean(errors_m**2))) <= 0.015
 
 

@@ -260,7 +260,7 @@ ALL_AROUND = tuple((3.0 + k * math.pi / 2, 5.0) for k in range(4))
     [
         (Place(), -10.0, still, "does the scanner look at the floor"),
         (Place(), 25.0, still, "lie on one level floor"),  # far from the settings
-        (Place(walls=ALL_AROUND), 8.2, turning, ""),
+        (Place(walls=ALL_AROUND), 8.2, turning, "."),
         (Place(kerb=(7.0, 0.06)), 8.2, nodding, "scans do not show|not flat|robot nodded says"),
         (Place(attitude_noise_rad=RAD(0.6)), 8.2, still, "not steady"),
     ],

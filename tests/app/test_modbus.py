@@ -1,6 +1,5 @@
 """Modbus clients of the whole app: they read what it maps, and drive it only where they may."""
 
-import asyncio
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from fakes.scenes.scene import Scene, Solid
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, stride_of
 from hw.modbus.pdu import Refusal
 from tests.support.closed_loop import SHIPPED, ClosedLoop
-from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, words_of
+from tests.support.modbus_rig import rows_of
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 OFFERED = {"port": "tcp://127.0.0.1:5020"}
@@ -87,36 +86,6 @@ def test_the_window_is_the_apps_map_and_a_silent_scanner_takes_all_that_is_free_
     assert (cells == 2).any()
     assert loop.word(HEALTH) & 0b10001 == 0
     assert loop.word(ZONE) == loop.word(ALLOWED_AHEAD) == 0
-
-
-def test_a_client_reads_one_whole_map_in_many_small_reads_while_the_robot_drives_on() -> None:
-    loop = Served()
-    loop.run(2.0)
-    size = loop.config.obstacle.window_cells
-    count = size * stride_of(size)
-
-    async def read(client: Tcp, first: int, number: int) -> list[int]:
-        return words_of(await client.ask(read_request(first, number, unit=3)))
-
-    async def run() -> None:
-        port = free_port()
-        url = f"tcp://127.0.0.1:{port}"
-        async with serving(url, loop.image, lambda: loop.now_s):
-            client = await Tcp.connect(port)
-            loop.until_packed()
-            codes = np.choose(loop.map_now() + 1, [1, 0, 2])
-            head = await read(client, WINDOW, 10)
-            words: list[int] = []
-            while len(words) < count:
-                words += await read(client, WINDOW_CELLS + len(words), min(31, count - len(words)))
-                loop.run(0.05)
-            tail = await read(client, WINDOW_CELLS + count, 1)
-            assert tail == head[:1]
-            assert (await read(client, WINDOW, 1)) != tail
-            np.testing.assert_array_equal(rows_of(words, size), codes)
-            client.close()
-
-    asyncio.run(run())
 
 
 def test_a_commander_drives_only_as_long_as_its_requests_hold() -> None:

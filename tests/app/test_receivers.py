@@ -122,23 +122,6 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
     assert asker.stop_zone is not None
 
 
-def test_one_receiver_drives_at_a_time_and_anybody_may_stop() -> None:
-    company = Company(enable_motors=True, start_clear_m=9.0)
-    company.run(2.0)
-    first, second, _ = company.planners
-    first.drive(company.now_s, 0.2, 0.0, 0.5)
-    company.run(0.1)
-    assert company.app.planners.requests.newest is not None
-    second.drive(company.now_s, 0.1, 0.0, 0.5)
-    company.run(0.1)
-    assert "somebody else is driving" in company.app.planners.requests.refused
-    second.drive(company.now_s, 0.0, 0.0, 0.0)
-    company.run(0.1)
-    request = company.app.planners.requests.newest
-    assert request is not None
-    assert request.v_mps == 0.0
-
-
 @pytest.mark.parametrize(
     ("planner", "modbus", "said"),
     [

@@ -1,6 +1,5 @@
 """Fingerprints: what is known is named, the right device never is, chance is not believed."""
 
-import csv
 import json
 
 import numpy as np
@@ -100,16 +99,6 @@ def test_a_recording_on_the_wrong_port_is_named(name: str, other: str) -> None:
         message = fingerprint.message(at / 64 * 0.01, [data[at : at + 64]], b"")
     assert message.startswith(SEEMS)
     assert ("MTi" in message) is (other == "ax3500")
-
-
-def test_every_frame_printed_in_the_mti_sheet_is_an_mti_s() -> None:
-    with (VECTORS / "mti_frames.tsv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.reader(file, delimiter="\t") if not row[0].startswith("#")]
-    frames = [
-        bytes.fromhex(cell) for row in rows for cell in row if cell.upper().startswith("FA FF")
-    ]
-    assert len(frames) > 10
-    assert {maybe_protocol(frame) for frame in frames} == {"mt"}
 
 
 def test_random_bytes_are_nearly_never_believed() -> None:

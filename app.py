@@ -94,22 +94,18 @@ class App:
 
     @property
     def scanner(self) -> Scanner:
-        """What measures ranges."""
         return self.devices.scanner
 
     @property
     def ahrs(self) -> AttitudeSensor:
-        """What tells how the body lies."""
         return self.devices.ahrs
 
     @property
     def drive(self) -> Drive:
-        """What counts the wheels' turns and moves them."""
         return self.devices.drive
 
     @property
     def control(self) -> DriveControl:
-        """What makes wheel power of requests."""
         return self.pilot.control
 
     @property

@@ -41,7 +41,6 @@ class Ports:
         return self.scanner, self.ahrs, self.drive
 
     def close(self) -> None:
-        """Let go of all of them."""
         for port in (*self.of_devices, self.planner, *self.receivers):
             port.close()
 

@@ -85,7 +85,6 @@ class NoPort:
         return -1
 
     def poll(self, now_s: float) -> bool:
-        """Always open."""
         return True
 
     def read(self) -> list[bytes]:
@@ -183,7 +182,6 @@ class Intake:
 
     @property
     def waits(self) -> bool:
-        """Whether bytes wait for the next step."""
         return bool(self._waiting)
 
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
@@ -210,11 +208,9 @@ class SilenceWatch:
         self._has_spoken = False  # on this connection
 
     def begin(self, now_s: float) -> None:
-        """A new connection."""
         self._spoke_s, self._has_spoken = now_s, False
 
     def heard(self, now_s: float) -> None:
-        """Bytes of any kind."""
         self._spoke_s, self._has_spoken = now_s, True
 
     def maybe_drop(self, now_s: float) -> str:

@@ -56,10 +56,6 @@ class Clocked(AnyDevice, Protocol):
     def clock_locked(self) -> bool:
         """Whether that clock is known well enough."""
 
-    @property
-    def clock_uncertainty_s(self) -> float:
-        """Typical error of its measurements' times; inf before the first."""
-
 
 class Scanner(Clocked, Protocol):
     """What measures ranges. Its period, beams and range are its options' `spec`."""

@@ -12,10 +12,11 @@ import pickle
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+ROOT = Path(__file__).resolve().parents[1]
 CODECS = ("lms111", "mti", "ax3500")
 RAW, FRAMED, TIME, CUT = range(4)  # what an instruction does, by the low 2 bits of its first byte
 STEP_S = 0.005
@@ -42,52 +43,47 @@ def frame_of(codec: str, payload: bytes) -> bytes:
             return payload.translate(None, b"\r") + b"\r"
 
 
-def new_device(codec: str, port: Any) -> Any:
-    """A device of mapod, as main.py makes it."""
-    from hw.ax3500.options import Ax3500Options
-    from hw.ax3500.session import Ax3500
-    from hw.lms1xx.options import Lms1xxOptions
-    from hw.lms1xx.session import Lms111
-    from hw.mti.session import Mti
+@cache
+def sections() -> tuple[Any, Any, Any]:
+    """Options of the three devices as shipped, but with both echoes."""
+    from msgspec.structs import replace
 
+    from config_file import load_config
+
+    config = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    scanner: Any = config.scanner.options
+    return replace(scanner, echo="both"), config.ahrs.options, config.drive.options
+
+
+def new_device(codec: str, port: Any) -> Any:
+    """A device of mapod, as the app makes it."""
+    from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS, Surroundings
+
+    scanner, ahrs, drive = sections()
+    around = Surroundings("tcp://fuzzer:1", max_counts_per_s=3000.0, enable_motors=True)
     match codec:
         case "lms111":
-            return Lms111(port, Lms1xxOptions("auto", 25, 0.25, 30.0, 150.0, "both", []))
+            return SCANNERS[codec].make(port, scanner, around)
         case "mti":
-            return Mti(port, rate_hz=100, baud=115_200)
+            return ATTITUDE_SENSORS[codec].make(port, ahrs, around)
         case _:
-            options = Ax3500Options(
-                poll_hz=20, left_channel=1, right_channel=2, invert=[], enter_rs232=True
-            )
-            return Ax3500(port, options, max_counts_per_s=3000.0, enable_motors=True)
+            return DRIVES[codec].make(port, drive, around)
 
 
 def new_fake(codec: str) -> Any:
-    """A healthy device, for the seeds."""
-    import numpy as np
-
+    """A healthy device that stands still, for the seeds."""
     from fakes.ax3500.device import FakeAx3500
     from fakes.lms1xx.device import FakeLms111
     from fakes.mti.device import FakeMti
-
-    class Wheels:
-        """Wheels that turn nothing."""
-
-        def counts(self) -> tuple[float, float]:
-            """At rest."""
-            return 1000.0, -1000.0
-
-        def set_power(self, one: float, two: float) -> None:
-            """Held fast."""
+    from fakes.world.simple import Motion, Room, TwoWheels
 
     match codec:
         case "lms111":
-            return FakeLms111(lambda t_s, times_s, bearings: np.full(len(times_s), 3.0), 1)
+            return FakeLms111(Room("room").ranges_m_at, 1)
         case "mti":
-            level = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81])
-            return FakeMti(lambda t_s: level, 1)
+            return FakeMti(Motion("still").motion_at, 1)
         case _:
-            return FakeAx3500(Wheels(), 1)
+            return FakeAx3500(TwoWheels(), 1)
 
 
 def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
@@ -158,7 +154,7 @@ def write_seeds(codec: str, folder: Path) -> None:
     whole = b"".join(said)
     (folder / "conversation").write_bytes(whole[:MOST_INPUT])
     (folder / "middle").write_bytes(b"".join(said[len(said) // 2 :])[:MOST_INPUT])
-    vectors = Path(__file__).resolve().parents[1] / "tests" / "vectors"
+    vectors = ROOT / "tests" / "vectors"
     for path in vectors.glob(f"{codec}*.tsv"):
         for number, row in enumerate(path.read_text(encoding="utf-8").splitlines()):
             if row.startswith("#") or "\t" not in row:
@@ -191,15 +187,6 @@ def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
         atheris.Fuzz()
 
 
-def in_turn(codecs: tuple[str, ...], again: Callable[[str], list[str]]) -> int:
-    """Each codec in a process of its own: a fuzzer ends its process. Exit status of the worst."""
-    worst = 0
-    for codec in codecs:
-        print(f"mapod: fuzzing {codec}", flush=True)
-        worst = max(worst, abs(subprocess.run(again(codec), check=False).returncode))
-    return worst
-
-
 def main() -> int:
     """The command line; gives the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.fuzz", description=__doc__)
@@ -216,9 +203,12 @@ def main() -> int:
         fuzz(options.codec, options.seconds, options.runs, options.seed)
     seconds = options.seconds // len(CODECS)
     common = ["--seconds", str(seconds), "--runs", str(options.runs), "--seed", str(options.seed)]
-    return in_turn(
-        CODECS, lambda codec: [sys.executable, "-m", "tools.fuzz", "--codec", codec, *common]
-    )
+    worst = 0
+    for codec in CODECS:  # each in a process of its own: a fuzzer ends its process
+        print(f"mapod: fuzzing {codec}", flush=True)
+        again = [sys.executable, "-m", "tools.fuzz", "--codec", codec, *common]
+        worst = max(worst, abs(subprocess.run(again, check=False).returncode))
+    return worst
 
 
 if __name__ == "__main__":

@@ -6,30 +6,18 @@ simulated clock.
 
 from pathlib import Path
 
-import numpy as np
-
 from app import App, Ports
 from core.config import Config
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.mti.device import FakeMti
 from fakes.wires.wire import MemoryPort, Wire
+from fakes.world.simple import Motion, TwoWheels
 from tools.played import SESSION, LinkView
 
 LONGEST_START_S = 60.0  # of the session, before the first scan must have come
 REST_S = 0.5  # after the last scan, for the last frames
 BEGIN_S = 1000.0
-
-
-class StandingWheels:
-    """Wheels that do not turn."""
-
-    def counts(self) -> tuple[float, float]:
-        """Encoder edges of channel 1 and 2."""
-        return 0.0, 0.0
-
-    def set_power(self, one: float, two: float) -> None:
-        """Nobody drives a recording."""
 
 
 class LaserReplay:
@@ -43,11 +31,10 @@ class LaserReplay:
         self.recording, self.config = RecordedLms111.from_files(path), config
         scanner, ahrs_port, drive_port = MemoryPort(), MemoryPort(), MemoryPort()
         self._link = MemoryPort(datagrams=True)
-        level = (np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81]))
-        drive = FakeAx3500(StandingWheels(), 2)
+        drive = FakeAx3500(TwoWheels(), 2)  # which nobody turns
         self._wires = [
             Wire(self.recording, scanner, 0),
-            Wire(FakeMti(lambda t_s: level, 1), ahrs_port, 0),
+            Wire(FakeMti(Motion("still").motion_at, 1), ahrs_port, 0),
             Wire(drive, drive_port, 0),
         ]
         ports = Ports(scanner, ahrs_port, drive_port, self._link)
@@ -57,7 +44,6 @@ class LaserReplay:
 
     @property
     def now_s(self) -> float:
-        """The simulated clock."""
         return BEGIN_S + self._ticks / self.config.loop.rate_hz
 
     @property
@@ -68,13 +54,11 @@ class LaserReplay:
 
     @property
     def lacks(self) -> str:
-        """The recording holds no scans."""
         if self.recording.scans:
             return ""
         return "the file holds no scan: no telegram in it is a CoLa-B scan (sSN LMDscandata)"
 
     def step(self) -> None:
-        """One tick."""
         self._ticks += 1
         for wire in self._wires:
             wire.step(self.now_s)

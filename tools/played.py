@@ -134,7 +134,6 @@ class RecordingReplay:
 
     @property
     def lacks(self) -> str:
-        """The scanner sent nothing."""
         return "" if self._scanner_bytes else "the recording holds no byte of the scanner"
 
     def step(self) -> None:

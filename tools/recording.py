@@ -82,11 +82,9 @@ class Recorder:
         return cast(App, RecordedApp(app, self.note, self._clock))
 
     def note(self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"") -> None:
-        """One record more."""
         self._put(HEAD.pack(t_s, kind, port, len(data)) + data)
 
     def close(self) -> None:
-        """All is written, and the file closed."""
         if self._thread.is_alive():
             self._queue.put(None)
             self._thread.join()
@@ -133,12 +131,10 @@ class RecordedPort:
         return float(getattr(self._port, "silence_s", float("inf")))
 
     def reopen(self, cause: str) -> None:
-        """As the port, where it can."""
         if isinstance(self._port, Reopens):
             self._port.reopen(cause)
 
     def poll(self, now_s: float) -> bool:
-        """As the port; notes when its connection has come or gone."""
         is_open = self._port.poll(now_s)
         seen = (self._port.opened, is_open)
         if seen != self._seen:
@@ -150,14 +146,12 @@ class RecordedPort:
         return is_open
 
     def read(self) -> list[bytes]:
-        """As the port; notes the pieces."""
         pieces = self._port.read()
         for piece in pieces:
             self._note(self._clock(), IN, self._number, piece)
         return pieces
 
     def write(self, data: bytes) -> None:
-        """As the port; notes the bytes."""
         if data:
             self._note(self._clock(), OUT, self._number, data)
         self._port.write(data)
@@ -174,12 +168,10 @@ class RecordedApp:
         return getattr(self._app, name)
 
     def step(self, now_s: float) -> None:
-        """As the app."""
         self._note(now_s, STEP)
         self._app.step(now_s)
 
     def hear(self, now_s: float) -> None:
-        """As the app."""
         self._note(now_s, HEAR)
         self._app.hear(now_s)
 
@@ -235,7 +227,6 @@ class PlayedPort:
         self._is_open = False
 
     def play(self, record: Record) -> None:
-        """What happened to the port."""
         if record.kind == OPENED:
             self.opened, self.cause, self._is_open = self.opened + 1, "", True
         elif record.kind == LOST:
@@ -244,20 +235,16 @@ class PlayedPort:
             self._arrived.append(record.data)
 
     def fileno(self) -> int:
-        """None."""
         return -1
 
     def poll(self, now_s: float) -> bool:
-        """Open where the recorded one was."""
         return self._is_open
 
     def read(self) -> list[bytes]:
-        """What arrived."""
         pieces, self._arrived = self._arrived, []
         return pieces
 
     def write(self, data: bytes) -> None:
-        """Kept, for whoever looks."""
         if self._is_open:
             self.written.append(data)
 

@@ -25,7 +25,6 @@ def warm_app() -> None:
 
 
 def warm_world() -> None:
-    """Those of the world and the fakes."""
     from fakes.scenes.scene import load_scene
     from fakes.world.rig import Rig
 

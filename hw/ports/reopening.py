@@ -148,7 +148,6 @@ class ReopeningPort:
         raise NotImplementedError
 
     def _let_go(self) -> None:
-        """Close what is open or half open."""
         raise NotImplementedError
 
     def _descriptor(self) -> int:

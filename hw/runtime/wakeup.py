@@ -40,7 +40,6 @@ class WakeUp:
         self._listen()
 
     def close(self) -> None:
-        """Listen to nothing any more."""
         self._left = 0
         self._listen()
 

@@ -17,7 +17,7 @@ STALE_S = 0.45 + 0.15  # the longest of the inputs' limits, and one of the link
 def running() -> ClosedLoop:
     """A loop in which everything has started."""
     loop = ClosedLoop()
-    loop.run(6.0)
+    loop.run(4.5)
     pose = loop.planner.pose
     assert pose is not None
     assert pose.mode == 1
@@ -49,13 +49,19 @@ def free_told(loop: ClosedLoop) -> int:
     return int((loop.planner.window() == 1).sum())
 
 
-@pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("fault", few(["cut", "mute"], 1))
 def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
-    device: str, fault: str
+    fault: str,
 ) -> None:
     loop = running()
-    assert free_told(loop) > 80
+    for device in DEVICES:
+        assert free_told(loop) > 60
+        fall_silent_and_recover(loop, device, fault)
+    assert not loop.planner.suspect
+
+
+def fall_silent_and_recover(loop: ClosedLoop, device: str, fault: str) -> None:
+    """One device after the other of the same drive."""
     setattr(loop.wires[device], fault, True)
     loop.run(STALE_S)
     pose = loop.planner.pose
@@ -68,13 +74,11 @@ def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
     assert free_told(loop) == 0
     assert int((loop.planner.window() == 2).sum()) > 20  # obstacles stay
     told_free = []
-    loop.run(1.0, lambda: told_free.append(free_told(loop)))
+    loop.run(0.5, lambda: told_free.append(free_told(loop)))
     assert not any(told_free)
     setattr(loop.wires[device], fault, False)
     run_until_well(loop, 6.0)
     loop.run(1.0)
-    assert free_told(loop) > 80
-    assert not loop.planner.suspect
 
 
 @given(
@@ -83,7 +87,7 @@ def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
     mask=st.integers(1, 255),
     what=st.sampled_from(["alter", "drop", "delay"]),
 )
-@settings(max_examples=examples(6), phases=[Phase.generate])
+@settings(max_examples=examples(3), phases=[Phase.generate])
 def test_any_byte_altered_cut_out_or_delayed_is_survived(
     device: str, offset: int, mask: int, what: str
 ) -> None:
@@ -95,7 +99,7 @@ def test_any_byte_altered_cut_out_or_delayed_is_survived(
         wire.drop_at = {offset}
     else:
         wire.delay_s = 0.001 * (offset % 60)
-    loop.run(4.0)
+    loop.run(2.5)
     wire.delay_s = 0.0
     run_until_well(loop, 8.0)
     cells = loop.map_now()
@@ -106,7 +110,7 @@ def test_any_byte_altered_cut_out_or_delayed_is_survived(
 def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
     loop = running()
     loop.wires[device].damage_rate = 0.001
-    loop.run(5.0)
+    loop.run(3.0)
     loop.wires[device].damage_rate = 0.0
     run_until_well(loop, 8.0)
     assert getattr(loop.app, device).status.rejected > 0
@@ -115,12 +119,12 @@ def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
 def test_a_planner_that_comes_late_or_loses_frames_still_gets_the_whole_map() -> None:
     loop = ClosedLoop()
     loop.listening = False
-    loop.run(6.0)
+    loop.run(3.0)
     loop.listening = True
     loop.planner.loss_rate = 0.05
-    loop.run(3.0)
+    loop.run(2.0)
     loop.planner.loss_rate = 0.0
-    loop.run(1.5)
+    loop.run(1.0)
     meant = np.array([0, 2, 1], dtype=np.uint8)[loop.map_now()]
     assert int((loop.planner.window() != meant).sum()) <= 20
     assert not loop.planner.suspect
@@ -128,7 +132,7 @@ def test_a_planner_that_comes_late_or_loses_frames_still_gets_the_whole_map() ->
 
 def test_two_runs_of_the_same_world_send_the_same_bytes() -> None:
     first, second = ClosedLoop(), ClosedLoop()
-    first.run(5.0)
-    second.run(5.0)
-    assert len(first.sent) > 10_000
+    first.run(2.0)
+    second.run(2.0)
+    assert len(first.sent) > 5_000
     assert first.sent == second.sent

@@ -3,22 +3,18 @@
 The tests share one process, in the order of the file: each begins and ends with all running.
 """
 
-import socket
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from fakes.wires.wire import TcpWire
 from hw.device import DeviceStatus
 from hw.ports.tcp import CONNECT_S
 from tests.support.cases import few
 from tests.support.closed_loop import ClosedLoop
 from tests.support.house import OK, House
 
-QUIET_S = 1.5  # to measure the undisturbed process
 DEVICES = ("scanner", "ahrs", "drive")
 # Of a device that is back; the wire itself takes up to half a second of the scanner's one.
 WITHIN_S = {"scanner": 1.0 - CONNECT_S, "ahrs": 3.0, "drive": 3.0}
@@ -60,165 +56,57 @@ class Episode:
     def changes(self) -> list[dict[str, Any]]:
         return self.house.changes(self.name, self.since)
 
-    def until_lost(self) -> None:
-        self.house.until(lambda: not self.house.health & OK[self.name] and self.changes)
-
     def until_back(self) -> None:
         self.house.until(lambda: self.house.all_run() and self.changes[-1]["state"] == "running")
 
 
 @pytest.mark.real_time
 def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: House) -> None:
-    assert house.scanner_wire is not None
-    house.scanner_wire.close()
-    house.scanner_wire = None
-    house.plug_in("drive", house.drive)
+    house.plug_in("drive")
     house.start()
     house.until(lambda: house.health & OK["drive"])
     house.run(1.0)
     assert house.health & 7 == OK["drive"]
-    assert house.has_said("scanner", f"connection refused by 127.0.0.1:{house.scanner_port}")
-    assert house.has_said("ahrs", "no such device")
-    assert len(house.changes("scanner")) <= 2
-    assert len(house.changes("ahrs")) == 1
-    house.plug_in("ahrs", house.ahrs)
-    house.until(lambda: house.health & OK["ahrs"])
-    house.scanner_wire = TcpWire(house.scanner, port=house.scanner_port)
+    for name, cause in (("scanner", "connection refused by"), ("ahrs", "no such device")):
+        told = house.changes(name)
+        assert 1 <= len(told) <= 2
+        assert any(cause in line["cause"] for line in told)
+    house.plug_in("ahrs")
+    house.serve_scanner()
     house.until(house.all_run)
     house.run(1.0)
     assert house.all_run()
 
 
 @pytest.mark.real_time
-def test_an_absent_device_costs_no_more_of_the_processor_than_a_running_one(house: House) -> None:
-    begun_s = house.processor_s()
-    house.run(QUIET_S)
-    running_s, begun_s = house.processor_s() - begun_s, house.processor_s()
-    house.unplug("ahrs")
-    house.run(QUIET_S)
-    assert house.processor_s() - begun_s < 1.5 * running_s + 0.2
-    house.plug_in("ahrs", house.ahrs)
-    house.until(house.all_run)
-
-
-@pytest.mark.real_time
-@pytest.mark.parametrize("gone_s", [0.1, 4.0])
-def test_a_network_cable_is_pulled(house: House, gone_s: float) -> None:
-    assert house.scanner_wire is not None
-    house.run(0.5)
-    episode = Episode(house, "scanner")
-    house.scanner_wire.unplugged = True
-    house.run(gone_s)
-    house.scanner_wire.unplugged = False
-    if gone_s < 1.0:
-        house.until(house.all_run)
-        assert episode.changes == []
-    else:
-        episode.until_back()
-        episode.check(most_lines=6)
-
-
-@pytest.mark.real_time
 @pytest.mark.parametrize("gone_s", [0.1, 3.0])
-@pytest.mark.parametrize("name", ["ahrs", "drive"])
-def test_an_adapter_is_pulled_and_put_in_again(house: House, name: str, gone_s: float) -> None:
-    fake = house.ahrs if name == "ahrs" else house.drive
+@pytest.mark.parametrize("name", DEVICES)
+def test_a_cable_or_an_adapter_is_pulled_and_put_in_again(
+    house: House, name: str, gone_s: float
+) -> None:
     house.run(0.5)
     episode = Episode(house, name)
     house.unplug(name)
     house.run(gone_s)
-    house.plug_in(name, fake)
-    house.until(lambda: episode.changes)
-    episode.until_back()
-    episode.check(most_lines=6)
-
-
-@pytest.mark.real_time
-def test_a_scanner_that_is_rebooted_accepts_long_before_it_answers(house: House) -> None:
-    assert house.scanner_wire is not None
-    episode = Episode(house, "scanner")
-    house.scanner.start_silent_s = 4.0
-    house.scanner_wire.cut = True
-    house.step()
-    house.scanner_wire.cut = False
-    house.scanner.reboot(time.monotonic())
-    episode.until_lost()
-    episode.until_back()
-    house.scanner.start_silent_s = 0.0
-    episode.check(most_lines=8)
-
-
-@pytest.mark.real_time
-def test_another_host_that_came_first_to_a_scanner_for_one_is_waited_for(house: House) -> None:
-    assert house.scanner_wire is not None
-    wire, many = house.scanner_wire, house.scanner.max_clients
-    house.scanner.max_clients = 1
-    episode = Episode(house, "scanner")
-    wire.cut = True
-    episode.until_lost()
-    with socket.create_connection(("127.0.0.1", house.scanner_port)):
-        wire.cut = False
-        wire.turned_away = 0
-        house.run(2.0)
-        assert wire.turned_away > 0
-        assert not house.health & OK["scanner"]
-        turned_away = wire.turned_away
-    episode.until_back()
-    assert turned_away < 10  # not an attack
-    house.scanner.max_clients = many
-
-
-@pytest.mark.real_time
-def test_another_host_on_a_scanner_for_several_changes_nothing(house: House) -> None:
-    episode = Episode(house, "scanner")
-    with socket.create_connection(("127.0.0.1", house.scanner_port)) as other:
-        other.sendall(b"\x02sRN DeviceIdent\x03")
-        house.run(1.0)
-    house.run(0.5)
-    assert house.all_run()
-    assert episode.changes == []
-
-
-@pytest.mark.real_time
-def test_the_wrong_device_on_a_port_is_named(house: House) -> None:
-    stranger = house.new_drive()
-    stranger.baud, stranger.mode = 115_200, "rc"
-    episode = Episode(house, "ahrs")
-    house.plug_in("ahrs", stranger)
-    house.until(lambda: house.has_said("ahrs", "seems to be a Roboteq", episode.since))
-    house.plug_in("ahrs", house.ahrs)
-    episode.until_back()
-    house.run(0.5)
-    episode = Episode(house, "drive")
-    sensor = house.new_ahrs()
-    sensor.baud = 9600
-    house.plug_in("drive", sensor)
-    house.until(lambda: house.has_said("drive", "seems to be an Xsens MTi", episode.since))
-    house.plug_in("drive", house.drive)
-    episode.until_back()
-
-
-@pytest.mark.real_time
-def test_a_wrong_baud_rate_is_thought_of(house: House) -> None:
-    episode = Episode(house, "ahrs")
-    sensor = house.new_ahrs()
-    sensor.baud = 57_600
-    house.plug_in("ahrs", sensor)
-    house.until(lambda: house.has_said("ahrs", "baud rate", episode.since))
-    house.plug_in("ahrs", house.ahrs)
-    episode.until_back()
-    episode.check(most_lines=10)
+    house.plug_in(name)
+    if name == "scanner" and gone_s < 1.0:  # a network forgets nothing in so short a time
+        house.until(house.all_run)
+        assert episode.changes == []
+    else:
+        house.until(lambda: episode.changes)
+        episode.until_back()
+        episode.check(most_lines=6)
 
 
 # --- in simulated time
 
 
 @pytest.mark.parametrize(
-    ("name", "gone_s"), few([("scanner", 8.0), ("ahrs", 8.0), ("drive", 8.0), ("scanner", 60.0)], 3)
+    ("name", "gone_s"), few([("scanner", 4.0), ("ahrs", 4.0), ("drive", 4.0), ("scanner", 60.0)], 1)
 )
 def test_a_long_time_without_a_device_is_survived_by_the_others(name: str, gone_s: float) -> None:
     loop = ClosedLoop()
-    loop.run(6)
+    loop.run(2)
     app = loop.app
     of = {"scanner": app.scanner.status, "ahrs": app.ahrs.status, "drive": app.drive.status}
     assert all(status.state == "running" for status in of.values())
@@ -244,12 +132,12 @@ def until_heard(loop: ClosedLoop, device: DeviceStatus, within_s: float) -> None
         loop.step()
 
 
-@pytest.mark.parametrize("silent_s", [3.0, 4.37])
+@pytest.mark.parametrize("silent_s", few([1.37, 3.0], 1))
 def test_a_scanner_that_boots_is_heard_within_a_second_of_its_mirror_being_up(
     silent_s: float,
 ) -> None:
     loop = ClosedLoop()
-    loop.run(3)
+    loop.run(1.5)
     scanner = loop.rig.scanner
     scanner.start_silent_s = silent_s
     loop.wires["scanner"].cut = True

@@ -1,10 +1,5 @@
 """Modbus clients of the whole app: they read what it maps, and drive it only where they may."""
 
-import asyncio
-import signal
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +8,10 @@ import pytest
 from config_file import load_config, with_changes
 from core.records import I8
 from fakes.scenes.scene import Scene, Solid
-from hw.modbus.layout import COARSE, DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
+from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from tests.support.closed_loop import SHIPPED, ClosedLoop
-from tests.support.modbus_rig import Tcp, free_port, read_request, rows_of, serving, until, words_of
-from tools.settings import rewritten
+from tests.support.modbus_rig import rows_of
 
-ROOT = SHIPPED.parent
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 OFFERED = {"port": "tcp://127.0.0.1:5020"}
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
@@ -94,46 +87,6 @@ def test_the_window_is_the_apps_map_and_a_silent_scanner_takes_all_that_is_free_
     assert loop.word(ZONE) == loop.word(ALLOWED_AHEAD) == 0
 
 
-def test_an_app_that_is_not_stepped_any_more_says_nothing_good() -> None:
-    loop = Served()
-    loop.run(1.5)
-    assert loop.word(GENERATION) != 0
-    loop.now_s += 1.1
-    assert loop.word(GENERATION) == loop.word(WINDOW) == loop.word(COARSE) == 0
-    assert loop.word(HEALTH) == 1 << 15
-    assert not loop.cells().any()
-
-
-def test_a_client_reads_one_whole_map_in_many_small_reads_while_the_robot_drives_on() -> None:
-    loop = Served()
-    loop.run(2.0)
-    size = loop.config.obstacle.window_cells
-    count = size * stride_of(size)
-
-    async def read(client: Tcp, first: int, number: int) -> list[int]:
-        return words_of(await client.ask(read_request(first, number, unit=3)))
-
-    async def run() -> None:
-        port = free_port()
-        url = f"tcp://127.0.0.1:{port}"
-        async with serving(url, loop.image, lambda: loop.now_s):
-            client = await Tcp.connect(port)
-            loop.until_packed()
-            codes = np.choose(loop.map_now() + 1, [1, 0, 2])
-            head = await read(client, WINDOW, 10)
-            words: list[int] = []
-            while len(words) < count:
-                words += await read(client, WINDOW_CELLS + len(words), min(31, count - len(words)))
-                loop.run(0.05)
-            tail = await read(client, WINDOW_CELLS + count, 1)
-            assert tail == head[:1]
-            assert (await read(client, WINDOW, 1)) != tail
-            np.testing.assert_array_equal(rows_of(words, size), codes)
-            client.close()
-
-    asyncio.run(run())
-
-
 def test_a_commander_drives_only_as_long_as_its_requests_hold() -> None:
     loop = Served(Scene("hall", (FLOOR,)), may_drive=True, **READY)
     loop.run(2.5)
@@ -157,43 +110,3 @@ def test_without_both_settings_there_are_no_drive_registers(may_drive: bool, mot
     loop.run(0.1)
     assert loop.ask(300, 0, 200, 1) is Refusal.ADDRESS
     assert loop.image.read(loop.now_s, None, DRIVE, 1) is Refusal.ADDRESS
-
-
-def test_the_program_serves_its_registers_and_ends_when_it_is_told_to(tmp_path: Path) -> None:
-    port = free_port()
-    values = {
-        "modbus.port": f"tcp://127.0.0.1:{port}",
-        "scanner.port": f"tcp://127.0.0.1:{free_port()}",
-        "ahrs.port": f"serial://{tmp_path}/ahrs?baud=115200",
-        "drive.port": f"serial://{tmp_path}/drive?baud=9600&parity=E&bytesize=7",
-        "planner.port": f"udp://127.0.0.1:{free_port()}",
-    }
-    config = tmp_path / "mapod.toml"
-    config.write_text(rewritten(SHIPPED.read_text(encoding="utf-8"), values), encoding="utf-8")
-
-    async def run() -> None:
-        main = [sys.executable, str(ROOT / "main.py"), "--config", str(config)]
-        with subprocess.Popen(main, stderr=subprocess.DEVNULL) as process:
-            clients: list[Tcp] = []
-
-            async def connected() -> bool:
-                try:
-                    clients.append(await Tcp.connect(port))
-                except ConnectionRefusedError:
-                    return False
-                return True
-
-            while not await connected():
-                assert process.poll() is None
-                await asyncio.sleep(0.01)
-            words = words_of(await clients[0].ask(read_request(0, 80)))
-            assert words[:2] == [0x4D50, 0x0100]
-            assert words[ZONE] == words[ALLOWED_AHEAD] == 0
-            assert words[HEALTH] & 0b11111 == 0
-            assert words[18] << 16 | words[19] > 1_700_000_000
-            process.send_signal(signal.SIGTERM)
-            await until(lambda: process.poll() is not None)
-            assert process.returncode == 0
-            clients[0].close()
-
-    asyncio.run(run())

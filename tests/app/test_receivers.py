@@ -122,66 +122,36 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
     assert asker.stop_zone is not None
 
 
-def test_one_receiver_drives_at_a_time_and_anybody_may_stop() -> None:
-    company = Company(enable_motors=True, start_clear_m=9.0)
-    company.run(2.0)
-    first, second, _ = company.planners
-    first.drive(company.now_s, 0.2, 0.0, 0.5)
-    company.run(0.1)
-    assert company.app.planners.requests.newest is not None
-    second.drive(company.now_s, 0.1, 0.0, 0.5)
-    company.run(0.1)
-    assert "somebody else is driving" in company.app.planners.requests.refused
-    second.drive(company.now_s, 0.0, 0.0, 0.0)
-    company.run(0.1)
-    request = company.app.planners.requests.newest
-    assert request is not None
-    assert request.v_mps == 0.0
-
-
-def test_the_same_port_twice_is_refused_in_words() -> None:
-    with pytest.raises(ConfigError, match=r"planner\.port: each port may be given once"):
-        with_changes(SETTINGS, planner={"port": URLS[:1] * 2})
-
-
-def test_every_port_of_the_list_is_looked_at_before_any_opens() -> None:
-    config = with_changes(SETTINGS, planner={"port": [URLS[0], "udp://nowhere"]})
-    with pytest.raises(ConfigError, match=r"planner\.port: 'udp://nowhere': must be udp://host"):
-        open_ports(config)
-    config = with_changes(SETTINGS, modbus={"port": ["tcp://127.0.0.1:5020", "rtu:///dev/x"]})
-    with pytest.raises(ConfigError, match=r"modbus\.port: 'rtu:///dev/x': no such kind of port"):
-        open_ports(config)
-
-
 @pytest.mark.parametrize(
-    ("sections", "said"),
+    ("planner", "modbus", "said"),
     [
+        ([*URLS[:1], "udp://nowhere"], "", r"planner\.port: 'udp://nowhere': must be udp://host"),
         (
-            {"planner": {"port": "serial:///dev/x?baud=115200&bytesize=7"}},
-            r"planner\.port: bytesize must be 8 here",
+            URLS[0],
+            ["tcp://127.0.0.1:5020", "rtu:///dev/x"],
+            r"modbus\.port: .*no such kind",
         ),
+        ("serial:///dev/x?baud=115200&bytesize=7", "", r"planner\.port: bytesize must be 8 here"),
+        (URLS[0], "serial:///dev/x?baud=19200&bytesize=7", r"modbus\.port: bytesize must be 8"),
+        ("serial:///dev/mti?baud=921600", "", r"planner\.port: .* is ahrs\.port already"),
         (
-            {"modbus": {"port": "serial:///dev/x?baud=19200&bytesize=7"}},
-            r"modbus\.port: bytesize must be 8 here",
-        ),
-        (
-            {"planner": {"port": "serial:///dev/mti?baud=921600"}},
-            r"planner\.port: .* is ahrs\.port already",
-        ),
-        (
-            {
-                "planner": {"port": "serial:///dev/plc?baud=19200"},
-                "modbus": {"port": "serial:///dev/plc?baud=19200&parity=E"},
-            },
+            "serial:///dev/plc?baud=19200",
+            "serial:///dev/plc?baud=19200&parity=E",
             r"modbus\.port: .* is planner\.port already",
         ),
     ],
 )
 def test_a_line_that_cannot_work_is_refused_before_any_opens(
-    sections: dict[str, dict[str, str]], said: str
+    planner: str | list[str], modbus: str | list[str], said: str
 ) -> None:
+    config = with_changes(SETTINGS, planner={"port": planner}, modbus={"port": modbus})
     with pytest.raises(ConfigError, match=said):
-        open_ports(with_changes(SETTINGS, **sections))
+        open_ports(config)
+
+
+def test_the_same_port_twice_is_refused_in_words() -> None:
+    with pytest.raises(ConfigError, match=r"planner\.port: each port may be given once"):
+        with_changes(SETTINGS, planner={"port": URLS[:1] * 2})
 
 
 def test_the_stop_zone_speaks_of_a_request_only_as_long_as_that_holds() -> None:

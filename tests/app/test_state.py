@@ -20,10 +20,14 @@ from core.records import FREE, OBSTACLE
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes
 from core.saved.state import restore, state_of
 from fakes.world.driver import Driver
+from main import run
 from map_files import MapSaver, load_map, write_map
 from tests import ROOT
 from tests.app.test_drive import START_S, Commander
+from tests.support.cases import few
 from tests.support.closed_loop import SESSION, SHIPPED, ClosedLoop
+from tests.support.modbus_rig import free_port, read_request, words_of
+from tools.settings import rewritten
 
 
 def driven(seconds: float, method: str = "beams") -> ClosedLoop:
@@ -34,7 +38,7 @@ def driven(seconds: float, method: str = "beams") -> ClosedLoop:
     rig = loop.rig
     rig.driver = Driver(rig.world.pose, rig.drive.command, (), 0.0, 0.0)
     rig.drive.command(0, 0)
-    loop.run(2.0)
+    loop.run(1.5)
     return loop
 
 
@@ -51,10 +55,10 @@ def restarted(loop: ClosedLoop, arrays: Arrays | None) -> None:
 @pytest.fixture(scope="module")
 def ended() -> tuple[ClosedLoop, Arrays]:
     """A loop whose app has been restarted from its own state, and that state."""
-    loop = driven(9.0)
+    loop = driven(6.5)
     arrays = state_of(loop.app.mapper, loop.config, loop.now_s)
     restarted(loop, arrays)
-    loop.run(4.0)
+    loop.run(2.5)
     return loop, arrays
 
 
@@ -76,7 +80,7 @@ def test_its_obstacles_are_still_there_and_only_what_it_sees_again_is_free(
     assert loop.app.mapper.counts.scans_added > 30
     walls, floor = (before == OBSTACLE).sum(), (before == FREE).sum()
     assert ((now == OBSTACLE) & (before == OBSTACLE)).sum() > 0.95 * walls > 50
-    assert floor > 300
+    assert floor > 200
     assert 0 < (now == FREE).sum() < 0.3 * floor
 
 
@@ -103,7 +107,7 @@ def test_nobody_vouches_for_the_ground_around_the_start_of_an_earlier_run(goes_o
 
 
 def test_layers_of_a_drive_tell_flat_floor_from_walls() -> None:
-    loop = driven(6.0)
+    loop = driven(4.5)
     mapper = loop.app.mapper
     views = {name: mapper.maybe_layer(name) for name in UNITS}
     shown = {name: view.values for name, view in views.items() if view is not None}
@@ -122,7 +126,7 @@ def test_layers_of_a_drive_tell_flat_floor_from_walls() -> None:
 
 
 def test_the_papers_method_has_heights_and_states_and_goes_on_too() -> None:
-    loop = driven(5.0, "reference_plane")
+    loop = driven(4.0, "reference_plane")
     names = [name for name in UNITS if loop.app.mapper.maybe_layer(name) is not None]
     assert names == ["height", "state"]
     arrays = state_of(loop.app.mapper, loop.config, loop.now_s)
@@ -130,7 +134,7 @@ def test_the_papers_method_has_heights_and_states_and_goes_on_too() -> None:
     before = arrays["window.cells"] == OBSTACLE
     assert before.sum() > 50
     assert (loop.app.mapper.maps.window.cells[before] == OBSTACLE).all()
-    loop.run(3.0)
+    loop.run(2.5)
     now = loop.app.mapper.maps.window.cells
     assert (now[before] == OBSTACLE).mean() > 0.7
     assert 0 < (now == FREE).sum() < 0.5 * (arrays["window.cells"] == FREE).sum()
@@ -190,7 +194,7 @@ def test_what_was_not_written_to_its_end_does_not_replace_a_map(
 
 
 def test_a_damaged_file_ends_the_app_with_status_2_and_one_line_that_says_why(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path
+    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "hall.npz"
     write_map(str(path), ended[1])
@@ -198,59 +202,67 @@ def test_a_damaged_file_ends_the_app_with_status_2_and_one_line_that_says_why(
     for file, reason in ((path, "no saved map"), (tmp_path / "none.npz", "No such file")):
         with pytest.raises(StateError, match=reason):
             load_map(str(file), ended[0].config)
-    done = subprocess.run(
-        [sys.executable, "main.py", "--load-map", str(path)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert "can't load the map" in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    assert run(["--config", str(SHIPPED), "--load-map", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert "can't load the map" in told
+    assert len(told.splitlines()) == 1
 
 
-def test_the_process_loads_a_map_tells_its_obstacles_and_saves_when_asked(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path
+@pytest.mark.parametrize("ending", few([signal.SIGTERM, signal.SIGINT], 1))
+def test_the_program_without_any_device_serves_planner_and_modbus_and_ends_cleanly(
+    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, ending: signal.Signals
 ) -> None:
-    saved, path, config = tmp_path / "hall.npz", tmp_path / "new.npz", tmp_path / "robot.toml"
+    saved, new, config = tmp_path / "hall.npz", tmp_path / "new.npz", tmp_path / "robot.toml"
     write_map(str(saved), ended[1])
+    port = free_port()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as planner:
         planner.bind(("127.0.0.1", 0))
         planner.settimeout(60)
-        text = SHIPPED.read_text(encoding="utf-8").replace('"console"', '"json"', 1)
-        text = text.replace("127.0.0.1:9750", f"127.0.0.1:{planner.getsockname()[1]}")
-        text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
+        values = {
+            "modbus.port": f"tcp://127.0.0.1:{port}",
+            "scanner.port": "tcp://127.0.0.1:1",
+            "planner.port": f"udp://127.0.0.1:{planner.getsockname()[1]}",
+            "log.format": "json",
+        }
+        text = rewritten(SHIPPED.read_text(encoding="utf-8"), values)
         config.write_text(text.replace("/dev/", f"{tmp_path}/no_"), encoding="utf-8")
+        command = [sys.executable, "main.py", "--config", str(config)]
         process = subprocess.Popen(
-            [
-                sys.executable,
-                "main.py",
-                "--config",
-                config,
-                "--load-map",
-                saved,
-                "--save-map",
-                path,
-            ],
+            [*command, "--load-map", str(saved), "--save-map", str(new)],
             cwd=ROOT,
             stderr=subprocess.PIPE,
             text=True,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
         )
         try:
-            for _ in range(30):
-                planner.recv(2048)
+            frames = [planner.recv(2048) for _ in range(60)]
+            with socket.create_connection(("127.0.0.1", port), 60) as client:
+                client.sendall(read_request(0, 80))
+                registers = words_of(client.recv(2048))
             process.send_signal(signal.SIGUSR1)
-            for _ in range(30):
+            for _ in range(20):
                 planner.recv(2048)
-            process.send_signal(signal.SIGTERM)
+            process.send_signal(ending)
             _, log = process.communicate(timeout=120)
         finally:
             process.kill()
     assert process.returncode == 0
+    check_told_nothing_good(frames, registers)
     events = [json.loads(line) for line in log.splitlines()]
+    assert {"scanner", "ahrs", "drive"} <= {e.get("device") for e in events}
     assert [e["event"] for e in events].count("map_not_saved") == 2  # no device: no pose
     assert [e["moving_when_saved"] for e in events if e["event"] == "map_loaded"] == [False]
-    assert not path.exists()
+    assert not new.exists()
+
+
+def check_told_nothing_good(frames: list[bytes], registers: list[int]) -> None:
+    """Of a program that hears nothing of any device."""
+    assert {frame[0] & 0x0F for frame in frames} >= {1, 2, 3}
+    poses = [frame for frame in frames if frame[0] & 0x0F == 2]
+    assert all(pose[8 + 23] == 0 for pose in poses)  # mode: booting
+    assert all(int.from_bytes(pose[8 + 18 : 8 + 20], "little") & 0x37 == 0 for pose in poses)
+    health, utc_s = registers[21], registers[18] << 16 | registers[19]
+    stop_zone, allowed_ahead = registers[38], registers[72]
+    assert registers[:2] == [0x4D50, 0x0100]
+    assert stop_zone == allowed_ahead == health & 0b11111 == 0
+    assert utc_s > 1_700_000_000

@@ -114,19 +114,6 @@ def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session
     assert device.sessions == 3  # made with the device, and once for each connection
 
 
-def test_with_or_without_hearing_the_same_bytes_give_the_same_measurements() -> None:
-    wake_up, steps = Answers(one := MemoryPort()), Answers(two := MemoryPort())
-    got: tuple[list[bytes], list[bytes]] = ([], [])
-    for tick in range(50):
-        for port in (one, two):
-            port.give(b"x" * (1 + tick % 5))
-        if tick % 3:
-            wake_up.hear(tick * 0.005 - 0.002)
-        got[0].extend(data for _, data in wake_up.step(tick * 0.005))
-        got[1].extend(data for _, data in steps.step(tick * 0.005))
-    assert got[0] == got[1]
-
-
 # --- silence
 
 
@@ -229,14 +216,6 @@ def test_a_flood_is_parsed_over_many_steps_in_order_and_nothing_is_read_meanwhil
     assert steps >= FLOOD // per_step
 
 
-def test_a_step_that_comes_late_may_parse_what_came_in_the_meantime() -> None:
-    intake = Intake(Pieces, bytes_per_s=50_000.0)
-    intake.step(1.0)
-    intake.step(2.0)
-    intake.events(2.0, [b"." * 60_000])
-    assert not intake.waits
-
-
 def test_while_bytes_wait_the_port_is_not_read_neither_in_a_step_nor_between_two() -> None:
     device = Answers(port := MemoryPort())
     device.step(1.0)
@@ -333,18 +312,6 @@ def test_readers_follow_what_is_open_and_are_not_touched_while_nothing_changes()
     wake_up.after_tick()
     assert (set(loop.readers), loop.changes) == ({5}, 5)
     wake_up.close()
-    assert loop.readers == {}
-
-
-def test_a_wire_that_is_found_lost_while_hearing_wakes_nobody_again() -> None:
-    loop, one = Readable(), Wire(5)
-
-    def hear() -> None:
-        one.fd = -1
-
-    wake_up = WakeUp(loop, [one], hear)
-    wake_up.after_tick()
-    loop.readers[5]()
     assert loop.readers == {}
 
 

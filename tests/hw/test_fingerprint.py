@@ -1,6 +1,5 @@
 """Fingerprints: what is known is named, the right device never is, chance is not believed."""
 
-import csv
 import json
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fakes.ax3500.device import FakeAx3500
 from hw.fingerprint import (
     KEPT,
     NAMES,
@@ -22,7 +20,6 @@ from hw.fingerprint import (
 )
 from tests import VECTORS
 from tests.support.cases import examples
-from tests.support.real_time import StillWheels
 
 SSH, MT = b"SSH-2.0-OpenSSH_9.2p1 Debian-2\r\n", bytes.fromhex("FA FF 3E 00 C3")
 EXAMPLES = [
@@ -102,24 +99,6 @@ def test_a_recording_on_the_wrong_port_is_named(name: str, other: str) -> None:
         message = fingerprint.message(at / 64 * 0.01, [data[at : at + 64]], b"")
     assert message.startswith(SEEMS)
     assert ("MTi" in message) is (other == "ax3500")
-
-
-def test_every_frame_printed_in_the_mti_sheet_is_an_mti_s() -> None:
-    with (VECTORS / "mti_frames.tsv").open(encoding="utf-8", newline="") as file:
-        rows = [row for row in csv.reader(file, delimiter="\t") if not row[0].startswith("#")]
-    frames = [
-        bytes.fromhex(cell) for row in rows for cell in row if cell.upper().startswith("FA FF")
-    ]
-    assert len(frames) > 10
-    assert {maybe_protocol(frame) for frame in frames} == {"mt"}
-
-
-def test_a_fake_controller_in_radio_mode_is_known() -> None:
-    fake, heard = FakeAx3500(StillWheels(), 1), b""
-    fake.mode = "rc"
-    for tick in range(400):
-        heard += fake.exchange(10.0 + tick * 0.005, b"")
-    assert maybe_protocol(heard) == "roboteq"
 
 
 def test_random_bytes_are_nearly_never_believed() -> None:

@@ -50,71 +50,68 @@ class ClosedLoop(Loop):
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A map held against the world's truth."""
+    """A map held against the world's truth. Places are centres of cells."""
 
     seen: int  # cells decided, not within one cell of an edge of the truth
     right: int
-    free_on_obstacle: list[
-        tuple[float, float]
-    ]  # centres of free cells, half of them on a box or in the ditch
+    free_on_obstacle: list[tuple[float, float]]  # free cells, half of them on a box or in the ditch
     floor_error_m: F64  # height errors of floor cells
-    wrong: list[tuple[float, float, int]]  # centre, and what the map holds
+    wrong: list[tuple[float, float, int]]  # place, and what the map holds
 
 
 SAMPLES = np.linspace(0.02, 0.98, 7)
+INNER = np.s_[1:-1, 1:-1]
+
+
+def heights_of(loop: ClosedLoop) -> F64:
+    """The world's heights at 49 places in each cell of the window and of a rim of one cell."""
+    grid = loop.app.mapper.maps.window.grid
+    cells = np.arange(-1, grid.size + 1)
+    x = (grid.corner_i + cells)[None, :, None, None] + SAMPLES[None, None, None, :]
+    y = (grid.corner_j + cells)[:, None, None, None] + SAMPLES[None, None, :, None]
+    x, y = np.broadcast_arrays(x * grid.cell_m, y * grid.cell_m)
+    heights = loop.rig.world.height_at(x.ravel(), y.ravel())
+    return np.asarray(heights.reshape(grid.size + 2, grid.size + 2, -1))
+
+
+def told_heights(maps: BeamMaps) -> F64:
+    """The map's own heights of the window's cells, from its corner on."""
+    grid, source = maps.window.grid, maps.elevation.grid
+    mean = np.roll(maps.elevation.mean_m, (-source.corner_j, -source.corner_i), axis=(0, 1))
+    i, j = grid.corner_i - source.corner_i, grid.corner_j - source.corner_j
+    return mean[j : j + grid.size, i : i + grid.size]
 
 
 def compare(loop: ClosedLoop) -> Comparison:
     """The app's maps now against the world; places in the map frame, which begins at the start."""
-    mapper = loop.app.mapper
-    maps = mapper.maps
+    maps = loop.app.mapper.maps
     assert isinstance(maps, BeamMaps)
-    grid, cell_m = maps.window.grid, maps.window.grid.cell_m
-    size = grid.size
-    i = grid.corner_i - 1 + np.arange(size + 2)
-    j = grid.corner_j - 1 + np.arange(size + 2)
-    x = (i[None, :, None, None] + SAMPLES[None, None, None, :]) * cell_m
-    y = (j[:, None, None, None] + SAMPLES[None, None, :, None]) * cell_m
-    x, y = np.broadcast_arrays(x, y)
-    heights = loop.rig.world.height_at(x.ravel(), y.ravel()).reshape(x.shape)
-    flat = heights.reshape(size + 2, size + 2, -1)
-    beyond = (flat >= 0.10) | (flat <= -0.10)
+    grid, cells, heights = maps.window.grid, loop.map_now(), heights_of(loop)
+    beyond = np.abs(heights) >= 0.10
     truth = np.where(beyond.all(-1), OBSTACLE, np.where(beyond.any(-1), UNKNOWN, FREE))
-    low, high = flat.min(-1), flat.max(-1)
-    inner = np.s_[1:-1, 1:-1]
-    clear = np.ones((size, size), dtype=bool)  # all nine cells around are of one kind and height
+    low, high = heights.min(-1), heights.max(-1)
+    clear = np.ones(cells.shape, dtype=bool)  # all nine cells around are of one kind and height
     for dj in range(3):
         for di in range(3):
-            part = np.s_[dj : dj + size, di : di + size]
-            clear &= truth[part] == truth[inner]
-            clear &= (high[part] - low[inner] < 0.08) | (truth[inner] == OBSTACLE)
-    cells = loop.map_now()
-    seen = (cells != UNKNOWN) & clear & (truth[inner] != UNKNOWN)
-    right = seen & (cells == truth[inner])
-    danger = ((flat >= 0.15) | (flat <= -0.15)).mean(-1)[inner] >= 0.5
-    centre = ((i[1:-1] + 0.5) * cell_m, (j[1:-1] + 0.5) * cell_m)
+            part = np.s_[dj : dj + grid.size, di : di + grid.size]
+            clear &= truth[part] == truth[INNER]
+            clear &= (high[part] - low[INNER] < 0.08) | (truth[INNER] == OBSTACLE)
+    seen = (cells != UNKNOWN) & clear & (truth[INNER] != UNKNOWN)
+    right = seen & (cells == truth[INNER])
+    danger = (np.abs(heights) >= 0.15).mean(-1)[INNER] >= 0.5
+    flat = (np.abs(high[INNER]) < 1e-3) & (np.abs(low[INNER]) < 1e-3)
 
     def places(mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
-        rows, columns = np.nonzero(mask)
-        return [
-            (round(float(centre[0][c]), 2), round(float(centre[1][r]), 2))
-            for r, c in zip(rows, columns, strict=True)
-        ]
+        corner = np.array([grid.corner_i, grid.corner_j])
+        centres_m = (np.argwhere(mask)[:, ::-1] + corner + 0.5) * grid.cell_m
+        return [(round(float(x), 2), round(float(y), 2)) for x, y in centres_m]
 
-    floor = clear & (cells == FREE) & (np.abs(high[inner]) < 1e-3) & (np.abs(low[inner]) < 1e-3)
-    source = maps.elevation.grid
-    mean = np.roll(maps.elevation.mean_m, (-source.corner_j, -source.corner_i), axis=(0, 1))
-    offset_i, offset_j = grid.corner_i - source.corner_i, grid.corner_j - source.corner_j
-    mean = mean[offset_j : offset_j + size, offset_i : offset_i + size]
+    wrong = seen & ~right
+    held = zip(places(wrong), cells[wrong].tolist(), strict=True)
     return Comparison(
         int(seen.sum()),
         int(right.sum()),
         places((cells == FREE) & danger),
-        mean[floor],
-        [
-            (*place, int(cell))
-            for place, cell in zip(
-                places(seen & ~right), cells[np.nonzero(seen & ~right)], strict=True
-            )
-        ],
+        told_heights(maps)[clear & (cells == FREE) & flat],
+        [(*place, cell) for place, cell in held],
     )

@@ -18,10 +18,10 @@ from typing import Any
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
-from fakes.mti.device import FakeMti
 from fakes.wires.wire import Fake, PtyWire, TcpWire
 from fakes.world.simple import Room
 from tests import ROOT
+from tests.support.modbus_rig import free_port
 from tests.support.real_time import StillWheels, level_sensor
 from tools.settings import rewritten
 
@@ -42,27 +42,26 @@ class House:
         self._planner = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._planner.bind(("127.0.0.1", 0))
         self._planner.setblocking(False)
-        self.scanner = FakeLms111(Room("room").ranges_m_at, 1)
-        self.ahrs, self.drive = self.new_ahrs(), self.new_drive()
-        self.scanner_wire: TcpWire | None = TcpWire(self.scanner)
-        self.scanner_port = self.scanner_wire.port
-        self.links = {name: str(folder / name) for name in ("ahrs", "drive")}
+        self.fakes: dict[str, Fake] = {
+            "ahrs": level_sensor(),
+            "drive": FakeAx3500(StillWheels(), 1),
+        }
+        self._scanner = FakeLms111(Room("room").ranges_m_at, 1)
+        self._scanner_port = free_port()
+        self._scanner_wire: TcpWire | None = None
+        self.links = {name: str(folder / name) for name in self.fakes}
         self.lines: dict[str, PtyWire] = {}
         self._unread = b""
         self.process: subprocess.Popen[bytes] | None = None
 
-    @staticmethod
-    def new_ahrs() -> FakeMti:
-        return level_sensor()
-
-    @staticmethod
-    def new_drive() -> FakeAx3500:
-        return FakeAx3500(StillWheels(), 1)
+    def serve_scanner(self) -> None:
+        """It is there from now on."""
+        self._scanner_wire = TcpWire(self._scanner, port=self._scanner_port)
 
     def start(self) -> None:
         """Start the program; whatever is absent then is absent at its start."""
         values = {
-            "scanner.port": f"tcp://127.0.0.1:{self.scanner_port}",
+            "scanner.port": f"tcp://127.0.0.1:{self._scanner_port}",
             "ahrs.port": f"serial://{self.links['ahrs']}?baud=115200",
             "drive.port": f"serial://{self.links['drive']}?baud=9600&parity=E&bytesize=7",
             "planner.port": f"udp://127.0.0.1:{self._planner.getsockname()[1]}",
@@ -80,21 +79,27 @@ class House:
         assert self.process.stderr is not None
         os.set_blocking(self.process.stderr.fileno(), False)
 
-    def plug_in(self, name: str, fake: Fake) -> None:
-        """Put a fake on the serial port of that name, instead of what was there."""
-        self.unplug(name)
-        self.lines[name] = PtyWire(fake, self.links[name])
+    def plug_in(self, name: str) -> None:
+        """The cable is in, or the adapter there, again."""
+        if name == "scanner":
+            assert self._scanner_wire is not None
+            self._scanner_wire.unplugged = False
+        else:
+            self.lines[name] = PtyWire(self.fakes[name], self.links[name])
 
     def unplug(self, name: str) -> None:
-        """The port's adapter is pulled: its path is away."""
-        if name in self.lines:
+        """The cable is pulled, or the port's adapter: then its path is away."""
+        if name == "scanner":
+            assert self._scanner_wire is not None
+            self._scanner_wire.unplugged = True
+        else:
             self.lines.pop(name).close()
 
     def step(self) -> None:
         """Fakes up to now; then up to 2 ms of waiting for what the program says."""
         assert self.process is not None
         assert self.process.stderr is not None
-        for wire in (self.scanner_wire, *self.lines.values()):
+        for wire in (self._scanner_wire, *self.lines.values()):
             if wire is not None:
                 wire.step(time.monotonic())
         said, pose = self.process.stderr.fileno(), self._planner.fileno()
@@ -135,10 +140,6 @@ class House:
         """As the planner is told."""
         return self.health & 7 == 7
 
-    def has_said(self, device: str, words: str, since: int = 0) -> bool:
-        """Whether a log line from the given one on tells this cause of the device."""
-        return any(words in line["cause"] for line in self.changes(device, since))
-
     def changes(self, device: str, since: int = 0) -> list[dict[str, Any]]:
         """The log lines about a device's state."""
         return [
@@ -146,13 +147,6 @@ class House:
             for line in self.log[since:]
             if line["event"] == "device_changed" and line["device"] == device
         ]
-
-    def processor_s(self) -> float:
-        """Time of the processor that the program has used so far."""
-        assert self.process is not None
-        stat = Path(f"/proc/{self.process.pid}/stat").read_text(encoding="ascii")
-        user, system = stat.rpartition(")")[2].split()[11:13]
-        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
     def close(self) -> int:
         """End the program as its user does; its exit status."""
@@ -167,7 +161,7 @@ class House:
                 self.process.stderr.close()
         for name in list(self.lines):
             self.unplug(name)
-        if self.scanner_wire is not None:
-            self.scanner_wire.close()
+        if self._scanner_wire is not None:
+            self._scanner_wire.close()
         self._planner.close()
         return status

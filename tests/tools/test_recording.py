@@ -8,6 +8,7 @@ import pytest
 from app import App, Ports
 from config_file import load_config
 from tests import ROOT
+from tools import laser_replay
 from tools.cli import replay as tool
 from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
 from tools.recording import Recorder, Recording
@@ -39,7 +40,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
     loop.run(0.3)
     loop.hang(0.15)
     loop.wires["scanner"].cut = False
-    loop.run(2.0)
+    loop.run(1.0)
     loop.recorder.close()
     assert loop.recorder.trouble == ""
     return loop, path
@@ -56,7 +57,7 @@ def played(path: Path) -> RecordingReplay:
 def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> None:
     loop, path = run
     replay = played(path)
-    assert loop.app.mapper.counts.scans_added > 30
+    assert loop.app.mapper.counts.scans_added > 20
     assert replay.app.mapper.counts == loop.app.mapper.counts
     np.testing.assert_array_equal(
         replay.app.mapper.maps.window.cells, loop.app.mapper.maps.window.cells
@@ -136,8 +137,9 @@ def test_bytes_that_are_no_scans_are_told_so(
 
 
 def test_scans_that_no_session_takes_are_told_with_the_device_s_own_cause(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(laser_replay, "LONGEST_START_S", 5.0)
     data = tool.SHIPPED_RECORDING.read_bytes()
     first = data.index(b"sSN LMDscandata") - 8  # all answers of the start-up are lost
     (tmp_path / "late_d2h.bin").write_bytes(data[first : first + 20_000])

@@ -96,7 +96,6 @@ class Collector:
         self.done = True
 
     def gone_s(self, now_s: float) -> float:
-        """How long it has measured."""
         return max(0.0, min(now_s - self._ready_s, self._seconds))
 
     def words(self, now_s: float) -> str:

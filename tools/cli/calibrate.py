@@ -1,4 +1,4 @@
-"""Where the scanner sits, from flat floor: `python -m tools.cli.calibrate --height 1.08`.
+"""Where the scanner sits, from flat floor.
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -90,7 +90,6 @@ def seen_in_words(found: Calibration, config: Config) -> list[str]:
 
 
 def table(found: Calibration, config: Config) -> list[str]:
-    """Present and found values, side by side."""
     lines = [f"{'':<16}{'present':>9}   found (error: 1 sigma)"]
     for key, (value, error) in values_of(found).items():
         lines.append(f"{key:<16}{getattr(config.scanner, key):>9g}   {value} +- {error}")
@@ -175,7 +174,6 @@ def tell(found: Calibration, options: argparse.Namespace, config: Config, text: 
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
-    """The command line."""
     parser = parser_of("calibrate", __doc__, "mapod calibrate --height 1.08 --write")
     add_config(parser)
     add = parser.add_argument
@@ -208,7 +206,3 @@ def main(given: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return fail("calibrate", "broken off; nothing is written", 1)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

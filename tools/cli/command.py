@@ -10,13 +10,13 @@ from collections.abc import Sequence
 
 from tools.cli.options import USAGE
 
-COMMANDS = {  # file, and what it does
+COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "init": ("init", "write mapod.toml, the settings of a robot"),
-    "check": ("check", "say in words what the settings describe"),
-    "run": ("run", "run the robot: sensors in, obstacle map out"),
+    "check": ("run:check", "say in words what the settings describe"),
+    "run": ("run:run", "run the robot: sensors in, obstacle map out"),
     "demo": ("demo", "a simulated robot, and its map in the terminal"),
     "view": ("view", "the map that a planner gets, in the terminal"),
-    "record": ("record", "run the robot, and keep every byte of every port"),
+    "record": ("run:record", "run the robot, and keep every byte of every port"),
     "replay": ("replay", "play a recording through the app"),
     "devices": ("devices", "which device speaks on which port"),
     "scanner": ("scanner", "talk to the laser scanner"),
@@ -25,13 +25,12 @@ COMMANDS = {  # file, and what it does
     "calibrate": ("calibrate", "how the scanner sits, from flat floor"),
     "compare": ("compare", "a real device and its fake, asked the same"),
     "link-test": ("link_test", "check a planner's receiver over its port"),
-    "warm": ("warm", "compile what `run` needs, ahead of time"),
-    "version": ("version", "which version this is"),
+    "warm": ("run:warm", "compile what `run` needs, ahead of time"),
+    "version": ("run:version", "which version this is"),
 }
 
 
 def help_text() -> str:
-    """All commands, a line each."""
     lines = [f"  {name:<11}{what}" for name, (_, what) in COMMANDS.items()]
     return "\n".join(
         [
@@ -55,11 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"mapod: there is no command {name!r}; mapod --help lists them", file=sys.stderr)
         return USAGE
     try:
-        module = importlib.import_module(f"{__package__}.{COMMANDS[name][0]}")
-        return int(module.main(rest))
+        file, _, function = COMMANDS[name][0].partition(":")
+        module = importlib.import_module(f"{__package__}.{file}")
+        return int(getattr(module, function or "main")(rest))
     except KeyboardInterrupt:
         return 130
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -9,10 +9,8 @@ mapod first: a port has one reader. Without --fake the fake is started here, as 
 import argparse
 import contextlib
 import json
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
@@ -26,7 +24,6 @@ from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import NoAnswerError, RefusedError
 from tools.cli.options import (
-    ROOT,
     add_config,
     add_out,
     add_port,
@@ -40,9 +37,9 @@ from tools.compare import ahrs as compare_ahrs
 from tools.compare import drive as compare_drive
 from tools.compare import scanner as compare_scanner
 from tools.compare.facts import Difference, Portrait, differences
+from tools.terminal.processes import Child, RunError, Stop, first_words_of
 from tools.terminal.progress import advancing
 
-READY_S = 20.0
 PLANNER = (
     "a receiver of the planner link is checked by its conformance tests: "
     "mapod link-test --port {url}"
@@ -90,30 +87,15 @@ def running(command: list[str]) -> Iterator[str]:
     """The port of a fake that runs as a process of its own meanwhile.
 
     Raises:
-        NoAnswerError: it does not start.
+        RunError: it does not start.
     """
     with tempfile.TemporaryDirectory(prefix="mapod-compare-") as folder:
-        out_path, error_path = Path(folder, "out"), Path(folder, "error")
-        with out_path.open("wb") as out, error_path.open("wb") as error:
-            process = subprocess.Popen(
-                [sys.executable, "-m", *command], stdout=out, stderr=error, cwd=ROOT
-            )
+        fake = Child("fake", [sys.executable, "-m", *command], Path(folder))
         try:
-            yield _announced(process, out_path, error_path)
+            told = first_words_of(fake, Stop())
+            yield next(value for value in told.values() if "://" in value)
         finally:
-            process.terminate()
-            process.wait()
-
-
-def _announced(process: subprocess.Popen[bytes], out: Path, error: Path) -> str:
-    """The URL on the fake's first line."""
-    overdue_s = time.monotonic() + READY_S
-    while b"\n" not in (line := out.read_bytes()):
-        if process.poll() is not None or time.monotonic() > overdue_s:
-            raise NoAnswerError(f"the fake does not start: {error.read_text(errors='replace')}")
-        time.sleep(0.02)
-    words = json.loads(line.partition(b"\n")[0])
-    return next(value for value in words.values() if isinstance(value, str) and "://" in value)
+            fake.end()
 
 
 def compared(
@@ -125,7 +107,7 @@ def compared(
         fake: its port; None: one is started.
 
     Raises:
-        NoAnswerError: one of them does not answer.
+        NoAnswerError, RunError: one of them does not answer, or start.
     """
     look = LOOKS[device]
     if fake is not None:
@@ -156,7 +138,6 @@ def show(found: list[Difference], facts: int, console: Console) -> None:
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
-    """The command line."""
     parser = parser_of(
         "compare", __doc__, "mapod compare scanner --port tcp://192.168.0.1:2112 --out facts.json"
     )
@@ -190,7 +171,7 @@ def main(given: list[str] | None = None) -> int:
             real, fake = compared(
                 options.device, url, options.fake, options.seconds, options.also_settings
             )
-    except (ConfigError, PortUrlError, NoAnswerError, RefusedError, OSError) as error:
+    except (ConfigError, PortUrlError, NoAnswerError, RefusedError, RunError, OSError) as error:
         return fail("compare", error)
     found = differences(real, fake)
     if options.out:
@@ -201,7 +182,3 @@ def main(given: list[str] | None = None) -> int:
         options.out.write_text(json.dumps(facts, indent=1), encoding="utf-8")
     show(found, len(real.keys() | fake.keys()), Console())
     return 1 if any(one.counts for one in found) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -43,7 +43,6 @@ class RealLine:
         return time.monotonic()
 
     def wait(self) -> None:
-        """Sleep."""
         time.sleep(STEP_S)
 
 
@@ -71,7 +70,6 @@ class Conversation:
             self._line.wait()
 
     def say(self, data: bytes) -> None:
-        """Send."""
         self._port.write(data)
 
     def hear(self, seconds: float) -> Iterator[Any]:
@@ -103,7 +101,6 @@ class Conversation:
         raise NoAnswerError(f"no answer within {tries * seconds:g} s")
 
     def close(self) -> None:
-        """Let go of the port."""
         self._port.close()
 
 

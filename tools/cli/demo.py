@@ -6,7 +6,6 @@ controller. Ctrl-C, or the end of --seconds, ends all of them.
 """
 
 import argparse
-import contextlib
 import sys
 import time
 from dataclasses import dataclass
@@ -26,12 +25,11 @@ from tools.cli.options import (
     lacks_simulation,
     parser_of,
 )
-from tools.cli.view import print_summary, watch
+from tools.cli.view import print_summary, watch_and_drive
 from tools.settings import NotThereError, rewritten
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.processes import Child, RunError, Stop, folder_kept_on_failure, ports_of, say
 from tools.terminal.screen import has_screen
-from tools.terminal.steer import Steering, keys_of
 
 SECONDS_WITHOUT_SCREEN = 20.0
 FIRST_MAP_S = 120.0  # compiling the kernels anew fits in
@@ -57,12 +55,10 @@ class Demo:
         self._children: list[Child] = []
         self.wire = PtyWire(SERIAL_BAUD) if options.serial else UdpWire("127.0.0.1", 0)
         self.end = PlannerEnd(self.wire, WatchingReceiver())
-        self.driven: bool = options.drive
         self._until_s = float("inf")
         self._overdue_s = float("inf")
 
     def start(self, stop: Stop) -> None:
-        """Start the world, and the app on its ports."""
         fakes = self._start("world", self._commands.fakes)
         ports = ports_of(fakes, stop)
         if ports is None:
@@ -113,7 +109,10 @@ def run(options: argparse.Namespace, commands: Commands, console: Console) -> in
                 say(f'starting the world "{options.scene}" (seed {options.seed})')
                 demo.start(stop)
                 say(f"the app is starting; its map comes to {demo.wire.url}; Ctrl-C ends all")
-                show(demo, stop, console)
+                speeds = (DRIVEN_MPS, DRIVEN_RADPS) if options.drive else None
+                watch_and_drive(
+                    demo.end, console, lambda now_s: stop.wanted or demo.done(now_s), speeds
+                )
                 now_s = demo.end.step(0.0)
             except RunError as error:
                 raise RunError(f"{error}\nall that was said is in {folder}") from None
@@ -126,22 +125,6 @@ def run(options: argparse.Namespace, commands: Commands, console: Console) -> in
         return fail("demo", error, 1)
     say("all processes have ended")
     return 0
-
-
-def show(demo: Demo, stop: Stop, console: Console) -> None:
-    """The picture until the end, with the keyboard where it drives."""
-    with contextlib.ExitStack() as stack:
-        steering = None
-        if demo.driven:
-            fd = stack.enter_context(keys_of(sys.stdin.fileno()))
-            steering = Steering(demo.end.planner, fd, DRIVEN_MPS, DRIVEN_RADPS)
-
-        def done(now_s: float) -> bool:
-            if steering:
-                steering.step(now_s)
-            return stop.wanted or demo.done(now_s)
-
-        watch(demo.end, console, done, steering.words if steering else None)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -164,7 +147,3 @@ def main(arguments: list[str] | None = None) -> int:
         app=[python, str(ROOT / "main.py"), "--config"],
     )
     return run(options, commands, Console())
-
-
-if __name__ == "__main__":
-    sys.exit(main())

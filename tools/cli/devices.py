@@ -9,8 +9,7 @@ controller; an MTi is stopped for a moment to say who it is, and measures again.
 a port has one reader.
 """
 
-import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
@@ -43,80 +42,55 @@ NO_PORTS = (
 
 
 @dataclass(frozen=True, slots=True)
-class SerialLine:
-    """A serial port of this machine, and how udev can know it again."""
-
-    path: str
-    about: str = ""
-    serial_number: str = ""
-    vendor: int = 0
-    product: int = 0
-    place: str = ""  # bus and socket, where it has no serial number
-
-
-@dataclass(frozen=True, slots=True)
 class Found:
-    """What a port turned out to be."""
+    """What a port, or a scanner's host, turned out to be."""
 
-    line: SerialLine
+    place: str  # path or host
     section: str  # of mapod.toml; "" if none
     url: str
     says: str  # in words
     dialect: str = ""  # of a laser scanner
 
 
-def serial_lines(named: list[str]) -> list[SerialLine]:
-    """The ports that are named, or else all that this machine lists."""
-    listed = {port.device: port for port in LIST_PORTS()}
-    lines = []
-    for path in named or sorted(listed):
-        port = listed.get(path)
-        if port is None:
-            lines.append(SerialLine(path))
-        elif named or port.vid is not None or not path.startswith("/dev/ttyS"):
-            lines.append(
-                SerialLine(
-                    path,
-                    port.description or "",
-                    port.serial_number or "",
-                    port.vid or 0,
-                    port.pid or 0,
-                    port.location or "",
-                )
-            )
-    return lines
+def paths_of(named: list[str], adapters: Mapping[str, Any]) -> list[str]:
+    """The ports that are named, or else all that this machine lists and that are there."""
+    return named or [
+        path
+        for path in sorted(adapters)
+        if adapters[path].vid is not None or not path.startswith("/dev/ttyS")
+    ]
 
 
-def find(line: SerialLine) -> Found:
+def find(path: str) -> Found:
     """What speaks there; the slow line first, for its listening disturbs nobody."""
     heard = bytearray()
     try:
         for probe in (_maybe_controller, _maybe_attitude_sensor):
-            found = probe(line, heard)
+            found = probe(path, heard)
             if found is not None:
                 return found
     except NoAnswerError as error:
-        return Found(line, "", "", str(error))
+        return Found(path, "", "", str(error))
     protocol = maybe_protocol(bytes(heard))
     if protocol is not None:
-        return Found(line, "", "", f"none of mapod's: it seems to be {NAMES[protocol]}")
-    return Found(line, "", "", f"{len(heard)} bytes of no known protocol" if heard else "silent")
+        return Found(path, "", "", f"none of mapod's: it seems to be {NAMES[protocol]}")
+    return Found(path, "", "", f"{len(heard)} bytes of no known protocol" if heard else "silent")
 
 
-def _maybe_controller(line: SerialLine, heard: bytearray) -> Found | None:
+def _maybe_controller(path: str, heard: bytearray) -> Found | None:
     """A motor controller: by its logging lines, or by the echo of a read."""
-    url = AX3500_URL.format(path=line.path)
+    url = AX3500_URL.format(path=path)
     with conversation(url, LineParser()) as talk:
         try:
             if any(_is_log_line(event) for event in talk.hear(LISTEN_LINE_S)):
-                return Found(line, "drive", url, "motor controller in R/C or analog mode")
+                return Found(path, "drive", url, "motor controller in R/C or analog mode")
             query = "^8A"
             talk.say(CR)
             for _ in range(2):
                 talk.say(encode_query(query))
                 texts = [event.text for event in talk.hear(ANSWER_S) if isinstance(event, Line)]
                 if query in texts:
-                    return Found(line, "drive", url, _controller_in_words(texts, query))
+                    return Found(path, "drive", url, _controller_in_words(texts, query))
             return None
         finally:
             heard += talk.heard
@@ -137,10 +111,10 @@ def _controller_in_words(texts: list[str], query: str) -> str:
     return "motor controller in RS-232 mode"
 
 
-def _maybe_attitude_sensor(line: SerialLine, heard: bytearray) -> Found | None:
+def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
     """An MTi, at whichever rate it speaks."""
     for baud in MTI_BAUDS:
-        url = MTI_URL.format(path=line.path, baud=baud)
+        url = MTI_URL.format(path=path, baud=baud)
         with conversation(url, MtParser(baud)) as talk:
             streams = any(isinstance(event, MtFrame) for event in talk.hear(LISTEN_DATA_S))
             asked = _goes_to_config(talk)
@@ -148,10 +122,10 @@ def _maybe_attitude_sensor(line: SerialLine, heard: bytearray) -> Found | None:
             if asked:
                 says = _sensor_in_words(talk)
                 talk.ask(encode_frame(Mid.GoToMeasurement), lambda event: True, ANSWER_S)
-                return Found(line, "ahrs", url, f"{says} at {baud} baud")
+                return Found(path, "ahrs", url, f"{says} at {baud} baud")
             if streams:
                 says = "attitude sensor that does not hear us: check the line to its receiver"
-                return Found(line, "ahrs", url, f"{says}, {baud} baud")
+                return Found(path, "ahrs", url, f"{says}, {baud} baud")
     return None
 
 
@@ -196,11 +170,11 @@ def find_scanner(host: str) -> Found:
                 heard = talk.heard
                 dialect = scanner.dialect_of(talk)
                 words = scanner.identity(scanner.Scanner(talk, dialect))
-                return Found(SerialLine(host), "scanner", url, words, dialect)
+                return Found(host, "scanner", url, words, dialect)
         except NoAnswerError as error:
             protocol = maybe_protocol(bytes(heard))
             says = str(error) + (f"; it seems to be {NAMES[protocol]}" if protocol else "")
-    return Found(SerialLine(host), "", "", says)
+    return Found(host, "", "", says)
 
 
 def toml_lines(found: list[Found]) -> Iterator[str]:
@@ -213,31 +187,34 @@ def toml_lines(found: list[Found]) -> Iterator[str]:
             yield f'dialect = "{one.dialect}"'
 
 
-def udev_rules(found: list[Found]) -> Iterator[str]:
-    """A name of its own for each device, by USB serial number, or by its socket without one."""
+def udev_rules(found: list[Found], adapters: Mapping[str, Any]) -> Iterator[str]:
+    """A name of its own for each device, by USB serial number, or by its socket without one.
+
+    Args:
+        adapters: what the machine knows of its ports, by path (pyserial's ListPortInfo).
+    """
     names = {"drive": "ax3500", "ahrs": "mti"}
     for one in found:
-        line, name = one.line, names.get(one.section)
+        name, adapter = names.get(one.section), adapters.get(one.place)
         if name is None:
             continue
-        if line.serial_number:
-            attributes = {
-                "idVendor": f"{line.vendor:04x}",
-                "idProduct": f"{line.product:04x}",
-                "serial": line.serial_number,
-            }
-            known_by = ", ".join(f'ATTRS{{{key}}}=="{is_}"' for key, is_ in attributes.items())
-        elif line.place:
-            known_by = f'KERNELS=="{line.place}"'
+        if adapter is not None and adapter.serial_number:
+            known_by = (
+                f'ATTRS{{idVendor}}=="{adapter.vid or 0:04x}", '
+                f'ATTRS{{idProduct}}=="{adapter.pid or 0:04x}", '
+                f'ATTRS{{serial}}=="{adapter.serial_number}"'
+            )
+        elif adapter is not None and adapter.location:
+            known_by = f'KERNELS=="{adapter.location}"'
         else:
-            yield f"# {line.path}: neither a USB serial number nor a socket to know it by"
+            yield f"# {one.place}: neither a USB serial number nor a socket to know it by"
             continue
         yield f'SUBSYSTEM=="tty", {known_by}, SYMLINK+="{name}"'
 
 
-def all_found(lines: list[SerialLine], hosts: list[str]) -> list[Found]:
+def all_found(paths: list[str], hosts: list[str]) -> list[Found]:
     """What speaks on all of them, asked at once, with a bar."""
-    jobs = [partial(find, line) for line in lines] + [partial(find_scanner, host) for host in hosts]
+    jobs = [partial(find, path) for path in paths] + [partial(find_scanner, host) for host in hosts]
     with ThreadPoolExecutor(max_workers=max(1, len(jobs))) as together:
         asked = [together.submit(job) for job in jobs]
         for _ in progress("asking", as_completed(asked), len(asked)):
@@ -254,29 +231,27 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--udev", action="store_true", help="print udev rules as well")
     options = parser.parse_args(arguments)
-    lines = serial_lines(options.paths)
+    adapters = {port.device: port for port in LIST_PORTS()}
+    paths = paths_of(options.paths, adapters)
     try:
-        for line in lines:
-            parse_url(MTI_URL.format(path=line.path, baud=MTI_BAUDS[0]))
+        for path in paths:
+            parse_url(MTI_URL.format(path=path, baud=MTI_BAUDS[0]))
         for host in options.scanner:
             parse_url(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
     except PortUrlError as error:
         return fail("devices", error)
-    if not lines and not options.scanner:
+    if not paths and not options.scanner:
         return fail("devices", NO_PORTS, 1)
-    found = all_found(lines, options.scanner)
+    found = all_found(paths, options.scanner)
     for one in found:
-        print(f"# {one.line.path}: {one.says}{f' ({one.line.about})' if one.line.about else ''}")
+        about = getattr(adapters.get(one.place), "description", "")
+        print(f"# {one.place}: {one.says}{f' ({about})' if about else ''}")
     for text in toml_lines(found):
         print(text)
     if options.udev:
         print("\n# /etc/udev/rules.d/99-mapod.rules")
-        for text in udev_rules(found):
+        for text in udev_rules(found, adapters):
             print(text)
     if any(one.section for one in found):
         return 0
     return fail("devices", f"none of mapod's devices on {len(found)} ports; see above", 1)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

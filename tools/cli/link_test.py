@@ -7,7 +7,6 @@ Source: planner link, section 14 (docs/protocols/planner-link.md).
 """
 
 import argparse
-import sys
 from collections.abc import Iterator
 
 from config_file import read_key
@@ -106,7 +105,6 @@ def _met(exam: Exam) -> bool:
 
 
 def _told(verdicts: Iterator[Verdict]) -> Iterator[Verdict]:
-    """Each verdict, as soon as it is there."""
     for verdict in verdicts:
         check = verdict.check
         print(LINE.format(check.number, check.name, verdict.outcome, verdict.words), flush=True)
@@ -127,7 +125,3 @@ def report(verdicts: list[Verdict], seed: int) -> int:
             print(*(f"    {data.hex(' ')}" for data in failure.frames), sep="\n")
             return FAILED
     return PASSED if counts["passed"] else NOT_EXAMINED
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -55,7 +55,6 @@ def number_in(low: float, high: float) -> Callable[[str], float]:
 
 
 def a_span(text: str) -> float:
-    """Seconds above 0."""
     value = float(text)
     if not 0.0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"must be above 0, is {text}")
@@ -63,7 +62,6 @@ def a_span(text: str) -> float:
 
 
 def a_seed(text: str) -> int:
-    """A whole number from 0 on."""
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"must be 0 or more, is {text}")

@@ -8,7 +8,6 @@ and --step-deg say how the scanner was set. Nothing is sent anywhere.
 import argparse
 import json
 import logging
-import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -80,7 +79,6 @@ def replay_of(options: argparse.Namespace) -> Replay:
 
 
 def picture(replay: Replay, console: Console) -> Text:
-    """The map as the planner has it, in colour."""
     planner = replay.view.planner
     if planner.blank:
         return Text("waiting for the first map")
@@ -148,7 +146,3 @@ def main(arguments: list[str] | None = None) -> int:
         return tell(replay, options.out)
     except (NoReplayError, RecordingError, ConfigError, UnicodeDecodeError, OSError) as error:
         return fail("replay", error)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

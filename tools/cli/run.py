@@ -1,33 +1,92 @@
-"""Run the robot: sensors in, obstacle map out, until Ctrl-C or SIGTERM; SIGUSR1 saves the map."""
+"""The app's own command line as commands: run, record, check, warm and version.
+
+`mapod replay FILE` plays what `record` keeps: every byte of every port, but neither the map of
+--load-map nor the planner's key.
+"""
 
 import argparse
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
 
 from main import run as run_app
-from tools.cli.options import add_config, parser_of
+from main import version as app_version
+from tools.cli.options import Parser, add_config, add_out, add_seconds, fail, parser_of
+from tools.recording import Recorder
 
 
-def add_run_options(parser: argparse.ArgumentParser) -> None:
-    """What a live run takes."""
+def run(arguments: list[str]) -> int:
+    """Exit status: 0 ended as it was told to, 2 the settings can't be used."""
+    about = "Run the robot: sensors in, obstacle map out, until Ctrl-C or SIGTERM."
+    parser = parser_of("run", about, "mapod run --config mapod.toml --save-map hall.map")
+    _add_run_options(parser)
+    return run_app(_arguments_of(parser.parse_args(arguments)))
+
+
+def record(arguments: list[str]) -> int:
+    """Exit status: 0 ended as it was told to, 1 recorded in part, 2 wrong use."""
+    about = "Run the robot as `mapod run` does, and keep every byte of every port in a file."
+    parser = parser_of("record", about, "mapod record --out hall.rec --seconds 60")
+    _add_run_options(parser)
+    add_seconds(parser, "until Ctrl-C")
+    add_out(parser, "the recording", Path("mapod.rec"))
+    options = parser.parse_args(arguments)
+    try:
+        recorder = Recorder(options.out, app_version(), options.config.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        return fail("record", error)
+    if options.seconds:
+        end = threading.Timer(options.seconds, os.kill, (os.getpid(), signal.SIGINT))
+        end.daemon = True
+        recorder.at_start = end.start
+    try:
+        status = run_app(_arguments_of(options), recorder)
+    finally:
+        recorder.close()
+    if recorder.trouble:
+        return fail("record", f"{options.out} ends early: {recorder.trouble}", 1)
+    if status == 0:
+        print(f"mapod: {options.out}: {options.out.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
+    return status
+
+
+def check(arguments: list[str]) -> int:
+    """Exit status: 0 the settings can be used, 2 they can't."""
+    about = "Say in words what the settings describe, or what is wrong with them. Opens no port."
+    return _with_settings("check", about, arguments)
+
+
+def warm(arguments: list[str]) -> int:
+    """Exit status: 0 done, 2 the settings can't be used."""
+    about = "Compile what `mapod run` needs with these settings, so that its first start is quick."
+    return _with_settings("warm", about, arguments)
+
+
+def version(arguments: list[str]) -> int:
+    """Exit status."""
+    parser_of("version", "Which version of mapod this is.", "mapod version").parse_args(arguments)
+    print(f"mapod {app_version()}")
+    return 0
+
+
+def _with_settings(command: str, about: str, arguments: list[str]) -> int:
+    parser = parser_of(command, about, f"mapod {command} --config robots/mine.toml")
     add_config(parser)
-    parser.add_argument(
-        "--load-map",
-        metavar="FILE",
-        help="go on from a saved map; the robot must stand where it stood then",
-    )
+    options = parser.parse_args(arguments)
+    return run_app(["--config", str(options.config), f"--{command}"])
+
+
+def _add_run_options(parser: Parser) -> None:
+    add_config(parser)
+    stands = "go on from a saved map; the robot must stand where it stood then"
+    parser.add_argument("--load-map", metavar="FILE", help=stands)
     parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
 
 
-def arguments_of(options: argparse.Namespace) -> list[str]:
+def _arguments_of(options: argparse.Namespace) -> list[str]:
     """The same for the app's own command line."""
     given = ["--config", str(options.config)]
-    for name in ("load_map", "save_map"):
-        if getattr(options, name):
-            given += [f"--{name.replace('_', '-')}", getattr(options, name)]
-    return given
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 ended as it was told to, 2 the settings can't be used."""
-    parser = parser_of("run", __doc__, "mapod run --config mapod.toml --save-map hall.map")
-    add_run_options(parser)
-    return run_app(arguments_of(parser.parse_args(arguments)))
+    given += ["--load-map", options.load_map] if options.load_map else []
+    return given + (["--save-map", options.save_map] if options.save_map else [])

@@ -164,24 +164,33 @@ def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
     """
     console, began_s = Console(), end.step(0.0)
     until_s = began_s + options.seconds if options.seconds else float("inf")
-    with contextlib.ExitStack() as stack:
-        steering = None
-        if options.drive:
-            fd = stack.enter_context(keys_of(sys.stdin.fileno()))
-            steering = Steering(end.planner, fd, options.speed, options.turn)
-        print(f"watching {options.port}; Ctrl-C ends", flush=True)
-
-        def done(now_s: float) -> bool:
-            if steering:
-                steering.step(now_s)
-            return stop.wanted or now_s >= until_s
-
-        watch(end, console, done, steering.words if steering else None)
-        if steering:
-            steering.stop(end.step(0.0))
-        print_summary(end, console, end.step(0.0))
+    print(f"watching {options.port}; Ctrl-C ends", flush=True)
+    speeds = (options.speed, options.turn) if options.drive else None
+    watch_and_drive(end, console, lambda now_s: stop.wanted or now_s >= until_s, speeds)
+    print_summary(end, console, end.step(0.0))
     return 0
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def watch_and_drive(
+    end: PlannerEnd,
+    console: Console,
+    done: Callable[[float], bool],
+    speeds: tuple[float, float] | None,
+) -> None:
+    """As `watch`; where speeds (m/s, rad/s) are given, held keys drive the robot.
+
+    Raises:
+        ValueError: there is no keyboard to drive with.
+    """
+    if speeds is None:
+        watch(end, console, done)
+        return
+    with keys_of(sys.stdin.fileno()) as fd:
+        steering = Steering(end.planner, fd, *speeds)
+
+        def steered(now_s: float) -> bool:
+            steering.step(now_s)
+            return done(now_s)
+
+        watch(end, console, steered, steering.words)
+        steering.stop(end.step(0.0))

@@ -1,11 +1,10 @@
 """The list of files, `docs/files.md`, made from their first lines: `python -m tools.docs.files`."""
 
-import ast
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 ROOMS = ("core", "hw", "mapod_link", "fakes", "tools")
-HEAD = "# The files\n\nMade by `make docs` from the first line of each.\n"
+HEAD = "# The files\n\nMade by `python -m tools.docs.files` from the first line of each.\n"
 
 
 def python_files() -> list[Path]:
@@ -23,8 +22,8 @@ def file_list() -> str:
         if place.parent != folder:
             folder = place.parent
             text += f"\n## {'The top' if folder == Path() else f'`{folder}/`'}\n\n"
-        doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-        text += f"- `{place.name}`: {doc.splitlines()[0].rstrip('.')}\n"
+        about = path.read_text(encoding="utf-8").split('"""', 2)[1].strip()
+        text += f"- `{place.name}`: {about.splitlines()[0].rstrip('.')}\n"
     return text
 
 

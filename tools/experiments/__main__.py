@@ -18,7 +18,6 @@ DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status."""
     parser = argparse.ArgumentParser(prog="tools.experiments", description=__doc__)
     parser.add_argument("--only", default="", help="those whose name begins so: 5.3, '7 ramps'")
     parser.add_argument("--quick", action="store_true", help="short drives; writes no document")
@@ -31,11 +30,11 @@ def main(arguments: list[str] | None = None) -> int:
     folder = Path(tempfile.mkdtemp(prefix="mapod-pictures-")) if options.quick else PICTURES
     outcomes = merged(run_all(names, options.quick, folder))
     if options.only or options.quick:
-        print("\n".join(table([row for outcome in outcomes.values() for row in outcome.rows])))
+        print("\n".join(table([row for outcome in outcomes for row in outcome.rows])))
         print(f"mapod: pictures in {folder}")
     else:
         DOCUMENT.write_text(document(INTRODUCTION, outcomes), encoding="utf-8")
-        drawn = {picture.file for outcome in outcomes.values() for picture in outcome.pictures}
+        drawn = {picture.file for outcome in outcomes for picture in outcome.pictures}
         for path in PICTURES.glob("*.png"):
             if path.name not in drawn:
                 path.unlink()

@@ -8,36 +8,28 @@ from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Shape, bump
 from fakes.world.trajectory import Way, nodding, stand, straight
 from tools.experiments import metrics
-from tools.experiments.harness import methods
-from tools.experiments.pictures import draw_maps
-from tools.experiments.report import Outcome, Picture, Row
+from tools.experiments.report import Outcome
 from tools.experiments.scenes import COMPASS_RAD, box, corridor, ramp_corridor, scene
-from tools.experiments.trial import LEAD_S, Tally, Trial, trial
+from tools.experiments.trial import BOTH, LEAD_S, Tally, Trial, methods
 
 EVERY_S = 0.5
 LANE_Y = (-2.07, 2.05)
 
 
-def _drive(test: Trial, until_s: float) -> tuple[Tally, Tally]:
+def _drive(outcome: Outcome, test: Trial, until_s: float, words: str = "") -> None:
     """Run; false obstacle cells, and cells of 0.15 m and more told free, every half second."""
     false, free = Tally(), Tally()
 
     def look() -> None:
-        if test.run.elapsed_s > LEAD_S:
+        if test.elapsed_s > LEAD_S:
             false.take(test.per_app(metrics.false_obstacles))
             free.take(test.per_app(metrics.free_on_danger))
 
-    test.run.run(until_s, EVERY_S, look)
-    return false, free
-
-
-def _rows(name: str, test: Trial, false: Tally, free: Tally, words: str = "") -> list[Row]:
-    return [
-        Row(name, f"{words}false obstacle cells, mean", false.mean(), digits=1),
-        Row(name, f"{words}false obstacle cells, most", false.most(), digits=0),
-        Row(name, f"{words}obstacle cells missed, at the end", test.missed(), digits=0),
-        Row(name, f"{words}cells told free on an obstacle, most", free.most(), digits=0),
-    ]
+    test.run(until_s, EVERY_S, look)
+    outcome.tell(f"{words}false obstacle cells, mean", false.mean(), digits=1)
+    outcome.tell(f"{words}false obstacle cells, most", false.most(), digits=0)
+    outcome.tell(f"{words}obstacle cells missed, at the end", test.missed(), digits=0)
+    outcome.tell(f"{words}cells told free on an obstacle, most", free.most(), digits=0)
 
 
 def _with_boxes(solids: Sequence[Shape], places_m: Sequence[float], high_m: float = 0.3) -> Scene:
@@ -51,16 +43,13 @@ def speed_bumps(quick: bool, folder: Path) -> Outcome:
     bumps = [bump(f"bump {k}", (x, x + 0.4), LANE_Y) for k, x in enumerate((4.07, 6.57, 9.07))]
     way = Way(stand(LEAD_S), straight(7.0 if quick else 12.0, 1.0))
     place = _with_boxes([*corridor(28.37), *bumps], (14.07, 18.57))
-    test = trial(place, way, methods(quick), follows=True, x_m=(-8.0, 34.0))
-    false, free = _drive(test, way.duration_s + 0.5)
-    file = "7-bumps.png"
-    views = test.views("reference_plane", "beams")
-    draw_maps(folder / file, "7 after speed bumps at 1 m/s", views, (-1, 22), (-3, 3))
-    return Outcome(
-        _rows("7 speed bumps, 1 m/s", test, false, free),
-        [Picture(file, "7: after three speed bumps at 1 m/s")],
-        ["Three round bumps, 5 cm high and 0.4 m long, boxes of 0.3 m beyond."],
-    )
+    test = Trial(place, way, methods(quick), follows=True, x_m=(-8.0, 34.0))
+    note = "Three round bumps, 5 cm high and 0.4 m long, boxes of 0.3 m beyond."
+    outcome = Outcome("7 speed bumps, 1 m/s", note)
+    _drive(outcome, test, way.duration_s + 0.5)
+    title, caption = "7 after speed bumps at 1 m/s", "7: after three speed bumps at 1 m/s"
+    outcome.draw(folder / "7-bumps.png", title, caption, test.views(*BOTH), (-1, 22), (-3, 3))
+    return outcome
 
 
 def pitching(quick: bool, folder: Path) -> Outcome:
@@ -68,34 +57,30 @@ def pitching(quick: bool, folder: Path) -> Outcome:
     base = Way(stand(LEAD_S), straight(3.0 if quick else 9.0, 0.6))
     motion = nodding(base, math.radians(3.0), 1.0, LEAD_S)
     place = _with_boxes(corridor(28.37), (11.07, 15.57))
-    test = trial(place, motion, methods(quick), x_m=(-8.0, 34.0))
-    false, free = _drive(test, base.duration_s)
-    file = "7-pitching.png"
-    views = test.views("reference_plane", "beams")
-    draw_maps(folder / file, "7 pitching by 3 deg at 1 Hz", views, (-1, 22), (-3, 3))
-    return Outcome(
-        _rows("7 pitching +-3 deg, 1 Hz", test, false, free),
-        [Picture(file, "7: after 9 m with the body pitching by 3 degrees at 1 Hz")],
-        ["Corridor with two boxes of 0.3 m, 9 m at 0.6 m/s."],
-    )
+    test = Trial(place, motion, methods(quick), x_m=(-8.0, 34.0))
+    note = "Corridor with two boxes of 0.3 m, 9 m at 0.6 m/s."
+    outcome = Outcome("7 pitching +-3 deg, 1 Hz", note)
+    _drive(outcome, test, base.duration_s)
+    title = "7 pitching by 3 deg at 1 Hz"
+    caption = "7: after 9 m with the body pitching by 3 degrees at 1 Hz"
+    outcome.draw(folder / "7-pitching.png", title, caption, test.views(*BOTH), (-1, 22), (-3, 3))
+    return outcome
 
 
 ANGLES_DEG = (1.0, 2.0, 4.0, 6.0, 8.0)
 RAMP_AT_M, RAMP_LONG_M = 9.07, 6.0
 AT_ONCE_M = 5.07  # a ramp that begins here is the first ground that the laser sees
+RAMPS_NOTE = (
+    "9 m level, 6 m of ramp, level again, at 0.6 m/s, with a box of 0.3 m on the ramp and "
+    "one beyond it. Met at once: the ramp begins after 5 m, so that the first ground that "
+    "the laser sees at all lies on it."
+)
 
 
 def ramps(angle_deg: float, quick: bool, folder: Path) -> Outcome:
     """7: over a ramp of an angle, up where it is positive; a box on it and one beyond."""
     word = f"{abs(angle_deg):g} deg {'up' if angle_deg > 0 else 'down'}"
-    outcome = _ramp(angle_deg, RAMP_AT_M, word, quick, folder)
-    if angle_deg == ANGLES_DEG[0]:
-        outcome.notes.append(
-            "9 m level, 6 m of ramp, level again, at 0.6 m/s, with a box of 0.3 m on the ramp and "
-            "one beyond it. Met at once: the ramp begins after 5 m, so that the first ground that "
-            "the laser sees at all lies on it."
-        )
-    return outcome
+    return _ramp(angle_deg, RAMP_AT_M, word, quick, folder)
 
 
 def ramp_at_once(quick: bool, folder: Path) -> Outcome:
@@ -113,14 +98,11 @@ def _ramp(angle_deg: float, at_m: float, word: str, quick: bool, folder: Path) -
         deep_m = min(0.0, ground_m) - 0.2
         solids.append(box(f"box {k}", (x, x + 0.55), (0.83, 1.43), ground_m + 0.35, deep_m))
     way = Way(stand(LEAD_S), straight(end_m + 1.0, 1.0 if quick else 0.6))
-    test = trial(scene("ramp", solids), way, methods(quick), follows=True, x_m=(-8.0, 38.0))
-    false, free = _drive(test, way.duration_s)
-    outcome = Outcome(_rows("7 ramps", test, false, free, f"{word}: "))
+    test = Trial(scene("ramp", solids), way, methods(quick), follows=True, x_m=(-8.0, 38.0))
+    outcome = Outcome("7 ramps", RAMPS_NOTE)
+    _drive(outcome, test, way.duration_s, f"{word}: ")
     if abs(angle_deg) in (4.0, 8.0):
-        file = f"7-ramp-{word.replace(',', '').replace(' ', '-')}.png"
-        views = test.views("reference_plane", "beams")
-        draw_maps(
-            folder / file, f"7 after a ramp of {word}", views, (at_m - 4, end_m + 11), (-3, 3)
-        )
-        outcome.pictures.append(Picture(file, f"7: after a ramp of {word}"))
+        file = folder / f"7-ramp-{word.replace(',', '').replace(' ', '-')}.png"
+        title, caption = f"7 after a ramp of {word}", f"7: after a ramp of {word}"
+        outcome.draw(file, title, caption, test.views(*BOTH), (at_m - 4, end_m + 11), (-3, 3))
     return outcome

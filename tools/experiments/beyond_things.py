@@ -8,21 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import FREE, OBSTACLE
-from fakes.scenes.movers import Mover, person
 from fakes.scenes.movers import box as moved_box
-from fakes.scenes.scene import Scene, Solid
+from fakes.scenes.movers import person
+from fakes.scenes.scene import Solid
 from fakes.scenes.solids import GLASS
 from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
-from tools.experiments.harness import methods
-from tools.experiments.pictures import draw_maps
-from tools.experiments.report import Outcome, Picture, Row
+from tools.experiments.report import Outcome
 from tools.experiments.scenes import WALL_M, box, corridor, scene
-from tools.experiments.trial import LEAD_S, Tally, Trial, trial
+from tools.experiments.trial import BOTH, LEAD_S, Tally, Trial, methods
 from tools.experiments.views import MapView
 from tools.experiments.ways import BarWatch
 
-METHODS = ("reference_plane", "beams")
 EVERY_S = 0.1
 
 TABLE_X, TABLE_Y = (6.07, 7.27), (-0.43, 0.37)
@@ -47,38 +44,29 @@ def _table() -> list[Solid]:
 def table(quick: bool, folder: Path) -> Outcome:
     """7: towards a table 0.7 m high, under which the floor is seen first."""
     way = Way(stand(LEAD_S), straight(4.3, 1.0 if quick else 0.5))
-    test = trial(scene("table", [*corridor(22.37), *_table()]), way, methods(quick))
-    test.run.run(way.duration_s + 0.5)
+    test = Trial(scene("table", [*corridor(22.37), *_table()]), way, methods(quick))
+    test.run(way.duration_s + 0.5)
     told, free = {}, {}
     for view in test.views():
         over = view.part((TABLE_X[0] + 0.1, TABLE_X[1] - 0.1), (TABLE_Y[0] + 0.1, TABLE_Y[1] - 0.1))
         told[view.name] = 100.0 * float((view.states[over] == OBSTACLE).mean())
         free[view.name] = float((view.states[over] == FREE).sum())
-    file = "7-table.png"
-    draw_maps(folder / file, "7 a table 0.7 m high", test.views(*METHODS), (2, 15), (-3, 3))
-    name = "7 table 0.7 m high"
-    return Outcome(
-        [
-            Row(name, "of its top told as obstacle, %", told, "more", digits=0),
-            Row(name, "free cells under it", free, digits=0),
-            Row(name, "false obstacle cells", test.per_app(metrics.false_obstacles), digits=0),
-        ],
-        [Picture(file, "7: a table 0.7 m high, 1.2 m ahead")],
-        [
-            "The top is 3 cm thick, on legs of 5 cm; 4.3 m at 0.5 m/s, up to 1.2 m before it. The "
-            "laser sees the floor under it first and sweeps its top later."
-        ],
+    outcome = Outcome(
+        "7 table 0.7 m high",
+        "The top is 3 cm thick, on legs of 5 cm; 4.3 m at 0.5 m/s, up to 1.2 m before it. The "
+        "laser sees the floor under it first and sweeps its top later.",
     )
+    outcome.tell("of its top told as obstacle, %", told, "more", digits=0)
+    outcome.tell("free cells under it", free, digits=0)
+    outcome.tell("false obstacle cells", test.per_app(metrics.false_obstacles), digits=0)
+    title, caption = "7 a table 0.7 m high", "7: a table 0.7 m high, 1.2 m ahead"
+    outcome.draw(folder / "7-table.png", title, caption, test.views(*BOTH), (2, 15), (-3, 3))
+    return outcome
 
 
 PERSON_X_M = 4.1
 PERSON_WALKS_S = LEAD_S + 2.0
 PERSON_MPS = 1.0
-GONE_M = 0.22  # half of what a person covers
-
-
-def _at_once(scene_: Scene, *movers: Mover) -> Scene:
-    return replace(scene_, movers=movers)
 
 
 class GoneWatch:
@@ -98,7 +86,6 @@ class GoneWatch:
                 self.last_s[view.name] = since_s
 
     def cleared_s(self) -> dict[str, float]:
-        """Until none was left; inf: some are left."""
         return {k: math.inf if self.left[k] else self.last_s[k] for k in self.left}
 
 
@@ -107,8 +94,8 @@ def person_crossing(quick: bool, folder: Path) -> Outcome:
     walker = person("walker", ((PERSON_X_M, -1.6), (PERSON_X_M, 1.6)), PERSON_MPS, PERSON_WALKS_S)
     walker = replace(walker, from_s=PERSON_WALKS_S - 0.5, until_s=PERSON_WALKS_S + 3.2 / PERSON_MPS)
     way = Way(stand(LEAD_S + 20.0))
-    place = _at_once(scene("corridor", corridor(20.37)), walker)
-    test = trial(place, way, methods(quick))
+    place = replace(scene("corridor", corridor(20.37)), movers=(walker,))
+    test = Trial(place, way, methods(quick))
     lane = {
         view.name: view.part((PERSON_X_M - 0.6, PERSON_X_M + 0.6), (-1.9, 1.9))
         for view in test.views()
@@ -116,37 +103,33 @@ def person_crossing(quick: bool, folder: Path) -> Outcome:
     told = Tally()
 
     def there() -> None:
-        if test.run.elapsed_s > PERSON_WALKS_S + 0.5:
+        if test.elapsed_s > PERSON_WALKS_S + 0.5:
             told.take({v.name: _is_told(v, test) for v in test.views()})
 
-    test.run.run(PERSON_WALKS_S + 3.2 / PERSON_MPS - 0.1, EVERY_S, there)
-    crossing = test.views(*METHODS)
+    test.run(PERSON_WALKS_S + 3.2 / PERSON_MPS - 0.1, EVERY_S, there)
+    crossing = test.views(*BOTH)
     gone = GoneWatch(test, lane)
     left_s = PERSON_WALKS_S + 3.2 / PERSON_MPS
-    test.run.run(5.0 if quick else 8.0, EVERY_S, lambda: gone.look(test.run.elapsed_s - left_s))
-    file = "7-person.png"
-    draw_maps(folder / file, "7 a person has just crossed", crossing, (0, 12), (-3, 3))
-    name = "7 person crossing"
-    here = {k: 100.0 * v for k, v in told.mean().items()}
-    return Outcome(
-        [
-            Row(name, "of the time told where they are, %", here, "more", digits=0),
-            Row(name, "gone from the map after, s", gone.cleared_s(), digits=1),
-            Row(name, "cells left 8 s after", gone.left, digits=0),
-        ],
-        [Picture(file, "7: a person has just crossed the way")],
-        [
-            "The robot stands; a person 1.75 m tall, with legs, crosses 4 m ahead at 1 m/s and is "
-            "gone. Told: an obstacle cell within 0.4 m of their place. Gone: until no obstacle "
-            "cell is left along the way that they walked."
-        ],
+    test.run(5.0 if quick else 8.0, EVERY_S, lambda: gone.look(test.elapsed_s - left_s))
+    outcome = Outcome(
+        "7 person crossing",
+        "The robot stands; a person 1.75 m tall, with legs, crosses 4 m ahead at 1 m/s and is "
+        "gone. Told: an obstacle cell within 0.4 m of their place. Gone: until no obstacle "
+        "cell is left along the way that they walked.",
     )
+    here = {k: 100.0 * v for k, v in told.mean().items()}
+    outcome.tell("of the time told where they are, %", here, "more", digits=0)
+    outcome.tell("gone from the map after, s", gone.cleared_s(), digits=1)
+    outcome.tell("cells left 8 s after", gone.left, digits=0)
+    title, caption = "7 a person has just crossed", "7: a person has just crossed the way"
+    outcome.draw(folder / "7-person.png", title, caption, crossing, (0, 12), (-3, 3))
+    return outcome
 
 
 def _is_told(view: MapView, test: Trial) -> float:
     """1 if there is an obstacle cell near where the walker is now, else 0."""
-    walker = test.run.rig.world.scene.movers[0]
-    since = np.array([test.run.elapsed_s])
+    walker = test.rig.world.scene.movers[0]
+    since = np.array([test.elapsed_s])
     ((x_m, y_m),) = walker.middles_m(walker.parts[0], since)
     near = view.part((x_m - 0.4, x_m + 0.4), (y_m - 0.4, y_m + 0.4))
     return float(((view.states == OBSTACLE) & near).any())
@@ -164,35 +147,29 @@ def moved_away(quick: bool, folder: Path) -> Outcome:
         box("stays beyond", (10.07, 10.67), (-1.63, -1.03), 0.4),
     ]
     way = Way(stand(LEAD_S), straight(1.0, 0.4), stand(30.0))
-    place = _at_once(scene("corridor", [*corridor(20.37), *stays]), taken)
-    test = trial(place, way, methods(quick))
-    test.run.run(TAKEN_S)
+    place = replace(scene("corridor", [*corridor(20.37), *stays]), movers=(taken,))
+    test = Trial(place, way, methods(quick))
+    test.run(TAKEN_S)
     before = {
         v.name: (v.states == OBSTACLE) & v.part((3.8, 4.9), (-0.6, 0.55)) for v in test.views()
     }
     missed = test.missed()
     shown = {k: float(v.sum()) for k, v in before.items()}
     gone = GoneWatch(test, before)
-    test.run.run(5.0 if quick else 8.0, EVERY_S, lambda: gone.look(test.run.elapsed_s - TAKEN_S))
+    test.run(5.0 if quick else 8.0, EVERY_S, lambda: gone.look(test.elapsed_s - TAKEN_S))
     wrongly = {k: max(0.0, v - missed[k]) for k, v in test.missed().items()}
-    file = "7-moved-box.png"
-    draw_maps(
-        folder / file, "7 8 s after a box was taken away", test.views(*METHODS), (0, 13), (-3, 3)
+    note = (
+        "A box of 0.6 m, 0.9 m high, 3 m ahead, is taken away; one beside it and one beyond stay."
     )
-    name = "7 moved box"
-    return Outcome(
-        [
-            Row(name, "obstacle cells of it while there", shown, "none", digits=0),
-            Row(name, "gone from the map after, s", gone.cleared_s(), digits=1),
-            Row(name, "obstacle cells of it left after 8 s", gone.left, digits=0),
-            Row(name, "cells of other things wrongly cleared", wrongly, digits=0),
-        ],
-        [Picture(file, "7: 8 s after a box was taken away from before the robot")],
-        [
-            "A box of 0.6 m, 0.9 m high, 3 m ahead, is taken away; one beside it and one beyond "
-            "stay."
-        ],
-    )
+    outcome = Outcome("7 moved box", note)
+    outcome.tell("obstacle cells of it while there", shown, "none", digits=0)
+    outcome.tell("gone from the map after, s", gone.cleared_s(), digits=1)
+    outcome.tell("obstacle cells of it left after 8 s", gone.left, digits=0)
+    outcome.tell("cells of other things wrongly cleared", wrongly, digits=0)
+    title = "7 8 s after a box was taken away"
+    caption = "7: 8 s after a box was taken away from before the robot"
+    outcome.draw(folder / "7-moved-box.png", title, caption, test.views(*BOTH), (0, 13), (-3, 3))
+    return outcome
 
 
 GLASS_AT_M = 9.07
@@ -206,9 +183,9 @@ def glass(quick: bool, folder: Path) -> Outcome:
     way = Way(stand(LEAD_S), straight(5.5, 1.0 if quick else 0.5))
     span_m = (GLASS_AT_M, GLASS_AT_M + 0.02)
     floors = ((0.0, 0.0), (GLASS_AT_M + 3.0, 0.0))
-    test = trial(scene("glass", [*corridor(22.37), pane]), way, methods(quick), floors_m=floors)
+    test = Trial(scene("glass", [*corridor(22.37), pane]), way, methods(quick), floors_m=floors)
     watch = BarWatch(test, span_m)
-    test.run.run(way.duration_s + 0.5, EVERY_S, watch.look)
+    test.run(way.duration_s + 0.5, EVERY_S, watch.look)
     along, free = {}, {}
     for view in test.views():
         wall = view.part((GLASS_AT_M - 0.2, GLASS_AT_M + 0.2), (-1.9, 1.9))
@@ -218,23 +195,18 @@ def glass(quick: bool, folder: Path) -> Outcome:
         free[view.name] = float(
             ((view.states == FREE) & view.part(span_m_of(view), (-1.9, 1.9))).sum()
         )
-    file = "7-glass.png"
-    draw_maps(
-        folder / file, "7 a wall of glass across the way", test.views(*METHODS), (2, 19), (-3, 3)
+    outcome = Outcome(
+        "7 glass",
+        "A pane across the corridor returns beams within 10 deg of a right angle and lets "
+        "others through to what is behind; 5.5 m at 0.5 m/s, up to 3 m before it.",
     )
-    name = "7 glass"
-    return Outcome(
-        [
-            Row(name, "bars the way so far ahead, m (0: not)", watch.ahead_m(), "more"),
-            Row(name, "of the pane told as obstacle, %", along, "more", digits=0),
-            Row(name, "free cells with the pane in them", free, digits=0),
-        ],
-        [Picture(file, "7: a wall of glass across the way, 3 m ahead")],
-        [
-            "A pane across the corridor returns beams within 10 deg of a right angle and lets "
-            "others through to what is behind; 5.5 m at 0.5 m/s, up to 3 m before it."
-        ],
-    )
+    outcome.tell("bars the way so far ahead, m (0: not)", watch.ahead_m(), "more")
+    outcome.tell("of the pane told as obstacle, %", along, "more", digits=0)
+    outcome.tell("free cells with the pane in them", free, digits=0)
+    title = "7 a wall of glass across the way"
+    caption = "7: a wall of glass across the way, 3 m ahead"
+    outcome.draw(folder / "7-glass.png", title, caption, test.views(*BOTH), (2, 19), (-3, 3))
+    return outcome
 
 
 def span_m_of(view: MapView) -> tuple[float, float]:

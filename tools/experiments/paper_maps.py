@@ -5,15 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
+from core.config import Config
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import OBSTACLE
 from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
-from tools.experiments.harness import methods
-from tools.experiments.pictures import draw_maps, rendered
-from tools.experiments.report import Outcome, Picture, Row
+from tools.experiments.pictures import rendered
+from tools.experiments.report import Outcome
 from tools.experiments.scenes import (
     FIRST_PILLAR_GAP_M,
     HALL_Y,
@@ -23,60 +23,48 @@ from tools.experiments.scenes import (
     hall,
     scene,
 )
-from tools.experiments.trial import LEAD_S, trial
+from tools.experiments.trial import BOTH, LEAD_S, Trial, methods
 from tools.experiments.views import MapView
 
 SIZES = {41: "0.863", 101: "4.838", 201: "24.095", 401: "85.074"}  # cells over 20 m: ms to draw
 OVER_M = 20.0
 PILLAR_X_M = PILLARS_X_M[0]
-DRAWN = 7  # times; the quickest counts
+TIMES = 7  # drawn so often; the quickest counts
 
 
 def hall_with_pillars(quick: bool, folder: Path) -> Outcome:
     """5.1: gap between the first pillar and the wall, memory, time to draw, by resolution."""
     sizes = [41, 101] if quick else list(SIZES)
-    configs = {}
+    configs: dict[str, Config] = {}
     for cells in sizes:
         keys = {"cells": cells, "cell_m": OVER_M / (cells - 1)}
-        for name in ("reference_plane", "beams"):
-            configs[f"{name} {cells}"] = methods(quick, map=keys, obstacle={"window_cells": cells})[
-                name
-            ]
+        both = methods(True, map=keys, obstacle={"window_cells": cells})
+        configs |= {f"{name} {cells}": both[name] for name in BOTH}
     way = Way(stand(LEAD_S), straight(4.5, 0.5))
-    test = trial(scene("hall", hall()), way, configs)
-    test.run.run(way.duration_s + 0.2)
+    test = Trial(scene("hall", hall()), way, configs)
+    test.run(way.duration_s + 0.2)
     outcome = Outcome(
-        notes=[
-            "Hall of 9 m with two rows of pillars, the first 1.7 m from the left wall; 4.5 m at "
-            "0.5 m/s; the same bytes to all maps. Gap: from the pillar's outermost cell to the "
-            "mean of the wall's cells. Memory: of all arrays that a method keeps per cell. "
-            "Drawing: both maps to pictures, a pixel a cell; ~: measured on the machine's clock."
-        ]
+        "5.1 hall with pillars",
+        "Hall of 9 m with two rows of pillars, the first 1.7 m from the left wall; 4.5 m at "
+        "0.5 m/s; the same bytes to all maps. Gap: from the pillar's outermost cell to the "
+        "mean of the wall's cells. Memory: of all arrays that a method keeps per cell. "
+        "Drawing: both maps to pictures, a pixel a cell; ~: measured on the machine's clock.",
     )
-    name = "5.1 hall with pillars"
     for cells in sizes:
-        views = {kind: test.view(f"{kind} {cells}") for kind in ("reference_plane", "beams")}
+        views = {kind: test.view(f"{kind} {cells}") for kind in BOTH}
         label = f"{cells} x {cells} cells"
         gaps = {kind: abs(100.0 * (pillar_gap_m(view) - 1.7)) for kind, view in views.items()}
-        maps = {kind: test.run.apps[f"{kind} {cells}"].mapper.maps for kind in views}
+        maps = {kind: test.apps[f"{kind} {cells}"].mapper.maps for kind in views}
         sizes_kb = {kind: memory_kb(part) for kind, part in maps.items()}
         drawn = {kind: draw_ms(view) for kind, view in views.items()}
-        outcome.rows += [
-            Row(name, f"{label}: error of the pillar-wall gap, cm", gaps, digits=1),
-            Row(
-                name,
-                f"{label}: elevation map, kB",
-                {k: v[0] for k, v in sizes_kb.items()},
-                digits=0,
-            ),
-            Row(
-                name, f"{label}: obstacle map, kB", {k: v[1] for k, v in sizes_kb.items()}, digits=0
-            ),
-            Row(name, f"{label}: drawing, ms", drawn, paper=SIZES[cells], timed=True),
-        ]
-        file = f"5.1-hall-{cells}.png"
-        draw_maps(folder / file, f"5.1 hall, {label}", list(views.values()), (-2, 15), (-5.3, 4.5))
-        outcome.pictures.append(Picture(file, f"5.1: hall with pillars, {label}"))
+        outcome.tell(f"{label}: error of the pillar-wall gap, cm", gaps, digits=1)
+        for k, part in enumerate(("elevation", "obstacle")):
+            kept = {kind: both[k] for kind, both in sizes_kb.items()}
+            outcome.tell(f"{label}: {part} map, kB", kept, digits=0)
+        outcome.tell(f"{label}: drawing, ms", drawn, paper=SIZES[cells], timed=True)
+        file, caption = folder / f"5.1-hall-{cells}.png", f"5.1: hall with pillars, {label}"
+        shown = list(views.values())
+        outcome.draw(file, f"5.1 hall, {label}", caption, shown, (-2, 15), (-5.3, 4.5))
     return outcome
 
 
@@ -103,7 +91,7 @@ def memory_kb(maps: Maps) -> tuple[float, float]:
 def draw_ms(view: MapView) -> float:
     """The quickest of several renderings of both maps."""
     took_s = []
-    for _ in range(DRAWN):
+    for _ in range(TIMES):
         begun_s = time.perf_counter()
         rendered(view.heights_m, view.states)
         took_s.append(time.perf_counter() - begun_s)
@@ -114,20 +102,16 @@ def flat_floor(quick: bool, folder: Path) -> Outcome:
     """5.2: heights of flat floor seen from 45 to 135 deg."""
     way = Way(stand(LEAD_S), straight(2.0 if quick else 8.0, 0.5))
     configs = methods(quick, scanner={"first_deg": 45.0, "last_deg": 135.0})
-    test = trial(scene("flat", corridor(26.37, 8.12)), way, configs)
-    test.run.run(way.duration_s + 0.2)
-    name = "5.2 flat floor"
+    test = Trial(scene("flat", corridor(26.37, 8.12)), way, configs)
+    test.run(way.duration_s + 0.2)
+    note = "Corridor of 8 m, beams from 45 to 135 deg, 8 m at 0.5 m/s."
+    outcome = Outcome("5.2 flat floor", note)
     within = test.per_app(lambda view, cells: 100.0 * metrics.share_within(view, cells))
+    outcome.tell("floor cells within +-6 cm, %", within, "more", digits=1)
     error = test.per_app(lambda view, cells: 100.0 * metrics.floor_error_m(view, cells))
-    file = "5.2-flat-floor.png"
-    draw_maps(
-        folder / file, "5.2 flat floor", test.views("reference_plane", "beams"), (-3, 19), (-5, 5)
+    outcome.tell("height error of floor cells, rms cm", error)
+    title, caption = "5.2 flat floor", "5.2: flat floor"
+    outcome.draw(
+        folder / "5.2-flat-floor.png", title, caption, test.views(*BOTH), (-3, 19), (-5, 5)
     )
-    return Outcome(
-        [
-            Row(name, "floor cells within +-6 cm, %", within, "more", digits=1),
-            Row(name, "height error of floor cells, rms cm", error),
-        ],
-        [Picture(file, "5.2: flat floor")],
-        ["Corridor of 8 m, beams from 45 to 135 deg, 8 m at 0.5 m/s."],
-    )
+    return outcome

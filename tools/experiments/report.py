@@ -2,10 +2,15 @@
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
+from tools.experiments.pictures import draw_maps
+from tools.experiments.views import MapView
+
+Span = tuple[float, float]
 Aim = Literal["less", "more", "none"]
 SAME = 0.02  # figures that differ by less than this share count as the same
 METHODS = ("reference_plane", "beams", "kalman")
@@ -34,11 +39,24 @@ class Picture:
 
 @dataclass(slots=True)
 class Outcome:
-    """What an experiment gave."""
+    """What an experiment gave, or a part of it: parts of the same name are shown as one."""
 
+    name: str  # number and name
+    note: str = ""  # what was done, in a sentence or two
     rows: list[Row] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)  # what was done, in a sentence or two
+
+    def tell(self, quantity: str, values: dict[str, float], aim: Aim = "less", **more: Any) -> None:
+        """One row more, if a method has a figure in it."""
+        if not all(map(math.isnan, values.values())):
+            self.rows.append(Row(self.name, quantity, values, aim, **more))
+
+    def draw(
+        self, path: Path, title: str, caption: str, views: Sequence[MapView], x_m: Span, y_m: Span
+    ) -> None:
+        """A picture of these maps within a rectangle of them."""
+        draw_maps(path, title, views, x_m, y_m)
+        self.pictures.append(Picture(path.name, caption))
 
 
 def verdict(row: Row) -> str:
@@ -109,28 +127,24 @@ def _is_faultless(row: Row) -> bool:
     return abs(row.values["beams"] - best) < 0.5 * 10.0**-row.digits
 
 
-def merged(outcomes: dict[str, Outcome]) -> dict[str, Outcome]:
-    """Parts of one experiment, which were run beside each other, as one: by their rows' name."""
+def merged(parts: Iterable[Outcome]) -> list[Outcome]:
+    """Parts of one experiment, which were run beside each other, as one."""
     whole: dict[str, Outcome] = {}
-    for name, outcome in outcomes.items():
-        into = whole.setdefault(outcome.rows[0].experiment if outcome.rows else name, Outcome())
-        into.rows += [row for row in outcome.rows if any(map(_is_number, row.values.values()))]
-        into.pictures += outcome.pictures
-        into.notes += outcome.notes
-    return whole
+    for part in parts:
+        into = whole.setdefault(part.name, Outcome(part.name))
+        into.note = into.note or part.note
+        into.rows += part.rows
+        into.pictures += part.pictures
+    return list(whole.values())
 
 
-def _is_number(value: float) -> bool:
-    return not math.isnan(value)
-
-
-def document(intro: str, outcomes: dict[str, Outcome]) -> str:
+def document(intro: str, outcomes: Sequence[Outcome]) -> str:
     """The whole of docs/experiments.md."""
-    rows = [row for outcome in outcomes.values() for row in outcome.rows]
+    rows = [row for outcome in outcomes for row in outcome.rows]
     judged = [verdict(row) for row in rows]
     lines = [intro.rstrip(), "", "## What was done", ""]
-    for name, outcome in outcomes.items():
-        what = f"- **{name}**{': ' if outcome.notes else ''}{' '.join(outcome.notes)}"
+    for outcome in outcomes:
+        what = f"- **{outcome.name}**{': ' if outcome.note else ''}{outcome.note}"
         lines += textwrap.wrap(what, 108, subsequent_indent="  ", break_on_hyphens=False)
     lines += ["", "## The table", "", *table(rows), ""]
     counts = [f"{judged.count(word)} {word}" for word in ("better", "same", "worse")]
@@ -140,7 +154,7 @@ def document(intro: str, outcomes: dict[str, Outcome]) -> str:
         "",
     ]
     lines += ["## Where beams is not better", "", *_not_better(rows), "", "## Pictures", ""]
-    for outcome in outcomes.values():
+    for outcome in outcomes:
         for picture in outcome.pictures:
             lines += [picture.caption, "", f"![{picture.caption}](pictures/{picture.file})", ""]
     return "\n".join(lines).rstrip() + "\n"

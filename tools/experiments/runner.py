@@ -63,7 +63,7 @@ def _run(name: str, quick: bool, folder: Path) -> tuple[str, Outcome, float]:
     return name, experiments()[name](quick, folder), time.monotonic() - begun_s
 
 
-def run_all(names: list[str], quick: bool, folder: Path) -> dict[str, Outcome]:
+def run_all(names: list[str], quick: bool, folder: Path) -> list[Outcome]:
     """Their outcomes, in order of the names; a line is printed as each ends."""
     outcomes: dict[str, Outcome] = {}
     order = sorted(names, key=lambda name: not name.startswith(LONG))
@@ -73,4 +73,4 @@ def run_all(names: list[str], quick: bool, folder: Path) -> dict[str, Outcome]:
             name, outcome, took_s = result.result()
             outcomes[name] = outcome
             print(f"mapod: {k}/{len(names)} {name}: {took_s:.0f} s", flush=True)
-    return {name: outcomes[name] for name in names}
+    return [outcomes[name] for name in names]

@@ -1,45 +1,199 @@
-"""One drive of an experiment: a motion on order in a place, seen by several apps, and measured."""
+"""One drive of an experiment: a motion on order in a place, seen by several apps, and measured.
 
+One simulated robot's bytes go to all apps at the same instants, so that their maps compare. The
+first app's words go back to the devices. The others must say the same, or the run ends: then they
+would not have heard the same either.
+"""
+
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from app import App, Ports
+from config_file import load_config, with_changes
 from core.config import Config
+from core.mapping.paper.maps import ReferencePlaneMaps
 from fakes.scenes.scene import Scene
+from fakes.wires.wire import Fake, MemoryPort, Wire
 from fakes.world.kinematic import KinematicWorld
+from fakes.world.rig import Rig
 from fakes.world.trajectory import Trajectory
 from tools.experiments import metrics
-from tools.experiments.harness import Run, run_of
+from tools.experiments.seen import SeenCells
 from tools.experiments.truth import CellTruth, Truth
 from tools.experiments.views import MapView, view_of
 
+F64 = npt.NDArray[np.float64]
+ROOT = Path(__file__).resolve().parents[2]
+START_S = 1000.0
 LEAD_S = 4.0  # standing still at first; the devices need a second of it to start
+UNCOMPENSATED = "reference_plane, uncompensated"  # the paper's method without its step 6
+BOTH = ("reference_plane", "beams")  # whose maps the pictures show
+LINK_HZ = 5.0  # nobody listens to the planner's wire here
 
 
-@dataclass(slots=True)
+class DisagreementError(Exception):
+    """Two apps that got the same bytes wrote different ones to a device."""
+
+
+class SharedPort(MemoryPort):
+    """The first app's end of a wire; what comes in goes to the same port of the others too."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.others: list[MemoryPort] = []
+
+    def give(self, data: bytes) -> None:
+        """One piece for every host."""
+        super().give(data)
+        for other in self.others:
+            other.give(data)
+
+    def take_datagrams(self) -> list[bytes]:
+        """What the first host wrote.
+
+        Raises:
+            DisagreementError: another host wrote something else.
+        """
+        written = super().take_datagrams()
+        said = b"".join(written)
+        for other in self.others:
+            if (heard := other.take()) != said:
+                raise DisagreementError(f"{said[:80]!r} and {heard[:80]!r}")
+        return written
+
+
+class WatchedRig(Rig):
+    """A rig that notes where its scanner's beams truly ended."""
+
+    def __init__(self, seen: SeenCells, *arguments: Any, **named: Any) -> None:
+        self.seen = seen
+        super().__init__(*arguments, **named)
+
+    def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        ranges_m = super()._ranges_m_at(t_first_s, times_s, bearings_rad)
+        self.seen.note(self.world, times_s, bearings_rad, np.atleast_2d(ranges_m)[0])
+        return ranges_m
+
+
+def shipped() -> Config:
+    """The settings as shipped, with a slow planner's wire."""
+    config = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    return with_changes(config, planner={"rate_hz": LINK_HZ})
+
+
+def methods(quick: bool, **sections: dict[str, Any]) -> dict[str, Config]:
+    """Settings of both methods, otherwise alike; and, but for quick runs, of Kalman cells."""
+    base = with_changes(shipped(), **sections) if sections else shipped()
+    kinds = {
+        "reference_plane": {"method": "reference_plane"},
+        "beams": {"method": "beams"},
+        "kalman": {"method": "beams", "cell_value": "kalman"},
+    }
+    if quick:
+        kinds.pop("kalman")
+    return {name: with_changes(base, map=keys) for name, keys in kinds.items()}
+
+
+class SeenPart(NamedTuple):
+    """Per cell of a window: beams that ended in it, lowest and highest end."""
+
+    hits: npt.NDArray[np.int32]
+    low_m: F64
+    high_m: F64
+
+
 class Trial:
-    """A run, with the truth of its place; the place must not change while it is measured."""
+    """Rig and apps on a simulated clock, with the truth of their place, which must not change.
 
-    run: Run
-    truth: Truth
+    Args:
+        follows: the body follows the ground under its wheels.
+        floors_m: places that are floor; see Truth.
+        x_m, y_m: how much of the place is sampled for its truth.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        motion: Trajectory,
+        configs: dict[str, Config],
+        *,
+        follows: bool = False,
+        floors_m: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+        x_m: tuple[float, float] = (-8.0, 32.0),
+        y_m: tuple[float, float] = (-12.0, 12.0),
+    ) -> None:
+        first = next(iter(configs.values()))
+        fan = first.scanner.options.spec.directions[[0, -1]]
+        span_rad = (math.atan2(fan[0, 1], fan[0, 0]), math.atan2(fan[1, 1], fan[1, 0]))
+        world = KinematicWorld(scene, motion, follows=follows)
+        self.rig = WatchedRig(SeenCells(first.map.cell_m, span_rad), world, 1)
+        fakes: tuple[Fake, ...] = (self.rig.scanner, self.rig.ahrs, self.rig.drive)
+        self._shared = tuple(SharedPort() for _ in fakes)
+        self._wires = [Wire(fake, self._shared[k], 1 + k) for k, fake in enumerate(fakes)]
+        self._links: list[MemoryPort] = []
+        self.apps = {name: self._new_app(name, config) for name, config in configs.items()}
+        self.truth = Truth(world, x_m, y_m, floors_m)
+        self._rate_hz = first.loop.rate_hz
+        self._ticks, self.now_s = 0, START_S
+
+    def _new_app(self, name: str, config: Config) -> App:
+        """The first one is at the shared ports itself."""
+        own: tuple[MemoryPort, ...] = self._shared
+        if self._links:
+            own = tuple(MemoryPort() for _ in self._shared)
+            for shared, port in zip(self._shared, own, strict=True):
+                shared.others.append(port)
+        self._links.append(MemoryPort(datagrams=True))
+        app = App(config, Ports(own[0], own[1], own[2], self._links[-1]), session=1)
+        if config.map.method == "reference_plane":
+            app.mapper.maps = ReferencePlaneMaps(config, compensated=name != UNCOMPENSATED)
+        return app
+
+    @property
+    def elapsed_s(self) -> float:
+        """Simulated time since the begin."""
+        return self.now_s - START_S
+
+    def step(self) -> None:
+        self._ticks += 1
+        self.now_s = START_S + self._ticks / self._rate_hz
+        self.rig.step(self.now_s)
+        for wire in self._wires:
+            wire.step(self.now_s)
+        for app in self.apps.values():
+            app.step(self.now_s)
+        for link in self._links:
+            link.take_datagrams()
+
+    def run(
+        self, seconds: float, every_s: float = 0.0, each: Callable[[], None] | None = None
+    ) -> None:
+        """Step for so long; `each` is called after every `every_s` (0: every tick)."""
+        apart = max(1, round(every_s * self._rate_hz))
+        for tick in range(round(seconds * self._rate_hz)):
+            self.step()
+            if each and (tick + 1) % apart == 0:
+                each()
 
     def view(self, name: str) -> MapView:
-        """The maps of one app now."""
-        return view_of(name, self.run.apps[name])
+        return view_of(name, self.apps[name])
 
     def views(self, *names: str) -> list[MapView]:
         """The maps of these apps now, all of them without names."""
-        return [self.view(name) for name in names or self.run.apps]
+        return [self.view(name) for name in names or self.apps]
 
     def cells(self, view: MapView) -> CellTruth:
-        """Truth of the cells of a view."""
         return self.truth.cells(view.corner_i, view.corner_j, view.size, view.cell_m)
 
-    def seen(self, view: MapView) -> "SeenPart":
+    def seen(self, view: MapView) -> SeenPart:
         """What the scanner's beams truly met in the cells of a view."""
-        seen = self.run.rig.seen
+        seen = self.rig.seen
         at = (view.corner_i, view.corner_j, view.size)
         return SeenPart(*(seen.part(x, *at) for x in (seen.hits, seen.low_m, seen.high_m)))
 
@@ -62,36 +216,6 @@ class Trial:
         return self.per_app(count)
 
 
-@dataclass(frozen=True, slots=True)
-class SeenPart:
-    """Per cell of a window: beams that ended in it, lowest and highest end."""
-
-    hits: npt.NDArray[np.int32]
-    low_m: npt.NDArray[np.float64]
-    high_m: npt.NDArray[np.float64]
-
-
-def trial(
-    scene: Scene,
-    motion: Trajectory,
-    configs: dict[str, Config],
-    *,
-    follows: bool = False,
-    floors_m: Sequence[tuple[float, float]] = ((0.0, 0.0),),
-    x_m: tuple[float, float] = (-8.0, 32.0),
-    y_m: tuple[float, float] = (-12.0, 12.0),
-) -> Trial:
-    """A trial ready to be run.
-
-    Args:
-        follows: the body follows the ground under its wheels.
-        floors_m: places that are floor; see Truth.
-        x_m, y_m: how much of the place is sampled for its truth.
-    """
-    run = run_of(KinematicWorld(scene, motion, follows=follows), configs)
-    return Trial(run, Truth(run.rig.world, x_m, y_m, floors_m))
-
-
 @dataclass(slots=True)
 class Tally:
     """Figures taken again and again during a drive, per app."""
@@ -99,7 +223,6 @@ class Tally:
     taken: dict[str, list[float]] = field(default_factory=dict)
 
     def take(self, figures: dict[str, float]) -> None:
-        """One more of each."""
         for name, figure in figures.items():
             self.taken.setdefault(name, []).append(figure)
 
@@ -108,5 +231,4 @@ class Tally:
         return {name: float(np.mean(figures)) for name, figures in self.taken.items()}
 
     def most(self) -> dict[str, float]:
-        """The largest of what was taken."""
         return {name: float(np.max(figures)) for name, figures in self.taken.items()}

@@ -35,7 +35,6 @@ class MapView:
 
     @property
     def size(self) -> int:
-        """Cells along an edge."""
         return int(self.states.shape[0])
 
     def centres_m(self) -> tuple[F64, F64]:
@@ -57,7 +56,6 @@ def straightened(grid: RingGrid, layer: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def view_of(name: str, app: App) -> MapView:
-    """What an app's maps hold now."""
     maps = app.mapper.maps
     grid = maps.window.grid
     pose = app.mapper.maybe_pose(app.mapper.newest_scan_s)

@@ -31,11 +31,10 @@ class BarWatch:
     def __init__(self, test: Trial, span_m: tuple[float, float]) -> None:
         self._test, self._span_m = test, span_m
         self._since_m: dict[str, float] = {}
-        self.most_free = dict.fromkeys(test.run.apps, 0.0)
+        self.most_free = dict.fromkeys(test.apps, 0.0)
 
     def look(self) -> None:
-        """Once more."""
-        front_m = self._test.run.rig.world.pose()[0] + FRONT_M
+        front_m = self._test.rig.world.pose()[0] + FRONT_M
         for view in self._test.views():
             if barred(view, self._span_m):
                 self._since_m.setdefault(view.name, front_m)
@@ -49,5 +48,5 @@ class BarWatch:
         begin_m = self._span_m[0]
         return {
             name: begin_m - self._since_m[name] if name in self._since_m else 0.0
-            for name in self._test.run.apps
+            for name in self._test.apps
         }

@@ -44,7 +44,6 @@ class WatchingReceiver(Receiver):
         self.heard: deque[Heard] = deque(maxlen=4096)
 
     def note(self, now_s: float, frame: Frame) -> None:
-        """Keep when it came."""
         super().note(now_s, frame)
         self.heard.append(Heard(now_s, frame.type, frame.t_ms, frame.size))
 
@@ -155,7 +154,6 @@ class PtyWire(StreamWire):
             receiver.feed_stream(now_s, data)
 
     def close(self) -> None:
-        """Hang up."""
         super().close()
         os.close(self._slave)
 

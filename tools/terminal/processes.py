@@ -16,7 +16,7 @@ from types import FrameType
 
 from tools.cli.options import ROOT
 
-WORLD_READY_S = 60.0  # compiling the kernels anew fits in
+READY_S = 60.0  # compiling the kernels anew fits in
 GRACE_S = 5.0  # to end when asked to
 TAIL_LINES = 25
 PR_SET_PDEATHSIG = 1
@@ -69,7 +69,6 @@ class Child:
 
     @property
     def pid(self) -> int:
-        """Its number."""
         return self._process.pid
 
     def check_alive(self) -> None:
@@ -79,7 +78,6 @@ class Child:
             raise RunError(f"the {self.name} ended with status {status}:\n{self.last_words()}")
 
     def last_words(self) -> str:
-        """The end of what it wrote."""
         lines = [
             line
             for path in (self.out, self.log)
@@ -104,22 +102,36 @@ class Child:
         return ""
 
 
-def ports_of(fakes: Child, stop: Stop) -> dict[str, str] | None:
-    """The line in which the fakes name their ports; None if the wait was broken off."""
-    overdue_s = time.monotonic() + WORLD_READY_S
+def first_words_of(child: Child, stop: Stop) -> dict[str, str]:
+    """The JSON on the first line of fakes, which names their ports; {} if the wait was broken off.
+
+    Raises:
+        RunError: none comes.
+    """
+    overdue_s = time.monotonic() + READY_S
     while not stop.wanted:
-        first, end, _ = fakes.out.read_text(errors="replace").partition("\n")
+        first, end, _ = child.out.read_text(errors="replace").partition("\n")
         if end:
             try:
-                ports = json.loads(first)
-                return {name: str(ports[name]) for name in ("scanner", "ahrs", "drive")}
-            except (ValueError, KeyError, TypeError):
-                raise RunError(f"the world's first line names no ports: {first}") from None
-        fakes.check_alive()
+                return {name: str(value) for name, value in json.loads(first).items()}
+            except (ValueError, AttributeError):
+                raise RunError(f"the {child.name}'s first line names no ports: {first}") from None
+        child.check_alive()
         if time.monotonic() > overdue_s:
-            raise RunError(f"the world is not ready after {WORLD_READY_S:.0f} s")
+            raise RunError(f"the {child.name} is not ready after {READY_S:.0f} s")
         time.sleep(0.02)
-    return None
+    return {}
+
+
+def ports_of(fakes: Child, stop: Stop) -> dict[str, str] | None:
+    """Where the fakes of a world are; None if the wait was broken off."""
+    ports = first_words_of(fakes, stop)
+    if stop.wanted:
+        return None
+    try:
+        return {name: ports[name] for name in ("scanner", "ahrs", "drive")}
+    except KeyError:
+        raise RunError(f"the {fakes.name}'s first line names no ports: {ports}") from None
 
 
 @contextlib.contextmanager
@@ -139,5 +151,4 @@ def folder_kept_on_failure(wanted: Path | None = None) -> Iterator[Path]:
 
 
 def say(words: str) -> None:
-    """A line of progress."""
     print(f"mapod: {words}", flush=True)

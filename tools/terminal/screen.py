@@ -17,7 +17,7 @@ from rich.text import Text
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Pose
 from mapod_link.receiver import Receiver
-from tools.terminal.planner_end import Meter
+from tools.terminal.planner_end import Delays, Meter
 
 U8 = npt.NDArray[np.uint8]
 ROBOT = 3  # drawn over the cells
@@ -189,15 +189,7 @@ def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
 
 
 def age_words(age_s: float) -> str:
-    """An age of a POSE frame."""
     return f"{age_s * 1000:.0f}" if math.isfinite(age_s) else ">1020"
-
-
-def milliseconds(newest_ms: float, median_ms: float, p99_ms: float) -> str:
-    """A delay in words."""
-    if math.isnan(newest_ms):
-        return "-"
-    return f"{newest_ms:.1f} ms (median {median_ms:.1f}, p99 {p99_ms:.1f})"
 
 
 def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
@@ -213,8 +205,8 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
         labelled("link", link, link_style),
         labelled("planner", f"would {advice}" + (f": {why}" if why else ""), advice_style),
         labelled("rates", f"map {maps:.1f}/s  pose {poses:.1f}/s  {bytes_per_s / 1000:.1f} kB/s"),
-        labelled(delay, quantiles(meter.link_ms, meter, "link")),
-        labelled("scan age", quantiles(meter.scan_ms, meter, "scan")),
+        labelled(delay, delay_words(meter.link_ms, meter.link)),
+        labelled("scan age", delay_words(meter.scan_ms, meter.scan)),
         labelled("frames", f"{planner.accepted.total()} taken, {planner.numbers.missing} missing"),
         labelled("", f"{rejected} rejected, {planner.repeated} late", POOR if rejected else ""),
         labelled("cells", f"{np.sum(window == FREE)} free, {np.sum(window == OBSTACLE)} obstacle"),
@@ -222,10 +214,12 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
     return lines + (pose_lines(planner.pose) if planner.pose is not None else [])
 
 
-def quantiles(newest_ms: float, meter: Meter, which: str) -> str:
-    """Newest, median and p99 of one of the meter's delays."""
-    delays = meter.link if which == "link" else meter.scan
-    return milliseconds(newest_ms, delays.quantile_ms(0.5), delays.quantile_ms(0.99))
+def delay_words(newest_ms: float, delays: Delays) -> str:
+    """Newest, median and p99."""
+    if math.isnan(newest_ms):
+        return "-"
+    median_ms, p99_ms = delays.quantile_ms(0.5), delays.quantile_ms(0.99)
+    return f"{newest_ms:.1f} ms (median {median_ms:.1f}, p99 {p99_ms:.1f})"
 
 
 def pose_lines(pose: Pose) -> list[Text]:
@@ -251,14 +245,12 @@ def pose_lines(pose: Pose) -> list[Text]:
 
 
 def labelled(label: str, words: str, style: str = "") -> Text:
-    """A line of the panel."""
     line = Text(no_wrap=True, overflow="ellipsis")
     line.append(f"{label:<9}", LABEL)
     return line.append(words, style)
 
 
 def head_lines(planner: Receiver, factor: int) -> list[Text]:
-    """Title, legend and scale."""
     if planner.geom is None:
         return [Text("mapod: waiting for the map's geometry", "bold")]
     geom = planner.geom

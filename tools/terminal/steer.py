@@ -91,7 +91,6 @@ class Steering:
         self._stops = 0 if self._way else STOPS
 
     def stop(self, now_s: float) -> None:
-        """Before the end."""
         if self._way or self._stops:
             self._way, self._stops = "", 0
             self._ask(now_s, 0.0, 0.0, 0.0)

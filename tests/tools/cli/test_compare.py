@@ -11,7 +11,6 @@ import pytest
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.recorded import RecordedLms111
-from fakes.mti.device import FakeMti
 from fakes.wires.wire import Fake, TcpWire
 from tests.support.real_time import StillWheels, level_sensor, served
 from tests.support.simulated_lines import SimulatedLines
@@ -136,12 +135,6 @@ def test_rates_and_unevenness_of_arrival_are_held_against_each_other() -> None:
     faster = differences(even, dict(pace_facts("stream", list(times_s * 0.99))))
     assert [one.name for one in faster] == ["stream: rate"]
     assert differences(even, dict(pace_facts("stream", list(times_s * 0.9999)))) == []
-
-
-def test_a_sensor_of_the_newer_kind_sends_other_messages(held: Held) -> None:
-    still = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81])
-    [found] = held("ahrs", level_sensor(), FakeMti(lambda t_s: still, 1, "MTi-30"))
-    assert "stream: messages: MTData / MTData2" in named(found)
 
 
 def test_the_recorded_scanner_and_the_fake_agree_in_all_that_the_recording_holds(

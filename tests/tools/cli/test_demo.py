@@ -16,11 +16,11 @@ import pytest
 from rich.console import Console
 
 from tests import ROOT
+from tests.support.cases import few
 from tools.cli import demo
 from tools.cli.demo import Commands
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
-from tools.terminal.processes import Child, RunError
 
 pytestmark = pytest.mark.usefixtures("temporary")
 PORTS = '{"scanner": "tcp://127.0.0.1:1", "ahrs": "serial:///a?baud=1", "drive": "serial:///d"}'
@@ -93,11 +93,7 @@ def test_only_the_named_strings_of_the_shipped_configuration_change() -> None:
     assert len(changed) == 2
     assert all(line.startswith("port = ") for line in changed)
     assert rewritten(shipped, {}) == shipped
-
-
-def test_switches_and_numbers_are_replaced_too() -> None:
-    text = rewritten((ROOT / "mapod.toml").read_text(), demo.DRIVEN)
-    robot = tomllib.loads(text)["robot"]
+    robot = tomllib.loads(rewritten(shipped, demo.DRIVEN))["robot"]
     assert (robot["enable_motors"], robot["start_clear_m"]) == (True, 9.0)
 
 
@@ -140,7 +136,6 @@ def test_an_app_that_dies_is_reported_with_its_last_words_and_the_folder_stays(
     [
         ("sys.exit('no such scene')", "no such scene"),
         ("print('hello'); time.sleep(60)", "names no ports: hello"),
-        ("print('{}'); time.sleep(60)", "names no ports"),
     ],
 )
 def test_a_world_that_fails_is_reported(
@@ -199,7 +194,7 @@ RUNNER = """
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("number", few([signal.SIGKILL, signal.SIGINT, signal.SIGTERM], 1))
 def test_no_process_is_left_however_the_demo_ends(number: signal.Signals, tmp_path: Path) -> None:
     runner = subprocess.Popen(
         stub(RUNNER, ""),
@@ -218,13 +213,3 @@ def test_no_process_is_left_however_the_demo_ends(number: signal.Signals, tmp_pa
     deadline_s = time.monotonic() + 60.0
     while not all(is_gone(pid) for pid in pids):
         assert time.monotonic() < deadline_s, "a process is left"
-
-
-def test_last_words_are_the_end_of_what_was_said(tmp_path: Path) -> None:
-    child = Child("talker", stub("print(*range(1000), sep='\\n')"), tmp_path)
-    child._process.wait(60)
-    assert child.last_words().splitlines()[-1].strip() == "999"
-    assert len(child.last_words().splitlines()) == processes.TAIL_LINES
-    with pytest.raises(RunError, match="the talker ended with status 0"):
-        child.check_alive()
-    assert child.end() == ""

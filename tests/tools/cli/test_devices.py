@@ -1,6 +1,7 @@
 """`mapod devices` against fakes on simulated lines: which device speaks where, what it prints."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from tests import ROOT
 from tests.support.real_time import StillWheels, level_sensor
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import devices
-from tools.cli.devices import Found, SerialLine, toml_lines, udev_rules
+from tools.cli.devices import Found, toml_lines, udev_rules
 
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
 
@@ -74,14 +75,14 @@ def test_a_scanner_is_found_with_its_dialect(
 
 
 def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> None:
-    by_number = SerialLine("/dev/ttyUSB0", "adapter", "A10X", 0x0403, 0x6001, "1-1.2")
-    by_place = SerialLine("/dev/ttyUSB1", "adapter", "", 0x067B, 0x2303, "1-1.3")
+    by_number = SimpleNamespace(serial_number="A10X", vid=0x0403, pid=0x6001, location="1-1.2")
+    by_place = SimpleNamespace(serial_number=None, location="1-1.3")
     found = [
-        Found(by_number, "ahrs", "serial:///dev/ttyUSB0?baud=115200", ""),
-        Found(by_place, "drive", "serial:///dev/ttyUSB1?baud=9600&parity=E&bytesize=7", ""),
-        Found(SerialLine("/dev/ttyUSB2"), "", "", "silent"),
+        Found("/dev/ttyUSB0", "ahrs", "serial:///dev/ttyUSB0?baud=115200", ""),
+        Found("/dev/ttyUSB1", "drive", "serial:///dev/ttyUSB1?baud=9600&parity=E&bytesize=7", ""),
+        Found("/dev/ttyUSB2", "", "", "silent"),
     ]
-    one, two = udev_rules(found)
+    one, two = udev_rules(found, {"/dev/ttyUSB0": by_number, "/dev/ttyUSB1": by_place})
     assert 'ATTRS{serial}=="A10X"' in one
     assert 'ATTRS{idVendor}=="0403"' in one
     assert one.endswith('SYMLINK+="mti"')

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from mapod_link.receiver import Receiver
+from tests.support.cases import few
 from tests.support.served_receiver import ServedReceiver
 from tests.support.wrong_receivers import WRONG
 from tools.cli import link_test
@@ -21,18 +22,21 @@ def outcome(url: str, only: str, *more: str) -> int:
     return link_test.main(["--port", url, "--only", only, "--seconds", "1", *more])
 
 
-@pytest.mark.parametrize("datagrams", [True, False], ids=["udp", "tcp"])
+@pytest.mark.parametrize(
+    ("datagrams", "only"), few([(True, "1"), (True, "1,2,15"), (False, "1,2,15")], 1)
+)
 def test_a_right_receiver_passes_and_what_cannot_be_seen_is_said_to_be_skipped(
-    datagrams: bool, capsys: pytest.CaptureFixture[str]
+    datagrams: bool, only: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with ServedReceiver(Receiver(77, max_cells=10_201, ack_period_s=SOON_S), datagrams) as served:
-        assert outcome(served.url, "1,2,15", "--strict") == link_test.PASSED
+        assert outcome(served.url, only, "--strict") == link_test.PASSED
     said = capsys.readouterr().out
     assert "takes 10201 cells, frames of 368 bytes" in said
     assert "0 failed" in said
     assert ("datagrams are not COBS-encoded" in said) == datagrams
 
 
+@pytest.mark.slow
 def test_a_receiver_with_a_key_passes_with_that_key(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -44,7 +48,9 @@ def test_a_receiver_with_a_key_passes_with_that_key(
     assert "session that was left" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["repaired is ignored", "rejected frame half applied", "no CRC"])
+@pytest.mark.parametrize(
+    "name", few(["rejected frame half applied", "repaired is ignored", "no CRC"], 1)
+)
 def test_a_wrong_receiver_fails_and_the_first_failure_is_told_with_its_frames(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -66,6 +72,7 @@ class _Silent(SlowReceiver):
         """Nothing."""
 
 
+@pytest.mark.slow
 def test_a_receiver_without_acks_cannot_be_examined(capsys: pytest.CaptureFixture[str]) -> None:
     with ServedReceiver(_Silent(nonce=5)) as served:
         assert outcome(served.url, "2") == link_test.NOT_EXAMINED
@@ -89,7 +96,10 @@ def test_where_no_digest_is_compared_the_map_is_not_said_to_be_right(
     assert "0 passed, 0 failed, 4 skipped" in said
 
 
-def test_where_nobody_answers_nothing_is_said_to_pass(capsys: pytest.CaptureFixture[str]) -> None:
+def test_where_nobody_answers_nothing_is_said_to_pass(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(link_test, "CONTACT_S", 0.2)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as deaf:
         deaf.bind(("127.0.0.1", 0))
         url = f"udp://127.0.0.1:{deaf.getsockname()[1]}"

@@ -1,8 +1,6 @@
 """Driving from the viewer: held keys become requests, and everything else ends them."""
 
 import os
-import subprocess
-import sys
 import termios
 from collections.abc import Iterator
 
@@ -11,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapod_link.asking import DRIVE_BODY
-from mapod_link.frames import DRIVE, GEOM, frame_from_bytes
-from tests import ROOT
-from tests.support.planner_sender import Line, begun, geom_body, pose_body
+from mapod_link.frames import DRIVE, frame_from_bytes
+from tests.support.planner_sender import begun, pose_body
 from tools.terminal.steer import HELD_S, HELP, Steering, keys_of, ways_from_keys
 
 
@@ -112,12 +109,6 @@ def test_without_a_terminal_it_refuses() -> None:
         pass
     os.close(end)
     os.close(other)
-    done = subprocess.run(
-        [sys.executable, "-m", "tools.cli.view", "--port", "udp://127.0.0.1:0", "--drive"],
-        cwd=ROOT, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    assert done.returncode == 1
-    assert "needs a terminal" in done.stderr
 
 
 @given(st.binary(max_size=40))
@@ -140,11 +131,3 @@ def test_what_is_asked_for_and_why_nothing_moves_is_told(keyboard: tuple[int, in
     line.send(3, bytes(7) + bytes([0, 0, 0]))
     driver.run(0.1, b"a")
     assert driver.steering.words(driver.now_s) == "turn left, 0.8 rad/s"
-
-
-def test_before_the_run_is_known_nothing_is_asked() -> None:
-    line = Line(begun().planner)
-    line.planner.geom = None
-    assert not line.planner.drive(1.0, 0.5, 0.0, 0.3)
-    line.send(GEOM, geom_body(session=9))
-    assert line.planner.drive(1.0, 0.5, 0.0, 0.3)

@@ -56,6 +56,10 @@ class Clocked(AnyDevice, Protocol):
     def clock_locked(self) -> bool:
         """Whether that clock is known well enough."""
 
+    @property
+    def clock_uncertainty_s(self) -> float:
+        """Typical error of its measurements' times, beyond a constant delay."""
+
 
 class Scanner(Clocked, Protocol):
     """What measures ranges. Its period, beams and range are its options' `spec`."""

@@ -137,6 +137,10 @@ class Lms111(Device[Scan]):
         """Typical error of the scans' times."""
         return self._maker.clock.uncertainty_s
 
+    def measured(self) -> dict[str, float]:
+        """How well its clock is known, for the log."""
+        return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
+
     @property
     def is_impaired(self) -> bool:
         """Whether its window is contaminated, be it as a warning."""

@@ -128,6 +128,10 @@ class Mti(Device[Attitude]):
         """Typical error of a sample's time, beyond a constant delay."""
         return self.session.reader.times.uncertainty_s
 
+    def measured(self) -> dict[str, float]:
+        """How well its clock is known, for the log."""
+        return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
+
     @property
     def identity(self) -> str:
         """Product, firmware and device id, as far as they were told."""

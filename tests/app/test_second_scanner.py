@@ -61,7 +61,7 @@ class TwoPlaneParser:
 class TwoPlane(Device[PointSweep]):
     """It talks unasked, stamps nothing and has no doubts."""
 
-    clock_locked, is_impaired, doubt = True, False, ""
+    clock_locked, clock_uncertainty_s, is_impaired, doubt = True, 0.005, False, ""
 
     def __init__(self, port: Port, options: TwoPlaneOptions, around: Surroundings) -> None:
         self._spec = options.spec

@@ -76,6 +76,7 @@ def test_beams_are_those_of_the_world_at_their_instants(
     assert len(scans) == 2 * rate_hz
     assert status.missed == status.rejected == 0
     assert bench.lms.clock_locked
+    assert 0 < bench.lms.measured()["clock_uncertainty_s"] < 0.002
     for scan in scans:
         assert scan.ranges_m.shape == (1, n)
         assert -0.001 < late_s(scan) < TICK_S + 0.001  # it is seen in the tick after it came

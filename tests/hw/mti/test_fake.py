@@ -55,6 +55,7 @@ def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model:
     assert len(attitudes) == pytest.approx(100, abs=2)
     assert bench.mti.status.rejected == bench.mti.status.missed == 0
     assert bench.mti.clock_locked
+    assert 0 < bench.mti.measured()["clock_uncertainty_s"] < 0.002
     for attitude in attitudes:
         assert -0.003 < late_s(attitude) < TICK_S + 0.001  # it is seen in the tick after it came
         w, x, y, z = attitude.q_earth_sensor

@@ -96,14 +96,6 @@ def invert(pencil: Pencil) -> None:
 
 
 @kernel
-def pencil_from(begins: F64, ways: F64) -> Pencil:
-    """Rays of begins (3, n) and ways (3, n), which it keeps."""
-    pencil = Pencil(begins, ways, np.empty_like(ways))
-    invert(pencil)
-    return pencil
-
-
-@kernel
 def _covered(low_x: float, high_x: float, low_y: float, high_y: float) -> tuple[float, float]:
     """Least and greatest azimuth that a rectangle covers, seen from (0, 0); a turn from within."""
     if low_x <= 0.0 <= high_x and low_y <= 0.0 <= high_y:

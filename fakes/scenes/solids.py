@@ -5,7 +5,7 @@ Each knows its top over a point, and itself as MuJoCo XML. Map frame, metres.
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ F64 = npt.NDArray[np.float64]
 Span = tuple[float, float]
 RAMP_FOOT_M = 0.5  # how far ramps and ridges reach below the ground: no beam passes under them
 ARC_PARTS = 24  # flat pieces of a round ridge
+DEEP_M = 1.0  # how far floors reach below their tops
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +27,12 @@ class Material:
 
     kind: Literal["plain", "glass", "black", "soft"] = "plain"
     density_per_m: float = 0.0  # of stalks, of soft things
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("plain", "glass", "black", "soft"):
+            raise ValueError(f"material {self.kind!r}: must be plain, glass, black or soft")
+        if (self.kind == "soft") is not (self.density_per_m > 0.0):
+            raise ValueError("density_per_m: what is soft has one above 0, and nothing else has")
 
 
 PLAIN, GLASS, BLACK = Material(), Material("glass"), Material("black")
@@ -221,67 +228,59 @@ def _hull(key: str, corners: list[tuple[float, float, float]]) -> tuple[str, str
     return asset, f'<geom name="{key}" type="mesh" mesh="mesh_{key}" class="scene"/>'
 
 
-# -- from a scene's file ----------------------------------------------------------------------
+def ramp(
+    name: str,
+    x: Span,
+    y: Span,
+    rise_rad: float,
+    along: Literal["x", "y"] = "y",
+    from_m: float = 0.0,
+    material: Material = PLAIN,
+) -> Solid:
+    """A wedge that rises along x or y, from a height, and reaches below the ground."""
+    low, high = {"x": x, "y": y}[along]
+    foot_m = min(from_m, from_m + math.tan(rise_rad) * (high - low)) - RAMP_FOOT_M
+    rises = (0.0, rise_rad) if along == "x" else (rise_rad, 0.0)
+    return Solid(name, x, y, (foot_m, from_m), *rises, material)
+
+
+@dataclass(frozen=True, slots=True)
+class Slope:
+    """A way up along x from z = 0, of a rise that is left to chance.
+
+    Args:
+        rise_deg: from, to.
+        until_x: how far the level ground behind it reaches.
+        ease_m: at both ends it is only half as steep.
+    """
+
+    name: str
+    x: Span
+    y: Span
+    rise_deg: Span
+    until_x: float
+    ease_m: float = 1.5
+
+    def drawn(self, random: np.random.Generator) -> "list[Solid]":
+        """Its parts."""
+        rise_rad, z = math.radians(float(random.uniform(*self.rise_deg))), 0.0
+        (begin, end), parts = self.x, []
+        edges = (begin, begin + self.ease_m, end - self.ease_m, end)
+        for k, share in enumerate((0.5, 1.0, 0.5)):
+            x, rise = (edges[k], edges[k + 1]), share * rise_rad
+            parts.append(ramp(f"{self.name} {k + 1}", x, self.y, rise, "x", z))
+            z += math.tan(rise) * (x[1] - x[0])
+        behind = (z - DEEP_M, z)
+        return [*parts, Solid(f"{self.name}, behind", (end, self.until_x), self.y, behind)]
 
 
 def span_from(pair: list[float]) -> Span:
-    """[from, to].
+    """[from, to] of a scene's file.
 
     Raises:
         ValueError: it ends before it begins.
     """
     low, high = float(pair[0]), float(pair[1])
     if not low < high:
-        raise ValueError(f"a solid needs [from, to] with from < to, is {pair}")
+        raise ValueError(f"must be [from, to] with from < to, is {pair}")
     return low, high
-
-
-def material_from(entry: dict[str, Any]) -> Material:
-    """Of an entry with `material` and, where it is soft, `density_per_m`; plain without.
-
-    Raises:
-        ValueError: no such material.
-    """
-    kind = entry.get("material", "plain")
-    if kind not in ("plain", "glass", "black", "soft"):
-        raise ValueError(f"material {kind!r}: must be plain, glass, black or soft")
-    density = float(entry.get("density_per_m", 0.0))
-    if (kind == "soft") is not (density > 0.0):
-        raise ValueError("density_per_m: what is soft has one above 0, and nothing else has")
-    return Material(kind, density)
-
-
-def solid_from(entry: dict[str, Any]) -> Solid:
-    """A [[solid]]: name, x, y, z."""
-    x, y, z = (span_from(entry[axis]) for axis in "xyz")
-    return Solid(entry["name"], x, y, z, material=material_from(entry))
-
-
-def pillar_from(entry: dict[str, Any]) -> Pillar:
-    """A [[pillar]]: name, at, radius_m, z."""
-    x, y = entry["at"]
-    z, material = span_from(entry["z"]), material_from(entry)
-    return Pillar(entry["name"], (float(x), float(y)), float(entry["radius_m"]), z, material)
-
-
-def ramp_from(entry: dict[str, Any]) -> Solid:
-    """A [[ramp]]: name, x, y, rise_deg; along "x" or "y" (as given: "y"), from_m (0), material."""
-    along, from_m = entry.get("along", "y"), float(entry.get("from_m", 0.0))
-    rise_rad, x, y = math.radians(entry["rise_deg"]), span_from(entry["x"]), span_from(entry["y"])
-    low, high = {"x": x, "y": y}[along]
-    foot_m = min(from_m, from_m + math.tan(rise_rad) * (high - low)) - RAMP_FOOT_M
-    rises = (0.0, rise_rad) if along == "x" else (rise_rad, 0.0)
-    return Solid(entry["name"], x, y, (foot_m, from_m), *rises, material_from(entry))
-
-
-def bump_from(entry: dict[str, Any]) -> Ridge:
-    """A [[bump]]: name, x, y, height_m; along ("x"), profile ("round"), floor_m (0)."""
-    return bump(
-        entry["name"],
-        span_from(entry["x"]),
-        span_from(entry["y"]),
-        float(entry["height_m"]),
-        entry.get("along", "x"),
-        entry.get("profile", "round"),
-        float(entry.get("floor_m", 0.0)),
-    )

@@ -1,4 +1,4 @@
-"""Puts a fake on TCP or UDP, where any program can reach it, with the same faults as in memory.
+"""Puts a fake on TCP, where any program can reach it, with the same faults as in memory.
 
 A fake that has `connect(now_s)` gets one object for each TCP client, with `exchange` and
 `left(now_s)`, as many as its `max_clients`; any other fake has one client at a time. Others are
@@ -9,7 +9,7 @@ import socket
 from collections import deque
 from typing import Protocol
 
-from fakes.wires.disturbance import DatagramFake, Fake, Late, StreamDisturbance, tell_reconnected
+from fakes.wires.disturbance import Disturbance, Fake, Late, tell_reconnected
 
 READ_SIZE = 65536
 TCP_BACKLOG = 1 << 20  # bytes kept for a client that does not read; what comes then is lost
@@ -66,7 +66,7 @@ class Connection:
         self.unsent.clear()
 
 
-class TcpWire(StreamDisturbance):
+class TcpWire(Disturbance):
     """A fake that listens on TCP.
 
     `cut`: clients are thrown out and nobody gets in. `unplugged`: as with a pulled network cable,
@@ -167,39 +167,6 @@ class TcpWire(StreamDisturbance):
                 if left is not None:
                     left(now_s)
         self._connections = [connection for connection in self._connections if connection.open]
-
-
-class UdpWire:
-    """A fake that is bound to a UDP port and answers whoever wrote to it last."""
-
-    def __init__(self, fake: DatagramFake, host: str = "127.0.0.1", port: int = 0) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.bind((host, port))
-        self.host, self.port = self._socket.getsockname()[:2]
-        self._fake = fake
-        self._peer: tuple[str, int] | None = None
-
-    def step(self, now_s: float) -> None:
-        """Take the datagrams that have come; send what is due, or lose it."""
-        for _ in range(1000):  # no flood keeps us here
-            try:
-                datagram, self._peer = self._socket.recvfrom(READ_SIZE)
-            except BlockingIOError:
-                break
-            except OSError:  # a peer that is gone shows here, once
-                continue
-            self._fake.feed_datagram(now_s, datagram)
-        for datagram in self._fake.poll(now_s):
-            try:
-                if self._peer is not None:
-                    self._socket.sendto(datagram, self._peer)
-            except OSError:  # peer gone, or no room: lost, as datagrams are
-                continue
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._socket.close()
 
 
 def _name(client: socket.socket) -> str:

@@ -243,13 +243,3 @@ def _ways(headings: F64, speeds_mps: F64) -> F64:
     return np.concatenate(
         [np.zeros((len(headings), 1, 2)), *(pace * turned for pace in PACES)], axis=1
     )
-
-
-def walker_from(entry: dict[str, object]) -> Walker:
-    """A [[walker]] of a scene's file: name, waypoints; speed_mps, start_s, pause_s, radius_m,
-    aside_m.
-    """
-    points = tuple((float(x), float(y)) for x, y in entry["waypoints"])  # type: ignore[attr-defined]
-    numbers = ("speed_mps", "start_s", "pause_s", "radius_m", "aside_m")
-    given = {key: float(entry[key]) for key in numbers if key in entry}  # type: ignore[arg-type]
-    return Walker(str(entry["name"]), points, **given)

@@ -37,10 +37,6 @@ def walls_about(x: float, gap_m: float) -> tuple[Solid, Solid]:
     )
 
 
-def test_an_empty_floor_has_no_problems() -> None:
-    assert found() == ""
-
-
 def test_things_that_leave_a_wide_way_are_no_problem() -> None:
     assert found(box((12.0, 13.0), (-0.5, 0.5), (0.0, 0.2))) == ""
     assert found(Pillar("post", (12.0, 0.0), 0.1, (0.0, 2.0))) == ""

@@ -9,19 +9,12 @@ import pytest
 
 from fakes.lms1xx.head import LaserHead
 from fakes.rays.beam_kernels import PULSE_M, echoes_from_rays
-from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE, pattern_of
+from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE
 from fakes.scenes.scene import Scene, Solid
-from fakes.world.error_models import (
-    NONE,
-    ErrorModels,
-    as_the_sheets_say,
-    error_models_from,
-    patch_from,
-)
+from fakes.world.error_models import NONE, ErrorModels, as_the_sheets_say
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import held
-from fakes.world.world import World
 
 F64 = npt.NDArray[np.float64]
 FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
@@ -53,11 +46,6 @@ def walls(*near_and_far: tuple[float, float, float]) -> Scene:
 
 
 # -- wide beams -------------------------------------------------------------------------------
-
-
-def test_without_upsets_a_beam_is_one_thin_ray_and_has_one_echo() -> None:
-    assert pattern_of(NONE).tolist() == [[0.0] * 4]
-    assert len(sweeps(walls((4.0, -20, 20)), NONE)) == 1
 
 
 def test_a_wide_beam_on_a_wall_is_as_long_as_a_thin_one() -> None:
@@ -212,55 +200,3 @@ def test_the_rig_gives_the_devices_the_upsets_of_the_scene_or_those_that_it_is_t
     for rig in (own, told, other):
         assert 0.0 < abs(rig.scanner.offset_m) <= 0.030
         assert rig.ahrs.sheet_errors
-
-
-def test_two_rigs_of_one_seed_with_all_upsets_are_the_same_to_the_bit() -> None:
-    errors = as_the_sheets_say(
-        ErrorModels(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=60)
-    )
-    scene, told = walls((8.0, -20.0, 20.0)), []
-    for _ in range(2):
-        rig, sums = Rig(scene, 3, errors=errors), []
-        for k in range(60):
-            rig.step(50.0 + k * 0.02)
-            rig.drive.command(60, 50)
-            sums.append(rig.world.ranges_m(np.full(9, 50.0 + k * 0.02), SWEEP_RAD[::60]).tolist())
-            sample = rig.ahrs._sample(50.0 + k * 0.02, 0)
-            sums.append([*sample.R_earth_sensor.ravel().tolist(), *sample.rate_radps.tolist()])
-        told.append(repr((sums, rig.world.wheels.counts())))
-    assert told[0] == told[1]
-
-
-def test_upsets_of_a_file_are_in_degrees_and_what_is_wrong_is_refused() -> None:
-    told = error_models_from({"sunlight_rate": 0.2, "sun_azimuth_deg": -90, "mixed_pixels": True})
-    assert told.sun_azimuth_rad == pytest.approx(-math.pi / 2)
-    assert (told.sunlight_rate, told.mixed_pixels) == (0.2, True)
-    for wrong in (
-        {"fog": 1.0},
-        {"sun_azimuth_rad": 1.0},
-        {"sunlight_rate": 1.5},
-        {"sunlight_rate": True},
-        {"mixed_pixels": 1},
-        {"dust_per_m": -0.1},
-        {"rain_per_m": "much"},
-        {"beam_deg": math.nan},
-    ):
-        with pytest.raises(ValueError, match=r"upsets|must|goes"):
-            error_models_from(wrong)
-
-
-def test_a_patch_of_ground_has_a_place_and_a_friction() -> None:
-    patch = patch_from({"name": "wet", "x": [1, 2], "y": [0, 3], "friction": 0.3})
-    assert (patch.x, patch.y, patch.friction) == ((1.0, 2.0), (0.0, 3.0), 0.3)
-    for wrong in ({"x": [2, 1]}, {"friction": 0.0}, {"friction": 3.0}):
-        with pytest.raises(ValueError, match="patch"):
-            patch_from({"name": "wet", "x": [1, 2], "y": [0, 3], "friction": 0.3, **wrong})
-
-
-def test_a_world_that_is_told_its_upsets_leaves_the_scenes_alone() -> None:
-    scene = replace(FLAT, errors=ErrorModels(dust_per_m=0.1))
-    world = World(scene, 1, NONE)
-    world.step_to(0.0)
-    world.step_to(0.1)
-    assert world.ranges_m(np.full(3, 0.1), np.zeros(3)).shape == (3,)
-    assert World(scene, 1).errors == scene.errors

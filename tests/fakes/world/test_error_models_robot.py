@@ -26,12 +26,12 @@ FLAT = Scene("flat", (FLOOR,))
 
 
 def errors_deg(trajectory: Trajectory, seconds: float, seed: int) -> F64:
-    """Errors (n, 3) of yaw, pitch, roll of a sensor on a robot that drives, 100 a second."""
+    """Errors (n, 3) of yaw, pitch, roll of a sensor on a robot that drives, 50 a second."""
     world = KinematicWorld(FLAT, trajectory)
     world.step_to(0.0)
     sensor, rows = Sensor(world.motion_at, seed, MODELS["MTi-28"]), []
     sensor.sheet_errors, sensor.angle_noise_rad = True, 0.0
-    for t_s in np.arange(0.0, seconds, 0.01).tolist():
+    for t_s in np.arange(0.0, seconds, 0.02).tolist():
         world.step_to(t_s)
         told = np.radians(orientation(sensor._sample(t_s, 0).R_earth_sensor, EULER)[::-1])
         true = world.pose()[2:]
@@ -62,34 +62,23 @@ def test_a_brake_makes_it_take_the_robot_for_leaning_and_it_forgets_that_again()
         zero = np.zeros_like(x)
         return np.column_stack([x, zero, zero, zero, zero, zero])
 
-    pitch = np.mean([errors_deg(brake, 14.0, seed)[:, 1] for seed in range(6)], axis=0)
+    pitch = np.mean([errors_deg(brake, 12.0, seed)[:, 1] for seed in range(3)], axis=0)
     pitch = pitch - pitch[0]
-    assert 0.7 < pitch[round(100 * ends_s)] - pitch[299] < 1.6  # nose down, by a degree
+    assert 0.7 < pitch[round(50 * ends_s)] - pitch[149] < 1.6  # nose down, by a degree
     assert abs(pitch[-1] - pitch[0]) < 0.4
 
 
 def test_on_a_drive_with_turns_roll_and_pitch_are_off_by_about_half_a_degree_rms() -> None:
     """The sheet allows 2 deg; gentle driving makes less of it."""
     way = Way(stand(2.0), straight(4.0, 0.8), turn(1.5, 0.8), straight(3.0, 0.8), stand(2.0))
-    off = np.concatenate([errors_deg(way, way.duration_s, seed)[:, 1:] for seed in range(5)])
+    off = np.concatenate([errors_deg(way, way.duration_s, seed)[:, 1:] for seed in range(2)])
     assert 0.2 < math.sqrt((off**2).mean()) < 1.0
-
-
-def test_without_sheet_errors_the_sensor_is_as_before() -> None:
-    world = KinematicWorld(FLAT, held())
-    world.step_to(0.0)
-    sensor = Sensor(world.motion_at, 1, MODELS["MTi-28"])
-    sensor.angle_noise_rad = sensor.rate_noise_radps = sensor.accel_noise_mps2 = 0.0
-    sample = sensor._sample(0.0, 0)
-    np.testing.assert_allclose(sample.R_earth_sensor, np.eye(3), atol=1e-9)
-    np.testing.assert_allclose(sample.rate_radps, 0.0, atol=1e-12)
-    np.testing.assert_allclose(sample.accel_mps2, [0.0, 0.0, 9.81], atol=1e-6)
 
 
 def test_rates_have_a_bias_that_stays_for_seconds_and_wanders_in_minutes() -> None:
     biases, late = [], []
     up, level = np.array([0.0, 0.0, 9.81]), np.eye(3)
-    for seed in range(60):
+    for seed in range(40):
         errors = SheetErrors(seed)
         errors.goes_on(0.0, level, up)
         first = errors.rate_bias_radps
@@ -129,11 +118,11 @@ def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> Non
 
 def test_in_bursts_wheels_count_more_than_the_robot_drives() -> None:
     ways, counts = [], []
-    for errors in (ErrorModels(), ErrorModels(slip_bursts_per_min=30.0)):
+    for errors in (ErrorModels(), ErrorModels(slip_bursts_per_min=60.0)):
         world = World(FLAT, 1, errors)
         world.step_to(0.0)
         world.wheels.set_power(0.4, 0.4)
-        world.step_to(20.0)
+        world.step_to(6.0)
         ways.append(world.pose())
         counts.append(sum(world.wheels.counts()))
     assert ways[0] == ways[1]
@@ -172,13 +161,6 @@ def test_a_patch_of_ice_lets_the_robot_slide_on_where_it_brakes_and_nowhere_else
         world.step_to(6.0)
         stops.append(world.pose()[0])
     assert stops[0] > stops[1] + 0.3
-
-
-def test_where_all_ground_is_dry_patches_change_nothing() -> None:
-    far = Patch("ice", (20.0, 25.0), (-2.0, 2.0), 0.1)
-    for power in (0.3, 0.9):
-        there = way_after(FLAT, 3.0, power)
-        assert way_after(replace(FLAT, patches=(far,)), 3.0, power) == pytest.approx(there, 1e-9)
 
 
 # -- people -----------------------------------------------------------------------------------

@@ -10,12 +10,11 @@ import pytest
 from fakes.mti.models import MODELS
 from fakes.mti.sensor import Sensor
 from fakes.scenes.scene import Scene, Solid
-from fakes.scenes.solids import bump
 from fakes.world.driver import Driver
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.magnetic import MagneticDisturbance, distortion
 from fakes.world.rig import Rig
-from fakes.world.slip import Slip, shares
+from fakes.world.slip import Slip
 from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
 from fakes.world.world import World
 
@@ -38,7 +37,7 @@ def yaw_errors(trajectory: Trajectory, seconds: float) -> tuple[F64, F64]:
     """Instants (n,), and by how much (n,) rad the yaw is off then, beside the door."""
     world = KinematicWorld(Scene("door", (FLOOR,), steels=(DOOR,)), trajectory)
     world.step_to(0.0)
-    sensor, times_s, errors = quiet_sensor(world), np.arange(0.0, seconds, 0.01), []
+    sensor, times_s, errors = quiet_sensor(world), np.arange(0.0, seconds, 0.02), []
     for t_s in times_s:
         world.step_to(float(t_s))
         R = sensor._sample(float(t_s), 0).R_earth_sensor
@@ -47,14 +46,6 @@ def yaw_errors(trajectory: Trajectory, seconds: float) -> tuple[F64, F64]:
 
 
 # -- wheel slip -------------------------------------------------------------------------------
-
-
-def test_shares_of_slip_hold_for_their_time_and_add_up() -> None:
-    slips = (Slip(0.1, 0.2), Slip(0.05, 0.0, 2.0, 4.0))
-    np.testing.assert_allclose(
-        shares(slips, np.array([1.0, 2.0, 3.9, 4.0])),
-        [[0.1, 0.2], [0.15, 0.2], [0.15, 0.2], [0.1, 0.2]],
-    )
 
 
 def travelled(scene: Scene, seconds: float) -> tuple[World, float, float]:
@@ -91,13 +82,9 @@ def test_steel_turns_the_field_and_changes_strength_and_dip_most_where_it_is() -
     assert turned == pytest.approx([40.0, 40.0 / math.e, 40.0 / math.e**4, 0.0], abs=1e-3)
 
 
-def test_without_steel_a_field_is_left_as_it_is() -> None:
-    np.testing.assert_array_equal(distortion((), 1.0, 2.0), np.eye(3))
-
-
 def test_beside_steel_the_yaw_is_pulled_slowly_and_comes_back_slowly() -> None:
     """A drive to the door, ten seconds beside it, and on; with a time constant of 3 s."""
-    way = Way(stand(2.0), straight(5.0, 1.0), stand(10.0), straight(8.0, 1.0), stand(15.0))
+    way = Way(stand(2.0), straight(5.0, 1.0), stand(10.0), straight(8.0, 1.0), stand(7.0))
     times_s, errors = yaw_errors(way, way.duration_s)
     degrees = np.degrees(errors)
     assert np.abs(degrees[times_s < 2.0]).max() < 0.1
@@ -109,12 +96,7 @@ def test_beside_steel_the_yaw_is_pulled_slowly_and_comes_back_slowly() -> None:
     later = float(np.interp(gone_s + 6.0, times_s, degrees))
     assert -12.0 < gone < -2.0
     assert later == pytest.approx(gone * math.exp(-2.0), abs=0.05)
-    assert np.abs(np.diff(degrees)).max() < 40.0 * 0.01 / 3.0 * 1.01  # never a jump
-
-
-def test_a_sensor_that_is_switched_on_beside_steel_is_wrong_from_the_start() -> None:
-    _, errors = yaw_errors(held(place=(5.0, 0.0, 0.0)), 0.1)
-    np.testing.assert_allclose(np.degrees(errors), -40.0, atol=1e-6)
+    assert np.abs(np.diff(degrees)).max() < 40.0 * 0.02 / 3.0 * 1.01  # never a jump
 
 
 def test_steel_does_not_tilt_the_sensors_horizon() -> None:
@@ -138,7 +120,7 @@ def test_the_magnetic_vector_is_the_bent_field_in_the_sensors_axes() -> None:
 def test_the_pull_depends_on_the_way_and_not_on_how_often_the_sensor_is_read() -> None:
     way = Way(stand(2.0), turn(1.0, 0.5), straight(3.0, 0.5))
     ends = []
-    for step_s in (0.0025, 0.02):
+    for step_s in (0.01, 0.04):
         world = KinematicWorld(Scene("door", (FLOOR,), steels=(DOOR,)), way)
         world.step_to(0.0)
         sensor = quiet_sensor(world)
@@ -179,7 +161,7 @@ def test_a_waypoint_can_have_its_own_speed() -> None:
     assert fast == pytest.approx([0.6] * len(fast), abs=0.005)
 
 
-@pytest.mark.parametrize("slope_deg", [-8.0, -1.0, 1.0, 8.0])
+@pytest.mark.parametrize("slope_deg", [-8.0, 8.0])
 def test_in_physics_the_robot_drives_up_and_down_ramps_along_x(slope_deg: float) -> None:
     rise_m = 6.0 * math.tan(math.radians(slope_deg))
     low, rise_x_rad = min(rise_m, 0.0) - 1.0, math.radians(slope_deg)
@@ -202,25 +184,7 @@ def test_in_physics_the_robot_drives_up_and_down_ramps_along_x(slope_deg: float)
     assert world.height_m() == pytest.approx(rise_m, abs=2e-3)
 
 
-@pytest.mark.parametrize("profile", ["round", "trapezoid"])
-def test_in_physics_the_robot_passes_a_bump_at_full_speed(profile: str) -> None:
-    over = bump("bump", (2.0, 2.4), (-2.0, 2.0), 0.05, "x", profile)  # type: ignore[arg-type]
-    world = World(Scene("bump", (FLOOR, over)), 1)
-    world.step_to(0.0)
-    world.wheels.set_power(1.0, 1.0)
-    poses, heights = [], []
-    for k in range(600):
-        world.step_to(k * 0.01)
-        poses.append(world.pose())
-        heights.append(world.height_m())
-    pitches = np.degrees([pose[3] for pose in poses])
-    assert poses[-1][0] > 4.5
-    assert -14.0 < pitches.min() < -5.0
-    assert 5.0 < pitches.max() < 14.0
-    assert 0.045 < max(heights) < 0.08
-    assert abs(heights[-1]) < 1e-3
-
-
+@pytest.mark.slow
 def test_the_yards_route_can_be_driven() -> None:
     """In physics: over the bump and both ramps, and back home."""
     world = World("yard", 3)

@@ -12,7 +12,6 @@ from fakes.scenes.scene import Scene, Solid
 from fakes.scenes.solids import Shape, bump
 from fakes.world import robot
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.rig import Rig
 from fakes.world.rotations import R_from_angles
 from fakes.world.slip import Slip
 from fakes.world.trajectory import (
@@ -25,7 +24,6 @@ from fakes.world.trajectory import (
     nodding,
     stand,
     straight,
-    tilted,
     turn,
 )
 from tests.support.cases import examples
@@ -96,14 +94,6 @@ def test_a_straight_leg_goes_at_its_speed_and_begins_and_ends_softly() -> None:
     assert speeds.max() == pytest.approx(0.2, abs=1e-6)
     assert np.abs(pushes).max() < 0.41
     assert way.duration_s == pytest.approx(1.0 + 4.2 / 0.2 + math.pi / 2 * 0.2 / 0.4)
-
-
-def test_a_short_leg_does_not_come_to_its_speed() -> None:
-    way = Way(straight(0.1, 1.0))
-    t_s = np.arange(0.0, way.duration_s, 0.005)
-    speeds = np.gradient(way(t_s)[:, 0], 0.005)
-    assert 0.1 < speeds.max() < 0.2
-    assert way(np.array([99.0]))[0, 0] == pytest.approx(0.1)
 
 
 def test_a_turn_stays_on_the_spot_and_an_arc_on_its_circle() -> None:
@@ -195,13 +185,6 @@ def test_a_robot_can_stand_tilted(pitch_deg: float, roll_deg: float) -> None:
     assert straight_m == pytest.approx(lens_z / fall, abs=1e-6)
 
 
-def test_a_robot_can_be_tilted_after_a_while() -> None:
-    world = moved(tilted(Way(), 0.1, -0.05, 0.03, from_s=2.0, takes_s=1.0), 5.0)
-    assert world.pose(101.9)[3:] == (0.0, 0.0)
-    assert world.pose(103.5)[3:] == pytest.approx((0.1, -0.05))
-    assert world.height_m() == pytest.approx(0.03)
-
-
 def test_a_nodding_robot_nods_by_so_much_at_such_a_rate() -> None:
     world = moved(nodding(Way(straight(8.0, 0.5)), math.radians(3.0), 1.0), 8.0)
     pitches = np.array([world.pose(t)[3] for t in np.arange(102.0, 107.0, 0.01)])
@@ -213,7 +196,7 @@ def test_a_nodding_robot_nods_by_so_much_at_such_a_rate() -> None:
 # -- wheels -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("length_m", "speed_mps"), [(4.2, 0.2), (20.0, 0.2), (-2.0, 0.5)])
+@pytest.mark.parametrize(("length_m", "speed_mps"), [(4.2, 0.2), (-2.0, 0.5)])
 def test_the_encoders_count_the_way(length_m: float, speed_mps: float) -> None:
     way = Way(stand(1.0), straight(length_m, speed_mps))
     world = moved(way, way.duration_s + 1.0)
@@ -231,36 +214,21 @@ def test_the_encoders_count_the_turn() -> None:
 def test_slipping_wheels_count_more_than_the_way() -> None:
     """The paper's: 4.4 m of 4.2 m."""
     way = Way(straight(4.2, 0.2))
-    slips = (Slip(4.4 / 4.2 - 1.0, 4.4 / 4.2 - 1.0),)
+    slips = (Slip(4.4 / 4.2 - 1.0, 4.4 / 4.2 - 1.0), Slip(0.0, 0.2, 10.0, 12.0))
     world = moved(way, way.duration_s, Scene("slippery", (FLOOR,), slips=slips))
-    assert travels_m(world) == pytest.approx((4.4, 4.4), abs=1e-4)
+    assert travels_m(world) == pytest.approx((4.4, 4.4 + 0.2 * 0.2 * 2.0), abs=1e-3)
     assert world.pose()[0] == pytest.approx(4.2)
-
-
-def test_one_wheel_can_slip_for_a_while() -> None:
-    way = Way(straight(20.0, 0.5))
-    scene = Scene("slippery", (FLOOR,), slips=(Slip(0.0, 0.2, 10.0, 12.0),))
-    left, right = travels_m(moved(way, way.duration_s, scene))
-    assert left == pytest.approx(20.0, abs=1e-4)
-    assert right == pytest.approx(20.0 + 0.2 * 0.5 * 2.0, abs=2e-3)
-
-
-def test_motors_move_nothing() -> None:
-    world = moved(held(), 1.0)
-    world.wheels.set_power(1.0, 1.0)
-    world.step_to(105.0)
-    assert world.pose()[:2] == (0.0, 0.0)
 
 
 # -- terrain ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("slope_deg", [-8.0, -3.0, -1.0, 1.0, 2.0, 5.0, 8.0])
+@pytest.mark.parametrize("slope_deg", [-8.0, 5.0])
 def test_on_a_ramp_the_body_is_pitched_by_its_slope(slope_deg: float) -> None:
     way = Way(straight(16.0, 1.0))
     world = moved(way, way.duration_s, Scene("ramp", ramp(slope_deg)), follows=True)
     heights, on_it = [], 0
-    for t_s in np.arange(100.0, 100.0 + way.duration_s, 0.05):
+    for t_s in np.arange(100.0, 100.0 + way.duration_s, 0.1):
         x, y, _, pitch, roll = world.pose(float(t_s))
         assert roll == pytest.approx(0.0, abs=1e-9)
         if 2.3 < x < 11.3:  # all wheels are on it, with what the smoothing takes
@@ -271,7 +239,7 @@ def test_on_a_ramp_the_body_is_pitched_by_its_slope(slope_deg: float) -> None:
         if x < 1.3 or x > 12.5:
             assert math.degrees(pitch) == pytest.approx(0.0, abs=1e-6)
         heights.append(world.height_m(float(t_s)))
-    assert on_it > 50
+    assert on_it > 40
     assert heights[-1] == pytest.approx(10.0 * math.tan(math.radians(slope_deg)), abs=1e-9)
     # along the slope, not along its ground plan
     along_m = 6.0 + 10.0 / math.cos(math.radians(slope_deg))
@@ -301,21 +269,13 @@ def test_on_a_bump_the_body_nods_and_rises_to_its_height(profile: str) -> None:
     assert 12.0 < forces[:, 2].max() < 45.0  # a jolt, within what the sensor can measure
 
 
-def test_on_the_flat_the_ground_changes_nothing() -> None:
-    trajectory = MOTIONS["nodding drive"]
-    told, followed = moved(trajectory, 6.0), moved(trajectory, 6.0, follows=True)
-    for t_s in np.linspace(100.0, 106.0, 50):
-        np.testing.assert_allclose(told.pose(t_s), followed.pose(t_s), atol=1e-12)
-        np.testing.assert_allclose(told.motion_at(t_s)[2], followed.motion_at(t_s)[2], atol=1e-6)
-
-
 # -- the face of a world ----------------------------------------------------------------------
 
 
 def test_it_is_the_same_to_the_bit_however_it_is_stepped_and_asked() -> None:
     bearings = np.linspace(-1.0, 1.0, 100)
     results = []
-    for steps in (1, 7, 500):
+    for steps in (1, 7, 100):
         world = KinematicWorld("corridor", MOTIONS["slalom"], follows=True)
         for t_s in np.linspace(50.0, 55.0, steps + 1):
             world.step_to(float(t_s))
@@ -325,18 +285,8 @@ def test_it_is_the_same_to_the_bit_however_it_is_stepped_and_asked() -> None:
     assert len({str(result) for result in results}) == 1
 
 
-@given(t_s=st.floats(-10.0, 200.0))
-def test_any_instant_has_an_answer_and_the_future_is_not_told(t_s: float) -> None:
+def test_any_instant_has_an_answer_and_the_future_is_not_told() -> None:
     world = moved(MOTIONS["slalom"], 3.0)
-    assert np.isfinite(world.pose(t_s)).all()
-    assert world.pose(t_s) == world.pose(min(max(t_s, 100.0), 103.0))
-
-
-def test_devices_stand_on_it_as_on_any_world() -> None:
-    way = Way(stand(1.0), straight(2.0, 0.5))
-    rig = Rig(KinematicWorld(FLAT, way), 3)
-    for k in range(1400):
-        rig.step(200.0 + k * 0.005)
-    assert rig.driver.reached == 0  # nobody holds the radio
-    assert rig.world.pose()[0] == pytest.approx(2.0)
-    assert rig.drive.exchange(207.0, b"") is not None
+    for t_s in (-10.0, 99.9, 100.0, 101.2345, 103.0, 103.001, 200.0):
+        assert np.isfinite(world.pose(t_s)).all()
+        assert world.pose(t_s) == world.pose(min(max(t_s, 100.0), 103.0))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.rays.rays import FAR_M
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.world import robot
+from fakes.world.error_models import ErrorModels, as_the_sheets_say
 from fakes.world.world import STEP_S, World
 
 F64 = npt.NDArray[np.float64]
@@ -73,22 +73,6 @@ def test_the_corridor_is_as_high_as_its_file_says(x: float, y: float, height_m: 
     np.testing.assert_allclose(heights, [height_m], atol=1e-9)
 
 
-def test_no_box_of_the_corridor_is_nearly_as_high_as_the_bound_of_an_obstacle() -> None:
-    boxes = [s for s in load_scene("corridor").solids if isinstance(s, Solid)]
-    tops = {box.z[1] for box in boxes if box.z[0] == 0.0}
-    assert tops == {0.006, 0.05, 0.15, 0.3, 0.6, 1.2}
-
-
-@given(st.lists(st.tuples(st.floats(-12, 21), st.floats(-3, 14)), min_size=1, max_size=20))
-def test_heights_of_many_points_are_those_of_each_point_alone(
-    points: list[tuple[float, float]],
-) -> None:
-    scene = load_scene("corridor")
-    x, y = (np.array(part) for part in zip(*points, strict=True))
-    alone = [scene.height_at([a], [b])[0] for a, b in points]
-    np.testing.assert_array_equal(scene.height_at(x, y), alone)
-
-
 def test_a_scene_can_be_any_file(tmp_path: Path) -> None:
     file = tmp_path / "slab.toml"
     file.write_text(
@@ -99,15 +83,6 @@ def test_a_scene_can_be_any_file(tmp_path: Path) -> None:
     world.step_to(0.0)
     R_earth_sensor = world.motion_at(0.0)[0]
     np.testing.assert_allclose(R_earth_sensor[:, 0], [0.0, -1.0, 0.0], atol=1e-3)  # x is east
-
-
-def test_a_solid_that_ends_before_it_begins_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "wrong.toml"
-    file.write_text('[[solid]]\nname = "floor"\nx = [5.0, -5.0]\ny = [0, 1]\nz = [0, 1]\n')
-    with pytest.raises(ValueError, match="from < to"):
-        load_scene(file)
-    with pytest.raises(FileNotFoundError):
-        load_scene(tmp_path / "none.toml")
 
 
 def test_the_robot_rests_level_at_the_origin() -> None:
@@ -128,18 +103,12 @@ def test_on_a_flat_floor_each_beam_is_as_long_as_geometry_says() -> None:
     assert abs(float(expected_m.min()) - 8.274) < 0.02
 
 
-def test_beams_into_the_sky_or_too_far_away_return_nothing() -> None:
-    ranges = sweep(driven(FLAT, 0.1, 0.0, 0.0), 50.1)
-    assert np.isnan(ranges[np.abs(SWEEP_RAD) > math.radians(91.0)]).all()
-    assert np.nanmax(ranges) <= FAR_M
-
-
 def test_every_beam_ends_where_the_ground_truth_begins() -> None:
     """Just before its end a beam is above the surface, just behind it is below."""
     world = World("corridor", 1)
     world.step_to(0.0)
     seen: list[F64] = []
-    for k, (one, two) in enumerate([(0.8, 0.8)] * 11 + [(-0.2, 0.2)] * 6):
+    for k, (one, two) in enumerate([(0.8, 0.8)] * 9 + [(-0.2, 0.2)] * 3):
         world.wheels.set_power(one, two)
         world.step_to(k + 1.0)
         ranges = sweep(world, k + 1.0)
@@ -187,33 +156,12 @@ def test_the_encoders_tell_the_way_on_a_straight_drive() -> None:
     assert abs(sum(travel_m(world)) / 2 / way_m - 1) < 0.003
 
 
-def test_the_encoders_tell_the_turn_on_the_spot() -> None:
-    world = driven(FLAT, 5.0, -0.15, 0.15)
+def test_channel_one_is_the_left_wheel_forward_counts_up_and_more_than_full_power_is_full() -> None:
+    world = driven(FLAT, 3.0, 9.0, -9.0)
     left, right = travel_m(world)
-    turned = math.remainder((right - left) / 0.50 - world.pose()[2], math.tau)
-    assert right - left > 1.4
-    assert abs(turned) < 0.03
-    assert math.hypot(*world.pose()[:2]) < 0.05
-
-
-def test_channel_one_is_the_left_wheel_and_forward_counts_up() -> None:
-    world = driven(FLAT, 1.0, 0.4, 0.0)
-    one, two = world.wheels.counts()
-    assert one > 500
-    assert abs(two) < 100
-    assert world.pose()[2] < -0.3  # to the right
-
-
-def test_more_than_full_power_is_full_power() -> None:
-    left, right = travel_m(driven(FLAT, 3.0, 9.0, -9.0))
     assert 2.5 < left < 3.1
     assert -3.1 < right < -2.5
-
-
-def test_the_robot_climbs_an_edge_of_three_centimetres() -> None:
-    world = driven(EDGE, 8.0, 0.4, 0.4)
-    assert world.pose()[0] > 2.0
-    assert abs(world.height_m() - 0.03) < 1e-3
+    assert driven(FLAT, 1.0, 0.4, 0.0).pose()[2] < -0.3  # to the right
 
 
 def test_the_body_nods_when_it_rolls_over_an_edge() -> None:
@@ -223,24 +171,27 @@ def test_the_body_nods_when_it_rolls_over_an_edge() -> None:
         world.wheels.set_power(0.4, 0.4)
         world.step_to(k * 0.01)
         pitches.append(world.pose()[3])
+    world.step_to(8.0)
+    assert world.pose()[0] > 2.0
+    assert abs(world.height_m() - 0.03) < 1e-3  # it has climbed it
     assert math.degrees(min(pitches)) < -3.0  # the casters are up, the wheels not yet
     assert abs(math.degrees(pitches[0])) < 0.05
 
 
 def test_two_worlds_of_one_seed_are_the_same_to_the_bit_however_they_are_stepped() -> None:
-    worlds = [World("corridor", 7), World("corridor", 7)]
+    errors = as_the_sheets_say(
+        ErrorModels(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=60.0)
+    )
+    worlds = [World("corridor", 7, errors), World("corridor", 7, errors)]
     results = []
     for world, steps in zip(worlds, (500, 1900), strict=True):
         world.step_to(10.0)
         world.wheels.set_power(0.6, 0.5)
         for t_s in np.linspace(10.0, 14.0, steps):
             world.step_to(float(t_s))
-        results.append((*world.pose(), *world.wheels.counts(), *sweep(world, 14.0)))
-    assert results[0] == results[1]
-
-
-def test_another_seed_has_other_motors() -> None:
-    assert driven(FLAT, 3.0, 0.5, 0.5, seed=1).pose() != driven(FLAT, 3.0, 0.5, 0.5, seed=2).pose()
+        results.append((*world.pose(), *world.wheels.counts(), sweep(world, 14.0).tolist()))
+    assert str(results[0]) == str(results[1])
+    assert driven(FLAT, 1.0, 0.5, 0.5, seed=1).pose() != driven(FLAT, 1.0, 0.5, 0.5, seed=2).pose()
 
 
 def test_the_past_does_not_change_when_it_is_asked_later() -> None:
@@ -250,17 +201,6 @@ def test_the_past_does_not_change_when_it_is_asked_later() -> None:
     later = sweep(world, 52.0), world.pose(51.95)
     np.testing.assert_allclose(later[0], first[0], atol=1e-9)
     np.testing.assert_allclose(later[1], first[1], atol=1e-9)
-
-
-def test_beams_of_one_sweep_leave_from_where_the_lens_is_by_then() -> None:
-    world = driven(FLAT, 3.0, -0.3, 0.3)
-    walls = driven("corridor", 3.0, -0.3, 0.3)
-    at_once = walls.ranges_m(np.full(1081, 52.97), SWEEP_RAD)
-    swept = sweep(walls, 53.0)
-    turned = world.pose(53.0)[2] - world.pose(52.97)[2]
-    assert turned > 0.03
-    assert abs(at_once[0] - swept[0]) < 0.01
-    assert abs(at_once[-1] - swept[-1]) > 0.02
 
 
 def test_a_standing_attitude_sensor_feels_gravity_and_knows_north() -> None:

@@ -50,7 +50,7 @@ def run(
     try:
         fake, step = build(given)
         with closing(_wire(given, fake)) as wire:
-            ports = {name: _url(name, wire, fake)}
+            ports = {name: url_of(name, wire, fake)}
             serve(name, given, stop, ports, [wire], {"": (fake, wire)}, step)
     except (OSError, KeyError, ValueError, ImportError) as error:
         say(name, f"{error}")
@@ -64,10 +64,11 @@ def _wire(given: argparse.Namespace, fake: Any) -> TcpWire | PtyWire:
     return TcpWire(fake, given.host, given.port, seed=given.seed)
 
 
-def _url(name: str, wire: TcpWire | PtyWire, fake: Any) -> str:
+def url_of(name: str, wire: TcpWire | PtyWire, fake: Any) -> str:
+    """Where a host finds a device, in the form that settings have."""
     if isinstance(wire, TcpWire):
         return f"tcp://{wire.host}:{wire.port}"
-    form = "&parity=E&bytesize=7" if name == "ax3500" else ""
+    form = "&parity=E&bytesize=7" if name in ("ax3500", "drive") else ""
     return f"serial://{wire.path}?baud={getattr(fake, 'baud', 115200)}{form}"
 
 

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.rays.kernels import BLACK, BOX, CYLINDER, GLASS, HULL, PLAIN, Targets
-from fakes.scenes.scene import mjcf_from_solids
-from fakes.scenes.solids import Shape
+from fakes.scenes.solids import Shape, mjcf_from_solids
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types

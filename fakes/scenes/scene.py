@@ -7,7 +7,6 @@ seed.
 
 import math
 import tomllib
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ from fakes.world.error_models import NONE, ErrorModels, Patch
 from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.slip import Slip
 
-__all__ = ["Scene", "Solid", "campaign_scenes", "load_scene", "mjcf_from_solids", "problems"]
+__all__ = ["Scene", "Solid", "campaign_scenes", "load_scene", "problems"]
 
 F64 = npt.NDArray[np.float64]
 SCENES = Path(__file__).parent
@@ -98,9 +97,9 @@ class Scene:
         heights = np.full(x.shape, -np.inf)
         for solid in self._near(x, y):
             np.maximum(heights, solid.tops_m(x, y), out=heights)
-        for mover in self.movers if since_begin_s is not None else ():
-            assert since_begin_s is not None
-            np.maximum(heights, mover.tops_m(x, y, since_begin_s), out=heights)
+        if since_begin_s is not None:
+            for mover in self.movers:
+                np.maximum(heights, mover.tops_m(x, y, since_begin_s), out=heights)
         for x_m, y_m, radius_m in () if people is None else people:
             heights[np.hypot(x - x_m, y - y_m) <= radius_m] = PERSON_M
         heights[np.isneginf(heights)] = np.nan
@@ -131,9 +130,9 @@ class Scene:
         for solid in self._near(x, y):
             if solid.material.kind != "soft":
                 found |= (solid.tops_m(x, y) > low) & (solid.bottom_m < high)
-        for mover in self.movers if since_begin_s is not None else ():
-            assert since_begin_s is not None
-            found |= mover.fills(x, y, low, high, since_begin_s)
+        if since_begin_s is not None:
+            for mover in self.movers:
+                found |= mover.fills(x, y, low, high, since_begin_s)
         for x_m, y_m, radius_m in () if people is None else people:
             found |= np.hypot(x - x_m, y - y_m) <= radius_m
         return found
@@ -219,9 +218,3 @@ def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Sc
         walkers=drawn.walkers,
         description=str(table.get("description", "")),
     )
-
-
-def mjcf_from_solids(solids: Sequence[Shape]) -> tuple[str, str]:
-    """(assets, geoms) of solids as MuJoCo XML, the k-th one's geom being `solid<k>`."""
-    parts = [solid.mjcf(f"solid{k}") for k, solid in enumerate(solids)]
-    return "\n".join(asset for asset, _ in parts if asset), "\n".join(geom for _, geom in parts)

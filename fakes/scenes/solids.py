@@ -4,6 +4,7 @@ Each knows its top over a point, and itself as MuJoCo XML. Map frame, metres.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -85,11 +86,9 @@ class Solid:
 
     @property
     def bottom_m(self) -> float:
-        """Of all its corners."""
         return self.z[0]
 
     def tops_m(self, x: F64, y: F64) -> F64:
-        """Height of its top over the points (n,); -inf beside it."""
         inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
         top_m = self.z[1] + math.tan(self.rise_rad) * (y - self.y[0])
         if self.rise_x_rad:
@@ -107,7 +106,6 @@ class Solid:
         ]
 
     def mjcf(self, key: str) -> tuple[str, str]:
-        """(asset, geom) as MuJoCo XML."""
         if self.rise_rad or self.rise_x_rad:
             return _hull(key, self.corners())
         spans = (self.x, self.y, self.z)
@@ -128,26 +126,21 @@ class Pillar:
 
     @property
     def x(self) -> Span:
-        """From, to."""
         return self.at[0] - self.radius_m, self.at[0] + self.radius_m
 
     @property
     def y(self) -> Span:
-        """From, to."""
         return self.at[1] - self.radius_m, self.at[1] + self.radius_m
 
     @property
     def bottom_m(self) -> float:
-        """Of the whole."""
         return self.z[0]
 
     def tops_m(self, x: F64, y: F64) -> F64:
-        """Height of its top over the points (n,); -inf beside it."""
         inside = np.hypot(x - self.at[0], y - self.at[1]) <= self.radius_m
         return np.where(inside, self.z[1], -np.inf)
 
     def mjcf(self, key: str) -> tuple[str, str]:
-        """(asset, geom) as MuJoCo XML."""
         middle = f"{self.at[0]!r} {self.at[1]!r} {sum(self.z) / 2!r}"
         size = f"{self.radius_m!r} {(self.z[1] - self.z[0]) / 2!r}"
         return (
@@ -174,18 +167,15 @@ class Ridge:
 
     @property
     def bottom_m(self) -> float:
-        """Below the ground, so that no beam passes under it."""
         return min(top for _, top in self.tops) - RAMP_FOOT_M
 
     def tops_m(self, x: F64, y: F64) -> F64:
-        """Height of its top over the points (n,); -inf beside it."""
         inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
         way_m = x - self.x[0] if self.along == "x" else y - self.y[0]
         ways_m, tops_m = np.array(self.tops).T
         return np.where(inside, np.interp(way_m, ways_m, tops_m), -np.inf)
 
     def mjcf(self, key: str) -> tuple[str, str]:
-        """(asset, geom) as MuJoCo XML."""
         low = self.bottom_m
         outline = [*self.tops, (self.tops[0][0], low), (self.tops[-1][0], low)]
         if self.along == "x":
@@ -196,29 +186,19 @@ class Ridge:
 
 
 def bump(
-    name: str,
-    x: Span,
-    y: Span,
-    height_m: float = 0.05,
-    along: Literal["x", "y"] = "x",
-    profile: Literal["round", "trapezoid"] = "round",
-    floor_m: float = 0.0,
+    name: str, x: Span, y: Span, height_m: float = 0.05, along: Literal["x", "y"] = "x"
 ) -> Ridge:
-    """A speed bump, driven over along x or y: an arc of a circle, or up, flat and down."""
+    """A speed bump, driven over along x or y: an arc of a circle."""
     low, high = x if along == "x" else y
     long_m = high - low
-    if profile == "trapezoid":
-        tops = [(0.0, 0.0), (long_m / 3, height_m), (2 * long_m / 3, height_m), (long_m, 0.0)]
-    else:
-        radius_m = (long_m**2 / 4 + height_m**2) / (2 * height_m)
-        half_rad = math.asin(long_m / 2 / radius_m)
-        turns = [half_rad * (2 * k / ARC_PARTS - 1) for k in range(1, ARC_PARTS)]
-        arc = [
-            (long_m / 2 + radius_m * math.sin(a), radius_m * (math.cos(a) - 1) + height_m)
-            for a in turns
-        ]
-        tops = [(0.0, 0.0), *arc, (long_m, 0.0)]
-    return Ridge(name, x, y, tuple((way, floor_m + top) for way, top in tops), along)
+    radius_m = (long_m**2 / 4 + height_m**2) / (2 * height_m)
+    half_rad = math.asin(long_m / 2 / radius_m)
+    turns = [half_rad * (2 * k / ARC_PARTS - 1) for k in range(1, ARC_PARTS)]
+    arc = [
+        (long_m / 2 + radius_m * math.sin(a), radius_m * (math.cos(a) - 1) + height_m)
+        for a in turns
+    ]
+    return Ridge(name, x, y, ((0.0, 0.0), *arc, (long_m, 0.0)), along)
 
 
 def _hull(key: str, corners: list[tuple[float, float, float]]) -> tuple[str, str]:
@@ -226,6 +206,12 @@ def _hull(key: str, corners: list[tuple[float, float, float]]) -> tuple[str, str
     vertices = " ".join(f"{part!r}" for corner in corners for part in corner)
     asset = f'<mesh name="mesh_{key}" vertex="{vertices}"/>'
     return asset, f'<geom name="{key}" type="mesh" mesh="mesh_{key}" class="scene"/>'
+
+
+def mjcf_from_solids(solids: Sequence[Shape]) -> tuple[str, str]:
+    """(assets, geoms) of solids as MuJoCo XML, the k-th one's geom being `solid<k>`."""
+    parts = [solid.mjcf(f"solid{k}") for k, solid in enumerate(solids)]
+    return "\n".join(asset for asset, _ in parts if asset), "\n".join(geom for _, geom in parts)
 
 
 def ramp(

@@ -1,29 +1,19 @@
 """Puts a fake on TCP, where any program can reach it, with the same faults as in memory.
 
-A fake that has `connect(now_s)` gets one object for each TCP client, with `exchange` and
-`left(now_s)`, as many as its `max_clients`; any other fake has one client at a time. Others are
-turned away. A wire waits for nothing and reads no clock.
+A fake that has `connect(now_s)` gives an object for each of up to `max_clients`: a fake that may
+have `left(now_s)`, called when the client has gone, and `gone`, true once the device has dropped
+it. Any other fake has one client at a time. Others are turned away. A wire waits for nothing and
+reads no clock.
 """
 
 import socket
 from collections import deque
-from typing import Protocol
 
 from fakes.wires.disturbance import Disturbance, Fake, Late, tell_reconnected
 
 READ_SIZE = 65536
 TCP_BACKLOG = 1 << 20  # bytes kept for a client that does not read; what comes then is lost
 NEWS_KEPT = 64
-
-
-class Guest(Protocol):
-    """What a fake of many clients holds for one of them."""
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what this client wrote; give all that the device has sent it up to now_s."""
-
-    def left(self, now_s: float) -> None:
-        """This client has gone. May also have `gone`: true once the device has dropped it."""
 
 
 class Connection:
@@ -126,8 +116,7 @@ class TcpWire(Disturbance):
             connection.send(self.chunk)
 
     def _welcome(self, newcomer: socket.socket, now_s: float) -> None:
-        name = _name(newcomer)
-        guest = self._maybe_guest(now_s)
+        name, guest = _name(newcomer), self._maybe_guest(now_s)
         if guest is None:
             self.turned_away += 1
             self.news.append(f"client {name} turned away")
@@ -141,14 +130,12 @@ class TcpWire(Disturbance):
         """Who answers one more client; None: nobody does."""
         if self.cut:
             return None
+        if len(self._connections) >= getattr(self._fake, "max_clients", 1):
+            return None
         connect = getattr(self._fake, "connect", None)
         if connect is not None:
-            if len(self._connections) >= getattr(self._fake, "max_clients", 1):
-                return None
-            guest: Guest | None = connect(now_s)
+            guest: Fake | None = connect(now_s)
             return guest
-        if self._connections:
-            return None
         tell_reconnected(self._fake, now_s)
         return self._fake
 

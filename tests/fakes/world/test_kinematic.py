@@ -253,10 +253,9 @@ def test_on_a_slope_across_the_way_the_body_rolls() -> None:
     assert math.degrees(world.pose()[3]) == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize("profile", ["round", "trapezoid"])
-def test_on_a_bump_the_body_nods_and_rises_to_its_height(profile: str) -> None:
-    over = bump("bump", (3.0, 3.4), (-2.0, 2.0), 0.05, "x", profile)  # type: ignore[arg-type]
-    way = Way(straight(6.0, 1.0))
+def test_on_a_bump_the_body_nods_and_rises_to_its_height() -> None:
+    over = bump("bump", (3.0, 3.4), (-2.0, 2.0))
+    way = Way(straight(5.0, 1.0))
     world = moved(way, way.duration_s, Scene("bump", (FLOOR, over)), follows=True)
     times_s = np.arange(100.0, 100.0 + way.duration_s, 0.01)
     pitches = np.degrees([world.pose(t)[3] for t in times_s])

@@ -6,8 +6,7 @@ import pytest
 from fakes.scenes.movers import box, person
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.scenes.solids import GLASS, Pillar, soft
-
-FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
+from tests.support.flat_floor import FLOOR
 
 
 def blocks(*things: Solid | Pillar, low: float = 0.15, high: float = 1.30) -> bool:

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,10 +14,8 @@ from fakes.world.kinematic import KinematicWorld
 from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.slip import Slip
 from fakes.world.trajectory import held
+from tests.support.flat_floor import FLOOR, TILT
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
-TILT = math.radians(7.5)
 AHEAD = np.zeros(1)  # bearing
 SHAPES = (
     Solid("box", (5.0, 6.0), (-0.7, 0.9), (0.0, 0.4)),

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import strategies as st
 
@@ -14,14 +13,10 @@ from fakes.scenes.solids import BLACK, GLASS, Shape, soft
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.trajectory import Trajectory, Way, held, straight
 from fakes.world.world import World
+from tests.support.flat_floor import F64, FLOOR, LENS_X_M, SWEEP_RAD, TILT
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
 WALL = Solid("wall", (6.0, 6.2), (-15.0, 15.0), (0.0, 3.0))
-TILT = math.radians(7.5)
 LEVEL = held(pitch_rad=-TILT)  # the scan plane is level
-LENS_X_M = 0.25 * math.cos(TILT) - 1.08 * math.sin(TILT)
-SWEEP_RAD = np.radians(np.linspace(-60.0, 60.0, 481))
 UNITS = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: sum(abs(p) for p in v) > 0.1)
 
 

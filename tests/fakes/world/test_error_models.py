@@ -4,7 +4,6 @@ import math
 from dataclasses import fields, replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from fakes.lms1xx.head import LaserHead
@@ -15,13 +14,8 @@ from fakes.world.error_models import NONE, ErrorModels, as_the_sheets_say
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import held
+from tests.support.flat_floor import F64, FLAT, FLOOR, LENS_X_M, SWEEP_RAD, TILT
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
-FLAT = Scene("flat", (FLOOR,))
-TILT = math.radians(7.5)
-LENS_X_M = 0.25 * math.cos(TILT) - 1.08 * math.sin(TILT)
-SWEEP_RAD = np.radians(np.linspace(-60.0, 60.0, 481))
 WIDE = ErrorModels(beam_rad=0.015, beam_exit_m=0.008, mixed_pixels=True)
 
 

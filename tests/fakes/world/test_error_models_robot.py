@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from fakes.mti.errors import HEADING_RAD, STATIC_RAD, SheetErrors
@@ -12,17 +11,13 @@ from fakes.mti.models import MODELS
 from fakes.mti.rotation import EULER, orientation
 from fakes.mti.sensor import Sensor
 from fakes.scenes.movers import STRIDE_M, person
-from fakes.scenes.scene import Scene, Solid
 from fakes.world.crowd import Walker
 from fakes.world.error_models import ErrorModels, Patch
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.slip import BURST_S, BURST_SHARE, BURSTS_UNTIL_S, bursts
 from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
 from fakes.world.world import World
-
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
-FLAT = Scene("flat", (FLOOR,))
+from tests.support.flat_floor import F64, FLAT, driven, rims_m
 
 
 def errors_deg(trajectory: Trajectory, seconds: float, seed: int) -> F64:
@@ -117,33 +112,20 @@ def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> Non
 
 
 def test_in_bursts_wheels_count_more_than_the_robot_drives() -> None:
-    ways, counts = [], []
-    for errors in (ErrorModels(), ErrorModels(slip_bursts_per_min=60.0)):
-        world = World(FLAT, 1, errors)
-        world.step_to(0.0)
-        world.wheels.set_power(0.4, 0.4)
-        world.step_to(6.0)
-        ways.append(world.pose())
-        counts.append(sum(world.wheels.counts()))
-    assert ways[0] == ways[1]
-    assert 1.005 < counts[1] / counts[0] < 1.2
+    errors = ErrorModels(slip_bursts_per_min=60.0)
+    dry, slips = (driven(scene, 6.0, 0.4, 0.4) for scene in (FLAT, replace(FLAT, errors=errors)))
+    assert dry.pose() == slips.pose()
+    assert 1.005 < sum(slips.wheels.counts()) / sum(dry.wheels.counts()) < 1.2
 
 
 # -- friction ---------------------------------------------------------------------------------
 
 
-def way_after(scene: Scene, seconds: float, power: float) -> tuple[float, float]:
-    """How far the robot got, and how far its wheels turned, m."""
-    world = World(scene, 1)
-    world.step_to(0.0)
-    world.wheels.set_power(power, power)
-    world.step_to(seconds)
-    return world.pose()[0], sum(world.wheels.counts()) / 2 / 2000 * math.tau * 0.15
-
-
 def test_on_slippery_ground_wheels_spin_and_the_robot_gets_less_far() -> None:
-    dry_m, dry_turned_m = way_after(FLAT, 2.0, 1.0)
-    ice_m, ice_turned_m = way_after(replace(FLAT, friction=0.05), 2.0, 1.0)
+    dry, ice = (driven(replace(FLAT, friction=share), 2.0, 1.0, 1.0) for share in (1.0, 0.05))
+    (dry_m, dry_turned_m), (ice_m, ice_turned_m) = (
+        (world.pose()[0], sum(rims_m(world)) / 2) for world in (dry, ice)
+    )
     assert dry_turned_m == pytest.approx(dry_m, rel=0.02)
     assert ice_m < 0.7 * dry_m
     assert ice_turned_m > 1.2 * ice_m
@@ -153,12 +135,9 @@ def test_a_patch_of_ice_lets_the_robot_slide_on_where_it_brakes_and_nowhere_else
     stops = []
     for x in ((2.0, 9.0), (20.0, 25.0)):
         scene = replace(FLAT, patches=(Patch("ice", x, (-2.0, 2.0), 0.03),))
-        world = World(scene, 1)
-        world.step_to(0.0)
-        world.wheels.set_power(1.0, 1.0)
-        world.step_to(3.2)
+        world = driven(scene, 3.2, 1.0, 1.0)
         world.wheels.set_power(0.0, 0.0)
-        world.step_to(6.0)
+        world.step_to(56.0)
         stops.append(world.pose()[0])
     assert stops[0] > stops[1] + 0.3
 

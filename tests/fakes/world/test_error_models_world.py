@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from fakes.mti.models import MODELS
@@ -17,10 +16,8 @@ from fakes.world.rig import Rig
 from fakes.world.slip import Slip
 from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
 from fakes.world.world import World
+from tests.support.flat_floor import F64, FLAT, FLOOR, driven, rims_m
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
-FLAT = Scene("flat", (FLOOR,))
 DOOR = MagneticDisturbance("door", (5.0, 0.0), math.radians(40.0))
 FIELD = np.array([0.4, 0.0, -0.9])
 
@@ -48,21 +45,11 @@ def yaw_errors(trajectory: Trajectory, seconds: float) -> tuple[F64, F64]:
 # -- wheel slip -------------------------------------------------------------------------------
 
 
-def travelled(scene: Scene, seconds: float) -> tuple[World, float, float]:
-    """A world of physics after so long at half power, and both rims' way by the encoders."""
-    world = World(scene, 1)
-    world.step_to(50.0)
-    world.wheels.set_power(0.5, 0.5)
-    world.step_to(50.0 + seconds)
-    left, right = (count / 2000 * math.tau * 0.15 for count in world.wheels.counts())
-    return world, left, right
-
-
 def test_in_physics_slipping_wheels_count_more_and_the_robot_drives_as_before() -> None:
-    world, left, right = travelled(FLAT, 6.0)
     slips = (Slip(0.05, 0.0), Slip(0.0, 0.10, 2.0, 4.0))
-    slipping, more_left, more_right = travelled(replace(FLAT, slips=slips), 6.0)
-    assert slipping.pose() == world.pose()
+    dry, wet = (driven(scene, 6.0, 0.5, 0.5) for scene in (FLAT, replace(FLAT, slips=slips)))
+    (left, right), (more_left, more_right) = rims_m(dry), rims_m(wet)
+    assert wet.pose() == dry.pose()
     assert more_left / left == pytest.approx(1.05, abs=1e-9)
     assert more_right - right == pytest.approx(0.10 * 0.5 * 2.0, abs=2e-3)
 

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -27,11 +26,8 @@ from fakes.world.trajectory import (
     turn,
 )
 from tests.support.cases import examples
+from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, rims_m
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-30.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
-FLAT = Scene("flat", (FLOOR,))
-TILT = math.radians(robot.LENS_TILT_DEG)
 LEGS = st.one_of(
     st.builds(straight, st.floats(-3.0, 3.0), st.floats(0.1, 1.0)),
     st.builds(turn, st.floats(-4.0, 4.0), st.floats(0.1, 1.0)),
@@ -48,12 +44,6 @@ def moved(
     world.step_to(100.0)
     world.step_to(100.0 + end_s)
     return world
-
-
-def travels_m(world: KinematicWorld) -> tuple[float, float]:
-    """Way of the left and the right rim since the begin, by the encoders."""
-    left, right = (count / 2000 * math.tau * 0.15 for count in world.wheels.counts())
-    return left, right
 
 
 def ramp(slope_deg: float, begin_m: float = 2.0) -> tuple[Shape, ...]:
@@ -174,7 +164,7 @@ def test_a_robot_can_stand_tilted(pitch_deg: float, roll_deg: float) -> None:
     world = moved(held(pitch, roll, 0.02), 2.0)
     assert world.pose() == pytest.approx((0.0, 0.0, 0.0, pitch, roll))
     assert world.height_m() == 0.02
-    assert travels_m(world) == (0.0, 0.0)
+    assert rims_m(world) == (0.0, 0.0)
     R_earth_sensor, rate, force = world.motion_at(101.0)
     np.testing.assert_allclose(rate, 0.0, atol=1e-12)
     np.testing.assert_allclose(R_earth_sensor @ force, [0.0, 0.0, 9.81], atol=1e-9)
@@ -200,13 +190,13 @@ def test_a_nodding_robot_nods_by_so_much_at_such_a_rate() -> None:
 def test_the_encoders_count_the_way(length_m: float, speed_mps: float) -> None:
     way = Way(stand(1.0), straight(length_m, speed_mps))
     world = moved(way, way.duration_s + 1.0)
-    assert travels_m(world) == pytest.approx((length_m, length_m), abs=1e-6)
+    assert rims_m(world) == pytest.approx((length_m, length_m), abs=1e-6)
     assert world.pose()[0] == pytest.approx(length_m)
 
 
 def test_the_encoders_count_the_turn() -> None:
     way = Way(stand(1.0), turn(math.radians(92.0), 0.4))
-    left, right = travels_m(moved(way, way.duration_s + 1.0))
+    left, right = rims_m(moved(way, way.duration_s + 1.0))
     assert right == pytest.approx(math.radians(92.0) * 0.25, abs=1e-6)
     assert left == pytest.approx(-right)
 
@@ -216,7 +206,7 @@ def test_slipping_wheels_count_more_than_the_way() -> None:
     way = Way(straight(4.2, 0.2))
     slips = (Slip(4.4 / 4.2 - 1.0, 4.4 / 4.2 - 1.0), Slip(0.0, 0.2, 10.0, 12.0))
     world = moved(way, way.duration_s, Scene("slippery", (FLOOR,), slips=slips))
-    assert travels_m(world) == pytest.approx((4.4, 4.4 + 0.2 * 0.2 * 2.0), abs=1e-3)
+    assert rims_m(world) == pytest.approx((4.4, 4.4 + 0.2 * 0.2 * 2.0), abs=1e-3)
     assert world.pose()[0] == pytest.approx(4.2)
 
 
@@ -243,7 +233,7 @@ def test_on_a_ramp_the_body_is_pitched_by_its_slope(slope_deg: float) -> None:
     assert heights[-1] == pytest.approx(10.0 * math.tan(math.radians(slope_deg)), abs=1e-9)
     # along the slope, not along its ground plan
     along_m = 6.0 + 10.0 / math.cos(math.radians(slope_deg))
-    assert travels_m(world) == pytest.approx((along_m, along_m), abs=0.05)
+    assert rims_m(world) == pytest.approx((along_m, along_m), abs=0.05)
 
 
 def test_on_a_slope_across_the_way_the_body_rolls() -> None:

@@ -59,7 +59,7 @@ class Walker:
 
 
 class Crowd:
-    """All walkers of a scene, stepped with the robot's place.
+    """All walkers of a scene, one at least, stepped with the robot's place; asked after that.
 
     Args:
         seed: of their pauses.
@@ -73,13 +73,13 @@ class Crowd:
             for part in person(walker.name, walker.waypoints[:1], radius_m=walker.radius_m).parts
         )
         n = len(self.walkers)
-        one = self.parts[: len(self.parts) // n] if n else ()  # torso, left leg, right leg
+        one = self.parts[: len(self.parts) // n]  # torso, left leg, right leg
         self._asides_m = np.array([part.aside_m for part in one])
         self._swings_m = np.array([part.swing_m for part in one])
         self._random = np.random.default_rng([seed, n])
-        self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float).reshape(n, 2)
+        self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float)
         self._v, self._wanted = np.zeros((n, 2)), np.zeros((n, 2))  # m/s
-        self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers]).reshape(n, 2)
+        self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers])
         self._gone_m = np.zeros(n)
         self._radius_m = np.array([w.radius_m for w in self.walkers])
         self._speed_mps = np.array([w.speed_mps for w in self.walkers])
@@ -108,9 +108,7 @@ class Crowd:
         return parts_at(self._rows(times_s), self._asides_m, self._swings_m, STRIDE_M)
 
     def _rows(self, times_s: F64) -> F64:
-        """Rows (n, walkers, 6), interpolated; before the first step all stand where they begin."""
-        if not self._steps:
-            self._record()
+        """Rows (n, walkers, 6), interpolated."""
         return rows_at(self._ring, self._times_s, self._steps, times_s)
 
     # -- time -----------------------------------------------------------------------------------
@@ -120,7 +118,7 @@ class Crowd:
         span_s = now_s - self._now_s if self._steps else 0.0
         self._follow_robot(place, span_s)
         self._now_s = now_s
-        if self.walkers and now_s - self._decided_s >= DECIDE_S - 1e-9:
+        if now_s - self._decided_s >= DECIDE_S - 1e-9:
             self._decided_s = now_s
             self._decide()
         if span_s > 0.0:

@@ -8,8 +8,8 @@ import pytest
 
 from fakes.scenes.scatter import apart_m, away_m, cut, ground_m
 from fakes.scenes.scene import Scene, load_scene, problems
-from fakes.scenes.solids import Pillar, Shape, Solid
-from fakes.scenes.things import KINDS, Frame, lifted
+from fakes.scenes.solids import Shape, Solid
+from fakes.scenes.things import KINDS, Frame
 
 BOX = '[[solid]]\nname = "a"\nx = [0, 1]\ny = [0, 1]\nz = [0, 1]\n'
 FLOOR = """
@@ -136,15 +136,6 @@ def test_every_kind_stands_around_its_place_also_when_turned(kind: str) -> None:
     np.testing.assert_allclose(spans[0], spans[1][::-1], atol=1e-9)
 
 
-def test_what_is_lifted_sinks_in_where_it_stood_and_hangs_as_high_as_before() -> None:
-    foot = lifted(Pillar("leg", (0.0, 0.0), 0.1, (0.0, 0.5)), 0.10, 0.14)
-    top = lifted(Solid("top", (0.0, 1.0), (0.0, 1.0), (0.5, 0.6)), 0.10, 0.14)
-    assert isinstance(foot, Pillar)
-    assert isinstance(top, Solid)
-    np.testing.assert_allclose(foot.z, (0.08, 0.64))
-    np.testing.assert_allclose(top.z, (0.64, 0.74))
-
-
 # -- holes ------------------------------------------------------------------------------------
 
 
@@ -178,48 +169,32 @@ def test_a_mirrored_scene_is_the_same_on_the_other_side(tmp_path: Path) -> None:
     """Which seeds are mirrored chance decides; both sides come, and all things change sides."""
     text = """
 mirror = true
-[goals]
-areas = [{x = [15, 15], y = [2, 2]}]
-[[ramp]]
-name = "side slope"
-x = [30, 40]
-y = [-10, 10]
-rise_deg = 2.0
-[[pillar]]
-name = "post"
-at = [12.0, 5.0]
-radius_m = 0.2
-z = [0.0, 2.0]
-[[bump]]
-name = "bump"
-x = [20, 21]
-y = [-2, 3]
-height_m = 0.02
-[[steel]]
-name = "door"
-at = [9.0, 4.0]
-yaw_deg = 20.0
-[[slip]]
-left = 0.1
-right = 0.0
-from_s = 1.0
-until_s = 2.0
-[[walker]]
-name = "walks"
-waypoints = [[12.0, -6.0], [18.0, -6.0]]
-[[patch]]
-name = "wet"
-x = [10, 11]
-y = [1, 2]
-friction = 0.3
+goals.areas = [{x = [15, 15], y = [2, 2]}]
+route = {speed_mps = 0.5, waypoints = [[3, 1, 0.2], [5, 0]]}
+ramp = [{name = "side", x = [30, 40], y = [-10, 10], rise_deg = 2.0}]
+pillar = [{name = "post", at = [12.0, 5.0], radius_m = 0.2, z = [0.0, 2.0]}]
+bump = [
+    {name = "bump", x = [20, 21], y = [-2, 3], height_m = 0.02},
+    {name = "across", x = [22, 24], y = [1, 3], height_m = 0.02, along = "y"},
+]
+steel = [{name = "door", at = [9.0, 4.0], yaw_deg = 20.0}]
+slip = [{left = 0.1, right = 0.0, from_s = 1.0, until_s = 2.0}]
+walker = [{name = "walks", waypoints = [[12.0, -6.0], [18.0, -6.0]]}]
+person = [{name = "goes", waypoints = [[12.0, -5.0], [18.0, -6.0]]}]
+moved_box = [{name = "box", x = [26, 27], y = [1, 2], z = [0, 1]}]
+patch = [{name = "wet", x = [10, 11], y = [1, 2], friction = 0.3}]
 """
     file = tmp_path / "some.toml"
-    file.write_text(FLOOR.replace("[[solid]]", text + "[[solid]]"))
+    file.write_text(text + FLOOR)
     scenes = {scene.goals[0][1]: scene for scene in (load_scene(file, k) for k in range(12))}
     assert set(scenes) == {2.0, -2.0}
     one, other = scenes[2.0], scenes[-2.0]
     x, y = np.random.default_rng(1).uniform([-5, -10], [40, 10], (500, 2)).T
-    np.testing.assert_allclose(one.height_at(x, y), other.height_at(x, -y), atol=1e-9)
+    for at_s in (None, 1.0):
+        heights = one.height_at(x, y, at_s), other.height_at(x, -y, at_s)
+        np.testing.assert_allclose(*heights, atol=1e-9)
+    assert one.waypoints == ((3.0, 1.0, 0.2), (5.0, 0.0))
+    assert other.waypoints == ((3.0, -1.0, 0.2), (5.0, 0.0))
     assert one.steels[0].yaw_rad == -other.steels[0].yaw_rad
     assert one.steels[0].at == (9.0, -other.steels[0].at[1])
     assert (one.slips[0].left, one.slips[0].right) == (other.slips[0].right, other.slips[0].left)

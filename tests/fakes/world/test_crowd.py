@@ -144,14 +144,6 @@ def test_legs_swing_about_the_body_and_stand_still_with_it() -> None:
     assert abs(swings[-1]) < 0.01  # he rests at the far end
 
 
-def test_a_scene_without_people_asks_nothing() -> None:
-    crowd = Crowd((), 1)
-    crowd.step(0.0, FAR)
-    crowd.step(0.02, FAR)
-    assert crowd.people().shape == (0, 3)
-    assert crowd.parts_m(np.array([0.0, 0.01])).shape == (2, 0, 2)
-
-
 @pytest.mark.parametrize(
     ("points", "speed"),
     [(((0, 0),), 1.0), (((0, 0), (0.5, 0)), 1.0), (((0, 0), (5, 0)), 0.0)],

@@ -24,8 +24,6 @@ from fakes.world.crowd import Crowd
 from fakes.world.error_models import NONE, ErrorModels
 from fakes.world.rotations import rotation_y
 
-__all__ = ["FAR_M", "Rays"]
-
 F64 = npt.NDArray[np.float64]
 GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
 SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from fakes.rays.beam_kernels import Beams, aims_of, echoes_of_beams, horizon_of
-from fakes.rays.rays import FAR_M, GLASS_COS, R_BODY_LENS, Rays
+from fakes.rays.beam_kernels import FAR_M, Beams, aims_of, echoes_of_beams, horizon_of
+from fakes.rays.rays import GLASS_COS, R_BODY_LENS, Rays
 from fakes.rays.targets import MODEL, targets_from
 from fakes.scenes.scene import SCENES, Scene, Solid, load_scene
 from fakes.scenes.solids import Pillar, Shape, bump, mjcf_from_solids

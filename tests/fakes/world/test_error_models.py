@@ -135,19 +135,6 @@ def test_rain_returns_beams_evenly_along_their_way() -> None:
     assert np.mean(first[met] / true_m[met]) == pytest.approx(0.5, abs=0.04)
 
 
-@pytest.mark.parametrize(
-    "errors",
-    [ErrorModels(dust_per_m=0.05), ErrorModels(sunlight_rate=0.3), ErrorModels(rain_per_m=0.05)],
-)
-def test_the_same_seed_upsets_the_same_beams_whenever_asked_and_another_others(
-    errors: ErrorModels,
-) -> None:
-    scene = walls((8.0, -20.0, 20.0))
-    np.testing.assert_array_equal(sweeps(scene, errors), sweeps(scene, errors))
-    one, other = sweeps(scene, errors, 5), sweeps(scene, errors, 5, seed=2)
-    assert not np.array_equal(one, other, equal_nan=True)
-
-
 # -- where they are set -----------------------------------------------------------------------
 
 

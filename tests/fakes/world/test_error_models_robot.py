@@ -10,7 +10,6 @@ from fakes.mti.errors import HEADING_RAD, STATIC_RAD, SheetErrors
 from fakes.mti.models import MODELS
 from fakes.mti.rotation import EULER, orientation
 from fakes.mti.sensor import Sensor
-from fakes.scenes.movers import STRIDE_M, person
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.crowd import Walker
 from fakes.world.driver import Driver
@@ -165,34 +164,6 @@ def test_people_who_give_way_are_in_the_beams_where_the_world_says_that_they_are
         near_m = ranges_m.min() * math.cos(math.radians(7.5))
         assert away_m - radius - 0.25 < near_m < away_m + 0.1  # legs swing about the torso
     assert len(World(FLAT, 1).people()) == 0
-
-
-def test_people_are_where_they_were_when_they_are_asked_later() -> None:
-    walkers = (Walker("one", ((4.0, -2.0), (4.0, 2.0))), Walker("two", ((3.0, 2.0), (6.0, -3.0))))
-    world = World(replace(FLAT, walkers=walkers), 1)
-    sweep_rad, times_s = np.linspace(-1.0, 1.0, 241), 11.0 - np.linspace(0.03, 0.0, 241)
-    world.step_to(10.0)
-    world.step_to(11.0)
-    first = world.ranges_m(times_s, sweep_rad)
-    world.step_to(11.3)
-    later = world.ranges_m(times_s, sweep_rad)
-    same = np.isclose(first, later, atol=1e-9, equal_nan=True)
-    assert np.isfinite(first).sum() > 100
-    assert same.all()
-
-
-def test_a_mover_is_met_where_it_is_at_each_beams_own_instant() -> None:
-    walker = person("walks", ((3.0, -4.0), (3.0, 4.0)), speed_mps=1.5, legs=True)
-    world = KinematicWorld(replace(FLAT, movers=(walker,)), held(pitch_rad=math.radians(2.0)))
-    world.step_to(0.0)
-    world.step_to(6.0)
-    bearings = np.linspace(-1.0, 1.0, 481)
-    times_s = 2.0 + np.linspace(0.0, 0.02, 481)
-    whole = world.ranges_m(times_s, bearings)
-    single = [world.ranges_m(times_s[k : k + 1], bearings[k : k + 1])[0] for k in range(481)]
-    np.testing.assert_allclose(whole, single, atol=2e-4)
-    assert (whole < 3.2).sum() > 10
-    assert STRIDE_M > 1.0
 
 
 def quiet_sensor(world: KinematicWorld) -> Sensor:

@@ -61,7 +61,6 @@ class Disturbance:
         self.host_damage_rate = 0.0  # share altered of what the host sends, 0..1
         self.alter_at: dict[int, int] = {}  # offset in the device's stream -> XOR mask
         self.drop_at: set[int] = set()  # offsets in the device's stream that get lost
-        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
         self.sent = 0  # bytes that the device has sent so far: the offset of its next one
         self._random = random.Random(seed)
 

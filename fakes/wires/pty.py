@@ -28,6 +28,7 @@ class PtyWire(Disturbance):
 
     def __init__(self, fake: Fake, link: str = "", *, seed: int = 0) -> None:
         super().__init__(seed)
+        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
         self.gone = False  # the USB adapter is pulled
         self.lost = 0  # bytes that nobody read
         self.news: deque[str] = deque(maxlen=NEWS_KEPT)  # what happened, in words; take it out

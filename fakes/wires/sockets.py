@@ -71,6 +71,7 @@ class TcpWire(Disturbance):
         self._listener = socket.create_server((host, port), backlog=8)
         self._listener.setblocking(False)
         self.host, self.port = self._listener.getsockname()[:2]
+        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
         self.unplugged = False  # no byte passes either way, and nobody is told
         self.clients = self.turned_away = 0  # so far
         self.lost = 0  # bytes that a client was too slow for

@@ -105,6 +105,7 @@ class Wire(MemoryWire):
 
     def __init__(self, fake: Fake, port: MemoryPort, seed: int) -> None:
         super().__init__(port, seed)
+        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
         self._fake = fake
 
     def step(self, now_s: float) -> None:

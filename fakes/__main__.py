@@ -61,7 +61,7 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
     from fakes.world.rig import Rig  # these take half a second: after the handlers of main()
-    from fakes.world.truth_log import ground_truth_log
+    from fakes.world.truth_log import GroundTruthLog
     from fakes.world.world import World
 
     if given.drive_mode not in MODES:
@@ -75,17 +75,17 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
         rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
         fakes: dict[str, Any] = {name: getattr(rig, name) for name in DEVICES}
         seen = dict(fakes)  # by the wires
-        step: Callable[[float], None] = rig.step
         if isinstance(world, WatchedWorld):
             stamps = files.enter_context(stamps_in(given.stamp, time.monotonic))
             seen["scanner"] = StampedScanner(rig.scanner, world.swept_s, stamps)
+        steps: list[Callable[[float], None]] = [rig.step]
         if given.truth:
-            told = (given.truth, world, given.scene, given.seed)
-            witness = files.enter_context(ground_truth_log(*told))
+            out = files.enter_context(given.truth.open("w", encoding="ascii"))
+            steps.append(GroundTruthLog(out, world, given.scene, given.seed).step)
 
-            def step(now_s: float) -> None:
-                rig.step(now_s)
-                witness.step(now_s)
+        def step(now_s: float) -> None:
+            for one in steps:
+                one(now_s)
 
         serve_on_wires(given, stop, fakes, seen, step)
 
@@ -98,34 +98,26 @@ def serve_on_wires(
     step: Callable[[float], None],
 ) -> None:
     """A wire for each fake that is not left out; `seen` is what stands behind it."""
+    from fakes.programs.program import url_of
     from fakes.wires.wire import PtyWire, TcpWire
 
-    wires: dict[str, tuple[Callable[[], Any], str]] = {
-        "scanner": (
-            lambda: TcpWire(seen["scanner"], "127.0.0.1", given.scanner_port, seed=given.seed),
-            "tcp://127.0.0.1:{0.port}",
-        ),
-        "ahrs": (
-            lambda: PtyWire(seen["ahrs"], given.ahrs_link, seed=given.seed + 1),
-            "serial://{0.path}?baud=115200",
-        ),
-        "drive": (
-            lambda: PtyWire(seen["drive"], given.drive_link, seed=given.seed + 2),
-            "serial://{0.path}?baud=9600&parity=E&bytesize=7",
-        ),
-    }
+    wires: dict[str, TcpWire | PtyWire] = {}
     with ExitStack() as open_wires:
-        there = {
-            name: open_wires.enter_context(closing(make()))
-            for name, (make, _) in wires.items()
-            if name not in given.leave_out
-        }
+        for k, name in enumerate(DEVICES):
+            if name in given.leave_out:
+                continue
+            fake, seed = seen[name], given.seed + k
+            if name == "scanner":
+                wires[name] = TcpWire(fake, port=given.scanner_port, seed=seed)
+            else:
+                wires[name] = PtyWire(fake, getattr(given, f"{name}_link"), seed=seed)
+            open_wires.enter_context(closing(wires[name]))
         ports = {
-            name: url.format(there[name]) if name in there else None
-            for name, (_, url) in wires.items()
+            name: url_of(name, wires[name], fakes[name]) if name in wires else None
+            for name in DEVICES
         }
-        targets = {name: (fakes[name], wire) for name, wire in there.items()}
-        serve("fakes", given, stop, ports, list(there.values()), targets, step)
+        targets = {name: (fakes[name], wire) for name, wire in wires.items()}
+        serve("fakes", given, stop, ports, list(wires.values()), targets, step)
 
 
 def main() -> int:

@@ -11,27 +11,14 @@ import select
 import signal
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol
 
 from fakes.faults.timetable import Schedule, list_of_all, order_from_text
+from fakes.wires.wire import PtyWire, TcpWire
 
 PERIOD_S = 0.002
 MOST_S = 0.5  # what is made up for after a hold-up; the world keeps the poses of 1 s
 STDIN_EVERY_S = 0.1
-
-
-class RealWire(Protocol):
-    """A wire that other programs reach."""
-
-    news: deque[str]
-
-    def step(self, now_s: float) -> None:
-        """Move bytes both ways."""
-
-    def close(self) -> None:
-        """Let go of it."""
 
 
 class Pace:
@@ -88,7 +75,7 @@ def serve(
     given: argparse.Namespace,
     stop: Stop,
     ports: Mapping[str, str | None],
-    wires: Sequence[RealWire],
+    wires: Sequence[TcpWire | PtyWire],
     targets: Mapping[str, Sequence[object]],
     step: Callable[[float], None],
 ) -> None:

@@ -9,11 +9,11 @@ from fakes.rays.crossing_kernels import meet_passers, meet_targets
 from fakes.rays.kernels import (
     BLACK,
     F64,
+    TURN_RAD,
     Horizon,
     Passers,
     Pencil,
     Targets,
-    horizon_from,
     invert,
     spans_of_passers,
     spans_of_targets,
@@ -85,7 +85,21 @@ def horizon_of(beams: Beams, aims: F64) -> Horizon:
     aside_m = 0.0
     for sub in range(len(beams.pattern)):
         aside_m = max(aside_m, abs(beams.pattern[sub, 0]) + abs(beams.pattern[sub, 1]))
-    return horizon_from(aims[0], aims[1], aside_m, beams.spread_rad)
+    begins, ways = aims[0], aims[1]
+    n, in_order = ways.shape[1], True
+    azimuths = np.empty(n)
+    x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
+    for i in range(n):
+        azimuth = math.atan2(ways[1, i], ways[0, i])
+        if i > 0:
+            before = azimuths[i - 1]
+            azimuth += TURN_RAD * round((before - azimuth) / TURN_RAD)
+            in_order = in_order and azimuth > before
+        azimuths[i] = azimuth
+        x, y = begins[0, i], begins[1, i]
+        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
+    room = ((x0 - aside_m, y0 - aside_m), (x1 + aside_m, y1 + aside_m))
+    return Horizon(azimuths, in_order, room, beams.spread_rad)
 
 
 @kernel

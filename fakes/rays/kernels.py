@@ -63,29 +63,6 @@ class Pencil(NamedTuple):
 
 
 @kernel
-def horizon_from(begins: F64, ways: F64, aside_m: float, spread_rad: float) -> Horizon:
-    """Of beams whose middles begin at (3, n) and go the ways (3, n).
-
-    Args:
-        aside_m, spread_rad: by which their other rays begin and look beside the middle.
-    """
-    n, in_order = ways.shape[1], True
-    azimuths = np.empty(n)
-    x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
-    for i in range(n):
-        azimuth = math.atan2(ways[1, i], ways[0, i])
-        if i > 0:
-            before = azimuths[i - 1]
-            azimuth += TURN_RAD * round((before - azimuth) / TURN_RAD)
-            in_order = in_order and azimuth > before
-        azimuths[i] = azimuth
-        x, y = begins[0, i], begins[1, i]
-        x0, y0, x1, y1 = min(x0, x), min(y0, y), max(x1, x), max(y1, y)
-    room = ((x0 - aside_m, y0 - aside_m), (x1 + aside_m, y1 + aside_m))
-    return Horizon(azimuths, in_order, room, spread_rad)
-
-
-@kernel
 def invert(pencil: Pencil) -> None:
     """Bring `inverses` to the ways."""
     for axis in range(3):  # each in one go, so that many are divided at once
@@ -93,14 +70,6 @@ def invert(pencil: Pencil) -> None:
         for i in range(len(ways)):
             way = ways[i]
             inverses[i] = 1.0 / (way if abs(way) >= TINY else TINY)
-
-
-@kernel
-def pencil_from(begins: F64, ways: F64) -> Pencil:
-    """Rays of begins (3, n) and ways (3, n), which it keeps."""
-    pencil = Pencil(begins, ways, np.empty_like(ways))
-    invert(pencil)
-    return pencil
 
 
 @kernel

@@ -18,13 +18,11 @@ from fakes.rays.kernels import Passers
 from fakes.rays.targets import targets_from
 from fakes.scenes.movers import Mover, Part
 from fakes.scenes.scene import Scene
-from fakes.scenes.solids import Solid
+from fakes.scenes.solids import Shape, Solid
 from fakes.world import robot
 from fakes.world.crowd import Crowd
 from fakes.world.error_models import NONE, ErrorModels
 from fakes.world.rotations import rotation_y
-
-__all__ = ["FAR_M", "Rays"]
 
 F64 = npt.NDArray[np.float64]
 GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
@@ -53,11 +51,12 @@ class Rays:
         self, scene: Scene, seed: int, errors: ErrorModels = NONE, crowd: Crowd | None = None
     ) -> None:
         returning = [s for s in scene.solids if s.material.kind != "soft"]
-        self._soft = [s for s in scene.solids if s.material.kind == "soft"]
-        for solid in (*self._soft, *(s for s in returning if s.material.kind == "glass")):
-            _check_upright(solid)
+        self._soft = [_upright(s) for s in scene.solids if s.material.kind == "soft"]
+        for solid in returning:
+            if solid.material.kind == "glass":
+                _upright(solid)
         self._targets = targets_from(returning)
-        self._boxes = [(_corner(s, 0), _corner(s, 1)) for s in self._soft]
+        self._boxes = [np.array([solid.x, solid.y, solid.z]).T.copy() for solid in self._soft]
         self._errors, self._seed, self._crowd = errors, seed, crowd
         self._pattern = beam_light.pattern_of(errors)
         self._passers = _Passers(scene.movers, crowd)
@@ -140,30 +139,16 @@ class _Passers:
         """For a sweep from first_s to last_s, seconds since the world's begin."""
         knots = 1 + math.ceil((last_s - first_s) / KNOT_S) if self.parts else 1
         every_s = (last_s - first_s) / (knots - 1) if knots > 1 else 1.0
-        middles_m = np.zeros((1, 0, 2))
-        if self.parts:
-            knots_s = np.linspace(first_s, last_s, knots)
-            middles = [mover.middles_m(part, knots_s)[:, None] for mover, part in self._of_movers]
-            if self._crowd is not None:
-                middles.append(self._crowd.parts_m(knots_s))
-            middles_m = np.concatenate(middles, axis=1)
-        return Passers(
-            float(first_s),
-            float(every_s),
-            middles_m,
-            self._radii_m,
-            self._halves_m,
-            self._spans_m,
-            self._stays_s,
-        )
+        knots_s = np.linspace(first_s, last_s, knots)
+        middles = [mover.middles_m(part, knots_s)[:, None] for mover, part in self._of_movers]
+        if self._crowd is not None:
+            middles.append(self._crowd.parts_m(knots_s))
+        known = self._radii_m, self._halves_m, self._spans_m, self._stays_s
+        none = np.zeros((knots, 0, 2))
+        return Passers(first_s, every_s, np.concatenate([none, *middles], axis=1), *known)
 
 
-def _check_upright(shape: object) -> None:
+def _upright(shape: Shape) -> Solid:
     if not isinstance(shape, Solid) or shape.rise_rad or shape.rise_x_rad:
         raise ValueError("what is glass or soft must be an upright box")
-
-
-def _corner(shape: object, end: int) -> F64:
-    """Lowest (0) or highest (1) corner (3,) of an upright box."""
-    assert isinstance(shape, Solid)
-    return np.array([shape.x[end], shape.y[end], shape.z[end]])
+    return shape

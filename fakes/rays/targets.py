@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.rays.kernels import BLACK, BOX, CYLINDER, GLASS, HULL, PLAIN, Targets
-from fakes.scenes.scene import mjcf_from_solids
-from fakes.scenes.solids import Shape
+from fakes.scenes.solids import Shape, mjcf_from_solids
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
@@ -30,11 +29,7 @@ MODEL = """
 
 
 def targets_from(solids: Sequence[Shape]) -> Targets:
-    """What the kernels need of solids that return beams, in their order.
-
-    Raises:
-        ValueError: a body that is neither box nor convex mesh nor upright cylinder.
-    """
+    """What the kernels need of solids that return beams, in their order."""
     assets, geoms = mjcf_from_solids(solids)
     model = mj.MjModel.from_xml_string(MODEL.format(assets=assets, geoms=geoms))
     data = mj.MjData(model)
@@ -61,20 +56,13 @@ def _row(model: Any, data: Any, geom: int) -> tuple[int, F64, F64, F64]:
     if kind == mj.mjtGeom.mjGEOM_CYLINDER and abs(R[2, 2]) > 1 - UPRIGHT:
         reach = np.array([size[0], size[0], size[1]])
         return CYLINDER, middle - reach, middle + reach, none
-    if kind == mj.mjtGeom.mjGEOM_BOX:
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        normals = np.concatenate([R.T, -R.T])
-        far = normals @ middle + np.concatenate([size, size])
-        corners = middle + (signs * size) @ R.T
-        return HULL, corners.min(axis=0), corners.max(axis=0), np.column_stack([normals, far])
-    if kind == mj.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[geom]
-        begin, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-        corners = middle + model.mesh_vert[begin : begin + count].astype(float) @ R.T
-        begin, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
-        faces = corners[model.mesh_face[begin : begin + count]]
-        return HULL, corners.min(axis=0), corners.max(axis=0), _planes(faces, corners)
-    raise ValueError(f"geom {geom} of type {kind}: rays know boxes, upright cylinders and meshes")
+    assert kind == mj.mjtGeom.mjGEOM_MESH, "rays know upright boxes and cylinders, and meshes"
+    mesh = model.geom_dataid[geom]
+    begin, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    corners = middle + model.mesh_vert[begin : begin + count].astype(float) @ R.T
+    begin, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    faces = corners[model.mesh_face[begin : begin + count]]
+    return HULL, corners.min(axis=0), corners.max(axis=0), _planes(faces, corners)
 
 
 def _planes(faces: F64, corners: F64) -> F64:

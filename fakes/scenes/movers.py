@@ -7,12 +7,11 @@ them; the robot drives through them. Map frame, metres.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from fakes.scenes.solids import Span, span_from
+from fakes.scenes.solids import Span
 
 F64 = npt.NDArray[np.float64]
 LEG_M, LEG_RADIUS_M, LEG_ASIDE_M, LEG_SWING_M = 0.85, 0.07, 0.10, 0.25
@@ -133,27 +132,3 @@ def box(
     half_m = ((x[1] - x[0]) / 2, (y[1] - y[0]) / 2)
     middle = (sum(x) / 2, sum(y) / 2)
     return Mover(name, (Part(z, 0.0, half_m),), (middle,), from_s=from_s, until_s=until_s)
-
-
-# -- from a scene's file ----------------------------------------------------------------------
-
-
-def _stay_from(entry: dict[str, Any]) -> tuple[float, float]:
-    return float(entry.get("from_s", -math.inf)), float(entry.get("until_s", math.inf))
-
-
-def person_from(entry: dict[str, Any]) -> Mover:
-    """A [[person]]: name, waypoints; speed_mps, start_s, legs, height_m, radius_m, returns,
-    from_s, until_s.
-    """
-    waypoints = tuple((float(x), float(y)) for x, y in entry["waypoints"])
-    numbers = ("speed_mps", "start_s", "height_m", "radius_m", "from_s", "until_s")
-    given = {key: float(entry[key]) for key in numbers if key in entry}
-    flags = {key: bool(entry[key]) for key in ("legs", "returns") if key in entry}
-    return person(entry["name"], waypoints, **given, **flags)  # type: ignore[arg-type]
-
-
-def box_from(entry: dict[str, Any]) -> Mover:
-    """A [[moved_box]]: name, x, y, z; from_s, until_s."""
-    x, y, z = (span_from(entry[axis]) for axis in "xyz")
-    return box(entry["name"], x, y, z, *_stay_from(entry))

@@ -105,18 +105,6 @@ class Ground:
         self.bars = ~ground | self.raster.odd  # what no wheel may come to
         self.closed = grown(self.bars, WAY_M / CELL_M)
 
-    def is_near(self, x: float, y: float, within_m: float) -> bool:
-        """Whether something bars the way within a distance of a place."""
-        row, column = self.raster.cell(x, y)
-        r = math.ceil(within_m / CELL_M)
-        rows, columns = (
-            slice(max(0, row - r), row + r + 1),
-            slice(max(0, column - r), column + r + 1),
-        )
-        j, i = np.nonzero(self.bars[rows, columns])
-        away = np.hypot(j + rows.start - row, i + columns.start - column)
-        return bool((away * CELL_M < within_m).any())
-
     def ways(self, begin: Point, end: Point) -> Iterator[list[Point]]:
         """Corners of wide ways between two places: the shortest, then detours, shorter ones first.
 
@@ -169,13 +157,12 @@ def check_place(
 ) -> list[str]:
     """What keeps a robot from its goals, or makes its start less clear than is said; in words."""
     ground = Ground(solids, goals)
-    found = []
     if ground.closed[ground.start]:
         return ["the start is not free"]
-    found += _start_problems(ground, start_clear_m)
-    found += _walker_problems(ground, walkers)
+    found = _start_problems(ground, start_clear_m) + _walker_problems(ground, walkers)
+    near = grown(ground.bars, GOAL_M / CELL_M - 0.01)  # what is so far away is not near
     for x, y in goals:
-        if ground.is_near(x, y, GOAL_M):
+        if near[ground.raster.cell(x, y)]:
             found.append(f"goal {x:.2f}, {y:.2f}: not free for {GOAL_M} m")
     return found or _way_problems(ground, goals, start_clear_m)
 
@@ -192,12 +179,7 @@ def _start_problems(ground: Ground, start_clear_m: float) -> list[str]:
     hard = ~tall & ~same & (away_m <= start_clear_m)
     reach = free
     for _ in range(round((ROBOT_M + BEYOND_M) / CELL_M)):  # not through walls
-        wider = reach.copy()
-        wider[1:] |= reach[:-1]
-        wider[:-1] |= reach[1:]
-        wider[:, 1:] |= reach[:, :-1]
-        wider[:, :-1] |= reach[:, 1:]
-        reach = wider & ~tall
+        reach = grown(reach, 1.0) & ~tall
     near = np.argwhere(hard & reach)
     if not len(near):
         return []

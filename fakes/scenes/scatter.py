@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fakes.scenes.solids import Shape, Solid, Span, span_from
-from fakes.scenes.things import MAKERS, ROLLED_OVER, SIZES, Frame, Random, Thing, lifted
+from fakes.scenes.things import KINDS, ROLLED_OVER, Frame, Random, Thing, lifted
 from fakes.world.crowd import Walker
 
 Point = tuple[float, float]
@@ -34,8 +34,8 @@ class Lot:
     """What a scene has so far, while things are put into it."""
 
     fixed: list[Shape]
-    goals: list[Point]
-    areas: list[Rect]  # where an entry that names no area may put things
+    goals: list[Point] = field(default_factory=list)
+    areas: list[Rect] = field(default_factory=list)  # for entries that name none
     things: list[Thing] = field(default_factory=list)
     walkers: list[Walker] = field(default_factory=list)
 
@@ -57,9 +57,9 @@ def check_scatter(entry: dict[str, Any]) -> None:
         ValueError: it does not.
     """
     kind = entry.get("kind")
-    if kind != "walker" and kind not in MAKERS:
-        raise ValueError(f"scatter: no kind {kind!r}; there are {', '.join(MAKERS)}, walker")
-    known = WALKER_KEYS if kind == "walker" else COMMON | SIZES[kind]
+    if kind != "walker" and kind not in KINDS:
+        raise ValueError(f"scatter: no kind {kind!r}; there are {', '.join(KINDS)}, walker")
+    known = WALKER_KEYS if kind == "walker" else COMMON | KINDS[kind][1].keys()
     if unknown := sorted(entry.keys() - known):
         raise ValueError(f"scatter, {kind}: no key {unknown[0]!r}")
 
@@ -86,14 +86,13 @@ def _area(lot: Lot, entry: dict[str, Any], random: Random) -> Rect:
 
 
 def _put_thing(lot: Lot, entry: dict[str, Any], name: str, random: Random) -> bool:
-    kind = entry["kind"]
-    sizes = {
-        key: (float(entry[key][0]), float(entry[key][1])) for key in SIZES[kind] & entry.keys()
-    }
+    maker, sizes = KINDS[entry["kind"]]
+    given = {key: entry[key] for key in sizes if key in entry}
+    sizes = sizes | {key: (float(low), float(high)) for key, (low, high) in given.items()}
     for _ in range(TRIES):
         x, y = (float(random.uniform(*span)) for span in _area(lot, entry, random))
         turned = bool(entry.get("turned", random.random() < 0.5))
-        thing = MAKERS[kind](Frame(name, x, y, turned), random, sizes)
+        thing = maker(Frame(name, x, y, turned, sizes, random))
         placed = _maybe_placed(lot, thing)
         if placed is None or not _has_room(lot, placed, entry):
             continue

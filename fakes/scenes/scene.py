@@ -7,7 +7,6 @@ seed.
 
 import math
 import tomllib
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,16 +14,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fakes.scenes.chance import check_keys, has_chance, maybe_drawn
-from fakes.scenes.movers import Mover, box_from, person_from
+from fakes.scenes.chance import has_chance, maybe_drawn
+from fakes.scenes.entries import check_keys, made
+from fakes.scenes.movers import Mover
 from fakes.scenes.reach import check_place
 from fakes.scenes.solids import Shape, Solid
 from fakes.world.crowd import Walker
-from fakes.world.error_models import NONE, ErrorModels, Patch, error_models_from, patch_from
-from fakes.world.magnetic import MagneticDisturbance, steel_from
-from fakes.world.slip import Slip, slip_from
+from fakes.world.error_models import NONE, ErrorModels, Patch
+from fakes.world.magnetic import MagneticDisturbance
+from fakes.world.slip import Slip
 
-__all__ = ["Scene", "Solid", "campaign_scenes", "load_scene", "mjcf_from_solids", "problems"]
+__all__ = ["Scene", "Solid", "campaign_scenes", "load_scene", "problems"]
 
 F64 = npt.NDArray[np.float64]
 SCENES = Path(__file__).parent
@@ -97,9 +97,9 @@ class Scene:
         heights = np.full(x.shape, -np.inf)
         for solid in self._near(x, y):
             np.maximum(heights, solid.tops_m(x, y), out=heights)
-        for mover in self.movers if since_begin_s is not None else ():
-            assert since_begin_s is not None
-            np.maximum(heights, mover.tops_m(x, y, since_begin_s), out=heights)
+        if since_begin_s is not None:
+            for mover in self.movers:
+                np.maximum(heights, mover.tops_m(x, y, since_begin_s), out=heights)
         for x_m, y_m, radius_m in () if people is None else people:
             heights[np.hypot(x - x_m, y - y_m) <= radius_m] = PERSON_M
         heights[np.isneginf(heights)] = np.nan
@@ -130,9 +130,9 @@ class Scene:
         for solid in self._near(x, y):
             if solid.material.kind != "soft":
                 found |= (solid.tops_m(x, y) > low) & (solid.bottom_m < high)
-        for mover in self.movers if since_begin_s is not None else ():
-            assert since_begin_s is not None
-            found |= mover.fills(x, y, low, high, since_begin_s)
+        if since_begin_s is not None:
+            for mover in self.movers:
+                found |= mover.fills(x, y, low, high, since_begin_s)
         for x_m, y_m, radius_m in () if people is None else people:
             found |= np.hypot(x - x_m, y - y_m) <= radius_m
         return found
@@ -200,31 +200,21 @@ def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Sc
     drawn = maybe_drawn(table, name, seed, attempt)
     if drawn is None:
         return None
-    table = drawn.table
-    people = [person_from(entry) for entry in table.get("person", [])]
-    boxes = [box_from(entry) for entry in table.get("moved_box", [])]
-    route = table.get("route", {"speed_mps": 0.6, "waypoints": []})
     return Scene(
         name=name,
         solids=drawn.solids,
-        waypoints=tuple(tuple(float(part) for part in point) for point in route["waypoints"]),
-        speed_mps=float(route["speed_mps"]),
+        waypoints=drawn.waypoints,
+        speed_mps=float(table.get("route", {}).get("speed_mps", 0.6)),
         x_axis_east_of_north_rad=math.radians(table["x_axis_east_of_north_deg"]),
-        movers=(*people, *boxes),
-        steels=tuple(steel_from(entry) for entry in table.get("steel", [])),
-        slips=tuple(slip_from(entry) for entry in table.get("slip", [])),
+        movers=drawn.movers,
+        steels=drawn.steels,
+        slips=drawn.slips,
         goals=drawn.goals,
         start_clear_m=float(table.get("start_clear_m", START_CLEAR_M)),
         campaign=bool(table.get("campaign", False)),
         friction=float(table.get("friction", 1.0)),
-        patches=tuple(patch_from(entry) for entry in table.get("patch", [])),
-        errors=error_models_from(table.get("upsets", {})),
+        patches=drawn.patches,
+        errors=made("upsets", table.get("upsets", {})),
         walkers=drawn.walkers,
         description=str(table.get("description", "")),
     )
-
-
-def mjcf_from_solids(solids: Sequence[Shape]) -> tuple[str, str]:
-    """(assets, geoms) of solids as MuJoCo XML, the k-th one's geom being `solid<k>`."""
-    parts = [solid.mjcf(f"solid{k}") for k, solid in enumerate(solids)]
-    return "\n".join(asset for asset, _ in parts if asset), "\n".join(geom for _, geom in parts)

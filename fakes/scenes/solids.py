@@ -4,8 +4,9 @@ Each knows its top over a point, and itself as MuJoCo XML. Map frame, metres.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,7 @@ F64 = npt.NDArray[np.float64]
 Span = tuple[float, float]
 RAMP_FOOT_M = 0.5  # how far ramps and ridges reach below the ground: no beam passes under them
 ARC_PARTS = 24  # flat pieces of a round ridge
+DEEP_M = 1.0  # how far floors reach below their tops
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,12 @@ class Material:
 
     kind: Literal["plain", "glass", "black", "soft"] = "plain"
     density_per_m: float = 0.0  # of stalks, of soft things
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("plain", "glass", "black", "soft"):
+            raise ValueError(f"material {self.kind!r}: must be plain, glass, black or soft")
+        if (self.kind == "soft") is not (self.density_per_m > 0.0):
+            raise ValueError("density_per_m: what is soft has one above 0, and nothing else has")
 
 
 PLAIN, GLASS, BLACK = Material(), Material("glass"), Material("black")
@@ -78,11 +86,9 @@ class Solid:
 
     @property
     def bottom_m(self) -> float:
-        """Of all its corners."""
         return self.z[0]
 
     def tops_m(self, x: F64, y: F64) -> F64:
-        """Height of its top over the points (n,); -inf beside it."""
         inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
         top_m = self.z[1] + math.tan(self.rise_rad) * (y - self.y[0])
         if self.rise_x_rad:
@@ -100,7 +106,6 @@ class Solid:
         ]
 
     def mjcf(self, key: str) -> tuple[str, str]:
-        """(asset, geom) as MuJoCo XML."""
         if self.rise_rad or self.rise_x_rad:
             return _hull(key, self.corners())
         spans = (self.x, self.y, self.z)
@@ -121,26 +126,21 @@ class Pillar:
 
     @property
     def x(self) -> Span:
-        """From, to."""
         return self.at[0] - self.radius_m, self.at[0] + self.radius_m
 
     @property
     def y(self) -> Span:
-        """From, to."""
         return self.at[1] - self.radius_m, self.at[1] + self.radius_m
 
     @property
     def bottom_m(self) -> float:
-        """Of the whole."""
         return self.z[0]
 
     def tops_m(self, x: F64, y: F64) -> F64:
-        """Height of its top over the points (n,); -inf beside it."""
         inside = np.hypot(x - self.at[0], y - self.at[1]) <= self.radius_m
         return np.where(inside, self.z[1], -np.inf)
 
     def mjcf(self, key: str) -> tuple[str, str]:
-        """(asset, geom) as MuJoCo XML."""
         middle = f"{self.at[0]!r} {self.at[1]!r} {sum(self.z) / 2!r}"
         size = f"{self.radius_m!r} {(self.z[1] - self.z[0]) / 2!r}"
         return (
@@ -167,18 +167,15 @@ class Ridge:
 
     @property
     def bottom_m(self) -> float:
-        """Below the ground, so that no beam passes under it."""
         return min(top for _, top in self.tops) - RAMP_FOOT_M
 
     def tops_m(self, x: F64, y: F64) -> F64:
-        """Height of its top over the points (n,); -inf beside it."""
         inside = (x >= self.x[0]) & (x <= self.x[1]) & (y >= self.y[0]) & (y <= self.y[1])
         way_m = x - self.x[0] if self.along == "x" else y - self.y[0]
         ways_m, tops_m = np.array(self.tops).T
         return np.where(inside, np.interp(way_m, ways_m, tops_m), -np.inf)
 
     def mjcf(self, key: str) -> tuple[str, str]:
-        """(asset, geom) as MuJoCo XML."""
         low = self.bottom_m
         outline = [*self.tops, (self.tops[0][0], low), (self.tops[-1][0], low)]
         if self.along == "x":
@@ -189,29 +186,19 @@ class Ridge:
 
 
 def bump(
-    name: str,
-    x: Span,
-    y: Span,
-    height_m: float = 0.05,
-    along: Literal["x", "y"] = "x",
-    profile: Literal["round", "trapezoid"] = "round",
-    floor_m: float = 0.0,
+    name: str, x: Span, y: Span, height_m: float = 0.05, along: Literal["x", "y"] = "x"
 ) -> Ridge:
-    """A speed bump, driven over along x or y: an arc of a circle, or up, flat and down."""
+    """A speed bump, driven over along x or y: an arc of a circle."""
     low, high = x if along == "x" else y
     long_m = high - low
-    if profile == "trapezoid":
-        tops = [(0.0, 0.0), (long_m / 3, height_m), (2 * long_m / 3, height_m), (long_m, 0.0)]
-    else:
-        radius_m = (long_m**2 / 4 + height_m**2) / (2 * height_m)
-        half_rad = math.asin(long_m / 2 / radius_m)
-        turns = [half_rad * (2 * k / ARC_PARTS - 1) for k in range(1, ARC_PARTS)]
-        arc = [
-            (long_m / 2 + radius_m * math.sin(a), radius_m * (math.cos(a) - 1) + height_m)
-            for a in turns
-        ]
-        tops = [(0.0, 0.0), *arc, (long_m, 0.0)]
-    return Ridge(name, x, y, tuple((way, floor_m + top) for way, top in tops), along)
+    radius_m = (long_m**2 / 4 + height_m**2) / (2 * height_m)
+    half_rad = math.asin(long_m / 2 / radius_m)
+    turns = [half_rad * (2 * k / ARC_PARTS - 1) for k in range(1, ARC_PARTS)]
+    arc = [
+        (long_m / 2 + radius_m * math.sin(a), radius_m * (math.cos(a) - 1) + height_m)
+        for a in turns
+    ]
+    return Ridge(name, x, y, ((0.0, 0.0), *arc, (long_m, 0.0)), along)
 
 
 def _hull(key: str, corners: list[tuple[float, float, float]]) -> tuple[str, str]:
@@ -221,67 +208,65 @@ def _hull(key: str, corners: list[tuple[float, float, float]]) -> tuple[str, str
     return asset, f'<geom name="{key}" type="mesh" mesh="mesh_{key}" class="scene"/>'
 
 
-# -- from a scene's file ----------------------------------------------------------------------
+def mjcf_from_solids(solids: Sequence[Shape]) -> tuple[str, str]:
+    """(assets, geoms) of solids as MuJoCo XML, the k-th one's geom being `solid<k>`."""
+    parts = [solid.mjcf(f"solid{k}") for k, solid in enumerate(solids)]
+    return "\n".join(asset for asset, _ in parts if asset), "\n".join(geom for _, geom in parts)
+
+
+def ramp(
+    name: str,
+    x: Span,
+    y: Span,
+    rise_rad: float,
+    along: Literal["x", "y"] = "y",
+    from_m: float = 0.0,
+    material: Material = PLAIN,
+) -> Solid:
+    """A wedge that rises along x or y, from a height, and reaches below the ground."""
+    low, high = {"x": x, "y": y}[along]
+    foot_m = min(from_m, from_m + math.tan(rise_rad) * (high - low)) - RAMP_FOOT_M
+    rises = (0.0, rise_rad) if along == "x" else (rise_rad, 0.0)
+    return Solid(name, x, y, (foot_m, from_m), *rises, material)
+
+
+@dataclass(frozen=True, slots=True)
+class Slope:
+    """A way up along x from z = 0, of a rise that is left to chance.
+
+    Args:
+        rise_deg: from, to.
+        until_x: how far the level ground behind it reaches.
+        ease_m: at both ends it is only half as steep.
+    """
+
+    name: str
+    x: Span
+    y: Span
+    rise_deg: Span
+    until_x: float
+    ease_m: float = 1.5
+
+    def drawn(self, random: np.random.Generator) -> "list[Solid]":
+        """Its parts."""
+        rise_rad, z = math.radians(float(random.uniform(*self.rise_deg))), 0.0
+        (begin, end), parts = self.x, []
+        edges = (begin, begin + self.ease_m, end - self.ease_m, end)
+        for k, share in enumerate((0.5, 1.0, 0.5)):
+            x, rise = (edges[k], edges[k + 1]), share * rise_rad
+            parts.append(ramp(f"{self.name} {k + 1}", x, self.y, rise, "x", z))
+            z += math.tan(rise) * (x[1] - x[0])
+        behind = (z - DEEP_M, z)
+        return [*parts, Solid(f"{self.name}, behind", (end, self.until_x), self.y, behind)]
 
 
 def span_from(pair: list[float]) -> Span:
-    """[from, to].
+    """[from, to] of a scene's file.
 
     Raises:
         ValueError: it ends before it begins.
     """
     low, high = float(pair[0]), float(pair[1])
     if not low < high:
-        raise ValueError(f"a solid needs [from, to] with from < to, is {pair}")
+        raise ValueError(f"must be [from, to] with from < to, is {pair}")
     return low, high
-
-
-def material_from(entry: dict[str, Any]) -> Material:
-    """Of an entry with `material` and, where it is soft, `density_per_m`; plain without.
-
-    Raises:
-        ValueError: no such material.
-    """
-    kind = entry.get("material", "plain")
-    if kind not in ("plain", "glass", "black", "soft"):
-        raise ValueError(f"material {kind!r}: must be plain, glass, black or soft")
-    density = float(entry.get("density_per_m", 0.0))
-    if (kind == "soft") is not (density > 0.0):
-        raise ValueError("density_per_m: what is soft has one above 0, and nothing else has")
-    return Material(kind, density)
-
-
-def solid_from(entry: dict[str, Any]) -> Solid:
-    """A [[solid]]: name, x, y, z."""
-    x, y, z = (span_from(entry[axis]) for axis in "xyz")
-    return Solid(entry["name"], x, y, z, material=material_from(entry))
-
-
-def pillar_from(entry: dict[str, Any]) -> Pillar:
-    """A [[pillar]]: name, at, radius_m, z."""
-    x, y = entry["at"]
-    z, material = span_from(entry["z"]), material_from(entry)
-    return Pillar(entry["name"], (float(x), float(y)), float(entry["radius_m"]), z, material)
-
-
-def ramp_from(entry: dict[str, Any]) -> Solid:
-    """A [[ramp]]: name, x, y, rise_deg; along "x" or "y" (as given: "y"), from_m (0), material."""
-    along, from_m = entry.get("along", "y"), float(entry.get("from_m", 0.0))
-    rise_rad, x, y = math.radians(entry["rise_deg"]), span_from(entry["x"]), span_from(entry["y"])
-    low, high = {"x": x, "y": y}[along]
-    foot_m = min(from_m, from_m + math.tan(rise_rad) * (high - low)) - RAMP_FOOT_M
-    rises = (0.0, rise_rad) if along == "x" else (rise_rad, 0.0)
-    return Solid(entry["name"], x, y, (foot_m, from_m), *rises, material_from(entry))
-
-
-def bump_from(entry: dict[str, Any]) -> Ridge:
-    """A [[bump]]: name, x, y, height_m; along ("x"), profile ("round"), floor_m (0)."""
-    return bump(
-        entry["name"],
-        span_from(entry["x"]),
-        span_from(entry["y"]),
-        float(entry["height_m"]),
-        entry.get("along", "x"),
-        entry.get("profile", "round"),
-        float(entry.get("floor_m", 0.0)),
-    )

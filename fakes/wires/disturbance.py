@@ -38,10 +38,9 @@ class Late:
 
     def take(self, now_s: float) -> list[bytes]:
         """What has arrived."""
-        waiting = self._waiting
         arrived: list[bytes] = []
-        while waiting and waiting[0][0] <= now_s:
-            arrived.append(waiting.popleft()[1])
+        while self._waiting and self._waiting[0][0] <= now_s:
+            arrived.append(self._waiting.popleft()[1])
         return arrived
 
     def clear(self) -> None:
@@ -67,7 +66,7 @@ class Disturbance:
 
     def send(self, now_s: float, data: bytes, late: Late) -> None:
         """Put on the way to a host what is left of the device's bytes."""
-        left = self._thinned(self._altered(data))
+        left = self.thinned(self._altered(data))
         if left and not self.mute:
             late.put(now_s + self.delay_s, left)
 
@@ -75,8 +74,8 @@ class Disturbance:
         """What the device hears of the host's bytes."""
         return data and self._noisy(data, self.host_drop_rate, self.host_damage_rate)
 
-    def _thinned(self, data: bytes) -> bytes:
-        """Chance's share of the device's bytes taken."""
+    def thinned(self, data: bytes) -> bytes:
+        """What chance leaves of the device's bytes; rates are per byte."""
         return self._noisy(data, self.drop_rate, self.damage_rate)
 
     def _altered(self, data: bytes) -> bytes:
@@ -91,7 +90,6 @@ class Disturbance:
         )
 
     def _noisy(self, data: bytes, drop_rate: float, damage_rate: float) -> bytes:
-        """Each byte lost or altered by chance."""
         if not drop_rate and not damage_rate:
             return data
         left = bytearray()
@@ -103,19 +101,6 @@ class Disturbance:
 
     def _hit(self, rate: float) -> bool:
         return self._random.random() < rate
-
-
-class StreamDisturbance(Disturbance):
-    """The same for a wire that keeps no pieces together; rates are per byte."""
-
-    def __init__(self, seed: int) -> None:
-        super().__init__(seed)
-        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
-
-    def cut_up(self, data: bytes) -> list[bytes]:
-        """The pieces in which bytes arrive."""
-        size = self.chunk or len(data)
-        return [data[start : start + size] for start in range(0, len(data), size or 1)]
 
 
 def tell_reconnected(fake: object, now_s: float) -> None:

@@ -12,14 +12,14 @@ import tty
 from collections import deque
 
 from fakes.wires.baud import heard_at, maybe_speed
-from fakes.wires.disturbance import Fake, Late, StreamDisturbance
+from fakes.wires.disturbance import Disturbance, Fake, Late
 from fakes.wires.sockets import NEWS_KEPT, READ_SIZE
 
 PTY_BACKLOG = 1024  # beyond the kernel's own 4 to 16 KiB; old news to whoever opens next, so little
 SPEED_EVERY_S = 0.05  # how often to look what the host has set
 
 
-class PtyWire(StreamDisturbance):
+class PtyWire(Disturbance):
     """A fake on a pty, at `path`: a link of a name to choose, or what the system calls it.
 
     `cut`: nothing passes, as with a pulled plug of the serial line, which stays open. `gone`: the
@@ -28,6 +28,7 @@ class PtyWire(StreamDisturbance):
 
     def __init__(self, fake: Fake, link: str = "", *, seed: int = 0) -> None:
         super().__init__(seed)
+        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
         self.gone = False  # the USB adapter is pulled
         self.lost = 0  # bytes that nobody read
         self.news: deque[str] = deque(maxlen=NEWS_KEPT)  # what happened, in words; take it out

@@ -1,29 +1,19 @@
-"""Puts a fake on TCP or UDP, where any program can reach it, with the same faults as in memory.
+"""Puts a fake on TCP, where any program can reach it, with the same faults as in memory.
 
-A fake that has `connect(now_s)` gets one object for each TCP client, with `exchange` and
-`left(now_s)`, as many as its `max_clients`; any other fake has one client at a time. Others are
-turned away. A wire waits for nothing and reads no clock.
+A fake that has `connect(now_s)` gives an object for each of up to `max_clients`: a fake that may
+have `left(now_s)`, called when the client has gone, and `gone`, true once the device has dropped
+it. Any other fake has one client at a time. Others are turned away. A wire waits for nothing and
+reads no clock.
 """
 
 import socket
 from collections import deque
-from typing import Protocol
 
-from fakes.wires.disturbance import DatagramFake, Fake, Late, StreamDisturbance, tell_reconnected
+from fakes.wires.disturbance import Disturbance, Fake, Late, tell_reconnected
 
 READ_SIZE = 65536
 TCP_BACKLOG = 1 << 20  # bytes kept for a client that does not read; what comes then is lost
 NEWS_KEPT = 64
-
-
-class Guest(Protocol):
-    """What a fake of many clients holds for one of them."""
-
-    def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what this client wrote; give all that the device has sent it up to now_s."""
-
-    def left(self, now_s: float) -> None:
-        """This client has gone. May also have `gone`: true once the device has dropped it."""
 
 
 class Connection:
@@ -66,7 +56,7 @@ class Connection:
         self.unsent.clear()
 
 
-class TcpWire(StreamDisturbance):
+class TcpWire(Disturbance):
     """A fake that listens on TCP.
 
     `cut`: clients are thrown out and nobody gets in. `unplugged`: as with a pulled network cable,
@@ -81,6 +71,7 @@ class TcpWire(StreamDisturbance):
         self._listener = socket.create_server((host, port), backlog=8)
         self._listener.setblocking(False)
         self.host, self.port = self._listener.getsockname()[:2]
+        self.chunk = 0  # the device's bytes come in pieces of at most so many; 0: as sent
         self.unplugged = False  # no byte passes either way, and nobody is told
         self.clients = self.turned_away = 0  # so far
         self.lost = 0  # bytes that a client was too slow for
@@ -126,8 +117,7 @@ class TcpWire(StreamDisturbance):
             connection.send(self.chunk)
 
     def _welcome(self, newcomer: socket.socket, now_s: float) -> None:
-        name = _name(newcomer)
-        guest = self._maybe_guest(now_s)
+        name, guest = _name(newcomer), self._maybe_guest(now_s)
         if guest is None:
             self.turned_away += 1
             self.news.append(f"client {name} turned away")
@@ -141,14 +131,12 @@ class TcpWire(StreamDisturbance):
         """Who answers one more client; None: nobody does."""
         if self.cut:
             return None
+        if len(self._connections) >= getattr(self._fake, "max_clients", 1):
+            return None
         connect = getattr(self._fake, "connect", None)
         if connect is not None:
-            if len(self._connections) >= getattr(self._fake, "max_clients", 1):
-                return None
-            guest: Guest | None = connect(now_s)
+            guest: Fake | None = connect(now_s)
             return guest
-        if self._connections:
-            return None
         tell_reconnected(self._fake, now_s)
         return self._fake
 
@@ -167,39 +155,6 @@ class TcpWire(StreamDisturbance):
                 if left is not None:
                     left(now_s)
         self._connections = [connection for connection in self._connections if connection.open]
-
-
-class UdpWire:
-    """A fake that is bound to a UDP port and answers whoever wrote to it last."""
-
-    def __init__(self, fake: DatagramFake, host: str = "127.0.0.1", port: int = 0) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.bind((host, port))
-        self.host, self.port = self._socket.getsockname()[:2]
-        self._fake = fake
-        self._peer: tuple[str, int] | None = None
-
-    def step(self, now_s: float) -> None:
-        """Take the datagrams that have come; send what is due, or lose it."""
-        for _ in range(1000):  # no flood keeps us here
-            try:
-                datagram, self._peer = self._socket.recvfrom(READ_SIZE)
-            except BlockingIOError:
-                break
-            except OSError:  # a peer that is gone shows here, once
-                continue
-            self._fake.feed_datagram(now_s, datagram)
-        for datagram in self._fake.poll(now_s):
-            try:
-                if self._peer is not None:
-                    self._socket.sendto(datagram, self._peer)
-            except OSError:  # peer gone, or no room: lost, as datagrams are
-                continue
-
-    def close(self) -> None:
-        """Let go of the port."""
-        self._socket.close()
 
 
 def _name(client: socket.socket) -> str:

@@ -58,59 +58,113 @@ class Walker:
             raise ValueError(f"{self.name}: waypoints must be 1 m apart")
 
 
+@dataclass(slots=True)
+class Errand:
+    """Where somebody goes now, and how he gets on."""
+
+    walker: Walker
+    rests_until_s: float
+    goal: int = 1  # waypoint,
+    way: int = 1  # and which way through them
+    nearest_m: float = math.inf  # that he has come to it,
+    nearest_s: float = 0.0  # and when
+
+    def go_on(self, place: F64, now_s: float, random: np.random.Generator) -> None:
+        """Turn to the next waypoint where this one is reached, or cannot be."""
+        waypoints = self.walker.waypoints
+        left_m = math.dist(place, waypoints[self.goal])
+        if left_m < self.nearest_m - 0.1:
+            self.nearest_m, self.nearest_s = left_m, now_s
+        stuck = now_s - self.nearest_s > PATIENCE_S
+        if left_m > THERE_M and not stuck:
+            return
+        self.way *= -1 if stuck else 1
+        if not 0 <= self.goal + self.way < len(waypoints):
+            self.way *= -1
+        self.goal += self.way
+        rest_s = 0.0 if stuck else float(random.uniform(0.0, self.walker.pause_s))
+        self.rests_until_s = now_s + rest_s
+        self.nearest_m, self.nearest_s = math.inf, now_s + rest_s
+
+
+class SeenRobot:
+    """The robot as people see it: where it is and how it goes on."""
+
+    def __init__(self) -> None:
+        self.place: Place | None = None
+        self._v, self._w = 0.0, 0.0
+
+    def follow(self, place: Place, span_s: float) -> None:
+        """It has come to a place since it was looked at last."""
+        if self.place is not None and span_s > 0.0:
+            x, y, yaw = self.place
+            v = ((place[0] - x) * math.cos(yaw) + (place[1] - y) * math.sin(yaw)) / span_s
+            w = math.remainder(place[2] - yaw, math.tau) / span_s
+            share = min(1.0, span_s / 0.1)
+            self._v += share * (v - self._v)
+            self._w += share * (w - self._w)
+        self.place = place
+
+    def gaps_m(self, spots: F64) -> F64:
+        """Least gaps (walkers, ways) of spots at instants to it and the way right before it."""
+        assert self.place is not None
+        rx, ry, yaw = self.place
+        yaws = yaw + self._w * HORIZON_S
+        middle = yaw + self._w * HORIZON_S / 2
+        xs = rx + self._v * HORIZON_S * np.cos(middle)
+        ys = ry + self._v * HORIZON_S * np.sin(middle)
+        dx, dy = spots[..., 0] - xs, spots[..., 1] - ys
+        ahead = np.cos(yaws) * dx + np.sin(yaws) * dy
+        aside = np.abs(np.cos(yaws) * dy - np.sin(yaws) * dx)
+        front = FRONT_M + AHEAD_S * max(0.0, self._v)
+        rear = REAR_M + AHEAD_S * max(0.0, -self._v)
+        over = np.maximum(np.maximum(ahead - front, -rear - ahead), 0.0)
+        beside = np.maximum(aside - HALF_WIDTH_M, 0.0)
+        # within the keep-out: the nearer to its middle line, the worse, so that the way out shows
+        inside = np.where((over == 0.0) & (beside == 0.0), HALF_WIDTH_M - aside, 0.0)
+        return np.asarray((np.hypot(over, beside) - inside).min(axis=2))
+
+
 class Crowd:
-    """All walkers of a scene, stepped with the robot's place.
+    """All walkers of a scene, one at least, stepped with the robot's place; asked after that.
 
     Args:
         seed: of their pauses.
     """
 
     def __init__(self, walkers: Sequence[Walker], seed: int) -> None:
-        self.walkers = tuple(walkers)
+        self.walkers, n = tuple(walkers), len(walkers)
         self.parts: tuple[Part, ...] = tuple(
             part
             for walker in self.walkers
             for part in person(walker.name, walker.waypoints[:1], radius_m=walker.radius_m).parts
         )
-        n = len(self.walkers)
-        one = self.parts[: len(self.parts) // n] if n else ()  # torso, left leg, right leg
-        self._asides_m = np.array([part.aside_m for part in one])
-        self._swings_m = np.array([part.swing_m for part in one])
-        self._random = np.random.default_rng([seed, n])
-        self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float).reshape(n, 2)
+        one = self.parts[: len(self.parts) // n]  # torso, left leg, right leg
+        self._gait = np.array([(part.aside_m, part.swing_m) for part in one]).T.copy()
+        self._errands = [Errand(walker, walker.start_s) for walker in self.walkers]
+        self._robot, self._random = SeenRobot(), np.random.default_rng([seed, n])
+        self._at = np.array([w.waypoints[0] for w in self.walkers], dtype=float)
         self._v, self._wanted = np.zeros((n, 2)), np.zeros((n, 2))  # m/s
-        self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers]).reshape(n, 2)
+        self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers])
         self._gone_m = np.zeros(n)
         self._radius_m = np.array([w.radius_m for w in self.walkers])
-        self._speed_mps = np.array([w.speed_mps for w in self.walkers])
-        self._aside_most_m = np.array([w.aside_m for w in self.walkers])
-        self._goal, self._way = [1] * n, [1] * n  # waypoint, and which way through them
-        self._rests_until_s = [w.start_s for w in self.walkers]
-        self._nearest_m, self._nearest_s = [math.inf] * n, [0.0] * n  # to the waypoint, and when
         self._ring = np.zeros((KEPT, n, 6))  # x y, ahead x y, way gone, how far legs swing 0..1
         self._times_s = np.full(KEPT, -math.inf)
-        self._steps = 0
-        self._now_s, self._decided_s = 0.0, -math.inf
-        self._robot: Place | None = None
-        self._robot_v, self._robot_w = 0.0, 0.0
+        self._steps, self._now_s, self._decided_s = 0, 0.0, -math.inf
 
     # -- what others ask ------------------------------------------------------------------------
 
     def people(self, t_s: float | None = None) -> F64:
         """x, y, radius (n, 3) of everybody, now or at an instant of the last second."""
-        people = np.empty((len(self.walkers), 3))
-        people[:, 2] = self._radius_m
-        people[:, :2] = self._at if t_s is None else self._rows(np.array([t_s]))[0, :, :2]
-        return people
+        at = self._at if t_s is None else self._rows(np.array([t_s]))[0, :, :2]
+        return np.column_stack([at, self._radius_m])
 
     def parts_m(self, times_s: F64) -> F64:
         """x, y (n, parts, 2) of the middles of all `parts` at instants (n,) of the last second."""
-        return parts_at(self._rows(times_s), self._asides_m, self._swings_m, STRIDE_M)
+        return parts_at(self._rows(times_s), self._gait[0], self._gait[1], STRIDE_M)
 
     def _rows(self, times_s: F64) -> F64:
-        """Rows (n, walkers, 6), interpolated; before the first step all stand where they begin."""
-        if not self._steps:
-            self._record()
+        """Rows (n, walkers, 6), interpolated."""
         return rows_at(self._ring, self._times_s, self._steps, times_s)
 
     # -- time -----------------------------------------------------------------------------------
@@ -118,32 +172,18 @@ class Crowd:
     def step(self, now_s: float, place: Place) -> None:
         """Everybody goes on to an instant, with the robot at x, y, yaw."""
         span_s = now_s - self._now_s if self._steps else 0.0
-        self._follow_robot(place, span_s)
+        self._robot.follow(place, span_s)
         self._now_s = now_s
-        if self.walkers and now_s - self._decided_s >= DECIDE_S - 1e-9:
+        if now_s - self._decided_s >= DECIDE_S - 1e-9:
             self._decided_s = now_s
             self._decide()
         if span_s > 0.0:
             walks = self._at, self._v, self._ahead, self._gone_m
             walk(span_s, place, self._wanted, self._radius_m, *walks)
-        self._record()
-
-    def _follow_robot(self, place: Place, span_s: float) -> None:
-        if self._robot is not None and span_s > 0.0:
-            x, y, yaw = self._robot
-            v = ((place[0] - x) * math.cos(yaw) + (place[1] - y) * math.sin(yaw)) / span_s
-            w = math.remainder(place[2] - yaw, math.tau) / span_s
-            share = min(1.0, span_s / 0.1)
-            self._robot_v += share * (v - self._robot_v)
-            self._robot_w += share * (w - self._robot_w)
-        self._robot = place
-
-    def _record(self) -> None:
         row = self._ring[self._steps % KEPT]
         row[:, :2], row[:, 2:4], row[:, 4] = self._at, self._ahead, self._gone_m
-        speeds = np.hypot(self._v[:, 0], self._v[:, 1])
-        row[:, 5] = np.minimum(1.0, speeds / 0.6)
-        self._times_s[self._steps % KEPT] = self._now_s
+        row[:, 5] = np.minimum(1.0, np.hypot(self._v[:, 0], self._v[:, 1]) / 0.6)
+        self._times_s[self._steps % KEPT] = now_s
         self._steps += 1
 
     # -- where to go ----------------------------------------------------------------------------
@@ -151,56 +191,21 @@ class Crowd:
     def _decide(self) -> None:
         """Who wants which velocity for the next moments."""
         headings, paces = self._ahead.copy(), np.zeros(len(self.walkers))
-        for k, walker in enumerate(self.walkers):
-            if self._now_s >= self._rests_until_s[k]:
-                self._next_waypoint(k)
-                headings[k] = _towards(self._at[k], walker.waypoints[self._goal[k]])
-                paces[k] = walker.speed_mps
-        ways = _ways(headings, self._speed_mps)  # (walkers, ways, 2)
+        for k, errand in enumerate(self._errands):
+            if self._now_s >= errand.rests_until_s:
+                errand.go_on(self._at[k], self._now_s, self._random)
+                headings[k] = _towards(self._at[k], errand.walker.waypoints[errand.goal])
+                paces[k] = errand.walker.speed_mps
+        ways = _ways(headings, np.array([w.speed_mps for w in self.walkers]))  # (walkers, ways, 2)
         spots = self._at[:, None, None] + ways[:, :, None] * HORIZON_S[:, None]  # and instants
         off = ways - (paces[:, None] * headings)[:, None]
+        most_m = np.array([walker.aside_m for walker in self.walkers])[:, None]
+        robot_gaps_m = self._robot.gaps_m(spots) - self._radius_m[:, None]
         loss = np.hypot(off[..., 0], off[..., 1]) + 0.02 * np.arange(ways.shape[1]) / ways.shape[1]
-        loss += 30.0 * np.maximum(0.0, PLANNED_M - self._robot_gaps_m(spots))
+        loss += 30.0 * np.maximum(0.0, PLANNED_M - robot_gaps_m)
         loss += 10.0 * np.maximum(0.0, OTHERS_M - self._other_gaps_m(spots))
-        loss += 4.0 * np.maximum(0.0, self._aside_m(spots) - self._aside_most_m[:, None])
+        loss += 4.0 * np.maximum(0.0, self._aside_m(spots) - most_m)
         self._wanted = ways[np.arange(len(ways)), loss.argmin(axis=1)]
-
-    def _next_waypoint(self, k: int) -> None:
-        """Turn to the next one where this one is reached, or cannot be."""
-        walker = self.walkers[k]
-        left_m = math.dist(self._at[k], walker.waypoints[self._goal[k]])
-        if left_m < self._nearest_m[k] - 0.1:
-            self._nearest_m[k], self._nearest_s[k] = left_m, self._now_s
-        stuck = self._now_s - self._nearest_s[k] > PATIENCE_S
-        if left_m > THERE_M and not stuck:
-            return
-        self._way[k] *= -1 if stuck else 1
-        if not 0 <= self._goal[k] + self._way[k] < len(walker.waypoints):
-            self._way[k] *= -1
-        self._goal[k] += self._way[k]
-        self._nearest_m[k], self._nearest_s[k] = math.inf, self._now_s
-        rest_s = 0.0 if stuck else float(self._random.uniform(0.0, walker.pause_s))
-        self._rests_until_s[k] = self._now_s + rest_s
-        self._nearest_s[k] += rest_s
-
-    def _robot_gaps_m(self, spots: F64) -> F64:
-        """Least gaps (walkers, ways) to the robot and the way right before it, as it goes on."""
-        assert self._robot is not None
-        rx, ry, yaw = self._robot
-        yaws = yaw + self._robot_w * HORIZON_S
-        middle = yaw + self._robot_w * HORIZON_S / 2
-        xs = rx + self._robot_v * HORIZON_S * np.cos(middle)
-        ys = ry + self._robot_v * HORIZON_S * np.sin(middle)
-        dx, dy = spots[..., 0] - xs, spots[..., 1] - ys
-        ahead = np.cos(yaws) * dx + np.sin(yaws) * dy
-        aside = np.abs(np.cos(yaws) * dy - np.sin(yaws) * dx)
-        front = FRONT_M + AHEAD_S * max(0.0, self._robot_v)
-        rear = REAR_M + AHEAD_S * max(0.0, -self._robot_v)
-        over = np.maximum(np.maximum(ahead - front, -rear - ahead), 0.0)
-        beside = np.maximum(aside - HALF_WIDTH_M, 0.0)
-        # within the keep-out: the nearer to its middle line, the worse, so that the way out shows
-        inside = np.where((over == 0.0) & (beside == 0.0), HALF_WIDTH_M - aside, 0.0)
-        return np.asarray((np.hypot(over, beside) - inside).min(axis=2) - self._radius_m[:, None])
 
     def _other_gaps_m(self, spots: F64) -> F64:
         """Least gaps (walkers, ways) to all other walkers, as they go on."""
@@ -215,8 +220,11 @@ class Crowd:
     def _aside_m(self, spots: F64) -> F64:
         """How far (walkers, ways) each comes from the line between his waypoints in a second."""
         legs = [
-            (walker.waypoints[goal - way], walker.waypoints[goal])
-            for walker, goal, way in zip(self.walkers, self._goal, self._way, strict=True)
+            (
+                errand.walker.waypoints[errand.goal - errand.way],
+                errand.walker.waypoints[errand.goal],
+            )
+            for errand in self._errands
         ]
         begins, ends = np.array(legs).transpose(1, 0, 2)
         along = ends - begins
@@ -243,13 +251,3 @@ def _ways(headings: F64, speeds_mps: F64) -> F64:
     return np.concatenate(
         [np.zeros((len(headings), 1, 2)), *(pace * turned for pace in PACES)], axis=1
     )
-
-
-def walker_from(entry: dict[str, object]) -> Walker:
-    """A [[walker]] of a scene's file: name, waypoints; speed_mps, start_s, pause_s, radius_m,
-    aside_m.
-    """
-    points = tuple((float(x), float(y)) for x, y in entry["waypoints"])  # type: ignore[attr-defined]
-    numbers = ("speed_mps", "start_s", "pause_s", "radius_m", "aside_m")
-    given = {key: float(entry[key]) for key in numbers if key in entry}  # type: ignore[arg-type]
-    return Walker(str(entry["name"]), points, **given)

@@ -6,7 +6,6 @@ beams. Angles lie in the map frame.
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 BEAM_DEG = 0.86  # 15 mrad: how an LMS111's beam widens, recalled; its sheet here does not say
 EXIT_M = 0.008  # how wide it leaves the window, recalled as well
@@ -74,25 +73,6 @@ def as_the_sheets_say(more: ErrorModels = NONE) -> ErrorModels:
     )
 
 
-def error_models_from(entry: dict[str, Any]) -> ErrorModels:
-    """[upsets] of a scene's file: the fields above, angles in `_deg` instead of `_rad`.
-
-    Raises:
-        ValueError: no such upset, or one out of its range.
-    """
-    known = {field.name for field in fields(ErrorModels)}
-    values: dict[str, Any] = {}
-    for key, value in entry.items():
-        name = key.removesuffix("_deg") + "_rad" if key.endswith("_deg") else key
-        if name not in known or key.endswith("_rad"):
-            raise ValueError(f"upsets: no key {key!r}")
-        is_flag = isinstance(getattr(NONE, name), bool)
-        if isinstance(value, bool) is not is_flag or not isinstance(value, int | float):
-            raise ValueError(f"upsets: {key} must be {'true or false' if is_flag else 'a number'}")
-        values[name] = math.radians(value) if key.endswith("_deg") else value
-    return ErrorModels(**values)
-
-
 @dataclass(frozen=True, slots=True)
 class Patch:
     """A rectangle of ground with a friction of its own: 1 dry floor, 0.3 wet tiles, 0.1 ice."""
@@ -102,15 +82,6 @@ class Patch:
     y: tuple[float, float]
     friction: float
 
-
-def patch_from(entry: dict[str, Any]) -> Patch:
-    """A [[patch]] of a scene's file: name, x, y, friction.
-
-    Raises:
-        ValueError: it ends before it begins, or its friction is not above 0 and at most 2.
-    """
-    (x0, x1), (y0, y1) = entry["x"], entry["y"]
-    friction = float(entry["friction"])
-    if not (x0 < x1 and y0 < y1 and 0.0 < friction <= 2.0):
-        raise ValueError("a patch needs [from, to] with from < to, and friction in 0..2")
-    return Patch(entry["name"], (float(x0), float(x1)), (float(y0), float(y1)), friction)
+    def __post_init__(self) -> None:
+        if not 0.0 < self.friction <= 2.0:
+            raise ValueError(f"{self.name}: friction must be above 0 and at most 2")

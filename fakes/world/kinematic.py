@@ -1,12 +1,11 @@
 """A world whose robot moves as it is told: along a trajectory, exactly, without physics.
 
 It has the face of a `World`: the same devices stand on it. Wheels count what the body's motion
-makes them roll, what the motors want is not heard. All that has been can be asked about for ever,
+makes them roll, and their motors move nothing. All that has been can be asked about for ever,
 and a world is the same to the bit however it is stepped. A scene's walkers are not there.
 """
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from fakes.world.rotations import R_from_angles, rotation_z
 from fakes.world.slip import bursts, shares
 from fakes.world.terrain import stance
 from fakes.world.trajectory import Trajectory
+from fakes.world.world import Wheels
 
 F64 = npt.NDArray[np.float64]
 STEP_S = 0.002
@@ -29,22 +29,6 @@ MARGIN = 32  # steps beyond a block that its smoothing and its derivatives look 
 GRAVITY_MPS2 = 9.81
 X, Y, YAW, PITCH, ROLL, Z, LEFT, RIGHT = range(8)  # columns; then rate of turn, specific force
 RATE, FORCE = slice(8, 11), slice(11, 14)
-
-
-class RollingWheels:
-    """Encoders of wheels that roll with the body; channel 1 is left, 2 is right."""
-
-    def __init__(self, angles_rad: Callable[[], tuple[float, float]]) -> None:
-        self._angles_rad = angles_rad
-
-    def counts(self) -> tuple[float, float]:
-        """Encoder edges (channel 1, channel 2) at the instant the world was stepped to."""
-        left_rad, right_rad = self._angles_rad()
-        scale = robot.COUNTS_PER_TURN / math.tau
-        return left_rad * scale, right_rad * scale
-
-    def set_power(self, one: float, two: float) -> None:
-        """Motors that are not connected."""
 
 
 class KinematicWorld:
@@ -69,7 +53,7 @@ class KinematicWorld:
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
         self.errors = self.scene.errors
-        self.wheels = RollingWheels(self.wheel_angles_rad)
+        self.wheels = Wheels(self.wheel_angles_rad, seed)
         self._trajectory, self._follows = trajectory, follows
         self._slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
         self._rays = Rays(self.scene, seed, self.errors)
@@ -132,28 +116,28 @@ class KinematicWorld:
             poses[:, column] += np.convolve(values, weights / weights.sum(), "valid")
         return poses
 
-    # -- the face of a world ------------------------------------------------------------------
+    # -- the face of a world, as `World` has it -----------------------------------------------
 
     def _since_begin_s(self, t_s: float | None) -> float:
         begin_s = self._now_s if self._begin_s is None else self._begin_s
         return (self._now_s if t_s is None else t_s) - begin_s
 
-    def _now_or(self, t_s: float | None) -> F64:
-        return np.array([self._now_s if t_s is None else t_s])
+    def _row(self, t_s: float | None) -> F64:
+        return np.asarray(self._rows_at(np.array([self._now_s if t_s is None else t_s]))[0])
 
     def wheel_angles_rad(self) -> tuple[float, float]:
         """How far (left, right) have turned since the begin, forward positive."""
-        row = self._rows_at(self._now_or(None))[0]
+        row = self._row(None)
         return float(row[LEFT]), float(row[RIGHT])
 
     def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
         """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
-        x, y, yaw, pitch, roll = (float(part) for part in self._rows_at(self._now_or(t_s))[0, :5])
+        x, y, yaw, pitch, roll = (float(part) for part in self._row(t_s)[:5])
         return x, y, math.remainder(yaw, math.tau), pitch, roll
 
     def height_m(self, t_s: float | None = None) -> float:
         """How high the body frame's origin lies above the map's z = 0."""
-        return float(self._rows_at(self._now_or(t_s))[0, Z])
+        return float(self._row(t_s)[Z])
 
     def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike, t_s: float | None = None) -> F64:
         """Height (n,) of the highest surface at x (n,), y (n,), map frame, now or at an instant."""
@@ -161,28 +145,18 @@ class KinematicWorld:
 
     def distortion_at(self, t_s: float) -> F64:
         """What (3, 3) steel makes of the earth's field (north, west, up) where the robot is."""
-        row = self._rows_at(np.array([t_s]))[0]
+        row = self._row(t_s)
         return distortion(self.scene.steels, float(row[X]), float(row[Y]))
 
     def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
-        """What an attitude sensor on the body, its axes along the body's, goes through.
-
-        Returns:
-            R_earth_sensor (3, 3), earth being north, west, up; rate of turn (3,) rad/s and
-            specific force (3,) m/s2, both along the sensor's axes: standing, z is +9.81.
-        """
+        """Attitude, rate of turn and specific force of a sensor on the body."""
         row = self._rows_at(np.array([t_s]))
         R_map_sensor = R_from_angles(row[:, YAW], row[:, PITCH], row[:, ROLL])[0]
         R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
         return R_earth_map @ R_map_sensor, row[0, RATE], row[0, FORCE]
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
-        """What beams from the lens meet: (n,) metres, NaN where nothing is within 30 m.
-
-        Args:
-            times_s: (n,) instants gone by, in order.
-            bearings_rad: (n,) in the scan plane, from straight ahead, counter-clockwise.
-        """
+        """What beams from the lens meet, at instants gone by."""
         begin_s = self._now_s - self._since_begin_s(None)
         return self._rays.ranges_m(self._bodies_at, times_s, bearings_rad, begin_s)
 

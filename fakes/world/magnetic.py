@@ -8,7 +8,6 @@ wrong together, as beside a steel door.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -44,15 +43,3 @@ def distortion(steels: Sequence[MagneticDisturbance], x_m: float, y_m: float) ->
         more, less = 1.0 + steel.strength * nearness, 1.0 - steel.strength * nearness
         bent = rotation_z(steel.yaw_rad * nearness) @ np.diag([more, more, less]) @ bent
     return bent
-
-
-def steel_from(entry: dict[str, Any]) -> MagneticDisturbance:
-    """A [[steel]] of a scene's file: name, at, yaw_deg; reach_m (1.5), strength (0.3)."""
-    x, y = entry["at"]
-    return MagneticDisturbance(
-        entry["name"],
-        (float(x), float(y)),
-        math.radians(entry["yaw_deg"]),
-        float(entry.get("reach_m", 1.5)),
-        float(entry.get("strength", 0.3)),
-    )

@@ -6,7 +6,8 @@ origin on the ground under the middle of the axle. The casters stand on stiff sp
 body nods when it speeds up, brakes or rolls over something; at rest it is level.
 """
 
-from fakes.scenes.scene import Scene, mjcf_from_solids
+from fakes.scenes.scene import Scene
+from fakes.scenes.solids import mjcf_from_solids
 
 WHEEL_RADIUS_M = 0.15
 TRACK_WIDTH_M = 0.50

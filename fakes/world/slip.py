@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 F64 = npt.NDArray[np.float64]
 BURSTS_UNTIL_S = 1800.0  # of a world's life
+AT_ONCE = 200  # steps whose shares are found together
 BURST_S = (0.2, 1.0)  # how long a wheel spins
 BURST_SHARE = (0.05, 0.30)  # and how much too much it counts
 
@@ -47,7 +48,19 @@ def bursts(per_min: float, seed: int) -> tuple[Slip, ...]:
     return tuple(slips)
 
 
-def slip_from(entry: dict[str, Any]) -> Slip:
-    """A [[slip]] of a scene's file: left, right; from_s, until_s."""
-    times = (float(entry.get("from_s", -math.inf)), float(entry.get("until_s", math.inf)))
-    return Slip(float(entry["left"]), float(entry["right"]), *times)
+class Spinning:
+    """What wheels have turned without the robot so far, (left, right) rad; told of every step."""
+
+    def __init__(self, slips: Sequence[Slip], step_s: float) -> None:
+        self.rad = np.zeros(2)
+        self._slips, self._step_s = slips, step_s
+        self._turned_rad = np.zeros(2)
+        self._shares = np.zeros((AT_ONCE, 2))  # of the steps around the newest one
+
+    def step(self, number: int, turned_rad: F64) -> None:
+        """Step `number`, from 1 on, has brought the wheels to so much."""
+        k = number % AT_ONCE
+        if k == 0 or number == 1:
+            self._shares = shares(self._slips, (number - k + np.arange(AT_ONCE)) * self._step_s)
+        self.rad += self._shares[k] * (turned_rad - self._turned_rad)
+        self._turned_rad[:] = turned_rad

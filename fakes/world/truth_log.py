@@ -7,9 +7,6 @@ names the `scene` and the `seed`.
 """
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
@@ -45,17 +42,9 @@ class GroundTruthLog:
             "pitch_rad": pitch_rad,
             "roll_rad": roll_rad,
         }
-        rounded: dict[str, Any] = {name: round(value, 4) for name, value in truth.items()}
-        rounded["people"] = np.round(self._world.people(), 3).tolist()
-        self._say(rounded)
+        people = np.round(self._world.people(), 3).tolist()
+        self._say({name: round(value, 4) for name, value in truth.items()} | {"people": people})
 
     def _say(self, truth: dict[str, Any]) -> None:
         self._out.write(json.dumps(truth) + "\n")
         self._out.flush()
-
-
-@contextmanager
-def ground_truth_log(path: Path, world: World, scene: str, seed: int) -> Iterator[GroundTruthLog]:
-    """A fresh file of truths."""
-    with path.open("w", encoding="ascii") as out:
-        yield GroundTruthLog(out, world, scene, seed)

@@ -6,6 +6,7 @@ that get the same commands at the same instants are the same to the bit.
 """
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from fakes.world.error_models import ErrorModels
 from fakes.world.kernels import motion_at, pose_at, poses_at, row_at
 from fakes.world.magnetic import distortion
 from fakes.world.rotations import rotation_z
-from fakes.world.slip import bursts, shares
+from fakes.world.slip import Spinning, bursts
 
 F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
@@ -38,20 +39,30 @@ MOTOR_SPREAD = 0.01  # 1 sigma of what makes each motor faster or slower than th
 class Wheels:
     """The two motors and their encoders, as the controller is wired: 1 is left, 2 is right."""
 
-    def __init__(self, world: "World", gains: tuple[float, float]) -> None:
-        self._world, self._gains = world, gains
-        self.wanted_mps = [0.0, 0.0]
+    def __init__(self, angles_rad: Callable[[], tuple[float, float]], seed: int) -> None:
+        self._angles_rad = angles_rad
+        self._gains = np.random.default_rng(seed).normal(1.0, MOTOR_SPREAD, 2).tolist()
+        self._wanted_mps, self._rims_mps = [0.0, 0.0], [0.0, 0.0]
 
     def counts(self) -> tuple[float, float]:
         """Encoder edges (channel 1, channel 2) at the instant the world was stepped to."""
-        left_rad, right_rad = self._world.wheel_angles_rad()
+        left_rad, right_rad = self._angles_rad()
         scale = robot.COUNTS_PER_TURN / math.tau
         return left_rad * scale, right_rad * scale
 
     def set_power(self, one: float, two: float) -> None:
         """Share of full power per channel, -1..1, held until the next call."""
         for k, (power, gain) in enumerate(zip((one, two), self._gains, strict=True)):
-            self.wanted_mps[k] = max(-1.0, min(1.0, power)) * robot.MAX_SPEED_MPS * gain
+            self._wanted_mps[k] = max(-1.0, min(1.0, power)) * robot.MAX_SPEED_MPS * gain
+
+    def step(self, ctrl_radps: F64) -> None:
+        """Bring what the motors are told, (2,), one step nearer to what is wanted."""
+        if self._rims_mps != self._wanted_mps:
+            most = MOTOR_SLEW_MPS2 * STEP_S
+            for k in (0, 1):
+                change = self._wanted_mps[k] - self._rims_mps[k]
+                self._rims_mps[k] += max(-most, min(most, change))
+                ctrl_radps[k] = self._rims_mps[k] / robot.WHEEL_RADIUS_M
 
 
 class Ground:
@@ -95,27 +106,17 @@ class World:
         self.errors = self.scene.errors if errors is None else errors
         self._model = mj.MjModel.from_xml_string(robot.mjcf(self.scene))
         self._data = mj.MjData(self._model)
-        self._crowd = Crowd(self.scene.walkers, seed) if self.scene.walkers else None
-        self._slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
         self._ground = Ground(self.scene, self._model)
-        random = np.random.default_rng(seed)
-        left, right = random.normal(1.0, MOTOR_SPREAD, 2)
-        self.wheels = Wheels(self, (float(left), float(right)))
+        self._crowd = Crowd(self.scene.walkers, seed) if self.scene.walkers else None
+        slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
+        self._spinning = Spinning(slips, STEP_S) if slips else None
+        self.wheels = Wheels(self.wheel_angles_rad, seed)
         self._R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
+        self._rays = Rays(self.scene, seed, self.errors, self._crowd)
         self._begin_s: float | None = None
-        self._now_s = 0.0
-        self._steps = 0  # taken since the begin
-        self._ctrl_mps = [0.0, 0.0]
+        self._now_s, self._steps = 0.0, 0  # steps taken since the begin
         # x y z, qw qx qy qz, both wheels' angles; rate of turn, specific force of the sensor
         self._ring = np.zeros((KEPT, 15))
-        self._rows = [(row[:9], row[9:], row[7:9]) for row in self._ring]  # made once
-        self._q_pos, self._felt = self._data.qpos[:9], self._data.sensordata  # as MuJoCo has them
-        self._q_wheels, self._ctrl = self._data.qpos[7:9], self._data.ctrl
-        self._row_now: F64 | None = None  # the row of now, once it was asked for
-        self._rays = Rays(self.scene, seed, self.errors, self._crowd)
-        self._turned, self._slipped = np.zeros(2), np.zeros(2)  # by the wheels, rad
-        self._shares = np.zeros((KEPT, 2))  # of slip, of the steps of this round of the ring
-        self._slips_now = self._has_slipped = False  # in this round, and ever
         self._settle()
         self._look_around()
         self._warm()
@@ -140,42 +141,25 @@ class World:
         self._record()
 
     def _record(self) -> None:
-        place, felt, wheels = self._rows[self._steps % KEPT]
-        place[:], felt[:] = self._q_pos, self._felt
-        if self._slips and self._steps:
-            self._slip(self._steps % KEPT)
-            if self._has_slipped:
-                wheels += self._slipped
-
-    def _slip(self, k: int) -> None:
-        """What the wheels of the newest step, in row k, turned without the robot."""
-        if k == 0 or self._steps == 1:
-            steps = self._steps - k + np.arange(KEPT)
-            self._shares = shares(self._slips, steps * STEP_S)
-            self._slips_now = bool(self._shares.any())
-        if self._slips_now:
-            self._slipped += self._shares[k] * (self._q_wheels - self._turned)
-            self._has_slipped = True
-        if self._slips_now or k == KEPT - 1:  # else nobody asks before the next round
-            self._turned = self._q_wheels.copy()
+        row = self._ring[self._steps % KEPT]
+        row[:9], row[9:] = self._data.qpos[:9], self._data.sensordata
+        if self._spinning is not None:
+            row[7:9] += self._spinning.rad
 
     def step_to(self, now_s: float) -> None:
         """Advance physics to `now_s`, a host time that never goes back."""
         if self._begin_s is None:
             self._begin_s = now_s
-        self._now_s, self._row_now = max(self._now_s, now_s), None
+        self._now_s = max(self._now_s, now_s)
         while self._begin_s + self._steps * STEP_S < now_s - SAME_S:
             self._step()
 
     def _step(self) -> None:
-        if self._ctrl_mps != self.wheels.wanted_mps:
-            most = MOTOR_SLEW_MPS2 * STEP_S
-            for k in (0, 1):
-                change = self.wheels.wanted_mps[k] - self._ctrl_mps[k]
-                self._ctrl_mps[k] += max(-most, min(most, change))
-                self._ctrl[k] = self._ctrl_mps[k] / robot.WHEEL_RADIUS_M
+        self.wheels.step(self._data.ctrl)
         mj.mj_step(self._model, self._data, robot.STEPS)
         self._steps += 1
+        if self._spinning is not None:
+            self._spinning.step(self._steps, self._data.qpos[7:9])
         self._record()
         if self._steps % LOOK_STEPS == 0:
             self._look_around()
@@ -198,12 +182,7 @@ class World:
 
     def _row(self, t_s: float | None) -> F64:
         """All that is remembered of an instant (15,), or of now."""
-        if t_s is None and self._row_now is not None:
-            return self._row_now
-        row = row_at(self._ring, self._steps, self._since_begin_s(t_s) / STEP_S)
-        if t_s is None:
-            self._row_now = row
-        return row
+        return row_at(self._ring, self._steps, self._since_begin_s(t_s) / STEP_S)
 
     def _since_begin_s(self, t_s: float | None) -> float:
         begin_s = self._now_s if self._begin_s is None else self._begin_s

@@ -14,9 +14,6 @@ class BlindPilot(FakePlanner):
 
     Args:
         v_mps: its speed; below 0 it drives there in reverse.
-
-    Attributes:
-        gives_up: says "stopped" for ever, for this reason.
     """
 
     def __init__(self, v_mps: float = 0.6, radius_m: float = 0.3) -> None:
@@ -24,7 +21,7 @@ class BlindPilot(FakePlanner):
         self._speed_mps, self._radius_m = v_mps, radius_m
         self._goal: tuple[float, float] | None = None
         self._state, self._asked_s = PlannerState(), -math.inf
-        self.gives_up = ""
+        self.gives_up = ""  # why it is "stopped" for ever
 
     def goal(self, x_m: float, y_m: float) -> None:
         """Drive there."""

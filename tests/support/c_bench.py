@@ -13,7 +13,7 @@ from config_file import load_config
 from core.driving.stop_zone import StopZone
 from core.grid.ring import RingGrid
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleMap, PoseReport, StopZoneReport
-from fakes.wires.memory import MemoryPort
+from fakes.wires.wire import MemoryPort
 from hw.planner_link.receivers import one_link
 from mapod_link.frames import DRIVE, frame_from_bytes
 from tools.rig.c_build import ROOT

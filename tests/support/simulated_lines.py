@@ -7,8 +7,7 @@ a clock of its own, which goes on from one conversation to the next.
 from collections.abc import Callable
 
 from fakes.wires.baud import heard_at
-from fakes.wires.memory import MemoryPort, Wire
-from fakes.wires.wire import Fake
+from fakes.wires.wire import Fake, MemoryPort, Wire
 from hw.ports.url import parse_url
 from tools.cli.conversation import STEP_S
 

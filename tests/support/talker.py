@@ -1,5 +1,25 @@
 """A fake that tests of wires put words into, for streams and for datagrams."""
 
+import select
+from collections.abc import Callable
+
+PATIENCE = 400  # steps of 5 ms at most, for what the kernel does in microseconds
+
+
+def until(done: Callable[[], object], step: Callable[[], None]) -> None:
+    """Step until it is done, with up to 5 ms between steps."""
+    for _ in range(PATIENCE):
+        if done():
+            return
+        step()
+        select.select([], [], [], 0.0 if done() else 0.005)
+    raise AssertionError("nothing came of it")
+
+
+def has_grown(count: Callable[[], int], before: int) -> bool:
+    """Whether it is one more than before."""
+    return count() == before + 1
+
 
 class Talker:
     """Sends what it is told to, and remembers what it heard."""

@@ -6,31 +6,25 @@ import os
 import select
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import termios
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from fakes.programs.serving import MOST_S, Pace
 from tests import ROOT
-from tests.support.cases import few
 
+PYTHON = (sys.executable, "-m")
 PATIENCE_S = 60.0  # bounds what a hung process can cost
 LAGS = "this machine is too slow, the world lags"  # may be said at any time
 Start = Callable[..., "Program"]
-
-
-def started(arguments: Sequence[str]) -> list[str]:
-    """The command of a module and its arguments; of the fakes' own, its function is called."""
-    module, *rest = arguments
-    run = {"fakes.programs.lms1xx": "run_scanner", "fakes.programs.mti": "run_attitude"}.get(module)
-    code = f"import sys; from fakes.programs.program import {run}; sys.exit({run}())"
-    return [sys.executable, *(("-c", code) if run else ("-m", module)), *rest]
 
 
 class Program:
@@ -38,7 +32,7 @@ class Program:
 
     def __init__(self, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [*started(arguments), "--until-stdin-closes", "--seconds", "50"],
+            [*PYTHON, *arguments, "--until-stdin-closes", "--seconds", "50"],
             cwd=ROOT,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -89,33 +83,26 @@ def start() -> Iterator[Start]:
         program.process.communicate()
 
 
-def read_until(done: Callable[[bytes], object], read: Callable[[], bytes], file: int) -> bytes:
+def read_until(done: Callable[[bytes], object], file: int) -> bytes:
     """All that comes until it is enough; fails if that takes too long."""
     got, end_s = b"", time.monotonic() + PATIENCE_S
     while not done(got):
         assert time.monotonic() < end_s, got
         if select.select([file], [], [], 1.0)[0]:
-            got += read()
+            got += os.read(file, 4096)
     return got
 
 
 def asked(line: int, question: bytes, ending: bytes) -> bytes:
     """What a terminal answers, up to an ending."""
     os.write(line, question)
-    return read_until(lambda got: got.endswith(ending), lambda: os.read(line, 4096), line)
-
-
-def cola_b(payload: bytes) -> bytes:
-    checksum = 0
-    for byte in payload:
-        checksum ^= byte
-    return b"\x02" * 4 + struct.pack(">I", len(payload)) + payload + bytes([checksum])
+    return read_until(lambda got: got.endswith(ending), line)
 
 
 def refused(*arguments: str) -> str:
     """The one line of a program that does not start."""
     done = subprocess.run(
-        started(arguments),
+        [*PYTHON, *arguments],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -149,18 +136,25 @@ def test_the_drive_answers_on_its_link_until_a_fault_and_ends_at_a_signal(
     assert not os.path.lexists(link)
 
 
-def test_the_drive_is_reached_over_tcp_too_and_tells_who_comes(start: Start) -> None:
+def test_the_drive_is_reached_over_tcp_too_and_tells_who_comes_and_ends_with_its_starter(
+    start: Start,
+) -> None:
     program = start("fakes.programs.ax3500", "--port", "0", "--model", "AX2850", "--unpaced")
     with program.connect("ax3500") as client:
-        client.sendall(b"^8A\r")
-        read_until(lambda got: got == b"^8A\r24\r+\r", lambda: client.recv(64), client.fileno())
+        assert asked(client.fileno(), b"^8A\r", b"+\r") == b"^8A\r24\r+\r"
         name = "{}:{}".format(*client.getsockname())
         assert program.heard() == f"ax3500: client {name} connected\n"
+    program.process.communicate(timeout=PATIENCE_S)  # closes its standard input
+    assert program.process.returncode == 0
 
 
-def test_a_host_at_the_wrong_speed_is_told_of(start: Start) -> None:
-    program = start("fakes.programs.ax3500")
+def test_a_drive_in_radio_mode_logs_by_itself_and_tells_of_a_host_at_the_wrong_speed(
+    start: Start,
+) -> None:
+    program = start("fakes.programs.ax3500", "--mode", "rc", "--model", "AX1500", "--seed", "3")
     line = os.open(program.path("ax3500"), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    logged = read_until(lambda got: got.count(b"\r") >= 2, line)
+    assert logged.split(b"\r")[1].startswith(b":0000")
     settings = termios.tcgetattr(line)
     settings[4] = settings[5] = termios.B115200
     termios.tcsetattr(line, termios.TCSANOW, settings)
@@ -168,57 +162,39 @@ def test_a_host_at_the_wrong_speed_is_told_of(start: Start) -> None:
     os.close(line)
 
 
-def test_a_drive_in_radio_mode_logs_by_itself(start: Start) -> None:
-    program = start("fakes.programs.ax3500", "--mode", "rc", "--model", "AX1500", "--seed", "3")
-    line = os.open(program.path("ax3500"), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    logged = read_until(lambda got: got.count(b"\r") >= 2, lambda: os.read(line, 4096), line)
-    assert logged.split(b"\r")[1].startswith(b":0000")
-    os.close(line)
-
-
 def test_the_attitude_sensor_streams_until_it_falls_mute(start: Start) -> None:
     program = start(
-        "fakes.programs.mti", "--port", "0", "--scene", "turning", "--fault", "mute@500ms-1s"
+        *("fakes.programs.mti", "--port", "0", "--scene", "turning", "--rate", "50"),
+        *("--fault", "mute@100ms-200ms"),
     )
     with program.connect("mti") as client:
-        read_until(
-            lambda got: got.count(b"\xfa\xff\x32") > 3, lambda: client.recv(4096), client.fileno()
-        )
+        read_until(lambda got: got.count(b"\xfa\xff\x32") > 3, client.fileno())
         told = [program.heard() for _ in range(3)]
         assert {line.split()[-1] for line in told} == {"connected", "on", "off"}
         client.sendall(bytes.fromhex("FAFF3000D1"))  # GoToConfig
-        read_until(
-            lambda got: b"\xfa\xff\x31\x00\xd0" in got, lambda: client.recv(4096), client.fileno()
-        )
+        read_until(lambda got: b"\xfa\xff\x31\x00\xd0" in got, client.fileno())
+        client.sendall(bytes.fromhex("FAFF0400FD"))  # ReqPeriod
+        read_until(lambda got: b"\xfa\xff\x05\x02\x09\x00" in got, client.fileno())
 
 
-@pytest.mark.parametrize("rate_hz", few([50, 25], 1))
-def test_the_scanner_answers_on_tcp_as_it_was_set(start: Start, rate_hz: int) -> None:
-    program = start("fakes.programs.lms1xx", "--port", "0", "--scan-rate", str(rate_hz))
-    with program.connect("lms111") as client:
-        client.sendall(cola_b(b"sRN LMPscancfg"))
-        answer = read_until(
-            lambda got: b"LMPscancfg" in got and len(got) > 40,
-            lambda: client.recv(4096),
-            client.fileno(),
-        )
-        assert answer[8:].startswith(b"sRA LMPscancfg " + struct.pack(">I", 100 * rate_hz))
-
-
-def test_a_cut_throws_the_scanners_client_out(start: Start) -> None:
-    cuts = [word for k in range(30) for word in ("--fault", f"cut@{k * 1000 + 300}ms+100ms")]
-    program = start("fakes.programs.lms1xx", "--port", "0", *cuts)
-    client = None
-    while client is None:  # it may come while the wire is cut
-        with contextlib.suppress(ConnectionRefusedError):
-            client = program.connect("lms111")
-    with client:
-        assert client.recv(100) == b""
+def test_the_scanner_is_set_as_told_and_a_cut_throws_its_client_out(start: Start) -> None:
+    cuts = [word for k in range(99) for word in ("--fault", f"cut@{k * 500 + 300}ms+100ms")]
+    program = start(
+        *("fakes.programs.lms1xx", "--port", "0", "--scan-rate", "25", "--dialect", "ascii"), *cuts
+    )
+    answered = b""
+    while b"\x03" not in answered:  # it may come while the wire is cut
+        with contextlib.suppress(ConnectionError), program.connect("lms111") as client:
+            client.sendall(b"\x02sRN LMPscancfg\x03")
+            answered = b""
+            while piece := client.recv(100):
+                answered += piece
+    assert answered.startswith(b"\x02sRA LMPscancfg 9C4 1 ")  # 25 Hz
 
 
 def test_the_list_of_faults_tells_all_and_ends() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "fakes.programs.ax3500", "--list-faults"],
+        [*PYTHON, "fakes.programs.ax3500", "--list-faults"],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -231,39 +207,38 @@ def test_the_list_of_faults_tells_all_and_ends() -> None:
 
 
 def test_what_there_is_not_is_one_line_and_status_two() -> None:
-    assert "'moote': no such fault; there are " in refused(
-        "fakes.programs.ax3500", "--fault", "moote@1s"
-    )
-    assert "takes on|off, given '3'" in refused("fakes.programs.mti", "--fault", "mute=3@1s")
-    assert "no scene 'wall:x'; there are room" in refused(
-        "fakes.programs.lms1xx", "--scene", "wall:x"
-    )
-    assert "write one of scanner, ahrs, drive" in refused("fakes", "--fault", "mute@1s")
-
-
-# the rig
-
-
-def test_a_device_that_is_left_out_has_no_port(start: Start, tmp_path: Path) -> None:
-    link = tmp_path / "drive"
-    program = start(
-        *("fakes", "--leave-out", "scanner", "--leave-out", "ahrs", "--no-driver"),
-        *("--drive-link", str(link), "--drive-mode", "rc", "--fault", "drive.cut@0s-100ms"),
-    )
-    assert program.ports == {
-        "scanner": None,
-        "ahrs": None,
-        "drive": f"serial://{link}?baud=9600&parity=E&bytesize=7",
-    }
-    assert [program.heard() for _ in range(2)] == [
-        "fakes: drive.cut on\n",
-        "fakes: drive.cut off\n",
-    ]
-    line = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    read_until(lambda got: b":00" in got, lambda: os.read(line, 4096), line)
-    os.close(line)
-
-
-def test_a_fault_of_a_device_that_is_left_out_is_refused() -> None:
+    arguments = "fakes.programs.lms1xx", "--scene", "wall:x"
+    assert "no scene 'wall:x'; there are room" in refused(*arguments)
     told = refused("fakes", "--leave-out", "ahrs", "--fault", "ahrs.mute@1s")
     assert "no device 'ahrs'; write one of scanner, drive" in told
+
+
+def test_the_rig_says_where_its_devices_are_and_one_that_is_left_out_has_no_port(
+    start: Start, tmp_path: Path
+) -> None:
+    link = tmp_path / "drive"
+    program = start(
+        *("fakes", "--leave-out", "ahrs", "--no-driver", "--drive-link", str(link)),
+        *("--drive-mode", "rc", "--fault", "drive.cut@0s-100ms"),
+    )
+    assert program.url("scanner").startswith("tcp://127.0.0.1:")
+    assert program.ports["ahrs"] is None
+    assert program.url("drive") == f"serial://{link}?baud=9600&parity=E&bytesize=7"
+    assert [program.heard() for _ in "12"] == ["fakes: drive.cut on\n", "fakes: drive.cut off\n"]
+    line = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    read_until(lambda got: b":00" in got, line)
+    os.close(line)
+    program.process.send_signal(signal.SIGINT)
+    program.process.communicate(timeout=PATIENCE_S)
+    assert program.process.returncode == 0
+
+
+@given(st.lists(st.floats(0.0, 3.0), max_size=40))
+def test_the_clock_of_the_programs_never_jumps_and_never_runs_ahead(waits_s: list[float]) -> None:
+    pace, host_s = Pace(10.0), 10.0
+    for wait_s in waits_s:
+        before_s, host_s = pace.now_s, host_s + wait_s
+        kept_up = pace.step(host_s)
+        assert before_s <= pace.now_s <= host_s
+        assert pace.now_s - before_s <= MOST_S + 1e-9
+        assert kept_up or pace.now_s - before_s == pytest.approx(MOST_S)

@@ -37,10 +37,6 @@ def walls_about(x: float, gap_m: float) -> tuple[Solid, Solid]:
     )
 
 
-def test_an_empty_floor_has_no_problems() -> None:
-    assert found() == ""
-
-
 def test_things_that_leave_a_wide_way_are_no_problem() -> None:
     assert found(box((12.0, 13.0), (-0.5, 0.5), (0.0, 0.2))) == ""
     assert found(Pillar("post", (12.0, 0.0), 0.1, (0.0, 2.0))) == ""
@@ -125,9 +121,7 @@ def test_tall_things_may_stand_in_the_clear_start_and_hide_what_is_behind() -> N
 
 def test_an_edge_must_not_lie_in_the_clear_start() -> None:
     platform = Solid("platform", (-14.0, 40.0), (-14.0, 4.0), (-1.0, 0.0))
-    wall = box((-14.0, 10.0), (3.8, 4.0), (-1.0, 1.3))
     assert "clear start" in check_place([platform], [(16.0, 0.0)], (), 9.0)[0]
-    assert check_place([platform, wall], [(16.0, 0.0)], (), 9.0) == []
 
 
 # -- what the laser sees ----------------------------------------------------------------------
@@ -150,12 +144,6 @@ def test_a_wide_bend_can_be_looked_into_on_a_detour() -> None:
         box((18.5, 18.7), (-3.5, 14.0), (-1.0, 2.5)),
     )
     assert found(*walls, goal=(15.0, 8.0)) == ""
-    ground = Ground((FLOOR, *walls), [(15.0, 8.0)])
-    ways = ground.ways((0.0, 0.0), (15.0, 8.0))
-    lengths = [sum(map(math.dist, way[:-1], way[1:])) for way in ways]
-    assert len(lengths) > 3
-    assert lengths[0] < min(lengths) + 0.5  # drawn tight along cells, so nearly the shortest
-    assert max(lengths) < lengths[0] + 8.5
 
 
 def test_the_lasers_line_is_where_the_world_has_it() -> None:

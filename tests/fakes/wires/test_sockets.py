@@ -1,224 +1,196 @@
-"""The wires between fakes and other processes: TCP, UDP, pty; all of them real."""
+"""TCP between fakes and other processes, with its faults and its clients; all of it real."""
 
-import os
 import select
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
 from functools import partial
 
 import pytest
 
-from fakes.wires.wire import PTY_BACKLOG, TCP_BACKLOG, PtyWire, TcpWire, UdpWire
-from tests.support.talker import Talker
-
-PATIENCE = 400  # steps of 5 ms at most, for what the kernel does in microseconds
-KERNEL_KEEPS = 65536  # bytes at most, unread in a pty
-
-
-def until(done: Callable[[], object], step: Callable[[], None], *readable: int) -> None:
-    """Step until it is done; between steps wait up to 5 ms for what is readable."""
-    for _ in range(PATIENCE):
-        if done():
-            return
-        step()
-        select.select(readable, [], [], 0.0 if done() else 0.005)
-    raise AssertionError("nothing came of it")
-
-
-def has_grown(count: Callable[[], int], before: int) -> bool:
-    """Whether it is one more than before."""
-    return count() == before + 1
-
-
-@pytest.fixture
-def tcp() -> Iterator[tuple[Talker, TcpWire]]:
-    fake = Talker()
-    with closing(TcpWire(fake)) as wire:
-        yield fake, wire
+from fakes.wires.sockets import TCP_BACKLOG
+from fakes.wires.wire import MemoryPort, TcpWire, Wire
+from tests.support.talker import Talker, has_grown, until
 
 
 def connected(wire: TcpWire) -> socket.socket:
     return socket.create_connection((wire.host, wire.port), timeout=2.0)
 
 
-def test_a_tcp_client_is_served(tcp: tuple[Talker, TcpWire]) -> None:
-    fake, wire = tcp
-    with connected(wire) as client:
-        until(lambda: wire.clients, lambda: wire.step(1.0))
-        assert fake.clients == [1.0]
-        client.sendall(b"hello")
-        until(lambda: fake.heard == b"hello", lambda: wire.step(1.1))
-        fake.says = b"world"
-        wire.step(1.2)
-        assert client.recv(100) == b"world"
+class Tcp:
+    """A talker on TCP and one client of it, in."""
 
-
-def test_a_second_tcp_client_is_turned_away_until_the_first_has_left(
-    tcp: tuple[Talker, TcpWire],
-) -> None:
-    fake, wire = tcp
-    with connected(wire) as first:
+    def __init__(self, wire: TcpWire, fake: Talker) -> None:
+        self.wire, self.fake = wire, fake
+        self.client = connected(wire)
         until(lambda: wire.clients, lambda: wire.step(0.0))
-        with connected(wire) as second:
-            until(lambda: wire.turned_away, lambda: wire.step(0.1))
-            assert second.recv(1) == b""
-        fake.says = b"still here"
-        wire.step(0.2)
-        assert first.recv(100) == b"still here"
-    with connected(wire) as third:
-        until(lambda: wire.clients == 2, lambda: wire.step(0.3))
-        fake.says = b"welcome"
-        wire.step(0.4)
-        assert third.recv(100) == b"welcome"
-    assert fake.clients == [0.0, 0.3]
 
-
-def test_a_tcp_client_that_resets_the_connection_harms_nothing(
-    tcp: tuple[Talker, TcpWire],
-) -> None:
-    fake, wire = tcp
-    for visit in range(3):
-        client = connected(wire)
-        until(partial(has_grown, lambda: wire.clients, visit), lambda: wire.step(0.0))
-        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
-        client.close()  # a reset, not an orderly end
-        for _ in range(3):
-            fake.says = b"anybody there?"
-            wire.step(0.0)
-
-
-def test_what_a_tcp_client_is_too_slow_for_is_kept_up_to_a_bound(
-    tcp: tuple[Talker, TcpWire],
-) -> None:
-    fake, wire = tcp
-    with connected(wire) as client:
-        until(lambda: wire.clients, lambda: wire.step(0.0))
-        piece = bytes(range(256)) * 256
-        sent = 0
-        while not wire.lost and sent < 100 * TCP_BACKLOG:
-            fake.says, sent = piece, sent + len(piece)
-            wire.step(0.0)
-        kept, received = sent - wire.lost, bytearray()
-        assert wire.lost == len(piece)
-
-        def read_on() -> None:
-            wire.step(0.0)
-            received.extend(client.recv(1 << 20))
-
-        until(lambda: len(received) == kept, read_on)
-        assert bytes(received) == piece * (kept // len(piece))
-
-
-def test_a_cut_throws_the_tcp_client_out_and_lets_nobody_in(tcp: tuple[Talker, TcpWire]) -> None:
-    _, wire = tcp
-    with connected(wire) as client:
-        until(lambda: wire.clients, lambda: wire.step(0.0))
-        wire.cut = True
-        wire.step(0.1)
-        assert client.recv(1) == b""
-    with connected(wire) as client:
-        until(lambda: wire.turned_away, lambda: wire.step(0.2))
-        assert client.recv(1) == b""
-    wire.cut = False
-    with connected(wire):
-        until(lambda: wire.clients == 2, lambda: wire.step(0.3))
-
-
-# UDP
-
-
-def test_udp_answers_whoever_wrote_last() -> None:
-    fake = Talker()
-    with closing(UdpWire(fake)) as wire:
-        fake.says_datagrams = [b"to nobody"]
-        wire.step(0.0)
-        for name in (b"one", b"two"):
-            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
-                client.settimeout(2.0)
-                client.sendto(name, (wire.host, wire.port))
-                until(partial(fake.heard_datagrams.__contains__, name), lambda: wire.step(0.0))
-                fake.says_datagrams = [b"a", b"bc"]
-                wire.step(0.0)
-                assert [client.recv(100), client.recv(100)] == [b"a", b"bc"]
-        for _ in range(3):  # the peer is gone
-            fake.says_datagrams = [b"lost"]
-            wire.step(0.0)
-
-
-# pty
+    def hear(self, now_s: float, says: bytes) -> bytes:
+        """What the client gets of it by this step."""
+        self.fake.says = says
+        self.wire.step(now_s)
+        ready = select.select([self.client], [], [], 0.02)[0]
+        return self.client.recv(65536) if ready else b""
 
 
 @pytest.fixture
-def pty() -> Iterator[tuple[Talker, PtyWire]]:
+def tcp() -> Iterator[Tcp]:
     fake = Talker()
-    with closing(PtyWire(fake)) as wire:
-        yield fake, wire
+    with closing(TcpWire(fake, seed=1)) as wire:
+        tcp = Tcp(wire, fake)
+        with tcp.client:
+            yield tcp
 
 
-def opened(wire: PtyWire) -> int:
-    return os.open(wire.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+def test_a_tcp_client_is_served_and_told_of(tcp: Tcp) -> None:
+    assert tcp.fake.clients == [0.0]
+    tcp.client.sendall(b"hello")
+    until(lambda: tcp.fake.heard == b"hello", lambda: tcp.wire.step(1.1))
+    assert tcp.hear(1.2, b"world") == b"world"
+    name = "{}:{}".format(*tcp.client.getsockname())
+    tcp.client.close()
+    until(lambda: len(tcp.wire.news) == 2, lambda: tcp.wire.step(1.3))
+    assert list(tcp.wire.news) == [f"client {name} connected", f"client {name} gone"]
 
 
-def read_all(host: int, wire: PtyWire, size: int) -> bytes:
-    received = bytearray()
+def test_a_second_tcp_client_is_turned_away_until_the_first_has_left(tcp: Tcp) -> None:
+    with connected(tcp.wire) as second:
+        until(lambda: tcp.wire.turned_away, lambda: tcp.wire.step(0.1))
+        assert second.recv(1) == b""
+    assert tcp.hear(0.2, b"still here") == b"still here"
+    tcp.client.close()
+    with connected(tcp.wire) as third:
+        until(lambda: tcp.wire.clients == 2, lambda: tcp.wire.step(0.3))
+        tcp.fake.says = b"welcome"
+        tcp.wire.step(0.4)
+        assert third.recv(100) == b"welcome"
+    assert tcp.fake.clients == [0.0, 0.3]
+
+
+def test_a_tcp_client_that_resets_the_connection_harms_nothing(tcp: Tcp) -> None:
+    tcp.client.close()
+    for visit in range(1, 4):
+        client = connected(tcp.wire)
+        until(partial(has_grown, lambda: tcp.wire.clients, visit), lambda: tcp.wire.step(0.0))
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\0\0\0\0\0\0\0")
+        client.close()  # a reset, not an orderly end
+        for _ in range(3):
+            tcp.fake.says = b"anybody there?"
+            tcp.wire.step(0.0)
+
+
+def test_what_a_tcp_client_is_too_slow_for_is_kept_up_to_a_bound(tcp: Tcp) -> None:
+    piece, sent, received = bytes(range(256)) * 256, 0, bytearray()
+    while not tcp.wire.lost and sent < 100 * TCP_BACKLOG:
+        tcp.fake.says, sent = piece, sent + len(piece)
+        tcp.wire.step(0.0)
+    kept = sent - tcp.wire.lost
+    assert tcp.wire.lost == len(piece)
 
     def read_on() -> None:
-        wire.step(0.0)
-        if select.select([host], [], [], 0.005)[0]:
-            received.extend(os.read(host, 65536))
+        tcp.wire.step(0.0)
+        received.extend(tcp.client.recv(1 << 20))
 
-    until(lambda: len(received) >= size, read_on)
-    return bytes(received)
-
-
-def test_a_pty_passes_every_byte_unchanged(pty: tuple[Talker, PtyWire]) -> None:
-    fake, wire = pty
-    every = bytes(range(256))
-    host = opened(wire)
-    os.write(host, every)
-    until(lambda: len(fake.heard) == 256, lambda: wire.step(0.0))
-    fake.says = every
-    assert read_all(host, wire, 256) == every
-    assert fake.heard == every  # and no echo of what was sent
-    os.close(host)
+    until(lambda: len(received) == kept, read_on)
+    assert bytes(received) == piece * (kept // len(piece))
 
 
-def test_hosts_on_a_pty_come_and_go(pty: tuple[Talker, PtyWire]) -> None:
-    fake, wire = pty
-    for visit in range(3):
-        host = opened(wire)
-        os.write(host, b"x")
-        until(partial(has_grown, lambda: len(fake.heard), visit), lambda: wire.step(0.0))
-        os.close(host)
-        wire.step(0.0)
+def test_a_cut_throws_the_tcp_client_out_and_lets_nobody_in(tcp: Tcp) -> None:
+    tcp.wire.cut = True
+    tcp.wire.step(0.1)
+    assert tcp.client.recv(1) == b""
+    with connected(tcp.wire) as client:
+        until(lambda: tcp.wire.turned_away, lambda: tcp.wire.step(0.2))
+        assert client.recv(1) == b""
+    tcp.wire.cut = False
+    with connected(tcp.wire):
+        until(lambda: tcp.wire.clients == 2, lambda: tcp.wire.step(0.3))
 
 
-def test_a_pty_that_nobody_reads_never_blocks_and_keeps_little(
-    pty: tuple[Talker, PtyWire],
-) -> None:
-    fake, wire = pty
-    for _ in range(1000):
-        fake.says = bytes(200)
-        wire.step(0.0)
-    assert wire.lost > 0
-    host = opened(wire)
-    kept = 1000 * 200 - wire.lost
-    assert kept <= KERNEL_KEEPS + PTY_BACKLOG
-    assert len(read_all(host, wire, kept)) == kept
-    os.close(host)
-
-
-def test_a_cut_pty_passes_nothing_either_way(pty: tuple[Talker, PtyWire]) -> None:
-    fake, wire = pty
-    host = opened(wire)
-    wire.cut = True
-    os.write(host, b"lost")
-    until(lambda: select.select([wire._master], [], [], 0.0)[0], lambda: None)
-    fake.says = b"lost too"
+def test_faults_are_the_same_over_tcp_as_in_memory(tcp: Tcp) -> None:
+    memory, port = Talker(), MemoryPort()
+    wire = Wire(memory, port, 1)
+    for each in (wire, tcp.wire):
+        each.alter_at, each.drop_at = {1: 0x20, 6: 0x01}, {4, 7}
+        each.damage_rate = 0.3
+    memory.says = b"ABCDEFGHI" * 5
     wire.step(0.0)
-    wire.cut = False
-    fake.says = b"back"
-    assert read_all(host, wire, 4) == b"back"
-    assert fake.heard == b""
-    os.close(host)
+    assert tcp.hear(0.0, b"ABCDEFGHI" * 5) == b"".join(port.read())
+    tcp.wire.damage_rate, tcp.wire.delay_s, tcp.wire.host_damage_rate = 0.0, 0.5, 1.0
+    assert tcp.hear(1.0, b"one ") == b""
+    assert tcp.hear(1.5, b"") == b"one "
+    tcp.wire.delay_s, tcp.wire.mute = 0.0, True
+    assert tcp.hear(1.6, b"swallowed") == b""
+    tcp.client.sendall(bytes(100))
+    until(lambda: len(tcp.fake.heard) == 100, lambda: tcp.wire.step(1.7))
+    assert 0 not in tcp.fake.heard
+
+
+def test_chunks_over_tcp_come_one_a_step(tcp: Tcp) -> None:
+    tcp.wire.chunk = 3
+    assert [tcp.hear(0.1 * k, b"abcdefg" if k == 0 else b"") for k in range(4)] == [
+        *(b"abc", b"def", b"g", b"")
+    ]
+
+
+def test_a_pulled_network_cable_is_silence_and_no_end(tcp: Tcp) -> None:
+    tcp.wire.unplugged = True
+    tcp.client.sendall(b"anybody?")
+    assert tcp.hear(1.0, b"under way") == b""
+    late = connected(tcp.wire)  # the system answers; the device does not
+    tcp.wire.step(2.0)
+    assert (tcp.fake.heard, tcp.wire.clients, tcp.wire.turned_away) == (b"", 1, 0)
+    tcp.wire.unplugged = False
+    assert tcp.hear(3.0, b", arrived") == b"under way, arrived"
+    until(lambda: tcp.fake.heard == b"anybody?", lambda: tcp.wire.step(3.1))
+    until(lambda: tcp.wire.turned_away, lambda: tcp.wire.step(3.2))
+    late.close()
+
+
+class Party(Talker):
+    """A fake that holds an object for each client."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.max_clients = 2
+        self.guests: list[Talker] = []
+        self.gone: list[float] = []
+
+    def connect(self, now_s: float) -> Talker:
+        guest = Talker()
+        guest.left = self.gone.append  # type: ignore[attr-defined]
+        self.guests.append(guest)
+        return guest
+
+
+def test_a_fake_of_several_clients_has_an_object_for_each() -> None:
+    fake = Party()
+    with closing(TcpWire(fake)) as wire:
+        clients = [connected(wire) for _ in range(2)]
+        until(lambda: wire.clients == 2, lambda: wire.step(0.0))
+        third = connected(wire)
+        until(lambda: wire.turned_away, lambda: wire.step(0.1))
+        assert third.recv(1) == b""
+        for client, guest, word in zip(clients, fake.guests, (b"one", b"two"), strict=True):
+            client.sendall(word)
+            until(partial(guest.heard.__eq__, b""), lambda: wire.step(0.2))
+            guest.says = word.upper()
+        until(
+            lambda: [guest.heard for guest in fake.guests] == [b"one", b"two"],
+            lambda: wire.step(0.3),
+        )
+        assert [client.recv(10) for client in clients] == [b"ONE", b"TWO"]
+        clients[0].close()
+        until(lambda: fake.gone == [0.4], lambda: wire.step(0.4))
+        third.close()
+        with connected(wire):
+            until(lambda: len(fake.guests) == 3, lambda: wire.step(0.5))
+        clients[1].close()
+
+
+def test_a_fake_that_takes_nobody_now_turns_clients_away() -> None:
+    fake = Party()
+    fake.connect = lambda now_s: None  # type: ignore[assignment, method-assign, return-value]
+    with closing(TcpWire(fake)) as wire, connected(wire) as client:
+        until(lambda: wire.turned_away, lambda: wire.step(0.0))
+        assert client.recv(1) == b""

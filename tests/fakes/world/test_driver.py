@@ -1,12 +1,8 @@
 """The driver on the shipped route, the rig, and the process of the fakes from outside."""
 
-import json
 import math
 import re
-import signal
-import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.programs.serving import MOST_S, Pace
 from fakes.world import robot
 from fakes.world.driver import PERIOD_S, TURN_RADPS, Driver
 from fakes.world.rig import Rig
 from fakes.world.world import World
-from tests import ROOT
-from tests.support.cases import few
 
 F64 = npt.NDArray[np.float64]
 SERVE = [sys.executable, "-m", "fakes"]
@@ -60,10 +53,6 @@ def lap() -> Lap:
     return Lap(world, np.array(poses), now_s, reached_at)
 
 
-def test_the_shipped_drive_takes_about_a_minute(lap: Lap) -> None:
-    assert 45.0 < lap.end_s < 63.0
-
-
 def test_the_driver_reaches_each_waypoint_in_order(lap: Lap) -> None:
     np.testing.assert_allclose(lap.reached_at, lap.world.scene.waypoints, atol=0.11)
 
@@ -82,24 +71,16 @@ def test_the_robot_stays_clear_of_all_that_is_higher_or_lower_than_the_cable_cov
     assert np.abs(ground).max() <= 0.006
 
 
-def test_the_driver_keeps_to_its_speeds(lap: Lap) -> None:
+def test_the_driver_keeps_to_its_speeds_and_the_drive_nods_the_body(lap: Lap) -> None:
     velocity = np.diff(lap.poses[:, :2], axis=0) / 0.01
     turning = np.diff(np.unwrap(lap.poses[:, 2])) / 0.01
     assert np.hypot(*velocity.T).max() < 1.1 * lap.world.scene.speed_mps
-    smooth = np.convolve(turning, np.full(10, 0.1), "valid")
-    assert np.abs(smooth).max() < 1.1 * TURN_RADPS
-
-
-def test_the_drive_nods_the_body_but_ends_level(lap: Lap) -> None:
+    assert np.abs(np.convolve(turning, np.full(10, 0.1), "valid")).max() < 1.1 * TURN_RADPS
     pitch_deg = np.degrees(lap.poses[:, 3])
     assert pitch_deg.min() < -0.5
     assert pitch_deg.max() > 0.5
     assert np.abs(pitch_deg).max() < 3.0
     assert np.degrees(np.abs(lap.poses[:250, 3:])).max() < 0.05  # standing, before the start
-
-
-def test_after_twenty_seconds_the_robot_has_driven_up_to_the_ditch(lap: Lap) -> None:
-    assert lap.poses[1999, 0] > 8.5
 
 
 def test_the_driver_waits_and_then_commands_twenty_times_a_second() -> None:
@@ -113,16 +94,6 @@ def test_the_driver_waits_and_then_commands_twenty_times_a_second() -> None:
         driver.step(now_s)
     assert given_at[0] == pytest.approx(102.0, abs=0.005)
     assert len(given_at) == pytest.approx(2.0 / PERIOD_S, abs=1)
-
-
-def test_a_driver_without_a_route_leaves_the_motors_alone() -> None:
-    def command(one: int, two: int) -> None:
-        raise AssertionError("commanded")
-
-    driver = Driver(lambda: (0.0, 0.0, 0.0, 0.0, 0.0), command, [], 0.5, 0.0)
-    for k in range(100):
-        driver.step(k * 0.1)
-    assert driver.laps == 0
 
 
 @given(goal=st.tuples(st.floats(-3, 3), st.floats(-3, 3)), yaw=st.floats(-math.pi, math.pi))
@@ -147,20 +118,14 @@ def test_from_anywhere_the_driver_finds_its_waypoint(goal: tuple[float, float], 
     assert math.dist(pose[:2], goal) < 0.15
 
 
-def driven_rig(seconds: float) -> tuple[Rig, bytes]:
-    """A rig after so long in steps of 5 ms, and all that the controller answered."""
+def test_the_rig_drives_through_its_motor_controller() -> None:
     rig, answers = Rig("corridor", 5, start_delay_s=0.5), b""
-    for k in range(round(seconds / 0.005) + 1):
+    for k in range(800):
         now_s = 20.0 + k * 0.005
         rig.step(now_s)
         answers += rig.drive.exchange(now_s, b"?Q0\r" if k % 20 == 0 else b"")
-    return rig, answers
-
-
-def test_the_rig_drives_through_its_motor_controller() -> None:
-    rig, answers = driven_rig(5.0)
     x_m = rig.world.pose()[0]
-    assert x_m > 1.5
+    assert x_m > 1.0
     last = int(re.findall(rb"\?Q0\r([0-9A-F]+)\r", answers)[-1], 16)
     assert abs(last / 2000 * math.tau * robot.WHEEL_RADIUS_M - x_m) < 0.15
 
@@ -177,101 +142,3 @@ def test_without_a_driver_the_wheels_obey_the_wire_alone() -> None:
     rig.drive.command(-127, -127)  # the radio counts for nothing
     assert rig.drive.exchange(now_s + 0.1, b"?V\r") == b""
     assert b"40\r40\r" in rig.drive.exchange(now_s + 0.2, b"")
-
-
-def test_with_a_driver_the_robot_drives_on_whatever_the_mode() -> None:
-    rig = Rig("corridor", 5, start_delay_s=0.5)
-    for k in range(600):
-        rig.step(20.0 + k * 0.005)
-        rig.drive.exchange(20.0 + k * 0.005, b"\r")
-        if k == 300:
-            rig.drive.mode = "rc"
-    assert rig.drive.mode == "rs232_watchdog"  # the CR have taken it over
-    assert rig.world.pose()[0] > 0.5
-
-
-def test_two_rigs_of_one_seed_do_the_same_to_the_bit() -> None:
-    (one, answers), (two, same_answers) = driven_rig(3.0), driven_rig(3.0)
-    assert one.world.pose() == two.world.pose()
-    assert answers == same_answers
-
-
-@given(st.lists(st.floats(0.0, 3.0), max_size=40))
-def test_the_rigs_clock_never_jumps_and_never_runs_ahead(waits_s: list[float]) -> None:
-    pace, host_s = Pace(10.0), 10.0
-    for wait_s in waits_s:
-        before_s, host_s = pace.now_s, host_s + wait_s
-        pace.step(host_s)
-        assert before_s <= pace.now_s <= host_s
-        assert pace.now_s - before_s <= MOST_S + 1e-9
-
-
-def test_the_rigs_clock_makes_up_for_short_holdups() -> None:
-    pace = Pace(0.0)
-    assert all(pace.step(host_s) for host_s in (0.01, 0.02, 0.4, 0.41))
-    assert pace.now_s == 0.41
-    assert not pace.step(2.0)
-    assert pace.now_s == pytest.approx(0.41 + MOST_S)
-
-
-@pytest.fixture
-def served() -> Iterator[subprocess.Popen[str]]:
-    """The process, until whoever started it is gone."""
-    process = subprocess.Popen(
-        [*SERVE, "--until-stdin-closes", "--seconds", "40"],
-        cwd=ROOT,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    yield process
-    process.kill()
-    process.communicate()
-
-
-def test_the_process_says_where_its_devices_are_and_ends_by_itself() -> None:
-    done = subprocess.run(
-        [*SERVE, "--scene", "corridor", "--seed", "2", "--seconds", "0.3"],
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=True,
-    )
-    ports = json.loads(done.stdout)
-    assert list(ports) == ["scanner", "ahrs", "drive"]
-    assert ports["scanner"].startswith("tcp://127.0.0.1:")
-    assert ports["ahrs"].endswith("?baud=115200")
-    assert ports["drive"].endswith("?baud=9600&parity=E&bytesize=7")
-    assert done.stderr in ("", LAGS)
-
-
-@pytest.mark.parametrize("number", few([signal.SIGTERM, signal.SIGINT], 1))
-def test_a_signal_ends_the_process_without_complaint(
-    served: subprocess.Popen[str], number: signal.Signals
-) -> None:
-    assert served.stdout
-    assert json.loads(served.stdout.readline())["ahrs"].startswith("serial:///dev/")
-    served.send_signal(number)
-    out, errors = served.communicate(timeout=PATIENCE_S)
-    assert (out, served.returncode) == ("", 0)
-    assert errors in ("", LAGS)
-
-
-def test_the_process_ends_when_its_starter_is_gone(served: subprocess.Popen[str]) -> None:
-    assert served.stdout
-    served.stdout.readline()
-    out, errors = served.communicate(timeout=PATIENCE_S)  # closes its standard input
-    assert (out, served.returncode) == ("", 0)
-    assert errors in ("", LAGS)
-
-
-def test_a_scene_that_does_not_exist_is_one_line_and_status_two() -> None:
-    done = subprocess.run(
-        [*SERVE, "--scene", "nowhere"], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert len(done.stderr.splitlines()) == 1

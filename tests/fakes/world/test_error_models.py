@@ -4,31 +4,18 @@ import math
 from dataclasses import fields, replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
 from fakes.rays.beam_kernels import PULSE_M, echoes_from_rays
-from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE, pattern_of
+from fakes.rays.light import DUST_REACH_M, ELSEWHERE, THROUGH_SHARE
 from fakes.scenes.scene import Scene, Solid
-from fakes.world.error_models import (
-    NONE,
-    ErrorModels,
-    as_the_sheets_say,
-    error_models_from,
-    patch_from,
-)
+from fakes.world.error_models import NONE, ErrorModels, as_the_sheets_say
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import held
-from fakes.world.world import World
+from tests.support.flat_floor import F64, FLAT, FLOOR, LENS_X_M, SWEEP_RAD, TILT
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-15.0, 15.0), (-15.0, 15.0), (-1.0, 0.0))
-FLAT = Scene("flat", (FLOOR,))
-TILT = math.radians(7.5)
-LENS_X_M = 0.25 * math.cos(TILT) - 1.08 * math.sin(TILT)
-SWEEP_RAD = np.radians(np.linspace(-60.0, 60.0, 481))
 WIDE = ErrorModels(beam_rad=0.015, beam_exit_m=0.008, mixed_pixels=True)
 
 
@@ -53,11 +40,6 @@ def walls(*near_and_far: tuple[float, float, float]) -> Scene:
 
 
 # -- wide beams -------------------------------------------------------------------------------
-
-
-def test_without_upsets_a_beam_is_one_thin_ray_and_has_one_echo() -> None:
-    assert pattern_of(NONE).tolist() == [[0.0] * 4]
-    assert len(sweeps(walls((4.0, -20, 20)), NONE)) == 1
 
 
 def test_a_wide_beam_on_a_wall_is_as_long_as_a_thin_one() -> None:
@@ -88,15 +70,6 @@ def test_a_beam_over_an_edge_of_surfaces_close_behind_each_other_ends_between_th
         is_between = (ahead_m > 4.02) & (ahead_m < 4.28) & near
         assert between <= is_between.sum() <= between + 2
         assert np.isnan(echoes[1, near]).all()
-
-
-def test_a_thin_post_before_a_far_wall_is_seen_by_more_beams_than_it_is_wide() -> None:
-    scene = walls((6.0, -0.005, 0.005), (9.0, -20.0, 20.0))
-    thin, wide = sweeps(scene, NONE)[0], sweeps(scene, WIDE)
-    met = np.abs(wide[0] * np.cos(SWEEP_RAD) + LENS_X_M - 6.0) < 0.05
-    assert (thin < 6.5).sum() <= 1
-    assert met.sum() >= 3
-    assert (wide[1, met] > 8.5).all()
 
 
 @pytest.mark.parametrize("mixes", [True, False])
@@ -162,19 +135,6 @@ def test_rain_returns_beams_evenly_along_their_way() -> None:
     assert np.mean(first[met] / true_m[met]) == pytest.approx(0.5, abs=0.04)
 
 
-@pytest.mark.parametrize(
-    "errors",
-    [ErrorModels(dust_per_m=0.05), ErrorModels(sunlight_rate=0.3), ErrorModels(rain_per_m=0.05)],
-)
-def test_the_same_seed_upsets_the_same_beams_whenever_asked_and_another_others(
-    errors: ErrorModels,
-) -> None:
-    scene = walls((8.0, -20.0, 20.0))
-    np.testing.assert_array_equal(sweeps(scene, errors), sweeps(scene, errors))
-    one, other = sweeps(scene, errors, 5), sweeps(scene, errors, 5, seed=2)
-    assert not np.array_equal(one, other, equal_nan=True)
-
-
 # -- where they are set -----------------------------------------------------------------------
 
 
@@ -212,55 +172,3 @@ def test_the_rig_gives_the_devices_the_upsets_of_the_scene_or_those_that_it_is_t
     for rig in (own, told, other):
         assert 0.0 < abs(rig.scanner.offset_m) <= 0.030
         assert rig.ahrs.sheet_errors
-
-
-def test_two_rigs_of_one_seed_with_all_upsets_are_the_same_to_the_bit() -> None:
-    errors = as_the_sheets_say(
-        ErrorModels(sunlight_rate=0.1, dust_per_m=0.01, slip_bursts_per_min=60)
-    )
-    scene, told = walls((8.0, -20.0, 20.0)), []
-    for _ in range(2):
-        rig, sums = Rig(scene, 3, errors=errors), []
-        for k in range(60):
-            rig.step(50.0 + k * 0.02)
-            rig.drive.command(60, 50)
-            sums.append(rig.world.ranges_m(np.full(9, 50.0 + k * 0.02), SWEEP_RAD[::60]).tolist())
-            sample = rig.ahrs.sensor.sample(50.0 + k * 0.02)
-            sums.append([*sample.R_earth_sensor.ravel().tolist(), *sample.rate_radps.tolist()])
-        told.append(repr((sums, rig.world.wheels.counts())))
-    assert told[0] == told[1]
-
-
-def test_upsets_of_a_file_are_in_degrees_and_what_is_wrong_is_refused() -> None:
-    told = error_models_from({"sunlight_rate": 0.2, "sun_azimuth_deg": -90, "mixed_pixels": True})
-    assert told.sun_azimuth_rad == pytest.approx(-math.pi / 2)
-    assert (told.sunlight_rate, told.mixed_pixels) == (0.2, True)
-    for wrong in (
-        {"fog": 1.0},
-        {"sun_azimuth_rad": 1.0},
-        {"sunlight_rate": 1.5},
-        {"sunlight_rate": True},
-        {"mixed_pixels": 1},
-        {"dust_per_m": -0.1},
-        {"rain_per_m": "much"},
-        {"beam_deg": math.nan},
-    ):
-        with pytest.raises(ValueError, match=r"upsets|must|goes"):
-            error_models_from(wrong)
-
-
-def test_a_patch_of_ground_has_a_place_and_a_friction() -> None:
-    patch = patch_from({"name": "wet", "x": [1, 2], "y": [0, 3], "friction": 0.3})
-    assert (patch.x, patch.y, patch.friction) == ((1.0, 2.0), (0.0, 3.0), 0.3)
-    for wrong in ({"x": [2, 1]}, {"friction": 0.0}, {"friction": 3.0}):
-        with pytest.raises(ValueError, match="patch"):
-            patch_from({"name": "wet", "x": [1, 2], "y": [0, 3], "friction": 0.3, **wrong})
-
-
-def test_a_world_that_is_told_its_upsets_leaves_the_scenes_alone() -> None:
-    scene = replace(FLAT, errors=ErrorModels(dust_per_m=0.1))
-    world = World(scene, 1, NONE)
-    world.step_to(0.0)
-    world.step_to(0.1)
-    assert world.ranges_m(np.full(3, 0.1), np.zeros(3)).shape == (3,)
-    assert World(scene, 1).errors == scene.errors

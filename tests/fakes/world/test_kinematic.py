@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,7 +11,6 @@ from fakes.scenes.scene import Scene, Solid
 from fakes.scenes.solids import Shape, bump
 from fakes.world import robot
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.rig import Rig
 from fakes.world.rotations import R_from_angles
 from fakes.world.slip import Slip
 from fakes.world.trajectory import (
@@ -25,15 +23,11 @@ from fakes.world.trajectory import (
     nodding,
     stand,
     straight,
-    tilted,
     turn,
 )
 from tests.support.cases import examples
+from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, rims_m
 
-F64 = npt.NDArray[np.float64]
-FLOOR = Solid("floor", (-30.0, 30.0), (-15.0, 15.0), (-1.0, 0.0))
-FLAT = Scene("flat", (FLOOR,))
-TILT = math.radians(robot.LENS_TILT_DEG)
 LEGS = st.one_of(
     st.builds(straight, st.floats(-3.0, 3.0), st.floats(0.1, 1.0)),
     st.builds(turn, st.floats(-4.0, 4.0), st.floats(0.1, 1.0)),
@@ -50,12 +44,6 @@ def moved(
     world.step_to(100.0)
     world.step_to(100.0 + end_s)
     return world
-
-
-def travels_m(world: KinematicWorld) -> tuple[float, float]:
-    """Way of the left and the right rim since the begin, by the encoders."""
-    left, right = (count / 2000 * math.tau * 0.15 for count in world.wheels.counts())
-    return left, right
 
 
 def ramp(slope_deg: float, begin_m: float = 2.0) -> tuple[Shape, ...]:
@@ -85,25 +73,6 @@ def test_a_way_ends_where_its_legs_lead_and_never_jumps(legs: list[Leg]) -> None
     np.testing.assert_array_equal(poses[0], 0.0)
     gone = np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()
     assert gone == pytest.approx(sum(abs(leg.length_m) for leg in legs), abs=2e-3)
-
-
-def test_a_straight_leg_goes_at_its_speed_and_begins_and_ends_softly() -> None:
-    way = Way(stand(1.0), straight(4.2, 0.2))
-    t_s = np.arange(0.0, way.duration_s + 1.0, 0.01)
-    x = way(t_s)[:, 0]
-    speeds, pushes = np.gradient(x, 0.01), np.gradient(np.gradient(x, 0.01), 0.01)
-    assert x[-1] == pytest.approx(4.2, abs=1e-12)
-    assert speeds.max() == pytest.approx(0.2, abs=1e-6)
-    assert np.abs(pushes).max() < 0.41
-    assert way.duration_s == pytest.approx(1.0 + 4.2 / 0.2 + math.pi / 2 * 0.2 / 0.4)
-
-
-def test_a_short_leg_does_not_come_to_its_speed() -> None:
-    way = Way(straight(0.1, 1.0))
-    t_s = np.arange(0.0, way.duration_s, 0.005)
-    speeds = np.gradient(way(t_s)[:, 0], 0.005)
-    assert 0.1 < speeds.max() < 0.2
-    assert way(np.array([99.0]))[0, 0] == pytest.approx(0.1)
 
 
 def test_a_turn_stays_on_the_spot_and_an_arc_on_its_circle() -> None:
@@ -184,7 +153,7 @@ def test_a_robot_can_stand_tilted(pitch_deg: float, roll_deg: float) -> None:
     world = moved(held(pitch, roll, 0.02), 2.0)
     assert world.pose() == pytest.approx((0.0, 0.0, 0.0, pitch, roll))
     assert world.height_m() == 0.02
-    assert travels_m(world) == (0.0, 0.0)
+    assert rims_m(world) == (0.0, 0.0)
     R_earth_sensor, rate, force = world.motion_at(101.0)
     np.testing.assert_allclose(rate, 0.0, atol=1e-12)
     np.testing.assert_allclose(R_earth_sensor @ force, [0.0, 0.0, 9.81], atol=1e-9)
@@ -195,72 +164,37 @@ def test_a_robot_can_stand_tilted(pitch_deg: float, roll_deg: float) -> None:
     assert straight_m == pytest.approx(lens_z / fall, abs=1e-6)
 
 
-def test_a_robot_can_be_tilted_after_a_while() -> None:
-    world = moved(tilted(Way(), 0.1, -0.05, 0.03, from_s=2.0, takes_s=1.0), 5.0)
-    assert world.pose(101.9)[3:] == (0.0, 0.0)
-    assert world.pose(103.5)[3:] == pytest.approx((0.1, -0.05))
-    assert world.height_m() == pytest.approx(0.03)
-
-
-def test_a_nodding_robot_nods_by_so_much_at_such_a_rate() -> None:
-    world = moved(nodding(Way(straight(8.0, 0.5)), math.radians(3.0), 1.0), 8.0)
-    pitches = np.array([world.pose(t)[3] for t in np.arange(102.0, 107.0, 0.01)])
-    assert np.degrees([pitches.min(), pitches.max()]) == pytest.approx([-3.0, 3.0], abs=0.01)
-    crossings = np.flatnonzero((pitches[:-1] < 0) & (pitches[1:] >= 0))
-    assert np.diff(crossings) == pytest.approx(100, abs=1)
-
-
 # -- wheels -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("length_m", "speed_mps"), [(4.2, 0.2), (20.0, 0.2), (-2.0, 0.5)])
-def test_the_encoders_count_the_way(length_m: float, speed_mps: float) -> None:
-    way = Way(stand(1.0), straight(length_m, speed_mps))
+def test_the_encoders_count_the_way_and_the_turn() -> None:
+    """A way gets to its speed softly: 4.2 m at 0.2 m/s take 0.8 s more than at once."""
+    way = Way(stand(1.0), straight(4.2, 0.2), straight(-2.0, 0.5), turn(math.radians(92.0), 0.4))
+    assert way.begins_s[2] == pytest.approx(1.0 + 4.2 / 0.2 + math.pi / 2 * 0.2 / 0.4)
     world = moved(way, way.duration_s + 1.0)
-    assert travels_m(world) == pytest.approx((length_m, length_m), abs=1e-6)
-    assert world.pose()[0] == pytest.approx(length_m)
-
-
-def test_the_encoders_count_the_turn() -> None:
-    way = Way(stand(1.0), turn(math.radians(92.0), 0.4))
-    left, right = travels_m(moved(way, way.duration_s + 1.0))
-    assert right == pytest.approx(math.radians(92.0) * 0.25, abs=1e-6)
-    assert left == pytest.approx(-right)
+    rim_m = math.radians(92.0) * 0.25
+    assert rims_m(world) == pytest.approx((2.2 - rim_m, 2.2 + rim_m), abs=1e-6)
+    assert world.pose()[0] == pytest.approx(2.2)
 
 
 def test_slipping_wheels_count_more_than_the_way() -> None:
     """The paper's: 4.4 m of 4.2 m."""
     way = Way(straight(4.2, 0.2))
-    slips = (Slip(4.4 / 4.2 - 1.0, 4.4 / 4.2 - 1.0),)
+    slips = (Slip(4.4 / 4.2 - 1.0, 4.4 / 4.2 - 1.0), Slip(0.0, 0.2, 10.0, 12.0))
     world = moved(way, way.duration_s, Scene("slippery", (FLOOR,), slips=slips))
-    assert travels_m(world) == pytest.approx((4.4, 4.4), abs=1e-4)
+    assert rims_m(world) == pytest.approx((4.4, 4.4 + 0.2 * 0.2 * 2.0), abs=1e-3)
     assert world.pose()[0] == pytest.approx(4.2)
-
-
-def test_one_wheel_can_slip_for_a_while() -> None:
-    way = Way(straight(20.0, 0.5))
-    scene = Scene("slippery", (FLOOR,), slips=(Slip(0.0, 0.2, 10.0, 12.0),))
-    left, right = travels_m(moved(way, way.duration_s, scene))
-    assert left == pytest.approx(20.0, abs=1e-4)
-    assert right == pytest.approx(20.0 + 0.2 * 0.5 * 2.0, abs=2e-3)
-
-
-def test_motors_move_nothing() -> None:
-    world = moved(held(), 1.0)
-    world.wheels.set_power(1.0, 1.0)
-    world.step_to(105.0)
-    assert world.pose()[:2] == (0.0, 0.0)
 
 
 # -- terrain ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("slope_deg", [-8.0, -3.0, -1.0, 1.0, 2.0, 5.0, 8.0])
+@pytest.mark.parametrize("slope_deg", [-8.0, 5.0])
 def test_on_a_ramp_the_body_is_pitched_by_its_slope(slope_deg: float) -> None:
     way = Way(straight(16.0, 1.0))
     world = moved(way, way.duration_s, Scene("ramp", ramp(slope_deg)), follows=True)
     heights, on_it = [], 0
-    for t_s in np.arange(100.0, 100.0 + way.duration_s, 0.05):
+    for t_s in np.arange(100.0, 100.0 + way.duration_s, 0.1):
         x, y, _, pitch, roll = world.pose(float(t_s))
         assert roll == pytest.approx(0.0, abs=1e-9)
         if 2.3 < x < 11.3:  # all wheels are on it, with what the smoothing takes
@@ -271,11 +205,11 @@ def test_on_a_ramp_the_body_is_pitched_by_its_slope(slope_deg: float) -> None:
         if x < 1.3 or x > 12.5:
             assert math.degrees(pitch) == pytest.approx(0.0, abs=1e-6)
         heights.append(world.height_m(float(t_s)))
-    assert on_it > 50
+    assert on_it > 40
     assert heights[-1] == pytest.approx(10.0 * math.tan(math.radians(slope_deg)), abs=1e-9)
     # along the slope, not along its ground plan
     along_m = 6.0 + 10.0 / math.cos(math.radians(slope_deg))
-    assert travels_m(world) == pytest.approx((along_m, along_m), abs=0.05)
+    assert rims_m(world) == pytest.approx((along_m, along_m), abs=0.05)
 
 
 def test_on_a_slope_across_the_way_the_body_rolls() -> None:
@@ -285,10 +219,9 @@ def test_on_a_slope_across_the_way_the_body_rolls() -> None:
     assert math.degrees(world.pose()[3]) == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize("profile", ["round", "trapezoid"])
-def test_on_a_bump_the_body_nods_and_rises_to_its_height(profile: str) -> None:
-    over = bump("bump", (3.0, 3.4), (-2.0, 2.0), 0.05, "x", profile)  # type: ignore[arg-type]
-    way = Way(straight(6.0, 1.0))
+def test_on_a_bump_the_body_nods_and_rises_to_its_height() -> None:
+    over = bump("bump", (3.0, 3.4), (-2.0, 2.0))
+    way = Way(straight(5.0, 1.0))
     world = moved(way, way.duration_s, Scene("bump", (FLOOR, over)), follows=True)
     times_s = np.arange(100.0, 100.0 + way.duration_s, 0.01)
     pitches = np.degrees([world.pose(t)[3] for t in times_s])
@@ -301,21 +234,13 @@ def test_on_a_bump_the_body_nods_and_rises_to_its_height(profile: str) -> None:
     assert 12.0 < forces[:, 2].max() < 45.0  # a jolt, within what the sensor can measure
 
 
-def test_on_the_flat_the_ground_changes_nothing() -> None:
-    trajectory = MOTIONS["nodding drive"]
-    told, followed = moved(trajectory, 6.0), moved(trajectory, 6.0, follows=True)
-    for t_s in np.linspace(100.0, 106.0, 50):
-        np.testing.assert_allclose(told.pose(t_s), followed.pose(t_s), atol=1e-12)
-        np.testing.assert_allclose(told.motion_at(t_s)[2], followed.motion_at(t_s)[2], atol=1e-6)
-
-
 # -- the face of a world ----------------------------------------------------------------------
 
 
 def test_it_is_the_same_to_the_bit_however_it_is_stepped_and_asked() -> None:
     bearings = np.linspace(-1.0, 1.0, 100)
     results = []
-    for steps in (1, 7, 500):
+    for steps in (1, 7, 100):
         world = KinematicWorld("corridor", MOTIONS["slalom"], follows=True)
         for t_s in np.linspace(50.0, 55.0, steps + 1):
             world.step_to(float(t_s))
@@ -325,18 +250,8 @@ def test_it_is_the_same_to_the_bit_however_it_is_stepped_and_asked() -> None:
     assert len({str(result) for result in results}) == 1
 
 
-@given(t_s=st.floats(-10.0, 200.0))
-def test_any_instant_has_an_answer_and_the_future_is_not_told(t_s: float) -> None:
+def test_any_instant_has_an_answer_and_the_future_is_not_told() -> None:
     world = moved(MOTIONS["slalom"], 3.0)
-    assert np.isfinite(world.pose(t_s)).all()
-    assert world.pose(t_s) == world.pose(min(max(t_s, 100.0), 103.0))
-
-
-def test_devices_stand_on_it_as_on_any_world() -> None:
-    way = Way(stand(1.0), straight(2.0, 0.5))
-    rig = Rig(KinematicWorld(FLAT, way), 3)
-    for k in range(1400):
-        rig.step(200.0 + k * 0.005)
-    assert rig.driver.reached == 0  # nobody holds the radio
-    assert rig.world.pose()[0] == pytest.approx(2.0)
-    assert rig.drive.exchange(207.0, b"") is not None
+    for t_s in (-10.0, 99.9, 100.0, 101.2345, 103.0, 103.001, 200.0):
+        assert np.isfinite(world.pose(t_s)).all()
+        assert world.pose(t_s) == world.pose(min(max(t_s, 100.0), 103.0))

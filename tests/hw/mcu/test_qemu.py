@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fakes.wires.memory import MemoryPort
+from fakes.wires.wire import MemoryPort
 from hw.planner_link.receivers import one_link
 from tests.support.c_board import build_firmware
 from tests.support.planner_line import POSE_REPORT, Sky

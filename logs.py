@@ -105,6 +105,8 @@ class StateLog:
 
     def _tell_device(self, name: str, status: DeviceStatus) -> None:
         about = {"device": name, "state": status.state, "cause": status.cause}
+        if status.session is not None:
+            about["session"] = status.session.value
         if status.state == "running" and name in self._devices and self._devices[name].identity:
             about["identity"] = self._devices[name].identity
         (self._log.warning if status.cause else self._log.info)("device_changed", **about)

@@ -21,6 +21,7 @@ looks like telegrams costs thirty times what telegrams cost. So a step parses wh
 could have sent, and leaves the rest to the next one (`Intake`).
 """
 
+import enum
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -121,6 +122,7 @@ class DeviceStatus:
     name: str
     state: Literal["closed", "starting", "running"] = "closed"
     cause: str = "not opened yet"  # in words, while not running or not as configured; else ""
+    session: enum.Enum | None = None  # what its session is doing, for a person
     heard_s: float = float("-inf")  # host clock, last measurement
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames

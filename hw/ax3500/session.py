@@ -20,6 +20,7 @@ LISTENING; five failed exchanges in a row to ENTERING, where that is allowed.
 Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
+import enum
 import math
 import re
 from typing import Any
@@ -55,6 +56,15 @@ CONDITION_S = 3.0  # status and emergency stop older than this are not known
 OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is away longer
 
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
+
+
+class State(enum.Enum):
+    """What a session is doing; the table above."""
+
+    LISTENING = "listening"
+    ENTERING = "taking the controller from its radio"
+    IDENTIFYING = "asking for identity and modes"
+    POLLING = "polling"
 
 
 class Ax3500Session:
@@ -94,7 +104,7 @@ class Ax3500Session:
 
     def _begin_anew(self, trouble: str) -> bytes:
         """Nothing is known of the motors any more; zero for those that may be moving."""
-        self._talk.expects_restart = True
+        self._status.session, self._talk.expects_restart = State.LISTENING, True
         out = self._talk.stop_motors()
         self._motors.forget_modes(trouble)
         return out
@@ -116,7 +126,7 @@ class Ax3500Session:
                 if event.text == "OK":
                     return
                 if event.text.startswith(":") and self._may_enter:
-                    yield from self._talk.enter()
+                    yield from self._enter()
                     return
                 if event.text.startswith(":"):
                     self._status.fall_back("starting", IN_RC_MODE)
@@ -124,9 +134,14 @@ class Ax3500Session:
         if x.now_s - began_s >= LISTEN_LIMIT_S and self._talk.is_noise:
             self._status.fall_back("starting", NO_LINE)
 
+    def _enter(self) -> Steps[None]:
+        before, self._status.session = self._status.session, State.ENTERING
+        yield from self._talk.enter()
+        self._status.session = before
+
     def _identify(self) -> Steps[None]:
         """Insists on the encoder module where the controller tells; polling judges silence."""
-        self._talk.expects_restart = False
+        self._status.session, self._talk.expects_restart = State.IDENTIFYING, False
         for last_try in (False, True):
             for _ in range(READ_TRIES):
                 answer = yield from self._maybe_read(READ_IDENTITY)
@@ -135,7 +150,7 @@ class Ax3500Session:
                     return
             if last_try or not self._may_enter:
                 return
-            yield from self._talk.enter()
+            yield from self._enter()
 
     def _check_identity(self, answer: str) -> None:
         identity = maybe_byte(answer)
@@ -174,7 +189,7 @@ class Ax3500Session:
         A zero goes before everything. Other commands take turns with the queries that are due: on
         a slow line a wish that changes all the time would leave none to them.
         """
-        x = self._exchange
+        self._status.session, x = State.POLLING, self._exchange
         self._good_s, self._heard = [x.now_s, x.now_s], set()
         self._polling_s = x.now_s
         self._schedule.begin(x.now_s)
@@ -223,7 +238,7 @@ class Ax3500Session:
             self._counter_faults[channel] = self._talk.fault
             self._status.reject(BadFrame(f"{query}: {self._talk.fault}", b""))
             if self._talk.failures == FAILURES_TO_ENTER and self._may_enter:
-                yield from self._talk.enter()
+                yield from self._enter()
             return
         now_s = self._exchange.now_s
         self._schedule.counter_took(now_s - began_s)

@@ -6,19 +6,20 @@ what differs, and reads back what was taken: settings are shared by all hosts of
 is one command at a time, in the order of section 4 of the sheet; scans may come in between. What a
 device does not know or refuses, and can do without, is a remark in the status and no obstacle.
 
-| step        | what it does                                      | what ends it                 |
+| state       | what it does                                      | what ends it                 |
 |-------------|---------------------------------------------------|------------------------------|
-| greeting    | asks harmless questions in each dialect by turns  | any telegram                 |
-| reading     | reads the settings; leaves another host in peace  | as wanted, or may now be set |
-| setting up  | login, settings, start, Run; reads back           | it measures, or is silent    |
-| subscribing | asks for scans                                    | the answer                   |
-| measuring   | takes scans, asks now and then how the scanner is | a second without a scan      |
-| waiting     | Run, if a login was left open; a growing pause    | the pause is over            |
+| GREETING    | asks harmless questions in each dialect by turns  | any telegram                 |
+| READING     | reads the settings; leaves another host in peace  | as wanted, or may now be set |
+| SETTING_UP  | login, settings, start, Run; reads back           | it measures, or is silent    |
+| SUBSCRIBING | asks for scans                                    | the answer                   |
+| MEASURING   | takes scans, asks now and then how the scanner is | a second without a scan      |
+| WAITING     | Run, if a login was left open; a growing pause    | the pause is over            |
 
-A new connection begins with the greeting, and so does the attempt after waiting: it never gives up.
+A new connection begins with GREETING, and so does the attempt after WAITING: it never gives up.
 Source: lms111 sheet, sections 3, 4 and 6.
 """
 
+import enum
 import math
 from typing import Any
 
@@ -40,11 +41,22 @@ PEACE_S = 10.0  # of scans, after which no other host is thought to want the sca
 BYTES_PER_S = 2 * 541 * 50 * 5  # two echoes of 541 beams at 50 Hz, five characters each in CoLa-A
 
 
+class State(enum.Enum):
+    """What a session is doing; the table above."""
+
+    GREETING = "greeting"
+    READING = "reading its settings"
+    SETTING_UP = "setting it up"
+    SUBSCRIBING = "subscribing"
+    MEASURING = "measuring"
+    WAITING = "waiting before a new attempt"
+
+
 class Lms111Session:
     """The conversation of section 4, from its beginning as often as needed."""
 
     def __init__(self, status: DeviceStatus, memory: Memory, options: Lms1xxOptions) -> None:
-        self._memory, self._options = memory, options
+        self._status, self._memory, self._options = status, memory, options
         self._exchange = Exchange(status, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S)
         self._cola = ColaExchange(self._exchange, status, memory, options.dialect)
         self._setup = Setup(self._cola, options)
@@ -58,21 +70,28 @@ class Lms111Session:
             try:
                 yield from self._attempt()
             except StartAgainError as why:
+                self._status.session = State.WAITING
                 self._exchange.fail(why)
                 if self._memory.owes_run:
                     yield from self._setup.run_at_last()
                 yield from self._exchange.back_off()
 
     def _attempt(self) -> Steps[None]:
+        status = self._status
+        status.session = State.GREETING
         yield from self._cola.greet()
+        status.session = State.READING
         survey = yield from self._setup.maybe_change()
         if survey is not None:
+            status.session = State.SETTING_UP
             yield from self._setup.set_up(survey)
+        status.session = State.SUBSCRIBING
         if not (yield from self._cola.must(commands.subscribe())):
             refusal = self._cola.remarks[-1]
             raise StartAgainError(
                 f"the scanner {refusal}: without it there is no scan; is it an LMS1xx?"
             )
+        status.session = State.MEASURING
         yield from self._deliver()
 
     def _deliver(self) -> Steps[None]:

@@ -7,19 +7,20 @@ all is read, what differs is set, and read back. What it sends afterwards is wat
 it is not what was set up (a WakeUp, an unasked Configuration, data of another kind or length): then
 the next attempt begins.
 
-| step       | what it does                                    | what ends it                    |
+| state      | what it does                                    | what ends it                    |
 |------------|-------------------------------------------------|---------------------------------|
-| waits      | answers a WakeUp, and nothing else              | 0.2 s                           |
-| `_find`    | asks for Config state each 0.25 s, without end  | the answer                      |
-| `_set_up`  | reads who it is, sets and reads back the output | the last answer                 |
-| `_start`   | asks for Measurement state, three times         | the answer, or data             |
-| `_deliver` | checks and joins samples                        | silence, or a sign of a restart |
+| WAITING    | answers a WakeUp, and nothing else              | 0.2 s                           |
+| FINDING    | asks for Config state each 0.25 s, without end  | the answer                      |
+| SETTING_UP | reads who it is, sets and reads back the output | the last answer                 |
+| STARTING   | asks for Measurement state, three times         | the answer, or data             |
+| DELIVERING | checks and joins samples                        | silence, or a sign of a restart |
 
-A refusal, three unanswered requests or a WakeUp lead back to waiting.
+A refusal, three unanswered requests or a WakeUp lead back to WAITING.
 
 Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
+import enum
 from typing import Any
 
 from core.records import Attitude
@@ -32,6 +33,16 @@ from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
 
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 BAUDS_TOLD_AFTER_S = 3.0
+
+
+class State(enum.Enum):
+    """What a session is doing; the table above."""
+
+    WAITING = "waiting before a new attempt"
+    FINDING = "asking for Config state"
+    SETTING_UP = "reading, and setting what differs"
+    STARTING = "asking for Measurement state"
+    DELIVERING = "delivering samples"
 
 
 class MtiSession:
@@ -56,24 +67,27 @@ class MtiSession:
                 yield from self._start()
                 yield from self._deliver()
             except StartAgainError as why:
+                self._status.session = State.WAITING
                 self._talk.waits, self.attitudes = True, []
                 self._exchange.fail(why)
                 yield from self._exchange.back_off()
 
     def _find(self) -> Steps[None]:
-        began_s = self._exchange.now_s
+        self._status.session, began_s = State.FINDING, self._exchange.now_s
         while reason := (yield from self._talk.go_to_config()):
             if self._exchange.now_s - began_s >= BAUDS_TOLD_AFTER_S and "baud rate" in reason:
                 reason += f" ({self._talk.describe_bauds()})"
             self._status.fall_back("starting", reason)
 
     def _set_up(self) -> Steps[None]:
+        self._status.session = State.SETTING_UP
         self._status.fall_back("starting", self._exchange.failure or "the MTi is being set up")
         yield from identify(self._talk, self._stream)
         yield from set_up(self._talk, self._stream, self._rate_hz, self._baud)
 
     def _start(self) -> Steps[None]:
         """Data proves Measurement state as well as the acknowledgement that it may have hidden."""
+        self._status.session = State.STARTING
         proofs = (Mid.GoToMeasurement + 1, *DATA_MIDS, Mid.Error)
         frame: MtFrame | None = yield from self._exchange.ask(
             encode_frame(Mid.GoToMeasurement),
@@ -89,6 +103,7 @@ class MtiSession:
 
     def _deliver(self) -> Steps[None]:
         """As long as samples with an orientation keep coming."""
+        self._status.session = State.DELIVERING
         stream, exchange = self._stream, self._exchange
         newest = self.reader.newest
         self.reader = reader = StreamReader(self._status, stream, 10 / self._baud, newest)

@@ -18,8 +18,7 @@ from mapod_link.receiver import Receiver as PythonReceiver
 from tools.conformance.c_receiver import CReceiver
 from tools.conformance.exam import DeviationError, Exam
 from tools.conformance.in_process import InProcess, Receiver
-from tools.conformance.soak import Soak
-from tools.conformance.soak_leg import leg_of
+from tools.conformance.soak import Soak, leg_of
 from tools.conformance.suite import CHECKS, meet, run
 from tools.rig.c_build import MissingToolError
 

@@ -7,12 +7,13 @@ Each receiver is also asked directly for what it holds: cell by cell, *suspect*,
 import pytest
 
 from tests.support.cases import few
-from tests.support.conformance_vectors import VECTORS
+from tests.support.planner_sender import VECTORS as SHEET
+from tests.support.planner_sender import vector
 from tools.conformance.__main__ import KEY, RECEIVERS, Make
 from tools.conformance.exam import Exam
 from tools.conformance.in_process import InProcess
 from tools.conformance.suite import CHECKS, Verdict, chosen, meet, run
-from tools.conformance.vectors import PLAIN, TAGGED, VECTOR_GEOM
+from tools.conformance.vectors import VECTOR_GEOM, VECTORS, tagged
 from tools.conformance.wire import GEOM, MAP, POSE, cobs, frame, map_body, op, pose_body
 
 
@@ -77,10 +78,10 @@ def test_stale_comes_at_stale_ms_to_the_millisecond(name: str, half: int) -> Non
     assert receiver.stale(10.151)
 
 
-def test_the_vectors_here_are_those_of_the_sheet() -> None:
-    for name, text in PLAIN.items():
-        whole = bytes.fromhex(text)
-        assert whole == VECTORS[name]
-        assert cobs(whole) + b"\0" == VECTORS[f"{name}_serial"]
-        if name in TAGGED:
-            assert bytes.fromhex(TAGGED[name]) == VECTORS[f"{name}_auth"]
+@pytest.mark.parametrize("name", VECTORS)
+def test_the_vectors_here_are_those_of_the_sheet(name: str) -> None:
+    plain = bytes.fromhex(VECTORS[name])
+    assert plain == vector(name)
+    assert cobs(plain) + b"\0" == vector(f"{name}_serial")
+    if f"{name}_auth" in SHEET:
+        assert tagged(plain) == vector(f"{name}_auth")

@@ -62,25 +62,21 @@ class UnseenError(Exception):
 
 
 class Examinee(Protocol):
-    """A receiver, and the wire to it."""
+    """A receiver, and the wire to it.
+
+    It is sent datagrams or bytes of a stream; it is heard as frames without COBS. `window` gives
+    its (height, width) codes where they can be seen; `restart` is as after its power was off, and
+    gives False where that can't be done from here.
+    """
 
     datagrams: bool
     in_process: bool
 
-    def now_s(self) -> float:
-        """Its clock."""
-
-    def send(self, data: bytes) -> None:
-        """A datagram, or bytes of a serial stream."""
-
-    def listen(self, seconds: float) -> list[bytes]:
-        """The frames that it sends next, without COBS; empty if none comes in that time."""
-
-    def window(self) -> U8 | None:
-        """(height, width) codes, where they can be seen."""
-
-    def restart(self) -> bool:
-        """Begin anew, as after its power was off; False where that can't be done from here."""
+    def now_s(self) -> float: ...
+    def send(self, data: bytes) -> None: ...
+    def listen(self, seconds: float) -> list[bytes]: ...
+    def window(self) -> U8 | None: ...
+    def restart(self) -> bool: ...
 
 
 class Exam:
@@ -307,20 +303,12 @@ class Exam:
         return DeviationError(what, expected, got, tuple(self.tail))
 
     def expect(self, what: str, expected: object, got: object) -> None:
-        """Both must be equal.
-
-        Raises:
-            DeviationError: they are not.
-        """
+        """Both must be equal, else DeviationError is raised."""
         if expected != got:
             raise self.failed(what, str(expected), str(got))
 
     def check(self, what: str) -> Ack:
-        """Books, suspicion and cells must be the model's.
-
-        Raises:
-            DeviationError: they are not.
-        """
+        """Books, suspicion and cells must be the model's."""
         self.check_books(what, self.ask())
         ack = self.check_map(what)
         self.tail.clear()
@@ -351,7 +339,8 @@ class Exam:
         ack = self.ask()
         compares = not (self.model.suspect or self.may_be_suspect or self.model.blank)
         if self.has_digest and compares:
-            self.expect(f"{what}: map by DIGEST", "DIGEST_OK", DIGEST_WORDS[ack.status & DIGEST_OK])
+            told = "DIGEST_OK" if ack.status & DIGEST_OK else "not DIGEST_OK"
+            self.expect(f"{what}: map by DIGEST", "DIGEST_OK", told)
         window = self.bench.window()
         if window is not None and not np.array_equal(window, wanted):
             raise self.failed(f"{what}: cells", *_difference(wanted, window))
@@ -375,17 +364,11 @@ class Exam:
             yield k
 
 
-DIGEST_WORDS = {DIGEST_OK: "DIGEST_OK", 0: "not DIGEST_OK"}
-
-
 def _difference(wanted: U8, got: U8) -> tuple[str, str]:
     """Expected and got, in words."""
     if wanted.shape != got.shape:
         return f"(height, width) {wanted.shape}", f"{got.shape}"
     rows, columns = np.nonzero(wanted != got)
     row, column = int(rows[0]), int(columns[0])
-    place = f"row {row}, column {column}"
-    return (
-        f"{place}: {wanted[row, column]}",
-        f"{got[row, column]} ({len(rows)} cells differ)",
-    )
+    cells = f"({len(rows)} cells differ)"
+    return f"row {row}, column {column}: {wanted[row, column]}", f"{got[row, column]} {cells}"

@@ -29,7 +29,6 @@ from tools.conformance.wire import (
     Geom,
     Key,
     Splitter,
-    cobs,
     digest_body,
     frame,
     int16,
@@ -134,10 +133,8 @@ class SlowReceiver:
             return
         foreign = kind == MAP and (self.geom is None or body[6:7] != bytes([self.geom.geom_id]))
         runs = self.maybe_runs(body) if kind == MAP and not foreign else None
-        if not self.has_right_length(kind, body) or (kind == GEOM and geom is None):
-            self.bad += 1
-            return
-        if kind == MAP and runs is None and not foreign:
+        means = {GEOM: geom is not None, MAP: foreign or runs is not None}.get(kind, True)
+        if not self.has_right_length(kind, body) or not means:
             self.bad += 1
             return
         if anew and not begins:
@@ -159,11 +156,6 @@ class SlowReceiver:
             self._acknowledge(now_s)
         frames, self._outbox = self._outbox, []
         return frames if self.ack_every else []
-
-    def exchange(self, now_s: float, data: bytes) -> bytes:
-        """On a serial line: what came, and what goes out."""
-        self.feed_stream(now_s, data)
-        return b"".join(cobs(answer) + b"\0" for answer in self.poll(now_s))
 
     # Rules, each for a test to make wrong
 
@@ -361,15 +353,9 @@ class SlowReceiver:
 
     def status(self, now_s: float) -> int:
         """The bits of an ACK."""
-        bits = [
-            self.need_geom or self.geom is None,
-            self.need_full,
-            self.stale(now_s),
-            self.suspect,
-            False,
-            self.digest_ok,
-            self.auth_failed,
-        ]
+        blind = self.need_geom or self.geom is None
+        doubts = self.stale(now_s), self.suspect, False
+        bits = blind, self.need_full, *doubts, self.digest_ok, self.auth_failed
         return sum(bit << k for k, bit in enumerate(bits))
 
     def _acknowledge(self, now_s: float) -> None:

@@ -8,9 +8,9 @@ import pytest
 
 from fakes.wires.memory import MemoryPort
 from hw.planner_link.receivers import one_link
-from tests.support.c_board import build_firmware
 from tests.support.planner_line import POSE_REPORT, Sky
 from tools.rig.board import Board
+from tools.rig.c_build import BARE, BOARD, PLANNER, built
 
 FREE, OBSTACLE = 1, 2
 SETTLES = 100
@@ -18,6 +18,13 @@ KEY = bytes(range(32))
 TICK_S = 0.04
 NOISE = random.Random(3).randbytes(5000) + b"\0"
 NOISE_FRAMES = sum(map(bool, NOISE.split(b"\0")))
+
+
+def build_firmware(*options: str) -> Path:
+    """The header as firmware for qemu-system-arm -M mps2-an385."""
+    sources = [str(BOARD / name) for name in ("board.c", "text.c", "startup.c")]
+    words = (*BARE, *options, f"-I{PLANNER}", *sources)
+    return built("board.elf", BOARD / "link_only.c", *words, compiler="arm-none-eabi-gcc")
 
 
 class Wire:
@@ -76,7 +83,9 @@ class Wire:
 
 
 @pytest.mark.slow
-def test_its_map_is_the_senders_after_losses_and_its_stack_was_small(tmp_path: Path) -> None:
+def test_its_map_is_the_senders_after_losses_and_noise_on_a_small_stack(
+    tmp_path: Path,
+) -> None:
     with Board(build_firmware(), tmp_path) as board:
         wire = Wire(board, size=61)
         wire.settle()
@@ -92,18 +101,18 @@ def test_its_map_is_the_senders_after_losses_and_its_stack_was_small(tmp_path: P
         assert status["bad"] == 0
         assert status["stack"] < 400, "of the whole firmware, its interrupt included"
         assert status["digest_ok"]
-
-
-def test_a_board_that_hears_nothing_more_says_stop(tmp_path: Path) -> None:
-    with Board(build_firmware(), tmp_path) as board:
-        wire = Wire(board, size=41)
-        wire.settle()
-        while board.status()["stale"] == 0:
+        before = board.window()
+        board.send(NOISE)
+        while board.status()["bad"] != NOISE_FRAMES:
             pass
-        assert board.status()["advice"] == 0
+        wire.noise = NOISE_FRAMES
+        wire.settle()
+        assert np.array_equal(board.window(), before)
 
 
-def test_with_a_key_it_keeps_the_map_and_its_drive_command_is_believed(tmp_path: Path) -> None:
+def test_with_a_key_it_is_believed_and_says_stop_when_nothing_comes(
+    tmp_path: Path,
+) -> None:
     with Board(build_firmware("-DMAPOD_LINK_AUTH"), tmp_path) as board:
         wire = Wire(board, size=41, key=KEY)
         wire.settle()
@@ -116,17 +125,6 @@ def test_with_a_key_it_keeps_the_map_and_its_drive_command_is_believed(tmp_path:
         assert request is not None
         assert (request.v_mps, request.w_radps) == (0.3, -0.05)
         assert board.status()["stack"] < 800
-
-
-@pytest.mark.slow
-def test_noise_on_its_line_changes_nothing(tmp_path: Path) -> None:
-    with Board(build_firmware(), tmp_path) as board:
-        wire = Wire(board, size=41)
-        wire.settle()
-        before = board.window()
-        board.send(NOISE)
-        while board.status()["bad"] != NOISE_FRAMES:
+        while board.status()["stale"] == 0:
             pass
-        wire.noise = NOISE_FRAMES
-        wire.settle()
-        assert np.array_equal(board.window(), before)
+        assert board.status()["advice"] == 0

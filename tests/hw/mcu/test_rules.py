@@ -211,12 +211,12 @@ def test_pieces_of_tiles_that_contradict_themselves_are_rejected() -> None:
         return head + first.to_bytes(3, "little") + struct.pack("<BHH", 7, count, 50) + values
 
     assert line.send(TILE, tile(3, struct.pack("<3h", 5, -32_768, -6)))
-    assert line.receiver.pieces[-1].values[:4] == [5, NOT_KNOWN, -6, 0]
+    assert line.receiver.piece.values[:4] == [5, NOT_KNOWN, -6, 0]
     assert line.send(TILE, tile(5, bytes([0b11_10_01_00, 2]), layer=0))
-    assert line.receiver.pieces[-1].values[:5] == [0, 1, 2, 0, 2]
+    assert line.receiver.piece.values[:5] == [0, 1, 2, 0, 2]
     assert line.send(TILE, tile(0, b"", status=2))
     assert line.send(TILE, tile(4, b"??", layer=9))
-    assert line.receiver.pieces[-1].count == 0
+    assert line.receiver.piece.count == 0
     for wrong in (
         tile(3, bytes(5)),
         tile(0, b""),

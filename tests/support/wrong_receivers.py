@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -177,8 +178,11 @@ def _one_type_too_few(self: SlowReceiver, now_s: float, data: bytes) -> None:
 
 
 def _hello_for_ever(self: SlowReceiver, now_s: float) -> list[bytes]:
-    body = self.nonce.to_bytes(4, "little") + bytes.fromhex("0010000070010000")
-    return [*SlowReceiver.poll(self, now_s), frame(9, 1, 0, body)]
+    frames = SlowReceiver.poll(self, now_s)
+    if now_s >= self._hello_s + 0.25:
+        self._hello_s = now_s
+        frames.append(frame(9, 1, 0, struct.pack("<IIHH", self.nonce, 4096, 368, 0)))
+    return frames
 
 
 # What is wrong: (the test that must find it, the receiver)

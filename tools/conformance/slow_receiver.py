@@ -96,11 +96,11 @@ class SlowReceiver:
         if self.geom is None:
             return np.zeros((0, 0), np.uint8)
         window = np.zeros((self.geom.height, self.geom.width), np.uint8)
-        if self.origin is not None:
-            for (i, j), state in self.cells.items():
-                column, row = i - self.origin[0], j - self.origin[1]
-                if 0 <= column < self.geom.width and 0 <= row < self.geom.height:
-                    window[row, column] = state
+        if self.origin is not None and self.cells:
+            columns, rows = (np.array(list(self.cells)) - self.origin).T
+            inside = (0 <= columns) & (columns < self.geom.width)
+            inside &= (0 <= rows) & (rows < self.geom.height)
+            window[rows[inside], columns[inside]] = np.array(list(self.cells.values()))[inside]
         return window
 
     # Bytes in, bytes out
@@ -259,7 +259,8 @@ class SlowReceiver:
         if self.origin is None or abs(di) >= self.geom.width or abs(dj) >= self.geom.height:
             self.forget()
         self.origin = i + di, j + dj
-        self.forget_outside()
+        if di or dj:
+            self.forget_outside()
 
     def forget_outside(self) -> None:
         """Cells that have left the window are unknown when they come back."""

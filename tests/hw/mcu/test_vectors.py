@@ -20,14 +20,17 @@ def begun() -> CReceiver:
 
 def keyed() -> CReceiver:
     """A receiver with the key of the worked example that has heard the geometry."""
-    frame = frame_from_bytes(vector("geom"))
+    receiver = CReceiver(NONCE, key=KEY, max_cells=101 * 101)
+    assert receiver.feed_datagram(1.0, with_tag("geom"))
+    return receiver
+
+
+def with_tag(name: str) -> bytes:
+    """A frame that the protocol prints without one."""
+    frame = frame_from_bytes(vector(name))
     assert not isinstance(frame, str)
     numbers = frame.type, frame.seq, frame.t_ms, frame.body
-    receiver = CReceiver(NONCE, key=KEY, max_cells=101 * 101)
-    assert receiver.feed_datagram(1.0, signed_bytes_from_frame(*numbers, KEY, 0x5A17C0DE, NONCE)), (
-        "the protocol prints none with its tag"
-    )
-    return receiver
+    return signed_bytes_from_frame(*numbers, KEY, 0x5A17C0DE, NONCE)
 
 
 def test_the_map_of_the_worked_example_stands_as_printed() -> None:
@@ -102,10 +105,7 @@ def test_each_answer_is_built_as_printed() -> None:
 def test_each_authenticated_answer_is_built_as_printed() -> None:
     told = answers(keyed())
     del told["ack"]  # of other frames than those printed
-    hello = frame_from_bytes(vector("hello"))
-    assert not isinstance(hello, str)
-    numbers = hello.type, hello.seq, hello.t_ms, hello.body
-    assert told.pop("hello") == signed_bytes_from_frame(*numbers, KEY, 0x5A17C0DE, NONCE)
+    assert told.pop("hello") == with_tag("hello")
     for name, frame in told.items():
         assert frame.hex(" ") == VECTORS.get(f"{name}_auth", VECTORS[name]), name
     newcomer = CReceiver(NONCE, key=KEY, max_cells=101 * 101)  # which knows no session

@@ -80,7 +80,6 @@ class CReceiver:
         self.handle = self._lib.receiver_new(max_cells, nonce, key, poll_only, keeps_map)
         self._state, self._out = c_struct("state")(), ctypes.create_string_buffer(MAX_OUT)
         self._now_ms = 0
-        self._cells: U8 = np.zeros((0, 0), np.uint8)
 
     def __del__(self) -> None:
         if getattr(self, "handle", None):
@@ -113,19 +112,12 @@ class CReceiver:
         self._lib.receiver_say(self.handle, which, on)
 
     def window(self) -> U8:
-        """(height, width) copy of all cells; (0, 0) without a geometry."""
-        return self.cells.copy()
-
-    @property
-    def cells(self) -> U8:
-        """(height, width) of all cells; the next call overwrites it."""
+        """(height, width) of all cells; (0, 0) without a geometry."""
         state = self.state()
-        shape = (state.height, state.width) if state.has_geom else (0, 0)
-        if self._cells.shape != shape:
-            self._cells = np.zeros(shape, np.uint8)
-        if self._cells.size:
-            self._lib.receiver_window(self.handle, self._cells.ctypes.data)
-        return self._cells
+        cells: U8 = np.zeros((state.height, state.width) if state.has_geom else (0, 0), np.uint8)
+        if cells.size:
+            self._lib.receiver_window(self.handle, cells.ctypes.data)
+        return cells
 
     def state(self, now_s: float | None = None) -> ctypes.Structure:
         """`struct state`, as of now or of the newest call; the next call overwrites it."""

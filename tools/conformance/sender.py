@@ -54,14 +54,11 @@ class World:
 
     def _move(self, di: int, dj: int) -> None:
         """What enters is unknown; the link knows that without being told."""
-        (old_i, old_j), size = self.corner, self.size
-        self.corner = old_i + di, old_j + dj
-        for i in range(self.corner[0], self.corner[0] + size):
-            if not old_i <= i < old_i + size:
-                self._cells[:, i % size] = 0
-        for j in range(self.corner[1], self.corner[1] + size):
-            if not old_j <= j < old_j + size:
-                self._cells[j % size, :] = 0
+        window = np.arange(self.size)
+        for axis, (old, step) in enumerate(zip(self.corner, (di, dj), strict=True)):
+            entered = np.setdiff1d(old + step + window, old + window) % self.size
+            self._cells[(slice(None), entered) if axis == 0 else entered] = 0
+        self.corner = self.corner[0] + di, self.corner[1] + dj
 
     def erase(self) -> None:
         """The app begins its map anew."""

@@ -46,19 +46,14 @@ class SlowReceiver:
 
     Args:
         key: 32 bytes: frames without a valid tag are dropped, answers are tagged. None: no tags.
-        ack_every: counted frames for an ACK at once; 0: no way back, no ACK and no HELLO.
     """
 
-    seed, max_frame, ack_period_s = SEED, MAX_FRAME, 0.1
+    seed, max_frame, ack_period_s, ack_every = SEED, MAX_FRAME, 0.1, 16
 
     def __init__(
-        self,
-        nonce: int = 1,
-        max_cells: int = 401 * 401,
-        key: bytes | None = None,
-        ack_every: int = 16,
+        self, nonce: int = 1, max_cells: int = 401 * 401, key: bytes | None = None
     ) -> None:
-        self.nonce, self.max_cells, self.key, self.ack_every = nonce, max_cells, key, ack_every
+        self.nonce, self.max_cells, self.key = nonce, max_cells, key
         self.cells: dict[tuple[int, int], int] = {}  # unwrapped world cell: FREE or OBSTACLE
         self.geom: Geom | None = None
         self.origin: tuple[int, int] | None = None  # lowest column and row, unwrapped
@@ -98,8 +93,8 @@ class SlowReceiver:
         window = np.zeros((self.geom.height, self.geom.width), np.uint8)
         if self.origin is not None and self.cells:
             columns, rows = (np.array(list(self.cells)) - self.origin).T
-            inside = (0 <= columns) & (columns < self.geom.width)
-            inside &= (0 <= rows) & (rows < self.geom.height)
+            inside = (columns >= 0) & (columns < self.geom.width)
+            inside &= (rows >= 0) & (rows < self.geom.height)
             window[rows[inside], columns[inside]] = np.array(list(self.cells.values()))[inside]
         return window
 
@@ -144,7 +139,7 @@ class SlowReceiver:
             self.need_geom = True
         else:
             self.act(now_s, kind, body, geom, runs)
-        if self._unacked >= self.ack_every > 0:
+        if self._unacked >= self.ack_every:
             self._acknowledge(now_s)
 
     def poll(self, now_s: float) -> list[bytes]:
@@ -155,7 +150,7 @@ class SlowReceiver:
         if self.last is not None and now_s >= self._ack_s + self.ack_period_s:
             self._acknowledge(now_s)
         frames, self._outbox = self._outbox, []
-        return frames if self.ack_every else []
+        return frames
 
     # Rules, each for a test to make wrong
 
@@ -163,8 +158,7 @@ class SlowReceiver:
         """Version, flags, length and CRC."""
         if not SHORTEST <= len(data) <= self.max_frame:
             return False
-        whole = self.has_right_crc(data)
-        return whole and data[0] >> 4 == 1 and not data[1] & 0xE0
+        return self.has_right_crc(data) and data[0] >> 4 == 1 and not data[1] & 0xE0
 
     def has_right_crc(self, data: bytes) -> bool:
         """Over the seed and all that stands before it."""

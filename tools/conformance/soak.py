@@ -176,7 +176,7 @@ class Soak:
         )
         self._expect("session, geom_id, numbers, gap, bad frames, states, flags", mine, its)
         if geom is not None:
-            self._expect_cells("cells of both receivers", python.cells, self.c.cells)
+            self._expect_cells("cells of both receivers", python.cells, self.c.window())
 
     def _compare_with_told(self) -> None:
         """Nothing is FREE that was not told FREE, while *suspect* is clear."""

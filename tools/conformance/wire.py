@@ -75,9 +75,9 @@ class Geom:
         return sizes + struct.pack("<IHH", self.session, self.tick_ms, self.stale_ms)
 
 
-def pose_body(x_mm: int = 0, y_mm: int = 0, mode: int = 1) -> bytes:
+def pose_body(x_mm: int = 0) -> bytes:
     """24 bytes: a robot that stands there, in health."""
-    return struct.pack("<iihhhhhHBBBB", x_mm, y_mm, 0, 0, 0, 0, 0, 0x7F, 2, 1, 3, mode)
+    return struct.pack("<iihhhhhHBBBB", x_mm, 0, 0, 0, 0, 0, 0, 0x7F, 2, 1, 3, 1)
 
 
 def map_body(origin: tuple[int, int], repaired: int, geom_id: int, start: int, ops: bytes) -> bytes:

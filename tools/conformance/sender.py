@@ -54,11 +54,10 @@ class World:
 
     def _move(self, di: int, dj: int) -> None:
         """What enters is unknown; the link knows that without being told."""
-        window = np.arange(self.size)
-        for axis, (old, step) in enumerate(zip(self.corner, (di, dj), strict=True)):
-            entered = np.setdiff1d(old + step + window, old + window) % self.size
-            self._cells[(slice(None), entered) if axis == 0 else entered] = 0
-        self.corner = self.corner[0] + di, self.corner[1] + dj
+        (i, j), window = self.corner, np.arange(self.size)
+        for cells, old, step in ((self._cells.T, i, di), (self._cells, j, dj)):
+            cells[np.setdiff1d(old + step + window, old + window) % self.size] = 0
+        self.corner = i + di, j + dj
 
     def erase(self) -> None:
         """The app begins its map anew."""

@@ -7,6 +7,7 @@ Source: planner link, sections 2 to 6 and 9.
 
 import math
 import struct
+from itertools import chain
 
 import numpy as np
 
@@ -92,10 +93,12 @@ class SlowReceiver:
             return np.zeros((0, 0), np.uint8)
         window = np.zeros((self.geom.height, self.geom.width), np.uint8)
         if self.origin is not None and self.cells:
-            columns, rows = (np.array(list(self.cells)) - self.origin).T
+            places = np.fromiter(chain.from_iterable(self.cells), np.int64).reshape(-1, 2)
+            columns, rows = (places - self.origin).T
+            states = np.fromiter(self.cells.values(), np.uint8)
             inside = (columns >= 0) & (columns < self.geom.width)
             inside &= (rows >= 0) & (rows < self.geom.height)
-            window[rows[inside], columns[inside]] = np.array(list(self.cells.values()))[inside]
+            window[rows[inside], columns[inside]] = states[inside]
         return window
 
     # Bytes in, bytes out

@@ -5,19 +5,28 @@ over; what it finds to be of use is kept in build/c/corpus.
 """
 
 import argparse
-import json
 import random
 import struct
 import subprocess
 import sys
 from pathlib import Path
 
-from tests import ROOT
+from tests.support.planner_sender import VECTORS, vector
+from tools.conformance.wire import (
+    DIGEST,
+    GEOM,
+    MAP,
+    POSE,
+    STOP_ZONE,
+    TILE,
+    Geom,
+    map_body,
+    op,
+    pose_body,
+)
 from tools.rig.c_build import BUILD, MCU, SANITIZED, built
 
 SOURCE = MCU / "host" / "fuzz.c"
-VECTORS = ROOT / "tests/vectors" / "planner_link.json"
-GEOM, POSE, MAP, DIGEST, ZONE, TILE = 1, 2, 3, 4, 5, 6
 TAGGED, BROKEN, NOISE, LATE = 0x10, 0x20, 0x80, 8  # ways to feed a piece, see fuzz.c
 
 
@@ -37,21 +46,15 @@ def piece(frame_type: int, body: bytes, way: int = 1) -> bytes:
     return bytes([way]) + struct.pack("<H", len(frame)) + frame
 
 
-def geom(width: int, height: int, geom_id: int = 7) -> bytes:
-    """Body of GEOM."""
-    return struct.pack("<BxHHHIHH", geom_id, width, height, 50, 0x5A17C0DE, 20, 150)
-
-
 def random_ops(rng: random.Random) -> bytes:
-    """Operations that mostly fit into a window of 30 x 30."""
-    ops = bytearray()
-    for _ in range(rng.randint(0, 12)):
-        state = rng.randrange(4) << 6
-        if rng.random() < 0.2:
-            ops += bytes([state | 63, rng.choice([5, 0x80, 0xFF]), rng.randrange(4)])
-        else:
-            ops.append(state | rng.randrange(63))
-    return bytes(ops)
+    """Operations that mostly fit into a window of 30 x 30; numbers of some are cut off."""
+    pieces = [
+        bytes([rng.randrange(4) << 6 | 63, rng.choice([5, 0x80, 0xFF]), rng.randrange(4)])
+        if rng.random() < 0.2
+        else op(rng.randrange(4), rng.randint(1, 63))
+        for _ in range(rng.randint(0, 12))
+    ]
+    return b"".join(pieces)
 
 
 def random_input(seed: int) -> bytes:
@@ -59,22 +62,21 @@ def random_input(seed: int) -> bytes:
     rng = random.Random(seed)
     tagged = TAGGED * rng.randrange(2)
     width = rng.randint(1, 30)
-    pieces = [piece(GEOM, geom(width, rng.randint(1, 30)), 1 | tagged)]
+    pieces = [piece(GEOM, Geom(7, width, rng.randint(1, 30), 0x5A17C0DE).body(), 1 | tagged)]
     ox, oy = rng.randrange(-32768, 32768), 32766
     for _ in range(rng.randint(5, 40)):
         ox, oy = ox + rng.randint(-3, 3), oy + rng.randint(-2, 2)
-        start = rng.randrange(width * 2).to_bytes(3, "little")
-        place = struct.pack("<HHHB", ox % 65536, oy % 65536, rng.randrange(65536), 7)
-        pose = struct.pack("<ii6H", 5, 6, 1, 2, 3, 4, 5, 0x7F) + bytes([1, 2, 3, 1])
+        start, repaired = rng.randrange(width * 2), rng.randrange(65536)
+        cells = map_body((ox, oy), repaired, 7, start, random_ops(rng))
         kind, body = rng.choice(
             [
-                (MAP, place + start + random_ops(rng)),
-                (MAP, place + start + random_ops(rng)),
-                (POSE, pose),
+                (MAP, cells),
+                (MAP, cells),
+                (POSE, pose_body()),
                 (rng.randrange(16), rng.randbytes(rng.choice([0, 8, 16, 20, 24, 40, 200, 356]))),
                 (TILE, rng.randbytes(2) + bytes([rng.randrange(5), 0]) + rng.randbytes(30)),
                 (DIGEST, b"\7\0\0\0" + rng.randbytes(4)),
-                (ZONE, rng.randbytes(20)),
+                (STOP_ZONE, rng.randbytes(20)),
             ]
         )
         way = rng.choice([1, 1, 1, 2, 5, BROKEN | 1, NOISE | 1, LATE | 1, 0x41]) | tagged
@@ -84,11 +86,9 @@ def random_input(seed: int) -> bytes:
 
 def seeds() -> list[bytes]:
     """The protocol's own frames, in one conversation and each after GEOM, plain and with tags."""
-    vectors = json.loads(VECTORS.read_text())
-    small = piece(GEOM, geom(30, 30))
-    names = [name for name in vectors if f"{name}_serial" in vectors]
-    frames = {name: bytes.fromhex(vectors[name]) for name in names}
-    single = [piece(frame[0] & 15, frame[8:-4]) for frame in frames.values()]
+    small = piece(GEOM, Geom(7, 30, 30, 0x5A17C0DE).body())
+    frames = [vector(name) for name in VECTORS if f"{name}_serial" in VECTORS]
+    single = [piece(frame[0] & 15, frame[8:-4]) for frame in frames]
     tagged = [bytes([each[0] | TAGGED]) + each[1:] for each in (small, *single)]
     return [
         small + b"".join(single),
@@ -98,13 +98,11 @@ def seeds() -> list[bytes]:
     ]
 
 
-def write_inputs(folder: Path, inputs: list[bytes]) -> list[Path]:
+def write_inputs(folder: Path, inputs: list[bytes]) -> None:
     """One file each."""
     folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / f"seed-{k:04d}" for k in range(len(inputs))]
-    for path, content in zip(paths, inputs, strict=True):
-        path.write_bytes(content)
-    return paths
+    for k, content in enumerate(inputs):
+        (folder / f"seed-{k:04d}").write_bytes(content)
 
 
 def fuzz(corpus: Path, *limits: str) -> subprocess.CompletedProcess[str]:

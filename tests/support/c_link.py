@@ -4,13 +4,12 @@ import ctypes
 from collections import Counter
 from ctypes import c_int16 as i16
 from ctypes import c_int32 as i32
-from ctypes import c_uint8 as u8
 from ctypes import c_uint16 as u16
 from ctypes import c_uint32 as u32
 from typing import Any
 
 from tools.conformance import c_receiver
-from tools.conformance.c_receiver import MAX_OUT
+from tools.conformance.c_receiver import MAX_OUT, c_struct
 
 ADVICE = ("stop", "slow", "go")
 WHY = (
@@ -27,55 +26,7 @@ NOT_KNOWN = -(2**31)  # of a tile's value
 NO_YAW = -32_768
 
 
-class Pose(ctypes.Structure):
-    """struct mapod_pose."""
-
-    _fields_ = (
-        ("x_mm", i32), ("y_mm", i32),
-        *((name, i16) for name in ("yaw", "pitch", "roll", "v_mmps", "w_mradps")),
-        ("health", u16),
-        *((name, u8) for name in ("age_scan", "age_attitude", "age_encoders", "mode")),
-        ("t_ms", u32),
-    )  # fmt: skip
-
-
-class ExternalPose(ctypes.Structure):
-    """struct mapod_external_pose."""
-
-    _fields_ = (
-        ("x_mm", i32), ("y_mm", i32), ("yaw", i16), ("sigma_x_mm", u16), ("sigma_y_mm", u16),
-        ("correlation", i16), ("sigma_yaw", u16), ("age_ms", u16),
-    )  # fmt: skip
-
-
-class Ask(ctypes.Structure):
-    """struct mapod_ask."""
-
-    _fields_ = (
-        ("id", u16), ("what", u8), ("layer", u8), ("i", i16), ("j", i16), ("width", u16),
-        ("height", u16),
-    )  # fmt: skip
-
-
-class Zone(ctypes.Structure):
-    """struct mapod_zone."""
-
-    _fields_ = (
-        ("arrived_ms", u32), ("t_ms", u32), ("free_ahead_mm", u16), ("obstacle_ahead_mm", u16),
-        ("free_behind_mm", u16), ("obstacle_behind_mm", u16), ("contact_ms", u16),
-        ("allowed_ahead_mmps", u16), ("allowed_behind_mmps", u16), ("nearest_mm", u16),
-        ("bearing", i16), ("state", u8), ("causes", u8),
-    )  # fmt: skip
-
-
-class Piece(ctypes.Structure):
-    """struct piece: of a tile; `values` as the header gives them."""
-
-    _fields_ = (
-        *((name, u16) for name in ("id", "width", "height", "count", "cell_mm")),
-        ("i", i16), ("j", i16), ("layer", u8), ("status", u8), ("geom_id", u8), ("first", u32),
-        ("values", i32 * 1392),
-    )  # fmt: skip
+Ask, ExternalPose = c_struct("mapod_ask"), c_struct("mapod_external_pose")
 
 
 def serial_from_frame(frame: bytes) -> bytes:
@@ -89,24 +40,20 @@ class CReceiver(c_receiver.CReceiver):
     """A receiver that says and shows all that it can; what it says is b"" where it refuses to."""
 
     def ack(self, now_s: float, hold_s: float | None = None) -> bytes:
-        """ACK; `hold_s` is finer than the header's own milliseconds."""
+        """`hold_s` is finer than the header's own milliseconds."""
         return self._built("ack", now_s, i32(-1 if hold_s is None else round(hold_s * 10_000)))
 
     def hello(self, now_s: float) -> bytes:
-        """HELLO."""
         return self._built("hello", now_s)
 
     def drive(self, now_s: float, v_mps: float, w_radps: float, valid_s: float) -> bytes:
-        """DRIVE."""
         v, w, valid = round(v_mps * 1000), round(w_radps * 1000), round(valid_s * 1000)
         return self._built("drive", now_s, i16(v), i16(w), u16(valid))
 
-    def external_pose(self, now_s: float, pose: ExternalPose) -> bytes:
-        """EXTERNAL_POSE."""
+    def external_pose(self, now_s: float, pose: ctypes.Structure) -> bytes:
         return self._built("external_pose", now_s, ctypes.byref(pose))
 
-    def ask(self, now_s: float, ask: Ask) -> bytes:
-        """ASK."""
+    def ask(self, now_s: float, ask: ctypes.Structure) -> bytes:
         return self._built("ask", now_s, ctypes.byref(ask))
 
     def _built(self, name: str, now_s: float, *arguments: Any) -> bytes:
@@ -141,23 +88,21 @@ class CReceiver(c_receiver.CReceiver):
         return None if state.blank else (state.ox, state.oy)
 
     @property
-    def pose(self) -> Pose | None:
-        """Newest pose, in the frame's units."""
-        pose = self._shown("pose", Pose)
+    def pose(self) -> Any:
+        """`struct mapod_pose` of the newest, or None."""
+        pose = self._shown("pose", c_struct("mapod_pose"))
         return pose.contents if pose else None
 
     @property
-    def zone(self) -> Zone:
-        """Newest stop zone, in the frame's units."""
-        zone: Zone = self._shown("zone", Zone).contents
-        return zone
+    def zone(self) -> Any:
+        """`struct mapod_zone` of the newest."""
+        return self._shown("zone", c_struct("mapod_zone")).contents
 
     @property
-    def pieces(self) -> list[Piece]:
-        """Pieces of tiles, the newest 256 at most, oldest first."""
-        newest = self.state().newest_piece
-        numbers = range(max(0, newest - 256), newest)
-        return [self._shown("piece", Piece, u32(k)).contents for k in numbers]
+    def piece(self) -> Any:
+        """`struct piece` of library.c: the newest of a tile."""
+        newest = u32(self.state().newest_piece - 1)
+        return self._shown("piece", c_struct("piece"), newest).contents
 
     @property
     def accepted(self) -> Counter[str]:

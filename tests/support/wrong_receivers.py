@@ -1,5 +1,8 @@
 """Receivers of the planner link that are wrong in one way each: the conformance tests find them."""
 
+import copy
+import dataclasses
+import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -7,7 +10,6 @@ from tools.conformance.slow_receiver import Run, SlowReceiver
 from tools.conformance.wire import (
     KEEP,
     MAP,
-    U8,
     UNKNOWN,
     Geom,
     cobs,
@@ -16,12 +18,29 @@ from tools.conformance.wire import (
     sealed,
 )
 
-Method = Callable[..., Any]
+ALL = 0xFFFFFFFF
 
 
 def wrong(**methods: Any) -> type[SlowReceiver]:
     """A receiver of which some rules are others."""
     return type("Wrong", (SlowReceiver,), methods)
+
+
+def counting(
+    other: Callable[[SlowReceiver, SlowReceiver, bool], dict[str, Any]],
+) -> type[SlowReceiver]:
+    """A receiver whose books are others after each frame that counts.
+
+    `other` is told it, as it was before, and whether a run of the sender begins.
+    """
+
+    def count(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
+        before = copy.copy(self)
+        SlowReceiver.count(self, now_s, seq, t_ms, begins)
+        for name, value in other(self, before, begins).items():
+            setattr(self, name, value)
+
+    return wrong(count=count)
 
 
 def _half_applied(self: SlowReceiver, runs: list[Run]) -> None:
@@ -57,16 +76,8 @@ def _cut_leb(self: SlowReceiver, body: bytes, at: int) -> tuple[int, int] | None
 
 def _long_keep_forgets(self: SlowReceiver, runs: list[Run]) -> None:
     """Of a KEEP of more than 200 cells, the rest becomes unknown."""
-    split = [
-        part
-        for s, a, b in runs
-        for part in (
-            [(KEEP, a, a + 200), (UNKNOWN, a + 200, b)]
-            if s == KEEP and b - a > 200
-            else [(s, a, b)]
-        )
-    ]
-    SlowReceiver.apply(self, split)
+    rest = [(UNKNOWN, a + 200, b) for state, a, b in runs if state == KEEP and b - a > 200]
+    SlowReceiver.apply(self, [*runs, *rest])
 
 
 def _only_new_cells(self: SlowReceiver, runs: list[Run]) -> None:
@@ -76,18 +87,6 @@ def _only_new_cells(self: SlowReceiver, runs: list[Run]) -> None:
     self.cells.update(before)
 
 
-def _no_gap(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
-    SlowReceiver.count(self, now_s, seq, t_ms, begins)
-    self.gap = None
-
-
-def _first_gap_stays(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
-    """A second gap does not move the first."""
-    gap = self.gap
-    SlowReceiver.count(self, now_s, seq, t_ms, begins)
-    self.gap = self.gap if gap is None or begins else gap
-
-
 def _counts_back(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
     """The newest is what came last, whatever its number."""
     if self.last is not None and int16(seq - self.last) <= 0:
@@ -95,34 +94,10 @@ def _counts_back(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: 
     SlowReceiver.count(self, now_s, seq, t_ms, begins)
 
 
-def _mask_from_newest(self: SlowReceiver, now_s: float, seq: int, t_ms: int, b: bool) -> None:
-    """Bit 0 is the newest frame itself."""
-    SlowReceiver.count(self, now_s, seq, t_ms, b)
-    self.mask = (self.mask << 1 | 1) & 0xFFFFFFFF
-
-
-def _mask_all(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
-    SlowReceiver.count(self, now_s, seq, t_ms, begins)
-    self.mask = 0xFFFFFFFF
-
-
-def _mask_stays(self: SlowReceiver, now_s: float, seq: int, t_ms: int, begins: bool) -> None:
-    """The mask of the run before goes on."""
-    mask, last = self.mask, self.last
-    SlowReceiver.count(self, now_s, seq, t_ms, begins)
-    if begins and last is not None:
-        self.mask = (mask << 1 | 1) & 0xFFFFFFFF
-
-
 def _swapped(self: SlowReceiver, body: bytes) -> Geom | None:
     """Rows for columns."""
     geom = SlowReceiver.maybe_geom(self, body)
-    if geom is None:
-        return None
-    return Geom(
-        geom.geom_id, geom.height, geom.width, geom.session, geom.stale_ms, geom.tick_ms,
-        geom.cell_mm,
-    )  # fmt: skip
+    return geom and dataclasses.replace(geom, width=geom.height, height=geom.width)
 
 
 def _fixed_stale(self: SlowReceiver, now_s: float) -> bool:
@@ -166,10 +141,6 @@ def _slow_ack(self: SlowReceiver, now_s: float) -> None:
     SlowReceiver._acknowledge(self, now_s)
 
 
-def _no_tag(self: SlowReceiver, flags: int, content: bytes, *_: Any) -> bool:
-    return True
-
-
 def _any_session(self: SlowReceiver, *arguments: Any) -> bool:
     self.left.clear()
     return SlowReceiver.tag_is_right(self, *arguments)
@@ -182,14 +153,11 @@ def _never_ok(self: SlowReceiver, body: bytes) -> None:
 
 def _bad_padding(self: SlowReceiver, body: bytes) -> None:
     """Leaves the cells of the last byte out of the sum."""
-    window: U8 = self.window()
-    window.flat[window.size // 4 * 4 :] = 0
-    kept = self.cells
-    self.cells = {}
     assert self.origin is not None
-    for row, column in zip(*window.nonzero(), strict=True):
-        place = self.origin[0] + int(column), self.origin[1] + int(row)
-        self.cells[place] = int(window[row, column])
+    assert self.geom is not None
+    (low_i, low_j), width, kept = self.origin, self.geom.width, self.cells
+    end = width * self.geom.height // 4 * 4
+    self.cells = {(i, j): s for (i, j), s in kept.items() if (j - low_j) * width + i - low_i < end}
     SlowReceiver.compare(self, body)
     self.cells = kept
 
@@ -210,8 +178,11 @@ def _one_type_too_few(self: SlowReceiver, now_s: float, data: bytes) -> None:
 
 
 def _hello_for_ever(self: SlowReceiver, now_s: float) -> list[bytes]:
-    body = self.nonce.to_bytes(4, "little") + bytes.fromhex("0010000070010000")
-    return [*SlowReceiver.poll(self, now_s), frame(9, 1, 0, body)]
+    frames = SlowReceiver.poll(self, now_s)
+    if now_s >= self._hello_s + 0.25:
+        self._hello_s = now_s
+        frames.append(frame(9, 1, 0, struct.pack("<IIHH", self.nonce, 4096, 368, 0)))
+    return frames
 
 
 # What is wrong: (the test that must find it, the receiver)
@@ -228,8 +199,9 @@ WRONG: dict[str, tuple[str, type[SlowReceiver]]] = {
     "repaired is ignored": ("5", wrong(clears=lambda s, r, g: False)),
     "any map repairs": ("5", wrong(clears=lambda s, r, g: True)),
     "repaired one early": ("5", wrong(clears=lambda s, r, g: int16(r - g) >= -1)),
-    "suspect is never set": ("5", wrong(count=_no_gap)),
-    "second gap is forgotten": ("5", wrong(count=_first_gap_stays)),
+    "suspect is never set": ("5", counting(lambda *_: {"gap": None})),
+    "second gap is forgotten": ("5", counting(
+        lambda s, old, new: {} if old.gap is None or new else {"gap": old.gap})),
     "far move leaves suspect": ("5", wrong(move=_keeps_gap_on_jump)),
     "rejected frame half applied": ("4", wrong(rest_of_bad_runs=_half_applied)),
     "rejected frame taken": ("4", wrong(rest_of_bad_runs=lambda s, r: r)),
@@ -241,16 +213,13 @@ WRONG: dict[str, tuple[str, type[SlowReceiver]]] = {
     "LEB128 cut off": ("4", wrong(maybe_leb128=_cut_leb)),
     "a long KEEP forgets": ("2", wrong(apply=_long_keep_forgets)),
     "operations are differences": ("2", wrong(apply=_only_new_cells)),
-    "mask from the newest": ("5", wrong(count=_mask_from_newest)),
-    "mask of ones": ("5", wrong(count=_mask_all)),
-    "mask of another run": ("5", wrong(count=_mask_stays)),
+    "mask from the newest": ("5", counting(lambda s, *_: {"mask": (s.mask << 1 | 1) & ALL})),
+    "mask of ones": ("5", counting(lambda *_: {"mask": ALL})),
+    "mask of another run": ("5", counting(
+        lambda s, old, new: {"mask": (old.mask << 1 | 1) & ALL} if new and old.geom else {})),
     "older frames are taken": ("5", wrong(is_newer=lambda s, q, t: True, count=_counts_back)),
-    "repeated frames are taken": (
-        "5",
-        wrong(
-            is_newer=lambda s, q, t: s.last is None or int16(q - s.last) >= 0, count=_counts_back
-        ),
-    ),
+    "repeated frames are taken": ("5", wrong(
+        is_newer=lambda s, q, t: s.last is None or int16(q - s.last) >= 0, count=_counts_back)),
     "unknown types are refused": ("4", wrong(feed_datagram=_one_type_too_few)),
     "any length": ("4", wrong(has_right_length=lambda s, k, b: k != MAP or len(b) >= 10)),
     "geom_id is ignored": ("5", wrong(feed_datagram=_foreign_is_applied)),
@@ -267,7 +236,7 @@ WRONG: dict[str, tuple[str, type[SlowReceiver]]] = {
     "DIGEST without its last byte": ("2", wrong(compare=_bad_padding)),
 }  # fmt: skip
 WRONG_WITH_KEY: dict[str, type[SlowReceiver]] = {
-    "tags are not looked at": wrong(tag_is_right=_no_tag),
+    "tags are not looked at": wrong(tag_is_right=lambda *_: True),
     "t_ms may go back": wrong(is_newer=lambda s, q, t: s.last is None or int16(q - s.last) > 0),
     "sessions may come back": wrong(tag_is_right=_any_session),
 }

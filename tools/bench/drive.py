@@ -17,7 +17,7 @@ from core.config import Config
 from core.records import I8, I32, I64, UNKNOWN, ObstacleMap, PoseReport
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
-from tools.conformance.world import STANDING, World
+from tools.conformance.sender import STANDING, World
 
 CELL_M = 0.05
 SCAN_HZ = 50

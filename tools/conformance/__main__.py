@@ -11,21 +11,28 @@ import argparse
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
 from functools import partial
+from itertools import product
+from typing import Protocol
 
 from mapod_link.receiver import Receiver as PythonReceiver
 from tools.conformance.c_receiver import CReceiver
 from tools.conformance.exam import DeviationError, Exam
 from tools.conformance.in_process import InProcess, Receiver
-from tools.conformance.soak import Soak
-from tools.conformance.soak_leg import leg_of
+from tools.conformance.soak import Soak, leg_of
 from tools.conformance.suite import CHECKS, meet, run
 from tools.rig.c_build import MissingToolError
 
 LEGS = 16
 KEY, NONCE = bytes(range(32)), 0x11223344
-Make = Callable[[int, bytes | None], Receiver]
+
+
+class Make(Protocol):
+    """A receiver after so many starts."""
+
+    def __call__(self, start: int, key: bytes | None) -> Receiver: ...
+
+
 RECEIVERS: dict[str, Make] = {
     "Python": lambda start, key: PythonReceiver(NONCE + start, key=key),
     "C": lambda start, key: CReceiver(NONCE + start, key=key),
@@ -42,40 +49,30 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--soak", type=int, default=0, help="frames in all; 0: the tests instead")
     parser.add_argument("--seed", type=int, default=1, help="of all that is drawn by chance (1)")
     parser.add_argument("--leg", type=int, help=f"only this one of the soak's {LEGS} legs")
-    parser.add_argument("--share", type=float, default=1.0, help="of the tests' rounds (1)")
     options = parser.parse_args(arguments)
     try:
         if options.soak:
             legs = range(LEGS) if options.leg is None else [options.leg]
             return soak(options.soak, options.seed, list(legs))
-        return examine(options.share, options.seed)
+        return examine(options.seed)
     except MissingToolError as error:
         print(f"conformance: {error}")
         return 2
 
 
-def examine(share: float, seed: int) -> int:
+def examine(seed: int) -> int:
     """All checks on both receivers, on datagrams and on a stream, with and without a key."""
     failures = 0
-    for name, make in RECEIVERS.items():
-        for key in (None, KEY):
-            for datagrams in (True, False):
-                bench = InProcess(partial(_made, make, key), datagrams=datagrams)
-                exam = Exam(bench, seed=seed, key=key, share=share)
-                wire = "datagrams" if datagrams else "stream"
-                title = f"{name}, {wire}, {'AUTH' if key else 'no AUTH'}"
-                failures += _examined(title, exam, seed)
+    for (name, make), key, datagrams in product(RECEIVERS.items(), (None, KEY), (True, False)):
+        wire = "datagrams" if datagrams else "stream"
+        print(f"\n{name}, {wire}, {'AUTH' if key else 'no AUTH'}", flush=True)
+        bench = InProcess(partial(make, key=key), datagrams=datagrams)
+        failures += _examined(Exam(bench, seed=seed, key=key), seed)
     return 1 if failures else 0
 
 
-def _made(make: Make, key: bytes | None, start: int) -> Receiver:
-    """One more receiver."""
-    return make(start, key)
-
-
-def _examined(title: str, exam: Exam, seed: int) -> int:
+def _examined(exam: Exam, seed: int) -> int:
     """One receiver; gives how many checks failed."""
-    print(f"\n{title}", flush=True)
     if why := meet(exam):
         print(f"  {why}")
         return 1

@@ -3,10 +3,7 @@
 import ctypes
 import functools
 import math
-from ctypes import c_bool as flag
-from ctypes import c_int16 as i16
-from ctypes import c_uint8 as u8
-from ctypes import c_uint16 as u16
+import re
 from ctypes import c_uint32 as u32
 
 import numpy as np
@@ -15,20 +12,22 @@ from tools.conformance.wire import U8
 from tools.rig.c_build import MCU, built
 
 MAX_OUT = 64  # bytes of the longest answer
+LIBRARY = MCU / "host" / "library.c"
 
 
-class State(ctypes.Structure):
-    """`struct state` of library.c: everything small that a receiver knows."""
-
-    _fields_ = (
-        *((name, u32) for name in ("session", "mask", "newest_t_ms", "newest_piece")),
-        *((name, u16) for name in ("width", "height", "cell_mm", "tick_ms", "stale_ms")),
-        *((name, u16) for name in ("last", "gap", "bad_frames")),
-        ("ox", i16), ("oy", i16), ("geom_id", u8),
-        *((name, flag) for name in ("has_geom", "has_pose", "blank", "suspect", "stale", "any")),
-        *((name, flag) for name in ("need_geom", "need_full", "digest_ok", "auth_failed")),
-        ("advice", u8), ("why", u8), ("zone_advice", u8),
-    )  # fmt: skip
+@functools.cache
+def c_struct(name: str) -> type[ctypes.Structure]:
+    """`struct name` of the header or of library.c, with the members that it has there."""
+    text = (MCU / "mapod_link.h").read_text() + LIBRARY.read_text()
+    text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    found = re.search(rf"struct {name} {{(.*?)}};", text, re.DOTALL)
+    assert found is not None, name
+    members: list[tuple[str, type]] = []
+    for kind, several in re.findall(r"(u?int\d+)_t ([^;]+);", found[1]):
+        for member, count in re.findall(r"(\w+)(?:\[(\d+)\])?", several):
+            one = getattr(ctypes, f"c_{kind}")
+            members.append((member, one * int(count) if count else one))
+    return type(name, (ctypes.Structure,), {"_fields_": members})
 
 
 @functools.cache
@@ -39,7 +38,7 @@ def library(*settings: str) -> ctypes.CDLL:
         MissingToolError, CompileError: see `tools.rig.c_build`.
     """
     words = ("-O2", "-shared", "-fPIC", *settings)
-    lib = ctypes.CDLL(str(built("link.so", MCU / "host" / "library.c", *words)))
+    lib = ctypes.CDLL(str(built("link.so", LIBRARY, *words)))
     handle, data = ctypes.c_void_p, ctypes.c_char_p
     lib.receiver_new.argtypes = [u32, u32, data, ctypes.c_int, ctypes.c_int]
     lib.receiver_new.restype = handle
@@ -50,7 +49,7 @@ def library(*settings: str) -> ctypes.CDLL:
     lib.receiver_window.argtypes = [handle, ctypes.c_void_p]
     lib.receiver_poll.argtypes, lib.receiver_poll.restype = [handle, u32, data], u32
     lib.receiver_say.argtypes = [handle, ctypes.c_int, ctypes.c_int]
-    lib.receiver_state.argtypes = [handle, u32, ctypes.POINTER(State)]
+    lib.receiver_state.argtypes = [handle, u32, ctypes.c_void_p]
     return lib
 
 
@@ -79,9 +78,8 @@ class CReceiver:
         self._lib = library(*settings)
         self.nonce = nonce
         self.handle = self._lib.receiver_new(max_cells, nonce, key, poll_only, keeps_map)
-        self._state, self._out = State(), ctypes.create_string_buffer(MAX_OUT)
+        self._state, self._out = c_struct("state")(), ctypes.create_string_buffer(MAX_OUT)
         self._now_ms = 0
-        self._cells: U8 = np.zeros((0, 0), np.uint8)
 
     def __del__(self) -> None:
         if getattr(self, "handle", None):
@@ -113,27 +111,16 @@ class CReceiver:
         which = ("stopped", "need_full", "need_geom", "suspect").index(what)
         self._lib.receiver_say(self.handle, which, on)
 
-    def want_full(self) -> None:
-        """Ask for a new epoch with the next ACK."""
-        self.say("need_full")
-
     def window(self) -> U8:
-        """(height, width) copy of all cells; (0, 0) without a geometry."""
-        return self.cells.copy()
-
-    @property
-    def cells(self) -> U8:
-        """(height, width) of all cells; the next call overwrites it."""
+        """(height, width) of all cells; (0, 0) without a geometry."""
         state = self.state()
-        shape = (state.height, state.width) if state.has_geom else (0, 0)
-        if self._cells.shape != shape:
-            self._cells = np.zeros(shape, np.uint8)
-        if self._cells.size:
-            self._lib.receiver_window(self.handle, self._cells.ctypes.data)
-        return self._cells
+        cells: U8 = np.zeros((state.height, state.width) if state.has_geom else (0, 0), np.uint8)
+        if cells.size:
+            self._lib.receiver_window(self.handle, cells.ctypes.data)
+        return cells
 
-    def state(self, now_s: float | None = None) -> State:
-        """As of now, or of the newest call; the next call overwrites it."""
+    def state(self, now_s: float | None = None) -> ctypes.Structure:
+        """`struct state`, as of now or of the newest call; the next call overwrites it."""
         now_ms = self._now_ms if now_s is None else self._ms(now_s)
         self._lib.receiver_state(self.handle, now_ms, ctypes.byref(self._state))
         return self._state

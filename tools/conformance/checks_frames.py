@@ -1,21 +1,19 @@
-"""Conformance tests 1 and 4: vectors, what an ACK tells, frames that no sender writes."""
+"""Conformance tests 1, 3, 4: vectors, what an ACK tells, damage, frames that no sender writes."""
 
 import struct
 
-from tools.conformance.checks_damage import victim
 from tools.conformance.exam import BATCH, Exam, UnseenError
+from tools.conformance.rough_wire import damaged
 from tools.conformance.vectors import (
     LAST_SEQ,
     NEWEST_T_MS,
-    PLAIN,
-    TAGGED,
     VECTOR_GEOM,
     VECTOR_KEY,
-    VECTOR_NONCE,
     VECTOR_ORIGIN,
+    VECTORS,
+    tagged,
 )
 from tools.conformance.wire import (
-    AUTH,
     AUTH_FAILED,
     DIGEST,
     FREE,
@@ -36,7 +34,6 @@ from tools.conformance.wire import (
     map_body,
     op,
     ops_of,
-    pose_body,
     sealed,
 )
 
@@ -49,34 +46,26 @@ NEWER_TYPES = {  # frames that a receiver may or may not know: any body must lea
 
 def vectors(exam: Exam) -> str:
     """1: the worked example of section 13."""
-    tagged = exam.key == VECTOR_KEY and exam.hello and exam.hello.nonce == VECTOR_NONCE
-    if exam.key and not tagged:
+    keyed = Key(exam.key, VECTOR_GEOM.session, exam.nonce) if exam.key else None
+    if keyed and keyed != VECTOR_KEY:
         raise UnseenError("the vectors bear no tag, or that of another key and nonce")
     exam.begin(5, 4)
     exam.geom, exam.origin, exam.begun_seq = VECTOR_GEOM, VECTOR_ORIGIN, 0
-    for name, text in PLAIN.items():
-        data = bytes.fromhex(TAGGED[name] if tagged and name in TAGGED else text)
-        exam.send(_with_tag(exam, data) if tagged and name not in TAGGED else data)
+    for text in VECTORS.values():
+        plain = bytes.fromhex(text)
+        exam.send(tagged(plain) if keyed else plain)
     exam.seq = LAST_SEQ
     exam.skipped_ms = NEWEST_T_MS - round(exam.bench.now_s() * 1000)
     ack = exam.ask()  # before a slow receiver's next ACKs, whose bits reach back no farther
-    taken = [ack.has(n) for n in range(1, LAST_SEQ + 1)]
+    taken = [bool(ack.mask >> ack.last_seq - n - 1 & 1) for n in range(1, LAST_SEQ + 1)]
     exam.expect("section 13: bits of its frames", [True] * LAST_SEQ, taken)
     exam.check("section 13")
-    return f"the {len(PLAIN)} frames of section 13"
-
-
-def _with_tag(exam: Exam, data: bytes) -> bytes:
-    """A vector that section 13 does not show tagged."""
-    assert exam.key is not None
-    content = bytes([data[0], data[1] | AUTH]) + data[2:-4]
-    return sealed(content + Key(exam.key, VECTOR_GEOM.session, VECTOR_NONCE).tag(content))
+    return f"the {len(VECTORS)} frames of section 13"
 
 
 def answers(exam: Exam) -> str:
     """1: what an ACK tells, and when it comes."""
-    exam.begin(7, 5)
-    exam.tell([(FREE, 35)])
+    exam.begin_free(7, 5)
     sent_s = exam.bench.now_s()
     t_ms = exam.t_ms
     ack = exam.ask()
@@ -87,7 +76,7 @@ def answers(exam: Exam) -> str:
     exam.expect("ACKs within a quiet second: 8 or more", True, len(quiet) >= 8)
     exam.expect("they tell of the same frame", {exam.seq}, {one.last_seq for one in quiet})
     for _ in range(17):
-        exam.send(exam.next(POSE, pose_body()))
+        exam.send_pose()
     soon_s = 0.02 if exam.bench.in_process else 0.25
     heard = [exam.seq - one.last_seq & 0xFFFF for one in exam.hear_all(soon_s)]
     exam.expect("an ACK at the latest after 16 frames", True, any(n < 16 for n in heard))
@@ -100,8 +89,7 @@ def cobs_forms(exam: Exam) -> str:
         raise UnseenError("datagrams are not COBS-encoded")
     if exam.max_frame < 300:
         raise UnseenError(f"the receiver takes no frame of 300 bytes, only {exam.max_frame}")
-    exam.begin(40, 30)
-    exam.tell([(FREE, 1200)])
+    exam.begin_free(40, 30)
     forms = 0
     for k in exam.rounds(12):
         data = _ends_in_full_run(exam)
@@ -142,7 +130,7 @@ def junk(exam: Exam) -> str:
         pieces += [exam.random.randbytes(exam.random.randint(0, 500)) for _ in range(20)]
         pieces.append(sealed(whole[:-4] + bytes(MAX_FRAME + 1 - len(whole))))
         for piece in pieces:
-            exam.bench.send(piece if exam.bench.datagrams else cobs(piece) + b"\0")
+            exam.bench.send(exam.on_wire(piece))
             if not exam.bench.datagrams:
                 exam.bench.send(exam.random.randbytes(exam.random.randint(0, 40)) + b"\0\0")
         done += len(pieces)
@@ -241,8 +229,7 @@ def tags(exam: Exam) -> str:
     """9, seen as test 4: with a key, no frame without a valid tag counts."""
     if exam.key is None:
         raise UnseenError("no key was given")
-    exam.begin(9, 9)
-    exam.tell([(FREE, 81)])
+    exam.begin_free(9, 9)
     secret = exam.secret
     assert secret is not None
     wrong_keys = {
@@ -252,21 +239,116 @@ def tags(exam: Exam) -> str:
         "another nonce": Key(secret.key, secret.session, secret.nonce ^ 1),
     }
     for why, key in wrong_keys.items():
-        body = map_body(exam.origin, exam.seq, exam.geom.geom_id, 0, ops_of([(OBSTACLE, 9)]))
+        body = exam.map_body([(OBSTACLE, 9)])
         exam.seq = exam.seq + 1 & 0xFFFF
         exam.send(frame(MAP, exam.seq, exam.t_ms, body, 0, key))
         heard = [ack.status & AUTH_FAILED for ack in exam.hear_all(0.3)]
         exam.expect(f"{why}: AUTH_FAILED told", True, any(heard))
         exam.check(why)
-    old, body = exam.seq, map_body(exam.origin, exam.seq, exam.geom.geom_id, 0, b"\x88")
-    exam.seq = old + 1 & 0xFFFF
+    body = exam.map_body([(OBSTACLE, 9)])
+    exam.seq = exam.seq + 1 & 0xFFFF
     exam.send(frame(MAP, exam.seq, exam.t_ms - 1000, body, 0, secret))
     exam.check("a tagged frame whose t_ms goes back")
     left, t_ms = Geom(exam.geom.geom_id, 9, 9, exam.geom.session), exam.t_ms
-    exam.begin(8, 7)
-    exam.tell([(FREE, 56)])
+    exam.begin_free(8, 7)
     exam.check("the next run")
     exam.send(frame(GEOM, exam.seq + 1, t_ms + 9000, left.body(), 0, secret))
     exam.next(POSE, b"")
     exam.check("a GEOM of a session that was left")
     return "no tag, other keys, sessions and nonces, a t_ms that goes back, a session that was left"
+
+
+# Test 3: damage
+
+
+def bit_errors(exam: Exam) -> str:
+    """3: every error of one and two bits in a short frame."""
+    exam.begin_free(6, 5)
+    bits = 8 * len(victim(exam))
+    single = [1 << i for i in range(bits)]
+    double = [1 << i | 1 << j for i in range(bits) for j in range(i)]
+    exam.random.shuffle(double)
+    return _all_rejected(exam, single + double, "errors of one and two bits")
+
+
+def bursts(exam: Exam) -> str:
+    """3: bursts of up to 32 bits at every place of a short frame."""
+    exam.begin_free(6, 5)
+    bits, masks = 8 * len(victim(exam)), []
+    for length in range(3, 33):
+        ends, full = 1 | 1 << length - 1, (1 << length) - 1
+        for first in range(bits - length + 1):
+            inner = [0, full, exam.random.getrandbits(length), exam.random.getrandbits(length)]
+            masks += [(bits_between | ends) << first for bits_between in inner]
+    exam.random.shuffle(masks)
+    return _all_rejected(exam, masks, "bursts of up to 32 bits")
+
+
+def long_frames(exam: Exam) -> str:
+    """3: the same in the longest frame, by chance."""
+    exam.begin_free(40, 30)
+    bits, masks = 8 * exam.max_frame, []
+    for _ in range(max(200, round(6000 * exam.share))):
+        count = exam.random.randint(1, 4)
+        mask = sum(1 << bit for bit in exam.random.sample(range(bits), count))
+        if exam.random.random() < 0.5:
+            length = exam.random.randint(1, 32)
+            mask = (exam.random.getrandbits(length) | 1) << exam.random.randrange(bits - length)
+        masks.append(mask)
+    return _all_rejected(exam, masks, f"errors in a frame of {exam.max_frame} bytes", long=True)
+
+
+def victim(exam: Exam, long: bool = False) -> bytes:
+    """A MAP frame that would be taken if it were whole, and would show in the map."""
+    runs = [(OBSTACLE, 3), (KEEP, 2)] * 4
+    if long:
+        runs = [(OBSTACLE, 1)] * (exam.max_frame - 22 - (8 if exam.key else 0))
+    data = exam.next_map(runs, repaired=exam.seq)
+    exam.seq = exam.seq - 1 & 0xFFFF  # not sent
+    return data
+
+
+def _all_rejected(exam: Exam, masks: list[int], what: str, long: bool = False) -> str:
+    """Each mask of bits, laid over a frame that is due, must make it one that is refused."""
+    step = 64 if exam.bench.datagrams and not exam.bench.in_process else 500
+    done, refused = 0, exam.ask().bad_frames
+    for k in exam.rounds(10**6):
+        some = masks[k * step : (k + 1) * step] if k < len(masks) / step * exam.share + 1 else []
+        if not some:
+            break
+        exam.tell([(OBSTACLE, 1), (FREE, 1)])
+        due = victim(exam, long)
+        for mask in some:
+            number = int.from_bytes(due, "little") ^ mask
+            exam.bench.send(exam.on_wire(number.to_bytes(len(due), "little")))
+        exam.tail.append(due)
+        exam.next(POSE, b"")  # its number is the victim's
+        ack = exam.ask()
+        exam.check_books(f"{len(some)} {what}", ack)
+        counted = ack.bad_frames - refused & 0xFFFF
+        least = len(some) if exam.bench.in_process else 1
+        exam.expect(f"{what}: all of them counted bad", True, least <= counted <= len(some))
+        refused, done = ack.bad_frames, done + len(some)
+        if k % 8 == 0:
+            exam.check_map(what)
+    exam.check(what)
+    return f"{done} of {len(masks)} {what}"
+
+
+def damaged_stream(exam: Exam) -> str:
+    """3: damage to the encoded bytes never changes the map."""
+    if exam.bench.datagrams:
+        raise UnseenError("datagrams are not COBS-encoded")
+    exam.begin_free(30, 9)
+    done = 0
+    for _ in exam.rounds(60):
+        exam.tell([(OBSTACLE, 2), (FREE, 3)])
+        for _ in range(BATCH):
+            wanted = exam.next_map([(OBSTACLE, exam.random.randint(1, 90))] * 3, repaired=exam.seq)
+            stream = damaged(exam.random, cobs(wanted) + b"\0")
+            if wanted[:-4] not in stream and cobs(wanted) not in stream:
+                exam.bench.send(stream + b"\0")
+                exam.tail.append(wanted)
+                done += 1
+        exam.check("damaged bytes on the line")
+    return f"{done} frames with bytes changed, left out or put in"

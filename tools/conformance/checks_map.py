@@ -79,12 +79,11 @@ def wraps(exam: Exam) -> str:
 def long_runs(exam: Exam) -> str:
     """2: runs of all lengths of their code do what they say, no cell more, also those that keep."""
     exam.needs_map()
-    side = min(130, int(exam.max_cells**0.5))
+    side = exam.side(130)
     cells = side * side
     lengths = [n for n in LENGTHS if n <= cells - 2]
     for state in (KEEP, UNKNOWN, OBSTACLE):
-        exam.begin(side, side)
-        exam.tell([(FREE, cells)])
+        exam.begin_free(side, side)
         for n in lengths:
             start = exam.random.randint(0, cells - n - 2)
             exam.tell([(OBSTACLE, 1), (state, n), (OBSTACLE, 1)], start)

@@ -16,6 +16,7 @@ from tools.conformance.slow_receiver import SlowReceiver
 from tools.conformance.wire import (
     DIGEST,
     DIGEST_OK,
+    FREE,
     GEOM,
     MAP,
     POSE,
@@ -61,25 +62,21 @@ class UnseenError(Exception):
 
 
 class Examinee(Protocol):
-    """A receiver, and the wire to it."""
+    """A receiver, and the wire to it.
+
+    It is sent datagrams or bytes of a stream; it is heard as frames without COBS. `window` gives
+    its (height, width) codes where they can be seen; `restart` is as after its power was off, and
+    gives False where that can't be done from here.
+    """
 
     datagrams: bool
     in_process: bool
 
-    def now_s(self) -> float:
-        """Its clock."""
-
-    def send(self, data: bytes) -> None:
-        """A datagram, or bytes of a serial stream."""
-
-    def listen(self, seconds: float) -> list[bytes]:
-        """The frames that it sends next, without COBS; empty if none comes in that time."""
-
-    def window(self) -> U8 | None:
-        """(height, width) codes, where they can be seen."""
-
-    def restart(self) -> bool:
-        """Begin anew, as after its power was off; False where that can't be done from here."""
+    def now_s(self) -> float: ...
+    def send(self, data: bytes) -> None: ...
+    def listen(self, seconds: float) -> list[bytes]: ...
+    def window(self) -> U8 | None: ...
+    def restart(self) -> bool: ...
 
 
 class Exam:
@@ -102,24 +99,21 @@ class Exam:
         share: float = 1.0,
         strict: bool = True,
     ) -> None:
-        self.strict = strict
-        self._tired = ""  # why no more can be seen of it
-        self._is_heard = False  # it has answered to this run of the sender
         self.bench, self.key, self.budget_s, self.share = bench, key, budget_s, share
-        self.random = random.Random(seed)
+        self.strict, self.random = strict, random.Random(seed)
         self.hello: Hello | None = None
         self.answers: deque[Ack] = deque(maxlen=64)
-        self.unreadable, self._unread = "", b""  # the newest answer that was none
-        self.geom = Geom(0, 0, 0, 0)
-        self.origin, self.seq, self.begun_seq = (0, 0), 0, 0
-        self.ticked_s = self.stalled_s = 0.0  # of the sender's part: last tick, slowest tick
+        self.has_digest = False
+        self.geom, self.origin = Geom(self.random.randrange(256), 0, 0, 0), (0, 0)
+        self.seq = self.begun_seq = 0
         self.skipped_ms = 0  # by which the sender's clock was put on
         self.model = SlowReceiver()
         self.undecided: set[int] = set()  # numbers that a receiver may count or not
         self.may_be_suspect = False  # for it did not count one of those
-        self.has_digest = False
         self.tail: deque[bytes] = deque(maxlen=12)
-        self._geom_id = self.random.randrange(256)
+        self._is_heard = False  # it has answered to this run of the sender
+        self._unread = b""  # the newest answer that was none
+        self._tired = ""  # why no more can be seen of it
 
     # The sender's part
 
@@ -128,16 +122,28 @@ class Exam:
         """The most cells that the receiver says it can hold."""
         return min(self.hello.max_cells, MOST_CELLS) if self.hello else MOST_CELLS
 
+    def side(self, most: int) -> int:
+        """Of a square window that it can hold."""
+        return max(3, min(most, int(self.max_cells**0.5)))
+
     @property
     def max_frame(self) -> int:
         """The longest frame that it says it can take."""
         return max(64, min(self.hello.max_frame, 368)) if self.hello else 368
 
     @property
+    def nonce(self) -> int:
+        """Of its newest HELLO."""
+        return self.hello.nonce if self.hello else 0
+
+    def key_of(self, session: int) -> Key | None:
+        """What tags are made with in a run of the sender."""
+        return Key(self.key, session, self.nonce) if self.key else None
+
+    @property
     def secret(self) -> Key | None:
-        """What tags are made with now."""
-        nonce = self.hello.nonce if self.hello else 0
-        return Key(self.key, self.geom.session, nonce) if self.key else None
+        """Likewise, now."""
+        return self.key_of(self.geom.session)
 
     @property
     def t_ms(self) -> int:
@@ -155,24 +161,34 @@ class Exam:
         if self._tired:
             raise UnseenError(self._tired)
         self._is_heard = False
-        self._geom_id = (self._geom_id + 1) % 256
-        session = self.random.getrandbits(32)
-        self.geom = Geom(self._geom_id, width, height, session, stale_ms)
+        geom_id, session = (self.geom.geom_id + 1) % 256, self.random.getrandbits(32)
+        self.geom = Geom(geom_id, width, height, session, stale_ms)
         self.seq = self.random.getrandbits(16) if first_seq is None else first_seq - 1
         self.begun_seq = self.seq
-        nonce = self.hello.nonce if self.hello else 0
-        left = [*self.model.left, self.model.geom.session] if self.model.geom else self.model.left
-        self.model = SlowReceiver(nonce=nonce, max_cells=self.max_cells, key=self.key)
-        self.model.left = left
+        old = self.model
+        self.model = SlowReceiver(nonce=self.nonce, max_cells=self.max_cells, key=self.key)
+        self.model.left = old.left + ([old.geom.session] if old.geom else [])
         self.undecided.clear()
         self.may_be_suspect, self.skipped_ms = False, 0
         self.tail.clear()
         self.send(self.next(GEOM, self.geom.body()))
 
+    def begin_free(self, width: int, height: int, first_seq: int | None = None) -> None:
+        """The same, and all cells FREE."""
+        self.begin(width, height, first_seq=first_seq)
+        self.tell([(FREE, width * height)])
+
     def next(self, kind: int, body: bytes, flags: int = 0) -> bytes:
         """The next frame, not sent yet: leave it out, and it is lost."""
         self.seq = (self.seq + 1) & 0xFFFF
         return frame(kind, self.seq, self.t_ms, body, flags, self.secret)
+
+    def map_body(
+        self, runs: list[tuple[int, int]], start: int = 0, repaired: int | None = None
+    ) -> bytes:
+        """Of a MAP frame that says that all is repaired, unless told."""
+        repaired = self.seq if repaired is None else repaired
+        return map_body(self.origin, repaired, self.geom.geom_id, start, ops_of(runs))
 
     def next_map(
         self,
@@ -184,9 +200,11 @@ class Exam:
         """The next MAP frame; `repaired` as early as may be, unless told."""
         self.origin = origin or self.origin
         repaired = self.seq - 0x7000 if repaired is None else repaired
-        return self.next(
-            MAP, map_body(self.origin, repaired, self.geom.geom_id, start, ops_of(runs))
-        )
+        return self.next(MAP, self.map_body(runs, start, repaired))
+
+    def on_wire(self, data: bytes) -> bytes:
+        """A frame as it travels."""
+        return data if self.bench.datagrams else cobs(data) + b"\0"
 
     def send(self, data: bytes, undecided: bool = False) -> None:
         """One frame, to the receiver and the model; undecided: the sheet lets it count or not."""
@@ -195,7 +213,15 @@ class Exam:
             self.may_be_suspect = True
         self.tail.append(data)
         self.model.feed_datagram(self.bench.now_s(), data)
-        self.bench.send(data if self.bench.datagrams else cobs(data) + b"\0")
+        self.bench.send(self.on_wire(data))
+
+    def send_pose(self) -> None:
+        """Of a robot that stands still."""
+        self.send(self.next(POSE, pose_body()))
+
+    def send_geom(self) -> None:
+        """What the receiver knows, or has to learn, of the window."""
+        self.send(self.next(GEOM, self.geom.body()))
 
     def tell(self, runs: list[tuple[int, int]], start: int = 0) -> None:
         """A MAP frame that says that all is repaired, at once."""
@@ -203,10 +229,6 @@ class Exam:
         self.may_be_suspect = False
 
     # What it answers
-
-    def hear(self, seconds: float) -> list[Ack]:
-        """The next ACKs; empty if none comes in that time."""
-        return self.take(self.bench.listen(seconds))
 
     def take(self, frames: list[bytes]) -> list[Ack]:
         """The ACKs among some answers; a HELLO is kept."""
@@ -219,16 +241,26 @@ class Exam:
                 acks.append(answer)
                 self._is_heard = True
             elif answer != "another type":
-                self.unreadable, self._unread = f"{answer}: {data.hex(' ')}", data
+                self._unread = data
         self.answers += acks
         return acks
 
+    def hear(self, seconds: float) -> Iterator[Ack]:
+        """The ACKs of that time, as they come."""
+        end_s = self.bench.now_s() + seconds
+        while (left_s := end_s - self.bench.now_s()) > 1e-6:
+            yield from self.take(self.bench.listen(left_s))
+
     def hear_all(self, seconds: float) -> list[Ack]:
         """All ACKs of that time."""
-        end_s, acks = self.bench.now_s() + seconds, []
-        while (left_s := end_s - self.bench.now_s()) > 1e-6:
-            acks += self.hear(left_s)
-        return acks
+        return list(self.hear(seconds))
+
+    def says_hello(self, seconds: float = 0.6) -> bool:
+        """Whether a HELLO comes in that time."""
+        before, self.hello = self.hello, None
+        self.hear_all(seconds)
+        comes, self.hello = self.hello is not None, self.hello or before
+        return comes
 
     def ask(self) -> Ack:
         """The ACK of a POSE frame that is sent now.
@@ -238,19 +270,16 @@ class Exam:
         """
         quick = 0 if self.bench.in_process else QUICK_MARKERS
         for wait_s in [QUICK_S] * quick + [ACK_WAIT_S] * MARKERS:
-            self.send(self.next(POSE, pose_body()))
-            end_s = self.bench.now_s() + wait_s
-            while (left_s := end_s - self.bench.now_s()) > 0:
-                for ack in self.hear(left_s):
-                    if ack.last_seq == self.seq:
-                        return ack
+            self.send_pose()
+            for ack in self.hear(wait_s):
+                if ack.last_seq == self.seq:
+                    return ack
         self.check_willing()
         newest = f"newest last_seq {self.answers[-1].last_seq}" if self.answers else "no ACK at all"
-        raise self.failed(
-            "the newest POSE frame is acknowledged",
-            f"last_seq {self.seq}",
-            newest + (f"; unreadable {self.unreadable}" if self.unreadable else ""),
-        )
+        if self._unread:
+            why = answer_from_frame(self._unread, self.secret)
+            newest += f"; unreadable {why}: {self._unread.hex(' ')}"
+        raise self.failed("the newest POSE frame is acknowledged", f"last_seq {self.seq}", newest)
 
     def check_willing(self) -> None:
         """Called where answers are missing.
@@ -258,11 +287,9 @@ class Exam:
         Raises:
             UnseenError: a receiver with a key has room for so many runs of a sender and no more.
         """
-        nonce, left = self.hello.nonce if self.hello else 0, self.model.left
-        older = [Key(self.key, session, nonce) for session in left] if self.key else []
-        if self._is_heard:
-            return
-        if any(isinstance(answer_from_frame(self._unread, key), Ack) for key in older[FEW_RUNS:]):
+        left = self.model.left
+        older = [answer_from_frame(self._unread, self.key_of(one)) for one in left[FEW_RUNS:]]
+        if self.key and not self._is_heard and any(isinstance(answer, Ack) for answer in older):
             self._tired = (
                 f"with its key it takes no new run of a sender after {len(left)}: start it anew "
                 "for this test, or give it room for more (MAPOD_LINK_LEFT_SESSIONS)"
@@ -276,20 +303,12 @@ class Exam:
         return DeviationError(what, expected, got, tuple(self.tail))
 
     def expect(self, what: str, expected: object, got: object) -> None:
-        """Both must be equal.
-
-        Raises:
-            DeviationError: they are not.
-        """
+        """Both must be equal, else DeviationError is raised."""
         if expected != got:
             raise self.failed(what, str(expected), str(got))
 
     def check(self, what: str) -> Ack:
-        """Books, suspicion and cells must be the model's.
-
-        Raises:
-            DeviationError: they are not.
-        """
+        """Books, suspicion and cells must be the model's."""
         self.check_books(what, self.ask())
         ack = self.check_map(what)
         self.tail.clear()
@@ -320,7 +339,8 @@ class Exam:
         ack = self.ask()
         compares = not (self.model.suspect or self.may_be_suspect or self.model.blank)
         if self.has_digest and compares:
-            self.expect(f"{what}: map by DIGEST", "DIGEST_OK", DIGEST_WORDS[ack.status & DIGEST_OK])
+            told = "DIGEST_OK" if ack.status & DIGEST_OK else "not DIGEST_OK"
+            self.expect(f"{what}: map by DIGEST", "DIGEST_OK", told)
         window = self.bench.window()
         if window is not None and not np.array_equal(window, wanted):
             raise self.failed(f"{what}: cells", *_difference(wanted, window))
@@ -344,17 +364,11 @@ class Exam:
             yield k
 
 
-DIGEST_WORDS = {DIGEST_OK: "DIGEST_OK", 0: "not DIGEST_OK"}
-
-
 def _difference(wanted: U8, got: U8) -> tuple[str, str]:
     """Expected and got, in words."""
     if wanted.shape != got.shape:
         return f"(height, width) {wanted.shape}", f"{got.shape}"
     rows, columns = np.nonzero(wanted != got)
     row, column = int(rows[0]), int(columns[0])
-    place = f"row {row}, column {column}"
-    return (
-        f"{place}: {wanted[row, column]}",
-        f"{got[row, column]} ({len(rows)} cells differ)",
-    )
+    cells = f"({len(rows)} cells differ)"
+    return f"row {row}, column {column}: {wanted[row, column]}", f"{got[row, column]} {cells}"

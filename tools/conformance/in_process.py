@@ -10,30 +10,13 @@ LEAST_S = 0.0001  # that passes, however much it says
 
 
 class Receiver(Protocol):
-    """What all receivers in process have in common."""
+    """What all receivers in process have in common; `poll` gives frames without COBS."""
 
-    def feed_datagram(self, now_s: float, data: bytes, /) -> object:
-        """One frame."""
-
-    def feed_stream(self, now_s: float, data: bytes, /) -> object:
-        """Bytes of a serial line, cut anywhere."""
-
-    def poll(self, now_s: float, /) -> list[bytes]:
-        """Frames to send, without COBS."""
-
-    def window(self) -> U8:
-        """(height, width) codes of all cells."""
-
-    def stale(self, now_s: float, /) -> bool:
-        """Poses or maps do not come in time."""
-
-    @property
-    def suspect(self) -> bool:
-        """Some cell may be outdated."""
-
-    @property
-    def blank(self) -> bool:
-        """There is no map yet."""
+    def feed_datagram(self, now_s: float, data: bytes, /) -> object: ...
+    def feed_stream(self, now_s: float, data: bytes, /) -> object: ...
+    def poll(self, now_s: float, /) -> list[bytes]: ...
+    def window(self) -> U8: ...
+    def stale(self, now_s: float, /) -> bool: ...
 
 
 class InProcess:
@@ -54,11 +37,10 @@ class InProcess:
         self._now_s = 50.0
 
     def now_s(self) -> float:
-        """A clock that only `listen` moves on."""
+        """Only `listen` moves it on."""
         return self._now_s
 
     def send(self, data: bytes) -> None:
-        """At once."""
         if self.datagrams:
             self.receiver.feed_datagram(self._now_s, data)
         else:
@@ -73,11 +55,9 @@ class InProcess:
         return frames
 
     def window(self) -> U8 | None:
-        """Its cells, if it may show them."""
         return self.receiver.window() if self.shows_cells else None
 
     def restart(self) -> bool:
-        """A new one."""
         self._starts += 1
         self.receiver = self._make(self._starts)
         return True

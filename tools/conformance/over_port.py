@@ -42,7 +42,6 @@ class OverPort:
             time.sleep(NAP_S)
 
     def now_s(self) -> float:
-        """The host's monotonic clock."""
         return time.monotonic()
 
     def send(self, data: bytes) -> None:
@@ -74,13 +73,10 @@ class OverPort:
         return [whole or b"" for piece in pieces for whole in self._splitter.feed(piece)]
 
     def window(self) -> U8 | None:
-        """Can't be seen."""
         return None
 
     def restart(self) -> bool:
-        """Can't be done from here."""
         return False
 
     def close(self) -> None:
-        """Let go of the port."""
         self._port.close()

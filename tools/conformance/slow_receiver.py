@@ -7,6 +7,7 @@ Source: planner link, sections 2 to 6 and 9.
 
 import math
 import struct
+from itertools import chain
 
 import numpy as np
 
@@ -29,7 +30,6 @@ from tools.conformance.wire import (
     Geom,
     Key,
     Splitter,
-    cobs,
     digest_body,
     frame,
     int16,
@@ -47,19 +47,14 @@ class SlowReceiver:
 
     Args:
         key: 32 bytes: frames without a valid tag are dropped, answers are tagged. None: no tags.
-        ack_every: counted frames for an ACK at once; 0: no way back, no ACK and no HELLO.
     """
 
-    seed, max_frame, ack_period_s = SEED, MAX_FRAME, 0.1
+    seed, max_frame, ack_period_s, ack_every = SEED, MAX_FRAME, 0.1, 16
 
     def __init__(
-        self,
-        nonce: int = 1,
-        max_cells: int = 401 * 401,
-        key: bytes | None = None,
-        ack_every: int = 16,
+        self, nonce: int = 1, max_cells: int = 401 * 401, key: bytes | None = None
     ) -> None:
-        self.nonce, self.max_cells, self.key, self.ack_every = nonce, max_cells, key, ack_every
+        self.nonce, self.max_cells, self.key = nonce, max_cells, key
         self.cells: dict[tuple[int, int], int] = {}  # unwrapped world cell: FREE or OBSTACLE
         self.geom: Geom | None = None
         self.origin: tuple[int, int] | None = None  # lowest column and row, unwrapped
@@ -97,11 +92,13 @@ class SlowReceiver:
         if self.geom is None:
             return np.zeros((0, 0), np.uint8)
         window = np.zeros((self.geom.height, self.geom.width), np.uint8)
-        if self.origin is not None:
-            for (i, j), state in self.cells.items():
-                column, row = i - self.origin[0], j - self.origin[1]
-                if 0 <= column < self.geom.width and 0 <= row < self.geom.height:
-                    window[row, column] = state
+        if self.origin is not None and self.cells:
+            places = np.fromiter(chain.from_iterable(self.cells), np.int64).reshape(-1, 2)
+            columns, rows = (places - self.origin).T
+            states = np.fromiter(self.cells.values(), np.uint8)
+            inside = (columns >= 0) & (columns < self.geom.width)
+            inside &= (rows >= 0) & (rows < self.geom.height)
+            window[rows[inside], columns[inside]] = states[inside]
         return window
 
     # Bytes in, bytes out
@@ -134,10 +131,8 @@ class SlowReceiver:
             return
         foreign = kind == MAP and (self.geom is None or body[6:7] != bytes([self.geom.geom_id]))
         runs = self.maybe_runs(body) if kind == MAP and not foreign else None
-        if not self.has_right_length(kind, body) or (kind == GEOM and geom is None):
-            self.bad += 1
-            return
-        if kind == MAP and runs is None and not foreign:
+        means = {GEOM: geom is not None, MAP: foreign or runs is not None}.get(kind, True)
+        if not self.has_right_length(kind, body) or not means:
             self.bad += 1
             return
         if anew and not begins:
@@ -147,7 +142,7 @@ class SlowReceiver:
             self.need_geom = True
         else:
             self.act(now_s, kind, body, geom, runs)
-        if self._unacked >= self.ack_every > 0:
+        if self._unacked >= self.ack_every:
             self._acknowledge(now_s)
 
     def poll(self, now_s: float) -> list[bytes]:
@@ -158,12 +153,7 @@ class SlowReceiver:
         if self.last is not None and now_s >= self._ack_s + self.ack_period_s:
             self._acknowledge(now_s)
         frames, self._outbox = self._outbox, []
-        return frames if self.ack_every else []
-
-    def exchange(self, now_s: float, data: bytes) -> bytes:
-        """On a serial line: what came, and what goes out."""
-        self.feed_stream(now_s, data)
-        return b"".join(cobs(answer) + b"\0" for answer in self.poll(now_s))
+        return frames
 
     # Rules, each for a test to make wrong
 
@@ -171,8 +161,7 @@ class SlowReceiver:
         """Version, flags, length and CRC."""
         if not SHORTEST <= len(data) <= self.max_frame:
             return False
-        whole = self.has_right_crc(data)
-        return whole and data[0] >> 4 == 1 and not data[1] & 0xE0
+        return self.has_right_crc(data) and data[0] >> 4 == 1 and not data[1] & 0xE0
 
     def has_right_crc(self, data: bytes) -> bool:
         """Over the seed and all that stands before it."""
@@ -267,7 +256,8 @@ class SlowReceiver:
         if self.origin is None or abs(di) >= self.geom.width or abs(dj) >= self.geom.height:
             self.forget()
         self.origin = i + di, j + dj
-        self.forget_outside()
+        if di or dj:
+            self.forget_outside()
 
     def forget_outside(self) -> None:
         """Cells that have left the window are unknown when they come back."""
@@ -361,15 +351,9 @@ class SlowReceiver:
 
     def status(self, now_s: float) -> int:
         """The bits of an ACK."""
-        bits = [
-            self.need_geom or self.geom is None,
-            self.need_full,
-            self.stale(now_s),
-            self.suspect,
-            False,
-            self.digest_ok,
-            self.auth_failed,
-        ]
+        blind = self.need_geom or self.geom is None
+        doubts = self.stale(now_s), self.suspect, False
+        bits = blind, self.need_full, *doubts, self.digest_ok, self.auth_failed
         return sum(bit << k for k, bit in enumerate(bits))
 
     def _acknowledge(self, now_s: float) -> None:

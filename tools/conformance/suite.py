@@ -4,14 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from tools.conformance import (
-    checks_damage,
-    checks_frames,
-    checks_map,
-    checks_sender,
-    checks_state,
-    checks_time,
-)
+from tools.conformance import checks_frames, checks_map, checks_sender, checks_state
 from tools.conformance.exam import DeviationError, Exam, UnseenError
 from tools.conformance.wire import (
     DIGEST,
@@ -19,9 +12,7 @@ from tools.conformance.wire import (
     FREE,
     NEED_FULL,
     OBSTACLE,
-    POSE,
     digest_body,
-    pose_body,
 )
 
 CONTACT_S = 3.0
@@ -54,10 +45,10 @@ CHECKS = [
     Check("2", "wrap of the grid", checks_map.wraps),
     Check("2", "runs of all lengths", checks_map.long_runs),
     Check("2", "random maps, 5 % loss", checks_map.random_maps),
-    Check("3", "errors of one and two bits", checks_damage.bit_errors),
-    Check("3", "bursts up to 32 bits", checks_damage.bursts),
-    Check("3", "errors in a long frame", checks_damage.long_frames),
-    Check("3", "damaged bytes on the line", checks_damage.damaged_stream),
+    Check("3", "errors of one and two bits", checks_frames.bit_errors),
+    Check("3", "bursts up to 32 bits", checks_frames.bursts),
+    Check("3", "errors in a long frame", checks_frames.long_frames),
+    Check("3", "damaged bytes on the line", checks_frames.damaged_stream),
     Check("4", "random bytes, cut frames", checks_frames.junk),
     Check("4", "right CRC, arbitrary body", checks_frames.arbitrary_bodies),
     Check("4", "tags", checks_frames.tags),
@@ -70,8 +61,8 @@ CHECKS = [
     Check("5", "receiver restart", checks_state.receiver_restart),
     Check("5", "mapod's sender, repair by ACK", checks_sender.repair_by_ack),
     Check("5", "mapod's sender, by refresh", checks_sender.repair_by_refresh),
-    Check("6", "halts: stale", checks_time.halts),
-    Check("6", "never heard: stale", checks_time.silence),
+    Check("6", "halts: stale", checks_state.halts),
+    Check("6", "never heard: stale", checks_state.silence),
     Check("7", "line at 85 %", checks_sender.full_line),
     Check("15", "line cut for long", checks_state.long_cut),
 ]
@@ -97,7 +88,7 @@ def meet(exam: Exam, wait_s: float = CONTACT_S) -> str:
     """
     end_s = exam.bench.now_s() + wait_s
     while exam.bench.now_s() < end_s and exam.hello is None and not exam.answers:
-        exam.send(exam.next(POSE, pose_body()))
+        exam.send_pose()
         exam.hear_all(0.3)
     if exam.hello is None and (exam.key or not exam.answers):
         return "no HELLO came" + ("" if exam.answers else " and no ACK")
@@ -108,10 +99,7 @@ def meet(exam: Exam, wait_s: float = CONTACT_S) -> str:
         exam.ask()
         exam.send(exam.next(DIGEST, digest_body(exam.geom.geom_id, exam.model.window())))
         exam.has_digest = bool(exam.ask().status & (DIGEST_OK | NEED_FULL))
-    hello, exam.hello = exam.hello, None
-    exam.hear_all(0.6)
-    still_asking, exam.hello = exam.hello is not None, hello
-    if exam.answers or still_asking:
+    if exam.says_hello() or exam.answers:
         return ""  # one that still says HELLO did not take the GEOM: it is to fail, not to pass by
     return "the receiver sends no ACK: nothing can be seen of it"
 

@@ -75,9 +75,9 @@ class Geom:
         return sizes + struct.pack("<IHH", self.session, self.tick_ms, self.stale_ms)
 
 
-def pose_body(x_mm: int = 0, y_mm: int = 0, mode: int = 1) -> bytes:
+def pose_body(x_mm: int = 0) -> bytes:
     """24 bytes: a robot that stands there, in health."""
-    return struct.pack("<iihhhhhHBBBB", x_mm, y_mm, 0, 0, 0, 0, 0, 0x7F, 2, 1, 3, mode)
+    return struct.pack("<iihhhhhHBBBB", x_mm, 0, 0, 0, 0, 0, 0, 0x7F, 2, 1, 3, 1)
 
 
 def map_body(origin: tuple[int, int], repaired: int, geom_id: int, start: int, ops: bytes) -> bytes:
@@ -126,23 +126,15 @@ def ops_of(runs: list[tuple[int, int]]) -> bytes:
 
 def cobs(data: bytes, short_end: bool = False) -> bytes:
     """COBS without delimiter; `short_end` leaves out the 0x01 after a last run of exactly 254."""
-    out = bytearray()
-    for part in data.split(b"\0"):
+    out, parts = bytearray(), data.split(b"\0")
+    for part in parts:
         while len(part) >= 254:
             out += b"\xff" + part[:254]
             part = part[254:]
         out += bytes([len(part) + 1]) + part
-    if short_end and len(out) > 255 and out[-1] == 1 and _ends_in_full_run(bytes(out[:-1])):
+    if short_end and parts[-1] and len(parts[-1]) % 254 == 0:
         del out[-1]
     return bytes(out)
-
-
-def _ends_in_full_run(encoded: bytes) -> bool:
-    at, code = 0, 0
-    while at < len(encoded):
-        code = encoded[at]
-        at += code
-    return code == 0xFF
 
 
 def maybe_uncobs(encoded: bytes) -> bytes | None:
@@ -191,13 +183,6 @@ class Ack:
     bad_frames: int
     status: int
     geom_id: int
-
-    def has(self, seq: int) -> bool | None:
-        """Whether it says that frame `seq` was accepted; None if that is out of its sight."""
-        behind = int16(self.last_seq - seq)
-        if behind == 0:
-            return True
-        return bool(self.mask >> behind - 1 & 1) if 0 < behind <= 32 else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@
 #define KINDS 19
 #define REASONS 8
 #define PIECES 256
-#define VALUES 1392 /* of a piece: four classes a byte of the longest frame */
 
 struct piece {
     uint16_t id;
@@ -29,7 +28,7 @@ struct piece {
     uint8_t status;
     uint8_t geom_id;
     uint32_t first;
-    int32_t values[VALUES];
+    int32_t values[1392]; /* four classes a byte of the longest frame */
 };
 
 struct receiver {

@@ -2,6 +2,8 @@
 
 import socket
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -42,43 +44,41 @@ def test_it_acknowledges_on_standard_output_and_ends_with_its_input() -> None:
     assert [last_of(frame) for frame in frames if frame.type == ACK][-1] == 3
 
 
-def test_it_answers_whoever_sends_datagrams() -> None:
-    with (
-        subprocess.Popen([receiver(), "udp", "0"], stderr=subprocess.PIPE) as program,
-        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
-    ):
+@contextmanager
+def served(*words: str) -> Iterator[int]:
+    """The port on which the program listens; it ends with the context."""
+    with subprocess.Popen([receiver(), *words], stderr=subprocess.PIPE) as program:
         try:
             assert program.stderr is not None
-            port = int(program.stderr.readline().split()[1])
-            sender.settimeout(GENEROUS_S)
-            for name in NAMES:
-                sender.sendto(vector(name), ("127.0.0.1", port))
-            last = 0
-            while last != 3:
-                frame = frame_from_bytes(sender.recv(2048))
-                assert isinstance(frame, Frame)
-                last = last_of(frame) if frame.type == ACK else last
+            yield int(program.stderr.readline().split()[1])
         finally:
             program.kill()
+
+
+def test_it_answers_whoever_sends_datagrams() -> None:
+    sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with served("udp", "0") as port, sender:
+        sender.settimeout(GENEROUS_S)
+        for name in NAMES:
+            sender.sendto(vector(name), ("127.0.0.1", port))
+        last = 0
+        while last != 3:
+            frame = frame_from_bytes(sender.recv(2048))
+            assert isinstance(frame, Frame)
+            last = last_of(frame) if frame.type == ACK else last
 
 
 def test_it_serves_one_client_after_the_other_on_tcp(tmp_path: Path) -> None:
     key = tmp_path / "key"
     key.write_text(VECTORS["auth_key"].replace(" ", "") + "\n")
-    command = [receiver(), "tcp", "0", str(key)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as program:
-        try:
-            assert program.stderr is not None
-            port = int(program.stderr.readline().split()[1])
-            for _ in range(2):
-                with socket.create_connection(("127.0.0.1", port), GENEROUS_S) as client:
-                    client.sendall(SERIAL)
-                    heard = b""
-                    while b"\0" not in heard:
-                        heard += client.recv(64)
-                    assert frames_of(heard[: heard.index(0) + 1])[0].type == HELLO
-        finally:
-            program.kill()
+    with served("tcp", "0", str(key)) as port:
+        for _ in range(2):
+            with socket.create_connection(("127.0.0.1", port), GENEROUS_S) as client:
+                client.sendall(SERIAL)
+                heard = b""
+                while b"\0" not in heard:
+                    heard += client.recv(64)
+                assert frames_of(heard[: heard.index(0) + 1])[0].type == HELLO
 
 
 @pytest.mark.parametrize(

@@ -7,21 +7,27 @@ Each receiver is also asked directly for what it holds: cell by cell, *suspect*,
 import pytest
 
 from tests.support.cases import few
-from tests.support.conformance_vectors import VECTORS
-from tools.conformance.__main__ import KEY, RECEIVERS, Make
+from tests.support.planner_sender import VECTORS as SHEET
+from tests.support.planner_sender import vector
+from tools.conformance.__main__ import KEY, RECEIVERS
 from tools.conformance.exam import Exam
 from tools.conformance.in_process import InProcess
 from tools.conformance.suite import CHECKS, Verdict, chosen, meet, run
-from tools.conformance.vectors import PLAIN, TAGGED, VECTOR_GEOM
+from tools.conformance.vectors import VECTOR_GEOM, VECTORS, tagged
 from tools.conformance.wire import GEOM, MAP, POSE, cobs, frame, map_body, op, pose_body
 
 
-def examined(make: Make, key: bytes | None, datagrams: bool, only: str = "") -> list[Verdict]:
-    """The verdicts of all checks."""
-    exam = Exam(InProcess(lambda start: make(start, key), datagrams=datagrams), key=key, share=0.05)
+def examined(
+    name: str, only: str, share: float, key: bytes | None = None, datagrams: bool = True
+) -> list[Verdict]:
+    """The verdicts on one of the receivers; it passes."""
+    bench = InProcess(lambda start: RECEIVERS[name](start, key), datagrams=datagrams)
+    exam = Exam(bench, key=key, share=share)
     assert meet(exam) == ""
     assert exam.has_digest
-    return list(run(exam, chosen(only), seed=2))
+    verdicts = list(run(exam, chosen(only), seed=2))
+    assert [verdict for verdict in verdicts if verdict.failure] == []
+    return verdicts
 
 
 @pytest.mark.parametrize("name", RECEIVERS)
@@ -33,8 +39,7 @@ def examined(make: Make, key: bytes | None, datagrams: bool, only: str = "") -> 
 def test_own_receivers_pass_all_that_is_asked_of_others(
     name: str, key: bytes | None, datagrams: bool
 ) -> None:
-    verdicts = examined(RECEIVERS[name], key, datagrams)
-    assert [verdict for verdict in verdicts if verdict.failure] == []
+    verdicts = examined(name, "", 0.05, key, datagrams)
     skipped = {verdict.check.name for verdict in verdicts if verdict.outcome == "skipped"}
     allowed = {"forms of COBS", "damaged bytes on the line"} if datagrams else set()
     assert skipped == allowed | (set() if key else {"tags"})
@@ -43,11 +48,7 @@ def test_own_receivers_pass_all_that_is_asked_of_others(
 
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_every_error_of_one_and_two_bits_and_every_burst_is_refused(name: str) -> None:
-    make = RECEIVERS[name]
-    exam = Exam(InProcess(lambda start: make(start, None)), share=1.0)
-    assert meet(exam) == ""
-    whole = [check for check in CHECKS if check.number == "3"]
-    words = {verdict.check.name: verdict.words for verdict in run(exam, whole, seed=1)}
+    words = {verdict.check.name: verdict.words for verdict in examined(name, "3", share=1.0)}
     done, _, of, *_ = words["errors of one and two bits"].split()
     assert (int(done), int(of)) == (28_920, 28_920)
     done, _, of, *_ = words["bursts up to 32 bits"].split()
@@ -57,10 +58,7 @@ def test_every_error_of_one_and_two_bits_and_every_burst_is_refused(name: str) -
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECEIVERS)
 def test_maps_of_up_to_401_by_401_cells_equal_those_of_the_model(name: str) -> None:
-    make = RECEIVERS[name]
-    exam = Exam(InProcess(lambda start: make(start, None)), share=0.12)
-    assert meet(exam) == ""
-    assert not any(verdict.failure for verdict in run(exam, chosen("2"), seed=1))
+    examined(name, "2", share=0.12)
 
 
 @pytest.mark.parametrize("name", RECEIVERS)
@@ -77,10 +75,10 @@ def test_stale_comes_at_stale_ms_to_the_millisecond(name: str, half: int) -> Non
     assert receiver.stale(10.151)
 
 
-def test_the_vectors_here_are_those_of_the_sheet() -> None:
-    for name, text in PLAIN.items():
-        whole = bytes.fromhex(text)
-        assert whole == VECTORS[name]
-        assert cobs(whole) + b"\0" == VECTORS[f"{name}_serial"]
-        if name in TAGGED:
-            assert bytes.fromhex(TAGGED[name]) == VECTORS[f"{name}_auth"]
+@pytest.mark.parametrize("name", VECTORS)
+def test_the_vectors_here_are_those_of_the_sheet(name: str) -> None:
+    plain = bytes.fromhex(VECTORS[name])
+    assert plain == vector(name)
+    assert cobs(plain) + b"\0" == vector(f"{name}_serial")
+    if f"{name}_auth" in SHEET:
+        assert tagged(plain) == vector(f"{name}_auth")

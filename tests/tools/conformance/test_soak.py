@@ -3,10 +3,8 @@
 import pytest
 
 from tools.conformance.exam import DeviationError
-from tools.conformance.rough_wire import Roughness, RoughWire
-from tools.conformance.soak import Soak
-from tools.conformance.soak_leg import leg_of
-from tools.conformance.wire import FREE, maybe_uncobs
+from tools.conformance.soak import Soak, leg_of
+from tools.conformance.wire import FREE
 
 FRAMES = 1300  # in each of 16 legs
 SLOW_LEGS = sorted(set(range(16)) - {0, 7})  # those two have what the others have, by halves
@@ -48,15 +46,3 @@ def test_a_cell_that_is_free_in_one_receiver_alone_is_found() -> None:
     cells[cells != FREE] = FREE
     with pytest.raises(DeviationError, match="cells"):
         leg.run(600)
-
-
-def test_a_rough_wire_carries_frames_whole_but_for_what_it_is_told_to_do() -> None:
-    frames = [bytes([k % 251 + 1, 0, k % 7]) * 9 for k in range(500)]
-    smooth = RoughWire(Roughness(), datagrams=False, seed=1)
-    stream = b"".join(piece for whole in frames for piece in smooth.carry(whole))
-    assert [maybe_uncobs(part) for part in stream.split(b"\0")[:-1]] == frames
-    rough = RoughWire(Roughness(0.1, 0.01, 0.0, 0.1, 0.1), datagrams=True, seed=1)
-    arrived = [piece for whole in frames for piece in rough.carry(whole)] + rough.flush()
-    assert set(arrived) <= set(frames)
-    assert len(arrived) == 500 - rough.lost + rough.repeated
-    assert rough.swapped > 0

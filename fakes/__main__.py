@@ -20,7 +20,6 @@ DEVICES = ("scanner", "ahrs", "drive")
 
 
 def arguments() -> argparse.Namespace:
-    """The command line."""
     parser = argparse.ArgumentParser(
         prog="python -m fakes",
         description=__doc__,
@@ -55,7 +54,6 @@ def arguments() -> argparse.Namespace:
 
 
 def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
-    """Build all, say where it is, and keep it in step with the host's clock."""
     from fakes.ax3500.properties import MODES
     from fakes.programs.stamps import StampedScanner, WatchedWorld, stamps_in
     from fakes.scenes.scene import load_scene
@@ -121,7 +119,6 @@ def serve_on_wires(
 
 
 def main() -> int:
-    """Serve until a signal says stop; exit status."""
     stop = Stop()
     given = arguments()
     try:

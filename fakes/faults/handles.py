@@ -52,7 +52,6 @@ class Attribute:
 
     @property
     def now(self) -> Any:
-        """Its value."""
         return getattr(self.owner, self.name)
 
     @property
@@ -63,7 +62,6 @@ class Attribute:
 
     @property
     def kind(self) -> str:
-        """What may be given, in words."""
         now = self.now
         if self.choices:
             return "|".join(self.choices)
@@ -83,7 +81,6 @@ class Attribute:
         return _scalar(sort[1] if sort else _kind_of_first(self.now), text)
 
     def line(self) -> str:
-        """Kind, value and meaning, in a line for a list of all."""
         return f"{self.kind:<22} now {self.now!r:<16} {self.meaning}".rstrip()
 
     def value(self, key: str | None, text: str | None) -> Any:
@@ -133,7 +130,6 @@ class Event:
         ]
 
     def line(self) -> str:
-        """One line for a list of all."""
         takes = ",".join([*self._numbers, *(f"[{option}]" for option in self._options)])
         meaning = (inspect.getdoc(self._method) or "").split("\n")[0]
         return f"{('event ' + takes).strip():<22} {'':<20} {meaning}".rstrip()

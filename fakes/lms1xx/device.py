@@ -57,11 +57,9 @@ class Client:
         self._answered_s = -math.inf
 
     def left(self, now_s: float) -> None:
-        """This host has gone."""
         self._device.leave(self)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what this host wrote; give all that the device has sent it up to now_s."""
         now_s = self._device.advance(now_s)
         if self._device.answers and not self._device.deaf:
             for payload in self._reader.feed(now_s, received):
@@ -70,7 +68,6 @@ class Client:
         return b"" if self._device.mute else sent
 
     def tell(self, due_s: float, values: list[Value]) -> None:
-        """A scan."""
         self._send(due_s, _payload(f"sSN {SCANS} ", values, self._binary), self._binary)
 
     def _answer(self, now_s: float, payload: bytes) -> None:
@@ -190,7 +187,6 @@ class FakeLms111(Faults):
         return client
 
     def leave(self, client: Client) -> None:
-        """One host less."""
         if client in self._clients:
             self._clients.remove(client)
 
@@ -200,7 +196,6 @@ class FakeLms111(Faults):
         self._single.begin(self._binary)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what the host wrote; give all that the device has sent up to now_s."""
         return self._single.exchange(now_s, received)
 
     def advance(self, now_s: float) -> float:
@@ -223,7 +218,6 @@ class FakeLms111(Faults):
 
     @property
     def answers(self) -> bool:
-        """Whether it has started far enough to answer."""
         return self.head.clock.device_s >= self.start_silent_s
 
     def _take_dialect(self) -> None:

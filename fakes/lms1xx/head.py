@@ -70,7 +70,6 @@ class LaserHead:
         self._measured_mm: deque[U16] = deque(maxlen=MOST_SCANS)  # first echoes, newest last
 
     def power_up(self) -> None:
-        """Its clock from zero, and at rest."""
         self.clock.restart()
         self.clock_set = EPOCH
         self.begin_s, self._next_sweep, self._last_telegram = None, 0, []
@@ -81,7 +80,6 @@ class LaserHead:
         self._measured_mm.clear()
 
     def hit(self, rate: float) -> bool:
-        """Chance, from its seed."""
         return rate > 0 and self._random.random() < rate
 
     def uptime_us(self, device_s: float) -> int:
@@ -93,7 +91,6 @@ class LaserHead:
         return self.clock_set + timedelta(milliseconds=self.uptime_us(device_s) // 1000)
 
     def _sent_device_s(self, sweep: int) -> float:
-        """Device time at which the telegram of a sweep goes out."""
         assert self.begin_s is not None
         return self.begin_s + (sweep + SWEEP_TURN) * self.settings.period_s + SENT_AFTER_S
 
@@ -107,7 +104,6 @@ class LaserHead:
 
     @property
     def has_news(self) -> bool:
-        """Whether a sweep has ended since the last telegrams."""
         return self.latest_sweep() >= self._next_sweep
 
     def due_scans(self, is_wanted: bool) -> list[tuple[float, list[Value]]]:

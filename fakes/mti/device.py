@@ -69,7 +69,6 @@ class FakeMti(Faults):
 
     @property
     def state(self) -> State:
-        """Config, Measurement, or waking up."""
         return self._state
 
     def power_up(self, now_s: float) -> None:
@@ -90,7 +89,6 @@ class FakeMti(Faults):
         self.memory.mode, self.memory.settings, self.memory.mtdata2 = mode, settings, False
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what the host wrote; give all that the device has sent up to now_s."""
         now_s = self._clock.follow(now_s, self.drift_ppm)
         if self._state in (State.BOOTING, State.WAKING):
             self._wake_on(now_s, received)
@@ -132,7 +130,6 @@ class FakeMti(Faults):
             self._stream.begin(self._clock.device_s - (now_s - self._wake_end_s))
 
     def _stop_if_full(self) -> None:
-        """Out of Measurement state if a full line has ended it."""
         if self._stream.stopped:
             self._state = State.CONFIG
 
@@ -192,7 +189,6 @@ class FakeMti(Faults):
         return BAD_PARAMETER if data else without_data[mid]()
 
     def _answers_without_data(self) -> dict[int, Callable[[], Answer]]:
-        """What is asked for by an empty message."""
         memory, model = self.memory, self.memory.model
         answers: dict[int, Callable[[], Answer]] = {
             0x00: lambda: model.device_id,

@@ -56,7 +56,6 @@ class SheetErrors:
 
     @property
     def rate_bias_radps(self) -> F64:
-        """(3,) now."""
         return np.asarray(self._rate_bias_radps + RATE_DRIFT_RADPS * self._wander[3:])
 
     def orientation(self, R_earth_sensor: F64) -> F64:

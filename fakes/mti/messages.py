@@ -86,18 +86,15 @@ def _number(value: float, number_format: int, preamble: bool) -> bytes:
 
 
 def is_mode(mode: int) -> bool:
-    """Whether the fake takes this output mode."""
     return not mode & ~KNOWN_MODE
 
 
 def is_settings(settings: int, ned: bool) -> bool:
-    """Whether a device takes these output settings."""
     known = KNOWN_SETTINGS | (NED_BIT if ned else 0)
     return not settings & ~known and settings >> 2 & 3 <= MATRIX
 
 
 def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
-    """The data of an MTData message."""
     values: list[float] = []
     if mode & TEMPERATURE:
         values.append(sample.temperature_deg)
@@ -115,7 +112,6 @@ def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
 
 
 def mtdata_length(mode: int, settings: int) -> int:
-    """Bytes of data in an MTData message."""
     zero = np.zeros(3)
     return len(mtdata(Sample(np.eye(3), zero, zero, zero, 0.0, 0, 0), mode, settings))
 
@@ -129,13 +125,11 @@ def kind_of(identifier: int) -> int:
 
 
 def packet_size(identifier: int) -> int:
-    """Bytes of a packet's data."""
     kind = kind_of(identifier)
     return HEADERS[kind] if kind in HEADERS else SIZES[kind] * NUMBER_SIZES[identifier & 3]
 
 
 def mtdata2(sample: Sample, identifiers: Sequence[int]) -> bytes:
-    """The packets of a sample in the order given."""
     first = next((i for i in identifiers if kind_of(i) in SIZES), None)
     data = b""
     for identifier in identifiers:

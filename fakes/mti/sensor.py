@@ -71,7 +71,6 @@ class Sensor:
         return b""
 
     def sample(self, t_s: float, fine: int = 0) -> Sample:
-        """All that can be measured at an instant of the host's clock."""
         faults = self._faults
         R_true, rate_radps, accel_mps2 = self._motion_at(t_s)
         noise = self._noise.standard_normal((4, 3))

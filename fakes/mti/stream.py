@@ -39,7 +39,6 @@ class Stream:
 
     @property
     def _period_s(self) -> float:
-        """From one sample to the next."""
         if not self._memory.mtdata2:
             return self._memory.period / PERIOD_TICKS_PER_S
         base_hz = self._memory.model.base_hz
@@ -62,7 +61,6 @@ class Stream:
         self._next_device_s = device_s + self._period_s
 
     def measure(self) -> None:
-        """Take the samples that have become due."""
         memory = self._memory
         if self._next_device_s > self._clock.device_s:
             return
@@ -93,7 +91,6 @@ class Stream:
         self._message(self._clock.device_s, identifiers)
 
     def _packets(self, device_s: float) -> None:
-        """MTData2 of what is due at an instant of the device's clock."""
         identifiers = self._due(self._tick)
         self._tick += self._stride
         if self._first:

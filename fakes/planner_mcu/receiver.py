@@ -44,6 +44,5 @@ class FakePlanner(Receiver):
         return super().feed_datagram(now_s, data)
 
     def poll(self, now_s: float) -> list[bytes]:
-        """Frames to send back, not framed for a serial line."""
         frames = super().poll(now_s)
         return [] if self.mute else frames

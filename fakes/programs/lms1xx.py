@@ -43,7 +43,6 @@ def _build(given: argparse.Namespace) -> Built:
 
 
 def main() -> int:
-    """Serve one; exit status."""
     parser = parser_of("lms1xx", 2112, ROOMS)
     parser.add_argument("--model", default="LMS111", help="LMS111 (default) or a sister")
     parser.add_argument("--dialect", choices=("binary", "ascii"), default="binary")

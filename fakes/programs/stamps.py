@@ -32,7 +32,6 @@ class WatchedWorld(World):
         self.swept_s.clear()  # it has looked at itself, to warm up
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
-        """As the base."""
         self.swept_s.append(float(times_s[-1]))
         return super().ranges_m(times_s, bearings_rad)
 
@@ -61,12 +60,10 @@ class StampedScanner:
         return getattr(self._fake, name)
 
     def connect(self, now_s: float) -> "StampedScanner | None":
-        """One client more, stamped as well."""
         guest = self._fake.connect(now_s)
         return guest and StampedScanner(guest, self._swept_s, self._stamps)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """As the fake's."""
         sent: bytes = self._fake.exchange(now_s, received)
         if count := sent.count(SCAN):
             self._stamps.note(count, self._swept_s, now_s)

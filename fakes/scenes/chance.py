@@ -40,7 +40,6 @@ class Drawn:
 
 
 def has_chance(table: dict[str, Any]) -> bool:
-    """Whether anything in a file is left to chance."""
     if table.keys() & {"mirror", "scatter", "goals", "rooms", "slope"}:
         return True
     return any("chance" in entry for kind in LISTS for entry in table.get(kind, []))
@@ -133,7 +132,6 @@ def _other_side(drawn: Drawn) -> Drawn:
 
 
 def mirrored(shape: Shape) -> Shape:
-    """A shape on the other side."""
     y = (-shape.y[1], -shape.y[0])
     match shape:
         case Pillar():

@@ -52,7 +52,6 @@ class Mover:
     until_s: float = math.inf
 
     def is_there(self, t_s: F64) -> npt.NDArray[np.bool_]:
-        """Whether it is in the scene at instants (n,)."""
         return np.asarray((t_s >= self.from_s) & (t_s < self.until_s))
 
     def middles_m(self, part: Part, t_s: F64) -> F64:

@@ -191,7 +191,6 @@ def campaign_scenes() -> tuple[str, ...]:
 
 
 def problems(scene: Scene) -> list[str]:
-    """What keeps a robot from its goals there, or makes its start less clear than is said."""
     return check_place(scene.solids, scene.goals, scene.walkers, scene.start_clear_m)
 
 

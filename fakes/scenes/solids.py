@@ -96,7 +96,6 @@ class Solid:
         return np.where(inside, top_m, -np.inf)
 
     def corners(self) -> list[tuple[float, float, float]]:
-        """Its eight corners."""
         slope_x, slope_y = math.tan(self.rise_x_rad), math.tan(self.rise_rad)
         return [
             (x, y, z)
@@ -248,7 +247,6 @@ class Slope:
     ease_m: float = 1.5
 
     def drawn(self, random: np.random.Generator) -> "list[Solid]":
-        """Its parts."""
         rise_rad, z = math.radians(float(random.uniform(*self.rise_deg))), 0.0
         (begin, end), parts = self.x, []
         edges = (begin, begin + self.ease_m, end - self.ease_m, end)

@@ -43,11 +43,9 @@ class PtyWire(Disturbance):
 
     @property
     def path(self) -> str:
-        """Where hosts find it."""
         return self._link or self._name
 
     def step(self, now_s: float) -> None:
-        """Move bytes both ways."""
         if self.gone != (self._master < 0):
             self._close() if self.gone else self._open()
             self.news.append("terminal gone" if self.gone else "terminal back")

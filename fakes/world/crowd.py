@@ -95,7 +95,6 @@ class SeenRobot:
         self._v, self._w = 0.0, 0.0
 
     def follow(self, place: Place, span_s: float) -> None:
-        """It has come to a place since it was looked at last."""
         if self.place is not None and span_s > 0.0:
             x, y, yaw = self.place
             v = ((place[0] - x) * math.cos(yaw) + (place[1] - y) * math.sin(yaw)) / span_s
@@ -164,13 +163,11 @@ class Crowd:
         return parts_at(self._rows(times_s), self._gait[0], self._gait[1], STRIDE_M)
 
     def _rows(self, times_s: F64) -> F64:
-        """Rows (n, walkers, 6), interpolated."""
         return rows_at(self._ring, self._times_s, self._steps, times_s)
 
     # -- time -----------------------------------------------------------------------------------
 
     def step(self, now_s: float, place: Place) -> None:
-        """Everybody goes on to an instant, with the robot at x, y, yaw."""
         span_s = now_s - self._now_s if self._steps else 0.0
         self._robot.follow(place, span_s)
         self._now_s = now_s
@@ -189,7 +186,6 @@ class Crowd:
     # -- where to go ----------------------------------------------------------------------------
 
     def _decide(self) -> None:
-        """Who wants which velocity for the next moments."""
         headings, paces = self._ahead.copy(), np.zeros(len(self.walkers))
         for k, errand in enumerate(self._errands):
             if self._now_s >= errand.rests_until_s:

@@ -60,7 +60,6 @@ class Rig:
         )
 
     def _set_errors(self, errors: ErrorModels, seed: int) -> None:
-        """What is wrong with the devices themselves."""
         share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
         self.scanner.offset_m = errors.range_offset_m * float(share)
         self.ahrs.sheet_errors = errors.ahrs_sheet_errors
@@ -69,6 +68,5 @@ class Rig:
         return self.world.ranges_m(times_s, bearings_rad)
 
     def step(self, now_s: float) -> None:
-        """Physics and driver up to `now_s`."""
         self.world.step_to(now_s)
         self.driver.step(now_s)

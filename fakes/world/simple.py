@@ -82,7 +82,6 @@ class TwoWheels:
         self._now_s: float | None = None
 
     def step_to(self, now_s: float) -> None:
-        """Turn on."""
         gone_s = max(0.0, now_s - (now_s if self._now_s is None else self._now_s))
         self._now_s = now_s
         share = 1.0 - math.exp(-gone_s / MOTOR_S)
@@ -91,9 +90,7 @@ class TwoWheels:
             self._turned[k] += self._speeds[k] * gone_s
 
     def counts(self) -> tuple[float, float]:
-        """Of both encoders."""
         return self._turned[0], self._turned[1]
 
     def set_power(self, one: float, two: float) -> None:
-        """Of both motors, -1..1."""
         self._wanted = one, two

@@ -32,7 +32,6 @@ class Leg:
 
 
 def stand(seconds: float) -> Leg:
-    """So long at rest."""
     return Leg(seconds)
 
 
@@ -99,7 +98,6 @@ class Way:
 
     @property
     def duration_s(self) -> float:
-        """Of all legs."""
         return float(self.begins_s[-1])
 
     def __call__(self, t_s: F64) -> F64:

@@ -1,6 +1,5 @@
 """The fake LMS111 in CoLa-A, its models, what it measures; its faults, each by one attribute."""
 
-
 import numpy as np
 import pytest
 

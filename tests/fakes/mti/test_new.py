@@ -96,10 +96,12 @@ def test_orientation_is_the_truth_in_each_earth_frame(
     np.testing.assert_allclose(rotated(quaternion), R, atol=1e-5)
 
 
-def test_vectors_and_temperature_are_the_truth() -> None:
+def test_vectors_and_temperature_are_the_truth_also_in_a_message_of_extended_length() -> None:
     bench = Bench(model="MTi-G-700")
     truths = {0x4023: ACCEL_MPS2, 0x8023: RATE_RADPS, 0xC023: (0.45, -0.10, -0.89), 0x0813: [35.0]}
-    message = asked_for(bench, *((identifier, 100) for identifier in truths))[-2]
+    asked = (*truths, 0x2013, 0x2023, 0x2027, 0x202B)
+    message = asked_for(bench, *((identifier, 100) for identifier in asked))[-2]
+    assert sum(len(data) + 3 for data in message.values()) > 255
     for identifier, truth in truths.items():
         np.testing.assert_allclose(numbers(message[identifier], 3), truth, atol=1e-9)
 
@@ -116,13 +118,6 @@ def test_rates_differ_and_packets_are_split_over_messages() -> None:
     assert counts[0xC020] == pytest.approx(200, abs=2)  # 100 Hz is its most
     counters = [int.from_bytes(message[0x1020], "big") for message in messages]
     assert {(b - a) % 2**16 for a, b in pairwise(counters)} == {1}
-
-
-def test_a_large_message_has_an_extended_length() -> None:
-    bench = Bench(model="MTi-630")
-    asked = [(kind | 3, 100) for kind in (0x2010, 0x2020, 0x2024, 0x2028, 0x4020, 0x8020)]
-    messages = asked_for(bench, *asked)
-    assert sum(len(data) + 3 for data in messages[-1].values()) > 255
 
 
 @pytest.mark.parametrize(("model", "wrap"), [("MTi-30", 864_000_000), ("MTi-630", 2**32)])

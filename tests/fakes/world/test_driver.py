@@ -1,8 +1,7 @@
-"""The driver on the shipped route, the rig, and the process of the fakes from outside."""
+"""The driver on the shipped route, and the rig."""
 
 import math
 import re
-import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +16,6 @@ from fakes.world.rig import Rig
 from fakes.world.world import World
 
 F64 = npt.NDArray[np.float64]
-SERVE = [sys.executable, "-m", "fakes"]
-PATIENCE_S = 60.0  # bounds what a hung process can cost
-LAGS = "fakes: this machine is too slow, the world lags\n"
 
 
 @dataclass

@@ -48,24 +48,21 @@ def test_glass_blocks_and_a_post_where_it_is_and_the_floor_and_grass_do_not() ->
     assert post.blocks(np.zeros(0), np.zeros(0), 0.0, 1.0).shape == (0,)
 
 
-def test_movers_block_while_they_are_there() -> None:
+def test_movers_and_people_block_and_stand_high_while_they_are_there() -> None:
     parcel = box("parcel", (4.8, 5.2), (-0.2, 0.2), (0.0, 0.4), until_s=10.0)
     walks = person("walks", ((2.0, 3.0), (8.0, 3.0)), 1.0, legs=False)
     scene = Scene("some", (FLOOR,), movers=(parcel, walks))
     x, y = np.array([5.0, 5.0]), np.array([0.0, 3.0])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), [False, False])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 3.0), [True, True])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 11.0), [False, False])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.5, 1.3, 3.0), [False, True])
-
-
-def test_people_block_and_stand_high_where_they_are_told() -> None:
-    scene = Scene("some", (FLOOR,))
-    people = np.array([[5.0, 0.0, 0.22]])
-    x, y = np.array([5.2, 5.3]), np.zeros(2)
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 1.0, people), [True, False])
-    np.testing.assert_array_equal(scene.height_at(x, y, 1.0, people), [1.75, 0.0])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), [False, False])
+    for low_m, at_s, expected in (
+        (0.15, None, [False, False]),
+        (0.15, 3.0, [True, True]),
+        (0.15, 11.0, [False, False]),
+        (0.5, 3.0, [False, True]),
+    ):
+        assert scene.blocks(x, y, low_m, 1.3, at_s).tolist() == expected
+    people, x = np.array([[5.0, 0.0, 0.22]]), np.array([5.2, 5.3])
+    assert scene.blocks(x, 0.0, 0.15, 1.3, 11.0, people).tolist() == [True, False]
+    assert scene.height_at(x, 0.0, 11.0, people).tolist() == [1.75, 0.0]
 
 
 def test_asking_few_points_finds_what_asking_all_finds() -> None:

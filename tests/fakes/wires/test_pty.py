@@ -79,7 +79,7 @@ def test_a_cut_pty_passes_nothing_either_way(pty: tuple[Talker, PtyWire]) -> Non
     host = opened(wire)
     wire.cut = True
     os.write(host, b"lost")
-    until(lambda: select.select([wire._master], [], [], 0.0)[0], lambda: None)
+    until(lambda: select.select([wire._terminal.master], [], [], 0.0)[0], lambda: None)
     fake.says = b"lost too"
     wire.step(0.0)
     wire.cut = False

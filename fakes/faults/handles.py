@@ -110,7 +110,8 @@ class Attribute:
                 if text not in self.choices:
                     raise ValueError
                 return text
-            return _scalar(_kind_of(now, self._annotation), text)
+            kind = self._annotation.split(" ")[0] if now is None else type(now).__name__
+            return _scalar(kind, text)
         except ValueError:
             given = "nothing" if text is None else repr(text)
             raise FaultError(f"{self.name}: takes {self.kind}, given {given}") from None
@@ -244,10 +245,6 @@ def _notes(sort: type) -> Mapping[str, tuple[str, str]]:
                     if name is not None:
                         notes.setdefault(name, (annotation, meaning))
     return notes
-
-
-def _kind_of(now: object, annotation: str) -> str:
-    return annotation.split(" ")[0] if now is None else type(now).__name__
 
 
 def _kind_of_first(values: Iterable[object]) -> str:

@@ -61,7 +61,8 @@ class Client:
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         now_s = self._device.advance(now_s)
-        if self._device.answers and not self._device.deaf:
+        has_started = self._device.head.clock.device_s >= self._device.start_silent_s
+        if has_started and not self._device.deaf:
             for payload in self._reader.feed(now_s, received):
                 self._answer(now_s, payload)
         sent = self._outbox.take(now_s - self._device.late_s)
@@ -215,10 +216,6 @@ class FakeLms111(Faults):
             for client in listeners:
                 client.tell(due_s, values)
         return now_s
-
-    @property
-    def answers(self) -> bool:
-        return self.head.clock.device_s >= self.start_silent_s
 
     def _take_dialect(self) -> None:
         if self.head.clock.device_s - self._changed_s >= self.dialect_change_s:

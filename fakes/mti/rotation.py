@@ -44,9 +44,3 @@ def quaternion(R: F64) -> list[float]:
     scale = 0.5 / math.sqrt(parts[k])
     sign = -1.0 if row[0] < 0 else 1.0
     return [sign * scale * float(part) + 0.0 for part in row]
-
-
-def rotation_z(angle_rad: float) -> F64:
-    """A turn to the left."""
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

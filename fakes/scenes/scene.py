@@ -200,20 +200,13 @@ def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Sc
     if drawn is None:
         return None
     return Scene(
+        **drawn,
         name=name,
-        solids=drawn.solids,
-        waypoints=drawn.waypoints,
         speed_mps=float(table.get("route", {}).get("speed_mps", 0.6)),
         x_axis_east_of_north_rad=math.radians(table["x_axis_east_of_north_deg"]),
-        movers=drawn.movers,
-        steels=drawn.steels,
-        slips=drawn.slips,
-        goals=drawn.goals,
         start_clear_m=float(table.get("start_clear_m", START_CLEAR_M)),
         campaign=bool(table.get("campaign", False)),
         friction=float(table.get("friction", 1.0)),
-        patches=drawn.patches,
         errors=made("upsets", table.get("upsets", {})),
-        walkers=drawn.walkers,
         description=str(table.get("description", "")),
     )

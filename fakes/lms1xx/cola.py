@@ -134,9 +134,6 @@ class CommandReader:
         self._waiting_s = None
 
 
-# --- values
-
-
 def fields(kinds: str, *numbers: float) -> list[Value]:
     return list(zip(kinds, numbers, strict=True))
 

@@ -174,8 +174,6 @@ class FakeLms111(Faults):
         self.clock_offset_us = 0
         self.power_ons += 1
 
-    # -- connections --------------------------------------------------------------------------
-
     def connect(self, now_s: float) -> Client | None:
         """One more host; None: it is turned away."""
         self.advance(now_s)
@@ -220,8 +218,6 @@ class FakeLms111(Faults):
     def _take_dialect(self) -> None:
         if self.head.clock.device_s - self._changed_s >= self.dialect_change_s:
             self._binary = self._binary_next
-
-    # -- commands -----------------------------------------------------------------------------
 
     def carry_out(self, client: Client, kind: str, name: str, take: Take) -> list[Value]:
         """Do what a command says; the values of its answer.
@@ -333,8 +329,6 @@ class FakeLms111(Faults):
         elif not wanted:
             self.head.begin_s = None
         return [("B", 0)]
-
-    # -- what it tells ------------------------------------------------------------------------
 
     @property
     def state(self) -> int:

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 
 import numpy as np
-import numpy.typing as npt
 
 from fakes.lms1xx.cola import Value
 from fakes.lms1xx.faults import Faults
@@ -28,9 +27,8 @@ from fakes.lms1xx.scan import (
     channels_of,
 )
 from fakes.lms1xx.settings import MOST_SCANS
-from fakes.wires.timing import Quartz
+from fakes.wires.timing import F64, Quartz
 
-F64 = npt.NDArray[np.float64]
 Truth = Callable[[float, F64, F64], F64]
 
 SWEEP_TURN = 0.75  # 270 of 360 deg

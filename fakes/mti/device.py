@@ -98,8 +98,6 @@ class FakeMti(Faults):
             self._take(now_s, request)
         return self._line.taken(now_s)
 
-    # -- states -------------------------------------------------------------------------------
-
     def _restart(self, at_s: float) -> None:
         """Without power, or reset, until at_s."""
         self._clock.restart()
@@ -128,8 +126,6 @@ class FakeMti(Faults):
     def _stop_if_full(self) -> None:
         if self._stream.stopped:
             self.state = State.CONFIG
-
-    # -- requests -----------------------------------------------------------------------------
 
     def _take(self, now_s: float, request: mt.Request) -> None:
         mid = request.mid

@@ -56,9 +56,6 @@ class Sample:
     preamble: bool = False  # FA FF must occur in the data
 
 
-# -- numbers ----------------------------------------------------------------------------------
-
-
 def numbers(values: Sequence[float], number_format: int, preamble: bool = False) -> bytes:
     """Numbers of a message; with `preamble` the smallest holds `FA FF`, as near as may be to it."""
     if number_format == FLOAT32 and not preamble:
@@ -80,9 +77,6 @@ def _number(value: float, number_format: int, preamble: bool) -> bytes:
         scaled = max(-most, upper * 2**16) + PREAMBLE_TWICE
     fixed: bytes = max(-most, min(most - 1, scaled)).to_bytes(size, "big", signed=True)
     return fixed if number_format == FIXED_12_20 else fixed[2:] + fixed[:2]
-
-
-# -- MTData -----------------------------------------------------------------------------------
 
 
 def is_mode(mode: int) -> bool:
@@ -114,9 +108,6 @@ def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
 def mtdata_length(mode: int, settings: int) -> int:
     zero = np.zeros(3)
     return len(mtdata(Sample(np.eye(3), zero, zero, zero, 0.0, 0, 0), mode, settings))
-
-
-# -- MTData2 ----------------------------------------------------------------------------------
 
 
 def kind_of(identifier: int) -> int:

@@ -52,8 +52,6 @@ class Stream:
         """What gets out of a data message when the power goes."""
         return frame(*self._last)[: len(self._last[1]) // 2]
 
-    # -- when ---------------------------------------------------------------------------------
-
     def begin(self, device_s: float) -> None:
         """Measurement state from an instant of the device's clock."""
         self._skipped = self._tick = 0
@@ -110,8 +108,6 @@ class Stream:
         if not rated and not self._headers_alone:
             return []
         return [i for i, _ in outputs if i in rated or not is_rated(i)]
-
-    # -- what ---------------------------------------------------------------------------------
 
     def _message(self, device_s: float, identifiers: list[int] | None = None) -> None:
         """Of a sample at an instant of the device's clock: MTData, or MTData2 of these packets."""

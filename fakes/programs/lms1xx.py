@@ -5,7 +5,8 @@ import struct
 import sys
 
 from fakes.programs.program import Built, parser_of, run, stepped, world_of
-from fakes.world.simple import F64, ROOMS, Room
+from fakes.world.rotations import F64
+from fakes.world.simple import ROOMS, Room
 
 
 def _build(given: argparse.Namespace) -> Built:

@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fakes.rays.kernels import F64
 from fakes.scenes.movers import STRIDE_M, Part, person
 from fakes.world.crowd_kernels import FRONT_M, HALF_WIDTH_M, REAR_M, parts_at, walk
 from fakes.world.kernels import rows_at
 
-F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # of the robot: x, y, yaw
 KEPT = 64  # steps that can be asked about: 1.28 s of steps of 20 ms
 PLANNED_M = 0.55  # what they plan to keep

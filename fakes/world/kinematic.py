@@ -67,8 +67,6 @@ class KinematicWorld:
             self._begin_s = now_s
         self._now_s = max(self._now_s, now_s)
 
-    # -- what has been computed ---------------------------------------------------------------
-
     def _rows_at(self, times_s: F64) -> F64:
         """Rows (n, 14) at host times (n,), interpolated; the first row before the begin."""
         begin_s = self._now_s if self._begin_s is None else self._begin_s
@@ -113,8 +111,6 @@ class KinematicWorld:
         for column, values in zip((PITCH, ROLL, Z), stood, strict=True):
             poses[:, column] += np.convolve(values, weights / weights.sum(), "valid")
         return poses
-
-    # -- the face of a world, as `World` has it -----------------------------------------------
 
     def _since_begin_s(self, t_s: float | None) -> float:
         begin_s = self._now_s if self._begin_s is None else self._begin_s

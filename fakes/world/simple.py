@@ -7,9 +7,9 @@ import math
 import re
 
 import numpy as np
-import numpy.typing as npt
 
-F64 = npt.NDArray[np.float64]
+from fakes.world.rotations import F64
+
 AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M = 5.0, 3.0, 2.5, 2.0  # walls of the room, from the lens
 FAR_M = 100.0
 GRAVITY_MPS2 = 9.81

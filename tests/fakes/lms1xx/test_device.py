@@ -153,19 +153,14 @@ def test_beams_are_seen_at_their_own_instants_and_told_after_the_sweep() -> None
     assert 0 <= came_s - (times_s[-1] + 1e-4) < 0.00011
 
 
-@pytest.mark.parametrize(
-    ("range_m", "is_seen"),
-    [(0.3, True), (19.8, True), (0.0, False), (20.5, False), (math.nan, False), (math.inf, False)],
-)
-def test_ranges_become_noisy_millimetres_and_nothing_comes_from_afar(
-    range_m: float, is_seen: bool
-) -> None:
+@pytest.mark.parametrize("range_m", [0.3, 19.8, 0.0, 20.5, math.nan, math.inf])
+def test_ranges_become_noisy_millimetres_and_nothing_comes_from_afar(range_m: float) -> None:
     bench = Bench(lambda t_s, times_s, bearings_rad: np.full(len(times_s), range_m))
     bench.start()
     raw = np.array([raw_of(scan) for scan in bench.scans(0.1)])
     valid = raw[raw > 16]
     assert raw.shape[1] == 541
-    if is_seen:
+    if 0.0 < range_m < 20.0:
         assert len(valid) == raw.size
         assert abs(valid.mean() - 1000 * range_m) < 1.5
         assert 11 < valid.std() < 13

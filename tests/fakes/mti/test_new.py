@@ -39,7 +39,6 @@ def packets(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def entries(*asked: tuple[int, int]) -> bytes:
-    """A SetOutputConfiguration message."""
     return framed(0xC0, b"".join(struct.pack(">HH", *entry) for entry in asked))
 
 

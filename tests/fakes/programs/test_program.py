@@ -53,24 +53,20 @@ class Program:
         return line
 
     def url(self, name: str) -> str:
-        """Where a device is."""
         url = self.ports[name]
         assert url is not None
         return url
 
     def path(self, name: str) -> str:
-        """Of a device's terminal."""
         return self.url(name).removeprefix("serial://").split("?")[0]
 
     def connect(self, name: str) -> socket.socket:
-        """To a device on TCP."""
         host, port = self.url(name).removeprefix("tcp://").split(":")
         return socket.create_connection((host, int(port)), timeout=PATIENCE_S)
 
 
 @pytest.fixture
 def start() -> Iterator[Start]:
-    """Starts programs, which end with the test."""
     programs: list[Program] = []
 
     def one(*arguments: str) -> Program:
@@ -100,7 +96,6 @@ def asked(line: int, question: bytes, ending: bytes) -> bytes:
 
 
 def ended(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """A program that says something and ends."""
     return subprocess.run(
         [*PYTHON, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S
     )

@@ -16,7 +16,6 @@ def blocks(*things: Solid | Pillar, low: float = 0.15, high: float = 1.30) -> bo
 
 
 def thing(z: tuple[float, float], **more: object) -> Solid:
-    """Something around 5, 0."""
     return Solid("thing", (4.5, 5.5), (-0.5, 0.5), z, **more)  # type: ignore[arg-type]
 
 

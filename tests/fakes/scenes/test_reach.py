@@ -21,7 +21,6 @@ FLOOR = Solid("floor", (-14.0, 40.0), (-14.0, 14.0), (-1.0, 0.0))
 
 
 def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Solid:
-    """Something upright."""
     return Solid("thing", x, y, z)
 
 

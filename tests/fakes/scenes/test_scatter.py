@@ -30,7 +30,6 @@ def scene_of(folder: Path, text: str, seed: int = 1) -> Scene:
 
 
 def scattered(kind: str, more: str = "", count: str = "[3, 6]", area: str = "[10, 28]") -> str:
-    """A [[scatter]] of one kind."""
     return f'[[scatter]]\nkind = "{kind}"\ncount = {count}\nx = {area}\ny = [-9, 9]\n{more}\n'
 
 

@@ -160,7 +160,6 @@ class Slow(Talker):
 
 
 def set_speed(host: int, speed: int) -> None:
-    """As a host sets it."""
     settings = termios.tcgetattr(host)
     settings[4] = settings[5] = speed
     termios.tcsetattr(host, termios.TCSANOW, settings)

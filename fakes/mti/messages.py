@@ -35,7 +35,6 @@ COUNTER = 0x1  # output settings
 NED_BIT = 0x8000_0000
 KNOWN_SETTINGS = 0x0F7D  # counter, orientation, three switches, format, two analog switches
 
-HEADERS = {0x1020: 2, 0x1060: 4, 0xE010: 1, 0xE020: 4}  # packets in every message; bytes
 SIZES = {0x0810: 1, 0x2010: 4, 0x2020: 9, 0x2030: 3, 0x4020: 3, 0x8020: 3, 0xC020: 3}  # numbers
 ORIENTED = {0x2010: QUATERNION, 0x2020: MATRIX, 0x2030: EULER}  # ready one sample later
 FRAMES = {0x0: ENU, 0x4: NED, 0x8: NWU}
@@ -110,6 +109,14 @@ def mtdata_length(mode: int, settings: int) -> int:
     return len(mtdata(Sample(np.eye(3), zero, zero, zero, 0.0, 0, 0), mode, settings))
 
 
+HEADERS: dict[int, tuple[int, Callable[[Sample], int]]] = {  # packets in every message; bytes
+    0x1020: (2, lambda sample: sample.counter),
+    0x1060: (4, lambda sample: sample.fine),
+    0xE010: (1, lambda sample: sample.status & 0xFF),
+    0xE020: (4, lambda sample: sample.status),
+}
+
+
 def kind_of(identifier: int) -> int:
     """A packet's id without number format and frame."""
     return identifier & 0xFFF0
@@ -117,7 +124,7 @@ def kind_of(identifier: int) -> int:
 
 def packet_size(identifier: int) -> int:
     kind = kind_of(identifier)
-    return HEADERS[kind] if kind in HEADERS else SIZES[kind] * NUMBER_SIZES[identifier & 3]
+    return HEADERS[kind][0] if kind in HEADERS else SIZES[kind] * NUMBER_SIZES[identifier & 3]
 
 
 def mtdata2(sample: Sample, identifiers: Sequence[int]) -> bytes:
@@ -131,23 +138,16 @@ def mtdata2(sample: Sample, identifiers: Sequence[int]) -> bytes:
 
 def _content(sample: Sample, identifier: int, preamble: bool) -> bytes:
     kind = kind_of(identifier)
-    if kind in HEADER_VALUES:
-        return HEADER_VALUES[kind](sample).to_bytes(HEADERS[kind], "big")
+    if kind in HEADERS:
+        size, value = HEADERS[kind]
+        return value(sample).to_bytes(size, "big")
     if kind in ORIENTED:
         R = R_FROM_NWU[FRAMES[identifier & 0xC]] @ sample.R_earth_sensor
         return numbers(orientation(R, ORIENTED[kind]), identifier & 3, preamble)
-    return numbers(VALUES[kind](sample), identifier & 3, preamble)
-
-
-HEADER_VALUES: dict[int, Callable[[Sample], int]] = {
-    0x1020: lambda sample: sample.counter,
-    0x1060: lambda sample: sample.fine,
-    0xE010: lambda sample: sample.status & 0xFF,
-    0xE020: lambda sample: sample.status,
-}
-VALUES: dict[int, Callable[[Sample], list[float]]] = {
-    0x0810: lambda sample: [sample.temperature_deg],
-    0x4020: lambda sample: sample.accel_mps2.tolist(),
-    0x8020: lambda sample: sample.rate_radps.tolist(),
-    0xC020: lambda sample: sample.magnetic.tolist(),
-}
+    values = {
+        0x0810: lambda: [sample.temperature_deg],
+        0x4020: sample.accel_mps2.tolist,
+        0x8020: sample.rate_radps.tolist,
+        0xC020: sample.magnetic.tolist,
+    }[kind]()
+    return numbers(values, identifier & 3, preamble)

@@ -11,6 +11,7 @@ import re
 import textwrap
 import typing
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -43,12 +44,14 @@ def seconds_from_text(text: str) -> float:
     return float(found[1]) * UNITS[found[2]]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Attribute:
     """One plain attribute of a fake or a wire."""
 
-    def __init__(self, owner: object, name: str, annotation: str, meaning: str) -> None:
-        self.owner, self.name, self.meaning = owner, name, meaning
-        self._annotation = annotation
+    owner: object
+    name: str
+    annotation: str
+    meaning: str
 
     @property
     def now(self) -> Any:
@@ -57,7 +60,7 @@ class Attribute:
     @property
     def choices(self) -> tuple[str, ...]:
         """The words that it may be; none: no list is known."""
-        found = re.search(r"Literal\[(.*?)\]", self._annotation)
+        found = re.search(r"Literal\[(.*?)\]", self.annotation)
         return tuple(re.findall(r"[\"']([^\"']*)[\"']", found[1])) if found else ()
 
     @property
@@ -73,11 +76,11 @@ class Attribute:
             return f"{self.name}.KEY=VALUE"
         if isinstance(now, set):
             return "a,b,c"
-        return {int: "integer", float: "number", str: "text"}.get(type(now), self._annotation)
+        return {int: "integer", float: "number", str: "text"}.get(type(now), self.annotation)
 
     def key(self, text: str) -> Any:
         """A key as the dictionary has it; ValueError if it can be none."""
-        sort = re.search(r"dict\[(\w+)", self._annotation)
+        sort = re.search(r"dict\[(\w+)", self.annotation)
         return _scalar(sort[1] if sort else _kind_of_first(self.now), text)
 
     def line(self) -> str:
@@ -98,11 +101,11 @@ class Attribute:
                 raise ValueError
             if isinstance(now, dict):
                 assert key is not None
-                sort = re.search(r"dict\[\w+, *(\w+)", self._annotation)
+                sort = re.search(r"dict\[\w+, *(\w+)", self.annotation)
                 kind = sort[1] if sort else _kind_of_first(now.values())
                 return now | {self.key(key): _scalar(kind, text)}
             if isinstance(now, set):
-                kind = "int" if "int" in self._annotation else "str"
+                kind = "int" if "int" in self.annotation else "str"
                 return {_scalar(kind, part) for part in (text or "").split(",")}
             if isinstance(now, tuple | np.ndarray):
                 return _numbers(now, text)
@@ -110,7 +113,7 @@ class Attribute:
                 if text not in self.choices:
                     raise ValueError
                 return text
-            kind = self._annotation.split(" ")[0] if now is None else type(now).__name__
+            kind = self.annotation.split(" ")[0] if now is None else type(now).__name__
             return _scalar(kind, text)
         except ValueError:
             given = "nothing" if text is None else repr(text)

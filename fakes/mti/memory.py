@@ -23,7 +23,7 @@ from fakes.mti.messages import (
     packet_size,
 )
 from fakes.mti.models import FIFTH, FOURTH, LEGACY, MODELS, SHIPPED_OUTPUTS, Model
-from fakes.mti.rotation import F64
+from fakes.wires.timing import F64
 
 NO_PERIOD, NOT_IMPLEMENTED, NO_BAUD, BAD_PARAMETER = 0x03, 0x04, 0x20, 0x21  # Error codes
 TOO_MUCH_DATA = 0x29

@@ -3,6 +3,7 @@
 Output modes that mapod never asks for (raw, analog, position, velocity, GPS, UTC) are refused.
 
 Source: MTi sheet, sections 3 to 6, and its recordings.
+Euler angles: R = Rz(yaw) Ry(pitch) Rx(roll), degrees.
 """
 
 import math
@@ -12,17 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fakes.mti.rotation import (
-    ENU,
-    EULER,
-    F64,
-    MATRIX,
-    NED,
-    NWU,
-    QUATERNION,
-    R_FROM_NWU,
-    orientation,
-)
+from fakes.wires.timing import F64
 
 FLOAT32, FIXED_12_20, FIXED_16_32, FLOAT64 = 0, 1, 2, 3
 NUMBER_SIZES = (4, 4, 6, 8)
@@ -36,8 +27,14 @@ NED_BIT = 0x8000_0000
 KNOWN_SETTINGS = 0x0F7D  # counter, orientation, three switches, format, two analog switches
 
 SIZES = {0x0810: 1, 0x2010: 4, 0x2020: 9, 0x2030: 3, 0x4020: 3, 0x8020: 3, 0xC020: 3}  # numbers
+QUATERNION, EULER, MATRIX = 0, 1, 2
 ORIENTED = {0x2010: QUATERNION, 0x2020: MATRIX, 0x2030: EULER}  # ready one sample later
-FRAMES = {0x0: ENU, 0x4: NED, 0x8: NWU}
+R_NED_NWU = np.diag([1.0, -1.0, -1.0])
+FRAMES: dict[int, F64] = {  # of the earth, from north, west, up
+    0x0: np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),  # east, north, up
+    0x4: R_NED_NWU,
+    0x8: np.eye(3),
+}
 
 
 @dataclass(slots=True, eq=False)
@@ -78,6 +75,33 @@ def _number(value: float, number_format: int, preamble: bool) -> bytes:
     return fixed if number_format == FIXED_12_20 else fixed[2:] + fixed[:2]
 
 
+def orientation(R: F64, kind: int) -> list[float]:
+    """A rotation as a quaternion, as Euler angles in degrees, or as a matrix, column by column."""
+    if kind == EULER:
+        roll = math.atan2(R[2, 1], R[2, 2])
+        pitch = -math.asin(max(-1.0, min(1.0, R[2, 0]))) if math.isfinite(R[2, 0]) else math.nan
+        yaw = math.atan2(R[1, 0], R[0, 0])
+        return [math.degrees(angle) + 0.0 for angle in (roll, pitch, yaw)]  # no -0
+    if kind == MATRIX:
+        return [float(value) for value in R.T.ravel()]
+    return quaternion(R)
+
+
+def quaternion(R: F64) -> list[float]:
+    """w x y z of a rotation matrix, w not negative; by its largest part, so that none is lost."""
+    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
+    parts = [1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz]
+    k = max(range(4), key=lambda part: parts[part])
+    w, x, y = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    xy, xz, yz = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    row = (
+        (parts[0], w, x, y), (w, parts[1], xy, xz), (x, xy, parts[2], yz), (y, xz, yz, parts[3])
+    )[k]  # fmt: skip
+    scale = 0.5 / math.sqrt(parts[k])
+    sign = -1.0 if row[0] < 0 else 1.0
+    return [sign * scale * float(part) + 0.0 for part in row]
+
+
 def is_mode(mode: int) -> bool:
     return not mode & ~KNOWN_MODE
 
@@ -97,7 +121,7 @@ def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
             if not settings >> bit & 1:
                 values += vector.tolist()
     if mode & ORIENTATION:
-        R = R_FROM_NWU[NED] @ sample.R_earth_sensor if settings & NED_BIT else sample.R_earth_sensor
+        R = R_NED_NWU @ sample.R_earth_sensor if settings & NED_BIT else sample.R_earth_sensor
         values += orientation(R, settings >> 2 & 3)
     data = numbers(values, settings >> 8 & 3, sample.preamble)
     data += bytes([sample.status & 0xFF]) if mode & STATUS else b""
@@ -142,7 +166,7 @@ def _content(sample: Sample, identifier: int, preamble: bool) -> bytes:
         size, value = HEADERS[kind]
         return value(sample).to_bytes(size, "big")
     if kind in ORIENTED:
-        R = R_FROM_NWU[FRAMES[identifier & 0xC]] @ sample.R_earth_sensor
+        R = FRAMES[identifier & 0xC] @ sample.R_earth_sensor
         return numbers(orientation(R, ORIENTED[kind]), identifier & 3, preamble)
     values = {
         0x0810: lambda: [sample.temperature_deg],

@@ -13,7 +13,7 @@ from fakes.mti.faults import Faults
 from fakes.mti.kernels import told, warm
 from fakes.mti.memory import BAD_PARAMETER, Memory
 from fakes.mti.messages import Sample
-from fakes.mti.rotation import F64
+from fakes.wires.timing import F64
 from fakes.world.rotations import rotation_z
 
 Motion = Callable[[float], tuple[F64, F64, F64]]

@@ -1,5 +1,7 @@
 """The fake controller's faults, each one attribute; its sisters; who moves the wheels, and when."""
 
+from typing import Any
+
 import pytest
 
 from fakes.ax3500.device import FakeAx3500
@@ -114,7 +116,7 @@ def test_without_its_encoder_module_its_prompt_is_shorter() -> None:
     ],
 )
 def test_what_it_says_depends_on_its_properties(
-    properties: dict[str, object], sent: bytes, answer: bytes
+    properties: dict[str, Any], sent: bytes, answer: bytes
 ) -> None:
     assert Bench(**properties).run(0.0, sent) == answer
 

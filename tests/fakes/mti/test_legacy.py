@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.mti.device import FakeMti, State
-from fakes.mti.messages import mtdata
+from fakes.mti.messages import mtdata, orientation
 from fakes.mti.models import MODELS
-from fakes.mti.rotation import orientation
 from tests.support.bench_mti import (
     ACCEL_MPS2,
     RATE_RADPS,

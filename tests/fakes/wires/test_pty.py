@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.wires.baud import heard_at, maybe_speed
-from fakes.wires.pty import PTY_BACKLOG
+from fakes.wires.pty import PTY_BACKLOG, heard_at, maybe_speed
 from fakes.wires.wire import PtyWire
 from tests.support.talker import Talker, until
 

@@ -8,7 +8,7 @@ import pytest
 
 from fakes.mti.device import FakeMti
 from fakes.mti.errors import HEADING_RAD, STATIC_RAD, SheetErrors
-from fakes.mti.rotation import EULER, orientation
+from fakes.mti.messages import EULER, orientation
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.crowd import Walker
 from fakes.world.driver import Driver
@@ -89,7 +89,7 @@ def test_an_instant_that_is_asked_twice_changes_nothing() -> None:
         for t_s in times_s:
             errors.goes_on(t_s, level, up)
         told.append(errors.orientation(level))
-    np.testing.assert_array_equal(*told)
+    np.testing.assert_array_equal(told[0], told[1])
 
 
 def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> None:

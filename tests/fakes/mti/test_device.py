@@ -210,6 +210,11 @@ def test_heading_reset_makes_yaw_zero_until_power_up_unless_stored() -> None:
     assert euler_deg()[2] == pytest.approx(90 - math.degrees(0.5), abs=1e-5)
 
 
+def test_a_model_that_there_is_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="model must be one of MTi-28"):
+        Bench(model="MTi-99")
+
+
 def test_noise_has_its_size_and_follows_the_seed() -> None:
     bench = Bench()
 

@@ -99,6 +99,7 @@ def test_a_robot_that_does_not_obey_is_let_go_of_now_and_then() -> None:
         bench.run(1.0)
 
 
+@pytest.mark.slow
 def test_where_no_way_leads_it_gives_up_in_the_end_and_says_why() -> None:
     bench = Bench()
     bench.put((4.0, 4.4), (-10.2, 10.2), OBSTACLE)

@@ -52,17 +52,11 @@ class Shape(Protocol):
     @property
     def material(self) -> Material: ...
     @property
-    def x(self) -> Span:
-        """From, to."""
-
+    def x(self) -> Span: ...
     @property
-    def y(self) -> Span:
-        """From, to."""
-
+    def y(self) -> Span: ...
     @property
-    def bottom_m(self) -> float:
-        """Its lowest height."""
-
+    def bottom_m(self) -> float: ...
     def tops_m(self, x: F64, y: F64) -> F64:
         """Height of its top over the points (n,); -inf beside it."""
 

@@ -19,9 +19,7 @@ class Fake(Protocol):
 class DatagramFake(Protocol):
     """A device whose wire keeps datagrams whole."""
 
-    def feed_datagram(self, now_s: float, data: bytes) -> None:
-        """Take one datagram that the host wrote."""
-
+    def feed_datagram(self, now_s: float, data: bytes) -> None: ...
     def poll(self, now_s: float) -> list[bytes]:
         """All datagrams that the device has sent up to now_s."""
 

@@ -20,7 +20,6 @@ DEVICES = ("scanner", "ahrs", "drive")
 
 
 def arguments() -> argparse.Namespace:
-    """The command line."""
     parser = argparse.ArgumentParser(
         prog="python -m fakes",
         description=__doc__,
@@ -55,9 +54,8 @@ def arguments() -> argparse.Namespace:
 
 
 def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
-    """Build all, say where it is, and keep it in step with the host's clock."""
     from fakes.ax3500.properties import MODES
-    from fakes.programs.stamps import StampedScanner, WatchedWorld, stamps_in
+    from fakes.programs.stamps import StampedScanner, WatchedWorld
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
     from fakes.world.rig import Rig  # these take half a second: after the handlers of main()
@@ -76,8 +74,10 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
         fakes: dict[str, Any] = {name: getattr(rig, name) for name in DEVICES}
         seen = dict(fakes)  # by the wires
         if isinstance(world, WatchedWorld):
-            stamps = files.enter_context(stamps_in(given.stamp, time.monotonic))
-            seen["scanner"] = StampedScanner(rig.scanner, world.swept_s, stamps)
+            stamps: list[str] = []
+            out = files.enter_context(given.stamp.open("w", encoding="ascii"))
+            files.callback(out.writelines, stamps)
+            seen["scanner"] = StampedScanner(rig.scanner, world.swept_s, stamps, time.monotonic)
         steps: list[Callable[[float], None]] = [rig.step]
         if given.truth:
             out = files.enter_context(given.truth.open("w", encoding="ascii"))
@@ -121,7 +121,6 @@ def serve_on_wires(
 
 
 def main() -> int:
-    """Serve until a signal says stop; exit status."""
     stop = Stop()
     given = arguments()
     try:

@@ -81,7 +81,6 @@ class FakeAx3500(Properties):
         self._change_mode(mode, self._now_s)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what the host wrote; give all that the controller has sent up to now_s."""
         self._look(now_s)
         self._wire.write(now_s, b"" if self.deaf else received)
         while (at_s := self._next_s()) <= now_s:
@@ -241,7 +240,6 @@ class FakeAx3500(Properties):
         return self._read_reply(self._maybe_parameter(int(address, 16))) or ["-"]
 
     def _maybe_parameter(self, address: int) -> int | None:
-        """The byte at an address; None: not one that can be read."""
         if address in self.never_written:
             return None
         match address:

@@ -63,7 +63,6 @@ class EncoderModule:
         return _wrapped(value)
 
     def order(self, which: int, at_s: float) -> bool:
-        """`!Q` 0..2: clear; False: no such one."""
         if which > 2:
             return False
         self._count_to(at_s)

@@ -29,7 +29,6 @@ class SerialLine:
         return self._arriving[0][0] if self._arriving else math.inf
 
     def write(self, now_s: float, data: bytes) -> None:
-        """The host hands characters over, now."""
         for character in data:
             self._host_free_s = max(now_s, self._host_free_s) + self._character_s
             self._arriving.append((self._host_free_s, character))
@@ -44,7 +43,6 @@ class SerialLine:
             self._order += 1
 
     def sent(self, now_s: float) -> bytes:
-        """The characters that are out by now and were not before."""
         waiting, character_s = self._waiting, self._character_s
         out = bytearray()
         while waiting:

@@ -107,7 +107,6 @@ class PowerStage:
         self._motor_mode = self._of.parameters[0x01]
 
     def wanted(self) -> list[int]:
-        """Commands of the one who commands in this mode."""
         return self._radio if self.follows_radio else self._commands
 
     def powers(self) -> tuple[int, int]:

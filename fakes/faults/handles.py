@@ -11,6 +11,7 @@ import re
 import textwrap
 import typing
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -43,27 +44,27 @@ def seconds_from_text(text: str) -> float:
     return float(found[1]) * UNITS[found[2]]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Attribute:
     """One plain attribute of a fake or a wire."""
 
-    def __init__(self, owner: object, name: str, annotation: str, meaning: str) -> None:
-        self.owner, self.name, self.meaning = owner, name, meaning
-        self._annotation = annotation
+    owner: object
+    name: str
+    annotation: str
+    meaning: str
 
     @property
     def now(self) -> Any:
-        """Its value."""
         return getattr(self.owner, self.name)
 
     @property
     def choices(self) -> tuple[str, ...]:
         """The words that it may be; none: no list is known."""
-        found = re.search(r"Literal\[(.*?)\]", self._annotation)
+        found = re.search(r"Literal\[(.*?)\]", self.annotation)
         return tuple(re.findall(r"[\"']([^\"']*)[\"']", found[1])) if found else ()
 
     @property
     def kind(self) -> str:
-        """What may be given, in words."""
         now = self.now
         if self.choices:
             return "|".join(self.choices)
@@ -75,15 +76,14 @@ class Attribute:
             return f"{self.name}.KEY=VALUE"
         if isinstance(now, set):
             return "a,b,c"
-        return {int: "integer", float: "number", str: "text"}.get(type(now), self._annotation)
+        return {int: "integer", float: "number", str: "text"}.get(type(now), self.annotation)
 
     def key(self, text: str) -> Any:
         """A key as the dictionary has it; ValueError if it can be none."""
-        sort = re.search(r"dict\[(\w+)", self._annotation)
+        sort = re.search(r"dict\[(\w+)", self.annotation)
         return _scalar(sort[1] if sort else _kind_of_first(self.now), text)
 
     def line(self) -> str:
-        """Kind, value and meaning, in a line for a list of all."""
         return f"{self.kind:<22} now {self.now!r:<16} {self.meaning}".rstrip()
 
     def value(self, key: str | None, text: str | None) -> Any:
@@ -101,11 +101,11 @@ class Attribute:
                 raise ValueError
             if isinstance(now, dict):
                 assert key is not None
-                sort = re.search(r"dict\[\w+, *(\w+)", self._annotation)
+                sort = re.search(r"dict\[\w+, *(\w+)", self.annotation)
                 kind = sort[1] if sort else _kind_of_first(now.values())
                 return now | {self.key(key): _scalar(kind, text)}
             if isinstance(now, set):
-                kind = "int" if "int" in self._annotation else "str"
+                kind = "int" if "int" in self.annotation else "str"
                 return {_scalar(kind, part) for part in (text or "").split(",")}
             if isinstance(now, tuple | np.ndarray):
                 return _numbers(now, text)
@@ -113,7 +113,8 @@ class Attribute:
                 if text not in self.choices:
                     raise ValueError
                 return text
-            return _scalar(_kind_of(now, self._annotation), text)
+            kind = self.annotation.split(" ")[0] if now is None else type(now).__name__
+            return _scalar(kind, text)
         except ValueError:
             given = "nothing" if text is None else repr(text)
             raise FaultError(f"{self.name}: takes {self.kind}, given {given}") from None
@@ -133,7 +134,6 @@ class Event:
         ]
 
     def line(self) -> str:
-        """One line for a list of all."""
         takes = ",".join([*self._numbers, *(f"[{option}]" for option in self._options)])
         meaning = (inspect.getdoc(self._method) or "").split("\n")[0]
         return f"{('event ' + takes).strip():<22} {'':<20} {meaning}".rstrip()
@@ -248,10 +248,6 @@ def _notes(sort: type) -> Mapping[str, tuple[str, str]]:
                     if name is not None:
                         notes.setdefault(name, (annotation, meaning))
     return notes
-
-
-def _kind_of(now: object, annotation: str) -> str:
-    return annotation.split(" ")[0] if now is None else type(now).__name__
 
 
 def _kind_of_first(values: Iterable[object]) -> str:

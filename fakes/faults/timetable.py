@@ -134,7 +134,6 @@ def _found(name: str, known: Mapping[str, Mapping[str, Handle]]) -> tuple[Handle
 
 
 def list_of_all(targets: Mapping[str, Sequence[object]]) -> str:
-    """All faults of all devices, a line each, as they are now."""
     lines = []
     for device, owners in targets.items():
         if device:

@@ -45,7 +45,6 @@ def checksum(payload: bytes | bytearray) -> int:
 
 
 def frame(payload: bytes) -> bytes:
-    """A whole telegram."""
     return START + len(payload).to_bytes(4, "big") + payload + bytes([checksum(payload)])
 
 
@@ -82,7 +81,6 @@ class TextReader:
         self._buffer = bytearray()
 
     def feed(self, now_s: float, data: bytes) -> list[bytes]:
-        """The payloads that these bytes complete."""
         self._buffer += data
         payloads = []
         while (end := self._buffer.find(TEXT_END)) >= 0:
@@ -106,7 +104,6 @@ class CommandReader:
         self._waiting_s: float | None = None  # since when the front waits for its rest
 
     def feed(self, now_s: float, data: bytes) -> list[bytes]:
-        """The payloads that these bytes complete."""
         self._buffer += data
         payloads = []
         while len(self._buffer) >= HEAD:
@@ -137,11 +134,7 @@ class CommandReader:
         self._waiting_s = None
 
 
-# --- values
-
-
 def fields(kinds: str, *numbers: float) -> list[Value]:
-    """One value of each kind."""
     return list(zip(kinds, numbers, strict=True))
 
 

@@ -57,20 +57,18 @@ class Client:
         self._answered_s = -math.inf
 
     def left(self, now_s: float) -> None:
-        """This host has gone."""
         self._device.leave(self)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what this host wrote; give all that the device has sent it up to now_s."""
         now_s = self._device.advance(now_s)
-        if self._device.answers and not self._device.deaf:
+        has_started = self._device.head.clock.device_s >= self._device.start_silent_s
+        if has_started and not self._device.deaf:
             for payload in self._reader.feed(now_s, received):
                 self._answer(now_s, payload)
         sent = self._outbox.take(now_s - self._device.late_s)
         return b"" if self._device.mute else sent
 
     def tell(self, due_s: float, values: list[Value]) -> None:
-        """A scan."""
         self._send(due_s, _payload(f"sSN {SCANS} ", values, self._binary), self._binary)
 
     def _answer(self, now_s: float, payload: bytes) -> None:
@@ -176,8 +174,6 @@ class FakeLms111(Faults):
         self.clock_offset_us = 0
         self.power_ons += 1
 
-    # -- connections --------------------------------------------------------------------------
-
     def connect(self, now_s: float) -> Client | None:
         """One more host; None: it is turned away."""
         self.advance(now_s)
@@ -190,7 +186,6 @@ class FakeLms111(Faults):
         return client
 
     def leave(self, client: Client) -> None:
-        """One host less."""
         if client in self._clients:
             self._clients.remove(client)
 
@@ -200,7 +195,6 @@ class FakeLms111(Faults):
         self._single.begin(self._binary)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what the host wrote; give all that the device has sent up to now_s."""
         return self._single.exchange(now_s, received)
 
     def advance(self, now_s: float) -> float:
@@ -221,16 +215,9 @@ class FakeLms111(Faults):
                 client.tell(due_s, values)
         return now_s
 
-    @property
-    def answers(self) -> bool:
-        """Whether it has started far enough to answer."""
-        return self.head.clock.device_s >= self.start_silent_s
-
     def _take_dialect(self) -> None:
         if self.head.clock.device_s - self._changed_s >= self.dialect_change_s:
             self._binary = self._binary_next
-
-    # -- commands -----------------------------------------------------------------------------
 
     def carry_out(self, client: Client, kind: str, name: str, take: Take) -> list[Value]:
         """Do what a command says; the values of its answer.
@@ -342,8 +329,6 @@ class FakeLms111(Faults):
         elif not wanted:
             self.head.begin_s = None
         return [("B", 0)]
-
-    # -- what it tells ------------------------------------------------------------------------
 
     @property
     def state(self) -> int:

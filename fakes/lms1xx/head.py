@@ -14,7 +14,6 @@ from collections.abc import Callable
 from datetime import datetime, timedelta
 
 import numpy as np
-import numpy.typing as npt
 
 from fakes.lms1xx.cola import Value
 from fakes.lms1xx.faults import Faults
@@ -28,9 +27,8 @@ from fakes.lms1xx.scan import (
     channels_of,
 )
 from fakes.lms1xx.settings import MOST_SCANS
-from fakes.wires.timing import Quartz
+from fakes.wires.timing import F64, Quartz
 
-F64 = npt.NDArray[np.float64]
 Truth = Callable[[float, F64, F64], F64]
 
 SWEEP_TURN = 0.75  # 270 of 360 deg
@@ -70,7 +68,6 @@ class LaserHead:
         self._measured_mm: deque[U16] = deque(maxlen=MOST_SCANS)  # first echoes, newest last
 
     def power_up(self) -> None:
-        """Its clock from zero, and at rest."""
         self.clock.restart()
         self.clock_set = EPOCH
         self.begin_s, self._next_sweep, self._last_telegram = None, 0, []
@@ -81,7 +78,6 @@ class LaserHead:
         self._measured_mm.clear()
 
     def hit(self, rate: float) -> bool:
-        """Chance, from its seed."""
         return rate > 0 and self._random.random() < rate
 
     def uptime_us(self, device_s: float) -> int:
@@ -93,7 +89,6 @@ class LaserHead:
         return self.clock_set + timedelta(milliseconds=self.uptime_us(device_s) // 1000)
 
     def _sent_device_s(self, sweep: int) -> float:
-        """Device time at which the telegram of a sweep goes out."""
         assert self.begin_s is not None
         return self.begin_s + (sweep + SWEEP_TURN) * self.settings.period_s + SENT_AFTER_S
 
@@ -107,7 +102,6 @@ class LaserHead:
 
     @property
     def has_news(self) -> bool:
-        """Whether a sweep has ended since the last telegrams."""
         return self.latest_sweep() >= self._next_sweep
 
     def due_scans(self, is_wanted: bool) -> list[tuple[float, list[Value]]]:

@@ -68,16 +68,13 @@ class RecordedLms111:
 
     @property
     def scans(self) -> int:
-        """How many the recording holds."""
         return len(self._scans)
 
     @property
     def done(self) -> bool:
-        """True once the last recorded scan has been sent."""
         return self._sent == len(self._scans)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what the host wrote; give all that the device has sent up to now_s."""
         sent = bytearray()
         for payload in self._reader.feed(now_s, received):
             sent += cola.frame(self._answer(now_s, payload))

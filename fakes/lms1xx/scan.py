@@ -38,7 +38,6 @@ class Content(NamedTuple):
 
     @property
     def is_possible(self) -> bool:
-        """Whether each value is in its range."""
         unused = (self.channels_high, self.unit, self.encoder_high)
         switches = (self.rssi, self.rssi_wide, self.encoder, *self[7:11])
         if self.channels not in (1, 2, 3) or any(unused) or max(switches) > 1:
@@ -58,7 +57,6 @@ class ScanSettings:
 
     @property
     def period_s(self) -> float:
-        """One turn of the mirror."""
         return 100.0 / self.frequency
 
     @property
@@ -89,7 +87,6 @@ class Channel:
     scale: float = 1.0
 
     def values(self) -> list[Value]:
-        """Head and row."""
         head = fields("ffiHH", self.scale, 0.0, self.first, self.step, len(self.raw))
         return [("N", self.name), *head, ("W" if self.wide else "w", self.raw)]
 
@@ -115,7 +112,6 @@ class ScanTelegram:
     version: int = 1
 
     def values(self) -> list[Value]:
-        """From the version to the event flag."""
         values = [
             *fields("HHIBB", self.version, 1, SERIAL_NUMBER, *self.status),
             *fields("HH", self.telegrams % 2**16, self.scans % 2**16),
@@ -142,7 +138,6 @@ def _optional(block: list[Value] | None) -> list[Value]:
 
 
 def time_values(when: datetime) -> list[Value]:
-    """Date and time."""
     day = (when.year, when.month, when.day)
     return fields(TIME, *day, when.hour, when.minute, when.second, when.microsecond)
 

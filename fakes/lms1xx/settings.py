@@ -60,7 +60,6 @@ class Settings:
         self._stored = self._mode, dict(self._values)
 
     def load(self) -> None:
-        """At power-up: what was stored."""
         self._mode, self._values = self._stored[0], dict(self._stored[1])
 
     def store(self) -> list[Value]:
@@ -70,7 +69,6 @@ class Settings:
 
     @property
     def scan(self) -> ScanSettings:
-        """What it is to measure with."""
         _, _, start, stop = self._values["LMPoutputRange"]
         return ScanSettings(*self._mode, start, stop, Content(*self._values["LMDscandatacfg"]))
 
@@ -81,7 +79,6 @@ class Settings:
         return scans if on else 0, bool(self._values["LFPnto1filter"][0])
 
     def read(self, name: str, untrue_step: bool) -> list[Value]:
-        """The values of a writable variable."""
         kinds, values = WRITABLE[name][0], self._values[name]
         if name == "LMPoutputRange":
             step = REPORTED_RESOLUTION if untrue_step else self._mode[1]

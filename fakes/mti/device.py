@@ -63,14 +63,9 @@ class FakeMti(Faults):
         self._line = SerialLine(self, seed)
         self._emts = self._line.random.randbytes(EMTS_BYTES)
         self._stream = Stream(self, self.memory, self.sensor, self._line, self._clock)
-        self._state = State.MEASURING
+        self.state = State.MEASURING
         self._begin_s = self._wake_end_s = -math.inf  # of the wake-up
         self.counter = self._line.random.randrange(2**16)
-
-    @property
-    def state(self) -> State:
-        """Config, Measurement, or waking up."""
-        return self._state
 
     def power_up(self, now_s: float) -> None:
         """Off and on: WakeUp, and without an answer the stream 500 ms later."""
@@ -90,11 +85,10 @@ class FakeMti(Faults):
         self.memory.mode, self.memory.settings, self.memory.mtdata2 = mode, settings, False
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """Take what the host wrote; give all that the device has sent up to now_s."""
         now_s = self._clock.follow(now_s, self.drift_ppm)
-        if self._state in (State.BOOTING, State.WAKING):
+        if self.state in (State.BOOTING, State.WAKING):
             self._wake_on(now_s, received)
-        if self._state is State.MEASURING:
+        if self.state is State.MEASURING:
             self._stream.measure()
             self._stop_if_full()
         if self.error_next is not None:
@@ -104,13 +98,11 @@ class FakeMti(Faults):
             self._take(now_s, request)
         return self._line.taken(now_s)
 
-    # -- states -------------------------------------------------------------------------------
-
     def _restart(self, at_s: float) -> None:
         """Without power, or reset, until at_s."""
         self._clock.restart()
         self._reader = mt.RequestReader()
-        self._state, self._begin_s = State.BOOTING, at_s + BOOT_S
+        self.state, self._begin_s = State.BOOTING, at_s + BOOT_S
         self._wake_end_s = self._begin_s + WAKE_S
         self.baud = RESTORE_BAUD  # the only one at which DE is heard
         self.counter = 0
@@ -118,33 +110,30 @@ class FakeMti(Faults):
 
     def _wake_on(self, now_s: float, received: bytes) -> None:
         """WakeUp when it has booted; into Measurement state once the host has had its time."""
-        if self._state is State.BOOTING and RESTORE_BYTE in received and not self.deaf:
+        if self.state is State.BOOTING and RESTORE_BYTE in received and not self.deaf:
             self.memory.baud_code = RESTORE_CODE
-        if self._state is State.BOOTING and now_s >= self._begin_s:
+        if self.state is State.BOOTING and now_s >= self._begin_s:
             self.baud = self.memory.baud
-            self._state = State.WAKING
+            self.state = State.WAKING
             self._line.send(self._begin_s, mt.frame(WAKE_UP))
-        if self._state is State.WAKING and now_s >= self._wake_end_s:
+        if self.state is State.WAKING and now_s >= self._wake_end_s:
             configuration = mt.frame(CONFIGURATION, self.memory.configuration())
             self._line.send(self._wake_end_s, configuration)
             self._line.send(self._wake_end_s, mt.frame(EMTS, self._emts))
-            self._state = State.MEASURING
+            self.state = State.MEASURING
             self._stream.begin(self._clock.device_s - (now_s - self._wake_end_s))
 
     def _stop_if_full(self) -> None:
-        """Out of Measurement state if a full line has ended it."""
         if self._stream.stopped:
-            self._state = State.CONFIG
-
-    # -- requests -----------------------------------------------------------------------------
+            self.state = State.CONFIG
 
     def _take(self, now_s: float, request: mt.Request) -> None:
         mid = request.mid
-        if self._state is State.WAKING and mid == WAKE_UP_ACK:
-            self._state = State.CONFIG
-        if self._state in (State.BOOTING, State.WAKING) or mid == WAKE_UP_ACK:
+        if self.state is State.WAKING and mid == WAKE_UP_ACK:
+            self.state = State.CONFIG
+        if self.state in (State.BOOTING, State.WAKING) or mid == WAKE_UP_ACK:
             return
-        if self._state is State.MEASURING:
+        if self.state is State.MEASURING:
             if mid == REQ_DATA and not request.data:
                 self._stream.answer_request()
                 self._stop_if_full()
@@ -175,7 +164,7 @@ class FakeMti(Faults):
                 return BAD_PARAMETER
             value = int.from_bytes(data, "big")
             if mid == RESET_ORIENTATION:
-                in_config = self._state is State.CONFIG
+                in_config = self.state is State.CONFIG
                 return self.sensor.reset_orientation(now_s, value, in_config)
             self.sensor.still_until_s = now_s + value
             return b""
@@ -192,7 +181,6 @@ class FakeMti(Faults):
         return BAD_PARAMETER if data else without_data[mid]()
 
     def _answers_without_data(self) -> dict[int, Callable[[], Answer]]:
-        """What is asked for by an empty message."""
         memory, model = self.memory, self.memory.model
         answers: dict[int, Callable[[], Answer]] = {
             0x00: lambda: model.device_id,
@@ -220,14 +208,14 @@ class FakeMti(Faults):
         return b""
 
     def _go_to_config(self) -> Answer:
-        self._state = State.CONFIG
+        self.state = State.CONFIG
         return b""
 
     def _go_to_measurement(self) -> Answer:
         code = self.memory.check_fits(self.memory.outputs) if self.memory.mtdata2 else 0
         if code:
             return code
-        self._state = State.MEASURING
+        self.state = State.MEASURING
         self._stream.begin(self._clock.device_s)
         return b""
 

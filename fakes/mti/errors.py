@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from fakes.mti.kernels import believed, go_on, turn_about
-from fakes.mti.rotation import F64
+from fakes.wires.timing import F64
 
 STATIC_RAD, HEADING_RAD = math.radians(0.5), math.radians(1.0)  # bounds: two sigmas
 LEAN_S = 4.0  # time constant with which it takes what it feels for the vertical: a full brake from
@@ -56,7 +56,6 @@ class SheetErrors:
 
     @property
     def rate_bias_radps(self) -> F64:
-        """(3,) now."""
         return np.asarray(self._rate_bias_radps + RATE_DRIFT_RADPS * self._wander[3:])
 
     def orientation(self, R_earth_sensor: F64) -> F64:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fakes.mti.rotation import F64
+from fakes.wires.timing import F64
 
 Distortion = Callable[[float], F64]
 

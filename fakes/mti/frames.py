@@ -12,7 +12,6 @@ PATIENCE_S = 0.1  # for the rest of a frame
 
 
 def frame(mid: int, data: bytes = b"", bus_id: int = MASTER) -> bytes:
-    """A whole message."""
     size = (
         bytes([len(data)]) if len(data) < MIN_EXTENDED else b"\xff" + len(data).to_bytes(2, "big")
     )
@@ -36,7 +35,6 @@ class RequestReader:
         self._waiting_s: float | None = None  # since when the front waits for its rest
 
     def feed(self, now_s: float, data: bytes) -> list[Request]:
-        """The messages that these bytes complete."""
         self._buffer += data
         requests = []
         while self._buffer:

@@ -22,7 +22,6 @@ class SerialLine:
         self._arrived_s = -math.inf
 
     def send(self, ready_s: float, message: bytes) -> None:
-        """Onto the line, behind what is still on it."""
         faults = self._faults
         if self.hits(faults.wrong_checksum_rate):
             message = message[:-1] + bytes([message[-1] ^ 0xFF])
@@ -46,7 +45,6 @@ class SerialLine:
         self.free_s = self._arrived_s = now_s
 
     def taken(self, now_s: float) -> bytes:
-        """The bytes that have arrived at the host by now."""
         if not self._queue:
             return b""
         burst_s = self._faults.burst_s
@@ -66,5 +64,4 @@ class SerialLine:
         return b"" if self._faults.mute else bytes(sent)
 
     def hits(self, rate: float) -> bool:
-        """By chance, one time in 1 / rate."""
         return rate > 0 and self.random.random() < rate

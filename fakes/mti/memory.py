@@ -23,7 +23,7 @@ from fakes.mti.messages import (
     packet_size,
 )
 from fakes.mti.models import FIFTH, FOURTH, LEGACY, MODELS, SHIPPED_OUTPUTS, Model
-from fakes.mti.rotation import F64
+from fakes.wires.timing import F64
 
 NO_PERIOD, NOT_IMPLEMENTED, NO_BAUD, BAD_PARAMETER = 0x03, 0x04, 0x20, 0x21  # Error codes
 TOO_MUCH_DATA = 0x29
@@ -59,7 +59,6 @@ class Memory:
         self.scenario = self.model.scenario_word & 0xFF
 
     def restore(self) -> None:
-        """As shipped."""
         shipped = Memory(self.model)
         for part in fields(self):
             setattr(self, part.name, getattr(shipped, part.name))
@@ -71,7 +70,6 @@ class Memory:
 
     @property
     def scenario_version(self) -> int:
-        """Of the scenario that is set."""
         return next(version for kind, version, _ in self.model.scenarios if kind == self.scenario)
 
     def length(self) -> int:
@@ -111,12 +109,10 @@ class Register:
     mtdata_only: bool = False  # gone while the device speaks MTData2
 
     def exists(self, memory: Memory) -> bool:
-        """Whether the device has it, as it is set now."""
         has_it = memory.model.generation in self.generations
         return has_it and not (self.mtdata_only and memory.mtdata2)
 
     def read(self, memory: Memory) -> bytes:
-        """As the answer carries it."""
         return struct.pack(self.form, getattr(memory, self.name))
 
     def write(self, memory: Memory, data: bytes) -> int:

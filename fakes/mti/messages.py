@@ -3,6 +3,7 @@
 Output modes that mapod never asks for (raw, analog, position, velocity, GPS, UTC) are refused.
 
 Source: MTi sheet, sections 3 to 6, and its recordings.
+Euler angles: R = Rz(yaw) Ry(pitch) Rx(roll), degrees.
 """
 
 import math
@@ -12,17 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fakes.mti.rotation import (
-    ENU,
-    EULER,
-    F64,
-    MATRIX,
-    NED,
-    NWU,
-    QUATERNION,
-    R_FROM_NWU,
-    orientation,
-)
+from fakes.wires.timing import F64
 
 FLOAT32, FIXED_12_20, FIXED_16_32, FLOAT64 = 0, 1, 2, 3
 NUMBER_SIZES = (4, 4, 6, 8)
@@ -35,10 +26,15 @@ COUNTER = 0x1  # output settings
 NED_BIT = 0x8000_0000
 KNOWN_SETTINGS = 0x0F7D  # counter, orientation, three switches, format, two analog switches
 
-HEADERS = {0x1020: 2, 0x1060: 4, 0xE010: 1, 0xE020: 4}  # packets in every message; bytes
 SIZES = {0x0810: 1, 0x2010: 4, 0x2020: 9, 0x2030: 3, 0x4020: 3, 0x8020: 3, 0xC020: 3}  # numbers
+QUATERNION, EULER, MATRIX = 0, 1, 2
 ORIENTED = {0x2010: QUATERNION, 0x2020: MATRIX, 0x2030: EULER}  # ready one sample later
-FRAMES = {0x0: ENU, 0x4: NED, 0x8: NWU}
+R_NED_NWU = np.diag([1.0, -1.0, -1.0])
+FRAMES: dict[int, F64] = {  # of the earth, from north, west, up
+    0x0: np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),  # east, north, up
+    0x4: R_NED_NWU,
+    0x8: np.eye(3),
+}
 
 
 @dataclass(slots=True, eq=False)
@@ -54,9 +50,6 @@ class Sample:
     counter: int
     fine: int = 0  # 1e-4 s ticks
     preamble: bool = False  # FA FF must occur in the data
-
-
-# -- numbers ----------------------------------------------------------------------------------
 
 
 def numbers(values: Sequence[float], number_format: int, preamble: bool = False) -> bytes:
@@ -82,22 +75,43 @@ def _number(value: float, number_format: int, preamble: bool) -> bytes:
     return fixed if number_format == FIXED_12_20 else fixed[2:] + fixed[:2]
 
 
-# -- MTData -----------------------------------------------------------------------------------
+def orientation(R: F64, kind: int) -> list[float]:
+    """A rotation as a quaternion, as Euler angles in degrees, or as a matrix, column by column."""
+    if kind == EULER:
+        roll = math.atan2(R[2, 1], R[2, 2])
+        pitch = -math.asin(max(-1.0, min(1.0, R[2, 0]))) if math.isfinite(R[2, 0]) else math.nan
+        yaw = math.atan2(R[1, 0], R[0, 0])
+        return [math.degrees(angle) + 0.0 for angle in (roll, pitch, yaw)]  # no -0
+    if kind == MATRIX:
+        return [float(value) for value in R.T.ravel()]
+    return quaternion(R)
+
+
+def quaternion(R: F64) -> list[float]:
+    """w x y z of a rotation matrix, w not negative; by its largest part, so that none is lost."""
+    xx, yy, zz = R[0, 0], R[1, 1], R[2, 2]
+    parts = [1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz]
+    k = max(range(4), key=lambda part: parts[part])
+    w, x, y = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    xy, xz, yz = R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1]
+    row = (
+        (parts[0], w, x, y), (w, parts[1], xy, xz), (x, xy, parts[2], yz), (y, xz, yz, parts[3])
+    )[k]  # fmt: skip
+    scale = 0.5 / math.sqrt(parts[k])
+    sign = -1.0 if row[0] < 0 else 1.0
+    return [sign * scale * float(part) + 0.0 for part in row]
 
 
 def is_mode(mode: int) -> bool:
-    """Whether the fake takes this output mode."""
     return not mode & ~KNOWN_MODE
 
 
 def is_settings(settings: int, ned: bool) -> bool:
-    """Whether a device takes these output settings."""
     known = KNOWN_SETTINGS | (NED_BIT if ned else 0)
     return not settings & ~known and settings >> 2 & 3 <= MATRIX
 
 
 def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
-    """The data of an MTData message."""
     values: list[float] = []
     if mode & TEMPERATURE:
         values.append(sample.temperature_deg)
@@ -107,7 +121,7 @@ def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
             if not settings >> bit & 1:
                 values += vector.tolist()
     if mode & ORIENTATION:
-        R = R_FROM_NWU[NED] @ sample.R_earth_sensor if settings & NED_BIT else sample.R_earth_sensor
+        R = R_NED_NWU @ sample.R_earth_sensor if settings & NED_BIT else sample.R_earth_sensor
         values += orientation(R, settings >> 2 & 3)
     data = numbers(values, settings >> 8 & 3, sample.preamble)
     data += bytes([sample.status & 0xFF]) if mode & STATUS else b""
@@ -115,12 +129,16 @@ def mtdata(sample: Sample, mode: int, settings: int) -> bytes:
 
 
 def mtdata_length(mode: int, settings: int) -> int:
-    """Bytes of data in an MTData message."""
     zero = np.zeros(3)
     return len(mtdata(Sample(np.eye(3), zero, zero, zero, 0.0, 0, 0), mode, settings))
 
 
-# -- MTData2 ----------------------------------------------------------------------------------
+HEADERS: dict[int, tuple[int, Callable[[Sample], int]]] = {  # packets in every message; bytes
+    0x1020: (2, lambda sample: sample.counter),
+    0x1060: (4, lambda sample: sample.fine),
+    0xE010: (1, lambda sample: sample.status & 0xFF),
+    0xE020: (4, lambda sample: sample.status),
+}
 
 
 def kind_of(identifier: int) -> int:
@@ -129,13 +147,11 @@ def kind_of(identifier: int) -> int:
 
 
 def packet_size(identifier: int) -> int:
-    """Bytes of a packet's data."""
     kind = kind_of(identifier)
-    return HEADERS[kind] if kind in HEADERS else SIZES[kind] * NUMBER_SIZES[identifier & 3]
+    return HEADERS[kind][0] if kind in HEADERS else SIZES[kind] * NUMBER_SIZES[identifier & 3]
 
 
 def mtdata2(sample: Sample, identifiers: Sequence[int]) -> bytes:
-    """The packets of a sample in the order given."""
     first = next((i for i in identifiers if kind_of(i) in SIZES), None)
     data = b""
     for identifier in identifiers:
@@ -146,23 +162,16 @@ def mtdata2(sample: Sample, identifiers: Sequence[int]) -> bytes:
 
 def _content(sample: Sample, identifier: int, preamble: bool) -> bytes:
     kind = kind_of(identifier)
-    if kind in HEADER_VALUES:
-        return HEADER_VALUES[kind](sample).to_bytes(HEADERS[kind], "big")
+    if kind in HEADERS:
+        size, value = HEADERS[kind]
+        return value(sample).to_bytes(size, "big")
     if kind in ORIENTED:
-        R = R_FROM_NWU[FRAMES[identifier & 0xC]] @ sample.R_earth_sensor
+        R = FRAMES[identifier & 0xC] @ sample.R_earth_sensor
         return numbers(orientation(R, ORIENTED[kind]), identifier & 3, preamble)
-    return numbers(VALUES[kind](sample), identifier & 3, preamble)
-
-
-HEADER_VALUES: dict[int, Callable[[Sample], int]] = {
-    0x1020: lambda sample: sample.counter,
-    0x1060: lambda sample: sample.fine,
-    0xE010: lambda sample: sample.status & 0xFF,
-    0xE020: lambda sample: sample.status,
-}
-VALUES: dict[int, Callable[[Sample], list[float]]] = {
-    0x0810: lambda sample: [sample.temperature_deg],
-    0x4020: lambda sample: sample.accel_mps2.tolist(),
-    0x8020: lambda sample: sample.rate_radps.tolist(),
-    0xC020: lambda sample: sample.magnetic.tolist(),
-}
+    values = {
+        0x0810: lambda: [sample.temperature_deg],
+        0x4020: sample.accel_mps2.tolist,
+        0x8020: sample.rate_radps.tolist,
+        0xC020: sample.magnetic.tolist,
+    }[kind]()
+    return numbers(values, identifier & 3, preamble)

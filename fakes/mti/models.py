@@ -58,7 +58,6 @@ class Model:
 
     @property
     def bauds(self) -> dict[int, int]:
-        """The baud rates by code."""
         return BAUDS if self.legacy else NEW_BAUDS
 
     def profiles(self) -> bytes:

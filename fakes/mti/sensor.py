@@ -13,7 +13,8 @@ from fakes.mti.faults import Faults
 from fakes.mti.kernels import told, warm
 from fakes.mti.memory import BAD_PARAMETER, Memory
 from fakes.mti.messages import Sample
-from fakes.mti.rotation import F64, rotation_z
+from fakes.wires.timing import F64
+from fakes.world.rotations import rotation_z
 
 Motion = Callable[[float], tuple[F64, F64, F64]]
 
@@ -71,7 +72,6 @@ class Sensor:
         return b""
 
     def sample(self, t_s: float, fine: int = 0) -> Sample:
-        """All that can be measured at an instant of the host's clock."""
         faults = self._faults
         R_true, rate_radps, accel_mps2 = self._motion_at(t_s)
         noise = self._noise.standard_normal((4, 3))

@@ -39,7 +39,6 @@ class Stream:
 
     @property
     def _period_s(self) -> float:
-        """From one sample to the next."""
         if not self._memory.mtdata2:
             return self._memory.period / PERIOD_TICKS_PER_S
         base_hz = self._memory.model.base_hz
@@ -53,8 +52,6 @@ class Stream:
         """What gets out of a data message when the power goes."""
         return frame(*self._last)[: len(self._last[1]) // 2]
 
-    # -- when ---------------------------------------------------------------------------------
-
     def begin(self, device_s: float) -> None:
         """Measurement state from an instant of the device's clock."""
         self._skipped = self._tick = 0
@@ -62,7 +59,6 @@ class Stream:
         self._next_device_s = device_s + self._period_s
 
     def measure(self) -> None:
-        """Take the samples that have become due."""
         memory = self._memory
         if self._next_device_s > self._clock.device_s:
             return
@@ -93,7 +89,6 @@ class Stream:
         self._message(self._clock.device_s, identifiers)
 
     def _packets(self, device_s: float) -> None:
-        """MTData2 of what is due at an instant of the device's clock."""
         identifiers = self._due(self._tick)
         self._tick += self._stride
         if self._first:
@@ -113,8 +108,6 @@ class Stream:
         if not rated and not self._headers_alone:
             return []
         return [i for i, _ in outputs if i in rated or not is_rated(i)]
-
-    # -- what ---------------------------------------------------------------------------------
 
     def _message(self, device_s: float, identifiers: list[int] | None = None) -> None:
         """Of a sample at an instant of the device's clock: MTData, or MTData2 of these packets."""

@@ -6,7 +6,6 @@ What it makes of frames is not its own: see `mapod_link`.
 import random
 
 from mapod_link.receiver import Receiver
-from mapod_link.tiles import MOST_CELLS
 
 
 class FakePlanner(Receiver):
@@ -22,8 +21,6 @@ class FakePlanner(Receiver):
         seed: int = 0,
         key: bytes | None = None,
         ack_every: int = 16,
-        max_cells: int = MOST_CELLS,
-        ack_period_s: float = 0.1,
         poll_only: bool = False,
     ) -> None:
         self.mute, self.deaf, self.loss_rate = False, False, 0.0
@@ -32,8 +29,6 @@ class FakePlanner(Receiver):
             self._random.randint(1, 2**32 - 1) if ack_every else 0,
             key=key,
             ack_every=ack_every,
-            ack_period_s=ack_period_s,
-            max_cells=max_cells,
             poll_only=poll_only,
         )
 
@@ -44,6 +39,5 @@ class FakePlanner(Receiver):
         return super().feed_datagram(now_s, data)
 
     def poll(self, now_s: float) -> list[bytes]:
-        """Frames to send back, not framed for a serial line."""
         frames = super().poll(now_s)
         return [] if self.mute else frames

@@ -18,7 +18,6 @@ def _build(given: argparse.Namespace) -> Built:
 
 
 def main() -> int:
-    """Serve one; exit status."""
     parser = parser_of("ax3500", None, ("free",))
     parser.add_argument("--model", choices=tuple(PROFILES), default="AX3500")
     parser.add_argument("--mode", choices=MODES, default="rs232", help="as stored in it")

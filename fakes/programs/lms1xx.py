@@ -5,7 +5,8 @@ import struct
 import sys
 
 from fakes.programs.program import Built, parser_of, run, stepped, world_of
-from fakes.world.simple import F64, ROOMS, Room
+from fakes.world.rotations import F64
+from fakes.world.simple import ROOMS, Room
 
 
 def _build(given: argparse.Namespace) -> Built:
@@ -43,7 +44,6 @@ def _build(given: argparse.Namespace) -> Built:
 
 
 def main() -> int:
-    """Serve one; exit status."""
     parser = parser_of("lms1xx", 2112, ROOMS)
     parser.add_argument("--model", default="LMS111", help="LMS111 (default) or a sister")
     parser.add_argument("--dialect", choices=("binary", "ascii"), default="binary")

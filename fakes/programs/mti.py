@@ -29,7 +29,6 @@ def _build(given: argparse.Namespace) -> Built:
 
 
 def main() -> int:
-    """Serve one; exit status."""
     parser = parser_of("mti", None, MOTIONS)
     parser.add_argument("--model", default="MTi-28", help="MTi-28 (default) or a sister")
     parser.add_argument("--baud", type=int, help="of its line (default: 115200)")

@@ -44,7 +44,6 @@ def parser_of(name: str, port: int | None, scenes: Sequence[str]) -> argparse.Ar
 def run(
     name: str, parser: argparse.ArgumentParser, build: Callable[[argparse.Namespace], Built]
 ) -> int:
-    """Serve what is built by the command line; exit status."""
     stop = Stop()
     given = parser.parse_args()
     try:

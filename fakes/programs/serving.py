@@ -65,7 +65,6 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def say(who: str, text: str) -> None:
-    """A line on the standard error."""
     sys.stderr.write(f"{who}: {text}\n")
     sys.stderr.flush()
 

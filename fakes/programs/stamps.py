@@ -8,8 +8,7 @@ disturbs.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,53 +31,34 @@ class WatchedWorld(World):
         self.swept_s.clear()  # it has looked at itself, to warm up
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
-        """As the base."""
         self.swept_s.append(float(times_s[-1]))
         return super().ranges_m(times_s, bearings_rad)
 
 
-class Stamps:
-    """The clock to stamp by, and the lines so far: kept in memory, for a disk may be slow."""
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.lines: list[str] = []
-        self._clock = clock
-
-    def note(self, count: int, measured_s: Iterable[float], latest_s: float) -> None:
-        """So many go onto the wire now: the newest measured at `latest_s` or before."""
-        now_s = self._clock()
-        for instant_s in [t_s for t_s in measured_s if t_s <= latest_s][-count:]:
-            self.lines.append(f"scan {instant_s:.6f} {now_s:.6f}\n")
-
-
 class StampedScanner:
-    """A fake scanner whose scans are stamped as they leave; all else is the fake's own."""
+    """A fake scanner whose scans are stamped as they leave; all else is the fake's own.
 
-    def __init__(self, fake: Any, swept_s: deque[float], stamps: Stamps) -> None:
-        self._fake, self._swept_s, self._stamps = fake, swept_s, stamps
+    Args:
+        swept_s: when the world was looked at.
+        lines: takes the stamps; to be written at the end, for a disk may be slow.
+    """
+
+    def __init__(
+        self, fake: Any, swept_s: deque[float], lines: list[str], clock: Callable[[], float]
+    ) -> None:
+        self._fake, self._swept_s, self._lines, self._clock = fake, swept_s, lines, clock
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._fake, name)
 
     def connect(self, now_s: float) -> "StampedScanner | None":
-        """One client more, stamped as well."""
         guest = self._fake.connect(now_s)
-        return guest and StampedScanner(guest, self._swept_s, self._stamps)
+        return guest and StampedScanner(guest, self._swept_s, self._lines, self._clock)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """As the fake's."""
         sent: bytes = self._fake.exchange(now_s, received)
         if count := sent.count(SCAN):
-            self._stamps.note(count, self._swept_s, now_s)
+            left_s = self._clock()
+            measured_s = [t_s for t_s in self._swept_s if t_s <= now_s][-count:]
+            self._lines += [f"scan {t_s:.6f} {left_s:.6f}\n" for t_s in measured_s]
         return sent
-
-
-@contextmanager
-def stamps_in(path: Path, clock: Callable[[], float]) -> Iterator[Stamps]:
-    """Stamps that are in the file once the block has ended."""
-    stamps = Stamps(clock)
-    with path.open("w", encoding="ascii") as out:
-        try:
-            yield stamps
-        finally:
-            out.writelines(stamps.lines)

@@ -7,12 +7,11 @@ is, and what sun and dust do, are our assumptions.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from fakes.rays.kernels import F64
 from fakes.world.error_models import ErrorModels
 from jit import kernel
 
-F64 = npt.NDArray[np.float64]
 RING = 6  # rays around the one in a beam's middle,
 RING_SHARE = 0.65  # so far out, of the beam's half-width
 ELSEWHERE = 0.05  # of the sun's rate, where a beam does not look into the sun

@@ -9,12 +9,11 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from fakes.rays import light as beam_light
 from fakes.rays.beam_kernels import FAR_M, Beams, aims_of, echoes_of_beams
 from fakes.rays.crossing_kernels import ways_through_box
-from fakes.rays.kernels import Passers
+from fakes.rays.kernels import F64, Passers
 from fakes.rays.targets import targets_from
 from fakes.scenes.movers import Mover, Part
 from fakes.scenes.scene import Scene
@@ -24,7 +23,6 @@ from fakes.world.crowd import Crowd
 from fakes.world.error_models import NONE, ErrorModels
 from fakes.world.rotations import rotation_y
 
-F64 = npt.NDArray[np.float64]
 GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer to a right angle
 SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too
 KEYS = 2**62 - 1  # of what is left to chance in a sweep

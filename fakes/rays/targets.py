@@ -8,12 +8,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 
-from fakes.rays.kernels import BLACK, BOX, CYLINDER, GLASS, HULL, PLAIN, Targets
+from fakes.rays.kernels import BLACK, BOX, CYLINDER, F64, GLASS, HULL, PLAIN, Targets
 from fakes.scenes.solids import Shape, mjcf_from_solids
 
-F64 = npt.NDArray[np.float64]
 mj: Any = mujoco  # compiled: it comes without types
 MATERIALS = {"plain": PLAIN, "black": BLACK, "glass": GLASS}
 SAME = 1e-5  # planes that differ by less are one: MuJoCo keeps corners as single floats

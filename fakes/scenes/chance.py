@@ -8,8 +8,8 @@ seed, the scene's name and the number of the attempt. Map frame, metres.
 import math
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -25,8 +25,7 @@ from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.slip import Slip
 
 
-@dataclass(frozen=True, slots=True)
-class Drawn:
+class Drawn(TypedDict):
     """What there is; all else the file says itself."""
 
     solids: tuple[Shape, ...]
@@ -40,7 +39,6 @@ class Drawn:
 
 
 def has_chance(table: dict[str, Any]) -> bool:
-    """Whether anything in a file is left to chance."""
     if table.keys() & {"mirror", "scatter", "goals", "rooms", "slope"}:
         return True
     return any("chance" in entry for kind in LISTS for entry in table.get(kind, []))
@@ -111,9 +109,6 @@ def _span(pair: list[float]) -> tuple[float, float]:
     return low, high
 
 
-# -- left and right change places -------------------------------------------------------------
-
-
 def _over(points: Sequence[tuple[float, ...]]) -> tuple[Any, ...]:
     return tuple((x, -y, *more) for x, y, *more in points)
 
@@ -121,19 +116,20 @@ def _over(points: Sequence[tuple[float, ...]]) -> tuple[Any, ...]:
 def _other_side(drawn: Drawn) -> Drawn:
     """The same with y and -y changed."""
     return Drawn(
-        solids=tuple(mirrored(shape) for shape in drawn.solids),
-        goals=_over(drawn.goals),
-        waypoints=_over(drawn.waypoints),
-        movers=tuple(replace(m, waypoints=_over(m.waypoints)) for m in drawn.movers),
-        walkers=tuple(replace(w, waypoints=_over(w.waypoints)) for w in drawn.walkers),
-        steels=tuple(replace(s, at=(s.at[0], -s.at[1]), yaw_rad=-s.yaw_rad) for s in drawn.steels),
-        patches=tuple(replace(p, y=(-p.y[1], -p.y[0])) for p in drawn.patches),
-        slips=tuple(replace(s, left=s.right, right=s.left) for s in drawn.slips),
+        solids=tuple(mirrored(shape) for shape in drawn["solids"]),
+        goals=_over(drawn["goals"]),
+        waypoints=_over(drawn["waypoints"]),
+        movers=tuple(replace(m, waypoints=_over(m.waypoints)) for m in drawn["movers"]),
+        walkers=tuple(replace(w, waypoints=_over(w.waypoints)) for w in drawn["walkers"]),
+        steels=tuple(
+            replace(s, at=(s.at[0], -s.at[1]), yaw_rad=-s.yaw_rad) for s in drawn["steels"]
+        ),
+        patches=tuple(replace(p, y=(-p.y[1], -p.y[0])) for p in drawn["patches"]),
+        slips=tuple(replace(s, left=s.right, right=s.left) for s in drawn["slips"]),
     )
 
 
 def mirrored(shape: Shape) -> Shape:
-    """A shape on the other side."""
     y = (-shape.y[1], -shape.y[0])
     match shape:
         case Pillar():

@@ -35,7 +35,6 @@ def _parameters(kind: str) -> Mapping[str, inspect.Parameter]:
 
 @functools.cache
 def _keys(kind: str) -> set[str]:
-    """What an entry may hold."""
     more = {"density_per_m"} if "material" in _parameters(kind) else set()
     return {name.replace("_rad", "_deg") for name in _parameters(kind)} | more | {"chance"}
 
@@ -85,7 +84,6 @@ def made(kind: str, entry: dict[str, Any]) -> Any:
 
 
 def _value(key: str, value: Any, default: Any, is_angle: bool) -> Any:
-    """As the maker wants it."""
     if isinstance(default, bool) or isinstance(value, bool):
         if not isinstance(default, bool) or not isinstance(value, bool):
             raise ValueError(f"must {'' if isinstance(default, bool) else 'not '}be true or false")

@@ -5,7 +5,6 @@ them; the robot drives through them. Map frame, metres.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +51,6 @@ class Mover:
     until_s: float = math.inf
 
     def is_there(self, t_s: F64) -> npt.NDArray[np.bool_]:
-        """Whether it is in the scene at instants (n,)."""
         return np.asarray((t_s >= self.from_s) & (t_s < self.until_s))
 
     def middles_m(self, part: Part, t_s: F64) -> F64:
@@ -77,31 +75,15 @@ class Mover:
     def tops_m(self, x: F64, y: F64, t_s: float) -> F64:
         """Height of its top over the points (n,) at an instant; -inf beside it or while away."""
         tops = np.full(np.broadcast(x, y).shape, -np.inf)
-        for part, inside in self._parts_over(x, y, t_s):
-            tops = np.maximum(tops, np.where(inside, part.z[1], -np.inf))
-        return tops
-
-    def fills(
-        self, x: F64, y: F64, z_low_m: F64, z_high_m: F64, t_s: float
-    ) -> npt.NDArray[np.bool_]:
-        """Whether it fills any height between two, over the points (n,) at an instant."""
-        found = np.zeros(np.broadcast(x, y).shape, dtype=bool)
-        for part, inside in self._parts_over(x, y, t_s):
-            found |= inside & (part.z[1] > z_low_m) & (part.z[0] < z_high_m)
-        return found
-
-    def _parts_over(
-        self, x: F64, y: F64, t_s: float
-    ) -> Iterator[tuple[Part, npt.NDArray[np.bool_]]]:
-        """Each part, and whether it is over or under the points (n,); none while it is away."""
         at_s = np.array([t_s])
         for part in self.parts if self.is_there(at_s)[0] else ():
             ((x_m, y_m),) = self.middles_m(part, at_s)
             if part.half_m is None:
-                yield part, np.asarray(np.hypot(x - x_m, y - y_m) <= part.radius_m)
+                inside = np.hypot(x - x_m, y - y_m) <= part.radius_m
             else:
-                half_x, half_y = part.half_m
-                yield part, (np.abs(x - x_m) <= half_x) & (np.abs(y - y_m) <= half_y)
+                inside = (np.abs(x - x_m) <= part.half_m[0]) & (np.abs(y - y_m) <= part.half_m[1])
+            tops = np.maximum(tops, np.where(inside, part.z[1], -np.inf))
+        return tops
 
 
 def person(

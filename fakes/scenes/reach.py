@@ -58,7 +58,6 @@ class Raster:
         return min(rows - 1, max(0, j)), min(columns - 1, max(0, i))
 
     def height_m(self, x: float, y: float) -> float:
-        """Of the top over a place."""
         return float(self.tops_m[self.cell(x, y)])
 
 

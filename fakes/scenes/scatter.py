@@ -117,7 +117,6 @@ def _maybe_placed(lot: Lot, thing: Thing) -> Thing | None:
 
 
 def _has_room(lot: Lot, thing: Thing, entry: dict[str, Any]) -> bool:
-    """Whether it keeps its distances."""
     own, gap_m = thing.spans, float(entry.get("gap_m", GAP_M))
     if away_m((0.0, 0.0), own) < float(entry.get("keep_m", KEEP_M)):
         return False

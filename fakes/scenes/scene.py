@@ -30,7 +30,6 @@ F64 = npt.NDArray[np.float64]
 SCENES = Path(__file__).parent
 GROUND_FROM_M = 0.1  # what begins higher hangs in the air, and no wheel rolls on it
 NEAR_M = 1.0  # of the body's origin, so that all wheels are nearer
-PERSON_M = 1.75  # how high a walker is
 START_CLEAR_M = 9.0  # where the file says nothing else
 ATTEMPTS = 200  # to draw a scene in which all goals can be reached
 
@@ -79,11 +78,7 @@ class Scene:
         return [self.solids[k] for k in np.flatnonzero(near)]
 
     def height_at(
-        self,
-        x: npt.ArrayLike,
-        y: npt.ArrayLike,
-        since_begin_s: float | None = None,
-        people: F64 | None = None,
+        self, x: npt.ArrayLike, y: npt.ArrayLike, since_begin_s: float | None = None
     ) -> F64:
         """Height (n,) of the highest surface at x (n,), y (n,); NaN where there is none.
 
@@ -91,7 +86,6 @@ class Scene:
 
         Args:
             since_begin_s: when; without it only what stands still counts.
-            people: x, y, radius (k, 3) of walkers, where they count, too.
         """
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         heights = np.full(x.shape, -np.inf)
@@ -100,8 +94,6 @@ class Scene:
         if since_begin_s is not None:
             for mover in self.movers:
                 np.maximum(heights, mover.tops_m(x, y, since_begin_s), out=heights)
-        for x_m, y_m, radius_m in () if people is None else people:
-            heights[np.hypot(x - x_m, y - y_m) <= radius_m] = PERSON_M
         heights[np.isneginf(heights)] = np.nan
         return heights
 
@@ -111,18 +103,12 @@ class Scene:
         y: npt.ArrayLike,
         z_low_m: npt.ArrayLike,
         z_high_m: npt.ArrayLike,
-        since_begin_s: float | None = None,
-        people: F64 | None = None,
     ) -> npt.NDArray[np.bool_]:
-        """Whether something firm fills any height between two over points x (n,), y (n,).
+        """Whether something firm that stands still fills any height between two (one, or (n,)) over
+        points x (n,), y (n,).
 
         Glass does, soft things do not; what only touches either height does not. Quick where the
         points lie near each other.
-
-        Args:
-            z_low_m, z_high_m: one height, or (n,).
-            since_begin_s: when; without it only what stands still counts.
-            people: x, y, radius (k, 3) of walkers, where they count, too; they fill all heights.
         """
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         low, high = np.asarray(z_low_m, dtype=float), np.asarray(z_high_m, dtype=float)
@@ -130,11 +116,6 @@ class Scene:
         for solid in self._near(x, y):
             if solid.material.kind != "soft":
                 found |= (solid.tops_m(x, y) > low) & (solid.bottom_m < high)
-        if since_begin_s is not None:
-            for mover in self.movers:
-                found |= mover.fills(x, y, low, high, since_begin_s)
-        for x_m, y_m, radius_m in () if people is None else people:
-            found |= np.hypot(x - x_m, y - y_m) <= radius_m
         return found
 
     @property
@@ -191,7 +172,6 @@ def campaign_scenes() -> tuple[str, ...]:
 
 
 def problems(scene: Scene) -> list[str]:
-    """What keeps a robot from its goals there, or makes its start less clear than is said."""
     return check_place(scene.solids, scene.goals, scene.walkers, scene.start_clear_m)
 
 
@@ -201,20 +181,13 @@ def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Sc
     if drawn is None:
         return None
     return Scene(
+        **drawn,
         name=name,
-        solids=drawn.solids,
-        waypoints=drawn.waypoints,
         speed_mps=float(table.get("route", {}).get("speed_mps", 0.6)),
         x_axis_east_of_north_rad=math.radians(table["x_axis_east_of_north_deg"]),
-        movers=drawn.movers,
-        steels=drawn.steels,
-        slips=drawn.slips,
-        goals=drawn.goals,
         start_clear_m=float(table.get("start_clear_m", START_CLEAR_M)),
         campaign=bool(table.get("campaign", False)),
         friction=float(table.get("friction", 1.0)),
-        patches=drawn.patches,
         errors=made("upsets", table.get("upsets", {})),
-        walkers=drawn.walkers,
         description=str(table.get("description", "")),
     )

@@ -52,17 +52,11 @@ class Shape(Protocol):
     @property
     def material(self) -> Material: ...
     @property
-    def x(self) -> Span:
-        """From, to."""
-
+    def x(self) -> Span: ...
     @property
-    def y(self) -> Span:
-        """From, to."""
-
+    def y(self) -> Span: ...
     @property
-    def bottom_m(self) -> float:
-        """Its lowest height."""
-
+    def bottom_m(self) -> float: ...
     def tops_m(self, x: F64, y: F64) -> F64:
         """Height of its top over the points (n,); -inf beside it."""
 
@@ -96,7 +90,6 @@ class Solid:
         return np.where(inside, top_m, -np.inf)
 
     def corners(self) -> list[tuple[float, float, float]]:
-        """Its eight corners."""
         slope_x, slope_y = math.tan(self.rise_x_rad), math.tan(self.rise_rad)
         return [
             (x, y, z)
@@ -248,7 +241,6 @@ class Slope:
     ease_m: float = 1.5
 
     def drawn(self, random: np.random.Generator) -> "list[Solid]":
-        """Its parts."""
         rise_rad, z = math.radians(float(random.uniform(*self.rise_deg))), 0.0
         (begin, end), parts = self.x, []
         edges = (begin, begin + self.ease_m, end - self.ease_m, end)

@@ -19,9 +19,7 @@ class Fake(Protocol):
 class DatagramFake(Protocol):
     """A device whose wire keeps datagrams whole."""
 
-    def feed_datagram(self, now_s: float, data: bytes) -> None:
-        """Take one datagram that the host wrote."""
-
+    def feed_datagram(self, now_s: float, data: bytes) -> None: ...
     def poll(self, now_s: float) -> list[bytes]:
         """All datagrams that the device has sent up to now_s."""
 
@@ -37,14 +35,12 @@ class Late:
         self._waiting.append((due_s, data))
 
     def take(self, now_s: float) -> list[bytes]:
-        """What has arrived."""
         arrived: list[bytes] = []
         while self._waiting and self._waiting[0][0] <= now_s:
             arrived.append(self._waiting.popleft()[1])
         return arrived
 
     def clear(self) -> None:
-        """All of it is lost."""
         self._waiting.clear()
 
 
@@ -71,7 +67,6 @@ class Disturbance:
             late.put(now_s + self.delay_s, left)
 
     def heard(self, data: bytes) -> bytes:
-        """What the device hears of the host's bytes."""
         return data and self._noisy(data, self.host_drop_rate, self.host_damage_rate)
 
     def thinned(self, data: bytes) -> bytes:
@@ -79,7 +74,6 @@ class Disturbance:
         return self._noisy(data, self.drop_rate, self.damage_rate)
 
     def _altered(self, data: bytes) -> bytes:
-        """The device's next bytes with the faults at given offsets."""
         first, self.sent = self.sent, self.sent + len(data)
         if not self.alter_at and not self.drop_at:
             return data

@@ -50,7 +50,6 @@ class Connection:
             self.close()
 
     def close(self) -> None:
-        """No client any more."""
         self.open = False
         self._socket.close()
         self.unsent.clear()
@@ -80,7 +79,6 @@ class TcpWire(Disturbance):
         self._connections: list[Connection] = []
 
     def step(self, now_s: float) -> None:
-        """Serve all clients for what has come; let new ones in."""
         if self.cut:
             for connection in self._connections:
                 connection.close()
@@ -94,7 +92,6 @@ class TcpWire(Disturbance):
             self._welcome(newcomer, now_s)
 
     def close(self) -> None:
-        """No client, no listener any more."""
         for connection in self._connections:
             connection.close()
         self._connections.clear()

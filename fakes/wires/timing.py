@@ -27,7 +27,6 @@ class Quartz:
         return now_s
 
     def restart(self) -> None:
-        """Power-up: from zero again."""
         self.device_s = 0.0
 
     def host_s(self, device_s: float) -> float:
@@ -52,7 +51,6 @@ class Outbox:
         self._count += 1
 
     def take(self, until_s: float) -> bytes:
-        """All that is due by until_s."""
         if not self._pieces or self._pieces[0][0] > until_s:
             return b""
         due = bytearray()
@@ -61,5 +59,4 @@ class Outbox:
         return bytes(due)
 
     def clear(self) -> None:
-        """Nothing of it will be sent."""
         self._pieces.clear()

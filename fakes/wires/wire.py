@@ -43,11 +43,9 @@ class MemoryPort:
         return -1
 
     def poll(self, now_s: float) -> bool:
-        """True while connected."""
         return self._connected
 
     def read(self) -> list[bytes]:
-        """The pieces that were given, as they were given."""
         if not self._to_host:
             return []
         pieces, self._to_host = self._to_host, []
@@ -60,7 +58,6 @@ class MemoryPort:
             self.backlog += 0 if self.datagrams else len(data)
 
     def close(self) -> None:
-        """Unplugged for good."""
         self.connected = False
         self._closed, self.cause = True, "closed"
 
@@ -109,7 +106,6 @@ class Wire(MemoryWire):
         self._fake = fake
 
     def step(self, now_s: float) -> None:
-        """Move what is due, both ways."""
         self.plug(now_s, self._fake)
         sent = self._fake.exchange(now_s, self.heard(self._port.take()))
         if sent:
@@ -128,7 +124,6 @@ class DatagramWire(MemoryWire):
         self._fake = fake
 
     def step(self, now_s: float) -> None:
-        """Move what is due, both ways."""
         self.plug(now_s, self._fake)
         for datagram in self._port.take_datagrams():
             if not self._hit(self.host_drop_rate):

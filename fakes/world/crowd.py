@@ -14,13 +14,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fakes.rays.kernels import F64
 from fakes.scenes.movers import STRIDE_M, Part, person
 from fakes.world.crowd_kernels import FRONT_M, HALF_WIDTH_M, REAR_M, parts_at, walk
 from fakes.world.kernels import rows_at
 
-F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # of the robot: x, y, yaw
 KEPT = 64  # steps that can be asked about: 1.28 s of steps of 20 ms
 PLANNED_M = 0.55  # what they plan to keep
@@ -95,7 +94,6 @@ class SeenRobot:
         self._v, self._w = 0.0, 0.0
 
     def follow(self, place: Place, span_s: float) -> None:
-        """It has come to a place since it was looked at last."""
         if self.place is not None and span_s > 0.0:
             x, y, yaw = self.place
             v = ((place[0] - x) * math.cos(yaw) + (place[1] - y) * math.sin(yaw)) / span_s
@@ -125,6 +123,26 @@ class SeenRobot:
         return np.asarray((np.hypot(over, beside) - inside).min(axis=2))
 
 
+class Past:
+    """The last steps of all walkers: where each was, went, and how far he had come."""
+
+    def __init__(self, walkers: int) -> None:
+        self.steps = 0
+        self._ring = np.zeros((KEPT, walkers, 6))  # x y, ahead x y, way gone, swing of legs 0..1
+        self._times_s = np.full(KEPT, -math.inf)
+
+    def put(self, now_s: float, at: F64, ahead: F64, gone_m: F64, v: F64) -> None:
+        row = self._ring[self.steps % KEPT]
+        row[:, :2], row[:, 2:4], row[:, 4] = at, ahead, gone_m
+        row[:, 5] = np.minimum(1.0, np.hypot(v[:, 0], v[:, 1]) / 0.6)
+        self._times_s[self.steps % KEPT] = now_s
+        self.steps += 1
+
+    def rows_at(self, times_s: F64) -> F64:
+        """(n, walkers, 6), interpolated."""
+        return rows_at(self._ring, self._times_s, self.steps, times_s)
+
+
 class Crowd:
     """All walkers of a scene, one at least, stepped with the robot's place; asked after that.
 
@@ -148,30 +166,20 @@ class Crowd:
         self._ahead = np.array([_towards(*w.waypoints[:2]) for w in self.walkers])
         self._gone_m = np.zeros(n)
         self._radius_m = np.array([w.radius_m for w in self.walkers])
-        self._ring = np.zeros((KEPT, n, 6))  # x y, ahead x y, way gone, how far legs swing 0..1
-        self._times_s = np.full(KEPT, -math.inf)
-        self._steps, self._now_s, self._decided_s = 0, 0.0, -math.inf
-
-    # -- what others ask ------------------------------------------------------------------------
+        self._past = Past(n)
+        self._now_s, self._decided_s = 0.0, -math.inf
 
     def people(self, t_s: float | None = None) -> F64:
         """x, y, radius (n, 3) of everybody, now or at an instant of the last second."""
-        at = self._at if t_s is None else self._rows(np.array([t_s]))[0, :, :2]
+        at = self._at if t_s is None else self._past.rows_at(np.array([t_s]))[0, :, :2]
         return np.column_stack([at, self._radius_m])
 
     def parts_m(self, times_s: F64) -> F64:
         """x, y (n, parts, 2) of the middles of all `parts` at instants (n,) of the last second."""
-        return parts_at(self._rows(times_s), self._gait[0], self._gait[1], STRIDE_M)
-
-    def _rows(self, times_s: F64) -> F64:
-        """Rows (n, walkers, 6), interpolated."""
-        return rows_at(self._ring, self._times_s, self._steps, times_s)
-
-    # -- time -----------------------------------------------------------------------------------
+        return parts_at(self._past.rows_at(times_s), self._gait[0], self._gait[1], STRIDE_M)
 
     def step(self, now_s: float, place: Place) -> None:
-        """Everybody goes on to an instant, with the robot at x, y, yaw."""
-        span_s = now_s - self._now_s if self._steps else 0.0
+        span_s = now_s - self._now_s if self._past.steps else 0.0
         self._robot.follow(place, span_s)
         self._now_s = now_s
         if now_s - self._decided_s >= DECIDE_S - 1e-9:
@@ -180,16 +188,9 @@ class Crowd:
         if span_s > 0.0:
             walks = self._at, self._v, self._ahead, self._gone_m
             walk(span_s, place, self._wanted, self._radius_m, *walks)
-        row = self._ring[self._steps % KEPT]
-        row[:, :2], row[:, 2:4], row[:, 4] = self._at, self._ahead, self._gone_m
-        row[:, 5] = np.minimum(1.0, np.hypot(self._v[:, 0], self._v[:, 1]) / 0.6)
-        self._times_s[self._steps % KEPT] = now_s
-        self._steps += 1
-
-    # -- where to go ----------------------------------------------------------------------------
+        self._past.put(now_s, self._at, self._ahead, self._gone_m, self._v)
 
     def _decide(self) -> None:
-        """Who wants which velocity for the next moments."""
         headings, paces = self._ahead.copy(), np.zeros(len(self.walkers))
         for k, errand in enumerate(self._errands):
             if self._now_s >= errand.rests_until_s:
@@ -219,14 +220,8 @@ class Crowd:
 
     def _aside_m(self, spots: F64) -> F64:
         """How far (walkers, ways) each comes from the line between his waypoints in a second."""
-        legs = [
-            (
-                errand.walker.waypoints[errand.goal - errand.way],
-                errand.walker.waypoints[errand.goal],
-            )
-            for errand in self._errands
-        ]
-        begins, ends = np.array(legs).transpose(1, 0, 2)
+        begins = np.array([e.walker.waypoints[e.goal - e.way] for e in self._errands])
+        ends = np.array([e.walker.waypoints[e.goal] for e in self._errands])
         along = ends - begins
         long_m = np.hypot(along[:, 0], along[:, 1])[:, None]
         along_x, along_y = (along / long_m).T[:, :, None]

@@ -49,7 +49,6 @@ class Driver:
 
     @property
     def laps(self) -> int:
-        """How often the whole route has been driven."""
         return self.reached // len(self._waypoints) if self._waypoints else 0
 
     def step(self, now_s: float) -> None:
@@ -89,5 +88,4 @@ def _towards(value: float, wanted: float, most: float) -> float:
 
 
 def _power(rim_mps: float) -> int:
-    """The controller's command for a speed of the wheel's rim."""
     return max(-FULL, min(FULL, round(FULL * rim_mps / MAX_SPEED_MPS)))

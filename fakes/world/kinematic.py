@@ -63,12 +63,9 @@ class KinematicWorld:
         self._known = 0  # rows that are computed
 
     def step_to(self, now_s: float) -> None:
-        """Advance to `now_s`, a host time that never goes back."""
         if self._begin_s is None:
             self._begin_s = now_s
         self._now_s = max(self._now_s, now_s)
-
-    # -- what has been computed ---------------------------------------------------------------
 
     def _rows_at(self, times_s: F64) -> F64:
         """Rows (n, 14) at host times (n,), interpolated; the first row before the begin."""
@@ -81,7 +78,6 @@ class KinematicWorld:
         return np.asarray((1 - share) * self._rows[before] + share * self._rows[before + 1])
 
     def _compute(self) -> None:
-        """The next block of rows."""
         first = self._known
         if len(self._rows) < first + BLOCK:
             more = np.zeros((max(BLOCK, len(self._rows)), 14))
@@ -116,8 +112,6 @@ class KinematicWorld:
             poses[:, column] += np.convolve(values, weights / weights.sum(), "valid")
         return poses
 
-    # -- the face of a world, as `World` has it -----------------------------------------------
-
     def _since_begin_s(self, t_s: float | None) -> float:
         begin_s = self._now_s if self._begin_s is None else self._begin_s
         return (self._now_s if t_s is None else t_s) - begin_s
@@ -126,37 +120,30 @@ class KinematicWorld:
         return np.asarray(self._rows_at(np.array([self._now_s if t_s is None else t_s]))[0])
 
     def wheel_angles_rad(self) -> tuple[float, float]:
-        """How far (left, right) have turned since the begin, forward positive."""
         row = self._row(None)
         return float(row[LEFT]), float(row[RIGHT])
 
     def pose(self, t_s: float | None = None) -> tuple[float, float, float, float, float]:
-        """(x, y, yaw, pitch, roll) of the body in the map frame, now or at an instant gone by."""
         x, y, yaw, pitch, roll = (float(part) for part in self._row(t_s)[:5])
         return x, y, math.remainder(yaw, math.tau), pitch, roll
 
     def height_m(self, t_s: float | None = None) -> float:
-        """How high the body frame's origin lies above the map's z = 0."""
         return float(self._row(t_s)[Z])
 
     def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike, t_s: float | None = None) -> F64:
-        """Height (n,) of the highest surface at x (n,), y (n,), map frame, now or at an instant."""
         return self.scene.height_at(x, y, self._since_begin_s(t_s))
 
     def distortion_at(self, t_s: float) -> F64:
-        """What (3, 3) steel makes of the earth's field (north, west, up) where the robot is."""
         row = self._row(t_s)
         return distortion(self.scene.steels, float(row[X]), float(row[Y]))
 
     def motion_at(self, t_s: float) -> tuple[F64, F64, F64]:
-        """Attitude, rate of turn and specific force of a sensor on the body."""
         row = self._rows_at(np.array([t_s]))
         R_map_sensor = R_from_angles(row[:, YAW], row[:, PITCH], row[:, ROLL])[0]
         R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
         return R_earth_map @ R_map_sensor, row[0, RATE], row[0, FORCE]
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
-        """What beams from the lens meet, at instants gone by."""
         begin_s = self._now_s - self._since_begin_s(None)
         return self._rays.ranges_m(self._bodies_at, times_s, bearings_rad, begin_s)
 

@@ -10,11 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from fakes.world.rotations import rotation_z
-
-F64 = npt.NDArray[np.float64]
+from fakes.world.rotations import F64, rotation_z
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,10 @@ class Rig:
         self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed, errors)
         self.scanner = FakeLms111(self._ranges_m_at, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
-        self._set_errors(self.world.errors, seed)
+        errors = self.world.errors
+        share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
+        self.scanner.offset_m = errors.range_offset_m * float(share)
+        self.ahrs.sheet_errors = errors.ahrs_sheet_errors
         if self.world.scene.steels:
             self.ahrs.distortion_at = self.world.distortion_at
         self.drive = FakeAx3500(self.world.wheels, seed + 2)
@@ -59,16 +62,9 @@ class Rig:
             start_delay_s,
         )
 
-    def _set_errors(self, errors: ErrorModels, seed: int) -> None:
-        """What is wrong with the devices themselves."""
-        share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
-        self.scanner.offset_m = errors.range_offset_m * float(share)
-        self.ahrs.sheet_errors = errors.ahrs_sheet_errors
-
     def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
         return self.world.ranges_m(times_s, bearings_rad)
 
     def step(self, now_s: float) -> None:
-        """Physics and driver up to `now_s`."""
         self.world.step_to(now_s)
         self.driver.step(now_s)

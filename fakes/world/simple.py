@@ -7,9 +7,9 @@ import math
 import re
 
 import numpy as np
-import numpy.typing as npt
 
-F64 = npt.NDArray[np.float64]
+from fakes.world.rotations import F64
+
 AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M = 5.0, 3.0, 2.5, 2.0  # walls of the room, from the lens
 FAR_M = 100.0
 GRAVITY_MPS2 = 9.81
@@ -82,7 +82,6 @@ class TwoWheels:
         self._now_s: float | None = None
 
     def step_to(self, now_s: float) -> None:
-        """Turn on."""
         gone_s = max(0.0, now_s - (now_s if self._now_s is None else self._now_s))
         self._now_s = now_s
         share = 1.0 - math.exp(-gone_s / MOTOR_S)
@@ -91,9 +90,7 @@ class TwoWheels:
             self._turned[k] += self._speeds[k] * gone_s
 
     def counts(self) -> tuple[float, float]:
-        """Of both encoders."""
         return self._turned[0], self._turned[1]
 
     def set_power(self, one: float, two: float) -> None:
-        """Of both motors, -1..1."""
         self._wanted = one, two

@@ -8,12 +8,10 @@ sharing their load: the axle decides the roll, the casters' middle the pitch.
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from fakes.world import robot
-from fakes.world.rotations import R_from_angles
+from fakes.world.rotations import F64, R_from_angles
 
-F64 = npt.NDArray[np.float64]
 Heights = Callable[[F64, F64], F64]  # x (n,), y (n,) to heights (n,), NaN where no ground is
 
 RIM = 0.95 * np.linspace(-1.0, 1.0, 31)  # where under a wheel the ground is asked, in radii

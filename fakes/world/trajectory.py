@@ -10,9 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-F64 = npt.NDArray[np.float64]
+from fakes.world.rotations import F64
+
 Trajectory = Callable[[F64], F64]
 
 ACCELERATION_MPS2, ACCELERATION_RADPS2 = 0.4, 1.0  # at most, as the driver's
@@ -32,7 +32,6 @@ class Leg:
 
 
 def stand(seconds: float) -> Leg:
-    """So long at rest."""
     return Leg(seconds)
 
 
@@ -99,7 +98,6 @@ class Way:
 
     @property
     def duration_s(self) -> float:
-        """Of all legs."""
         return float(self.begins_s[-1])
 
     def __call__(self, t_s: F64) -> F64:

@@ -26,7 +26,6 @@ class GroundTruthLog:
         self._say({"scene": scene, "seed": seed})
 
     def step(self, now_s: float) -> None:
-        """After the world was stepped to `now_s`, host clock."""
         if self._begin_s is None:
             self._begin_s = now_s
         if now_s < self._due_s:

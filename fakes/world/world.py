@@ -76,7 +76,6 @@ class Ground:
             model.geom_friction[model.geom_group == 0, 0] = LEAST_FRICTION
 
     def under_wheels(self, data: Any) -> None:
-        """Give each wheel the friction of the place where it is."""
         for wheel in () if self._is_even else self._wheels:
             x, y = data.geom_xpos[wheel][:2]
             friction = self._friction

@@ -178,6 +178,13 @@ def random_ground(bench: Bench, seed: int, share: float) -> npt.NDArray[np.int8]
     return bench.cells
 
 
+def set_out(bench: Bench, x_m: float, y_m: float) -> None:
+    """To a goal, with a robot that obeys."""
+    bench.obeys = True
+    bench.run(0.3)
+    bench.planner.goal(x_m, y_m)
+
+
 def driving(bench: Bench, seconds: float = 1.0) -> Bench:
     """One that asks to drive straight ahead over free ground, the robot standing."""
     bench.run(0.3)

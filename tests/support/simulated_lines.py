@@ -6,7 +6,7 @@ a clock of its own, which goes on from one conversation to the next.
 
 from collections.abc import Callable
 
-from fakes.wires.baud import heard_at
+from fakes.wires.pty import heard_at
 from fakes.wires.wire import Fake, MemoryPort, Wire
 from hw.ports.url import parse_url
 from tools.cli.conversation import STEP_S

@@ -1,12 +1,12 @@
 """The fake controller's faults, each one attribute; its sisters; who moves the wheels, and when."""
 
+from typing import Any
+
 import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Model
 from tests.support.bench_ax3500 import Bench
-
-# who moves the wheels
 
 
 def test_entering_rs232_mode_takes_the_vehicle_from_its_radio() -> None:
@@ -28,9 +28,6 @@ def test_the_stick_that_is_still_held_counts_again_once_the_controller_is_up() -
     assert bench.wheels.powers[-1] == (0.0, 0.0)
     bench.run(0.2)
     assert bench.wheels.powers[-1] == (64 / 127, 64 / 127)
-
-
-# power, heat, status
 
 
 @pytest.mark.parametrize(
@@ -100,47 +97,38 @@ def test_each_of_the_family_has_its_identity_and_its_amps(
     assert bench.ask("!D") == output_d
 
 
-def test_without_its_encoder_module_it_says_so_and_counts_nothing() -> None:
+def test_without_its_encoder_module_its_prompt_is_shorter() -> None:
     bench = Bench(encoder=False)
-    assert bench.ask("^8A") == ["48", "+"]
-    for line in ("?Q0", "!Q2", "*A2"):
-        assert bench.ask(line) == ["-"]
     bench.fake.restart(bench.now_s)
     assert bench.run(0.71) == b"Roboteq v1.9b 06/01/07\rs\rOK\r"
 
 
-# what it says, and how
-
-
 @pytest.mark.parametrize(
-    ("echoes", "lf_after_cr", "sent"),
-    [(False, False, b"70\r6C\r"), (True, True, b"?E\r\n70\r\n6C\r\n")],
+    ("properties", "sent", "answer"),
+    [
+        ({"echoes": False}, b"?E\r", b"70\r6C\r"),
+        ({"lf_after_cr": True}, b"?E\r", b"?E\r\n70\r\n6C\r\n"),
+        ({"refuse": {"?r", "^01"}}, b"?R\r^01\r?P\r", b"?R\r-\r^01\r-\r?P\r00\r00\r"),
+        ({"register_sign": "$"}, b"$A2\r*A2\r", b"$A2\r00\r+\r*A2\r-\r"),
+        ({}, b"$A2\r*A2\r", b"$A2\r-\r*A2\r00\r+\r"),
+        ({"encoder": False}, b"^8A\r?Q0\r!Q2\r", b"^8A\r48\r+\r?Q0\r-\r!Q2\r-\r"),
+        ({"never_written": {0x0F}}, b"^0F\r^0F 08\r^0F\r", b"^0F\r-\r^0F 08\r+\r^0F\r08\r+\r"),
+    ],
 )
-def test_what_goes_with_an_answer_may_differ(echoes: bool, lf_after_cr: bool, sent: bytes) -> None:
-    assert Bench(echoes=echoes, lf_after_cr=lf_after_cr).run(0.0, b"?E\r") == sent
+def test_what_it_says_depends_on_its_properties(
+    properties: dict[str, Any], sent: bytes, answer: bytes
+) -> None:
+    assert Bench(**properties).run(0.0, sent) == answer
 
 
-def test_chosen_lines_are_refused() -> None:
-    bench = Bench(refuse={"?r", "^01"})
-    assert [bench.ask(line) for line in ("?R", "?r", "^01")] == [["-"]] * 3
-    assert bench.ask("?P") == ["00", "00"]
-
-
-def test_old_encoder_modules_want_another_sign() -> None:
-    bench = Bench(register_sign="$")
-    assert (bench.ask("$A2"), bench.ask("*A2")) == (["00", "+"], ["-"])
-    bench.fake.register_sign = "*"
-    assert (bench.ask("$A2"), bench.ask("*A2")) == (["-"], ["00", "+"])
-
-
-# faults
-
-
-def test_deaf_it_neither_echoes_nor_answers_and_its_watchdog_strikes() -> None:
+def test_deaf_it_does_not_answer_and_its_watchdog_strikes_and_mute_it_hears() -> None:
     bench = Bench("rs232_watchdog", deaf=True)
     assert bench.run(2.1, b"?Q0\r") == b"WW"
-    bench.fake.deaf = False
-    assert bench.ask("?Q0") == ["0"]
+    bench.fake.deaf, bench.fake.mute = False, True
+    assert bench.run(0.9, b"!A40\r?Q0\r") == b""
+    assert bench.wheels.powers == [(64 / 127, 0.0)]
+    bench.fake.mute = False
+    assert bench.ask("?Q0") == ["0"]  # and says nothing later
 
 
 def test_late_it_says_the_same_later() -> None:

@@ -24,21 +24,13 @@ WRITINGS = st.lists(
 )
 
 
-# pacing
-
-
 @pytest.mark.parametrize(("count", "digits"), [(5, 1), (2000, 3), (-7986091, 6), (2**31 - 1, 8)])
 def test_an_exchange_takes_the_time_of_section_10(count: int, digits: int) -> None:
     bench = Bench(paced=True, counter_offset=(count, 0))
-    began_s, sent, all_at_s = bench.now_s, b"", 0.0
-    bench.fake.exchange(began_s, b"?Q0\r")
-    for step in range(1, 400):
-        piece = bench.fake.exchange(began_s + step * 0.0001, b"")
-        all_at_s = step * 0.0001 if piece else all_at_s
-        sent += piece
-    assert sent.startswith(b"?Q0\r")
-    assert len(sent) == 4 + digits + 1
-    assert all_at_s == pytest.approx((5 + digits + 1) * CHARACTER_S, abs=0.0002)
+    exchange_s = (5 + digits + 1) * CHARACTER_S
+    sent = bench.run(exchange_s - 0.0002, b"?Q0\r", 0.0001)
+    assert len(sent) == 4 + digits
+    assert bench.run(0.0004, step_s=0.0001) == b"\r"
 
 
 def test_the_answer_waits_for_its_delay_and_echoes_do_not() -> None:
@@ -62,9 +54,6 @@ def test_a_counter_is_taken_when_the_cr_has_arrived_whenever_one_looks() -> None
         assert int(sent.split(b"\r")[1], 16) == pytest.approx(100_000 * taken_s, abs=2)
 
 
-# watchdog
-
-
 @pytest.mark.parametrize("food", [b"\x00", b"\r", b"?", b"W"])
 def test_any_character_feeds_the_watchdog(food: bytes) -> None:
     bench = Bench("rs232_watchdog")
@@ -76,9 +65,6 @@ def test_any_character_feeds_the_watchdog(food: bytes) -> None:
     assert bench.wheels.powers == [(100 / 127, 100 / 127), (0.0, 0.0)]
     bench.run(0.5, b"\r!A10\r")  # the next command moves again
     assert bench.wheels.powers[-1] == (16 / 127, 0.0)
-
-
-# radio mode
 
 
 @pytest.mark.parametrize("numbers", [12, 13, 14, 16])
@@ -115,9 +101,6 @@ def test_ten_cr_in_a_row_bring_rs232_mode_with_watchdog(echoes: bool) -> None:
     assert bench.fake.mode == "rc"
 
 
-# restarts
-
-
 @pytest.mark.parametrize("mode", MODES)
 def test_power_up_gives_the_prompt_and_the_stored_mode(mode: Mode) -> None:
     bench = Bench(mode, paced=True)
@@ -151,9 +134,6 @@ def test_the_letter_z_right_after_a_reset_is_the_end_of_the_encoders() -> None:
         assert bench.ask("?E") == ["70", "6C"]
 
 
-# faults
-
-
 @settings(max_examples=examples(25))
 @given(writings=WRITINGS, mode=st.sampled_from(MODES), paced=st.booleans())
 def test_how_often_one_looks_makes_no_difference_nor_does_it_speak_faster_than_its_wire(
@@ -184,12 +164,3 @@ def test_stray_w_stand_anywhere_and_change_nothing_else(rate: float) -> None:
     assert b"W" in with_w
     assert with_w.replace(b"W", b"") == plain.run(1.0, asked)
     assert stray.fake.watchdog_stops == 0
-
-
-def test_a_mute_controller_hears_and_says_nothing_later() -> None:
-    bench = Bench(mute=True)
-    assert bench.run(1.0, b"!A40\r?Q0\r") == b""
-    assert bench.wheels.powers == [(64 / 127, 0.0)]
-    bench.fake.mute = False
-    assert bench.run(1.0) == b""
-    assert bench.ask("?Q0") == ["0"]

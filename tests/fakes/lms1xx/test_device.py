@@ -91,15 +91,19 @@ def test_the_telegrams_printed_in_the_sheet_are_encoded_byte_for_byte() -> None:
         assert head + b" LMDscandata " + written(telegram.values()) == TEXTS[name]
 
 
-def recorded(vectors: Path) -> list[tuple[str, bytes]]:
+@pytest.fixture(scope="module")
+def session(vectors: Path) -> list[tuple[str, bytes]]:
+    """The recorded telegrams in their order: h2d or d2h, bytes."""
     streams = {d: (vectors / f"lms111_session_{d}.bin").read_bytes() for d in ("h2d", "d2h")}
     with (vectors / "lms111_session_index.csv").open(encoding="utf-8") as file:
         rows = [(r["dir"], int(r["offset"]), int(r["length"])) for r in csv.DictReader(file)]
     return [(way, streams[way][at : at + size]) for way, at, size in rows]
 
 
-def test_the_recorded_host_gets_the_recorded_answers(vectors: Path) -> None:
-    bench, session = Bench(), recorded(vectors)
+def test_the_recorded_host_gets_the_recorded_answers_and_scans_of_the_recorded_layout(
+    session: list[tuple[str, bytes]],
+) -> None:
+    bench = Bench()
     for k, ((way, command), (_, answer)) in enumerate(pairwise(session[:98])):
         if way == "d2h":
             continue
@@ -111,23 +115,16 @@ def test_the_recorded_host_gets_the_recorded_answers(vectors: Path) -> None:
             assert ours == b"sRA " + name + b" \0"
         elif k != 14:  # the first read of the range, which its owner had set before
             assert ours == theirs
-
-
-def test_a_scan_telegram_has_the_recorded_layout(vectors: Path) -> None:
-    bench, session = Bench(), recorded(vectors)
-    for way, command in session[:98]:
-        if way == "h2d":
-            bench.ask(command)
-    ours = bench.listen(0.6)
-    theirs = [t[8:-1] for way, t in session if way == "d2h" and b"sSN LMDscandata " in t]
+    sent = bench.listen(0.6)
+    recorded = [t[8:-1] for way, t in session if way == "d2h" and b"sSN LMDscandata " in t]
     for k in (0, 6, 7, 20):
-        mine, real = ours[k], theirs[k]
+        mine, real = sent[k], recorded[k]
         assert len(framed(mine)) == 1191
         assert mine[:26] == real[:26]  # up to the device status
         assert mine[38:77] == real[38:77]  # inputs .. first channel's head
         assert mine[-23:-9] == real[-23:-9]  # flags, and the date of an unset clock
         assert mine[-2:] == real[-2:]
-    assert [telegram[24:26] for telegram in ours[:8]] == [b"\1\0"] * 7 + [b"\0\0"]
+    assert [telegram[24:26] for telegram in sent[:8]] == [b"\1\0"] * 7 + [b"\0\0"]
 
 
 def test_beams_are_seen_at_their_own_instants_and_told_after_the_sweep() -> None:
@@ -156,19 +153,14 @@ def test_beams_are_seen_at_their_own_instants_and_told_after_the_sweep() -> None
     assert 0 <= came_s - (times_s[-1] + 1e-4) < 0.00011
 
 
-@pytest.mark.parametrize(
-    ("range_m", "is_seen"),
-    [(0.3, True), (19.8, True), (0.0, False), (20.5, False), (math.nan, False), (math.inf, False)],
-)
-def test_ranges_become_noisy_millimetres_and_nothing_comes_from_afar(
-    range_m: float, is_seen: bool
-) -> None:
+@pytest.mark.parametrize("range_m", [0.3, 19.8, 0.0, 20.5, math.nan, math.inf])
+def test_ranges_become_noisy_millimetres_and_nothing_comes_from_afar(range_m: float) -> None:
     bench = Bench(lambda t_s, times_s, bearings_rad: np.full(len(times_s), range_m))
     bench.start()
     raw = np.array([raw_of(scan) for scan in bench.scans(0.1)])
     valid = raw[raw > 16]
     assert raw.shape[1] == 541
-    if is_seen:
+    if 0.0 < range_m < 20.0:
         assert len(valid) == raw.size
         assert abs(valid.mean() - 1000 * range_m) < 1.5
         assert 11 < valid.std() < 13
@@ -185,6 +177,8 @@ def test_the_output_range_cuts_points_off_and_leaves_the_rest_where_it_was() -> 
     assert raw_of(some) == raw_of(all_of_it)[180:901]
     resolution = payloads(part.ask(FRAMES["read range"]))[0][21:25]
     assert resolution == bytes.fromhex("00001388")  # at 0.25 deg as well: the sheet's pitfall
+    part.fake.untrue_output_step = False
+    assert payloads(part.ask(FRAMES["read range"]))[0][21:25] == bytes.fromhex("000009C4")
 
 
 @pytest.mark.parametrize(
@@ -229,6 +223,11 @@ def test_only_the_modes_of_the_device_are_taken(values: tuple[int, ...], status:
         (framed("sWN LMDscandatacfg ", b"\1" + bytes(10)), 8),
         (framed("sWN LMDscandatacfg ", b"\1" + bytes(20)), 7),
         (framed("sRN LMDscandata"), 4),
+        (framed("sWN LFPmeanfilter ", b"\1\0\1\0"), 4),
+        (framed("sWN LFPmeanfilter ", b"\1\0\x65\0"), 4),
+        (framed("sWN LFPnto1filter ", b"\2"), 4),
+        (framed("sWN MSsuppmode ", b"\2"), 4),
+        (framed("sWN EIHstCola ", b"\2"), 4),
     ],
 )
 def test_a_wrong_command_gets_its_code(command: bytes, code: int) -> None:
@@ -247,21 +246,14 @@ def test_there_are_no_scans_if_a_step_is_left_out(left_out: str) -> None:
 
 
 def test_it_becomes_ready_only_after_spinning_up() -> None:
-    bench = Bench()
-
-    def state() -> int:
-        return payloads(bench.ask(FRAMES["read state"], 0.01))[0][11]
-
-    assert state() == 3
-    bench.ask(FRAMES["login"])
-    assert state() == 2
-    bench.ask(FRAMES["start"])
-    assert state() == 4  # some drivers wait for 7 and send Run then
-    bench.ask(FRAMES["run"], 0.01)
-    assert state() == 4
+    bench, states = Bench(), []
+    for command in ("read scan", "login", "start", "run"):
+        bench.ask(FRAMES[command], 0.01)
+        states.append(bench.fake.state)
+    assert states == [3, 2, 4, 4]  # some drivers wait for 7 after the start and send Run then
     assert payloads(bench.ask(FRAMES["read device state"]))[0].endswith(b"\0")
     bench.listen(0.3)
-    assert state() == 7
+    assert payloads(bench.ask(FRAMES["read state"], 0.01))[0][11] == 7
 
 
 def test_settings_count_from_run_on_and_a_login_ends_measuring() -> None:

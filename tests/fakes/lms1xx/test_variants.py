@@ -1,7 +1,5 @@
 """The fake LMS111 in CoLa-A, its models, what it measures; its faults, each by one attribute."""
 
-import struct
-
 import numpy as np
 import pytest
 
@@ -16,8 +14,6 @@ from tests.support.bench_lms111 import (
     scans_of,
 )
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
-
-# --- CoLa-A
 
 
 def test_each_answer_printed_in_the_sheet_comes_as_text() -> None:
@@ -80,9 +76,6 @@ def test_a_new_dialect_counts_from_the_next_connection_and_may_take_its_time() -
     assert bench.say("sRN EIHstCola") == "sRA EIHstCola 0"
 
 
-# --- models and settings
-
-
 def test_models_differ_as_the_sheet_says() -> None:
     bench = Bench(model="LMS100-1.23")
     bench.ask(FRAMES["login"])
@@ -90,28 +83,6 @@ def test_models_differ_as_the_sheet_says() -> None:
     assert b"V1.23" in bench.ask(framed("sRN FirmwareVersion"))
     with pytest.raises(ValueError, match="must be one of LMS111, LMS100"):
         FakeLms111(five_metres, 1, model="LMS999")
-
-
-@pytest.mark.parametrize(
-    ("name", "values"),
-    [("LFPmeanfilter", b"\1\0\1\0"), ("LFPmeanfilter", b"\1\0\x65\0"), ("LFPnto1filter", b"\2"),
-     ("MSsuppmode", b"\2"), ("EIHstCola", b"\2")],
-)  # fmt: skip
-def test_values_that_it_cannot_take_are_refused(name: str, values: bytes) -> None:
-    bench = Bench()
-    bench.ask(FRAMES["login"])
-    assert bench.ask(framed(f"sWN {name} ", values)) == FRAMES["condition failed"]
-
-
-def test_an_honest_model_tells_the_step_of_its_output() -> None:
-    bench = Bench(untrue_output_step=False)
-    bench.ask(FRAMES["login"])
-    bench.ask(FRAMES["scan 25"])
-    [answer] = payloads(bench.ask(FRAMES["read range"]))
-    assert answer[-14:] == struct.pack(">HIii", 1, 2500, -450_000, 2_250_000)
-
-
-# --- what it measures
 
 
 def test_a_scan_that_is_asked_for_twice_is_the_same_scan() -> None:
@@ -166,58 +137,37 @@ def test_a_telegram_with_every_third_scan_is_filtered_over_every_scan() -> None:
     assert min(raw_of(scans[1])) > 4000
 
 
-# --- faults
-
-
-def test_mute_swallows_what_it_says_and_not_what_it_hears() -> None:
+def test_mute_it_measures_on_frozen_it_repeats_one_telegram_and_late_delays_every_byte() -> None:
     bench = Bench(mute=True)
     bench.start()
     assert not bench.listen(0.2)
     bench.fake.mute = False
-    assert bench.scans(0.1)
-
-
-def test_frozen_repeats_one_telegram() -> None:
-    bench = Bench()
-    bench.start()
     last = bench.listen(0.1)[-1]
     bench.fake.frozen = True
     assert set(bench.listen(0.2)) == {last}
     bench.fake.frozen = False
-    assert counters(bench.scans(0.1))[0] == counters(scans_of(framed(last)))[0] + 11
-
-
-def test_late_delays_every_byte() -> None:
-    bench = Bench()
-    bench.start()
-    before = bench.scans(0.1)
+    before = counters(bench.scans(0.1))
+    frozen_s = 0.02 * (before[0] - counters(scans_of(framed(last)))[0])
+    assert frozen_s == pytest.approx(0.22, abs=0.021)
     bench.fake.late_s = 0.15
     assert not bench.scans(0.145)
-    assert counters(bench.scans(0.1))[0] == counters(before)[-1] + 1
+    assert counters(bench.scans(0.1))[0] == before[-1] + 1
     assert not bench.ask(FRAMES["unsubscribe"]).endswith(FRAMES["unsubscribed"])
 
 
-def test_a_refused_command_gets_the_code_that_was_ordered() -> None:
-    bench = Bench(refuse={"sWN LMPoutputRange": 0x0A, "DeviceIdent": 3})
-    bench.ask(FRAMES["login"])
+def test_answers_can_be_refused_lost_late_cut_short_or_damaged() -> None:
+    bench = Bench(answers_lost=1, refuse={"sWN LMPoutputRange": 0x0A, "DeviceIdent": 3})
+    assert bench.ask(FRAMES["login"]) == b""
+    assert bench.ask(FRAMES["write content"]) == FRAMES["content written"]  # it had obeyed
     assert bench.ask(FRAMES["write range"]) == FRAMES["write denied"]
     assert b"sRA" in bench.ask(FRAMES["read range"])
     assert bench.ask(framed("sRN DeviceIdent")) == FRAMES["unknown variable"]
-
-
-def test_answers_can_be_lost_late_cut_short_or_damaged() -> None:
-    bench = Bench(answers_lost=1)
-    assert bench.ask(FRAMES["login"]) == b""
-    assert bench.ask(FRAMES["write content"]) == FRAMES["content written"]  # it had obeyed
-    bench.fake.slow_answer_s = 0.5
+    bench.fake.slow_answer_s, good = 0.5, FRAMES["scan is 50"]
     assert bench.ask(FRAMES["read scan"], 0.4) == b""
-    assert bench.ask(b"", 0.2) == FRAMES["scan is 50"]
+    assert bench.ask(b"", 0.2) == good
     bench.fake.slow_answer_s, bench.fake.cut_next = 0.0, True
-    cut = bench.ask(FRAMES["read scan"])
-    assert FRAMES["scan is 50"].startswith(cut)
-    assert 0 < len(cut) < len(FRAMES["scan is 50"])
+    assert bench.ask(FRAMES["read scan"]) == good[: len(good) // 2]
     bench.fake.wrong_checksum_rate = 1.0
-    good = FRAMES["scan is 50"]
     assert bench.ask(FRAMES["read scan"]) == good[:-1] + bytes([good[-1] ^ 0xFF])
     bench.fake.deaf = True
     assert bench.ask(FRAMES["read scan"]) == b""
@@ -230,28 +180,20 @@ def test_after_a_hold_up_it_does_not_make_up_for_what_it_could_not_keep() -> Non
     assert len(payloads(bench.fake.exchange(bench.now_s, b""))) == 45
 
 
-@pytest.mark.parametrize(
-    ("fault", "code"), [("dazzled_rate", 1), ("implausible_rate", 2), ("filtered_rate", 3)]
-)
-def test_bad_light_is_told_by_its_code(fault: str, code: int) -> None:
-    bench = Bench()
-    setattr(bench.fake, fault, 0.25)
+def test_bad_light_is_told_by_its_codes() -> None:
+    bench = Bench(dazzled_rate=0.25, implausible_rate=0.25, filtered_rate=0.25)
     bench.start()
     codes = raw_of(bench.scans(0.1)[0])
-    assert 0.15 * 541 < codes.count(code) < 0.35 * 541
+    for code, share in ((1, 0.25 * 0.75**2), (2, 0.25 * 0.75), (3, 0.25)):
+        assert codes.count(code) / 541 == pytest.approx(share, abs=0.06)
 
 
-def test_the_ordered_status_is_told() -> None:
-    bench = Bench(device_status=1, in_error=True, settling_scans=0)
-    bench.start()
-    assert bench.scans(0.1)[0].status == (0, 1)
-    [state] = [p for p in payloads(bench.ask(FRAMES["read device state"])) if b"SCdev" in p]
-    assert state == b"sRA SCdevicestate \2"
-
-
-def test_a_dirty_window_is_told_when_asked_and_changes_no_undocumented_byte_of_a_scan() -> None:
+def test_its_state_is_told_when_asked_and_a_dirty_window_changes_no_byte_of_a_scan() -> None:
     bench = Bench(contamination=2, settling_scans=1)
     bench.start()
     assert [scan.status for scan in bench.scans(0.06)] == [(1, 0), (0, 0), (0, 0)]
+    bench.fake.device_status, bench.fake.in_error = 1, True
+    assert bench.scans(0.1)[-1].status == (0, 1)
     bench.ask(FRAMES["unsubscribe"])
     assert bench.ask(FRAMES["read contamination"]) == framed("sRA LCMstate ", b"\2")
+    assert bench.ask(FRAMES["read device state"]) == framed("sRA SCdevicestate ", b"\2")

@@ -124,24 +124,12 @@ def test_each_data_message_of_the_sheet_comes_byte_for_byte(
     assert bench.write(b"", 0.02) == wire(name)
 
 
-# -- states and pace --------------------------------------------------------------------------
-
-
 def test_it_is_found_streaming_as_shipped_and_ignores_what_belongs_to_config() -> None:
     bench = Bench()
+    bench.fake.exchange(bench.now_s, wire("ReqDID") + wire("SetOutputMode") + framed(0x55))
     heard = bench.listen(1.0)
     assert {(mid, len(data)) for mid, data in heard} == {(0x32, 18)}
     assert len(heard) == pytest.approx(100, abs=1)
-    bench.fake.exchange(bench.now_s, wire("ReqDID") + wire("SetOutputMode") + framed(0x55))
-    assert {mid for mid, _ in bench.listen(0.1)} == {0x32}
-
-
-def test_data_still_on_the_line_comes_before_the_acknowledgement() -> None:
-    bench = Bench()
-    while len(bench.sampled_s) < 3:
-        bench.write(b"", 0.001)
-    mids = [mid for mid, _ in frames(bench.write(wire("GoToConfig"), 0.1))]
-    assert mids == [0x32, 0x31]
 
 
 def test_samples_are_at_exact_periods_and_come_after_latency_and_line() -> None:
@@ -169,6 +157,10 @@ def test_period_skip_factor_and_baud_rate_are_as_set() -> None:
     data = messages(bench.listen(1.0))
     assert len(data) == pytest.approx(10, abs=1)
     assert {b - a for a, b in pairwise(counters(data))} == {1}
+    bench.configure(framed(0xD4, b"\xff\xff"))  # only on request
+    assert not bench.listen(0.5)
+    assert [mid for mid, _ in frames(bench.write(wire("ReqData")))] == [0x32]
+    assert not bench.listen(0.5)
     bench.configure(wire("SetBaudrate", 1))
     assert bench.fake.baud == 115200
     bench.fake.power_up(bench.now_s)
@@ -176,37 +168,20 @@ def test_period_skip_factor_and_baud_rate_are_as_set() -> None:
     assert bench.fake.baud == 921600
 
 
-def test_with_skip_factor_ffff_data_comes_only_on_request() -> None:
+def test_after_power_up_it_waits_for_the_host_and_a_wake_up_ack_leads_to_config() -> None:
     bench = Bench()
-    bench.configure(framed(0xD4, b"\xff\xff"))
-    assert not bench.listen(0.5)
-    assert [mid for mid, _ in frames(bench.write(wire("ReqData")))] == [0x32]
-    assert not bench.listen(0.5)
-
-
-def test_after_power_up_it_waits_for_the_host_and_then_streams() -> None:
-    bench = Bench()
+    bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
     bench.fake.power_up(bench.now_s)
     assert bench.write(b"", 0.01) == wire("WakeUp")
     assert bench.write(wire("GoToConfig"), 0.4) == b""
     heard = bench.listen(0.5)
-    assert [(mid, len(data)) for mid, data in heard[:3]] == [(0x0D, 118), (0x91, 1320), (0x32, 18)]
-
-
-def test_a_wake_up_ack_leads_to_config_with_all_settings_kept() -> None:
-    bench = Bench()
-    bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
+    assert [(mid, len(data)) for mid, data in heard[:3]] == [(0x0D, 118), (0x91, 1320), (0x32, 50)]
     bench.fake.power_up(bench.now_s)
     assert bench.write(b"", 0.3) == wire("WakeUp")
     assert bench.write(wire("WakeUpAck"), 1.0) == b""
     assert bench.fake.state is State.CONFIG
-    assert bench.write(wire("ReqOutputMode")) == wire("OutputMode")
+    assert bench.write(wire("ReqOutputMode")) == wire("OutputMode")  # all settings are kept
     assert bench.write(wire("ReqOutputSettings")) == wire("OutputSettings")
-
-
-def test_reset_is_answered_and_followed_by_wake_up() -> None:
-    bench = Bench()
-    bench.write(wire("GoToConfig"))
     assert bench.write(wire("Reset"), 0.2) == wire("ResetAck") + wire("WakeUp")
     assert counters(messages(bench.listen(0.8)))[0] < 30
 
@@ -233,6 +208,11 @@ def test_heading_reset_makes_yaw_zero_until_power_up_unless_stored() -> None:
     bench.configure(framed(0x0E), framed(0xD2, bytes.fromhex("00000305")))
     bench.configure(framed(0x82, struct.pack(">f", -0.5)))
     assert euler_deg()[2] == pytest.approx(90 - math.degrees(0.5), abs=1e-5)
+
+
+def test_a_model_that_there_is_not_is_refused() -> None:
+    with pytest.raises(ValueError, match="model must be one of MTi-28"):
+        Bench(model="MTi-99")
 
 
 def test_noise_has_its_size_and_follows_the_seed() -> None:

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.mti.device import FakeMti, State
-from fakes.mti.messages import mtdata
+from fakes.mti.messages import mtdata, orientation
 from fakes.mti.models import MODELS
-from fakes.mti.rotation import orientation
 from tests.support.bench_mti import (
     ACCEL_MPS2,
     RATE_RADPS,
@@ -77,14 +76,13 @@ def test_every_mode_in_all_settings_decodes_back_to_the_truth(mode_bits: int) ->
         assert len(data) == bench.fake.memory.length()
 
 
-def test_the_mti_g_has_its_own_configuration_and_refusals() -> None:
+def test_the_mti_g_has_its_own_configuration_and_no_heading_reset() -> None:
     bench = Bench(model="MTi-G")
     bench.write(wire("GoToConfig"))
-    assert bench.write(wire("ReqOutputConfiguration")) == framed(0x42, b"\x04")
     [(_, configuration)] = frames(bench.write(wire("ReqConfiguration")))
     assert configuration[110:] == bytes.fromhex("070A 020601 360202")  # as a real one's
     bench.write(wire("GoToMeasurement"), 0.05)
-    assert wire("Error", 3) in bench.write(wire("ResetOrientation", 0))  # no heading reset
+    assert wire("Error", 3) in bench.write(wire("ResetOrientation", 0))
 
 
 @pytest.mark.parametrize(
@@ -112,9 +110,6 @@ def test_the_byte_de_at_power_up_brings_the_usual_baud_rate_back() -> None:
     assert bench.fake.baud == 115200
     bench.write(wire("WakeUpAck"))
     assert bench.write(wire("ReqBaudrate")) == wire("Baudrate")
-
-
-# -- faults -----------------------------------------------------------------------------------
 
 
 def whole(stream: bytes) -> list[bytes]:
@@ -201,8 +196,6 @@ def test_a_self_test_that_failed_is_told_in_the_status_too() -> None:
     bench.write(wire("GoToConfig"), 0.2)
     assert bench.write(framed(0x24), 1.2) == framed(0x25, b"\0\xf7")
 
-
-# -- any request in any state -----------------------------------------------------------------
 
 REQUESTS = st.tuples(
     st.sampled_from([*range(0, 256, 2), 0x30, 0x10, 0x40, 0x3F, 0xC0, 0xD0, 0xEC]),

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from fakes.mti.device import FakeMti
 from tests import VECTORS
 from tests.support.bench_mti import (
     ACCEL_MPS2,
@@ -39,7 +38,6 @@ def packets(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def entries(*asked: tuple[int, int]) -> bytes:
-    """A SetOutputConfiguration message."""
     return framed(0xC0, b"".join(struct.pack(">HH", *entry) for entry in asked))
 
 
@@ -96,10 +94,12 @@ def test_orientation_is_the_truth_in_each_earth_frame(
     np.testing.assert_allclose(rotated(quaternion), R, atol=1e-5)
 
 
-def test_vectors_and_temperature_are_the_truth() -> None:
+def test_vectors_and_temperature_are_the_truth_also_in_a_message_of_extended_length() -> None:
     bench = Bench(model="MTi-G-700")
     truths = {0x4023: ACCEL_MPS2, 0x8023: RATE_RADPS, 0xC023: (0.45, -0.10, -0.89), 0x0813: [35.0]}
-    message = asked_for(bench, *((identifier, 100) for identifier in truths))[-2]
+    asked = (*truths, 0x2013, 0x2023, 0x2027, 0x202B)
+    message = asked_for(bench, *((identifier, 100) for identifier in asked))[-2]
+    assert sum(len(data) + 3 for data in message.values()) > 255
     for identifier, truth in truths.items():
         np.testing.assert_allclose(numbers(message[identifier], 3), truth, atol=1e-9)
 
@@ -116,13 +116,6 @@ def test_rates_differ_and_packets_are_split_over_messages() -> None:
     assert counts[0xC020] == pytest.approx(200, abs=2)  # 100 Hz is its most
     counters = [int.from_bytes(message[0x1020], "big") for message in messages]
     assert {(b - a) % 2**16 for a, b in pairwise(counters)} == {1}
-
-
-def test_a_large_message_has_an_extended_length() -> None:
-    bench = Bench(model="MTi-630")
-    asked = [(kind | 3, 100) for kind in (0x2010, 0x2020, 0x2024, 0x2028, 0x4020, 0x8020)]
-    messages = asked_for(bench, *asked)
-    assert sum(len(data) + 3 for data in messages[-1].values()) > 255
 
 
 @pytest.mark.parametrize(("model", "wrap"), [("MTi-30", 864_000_000), ("MTi-630", 2**32)])
@@ -162,21 +155,21 @@ def test_values_are_taken_as_the_device_can() -> None:
 
 
 @pytest.mark.parametrize("model", NEWER)
-def test_legacy_requests_are_refused_and_new_ones_known(model: str) -> None:
+def test_a_newer_model_streams_and_wakes_up_and_knows_new_requests_alone(model: str) -> None:
     bench = Bench(model=model)
+    assert {mid for mid, _ in bench.listen(0.2)} == {0x36}
+    bench.fake.power_up(bench.now_s)
+    assert [mid for mid, _ in bench.listen(1.0)[:4]] == [0x3E, 0x0D, 0x91, 0x36]
     bench.write(wire("GoToConfig"), 0.2)
     for mid in (0xD0, 0xD2, 0xD4, 0x0A, 0x82, 0xE0, 0x55):
         assert bench.write(framed(mid)) == framed(0x42, b"\x04"), hex(mid)
-    [(_, device)] = frames(bench.write(framed(0x00)))
-    assert len(device) == (8 if model == "MTi-630" else 4)
-    assert len(frames(bench.write(framed(0x12)))[0][1]) == 11
-    assert len(frames(bench.write(framed(0x1E)))[0][1]) == 2
+    for mid, size in ((0x00, 8 if model == "MTi-630" else 4), (0x12, 11), (0x1E, 2)):
+        assert len(frames(bench.write(framed(mid)))[0][1]) == size
     [(mid, configuration)] = frames(bench.write(framed(0x0C)))
     assert (mid, len(configuration)) == (0x0D, 118)
     assert configuration[102:110] == bytes(8)
     for mid in (0xDA, 0xDC, 0x8E, 0x86):
-        answer = bench.write(framed(mid))
-        assert (answer == b"") is (model == "MTi-3")
+        assert (bench.write(framed(mid)) == b"") is (model == "MTi-3")
     [(_, profile)] = frames(bench.write(framed(0x64)))
     [(_, profiles)] = frames(bench.write(framed(0x62)))
     assert bytes([profile[1], profile[0]]) in profiles  # (version, type) against (type, version)
@@ -190,14 +183,3 @@ def test_a_fourth_generation_device_can_be_switched_to_legacy_data() -> None:
     assert bench.write(wire("SetOutputSettings")) == wire("SetOutputSettingsAck")
     bench.write(wire("GoToMeasurement"), 0.002)
     assert {(mid, len(data)) for mid, data in bench.listen(0.1)} == {(0x32, 50)}
-
-
-def test_every_model_streams_as_shipped_and_wakes_up_again() -> None:
-    for model in NEWER:
-        bench = Bench(model=model)
-        assert {mid for mid, _ in bench.listen(0.2)} == {0x36}
-        bench.fake.power_up(bench.now_s)
-        heard = bench.listen(1.0)
-        assert [mid for mid, _ in heard[:4]] == [0x3E, 0x0D, 0x91, 0x36]
-    with pytest.raises(ValueError, match="model must be one of MTi-28"):
-        FakeMti(bench.motion_at, 1, "MTi-99")

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from mapod_link.serial_line import Deframer, serial_from_frame
-from tests.conftest import skip_without_tools
 from tests.support.c_bench import Bench, drives_of, random_ground
 from tools.rig.board import EmulatedBoard
 from tools.rig.c_build import BUILD, MCU, MissingToolError, built, program
@@ -91,17 +90,6 @@ def test_flash_ram_and_stack_are_told_and_small() -> None:
 def test_a_missing_tool_is_named_with_its_package() -> None:
     with pytest.raises(MissingToolError, match="apt install"):
         program("no-such-compiler")
-
-
-@pytest.mark.parametrize(("ci", "end"), [("true", MissingToolError), ("", pytest.skip.Exception)])
-def test_a_missing_tool_skips_a_test_and_fails_it_on_ci(
-    ci: str, end: type[BaseException], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("CI", ci)
-    around = skip_without_tools()
-    next(around)
-    with pytest.raises(end, match="needs qemu"):
-        around.throw(MissingToolError("needs qemu"))
 
 
 def test_what_has_not_changed_is_not_compiled_again() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from core.records import OBSTACLE, UNKNOWN, StopZoneReport
-from tests.support.c_bench import STOP, Bench, driving, zone_report
+from tests.support.c_bench import STOP, Bench, driving, set_out, zone_report
 from tools.rig.c_planner import PlannerSettings
 
 SLOW_MPS = 0.15
@@ -37,8 +37,7 @@ def test_a_silent_sender_stops_it() -> None:
     bench = driving(Bench())
     bench.silent = True
     bench.run(0.4)
-    assert bench.newest == (0.0, 0.0)
-    assert bench.state.why == "the link is stale"
+    assert (bench.newest, bench.state.why) == ((0.0, 0.0), "the link is stale")
 
 
 def test_lost_frames_make_it_slow_until_they_are_made_good() -> None:
@@ -100,12 +99,11 @@ def test_a_robot_that_does_not_obey_is_let_go_of_now_and_then() -> None:
         bench.run(1.0)
 
 
+@pytest.mark.slow
 def test_where_no_way_leads_it_gives_up_in_the_end_and_says_why() -> None:
     bench = Bench()
     bench.put((4.0, 4.4), (-10.2, 10.2), OBSTACLE)
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(8.0, 0.0)
+    set_out(bench, 8.0, 0.0)
     while bench.state.state != "stopped":
         assert bench.now_s < 400.0
         bench.run(1.0)

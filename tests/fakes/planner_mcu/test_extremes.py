@@ -7,7 +7,7 @@ import pytest
 from config_file import load_config, with_changes
 from core.config import Config, ConfigError
 from core.records import FREE, OBSTACLE
-from tests.support.c_bench import Bench
+from tests.support.c_bench import Bench, set_out
 from tools.rig.c_build import ROOT, robot_from_config, shipped_robot
 from tools.rig.c_planner import PlannerSettings
 
@@ -17,9 +17,7 @@ JUMP_M = 100.0
 @pytest.mark.parametrize("side", [-1, 1])
 def test_it_backs_towards_where_it_came_from_though_the_pose_has_jumped_far(side: int) -> None:
     bench = Bench()
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(8.0, 0.0)
+    set_out(bench, 8.0, 0.0)
     bench.run(5.0)
     bench.put((7.0, 7.4), (-0.4, 0.4), OBSTACLE)
     while bench.state.recovery != "back":
@@ -35,9 +33,7 @@ def test_it_backs_towards_where_it_came_from_though_the_pose_has_jumped_far(side
 
 def test_a_goal_ten_kilometres_off_is_driven_to_at_full_speed() -> None:
     bench = Bench()
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(10_000.0, 0.0)
+    set_out(bench, 10_000.0, 0.0)
     bench.run(4.0)
     assert bench.newest[0] > 0.5
 
@@ -89,9 +85,7 @@ def test_a_longer_robot_keeps_farther_off_a_wall() -> None:
     for front_mm in (520, 1500):
         bench = Bench(PlannerSettings(robot=replace(shipped_robot(), front_mm=front_mm)))
         bench.put((3.0, 3.4), (-10.2, 10.2), OBSTACLE)
-        bench.obeys = True
-        bench.run(0.3)
-        bench.planner.goal(2.0, 0.0)
+        set_out(bench, 2.0, 0.0)
         farthest: list[float] = []
         bench.run(10.0, lambda b=bench, f=farthest: f.append(b.place[0]))  # type: ignore[misc]
         stood_m.append(max(farthest))

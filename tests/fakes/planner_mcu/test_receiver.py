@@ -7,9 +7,14 @@ from mapod_link.frames import ACK, POSE, frame_from_bytes
 from tests.support.planner_sender import begun, pose_body, vector
 
 
-def test_a_mute_planner_hears_and_says_nothing() -> None:
+def test_a_deaf_planner_hears_nothing_and_a_mute_one_says_nothing() -> None:
     planner = FakePlanner()
-    planner.mute = True
+    planner.deaf = planner.mute = True
+    assert not planner.feed_datagram(0.0, vector("geom"))
+    planner.feed_stream(0.0, vector("geom_serial"))
+    assert planner.geom is None
+    assert not planner.rejected
+    planner.deaf = False
     planner.feed_datagram(0.0, vector("geom"))
     assert planner.geom is not None
     assert planner.poll(0.0) == []
@@ -17,15 +22,6 @@ def test_a_mute_planner_hears_and_says_nothing() -> None:
     [frame] = [frame_from_bytes(data) for data in planner.poll(0.2)]
     assert not isinstance(frame, str)
     assert frame.type == ACK
-
-
-def test_a_deaf_planner_hears_nothing() -> None:
-    planner = FakePlanner()
-    planner.deaf = True
-    assert not planner.feed_datagram(0.0, vector("geom"))
-    planner.feed_stream(0.0, vector("geom_serial"))
-    assert planner.geom is None
-    assert not planner.rejected
 
 
 def test_a_one_way_link_keeps_it_silent() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import FREE, OBSTACLE, UNKNOWN
-from tests.support.c_bench import Bench, driving, random_ground
+from tests.support.c_bench import Bench, driving, random_ground, set_out
 from tests.support.cases import examples
 from tools.rig.c_planner import PlannerSettings
 
@@ -41,9 +41,7 @@ def test_a_robot_that_drives_through_what_lies_about_never_touches_anything(seed
     bench = Bench()
     random_ground(bench, seed, 0.05)
     bench.put((-1.2, 1.2), (-1.2, 1.2), FREE)
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(8.0, -2.0)
+    set_out(bench, 8.0, -2.0)
 
     def check() -> None:
         assert bench.is_safe(), (bench.newest, bench.state, bench.place)
@@ -67,9 +65,7 @@ def test_it_drives_to_its_goal_and_says_so() -> None:
 def test_it_steers_round_what_stands_in_the_way() -> None:
     bench = Bench()
     bench.put((3.0, 3.6), (-1.0, 1.4), OBSTACLE)
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(8.0, 0.0)
+    set_out(bench, 8.0, 0.0)
     aside = []
     bench.run(45.0, lambda: aside.append(abs(bench.place[1])))
     assert bench.state.state == "arrived"
@@ -101,9 +97,7 @@ def test_ground_assumed_clear_ends_at_its_radius_and_at_an_obstacle(
     bench = Bench(PlannerSettings(start_clear_m=clear_m))
     bench.cells[:] = UNKNOWN
     bench.put((wall_m, wall_m + 0.1), (-9.0, 9.0), OBSTACLE)
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(goal_m, 0.0)
+    set_out(bench, goal_m, 0.0)
 
     def check() -> None:
         assert bench.is_safe(clear_m)
@@ -123,16 +117,12 @@ def test_places_beyond_all_sense_move_nothing() -> None:
     assert bench.state.why == "the pose is not valid"
 
 
-def test_requests_hold_for_a_third_of_a_second_and_come_three_times_within_it() -> None:
+def test_requests_hold_for_a_third_of_a_second_and_end_when_it_is_halted() -> None:
     bench = driving(Bench())
     count = len(bench.asked)
     bench.run(3.0)
     assert 29 <= len(bench.asked) - count <= 31
     assert {drive[2] for drive in bench.asked} == {0.3}
-
-
-def test_halting_ends_the_drive() -> None:
-    bench = driving(Bench())
     bench.planner.halt()
     bench.run(0.3)
     assert bench.newest == (0.0, 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from core.records import FREE, OBSTACLE, UNKNOWN
-from tests.support.c_bench import CELL_M, Bench
+from tests.support.c_bench import CELL_M, Bench, set_out
 from tests.support.cases import few
 from tools.rig.c_build import shipped_robot
 from tools.rig.c_planner import PlannerSettings
@@ -33,9 +33,7 @@ def corridor(line_mm: int = 8450) -> Bench:
     bench.put((-10.2, 10.2), (-2.6, -2.2), OBSTACLE)
     bench.put((-10.2, 10.2), (2.2, 2.6), OBSTACLE)
     bench.put((3.0, 4.4), (-2.2, 2.2), UNKNOWN)
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(*GOAL)
+    set_out(bench, *GOAL)
     return bench
 
 
@@ -68,9 +66,7 @@ def test_ground_that_no_place_shows_is_given_up_and_so_is_the_goal_behind_it() -
 
 def test_it_waits_for_who_crosses_though_there_is_a_way_round() -> None:
     bench = Bench()
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(*GOAL)
+    set_out(bench, *GOAL)
     bench.run(3.0)
     assert bench.newest[0] > 0.5
     bench.put((5.0, 5.4), (-0.4, 0.4), OBSTACLE)
@@ -88,9 +84,7 @@ def test_it_waits_for_who_crosses_though_there_is_a_way_round() -> None:
 
 def test_what_stays_on_the_way_is_driven_round_after_a_look_from_farther_back() -> None:
     bench = Bench()
-    bench.obeys = True
-    bench.run(0.3)
-    bench.planner.goal(*GOAL)
+    set_out(bench, *GOAL)
     bench.run(5.0)
     at_m = bench.place[0]
     bench.put((7.0, 7.4), (-0.4, 0.4), OBSTACLE)

@@ -128,6 +128,8 @@ def test_in_random_scenes_beams_meet_what_mujocos_rays_meet(seed: int) -> None:
     for _ in range(2):
         angles = random.uniform(-3.1, 3.1), *random.uniform(-0.15, 0.15, 2)
         assert_same(solids, beams_at(tuple(random.uniform(-1, 1, 2)), angles))
+    if seed == 0:
+        assert_same(solids, beams_at((0.0, 0.0), (0.0, 0.3, 1.5)))  # a robot that lies on its side
 
 
 def test_beams_that_are_in_no_order_meet_the_same_as_in_order() -> None:
@@ -141,10 +143,6 @@ def test_beams_that_are_in_no_order_meet_the_same_as_in_order() -> None:
     assert horizon_of(beams, aims_of(beams)).in_order
     assert not horizon_of(mixed, aims_of(mixed)).in_order
     np.testing.assert_array_equal(met_by_kernel(solids, mixed), met_by_kernel(solids, beams)[order])
-
-
-def test_a_robot_that_lies_on_its_side_still_sees() -> None:
-    assert_same(random_solids(8), beams_at((0.0, 0.0), (0.0, 0.3, 1.5)))
 
 
 def test_each_beam_leaves_from_the_pose_of_its_own_instant() -> None:

@@ -1,9 +1,8 @@
-"""What fills a place between two heights, and how high it is with people in it: the truth."""
+"""What fills a place between two heights: the truth."""
 
 import numpy as np
 import pytest
 
-from fakes.scenes.movers import box, person
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.scenes.solids import GLASS, Pillar, soft
 from tests.support.flat_floor import FLOOR
@@ -16,7 +15,6 @@ def blocks(*things: Solid | Pillar, low: float = 0.15, high: float = 1.30) -> bo
 
 
 def thing(z: tuple[float, float], **more: object) -> Solid:
-    """Something around 5, 0."""
     return Solid("thing", (4.5, 5.5), (-0.5, 0.5), z, **more)  # type: ignore[arg-type]
 
 
@@ -46,26 +44,6 @@ def test_glass_blocks_and_a_post_where_it_is_and_the_floor_and_grass_do_not() ->
     found = post.blocks([5.49, 5.4, 5.51, 5.49], np.zeros(4), np.array([0.1, 0.1, 0.1, 2.1]), 3.0)
     np.testing.assert_array_equal(found, [True, True, False, False])
     assert post.blocks(np.zeros(0), np.zeros(0), 0.0, 1.0).shape == (0,)
-
-
-def test_movers_block_while_they_are_there() -> None:
-    parcel = box("parcel", (4.8, 5.2), (-0.2, 0.2), (0.0, 0.4), until_s=10.0)
-    walks = person("walks", ((2.0, 3.0), (8.0, 3.0)), 1.0, legs=False)
-    scene = Scene("some", (FLOOR,), movers=(parcel, walks))
-    x, y = np.array([5.0, 5.0]), np.array([0.0, 3.0])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), [False, False])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 3.0), [True, True])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 11.0), [False, False])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.5, 1.3, 3.0), [False, True])
-
-
-def test_people_block_and_stand_high_where_they_are_told() -> None:
-    scene = Scene("some", (FLOOR,))
-    people = np.array([[5.0, 0.0, 0.22]])
-    x, y = np.array([5.2, 5.3]), np.zeros(2)
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3, 1.0, people), [True, False])
-    np.testing.assert_array_equal(scene.height_at(x, y, 1.0, people), [1.75, 0.0])
-    np.testing.assert_array_equal(scene.blocks(x, y, 0.15, 1.3), [False, False])
 
 
 def test_asking_few_points_finds_what_asking_all_finds() -> None:

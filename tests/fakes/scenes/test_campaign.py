@@ -16,7 +16,6 @@ MOST_SOLIDS = 120
 
 @functools.cache
 def loaded(name: str, seed: int) -> Scene:
-    """A scene of a seed, loaded once."""
     return load_scene(name, seed)
 
 

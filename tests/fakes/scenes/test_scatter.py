@@ -30,30 +30,21 @@ def scene_of(folder: Path, text: str, seed: int = 1) -> Scene:
 
 
 def scattered(kind: str, more: str = "", count: str = "[3, 6]", area: str = "[10, 28]") -> str:
-    """A [[scatter]] of one kind."""
     return f'[[scatter]]\nkind = "{kind}"\ncount = {count}\nx = {area}\ny = [-9, 9]\n{more}\n'
 
 
-def test_a_seed_gives_the_same_scene_always_and_others_give_others(tmp_path: Path) -> None:
-    text = scattered("box") + scattered("walker")
-    scenes = [scene_of(tmp_path, text, seed) for seed in (1, 1, 2, 3)]
-    assert scenes[0] == scenes[1]
-    assert len({scene.solids for scene in scenes}) == 3
-    assert len({scene.walkers for scene in scenes}) == 3
-
-
-def test_counts_sizes_and_areas_are_kept(tmp_path: Path) -> None:
+def test_a_seed_gives_the_same_scene_and_counts_sizes_and_areas_are_kept(tmp_path: Path) -> None:
     text = scattered("box", "size_m = [0.3, 0.5]\nheight_m = [0.2, 0.4]", "[2, 4]")
-    counts = set()
-    for seed in range(12):
-        _, *boxes = scene_of(tmp_path, text, seed).solids
-        counts.add(len(boxes))
-        for box in boxes:
-            assert isinstance(box, Solid)
-            assert 0.3 <= box.x[1] - box.x[0] <= 0.5
-            assert 0.2 <= box.z[1] <= 0.4
-            assert 10.0 <= sum(box.x) / 2 <= 28.0
-    assert counts == {2, 3, 4}
+    scenes = [scene_of(tmp_path, text + scattered("walker"), seed) for seed in range(12)]
+    assert scene_of(tmp_path, text + scattered("walker"), 11) == scenes[11]
+    assert len({scene.solids for scene in scenes}) == 12
+    assert len({scene.walkers for scene in scenes}) == 12
+    assert {len(scene.solids) - 1 for scene in scenes} == {2, 3, 4}
+    for box in (box for scene in scenes for box in scene.solids[1:]):
+        assert isinstance(box, Solid)
+        assert 0.3 <= box.x[1] - box.x[0] <= 0.5
+        assert 0.2 <= box.z[1] <= 0.4
+        assert 10.0 <= sum(box.x) / 2 <= 28.0
 
 
 def test_things_keep_away_from_the_start_the_goals_and_each_other(tmp_path: Path) -> None:
@@ -78,15 +69,8 @@ def test_what_finds_no_place_makes_the_scene_be_refused(tmp_path: Path) -> None:
 def test_a_goal_that_cannot_be_reached_is_refused_unless_the_file_says_that_it_may_be_so(
     tmp_path: Path,
 ) -> None:
-    text = """
-[goals]
-areas = [{x = [15, 15], y = [0, 0]}]
-[[solid]]
-name = "wall"
-x = [12.0, 12.2]
-y = [-10.0, 10.0]
-z = [-1.0, 2.5]
-"""
+    wall = 'solid]]\nname = "wall"\nx = [12.0, 12.2]\ny = [-10.0, 10.0]\nz = [-1.0, 2.5]\n'
+    text = f"[goals]\nareas = [{{x = [15, 15], y = [0, 0]}}]\n[[{wall}"
     file = tmp_path / "unfair.toml"
     file.write_text("fair = false" + FLOOR + text)
     unfair = load_scene(file)
@@ -101,13 +85,10 @@ def test_things_stand_on_the_ground_and_not_across_a_kerb(tmp_path: Path) -> Non
     heights = set()
     for seed in range(12):
         scene = scene_of(tmp_path, low + scattered("pallet", "", "[4, 4]", "[25, 35]"), seed)
-        for wood in scene.solids[2:]:
-            if wood.name.endswith("wood"):
-                top = float(
-                    wood.tops_m(np.array([sum(wood.x) / 2]), np.array([sum(wood.y) / 2]))[0]
-                )
-                heights.add(round(top, 6))
-                assert not wood.x[0] < 30.0 < wood.x[1]
+        for wood in (solid for solid in scene.solids[2:] if solid.name.endswith("wood")):
+            assert isinstance(wood, Solid)
+            heights.add(round(wood.z[1], 6))
+            assert not wood.x[0] < 30.0 < wood.x[1]
     assert heights == {0.16, -0.04}
 
 
@@ -136,9 +117,6 @@ def test_every_kind_stands_around_its_place_also_when_turned(kind: str) -> None:
     np.testing.assert_allclose(spans[0], spans[1][::-1], atol=1e-9)
 
 
-# -- holes ------------------------------------------------------------------------------------
-
-
 def test_a_ditch_is_cut_out_of_the_floor_and_nothing_else(tmp_path: Path) -> None:
     text = scattered("ditch", "depth_m = [0.4, 0.4]\nlong_m = [2, 2]\nwide_m = [1, 1]", "[2, 2]")
     scene = scene_of(tmp_path, text)
@@ -160,9 +138,6 @@ def test_a_hole_that_no_floor_holds_is_not_cut() -> None:
     assert not cut(floors, (4.0, 6.0), (1.5, 2.5), 0.5)  # across two pieces of what is left
     assert len(floors) == 5
     assert ground_m([floor], [(5.0, 5.0), (11.0, 5.0)]) == [0.0, -math.inf]
-
-
-# -- the other side ---------------------------------------------------------------------------
 
 
 def test_a_mirrored_scene_is_the_same_on_the_other_side(tmp_path: Path) -> None:
@@ -202,27 +177,18 @@ patch = [{name = "wet", x = [10, 11], y = [1, 2], friction = 0.3}]
     assert one.patches[0].y == (-other.patches[0].y[1], -other.patches[0].y[0])
 
 
-# -- slopes, entries that may be there, keys ---------------------------------------------------
-
-
 def test_a_slope_is_eased_at_both_ends_and_ends_where_the_level_ground_begins(
     tmp_path: Path,
 ) -> None:
-    text = (
-        '[[slope]]\nname = "up"\nx = [30, 40]\ny = [-5, 5]\nrise_deg = [2.0, 4.0]\nuntil_x = 50\n'
-    )
-    rises = set()
+    text = '[[slope]]\nname = "up"\nx = [30, 40]\ny = [-5, 5]\nrise_deg = [2, 4]\nuntil_x = 50\n'
+    rises, x = set(), np.arange(29.9, 49.9, 0.01)
     for seed in range(3):
-        scene = scene_of(tmp_path, text, seed)
-        x = np.arange(29.9, 49.9, 0.01)
-        heights = scene.height_at(x, np.zeros(len(x)))
-        slopes = np.degrees(np.arctan(np.diff(heights) / 0.01))
+        heights = scene_of(tmp_path, text, seed).height_at(x, np.zeros(len(x)))
+        slopes, at = np.degrees(np.arctan(np.diff(heights) / 0.01)), x[:-1]
         assert slopes.max() < 4.0 + 1e-6
-        steepest = float(np.median(slopes[(x[:-1] > 32) & (x[:-1] < 38)]))
-        np.testing.assert_allclose(
-            slopes[(x[:-1] > 30.1) & (x[:-1] < 31.4)], steepest / 2, atol=0.02
-        )
-        assert abs(slopes[x[:-1] > 40.1]).max() < 1e-6
+        steepest = float(np.median(slopes[(at > 32) & (at < 38)]))
+        np.testing.assert_allclose(slopes[(at > 30.1) & (at < 31.4)], steepest / 2, atol=0.02)
+        assert abs(slopes[at > 40.1]).max() < 1e-6
         rises.add(round(steepest, 3))
     assert len(rises) == 3
 

@@ -1,6 +1,7 @@
 """Scenes: their solids' tops and rays, their files, what moves in them by timetable."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -36,11 +37,6 @@ def world_of(*solids: Shape, movers: tuple[Mover, ...] = ()) -> KinematicWorld:
     return world
 
 
-def height_of(shape: Shape, x: float, y: float) -> float:
-    """Of its top over one point."""
-    return float(shape.tops_m(np.array([x]), np.array([y]))[0])
-
-
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 def test_beams_end_on_the_surface_that_the_heights_tell_of(shape: Shape) -> None:
     """Just before its end a beam is above the surface, or under a table; just behind, inside."""
@@ -60,17 +56,15 @@ def test_beams_end_on_the_surface_that_the_heights_tell_of(shape: Shape) -> None
     assert met > 20
 
 
-def test_a_bump_begins_and_ends_on_the_floor_and_is_highest_in_the_middle() -> None:
-    for along in ("x", "y"):
-        made = bump("bump", (1.0, 1.4), (1.0, 1.4), 0.05, along)
-        ways = [1.0, 1.1, 1.2, 1.3, 1.4]
-        places = [(way, 1.2) if along == "x" else (1.2, way) for way in ways]
-        heights = [height_of(made, *place) for place in places]
-        assert heights == pytest.approx([0.0, heights[1], 0.05, heights[1], 0.0], abs=1e-12)
-        assert 0.035 < heights[1] < 0.039
-
-
-# -- files ------------------------------------------------------------------------------------
+@pytest.mark.parametrize("along", ["x", "y"])
+def test_a_bump_begins_and_ends_on_the_floor_and_is_highest_in_the_middle(
+    along: Literal["x", "y"],
+) -> None:
+    made = bump("bump", (1.0, 1.4), (1.0, 1.4), 0.05, along)
+    way, beside = np.array([1.0, 1.1, 1.2, 1.3, 1.4]), np.full(5, 1.2)
+    heights = made.tops_m(way, beside) if along == "x" else made.tops_m(beside, way)
+    assert heights == pytest.approx([0.0, heights[1], 0.05, heights[1], 0.0], abs=1e-9)
+    assert 0.035 < heights[1] < 0.039
 
 
 def test_the_yard_holds_all_that_a_scene_can_hold() -> None:
@@ -107,14 +101,11 @@ def test_wheels_roll_on_what_is_firm_and_near_and_stands_on_the_ground() -> None
         Solid("mat", (0.0, 1.0), (0.0, 1.0), (0.0, 0.01), material=BLACK),
         Solid("far box", (9.0, 9.5), (0.0, 1.0), (0.0, 0.2)),
     )
-    near = Scene("some", solids).ground_near(np.array([0.2, 0.5]), np.array([0.0, 0.0]))
+    scene = Scene("some", solids)
+    near = scene.ground_near(np.array([0.2, 0.5]), np.array([0.0, 0.0]))
     assert [solid.name for solid in near.solids] == ["floor", "mat"]
-    assert [solid.name for solid in Scene("some", solids).firm] == [
-        "floor", "table", "mat", "far box",
-    ]  # fmt: skip
+    assert [solid.name for solid in scene.firm] == ["floor", "table", "mat", "far box"]
 
-
-# -- what moves -------------------------------------------------------------------------------
 
 WALK = person("walks", ((2.0, -3.0), (2.0, 3.0), (5.0, 3.0)), 1.5, start_s=4.0, legs=False)
 

@@ -12,8 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fakes.wires.baud import heard_at, maybe_speed
-from fakes.wires.pty import PTY_BACKLOG
+from fakes.wires.pty import PTY_BACKLOG, heard_at, maybe_speed
 from fakes.wires.wire import PtyWire
 from tests.support.talker import Talker, until
 
@@ -79,7 +78,7 @@ def test_a_cut_pty_passes_nothing_either_way(pty: tuple[Talker, PtyWire]) -> Non
     host = opened(wire)
     wire.cut = True
     os.write(host, b"lost")
-    until(lambda: select.select([wire._master], [], [], 0.0)[0], lambda: None)
+    until(lambda: select.select([wire._terminal.master], [], [], 0.0)[0], lambda: None)
     fake.says = b"lost too"
     wire.step(0.0)
     wire.cut = False
@@ -89,17 +88,15 @@ def test_a_cut_pty_passes_nothing_either_way(pty: tuple[Talker, PtyWire]) -> Non
     os.close(host)
 
 
-def test_a_terminal_is_found_by_its_link_which_goes_with_it(tmp_path: Path) -> None:
-    link = tmp_path / "mti"
+def test_a_terminal_is_found_by_its_link_which_goes_with_it_and_is_never_a_file(
+    tmp_path: Path,
+) -> None:
+    link, precious = tmp_path / "mti", tmp_path / "precious"
     link.symlink_to("/nowhere")  # left over from a run that was killed
     with closing(PtyWire(Talker(), str(link))) as wire:
         assert wire.path == str(link)
         assert os.path.realpath(link).startswith("/dev/pts/")
     assert not os.path.lexists(link)
-
-
-def test_a_file_in_the_links_place_is_left_alone(tmp_path: Path) -> None:
-    precious = tmp_path / "precious"
     precious.write_text("notes")
     with pytest.raises(FileExistsError):
         PtyWire(Talker(), str(precious))
@@ -153,9 +150,6 @@ def test_faults_of_a_pty_are_those_of_every_wire(pty: tuple[Talker, PtyWire]) ->
     os.close(host)
 
 
-# wrong speeds
-
-
 class Slow(Talker):
     """A talker that says how fast its line is."""
 
@@ -165,7 +159,6 @@ class Slow(Talker):
 
 
 def set_speed(host: int, speed: int) -> None:
-    """As a host sets it."""
     settings = termios.tcgetattr(host)
     settings[4] = settings[5] = speed
     termios.tcsetattr(host, termios.TCSANOW, settings)
@@ -205,6 +198,6 @@ def test_a_faster_hearer_makes_more_of_each_character_and_a_slower_one_less(data
 
 
 def test_at_twice_the_speed_a_character_is_what_its_bits_make_it() -> None:
-    # 0x55 at 9600: start 0, then 1 0 1 0 1 0 1 0, stop 1; each bit is two of the hearer's bits,
-    # whose start is the first half of a 0 and whose bits are 0 11 00 11 0, then the stop's 0 is bad
+    # 0x55 is start 0, then 1 0 1 0 1 0 1 0, stop 1; each bit is two of the hearer's, whose start is
+    # the first half of a 0, and then 0 11 00 11 0
     assert heard_at(b"\x55", 9600, 19200)[0] == 0b01100110

@@ -53,18 +53,33 @@ def test_a_tcp_client_is_served_and_told_of(tcp: Tcp) -> None:
     assert list(tcp.wire.news) == [f"client {name} connected", f"client {name} gone"]
 
 
-def test_a_second_tcp_client_is_turned_away_until_the_first_has_left(tcp: Tcp) -> None:
-    with connected(tcp.wire) as second:
-        until(lambda: tcp.wire.turned_away, lambda: tcp.wire.step(0.1))
-        assert second.recv(1) == b""
+def turned_away(wire: TcpWire, now_s: float) -> None:
+    """One who comes now is."""
+    before = wire.turned_away
+    with connected(wire) as client:
+        until(lambda: wire.turned_away > before, lambda: wire.step(now_s))
+        assert client.recv(1) == b""
+
+
+def test_a_client_is_turned_away_until_the_first_has_left_and_a_cut_throws_all_out(
+    tcp: Tcp,
+) -> None:
+    turned_away(tcp.wire, 0.1)
     assert tcp.hear(0.2, b"still here") == b"still here"
     tcp.client.close()
-    with connected(tcp.wire) as third:
+    with connected(tcp.wire) as second:
         until(lambda: tcp.wire.clients == 2, lambda: tcp.wire.step(0.3))
         tcp.fake.says = b"welcome"
         tcp.wire.step(0.4)
-        assert third.recv(100) == b"welcome"
-    assert tcp.fake.clients == [0.0, 0.3]
+        assert second.recv(100) == b"welcome"
+        tcp.wire.cut = True
+        tcp.wire.step(0.5)
+        assert second.recv(1) == b""
+    turned_away(tcp.wire, 0.6)
+    tcp.wire.cut = False
+    with connected(tcp.wire):
+        until(lambda: tcp.wire.clients == 3, lambda: tcp.wire.step(0.7))
+    assert tcp.fake.clients == [0.0, 0.3, 0.7]
 
 
 def test_a_tcp_client_that_resets_the_connection_harms_nothing(tcp: Tcp) -> None:
@@ -95,18 +110,6 @@ def test_what_a_tcp_client_is_too_slow_for_is_kept_up_to_a_bound(tcp: Tcp) -> No
     assert bytes(received) == piece * (kept // len(piece))
 
 
-def test_a_cut_throws_the_tcp_client_out_and_lets_nobody_in(tcp: Tcp) -> None:
-    tcp.wire.cut = True
-    tcp.wire.step(0.1)
-    assert tcp.client.recv(1) == b""
-    with connected(tcp.wire) as client:
-        until(lambda: tcp.wire.turned_away, lambda: tcp.wire.step(0.2))
-        assert client.recv(1) == b""
-    tcp.wire.cut = False
-    with connected(tcp.wire):
-        until(lambda: tcp.wire.clients == 2, lambda: tcp.wire.step(0.3))
-
-
 def test_faults_are_the_same_over_tcp_as_in_memory(tcp: Tcp) -> None:
     memory, port = Talker(), MemoryPort()
     wire = Wire(memory, port, 1)
@@ -124,11 +127,8 @@ def test_faults_are_the_same_over_tcp_as_in_memory(tcp: Tcp) -> None:
     tcp.client.sendall(bytes(100))
     until(lambda: len(tcp.fake.heard) == 100, lambda: tcp.wire.step(1.7))
     assert 0 not in tcp.fake.heard
-
-
-def test_chunks_over_tcp_come_one_a_step(tcp: Tcp) -> None:
-    tcp.wire.chunk = 3
-    assert [tcp.hear(0.1 * k, b"abcdefg" if k == 0 else b"") for k in range(4)] == [
+    tcp.wire.mute, tcp.wire.chunk = False, 3  # one a step
+    assert [tcp.hear(2.0, says) for says in (b"abcdefg", b"", b"", b"")] == [
         *(b"abc", b"def", b"g", b"")
     ]
 
@@ -168,9 +168,7 @@ def test_a_fake_of_several_clients_has_an_object_for_each() -> None:
     with closing(TcpWire(fake)) as wire:
         clients = [connected(wire) for _ in range(2)]
         until(lambda: wire.clients == 2, lambda: wire.step(0.0))
-        third = connected(wire)
-        until(lambda: wire.turned_away, lambda: wire.step(0.1))
-        assert third.recv(1) == b""
+        turned_away(wire, 0.1)
         for client, guest, word in zip(clients, fake.guests, (b"one", b"two"), strict=True):
             client.sendall(word)
             until(partial(guest.heard.__eq__, b""), lambda: wire.step(0.2))
@@ -182,7 +180,6 @@ def test_a_fake_of_several_clients_has_an_object_for_each() -> None:
         assert [client.recv(10) for client in clients] == [b"ONE", b"TWO"]
         clients[0].close()
         until(lambda: fake.gone == [0.4], lambda: wire.step(0.4))
-        third.close()
         with connected(wire):
             until(lambda: len(fake.guests) == 3, lambda: wire.step(0.5))
         clients[1].close()
@@ -191,6 +188,5 @@ def test_a_fake_of_several_clients_has_an_object_for_each() -> None:
 def test_a_fake_that_takes_nobody_now_turns_clients_away() -> None:
     fake = Party()
     fake.connect = lambda now_s: None  # type: ignore[assignment, method-assign, return-value]
-    with closing(TcpWire(fake)) as wire, connected(wire) as client:
-        until(lambda: wire.turned_away, lambda: wire.step(0.0))
-        assert client.recv(1) == b""
+    with closing(TcpWire(fake)) as wire:
+        turned_away(wire, 0.0)

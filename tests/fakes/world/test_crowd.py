@@ -69,14 +69,6 @@ def test_nobody_walks_into_a_robot_that_stands_or_near_to_it(seed: int) -> None:
     assert (ways > 12.0).all()  # and nobody is stuck
 
 
-def test_who_finds_a_standing_robot_in_his_way_goes_round_it() -> None:
-    crowd = Crowd([Walker("goes", ((0.0, 0.0), (16.0, 0.0)), 1.2, pause_s=0.0)], 1)
-    places, least = walked(crowd, 16.0, lambda _: (8.0, 0.0, 1.5))
-    assert places[:, 0, 0].max() > 15.0
-    assert np.abs(places[:, 0, 1]).max() > 0.5
-    assert least > PERSONAL_M - 1e-6
-
-
 def test_nobody_crosses_right_before_a_robot_that_drives() -> None:
     """He would meet it in the middle; it drives at 0.8 m/s and never brakes."""
     for start_s in np.arange(0.0, 4.0, 1.0):
@@ -103,16 +95,16 @@ def test_people_do_not_run_into_each_other() -> None:
     assert places[-1, 1, 0] < 4.0  # they got past each other
 
 
-def test_who_cannot_get_on_turns_round() -> None:
-    """A robot stands where he wants to go, and he may not step aside."""
-    walker = Walker("stuck", ((0.0, 0.0), (6.0, 0.0)), 1.2, pause_s=0.0, aside_m=0.05)
-    crowd = Crowd([walker], 1)
-    places, least = walked(crowd, 20.0, lambda _: (6.0, 0.0, 0.0))
+def test_who_finds_a_robot_in_his_way_goes_round_it_or_turns_round_if_he_may_not() -> None:
+    goes = Walker("goes", ((0.0, 0.0), (16.0, 0.0)), 1.2, pause_s=0.0)
+    places, least = walked(Crowd([goes], 1), 16.0, lambda _: (8.0, 0.0, 1.5))
+    assert places[:, 0, 0].max() > 15.0
+    assert np.abs(places[:, 0, 1]).max() > 0.5
+    assert least > PERSONAL_M - 1e-6
+    stuck = Walker("stuck", ((0.0, 0.0), (6.0, 0.0)), 1.2, pause_s=0.0, aside_m=0.05)
+    places, least = walked(Crowd([stuck], 1), 20.0, lambda _: (6.0, 0.0, 0.0))
     assert least > PERSONAL_M - 1e-6
     assert places[300:, 0, 0].min() < 1.0
-
-
-# -- what rays ask ----------------------------------------------------------------------------
 
 
 def test_places_between_two_steps_are_interpolated_and_older_ones_are_clipped() -> None:

@@ -39,9 +39,6 @@ def walls(*near_and_far: tuple[float, float, float]) -> Scene:
     return Scene("walls", (FLOOR, *plates))
 
 
-# -- wide beams -------------------------------------------------------------------------------
-
-
 def test_a_wide_beam_on_a_wall_is_as_long_as_a_thin_one() -> None:
     scene = walls((4.0, -20.0, 20.0))
     wide, thin = sweeps(scene, WIDE), sweeps(scene, NONE)
@@ -94,9 +91,6 @@ def test_echoes_of_rays_are_those_of_a_slow_and_obvious_way(mixes: bool) -> None
         np.testing.assert_allclose(echoes[:, k], [*wanted, np.inf, np.inf][:2], atol=1e-12)
 
 
-# -- sunlight, dust, rain ---------------------------------------------------------------------
-
-
 def test_beams_into_the_sun_come_back_dazzled_silent_or_short_and_others_rarely() -> None:
     sun = ErrorModels(sunlight_rate=0.4, sun_azimuth_rad=0.5, sun_half_rad=0.2)
     scene = walls((8.0, -20.0, 20.0))
@@ -113,29 +107,21 @@ def test_beams_into_the_sun_come_back_dazzled_silent_or_short_and_others_rarely(
     assert 3.0 < short.mean() < 5.5
 
 
-def test_dust_returns_single_beams_mostly_from_near_and_lets_some_go_on() -> None:
-    dust = ErrorModels(dust_per_m=0.05)
+def test_dust_returns_beams_mostly_from_near_and_rain_evenly_along_their_way() -> None:
+    """Both let some go on."""
     scene = walls((8.0, -20.0, 20.0))
-    first, second = sweeps(scene, dust, 25)
     [true_m] = sweeps(scene, NONE, 25)
+    wet_m, _ = sweeps(scene, ErrorModels(rain_per_m=0.02), 25)
+    met = wet_m < true_m
+    assert met.mean() == pytest.approx(np.mean(1 - np.exp(-0.02 * true_m)), abs=0.01)
+    assert np.mean(wet_m[met] / true_m[met]) == pytest.approx(0.5, abs=0.04)
+    first, second = sweeps(scene, ErrorModels(dust_per_m=0.05), 25)
     met = first < true_m
     assert met.mean() == pytest.approx(1 - math.exp(-0.05 * DUST_REACH_M), abs=0.01)
     assert np.median(first[met]) == pytest.approx(DUST_REACH_M * math.log(2), abs=0.15)
     assert np.isfinite(second[met]).mean() == pytest.approx(THROUGH_SHARE, abs=0.05)
     through = met & np.isfinite(second)
     np.testing.assert_array_equal(second[through], true_m[through])
-
-
-def test_rain_returns_beams_evenly_along_their_way() -> None:
-    scene = walls((6.0, -20.0, 20.0))
-    first, _ = sweeps(scene, ErrorModels(rain_per_m=0.02), 25)
-    [true_m] = sweeps(scene, NONE, 25)
-    met = first < true_m
-    assert met.mean() == pytest.approx(np.mean(1 - np.exp(-0.02 * true_m)), abs=0.01)
-    assert np.mean(first[met] / true_m[met]) == pytest.approx(0.5, abs=0.04)
-
-
-# -- where they are set -----------------------------------------------------------------------
 
 
 def test_a_dazzled_beam_is_told_with_the_devices_code_for_it() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from fakes.mti.device import FakeMti
 from fakes.mti.errors import HEADING_RAD, STATIC_RAD, SheetErrors
-from fakes.mti.rotation import EULER, orientation
+from fakes.mti.messages import EULER, orientation
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.crowd import Walker
 from fakes.world.driver import Driver
@@ -39,9 +39,6 @@ def errors_deg(trajectory: Trajectory, seconds: float, seed: int) -> F64:
     return np.degrees(rows)
 
 
-# -- the attitude sensor ----------------------------------------------------------------------
-
-
 def test_at_rest_the_sensor_is_off_by_no_more_than_its_sheet_says() -> None:
     off = np.array([errors_deg(held(), 0.02, seed)[-1] for seed in range(40)])
     assert np.percentile(np.abs(off[:, 1:]), 90) < 0.5
@@ -68,13 +65,6 @@ def test_a_brake_makes_it_take_the_robot_for_leaning_and_it_forgets_that_again()
     assert abs(pitch[-1] - pitch[0]) < 0.4
 
 
-def test_on_a_drive_with_turns_roll_and_pitch_are_off_by_about_half_a_degree_rms() -> None:
-    """The sheet allows 2 deg; gentle driving makes less of it."""
-    way = Way(stand(2.0), straight(4.0, 0.8), turn(1.5, 0.8), straight(3.0, 0.8), stand(2.0))
-    off = np.concatenate([errors_deg(way, way.duration_s, seed)[:, 1:] for seed in range(2)])
-    assert 0.2 < math.sqrt((off**2).mean()) < 1.0
-
-
 def test_rates_have_a_bias_that_stays_for_seconds_and_wanders_in_minutes() -> None:
     biases, late = [], []
     up, level = np.array([0.0, 0.0, 9.81]), np.eye(3)
@@ -93,17 +83,13 @@ def test_rates_have_a_bias_that_stays_for_seconds_and_wanders_in_minutes() -> No
 
 
 def test_an_instant_that_is_asked_twice_changes_nothing() -> None:
-    errors = SheetErrors(1)
-    up, level = np.array([1.0, 0.0, 9.81]), np.eye(3)
-    for t_s in (0.0, 0.5, 0.5, 0.3):
-        errors.goes_on(t_s, level, up)
-    again = SheetErrors(1)
-    for t_s in (0.0, 0.5):
-        again.goes_on(t_s, level, up)
-    np.testing.assert_array_equal(errors.orientation(level), again.orientation(level))
-
-
-# -- slip -------------------------------------------------------------------------------------
+    up, level, told = np.array([1.0, 0.0, 9.81]), np.eye(3), []
+    for times_s in ((0.0, 0.5, 0.5, 0.3), (0.0, 0.5)):
+        errors = SheetErrors(1)
+        for t_s in times_s:
+            errors.goes_on(t_s, level, up)
+        told.append(errors.orientation(level))
+    np.testing.assert_array_equal(told[0], told[1])
 
 
 def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> None:
@@ -114,16 +100,6 @@ def test_bursts_of_slip_come_as_often_as_told_and_are_those_of_the_seed() -> Non
     for slip in slips:
         assert BURST_S[0] <= slip.until_s - slip.from_s <= BURST_S[1]
         assert BURST_SHARE[0] <= max(slip.left, slip.right) <= BURST_SHARE[1]
-
-
-def test_in_bursts_wheels_count_more_than_the_robot_drives() -> None:
-    errors = ErrorModels(slip_bursts_per_min=60.0)
-    dry, slips = (driven(scene, 6.0, 0.4, 0.4) for scene in (FLAT, replace(FLAT, errors=errors)))
-    assert dry.pose() == slips.pose()
-    assert 1.005 < sum(slips.wheels.counts()) / sum(dry.wheels.counts()) < 1.2
-
-
-# -- friction ---------------------------------------------------------------------------------
 
 
 def test_on_slippery_ground_wheels_spin_and_the_robot_gets_less_far() -> None:
@@ -145,9 +121,6 @@ def test_a_patch_of_ice_lets_the_robot_slide_on_where_it_brakes_and_nowhere_else
         world.step_to(56.0)
         stops.append(world.pose()[0])
     assert stops[0] > stops[1] + 0.3
-
-
-# -- people -----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("x", [4.0, 7.0])
@@ -185,19 +158,16 @@ def yaw_errors(trajectory: Trajectory, seconds: float) -> tuple[F64, F64]:
     return times_s, np.array(errors)
 
 
-# -- wheel slip -------------------------------------------------------------------------------
-
-
 def test_in_physics_slipping_wheels_count_more_and_the_robot_drives_as_before() -> None:
+    errors = ErrorModels(slip_bursts_per_min=60.0)
     slips = (Slip(0.05, 0.0), Slip(0.0, 0.10, 2.0, 4.0))
-    dry, wet = (driven(scene, 6.0, 0.5, 0.5) for scene in (FLAT, replace(FLAT, slips=slips)))
+    scenes = FLAT, replace(FLAT, slips=slips), replace(FLAT, errors=errors)
+    dry, wet, burst = (driven(scene, 6.0, 0.5, 0.5) for scene in scenes)
     (left, right), (more_left, more_right) = rims_m(dry), rims_m(wet)
-    assert wet.pose() == dry.pose()
+    assert burst.pose() == wet.pose() == dry.pose()
     assert more_left / left == pytest.approx(1.05, abs=1e-9)
     assert more_right - right == pytest.approx(0.10 * 0.5 * 2.0, abs=2e-3)
-
-
-# -- steel ------------------------------------------------------------------------------------
+    assert 1.005 < sum(rims_m(burst)) / (left + right) < 1.2
 
 
 def test_steel_turns_the_field_and_changes_strength_and_dip_most_where_it_is() -> None:
@@ -229,22 +199,17 @@ def test_beside_steel_the_yaw_is_pulled_slowly_and_comes_back_slowly() -> None:
     assert np.abs(np.diff(degrees)).max() < 40.0 * 0.02 / 3.0 * 1.01  # never a jump
 
 
-def test_steel_does_not_tilt_the_sensors_horizon() -> None:
-    world = KinematicWorld(
-        Scene("door", (FLOOR,), steels=(DOOR,)), held(0.1, -0.05, place=(5.0, 0.5, 1.0))
-    )
-    world.step_to(0.0)
-    R = quiet_sensor(world).sensor.sample(0.0).R_earth_sensor
-    np.testing.assert_allclose(R[2], world.motion_at(0.0)[0][2], atol=1e-9)
-
-
-def test_the_magnetic_vector_is_the_bent_field_in_the_sensors_axes() -> None:
+def test_the_magnetic_vector_is_the_bent_field_in_the_sensors_axes_and_the_horizon_stays() -> None:
     place = (5.0, 1.0, math.radians(90.0))
-    world = KinematicWorld(Scene("door", (FLOOR,), steels=(DOOR,)), held(place=place))
-    world.step_to(0.0)
-    bent = distortion((DOOR,), 5.0, 1.0) @ FIELD
-    magnetic = quiet_sensor(world).sensor.sample(0.0).magnetic
-    np.testing.assert_allclose(magnetic, [bent[1], -bent[0], bent[2]], atol=1e-9)
+    for pitch, roll in ((0.0, 0.0), (0.1, -0.05)):
+        world = KinematicWorld(
+            Scene("door", (FLOOR,), steels=(DOOR,)), held(pitch, roll, place=place)
+        )
+        world.step_to(0.0)
+        sample, R_true = quiet_sensor(world).sensor.sample(0.0), world.motion_at(0.0)[0]
+        bent = distortion((DOOR,), 5.0, 1.0) @ FIELD
+        np.testing.assert_allclose(sample.magnetic, R_true.T @ bent, atol=1e-9)
+        np.testing.assert_allclose(sample.R_earth_sensor[2], R_true[2], atol=1e-9)
 
 
 def test_the_pull_depends_on_the_way_and_not_on_how_often_the_sensor_is_read() -> None:
@@ -269,9 +234,6 @@ def test_the_rig_brings_the_steel_to_the_sensor(steels: tuple[MagneticDisturbanc
     R = rig.ahrs.sensor.sample(0.0).R_earth_sensor
     wrong_deg = math.degrees(math.atan2(R[1, 0], R[0, 0]))
     assert wrong_deg == pytest.approx(-40.0 if steels else 0.0, abs=0.5)
-
-
-# -- ways to drive ----------------------------------------------------------------------------
 
 
 def test_a_waypoint_can_have_its_own_speed() -> None:

@@ -23,22 +23,12 @@ def sweep(world: World, end_s: float) -> F64:
     return world.ranges_m(end_s - np.linspace(SWEEP_S, 0.0, SWEEP_RAD.size), SWEEP_RAD)
 
 
-@pytest.mark.parametrize(
-    ("x", "y", "height_m"),
-    [
-        (12.0, 0.3, 0.0),
-        (12.1, 0.3, -0.5),
-        (2.1, 0.0, 0.006),
-        (5.0, -1.5, 0.6),
-        (0.0, 2.1, 2.5),
-        (6.0, 10.07, 2.0 * math.tan(math.radians(6.0))),
-        (11.0, 12.0, 3.93 * math.tan(math.radians(1.0))),
-        (0.0, 9.0, math.nan),
-    ],
-)
-def test_the_corridor_is_as_high_as_its_file_says(x: float, y: float, height_m: float) -> None:
-    heights = load_scene("corridor").height_at(np.array([x]), np.array([y]))
-    np.testing.assert_allclose(heights, [height_m], atol=1e-9)
+def test_the_corridor_is_as_high_as_its_file_says() -> None:
+    ramp, side = math.tan(math.radians(6.0)), math.tan(math.radians(1.0))
+    x = [12.0, 12.1, 2.1, 5.0, 0.0, 6.0, 11.0, 0.0]
+    y = [0.3, 0.3, 0.0, -1.5, 2.1, 10.07, 12.0, 9.0]
+    heights = [0.0, -0.5, 0.006, 0.6, 2.5, 2.0 * ramp, 3.93 * side, math.nan]
+    np.testing.assert_allclose(load_scene("corridor").height_at(x, y), heights, atol=1e-9)
 
 
 def test_a_scene_can_be_any_file(tmp_path: Path) -> None:
@@ -94,16 +84,12 @@ def points_map(world: World, end_s: float, ranges: F64) -> F64:
     return np.asarray((R_from_angles(*angles) @ body[:, :, None])[:, :, 0].T + np.array([x, y, z]))
 
 
-def test_the_encoders_tell_the_way_on_a_straight_drive() -> None:
-    world = driven(FLAT, 12.0, 0.5, 0.5)
-    way_m = math.hypot(*world.pose()[:2])  # nearly straight, whatever the motors' strength
+def test_the_encoders_tell_the_way_channel_one_is_left_and_more_than_full_power_is_full() -> None:
+    ahead = driven(FLAT, 12.0, 0.5, 0.5)
+    way_m = math.hypot(*ahead.pose()[:2])  # nearly straight, whatever the motors' strength
     assert way_m > 5.0
-    assert abs(sum(rims_m(world)) / 2 / way_m - 1) < 0.01
-
-
-def test_channel_one_is_the_left_wheel_forward_counts_up_and_more_than_full_power_is_full() -> None:
-    world = driven(FLAT, 3.0, 9.0, -9.0)
-    left, right = rims_m(world)
+    assert abs(sum(rims_m(ahead)) / 2 / way_m - 1) < 0.01
+    left, right = rims_m(driven(FLAT, 3.0, 9.0, -9.0))
     assert 2.5 < left < 3.1
     assert -3.1 < right < -2.5
     assert driven(FLAT, 1.0, 0.4, 0.0).pose()[2] < -0.3  # to the right
@@ -160,21 +146,8 @@ def test_the_robot_rests_level_at_the_origin_and_its_attitude_sensor_knows_north
     np.testing.assert_allclose(force_mps2, [0.0, 0.0, 9.81], atol=0.02)
 
 
-def test_the_rate_of_turn_is_the_slope_of_the_yaw() -> None:
-    world = driven(FLAT, 3.0, -0.1, 0.1)
-    slope = (world.pose(52.9)[2] - world.pose(52.7)[2]) / 0.2
-    rates = [world.motion_at(t)[1][2] for t in np.linspace(52.7, 52.9, 50)]
-    assert slope > 0.3
-    assert abs(float(np.mean(rates)) - slope) < 0.01 * slope
-
-
-@pytest.fixture(scope="module")
-def moving() -> World:
-    """A world that was stepped to END_S, at 0.4 m/s."""
-    return driven(FLAT, END_S - 50.0, 0.4, 0.4)
-
-
-def test_instants_are_where_the_robot_was_then(moving: World) -> None:
+def test_instants_are_where_the_robot_was_then_and_the_rate_of_turn_is_the_yaws_slope() -> None:
+    moving = driven(FLAT, END_S - 50.0, 0.4, 0.4)
     ahead = moving.pose(END_S)[0] - moving.pose(END_S - 0.1)[0]
     assert abs(ahead - 0.04) < 0.002
     between = moving.pose(END_S - 0.1 + STEP_S / 2)[0] - moving.pose(END_S - 0.1)[0]
@@ -182,3 +155,8 @@ def test_instants_are_where_the_robot_was_then(moving: World) -> None:
     for offset_s in (-5.0, -1.0, 5.0):
         assert np.isfinite(moving.pose(END_S + offset_s)).all()
         assert np.isfinite(moving.motion_at(END_S + offset_s)[0]).all()
+    turning = driven(FLAT, END_S - 50.0, -0.1, 0.1)
+    slope = (turning.pose(52.9)[2] - turning.pose(52.7)[2]) / 0.2
+    rates = [turning.motion_at(t)[1][2] for t in np.linspace(52.7, 52.9, 50)]
+    assert float(np.mean(rates)) == pytest.approx(slope, rel=0.01)
+    assert slope > 0.3

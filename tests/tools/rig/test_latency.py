@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fakes.programs.stamps import StampedScanner, Stamps
+from fakes.programs.stamps import StampedScanner
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tools.rig import latency
 from tools.rig.far_end import Burst, FarEnd, Sent, scans_from_file, told_scans
@@ -84,12 +84,13 @@ class Teller:
 
 
 def test_a_scan_is_stamped_as_it_leaves_and_answers_are_not(tmp_path: Path) -> None:
-    stamps = Stamps(lambda: 5.125)
-    fake = StampedScanner(Teller(b"", b"sRA answer", SCAN), deque([4.9, 4.98]), stamps)
+    lines: list[str] = []
+    teller = Teller(b"", b"sRA answer", SCAN)
+    fake = StampedScanner(teller, deque([4.9, 4.98]), lines, lambda: 5.125)
     for now_s in (4.9, 5.0, 5.0):
         fake.exchange(now_s, b"")
     path = tmp_path / "stamps.txt"
-    path.write_text("".join(stamps.lines) + "scan 1.0")  # the last line is not whole
+    path.write_text("".join(lines) + "scan 1.0")  # the last line is not whole
     assert scans_from_file(path) == [Sent(4.98, 5.125)]
 
 

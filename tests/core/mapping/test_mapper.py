@@ -124,9 +124,9 @@ def test_a_scan_given_as_a_sweep_of_points_makes_the_same_map() -> None:
         rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(481)], axis=1)
         times_s = scan.t_s + scan.beam_dt_s * np.arange(481, dtype=np.float64)
         sweep = PointSweep(np.zeros((481, 3)), rays, scan.ranges_m, times_s, k, scan.arrived_s)
-        for mapper, sight in zip(mappers, (scan, sweep), strict=True):
-            mapper.add_scan(sight)
-            assert mapper.settle(1.0) == 1
+        mappers[0].add_scan(scan)
+        mappers[1].add_scan(sweep)
+        assert [mapper.settle(1.0) for mapper in mappers] == [1, 1]
     cells, again = (mapper.window(True).cells for mapper in mappers)
     assert (cells == OBSTACLE).sum() > 10
     np.testing.assert_array_equal(cells, again)

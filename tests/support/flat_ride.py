@@ -176,7 +176,7 @@ class Rig:
 
     def _measured_attitudes(self, random: np.random.Generator) -> deque[Attitude]:
         """What the attitude sensor says: the truth, its bias, and an error that wanders."""
-        t_s: F64 = ATTITUDE_S * np.arange(round(self.seconds / ATTITUDE_S) + 2)
+        t_s: F64 = np.arange(round(self.seconds / ATTITUDE_S) + 2, dtype=np.float64) * ATTITUDE_S
         now, soon = self.path.rpy(t_s), self.path.rpy(t_s + 0.001)
         turn = np.einsum("nji,njk->nik", R_of(now), R_of(soon)) / 0.001
         rates = np.column_stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]])

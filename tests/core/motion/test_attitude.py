@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry import R_from_rpy, q_from_R
+from core.geometry import R_from_rpy, q_from_R, q_from_rpy
 from core.motion.attitude import AHEAD_S, KEPT, MAX_GAP_S, AttitudeRing
 from core.records import Attitude
 
@@ -15,7 +15,7 @@ NO_RATE = (float("nan"),) * 3
 
 def attitude(t_s: float, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> Attitude:
     """A sample of a sensor that is mounted straight."""
-    w, x, y, z = (float(part) for part in q_from_R(R_from_rpy(roll, pitch, yaw)))
+    w, x, y, z = q_from_rpy(roll, pitch, yaw).tolist()
     return Attitude(t_s, (w, x, y, z), NO_RATE)
 
 

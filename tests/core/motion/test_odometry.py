@@ -163,14 +163,16 @@ def winding(t_s: float) -> float:
 def test_a_wheel_that_slips_is_noticed_and_the_position_is_less_sure() -> None:
     errors = Errors(slip_left_mps=lambda t: 0.3 if 6 < t < 7 else 0.0)
     spin = Errors(slip_left_mps=spinning, slip_right_mps=spinning)
-    assert Robot(ramp, lambda t: 0.0, spin).drive(8).odometry.slips > 0  # both wheels at once
+    assert (
+        Robot(ramp, lambda t: 0.0, spin).drive(8).odometry.wheels.slips > 0
+    )  # both wheels at once
     robot = Robot(ramp, lambda t: 0.0, errors).drive(5.9)
     before = robot.odometry.covariance
-    assert (robot.odometry.slipping, robot.odometry.slips) == (False, 0)
+    assert (robot.odometry.wheels.slipping, robot.odometry.wheels.slips) == (False, 0)
     robot.drive(0.8)
-    assert robot.odometry.slipping
+    assert robot.odometry.wheels.slipping
     robot.drive(3)
-    assert (robot.odometry.slipping, robot.odometry.slips) == (False, 1)
+    assert (robot.odometry.wheels.slipping, robot.odometry.wheels.slips) == (False, 1)
     assert abs(robot.yaw_error_rad) < math.radians(0.3)  # the gyro alone tells the heading
     off_m, sure_m = abs(float(robot.error[0])), math.sqrt(robot.odometry.covariance[0, 0])
     assert off_m == pytest.approx(0.15, abs=0.02)
@@ -186,7 +188,7 @@ def test_a_brisk_slalom_is_no_slip() -> None:
     for seed in range(2):
         errors = Errors(gyro_bias=math.radians(0.3), asymmetry=0.005)
         robot = Robot(lambda t: 2 * ramp(t), lambda t: 4 * winding(t) - 0.4, errors, seed=seed)
-        assert robot.drive(12).odometry.slips == 0
+        assert robot.drive(12).odometry.wheels.slips == 0
 
 
 WRONG = st.sampled_from([math.nan, math.inf, -math.inf, 1e300])

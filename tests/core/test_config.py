@@ -30,7 +30,6 @@ def toml_from(table: dict[str, Any]) -> str:
 
 
 def with_value(section: str, key: str, value: Any) -> str:
-    """The shipped settings with one of them changed, as TOML."""
     return toml_from({**TABLE, section: {**TABLE[section], key: value}})
 
 

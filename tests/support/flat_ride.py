@@ -35,7 +35,6 @@ STEP_S = 0.005  # of the path's integration
 
 
 def config_of(**sections: dict[str, Any]) -> Config:
-    """The shipped settings with some keys changed."""
     return with_changes(SHIPPED, **sections)
 
 
@@ -201,7 +200,6 @@ def places_where(rig: Rig, state: int) -> npt.NDArray[np.float64]:
 
 
 def state_at(rig: Rig, x: float, y: float) -> int:
-    """What the window says of a place in it."""
     grid = rig.maps.window.grid
     i, j = grid.cell_of(x, y)
     assert 0 <= i - grid.corner_i < grid.size

@@ -39,7 +39,6 @@ def standing(until_s: float, mapper: Mapper | None = None) -> Mapper:
 
 
 def state(mapper: Mapper, x: float, y: float) -> int:
-    """What the planner would be told of a place."""
     window = mapper.window(True)
     i, j = mapper.maps.window.grid.cell_of(x, y)
     return int(window.cells[j % 101, i % 101])

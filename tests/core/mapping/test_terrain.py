@@ -145,7 +145,6 @@ def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> 
 
 
 def views_of(cells: CellGrid, window: ObstacleWindow) -> dict[str, LayerView]:
-    """All layers of method `beams`, by name."""
     terrain = Terrain(cells)
     update(terrain, *range(cells.flat.size))
     views = {name: maybe_beams_layer(name, cells, terrain, window) for name in UNITS}

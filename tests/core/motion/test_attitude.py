@@ -14,7 +14,6 @@ NO_RATE = (float("nan"),) * 3
 
 
 def attitude(t_s: float, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0) -> Attitude:
-    """A sample of a sensor that is mounted straight."""
     w, x, y, z = q_from_rpy(roll, pitch, yaw).tolist()
     return Attitude(t_s, (w, x, y, z), NO_RATE)
 

@@ -44,7 +44,6 @@ def slow_pull(t_s: float) -> float:
 
 
 def lasting_pull(t_s: float) -> float:
-    """40 deg that stay."""
     return RAD(40) * max(0.0, min(1.0, (t_s - DOOR_S) / 4))
 
 

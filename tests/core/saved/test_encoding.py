@@ -89,7 +89,6 @@ def changed(method: str, **entries: Any) -> Arrays:
 
 
 def put(index: Any, value: float) -> Any:
-    """A change of an array at an index."""
 
     def change(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
         array[index] = value

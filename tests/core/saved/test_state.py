@@ -24,7 +24,6 @@ METHODS = ("beams", "reference_plane")
 
 
 def config_of(method: str = "beams", cell_value: str = "mean") -> Config:
-    """The shipped settings, of another method."""
     return with_changes(SHIPPED, map={"method": method, "cell_value": cell_value})
 
 
@@ -50,7 +49,6 @@ def saved(method: str = "beams", cell_value: str = "mean", yaw_rad: float = 0.0)
 
 
 def loaded(arrays: Arrays, method: str = "beams", cell_value: str = "mean") -> Mapper:
-    """A new run's mapper that goes on from a state."""
     config = config_of(method, cell_value)
     mapper = Mapper(config)
     restore(mapper, arrays, config, LATER_S)

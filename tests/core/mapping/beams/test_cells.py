@@ -12,7 +12,6 @@ from core.mapping.beams.cells import (
     MAX_SUB,
     CellGrid,
     flat_index,
-    known,
     ones,
     part_bit,
     parts_of,
@@ -52,15 +51,6 @@ def test_a_part_is_where_its_place_lies_in_the_cell(x: float, y: float, sub: int
 )
 def test_a_cell_is_divided_into_parts_of_some_five_centimetres(cell_m: float, parts: int) -> None:
     assert parts_of(cell_m) == CellGrid(5, cell_m).sub == parts
-
-
-@pytest.mark.parametrize("name", ["count", "miss"])
-def test_any_evidence_at_all_makes_a_cell_known(name: str) -> None:
-    grid = CellGrid(5, 0.2)
-    assert not known(grid.flat, 7)
-    grid.flat[name][7] = 1
-    assert known(grid.flat, 7)
-    assert not known(grid.flat, 8)
 
 
 def test_records_live_on_while_the_window_covers_them_and_enter_blank() -> None:

@@ -34,7 +34,6 @@ SCANS = st.lists(st.lists(POINT, min_size=1, max_size=40), min_size=1, max_size=
 
 
 def in_window(x: float, y: float) -> bool:
-    """Whether the rig's 41 x 41 cells cover a place."""
     return all(-20 <= math.floor(part / CELL_M) <= 20 for part in (x, y))
 
 
@@ -110,19 +109,6 @@ def test_what_hangs_higher_than_the_robot_is_not_in_the_map_and_floor_under_it_i
     assert rig.cell(2.1, 0.1)["count"] == 0
     assert [rig.state(2.1, 0.1), rig.state(3.1, 0.1)] == [UNKNOWN, FREE]
     assert rig.state(2.1, 1.1) == OBSTACLE
-
-
-@pytest.mark.parametrize("filters", [False, True])
-def test_a_table_top_is_not_averaged_with_the_floor_below_it(filters: bool) -> None:
-    rig = CellRig(filters=filters)
-    for _ in range(4):
-        floor = [(2.02 + 0.01 * k, 0.1, 0.0) for k in range(16)]
-        rig.add(*floor, (2.15, 0.1, 0.68), (2.16, 0.1, 0.70), *floor_around(2.1, 0.1))
-    cell = rig.cell(2.1, 0.1)
-    assert (cell["low_m"], cell["top_m"]) == pytest.approx((0.68, 0.70))
-    assert cell["floor_m"] == pytest.approx(0.0, abs=1e-9)
-    assert (cell["floor_count"], cell["count"]) == (64, 72)
-    assert rig.state(2.1, 0.1) == OBSTACLE
 
 
 def test_relief_within_a_cell_of_one_scan_says_that_something_rises() -> None:

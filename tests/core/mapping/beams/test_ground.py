@@ -19,7 +19,6 @@ WIDE = config_of(map={"cells": 161}, obstacle={"window_cells": 161})  # sees dow
 
 
 def drive(world: World, metres: float) -> Rig:
-    """A robot that has driven straight on at 1 m/s."""
     return Rig(WIDE, world, Ride(v_mps=1.0), metres).run()
 
 
@@ -133,7 +132,6 @@ def test_a_low_box_is_an_obstacle_on_a_ramp_too() -> None:
 
 
 def stand(x: float = 0.0, z: float = 0.0) -> BodyPose:
-    """A level robot that looks along +x."""
     return BodyPose(x, 0.0, z, (1.0, 0.0), (0.0, 0.0), x)
 
 
@@ -149,7 +147,6 @@ def floor_sweep(x: float, z: float, t_s: float, silent: bool = False) -> Sweep:
 
 
 def tracked(z: float = 0.0) -> GroundTracker:
-    """A tracker that has followed a floor for 2 m."""
     tracker = GroundTracker(CellGrid(101, 0.2), 1081)
     for k in range(50):
         tracker.follow(floor_sweep(0.04 * k, z, 0.04 * k), stand(0.04 * k))

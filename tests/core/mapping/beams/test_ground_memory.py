@@ -13,7 +13,6 @@ def stand(yaw_deg: float, x_m: float = 0.0) -> BodyPose:
 
 
 def line(z_m: float) -> GroundPlane:
-    """Some line that is told by its height."""
     return GroundPlane(8.0, 0.0, z_m, 0.0, 0.0, 0.0)
 
 

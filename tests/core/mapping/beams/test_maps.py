@@ -19,7 +19,6 @@ LINE_M = 8.45  # from the axle to where the scanner sees the floor
 
 
 def drive(world: World, metres: float, v_mps: float = 1.0, seed: int = 7) -> Rig:
-    """A robot that has driven straight on."""
     return Rig(config_of(), world, Ride(v_mps=v_mps), metres / v_mps, seed).run()
 
 

@@ -25,8 +25,10 @@ def floor_ranges(roll_rad: float, pitch_rad: float, max_range_m: float) -> F64:
     return np.asarray(np.where(ranges_m < max_range_m, ranges_m, np.nan))
 
 
-def plane_of(max_range_m: float, compensated: bool = True) -> ReferencePlane:
-    """The paper's robot, on ground that never counts as changed."""
+def heights_after(
+    roll_deg: float, pitch_deg: float, scans: int, compensated: bool, max_range_m: float
+) -> F64:
+    """Heights (n,) that flat floor seems to have after tilting evenly over `scans` scans."""
     settings = PaperSettings(
         lens_height_m=LENS_M,
         tilt_rad=TILT_RAD,
@@ -35,18 +37,11 @@ def plane_of(max_range_m: float, compensated: bool = True) -> ReferencePlane:
         cell_m=0.2,
         h_pos_m=0.1,
         h_neg_m=-0.1,
-        epsilon_rad=1.0,
+        epsilon_rad=1.0,  # ground never counts as changed
         eta_rad=0.01,
         compensated=compensated,
     )
-    return ReferencePlane(settings, sigma_from_bearing(BEARING_RAD))
-
-
-def heights_after(
-    roll_deg: float, pitch_deg: float, scans: int, compensated: bool, max_range_m: float
-) -> F64:
-    """Heights (n,) that flat floor seems to have after tilting evenly over `scans` scans."""
-    plane = plane_of(max_range_m, compensated)
+    plane = ReferencePlane(settings, sigma_from_bearing(BEARING_RAD))
     for k in range(scans + 1):
         roll_rad, pitch_rad = (math.radians(angle * k / scans) for angle in (roll_deg, pitch_deg))
         ranges_m = floor_ranges(roll_rad, pitch_rad, max_range_m)
@@ -70,12 +65,3 @@ def test_compensated_floor_stays_within_five_centimetres_and_without_is_mostly_o
     heights_m = heights_after(roll_deg, pitch_deg, 1, False, FAR_M)
     assert np.mean(np.abs(heights_m[INNER]) >= 0.1) > 0.75
     assert np.isnan(heights_after(0.0, -4.5, 100, True, 20.0)).all()  # the scanner's range
-
-
-def test_a_pitch_beyond_the_horizon_leaves_a_wrong_plane_behind() -> None:
-    """References that reach the maximum forget by how much they were above it."""
-    plane = plane_of(20.0)
-    for pitch_deg in (0.0, *np.linspace(0.0, -9.0, 91), *np.linspace(-9.0, 0.0, 91)):
-        plane.add(np.full(BEARING_RAD.size, np.nan), 0.0, math.radians(pitch_deg), 0.0, 0.0)
-    level_m = floor_ranges(0.0, 0.0, 20.0)[INNER]
-    assert np.all(plane.reference_m[INNER] < 0.9 * level_m)  # flat floor is a hole now

@@ -52,7 +52,6 @@ def random_ranges(plane: ReferencePlane, random: np.random.Generator) -> F64:
 
 
 def check_same(plane: ReferencePlane, slow: SlowPlane) -> None:
-    """Both have the same cells, counts, states, and heights to 1e-9 m."""
     seen = {(int(row), int(column)) for row, column in np.argwhere(plane.grid.count > 0)}
     assert seen == set(slow.heights)
     assert seen == {(int(row), int(column)) for row, column in np.argwhere(plane.obstacles != 0)}

@@ -61,8 +61,7 @@ class Robot(Struct, frozen=True, forbid_unknown_fields=True):
 class Options(Protocol):
     """The keys that a driver alone knows: a struct of its own."""
 
-    def describe(self) -> str:
-        """What they say, in words."""
+    def describe(self) -> str: ...
 
 
 @runtime_checkable
@@ -70,8 +69,7 @@ class ScannerOptions(Options, Protocol):
     """Those of a scanner also say what it can do."""
 
     @property
-    def spec(self) -> ScannerSpec:
-        """Its period, beams and range."""
+    def spec(self) -> ScannerSpec: ...
 
 
 class Scanner(Struct, frozen=True):
@@ -144,7 +142,6 @@ class Planner(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def ports(self) -> list[str]:
-        """All of them."""
         return [self.port] if isinstance(self.port, str) else self.port
 
 
@@ -157,7 +154,6 @@ class Modbus(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def ports(self) -> list[str]:
-        """All of them."""
         given = [self.port] if isinstance(self.port, str) else self.port
         return [url for url in given if url]
 
@@ -259,7 +255,6 @@ def _checked(section: str, given: Keys, kind: type[Struct]) -> Struct:
 
 
 def _fields(kind: type[Struct]) -> dict[str, Any]:
-    """Types by name."""
     return {field.name: field.type for field in msgspec.structs.fields(kind)}
 
 
@@ -303,7 +298,6 @@ def _faulty_keys(
 
 
 def _allowed(field_type: Any) -> str:
-    """The values that a field may have, in words."""
     info = msgspec.inspect.type_info(field_type)
     if isinstance(info, msgspec.inspect.Metadata):
         info = info.type
@@ -333,21 +327,8 @@ def _allowed_literal(info: Any) -> str:
 
 
 def _span(info: Any) -> str:
-    above = (
-        f"from {info.ge:g}"
-        if info.ge is not None
-        else f"above {info.gt:g}"
-        if info.gt is not None
-        else ""
-    )
-    below = (
-        f"to {info.le:g}"
-        if info.le is not None
-        else f"below {info.lt:g}"
-        if info.lt is not None
-        else ""
-    )
-    return f"{above} {below}".strip()
+    bounds = (("from", info.ge), ("above", info.gt), ("to", info.le), ("below", info.lt))
+    return " ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
 
 
 def _check_finite(table: dict[str, Any]) -> None:
@@ -359,7 +340,7 @@ def _check_finite(table: dict[str, Any]) -> None:
 
 
 def _check_together(config: Config) -> None:
-    """What only two keys together can break, and a value that this version does not have yet."""
+    """What only two keys together can break."""
     spec = config.scanner.options.spec
     if config.obstacle.window_cells > config.map.cells:
         raise ConfigError(

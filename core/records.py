@@ -43,9 +43,8 @@ class Scan:
     beam_dt_s: float
     first_rad: float
     step_rad: float
-    ranges_m: (
-        F64  # (echoes, n); NaN: no measurement. A slot of the codec's pool: copy it to keep it
-    )
+    # (echoes, n); NaN: no measurement. A slot of the codec's pool: copy it to keep it
+    ranges_m: F64
     counter: int  # the scanner's own, 0..65535
     arrived_s: float  # host clock, when its last byte was read
 
@@ -109,13 +108,11 @@ class ObstacleMap:
     cells: I8  # (size, size): OBSTACLE, UNKNOWN or FREE
     corner_i: int
     corner_j: int
-    changed: (
-        I32  # (k,) flat indices (row * size + column) into cells, changed since the last link tick
-    )
+    # (k,) flat indices (row * size + column) into cells, changed since the last link tick
+    changed: I32
     epoch: int  # grows when the whole map was erased: nothing told before holds any more
-    trusted: (
-        bool  # False: no FREE of it may be told, for an input is stale or the pose is not known
-    )
+    # False: no FREE of it may be told, for an input is stale or the pose is not known
+    trusted: bool
 
 
 @record(eq=False)

@@ -36,10 +36,7 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
         f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.options.describe()}",
         f"drive     {drive.driver} at {drive.port}: {drive.options.describe()}, "
         f"{counts_per_m:.0f} counts per metre",
-        *(
-            f"motors    {line}" if k == 0 else f"          {line}"
-            for k, line in enumerate(_describe_motors(config))
-        ),
+        "motors    " + "\n          ".join(_describe_motors(config)),
         f"map       method {config.map.method}, {cells} x {cells} cells of "
         f"{config.map.cell_m:g} m = {cells * config.map.cell_m:.1f} m square, {memory_mb:.1f} MB",
         f"obstacle  from {config.obstacle.h_pos_m:+g} m up or {config.obstacle.h_neg_m:+g} m down; "
@@ -62,16 +59,15 @@ def _describe_link(config: Config, url: str, line_baud: int | None) -> list[str]
     if line_baud is None:
         return [words]
     carried = line_baud / 10 * LINE_SHARE
-    if needed <= carried:
-        return [f"{words}, the line carries {carried:.0f}"]
-    return [
-        f"{words}, the line carries {carried:.0f}",
-        "          too little: cells will come late; lower planner.rate_hz or raise baud",
-    ]
+    lines = [f"{words}, the line carries {carried:.0f}"]
+    if needed > carried:
+        lines.append(
+            "          too little: cells will come late; lower planner.rate_hz or raise baud"
+        )
+    return lines
 
 
 def _describe_motors(config: Config) -> list[str]:
-    """What the motors will do."""
     robot = config.robot
     if not robot.enable_motors:
         return ["never move (robot.enable_motors is false)"]
@@ -92,18 +88,14 @@ def _describe_motors(config: Config) -> list[str]:
     ]
     if not willing:
         lines[0] = f"never move: {next(iter(refusals.values()))}"
+    unseen = "and before ground it has not seen"
     if not robot.unknown_stops:
-        lines.append("and drives onto ground that it has not seen")
+        unseen = "and drives onto ground that it has not seen"
     elif robot.start_clear_m > 0:
-        lines.append(
-            "and before ground it has not seen, but for "
-            f"{robot.start_clear_m:g} m around the start, which must be clear"
-        )
+        unseen += f", but for {robot.start_clear_m:g} m around the start, which must be clear"
     else:
-        lines.append(
-            "and before ground it has not seen: it cannot set out (robot.start_clear_m is 0)"
-        )
-    return lines
+        unseen += ": it cannot set out (robot.start_clear_m is 0)"
+    return [*lines, unseen]
 
 
 def _describe_ground(config: Config) -> list[str]:

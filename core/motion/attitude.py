@@ -111,12 +111,6 @@ def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
     _put(q_product(newest, turn), ahead)
 
 
-def _turned(turn_rad: float, q: F64) -> F64:
-    """An orientation (4,), turned about the vertical."""
-    half_rad = 0.5 * turn_rad
-    return q_product(np.array([math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)]), q)
-
-
 class AttitudeRing:
     """The newest orientations of the body: `q_earth_body` (KEPT, 4) at host times `t_s` (KEPT,)."""
 
@@ -161,30 +155,21 @@ class AttitudeRing:
             self.rate_body_radps = rates
         else:
             self.rate_body_radps = (math.nan, math.nan, math.nan)
-        yaw_rad = self.heading.step(
-            attitude.t_s,
-            rpy_rad,
-            self.rate_body_radps,
-            attitude.q_earth_sensor,
-            attitude.magnetic,
-        )
+        t_s, rates = attitude.t_s, self.rate_body_radps
+        yaw_rad = self.heading.step(t_s, rpy_rad, rates, attitude.q_earth_sensor, attitude.magnetic)
         roll_rad, pitch_rad = rpy_rad[:2]
         if self.level is not None:
             roll_rad, pitch_rad = self.level.step(
-                attitude.t_s,
-                roll_rad,
-                pitch_rad,
-                self.rate_body_radps,
-                stands=self.heading.standing,
+                t_s, roll_rad, pitch_rad, rates, stands=self.heading.standing
             )
-        self.newest_s = self.t_s[last] = attitude.t_s
+        self.newest_s = self.t_s[last] = t_s
         self._turned_rad[last] = self.heading.turned_rad
         rpy_rad = (roll_rad, pitch_rad, yaw_rad)
-        _keep(self.q_earth_body, last, rpy_rad, self.rate_body_radps, AHEAD_S)
+        _keep(self.q_earth_body, last, rpy_rad, rates, AHEAD_S)
         self._newest_rpy, self.count_ahead = None, self.count
-        if math.isfinite(self.rate_body_radps[0]):  # all are, or none
+        if math.isfinite(rates[0]):  # all are, or none
             self.count_ahead += 1
-            self.t_s[(last + 1) % KEPT] = attitude.t_s + AHEAD_S
+            self.t_s[(last + 1) % KEPT] = t_s + AHEAD_S
         return True
 
     def turned_rad_at(self, at_s: float) -> float:
@@ -200,9 +185,10 @@ class AttitudeRing:
     def turn_all(self, turn_rad: float) -> None:
         """Turn every kept orientation about the vertical: the heading was found to be off."""
         self._newest_rpy = None if self.count else self._newest_rpy
+        turn = np.array([math.cos(0.5 * turn_rad), 0.0, 0.0, math.sin(0.5 * turn_rad)])
         for k in range(self.count_ahead):
             n = (self.start + k) % KEPT
-            self.q_earth_body[n] = _turned(turn_rad, self.q_earth_body[n])
+            self.q_earth_body[n] = q_product(turn, self.q_earth_body[n])
 
     def reaches(self, from_s: float, to_s: float) -> bool:
         """True if from..to is covered, or would be with the newest sample carried on."""
@@ -230,7 +216,7 @@ class AttitudeRing:
     def gap_s_at(self, at_s: float) -> float:
         """Time between the samples on either side of an instant; inf where it is not spanned."""
         if not self.spans(at_s, at_s):
-            return float("inf")
+            return math.inf
         k = self.start + _index_before(self.t_s, self.start, self.count, at_s)
         return float(self.t_s[(k + 1) % KEPT] - self.t_s[k % KEPT])
 

@@ -52,15 +52,8 @@ def yaw_rate(roll_rad: float, pitch_rad: float, rate_body_radps: Rates) -> float
     return (about_y * math.sin(roll_rad) + about_z * math.cos(roll_rad)) / cos_pitch
 
 
-def _rows(**signs: int) -> F64:
-    """A row (10,) of an observation matrix."""
-    h = np.zeros(SIZE)
-    for name, sign in signs.items():
-        h[{"yaw": YAW, "offset": OFFSET, "bias": BIAS}[name]] = sign
-    return h
-
-
-H_SENSOR, H_BIAS = _rows(yaw=1, offset=1), _rows(bias=1)
+UNIT = np.eye(SIZE)
+H_SENSOR, H_BIAS = UNIT[YAW] + UNIT[OFFSET], UNIT[BIAS]  # what is observed, (10,)
 
 
 class HeadingFilter:
@@ -208,9 +201,8 @@ class HeadingFilter:
         excess_radps = mean_radps - self.bias_radps
         unsure_radps = GATE * math.sqrt(float(self.state.P[BIAS, BIAS]))
         self._calm_rad += excess_radps * dt_s - self._calm_rad * dt_s / CALM_S
-        wheels_stand = (
-            t_s - self._wheels_still_s >= STILL_S and t_s - self._wheels_s <= WHEELS_S
-        )  # the first is never true while they move: then it is minus infinity
+        # the first is never true while they move: then it is minus infinity
+        wheels_stand = t_s - self._wheels_still_s >= STILL_S and t_s - self._wheels_s <= WHEELS_S
         if self._wheels_still_s == math.inf:
             self._calm_rad = 0.0
         quiet = (

@@ -65,7 +65,7 @@ class Odometry:
         self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
         self._track_width_m = track_width_m
         self._path = Path()
-        self._wheels = WheelCheck(self._state, track_width_m, self._m_per_count)
+        self.wheels = WheelCheck(self._state, track_width_m, self._m_per_count)
         self.positioning = Positioning(self._state)
         self._waiting: deque[WheelCounts] = deque()
         self._poses: deque[ExternalPose] = deque()
@@ -82,23 +82,12 @@ class Odometry:
 
     @property
     def started(self) -> bool:
-        """True once there is a position at all."""
         return len(self._path) > 0
 
     @property
     def newest_s(self) -> float:
         """Time of the newest position that is measured; -inf when there is none."""
         return self._path.newest_s
-
-    @property
-    def slipping(self) -> bool:
-        """True while the wheels turn the body otherwise than the gyro says, and shortly after."""
-        return self._wheels.slipping
-
-    @property
-    def slips(self) -> int:
-        """How often a slip began."""
-        return self._wheels.slips
 
     @property
     def scale(self) -> float:
@@ -192,7 +181,7 @@ class Odometry:
             self._break(t_s)
         elif t_s > self.newest_s:
             self._path.append(t_s, self.xyz_at(t_s), self._path.travel_m)
-        self._wheels.restart()
+        self.wheels.restart()
 
     def _travel(self, last: WheelCounts, counts: WheelCounts, turned_rad: float) -> None:
         dt_s = counts.t_s - last.t_s
@@ -209,7 +198,7 @@ class Odometry:
         wheels_rad = (right_m - left_m) / self._track_width_m
         self._attitudes.heading.note_wheels(last.t_s, counts.t_s, wheels_rad, moved=moved)
         gyro_rad = self._gyro_turn(last.t_s, counts.t_s)
-        self._wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
+        self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
         level_m = np.array(self._step(travel_m * self.scale, middle_s))
         self._doubt(level_m, dt_s, abs(travel_m * turned_rad))
         place = self._path.newest_m + level_m
@@ -231,7 +220,9 @@ class Odometry:
         """What a step makes less sure, and what the told heading does not lay as estimated."""
         dx_m, dy_m = float(step_m[0]), float(step_m[1])
         driven_m = math.hypot(dx_m, dy_m)
-        slip_m = 0.5 * self._track_width_m * self._wheels.unexplained_rad if self.slipping else 0.0
+        slip_m = (
+            0.5 * self._track_width_m * self.wheels.unexplained_rad if self.wheels.slipping else 0.0
+        )
         unseen_m = hidden_m if dt_s > GAP_S else 0.0
         self._state.travel(
             dx_m,
@@ -271,7 +262,7 @@ class Odometry:
             self._state.forget(row, 0.0)
             self._state.value[row] = 0.0
         self.positioning.forget()
-        self._wheels.restart()
+        self.wheels.restart()
         self.v_mps = self.w_radps = 0.0
         self.breaks += 1
 
@@ -372,5 +363,4 @@ class Odometry:
 
 
 def _is_count(count: float) -> bool:
-    """Whether a counter can read so."""
     return math.isfinite(count) and abs(count) <= MOST_COUNTS

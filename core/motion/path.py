@@ -24,7 +24,7 @@ class Path:
     @property
     def oldest_s(self) -> float:
         """Time of the oldest place; inf when there is none."""
-        return float(self._t_s[0]) if self._used else float("inf")
+        return float(self._t_s[0]) if self._used else math.inf
 
     @property
     def newest_s(self) -> float:
@@ -59,11 +59,9 @@ class Path:
         self._newest = (float(t_s), float(xyz_m[0]), float(xyz_m[1]))
 
     def forget(self) -> None:
-        """No place at all."""
         self._used, self._newest = 0, (-math.inf, 0.0, 0.0)
 
     def move(self, dx_m: float, dy_m: float) -> None:
-        """All places by the same step."""
         self._places_m[: self._used, 0] += dx_m
         self._places_m[: self._used, 1] += dy_m
         t_s, x_m, y_m = self._newest

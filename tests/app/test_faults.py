@@ -118,9 +118,9 @@ def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
 
 def test_a_planner_that_comes_late_or_loses_frames_still_gets_the_whole_map() -> None:
     loop = ClosedLoop()
-    loop.listening = False
+    loop.planner.deaf = loop.planner.mute = True
     loop.run(3.0)
-    loop.listening = True
+    loop.planner.deaf = loop.planner.mute = False
     loop.planner.loss_rate = 0.05
     loop.run(2.0)
     loop.planner.loss_rate = 0.0

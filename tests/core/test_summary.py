@@ -1,4 +1,4 @@
-"""What `--check` tells of the motors, and what a planner is told before anything is known."""
+"""What `--check` tells of the robot, and what a planner is told before anything is known."""
 
 import math
 from typing import Any
@@ -19,8 +19,17 @@ def told(**sections: dict[str, Any]) -> str:
     return describe_robot(with_changes(SHIPPED, **sections), [None])
 
 
-def test_as_shipped_motors_never_move() -> None:
-    assert "motors    never move (robot.enable_motors is false)" in told()
+def test_the_papers_robot_is_described() -> None:
+    for words in (
+        "motors    never move (robot.enable_motors is false)",
+        "meets the ground 8.45 m ahead of the axle (range 8.27 m)",
+        "481 beams from 30 to 150 deg, 25 scans/s",
+        "101 x 101 cells of 0.2 m = 20.2 m square",
+        "width of ground seen there: 28.7 m",
+    ):
+        assert words in told()
+    assert "too little" not in told()
+    assert "too little" in describe_robot(SHIPPED, [19_200])
 
 
 @pytest.mark.parametrize(

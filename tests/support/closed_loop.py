@@ -38,15 +38,6 @@ class ClosedLoop(Loop):
         if way == "h2d":
             self.sent += data
 
-    @property
-    def listening(self) -> bool:
-        """Whether the planner hears and answers; settable."""
-        return not self.planner.deaf
-
-    @listening.setter
-    def listening(self, listening: bool) -> None:
-        self.planner.deaf = self.planner.mute = not listening
-
 
 @dataclass(frozen=True, slots=True)
 class Comparison:

@@ -5,6 +5,7 @@ which it leans. It begins at the origin of the map frame, looking along +x.
 """
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 
 from config_file import load_config, with_changes
 from core.config import Config
+from core.geometry import q_from_rpy
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.records import Attitude, Scan, WheelCounts
@@ -33,7 +35,6 @@ STEP_S = 0.005  # of the path's integration
 
 
 def config_of(**sections: dict[str, Any]) -> Config:
-    """The shipped settings with some keys changed."""
     return with_changes(SHIPPED, **sections)
 
 
@@ -49,11 +50,10 @@ def R_of(rpy: F64) -> F64:
 
 @dataclass(frozen=True)
 class Ride:
-    """Steady speed and turn after a rest, on whatever the ground is; and how the body pitches."""
+    """Steady speed and turn, on whatever the ground is; and how the body pitches."""
 
     v_mps: float = 0.0
     w_radps: float = 0.0
-    rest_s: float = 0.0  # before it sets out
     stop_s: float = math.inf  # when it stands again
     pitching_rad: float = 0.0  # amplitude
     pitching_hz: float = 1.0
@@ -68,7 +68,7 @@ class Path3:
     def __init__(self, ride: Ride, ground: Profile, seconds: float) -> None:
         self._ride = ride
         self._t_s = np.arange(0.0, seconds + 1.0, STEP_S)
-        moves = (self._t_s >= ride.rest_s) & (self._t_s < ride.stop_s)
+        moves = self._t_s < ride.stop_s
         self._travel_m = np.cumsum(np.where(moves, ride.v_mps * STEP_S, 0.0))
         self._yaw_rad = np.cumsum(np.where(moves, ride.w_radps * STEP_S, 0.0))
         places, leaning = np.zeros((len(moves), 2)), np.zeros((len(moves), 2))
@@ -118,9 +118,8 @@ class Rig:
         self.world, self.ride, self.seconds = world, ride, seconds
         self.path = Path3(ride, world.ground, seconds)
         self.now_s = 0.0
-        self._config, self._random = config, np.random.default_rng(seed)
-        self._attitudes = self._counts = 0  # told so far
-        self._error_rad = np.zeros(3)
+        self._config, self._counts = config, 0  # told so far
+        self._attitudes = self._measured_attitudes(np.random.default_rng(seed))
 
     def drive(self) -> Iterator[float]:
         """Scan by scan, each on the map when its time is yielded."""
@@ -134,7 +133,6 @@ class Rig:
             yield self.now_s
 
     def run(self) -> "Rig":
-        """The whole ride."""
         for _ in self.drive():
             pass
         return self
@@ -165,41 +163,31 @@ class Rig:
 
     def _tell(self, until_s: float) -> None:
         """Attitudes and counts up to an instant."""
-        while self._attitudes * ATTITUDE_S <= until_s + 1e-9:
-            self.mapper.add_attitude(self._attitude(self._attitudes * ATTITUDE_S))
-            self._attitudes += 1
-        per_m = (
-            4 * self._config.robot.encoder_ppr / (2 * math.pi * self._config.robot.wheel_radius_m)
-        )
+        while self._attitudes[0].t_s <= until_s + 1e-9:
+            self.mapper.add_attitude(self._attitudes.popleft())
+        robot = self._config.robot
+        per_m = 4 * robot.encoder_ppr / (2 * math.pi * robot.wheel_radius_m)
         while self._counts * COUNTS_S <= until_s + 1e-9:
             left, right = self.path.wheels(self._counts * COUNTS_S)
             counts = WheelCounts(self._counts * COUNTS_S, left * per_m, right * per_m, 0)
             self.mapper.add_counts(counts)
             self._counts += 1
 
-    def _attitude(self, t_s: float) -> Attitude:
+    def _measured_attitudes(self, random: np.random.Generator) -> deque[Attitude]:
         """What the attitude sensor says: the truth, its bias, and an error that wanders."""
+        t_s: F64 = np.arange(round(self.seconds / ATTITUDE_S) + 2, dtype=np.float64) * ATTITUDE_S
+        now, soon = self.path.rpy(t_s), self.path.rpy(t_s + 0.001)
+        turn = np.einsum("nji,njk->nik", R_of(now), R_of(soon)) / 0.001
+        rates = np.column_stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]])
         kept = math.exp(-ATTITUDE_S / SHAKE_S)
-        fresh = math.sqrt(1 - kept**2) * self.ride.noise_rad
-        self._error_rad = kept * self._error_rad + self._random.normal(0.0, fresh, 3)
-        now, soon = self.path.rpy(np.array([t_s, t_s + 0.001]))
-        R = R_of(np.stack([now, soon]))
-        turn = (R[0].T @ R[1] - np.eye(3)) / 0.001
-        told = now + self._error_rad + np.array([*self.ride.bias_rad, EARTH_YAW_RAD])
-        return Attitude(t_s, q_of(*told), (turn[2, 1], turn[0, 2], turn[1, 0]))
-
-
-def q_of(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Unit quaternion (w, x, y, z) of yaw, then pitch, then roll."""
-    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    return (
-        cy * cp * cr + sy * sp * sr,
-        cy * cp * sr - sy * sp * cr,
-        cy * sp * cr + sy * cp * sr,
-        sy * cp * cr - cy * sp * sr,
-    )
+        error_rad = random.normal(0.0, math.sqrt(1 - kept**2) * self.ride.noise_rad, now.shape)
+        for k in range(1, len(t_s)):
+            error_rad[k] += kept * error_rad[k - 1]
+        told = now + error_rad + [*self.ride.bias_rad, EARTH_YAW_RAD]
+        return deque(
+            Attitude(at_s, tuple(q_from_rpy(*rpy).tolist()), tuple(rate))
+            for at_s, rpy, rate in zip(t_s.tolist(), told, rates.tolist(), strict=True)
+        )
 
 
 def places_where(rig: Rig, state: int) -> npt.NDArray[np.float64]:
@@ -212,7 +200,6 @@ def places_where(rig: Rig, state: int) -> npt.NDArray[np.float64]:
 
 
 def state_at(rig: Rig, x: float, y: float) -> int:
-    """What the window says of a place in it."""
     grid = rig.maps.window.grid
     i, j = grid.cell_of(x, y)
     assert 0 <= i - grid.corner_i < grid.size

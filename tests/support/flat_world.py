@@ -7,7 +7,7 @@ ramps are exact; solids are boxes and cylinders, which may move. Metres, frame m
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -56,37 +56,23 @@ class Profile:
         return nearest
 
 
-def flat() -> Profile:
-    """Level floor at z = 0."""
-    return Profile()
-
-
-def ditch(near_m: float, width_m: float, yaw_rad: float = 0.0, depth_m: float = 1.0) -> Profile:
-    """A ditch across the way whose near edge lies at u = near_m."""
+def ditch(near_m: float, width_m: float, yaw_rad: float = 0.0) -> Profile:
+    """A ditch across the way, 1 m deep, whose near edge lies at u = near_m."""
     far_m = near_m + width_m
-    return Profile(
-        (
-            (-FAR_M, 0.0),
-            (near_m, 0.0),
-            (near_m, -depth_m),
-            (far_m, -depth_m),
-            (far_m, 0.0),
-            (FAR_M, 0.0),
-        ),
-        yaw_rad,
-    )
+    edges = ((near_m, 0.0), (near_m, -1.0), (far_m, -1.0), (far_m, 0.0))
+    return Profile(((-FAR_M, 0.0), *edges, (FAR_M, 0.0)), yaw_rad)
 
 
-def kerb(at_m: float, rise_m: float, yaw_rad: float = 0.0) -> Profile:
+def kerb(at_m: float, rise_m: float) -> Profile:
     """A step up (or down, if negative) across the way."""
-    return Profile(((-FAR_M, 0.0), (at_m, 0.0), (at_m, rise_m), (FAR_M, rise_m)), yaw_rad)
+    return Profile(((-FAR_M, 0.0), (at_m, 0.0), (at_m, rise_m), (FAR_M, rise_m)))
 
 
-def ramp(at_m: float, slope_rad: float, length_m: float = FAR_M, yaw_rad: float = 0.0) -> Profile:
+def ramp(at_m: float, slope_rad: float, length_m: float = FAR_M) -> Profile:
     """Level ground, a ramp from u = at_m of a level length, level ground again."""
     rise_m = math.tan(slope_rad) * length_m
     end_m = at_m + length_m
-    return Profile(((-FAR_M, 0.0), (at_m, 0.0), (end_m, rise_m), (end_m + FAR_M, rise_m)), yaw_rad)
+    return Profile(((-FAR_M, 0.0), (at_m, 0.0), (end_m, rise_m), (end_m + FAR_M, rise_m)))
 
 
 class Solid(Protocol):
@@ -94,7 +80,6 @@ class Solid(Protocol):
 
     def hit(self, lenses: F64, rays: F64, t_s: F64) -> F64:
         """Range (n,) at which each ray (n, 3) first meets it at its instant (n,); inf: never."""
-        ...
 
 
 def _slab(lens: F64, ray: F64, low: float, high: float) -> tuple[F64, F64]:
@@ -135,7 +120,6 @@ class Box:
         return np.where(met, enter, np.inf), np.where(met, leave, -np.inf)
 
     def hit(self, lenses: F64, rays: F64, t_s: F64) -> F64:
-        """Where rays enter."""
         return self.span(lenses, rays, t_s)[0]
 
 
@@ -184,7 +168,7 @@ def nowhere(points: F64) -> Bools:
 class World:
     """Ground, solids, grass, and places from which nothing comes back."""
 
-    ground: Profile = field(default_factory=flat)
+    ground: Profile = Profile()
     solids: tuple[Solid, ...] = ()
     grass: tuple[Grass, ...] = ()
     is_black: Callable[[F64], Bools] = nowhere
@@ -201,9 +185,10 @@ class World:
 
     def ranges(self, lenses: F64, rays: F64, t_s: F64, echoes: int = 1) -> F64:
         """What the scanner measures (echoes, n): NaN where nothing comes back."""
-        found = self._halves(lenses, rays, t_s) if echoes == 2 else None
-        first = self.nearest(lenses, rays, t_s) if found is None else found[0]
-        second = np.full(len(first), np.inf) if found is None else found[1]
+        if echoes == 2:
+            first, second = self._halves(lenses, rays, t_s)
+        else:
+            first, second = self.nearest(lenses, rays, t_s), np.full(len(rays), np.inf)
         for grass in self.grass:
             first, second = self._through(grass, lenses, rays, t_s, first, second)
         out = np.stack([first, second])[:echoes]
@@ -233,6 +218,5 @@ class World:
         inside = np.isfinite(enter) & (stopped < np.minimum(leave, first))
         twice = inside & (self.random.random(len(enter)) < grass.echo_twice)
         behind = np.where(first - stopped > 0.15, first, np.inf)
-        return np.where(inside, stopped, first), np.where(
-            twice, behind, np.where(inside, np.inf, second)
-        )
+        second = np.where(twice, behind, np.where(inside, np.inf, second))
+        return np.where(inside, stopped, first), second

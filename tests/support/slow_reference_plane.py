@@ -1,7 +1,8 @@
 """The paper's seven steps once more, slow and obvious, from their text: dicts, lists and `math`.
 
-Nothing of `core` is in it. Angles are the paper's: sigma from X (right) counter-clockwise, yaw the
-same way, `gamma` about X (nose up is positive), `beta` about Y (right side down is positive).
+Of `core` nothing but the scene's settings is in it. Angles are the paper's: sigma from X (right)
+counter-clockwise, yaw the same way, `gamma` about X (nose up is positive), `beta` about Y (right
+side down is positive).
 `margin` tells how near any decision came to going the other way, so that a test can leave out what
 rounding decides.
 """
@@ -9,56 +10,36 @@ rounding decides.
 import math
 from typing import TypeVar
 
+from core.mapping.paper.steps import PaperSettings
+
 T = TypeVar("T")
 Cell = tuple[int, int]  # row along Y, column along X
 Matrix = list[list[float]]
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
-    """Matrix a times matrix b."""
     columns = list(zip(*b, strict=True))
     return [[sum(x * y for x, y in zip(row, col, strict=True)) for col in columns] for row in a]
 
 
 def craig_zyx(alpha: float, beta: float, gamma: float) -> Matrix:
     """Craig's Z-Y-X Euler angles: about Z, then about the new Y, then about the newest X."""
-    about_z = [
-        [math.cos(alpha), -math.sin(alpha), 0.0],
-        [math.sin(alpha), math.cos(alpha), 0.0],
-        [0.0, 0.0, 1.0],
-    ]
-    about_y = [
-        [math.cos(beta), 0.0, math.sin(beta)],
-        [0.0, 1.0, 0.0],
-        [-math.sin(beta), 0.0, math.cos(beta)],
-    ]
-    about_x = [
-        [1.0, 0.0, 0.0],
-        [0.0, math.cos(gamma), -math.sin(gamma)],
-        [0.0, math.sin(gamma), math.cos(gamma)],
-    ]
+    c, s = math.cos(alpha), math.sin(alpha)
+    about_z = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+    c, s = math.cos(beta), math.sin(beta)
+    about_y = [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]
+    c, s = math.cos(gamma), math.sin(gamma)
+    about_x = [[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]
     return product(about_z, product(about_y, about_x))
 
 
 class SlowPlane:
     """All of the paper's method for one run; lengths in metres, angles in radians."""
 
-    def __init__(
-        self,
-        h: float,
-        tilt: float,
-        sigmas: list[float],
-        max_range: float,
-        cells: int,
-        cell: float,
-        h_pos: float,
-        h_neg: float,
-        epsilon: float,
-        eta: float,
-    ) -> None:
-        self.h, self.phi, self.sigmas, self.max_range = h, math.pi / 2 - tilt, sigmas, max_range
-        self.cells, self.cell, self.h_pos, self.h_neg = cells, cell, h_pos, h_neg
-        self.epsilon, self.eta = epsilon, eta
+    def __init__(self, scene: PaperSettings, sigmas: list[float]) -> None:
+        self.scene, self.sigmas, self.max_range = scene, sigmas, scene.max_range_m
+        self.h, self.phi = scene.lens_height_m, math.pi / 2 - scene.tilt_rad
+        self.cells, self.cell = scene.cells, scene.cell_m
         self.heights: dict[Cell, list[float]] = {}
         self.states: dict[Cell, int] = {}
         self.margin = math.inf
@@ -85,14 +66,10 @@ class SlowPlane:
 
     def centre(self, at: Cell) -> tuple[float, float]:
         """X and Y of the middle of a cell."""
-        row, column = at
-        return (
-            (column + 0.5 - self.cells / 2) * self.cell,
-            (row + 0.5 - self.cells / 2) * self.cell,
-        )
+        y, x = ((index + 0.5 - self.cells / 2) * self.cell for index in at)
+        return x, y
 
     def inside(self, at: Cell) -> bool:
-        """Whether a cell is on the maps."""
         return 0 <= at[0] < self.cells and 0 <= at[1] < self.cells
 
     def step_1(self) -> list[float]:
@@ -171,8 +148,8 @@ class SlowPlane:
         d_gamma, d_beta = (gamma - self.last[0], beta - self.last[1]) if self.last else (0.0, 0.0)
         self.last = gamma, beta
         self.total_pitch += d_gamma
-        tilted = self.above(abs(self.total_pitch), self.epsilon)
-        quick = self.above(abs(d_gamma), self.eta)
+        tilted = self.above(abs(self.total_pitch), self.scene.epsilon_rad)
+        quick = self.above(abs(d_gamma), self.scene.eta_rad)
         if tilted and not quick:
             self.total_pitch = 0.0
             return True
@@ -211,12 +188,11 @@ class SlowPlane:
 
     def step_3(self) -> None:
         """Definition 1 on every cell that holds information."""
+        h_pos, h_neg = self.scene.h_pos_m, self.scene.h_neg_m
         for at in self.heights:
             average = self.average(at)
-            self.above(average, self.h_pos)
-            self.above(average, self.h_neg)
-            self.states[at] = -1 if self.h_neg < average < self.h_pos else 1
+            low, high = self.above(average, h_neg), self.above(average, h_pos)
+            self.states[at] = -1 if low and not high and average != h_pos else 1
 
     def average(self, at: Cell) -> float:
-        """The average of all heights that fell into a cell."""
         return sum(self.heights[at]) / len(self.heights[at])

@@ -6,14 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from core.geometry import R_from_rpy, q_from_R, wrapped
+from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
 from core.motion.heading import OFFSET_S
 from core.motion.odometry import Odometry
 from core.records import F64, Attitude, ExternalPose, WheelCounts
 
 TRACK_M, COUNTS_PER_M = 0.5, 2000 / (2 * math.pi * 0.15)
-FIELD_NORTH_UP = np.array([0.4, 0.0, -0.9])
+FIELD_NORTH, FIELD_UP = 0.4, -0.9
+YAW_START_RAD = 0.3  # of the sensor, where the map begins
 Of = Callable[[float], float]
 
 
@@ -48,7 +49,6 @@ class Robot:
     w: Of
     errors: Errors = field(default_factory=Errors)
     seed: int = 1
-    yaw0: float = 0.3
     external: Callable[["Robot"], ExternalPose | None] | None = None  # asked at each 0.1 s
     counts_told: Callable[[float], bool] = lambda t_s: True
     ring: AttitudeRing = field(default_factory=lambda: AttitudeRing(0, 0, 0))
@@ -113,17 +113,15 @@ class Robot:
 
     def _tell(self) -> None:
         errors, noise = self.errors, self.random.standard_normal(3)
-        yaw = self.yaw0 + self.yaw_rad + self.wander_rad + errors.pull(self.t_s)
-        told = yaw + errors.yaw_noise * float(noise[0])
-        w, x, y, z = (float(part) for part in q_from_R(R_from_rpy(0.0, 0.0, told)))
+        yaw = YAW_START_RAD + self.yaw_rad
+        told = yaw + self.wander_rad + errors.pull(self.t_s) + errors.yaw_noise * float(noise[0])
         rate = self.w(self.t_s) + errors.gyro_bias + errors.gyro_noise * float(noise[1])
-        true_R = R_from_rpy(0.0, 0.0, self.yaw0 + self.yaw_rad)
-        bent = true_R.T @ FIELD_NORTH_UP * (1 + errors.bend(self.t_s) + 0.002 * noise[2])
-        mx, my, mz = (float(part) for part in bent)
         rates = (0.0, 0.0, rate) if errors.rates else (math.nan,) * 3
-        self.ring.add(
-            Attitude(self.t_s, (w, x, y, z), rates, (mx, my, mz) if errors.magnetic else None)
-        )
+        strength = 1 + errors.bend(self.t_s) + 0.002 * float(noise[2])
+        level = strength * FIELD_NORTH
+        field = (level * math.cos(yaw), -level * math.sin(yaw), strength * FIELD_UP)
+        q = (math.cos(0.5 * told), 0.0, 0.0, math.sin(0.5 * told))
+        self.ring.add(Attitude(self.t_s, q, rates, field if errors.magnetic else None))
         if self.k % 5 == 0 and self.counts_told(self.t_s):
             left, right = float(np.floor(self.left)), float(np.floor(self.right))
             self.odometry.add(WheelCounts(self.t_s, left, right, self.restarts))

@@ -51,8 +51,4 @@ def test_hovering_on_a_cell_edge_does_not_move_the_window() -> None:
     moved = [grid.follow(1.0 + dx, 0.0) for dx in (-0.01, 0.01, -0.3, 0.3)]
     assert moved == [False] * 4
     assert grid.corner_i == corner
-
-
-def test_negative_coordinates_fall_into_cells_of_their_own() -> None:
-    grid = RingGrid(21, 0.2)
     assert grid.cell_of(-0.1, 0.1) == (-1, 0)

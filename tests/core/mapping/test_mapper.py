@@ -11,7 +11,6 @@ from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, PointSweep, Scan, WheelCounts
-from core.summary import describe_robot
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
 from tests.core.motion.test_attitude import attitude
@@ -20,11 +19,11 @@ from tests.support.cell_rig import NEW_LOOKS
 CONFIG = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 
 
-def wall_and_floor(t_s: float) -> Scan:
-    """What a level, standing robot sees of the floor, with a wall 5 m ahead in the middle."""
+def wall_and_floor(t_s: float, wall_m: float = 5.0) -> Scan:
+    """What a level, standing robot sees of the floor, with a wall ahead in the middle."""
     bearings = np.radians(np.linspace(-60, 60, 481))
     to_floor = 1.08 / (np.cos(bearings) * math.sin(math.radians(7.5)))
-    to_wall = 5.0 / (np.cos(bearings) * math.cos(math.radians(7.5)))
+    to_wall = wall_m / (np.cos(bearings) * math.cos(math.radians(7.5)))
     ranges = np.where(np.abs(bearings) < 0.3, np.minimum(to_wall, to_floor), to_floor)
     return scan_of(np.where(ranges <= 20, ranges, np.nan)[None, :], t_s)
 
@@ -40,7 +39,6 @@ def standing(until_s: float, mapper: Mapper | None = None) -> Mapper:
 
 
 def state(mapper: Mapper, x: float, y: float) -> int:
-    """What the planner would be told of a place."""
     window = mapper.window(True)
     i, j = mapper.maps.window.grid.cell_of(x, y)
     return int(window.cells[j % 101, i % 101])
@@ -76,15 +74,12 @@ def test_what_is_told_is_the_methods_window_and_each_change_once() -> None:
     assert mapper.counts.points == np.count_nonzero(wall_and_floor(0.5).ranges_m > 0)
 
 
-def test_a_scan_waits_for_the_attitude_of_its_last_beam() -> None:
+def test_a_scan_waits_for_the_attitude_of_its_last_beam_or_is_dropped_and_counted() -> None:
     mapper = standing(0.40)
     mapper.add_scan(wall_and_floor(0.395))
     assert mapper.settle(0.40) == 0
     mapper.add_attitude(attitude(0.41))
     assert mapper.settle(0.41) == 1
-
-
-def test_a_scan_that_nothing_covers_is_dropped_and_counted() -> None:
     mapper = standing(0.40)
     mapper.add_scan(wall_and_floor(0.395))
     scan_arrived_s = 0.395 + 0.02
@@ -92,6 +87,10 @@ def test_a_scan_that_nothing_covers_is_dropped_and_counted() -> None:
     assert mapper.counts.scans_dropped == 0
     assert mapper.settle(scan_arrived_s + WAIT_S + 0.001) == 0
     assert mapper.counts.scans_dropped == 1
+    early = Mapper(CONFIG)  # before any pose
+    early.add_scan(wall_and_floor(0.4))
+    early.settle(1.0)
+    assert (early.counts.scans_early, early.counts.scans_dropped) == (1, 0)
 
 
 def test_what_no_scanner_may_deliver_is_refused_before_any_kernel_walks_it() -> None:
@@ -117,20 +116,19 @@ def test_what_no_scanner_may_deliver_is_refused_before_any_kernel_walks_it() -> 
 
 
 def test_a_scan_given_as_a_sweep_of_points_makes_the_same_map() -> None:
-    maps = []
-    for as_points in (False, True):
-        mapper = standing(1.0)
-        for k in range(NEW_LOOKS):
-            scan = wall_and_floor(0.3 + 0.02 * k)
-            bearings = scan.first_rad + scan.step_rad * np.arange(481)
-            rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(481)], axis=1)
-            times_s = scan.t_s + scan.beam_dt_s * np.arange(481, dtype=np.float64)
-            sweep = PointSweep(np.zeros((481, 3)), rays, scan.ranges_m, times_s, k, scan.arrived_s)
-            mapper.add_scan(sweep if as_points else scan)
-            assert mapper.settle(1.0) == 1
-        maps.append(mapper.window(True).cells.copy())
-    assert (maps[0] == OBSTACLE).sum() > 10
-    np.testing.assert_array_equal(maps[0], maps[1])
+    mappers = standing(1.0), standing(1.0)
+    for k in range(NEW_LOOKS):
+        scan = wall_and_floor(0.3 + 0.02 * k)
+        bearings = scan.first_rad + scan.step_rad * np.arange(481)
+        rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(481)], axis=1)
+        times_s = scan.t_s + scan.beam_dt_s * np.arange(481, dtype=np.float64)
+        sweep = PointSweep(np.zeros((481, 3)), rays, scan.ranges_m, times_s, k, scan.arrived_s)
+        mappers[0].add_scan(scan)
+        mappers[1].add_scan(sweep)
+        assert [mapper.settle(1.0) for mapper in mappers] == [1, 1]
+    cells, again = (mapper.window(True).cells for mapper in mappers)
+    assert (cells == OBSTACLE).sum() > 10
+    np.testing.assert_array_equal(cells, again)
 
 
 def test_no_more_scans_wait_than_the_codec_has_slots_for() -> None:
@@ -138,13 +136,6 @@ def test_no_more_scans_wait_than_the_codec_has_slots_for() -> None:
     for k in range(WAITING + 3):
         mapper.add_scan(wall_and_floor(0.5 + 0.01 * k))
     assert mapper.counts.scans_dropped == 3
-
-
-def test_before_any_pose_scans_are_counted_apart() -> None:
-    mapper = Mapper(CONFIG)
-    mapper.add_scan(wall_and_floor(0.4))
-    mapper.settle(1.0)
-    assert (mapper.counts.scans_early, mapper.counts.scans_dropped) == (1, 0)
 
 
 def test_restarted_counters_erase_both_maps_and_begin_a_new_epoch() -> None:
@@ -159,13 +150,3 @@ def test_restarted_counters_erase_both_maps_and_begin_a_new_epoch() -> None:
     assert window.epoch > epoch
     assert not window.cells.any()
     assert mapper.newest_scan_s == -math.inf
-
-
-def test_the_summary_says_where_the_papers_laser_looks() -> None:
-    text = describe_robot(CONFIG, [None])
-    assert "meets the ground 8.45 m ahead of the axle (range 8.27 m)" in text
-    assert "481 beams from 30 to 150 deg, 25 scans/s" in text
-    assert "101 x 101 cells of 0.2 m = 20.2 m square" in text
-    assert "width of ground seen there: 28.7 m" in text
-    assert "too little" not in text
-    assert "too little" in describe_robot(CONFIG, [19_200])

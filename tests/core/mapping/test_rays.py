@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.geometry import R_from_rpy
@@ -14,6 +14,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import Scan, WheelCounts
 from tests.core.motion.test_attitude import attitude
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 PAPER = ((0.25, 0.0, 1.08), 0.0, math.radians(7.5), 0.0)
@@ -52,6 +53,7 @@ def moving(
 ANGLE = st.floats(-0.2, 0.2)
 
 
+@settings(max_examples=examples(25))
 @given(
     rpy0=st.tuples(ANGLE, ANGLE, st.floats(-3, 3)),
     rates=st.tuples(ANGLE, ANGLE, st.floats(-1, 1)),
@@ -82,33 +84,19 @@ def test_points_equal_a_plain_transcription_at_each_beams_own_instant(
         np.testing.assert_allclose(sweep.origins[i], lens, atol=1e-6)
         np.testing.assert_allclose(points[i], lens + R_map_body @ R_body_sensor @ beam, atol=1e-5)
     assert sweep.t_s == pytest.approx(scan.t_s + 39 * DT_S)
-
-
-def test_rays_have_unit_length_and_a_new_cast_fills_the_same_arrays() -> None:
-    ring, odometry = moving((0.1, 0.05, 0.3), (0.2, -0.1, 0.5), 0.4)
-    geometry = BeamGeometry(*PAPER, 481)
-    first = geometry.cast(scan_of(np.full((1, 481), 2.0)), ring, odometry)
-    np.testing.assert_allclose(np.linalg.norm(first.rays, axis=1), 1.0, atol=1e-12)
-    second = geometry.cast(scan_of(np.full((1, 481), 2.0)), ring, odometry)
-    assert np.shares_memory(first.rays, second.rays)
-
-
-def test_the_lens_rises_with_the_robot_on_a_ramp() -> None:
-    up = math.radians(-5)
-    ring, odometry = moving((0.0, up, 0.0), (0.0, 0.0, 0.0), 1.0)
-    sweep = BeamGeometry(*PAPER, 481).cast(scan_of(np.full((1, 3), 5.0), 0.8), ring, odometry)
-    arm = R_from_rpy(0.0, up, 0.0) @ [0.25, 0.0, 1.08]
-    travelled = 0.8 * np.array([math.cos(up), 0.0, -math.sin(up)])
-    np.testing.assert_allclose(sweep.origins[0], travelled + arm, atol=2e-3)
+    np.testing.assert_allclose(np.linalg.norm(sweep.rays, axis=1), 1.0, atol=1e-12)
 
 
 def test_the_centre_beam_of_the_papers_robot_meets_the_ground_eight_metres_ahead() -> None:
     ring, odometry = moving((0, 0, 0.7), (0, 0, 0), 0.0)
     slant_m = 1.08 / math.sin(math.radians(7.5))
-    points = (
-        BeamGeometry(*PAPER, 481).cast(scan_of(np.full((1, 3), slant_m)), ring, odometry).points()
+    geometry = BeamGeometry(*PAPER, 481)
+    first = geometry.cast(scan_of(np.full((1, 3), slant_m)), ring, odometry)
+    second = geometry.cast(scan_of(np.full((1, 3), slant_m)), ring, odometry)
+    assert np.shares_memory(first.rays, second.rays)
+    assert second.points()[1] == pytest.approx(
+        [0.25 + 1.08 / math.tan(math.radians(7.5)), 0.0, 0.0]
     )
-    assert points[1] == pytest.approx([0.25 + 1.08 / math.tan(math.radians(7.5)), 0.0, 0.0])
 
 
 def test_no_measurement_and_the_housing_give_no_point_and_both_echoes_give_two() -> None:
@@ -118,14 +106,3 @@ def test_no_measurement_and_the_housing_give_no_point_and_both_echoes_give_two()
     sweep = BeamGeometry(*PAPER, 481).cast(scan_of(ranges_m), ring, odometry)
     distances = np.linalg.norm(sweep.points() - sweep.origins[[0, 3, 3]], axis=1)
     np.testing.assert_allclose(distances, [2.0, 3.0, 5.0])
-
-
-def test_a_robot_nose_down_on_a_bump_still_sees_the_floor_flat() -> None:
-    ring, odometry = moving((0.02, 0.05, 0.0), (0.1, -0.2, 0.0), 0.0)
-    geometry = BeamGeometry(*PAPER, 481)
-    probe = geometry.cast(scan_of(np.ones((1, 481))), ring, odometry)
-    lenses, rays = probe.origins, probe.rays
-    ranges_m = np.where(rays[:, 2] < -0.05, -lenses[:, 2] / rays[:, 2], np.nan)[None, :]
-    points = geometry.cast(scan_of(ranges_m), ring, odometry).points()
-    assert len(points) > 100
-    np.testing.assert_allclose(points[:, 2], 0.0, atol=1e-9)

@@ -1,7 +1,5 @@
 """A saved map goes on as the same map, and believes nothing that it can't know."""
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -11,37 +9,26 @@ from core.config import Config
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
-from core.records import FREE, OBSTACLE, UNKNOWN, Scan, WheelCounts
+from core.records import FREE, OBSTACLE, UNKNOWN, WheelCounts
 from core.saved.check import KEPT
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import AWAY_VAR_M2, restore, state_of, was_moving
 from tests import ROOT
-from tests.core.mapping.test_rays import scan_of
+from tests.core.mapping.test_mapper import wall_and_floor
 from tests.core.motion.test_attitude import attitude
 from tests.support.cell_rig import NEW_LOOKS
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 END_S, LATER_S = 2.0, 5000.0
 METHODS = ("beams", "reference_plane")
-WALL_M = 5.0
 
 
 def config_of(method: str = "beams", cell_value: str = "mean") -> Config:
-    """The shipped settings, of another method."""
     return with_changes(SHIPPED, map={"method": method, "cell_value": cell_value})
 
 
-def room(t_s: float, wall_m: float = WALL_M) -> Scan:
-    """What a level, standing robot sees of the floor, with a wall ahead in the middle."""
-    bearings = np.radians(np.linspace(-60, 60, 481))
-    to_floor = 1.08 / (np.cos(bearings) * math.sin(math.radians(7.5)))
-    to_wall = wall_m / (np.cos(bearings) * math.cos(math.radians(7.5)))
-    ranges = np.where(np.abs(bearings) < 0.3, np.minimum(to_wall, to_floor), to_floor)
-    return scan_of(np.where(ranges <= 20, ranges, np.nan)[None, :], t_s)
-
-
 def stand(
-    mapper: Mapper, from_s: float, yaw_rad: float = 0.0, wall_m: float = WALL_M, scans: int = 30
+    mapper: Mapper, from_s: float, yaw_rad: float = 0.0, wall_m: float = 5.0, scans: int = 30
 ) -> Mapper:
     """Let a mapper's robot stand for 2 s, and scan the room."""
     for k in range(round(END_S * 100) + 5):
@@ -49,7 +36,7 @@ def stand(
         if k % 5 == 0:
             mapper.add_counts(WheelCounts(from_s + 0.01 * k, 0.0, 0.0, 0))
     for k in range(scans):
-        mapper.add_scan(room(from_s + 0.1 + 0.04 * k, wall_m))
+        mapper.add_scan(wall_and_floor(from_s + 0.1 + 0.04 * k, wall_m))
         assert mapper.settle(from_s + END_S) == 1
     mapper.settle(from_s + END_S)
     return mapper
@@ -62,7 +49,6 @@ def saved(method: str = "beams", cell_value: str = "mean", yaw_rad: float = 0.0)
 
 
 def loaded(arrays: Arrays, method: str = "beams", cell_value: str = "mean") -> Mapper:
-    """A new run's mapper that goes on from a state."""
     config = config_of(method, cell_value)
     mapper = Mapper(config)
     restore(mapper, arrays, config, LATER_S)
@@ -73,7 +59,6 @@ STATE = {method: saved(method) for method in METHODS}
 
 
 def states(mapper: Mapper) -> npt.NDArray[np.int8]:
-    """The window as a ring."""
     return mapper.maps.window.cells
 
 
@@ -88,6 +73,13 @@ def test_obstacles_are_kept_and_what_was_free_is_unknown(method: str) -> None:
     window = mapper.window(True)
     np.testing.assert_array_equal(np.sort(window.changed), np.flatnonzero(before == OBSTACLE))
     assert window.epoch > int(STATE[method]["window.epoch"])
+    assert mapper.continued
+    assert not Mapper(config_of(method)).continued
+    if isinstance(mapper.maps, ReferencePlaneMaps):
+        grid, arrays = mapper.maps.plane.grid, STATE[method]
+        np.testing.assert_array_equal(grid.average_m, arrays["plane.average_m"])
+        np.testing.assert_array_equal(grid.count, arrays["plane.count"])
+        assert not (grid.states == FREE).any()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -132,24 +124,6 @@ def test_what_is_new_is_not_free_because_an_earlier_run_saw_floor_behind_it() ->
     assert (states(fresh)[states(mapper) == FREE] == FREE).all()
 
 
-def test_floor_that_was_free_but_is_not_seen_stays_unknown_beside_what_is_seen() -> None:
-    mapper = loaded(STATE["beams"])
-    half = room(LATER_S + 0.1)
-    half.ranges_m[0, :240] = np.nan
-    stand(mapper, LATER_S, scans=0)
-    for k in range(NEW_LOOKS + 5):
-        scan = room(LATER_S + 0.1 + 0.04 * k)
-        scan.ranges_m[0, :240] = np.nan
-        mapper.add_scan(scan)
-        mapper.settle(LATER_S + END_S)
-    grid = mapper.maps.window.grid
-    rows = np.arange(grid.corner_j, grid.corner_j + grid.size)
-    right = states(mapper)[rows[rows < -2] % grid.size]
-    left = states(mapper)[rows[rows > 2] % grid.size]
-    assert (right != FREE).all()
-    assert (left == FREE).any()
-
-
 def test_a_wall_that_has_gone_meanwhile_is_cleared_and_its_place_unknown_until_seen() -> None:
     arrays = {name: array.copy() for name, array in STATE["beams"].items()}
     stands = arrays["cells.above"] > 0  # as if seen over all its height, which beams now cross
@@ -188,14 +162,12 @@ def test_heights_variances_and_the_ground_are_kept() -> None:
 
 
 def test_a_loaded_map_of_which_nothing_was_seen_again_can_be_saved_again() -> None:
-    config = config_of()
-    mapper = stand(loaded(STATE["beams"]), LATER_S, scans=0)
+    config, old = config_of(), STATE["beams"]
+    mapper = stand(loaded(old), LATER_S, scans=0)
     again = state_of(mapper, config, LATER_S + END_S)
     for name in ("cells.at", "cells.mean_m", "cells.above", "ground.line"):
-        np.testing.assert_array_equal(again[name], STATE["beams"][name])
-    assert (
-        (again["window.cells"] == OBSTACLE) == (STATE["beams"]["window.cells"] == OBSTACLE)
-    ).all()
+        np.testing.assert_array_equal(again[name], old[name])
+    assert ((again["window.cells"] == OBSTACLE) == (old["window.cells"] == OBSTACLE)).all()
     restore(Mapper(config), again, config, 0.0)
 
 
@@ -212,20 +184,6 @@ def test_a_filtered_height_is_less_sure_after_a_time_that_nobody_saw() -> None:
     assert ((ages_s > 0) & (ages_s < END_S)).all()
 
 
-def test_the_papers_maps_are_kept() -> None:
-    mapper = loaded(STATE["reference_plane"], "reference_plane")
-    assert isinstance(mapper.maps, ReferencePlaneMaps)
-    grid = mapper.maps.plane.grid
-    np.testing.assert_array_equal(grid.average_m, STATE["reference_plane"]["plane.average_m"])
-    np.testing.assert_array_equal(grid.count, STATE["reference_plane"]["plane.count"])
-    assert not (grid.states == FREE).any()
-
-
-def test_ground_around_an_earlier_runs_start_is_not_vouched_for() -> None:
-    assert loaded(STATE["beams"]).continued
-    assert not Mapper(config_of()).continued
-
-
 def test_faces_and_segments_of_an_earlier_run_are_not_taken_for_those_of_this_one() -> None:
     mapper = stand(Mapper(config_of()), 0.0)
     assert isinstance(mapper.maps, BeamMaps)
@@ -237,19 +195,13 @@ def test_faces_and_segments_of_an_earlier_run_are_not_taken_for_those_of_this_on
     assert not again.maps.cells.flat["face_segment"].any()
 
 
-def test_without_a_pose_nothing_is_saved() -> None:
+def test_without_a_pose_nothing_is_saved_and_a_run_that_has_begun_goes_on_from_nothing() -> None:
     config = config_of()
     with pytest.raises(StateError, match="pose is not known"):
         state_of(Mapper(config), config, 0.0)
     with pytest.raises(StateError, match="pose is not known"):
         state_of(stand(Mapper(config), 0.0), config, END_S + 10.0)
-
-
-def test_a_run_that_has_begun_goes_on_from_nothing_else() -> None:
     with pytest.raises(ValueError, match="begun"):
-        restore(stand(Mapper(config_of()), 0.0), STATE["beams"], config_of(), LATER_S)
-
-
-def test_a_state_says_whether_the_robot_moved() -> None:
+        restore(stand(Mapper(config), 0.0), STATE["beams"], config, LATER_S)
     assert not was_moving(STATE["beams"])
     assert was_moving({**STATE["beams"], "motion": np.array([0.3, 0.0])})

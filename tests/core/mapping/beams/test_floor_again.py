@@ -34,18 +34,18 @@ def test_a_floor_that_was_lifted_for_a_moment_is_free_again() -> None:
     assert rig.state(X, Y) == FREE
 
 
-def test_floor_beside_it_proves_nothing() -> None:
-    rig = lifted()
-    for _ in range(10 * FLOOR_FOR_LONG):
-        rig.add(*line(0.0, 1.0), *line(0.0, 2.0), *line(0.0, 3.0), *line(0.0)[:3])
-    assert rig.state(X, Y) == OBSTACLE
+BESIDE = [*line(0.0, 1.0), *line(0.0, 2.0), *line(0.0, 3.0), *line(0.0)[:3]]
 
 
-@pytest.mark.parametrize("h", [LOW_M + 0.01, 0.7])
-def test_floor_under_what_is_higher_proves_nothing(h: float) -> None:
+@pytest.mark.parametrize(
+    ("h", "floor"), [(0.13, BESIDE), (LOW_M + 0.01, line(0.0)), (0.7, line(0.0))]
+)
+def test_floor_beside_it_or_under_what_is_higher_proves_nothing(
+    h: float, floor: list[Point]
+) -> None:
     rig = lifted(h)
     for _ in range(10 * FLOOR_FOR_LONG):
-        rig.add(*line(0.0))
+        rig.add(*floor)
     assert rig.state(X, Y) == OBSTACLE
 
 

@@ -19,7 +19,6 @@ LINE_M = 8.45  # from the axle to where the scanner sees the floor
 
 
 def drive(world: World, metres: float, v_mps: float = 1.0, seed: int = 7) -> Rig:
-    """A robot that has driven straight on."""
     return Rig(config_of(), world, Ride(v_mps=v_mps), metres / v_mps, seed).run()
 
 
@@ -48,7 +47,7 @@ def false_obstacles(rig: Rig, low: float, high: float) -> int:
     ("width_m", "shift_m"),
     few([(0.3, 0.05), (0.6, 0.1), (0.3, 0.10), (0.3, 0.15), (0.6, 0.0), (1.5, 0.05)], 2),
 )
-@pytest.mark.parametrize("yaw_rad", [0.0, 0.2, -0.6])
+@pytest.mark.parametrize("yaw_rad", few([0.2, -0.6, 0.0], 2))
 def test_a_ditch_across_the_way_is_an_obstacle_in_every_lane(
     width_m: float, yaw_rad: float, shift_m: float
 ) -> None:
@@ -59,15 +58,6 @@ def test_a_ditch_across_the_way_is_an_obstacle_in_every_lane(
     inside = within(ground, places_where(rig, FREE), near_m, near_m + width_m, WITHIN_M)
     assert len(inside) == 0
     assert false_obstacles(rig, near_m, near_m + width_m) <= 3
-
-
-@pytest.mark.parametrize("yaw_rad", [0.0, 0.2, -0.6])
-def test_a_narrow_ditch_that_fills_a_row_of_cells_is_no_free_way(yaw_rad: float) -> None:
-    """No return falls into it: what is not told as an obstacle is unknown."""
-    near_m = 9.0 * math.cos(yaw_rad)
-    ground = ditch(near_m, 0.3, yaw_rad)
-    rig = drive(World(ground), 9.0 + 1.6 - LINE_M)
-    assert len(within(ground, places_where(rig, FREE), near_m, near_m + 0.3, WITHIN_M)) == 0
 
 
 @pytest.mark.parametrize("v_mps", few([0.5, 0.2], 1))
@@ -90,11 +80,10 @@ def test_a_ditch_that_lies_in_view_of_a_standing_robot_is_never_free() -> None:
     ("rise_m", "shift_m"),
     few(
         [
-            *[(0.12, 0.0), (-0.12, 0.05), (0.12, 0.15), (-0.50, 0.0)],
-            *[(-0.12, 0.0), (0.12, 0.05), (0.12, 0.1), (-0.12, 0.1), (-0.12, 0.15)],
-            *[(0.20, 0.0), (0.20, 0.1), (-0.20, 0.05), (-0.20, 0.15)],
+            *[(0.12, 0.15), (-0.12, 0.05), (0.12, 0.0), (-0.50, 0.0), (-0.12, 0.0), (0.12, 0.05)],
+            *[(0.12, 0.1), (-0.12, 0.1), (-0.12, 0.15), (0.20, 0.1), (-0.20, 0.05)],
         ],
-        4,
+        3,
     ),
 )
 def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
@@ -114,7 +103,7 @@ def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
             *[(0.12, 1, 1.0), (-0.12, 2, 1.0), (0.2, 3, 1.0)],
             *[(0.12, 0.3, 1.0), (0.15, 1, 0.3), (-0.12, 1, 1.0), (-0.15, 1, 0.3), (-0.2, 3, 1.0)],
         ],
-        3,
+        2,
     ),
 )
 def test_a_robot_that_nods_does_not_take_a_kerb_for_ground(
@@ -129,13 +118,13 @@ def test_a_robot_that_nods_does_not_take_a_kerb_for_ground(
 def test_a_table_does_not_drag_the_pose_along() -> None:
     """Its top moves with the robot under the beams: that is not the face of anything."""
     table = Box((9.0, -0.8, 0.67), (10.4, 0.8, 0.70))
-    rig = Rig(config_of(), World(solids=(table,)), Ride(v_mps=0.5), 14.0).run()
+    rig = Rig(config_of(), World(solids=(table,)), Ride(v_mps=0.7), 10.0).run()
     (x_m, y_m, _), (true_x_m, true_y_m, _) = rig.mapper.odometry.xyz_at(rig.now_s), rig.place()
     assert math.hypot(float(x_m) - true_x_m, float(y_m) - true_y_m) < 0.03
 
 
 @pytest.mark.parametrize(("rise_m", "at_most"), [(0.08, 1), (-0.08, 3)])
-@pytest.mark.parametrize("shift_m", few([0.0, 0.15, 0.05, 0.10], 2))
+@pytest.mark.parametrize("shift_m", few([0.15, 0.0, 0.05, 0.10], 1))
 def test_a_kerb_of_eight_centimetres_bars_no_more_than_its_own_shadow(
     rise_m: float, at_most: int, shift_m: float
 ) -> None:
@@ -188,37 +177,7 @@ def test_floor_that_a_box_hides_is_unknown_and_no_drop() -> None:
         assert not rig.maps.is_low(*rig.maps.window.grid.cell_of(float(x), float(y)))
 
 
-def test_a_ditch_behind_a_box_does_not_make_the_box_a_drop() -> None:
-    box = Box((9.03, -0.5, 0.0), (9.23, 0.5, 0.3))
-    rig = drive(World(ditch(9.6, 0.6), solids=(box,)), 3.0)
-    assert barred_lanes(rig, 9.03, 9.23) == set(LANES_M)
-    grid = rig.maps.window.grid
-    assert not rig.maps.is_low(*grid.cell_of(9.1, 0.1))
-    assert barred_lanes(rig, 9.6, 10.2) <= set(LANES_M)
-
-
-def test_a_wall_at_the_end_of_the_floor_is_an_obstacle_and_the_floor_before_it_is_free() -> None:
-    wall = Box((10.03, -5.0, 0.0), (10.23, 5.0, 2.5))
-    rig = drive(World(solids=(wall,)), 5.0)
-    assert barred_lanes(rig, 10.03, 10.23) == set(LANES_M)
-    assert state_at(rig, 9.5, 0.1) == FREE
-    free = places_where(rig, FREE)
-    assert not np.any((free[:, 0] > 10.03) & (np.abs(free[:, 1]) < 4.8))
-
-
-def test_erasing_forgets_everything_and_says_so() -> None:
-    rig = drive(World(ditch(9.0, 0.6)), 2.0)
-    epoch = rig.maps.window.epoch
-    rig.maps.erase()
-    assert rig.maps.window.epoch == epoch + 1
-    assert not rig.maps.window.cells.any()
-    assert len(rig.maps.window.take_changed()) == 0
-    assert not rig.maps.cells.cells["count"].any()
-    assert rig.maps.ground.line is None
-    assert not any(rig.maps.is_low(i, 0) for i in range(40, 50))
-
-
-def test_outside_of_the_window_nothing_lies_low() -> None:
+def test_outside_of_the_window_nothing_lies_low_and_erasing_forgets_everything() -> None:
     rig = drive(World(ditch(9.0, 0.6)), 2.0)
     grid = rig.maps.window.grid
     low = [
@@ -228,6 +187,14 @@ def test_outside_of_the_window_nothing_lies_low() -> None:
     ]
     assert len(low) > 50
     assert not any(rig.maps.is_low(i + grid.size, j) for i, j in low)
+    epoch = rig.maps.window.epoch
+    rig.maps.erase()
+    assert rig.maps.window.epoch == epoch + 1
+    assert not rig.maps.window.cells.any()
+    assert len(rig.maps.window.take_changed()) == 0
+    assert not rig.maps.cells.cells["count"].any()
+    assert rig.maps.ground.line is None
+    assert not any(rig.maps.is_low(i, j) for i, j in low)
 
 
 # What it costs

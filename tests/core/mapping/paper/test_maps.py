@@ -4,41 +4,29 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.config import Config
 from core.mapping.mapper import Mapper
-from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
-from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
-from core.records import FREE, OBSTACLE, UNKNOWN, Scan, WheelCounts
+from core.records import FREE, OBSTACLE, UNKNOWN, WheelCounts
 from tests import ROOT
+from tests.core.mapping.test_rays import DT_S, scan_of
 from tests.core.motion.test_attitude import attitude
 from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
-I8 = npt.NDArray[np.int8]
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 BEAMS = 481
 BEARING_RAD = np.radians(np.linspace(-60.0, 60.0, BEAMS))
 FLOOR_M = 1.08 / math.sin(math.radians(7.5)) / np.cos(BEARING_RAD)  # where all of it is flat
-BEAM_DT_S = 0.25 / 360 / 25
 
 
 def settings_of(**sections: dict[str, float]) -> Config:
     """The shipped settings with a lens off the middle, and these changed."""
     return with_changes(SHIPPED, **({"scanner": {"mount_y_m": 0.1}} | sections))
-
-
-def scan_of(ranges_m: F64, t_s: float) -> Scan:
-    """A scan of the paper's field of view, one row of ranges or one for each echo."""
-    rows = np.atleast_2d(ranges_m)
-    step_rad = math.radians(120) / (rows.shape[1] - 1)
-    return Scan(t_s, BEAM_DT_S, math.radians(-60), step_rad, rows, 0, t_s + 0.02)
 
 
 class Drive:
@@ -62,13 +50,12 @@ class Drive:
                 left, right = (v * t_s * counts_per_m for v in (v_mps - side, v_mps + side))
                 mapper.add_counts(WheelCounts(t_s, left, right, 0))
             mapper.odometry.settle()
-        self.attitudes: AttitudeRing = mapper.attitudes
-        self.odometry: Odometry = mapper.odometry
+        self.attitudes, self.odometry = mapper.attitudes, mapper.odometry
         self.maps = ReferencePlaneMaps(config)
 
     def scan(self, ranges_m: F64, t_s: float) -> int:
         """One scan whose first beam leaves at t_s."""
-        return self.maps.add(scan_of(ranges_m, t_s), self.attitudes, self.odometry)
+        return self.maps.add(scan_of(np.atleast_2d(ranges_m), t_s), self.attitudes, self.odometry)
 
 
 def test_free_ground_that_was_not_met_again_is_unknown_after_a_while() -> None:
@@ -121,7 +108,7 @@ def test_the_window_shows_the_cell_in_which_its_centre_lies_and_every_obstacle(
     drive = Drive(config, v_mps, (0.0, 0.0, w_radps))
     for at_s in (0.2, t_s):
         drive.scan(random_scan(seed), at_s)
-    last_s = t_s + (BEAMS - 1) * BEAM_DT_S
+    last_s = t_s + (BEAMS - 1) * DT_S
     x_m, y_m = drive.odometry.xy_at(last_s)
     yaw_rad = drive.attitudes.rpy_at(last_s)[2] - drive.odometry.yaw_start_rad
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
@@ -148,29 +135,27 @@ def test_the_window_shows_the_cell_in_which_its_centre_lies_and_every_obstacle(
     assert FREE in shown.values()
 
 
-def test_floor_ahead_of_a_standing_robot_is_free_where_it_is() -> None:
-    drive = Drive(SHIPPED)
-    assert drive.scan(FLOOR_M, 1.0) == 407  # the others reach over the map's edge at 10.1 m
-    states = straight(drive.maps)
-    reach_m = 0.25 + 1.08 / math.tan(math.radians(7.5))
-    ahead = [i for (i, j), state in states.items() if j == 0 and state != UNKNOWN]
-    assert ahead == [math.floor(reach_m / 0.2)]
-    assert set(states.values()) == {FREE, UNKNOWN}
-
-
-def test_only_what_changed_is_told() -> None:
+def test_only_what_changed_is_told_and_erasing_forgets_all() -> None:
     drive = Drive(settings_of(), 0.5)
     drive.scan(random_scan(1), 0.5)
-    window = drive.maps.window
+    maps, window = drive.maps, drive.maps.window
+    np.testing.assert_array_equal(np.isfinite(maps.heights_m()), window.cells != UNKNOWN)
     told = window.cells.ravel().copy()
     window.take_changed()
     drive.scan(random_scan(2), 0.54)
     changed = np.sort(window.take_changed())
     np.testing.assert_array_equal(changed, np.flatnonzero(told != window.cells.ravel()))
     assert 0 < changed.size < 1000
+    epoch = window.epoch
+    maps.erase()
+    assert window.epoch == epoch + 1
+    assert not window.cells.any()
+    assert np.isnan(maps.heights_m()).all()
+    assert np.isnan(maps.plane.elevation_m).all()
+    assert not maps.is_low(0, 0)
 
 
-def test_another_ground_raises_the_epoch_and_leaves_the_newest_scan_alone() -> None:
+def test_another_ground_and_other_beams_begin_an_epoch_with_the_newest_scan_alone() -> None:
     drive = Drive(settings_of(), 0.2, (0.0, math.radians(1.0), 0.0))
     maps = drive.maps
     drive.scan(FLOOR_M * 0.8, 0.2)
@@ -183,35 +168,25 @@ def test_another_ground_raises_the_epoch_and_leaves_the_newest_scan_alone() -> N
     assert maps.plane.restarts == 1
     assert OBSTACLE not in maps.window.cells
     assert FREE in maps.window.cells
+    drive.scan(FLOOR_M[::2] * 0.8, 1.1)  # other beams start anew
+    assert maps.window.epoch == epoch + 2
+    assert FREE not in maps.window.cells
 
 
-def test_erasing_forgets_maps_and_window() -> None:
-    drive = Drive(settings_of())
-    drive.scan(random_scan(2), 0.5)
-    epoch = drive.maps.window.epoch
-    drive.maps.erase()
-    assert drive.maps.window.epoch == epoch + 1
-    assert not drive.maps.window.cells.any()
-    assert np.isnan(drive.maps.plane.elevation_m).all()
-    assert np.isnan(drive.maps.heights_m()).all()
-    assert not drive.maps.is_low(0, 0)
-
-
-def test_a_hole_is_low_and_a_box_is_not() -> None:
+def test_floor_is_free_where_it_is_a_hole_is_low_and_a_box_is_not() -> None:
+    drive = Drive(SHIPPED, yaw_rad=-1.0)
+    assert drive.scan(FLOOR_M, 1.0) == 407  # the others reach over the map's edge at 10.1 m
+    states = straight(drive.maps)
+    reach_m = 0.25 + 1.08 / math.tan(math.radians(7.5))
+    ahead = [i for (i, j), state in states.items() if j == 0 and state != UNKNOWN]
+    assert ahead == [math.floor(reach_m / 0.2)]
+    assert set(states.values()) == {FREE, UNKNOWN}
     for factor, low in ((0.7, False), (1.15, True)):
-        drive = Drive(SHIPPED, yaw_rad=-1.0)
+        drive.maps = ReferencePlaneMaps(SHIPPED)
         drive.scan(FLOOR_M * factor, 0.5)
         obstacles = [at for at, state in straight(drive.maps).items() if state == OBSTACLE]
         assert obstacles
         assert {drive.maps.is_low(*at) for at in obstacles} == {low}
-
-
-def test_heights_stand_where_the_window_shows_something() -> None:
-    drive = Drive(settings_of(), 0.5, (0.0, 0.0, 0.3))
-    drive.scan(random_scan(3), 0.5)
-    heights_m, cells = drive.maps.heights_m(), drive.maps.window.cells
-    np.testing.assert_array_equal(np.isfinite(heights_m), cells != UNKNOWN)
-    np.testing.assert_array_equal(np.abs(heights_m[cells != UNKNOWN]) < 0.1, cells[cells != 0] < 0)
 
 
 def test_the_first_echo_counts_and_the_housing_does_not() -> None:
@@ -229,19 +204,10 @@ def test_attitude_and_travel_are_those_of_the_last_beam() -> None:
     again = ReferencePlaneMaps(settings_of()).plane
     again.set_beams(math.pi / 2 + BEARING_RAD)
     for t_s in (0.5, 1.5):
-        last_s = t_s + (BEAMS - 1) * BEAM_DT_S
+        last_s = t_s + (BEAMS - 1) * DT_S
         again.add(FLOOR_M, 0.0, -0.01 * last_s, 0.02 * last_s, 0.5 * last_s)
     np.testing.assert_allclose(drive.maps.plane.reference_m, again.reference_m, atol=1e-6)
     np.testing.assert_array_equal(drive.maps.plane.obstacles, again.obstacles)
-
-
-def test_other_beams_start_anew() -> None:
-    drive = Drive(settings_of())
-    drive.scan(FLOOR_M * 0.8, 0.5)
-    epoch = drive.maps.window.epoch
-    drive.scan(FLOOR_M[::2], 0.6)
-    assert drive.maps.window.epoch == epoch + 1
-    assert OBSTACLE not in drive.maps.window.cells
 
 
 def test_a_robot_that_left_the_map_behind_shows_nothing_of_it() -> None:
@@ -250,21 +216,3 @@ def test_a_robot_that_left_the_map_behind_shows_nothing_of_it() -> None:
     drive.scan(np.full(BEAMS, np.nan), 2.9)
     assert not drive.maps.window.cells.any()
     assert (drive.maps.plane.grid.count == 0).all()
-
-
-def test_it_is_a_mapping_method() -> None:
-    maps: Maps = ReferencePlaneMaps(SHIPPED, compensated=False)
-    assert maps.window.grid.size == SHIPPED.obstacle.window_cells
-    assert isinstance(maps, ReferencePlaneMaps)
-    assert not maps.plane.settings.compensated
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_same_scans_give_the_same_bits(seed: int) -> None:
-    cells = []
-    for _ in range(2):
-        drive = Drive(settings_of(), 0.4, (0.01, 0.01, 0.2))
-        for k in range(20):
-            drive.scan(random_scan(seed), 0.1 + 0.1 * k)
-        cells.append((drive.maps.window.cells.tobytes(), drive.maps.plane.elevation_m.tobytes()))
-    assert cells[0] == cells[1]

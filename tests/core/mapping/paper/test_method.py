@@ -40,22 +40,6 @@ STEPS = st.lists(
 )
 
 
-def slow_of(scene: PaperSettings, sigma_rad: F64) -> SlowPlane:
-    """The transcription for the same scene."""
-    return SlowPlane(
-        scene.lens_height_m,
-        scene.tilt_rad,
-        sigma_rad.tolist(),
-        scene.max_range_m,
-        scene.cells,
-        scene.cell_m,
-        scene.h_pos_m,
-        scene.h_neg_m,
-        scene.epsilon_rad,
-        scene.eta_rad,
-    )
-
-
 def random_ranges(plane: ReferencePlane, random: np.random.Generator) -> F64:
     """Mostly about where floor is expected, a few none, a few beyond the maximum."""
     near = random.uniform(0.1, 0.9) if random.random() < 0.4 else 1.0
@@ -68,7 +52,6 @@ def random_ranges(plane: ReferencePlane, random: np.random.Generator) -> F64:
 
 
 def check_same(plane: ReferencePlane, slow: SlowPlane) -> None:
-    """Both have the same cells, counts, states, and heights to 1e-9 m."""
     seen = {(int(row), int(column)) for row, column in np.argwhere(plane.grid.count > 0)}
     assert seen == set(slow.heights)
     assert seen == {(int(row), int(column)) for row, column in np.argwhere(plane.obstacles != 0)}
@@ -83,7 +66,7 @@ def check_same(plane: ReferencePlane, slow: SlowPlane) -> None:
 def drive(scene: PaperSettings, sigma_rad: F64, steps: list[Step], seed: int) -> SlowPlane:
     """The same scans into both, compared after each one; stops where rounding would decide."""
     random = np.random.default_rng(seed)
-    plane, slow = ReferencePlane(scene, sigma_rad), slow_of(scene, sigma_rad)
+    plane, slow = ReferencePlane(scene, sigma_rad), SlowPlane(scene, sigma_rad.tolist())
     yaw, pitch, roll, travel = random.uniform(-1, 1, 4)
     for step in steps:
         yaw, pitch, roll, travel = (
@@ -98,10 +81,10 @@ def drive(scene: PaperSettings, sigma_rad: F64, steps: list[Step], seed: int) ->
     return slow
 
 
-@settings(max_examples=examples(150), deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     scene=SCENE,
-    step_deg=st.floats(0.5, 5),
+    step_deg=st.floats(1.5, 5),
     first_deg=st.floats(30, 31),
     steps=STEPS,
     seed=st.integers(0, 10_000),
@@ -126,20 +109,14 @@ def test_long_drives_equal_the_transcription_and_use_every_rule() -> None:
         eta_rad=0.01,
         compensated=True,
     )
-    sigma_rad = np.radians(np.arange(30.0, 150.1, 1.0))
+    sigma_rad = np.radians(np.arange(30.0, 150.1, 2.0))
     events: set[str] = set()
-    for seed in range(4):
+    for seed in range(2):
         random = np.random.default_rng(100 + seed)
         sign = 1 if seed % 2 else -1
-        steps = [
-            (
-                0.06 * random.random(),
-                0.007 * random.normal(),
-                0.03 * random.normal(),
-                sign * 0.05 * random.random(),
-            )
-            for _ in range(30)
-        ]
+        changes = random.random((30, 4)) * (0.06, 1.0, 1.0, sign * 0.07)
+        changes[:, 1:3] = random.normal(0.0, (0.007, 0.03), (30, 2))
+        steps: list[Step] = [tuple(row) for row in changes.tolist()]
         slow = drive(scene, sigma_rad, steps, seed)
         assert slow.margin > CLEAR
         events |= slow.events

@@ -48,53 +48,38 @@ def seen(plane: ReferencePlane) -> list[tuple[int, int]]:
     return [(int(row), int(column)) for row, column in np.argwhere(plane.grid.count > 0)]
 
 
-def test_the_reference_is_longer_to_the_sides_and_ends_at_the_maximum_range() -> None:
-    sigma_rad = np.radians([30.0, 90.0, 120.0])
-    plane = ReferencePlane(replace(LENS, max_range_m=3.0), sigma_rad)
-    np.testing.assert_allclose(plane.reference_m, [3.0, 2.0, 4 / math.sqrt(3)])
-
-
-@pytest.mark.parametrize("tilt_deg", [0.0, -5.0])
-def test_a_lens_that_does_not_look_down_expects_the_maximum_range(tilt_deg: float) -> None:
-    assert ahead(replace(LENS, tilt_rad=math.radians(tilt_deg))).reference_m == [20.0]
-
-
-def test_beams_from_the_horizon_back_expect_the_maximum_range() -> None:
-    plane = ReferencePlane(LENS, np.radians([-40.0, 0.0, 200.0]))
-    np.testing.assert_array_equal(plane.reference_m, [20.0] * 3)
-
-
-@pytest.mark.parametrize("max_range_m", [1.0, 0.5])
-def test_ground_beyond_the_maximum_range_is_refused(max_range_m: float) -> None:
+@pytest.mark.parametrize(
+    ("tilt_deg", "sigma_deg", "reference_m"),
+    [
+        (30.0, [30.0, 90.0, 120.0], [3.0, 2.0, 4 / math.sqrt(3)]),
+        (30.0, [-40.0, 0.0, 200.0], [3.0] * 3),  # from the horizon back
+        (0.0, [90.0], [3.0]),  # does not look down
+        (-5.0, [90.0], [3.0]),
+    ],
+)
+def test_the_reference_is_longer_to_the_sides_and_ends_at_the_maximum_range(
+    tilt_deg: float, sigma_deg: list[float], reference_m: list[float]
+) -> None:
+    settings = replace(LENS, max_range_m=3.0, tilt_rad=math.radians(tilt_deg))
+    plane = ReferencePlane(settings, np.radians(sigma_deg))
+    np.testing.assert_allclose(plane.reference_m, reference_m)
     with pytest.raises(ValueError, match="do not fit"):
-        ahead(replace(LENS, max_range_m=max_range_m))
+        ahead(replace(LENS, max_range_m=1.0))  # the ground is beyond it
 
 
-def test_a_box_has_its_height_in_the_cell_where_it_stands() -> None:
+def test_a_box_and_a_hole_have_their_heights_in_their_cells_and_floor_is_free() -> None:
     plane = ahead()
     assert look(plane, 1.5) == 1  # rho 60 deg: H = 0.5 * (2 - 1.5), Y = 1.5 * 0.866 = 1.299
-    assert seen(plane) == [(33, MIDDLE)]
     assert plane.elevation_m[33, MIDDLE] == pytest.approx(0.25)
     look(plane, 1.45)  # H = 0.275, Y = 1.256, the same cell
     assert plane.elevation_m[33, MIDDLE] == pytest.approx(0.2625)
     assert plane.grid.count[33, MIDDLE] == 2
-    assert plane.obstacles[33, MIDDLE] == OBSTACLE
-
-
-def test_left_of_straight_ahead_is_left_on_the_map() -> None:
-    plane = ReferencePlane(LENS, np.radians([120.0]))
-    look(plane, 1.0)  # d = 2, R = 2.309, cos rho 0.433, R_xy 0.9014: X = -0.4507, Y = 0.7806
-    assert seen(plane) == [(28, 15)]
-
-
-def test_floor_is_free_and_a_hole_is_an_obstacle() -> None:
-    plane = ahead()
     look(plane, 2.0)
-    assert plane.obstacles[FLOOR_ROW, MIDDLE] == FREE
     look(plane, 2.3)  # H = -0.15, Y = 1.992
     assert plane.elevation_m[40, MIDDLE] == pytest.approx(-0.15)
-    assert plane.obstacles[40, MIDDLE] == OBSTACLE
-    assert np.count_nonzero(plane.obstacles == UNKNOWN) == 41 * 41 - 2
+    assert seen(plane) == [(33, MIDDLE), (FLOOR_ROW, MIDDLE), (40, MIDDLE)]
+    assert plane.obstacles[[33, FLOOR_ROW, 40], MIDDLE].tolist() == [OBSTACLE, FREE, OBSTACLE]
+    assert np.count_nonzero(plane.obstacles == UNKNOWN) == 41 * 41 - 3
 
 
 @pytest.mark.parametrize(
@@ -108,13 +93,6 @@ def test_an_average_at_a_bound_is_an_obstacle(height_m: float, state: int) -> No
     assert grid.states.tolist() == [[0, 0, 0], [0, 0, state], [0, 0, 0]]
 
 
-@pytest.mark.parametrize("range_m", [math.nan, 0.0, -1.0])
-def test_what_was_not_measured_leaves_the_maps_alone(range_m: float) -> None:
-    plane = ahead()
-    assert look(plane, range_m) == 0
-    assert seen(plane) == []
-
-
 @pytest.mark.parametrize("range_m", [3.0, 3.5, math.inf])
 def test_beyond_the_maximum_is_nothing_where_floor_is_not_due_and_a_drop_where_it_is(
     range_m: float,
@@ -125,7 +103,7 @@ def test_beyond_the_maximum_is_nothing_where_floor_is_not_due_and_a_drop_where_i
     assert plane.elevation_m[66, 40] == pytest.approx(-0.5)
 
 
-def test_rows_scroll_by_whole_cells_and_the_rest_is_carried_on() -> None:
+def test_rows_scroll_by_whole_cells_the_rest_is_carried_on_and_what_leaves_is_gone() -> None:
     plane = ahead()
     look(plane, 2.0)
     rows = []
@@ -137,111 +115,53 @@ def test_rows_scroll_by_whole_cells_and_the_rest_is_carried_on() -> None:
     assert rows == [37, 35, 34, 34, 36]
     assert plane.obstacles[36, MIDDLE] == FREE
     assert plane.elevation_m[36, MIDDLE] == pytest.approx(0.0)
-
-
-def test_what_leaves_the_map_is_gone() -> None:
-    plane = ahead()
-    look(plane, 2.0)
     look(plane, math.nan, travel_m=-0.45)
-    assert seen(plane) == []
-    look(plane, 2.0)
-    look(plane, math.nan, travel_m=50.0)
-    assert seen(plane) == []
     assert (plane.obstacles == UNKNOWN).all()
 
 
-def test_travel_is_projected_by_the_yaw_since_the_last_turn() -> None:
-    plane = ReferencePlane(LENS, np.radians([120.0]))  # nothing ahead: the map does not turn
-    look(plane, 1.0)
-    assert seen(plane) == [(28, 15)]
-    look(plane, math.nan, yaw_deg=60.0, travel_m=0.3)  # cos 60 deg * 0.3 = 0.15
-    assert seen(plane) == [(27, 15)]
-    assert plane.turns == 0
-
-
-def test_the_map_turns_once_the_nearest_cell_ahead_moves_by_more_than_a_cell() -> None:
+def test_the_maps_turn_once_the_nearest_cell_ahead_moves_by_more_than_a_cell() -> None:
     plane = ahead()
-    look(plane, 2.0)
-    look(plane, math.nan, yaw_deg=3.3)  # 1.7 * sin 3.3 deg = 0.098
+    look(plane, 2.0, yaw_deg=178.0)
+    look(plane, math.nan, yaw_deg=-178.7)  # 1.7 * sin 3.3 deg = 0.098
     assert seen(plane) == [(FLOOR_ROW, MIDDLE)]
-    look(plane, math.nan, yaw_deg=3.5)  # 1.7 * sin 3.5 deg = 0.104: floor goes to the right
+    look(plane, math.nan, yaw_deg=-178.5)  # 1.7 * sin 3.5 deg = 0.104: floor goes to the right
     assert seen(plane) == [(FLOOR_ROW, MIDDLE + 1)]
     assert plane.turns == 1
     assert plane.obstacles[FLOOR_ROW, MIDDLE + 1] == FREE
-    assert plane.obstacles[FLOOR_ROW, MIDDLE] == UNKNOWN
 
 
-def test_a_turn_across_the_seam_of_the_angles_is_the_short_way() -> None:
-    plane = ahead()
-    look(plane, 2.0, yaw_deg=179.0)
-    look(plane, math.nan, yaw_deg=-177.5)
-    assert seen(plane) == [(FLOOR_ROW, MIDDLE + 1)]
+@pytest.mark.parametrize(
+    ("changes", "pitches_deg", "reference_m"),
+    [
+        # the point at 1.732 turns to (1.70574, 0.30077), its line meets ground at 2.43944
+        ({}, (0.0, -10.0, -10.0), 2.63645),
+        ({}, (7.0, 7.0, 7.0), 2.0),  # only the change counts
+        ({}, (0.0, -40.0), 20.0),  # a line above the horizon
+        ({"max_range_m": 2.5}, (0.0, -10.0, 0.0), 1.8989),  # it met the maximum: not 2 again
+        ({"compensated": False}, (0.0, -10.0), 2.0),
+    ],
+)
+def test_the_reference_turns_with_the_body(
+    changes: dict[str, float], pitches_deg: tuple[float, ...], reference_m: float
+) -> None:
+    plane = ahead(replace(LENS, **changes))  # type: ignore[arg-type]
+    for pitch_deg in pitches_deg:
+        look(plane, math.nan, pitch_deg=pitch_deg)
+    assert plane.reference_m == pytest.approx([reference_m], abs=1e-4)
 
 
-def test_of_two_cells_that_land_in_one_the_later_stays() -> None:
-    grid = PaperGrid(11, 1.0, 0.1, -0.1)
-    put_height(grid.average_m, grid.count, 5, 6, 0.5)  # (1, 0) lands at (0.71, 0.71)
-    put_height(grid.average_m, grid.count, 5, 7, 0.7)  # (2, 0) at (1.41, 1.41)
-    grid.turn(math.radians(45))
-    assert np.argwhere(grid.count > 0).tolist() == [[6, 6]]
-    assert grid.average_m[6, 6] == 0.7
-
-
-def test_seen_floor_right_before_the_laser_keeps_the_map_from_turning() -> None:
-    plane = ahead()
-    look(plane, 2.0)
-    look(plane, math.nan, travel_m=1.65)  # 16 rows: the cell one ahead of the laser's
-    assert seen(plane) == [(MIDDLE + 1, MIDDLE)]
-    look(plane, math.nan, yaw_deg=89.0, travel_m=1.65)
-    assert plane.turns == 0
-    look(plane, math.nan, yaw_deg=91.0, travel_m=1.65)  # 0.1 * (1 - cos 91 deg) is over a cell
-    assert plane.turns == 1
-
-
-def test_nose_up_looks_further_ahead() -> None:
-    plane = ahead()
-    look(plane, math.nan)
-    look(plane, math.nan, pitch_deg=-10.0)
-    # the point at 1.732 turns to (1.70574, 0.30077), its line meets ground at 2.43944
-    assert plane.reference_m == pytest.approx([2.63645], abs=1e-5)
-
-
-def test_right_side_down_shortens_the_right() -> None:
+def test_left_is_left_on_the_map_and_right_side_down_shortens_the_right() -> None:
+    plane = ReferencePlane(LENS, np.radians([120.0]))
+    look(plane, 1.0)  # d = 2, R = 2.309, cos rho 0.433, R_xy 0.9014: X = -0.4507, Y = 0.7806
+    assert seen(plane) == [(28, 15)]
+    look(plane, math.nan, yaw_deg=60.0, travel_m=0.3)  # cos 60 deg * 0.3 = 0.15, and no turn
+    assert seen(plane) == [(27, 15)]
     plane = ReferencePlane(LENS, np.radians([30.0, 150.0]))
-    nothing = np.full(2, np.nan)
-    plane.add(nothing, 0.0, 0.0, 0.0, 0.0)
-    plane.add(nothing, 0.0, 0.0, math.radians(5), 0.0)
+    for roll_deg in (0.0, 5.0):
+        plane.add(np.full(2, np.nan), 0.0, 0.0, math.radians(roll_deg), 0.0)
     # (3.3541, 1.9365, 0) turns to (3.3413, 1.9365, -0.2923), its line meets (2.5855, 1.4985, 0)
     assert plane.reference_m[0] == pytest.approx(3.1512, abs=1e-4)
     assert plane.reference_m[1] > 4.0
-
-
-def test_a_line_above_the_horizon_expects_the_maximum_range() -> None:
-    plane = ahead()
-    look(plane, math.nan)
-    look(plane, math.nan, pitch_deg=-40.0)
-    assert plane.reference_m == [20.0]
-
-
-def test_a_reference_that_met_the_maximum_does_not_come_back() -> None:
-    plane = ahead(replace(LENS, max_range_m=2.5))
-    for pitch_deg in (0.0, -10.0, 0.0):
-        look(plane, math.nan, pitch_deg=pitch_deg)
-    assert plane.reference_m == pytest.approx([1.8989], abs=1e-4)  # and not 2
-
-
-def test_only_the_change_of_attitude_counts() -> None:
-    plane = ahead()
-    for _ in range(3):
-        plane.add(np.array([2.0]), 0.0, math.radians(7), math.radians(-3), 0.0)
-    assert plane.reference_m == pytest.approx([2.0])
-
-
-def test_without_compensation_the_reference_stays() -> None:
-    plane = ahead(replace(LENS, compensated=False))
-    look(plane, 2.0)
-    look(plane, 2.0, pitch_deg=-10.0)
-    assert plane.reference_m == pytest.approx([2.0])
 
 
 def test_a_slow_change_beyond_epsilon_is_another_ground() -> None:
@@ -251,42 +171,16 @@ def test_a_slow_change_beyond_epsilon_is_another_ground() -> None:
     look(plane, math.nan, pitch_deg=0.65)  # beyond epsilon, but it came quickly
     assert plane.restarts == 0
     assert len(seen(plane)) == 1
-    look(plane, 2.0, pitch_deg=0.70)  # 0.05 since the last scan
+    look(plane, 2.0, 3.0, pitch_deg=0.70, travel_m=0.09)  # 0.05 since the last scan
     assert plane.restarts == 1
     assert plane.reference_m == pytest.approx([2.0])
     assert seen(plane) == [(FLOOR_ROW, MIDDLE)]  # this scan's alone
-    look(plane, 2.0, pitch_deg=1.15)
-    look(plane, 2.0, pitch_deg=1.17)  # 0.47 since the restart
-    assert plane.restarts == 1
-    look(plane, 2.0, pitch_deg=1.22)
+    look(plane, 2.0, 5.0, pitch_deg=1.15, travel_m=0.15)  # yaw and travel count anew
+    look(plane, 2.0, 5.0, pitch_deg=1.17, travel_m=0.15)  # 0.47 since the restart
+    assert (FLOOR_ROW, MIDDLE) in seen(plane)
+    assert (plane.restarts, plane.turns) == (1, 0)
+    look(plane, 2.0, 5.0, pitch_deg=1.22, travel_m=0.15)
     assert plane.restarts == 2
-
-
-def test_a_restart_counts_yaw_and_travel_anew() -> None:
-    plane = ahead(replace(LENS, epsilon_rad=math.radians(0.5)))
-    look(plane, 2.0)
-    look(plane, math.nan, yaw_deg=3.0, pitch_deg=0.6, travel_m=0.09)
-    look(plane, 2.0, yaw_deg=3.0, pitch_deg=0.6, travel_m=0.09)
-    assert plane.restarts == 1
-    look(plane, math.nan, yaw_deg=5.0, pitch_deg=0.6, travel_m=0.15)
-    assert seen(plane) == [(FLOOR_ROW, MIDDLE)]
-
-
-def test_rotation_comes_before_scrolling() -> None:
-    plane = ahead()
-    look(plane, 2.0)
-    # scrolled first, the cell would be at 1.5, and 1.5 * sin 3.5 deg is less than a cell;
-    # and turned first, the travel counts whole along the turned Y
-    look(plane, math.nan, yaw_deg=3.5, travel_m=0.25)
-    assert seen(plane) == [(FLOOR_ROW - 2, MIDDLE + 1)]
-
-
-def test_the_plane_is_updated_before_the_scan_is_compared() -> None:
-    plane = ahead(replace(LENS, cells=61))
-    look(plane, math.nan)
-    look(plane, 2.63645, pitch_deg=-10.0)
-    assert seen(plane) == [(30 + 24, 30)]
-    assert plane.elevation_m[54, 30] == pytest.approx(0.0, abs=1e-5)
 
 
 def test_erasing_counts_yaw_and_travel_anew_and_keeps_the_plane() -> None:

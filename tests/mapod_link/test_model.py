@@ -51,7 +51,6 @@ class TwoReceivers(RuleBasedStateMachine):
 
     @rule()
     def same_geometry(self) -> None:
-        """The same again, once a second."""
         width, height = getattr(self, "size", (9, 5))
         self.arrives(self.made(GEOM, geom_body(self.geom_id, width, height, self.session)))
 
@@ -63,12 +62,7 @@ class TwoReceivers(RuleBasedStateMachine):
         fate=st.sampled_from(["arrives", "arrives", "arrives", "lost", "late", "twice", "cut"]),
     )
     def cells(
-        self,
-        runs: list[tuple[int, int]],
-        start: int,
-        move: tuple[int, int],
-        lag: int,
-        fate: str,
+        self, runs: list[tuple[int, int]], start: int, move: tuple[int, int], lag: int, fate: str
     ) -> None:
         """A MAP frame; some of them pass the last cell."""
         self.ox, self.oy = self.ox + move[0], self.oy + move[1]
@@ -84,27 +78,23 @@ class TwoReceivers(RuleBasedStateMachine):
 
     @rule(kind=st.sampled_from([POSE, STOP_ZONE, 7, 13, 8, 9, 10, 11, 12]), lost=st.booleans())
     def others(self, kind: int, lost: bool) -> None:
-        """What is no map."""
         frame = self.made(kind, {POSE: pose_body(), STOP_ZONE: zone_body()}.get(kind, b"new"))
         if not lost:
             self.arrives(frame)
 
     @rule(right=st.booleans(), own=st.booleans())
     def digest(self, right: bool, own: bool) -> None:
-        """Of the map that the receiver holds, or of another."""
         geom_id = self.geom_id if own else 99
         crc = self.fast.digest() ^ (0 if right else 1)
         self.arrives(self.made(DIGEST, struct.pack("<BxxxI", geom_id, crc)))
 
     @rule()
     def what_was_late(self) -> None:
-        """Frames overtaken by others."""
         while self.late:
             self.arrives(self.late.pop())
 
     @rule(at=st.integers(0, 200), change=st.integers(1, 255))
     def damaged(self, at: int, change: int) -> None:
-        """A frame with a wrong byte."""
         frame = bytearray(self.made(MAP, map_body(op(1, 9), geom_id=self.geom_id)))
         frame[at % len(frame)] ^= change
         self.arrives(bytes(frame))
@@ -135,4 +125,4 @@ class TwoReceivers(RuleBasedStateMachine):
 
 
 TestTwoReceivers = TwoReceivers.TestCase
-TestTwoReceivers.settings = settings(max_examples=examples(30), stateful_step_count=40)
+TestTwoReceivers.settings = settings(max_examples=examples(12), stateful_step_count=40)

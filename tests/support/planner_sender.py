@@ -54,7 +54,6 @@ def map_body(
 
 
 def op(state: int, length: int) -> bytes:
-    """One operation, section 3."""
     if length <= 63:
         return bytes([state << 6 | length - 1])
     rest, encoded = length - 64, bytearray([state << 6 | 63])
@@ -75,7 +74,6 @@ class Line(Generic[R]):
         self._heard_s: dict[int, float] = {}
 
     def planner_heard(self, frame_type: int) -> float:
-        """When a frame of that type arrived last."""
         return self._heard_s[frame_type]
 
     def send(self, frame_type: int, body: bytes, lost: bool = False) -> int:

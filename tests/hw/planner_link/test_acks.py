@@ -1,4 +1,4 @@
-"""Acknowledgements: which are believed, what they repair, and what they can't bring about."""
+"""ACK and HELLO: which are believed, what they repair, and what they can't bring about."""
 
 import struct
 
@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.frames import GEOM, POSE
 from hw.planner_link.map_frames import RefreshCursor
 from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack, Hello
@@ -13,7 +14,13 @@ from hw.planner_link.peer import Peer
 from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
-from mapod_link.frames import bytes_from_frame, frame_from_bytes
+from mapod_link.frames import (
+    HELLO,
+    MAX_FRAME,
+    bytes_from_frame,
+    frame_from_bytes,
+    signed_bytes_from_frame,
+)
 from tests.support.cases import few
 from tests.support.planner_line import Line, Sky
 
@@ -40,21 +47,17 @@ class Acks:
         mask: int = 2**32 - 1,
         echo: int | None = None,
         geom_id: int | None = None,
-        t_ms: int | None = None,
     ) -> None:
-        """One of the newest frame, unless it is said otherwise."""
         line, self.seq = self.line, self.seq + 1
         newest = frame_from_bytes(line.frames[-1])
         assert not isinstance(newest, str)
-        own_ms = round(1000 * line.now_s) if t_ms is None else t_ms
+        own_ms = round(1000 * line.now_s)
         body = struct.pack(
             "<HIIHHBB",
             newest.seq if last is None else last % 2**16,
             mask,
             newest.t_ms if echo is None else echo,
-            0,
-            0,
-            status,
+            *(0, 0, status),
             line.link.geom_id if geom_id is None else geom_id,
         )
         line.port.give(bytes_from_frame(8, self.seq % 2**16, own_ms, body))
@@ -81,9 +84,7 @@ def test_only_what_tells_the_time_of_a_frame_that_was_sent_is_believed(
 
 
 @pytest.mark.parametrize("key", [True, False])
-def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never(
-    key: bool,
-) -> None:
+def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never(key: bool) -> None:
     peer = Peer(cells=81, push=True, has_key=key)
     peer.take_hello(Hello(1, 1, 5, 100, 368, False))
     assert peer.take_ack(Ack(9, 1_000_000, 1, 0, 0, PLANNER_STOPPED, 7))
@@ -208,18 +209,16 @@ def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again()
 
 @given(
     moves=st.lists(
-        st.tuples(st.integers(-4, 4), st.integers(-4, 4), st.integers(1, 40)), max_size=80
+        st.tuples(st.integers(-4, 4), st.integers(-4, 4), st.integers(1, 40)), max_size=40
     ),
-    size=st.integers(3, 12),
+    size=st.integers(3, 9),
 )
 def test_a_round_is_complete_when_each_cell_was_told_or_has_entered_since(
     moves: list[tuple[int, int, int]], size: int
 ) -> None:
     way, corner = RefreshCursor(size), (0, 0)
-    told: dict[tuple[int, int], int] = {}  # world cell: frame in which it was told, or entered
-    for i in range(size):
-        for j in range(size):
-            told[i, j] = 0
+    # world cell: frame in which it was told, or entered
+    told = {(i, j): 0 for i in range(size) for j in range(size)}
     for seq, (di, dj, count) in enumerate(moves, start=1):
         if di or dj:
             corner = (corner[0] + di, corner[1] + dj)
@@ -245,3 +244,88 @@ def test_a_hello_takes_back_a_stop_only_where_none_can_be_forged(key: bytes | No
     line.port.give(bytes_from_frame(9, 1, 1, hello_body(999, 10_000)))
     line.tick()
     assert line.link.peer.stopped == (key is not None)
+
+
+KEY, SESSION, OTHER = bytes(range(32)), 77, 0xBAD
+RECOVERED_S = 1.0
+
+
+def keyed() -> Line:
+    """A link with a key, its planner up to date."""
+    line = Line(Sky(21, 3), key=KEY, session=SESSION)
+    line.sky.change(50)
+    line.settle(1.0)
+    assert line.holds_what_is_meant()
+    return line
+
+
+def is_kept_up(line: Line) -> bool:
+    """Whether changes reach the planner again, soon."""
+    line.settle(RECOVERED_S)
+    line.sky.change(50)
+    line.settle(0.2)
+    return line.holds_what_is_meant() and not line.planner.stale(line.now_s)
+
+
+@pytest.mark.parametrize(
+    ("own_nonce", "max_cells", "max_frame", "poll"),
+    [(True, 2**32 - 1, 368, True), (False, 0, 368, False), (True, 10_000, 0, False)],
+)
+def test_a_forged_hello_does_not_silence_a_link_with_a_key(
+    own_nonce: bool, max_cells: int, max_frame: int, poll: bool
+) -> None:
+    line = keyed()
+    nonce = line.planner.nonce if own_nonce else OTHER
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(nonce, max_cells, max_frame, poll)))
+    assert is_kept_up(line)
+    # after a stranger's nonce that of the planner is new again
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, max_cells)))
+    line.port.give(
+        bytes_from_frame(HELLO, 1, 1, hello_body(line.planner.nonce, max_cells, max_frame, poll))
+    )
+    assert is_kept_up(line)
+
+
+def test_a_replayed_hello_of_a_planner_that_asked_does_not_silence_its_successor() -> None:
+    line = keyed()
+    body = hello_body(OTHER, 10_000, poll=True)
+    genuine = signed_bytes_from_frame(HELLO, 9, 9000, body, KEY, SESSION, OTHER)
+    line.port.give(genuine)
+    line.tick()
+    assert line.link.peer.polled
+    assert is_kept_up(line)
+    line.loss = 1.0  # the one geometry that a planner gets which only asks
+    line.port.give(genuine)
+    line.tick()
+    line.loss = 0.0
+    assert not line.link.peer.polled
+    assert is_kept_up(line)
+
+
+def test_with_a_key_a_planner_that_only_asks_is_believed_once_it_signs() -> None:
+    line = Line(Sky(21, 3), key=KEY, planner=FakePlanner(5, KEY, poll_only=True))
+    line.settle(1.0)
+    sent = line.link.frames_sent
+    line.settle(1.0)
+    assert line.link.frames_sent == sent
+
+
+def test_an_acknowledgement_ends_polling_that_somebody_else_asked_for() -> None:
+    line = Line(Sky(21, 3))
+    line.settle(0.5)
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, 10_000, poll=True)))
+    assert is_kept_up(line)
+
+
+def test_no_frame_is_longer_than_the_protocol_allows_whatever_a_hello_says() -> None:
+    line = Line(Sky(61, 3), key=KEY, session=SESSION)
+    line.settle(0.5)
+    line.planner.mute = True
+    body = hello_body(OTHER, 2**32 - 1, 65_535)
+    line.port.give(signed_bytes_from_frame(HELLO, 1, 1, body, KEY, SESSION, OTHER))
+    line.sky.show(line.sky.every_other, 1)
+    longest = 0
+    for _ in range(20):
+        line.tick()
+        longest = max(longest, *map(len, line.frames))
+    assert MAX_FRAME - 3 <= longest <= MAX_FRAME

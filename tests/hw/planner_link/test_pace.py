@@ -39,7 +39,6 @@ class Uart(MemoryPort):
         super().__init__(datagrams=False)
 
     def poll(self, now_s: float) -> bool:
-        """Time has passed: bytes have gone."""
         if self._polled_s >= 0.0:
             self._left = max(0.0, self._left - (now_s - self._polled_s) * self._bytes_per_s)
             self.worst_left = max(self.worst_left, self._left)
@@ -47,13 +46,11 @@ class Uart(MemoryPort):
         return super().poll(now_s)
 
     def write(self, data: bytes) -> None:
-        """Into the buffer, and what does not fit before it."""
         super().write(data)
         self._left += len(data)
 
     @property
     def backlog(self) -> int:
-        """Bytes that the kernel has not taken."""
         return max(0, math.ceil(self._left) - self._most)
 
     @backlog.setter
@@ -65,11 +62,10 @@ class Uart(MemoryPort):
     ("baud", "size", "rate_hz", "key", "buffer_bytes"),  # the kernel's, that `backlog` leaves out
     few(
         [
-            (115_200, 101, 50, bytes(32), 0), (921_600, 101, 50, None, 4096),
-            (921_600, 201, 50, bytes(32), 0), (115_200, 201, 25, None, 4096),
-            (230_400, 201, 50, bytes(32), 4096), (230_400, 201, 50, None, 0),
+            (115_200, 101, 50, bytes(32), 0), (921_600, 201, 50, bytes(32), 0),
+            (115_200, 201, 25, None, 4096), (230_400, 201, 50, None, 0),
         ],
-        2,
+        1,
     ),
 )  # fmt: skip
 def test_no_line_is_ever_more_than_a_tick_behind(
@@ -123,7 +119,6 @@ def test_a_line_that_is_too_slow_leaves_out_ticks_and_is_not_overrun() -> None:
 
 
 def types(line: Line) -> list[int]:
-    """The types of the last tick's frames, in their order; UDP."""
     return [frame.type for frame in whole(line.frames)]
 
 

@@ -38,7 +38,6 @@ class Fleet:
         self.ends = [FakePlanner(seed=k, ack_every=1, key=key) for k in range(len(refusals))]
 
     def tick(self) -> None:
-        """One tick of all links."""
         self.now_s += TICK_S
         self.planners.step(self.now_s, POSE_REPORT, self.sky.window(), ZONE, SkyTiles(self.sky))
         for port, end in zip(self.ports, self.ends, strict=True):
@@ -51,7 +50,6 @@ class Fleet:
                 port.give(frame if port.datagrams else serial_from_frame(frame))
 
     def settle(self, ticks: int) -> None:
-        """So many ticks without changes."""
         for _ in range(ticks):
             self.tick()
 

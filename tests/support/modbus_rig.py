@@ -8,7 +8,7 @@ import socket
 import struct
 import tty
 from collections.abc import AsyncIterator, Callable, Coroutine
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,18 +33,18 @@ READ_TEN = bytes.fromhex("00 01 00 00 00 06 01 03 00 00 00 0A")
 class Clock:
     """A clock that a test moves."""
 
-    def __init__(self) -> None:
-        self.now_s = START_S
+    now_s = START_S
 
     def __call__(self) -> float:
         return self.now_s
 
 
+@dataclass
 class Later:
     """A call to come."""
 
-    def __init__(self, due_s: float, callback: Callable[[], object]) -> None:
-        self.due_s, self.callback = due_s, callback
+    due_s: float
+    callback: Callable[[], object]
 
     def cancel(self) -> None:
         self.callback = int
@@ -88,13 +88,11 @@ def context_of(image: RegisterImage, loop: Any) -> ServerContext:
 def window_of(
     cells: I8, corner: tuple[int, int] = (-7, 3), *, trusted: bool = True, epoch: int = 0
 ) -> ObstacleMap:
-    """An obstacle window of these ring cells."""
     changed = np.zeros(0, dtype=np.int32)
     return ObstacleMap(cells, corner[0], corner[1], changed, epoch, trusted)
 
 
 def some_cells(seed: int, size: int = SIZE) -> I8:
-    """Cells of all three states."""
     return np.random.default_rng(seed).integers(-1, 2, (size, size)).astype(np.int8)
 
 
@@ -117,7 +115,6 @@ async def until(done: Callable[[], object]) -> None:
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    """A port of this machine that nobody uses."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -127,7 +124,6 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 async def serving(
     url: str, image: RegisterImage, clock: Callable[[], float], unit: int = 1
 ) -> AsyncIterator[ModbusServer]:
-    """A server that runs."""
     server = ModbusServer(url, image, clock, unit=unit)
     server.start()
     try:
@@ -148,7 +144,6 @@ class Tcp:
         return cls(*await asyncio.open_connection("127.0.0.1", port))
 
     async def another(self) -> "Tcp":
-        """One more, to the same server."""
         return await Tcp.connect(self.writer.get_extra_info("peername")[1])
 
     async def ask(self, request: bytes) -> bytes:
@@ -156,7 +151,6 @@ class Tcp:
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next one."""
         head = await asyncio.wait_for(self.reader.readexactly(6), 60)
         return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 60)
 
@@ -187,7 +181,6 @@ class Udp(asyncio.DatagramProtocol):
         return client
 
     async def another(self) -> "Udp":
-        """One more, to the same server."""
         return await Udp.connect(self.transport.get_extra_info("peername")[1])
 
     def datagram_received(self, data: bytes, addr: object) -> None:
@@ -201,7 +194,6 @@ class Udp(asyncio.DatagramProtocol):
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next one."""
         return await asyncio.wait_for(self.heard.get(), 60)
 
     def close(self) -> None:
@@ -267,7 +259,6 @@ def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: i
 
 
 def words_of(answer: bytes) -> list[int]:
-    """The registers in the answer to a read over TCP or UDP."""
     assert answer[7] < 0x80, f"refused with {answer[8]}"
     data = answer[9:]
     assert len(data) == answer[8]

@@ -190,4 +190,4 @@ class MotorLife(RuleBasedStateMachine):
 
 
 TestMotorLife = MotorLife.TestCase
-TestMotorLife.settings = settings(max_examples=examples(6), stateful_step_count=15)
+TestMotorLife.settings = settings(max_examples=examples(4), stateful_step_count=12)

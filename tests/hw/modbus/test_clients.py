@@ -105,7 +105,6 @@ async def output_of(*command: str) -> str:
 
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The C program, built."""
     if shutil.which("gcc") is None:
         raise MissingToolError("needs gcc: apt install gcc")
     if not any(Path("/usr").glob("include/modbus/modbus.h")):

@@ -48,7 +48,7 @@ def coarse(rows: list[list[int]]) -> list[list[int]]:
 
 
 @given(
-    size=st.sampled_from([3, 8, 21, 22, 29, 43]),
+    size=st.sampled_from([3, 8, 21, 22, 29]),
     corner=st.tuples(st.integers(-200, 200), st.integers(-200, 200)),
     trusted=st.booleans(),
     kind=st.sampled_from(["all", "free", "few"]),
@@ -101,18 +101,13 @@ def test_the_window_is_packed_ten_times_a_second_and_at_once_when_trust_is_lost(
     assert generations[-1] == 1 + 10
     now_s += 0.02
     image.publish(now_s, BAD, CLEAR, window_of(cells, trusted=False))
-    assert not any(
-        code == 1
-        for row in rows_of(words(image, WINDOW_CELLS, SIZE * 4, now_s), SIZE)
-        for code in row
-    )
+    rows = rows_of(words(image, WINDOW_CELLS, SIZE * 4, now_s), SIZE)
+    assert not any(1 in row for row in rows)
     image.publish(now_s + 0.02, GOOD, CLEAR, window_of(cells, epoch=1))
     assert words(image, WINDOW, 1, now_s + 0.02)[0] == generations[-1] + 2
 
 
-def test_a_map_that_nobody_publishes_any_more_is_told_as_unknown_and_so_it_is_at_the_start() -> (
-    None
-):
+def test_a_map_that_nobody_publishes_or_has_yet_is_told_as_unknown() -> None:
     unpublished = RegisterImage(size=SIZE, cell_mm=200, session=1, version="")
     silent = START_S + STALE_S + 0.01
     for image, now_s in ((new_image(), silent), (unpublished, START_S)):

@@ -3,6 +3,7 @@ requests of any bytes whatever, none of which may make a server raise."""
 
 from itertools import pairwise
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,7 +29,6 @@ OTHER_TALK = [  # question and answer; of some functions both have the same leng
 
 
 def framed(unit: int, pdu: bytes) -> bytes:
-    """With its checksum."""
     frame = bytes((unit,)) + pdu
     return frame + crc16(frame).to_bytes(2, "little")
 
@@ -72,7 +72,6 @@ def spoken_by_others(draw: st.DrawFn) -> bytes:
 
 
 def cut(data: bytes, cuts: list[int]) -> list[bytes]:
-    """Pieces."""
     edges = [0, *sorted(min(at, len(data)) for at in cuts), len(data)]
     return [data[a:b] for a, b in pairwise(edges)]
 
@@ -167,18 +166,18 @@ def test_every_request_has_one_answer_that_is_no_longer_than_allowed(pdus: list[
             assert len(told) == 2 if told[0] & 0x80 else 2 <= len(told) <= 2 + 2 * MOST_READ
 
 
-def test_single_bits_are_those_of_the_registers() -> None:
-    access = access_to(new_image())
-    assert answer(bytes.fromhex("01 00 00 00 10"), access).hex() == "0102504d"
-    assert answer(bytes.fromhex("02 01 51 00 04"), access).hex() == "02010f"
-    whole = answer(bytes.fromhex("01 00 00 07 D0"), access)
-    assert len(whole) == 2 + 250
-    assert answer(bytes.fromhex("02 0A AF 00 01"), access)[0] == 2
-    assert answer(bytes.fromhex("02 0A B0 00 01"), access) == b"\x82\x02"
-
-
-def test_writing_and_reading_in_one_request_writes_first() -> None:
+@pytest.mark.parametrize(
+    ("request_", "told"),
+    [
+        ("01 00 00 00 10", "01 02 50 4D"),  # bits are those of the registers
+        ("02 01 51 00 04", "02 01 0F"),
+        ("02 0A AF 00 01", "02 01 00"),
+        ("02 0A B0 00 01", "82 02"),
+        ("17 00 5A 00 01 00 5A 00 01 02 00 01", "17 02 00 01"),  # it writes first
+        ("16 00 5A 00 00 00 01", "16 00 5A 00 00 00 01"),
+    ],
+)
+def test_single_bits_and_writing_with_reading(request_: str, told: str) -> None:
     image = new_image()
     access = access_to(image, image.new_view())
-    assert answer(bytes.fromhex("17 00 5A 00 01 00 5A 00 01 02 00 01"), access).hex() == "17020001"
-    assert answer(bytes.fromhex("16 00 5A 00 00 00 01"), access).hex() == "16005a00000001"
+    assert answer(bytes.fromhex(request_), access) == bytes.fromhex(told)

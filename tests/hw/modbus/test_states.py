@@ -198,4 +198,4 @@ class Modbus(RuleBasedStateMachine):
 
 
 TestModbus = Modbus.TestCase
-TestModbus.settings = settings(max_examples=examples(16), stateful_step_count=30, deadline=None)
+TestModbus.settings = settings(max_examples=examples(10), stateful_step_count=30, deadline=None)

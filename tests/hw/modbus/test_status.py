@@ -1,6 +1,7 @@
 """The status block: each register where the document says, and nothing good told without cause."""
 
 import math
+import re
 import struct
 from dataclasses import replace
 
@@ -11,6 +12,7 @@ from hw.modbus.image import RegisterImage
 from hw.modbus.layout import STATUS_BLOCK, Block, Entry, Refusal
 from hw.modbus.status import STALE_S
 from tests.support.modbus_rig import BAD, CLEAR, GOOD, START_S, new_image, some_cells, window_of
+from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled
 
 UNKNOWN_ZONE = replace(
     CLEAR, free_ahead_m=0.0, nearest_m=math.nan, sectors_m=(math.nan,) * 8, state=0, causes=8
@@ -18,7 +20,6 @@ UNKNOWN_ZONE = replace(
 
 
 def told(image: RegisterImage, name: str, now_s: float = START_S, utc_s: float = 0.0) -> int:
-    """The value of one entry of the status block."""
     entry = next(entry for entry in STATUS_BLOCK.entries if entry.name == name)
     data = image.read(now_s, None, entry.address, entry.registers, utc_s)
     assert not isinstance(data, Refusal)
@@ -26,13 +27,8 @@ def told(image: RegisterImage, name: str, now_s: float = START_S, utc_s: float =
 
 
 def test_blocks_do_not_overlap_and_have_room_for_what_is_in_them() -> None:
-    blocks = [
-        layout.STATUS_BLOCK,
-        layout.LATCH_BLOCK,
-        layout.COARSE_BLOCK,
-        layout.DRIVE_BLOCK,
-        layout.window_block(401),
-    ]
+    blocks = [layout.STATUS_BLOCK, layout.LATCH_BLOCK, layout.COARSE_BLOCK, layout.DRIVE_BLOCK]
+    blocks.append(layout.window_block(401))
     ends = [block.first + block.size for block in blocks]
     assert all(end <= block.first for end, block in zip(ends, blocks[1:], strict=False))
     assert ends[-1] <= 65536
@@ -68,20 +64,16 @@ def test_the_status_is_told_in_its_units_and_the_stop_zone_rounded_to_the_safe_s
     assert told(image, "nearest") == told(image, "sector_3") == 0
 
 
-def test_uptime_goes_on_and_the_heartbeat_with_publications_only() -> None:
+def test_uptime_and_ages_go_on_and_the_heartbeat_with_publications_only() -> None:
     image = new_image()
     told(image, "uptime")
+    assert told(image, "age_scan", START_S + 0.5) == 510
+    assert told(image, "age_pose", START_S + 0.5) == 500
+    assert told(image, "age_attitude", START_S + 70) == 65535
     image.publish(START_S + 7.5, GOOD, CLEAR, window_of(some_cells(1)))
     assert told(image, "heartbeat", START_S + 7.5) == 7
     assert told(image, "uptime", START_S + 70.2) == 70
     assert told(image, "heartbeat", START_S + 70.2) == 7
-
-
-def test_ages_grow_at_the_instant_of_reading_without_a_publication() -> None:
-    image = new_image()
-    assert told(image, "age_scan", START_S + 0.5) == 510
-    assert told(image, "age_pose", START_S + 0.5) == 500
-    assert told(image, "age_attitude", START_S + 70) == 65535
 
 
 @pytest.mark.parametrize("started", [True, False])
@@ -129,3 +121,22 @@ def test_numbers_out_of_range_stay_at_the_end_of_their_range() -> None:
     names = ("x", "y", "speed", "turn", "heading", "window_x", "window_y")
     values = [told(image, name) for name in names]
     assert values == [2**31 - 1, -(2**31), -32768, 32767, 0, 2**31 - 1, -(2**31)]
+
+
+TEXT = DOCUMENT.read_text(encoding="utf-8")
+
+
+def test_the_document_has_every_table_of_the_code_once() -> None:
+    assert filled(TEXT) == TEXT
+    assert filled(MARKS.sub(r"<!-- begin \1 -->\nold\n<!-- end \1 -->", TEXT)) == TEXT
+    names = [found[1] for found in MARKS.finditer(TEXT)]
+    assert sorted(names) == sorted(SECTIONS)
+    assert set(MEANINGS) == set(Refusal) - {Refusal.NONE}
+
+
+def test_registers_that_the_text_names_are_where_it_says() -> None:
+    blocks = [layout.STATUS_BLOCK, layout.DRIVE_BLOCK, layout.window_block(101)]
+    places = {(entry.name, entry.address) for block in blocks for entry in block.entries}
+    named = {(name, int(at)) for name, at in re.findall(r"`(\w+)` \((\d+)\)", TEXT)}
+    assert len(named) > 8
+    assert named <= places

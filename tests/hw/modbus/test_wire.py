@@ -27,7 +27,6 @@ NETWORKS = pytest.mark.parametrize("kind", ["tcp", "udp"])
 
 
 def framed(pdu: str, unit: int = 1) -> bytes:
-    """On a line, with its checksum."""
     frame = bytes((unit,)) + bytes.fromhex(pdu)
     return frame + crc16(frame).to_bytes(2, "little")
 

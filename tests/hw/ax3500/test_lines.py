@@ -1,4 +1,4 @@
-"""What an AX3500 says: lines, numbers and values by the sheet's tables, and whatever else may come."""
+"""What an AX3500 says: lines and values by the sheet's tables, and whatever else may come."""
 
 from itertools import pairwise
 from pathlib import Path

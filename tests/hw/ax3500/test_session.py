@@ -1,4 +1,4 @@
-"""The AX3500 session on the fake controller: modes, restarts, silence, and everything that goes wrong."""
+"""The AX3500 session on the fake controller: modes, restarts, and everything that goes wrong."""
 
 import random
 from itertools import pairwise

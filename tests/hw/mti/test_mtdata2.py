@@ -1,4 +1,4 @@
-"""MTData2: every packet of the sheet, recordings of a real device, and split messages."""
+"""MTData2: every packet of the sheet, recordings, split messages, orientations of every frame."""
 
 import math
 import struct
@@ -7,14 +7,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.mti.frames import Mid, MtFrame, MtParser
+from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
-from hw.mti.sample import MtSample
+from hw.mti.sample import (
+    ENU,
+    EULER,
+    NED,
+    NWU,
+    MtSample,
+    maybe_from_euler_deg,
+    maybe_orientation,
+    maybe_unit,
+)
 from hw.mti.stream import Received, SampleMerger
+from tests.support.bench_mti import rotated, turned
+from tests.support.cases import examples
 from tests.support.mti_frames import ROWS as FRAMES
 from tests.support.mti_frames import euler_deg, framed, slow_number
 
@@ -148,9 +160,7 @@ def test_an_orientation_waits_for_one_period_at_most_and_goes_without_rate() -> 
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.booleans(), st.booleans()), max_size=20))
-def test_nothing_that_is_put_into_the_merger_is_lost(
-    steps: list[tuple[int, bool, bool]],
-) -> None:
+def test_nothing_that_is_put_into_the_merger_is_lost(steps: list[tuple[int, bool, bool]]) -> None:
     merger, out, tick = SampleMerger(0.01), [], 0
     oriented = rated = 0
     for k, (step, with_q, with_rate) in enumerate(steps):
@@ -165,3 +175,41 @@ def test_nothing_that_is_put_into_the_merger_is_lost(
     assert sum(r.sample.rate_radps is not None for r in out) == rated
     ticks = [r.sample.fine_ticks or 0 for r in out]
     assert all(a <= b for a, b in pairwise(ticks))
+
+
+TO_NWU = {  # rows: where the axes of the frame point, in north, west, up
+    ENU: np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+    NED: np.diag([1.0, -1.0, -1.0]),
+    NWU: np.eye(3),
+}
+
+
+@pytest.mark.parametrize("frame", TO_NWU)
+@settings(max_examples=examples(12))
+@given(st.tuples(st.floats(-180, 180), st.floats(-89, 89), st.floats(-180, 180)))
+def test_every_earth_frame_becomes_north_west_up(
+    frame: int, angles: tuple[float, float, float]
+) -> None:
+    samples = []
+    if frame != ENU:  # which no legacy device has
+        word = 0x304 | (0x8000_0000 if frame == NED else 0)
+        samples.append(MtDataDecoder(0x0004, word).decode(struct.pack(">3d", *angles)))
+    for packet, data in (
+        (0x2033, struct.pack(">3d", *angles)),
+        (0x2013, struct.pack(">4d", *(maybe_from_euler_deg(*angles) or ()))),
+    ):
+        head = struct.pack(">HB", packet | frame << 2, len(data))
+        samples.append(decode_mtdata2(head + data))
+    for sample in samples:
+        assert isinstance(sample, MtSample)
+        expected = TO_NWU[frame] @ turned(*angles)
+        np.testing.assert_allclose(rotated(sample.q_earth_sensor or ()), expected, atol=1e-12)
+
+
+def test_what_is_no_rotation_is_refused() -> None:
+    assert maybe_orientation(EULER, (0.0, 0.0, 0.0), 3) is None  # no such earth frame
+    assert maybe_unit(1.0, 0.1, 0.3, 0.0) is None
+    assert maybe_unit(math.nan, 0.0, 0.0, 0.0) is None
+    assert maybe_unit(math.inf, 0.0, 0.0, 0.0) is None
+    assert maybe_from_euler_deg(math.nan, 0.0, 0.0) is None
+    assert maybe_from_euler_deg(0.0, 91.0, 0.0) is None

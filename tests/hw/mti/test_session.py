@@ -29,7 +29,6 @@ LEGACY, NEW = "MTi-28", "MTi-30"
 
 
 def running(device: Scripted, rate_hz: float = 100, baud: int = 115200) -> Bench:
-    """A bench whose session has just begun to deliver."""
     bench = Bench(device, rate_hz, baud)
     assert bench.run_until("running", 3.0), bench.cause()
     return bench

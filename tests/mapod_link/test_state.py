@@ -4,7 +4,6 @@ Source: planner link, sections 4, 5, 6, 13 and 14.
 """
 
 import struct
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE
 from mapod_link.receiver import Receiver
+from tests.support.cases import cut
 from tests.support.planner_sender import (
     NONCE,
     SESSION,
@@ -206,10 +206,9 @@ def test_no_bytes_make_the_planner_raise(pieces: list[bytes]) -> None:
 def test_where_the_stream_is_cut_makes_no_difference(cuts: list[int], idle: list[bytes]) -> None:
     names = ("geom_serial", "pose_serial", "map_serial")
     stream = b"".join(gap + vector(name) for gap, name in zip(idle, names, strict=False))
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     planner = Receiver(NONCE)
-    for a, b in pairwise(edges):
-        planner.feed_stream(0.0, stream[a:b])
+    for piece in cut(stream, cuts):
+        planner.feed_stream(0.0, piece)
     assert planner.digest() == int(VECTORS["digest_crc"], 16)
     assert planner.accepted == {GEOM: 1, POSE: 1, MAP: 1}
     assert not planner.rejected

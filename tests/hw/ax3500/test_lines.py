@@ -1,6 +1,5 @@
 """What an AX3500 says: lines and values by the sheet's tables, and whatever else may come."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -25,6 +24,7 @@ from hw.ax3500.lines import (
 from hw.ax3500.values import VALUES, ControllerState, describe_status, state_after_answer
 from hw.device import BadFrame
 from tests.support.bench_ax3500 import FakeBench
+from tests.support.cases import cut
 
 # section 5, both columns
 NUMBERS = {
@@ -94,9 +94,8 @@ def test_a_line_carries_the_time_of_its_first_character() -> None:
 @given(pieces=st.lists(WIRE, max_size=20), cuts=st.lists(st.integers(0, 80)))
 def test_where_the_stream_is_cut_makes_no_difference(pieces: list[bytes], cuts: list[int]) -> None:
     stream = b"".join(pieces)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     parser = LineParser()
-    events = [event for a, b in pairwise(edges) for event in parser.feed(0.0, stream[a:b])]
+    events = [event for piece in cut(stream, cuts) for event in parser.feed(0.0, piece)]
     assert events == LineParser().feed(0.0, stream)
 
 

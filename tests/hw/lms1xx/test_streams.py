@@ -1,7 +1,6 @@
 """CoLa streams of both dialects: cut anywhere, mixed with junk, damaged, never ending."""
 
 import random
-from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -12,7 +11,7 @@ from hw.device import BadFrame
 from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, REPORTED_SIZE, ColaParser
 from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, decode, new_parser
 from tests import VECTORS
-from tests.support.cases import examples
+from tests.support.cases import cut, examples
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 PACKED = [
@@ -76,9 +75,7 @@ def test_where_the_stream_is_cut_makes_no_difference(
 ) -> None:
     part = st.tuples(st.binary(max_size=30), st.sampled_from(TELEGRAMS[dialect]))
     stream = b"".join(junk + telegram for junk, telegram in data.draw(st.lists(part, max_size=6)))
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    pieces = [stream[a:b] for a, b in pairwise(edges)]
-    assert comparable(fed(dialect, *pieces)) == comparable(fed(dialect, stream))
+    assert comparable(fed(dialect, *cut(stream, cuts))) == comparable(fed(dialect, stream))
 
 
 @pytest.mark.parametrize("frame", PACKED, ids=["scan A", "answer", "refusal", "ready", "scan B"])

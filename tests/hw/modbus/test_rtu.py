@@ -1,8 +1,6 @@
 """RTU frames out of a stream: cut anywhere, after noise, between what other slaves say; and
 requests of any bytes whatever, none of which may make a server raise."""
 
-from itertools import pairwise
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,6 +11,7 @@ from hw.modbus.layout import MOST_READ
 from hw.modbus.network import datagram_requests, take_requests
 from hw.modbus.pdu import SERVED, Access, answer
 from hw.modbus.rtu import KEPT, RtuReceiver, crc16
+from tests.support.cases import cut
 from tests.support.modbus_rig import START_S, new_image
 
 OURS = frozenset({1, 2})
@@ -69,11 +68,6 @@ def spoken_by_others(draw: st.DrawFn) -> bytes:
     if how == "refuses":
         return ask + framed(unit, bytes((code | 0x80, 2)))
     return ask + (framed(unit, bytes((code, len(inside))) + inside) if how == "answers" else b"")
-
-
-def cut(data: bytes, cuts: list[int]) -> list[bytes]:
-    edges = [0, *sorted(min(at, len(data)) for at in cuts), len(data)]
-    return [data[a:b] for a, b in pairwise(edges)]
 
 
 CUTS = st.lists(st.integers(0, 300), max_size=6)

@@ -14,13 +14,7 @@ from hw.planner_link.peer import Peer
 from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
-from mapod_link.frames import (
-    HELLO,
-    MAX_FRAME,
-    bytes_from_frame,
-    frame_from_bytes,
-    signed_bytes_from_frame,
-)
+from mapod_link.frames import HELLO, bytes_from_frame, frame_from_bytes, signed_bytes_from_frame
 from tests.support.cases import few
 from tests.support.planner_line import Line, Sky
 
@@ -315,17 +309,3 @@ def test_an_acknowledgement_ends_polling_that_somebody_else_asked_for() -> None:
     line.settle(0.5)
     line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, 10_000, poll=True)))
     assert is_kept_up(line)
-
-
-def test_no_frame_is_longer_than_the_protocol_allows_whatever_a_hello_says() -> None:
-    line = Line(Sky(61, 3), key=KEY, session=SESSION)
-    line.settle(0.5)
-    line.planner.mute = True
-    body = hello_body(OTHER, 2**32 - 1, 65_535)
-    line.port.give(signed_bytes_from_frame(HELLO, 1, 1, body, KEY, SESSION, OTHER))
-    line.sky.show(line.sky.every_other, 1)
-    longest = 0
-    for _ in range(20):
-        line.tick()
-        longest = max(longest, *map(len, line.frames))
-    assert MAX_FRAME - 3 <= longest <= MAX_FRAME

@@ -14,7 +14,7 @@ from hw.planner_link.frames import ASK, GEOM, MAP, POSE, STOP_ZONE, TILE, TILE_H
 from hw.planner_link.messages import ASK_TILE, Ask, decode_answer
 from hw.planner_link.tiles import F32, MOST_REFUSALS, pack_values
 from mapod_link.asking import hello_body
-from mapod_link.frames import bytes_from_frame
+from mapod_link.frames import MAX_FRAME, bytes_from_frame
 from tests.support.planner_line import ZONE, Line, Sky, SkyTiles
 from tests.support.planner_sender import whole
 
@@ -162,24 +162,20 @@ def test_no_flood_of_questions_is_kept() -> None:
     assert len(tiles._refused) <= MOST_REFUSALS
 
 
-def test_frames_are_no_longer_than_the_planner_takes() -> None:
+@pytest.mark.parametrize("longest", [48, 60, 65_535])
+def test_frames_are_no_longer_than_the_planner_and_the_protocol_take(longest: int) -> None:
     sky = Sky(41, 1)
     line = Line(sky, tiles=SkyTiles(sky), zone=ZONE)
-    for longest in (48, 60):
-        line.planner = FakePlanner(seed=longest, ack_every=1)
-        hello = encode_frame(9, 0, 1, 1, hello_body(longest, 10_000, longest))
-        line.port.give(hello)
-        line.planner.mute = True
-        ask(line, longest, 1, (0, 0, 30, 30))
-        sky.change(100)
-        lengths = []
-        for _ in range(150):
-            sky.change(1)
-            line.tick()
-            lengths += [len(frame) for frame in line.frames]
-        assert longest - 3 <= max(lengths) <= longest
-        assert line.planner.accepted[TILE] > 0
-        line.planner.mute = False
+    line.planner.mute = True
+    line.port.give(encode_frame(9, 0, 1, 1, hello_body(longest, 10_000, longest)))
+    ask(line, longest, 1, (0, 0, 30, 30))
+    lengths = []
+    for _ in range(100):
+        sky.change(100 if longest == 65_535 else 1)
+        line.tick()
+        lengths += [len(frame) for frame in line.frames]
+    assert min(longest, MAX_FRAME) - 3 <= max(lengths) <= min(longest, MAX_FRAME)
+    assert line.planner.accepted[TILE] > 0
 
 
 def test_a_planner_that_only_asks_gets_geometry_and_answers_and_nothing_else() -> None:

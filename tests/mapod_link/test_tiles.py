@@ -193,8 +193,7 @@ def test_a_map_begun_anew_in_the_middle_begins_the_tile_anew() -> None:
     sender.step()
     assert tile.here.all(axis=1).tolist() == [False, False, True, True, True]
     sender.step()
-    assert tile.complete
-    assert tile.geom_id == 8
+    assert (tile.complete, tile.geom_id) == (True, 8)
     np.testing.assert_allclose(tile.values, sender.meant(1, (3, 4), tile), rtol=1e-6)
 
 
@@ -205,22 +204,16 @@ def test_another_run_of_the_sender_is_asked_all_of_it() -> None:
     sender.loses = lambda: next(lost, True)
     sender.step()
     assert 0 < tile.here.sum() < tile.here.size
-    sender.loses = lambda: False
-    sender.window = (50, 50)
-    geom = geom_body(session=99)
-    sender.receiver.feed_datagram(1.2, bytes_from_frame(GEOM, 1, 5, geom))
+    sender.loses, sender.window, sender.seq = lambda: False, (50, 50), 1
+    sender.receiver.feed_datagram(1.2, bytes_from_frame(GEOM, 1, 5, geom_body(session=99)))
     assert not tile.here.any()
-    sender.seq = 1
     sender.step()
-    assert tile.complete
-    assert tile.place == (53, 54)
+    assert (tile.complete, tile.place) == (True, (53, 54))
 
 
 def test_a_sender_that_does_not_answer_is_greeted_and_asked_once_a_second() -> None:
     sender = Sender()
-    sender.receiver.ask_tile("class", 0, 0, 9, 9)
-    sender.loses = lambda: True
-    asked = 0
+    tile, asked = sender.receiver.ask_tile("class", 0, 0, 9, 9), 0
     for _ in range(100):
         sender.now_s += 0.1
         frames = [frame_from_bytes(data) for data in sender.receiver.poll(sender.now_s)]
@@ -229,12 +222,11 @@ def test_a_sender_that_does_not_answer_is_greeted_and_asked_once_a_second() -> N
         sender.hellos += kinds.count(HELLO)
     assert 9 <= asked <= 14
     assert sender.hellos > 15  # it may have started again, and then knows nobody
-    sender.loses = lambda: False
     sender.step(5.0)
     sender.hellos = 0
     sender.step()
     sender.step()
-    assert sender.hellos == 0
+    assert (sender.hellos, tile.complete) == (0, True)
 
 
 def test_a_piece_counts_by_its_columns_and_place_modulo_65536() -> None:

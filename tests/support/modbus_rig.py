@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import functools
 import math
 import os
 import socket
@@ -12,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from core.records import FREE, I8, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import DeviceStatus
@@ -235,21 +237,42 @@ class Line:
 Talk = Callable[[Any, ModbusServer, Clock], Coroutine[Any, Any, None]]
 
 
-def converse(kind: str, talk: Talk) -> None:
-    """Run a conversation with a server: of a client on a fresh port, or the master of a line."""
+def in_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """The test, run in an event loop of its own."""
 
-    async def run() -> None:
-        clock, port, client = Clock(), free_port(), Line() if kind == "serial" else None
-        at = f"{client.path}?baud=115200" if client else f"127.0.0.1:{port}"
-        async with serving(f"{kind}://{at}", new_image(), clock) as server:
-            one = client or await (Tcp if kind == "tcp" else Udp).connect(port)
-            await talk(one, server, clock)
-            if one is not client:
-                one.close()
-        if client:
-            client.close()
+    @functools.wraps(test)
+    def run(*given: Any, **named: Any) -> None:
+        asyncio.run(test(*given, **named))
 
-    asyncio.run(run())
+    return run
+
+
+def talk(*kinds: str) -> Callable[[Talk], Callable[..., None]]:
+    """A conversation as a test, once by each kind of port.
+
+    It gets a client on a fresh port, or the master of a line; the server; and the clock.
+    """
+
+    def test_of(conversation: Talk) -> Callable[..., None]:
+        @in_loop
+        async def test(kind: str) -> None:
+            await converse(kind, conversation)
+
+        return pytest.mark.parametrize("kind", kinds)(test)
+
+    return test_of
+
+
+async def converse(kind: str, conversation: Talk) -> None:
+    clock, port, line = Clock(), free_port(), Line() if kind == "serial" else None
+    at = f"{line.path}?baud=115200" if line else f"127.0.0.1:{port}"
+    async with serving(f"{kind}://{at}", new_image(), clock) as server:
+        one = line or await (Tcp if kind == "tcp" else Udp).connect(port)
+        await conversation(one, server, clock)
+        if one is not line:
+            one.close()
+    if line:
+        line.close()
 
 
 def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:

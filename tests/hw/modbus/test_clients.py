@@ -34,39 +34,33 @@ async def offered(kind: str) -> AsyncIterator[tuple[RegisterImage, int, str]]:
     end.close()
 
 
-def test_pymodbus_reads_the_image_and_a_frozen_window_while_maps_go_by() -> None:
+@rig.in_loop
+async def test_pymodbus_reads_the_image_and_a_frozen_window_while_maps_go_by() -> None:
     """Over UDP, which libmodbus does not speak; all that it can be asked to do."""
-
-    async def run() -> None:
-        async with offered("udp") as (image, port, _):
-            client = AsyncModbusUdpClient("127.0.0.1", port=port)
-            assert await client.connect()
-            status = await client.read_holding_registers(0, count=80, device_id=1)
-            assert list(status.registers) == rig.words(image, 0, 80)
-            wrong = await client.read_holding_registers(60000, count=1, device_id=1)
-            assert (wrong.isError(), wrong.exception_code) == (True, 2)
-            assert not (await client.write_register(90, 0, device_id=2)).isError()
-            bits = await client.read_coils(0, count=16, device_id=1)
-            assert [k for k, bit in enumerate(bits.bits) if bit] == [4, 6, 8, 10, 11, 14]
-            names = await client.read_device_information(read_code=2, device_id=1)
-            assert isinstance(names, ReadDeviceInformationResponse)
-            assert names.information[0] == b"mapod"
-            whole, read = rig.words(image, WINDOW, COUNT), list[int]()
-            while (at := len(read)) < COUNT:
-                size = min(7, COUNT - at)
-                piece = await client.read_holding_registers(WINDOW + at, count=size, device_id=2)
-                read += piece.registers
-                image.publish(
-                    rig.START_S,
-                    rig.GOOD,
-                    rig.CLEAR,
-                    rig.window_of(rig.some_cells(at), epoch=at + 1),
-                )
-            assert read == whole
-            assert rig.words(image, WINDOW, 1) != whole[:1]
-            client.close()
-
-    asyncio.run(run())
+    async with offered("udp") as (image, port, _):
+        client = AsyncModbusUdpClient("127.0.0.1", port=port)
+        assert await client.connect()
+        status = await client.read_holding_registers(0, count=80, device_id=1)
+        assert list(status.registers) == rig.words(image, 0, 80)
+        wrong = await client.read_holding_registers(60000, count=1, device_id=1)
+        assert (wrong.isError(), wrong.exception_code) == (True, 2)
+        assert not (await client.write_register(90, 0, device_id=2)).isError()
+        bits = await client.read_coils(0, count=16, device_id=1)
+        assert [k for k, bit in enumerate(bits.bits) if bit] == [4, 6, 8, 10, 11, 14]
+        names = await client.read_device_information(read_code=2, device_id=1)
+        assert isinstance(names, ReadDeviceInformationResponse)
+        assert names.information[0] == b"mapod"
+        whole, read = rig.words(image, WINDOW, COUNT), list[int]()
+        while (at := len(read)) < COUNT:
+            size = min(7, COUNT - at)
+            piece = await client.read_holding_registers(WINDOW + at, count=size, device_id=2)
+            read += piece.registers
+            image.publish(
+                rig.START_S, rig.GOOD, rig.CLEAR, rig.window_of(rig.some_cells(at), epoch=at + 1)
+            )
+        assert read == whole
+        assert rig.words(image, WINDOW, 1) != whole[:1]
+        client.close()
 
 
 def join(one: rig.Line, other: rig.Line) -> None:
@@ -108,15 +102,13 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
-def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
-    async def run() -> None:
-        async with offered(kind) as (image, port, path):
-            where = ["rtu", path, "115200"] if kind == "rtu" else ["tcp", str(port)]
-            out = await output_of(reader, *where, "2")
-        status, coarse, window = ([int(word) for word in row.split()] for row in out.splitlines())
-        assert status == rig.words(image, 0, 80)
-        assert coarse == rig.words(image, COARSE, 71)
-        assert window == rig.words(image, WINDOW, COUNT)
-        assert window[0] == window[-1] == 1
-
-    asyncio.run(run())
+@rig.in_loop
+async def test_libmodbus_reads_the_image(kind: str, reader: str) -> None:
+    async with offered(kind) as (image, port, path):
+        where = ["rtu", path, "115200"] if kind == "rtu" else ["tcp", str(port)]
+        out = await output_of(reader, *where, "2")
+    status, coarse, window = ([int(word) for word in row.split()] for row in out.splitlines())
+    assert status == rig.words(image, 0, 80)
+    assert coarse == rig.words(image, COARSE, 71)
+    assert window == rig.words(image, WINDOW, COUNT)
+    assert window[0] == window[-1] == 1

@@ -258,7 +258,8 @@ def talk(*kinds: str) -> Callable[[Talk], Callable[..., None]]:
         async def test(kind: str) -> None:
             await converse(kind, conversation)
 
-        return pytest.mark.parametrize("kind", kinds)(test)
+        tried: Callable[..., None] = pytest.mark.parametrize("kind", kinds)(test)
+        return tried
 
     return test_of
 

@@ -54,28 +54,21 @@ def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_telegram(
 
 
 @FEWER
-@given(st.data(), DIALECTS)
-def test_telegrams_survive_junk(data: st.DataObject, dialect: str) -> None:
+@given(st.data(), DIALECTS, st.lists(st.integers(0, 1200), max_size=8))
+def test_telegrams_survive_junk_and_any_cutting(
+    data: st.DataObject, dialect: str, cuts: list[int]
+) -> None:
     junk = st.binary(max_size=30)
     if dialect != "binary":  # a start mark in it may be that of a text
         junk = junk.map(lambda piece: piece.replace(b"\x02", b""))
     parts = data.draw(st.lists(st.tuples(junk, st.sampled_from(TELEGRAMS[dialect])), max_size=6))
     stream = b"".join(piece + telegram for piece, telegram in parts) + data.draw(junk)
     events = fed(dialect, stream, b"\xff")  # after that byte nothing is the start of a telegram
+    assert comparable(fed(dialect, *cut(stream, cuts), b"\xff")) == comparable(events)
     found = [event for event in events if not isinstance(event, BadFrame)]
     whole = fed(dialect, b"".join(telegram for _, telegram in parts))
     assert comparable(found) == comparable(whole)
     assert len(found) == len(parts)
-
-
-@FEWER
-@given(st.data(), DIALECTS, st.lists(st.integers(0, 1200), max_size=8))
-def test_where_the_stream_is_cut_makes_no_difference(
-    data: st.DataObject, dialect: str, cuts: list[int]
-) -> None:
-    part = st.tuples(st.binary(max_size=30), st.sampled_from(TELEGRAMS[dialect]))
-    stream = b"".join(junk + telegram for junk, telegram in data.draw(st.lists(part, max_size=6)))
-    assert comparable(fed(dialect, *cut(stream, cuts))) == comparable(fed(dialect, stream))
 
 
 @pytest.mark.parametrize("frame", PACKED, ids=["scan A", "answer", "refusal", "ready", "scan B"])

@@ -31,14 +31,6 @@ def late_s(attitude: Attitude) -> float:
     return math.remainder(off_rad, math.tau) / YAW_RADPS
 
 
-@pytest.mark.parametrize("rate_hz", [25.0, 200.0])
-def test_the_rate_is_that_of_the_settings(rate_hz: float) -> None:
-    bench = Bench(Scripted(), rate_hz)
-    bench.run(1.0)
-    assert len(bench.run(1.0)) == pytest.approx(rate_hz, abs=2)
-    assert bench.cause() == ""
-
-
 @pytest.mark.parametrize("drift_ppm", [200.0, -200.0])
 def test_bursts_and_drift_move_the_instants_by_a_tick_at_most(drift_ppm: float) -> None:
     bench = Bench(Scripted())

@@ -1,5 +1,6 @@
 """ACK and HELLO: which are believed, what they repair, and what they can't bring about."""
 
+import itertools
 import struct
 
 import pytest
@@ -27,35 +28,27 @@ def quiet(size: int = 21, first_seq: int = 1) -> Line:
     return line
 
 
-class Acks:
-    """Acknowledgements made by hand."""
+NUMBERS = itertools.count(1)
 
-    def __init__(self, line: Line) -> None:
-        self.line, self.seq = line, 0
 
-    def give(
-        self,
-        last: int | None = None,
-        *,
-        status: int = 0,
-        mask: int = 2**32 - 1,
-        echo: int | None = None,
-        geom_id: int | None = None,
-    ) -> None:
-        line, self.seq = self.line, self.seq + 1
-        newest = frame_from_bytes(line.frames[-1])
-        assert not isinstance(newest, str)
-        own_ms = round(1000 * line.now_s)
-        body = struct.pack(
-            "<HIIHHBB",
-            newest.seq if last is None else last % 2**16,
-            mask,
-            newest.t_ms if echo is None else echo,
-            *(0, 0, status),
-            line.link.geom_id if geom_id is None else geom_id,
-        )
-        line.port.give(bytes_from_frame(8, self.seq % 2**16, own_ms, body))
-        line.link.poll(line.now_s)
+def acknowledge(
+    line: Line,
+    last: int | None = None,
+    *,
+    status: int = 0,
+    mask: int = 2**32 - 1,
+    echo: int | None = None,
+    geom_id: int | None = None,
+) -> None:
+    """An ACK of the newest frame, unless it is said otherwise."""
+    newest = frame_from_bytes(line.frames[-1])
+    assert not isinstance(newest, str)
+    last = newest.seq if last is None else last % 2**16
+    echo = newest.t_ms if echo is None else echo
+    geom_id = line.link.geom_id if geom_id is None else geom_id
+    body = struct.pack("<HIIHHBB", last, mask, echo, 0, 0, status, geom_id)
+    line.port.give(bytes_from_frame(8, next(NUMBERS), round(1000 * line.now_s), body))
+    line.link.poll(line.now_s)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +65,7 @@ def test_only_what_tells_the_time_of_a_frame_that_was_sent_is_believed(
     line = quiet(first_seq=65_500)
     repair, newest = line.link._repair, line.link._scheduler.seq
     before = repair._covered, len(repair._sent)
-    Acks(line).give(newest + ahead, echo=echo)
+    acknowledge(line, newest + ahead, echo=echo)
     assert (repair._covered, len(repair._sent)) == ((newest, 0) if believed else before)
     assert line.link.counters.acks == 1
 
@@ -95,12 +88,12 @@ def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never
 
 def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
     line = quiet()
-    acks, before = Acks(line), line.link.geom_id
+    before = line.link.geom_id
     for _ in range(50):
-        acks.give(status=NEED_FULL)
+        acknowledge(line, status=NEED_FULL)
         line.tick()
     assert 4 <= (line.link.geom_id - before) % 256 <= 5
-    acks.give(status=NEED_FULL, geom_id=(line.link.geom_id - 1) % 256)
+    acknowledge(line, status=NEED_FULL, geom_id=(line.link.geom_id - 1) % 256)
     now = line.link.geom_id
     line.settle(1.0)
     assert line.link.geom_id == now
@@ -109,7 +102,7 @@ def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
 def test_need_geom_is_answered_at_once_whatever_was_heard_before() -> None:
     line = quiet()
     count = line.planner.accepted[GEOM]
-    Acks(line).give(0, status=NEED_GEOM, echo=0, geom_id=0)
+    acknowledge(line, 0, status=NEED_GEOM, echo=0, geom_id=0)
     line.tick()
     assert line.planner.accepted[GEOM] == count + 1
 
@@ -187,17 +180,16 @@ def test_after_a_planner_that_was_too_small_a_larger_one_begins_anew() -> None:
 
 def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again() -> None:
     line = quiet()
-    acks = Acks(line)
     line.link._state.epoch_due = True
     line.tick()
     first = line.link._repair.epoch_seq
     line.settle(0.1)
     newest = line.link._scheduler.seq
     mask = 2**32 - 1 & ~(1 << newest - 1 - first)  # all but that GEOM
-    acks.give(mask=mask)
+    acknowledge(line, mask=mask)
     assert line.link._map.lost == 21**2
     line.settle(0.3)
-    acks.give()
+    acknowledge(line)
     assert line.link._map.lost == 0
 
 

@@ -7,13 +7,13 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE
 from mapod_link.receiver import Receiver
-from tests.support.cases import cut
+from tests.support.cases import cut, examples
 from tests.support.planner_sender import (
     NONCE,
     SESSION,
@@ -202,6 +202,7 @@ def test_no_bytes_make_the_planner_raise(pieces: list[bytes]) -> None:
     assert state_of(planner) == before
 
 
+@settings(max_examples=examples(20))
 @given(st.lists(st.integers(0, 120)), st.lists(st.sampled_from([b"", b"\0", b"\0\0"]), min_size=4))
 def test_where_the_stream_is_cut_makes_no_difference(cuts: list[int], idle: list[bytes]) -> None:
     names = ("geom_serial", "pose_serial", "map_serial")

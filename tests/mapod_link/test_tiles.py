@@ -10,13 +10,14 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapod_link.asking import ASK_BODY
 from mapod_link.frames import ASK, GEOM, HELLO, TILE, bytes_from_frame, frame_from_bytes, int16
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import Tile
+from tests.support.cases import examples
 from tests.support.planner_sender import NONCE, geom_body
 
 RAW = {0: (0, 1, 2), 1: (-32_768, -500, 0, 1234), 2: (65_535, 0, 65_534), 3: (65_535, 0, 7854)}
@@ -96,6 +97,7 @@ class Sender:
 LAYERS = ("class", "height", "variance", "slope")
 
 
+@settings(max_examples=examples(30))
 @given(
     layer=st.sampled_from(LAYERS),
     place=st.tuples(st.sampled_from([-32_768, -3, 32_760, 70_000]), st.integers(-9, 9)),

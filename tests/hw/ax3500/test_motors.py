@@ -168,13 +168,13 @@ def test_trouble_stops_within_a_second_and_then_the_stick_must_be_let_go_first(w
     TROUBLES[what](bench)
     bench.run(1.02, (0.5, 0.5))
     assert bench.wheels.power() == STOPPED
-    bench.run(2.0, (0.5, 0.5))
+    bench.run(1.0, (0.5, 0.5))
     assert bench.wheels.power() == STOPPED
     assert bench.ax.trouble != ""
     bench.fake.emergency_stop = bench.fake.mute = bench.fake.deaf = bench.wire.cut = False
     bench.fake.status, bench.fake.w_rate, bench.wire.damage_rate = 0, 0.0, 0.0
     seen = len(bench.wheels.powers)
-    bench.run(4.0, (0.5, 0.5))
+    bench.run(3.0, (0.5, 0.5))
     assert bench.ax.status.state == "running"
     assert bench.wheels.powers[seen:] == []
     assert "let go of the stick" in bench.ax.trouble

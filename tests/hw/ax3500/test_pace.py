@@ -8,6 +8,7 @@ import pytest
 from hw.ax3500.lines import CHARACTER_S
 from hw.ax3500.schedule import Schedule
 from tests.support.bench_ax3500 import FakeBench
+from tests.support.cases import few
 
 AT_DIGITS = {4: 4_000, 6: 2_000_000, 8: 1_000_000_000}  # counts whose text is so long
 LOOK_S = 0.0005  # what a character takes, halved: a loop that wakes when bytes arrive
@@ -51,7 +52,7 @@ def test_more_than_fits_is_said_with_figures() -> None:
     assert float(fits.removesuffix(" fit")) == pytest.approx(hz, rel=0.1)
 
 
-@pytest.mark.parametrize("delay_s", [0.04, 0.08])
+@pytest.mark.parametrize("delay_s", few([0.08, 0.04], 1))
 def test_a_slow_controller_is_still_polled_by_turns(delay_s: float) -> None:
     """Two counters and at most one slow value: no gap beyond that, and no restart made up."""
     bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
@@ -68,7 +69,7 @@ def test_a_slow_controller_is_still_polled_by_turns(delay_s: float) -> None:
     assert bench.now_s - min(taken_s["^89"], taken_s["?I"]) < 2.5
 
 
-@pytest.mark.parametrize("delay_s", [0.002, 0.06])
+@pytest.mark.parametrize("delay_s", few([0.06, 0.002], 1))
 def test_a_stick_that_moves_all_the_time_leaves_the_counters_their_turn(delay_s: float) -> None:
     """Between two pairs at most seven exchanges: two commands, a counter, two, a slow value."""
     bench = FakeBench("rs232_watchdog", enable=True, poll_hz=20.0, look_s=LOOK_S)

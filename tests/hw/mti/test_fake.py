@@ -31,10 +31,9 @@ def late_s(attitude: Attitude) -> float:
     return math.remainder(off_rad, math.tau) / YAW_RADPS
 
 
-@pytest.mark.parametrize("drift_ppm", [200.0, -200.0])
-def test_bursts_and_drift_move_the_instants_by_a_tick_at_most(drift_ppm: float) -> None:
+def test_bursts_and_drift_move_the_instants_by_a_tick_at_most() -> None:
     bench = Bench(Scripted())
-    bench.device.burst_s, bench.device.drift_ppm = 0.016, drift_ppm
+    bench.device.burst_s, bench.device.drift_ppm = 0.016, 200.0
     bench.run(9.0)
     lates_s = [late_s(attitude) for attitude in bench.run(2.0)]
     # arrivals are seen in ticks, whose phase against the samples slides with the drift
@@ -46,10 +45,10 @@ def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model:
     bench = Bench(Scripted(model))
     if model in ("MTi-28", "MTi-30"):
         bench.device.exchange(0.0, wire("GoToConfig"))  # by another host
-    bench.run(3.0)
+    bench.run(2.5)
     assert (bench.state(), bench.cause()) == ("running", "")
-    attitudes = bench.run(1.0)
-    assert len(attitudes) == pytest.approx(100, abs=2)
+    attitudes = bench.run(0.5)
+    assert len(attitudes) == pytest.approx(50, abs=2)
     assert bench.mti.status.rejected == bench.mti.status.missed == 0
     assert bench.mti.clock_locked
     assert 0 < bench.mti.measured()["clock_uncertainty_s"] < 0.002

@@ -14,12 +14,11 @@ from tests.support.scripted_mti import (
     Scripted,
 )
 
-BOTH = [("MTi-28", request) for request in dict.fromkeys(CONVERSATION)] + [
-    ("MTi-30", request) for request in dict.fromkeys(NEW_CONVERSATION)
-]
+ASKED = dict.fromkeys(NEW_CONVERSATION, "MTi-30")
+ASKED |= dict.fromkeys(CONVERSATION, "MTi-28")  # of either, where both are asked
 HARMLESS = {0x1C, 0x12, 0x1E, 0x0C, 0xD4}
 every_request = pytest.mark.parametrize(
-    ("model", "request_"), BOTH, ids=lambda x: getattr(x, "hex", str)()
+    ("request_", "model"), ASKED.items(), ids=lambda x: getattr(x, "hex", str)()
 )
 
 

@@ -164,11 +164,11 @@ def test_no_flood_of_questions_is_kept() -> None:
 
 @pytest.mark.parametrize("longest", [48, 60, 65_535])
 def test_frames_are_no_longer_than_the_planner_and_the_protocol_take(longest: int) -> None:
-    sky = Sky(41, 1)
+    sky = Sky(21, 1)
     line = Line(sky, tiles=SkyTiles(sky), zone=ZONE)
     line.planner.mute = True
     line.port.give(encode_frame(9, 0, 1, 1, hello_body(longest, 10_000, longest)))
-    ask(line, longest, 1, (0, 0, 30, 30))
+    ask(line, longest, 1, (0, 0, 20, 20))
     lengths = []
     for _ in range(100):
         sky.change(100 if longest == 65_535 else 1)

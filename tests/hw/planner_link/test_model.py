@@ -78,7 +78,7 @@ def test_whatever_happens_who_is_not_suspect_holds_no_free_that_was_not_told(
         tiles=SkyTiles(sky), port=HeldPort(datagrams=baud is None),
     )  # fmt: skip
     upsets, compared = Upsets(line, seed), 0
-    for _ in range(250):
+    for _ in range(200):
         upsets.happen()
         line.tick()
         compared += upsets.check()

@@ -286,12 +286,15 @@ def test_silence_at_any_command_ends_in_scans_or_in_a_new_attempt(name: str) -> 
     assert (bench.state, bench.fake.state) == ("running", 7)
 
 
-def test_run_is_sent_whatever_fails_after_the_login() -> None:
+@pytest.mark.parametrize("name", ["sMN SetAccessMode", "sMN LMCstartmeas"])
+def test_run_is_sent_where_only_the_answer_to_the_login_or_to_what_follows_was_lost(
+    name: str,
+) -> None:
     bench = Bench()
-    bench.fake.answers["sMN LMCstartmeas"] = None
+    bench.fake.late_s[name] = 1e6
     bench.run_until_asked("sMN Run")
-    assert "the scanner does not answer LMCstartmeas" in bench.causes
-    assert bench.fake.asked.count("sMN SetAccessMode") == 1
+    assert ("sWN LMDscandatacfg" in bench.fake.asked) is (name == "sMN LMCstartmeas")
+    assert f"the scanner does not answer {name.split()[1]}" in bench.causes
     assert bench.fake.state == 7  # other hosts have their scans
 
 
@@ -305,14 +308,6 @@ def test_run_is_sent_on_the_next_connection_where_the_login_was_cut_off() -> Non
     assert bench.fake.asked[:3] == [*GREETING, "sMN Run"]
     assert "sMN SetAccessMode" not in bench.fake.asked
     assert bench.state == "running"
-
-
-def test_run_is_sent_where_only_the_answer_to_the_login_was_lost() -> None:
-    bench = Bench()
-    bench.fake.late_s["sMN SetAccessMode"] = 1e6
-    bench.run_until_asked("sMN Run")
-    assert "sWN LMDscandatacfg" not in bench.fake.asked
-    assert bench.fake.state == 7
 
 
 def test_a_refusal_that_comes_too_late_is_not_taken_for_the_next_commands() -> None:

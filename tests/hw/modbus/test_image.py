@@ -16,23 +16,14 @@ from tests.support import modbus_rig as rig
 
 def coarse(rows: list[list[int]]) -> list[list[int]]:
     """The slow model of the coarse map: the worst of each block, unknown outside."""
-    n = len(rows)
-    block = -(-n // COARSE_CELLS)
+    n, block = len(rows), -(-len(rows) // COARSE_CELLS)
     off = (COARSE_CELLS * block - n) // 2
-
-    def code(row: int, column: int) -> int:
-        inside = 0 <= row < n and 0 <= column < n
-        return rows[row][column] if inside else 0
-
-    def worst(row: int, column: int) -> int:
-        held = {
-            code(row * block - off + r, column * block - off + c)
-            for r in range(block)
-            for c in range(block)
-        }
-        return 2 if 2 in held else (0 if 0 in held else 1)
-
-    return [[worst(row, column) for column in range(COARSE_CELLS)] for row in range(COARSE_CELLS)]
+    padded = np.zeros((COARSE_CELLS, block, COARSE_CELLS, block), dtype=int)
+    padded.reshape(COARSE_CELLS * block, -1)[off : off + n, off : off + n] = rows
+    blocks = padded.swapaxes(1, 2).reshape(COARSE_CELLS, COARSE_CELLS, -1)
+    unknown = (blocks == 0).any(axis=2)
+    worst = np.where((blocks == 2).any(axis=2), 2, np.where(unknown, 0, 1))
+    return [[int(code) for code in row] for row in worst]
 
 
 @given(

@@ -241,6 +241,7 @@ def test_a_piece_counts_by_its_columns_and_place_modulo_65536() -> None:
     assert tile.here.tolist() == [[False] * 3, [False] * 3, [True] * 3]
 
 
+@settings(max_examples=examples(30))
 @given(
     rectangle=st.tuples(*[st.integers(-5, 12)] * 2, *[st.integers(0, 12)] * 2),
     first=st.integers(0, 60),

@@ -9,6 +9,7 @@ import pytest
 from fakes.ax3500.properties import Mode
 from hw.ax3500.motors import Motors, encode_motor
 from tests.support.bench_ax3500 import FakeBench
+from tests.support.cases import few
 
 HALF = pytest.approx((0.5, 0.5), abs=0.01)
 STOPPED = (0.0, 0.0)
@@ -160,7 +161,7 @@ TROUBLES: dict[str, Callable[[FakeBench], None]] = {
 }
 
 
-@pytest.mark.parametrize("what", TROUBLES)
+@pytest.mark.parametrize("what", few(TROUBLES, 6))
 def test_trouble_stops_within_a_second_and_then_the_stick_must_be_let_go_first(what: str) -> None:
     bench = motor_bench()
     bench.start((0.5, 0.5))

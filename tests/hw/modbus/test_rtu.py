@@ -2,7 +2,7 @@
 requests of any bytes whatever, none of which may make a server raise."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.modbus.client import Request
@@ -11,7 +11,7 @@ from hw.modbus.layout import MOST_READ
 from hw.modbus.network import datagram_requests, take_requests
 from hw.modbus.pdu import SERVED, Access, answer
 from hw.modbus.rtu import KEPT, RtuReceiver, crc16
-from tests.support.cases import cut
+from tests.support.cases import cut, examples
 from tests.support.modbus_rig import START_S, new_image
 
 OURS = frozenset({1, 2})
@@ -149,6 +149,7 @@ def test_no_bytes_make_the_network_frames_raise(data: bytes) -> None:
     assert all(one.pdu for one in found)
 
 
+@settings(max_examples=examples(30))
 @given(st.lists(st.one_of(requests(), st.binary(min_size=1, max_size=30)), max_size=20))
 def test_every_request_has_one_answer_that_is_no_longer_than_allowed(pdus: list[bytes]) -> None:
     image = new_image(ask=lambda *_: "")

@@ -130,7 +130,7 @@ class Life(RuleBasedStateMachine):
 
 
 TestLife = Life.TestCase
-TestLife.settings = settings(max_examples=examples(4), stateful_step_count=8)
+TestLife.settings = settings(max_examples=examples(3), stateful_step_count=8)
 
 
 PERIOD_S, BYTE_S, BYTES = 0.01, 10 / 115200, 55

@@ -4,7 +4,7 @@ import itertools
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.planner_mcu.receiver import FakePlanner
@@ -16,7 +16,7 @@ from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
 from mapod_link.frames import HELLO, bytes_from_frame, frame_from_bytes, signed_bytes_from_frame
-from tests.support.cases import few
+from tests.support.cases import examples, few
 from tests.support.planner_line import Line, Sky
 
 
@@ -193,6 +193,7 @@ def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again()
     assert line.link._map.lost == 0
 
 
+@settings(max_examples=examples(25))
 @given(
     moves=st.lists(
         st.tuples(st.integers(-4, 4), st.integers(-4, 4), st.integers(1, 40)), max_size=40

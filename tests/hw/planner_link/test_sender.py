@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cobs import cobs
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import FREE, OBSTACLE
@@ -23,7 +23,7 @@ from hw.planner_link.frames import (
 )
 from hw.planner_link.scheduler import FrameScheduler
 from mapod_link.frames import Frame, bytes_from_frame, frame_from_bytes
-from tests.support.cases import few
+from tests.support.cases import examples, few
 from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
 from tests.support.planner_sender import whole
 
@@ -200,6 +200,7 @@ def test_every_byte_that_goes_out_is_paid_for_also_the_zero_after_a_pause() -> N
     assert len(port.take()) == before - scheduler.budget.credit
 
 
+@settings(max_examples=examples(30))
 @given(
     size=st.integers(3, 40),
     corner=st.tuples(st.integers(-33000, 33000), st.integers(-33000, 33000)),

@@ -27,7 +27,7 @@ class TwoReceivers(RuleBasedStateMachine):
         self.fast, self.slow = Receiver(NONCE), SlowReceiver(NONCE)
         self.now_s, self.seq = 1.0, 0xFFF0
         self.ox, self.oy, self.geom_id, self.session = 32_760, -3, 7, 1
-        self.late: list[bytes] = []
+        self.size, self.late = (9, 5), list[bytes]()
 
     def made(self, kind: int, body: bytes) -> bytes:
         self.seq += 1
@@ -37,23 +37,18 @@ class TwoReceivers(RuleBasedStateMachine):
         self.fast.feed_datagram(self.now_s, frame)
         self.slow.feed_datagram(self.now_s, frame)
 
-    @rule(size=SIZES, restarts=st.booleans(), lost=st.booleans())
-    def geometry(self, size: tuple[int, int], restarts: bool, lost: bool) -> None:
-        """A new epoch, perhaps of a new run."""
-        self.geom_id = (self.geom_id + 1) % 256
-        if restarts:
-            self.session, self.seq = self.session + 1, 5
-        width, height = size
-        frame = self.made(GEOM, geom_body(self.geom_id, width, height, self.session))
-        self.size = size
-        if not lost:
+    @rule(
+        size=SIZES, restarts=st.booleans(), fate=st.sampled_from(["arrives", "lost", "told again"])
+    )
+    def geometry(self, size: tuple[int, int], restarts: bool, fate: str) -> None:
+        """A new epoch, perhaps of a new run; or the same again, as once a second."""
+        if fate != "told again":
+            self.size, self.geom_id = size, (self.geom_id + 1) % 256
+            if restarts:
+                self.session, self.seq = self.session + 1, 5
+        frame = self.made(GEOM, geom_body(self.geom_id, *self.size, self.session))
+        if fate != "lost":
             self.arrives(frame)
-
-    @rule()
-    def same_geometry(self) -> None:
-        """The same again, once a second."""
-        width, height = getattr(self, "size", (9, 5))
-        self.arrives(self.made(GEOM, geom_body(self.geom_id, width, height, self.session)))
 
     @rule(
         runs=RUNS,
@@ -63,12 +58,7 @@ class TwoReceivers(RuleBasedStateMachine):
         fate=st.sampled_from(["arrives", "arrives", "arrives", "lost", "late", "twice", "cut"]),
     )
     def cells(
-        self,
-        runs: list[tuple[int, int]],
-        start: int,
-        move: tuple[int, int],
-        lag: int,
-        fate: str,
+        self, runs: list[tuple[int, int]], start: int, move: tuple[int, int], lag: int, fate: str
     ) -> None:
         """A MAP frame; some of them pass the last cell."""
         self.ox, self.oy = self.ox + move[0], self.oy + move[1]
@@ -78,33 +68,26 @@ class TwoReceivers(RuleBasedStateMachine):
         frame = self.made(MAP, body)
         if fate == "late":
             self.late.append(frame)
-        elif fate != "lost":
-            for _ in range(2 if fate == "twice" else 1):
-                self.arrives(frame)
-
-    @rule(kind=st.sampled_from([POSE, STOP_ZONE, 7, 13, 8, 9, 10, 11, 12]), lost=st.booleans())
-    def others(self, kind: int, lost: bool) -> None:
-        """What is no map."""
-        frame = self.made(kind, {POSE: pose_body(), STOP_ZONE: zone_body()}.get(kind, b"new"))
-        if not lost:
+        for _ in range({"late": 0, "lost": 0, "twice": 2}.get(fate, 1)):
             self.arrives(frame)
+
+    @rule(kind=st.sampled_from([POSE, STOP_ZONE, 7, 13, 8, 9, 10, 11, 12]))
+    def others(self, kind: int) -> None:
+        bodies = {POSE: pose_body(), STOP_ZONE: zone_body()}
+        self.arrives(self.made(kind, bodies.get(kind, b"new")))
 
     @rule(right=st.booleans(), own=st.booleans())
     def digest(self, right: bool, own: bool) -> None:
-        """Of the map that the receiver holds, or of another."""
-        geom_id = self.geom_id if own else 99
-        crc = self.fast.digest() ^ (0 if right else 1)
-        self.arrives(self.made(DIGEST, struct.pack("<BxxxI", geom_id, crc)))
+        crc = self.fast.digest() ^ (not right)
+        self.arrives(self.made(DIGEST, struct.pack("<BxxxI", self.geom_id if own else 99, crc)))
 
     @rule()
     def what_was_late(self) -> None:
-        """Frames overtaken by others."""
         while self.late:
             self.arrives(self.late.pop())
 
     @rule(at=st.integers(0, 200), change=st.integers(1, 255))
     def damaged(self, at: int, change: int) -> None:
-        """A frame with a wrong byte."""
         frame = bytearray(self.made(MAP, map_body(op(1, 9), geom_id=self.geom_id)))
         frame[at % len(frame)] ^= change
         self.arrives(bytes(frame))
@@ -135,4 +118,4 @@ class TwoReceivers(RuleBasedStateMachine):
 
 
 TestTwoReceivers = TwoReceivers.TestCase
-TestTwoReceivers.settings = settings(max_examples=examples(30), stateful_step_count=40)
+TestTwoReceivers.settings = settings(max_examples=examples(12), stateful_step_count=40)

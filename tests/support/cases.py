@@ -1,6 +1,7 @@
 """How many cases of a test each run tries, and which are left to `make test-all` and `nightly`."""
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -19,3 +20,9 @@ def few(cases: Iterable[Any], count: int) -> list[Any]:
 def examples(count: int) -> int:
     """So many examples of a property that costs more than most; in proportion for `nightly`."""
     return round(count * settings().max_examples / USUAL)
+
+
+def cut(stream: bytes, cuts: Iterable[int]) -> list[bytes]:
+    """The stream in pieces."""
+    edges = [0, *sorted(min(at, len(stream)) for at in cuts), len(stream)]
+    return [stream[a:b] for a, b in pairwise(edges)]

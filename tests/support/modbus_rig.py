@@ -2,16 +2,18 @@
 
 import asyncio
 import contextlib
+import functools
 import math
 import os
 import socket
 import struct
 import tty
 from collections.abc import AsyncIterator, Callable, Coroutine
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from core.records import FREE, I8, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import DeviceStatus
@@ -33,18 +35,18 @@ READ_TEN = bytes.fromhex("00 01 00 00 00 06 01 03 00 00 00 0A")
 class Clock:
     """A clock that a test moves."""
 
-    def __init__(self) -> None:
-        self.now_s = START_S
+    now_s = START_S
 
     def __call__(self) -> float:
         return self.now_s
 
 
+@dataclass
 class Later:
     """A call to come."""
 
-    def __init__(self, due_s: float, callback: Callable[[], object]) -> None:
-        self.due_s, self.callback = due_s, callback
+    due_s: float
+    callback: Callable[[], object]
 
     def cancel(self) -> None:
         self.callback = int
@@ -88,13 +90,11 @@ def context_of(image: RegisterImage, loop: Any) -> ServerContext:
 def window_of(
     cells: I8, corner: tuple[int, int] = (-7, 3), *, trusted: bool = True, epoch: int = 0
 ) -> ObstacleMap:
-    """An obstacle window of these ring cells."""
     changed = np.zeros(0, dtype=np.int32)
     return ObstacleMap(cells, corner[0], corner[1], changed, epoch, trusted)
 
 
 def some_cells(seed: int, size: int = SIZE) -> I8:
-    """Cells of all three states."""
     return np.random.default_rng(seed).integers(-1, 2, (size, size)).astype(np.int8)
 
 
@@ -117,7 +117,6 @@ async def until(done: Callable[[], object]) -> None:
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    """A port of this machine that nobody uses."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -127,7 +126,6 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 async def serving(
     url: str, image: RegisterImage, clock: Callable[[], float], unit: int = 1
 ) -> AsyncIterator[ModbusServer]:
-    """A server that runs."""
     server = ModbusServer(url, image, clock, unit=unit)
     server.start()
     try:
@@ -148,7 +146,6 @@ class Tcp:
         return cls(*await asyncio.open_connection("127.0.0.1", port))
 
     async def another(self) -> "Tcp":
-        """One more, to the same server."""
         return await Tcp.connect(self.writer.get_extra_info("peername")[1])
 
     async def ask(self, request: bytes) -> bytes:
@@ -156,7 +153,6 @@ class Tcp:
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next one."""
         head = await asyncio.wait_for(self.reader.readexactly(6), 60)
         return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 60)
 
@@ -187,7 +183,6 @@ class Udp(asyncio.DatagramProtocol):
         return client
 
     async def another(self) -> "Udp":
-        """One more, to the same server."""
         return await Udp.connect(self.transport.get_extra_info("peername")[1])
 
     def datagram_received(self, data: bytes, addr: object) -> None:
@@ -201,7 +196,6 @@ class Udp(asyncio.DatagramProtocol):
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next one."""
         return await asyncio.wait_for(self.heard.get(), 60)
 
     def close(self) -> None:
@@ -243,21 +237,43 @@ class Line:
 Talk = Callable[[Any, ModbusServer, Clock], Coroutine[Any, Any, None]]
 
 
-def converse(kind: str, talk: Talk) -> None:
-    """Run a conversation with a server: of a client on a fresh port, or the master of a line."""
+def in_loop(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
+    """The test, run in an event loop of its own."""
 
-    async def run() -> None:
-        clock, port, client = Clock(), free_port(), Line() if kind == "serial" else None
-        at = f"{client.path}?baud=115200" if client else f"127.0.0.1:{port}"
-        async with serving(f"{kind}://{at}", new_image(), clock) as server:
-            one = client or await (Tcp if kind == "tcp" else Udp).connect(port)
-            await talk(one, server, clock)
-            if one is not client:
-                one.close()
-        if client:
-            client.close()
+    @functools.wraps(test)
+    def run(*given: Any, **named: Any) -> None:
+        asyncio.run(test(*given, **named))
 
-    asyncio.run(run())
+    return run
+
+
+def talk(*kinds: str) -> Callable[[Talk], Callable[..., None]]:
+    """A conversation as a test, once by each kind of port.
+
+    It gets a client on a fresh port, or the master of a line; the server; and the clock.
+    """
+
+    def test_of(conversation: Talk) -> Callable[..., None]:
+        @in_loop
+        async def test(kind: str) -> None:
+            await converse(kind, conversation)
+
+        tried: Callable[..., None] = pytest.mark.parametrize("kind", kinds)(test)
+        return tried
+
+    return test_of
+
+
+async def converse(kind: str, conversation: Talk) -> None:
+    clock, port, line = Clock(), free_port(), Line() if kind == "serial" else None
+    at = f"{line.path}?baud=115200" if line else f"127.0.0.1:{port}"
+    async with serving(f"{kind}://{at}", new_image(), clock) as server:
+        one = line or await (Tcp if kind == "tcp" else Udp).connect(port)
+        await conversation(one, server, clock)
+        if one is not line:
+            one.close()
+    if line:
+        line.close()
 
 
 def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:
@@ -267,7 +283,6 @@ def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: i
 
 
 def words_of(answer: bytes) -> list[int]:
-    """The registers in the answer to a read over TCP or UDP."""
     assert answer[7] < 0x80, f"refused with {answer[8]}"
     data = answer[9:]
     assert len(data) == answer[8]

@@ -50,7 +50,6 @@ class Sky:
         return pattern
 
     def show(self, where: npt.NDArray[np.bool_], value: int) -> None:
-        """Those cells get that meaning."""
         self.cells[where] = value
         self._changed += np.flatnonzero(where).tolist()
 
@@ -66,7 +65,6 @@ class Sky:
                 self.cells[j % self.size, :] = 0
 
     def window(self) -> ObstacleMap:
-        """As the core hands it over."""
         changed: I32 = np.array(sorted(set(self._changed)), dtype=np.int32)
         self._changed.clear()
         return ObstacleMap(self.cells, *self.corner, changed, self.epoch, self.trusted)
@@ -85,7 +83,6 @@ class SkyTiles:
         self.sky, self.calls = sky, 0
 
     def values(self, layer: str, i: int, j: int, width: int, first: int, count: int) -> F32 | None:
-        """As `TileSource` says; there is no slope."""
         self.calls += 1
         if layer == "slope":
             return None
@@ -109,7 +106,6 @@ class HeldPort(MemoryPort):
 
     @property
     def backlog(self) -> int:
-        """Bytes that wait."""
         return 100_000 if self.held else 0
 
     @backlog.setter
@@ -151,18 +147,13 @@ class Line:
         self.frames: list[bytes] = []  # of the last tick
 
     def tick(self) -> None:
-        """One tick of the link."""
         self.now_s += 1 / self.rate_hz
         self.link.step(self.now_s, POSE_REPORT, self.sky.window(), self.zone, self.tiles)
         pieces = self.port.take_datagrams()
         self.tick_bytes.append(sum(map(len, pieces)))
         self.frames = list(pieces)
         if self.port.datagrams and len(pieces) > 1 and self.random.random() < self.loss:
-            pieces[-2:] = [
-                pieces[-1],
-                pieces[-2],
-                pieces[-2],
-            ]  # one overtakes, one comes twice
+            pieces[-2:] = [pieces[-1], pieces[-2], pieces[-2]]  # one overtakes, one comes twice
         for piece in pieces:
             if self.random.random() < self.loss:
                 continue
@@ -175,7 +166,6 @@ class Line:
                 self.port.give(frame if self.port.datagrams else serial_from_frame(frame))
 
     def settle(self, seconds: float) -> None:
-        """Let time pass without changes."""
         for _ in range(round(seconds * self.rate_hz)):
             self.tick()
 
@@ -194,5 +184,4 @@ class Line:
         )
 
     def holds_what_is_meant(self) -> bool:
-        """Receiver's map equals the sender's, cell by cell."""
         return bool(np.array_equal(self.planner.window(), self.sky.meant()))

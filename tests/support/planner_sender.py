@@ -54,7 +54,6 @@ def map_body(
 
 
 def op(state: int, length: int) -> bytes:
-    """One operation, section 3."""
     if length <= 63:
         return bytes([state << 6 | length - 1])
     rest, encoded = length - 64, bytearray([state << 6 | 63])
@@ -70,18 +69,12 @@ R = TypeVar("R", bound=Receiver)
 class Line(Generic[R]):
     """A sender without a mind: numbers frames, lets time pass."""
 
-    def __init__(self, planner: R, seq: int = 0) -> None:
-        self.planner, self.seq, self.now_s = planner, seq, 0.0
-        self._heard_s: dict[int, float] = {}
-
-    def planner_heard(self, frame_type: int) -> float:
-        """When a frame of that type arrived last."""
-        return self._heard_s[frame_type]
+    def __init__(self, planner: R) -> None:
+        self.planner, self.seq, self.now_s = planner, 0, 0.0
 
     def send(self, frame_type: int, body: bytes, lost: bool = False) -> int:
         self.seq, self.now_s = self.seq + 1, self.now_s + 0.01
         if not lost:
-            self._heard_s[frame_type] = self.now_s
             frame = bytes_from_frame(frame_type, self.seq, round(self.now_s * 1000), body)
             self.planner.feed_datagram(self.now_s, frame)
         return self.seq
@@ -95,14 +88,12 @@ def with_map(line: Line[R], width: int = 9, height: int = 5) -> Line[R]:
     return line
 
 
-def begun(width: int = 9, height: int = 5, seq: int = 0) -> Line[FakePlanner]:
-    """A line to a fake planner with geometry 7, a pose and a blank window at the origin."""
-    return with_map(Line(FakePlanner(), seq), width, height)
+def begun() -> Line[FakePlanner]:
+    return with_map(Line(FakePlanner()))
 
 
-def receiving(width: int = 9, height: int = 5, seq: int = 0) -> Line[Receiver]:
-    """Likewise to the public receiver."""
-    return with_map(Line(Receiver(NONCE), seq), width, height)
+def receiving() -> Line[Receiver]:
+    return with_map(Line(Receiver(NONCE)))
 
 
 def zone_body(state: int = 1, causes: int = 0) -> bytes:

@@ -14,34 +14,20 @@ from tests.support.mti_frames import framed, wire
 
 F64 = npt.NDArray[np.float64]
 TICK_S, BAUD, YAW_RADPS = 0.005, 115200, 0.5
+GREETING = [wire(name) for name in ("GoToConfig", "ReqDID", "ReqProductCode", "ReqFWRev")]
 CONVERSATION = [  # section 8: what differs from the wish is set, and read back
-    wire("GoToConfig"),
-    wire("ReqDID"),
-    wire("ReqProductCode"),
-    wire("ReqFWRev"),
-    wire("ReqConfiguration"),
-    wire("ReqOutputMode"),
-    wire("ReqPeriod"),
-    wire("ReqOutputMode"),
-    wire("SetOutputMode"),
-    wire("ReqOutputMode"),
-    wire("ReqOutputSettings"),
-    wire("SetOutputSettings"),
-    wire("ReqOutputSettings"),
+    *GREETING,
+    *map(wire, ("ReqConfiguration", "ReqOutputMode", "ReqPeriod")),
+    *map(wire, ("ReqOutputMode", "SetOutputMode", "ReqOutputMode")),
+    *map(wire, ("ReqOutputSettings", "SetOutputSettings", "ReqOutputSettings")),
     framed(0xD4),
-    wire("ReqConfiguration"),
-    wire("GoToMeasurement"),
+    *map(wire, ("ReqConfiguration", "GoToMeasurement")),
 ]
 NEW_OUTPUTS = bytes.fromhex("1020 FFFF 1060 FFFF 2010 0064 8020 0064 C020 0064")
 NEW_REQUEST, NEW_READ = framed(0xC0, NEW_OUTPUTS), framed(0xC0)
 NEW_CONVERSATION = [
-    *CONVERSATION[:4],
-    framed(0x1E),
-    wire("ReqConfiguration"),
-    NEW_READ,
-    NEW_REQUEST,
-    NEW_READ,
-    wire("GoToMeasurement"),
+    *(*GREETING, framed(0x1E), wire("ReqConfiguration")),
+    *(NEW_READ, NEW_REQUEST, NEW_READ, wire("GoToMeasurement")),
 ]
 
 
@@ -106,7 +92,6 @@ class Bench:
         return self.mti.status.cause
 
     def run(self, seconds: float) -> list[Attitude]:
-        """What was measured in that time."""
         measured = []
         for _ in range(round(seconds / TICK_S)):
             self.wire.step(self.now_s)

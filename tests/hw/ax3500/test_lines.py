@@ -1,12 +1,13 @@
-"""AX3500 lines and numbers: the sheet's tables, and whatever else may come over the wire."""
+"""What an AX3500 says: lines and values by the sheet's tables, and whatever else may come."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fakes.ax3500.device import FakeAx3500
+from fakes.wires.wire import Wire
 from hw.ax3500.lines import (
     BATTERY_V,
     INTERNAL_V,
@@ -20,7 +21,10 @@ from hw.ax3500.lines import (
     maybe_rollover,
     wrap_difference,
 )
+from hw.ax3500.values import VALUES, ControllerState, describe_status, state_after_answer
 from hw.device import BadFrame
+from tests.support.bench_ax3500 import FakeBench
+from tests.support.cases import cut
 
 # section 5, both columns
 NUMBERS = {
@@ -57,13 +61,10 @@ def test_the_table_of_scaled_replies_holds(vectors: Path) -> None:
         else:
             step_v = BATTERY_V if which == ["main"] else INTERNAL_V
             assert byte * step_v == pytest.approx(float(number), abs=6e-4)
-
-
-def test_temperatures_are_linear_between_the_points_and_end_at_the_ends() -> None:
-    assert celsius_from_thermistor(152) == pytest.approx(25.4, abs=0.05)
     values = [celsius_from_thermistor(value) for value in range(256)]
     assert values == sorted(values, reverse=True)
     assert (values[0], values[255]) == (150.0, -40.0)
+    assert values[152] == pytest.approx(25.4, abs=0.05)
 
 
 @pytest.mark.parametrize("text", ["", "123456789", "G", "+5", "-", "0x1", "1 2", "5\n", "OK"])
@@ -77,13 +78,11 @@ def test_what_does_more_than_read_cannot_be_encoded(query: str) -> None:
         encode_query(query)
 
 
-def test_a_watchdog_letter_inside_an_echo_is_taken_out_and_told() -> None:
+def test_what_is_no_character_of_a_line_is_taken_out_and_a_watchdog_letter_told() -> None:
     events = LineParser().feed(1.0, bytes.fromhex("3F 51 57 30 0D 37 44 30 0D"))
     assert events == [WatchdogStop(), Line("?Q0", 1.0), Line("7D0", 1.0)]
-
-
-def test_parity_bits_nul_and_line_feed_are_taken_out() -> None:
-    assert texts(b"\xbf\x51\xb0\x8d\n\0\r7\x00D\n0\r") == ["?Q0", "7D0"]
+    parity_nul_and_line_feed = b"\xbf\x51\xb0\x8d\n\0\r7\x00D\n0\r"
+    assert texts(parity_nul_and_line_feed) == ["?Q0", "7D0"]
 
 
 def test_a_line_carries_the_time_of_its_first_character() -> None:
@@ -96,9 +95,8 @@ def test_a_line_carries_the_time_of_its_first_character() -> None:
 @given(pieces=st.lists(WIRE, max_size=20), cuts=st.lists(st.integers(0, 80)))
 def test_where_the_stream_is_cut_makes_no_difference(pieces: list[bytes], cuts: list[int]) -> None:
     stream = b"".join(pieces)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     parser = LineParser()
-    events = [event for a, b in pairwise(edges) for event in parser.feed(0.0, stream[a:b])]
+    events = [event for piece in cut(stream, cuts) for event in parser.feed(0.0, piece)]
     assert events == LineParser().feed(0.0, stream)
 
 
@@ -117,15 +115,88 @@ def test_lines_survive_a_line_without_end_and_control_characters() -> None:
     assert events[-1] == Line("7D0", 0.0)
 
 
-def test_differences_go_the_short_way_round() -> None:
+def test_differences_go_the_short_way_round_and_a_rollover_is_told_from_a_restart() -> None:
     assert wrap_difference(-(2**31), 2**31 - 1) == 1
     assert wrap_difference(2**31 - 1, -(2**31)) == -1
     assert wrap_difference(5, -6) == 11
+    for count, before, rolled in (
+        (0, 2**31 - 1, 1), (-1, -(2**31), -2), (0, -(2**31), -1),
+        (0, 10**6, None), (2 * 10**6, 2**31 - 1, None),  # a restart
+    ):  # fmt: skip
+        assert maybe_rollover(count, before) == rolled
 
 
-def test_a_rollover_to_zero_is_told_from_a_restart() -> None:
-    assert maybe_rollover(0, 2**31 - 1) == 1
-    assert maybe_rollover(-1, -(2**31)) == -2
-    assert maybe_rollover(0, -(2**31)) == -1
-    assert maybe_rollover(0, 10**6) is None
-    assert maybe_rollover(2 * 10**6, 2**31 - 1) is None
+AX3500 = 0x68
+
+
+def answered(query: str, *texts: str, identity: int | None = AX3500) -> ControllerState:
+    state = state_after_answer(ControllerState(), query, list(texts), 1.0, identity)
+    assert state is not None
+    return state
+
+
+def test_the_examples_of_the_sheet() -> None:
+    state = answered("?E", "70", "6C")
+    assert state.battery_v == pytest.approx(24.06, abs=0.005)
+    assert state.internal_v == pytest.approx(12.02, abs=0.005)
+    assert answered("?A", "0B", "00").amps == (5.5, 0.0)
+    assert answered("?M", "98", "80").celsius == pytest.approx((25.4, 35.0), abs=0.05)
+    assert answered("?I", "00", "01", "01").emergency_stop is False
+    assert answered("?I", "00", "01", "00").emergency_stop is True
+
+
+@pytest.mark.parametrize(
+    ("identity", "amps"),
+    [(0x68, 8.0), (0x48, 8.0), (0x02, 4.0), (0x04, 16.0), (0x24, 16.0), (0x01, None), (None, None)],
+)
+def test_amps_follow_the_model_and_are_unknown_where_its_scale_is(
+    identity: int | None, amps: float | None
+) -> None:
+    expected = None if amps is None else (amps, 0.0)
+    assert answered("?A", "10", "00", identity=identity).amps == expected
+
+
+def test_status_bits_have_names() -> None:
+    assert answered("^89", "02").trouble == "the controller reports overtemperature"
+    assert describe_status(0xFF) == (
+        *("overvoltage", "overtemperature", "undervoltage", "outputs forced off"),
+        *("status bit 4", "short circuit", "encoder error", "emergency stop"),
+    )
+
+
+@pytest.mark.parametrize(
+    ("query", "texts"),
+    [("?E", ["70", "G0"]), ("?E", ["70"]), ("?I", ["00", "00", "02"]), ("?A", ["1", "00"])],
+)
+def test_a_damaged_answer_changes_nothing(query: str, texts: list[str]) -> None:
+    assert state_after_answer(ControllerState(), query, texts, 1.0, AX3500) is None
+
+
+def test_what_is_refused_is_not_known_any_more() -> None:
+    state = ControllerState()
+    for query, count in VALUES.items():
+        state = state_after_answer(state, query, ["01"] * count, 1.0, AX3500) or state
+    assert len(state.measured()) == 6
+    assert (state.status, state.emergency_stop) == (1, False)
+    for query in VALUES:
+        state = state_after_answer(state, query, ["-"], 2.0, AX3500) or state
+    assert state == ControllerState(taken_s=dict.fromkeys(VALUES, 2.0))
+    assert state.measured() == {}
+
+
+@pytest.mark.parametrize(("model", "amps"), [("AX3500", 7.5), ("AX2850", 7.0)])
+def test_values_of_each_model_are_told_in_si_units_beside_the_counters(
+    model: str, amps: float
+) -> None:
+    bench = FakeBench()
+    bench.fake = FakeAx3500(bench.wheels, 1, model=model)  # type: ignore[arg-type, assignment]
+    bench.fake.amps = (amps, 0.0)
+    bench.wire = Wire(bench.fake, bench.port, 1)
+    bench.run(4.0)
+    expected = {"battery_v": 24.06, "internal_v": 12.02, "amps_1": amps, "amps_2": 0.0}
+    expected |= {"celsius_1": 25.0, "celsius_2": 25.0, "watchdog_stops": 0}
+    assert bench.ax.measured() == pytest.approx(expected, abs=0.2)
+    state = bench.ax.stream.controller
+    assert (state.status, bench.ax.emergency_stop, bench.ax.trouble) == (0, False, "")
+    assert all(bench.now_s - taken_s < 2.5 for taken_s in state.taken_s.values())
+    assert bench.ax.identity == {"AX3500": "^8A 68", "AX1500": "^8A 22", "AX2850": "^8A 24"}[model]

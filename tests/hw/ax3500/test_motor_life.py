@@ -111,7 +111,7 @@ class MotorLife(RuleBasedStateMachine):
         fake.status = 0
         if fake.encoders.hung:  # by a Z or an address that the damage made: nothing else helps
             fake.power_cycle(bench.now_s)
-        self.run(6.0)
+        self.run(4.5)
         assert bench.ax.status.state == "running"
         self.wish = (0.0, 0.0)
         self.run(0.6)
@@ -190,4 +190,4 @@ class MotorLife(RuleBasedStateMachine):
 
 
 TestMotorLife = MotorLife.TestCase
-TestMotorLife.settings = settings(max_examples=examples(6), stateful_step_count=15)
+TestMotorLife.settings = settings(max_examples=examples(4), stateful_step_count=12)

@@ -61,11 +61,7 @@ def heard_text(text: str | bytes) -> Any:
             BOTH_ECHOES,
             "sWN LMDscandatacfg 03 00 0 0 0 00 00 0 0 0 1 +1",
         ),
-        (
-            commands.set_output_range(2500),
-            WHOLE_RANGE,
-            "sWN LMPoutputRange 1 9C4 FFF92230 225510",
-        ),
+        (commands.set_output_range(2500), WHOLE_RANGE, "sWN LMPoutputRange 1 9C4 FFF92230 225510"),
     ],
 )
 def test_commands_are_the_sheets(command: Command, frame: bytes, text: str | bytes | None) -> None:

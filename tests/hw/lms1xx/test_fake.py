@@ -88,11 +88,11 @@ def test_times_hold_while_the_devices_clock_drifts_and_the_wire_is_late() -> Non
     bench.fake.drift_ppm = 200.0
     bench.fake.clock_offset_us = 2**32 - 6_000_000  # wraps on the way
     errors_s = []
-    for tick in range(120):  # a delay that comes and goes, 0 to 30 ms
+    for tick in range(80):  # a delay that comes and goes, 0 to 30 ms
         bench.wire.delay_s = 0.01 * (1 + math.sin(tick)) if tick % 5 else 0.0
         errors_s += [abs(late_s(scan)) for scan in bench.run(0.1)]
     assert bench.state == "running"
-    assert len(errors_s) > 550
+    assert len(errors_s) > 370
     assert np.percentile(errors_s[100:], 99) < 0.002
     assert bench.lms.status.missed == 0
 
@@ -168,5 +168,5 @@ class Faults(RuleBasedStateMachine):
         raise AssertionError(self.bench.lms.status)
 
 
-Faults.TestCase.settings = settings(max_examples=examples(4), stateful_step_count=8)
+Faults.TestCase.settings = settings(max_examples=examples(3), stateful_step_count=6)
 TestFaults = Faults.TestCase

@@ -1,17 +1,17 @@
 """CoLa streams of both dialects: cut anywhere, mixed with junk, damaged, never ending."""
 
 import random
-from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, REPORTED_SIZE, ColaParser
 from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, decode, new_parser
 from tests import VECTORS
+from tests.support.cases import cut, examples
 from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 PACKED = [
@@ -21,6 +21,7 @@ WRITTEN = [texted(TEXTS[name]) for name in ("scan A", "scan B", "scan is 50", "w
 TELEGRAMS = {"binary": PACKED, "ascii": WRITTEN, "auto": [*PACKED, *WRITTEN]}
 REFUSED, LOGGED_IN = texted(TEXTS["write denied"]), FRAMES["logged in"]
 DIALECTS = st.sampled_from(list(TELEGRAMS))
+FEWER = settings(max_examples=examples(25))
 
 
 def fed(dialect: str, *pieces: bytes) -> list[Any]:
@@ -40,6 +41,7 @@ def comparable(events: list[Any]) -> list[str]:
     return texts
 
 
+@FEWER
 @given(st.data(), DIALECTS)
 def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_telegram(
     data: st.DataObject, dialect: str
@@ -51,29 +53,22 @@ def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_telegram(
         assert len(parser._buffer) <= MAX_TEXT + 200
 
 
-@given(st.data(), DIALECTS)
-def test_telegrams_survive_junk(data: st.DataObject, dialect: str) -> None:
+@FEWER
+@given(st.data(), DIALECTS, st.lists(st.integers(0, 1200), max_size=8))
+def test_telegrams_survive_junk_and_any_cutting(
+    data: st.DataObject, dialect: str, cuts: list[int]
+) -> None:
     junk = st.binary(max_size=30)
     if dialect != "binary":  # a start mark in it may be that of a text
         junk = junk.map(lambda piece: piece.replace(b"\x02", b""))
     parts = data.draw(st.lists(st.tuples(junk, st.sampled_from(TELEGRAMS[dialect])), max_size=6))
     stream = b"".join(piece + telegram for piece, telegram in parts) + data.draw(junk)
     events = fed(dialect, stream, b"\xff")  # after that byte nothing is the start of a telegram
+    assert comparable(fed(dialect, *cut(stream, cuts), b"\xff")) == comparable(events)
     found = [event for event in events if not isinstance(event, BadFrame)]
     whole = fed(dialect, b"".join(telegram for _, telegram in parts))
     assert comparable(found) == comparable(whole)
     assert len(found) == len(parts)
-
-
-@given(st.data(), DIALECTS, st.lists(st.integers(0, 1200), max_size=8))
-def test_where_the_stream_is_cut_makes_no_difference(
-    data: st.DataObject, dialect: str, cuts: list[int]
-) -> None:
-    part = st.tuples(st.binary(max_size=30), st.sampled_from(TELEGRAMS[dialect]))
-    stream = b"".join(junk + telegram for junk, telegram in data.draw(st.lists(part, max_size=6)))
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
-    pieces = [stream[a:b] for a, b in pairwise(edges)]
-    assert comparable(fed(dialect, *pieces)) == comparable(fed(dialect, stream))
 
 
 @pytest.mark.parametrize("frame", PACKED, ids=["scan A", "answer", "refusal", "ready", "scan B"])
@@ -91,12 +86,8 @@ def test_any_byte_altered_is_rejected_and_the_next_telegrams_are_read(frame: byt
 @pytest.mark.parametrize(
     ("stuck", "after", "good"),
     [
-        (
-            b"\x02\x02\x02\x02\x00\x00\x40\x00sRA and no more",
-            LOGGED_IN,
-            Answer("sAN", "SetAccessMode", b"\1"),
-        ),
-        (b"\x02sRA LMPsc", REFUSED, Refusal(0x0A, "ascii")),
+        (b"\2\2\2\2\0\0\x40\0sRA x", LOGGED_IN, Answer("sAN", "SetAccessMode", b"\1")),
+        (b"\2sRA LMPsc", REFUSED, Refusal(0x0A, "ascii")),
     ],
     ids=["binary", "ascii"],
 )

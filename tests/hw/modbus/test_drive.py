@@ -37,18 +37,14 @@ class Commander:
 
 
 def enabled() -> tuple[RegisterImage, Commander]:
-    """An image with drive registers."""
     commander = Commander()
     return new_image(ask=commander), commander
 
 
-def test_where_driving_is_not_enabled_there_are_no_such_registers() -> None:
+def test_a_request_is_taken_whole_and_acknowledged_where_driving_is_enabled() -> None:
     image = new_image()
     assert image.read(START_S, None, DRIVE, 1) == Refusal.ADDRESS
     assert image.write(START_S, START_S, None, "", DRIVE, [V, W, 200, 1]) == Refusal.ADDRESS
-
-
-def test_a_request_is_taken_whole_and_acknowledged() -> None:
     image, commander = enabled()
     assert words(image, DRIVE, 10) == [0] * 10
     assert image.write(START_S, START_S, None, "me", DRIVE, [V, W, 200, 7]) is Refusal.NONE

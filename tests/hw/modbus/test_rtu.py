@@ -1,9 +1,8 @@
 """RTU frames out of a stream: cut anywhere, after noise, between what other slaves say; and
 requests of any bytes whatever, none of which may make a server raise."""
 
-from itertools import pairwise
-
-from hypothesis import given
+import pytest
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.modbus.client import Request
@@ -12,6 +11,7 @@ from hw.modbus.layout import MOST_READ
 from hw.modbus.network import datagram_requests, take_requests
 from hw.modbus.pdu import SERVED, Access, answer
 from hw.modbus.rtu import KEPT, RtuReceiver, crc16
+from tests.support.cases import cut, examples
 from tests.support.modbus_rig import START_S, new_image
 
 OURS = frozenset({1, 2})
@@ -28,7 +28,6 @@ OTHER_TALK = [  # question and answer; of some functions both have the same leng
 
 
 def framed(unit: int, pdu: bytes) -> bytes:
-    """With its checksum."""
     frame = bytes((unit,)) + pdu
     return frame + crc16(frame).to_bytes(2, "little")
 
@@ -69,12 +68,6 @@ def spoken_by_others(draw: st.DrawFn) -> bytes:
     if how == "refuses":
         return ask + framed(unit, bytes((code | 0x80, 2)))
     return ask + (framed(unit, bytes((code, len(inside))) + inside) if how == "answers" else b"")
-
-
-def cut(data: bytes, cuts: list[int]) -> list[bytes]:
-    """Pieces."""
-    edges = [0, *sorted(min(at, len(data)) for at in cuts), len(data)]
-    return [data[a:b] for a, b in pairwise(edges)]
 
 
 CUTS = st.lists(st.integers(0, 300), max_size=6)
@@ -156,6 +149,7 @@ def test_no_bytes_make_the_network_frames_raise(data: bytes) -> None:
     assert all(one.pdu for one in found)
 
 
+@settings(max_examples=examples(30))
 @given(st.lists(st.one_of(requests(), st.binary(min_size=1, max_size=30)), max_size=20))
 def test_every_request_has_one_answer_that_is_no_longer_than_allowed(pdus: list[bytes]) -> None:
     image = new_image(ask=lambda *_: "")
@@ -167,18 +161,18 @@ def test_every_request_has_one_answer_that_is_no_longer_than_allowed(pdus: list[
             assert len(told) == 2 if told[0] & 0x80 else 2 <= len(told) <= 2 + 2 * MOST_READ
 
 
-def test_single_bits_are_those_of_the_registers() -> None:
-    access = access_to(new_image())
-    assert answer(bytes.fromhex("01 00 00 00 10"), access).hex() == "0102504d"
-    assert answer(bytes.fromhex("02 01 51 00 04"), access).hex() == "02010f"
-    whole = answer(bytes.fromhex("01 00 00 07 D0"), access)
-    assert len(whole) == 2 + 250
-    assert answer(bytes.fromhex("02 0A AF 00 01"), access)[0] == 2
-    assert answer(bytes.fromhex("02 0A B0 00 01"), access) == b"\x82\x02"
-
-
-def test_writing_and_reading_in_one_request_writes_first() -> None:
+@pytest.mark.parametrize(
+    ("request_", "told"),
+    [
+        ("01 00 00 00 10", "01 02 50 4D"),  # bits are those of the registers
+        ("02 01 51 00 04", "02 01 0F"),
+        ("02 0A AF 00 01", "02 01 00"),
+        ("02 0A B0 00 01", "82 02"),
+        ("17 00 5A 00 01 00 5A 00 01 02 00 01", "17 02 00 01"),  # it writes first
+        ("16 00 5A 00 00 00 01", "16 00 5A 00 00 00 01"),
+    ],
+)
+def test_single_bits_and_writing_with_reading(request_: str, told: str) -> None:
     image = new_image()
     access = access_to(image, image.new_view())
-    assert answer(bytes.fromhex("17 00 5A 00 01 00 5A 00 01 02 00 01"), access).hex() == "17020001"
-    assert answer(bytes.fromhex("16 00 5A 00 00 00 01"), access).hex() == "16005a00000001"
+    assert answer(bytes.fromhex(request_), access) == bytes.fromhex(told)

@@ -15,25 +15,10 @@ from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from hw.modbus.network import MOST_CONNECTIONS, TcpConnection, TcpService, take_requests
 from hw.planner_link.requests import ReplayGuard, Requests
 from hw.ports.url import parse_url
+from tests.support import modbus_rig as rig
 from tests.support.cases import examples
-from tests.support.modbus_rig import (
-    CLEAR,
-    GOOD,
-    SIZE,
-    Clock,
-    Loop,
-    context_of,
-    new_image,
-    raster,
-    read_request,
-    rows_of,
-    some_cells,
-    window_of,
-    words_from,
-    write_request,
-)
 
-CELLS = SIZE * stride_of(SIZE)
+CELLS = rig.SIZE * stride_of(rig.SIZE)
 
 
 class Wire(asyncio.Transport):
@@ -65,27 +50,27 @@ class Modbus(RuleBasedStateMachine):
 
     @initialize()
     def begin(self) -> None:
-        self.clock, self.number = Clock(), 0
+        self.clock, self.number = rig.Clock(), 0
         self.requests = Requests(ReplayGuard(7))
-        image = new_image(ask=self.requests.ask)
+        image = rig.new_image(ask=self.requests.ask)
         views = {unit: image.new_view() for unit in range(2, 2 + MOST_CONNECTIONS)}
-        self.calls = Loop(self.clock)
-        self.context: ServerContext = context_of(image, self.calls)
+        self.calls = rig.Loop(self.clock)
+        self.context: ServerContext = rig.context_of(image, self.calls)
         self.context.views = {1: None, **views}
         self.service = TcpService(self.context, parse_url("tcp://127.0.0.1:5020"))
         self.readers: dict[int, Reader] = {}
-        self.maps = {1: raster(some_cells(1), (-7, 3), True)}
+        self.maps = {1: rig.raster(rig.some_cells(1), (-7, 3), True)}
         self.granted_until_s = 0.0  # by what was asked, counted from when it arrived
 
     @rule(seed=st.integers(0, 99), trusted=st.booleans(), epoch=st.integers(0, 1))
     def publish(self, seed: int, trusted: bool, epoch: int) -> None:
         self.run(0.1)
-        cells, corner, image = some_cells(seed), (seed, -seed), self.context.image
-        window = window_of(cells, corner, trusted=trusted, epoch=epoch)
-        image.publish(self.clock.now_s, GOOD, CLEAR, window)
+        cells, corner, image = rig.some_cells(seed), (seed, -seed), self.context.image
+        window = rig.window_of(cells, corner, trusted=trusted, epoch=epoch)
+        image.publish(self.clock.now_s, rig.GOOD, rig.CLEAR, window)
         head = image.read(self.clock.now_s, None, WINDOW, 1)
         assert isinstance(head, bytes)
-        self.maps[int.from_bytes(head, "big")] = raster(cells, corner, trusted)
+        self.maps[int.from_bytes(head, "big")] = rig.raster(cells, corner, trusted)
 
     @rule(local=st.booleans(), slot=st.integers(0, MOST_CONNECTIONS - 1))
     def connect(self, local: bool, slot: int) -> None:
@@ -112,7 +97,7 @@ class Modbus(RuleBasedStateMachine):
             self.run(1.0)
         first = WINDOW_CELLS + len(reader.words) if reader.generation else WINDOW
         count = min(count, WINDOW_CELLS + CELLS + 1 - first) if reader.generation else 10
-        request = read_request(first, count, reader.unit, self.number % 65_536)
+        request = rig.read_request(first, count, reader.unit, self.number % 65_536)
         self.ask(reader, request, first)
         self.run(0.0)
 
@@ -124,7 +109,7 @@ class Modbus(RuleBasedStateMachine):
         if reader.is_local and valid_ms <= 1000:
             until_s = self.clock.now_s + valid_ms / 1000
             self.granted_until_s = max(self.granted_until_s, until_s)
-        self.ask(reader, write_request(DRIVE, words, 1, self.number % 65_536), DRIVE)
+        self.ask(reader, rig.write_request(DRIVE, words, 1, self.number % 65_536), DRIVE)
 
     @some_reader
     @rule(slot=st.integers(0, 7), junk=st.binary(min_size=1, max_size=300))
@@ -135,7 +120,7 @@ class Modbus(RuleBasedStateMachine):
     @some_reader
     @rule(slot=st.integers(0, 7), requests=st.integers(1, 600))
     def flood(self, slot: int, requests: int) -> None:
-        self.send_junk(slot, read_request(0, 1) * requests)
+        self.send_junk(slot, rig.read_request(0, 1) * requests)
 
     @some_reader
     @rule(slot=st.integers(0, 7))
@@ -175,14 +160,14 @@ class Modbus(RuleBasedStateMachine):
                 self.take_words(reader, first, answer.pdu[2:])
 
     def take_words(self, reader: Reader, first: int, data: bytes) -> None:
-        words = words_from(data)
+        words = rig.words_from(data)
         if first == WINDOW:
             reader.generation, reader.words = words[0], []
             return
         reader.words += words
         if len(reader.words) == CELLS + 1:
             assert reader.words[-1] == reader.generation
-            assert rows_of(reader.words[:-1], SIZE) == self.maps[reader.generation]
+            assert rig.rows_of(reader.words[:-1], rig.SIZE) == self.maps[reader.generation]
             reader.generation = 0
 
     @invariant()
@@ -198,4 +183,4 @@ class Modbus(RuleBasedStateMachine):
 
 
 TestModbus = Modbus.TestCase
-TestModbus.settings = settings(max_examples=examples(16), stateful_step_count=30, deadline=None)
+TestModbus.settings = settings(max_examples=examples(10), stateful_step_count=30, deadline=None)

@@ -1,13 +1,12 @@
 """MT frames: the sheet's own, damaged ones, and when they arrived."""
 
-from itertools import pairwise
-
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.mti.frames import ERRORS, MtFrame, MtParser, describe_error, encode_frame
+from tests.support.cases import cut
 from tests.support.mti_frames import ROWS, wire
 
 BAUD = 115200
@@ -66,9 +65,8 @@ def test_what_is_no_frame_is_told_with_the_next_frame_or_later(junk: str, reason
 @example(junk=b"\0" * 22, cuts=list(range(22)))
 def test_where_junk_is_cut_makes_no_difference(junk: bytes, cuts: list[int]) -> None:
     stream = EULER_FRAME + junk + EULER_FRAME
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     parser, whole = MtParser(BAUD), MtParser(BAUD)
-    events = [event for a, b in pairwise(edges) for event in parser.feed(0.0, stream[a:b])]
+    events = [event for piece in cut(stream, cuts) for event in parser.feed(0.0, piece)]
     assert events == whole.feed(0.0, stream)
     assert parser.feed(1.0, b"\0" * 300) == whole.feed(1.0, b"\0" * 300)
 
@@ -100,9 +98,8 @@ def test_frames_survive_junk_and_any_cutting(
     parts: list[tuple[bytes, int, bytes]], cuts: list[int]
 ) -> None:
     stream = b"".join(junk + encode_frame(mid, data) for junk, mid, data in parts)
-    edges = [0, *sorted(min(cut, len(stream)) for cut in cuts), len(stream)]
     parser = MtParser(BAUD)
-    events = [event for a, b in pairwise(edges) for event in parser.feed(0.0, stream[a:b])]
+    events = [event for piece in cut(stream, cuts) for event in parser.feed(0.0, piece)]
     frames = [event for event in events if isinstance(event, MtFrame)]
     assert frames == [MtFrame(mid, data) for _, mid, data in parts]
     skipped = b"".join(event.skipped for event in events if isinstance(event, BadFrame))

@@ -29,7 +29,6 @@ LEGACY, NEW = "MTi-28", "MTi-30"
 
 
 def running(device: Scripted, rate_hz: float = 100, baud: int = 115200) -> Bench:
-    """A bench whose session has just begun to deliver."""
     bench = Bench(device, rate_hz, baud)
     assert bench.run_until("running", 3.0), bench.cause()
     return bench
@@ -117,21 +116,19 @@ def test_lost_samples_are_counted_by_the_sample_counter() -> None:
     assert bench.mti.status.missed == 7
 
 
-def test_a_device_that_repeats_one_sample_for_ever_is_not_running() -> None:
+@pytest.mark.parametrize(
+    ("fault", "cause"), [("frozen", "sample counter stands still"), ("nan", "not finite")]
+)
+def test_a_device_that_repeats_a_sample_or_sends_no_numbers_is_not_running(
+    fault: str, cause: str
+) -> None:
     bench = running(Scripted())
-    bench.device.frozen = True
-    bench.run(1.0)
-    assert "sample counter stands still" in bench.cause()
-    assert bench.state() == "starting"
-
-
-def test_numbers_that_are_none_are_no_attitudes() -> None:
-    bench = running(Scripted())
-    bench.device.nan = True
+    setattr(bench.device, fault, True)
     bench.run(TICK_S * 4)
-    assert bench.run(0.7) == []
-    assert "not finite" in bench.cause()
-    bench.device.nan = False
+    assert fault == "frozen" or bench.run(0.5) == []
+    bench.run(0.7)
+    assert (bench.state(), cause in bench.cause()) == ("starting", True)
+    setattr(bench.device, fault, False)
     assert bench.run_until("running", 2.0)
 
 

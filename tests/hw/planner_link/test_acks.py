@@ -1,11 +1,13 @@
-"""Acknowledgements: which are believed, what they repair, and what they can't bring about."""
+"""ACK and HELLO: which are believed, what they repair, and what they can't bring about."""
 
+import itertools
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.frames import GEOM, POSE
 from hw.planner_link.map_frames import RefreshCursor
 from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack, Hello
@@ -13,8 +15,8 @@ from hw.planner_link.peer import Peer
 from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
-from mapod_link.frames import bytes_from_frame, frame_from_bytes
-from tests.support.cases import few
+from mapod_link.frames import HELLO, bytes_from_frame, frame_from_bytes, signed_bytes_from_frame
+from tests.support.cases import examples, few
 from tests.support.planner_line import Line, Sky
 
 
@@ -26,39 +28,27 @@ def quiet(size: int = 21, first_seq: int = 1) -> Line:
     return line
 
 
-class Acks:
-    """Acknowledgements made by hand."""
+NUMBERS = itertools.count(1)
 
-    def __init__(self, line: Line) -> None:
-        self.line, self.seq = line, 0
 
-    def give(
-        self,
-        last: int | None = None,
-        *,
-        status: int = 0,
-        mask: int = 2**32 - 1,
-        echo: int | None = None,
-        geom_id: int | None = None,
-        t_ms: int | None = None,
-    ) -> None:
-        """One of the newest frame, unless it is said otherwise."""
-        line, self.seq = self.line, self.seq + 1
-        newest = frame_from_bytes(line.frames[-1])
-        assert not isinstance(newest, str)
-        own_ms = round(1000 * line.now_s) if t_ms is None else t_ms
-        body = struct.pack(
-            "<HIIHHBB",
-            newest.seq if last is None else last % 2**16,
-            mask,
-            newest.t_ms if echo is None else echo,
-            0,
-            0,
-            status,
-            line.link.geom_id if geom_id is None else geom_id,
-        )
-        line.port.give(bytes_from_frame(8, self.seq % 2**16, own_ms, body))
-        line.link.poll(line.now_s)
+def acknowledge(
+    line: Line,
+    last: int | None = None,
+    *,
+    status: int = 0,
+    mask: int = 2**32 - 1,
+    echo: int | None = None,
+    geom_id: int | None = None,
+) -> None:
+    """An ACK of the newest frame, unless it is said otherwise."""
+    newest = frame_from_bytes(line.frames[-1])
+    assert not isinstance(newest, str)
+    last = newest.seq if last is None else last % 2**16
+    echo = newest.t_ms if echo is None else echo
+    geom_id = line.link.geom_id if geom_id is None else geom_id
+    body = struct.pack("<HIIHHBB", last, mask, echo, 0, 0, status, geom_id)
+    line.port.give(bytes_from_frame(8, next(NUMBERS), round(1000 * line.now_s), body))
+    line.link.poll(line.now_s)
 
 
 @pytest.mark.parametrize(
@@ -75,15 +65,13 @@ def test_only_what_tells_the_time_of_a_frame_that_was_sent_is_believed(
     line = quiet(first_seq=65_500)
     repair, newest = line.link._repair, line.link._scheduler.seq
     before = repair._covered, len(repair._sent)
-    Acks(line).give(newest + ahead, echo=echo)
+    acknowledge(line, newest + ahead, echo=echo)
     assert (repair._covered, len(repair._sent)) == ((newest, 0) if believed else before)
     assert line.link.counters.acks == 1
 
 
 @pytest.mark.parametrize("key", [True, False])
-def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never(
-    key: bool,
-) -> None:
+def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never(key: bool) -> None:
     peer = Peer(cells=81, push=True, has_key=key)
     peer.take_hello(Hello(1, 1, 5, 100, 368, False))
     assert peer.take_ack(Ack(9, 1_000_000, 1, 0, 0, PLANNER_STOPPED, 7))
@@ -100,12 +88,12 @@ def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never
 
 def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
     line = quiet()
-    acks, before = Acks(line), line.link.geom_id
+    before = line.link.geom_id
     for _ in range(50):
-        acks.give(status=NEED_FULL)
+        acknowledge(line, status=NEED_FULL)
         line.tick()
     assert 4 <= (line.link.geom_id - before) % 256 <= 5
-    acks.give(status=NEED_FULL, geom_id=(line.link.geom_id - 1) % 256)
+    acknowledge(line, status=NEED_FULL, geom_id=(line.link.geom_id - 1) % 256)
     now = line.link.geom_id
     line.settle(1.0)
     assert line.link.geom_id == now
@@ -114,7 +102,7 @@ def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
 def test_need_geom_is_answered_at_once_whatever_was_heard_before() -> None:
     line = quiet()
     count = line.planner.accepted[GEOM]
-    Acks(line).give(0, status=NEED_GEOM, echo=0, geom_id=0)
+    acknowledge(line, 0, status=NEED_GEOM, echo=0, geom_id=0)
     line.tick()
     assert line.planner.accepted[GEOM] == count + 1
 
@@ -192,34 +180,32 @@ def test_after_a_planner_that_was_too_small_a_larger_one_begins_anew() -> None:
 
 def test_where_the_first_geometry_of_an_epoch_was_lost_its_maps_are_told_again() -> None:
     line = quiet()
-    acks = Acks(line)
     line.link._state.epoch_due = True
     line.tick()
     first = line.link._repair.epoch_seq
     line.settle(0.1)
     newest = line.link._scheduler.seq
     mask = 2**32 - 1 & ~(1 << newest - 1 - first)  # all but that GEOM
-    acks.give(mask=mask)
+    acknowledge(line, mask=mask)
     assert line.link._map.lost == 21**2
     line.settle(0.3)
-    acks.give()
+    acknowledge(line)
     assert line.link._map.lost == 0
 
 
+@settings(max_examples=examples(25))
 @given(
     moves=st.lists(
-        st.tuples(st.integers(-4, 4), st.integers(-4, 4), st.integers(1, 40)), max_size=80
+        st.tuples(st.integers(-4, 4), st.integers(-4, 4), st.integers(1, 40)), max_size=40
     ),
-    size=st.integers(3, 12),
+    size=st.integers(3, 9),
 )
 def test_a_round_is_complete_when_each_cell_was_told_or_has_entered_since(
     moves: list[tuple[int, int, int]], size: int
 ) -> None:
     way, corner = RefreshCursor(size), (0, 0)
-    told: dict[tuple[int, int], int] = {}  # world cell: frame in which it was told, or entered
-    for i in range(size):
-        for j in range(size):
-            told[i, j] = 0
+    # world cell: frame in which it was told, or entered
+    told = {(i, j): 0 for i in range(size) for j in range(size)}
     for seq, (di, dj, count) in enumerate(moves, start=1):
         if di or dj:
             corner = (corner[0] + di, corner[1] + dj)
@@ -245,3 +231,74 @@ def test_a_hello_takes_back_a_stop_only_where_none_can_be_forged(key: bytes | No
     line.port.give(bytes_from_frame(9, 1, 1, hello_body(999, 10_000)))
     line.tick()
     assert line.link.peer.stopped == (key is not None)
+
+
+KEY, SESSION, OTHER = bytes(range(32)), 77, 0xBAD
+RECOVERED_S = 1.0
+
+
+def keyed() -> Line:
+    """A link with a key, its planner up to date."""
+    line = Line(Sky(21, 3), key=KEY, session=SESSION)
+    line.sky.change(50)
+    line.settle(1.0)
+    assert line.holds_what_is_meant()
+    return line
+
+
+def is_kept_up(line: Line) -> bool:
+    """Whether changes reach the planner again, soon."""
+    line.settle(RECOVERED_S)
+    line.sky.change(50)
+    line.settle(0.2)
+    return line.holds_what_is_meant() and not line.planner.stale(line.now_s)
+
+
+@pytest.mark.parametrize(
+    ("own_nonce", "max_cells", "max_frame", "poll"),
+    [(True, 2**32 - 1, 368, True), (False, 0, 368, False), (True, 10_000, 0, False)],
+)
+def test_a_forged_hello_does_not_silence_a_link_with_a_key(
+    own_nonce: bool, max_cells: int, max_frame: int, poll: bool
+) -> None:
+    line = keyed()
+    nonce = line.planner.nonce if own_nonce else OTHER
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(nonce, max_cells, max_frame, poll)))
+    assert is_kept_up(line)
+    # after a stranger's nonce that of the planner is new again
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, max_cells)))
+    line.port.give(
+        bytes_from_frame(HELLO, 1, 1, hello_body(line.planner.nonce, max_cells, max_frame, poll))
+    )
+    assert is_kept_up(line)
+
+
+def test_a_replayed_hello_of_a_planner_that_asked_does_not_silence_its_successor() -> None:
+    line = keyed()
+    body = hello_body(OTHER, 10_000, poll=True)
+    genuine = signed_bytes_from_frame(HELLO, 9, 9000, body, KEY, SESSION, OTHER)
+    line.port.give(genuine)
+    line.tick()
+    assert line.link.peer.polled
+    assert is_kept_up(line)
+    line.loss = 1.0  # the one geometry that a planner gets which only asks
+    line.port.give(genuine)
+    line.tick()
+    line.loss = 0.0
+    assert not line.link.peer.polled
+    assert is_kept_up(line)
+
+
+def test_with_a_key_a_planner_that_only_asks_is_believed_once_it_signs() -> None:
+    line = Line(Sky(21, 3), key=KEY, planner=FakePlanner(5, KEY, poll_only=True))
+    line.settle(1.0)
+    sent = line.link.frames_sent
+    line.settle(1.0)
+    assert line.link.frames_sent == sent
+
+
+def test_an_acknowledgement_ends_polling_that_somebody_else_asked_for() -> None:
+    line = Line(Sky(21, 3))
+    line.settle(0.5)
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, 10_000, poll=True)))
+    assert is_kept_up(line)

@@ -4,7 +4,7 @@ import random
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import I32, ObstacleMap
@@ -12,7 +12,7 @@ from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.kernels import BLOCK, EVERY, MISSING, NEAR, REFRESH, URGENT
 from hw.planner_link.published import PublishedMap
 from mapod_link.frames import ACK, bytes_from_frame
-from tests.support.cases import few
+from tests.support.cases import examples, few
 from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
 
 
@@ -27,7 +27,6 @@ class Upsets:
         self.repaired: dict[int, int] = {}  # newest by epoch
 
     def happen(self) -> None:
-        """Before a tick."""
         line, sky, chance = self.line, self.line.sky, self.chance
         sky.change(chance.choice([0, 0, 1, 5, 20]))
         if chance.random() < 0.4:
@@ -68,7 +67,7 @@ class Upsets:
 @pytest.mark.parametrize("seed", few(range(6), 1))
 @pytest.mark.parametrize(
     ("baud", "loss", "ack_every"),
-    [(115_200, 0.02, 1), (None, 0.2, 1), (460_800, 0.3, 5), (None, 0.01, 0)],
+    few([(460_800, 0.3, 5), (None, 0.01, 0), (115_200, 0.02, 1), (None, 0.2, 1)], 2),
 )
 def test_whatever_happens_who_is_not_suspect_holds_no_free_that_was_not_told(
     seed: int, baud: int | None, loss: float, ack_every: int
@@ -79,7 +78,7 @@ def test_whatever_happens_who_is_not_suspect_holds_no_free_that_was_not_told(
         tiles=SkyTiles(sky), port=HeldPort(datagrams=baud is None),
     )  # fmt: skip
     upsets, compared = Upsets(line, seed), 0
-    for _ in range(350):
+    for _ in range(200):
         upsets.happen()
         line.tick()
         compared += upsets.check()
@@ -91,8 +90,9 @@ def test_whatever_happens_who_is_not_suspect_holds_no_free_that_was_not_told(
     assert line.planner.digest_ok
 
 
+@settings(max_examples=examples(25))
 @given(
-    size=st.integers(3, 70),
+    size=st.integers(3, 40),
     seed=st.integers(0, 10_000),
     steps=st.lists(
         st.tuples(

@@ -28,19 +28,16 @@ class Replay(Protocol):
     view: "LinkView"
 
     @property
-    def now_s(self) -> float:
-        """The clock of the recording."""
+    def now_s(self) -> float: ...
 
     @property
-    def done(self) -> bool:
-        """True once all has been played."""
+    def done(self) -> bool: ...
 
     @property
     def lacks(self) -> str:
         """Why no scan can have been mapped, as far as the recording itself says; or ""."""
 
-    def step(self) -> None:
-        """One step of the app."""
+    def step(self) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +67,12 @@ class LinkView:
         feed(now_s, data)
 
     def outcome(self, app: App) -> Outcome:
-        """Counters, and the digest of all bytes that went to the planner."""
         window, sha256 = self.planner.window(), self._digest.hexdigest()
         cells = int((window == 2).sum()), int((window == 1).sum())
         return Outcome(app.mapper.counts, self._bytes, sha256, *cells)
 
 
 def why_nothing_was_mapped(replay: Replay) -> str:
-    """In words, from what the app knows of its devices and scans."""
     if replay.lacks:
         return replay.lacks
     app, counts = replay.app, replay.app.mapper.counts

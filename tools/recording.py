@@ -164,7 +164,6 @@ class RecordedApp:
         self._app, self._note, self._clock = app, note, clock
 
     def __getattr__(self, name: str) -> Any:
-        """All else is the app's own."""
         return getattr(self._app, name)
 
     def step(self, now_s: float) -> None:

@@ -41,14 +41,12 @@ class TimedPort(MemoryPort):
         self.written_s = 0.0
 
     def read(self) -> list[bytes]:
-        """What has arrived."""
         pieces = super().read()
         if pieces:
             self.read_s = time.perf_counter()
         return pieces
 
     def write(self, data: bytes) -> None:
-        """Hand over for sending."""
         super().write(data)
         self.written_s = time.perf_counter()
 
@@ -136,7 +134,6 @@ def report(name: str, config: Config) -> float:
 
 
 def main() -> int:
-    """Exit status."""
     fast: dict[str, Any] = {
         "scan_rate_hz": 50,
         "angular_step_deg": 0.5,

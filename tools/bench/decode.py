@@ -45,7 +45,6 @@ class Cost:
         return self.altered_s / self.clean_s
 
     def in_words(self) -> str:
-        """One line."""
         each_us = 1e6 * self.clean_s / self.frames
         return (
             f"{self.name:<40} {each_us:7.1f} us a {self.unit}; "
@@ -54,7 +53,6 @@ class Cost:
 
 
 def altered(stream: bytes, rate: float, seed: int) -> bytes:
-    """The stream with that share of its bytes changed."""
     chance = random.Random(seed)
     out = bytearray(stream)
     for at in chance.sample(range(len(out)), round(rate * len(out))):
@@ -96,7 +94,6 @@ class _Scans:
         self._maker = ScanMaker(Lms1xxOptions("auto", 50, 0.5, -45.0, 225.0, "first", []))
 
     def feed(self, now_s: float, data: bytes) -> list[object]:
-        """Scans, answers and bad frames."""
         return [
             self._maker.scan(event) if isinstance(event, ScanTelegram) else event
             for event in self._telegrams.feed(now_s, data)
@@ -111,7 +108,6 @@ class _Samples:
         self._legacy = MtDataDecoder(0x0006, 0x0000_0005)
 
     def feed(self, now_s: float, data: bytes) -> list[object]:
-        """Samples and bad frames."""
         return [self._decoded(event) for event in self._frames.feed(now_s, data)]
 
     def _decoded(self, event: object) -> object:
@@ -127,7 +123,6 @@ class _Counters:
         self._lines = LineParser()
 
     def feed(self, now_s: float, data: bytes) -> list[object]:
-        """Counters (None for an echo) and bad frames."""
         return [
             maybe_counter(event.text) if isinstance(event, Line) else event
             for event in self._lines.feed(now_s, data)
@@ -163,7 +158,6 @@ def counter_stream() -> bytes:
 
 
 def costs() -> list[Cost]:
-    """Of every codec."""
     session = (VECTORS / "lms111_session_d2h.bin").read_bytes()
     scans = session[session.index(b"sSN LMDscandata") - 8 :]
     text = (VECTORS / "tim781_1s_d2h.bin").read_bytes()

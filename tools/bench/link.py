@@ -53,7 +53,6 @@ def advised(lines: tuple[int | None, ...], windows: tuple[int, ...]) -> list[Cas
 
 
 def print_table(title: str, cases: Iterable[Case], seconds: float) -> None:
-    """A row for each case."""
     print(f"\n{title}: 1 % of frames lost, 10 ms one way, {seconds:g} s")
     print(
         f"{'line, rate, window, ACK':<28}{'new obstacle: told':>20}{'held':>14}{'recovery':>14}"
@@ -64,7 +63,6 @@ def print_table(title: str, cases: Iterable[Case], seconds: float) -> None:
 
 
 def row(case: Case, got: Figures) -> str:
-    """One line of a table."""
     name = f"{case.line} {case.rate_hz} Hz {case.size} {case.ack}"
     return (
         f"{name:<28}{_slashed(got.told_ms):>20}{_slashed(got.held_ms):>14}"
@@ -91,7 +89,6 @@ class Clutter:
         self._at: I32 = np.arange(first, first + COST_CELLS, dtype=np.int32)
 
     def next(self, changes: bool) -> ObstacleMap:
-        """One tick later."""
         at = self._at if changes else self._at[:0]
         self._cells.ravel()[at] = self._random.integers(-1, 2, at.size)
         return ObstacleMap(self._cells, 0, 0, at, 0, True)
@@ -113,7 +110,6 @@ def cost_us(size: int, baud: int = 115_200, rate_hz: int = 50) -> float:
 
 
 def print_cost() -> None:
-    """What a tick of the sender costs in windows of all sizes."""
     costs = {size: cost_us(size) for size in WINDOWS}
     print(f"\nOne tick of the sender, {COST_CELLS} changed cells, 115 200 baud, 50 Hz:")
     for size, cost in costs.items():
@@ -121,7 +117,6 @@ def print_cost() -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status."""
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
     quick = parser.parse_args(arguments).quick

@@ -86,20 +86,16 @@ class LinePort:
         """The line alone decides."""
 
     def fileno(self) -> int:
-        """-1: nothing of it is known to the operating system."""
         return -1
 
     def poll(self, now_s: float) -> bool:
-        """Always open."""
         return True
 
     def read(self) -> list[bytes]:
-        """What the receiver has sent and the line has brought."""
         come = [arrival.frame for arrival in self._in.arrivals(self.now_s) if not arrival.is_lost]
         return come if self.datagrams else [serial_from_frame(frame) for frame in come]
 
     def write(self, data: bytes) -> None:
-        """On its way."""
         self._out.send(self.now_s, data)
 
     def close(self) -> None:

@@ -79,7 +79,6 @@ class Readings:
     lost_frames: int = 0
 
     def add(self, other: "Readings") -> None:
-        """Those of another run."""
         self.told_s += other.told_s
         self.held_s += other.held_s
         self.recovered_s += other.recovered_s
@@ -108,7 +107,6 @@ class Meter:
         self.is_on = False
 
     def begin(self, now_s: float) -> None:
-        """Readings count from now on."""
         self.is_on = True
         if self._suspect_since_s is not None:
             self._suspect_since_s = now_s
@@ -140,7 +138,6 @@ class Meter:
         self._wrong.take(~self._covered(self._wrong))
 
     def _covered(self, cells: Waiting) -> Mask:
-        """Which of them the sender's window covers."""
         assert self._window is not None
         corner = (self._window.corner_i, self._window.corner_j)
         return _inside(cells.i, cells.j, corner, self._size)
@@ -204,7 +201,6 @@ class Meter:
         return int(np.count_nonzero(wrong))
 
     def _tell(self, frame: Frame) -> None:
-        """One frame more that the sender has told, lost or not."""
         if frame.type != MAP:
             return
         geom_id, update = (

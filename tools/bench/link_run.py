@@ -41,7 +41,6 @@ class Case:
 
     @property
     def line(self) -> str:
-        """Its rate in kbaud, for a table."""
         return f"{self.baud // 100 / 10:g} k" if self.baud else "UDP"
 
 
@@ -73,19 +72,16 @@ class FarEnd:
         self.receiver = Receiver(nonce * has_way_back, ack_every=NEVER * has_way_back)
 
     def take(self, at_s: float, data: bytes, is_last_of_tick: bool) -> list[bytes]:
-        """One frame; what the receiver answers."""
         self.receiver.feed_datagram(at_s, data)
         if self._ack == "tick" and is_last_of_tick:
             self.receiver.acknowledge(at_s)
         return self.receiver.poll(at_s)
 
     def view(self) -> View:
-        """Its map now."""
         return View(self.receiver.cells, self.receiver.origin, self.receiver.suspect)
 
 
 def new_link(port: LinePort, baud: int | None, size: int, rate_hz: float) -> PlannerLink:
-    """The sender, as the app sets it up."""
     return one_link(
         port,
         size=size,
@@ -124,7 +120,6 @@ class Run:
         self.bytes_sent = 0  # since things count
 
     def go(self) -> None:
-        """Drive to the end."""
         settled = round(SETTLE_S * self.case.rate_hz)
         before = 0
         for tick in range(round(self.case.seconds * self.case.rate_hz)):
@@ -137,7 +132,6 @@ class Run:
         self.meter.end(START_S + self.case.seconds)
 
     def _tick(self, now_s: float, drive_s: float) -> None:
-        """What has arrived since the last tick, then the sender's next one."""
         self._carry(now_s)
         self.port.now_s = now_s
         self.waits_s.append(self.down.waiting_s(now_s))
@@ -146,7 +140,6 @@ class Run:
         self.steps_s.append(step(self.link, now_s, self._playback.pose, window))
 
     def _carry(self, until_s: float) -> None:
-        """Frames to the receiver, its answers on their way back."""
         for arrival in self.down.arrivals(until_s):
             frame = frame_from_bytes(arrival.frame)
             assert not isinstance(frame, str), "the sender's frames are valid"
@@ -161,7 +154,6 @@ class Run:
 
 
 def measure(case: Case) -> Figures:
-    """The figures of a case, over all of its seeds."""
     got, runs = Readings(), []
     for seed in case.seeds:
         run = Run(case, seed)
@@ -190,7 +182,6 @@ def measure(case: Case) -> Figures:
 
 
 def joined(parts: list[F64]) -> F64:
-    """One array of them all, also of none."""
     return np.concatenate([np.zeros(0), *parts])
 
 

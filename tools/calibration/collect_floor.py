@@ -99,7 +99,6 @@ class Collector:
         return max(0.0, min(now_s - self._ready_s, self._seconds))
 
     def words(self, now_s: float) -> str:
-        """How it goes, in one line."""
         if self._ready_s < math.inf:
             progress = (
                 f"{self.gone_s(now_s):.0f} of {self._seconds:.0f} s, {self.watch.scans} scans"

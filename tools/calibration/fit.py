@@ -69,7 +69,6 @@ class FloorView:
     scan: I64  # (n,) which scan, from 0 on, ascending
 
     def of(self, which: Mask | slice | I64) -> "FloorView":
-        """Some of the returns."""
         return FloorView(
             self.rays_m[which],
             self.R_earth_body[which],
@@ -238,7 +237,6 @@ def _moved(mount: Mount, step: F64) -> Mount:
 
 
 def _rms_rad(linear: _Linear, weights: F64) -> float:
-    """Root of the weighted mean square of the residuals."""
     return math.sqrt(float(weights @ linear.e_rad**2) / max(float(weights.sum()), 1e-300))
 
 

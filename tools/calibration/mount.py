@@ -164,7 +164,6 @@ def calibrate(
 
 
 def _agreeing(by_hand: Fit, by_motion: Fit) -> Fit:
-    """The fit of the measured height, unless the motion of the robot contradicts that height."""
     apart_m = by_hand.mount.z_m - by_motion.mount.z_m
     if apart_m**2 > CONTRADICTS**2 * (by_hand.cov[0, 0] + by_motion.cov[0, 0]):
         raise NoFloorError(
@@ -273,7 +272,6 @@ def _maybe_mounts(line: _Line, guess: Mount) -> Iterator[Mount]:
 
 
 def _maybe_implausible(mount: Mount, guess: Mount) -> str | None:
-    """What can't be true of a mount, in words."""
     tilt_off_rad = mount.tilt_rad - guess.tilt_rad
     roll_off_rad = math.remainder(mount.roll_rad - guess.roll_rad, math.tau)
     if mount.tilt_rad < LEAST_TILT_RAD:

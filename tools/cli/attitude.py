@@ -66,7 +66,6 @@ def to_measurement(talk: Conversation) -> None:
 
 
 def info(talk: Conversation) -> list[str]:
-    """Who it is, how it is set, which filter profiles it has."""
     to_config(talk)
     lines = [f"device id {answer(talk, Mid.ReqDID).hex()}"]
     try:
@@ -86,7 +85,6 @@ def info(talk: Conversation) -> list[str]:
 
 
 def scenarios(talk: Conversation) -> list[str]:
-    """The filter profiles that it offers, and the one in use."""
     to_config(talk)
     lines = [f"scenario {kind}: {name} (version {n})" for kind, n, name in _offered(talk)]
     current = answer(talk, Mid.SetScenario)  # version and kind
@@ -106,7 +104,6 @@ def _offered(talk: Conversation) -> list[tuple[int, int, str]]:
 
 
 def set_scenario(talk: Conversation, kind: int) -> list[str]:
-    """Choose a filter profile among those that it offers, and read it back."""
     to_config(talk)
     kinds = [offered for offered, _, _ in _offered(talk)]
     if kind not in kinds:
@@ -127,7 +124,6 @@ def reset_orientation(talk: Conversation, name: str, keep: bool) -> list[str]:
 
 
 def self_test(talk: Conversation) -> list[str]:
-    """What its own test says of each sensor axis."""
     to_config(talk)
     data = answer(talk, Mid.RunSelfTest, b"", SELF_TEST_S, 1)
     if len(data) != 2:
@@ -138,7 +134,6 @@ def self_test(talk: Conversation) -> list[str]:
 
 
 def keep_still(talk: Conversation, seconds: int) -> list[str]:
-    """Let it learn the bias of its gyroscopes."""
     if not 0 <= seconds <= 0xFFFF:
         raise ValueError(f"seconds: must be within 0..65535, is {seconds}")
     to_measurement(talk)
@@ -147,14 +142,12 @@ def keep_still(talk: Conversation, seconds: int) -> list[str]:
 
 
 def set_baud(talk: Conversation, baud: int) -> list[str]:
-    """Another rate, which counts from the next power-up on."""
     to_config(talk)
     answer(talk, Mid.SetBaudrate, bytes([BAUD_CODES[baud]]))
     return [f"{baud} baud from its next power-up on: set it in mapod.toml then"]
 
 
 def parser() -> Parser:
-    """The command line."""
     words = parser_of("attitude", __doc__, "mapod attitude info", "mapod attitude scenario 3")
     action = add_actions(words, "'serial:///dev/ttyUSB0?baud=115200'")
     action("info", "who it is and how it is set")

@@ -70,7 +70,6 @@ def values_of(found: Calibration) -> dict[str, tuple[str, str]]:
 
 
 def seen_in_words(found: Calibration, config: Config) -> list[str]:
-    """What was seen, and what the present settings make of it."""
     now = mount_of(config, None)
     places = (("straight", 0.0), ("4 m to the left", ASIDE_M), ("4 m to the right", -ASIDE_M))
     reads = [

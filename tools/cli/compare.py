@@ -122,7 +122,6 @@ def compared(
 
 
 def show(found: list[Difference], facts: int, console: Console) -> None:
-    """The differences as a table, those that count first."""
     if not found:
         console.print(f"{facts} facts, no difference")
         return

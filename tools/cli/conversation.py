@@ -25,11 +25,9 @@ class Line(Protocol):
 
     port: Port
 
-    def now_s(self) -> float:
-        """Seconds on a clock that only goes forward."""
+    def now_s(self) -> float: ...
 
-    def wait(self) -> None:
-        """Let a moment pass."""
+    def wait(self) -> None: ...
 
 
 class RealLine:
@@ -39,7 +37,6 @@ class RealLine:
         self.port = open_port(url)
 
     def now_s(self) -> float:
-        """This machine's clock."""
         return time.monotonic()
 
     def wait(self) -> None:

@@ -78,7 +78,6 @@ def find(path: str) -> Found:
 
 
 def _maybe_controller(path: str, heard: bytearray) -> Found | None:
-    """A motor controller: by its logging lines, or by the echo of a read."""
     url = AX3500_URL.format(path=path)
     with conversation(url, LineParser()) as talk:
         try:
@@ -102,7 +101,6 @@ def _is_log_line(event: object) -> bool:
 
 
 def _controller_in_words(texts: list[str], query: str) -> str:
-    """What the identity after the echo says."""
     for text in texts[texts.index(query) + 1 :]:
         identity = maybe_byte(text)
         if identity is not None:
@@ -139,7 +137,6 @@ def _goes_to_config(talk: Conversation) -> bool:
 
 
 def _sensor_in_words(talk: Conversation) -> str:
-    """Product and device id."""
     words = ["attitude sensor"]
     for mid, show in ((Mid.ReqProductCode, _as_text), (Mid.ReqDID, bytes.hex)):
         try:
@@ -178,7 +175,6 @@ def find_scanner(host: str) -> Found:
 
 
 def toml_lines(found: list[Found]) -> Iterator[str]:
-    """What belongs into mapod.toml."""
     for one in found:
         if one.section:
             yield f"[{one.section}]"
@@ -213,7 +209,6 @@ def udev_rules(found: list[Found], adapters: Mapping[str, Any]) -> Iterator[str]
 
 
 def all_found(paths: list[str], hosts: list[str]) -> list[Found]:
-    """What speaks on all of them, asked at once, with a bar."""
     jobs = [partial(find, path) for path in paths] + [partial(find_scanner, host) for host in hosts]
     with ThreadPoolExecutor(max_workers=max(1, len(jobs))) as together:
         asked = [together.submit(job) for job in jobs]

@@ -79,7 +79,6 @@ def state_of(talk: Conversation, *queries: str) -> ControllerState:
 
 
 def status(talk: Conversation) -> str:
-    """What keeps the motors off."""
     bits = state_of(talk, READ_STATUS).status
     if bits is None:
         return "status not told"
@@ -87,7 +86,6 @@ def status(talk: Conversation) -> str:
 
 
 def volts(talk: Conversation) -> str:
-    """Battery and internal supply."""
     state = state_of(talk, "?E")
     if state.battery_v is None or state.internal_v is None:
         return "voltages not told"
@@ -95,14 +93,12 @@ def volts(talk: Conversation) -> str:
 
 
 def counters(talk: Conversation) -> str:
-    """Both encoder counters."""
     counts = [maybe_counter(answer(talk, query)[0]) for query in READ_COUNTER]
     told = ["not readable" if count is None else str(count) for count in counts]
     return f"counters {told[0]} and {told[1]}"
 
 
 def info(talk: Conversation) -> list[str]:
-    """Who it is and how it is, a line each."""
     bits = maybe_byte(answer(talk, READ_IDENTITY)[0]) or 0
     mode = -1 if (told := maybe_byte(answer(talk, "^00")[0])) is None else told
     doubt = "" if mode == 2 else f"; {NEEDS_WATCHDOG}"
@@ -131,7 +127,6 @@ def watch(talk: Conversation, seconds: float | None) -> None:
 
 
 def parser() -> Parser:
-    """The command line."""
     words = parser_of(
         "drive", __doc__, "mapod drive info", "mapod drive keys --port udp://127.0.0.1:9750"
     )

@@ -8,7 +8,6 @@ HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 written, 2 not."""
     parser = parser_of("init", __doc__, "mapod init --out mapod.toml")
     add_out(parser, "the file to write", Path("mapod.toml"))
     path: Path = parser.parse_args(arguments).out

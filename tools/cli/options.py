@@ -27,12 +27,10 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that tells what is wrong in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Say it and end with status 2."""
         self.exit(USAGE, f"{self.prog}: {message} ({self.prog} --help)\n")
 
 
 def parser_of(name: str, about: str | None, *examples: str) -> Parser:
-    """The parser of one command; its help ends with the examples."""
     return Parser(
         prog=f"mapod {name}",
         description=about,
@@ -43,8 +41,6 @@ def parser_of(name: str, about: str | None, *examples: str) -> Parser:
 
 
 def number_in(low: float, high: float) -> Callable[[str], float]:
-    """Reads a number within these bounds, both included."""
-
     def number(text: str) -> float:
         value = float(text)
         if not low <= value <= high:
@@ -69,7 +65,6 @@ def a_seed(text: str) -> int:
 
 
 def add_config(parser: argparse.ArgumentParser, default: Path = Path("mapod.toml")) -> None:
-    """--config: the robot's settings."""
     shown = "the shipped one" if default == SHIPPED_CONFIG else default
     parser.add_argument(
         "--config", type=Path, default=default, help=f"the robot's settings (default: {shown})"
@@ -77,7 +72,6 @@ def add_config(parser: argparse.ArgumentParser, default: Path = Path("mapod.toml
 
 
 def add_port(parser: argparse.ArgumentParser, example: str, default: str | None = None) -> None:
-    """--port: the URL of the wire to what the command talks to."""
     shown = default or "that of --config"
     parser.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
 
@@ -99,12 +93,10 @@ def add_actions(parser: Parser, port: str) -> Callable[[str, str], argparse.Argu
 
 
 def add_seconds(parser: argparse.ArgumentParser, end: str, default: float | None = None) -> None:
-    """--seconds: how long."""
     parser.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
 
 
 def add_world(parser: argparse.ArgumentParser, scene: str | None = "corridor") -> None:
-    """--scene and --seed: where a simulated robot drives, and what is random there."""
     other = "the file's" if scene is None else scene
     parser.add_argument("--scene", default=scene, help=f"which world (default: {other})")
     seed = None if scene is None else 1
@@ -114,7 +106,6 @@ def add_world(parser: argparse.ArgumentParser, scene: str | None = "corridor") -
 
 
 def add_out(parser: argparse.ArgumentParser, what: str, default: Path | None = None) -> None:
-    """--out: the file, or the folder, that is written."""
     shown = f" (default: {default})" if default else ""
     parser.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
 
@@ -134,7 +125,6 @@ def configured(path: Path) -> Config:
 
 
 def add_key(parser: argparse.ArgumentParser) -> None:
-    """--key-file: of the planner link."""
     parser.add_argument("--key-file", default="", help="32 bytes, or 64 hex digits: signed frames")
 
 

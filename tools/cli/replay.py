@@ -106,7 +106,6 @@ def show(replay: Replay, console: Console) -> None:
 
 
 def tell(replay: Replay, out: Path | None) -> int:
-    """Print what came of it, and why where nothing did; exit status."""
     planner, outcome = replay.view.planner, replay.view.outcome(replay.app)
     if not planner.blank:
         print(plain_map(planner.window(), maybe_robot(planner)))

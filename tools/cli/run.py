@@ -53,19 +53,16 @@ def record(arguments: list[str]) -> int:
 
 
 def check(arguments: list[str]) -> int:
-    """Exit status: 0 the settings can be used, 2 they can't."""
     about = "Say in words what the settings describe, or what is wrong with them. Opens no port."
     return _with_settings("check", about, arguments)
 
 
 def warm(arguments: list[str]) -> int:
-    """Exit status: 0 done, 2 the settings can't be used."""
     about = "Compile what `mapod run` needs with these settings, so that its first start is quick."
     return _with_settings("warm", about, arguments)
 
 
 def version(arguments: list[str]) -> int:
-    """Exit status."""
     parser_of("version", "Which version of mapod this is.", "mapod version").parse_args(arguments)
     print(f"mapod {app_version()}")
     return 0

@@ -145,7 +145,6 @@ def _output_range(answer: Answer) -> str:
 
 
 def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
-    """Do what the command line says; what there is to tell of it."""
     match what:
         case "info":
             return info(scanner)
@@ -172,7 +171,6 @@ def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
 
 
 def parser() -> Parser:
-    """The command line."""
     words = parser_of("scanner", __doc__, "mapod scanner info", "mapod scanner dialect ascii")
     action = add_actions(words, "tcp://192.168.0.1:2112")
     action("info", "who it is and how it is")

@@ -73,7 +73,6 @@ def watch(
 
 
 def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
-    """The stop zone in a line; none before the first one has arrived."""
     if zone is None:
         return []
     words, style = zone.describe(), ZONE_STYLES.get(zone.state, BAD)
@@ -88,7 +87,6 @@ def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
 
 
 def progress_line(end: PlannerEnd, now_s: float) -> str:
-    """The state in one line, where there is no screen to draw on."""
     planner, pose = end.planner, end.planner.pose
     if planner.blank:
         return f"  {link_words(planner, now_s)[0]}"
@@ -106,7 +104,6 @@ def progress_line(end: PlannerEnd, now_s: float) -> str:
 
 
 def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
-    """The final map and the numbers of the run."""
     planner, gaps = end.planner, end.planner.numbers.gaps
     if planner.geom is None or planner.blank:
         console.print("no map has arrived")

@@ -115,7 +115,6 @@ def _maybe_data(talk: Conversation, mid: int) -> bytes:
 
 
 def _state_as_found(talk: Conversation) -> Portrait:
-    """Whether it sends before anybody asks."""
     frames = [event for event in talk.hear(0.3) if isinstance(event, MtFrame)]
     mids = Counter(_name(frame.mid) for frame in frames)
     return {"as found: sends": Fact(" ".join(sorted(mids)) or "nothing")}
@@ -132,7 +131,6 @@ def _is_answer_to(mid: int) -> Callable[[object], bool]:
 def _asked(
     talk: Conversation, name: str, mid: int, tries: int = 2, seconds: float = ANSWER_S
 ) -> Portrait:
-    """What comes of one message without data."""
     reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), seconds, tries)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
@@ -166,7 +164,6 @@ def _settings(talk: Conversation) -> Portrait:
 
 
 def _stream(talk: Conversation, configuration: MtConfiguration | None, seconds: float) -> Portrait:
-    """Data messages for so many seconds from the first one on."""
     frames, heard_before = list[MtFrame](), len(talk.heard)
     for event in talk.hear(seconds + 1.0):
         if isinstance(event, MtFrame) and event.mid in (Mid.MTData, Mid.MTData2):
@@ -187,7 +184,6 @@ def _stream(talk: Conversation, configuration: MtConfiguration | None, seconds: 
 
 
 def _samples(frames: list[MtFrame], configuration: MtConfiguration | None) -> Portrait:
-    """What the messages say, as far as they can be read."""
     decoder = None
     if configuration is not None and frames[0].mid == Mid.MTData:
         decoder = MtDataDecoder(configuration.output_mode, configuration.output_settings)

@@ -62,7 +62,6 @@ LOGS, QUIET = "sends logging lines: R/C or analog mode", "quiet"
 
 
 def _as_found(talk: Conversation) -> Portrait:
-    """Whether it is in a mode in which it logs."""
     lines = [event for event in talk.hear(LISTEN_S) if isinstance(event, Line)]
     return {"as found": Fact(LOGS if any(line.text[:1] == ":" for line in lines) else QUIET)}
 
@@ -81,7 +80,6 @@ def _log_lines(talk: Conversation, seconds: float) -> Portrait:
 
 
 def _line(talk: Conversation, name: str, question: bytes, text: str) -> Portrait:
-    """What comes after a line: echo, values, and how soon."""
     lines, strays, seconds = _lines_after(talk, question, text)
     if not lines and text:
         lines, strays, seconds = _lines_after(talk, question, text)
@@ -121,7 +119,6 @@ def _lines_after(talk: Conversation, question: bytes, text: str) -> tuple[list[s
 
 
 def _form(values: list[str]) -> str:
-    """How an answer looks, whatever its values are."""
     forms = [
         "+" if value == "+"
         else "-" if value == "-"
@@ -145,7 +142,6 @@ def _volts(name: str, text: str, values: list[str]) -> Portrait:
 
 
 def _pace(talk: Conversation, seconds: float) -> Portrait:
-    """Both counters as fast as answers come: how many pairs a second, and how they change."""
     until_s, answered, silent = talk.now_s() + seconds, 0, 0
     begun_s, digits = talk.now_s(), Counter[str]()
     while talk.now_s() < until_s:
@@ -176,7 +172,6 @@ def _maybe_value(talk: Conversation, query: str) -> str | None:
 
 
 def _silence(talk: Conversation) -> Portrait:
-    """Whether its watchdog speaks after a second of silence."""
     begun_s = talk.now_s()
     for event in talk.hear(WATCHDOG_S):
         if isinstance(event, WatchdogStop):

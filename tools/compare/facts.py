@@ -109,7 +109,6 @@ def noise_fact(spread: float, unit: str) -> Fact:
 
 
 def number_facts(name: str, values: Sequence[float], unit: str, sort: Sort = "own") -> Portrait:
-    """Least, middle and greatest of what was measured."""
     if not len(values):
         return {f"{name}: values": Fact("none")}
     low, middle, high = np.percentile(np.asarray(values, dtype=float), [0, 50, 100])

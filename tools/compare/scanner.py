@@ -111,7 +111,6 @@ def _maybe_told(scanner: Scanner, command: Command) -> Answer | None:
 
 
 def _written(name: str, told: Answer) -> Command:
-    """The command that writes what a read gave."""
     is_text = told.dialect == "ascii"
     return Command("sWN", name, told.values, told.values.decode("latin-1") if is_text else "")
 
@@ -124,7 +123,6 @@ def _wait_until_ready(talk: Conversation, scanner: Scanner) -> None:
 
 
 def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = "") -> Portrait:
-    """What comes of one command."""
     name = f"{command.kind} {command.name}{f' {how}' if how else ''}"
 
     def is_answer(event: object) -> bool:
@@ -164,7 +162,6 @@ def _settings(talk: Conversation, dialect: Dialect) -> Portrait:
 
 
 def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
-    """Scans for so many seconds from the first one on."""
     begin, subscribed_s = commands.subscribe(), talk.now_s()
     talk.say(begin.encode(dialect))
     heard_before, telegrams, arrivals_s = len(talk.heard), list[ScanTelegram](), list[float]()
@@ -193,7 +190,6 @@ def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
 
 
 def _format(scan: ScanTelegram) -> Portrait:
-    """How a telegram is laid out."""
     facts: Portrait = {
         "scan: version": Fact(str(scan.version)),
         "scan: device status": Fact(f"{scan.status[0]} {scan.status[1]}"),
@@ -215,7 +211,6 @@ def _format(scan: ScanTelegram) -> Portrait:
 
 
 def _counters(scans: list[ScanTelegram], arrivals_s: list[float]) -> Iterator[tuple[str, Fact]]:
-    """How counters and clock go on from telegram to telegram."""
     for name in ("telegram_counter", "scan_counter"):
         values = [getattr(scan, name) for scan in scans]
         steps = Counter(int(step) % 2**16 for step in np.diff(values))

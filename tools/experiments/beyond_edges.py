@@ -47,7 +47,6 @@ def _approach(
 
 
 def ditch(wide_m: float, quick: bool, folder: Path) -> Outcome:
-    """7: towards a ditch: how far ahead it bars the way, and free cells in it."""
     span_m = (AT_M, AT_M + wide_m)
     test, watch, false = _approach(gap_in_floor(span_m, WIDE_M, LENGTH_M, DEEP_M), span_m, quick)
     outcome, word = Outcome("7 ditches", DITCHES_NOTE), f"{wide_m:g} m"
@@ -61,7 +60,6 @@ def ditch(wide_m: float, quick: bool, folder: Path) -> Outcome:
 
 
 def kerb(height_m: float, quick: bool, folder: Path) -> Outcome:
-    """7: towards a step across the way, down where the height is negative."""
     span_m = (AT_M, AT_M + 0.05)
     test, watch, false = _approach(step_in_floor(AT_M, height_m, WIDE_M, LENGTH_M), span_m, quick)
     word = f"{100 * abs(height_m):.0f} cm {'up' if height_m > 0 else 'down'}"

@@ -33,13 +33,11 @@ def _drive(outcome: Outcome, test: Trial, until_s: float, words: str = "") -> No
 
 
 def _with_boxes(solids: Sequence[Shape], places_m: Sequence[float], high_m: float = 0.3) -> Scene:
-    """The scene with boxes at the left of the way."""
     boxes = [box(f"box {k}", (x, x + 0.55), (0.83, 1.43), high_m) for k, x in enumerate(places_m)]
     return Scene("place", (*solids, *boxes), x_axis_east_of_north_rad=COMPASS_RAD)
 
 
 def speed_bumps(quick: bool, folder: Path) -> Outcome:
-    """7: over bumps of 5 cm at 1 m/s."""
     bumps = [bump(f"bump {k}", (x, x + 0.4), LANE_Y) for k, x in enumerate((4.07, 6.57, 9.07))]
     way = Way(stand(LEAD_S), straight(7.0 if quick else 12.0, 1.0))
     place = _with_boxes([*corridor(28.37), *bumps], (14.07, 18.57))
@@ -53,7 +51,6 @@ def speed_bumps(quick: bool, folder: Path) -> Outcome:
 
 
 def pitching(quick: bool, folder: Path) -> Outcome:
-    """7: the body pitches by 3 deg to and fro, once a second, while it drives."""
     base = Way(stand(LEAD_S), straight(3.0 if quick else 9.0, 0.6))
     motion = nodding(base, math.radians(3.0), 1.0, LEAD_S)
     place = _with_boxes(corridor(28.37), (11.07, 15.57))
@@ -84,7 +81,6 @@ def ramps(angle_deg: float, quick: bool, folder: Path) -> Outcome:
 
 
 def ramp_at_once(quick: bool, folder: Path) -> Outcome:
-    """7: a ramp of 4 deg up, of which the laser sees the middle first."""
     return _ramp(4.0, AT_ONCE_M, "4 deg up, met at once", quick, folder)
 
 

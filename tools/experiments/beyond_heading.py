@@ -48,7 +48,6 @@ class Compass:
 
 
 def steel_door(quick: bool, folder: Path) -> Outcome:
-    """7: past a steel door that turns the magnetic north by 40 deg."""
     way = Way(stand(LEAD_S), straight(12.0, 1.0 if quick else 0.5))
     place = replace(scene("corridor", corridor(28.37)), steels=(DOOR,))
     test = Trial(place, way, methods(quick), x_m=(-8.0, 34.0))

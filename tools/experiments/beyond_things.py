@@ -28,7 +28,6 @@ LEG_M = 0.05
 
 
 def _table() -> list[Solid]:
-    """A table across the way: a top of 1.2 x 0.8 m on four legs."""
     top = box("table top", TABLE_X, TABLE_Y, TABLE_TOP_M[1], TABLE_TOP_M[0])
     legs = [
         box(f"leg {k}", (x, x + LEG_M), (y, y + LEG_M), TABLE_TOP_M[0])
@@ -42,7 +41,6 @@ def _table() -> list[Solid]:
 
 
 def table(quick: bool, folder: Path) -> Outcome:
-    """7: towards a table 0.7 m high, under which the floor is seen first."""
     way = Way(stand(LEAD_S), straight(4.3, 1.0 if quick else 0.5))
     test = Trial(scene("table", [*corridor(22.37), *_table()]), way, methods(quick))
     test.run(way.duration_s + 0.5)
@@ -90,7 +88,6 @@ class GoneWatch:
 
 
 def person_crossing(quick: bool, folder: Path) -> Outcome:
-    """7: somebody walks across the front of the robot, which stands."""
     walker = person("walker", ((PERSON_X_M, -1.6), (PERSON_X_M, 1.6)), PERSON_MPS, PERSON_WALKS_S)
     walker = replace(walker, from_s=PERSON_WALKS_S - 0.5, until_s=PERSON_WALKS_S + 3.2 / PERSON_MPS)
     way = Way(stand(LEAD_S + 20.0))
@@ -127,7 +124,6 @@ def person_crossing(quick: bool, folder: Path) -> Outcome:
 
 
 def _is_told(view: MapView, test: Trial) -> float:
-    """1 if there is an obstacle cell near where the walker is now, else 0."""
     walker = test.rig.world.scene.movers[0]
     since = np.array([test.elapsed_s])
     ((x_m, y_m),) = walker.middles_m(walker.parts[0], since)
@@ -140,7 +136,6 @@ TAKEN_S = LEAD_S + 6.0
 
 
 def moved_away(quick: bool, folder: Path) -> Outcome:
-    """7: a box is taken away from before the robot; its neighbours stay."""
     taken = moved_box("taken", BOX_X, BOX_Y, (0.0, 0.9), until_s=TAKEN_S)
     stays = [
         box("stays left", (4.07, 4.67), (0.83, 1.43), 0.9),
@@ -176,7 +171,6 @@ GLASS_AT_M = 9.07
 
 
 def glass(quick: bool, folder: Path) -> Outcome:
-    """7: towards a wall of glass across the way, then one at 45 deg of it."""
     pane = Solid(
         "glass", (GLASS_AT_M, GLASS_AT_M + 0.02), (-2.07, 2.05), (-0.5, WALL_M), material=GLASS
     )

@@ -15,7 +15,6 @@ EVERY_S = 1.0
 
 
 def ramp(quick: bool, folder: Path) -> Outcome:
-    """5.3: down a ramp of 1 degree; false obstacle cells before, on and after it."""
     speed_mps, long_m = (0.6, 3.0) if quick else (0.2, RAMP_LONG_M)
     end_m = RAMP_AT_M + long_m
     way = Way(stand(LEAD_S), straight(end_m + 2.0, speed_mps))
@@ -64,7 +63,6 @@ STANCES = (  # pitch, roll (right side down positive), height of the axle's foot
 
 
 def standing_on_objects(quick: bool, folder: Path) -> Outcome:
-    """5.5: wheels or casters on objects; false obstacles and floor height, with and without."""
     outcome = Outcome(
         "5.5 standing on objects",
         "Corridor of 4.1 m; 2 m at 0.5 m/s, then the robot is tilted within 2 s, both maps are "

@@ -23,7 +23,6 @@ FINE = {"cells": 201, "cell_m": 0.1}  # for smears of less than the shipped cell
 
 
 def straight_drives(quick: bool, folder: Path) -> Outcome:
-    """5.4: straight on towards a wall, wheels slipping: distance, holes, smear of the wall."""
     outcome = Outcome(
         "5.4 straight, wheels slip",
         "Corridor of 4.1 m, 4.2 m and 20 m straight at 0.2 m/s towards the wall at its end, "
@@ -87,7 +86,6 @@ def _wall_ahead_m(view: MapView) -> float:
 
 
 def left_turn(quick: bool, folder: Path) -> Outcome:
-    """5.6: 92 deg to the left in a hall: growth, position of walls, empty cells."""
     rate_radps = 0.6 if quick else 0.3
     way = Way(
         stand(LEAD_S),

@@ -54,7 +54,6 @@ class Outcome:
     def draw(
         self, path: Path, title: str, caption: str, views: Sequence[MapView], x_m: Span, y_m: Span
     ) -> None:
-        """A picture of these maps within a rectangle of them."""
         draw_maps(path, title, views, x_m, y_m)
         self.pictures.append(Picture(path.name, caption))
 
@@ -90,7 +89,6 @@ MARKS = {"better": "better", "same": "same", "worse": "**worse**", "": ""}
 
 
 def table(rows: Sequence[Row]) -> list[str]:
-    """The rows as lines of Markdown."""
     lines = [
         "| experiment | quantity | paper | reference_plane | beams | | beams, kalman |",
         "|---|---|---|---|---|---|---|",
@@ -106,7 +104,6 @@ def table(rows: Sequence[Row]) -> list[str]:
 
 
 def _not_better(rows: Sequence[Row]) -> list[str]:
-    """Lines about the rows in which beams does not win."""
     lines, alike, faultless = [], [], 0
     for row in rows:
         told = f"{row.experiment}, {row.quantity}: "
@@ -139,7 +136,6 @@ def merged(parts: Iterable[Outcome]) -> list[Outcome]:
 
 
 def document(intro: str, outcomes: Sequence[Outcome]) -> str:
-    """The whole of docs/experiments.md."""
     rows = [row for outcome in outcomes for row in outcome.rows]
     judged = [verdict(row) for row in rows]
     lines = [intro.rstrip(), "", "## What was done", ""]

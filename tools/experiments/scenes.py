@@ -19,12 +19,10 @@ Span = tuple[float, float]
 
 
 def floor(x: Span, y: Span, z_m: float = 0.0, name: str = "floor") -> Solid:
-    """Level ground with its top at a height."""
     return Solid(name, x, y, (DEEP_M, z_m))
 
 
 def box(name: str, x: Span, y: Span, high_m: float, from_m: float = 0.0) -> Solid:
-    """Something upright on the floor, or above it."""
     return Solid(name, x, y, (from_m, high_m))
 
 
@@ -54,7 +52,6 @@ def corridor(length_m: float, wide_m: float = 4.12, behind_m: float = 4.33) -> l
 
 
 def gap_in_floor(x: Span, wide_m: float, length_m: float, depth_m: float) -> list[Solid]:
-    """A corridor with a ditch across it."""
     y = (-wide_m / 2 - 0.01, wide_m / 2 - 0.01)
     return [
         floor((-4.33, x[0]), y, name="floor before"),

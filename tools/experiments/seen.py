@@ -54,7 +54,6 @@ class SeenCells:
         self.newest_s[at[0][floor], at[1][floor]] = float(times_s[-1])
 
     def part(self, layer: npt.NDArray[Any], corner_i: int, corner_j: int, size: int) -> Any:
-        """The (size, size) part of a layer from a world cell on."""
         i, j = corner_i - self.corner, corner_j - self.corner
         return layer[j : j + size, i : i + size]
 

@@ -49,7 +49,6 @@ class SharedPort(MemoryPort):
         self.others: list[MemoryPort] = []
 
     def give(self, data: bytes) -> None:
-        """One piece for every host."""
         super().give(data)
         for other in self.others:
             other.give(data)
@@ -82,7 +81,6 @@ class WatchedRig(Rig):
 
 
 def shipped() -> Config:
-    """The settings as shipped, with a slow planner's wire."""
     config = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
     return with_changes(config, planner={"rate_hz": LINK_HZ})
 
@@ -157,7 +155,6 @@ class Trial:
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time since the begin."""
         return self.now_s - START_S
 
     def step(self) -> None:
@@ -192,13 +189,11 @@ class Trial:
         return self.truth.cells(view.corner_i, view.corner_j, view.size, view.cell_m)
 
     def seen(self, view: MapView) -> SeenPart:
-        """What the scanner's beams truly met in the cells of a view."""
         seen = self.rig.seen
         at = (view.corner_i, view.corner_j, view.size)
         return SeenPart(*(seen.part(x, *at) for x in (seen.hits, seen.low_m, seen.high_m)))
 
     def per_app(self, measure: Callable[[MapView, CellTruth], float]) -> dict[str, float]:
-        """One figure of each app's maps now."""
         return {view.name: float(measure(view, self.cells(view))) for view in self.views()}
 
     def holes(self) -> dict[str, float]:
@@ -227,7 +222,6 @@ class Tally:
             self.taken.setdefault(name, []).append(figure)
 
     def mean(self) -> dict[str, float]:
-        """Of what was taken; nothing taken: none."""
         return {name: float(np.mean(figures)) for name, figures in self.taken.items()}
 
     def most(self) -> dict[str, float]:

@@ -66,7 +66,6 @@ def view_of(name: str, app: App) -> MapView:
 
 
 def _heights_m(maps: Maps) -> F64:
-    """Heights (size, size) of the window's cells, from its corner on."""
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
     assert isinstance(maps, BeamMaps)

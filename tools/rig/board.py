@@ -135,7 +135,6 @@ class Board:
         return self._line()
 
     def status(self) -> dict[str, int]:
-        """What the board says of itself, as it says it."""
         words = self.ask("status").split()[1:]
         return {name: int(value) for name, value in (word.split("=") for word in words)}
 
@@ -160,7 +159,6 @@ class Board:
         return line.decode()
 
     def _take(self, wait_s: float) -> bool:
-        """Read both sockets; False: nothing came."""
         ends = [end for end in (self.link, self.text) if end is not None]
         ready, _, _ = select.select(ends, [], [], wait_s)
         for end in ready:

@@ -160,7 +160,6 @@ def robot_from_config(config: Config) -> PlannerRobot:
 
 @functools.cache
 def shipped_robot() -> PlannerRobot:
-    """That of mapod.toml."""
     return robot_from_config(load_config((ROOT / "mapod.toml").read_text(encoding="utf-8")))
 
 

@@ -92,7 +92,6 @@ class PlannerState:
 
 
 def planner_state(told: Mapping[str, int]) -> PlannerState:
-    """What a planner has told by the names of `struct planner_report`."""
     return PlannerState(
         state=STATES[told["state"]],
         why=WHY[told["why"]],

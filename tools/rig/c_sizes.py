@@ -101,7 +101,6 @@ def header_stack(core: str, *defines: str) -> int:
 
 
 def firmware_size(window_cells: int) -> FirmwareSize:
-    """The planner for windows of so many cells along an edge."""
     firmware = build_planner_firmware(replace(shipped_robot(), window_cells=window_cells))
     words = _output("arm-none-eabi-size", str(firmware)).splitlines()[1].split()
     text, data, bss = (int(word) for word in words[:3])
@@ -197,7 +196,6 @@ REPORTS = {"header": header_report, "planner": planner_report}
 
 
 def main(words: list[str] | None = None) -> int:
-    """Print the figures; 2: a wrong word, a tool is missing, or the compiler is not content."""
     chosen = sys.argv[1:] if words is None else words
     if len(chosen) != 1 or chosen[0] not in REPORTS:
         sys.stderr.write(f"use: python -m tools.rig.c_sizes {' | '.join(REPORTS)}\n")

@@ -49,14 +49,12 @@ class Task:
 def spec_of(
     seed: int, number: int, scenes: Sequence[str], faults: int = 0, limit_s: float = LIMIT_S
 ) -> RunSpec:
-    """Run `number` of a campaign, from the campaign's seed alone."""
     own = random.Random(f"run {seed} {number}").randrange(1, 10**6)
     orders = tuple(draw(own, faults)) if faults else ()
     return RunSpec(scenes[number % len(scenes)], own, orders, limit_s)
 
 
 def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
-    """One run from begin to end, recorded where that is wanted."""
     run = Run(task.spec)
     if task.folder is None:
         return Outcome(task.number, task.spec, run.to_end(*each))
@@ -67,7 +65,6 @@ def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
 
 
 def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    """All runs, as they end, over so many processes."""
     with contextlib.closing(results_of(outcome_of, tasks, jobs)) as results:
         for task, result in results:
             if isinstance(result, str):

@@ -52,7 +52,6 @@ class Chart:
     px_per_m: float
 
     def xy(self, x_m: float, y_m: float) -> Point:
-        """Pixel of a place of the map."""
         return (x_m - self.low_x_m) * self.px_per_m, (self.high_y_m - y_m) * self.px_per_m
 
     def box(self, x: Point, y: Point) -> tuple[float, float, float, float]:
@@ -60,7 +59,6 @@ class Chart:
         return *self.xy(x[0], y[1]), *self.xy(x[1], y[0])
 
     def disc(self, x_m: float, y_m: float, radius_m: float) -> tuple[float, float, float, float]:
-        """Those of the box around a circle."""
         return self.box((x_m - radius_m, x_m + radius_m), (y_m - radius_m, y_m + radius_m))
 
     def robot(self, place: Place) -> list[Point]:
@@ -114,7 +112,6 @@ def _shades(tops_m: Array, kind: str) -> Array:
 
 
 def _draw_marks(chart: Chart, scene: Scene) -> None:
-    """Start, goals, people, steel and slippery ground."""
     pen = ImageDraw.Draw(chart.image, "RGBA")
     pen.ellipse(chart.disc(0.0, 0.0, scene.start_clear_m), (90, 170, 255, 25), (90, 170, 255, 120))
     for patch in scene.patches:
@@ -170,7 +167,6 @@ def draw_run(folder: Path, scene: Scene | None = None) -> Path:
 
 
 def _draw_seen(chart: Chart, cells: Array, corner: tuple[int, int], cell_m: float) -> None:
-    """The map, cells [j, i], over the scene, so that both can be made out."""
     colours = np.zeros((*cells.shape, 4), dtype=np.uint8)
     colours[cells == -1] = SEEN_FREE
     colours[cells == 1] = SEEN_OBSTACLE
@@ -195,7 +191,6 @@ def _cropped(chart: Chart, points: Sequence[Point]) -> Image.Image:
 
 
 def main(words: list[str]) -> int:
-    """Draw a run again; or a scene, telling how many solids it has and what is wrong with it."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.rig.draw", description=(__doc__ or "").splitlines()[0]
     )

@@ -68,7 +68,6 @@ class FarEnd(FakePlanner):
         self.bursts: list[Burst] = []
 
     def note(self, now_s: float, frame: Frame) -> None:
-        """One frame more, of the newest tick or of a new one."""
         super().note(now_s, frame)
         if not self.bursts or self.bursts[-1].t_ms != frame.t_ms:
             self.bursts.append(Burst(frame.t_ms, now_s))
@@ -77,7 +76,6 @@ class FarEnd(FakePlanner):
 
 
 def scans_from_file(path: Path) -> list[Sent]:
-    """The scans in a file of stamps, oldest first."""
     rows = (line.split() for line in path.read_text(encoding="ascii").splitlines())
     return [Sent(float(row[1]), float(row[2])) for row in rows if len(row) == 3]
 

@@ -61,12 +61,10 @@ class Fault:
 
     @property
     def title(self) -> str:
-        """A name that no other has."""
         return " + ".join([self.own, *self.also, *self.then])
 
     @property
     def is_noticed(self) -> bool:
-        """Whether mapod can know of it at all."""
         return not self.why.startswith(BLIND)
 
     def orders(self, start_s: float) -> list[str]:

@@ -42,7 +42,6 @@ SPARE_S = 3.0  # after the time in which it has to recover
 
 
 def hall(box_x_m: float = BOX_X_M) -> Scene:
-    """A hall along x, 6 m wide, with a box across it."""
     return Scene(
         "fault hall",
         (
@@ -226,7 +225,6 @@ def wrong_free(loop: Loop) -> list[tuple[float, float]]:
 
 
 def fill_in(moments: Sequence[Moment], outcome: Outcome) -> None:
-    """Fill in what follows from the moments of a whole drive."""
     t = np.array([moment.t_s for moment in moments])
     x, y = (np.array([getattr(m, axis) for m in moments]) for axis in ("x_m", "y_m"))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
@@ -269,7 +267,6 @@ def _note_told(t: F64, health: npt.NDArray[np.int64], outcome: Outcome) -> None:
 
 
 def problems(fault: Fault, outcome: Outcome) -> list[str]:
-    """What is not as the catalogue has it, in words; nothing: all is."""
     found = problems_of_pair([fault], outcome)
     if fault.must == "goes on" and outcome.stood_s is not None:
         found.append(f"stopped: {outcome.reason or 'no reason told'}")
@@ -295,7 +292,6 @@ def problems_of_pair(faults: Sequence[Fault], outcome: Outcome) -> list[str]:
 
 
 def harm(outcome: Outcome) -> list[str]:
-    """What must never be, whatever the fault."""
     found = [f"collision with {what}" for what in outcome.collisions]
     if outcome.wrong_free:
         found.append(f"told free, and is not: {', '.join(outcome.wrong_free)}")
@@ -305,7 +301,6 @@ def harm(outcome: Outcome) -> list[str]:
 
 
 def drive_with(*faults: Fault, seed: int = 1, start_s: float = FAULT_FROM_S) -> Outcome:
-    """One drive with faults that begin together."""
     orders = [order for fault in faults for order in fault.orders(start_s)]
     end_s = start_s + max(fault.lasts_s for fault in faults)
     wait_s = sum(fault.recovers_s for fault in faults) + SPARE_S

@@ -110,7 +110,6 @@ class Judge:
 
     @property
     def is_driving(self) -> bool:
-        """Fast enough to count."""
         return abs(self.v_mps) + REACH_M * abs(self.w_radps) > DRIVING_MPS
 
     def step(self, truth: Truth) -> None:

@@ -66,7 +66,6 @@ class Figures:
 
     @property
     def is_good(self) -> bool:
-        """Within the goal, no tick lost, and hardly a scan that was never told."""
         complete = self.told >= LEAST_TOLD * self.scans > 0
         known = self.strangers <= (1 - LEAST_TOLD) * self.scans
         return self.latency_s[1] < GOAL_P99_S and not self.missed and complete and known
@@ -128,7 +127,6 @@ class Bench:
         return not self.end.blank and self.end.pose is not None and self.end.pose.mode == 1
 
     def run(self, seconds: float) -> None:
-        """Hear and answer for so long."""
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s and not self._stop.wanted:
             for child in self._children:
@@ -136,7 +134,6 @@ class Bench:
             self._link.step(0.05)
 
     def close(self) -> list[str]:
-        """All processes end; complaints."""
         complaints = [child.end() for child in reversed(self._children)]
         self._wire.close()
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
@@ -179,7 +176,6 @@ def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
 def figures(
     name: str, bench: Bench, before: list[dict[str, Any]], span_s: tuple[float, float]
 ) -> Figures:
-    """What the stamps of both ends and the app's log say of a span of host time."""
     begun_s, ended_s = span_s
     after = bench.log.added()
     counted, earlier = (
@@ -209,7 +205,6 @@ def figures(
 
 
 def rights_words(taken: dict[str, Any], fakes_fifo: bool) -> str:
-    """What the machine permitted, and what it means where it did not."""
     no_fifo = "not permitted (run as root, or give the user `rtprio 20`)"
     not_locked = "not locked (raise `memlock` in limits.conf)"
     others = "too" if fakes_fifo else "not: under load their own delays are in the figures"
@@ -232,7 +227,6 @@ def table_of(rows: Sequence[Figures]) -> Table:
 
 
 def main() -> int:
-    """Exit status: 0 if the goal was met without load."""
     parser = argparse.ArgumentParser(prog="python -m tools.rig.latency", description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="for each measurement (60)")
     parser.add_argument("--only", choices=("alone", "loaded"), help="one measurement of the two")

@@ -33,11 +33,9 @@ Tap = Callable[[str, str, bytes], None]  # wire's name, "d2h" or "h2d", what wen
 class Planner(Protocol):
     """The planner's end of the link: frames in, frames out."""
 
-    def feed_datagram(self, now_s: float, data: bytes) -> Any:
-        """One frame of the app."""
+    def feed_datagram(self, now_s: float, data: bytes) -> Any: ...
 
-    def poll(self, now_s: float) -> list[bytes]:
-        """Frames for the app, one a datagram."""
+    def poll(self, now_s: float) -> list[bytes]: ...
 
 
 class TappedPort(MemoryPort):
@@ -49,7 +47,6 @@ class TappedPort(MemoryPort):
         self.taps: list[Tap] = []
 
     def write(self, data: bytes) -> None:
-        """What the app says."""
         self._tell("h2d", data)
         super().write(data)
 
@@ -131,7 +128,6 @@ class Loop:
         return App(self.config, ports, session=SESSION, key=key)
 
     def listen(self, tap: Tap) -> None:
-        """Let `tap` have all bytes of all ports of the app, from now on."""
         for port in (*self.ports.values(), self.link_port):
             port.taps.append(tap)
 
@@ -153,7 +149,6 @@ class Loop:
         self._link_wire.step(self.now_s)
 
     def _advance(self) -> None:
-        """World, fakes and wires of the devices, one tick on."""
         self.ticks += 1
         now_s = self.now_s = START_S + self.ticks / self._rate_hz
         if self._schedule is not None:
@@ -177,7 +172,6 @@ class Loop:
 
     @property
     def since_begin_s(self) -> float:
-        """Simulated seconds since the first tick."""
         return self.now_s - START_S
 
     def map_now(self) -> npt.NDArray[np.int8]:

@@ -57,7 +57,6 @@ def results_of(
 
 
 def words_of(error: BaseException) -> str:
-    """A crash, with where it happened."""
     if isinstance(error, BrokenProcessPool):
         return "the process that ran it, or one beside it, was killed"
     return "".join(traceback.format_exception(error)).strip()

@@ -33,7 +33,6 @@ class Outcome:
 
     @property
     def is_well(self) -> bool:
-        """No crash, no collision."""
         return self.result is not None and not self.result.collisions
 
 
@@ -65,7 +64,6 @@ class Totals:
         return self.sim_s / self.cpu_s if self.cpu_s else 0.0
 
     def cells(self) -> list[str]:
-        """For a row of the table, without its name."""
         return [
             str(self.runs),
             f"{self.reached}/{self.goals}",
@@ -80,7 +78,6 @@ class Totals:
 
 
 def results_in(outcomes: Iterable[Outcome]) -> list[RunResult]:
-    """Those of the runs that did not crash."""
     return [outcome.result for outcome in outcomes if outcome.result is not None]
 
 
@@ -94,7 +91,6 @@ def counts(outcomes: Sequence[Outcome]) -> str:
 
 
 def table(results: Sequence[RunResult], markdown: bool = False) -> Table:
-    """By scene, and all; with the lines of a Markdown table, if that is wanted."""
     drawn = Table(box=box.MARKDOWN if markdown else None, header_style="bold", pad_edge=markdown)
     for name in COLUMNS:
         drawn.add_column(name, justify="left" if name == "scene" else "right")

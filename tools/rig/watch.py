@@ -63,7 +63,6 @@ class Watcher:
             self._live.stop()
 
     def __call__(self, run: Run) -> None:
-        """Hold back, and draw what is due."""
         if self._speed > 0.0:
             ahead_s = run.since_begin_s / self._speed - (time.monotonic() - self._begun_s)
             if ahead_s > 0.01:

@@ -84,7 +84,6 @@ class Meter:
         self._pose_t_ms = -1
 
     def take(self, now_s: float, planner: WatchingReceiver) -> None:
-        """Count what the planner has heard since the last call."""
         while planner.heard:
             heard = planner.heard.popleft()
             self.first_s = heard.arrived_s if self.frames == 0 else self.first_s

@@ -39,7 +39,6 @@ class Stop:
 
     @contextlib.contextmanager
     def on_signals(self) -> Iterator["Stop"]:
-        """Handles the signals for as long as it is open."""
         numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         before = [signal.signal(number, self) for number in numbers]
         try:

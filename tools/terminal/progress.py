@@ -20,7 +20,6 @@ def _bar() -> Progress:
 
 
 def progress(what: str, things: Iterable[T], total: int) -> Iterator[T]:
-    """The same things, with a bar that moves on with each."""
     with _bar() as bar:
         yield from bar.track(things, total, description=what)
 

@@ -59,7 +59,6 @@ def maybe_robot(planner: Receiver) -> Robot | None:
 
 
 def robot_in_window(pose: Pose, origin: tuple[int, int], cell_m: float) -> Robot:
-    """The pose in cells of a window that begins at cell `origin`."""
     col, row = pose.x_m / cell_m - origin[0], pose.y_m / cell_m - origin[1]
     return Robot(col, row, pose.yaw_rad, ROBOT_RADIUS_M / cell_m)
 
@@ -98,7 +97,6 @@ def cell_of_robot(robot: Robot, shape: tuple[int, int], factor: int) -> tuple[in
 
 
 def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
-    """The map in colour, two rows of cells a line."""
     full = image_from_window(window)
     image = downsampled(full, factor).copy()
     if robot is None:
@@ -143,7 +141,6 @@ def eighth(yaw_rad: float) -> int:
 
 
 def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
-    """The map in letters, a character a cell, without empty borders."""
     full = image_from_window(window)
     image = downsampled(full, factor)
     signs = np.array(list(SIGNS))[image]
@@ -161,7 +158,6 @@ def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
 
 
 def plain_legend(cell_m: float) -> str:
-    """What the letters of a plain map mean."""
     return (
         f"# obstacle   . free   (blank) unknown   ^ < v > robot and heading   "
         f"1 character = {cell_m:.2f} m\nup: map x, where the robot's nose pointed at first; left: y"
@@ -172,13 +168,11 @@ def plain_legend(cell_m: float) -> str:
 
 
 def health_words(health: int) -> tuple[list[str], list[str]]:
-    """What is missing, and what warns, of a POSE frame's health bits."""
     missing = [name for bit, name in enumerate(MISSING) if not health >> bit & 1]
     return missing, [name for bit, name in WARNINGS.items() if health >> bit & 1]
 
 
 def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
-    """The receiver's state, and its colour."""
     if planner.blank:
         return "BLANK: no map has arrived", BAD
     if planner.stale(now_s):
@@ -193,7 +187,6 @@ def age_words(age_s: float) -> str:
 
 
 def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
-    """All there is to say of link, robot and map, one thing a line."""
     maps, poses, bytes_per_s = meter.rates(now_s)
     link, link_style = link_words(planner, now_s)
     advice, why = planner.advice(now_s)
@@ -223,7 +216,6 @@ def delay_words(newest_ms: float, delays: Delays) -> str:
 
 
 def pose_lines(pose: Pose) -> list[Text]:
-    """What a POSE frame says, in words."""
     missing, warnings = health_words(pose.health)
     mode = MODES[pose.mode] if pose.mode < len(MODES) else f"unknown ({pose.mode})"
     mode_style = {1: GOOD, 2: POOR}.get(pose.mode, BAD)

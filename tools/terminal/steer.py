@@ -67,7 +67,6 @@ class Steering:
         self._stops = 0  # still to be told
 
     def step(self, now_s: float) -> None:
-        """Take the keys, and ask for what they say if it is time."""
         self.take(now_s, self._typed())
         if now_s - self._sent_s < PERIOD_S:
             return
@@ -79,7 +78,6 @@ class Steering:
             self._ask(now_s, 0.0, 0.0, 0.0)
 
     def take(self, now_s: float, typed: bytes) -> None:
-        """Keys that have arrived now."""
         before = self._way
         for way in ways_from_keys(typed):
             self._way, self._key_s = way, now_s

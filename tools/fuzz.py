@@ -90,11 +90,7 @@ def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
 
 
 def run_program(codec: str, program: bytes) -> None:
-    """What one input does to a fresh device.
-
-    Raises:
-        AssertionError: it holds too much, or did not go on.
-    """
+    """One input on a fresh device. Raises AssertionError: it holds too much, or hangs."""
     from fakes.wires.wire import MemoryPort
 
     port = MemoryPort()

@@ -102,14 +102,7 @@ def session_of(recording: Recording) -> int:
 
 
 class RecordingReplay:
-    """A recording of all ports around one app.
-
-    Args:
-        config: instead of the recorded settings.
-
-    Raises:
-        ConfigError: the recorded settings can't be used any more.
-    """
+    """A recording of all ports around one app, with its own settings or `config`."""
 
     def __init__(
         self, recording: Recording, session: int = SESSION, config: Config | None = None
@@ -132,11 +125,7 @@ class RecordingReplay:
         return "" if self._scanner_bytes else "the recording holds no byte of the scanner"
 
     def step(self) -> None:
-        """Play what happened up to the next call of the app, and call it.
-
-        Raises:
-            RecordingError: the recording is damaged.
-        """
+        """Play up to the next call of the app, and call it. Raises RecordingError: damaged."""
         for record in self._records:
             if record.kind in (OPENED, LOST, IN):
                 self._ports[record.port].play(record)

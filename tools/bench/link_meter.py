@@ -169,11 +169,7 @@ class Meter:
             self._wrong.add(i[differs], j[differs], at_s)
 
     def take(self, at_s: float, tick_s: float, frame: Frame, view: View) -> None:
-        """A frame has been taken by the receiver, whose map is now as `view` shows it.
-
-        Args:
-            tick_s: the tick that the frame belongs to.
-        """
+        """A frame of tick `tick_s` has been taken by the receiver, whose map is now `view`."""
         self._count_pass(at_s, frame)
         for earlier in [*self._unseen, frame]:
             self._tell(earlier)

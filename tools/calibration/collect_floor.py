@@ -48,11 +48,7 @@ class Collector:
         self._dropped = 0
 
     def step(self, now_s: float) -> None:
-        """Read, decode, collect; never waits.
-
-        Raises:
-            RefusedError: a device does not run, or not well.
-        """
+        """Never waits. Raises RefusedError: a device does not run, or not well."""
         self._begun_s = min(self._begun_s, now_s)
         for attitude in self.ahrs.step(now_s):
             self._attitudes.add(attitude)
@@ -117,14 +113,7 @@ def _complaints(scanner: DeviceStatus, ahrs: DeviceStatus) -> list[str]:
 
 
 def collect(config: Config, seconds: float, advance: Callable[[float, str], None]) -> FloorWatch:
-    """What the devices of the settings see in so many seconds of real time.
-
-    Args:
-        advance: called now and then with the seconds that count, and how it goes in words.
-
-    Raises:
-        RefusedError, PortUrlError: see Collector; a port's URL is none.
-    """
+    """`advance` gets the seconds that count, and words. Raises RefusedError, PortUrlError."""
     with contextlib.ExitStack() as stack:
         scanner, ahrs = (
             stack.enter_context(contextlib.closing(open_port(url)))

@@ -40,11 +40,7 @@ RESETS = {  # Measurement state
 def answer(
     talk: Conversation, mid: Mid, data: bytes = b"", seconds: float = 1.0, tries: int = 3
 ) -> bytes:
-    """The data of the answer to a request.
-
-    Raises:
-        NoAnswerError, RefusedError: none came, or an Error.
-    """
+    """Data of the answer. Raises NoAnswerError, RefusedError: none came, or an Error."""
 
     def is_answer(event: MtFrame) -> bool:
         return event.mid in (mid + 1, Mid.Error)

@@ -130,10 +130,7 @@ def check_separate(found: Calibration) -> None:
 
 
 def check_proven(found: Calibration, config: Config, vouched: bool, write: bool) -> None:
-    """Raises RefusedError if a wall may have been taken for floor, and that would do harm.
-
-    Else the doubt is told, if there is one.
-    """
+    """Raises RefusedError if a wall may have been taken for floor; a harmless doubt is told."""
     if found.is_proven or vouched:
         return
     now = mount_of(config, None)
@@ -154,11 +151,7 @@ def check_proven(found: Calibration, config: Config, vouched: bool, write: bool)
 
 
 def tell(found: Calibration, options: argparse.Namespace, config: Config, text: str) -> None:
-    """Print what is known, and write what is to be written.
-
-    Raises:
-        RefusedError, NotThereError: it is not known well enough; the file is not as it was.
-    """
+    """Raises RefusedError, NotThereError: not known well enough; the file has changed."""
     print("\n".join(seen_in_words(found, config)))
     check_separate(found)
     print("\n".join(table(found, config)))

@@ -84,11 +84,7 @@ def _scanner_options(real: Portrait) -> list[str]:
 
 @contextlib.contextmanager
 def running(command: list[str]) -> Iterator[str]:
-    """The port of a fake that runs as a process of its own meanwhile.
-
-    Raises:
-        RunError: it does not start.
-    """
+    """The port of a fake that runs meanwhile. Raises RunError: it does not start."""
     with tempfile.TemporaryDirectory(prefix="mapod-compare-") as folder:
         fake = Child("fake", [sys.executable, "-m", *command], Path(folder))
         try:
@@ -101,14 +97,7 @@ def running(command: list[str]) -> Iterator[str]:
 def compared(
     device: str, real: str, fake: str | None, seconds: float, settings: bool
 ) -> tuple[Portrait, Portrait]:
-    """What was found out of the real device and of the fake.
-
-    Args:
-        fake: its port; None: one is started.
-
-    Raises:
-        NoAnswerError, RunError: one of them does not answer, or start.
-    """
+    """Portraits of both; fake None: one is started. Raises NoAnswerError, RunError."""
     look = LOOKS[device]
     if fake is not None:
         with ThreadPoolExecutor(2) as pool:

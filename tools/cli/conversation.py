@@ -55,11 +55,7 @@ class Conversation:
         self.now_s, self._port = self._line.now_s, self._line.port
 
     def open(self) -> None:
-        """Wait until the port is open.
-
-        Raises:
-            NoAnswerError: it does not open in time, with the cause in words.
-        """
+        """Waits for the port. Raises NoAnswerError: it does not open in time, with the cause."""
         until_s = self.now_s() + OPEN_S
         while not self._port.poll(self.now_s()):
             if self.now_s() >= until_s:
@@ -85,11 +81,7 @@ class Conversation:
     def ask(
         self, request: bytes, is_answer: Callable[[Any], bool], seconds: float = 1.0, tries: int = 3
     ) -> Any:
-        """The event that answers a request, which is repeated.
-
-        Raises:
-            NoAnswerError: none came.
-        """
+        """The event that answers a request, which is repeated. Raises NoAnswerError: none came."""
         for _ in range(tries):
             self.say(request)
             for event in self.hear(seconds):
@@ -103,11 +95,7 @@ class Conversation:
 
 @contextmanager
 def conversation(url: str, parser: Parser) -> Iterator[Conversation]:
-    """An open conversation.
-
-    Raises:
-        NoAnswerError: the port does not open.
-    """
+    """An open conversation. Raises NoAnswerError: the port does not open."""
     talk = Conversation(url, parser)
     try:
         talk.open()

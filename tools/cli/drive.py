@@ -39,11 +39,7 @@ WATCH_S = 1.0
 
 
 def answer(talk: Conversation, query: str) -> list[str]:
-    """The lines after a query's echo; a refusal is the line `-`.
-
-    Raises:
-        NoAnswerError: no echo, or no answer.
-    """
+    """The lines after a query's echo; `-` is a refusal. Raises NoAnswerError: none come."""
     wanted = VALUES.get(query, 1)
     for _ in range(TRIES):
         talk.say(encode_query(query))

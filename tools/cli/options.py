@@ -77,10 +77,7 @@ def add_port(parser: argparse.ArgumentParser, example: str, default: str | None 
 
 
 def add_actions(parser: Parser, port: str) -> Callable[[str, str], argparse.ArgumentParser]:
-    """What to do with a device: gives a function that adds an action, which has --port, --config.
-
-    The arguments of that are its name and what it does.
-    """
+    """Gives `action(name, about)`, which adds a subcommand with --port and --config."""
     what = parser.add_subparsers(dest="what", required=True, metavar="WHAT")
 
     def action(name: str, about: str) -> argparse.ArgumentParser:
@@ -111,11 +108,7 @@ def add_out(parser: argparse.ArgumentParser, what: str, default: Path | None = N
 
 
 def configured(path: Path) -> Config:
-    """The settings in a file.
-
-    Raises:
-        ConfigError: what is wrong with it, with its name.
-    """
+    """The settings in a file. Raises ConfigError: what is wrong with it, with its name."""
     try:
         return load_config(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -55,11 +55,7 @@ def config_for_recording(path: Path, rate_hz: int, step_deg: float) -> Config:
 
 
 def replay_of(options: argparse.Namespace) -> Replay:
-    """The replay of whichever kind of recording it is.
-
-    Raises:
-        NoReplayError, RecordingError, ConfigError, OSError: it can't be played.
-    """
+    """Raises NoReplayError, RecordingError, ConfigError, OSError: it can't be played."""
     path: Path | None = options.recording
     if path is None:
         raise NoReplayError("name a recording: there is none here to show")

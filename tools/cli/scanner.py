@@ -33,12 +33,7 @@ class Scanner:
         self._talk = talk
 
     def ask(self, command: Command) -> Answer:
-        """The answer to a command; asked once: a late answer is not to be taken for another's.
-
-        Raises:
-            NoAnswerError: none came.
-            RefusedError: the device says no.
-        """
+        """Asked once: late answers are not taken for others. Raises NoAnswerError, RefusedError."""
 
         def is_answer(event: object) -> bool:
             return isinstance(event, Refusal) or command.is_answered_by(event)
@@ -68,11 +63,7 @@ class Scanner:
 
 
 def dialect_of(talk: Conversation) -> Dialect:
-    """Which dialect it answers in; a refusal is an answer, too.
-
-    Raises:
-        NoAnswerError: it answers in neither.
-    """
+    """In which one it answers or refuses. Raises NoAnswerError: it answers in neither."""
     for _ in range(2):
         for dialect in DIALECTS:
             talk.say(commands.READ_DEVICE_STATE.encode(dialect))

@@ -153,12 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
-    """The picture from begin to end, with the keys where they are asked for; exit status.
-
-    Raises:
-        OSError: the wire is gone.
-        ValueError: there is no keyboard to drive with.
-    """
+    """The picture to its end. Raises OSError (the wire is gone), ValueError (no keyboard)."""
     console, began_s = Console(), end.step(0.0)
     until_s = began_s + options.seconds if options.seconds else float("inf")
     print(f"watching {options.port}; Ctrl-C ends", flush=True)
@@ -174,11 +169,7 @@ def watch_and_drive(
     done: Callable[[float], bool],
     speeds: tuple[float, float] | None,
 ) -> None:
-    """As `watch`; where speeds (m/s, rad/s) are given, held keys drive the robot.
-
-    Raises:
-        ValueError: there is no keyboard to drive with.
-    """
+    """As `watch`; with speeds (m/s, rad/s), held keys drive: ValueError without a keyboard."""
     if speeds is None:
         watch(end, console, done)
         return

@@ -63,11 +63,7 @@ COUNTER_WRAP = 2**16
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
-    """Everything that was found out.
-
-    Raises:
-        NoAnswerError: it neither sends nor answers.
-    """
+    """Everything that was found out. Raises NoAnswerError: it neither sends nor answers."""
     with conversation(url, MtParser(parse_url(url).baud or BAUD)) as talk:
         facts = _state_as_found(talk)
         facts.update(_asked(talk, "GoToConfig", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S))
@@ -87,11 +83,7 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
 
 
 def make_alike(real: str, fake: str) -> None:
-    """Give the fake the output settings that the real sensor has now.
-
-    Raises:
-        NoAnswerError: one of them does not answer.
-    """
+    """The fake gets the output settings of the real one. Raises NoAnswerError."""
     with conversation(real, MtParser(parse_url(real).baud or BAUD)) as talk:
         _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         wanted = {mid: _maybe_data(talk, mid) for mid in MIRRORED}

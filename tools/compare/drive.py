@@ -37,11 +37,7 @@ UNKNOWN = "?J"  # no such query: an error, and nothing happens
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
-    """Everything that was found out.
-
-    Raises:
-        NoAnswerError: it neither sends nor answers.
-    """
+    """Everything that was found out. Raises NoAnswerError: it neither sends nor answers."""
     with conversation(url, LineParser()) as talk:
         facts = _as_found(talk)
         if facts["as found"].value == LOGS:

@@ -133,11 +133,7 @@ def reply_to(
     seconds: float,
     tries: int = 2,
 ) -> Reply | None:
-    """Ask, and wait for the answer at most so long; ask once more where none came.
-
-    Raises:
-        NoAnswerError: the port is gone.
-    """
+    """None: no answer within `seconds`, `tries` times. Raises NoAnswerError: the port is gone."""
     for _ in range(tries):
         asked_s = talk.now_s()
         talk.say(question)

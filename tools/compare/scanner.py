@@ -66,11 +66,7 @@ LEAST_SCANS = 10  # for their noise
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
-    """Everything that was found out.
-
-    Raises:
-        NoAnswerError: it does not answer at all.
-    """
+    """Everything that was found out. Raises NoAnswerError: it does not answer at all."""
     with conversation(url, new_parser("auto")) as talk:
         dialect = dialect_of(talk)
         facts: Portrait = {"dialect": Fact(dialect)}
@@ -85,12 +81,7 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
 
 
 def make_alike(real: str, fake: str) -> None:
-    """Give the fake the settings that the real scanner has now, and start it.
-
-    Raises:
-        NoAnswerError: one of them does not answer.
-        RefusedError: the fake does not take them.
-    """
+    """The fake gets the scanner's settings, and starts. Raises NoAnswerError, RefusedError."""
     with conversation(real, new_parser("auto")) as talk:
         scanner = Scanner(talk, dialect_of(talk))
         read = [(command.name, _maybe_told(scanner, command)) for command in MIRRORED]

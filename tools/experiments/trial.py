@@ -54,11 +54,7 @@ class SharedPort(MemoryPort):
             other.give(data)
 
     def take_datagrams(self) -> list[bytes]:
-        """What the first host wrote.
-
-        Raises:
-            DisagreementError: another host wrote something else.
-        """
+        """What the first host wrote; DisagreementError: another one wrote something else."""
         written = super().take_datagrams()
         said = b"".join(written)
         for other in self.others:

@@ -14,14 +14,11 @@ from typing import Any
 
 from fakes.scenes.scene import load_scene
 from mapod_link.wires import UdpWire
-from tools.cli.demo import FIRST_MAP_S
-from tools.cli.options import ROOT
 from tools.rig.config import DEVICES, OF_SCENE, RigConfig
 from tools.rig.forms import form_of
 from tools.rig.story import AppLog, Doubts, Tour, TruthLog
-from tools.settings import rewritten
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
-from tools.terminal.processes import Child, RunError, Stop, ports_of
+from tools.terminal.processes import RUNNING, RunError, SimulatedRobot, Stop
 
 DEVICES_S = 45.0  # for all devices to deliver, a scanner that is just being switched on among them
 LOOK_S = 0.2  # how often goals, truth and log are looked at
@@ -33,8 +30,7 @@ class Bench:
     """All that `make rig` starts, in a folder of its own."""
 
     def __init__(self, config: RigConfig, options: argparse.Namespace, folder: Path) -> None:
-        self._config, self._options, self._folder = config, options, folder
-        self._children: list[Child] = []
+        self._config, self._options, self.robot = config, options, SimulatedRobot(folder)
         scene, is_real = load_scene(config.world.scene, config.world.seed), config.devices.real
         clear_m = config.planner.start_clear_m
         self._clear_m = scene.start_clear_m if clear_m == OF_SCENE else float(clear_m)
@@ -44,42 +40,30 @@ class Bench:
         self.end = PlannerEnd(UdpWire("127.0.0.1", 0), WatchingReceiver())
         self.form = form_of(config, self._clear_m, folder)
         self.tour = Tour(config.world.goals or (scene.goals if self.truth else ()), self.form.goal)
-        self._looked_s = float("-inf")
-        self._until_s = self._overdue_s = float("inf")
+        self._looked_s = -math.inf
         self._started_s: float | None = None  # when the app was seen to have started
 
     def start(self, stop: Stop) -> None:
-        """Fakes, then the app on their ports, on those of the real devices and on the planner's.
-
-        Raises:
-            RunError: one of them fails.
-        """
-        ports = self._config.devices.real
-        if len(ports) < len(DEVICES):
-            told = ports_of(self._start("fakes", self._fakes_words()), stop)
-            if told is None:
-                return
-            ports = told | ports
-        config, shipped = self._folder / "mapod.toml", Path(self._config.robot.config).read_text()
-        config.write_text(rewritten(shipped, self.values(ports)))
-        self._start("app", [str(ROOT / "main.py"), "--config", str(config)])
-        self._overdue_s = time.monotonic() + FIRST_MAP_S
+        """Fakes, then the app on their ports, on those of the real devices and on the planner's."""
+        world = [] if len(self._config.devices.real) == len(DEVICES) else self._fakes_words()
+        self.robot.start(world, Path(self._config.robot.config), self.values(), stop)
 
     def _fakes_words(self) -> list[str]:
         world, real = self._config.world, self._config.devices.real
-        words = ["-m", "fakes", "--scene", world.scene, "--seed", str(world.seed)]
+        words = [sys.executable, "-m", "fakes", "--scene", world.scene, "--seed", str(world.seed)]
         words += ["--no-driver", "--drive-mode", "rs232_watchdog"]
         words += ["--sheet-errors"] if world.sensors == "sheet" else []
         for name in real:
             words += ["--leave-out", name]
         for fault in self._options.fault:
             words += ["--fault", fault]
-        words += ["--truth", str(self._folder / "truth.jsonl")] if self.truth else []
+        words += ["--truth", str(self.robot.folder / "truth.jsonl")] if self.truth else []
         return words
 
-    def values(self, ports: dict[str, str]) -> dict[str, Any]:
+    def values(self) -> dict[str, Any]:
         """What the app's settings become."""
-        values: dict[str, Any] = {f"{name}.port": port for name, port in ports.items()}
+        real = self._config.devices.real
+        values: dict[str, Any] = {f"{name}.port": port for name, port in real.items()}
         values["planner.port"] = [self.form.url, self.end.wire.url]
         values["robot.start_clear_m"] = self._clear_m
         if self.truth:  # else the file's own word counts
@@ -87,10 +71,6 @@ class Bench:
         if self._config.planner.unknown_mps > 0:
             values["robot.unknown_stops"] = False
         return values | {"log.level": "debug", "log.format": "json"}
-
-    def _start(self, name: str, words: list[str]) -> Child:
-        self._children.append(Child(name, [sys.executable, *words], self._folder))
-        return self._children[-1]
 
     # While it runs
 
@@ -105,37 +85,25 @@ class Bench:
         if now_s - self._looked_s < LOOK_S:
             return False
         self._looked_s = now_s
-        for child in self._children:
-            child.check_alive()
         self.log.step()
         if self.truth:
             self.truth.step()
-        if self._has_run():
-            if self._overdue_s < float("inf"):
-                self._overdue_s = float("inf")
-                self._until_s = now_s + (self._options.seconds or float("inf"))
-            gap_m = self.truth.gap_m if self.truth else lambda x_m, y_m: math.nan
-            self.tour.step(now_s, self.form.state, gap_m)
-        else:
-            self._check_patience(now_s)
-        over = self.tour.is_over and self.tour.total > 0 and self._options.seconds is not None
-        return over or now_s >= self._until_s
+        if not self.robot.has_map(now_s, self.end.planner, RUNNING):
+            self._check_devices(now_s)
+            return False
+        gap_m = self.truth.gap_m if self.truth else lambda x_m, y_m: math.nan
+        self.tour.step(now_s, self.form.state, gap_m)
+        seconds = self._options.seconds
+        over = self.tour.is_over and self.tour.total > 0 and seconds is not None
+        return over or now_s >= self.robot.mapped_s + (seconds or math.inf)
 
-    def _has_run(self) -> bool:
-        planner = self.end.planner
-        runs = not planner.blank and planner.pose is not None and planner.pose.mode == 1
-        return runs or self._overdue_s == float("inf")
-
-    def _check_patience(self, now_s: float) -> None:
-        """Raises RunError once the first map has been waited for long enough."""
+    def _check_devices(self, now_s: float) -> None:
+        """Raises RunError once they have been waited for long enough."""
         if self.log.has_started and self._started_s is None:
             self._started_s = now_s
         if self._started_s is not None and now_s - self._started_s > DEVICES_S:
             missing = self.log.missing or "all devices deliver"
             raise RunError(f"no map {DEVICES_S:.0f} s after the app's start; {missing}")
-        if now_s > self._overdue_s:
-            words = self._children[-1].last_words()
-            raise RunError(f"no map within {FIRST_MAP_S:.0f} s; the app's last words:\n{words}")
 
     def words(self) -> list[str]:
         """What the rig itself knows, one thing a line."""
@@ -159,11 +127,8 @@ class Bench:
     # At the end
 
     def compared_maps(self) -> tuple[str, bool]:
-        """Halt, then hold the app still, and compare both receivers' maps cell for cell.
-
-        What is found, in words; and whether the maps differ.
-        """
-        app = self._children[-1] if self._children else None
+        """Halts, holds the app still, compares both receivers' maps: words, whether they differ."""
+        app = self.robot.children[-1] if self.robot.children else None
         if app is None or app.name != "app":  # told to end before it was started
             return "the maps were not compared", False
         self.form.halt()
@@ -201,9 +166,6 @@ class Bench:
         while (now_s := self.end.step(0.02)) < until_s:
             self.form.step(now_s)
 
-    def close(self) -> list[str]:
-        """End the app, the fakes and the planner; what did not end well."""
-        complaints = [child.end() for child in reversed(self._children)]
+    def close(self) -> None:
         self.form.close()
         self.end.wire.close()
-        return [complaint for complaint in complaints if complaint]

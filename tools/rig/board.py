@@ -123,11 +123,7 @@ class Board:
         return heard
 
     def ask(self, words: str) -> str:
-        """The line that answers a line.
-
-        Raises:
-            BoardError: none came.
-        """
+        """The line that answers a line. Raises BoardError: none came."""
         try:
             self.text.sendall(words.encode() + b"\n")
         except OSError as gone:

@@ -118,11 +118,7 @@ class _Report(ctypes.Structure):
 
 @functools.cache
 def library(robot: PlannerRobot) -> ctypes.CDLL:
-    """The planner for a robot, compiled for this machine, with its calls' types.
-
-    Raises:
-        MissingToolError, CompileError: see `tools.rig.c_build`.
-    """
+    """The planner for a robot, compiled for this machine (see c_build), its calls typed."""
     lib = ctypes.CDLL(str(build_planner_library(robot)))
     handle, bytes_in = ctypes.c_void_p, ctypes.c_char_p
     lib.planner_new.argtypes = [ctypes.POINTER(i32), u32, bytes_in]
@@ -139,11 +135,7 @@ def library(robot: PlannerRobot) -> ctypes.CDLL:
 
 
 class CPlanner:
-    """The planner on a clock that the caller keeps. Times are seconds; it counts milliseconds.
-
-    Args:
-        nonce: of its HELLO, not 0; another one for each planner of a run.
-    """
+    """The planner on a clock that the caller keeps; each one of a run has its own nonce."""
 
     def __init__(self, settings: PlannerSettings, nonce: int = 1) -> None:
         self._lib = library(settings.robot)

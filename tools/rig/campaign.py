@@ -99,11 +99,7 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def tasks_of(options: argparse.Namespace) -> list[Task]:
-    """The runs that are asked for.
-
-    Raises:
-        OSError, ValueError: no such scene, or one without goals.
-    """
+    """Raises OSError, ValueError: no such scene, or one without goals."""
     scenes = [options.scene] if options.scene else list(campaign_scenes())
     for scene in scenes:
         if not load_scene(scene, 1).goals:

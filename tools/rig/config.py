@@ -143,11 +143,7 @@ def _check_real_drive(config: RigConfig) -> None:
 
 
 def load_rig_file(path: Path, changes: Mapping[str, Any] | None = None) -> RigConfig:
-    """As load_rig_config; the app's settings are looked for beside the file.
-
-    Raises:
-        ConfigError: as there; a file that can't be read. The text begins with the file's name.
-    """
+    """As load_rig_config, with the file's name in the error; the app's settings lie beside it."""
     try:
         config = load_rig_config(path.read_text(encoding="utf-8"), changes)
     except (OSError, UnicodeDecodeError, ConfigError) as error:

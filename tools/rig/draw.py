@@ -134,12 +134,7 @@ def _draw_marks(chart: Chart, scene: Scene) -> None:
 
 
 def draw_run(folder: Path, scene: Scene | None = None) -> Path:
-    """The picture of a recorded run, from its files; the scene from its own, if it is not given.
-
-    Raises:
-        OSError, ValueError, KeyError, TypeError: not a recorded run, or one of a scene that is not
-            in a file.
-    """
+    """From its files; raises OSError, ValueError, KeyError, TypeError: they are no run's."""
     facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     with (folder / "path.csv").open(encoding="ascii", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -57,11 +57,7 @@ class Told:
 
 
 class FarEnd(FakePlanner):
-    """A planner that keeps when each tick's frames arrived.
-
-    Attributes:
-        bursts: oldest first; the newest may still be growing.
-    """
+    """A planner that keeps when each tick's frames arrived; the newest burst may still grow."""
 
     def __init__(self, seed: int = 0) -> None:
         super().__init__(seed, None, ack_every=4)

@@ -116,14 +116,7 @@ class Outcome:
 
 
 class Drive:
-    """One drive in the hall.
-
-    Args:
-        orders: faults, in the words of `fakes.faults.timetable`.
-        span_s: of the faults: from, to.
-        wait_s: after their end, if the robot stands on.
-        scene: another one than the hall.
-    """
+    """One drive in the hall (or `scene`) with faults from, to span_s, and wait_s after them."""
 
     def __init__(
         self,

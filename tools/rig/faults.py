@@ -286,10 +286,7 @@ DRAW_FROM_S, DRAW_TO_S = 4.0, 40.0  # of a run
 
 
 def draw(seed: int, n: int, from_s: float = DRAW_FROM_S, to_s: float = DRAW_TO_S) -> list[str]:
-    """The orders of n faults by chance, in a timetable's words, within a run's seconds.
-
-    The same seed gives the same orders; no device gets two faults at once.
-    """
+    """Orders of n faults by chance, always the same of a seed; no device has two at once."""
     chance = random.Random(f"faults {seed}")
     drawn = [fault for fault in CATALOGUE if fault.drawn and fault.device in DRAWN_DEVICES]
     orders: list[str] = []

@@ -22,8 +22,7 @@ ASK_EVERY_S = 0.2  # what a board is about
 
 
 class Form:
-    """A planner at work. This one is somebody's own microcontroller on a port: it is driven by
-    itself, or by nobody, and says nothing."""
+    """A real MCU on a port: it is driven by itself, or by nobody, and says nothing."""
 
     words = "a real planner"
     remark = ""  # why it is another one than was asked for

@@ -23,12 +23,11 @@ from rich.table import Table
 
 from mapod_link.client import Link
 from mapod_link.wires import UdpWire
-from tools.cli.options import ROOT
+from tools.cli.options import SHIPPED_CONFIG
 from tools.rig.far_end import FarEnd, scans_from_file, told_scans
 from tools.rig.load import loaded
 from tools.rig.story import JsonLines
-from tools.settings import rewritten
-from tools.terminal.processes import Child, RunError, Stop, ports_of, say
+from tools.terminal.processes import RUNNING, RunError, SimulatedRobot, Stop, say
 
 SETTINGS: dict[str, str | float] = {
     "scanner.scan_rate_hz": 50,
@@ -41,7 +40,7 @@ SETTINGS: dict[str, str | float] = {
     "log.level": "debug",
     "log.format": "json",
 }
-START_S, SETTLE_S = 120.0, 6.0  # until the map runs; and until the clocks are locked well
+SETTLE_S = 6.0  # until the clocks are locked well
 LOADED_S, LINGER_S = 2.0, 0.2  # for the load to begin; for the last scan's map to arrive
 OTHERS_PRIORITY = 10  # SCHED_FIFO of fakes and planner's end: they stand for other machines
 GOAL_P99_S = 0.005
@@ -94,64 +93,40 @@ class Bench:
     """World, app and planner's end, from start to end."""
 
     def __init__(self, folder: Path, stop: Stop) -> None:
-        self._folder, self._stop = folder, stop
-        self.end = FarEnd()
-        self._wire = UdpWire("127.0.0.1", 0)
+        self._stop, self._robot = stop, SimulatedRobot(folder)
+        self.end, self._wire = FarEnd(), UdpWire("127.0.0.1", 0)
         self._link = Link(self._wire, self.end)
-        self._children: list[Child] = []
         self.stamps, self.log = folder / "stamps.txt", JsonLines(folder / "app.log")
         self.fakes_fifo = False
 
     def start(self) -> None:
-        """Fakes and app, up to a map that has settled.
-
-        Raises:
-            RunError: one of them fails, or there is no map in time.
-        """
-        fakes = self._child("fakes", "-m", "fakes", "--stamp", str(self.stamps))
-        self.fakes_fifo = prefer(fakes.pid) and prefer(0)
-        ports = ports_of(fakes, self._stop) or {}
-        values = SETTINGS | {f"{name}.port": url for name, url in ports.items()}
-        values["planner.port"] = self._wire.url
-        config = self._folder / "mapod.toml"
-        config.write_text(rewritten((ROOT / "mapod.toml").read_text(), values))
-        self._child("app", str(ROOT / "main.py"), "--config", str(config))
-        overdue_s = time.monotonic() + START_S
-        while not self._runs() and not self._stop.wanted:
+        """Up to a map that has settled. Raises RunError: a process fails, or no map in time."""
+        robot, stop = self._robot, self._stop
+        world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps)]
+        robot.start(world, SHIPPED_CONFIG, SETTINGS | {"planner.port": self._wire.url}, stop)
+        self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
+        while not (stop.wanted or robot.has_map(time.monotonic(), self.end, RUNNING)):
             self.run(0.05)
-            if time.monotonic() > overdue_s:
-                raise RunError(f"no map within {START_S:.0f} s")
         self.run(SETTLE_S)
-
-    def _runs(self) -> bool:
-        return not self.end.blank and self.end.pose is not None and self.end.pose.mode == 1
 
     def run(self, seconds: float) -> None:
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s and not self._stop.wanted:
-            for child in self._children:
+            for child in self._robot.children:
                 child.check_alive()
             self._link.step(0.05)
 
     def close(self) -> list[str]:
-        complaints = [child.end() for child in reversed(self._children)]
+        complaints = self._robot.end()
         self._wire.close()
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        if self._children and LAGS in self._children[0].last_words():
+        if self._robot.children and LAGS in self._robot.children[0].last_words():
             complaints.append(f"the fakes say: {LAGS}: there is nothing to measure by")
-        return [words for words in complaints if words]
-
-    def _child(self, name: str, *words: str) -> Child:
-        self._children.append(Child(name, [sys.executable, *words], self._folder))
-        return self._children[-1]
+        return complaints
 
 
 def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
-    """One measurement from start to end.
-
-    Raises:
-        RunError: a process failed, or did not end well.
-    """
+    """One measurement from start to end. Raises RunError: a process failed, or did not end well."""
     # In memory: a log file on a disk that others keep busy would stall the app as it writes there.
     memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
     with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:

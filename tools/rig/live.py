@@ -7,6 +7,7 @@ summary tells of goals, collisions in truth, lost ticks, and whether the planner
 """
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 
@@ -64,8 +65,7 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
     try:
         with folder_kept_on_failure() as folder, Stop().on_signals() as stop:
             say(f'setting up "{config.world.scene}" (seed {config.world.seed})')
-            bench = Bench(config, options, folder)
-            try:
+            with contextlib.closing(Bench(config, options, folder)) as bench, bench.robot.ended():
                 say(bench.form.remark or f"planner: {bench.form.words}")
                 for name, port in config.devices.real.items():
                     say(f"{name}: the real one at {port}")
@@ -78,12 +78,6 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
                 )
                 maps = bench.compared_maps()
                 now_s = bench.end.step(0.0)
-            except RunError as error:
-                raise RunError(f"{error}\nall that was said is in {folder}") from None
-            finally:
-                complaints = bench.close()
-            if complaints:
-                raise RunError("\n".join([*complaints, f"all that was said is in {folder}"]))
             well = summary(bench, console, now_s, maps)
     except RIG_ERRORS as error:
         print(f"mapod: {error}", file=sys.stderr, flush=True)

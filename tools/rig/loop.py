@@ -132,11 +132,7 @@ class Loop:
             port.taps.append(tap)
 
     def set_faults(self, texts: Sequence[str]) -> None:
-        """Faults on a timetable that begins now: "scanner.wire.mute@12s+2s", "ahrs.mute@20s-21s".
-
-        Raises:
-            FaultError: a name or a value that there is not.
-        """
+        """Faults from now on, say "scanner.wire.mute@12s+2s". Raises FaultError: no such one."""
         if not texts:
             self._schedule = None
             return

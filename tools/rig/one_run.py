@@ -41,12 +41,7 @@ class Pilot(Planner, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """What decides a run.
-
-    Args:
-        scene: a scene, the name of a shipped one, or the path of a scene's file.
-        faults: what goes wrong, and when; see `fakes.faults.timetable`.
-    """
+    """What decides a run: scene or its name or file, chance, and `fakes.faults.timetable` texts."""
 
     scene: Scene | str | Path
     seed: int
@@ -113,12 +108,7 @@ class Goals:
 
 
 class Run:
-    """One run, a tick at a time.
-
-    Args:
-        pilot: the planner; the C one, if none is given.
-        config: of the app; as shipped for the scene, if none is given.
-    """
+    """One run, a tick at a time; by default the planner in C, and settings as shipped."""
 
     def __init__(
         self, spec: RunSpec, pilot: Pilot | None = None, config: Config | None = None

@@ -35,11 +35,7 @@ def begin() -> None:
 def results_of(
     work: Callable[[T], R], tasks: Sequence[T], jobs: int
 ) -> Generator[tuple[T, R | str], None, None]:
-    """Each task with its result, as they end, over so many processes; or with its crash in words.
-
-    Args:
-        work: a function that another process can import; its results are no texts.
-    """
+    """Results as they end, crashes in words; `work` can be imported, and gives no text."""
     for name in THREADS:
         os.environ.setdefault(name, "1")
     pool = concurrent.futures.ProcessPoolExecutor(
@@ -65,11 +61,7 @@ def words_of(error: BaseException) -> str:
 def with_bar(
     console: Console, total: int, results: Iterable[R], words: Callable[[Sequence[R]], str]
 ) -> Iterator[R]:
-    """The same results, with a bar; or, without a screen, a line now and then.
-
-    Args:
-        words: about all results so far.
-    """
+    """The same results, with a bar, or a line now and then; `words` are of all results so far."""
     seen: list[R] = []
     if not console.is_terminal:
         told_s = time.monotonic()

@@ -101,11 +101,7 @@ def table(results: Sequence[RunResult], markdown: bool = False) -> Table:
 
 
 def complaints(outcomes: Iterable[Outcome], again: str) -> list[str]:
-    """A line for each crash, collision and goal that was not reached; with how to repeat it.
-
-    Args:
-        again: the words that repeat a run, with {number} in them.
-    """
+    """A line for each crash, collision and missed goal; `again` repeats run {number}."""
     lines = []
     for outcome in outcomes:
         if outcome.result is None:

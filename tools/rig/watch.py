@@ -39,11 +39,7 @@ STATES = {"driving": GOOD, "arrived": GOOD, "idle": POOR, "stopped": BAD}
 
 
 class Watcher:
-    """Call it after every tick of a run; a context, for the terminal is put back at its end.
-
-    Args:
-        speed: so many simulated seconds per second at most; 0: as fast as it goes.
-    """
+    """A context; call it after every tick. speed: times real time; 0: as fast as it goes."""
 
     def __init__(self, console: Console, speed: float = 1.0) -> None:
         self._console, self._speed = console, speed

@@ -110,12 +110,7 @@ def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
 def half_blocks(
     image: U8, styles: Sequence[Sequence[Style]], mark: tuple[int, int, str] | None = None
 ) -> Text:
-    """An image in colour, two rows a line.
-
-    Args:
-        styles: by the kinds of the upper and of the lower cell.
-        mark: line, column, and the character that stands there.
-    """
+    """Two rows a line; styles by upper and lower kind; mark: line, column, character."""
     if len(image) % 2:
         image = np.vstack([image, np.zeros((1, image.shape[1]), np.uint8)])
     text = Text(no_wrap=True, overflow="crop")

@@ -41,11 +41,7 @@ def ways_from_keys(data: bytes) -> list[str]:
 
 @contextlib.contextmanager
 def keys_of(fd: int) -> Iterator[int]:
-    """A terminal that gives each key at once and does not show it; afterwards as it was.
-
-    Raises:
-        ValueError: it is no terminal.
-    """
+    """A terminal that gives keys at once, unseen, meanwhile. Raises ValueError: it is none."""
     if not os.isatty(fd):
         raise ValueError("driving needs a terminal with a keyboard")
     before = termios.tcgetattr(fd)

@@ -7,7 +7,6 @@
 - Decoding, for each device's telegrams and packets, also from damaged streams.
 """
 
-import logging
 import socket
 import subprocess
 import sys
@@ -18,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import structlog
 
 from app import App, Ports
 from config_file import load_config, with_changes
@@ -26,6 +24,7 @@ from core.config import Config
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
 from tools.bench import decode as bench_decode
+from tools.terminal.progress import quiet
 
 ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S, MEASURED_S = 6.0, 10.0
@@ -141,7 +140,7 @@ def main() -> int:
         "last_deg": 225.0,
     }
     print("mapod: measuring, about a minute")
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
     report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
     small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=fast))

@@ -6,18 +6,17 @@ or never. Only the cost of encoding is of this machine; all else is the same eve
 """
 
 import argparse
-import logging
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-import structlog
 
 from core.records import I8, I32, ObstacleMap
 from tools.bench.drive import drive
 from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_run import DRIVE_S, START_S, Case, Figures, measure, new_link, step
+from tools.terminal.progress import quiet
 
 QUICK_S = 10.0
 LOSSY = (  # section 11
@@ -120,7 +119,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
     quick = parser.parse_args(arguments).quick
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     seconds = QUICK_S if quick else DRIVE_S
     print("planner link: simulated" + ("" if quick else ", some minutes"))
     print(LEGEND)

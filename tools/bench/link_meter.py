@@ -75,18 +75,6 @@ class Readings:
     passes_s: list[float] = field(default_factory=list)  # how long each refresh pass took
     suspect_s: float = 0.0
     unsafe: int = 0  # cells x frames: FREE at the receiver, told as OBSTACLE, suspect clear
-    never_told: int = 0  # new obstacles that were gone or out of the window first
-    lost_frames: int = 0
-
-    def add(self, other: "Readings") -> None:
-        self.told_s += other.told_s
-        self.held_s += other.held_s
-        self.recovered_s += other.recovered_s
-        self.passes_s += other.passes_s
-        self.suspect_s += other.suspect_s
-        self.unsafe += other.unsafe
-        self.never_told += other.never_told
-        self.lost_frames += other.lost_frames
 
 
 class Meter:
@@ -133,8 +121,7 @@ class Meter:
         self._window, self._was = window, (window.corner_i, window.corner_j)
         self._before[...] = window.cells
         self._new.add(i[is_new], j[is_new], now_s)
-        gone = self._new.take(self._meant(self._new) != bodies.OBSTACLE)
-        self.readings.never_told += gone.size * self.is_on
+        self._new.take(self._meant(self._new) != bodies.OBSTACLE)
         self._wrong.take(~self._covered(self._wrong))
 
     def _covered(self, cells: Waiting) -> Mask:
@@ -152,7 +139,6 @@ class Meter:
 
     def lose(self, at_s: float, frame: Frame, view: View) -> None:
         """A frame that should have arrived now: what the receiver holds wrongly for it."""
-        self.readings.lost_frames += self.is_on
         self._unseen.append(frame)
         self._count_pass(at_s, frame)
         update = maybe_map_update(frame.body, self._size**2) if frame.type == MAP else None

@@ -16,7 +16,7 @@ from mapod_link.receiver import Receiver
 from mapod_link.serial_line import serial_from_frame
 from tools.bench.drive import CELL_M, Playback, RandomMap, drive
 from tools.bench.link_line import Lane, LinePort
-from tools.bench.link_meter import Meter, Readings, View
+from tools.bench.link_meter import Meter, View
 
 DRIVE_S = 40.0
 START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything counts
@@ -37,7 +37,7 @@ class Case:
     drives: bool = True  # False: a map that changes at random, and fills a slow line
     loss: float = LOSS
     seconds: float = DRIVE_S
-    seeds: tuple[int, ...] = (1,)  # one drive for each: other frames get lost
+    seed: int = 1  # which frames get lost
 
     @property
     def line(self) -> str:
@@ -57,10 +57,8 @@ class Figures:
     worst_wait_ticks: float  # of line time not yet sent when a tick begins
     ticks_held: int  # in which nothing could be sent
     new_obstacles: int
-    never_told: int
     recovered: int  # cells that a loss had hit
     unsafe: int  # FREE at the receiver where it was told of an OBSTACLE, suspect clear
-    step_us: tuple[float, float]  # median and p99 of one tick of the sender, on this machine
 
 
 class FarEnd:
@@ -105,7 +103,8 @@ def step(link: PlannerLink, now_s: float, pose: PoseReport, window: ObstacleMap)
 class Run:
     """One drive of a case on the simulated clock."""
 
-    def __init__(self, case: Case, seed: int) -> None:
+    def __init__(self, case: Case) -> None:
+        seed = case.seed
         self.case, self.tick_s = case, 1 / case.rate_hz
         self.down = Lane(case.baud, DELAY_S, case.loss, 2 * seed)
         self.up = Lane(case.baud, DELAY_S, case.loss, 2 * seed + 1)
@@ -116,7 +115,6 @@ class Run:
             Playback(drive(case.size, case.seconds)) if case.drives else RandomMap(case.size, seed)
         )
         self.waits_s: list[float] = []
-        self.steps_s: list[float] = []
         self.bytes_sent = 0  # since things count
 
     def go(self) -> None:
@@ -126,7 +124,6 @@ class Run:
             if tick == settled:
                 self.meter.begin(START_S + tick * self.tick_s)
                 before = self.down.bytes_sent
-                self.steps_s.clear()
             self._tick(START_S + tick * self.tick_s, tick * self.tick_s)
         self.bytes_sent = self.down.bytes_sent - before
         self.meter.end(START_S + self.case.seconds)
@@ -137,7 +134,7 @@ class Run:
         self.waits_s.append(self.down.waiting_s(now_s))
         window = self._playback.until(drive_s)
         self.meter.mean(now_s, window)
-        self.steps_s.append(step(self.link, now_s, self._playback.pose, window))
+        step(self.link, now_s, self._playback.pose, window)
 
     def _carry(self, until_s: float) -> None:
         for arrival in self.down.arrivals(until_s):
@@ -154,15 +151,9 @@ class Run:
 
 
 def measure(case: Case) -> Figures:
-    got, runs = Readings(), []
-    for seed in case.seeds:
-        run = Run(case, seed)
-        run.go()
-        got.add(run.meter.readings)
-        runs.append(run)
-    watched_s = (case.seconds - SETTLE_S) * len(case.seeds)
-    steps_s = np.concatenate([run.steps_s for run in runs])
-    median_s, slow_s = np.quantile(steps_s, [0.5, 0.99])
+    run = Run(case)
+    run.go()
+    got, watched_s = run.meter.readings, case.seconds - SETTLE_S
     told_s, recovered_s = joined(got.told_s), joined(got.recovered_s)
     return Figures(
         told_ms=_spread_ms(told_s),
@@ -170,14 +161,12 @@ def measure(case: Case) -> Figures:
         recovery_ms=_spread_ms(recovered_s),
         pass_s=float(np.mean(got.passes_s)) if got.passes_s else NONE,
         suspect=got.suspect_s / watched_s,
-        bytes_per_s=sum(run.bytes_sent for run in runs) / watched_s,
-        worst_wait_ticks=max(max(run.waits_s) / run.tick_s for run in runs),
-        ticks_held=sum(run.link.counters.ticks_held for run in runs),
+        bytes_per_s=run.bytes_sent / watched_s,
+        worst_wait_ticks=max(run.waits_s) / run.tick_s,
+        ticks_held=run.link.counters.ticks_held,
         new_obstacles=told_s.size,
-        never_told=got.never_told,
         recovered=recovered_s.size,
         unsafe=got.unsafe,
-        step_us=(1e6 * float(median_s), 1e6 * float(slow_s)),
     )
 
 

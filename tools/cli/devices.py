@@ -115,7 +115,7 @@ def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
         url = MTI_URL.format(path=path, baud=baud)
         with conversation(url, MtParser(baud)) as talk:
             streams = any(isinstance(event, MtFrame) for event in talk.hear(LISTEN_DATA_S))
-            asked = _goes_to_config(talk)
+            asked = _maybe_answer(talk, Mid.GoToConfig, tries=2) is not None
             heard += talk.heard if baud == MTI_BAUDS[0] else b""
             if asked:
                 says = _sensor_in_words(talk)
@@ -127,32 +127,21 @@ def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
     return None
 
 
-def _goes_to_config(talk: Conversation) -> bool:
-    request, is_answer = encode_frame(Mid.GoToConfig), partial(_is_answer, Mid.GoToConfig)
+def _maybe_answer(talk: Conversation, mid: Mid, tries: int = 3) -> bytes | None:
     try:
-        talk.ask(request, is_answer, ANSWER_S, tries=2)
+        frame: MtFrame = talk.ask(
+            encode_frame(mid), lambda event: event.mid == mid + 1, ANSWER_S, tries
+        )
     except NoAnswerError:
-        return False
-    return True
+        return None
+    return frame.data
 
 
 def _sensor_in_words(talk: Conversation) -> str:
+    product, number = _maybe_answer(talk, Mid.ReqProductCode), _maybe_answer(talk, Mid.ReqDID)
     words = ["attitude sensor"]
-    for mid, show in ((Mid.ReqProductCode, _as_text), (Mid.ReqDID, bytes.hex)):
-        try:
-            frame = talk.ask(encode_frame(mid), partial(_is_answer, mid), ANSWER_S)
-        except NoAnswerError:
-            continue
-        words.append(show(frame.data))
-    return " ".join(words)
-
-
-def _is_answer(mid: Mid, frame: MtFrame) -> bool:
-    return frame.mid == mid + 1
-
-
-def _as_text(data: bytes) -> str:
-    return data.decode("ascii", "replace").strip()
+    words += [] if product is None else [product.decode("ascii", "replace").strip()]
+    return " ".join(words if number is None else [*words, number.hex()])
 
 
 def find_scanner(host: str) -> Found:
@@ -166,7 +155,8 @@ def find_scanner(host: str) -> Found:
             with conversation(url, new_parser("auto")) as talk:
                 heard = talk.heard
                 dialect = scanner.dialect_of(talk)
-                words = scanner.identity(scanner.Scanner(talk, dialect))
+                told = scanner.told(scanner.Scanner(talk, dialect), scanner.WHO)
+                words = f"laser scanner that {', '.join(told)}"
                 return Found(host, "scanner", url, words, dialect)
         except NoAnswerError as error:
             protocol = maybe_protocol(bytes(heard))

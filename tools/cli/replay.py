@@ -7,12 +7,10 @@ and --step-deg say how the scanner was set. Nothing is sent anywhere.
 
 import argparse
 import json
-import logging
 import time
 from dataclasses import asdict
 from pathlib import Path
 
-import structlog
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -29,6 +27,7 @@ from tools.cli.options import (
 )
 from tools.played import RecordingReplay, Replay, session_of, why_nothing_was_mapped
 from tools.recording import Recording, RecordingError
+from tools.terminal.progress import quiet
 from tools.terminal.screen import (
     factor_for,
     has_screen,
@@ -131,7 +130,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
     add_out(parser, "a file for the outcome, as tests compare it")
     options = parser.parse_args(arguments)
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     try:
         replay = replay_of(options)
         try:

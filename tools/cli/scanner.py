@@ -75,33 +75,6 @@ def dialect_of(talk: Conversation) -> Dialect:
     )
 
 
-def info(scanner: Scanner) -> list[str]:
-    """Who it is and how it is; what it does not tell is left out."""
-    readers: list[tuple[Command, Callable[[Answer], str]]] = [
-        (commands.READ_IDENT, lambda answer: " ".join(commands.maybe_texts(answer, 2) or ())),
-        (commands.READ_FIRMWARE, lambda answer: f"firmware {_text(answer)}"),
-        (commands.READ_LOCATION, lambda answer: f"location {_text(answer)}"),
-        (commands.READ_HOURS, lambda answer: f"{commands.maybe_hours(answer)} hours of operation"),
-        (commands.READ_POWER_ONS, lambda answer: f"{_number(answer)} times powered on"),
-        (commands.READ_STATE, _state),
-        (commands.READ_CONTAMINATION, _contamination),
-        (commands.READ_SCAN_CONFIG, _scan_config),
-        (commands.READ_OUTPUT_RANGE, _output_range),
-    ]
-    lines = [f"speaks CoLa-{'B (binary)' if scanner.dialect == 'binary' else 'A (ascii)'}"]
-    for command, in_words in readers:
-        try:
-            lines.append(in_words(scanner.ask(command)))
-        except (RefusedError, NoAnswerError) as error:
-            lines.append(f"{command.name} not told: {error}")
-    return lines
-
-
-def identity(scanner: Scanner) -> str:
-    """Who it is, in one line."""
-    return f"laser scanner that {', '.join(info(scanner)[:3])}"
-
-
 def _text(answer: Answer) -> str:
     return (commands.maybe_texts(answer) or ("not told",))[0]
 
@@ -135,30 +108,54 @@ def _output_range(answer: Answer) -> str:
     )
 
 
+Question = tuple[Command, Callable[[Answer], str]]
+WHO: tuple[Question, ...] = (
+    (commands.READ_IDENT, lambda answer: " ".join(commands.maybe_texts(answer, 2) or ())),
+    (commands.READ_FIRMWARE, lambda answer: f"firmware {_text(answer)}"),
+)
+HOW: tuple[Question, ...] = (
+    (commands.READ_LOCATION, lambda answer: f"location {_text(answer)}"),
+    (commands.READ_HOURS, lambda answer: f"{commands.maybe_hours(answer)} hours of operation"),
+    (commands.READ_POWER_ONS, lambda answer: f"{_number(answer)} times powered on"),
+    (commands.READ_STATE, _state),
+    (commands.READ_CONTAMINATION, _contamination),
+    (commands.READ_SCAN_CONFIG, _scan_config),
+    (commands.READ_OUTPUT_RANGE, _output_range),
+)
+
+
+def told(scanner: Scanner, questions: tuple[Question, ...] = WHO + HOW) -> list[str]:
+    """Its dialect, and the answers; one that is not given is named."""
+    lines = [f"speaks CoLa-{'B (binary)' if scanner.dialect == 'binary' else 'A (ascii)'}"]
+    for command, in_words in questions:
+        try:
+            lines.append(in_words(scanner.ask(command)))
+        except (RefusedError, NoAnswerError) as error:
+            lines.append(f"{command.name} not told: {error}")
+    return lines
+
+
 def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
-    match what:
-        case "info":
-            return info(scanner)
-        case "store":
-            scanner.logged_in(commands.STORE)
-            return ["its settings are stored, and outlast a loss of power"]
-        case "set-clock":
-            now = datetime.now()
-            scanner.logged_in(commands.set_clock(now))
-            return [f"its clock is set to {now:%Y-%m-%d %H:%M:%S}"]
-        case "start":
-            scanner.logged_in(commands.START_MEASURING)
-            return ["it measures"]
-        case "stop":
-            scanner.logged_in(commands.STOP_MEASURING)
-            return ["it does not measure any more, until mapod starts it"]
-        case "reboot":
-            scanner.do(commands.LOGIN)
-            scanner.do(commands.REBOOT)
-            return ["it starts anew, which takes up to 30 s"]
-        case _:
-            scanner.logged_in(commands.set_dialect(dialect))
-            return [f"it speaks {dialect} from the next connection on; that may take up to 30 s"]
+    now = datetime.now()
+    needs_login = {
+        "store": (commands.STORE, "its settings are stored, and outlast a loss of power"),
+        "set-clock": (commands.set_clock(now), f"its clock is set to {now:%Y-%m-%d %H:%M:%S}"),
+        "start": (commands.START_MEASURING, "it measures"),
+        "stop": (commands.STOP_MEASURING, "it does not measure any more, until mapod starts it"),
+        "dialect": (
+            commands.set_dialect(dialect),
+            f"it speaks {dialect} from the next connection on; that may take up to 30 s",
+        ),
+    }
+    if what == "info":
+        return told(scanner)
+    if what == "reboot":
+        scanner.do(commands.LOGIN)
+        scanner.do(commands.REBOOT)
+        return ["it starts anew, which takes up to 30 s"]
+    command, done = needs_login[what]
+    scanner.logged_in(command)
+    return [done]
 
 
 def parser() -> Parser:

@@ -7,8 +7,7 @@ from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.report import Outcome
 from tools.experiments.scenes import gap_in_floor, scene, step_in_floor
-from tools.experiments.trial import BOTH, LEAD_S, Tally, Trial, methods
-from tools.experiments.ways import BarWatch
+from tools.experiments.trial import BOTH, LEAD_S, BarWatch, Tally, Trial, methods
 
 EVERY_S = 0.2
 AT_M = 12.07
@@ -53,9 +52,8 @@ def ditch(wide_m: float, quick: bool, folder: Path) -> Outcome:
     outcome.tell(f"{word}: bars the way so far ahead, m (0: not)", watch.ahead_m(), "more")
     outcome.tell(f"{word}: free cells in it, in the way, most", watch.most_free, digits=0)
     outcome.tell(f"{word}: false obstacle cells, most", false.most(), digits=0)
-    title, caption = f"7 a ditch of {wide_m:g} m", f"7: a ditch {wide_m:g} m wide and 0.5 m deep"
-    file = folder / f"7-ditch-{wide_m:g}.png"
-    outcome.draw(file, title, caption, test.views(*BOTH), (2, 18), (-3, 3))
+    file, caption = f"7-ditch-{wide_m:g}.png", f"7: a ditch {wide_m:g} m wide and 0.5 m deep"
+    outcome.draw(folder / file, caption, test.views(*BOTH), (2, 18), (-3, 3))
     return outcome
 
 
@@ -68,6 +66,6 @@ def kerb(height_m: float, quick: bool, folder: Path) -> Outcome:
         outcome.tell(f"{word}: bars the way so far ahead, m (0: not)", watch.ahead_m(), "more")
         outcome.tell(f"{word}: obstacle cells missed", test.missed(), digits=0)
         file, views = folder / f"7-kerb-{word.replace(' ', '-')}.png", test.views(*BOTH)
-        outcome.draw(file, f"7 a kerb of {word}", f"7: a kerb of {word}", views, (2, 18), (-3, 3))
+        outcome.draw(file, f"7: a kerb of {word}", views, (2, 18), (-3, 3))
     outcome.tell(f"{word}: false obstacle cells, most", false.most(), digits=0)
     return outcome

@@ -45,8 +45,8 @@ def speed_bumps(quick: bool, folder: Path) -> Outcome:
     note = "Three round bumps, 5 cm high and 0.4 m long, boxes of 0.3 m beyond."
     outcome = Outcome("7 speed bumps, 1 m/s", note)
     _drive(outcome, test, way.duration_s + 0.5)
-    title, caption = "7 after speed bumps at 1 m/s", "7: after three speed bumps at 1 m/s"
-    outcome.draw(folder / "7-bumps.png", title, caption, test.views(*BOTH), (-1, 22), (-3, 3))
+    caption = "7: after three speed bumps at 1 m/s"
+    outcome.draw(folder / "7-bumps.png", caption, test.views(*BOTH), (-1, 22), (-3, 3))
     return outcome
 
 
@@ -58,9 +58,8 @@ def pitching(quick: bool, folder: Path) -> Outcome:
     note = "Corridor with two boxes of 0.3 m, 9 m at 0.6 m/s."
     outcome = Outcome("7 pitching +-3 deg, 1 Hz", note)
     _drive(outcome, test, base.duration_s)
-    title = "7 pitching by 3 deg at 1 Hz"
     caption = "7: after 9 m with the body pitching by 3 degrees at 1 Hz"
-    outcome.draw(folder / "7-pitching.png", title, caption, test.views(*BOTH), (-1, 22), (-3, 3))
+    outcome.draw(folder / "7-pitching.png", caption, test.views(*BOTH), (-1, 22), (-3, 3))
     return outcome
 
 
@@ -99,6 +98,6 @@ def _ramp(angle_deg: float, at_m: float, word: str, quick: bool, folder: Path) -
     _drive(outcome, test, way.duration_s, f"{word}: ")
     if abs(angle_deg) in (4.0, 8.0):
         file = folder / f"7-ramp-{word.replace(',', '').replace(' ', '-')}.png"
-        title, caption = f"7 after a ramp of {word}", f"7: after a ramp of {word}"
-        outcome.draw(file, title, caption, test.views(*BOTH), (at_m - 4, end_m + 11), (-3, 3))
+        caption = f"7: after a ramp of {word}"
+        outcome.draw(file, caption, test.views(*BOTH), (at_m - 4, end_m + 11), (-3, 3))
     return outcome

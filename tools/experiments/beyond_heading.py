@@ -76,6 +76,5 @@ def steel_door(quick: bool, folder: Path) -> Outcome:
     outcome.tell("position error of walls, mean cm", walls_cm, digits=1)
     outcome.tell("false obstacle cells", test.per_app(metrics.false_obstacles), digits=0)
     caption = "7: past a steel door that turns the compass by 40 degrees"
-    file, title = folder / "7-steel-door.png", "7 past a steel door"
-    outcome.draw(file, title, caption, test.views(*BOTH), (-1, 23), (-4, 4))
+    outcome.draw(folder / "7-steel-door.png", caption, test.views(*BOTH), (-1, 23), (-4, 4))
     return outcome

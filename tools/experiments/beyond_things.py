@@ -16,9 +16,8 @@ from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
 from tools.experiments.report import Outcome
 from tools.experiments.scenes import WALL_M, box, corridor, scene
-from tools.experiments.trial import BOTH, LEAD_S, Tally, Trial, methods
+from tools.experiments.trial import BOTH, LEAD_S, BarWatch, Tally, Trial, methods
 from tools.experiments.views import MapView
-from tools.experiments.ways import BarWatch
 
 EVERY_S = 0.1
 
@@ -57,8 +56,8 @@ def table(quick: bool, folder: Path) -> Outcome:
     outcome.tell("of its top told as obstacle, %", told, "more", digits=0)
     outcome.tell("free cells under it", free, digits=0)
     outcome.tell("false obstacle cells", test.per_app(metrics.false_obstacles), digits=0)
-    title, caption = "7 a table 0.7 m high", "7: a table 0.7 m high, 1.2 m ahead"
-    outcome.draw(folder / "7-table.png", title, caption, test.views(*BOTH), (2, 15), (-3, 3))
+    caption = "7: a table 0.7 m high, 1.2 m ahead"
+    outcome.draw(folder / "7-table.png", caption, test.views(*BOTH), (2, 15), (-3, 3))
     return outcome
 
 
@@ -118,8 +117,8 @@ def person_crossing(quick: bool, folder: Path) -> Outcome:
     outcome.tell("of the time told where they are, %", here, "more", digits=0)
     outcome.tell("gone from the map after, s", gone.cleared_s(), digits=1)
     outcome.tell("cells left 8 s after", gone.left, digits=0)
-    title, caption = "7 a person has just crossed", "7: a person has just crossed the way"
-    outcome.draw(folder / "7-person.png", title, caption, crossing, (0, 12), (-3, 3))
+    caption = "7: a person has just crossed the way"
+    outcome.draw(folder / "7-person.png", caption, crossing, (0, 12), (-3, 3))
     return outcome
 
 
@@ -161,9 +160,8 @@ def moved_away(quick: bool, folder: Path) -> Outcome:
     outcome.tell("gone from the map after, s", gone.cleared_s(), digits=1)
     outcome.tell("obstacle cells of it left after 8 s", gone.left, digits=0)
     outcome.tell("cells of other things wrongly cleared", wrongly, digits=0)
-    title = "7 8 s after a box was taken away"
     caption = "7: 8 s after a box was taken away from before the robot"
-    outcome.draw(folder / "7-moved-box.png", title, caption, test.views(*BOTH), (0, 13), (-3, 3))
+    outcome.draw(folder / "7-moved-box.png", caption, test.views(*BOTH), (0, 13), (-3, 3))
     return outcome
 
 
@@ -197,9 +195,8 @@ def glass(quick: bool, folder: Path) -> Outcome:
     outcome.tell("bars the way so far ahead, m (0: not)", watch.ahead_m(), "more")
     outcome.tell("of the pane told as obstacle, %", along, "more", digits=0)
     outcome.tell("free cells with the pane in them", free, digits=0)
-    title = "7 a wall of glass across the way"
     caption = "7: a wall of glass across the way, 3 m ahead"
-    outcome.draw(folder / "7-glass.png", title, caption, test.views(*BOTH), (2, 19), (-3, 3))
+    outcome.draw(folder / "7-glass.png", caption, test.views(*BOTH), (2, 19), (-3, 3))
     return outcome
 
 

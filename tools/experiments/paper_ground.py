@@ -37,8 +37,7 @@ def ramp(quick: bool, folder: Path) -> Outcome:
     )
     outcome, views = Outcome("5.3 ramp of 1 deg down", note), test.views(*BOTH)
     caption = "5.3: in the middle of the ramp of 1 degree, down"
-    file, title = folder / "5.3-ramp.png", "5.3 on a ramp of 1 deg"
-    outcome.draw(file, title, caption, views, (x_m - 9, x_m + 11), (-3, 3))
+    outcome.draw(folder / "5.3-ramp.png", caption, views, (x_m - 9, x_m + 11), (-3, 3))
     test.run(way.duration_s - on_ramp_s, EVERY_S, look)
     for phase, tally in phases.items():
         outcome.tell(f"false obstacle cells {phase} the ramp, mean", tally.mean(), digits=1)
@@ -84,9 +83,8 @@ def standing_on_objects(quick: bool, folder: Path) -> Outcome:
         test.run(5.0)
         _measure_stance(name, test, outcome)
         file = folder / f"5.5-{name.split()[0]}-{abs(pitch_deg + roll_deg):g}.png"
-        title, caption = f"5.5 standing at {name}", f"5.5: standing at {name}"
         views = test.views(UNCOMPENSATED, *BOTH)
-        outcome.draw(file, title, caption, views, (1, 21), (-3, 3))
+        outcome.draw(file, f"5.5: standing at {name}", views, (1, 21), (-3, 3))
     return outcome
 
 

@@ -63,7 +63,7 @@ def hall_with_pillars(quick: bool, folder: Path) -> Outcome:
         outcome.tell(f"{label}: drawing, ms", drawn, paper=SIZES[cells], timed=True)
         file, caption = folder / f"5.1-hall-{cells}.png", f"5.1: hall with pillars, {label}"
         shown = list(views.values())
-        outcome.draw(file, f"5.1 hall, {label}", caption, shown, (-2, 15), (-5.3, 4.5))
+        outcome.draw(file, caption, shown, (-2, 15), (-5.3, 4.5))
     return outcome
 
 
@@ -107,8 +107,6 @@ def flat_floor(quick: bool, folder: Path) -> Outcome:
     outcome.tell("floor cells within +-6 cm, %", within, "more", digits=1)
     error = test.per_app(lambda view, cells: 100.0 * metrics.floor_error_m(view, cells))
     outcome.tell("height error of floor cells, rms cm", error)
-    title, caption = "5.2 flat floor", "5.2: flat floor"
-    outcome.draw(
-        folder / "5.2-flat-floor.png", title, caption, test.views(*BOTH), (-3, 19), (-5, 5)
-    )
+    file, views = folder / "5.2-flat-floor.png", test.views(*BOTH)
+    outcome.draw(file, "5.2: flat floor", views, (-3, 19), (-5, 5))
     return outcome

@@ -1,6 +1,5 @@
 """All experiments by name, and how they are run: each in a process, as many at once as cores."""
 
-import logging
 import os
 import time
 from collections.abc import Callable
@@ -8,8 +7,6 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-
-import structlog
 
 from tools.experiments import (
     beyond_edges,
@@ -21,6 +18,7 @@ from tools.experiments import (
     paper_motion,
 )
 from tools.experiments.report import Outcome
+from tools.terminal.progress import quiet
 
 LONG = ("5.4", "5.3", "5.1", "5.5")  # these begin first, so that none runs alone at the end
 Experiment = Callable[[bool, Path], Outcome]
@@ -58,7 +56,7 @@ def experiments() -> dict[str, Experiment]:
 
 def _run(name: str, quick: bool, folder: Path) -> tuple[str, Outcome, float]:
     """One experiment in a process of its own; the seconds it took."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     begun_s = time.monotonic()
     return name, experiments()[name](quick, folder), time.monotonic() - begun_s
 

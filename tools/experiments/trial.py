@@ -18,14 +18,14 @@ from app import App, Ports
 from config_file import load_config, with_changes
 from core.config import Config
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.records import FREE, OBSTACLE
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import Fake, MemoryPort, Wire
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import Trajectory
 from tools.experiments import metrics
-from tools.experiments.seen import SeenCells
-from tools.experiments.truth import CellTruth, Truth
+from tools.experiments.truth import CellTruth, SeenCells, Truth
 from tools.experiments.views import MapView, view_of
 
 F64 = npt.NDArray[np.float64]
@@ -34,6 +34,9 @@ START_S = 1000.0
 LEAD_S = 4.0  # standing still at first; the devices need a second of it to start
 UNCOMPENSATED = "reference_plane, uncompensated"  # the paper's method without its step 6
 BOTH = ("reference_plane", "beams")  # whose maps the pictures show
+LANE_M = 0.3  # to either side: half the robot's width
+FRONT_M = 0.52  # of the robot, ahead of its axle
+AROUND_M = 0.4  # of the span in which an obstacle cell may lie, before and behind
 LINK_HZ = 5.0  # nobody listens to the planner's wire here
 
 
@@ -222,3 +225,44 @@ class Tally:
 
     def most(self) -> dict[str, float]:
         return {name: float(np.max(figures)) for name, figures in self.taken.items()}
+
+
+def barred(view: MapView, span_m: tuple[float, float]) -> bool:
+    """Whether each line of cells of the robot's lane has an obstacle cell around a span of x."""
+    near = view.part((span_m[0] - AROUND_M, span_m[1] + AROUND_M), (-LANE_M, LANE_M))
+    lines = np.nonzero(near.any(axis=1))[0]
+    stops = ((view.states == OBSTACLE) & near).any(axis=1)
+    return bool(lines.size) and bool(stops[lines].all())
+
+
+def free_within(view: MapView, span_m: tuple[float, float], edge_m: float = 0.0) -> int:
+    """Free cells of the lane whose centres lie in a span of x, an edge left out at both ends."""
+    inside = view.part((span_m[0] + edge_m, span_m[1] - edge_m), (-LANE_M, LANE_M))
+    return int(((view.states == FREE) & inside).sum())
+
+
+class BarWatch:
+    """Notes during a drive along x from which place on each app's map bars the way for good."""
+
+    def __init__(self, test: Trial, span_m: tuple[float, float]) -> None:
+        self._test, self._span_m = test, span_m
+        self._since_m: dict[str, float] = {}
+        self.most_free = dict.fromkeys(test.apps, 0.0)
+
+    def look(self) -> None:
+        front_m = self._test.rig.world.pose()[0] + FRONT_M
+        for view in self._test.views():
+            if barred(view, self._span_m):
+                self._since_m.setdefault(view.name, front_m)
+            else:
+                self._since_m.pop(view.name, None)
+            free = float(free_within(view, self._span_m, view.cell_m / 2))
+            self.most_free[view.name] = max(self.most_free[view.name], free)
+
+    def ahead_m(self) -> dict[str, float]:
+        """How far ahead of the robot's front the way was barred, and stayed so; 0: it is not."""
+        begin_m = self._span_m[0]
+        return {
+            name: begin_m - self._since_m[name] if name in self._since_m else 0.0
+            for name in self._test.apps
+        }

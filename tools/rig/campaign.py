@@ -29,10 +29,11 @@ from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
 from tools.rig.faults import draw
 from tools.rig.one_run import LIMIT_S, Run, RunSpec
-from tools.rig.pool import quiet, results_of, with_bar
+from tools.rig.pool import results_of, with_bar
 from tools.rig.record import Recorder
 from tools.rig.report import Outcome
 from tools.rig.watch import Watcher
+from tools.terminal.progress import quiet
 
 WIDE = 120  # columns, without a screen
 

@@ -1,7 +1,6 @@
 """Many runs on all cores: results as they come, a crash in words, and a bar meanwhile."""
 
 import concurrent.futures
-import logging
 import multiprocessing
 import os
 import signal
@@ -11,19 +10,15 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
-import structlog
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from tools.terminal.progress import quiet
 
 T = TypeVar("T")
 R = TypeVar("R")
 TOLD_EVERY_S = 5.0  # without a screen
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")  # a worker has one core
-
-
-def quiet() -> None:
-    """No log: thousands of runs would drown a person."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
 
 
 def begin() -> None:

@@ -1,14 +1,21 @@
-"""A bar for work that takes more than a few seconds; on stderr, and only where a person looks."""
+"""What a person sees of long work: a bar on stderr, where there is a terminal, and no log."""
 
+import logging
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
+import structlog
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 T = TypeVar("T")
 Advance = Callable[[float, str], None]
+
+
+def quiet() -> None:
+    """No log: what a simulated robot says would drown a person."""
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
 
 
 def _bar() -> Progress:

@@ -234,7 +234,7 @@ def test_the_document_has_the_table_what_does_not_hold_and_the_pictures() -> Non
     part = Outcome("5.9 test", "", [Row("5.9 test", "more", {"beams": float("inf")}), perfect])
     part.tell("nothing", {"beams": float("nan")})
     whole = Outcome("5.9 test", "Done.", [worse], [Picture("a.png", "first")])
-    text = document("# Title", merged([whole, part]))
+    text = document(merged([whole, part]))
     assert "- **5.9 test**: Done." in text
     assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** | - |" in text
     assert "- worse: 5.9 test, cells: 2 against 1" in text

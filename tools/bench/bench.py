@@ -145,8 +145,7 @@ def main() -> int:
     report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
     small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=fast))
     same = report(
-        "the same, elevation map 401 x 401",
-        with_changes(shipped, scanner=fast, map={"cells": 401}),
+        "the same, elevation map 401 x 401", with_changes(shipped, scanner=fast, map={"cells": 401})
     )
     large = report(
         "50 Hz, 541 beams, 401 x 401",

@@ -14,8 +14,17 @@ import numpy as np
 
 from core.records import I8, I32, ObstacleMap
 from tools.bench.drive import drive
-from tools.bench.link_line import Lane, LinePort
-from tools.bench.link_run import DRIVE_S, START_S, Case, Figures, measure, new_link, step
+from tools.bench.link_run import (
+    DRIVE_S,
+    START_S,
+    Case,
+    Figures,
+    Lane,
+    LinePort,
+    measure,
+    new_link,
+    step,
+)
 from tools.terminal.progress import quiet
 
 QUICK_S = 10.0

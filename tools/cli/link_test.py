@@ -37,12 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     budget_s = options.seconds / max(1, len(checks))
     share = min(1.0, options.seconds / SECONDS)
     exam = Exam(
-        bench,
-        seed=options.seed,
-        key=key,
-        budget_s=budget_s,
-        share=share,
-        strict=options.strict,
+        bench, seed=options.seed, key=key, budget_s=budget_s, share=share, strict=options.strict
     )
     try:
         if not _met(exam):

@@ -17,14 +17,7 @@ from rich.text import Text
 
 from config_file import load_config, with_changes
 from core.config import Config, ConfigError
-from tools.cli.options import (
-    ROOT,
-    SHIPPED_CONFIG,
-    add_out,
-    fail,
-    lacks_simulation,
-    parser_of,
-)
+from tools.cli.options import ROOT, SHIPPED_CONFIG, add_out, fail, lacks_simulation, parser_of
 from tools.played import RecordingReplay, Replay, session_of, why_nothing_was_mapped
 from tools.recording import Recording, RecordingError
 from tools.terminal.progress import quiet

@@ -1,4 +1,4 @@
-"""The app's own command line as commands: run, record, check, warm and version.
+"""The app's own command line as commands: run, record, check, warm and version; and init.
 
 `mapod replay FILE` plays what `record` keeps: every byte of every port, but neither the map of
 --load-map nor the planner's key.
@@ -13,8 +13,19 @@ from pathlib import Path
 
 from main import run as run_app
 from main import version as app_version
-from tools.cli.options import Parser, add_config, add_out, add_seconds, fail, parser_of
+from tools.cli.options import (
+    ROOT,
+    SHIPPED_CONFIG,
+    Parser,
+    add_config,
+    add_out,
+    add_seconds,
+    fail,
+    parser_of,
+)
 from tools.recording import Recorder
+
+HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
 
 def run(arguments: list[str]) -> int:
@@ -87,3 +98,21 @@ def _arguments_of(options: argparse.Namespace) -> list[str]:
     given = ["--config", str(options.config)]
     given += ["--load-map", options.load_map] if options.load_map else []
     return given + (["--save-map", options.save_map] if options.save_map else [])
+
+
+def init(arguments: list[str] | None = None) -> int:
+    """Exit status: 0 written, 2 not."""
+    about = "Write mapod.toml, the settings of a robot, to be edited; never over what is there."
+    parser = parser_of("init", about, "mapod init --out mapod.toml")
+    add_out(parser, "the file to write", Path("mapod.toml"))
+    path: Path = parser.parse_args(arguments).out
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(SHIPPED_CONFIG.read_text(encoding="utf-8"))
+    except FileExistsError:
+        return fail("init", f"{path} is there already; it stays as it is")
+    except OSError as error:
+        return fail("init", f"{path}: {error.strerror}")
+    print(f"{path} is written. Next: mapod devices, then mapod check --config {path}")
+    print(f"A planner in C includes {HEADER}; example.c lies beside it")
+    return 0

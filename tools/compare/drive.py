@@ -19,14 +19,7 @@ from hw.ax3500.lines import (
     maybe_counter,
 )
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
-from tools.compare.facts import (
-    SILENT,
-    Fact,
-    Portrait,
-    counts_in_words,
-    delay_fact,
-    rate_fact,
-)
+from tools.compare.facts import SILENT, Fact, Portrait, counts_in_words, delay_fact, rate_fact
 
 LISTEN_S, ANSWER_S, WATCHDOG_S = 0.6, 0.4, 1.4
 LINE_END_S = 0.05  # of silence: no line more is to come

@@ -7,17 +7,7 @@ can be told and is no fault stands in NO_FAULTS, with the reason: nothing is lef
 import random
 from dataclasses import replace
 
-from tools.rig.fault import (
-    BLIND,
-    LATER,
-    LATER_S,
-    Fault,
-    Must,
-    either,
-    goes_on,
-    stops,
-    wire_faults,
-)
+from tools.rig.fault import BLIND, LATER, LATER_S, Fault, Must, either, goes_on, stops, wire_faults
 
 # Scanner. Source of what must come: docs/devices.md, docs/maps.md
 

@@ -19,89 +19,53 @@ from tools.rig.config import BOARD, HOST, RigConfig
 
 Window = tuple[npt.NDArray[np.uint8], tuple[int, int]]  # (height, width), and its lowest cell
 ASK_EVERY_S = 0.2  # what a board is about
+ON_HOST = "the planner's C on this machine, over UDP"
+ON_BOARD = "the planner's firmware on an emulated Cortex-M3, its UART on a pty"
 
 
 class Form:
-    """A real MCU on a port: it is driven by itself, or by nobody, and says nothing."""
+    """A planner at work. Without one of ours it is a real MCU: driven by itself, or by nobody."""
 
-    words = "a real planner"
-    remark = ""  # why it is another one than was asked for
-    state: PlannerState | None = None  # what it is about, as last heard; None: it does not say
-
-    def __init__(self, url: str) -> None:
-        self.url = url  # the port that the app opens
-
-    def step(self, now_s: float) -> None:
-        """Move on; called often."""
-
-    def goal(self, x_m: float, y_m: float) -> None:
-        """Go there, map frame."""
-
-    def halt(self) -> None:
-        """Stand."""
-
-    def maybe_map(self) -> Window | None:
-        """Its map as it holds it; None: unsaid."""
-        return None
-
-    def close(self) -> None:
-        """Let go of all."""
-
-
-class HostForm(Form):
-    """The planner's C as a library, on UDP."""
-
-    words = "the planner's C on this machine, over UDP"
-
-    def __init__(self, settings: PlannerSettings, nonce: int) -> None:
-        self._planner, self._wire = CPlanner(settings, nonce), UdpWire("127.0.0.1", 0)
-        super().__init__(self._wire.url)
-
-    def step(self, now_s: float) -> None:
-        self._wire.feed(cast(Receiver, self._planner))  # it asks for no more than datagrams
-        for frame in self._planner.poll(now_s):
-            self._wire.write(frame)
-        self.state = self._planner.state(now_s)
-
-    def goal(self, x_m: float, y_m: float) -> None:
-        self._planner.goal(x_m, y_m)
-
-    def halt(self) -> None:
-        self._planner.halt()
-
-    def maybe_map(self) -> Window | None:
-        return self._planner.snapshot()
-
-    def close(self) -> None:
-        self._wire.close()
-
-
-class BoardForm(Form):
-    """The planner's firmware on an emulated Cortex-M3, whose UART is a pty."""
-
-    words = "the planner's firmware on an emulated Cortex-M3, its UART on a pty"
-
-    def __init__(self, settings: PlannerSettings, folder: Path, baud: int) -> None:
-        folder.mkdir(exist_ok=True)
-        self._board = EmulatedBoard(settings, folder, link="pty")
-        super().__init__(f"serial://{self._board.link_path}?baud={baud}")
+    def __init__(
+        self,
+        url: str,
+        words: str = "a real planner",
+        planner: CPlanner | EmulatedBoard | None = None,
+        wire: UdpWire | None = None,
+    ) -> None:
+        self.url, self.words = url, words  # the port that the app opens
+        self.remark = ""  # why it is another one than was asked for
+        self.state: PlannerState | None = None  # as last heard; None: it does not say
+        self._planner, self._wire = planner, wire
         self._asked_s = float("-inf")
 
     def step(self, now_s: float) -> None:
-        if now_s - self._asked_s >= ASK_EVERY_S:
-            self._asked_s, self.state = now_s, self._board.state()
+        """Move on; called often."""
+        if isinstance(self._planner, EmulatedBoard):
+            if now_s - self._asked_s >= ASK_EVERY_S:
+                self._asked_s, self.state = now_s, self._planner.state()
+        elif self._planner and self._wire:
+            self._wire.feed(cast(Receiver, self._planner))  # it asks for no more than datagrams
+            for frame in self._planner.poll(now_s):
+                self._wire.write(frame)
+            self.state = self._planner.state(now_s)
 
     def goal(self, x_m: float, y_m: float) -> None:
-        self._board.goal(x_m, y_m)
+        if self._planner:
+            self._planner.goal(x_m, y_m)
 
     def halt(self) -> None:
-        self._board.halt()
+        if self._planner:
+            self._planner.halt()
 
     def maybe_map(self) -> Window | None:
-        return self._board.snapshot()
+        return self._planner.snapshot() if self._planner else None
 
     def close(self) -> None:
-        self._board.close()
+        if isinstance(self._planner, EmulatedBoard):
+            self._planner.close()
+        if self._wire:
+            self._wire.close()
 
 
 def form_of(config: RigConfig, clear_m: float, folder: Path) -> Form:
@@ -121,9 +85,13 @@ def form_of(config: RigConfig, clear_m: float, folder: Path) -> Form:
     settings = PlannerSettings(clear_m, config.planner.unknown_mps, robot)
     if wanted == BOARD:
         try:
-            return BoardForm(settings, folder / "board", config.planner.board_baud)
+            (folder / "board").mkdir(exist_ok=True)
+            board = EmulatedBoard(settings, folder / "board", link="pty")
+            url = f"serial://{board.link_path}?baud={config.planner.board_baud}"
+            return Form(url, ON_BOARD, board)
         except MissingToolError as missing:
             remark = f"{missing}; taking the planner's C on this machine instead"
-    form = HostForm(settings, config.world.seed + 1)
+    wire = UdpWire("127.0.0.1", 0)
+    form = Form(wire.url, ON_HOST, CPlanner(settings, config.world.seed + 1), wire)
     form.remark = remark
     return form

@@ -18,15 +18,7 @@ from rich.text import Text
 from tools.rig.contact import FRONT_M, REAR_M, SIDE_M
 from tools.rig.one_run import Run
 from tools.rig.stops import Stop
-from tools.terminal.screen import (
-    BAD,
-    GOOD,
-    POOR,
-    factor_for,
-    half_blocks,
-    has_screen,
-    labelled,
-)
+from tools.terminal.screen import BAD, GOOD, POOR, factor_for, half_blocks, has_screen, labelled
 
 U8 = npt.NDArray[np.uint8]
 DRAWN_S, LINE_S = 0.1, 2.0  # of real time, of simulated time

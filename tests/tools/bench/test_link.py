@@ -12,9 +12,8 @@ from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
 from tools.bench.drive import Playback, drive
 from tools.bench.link import row
-from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_meter import Meter, View
-from tools.bench.link_run import LOSS, Case, Run, measure
+from tools.bench.link_run import LOSS, Case, Lane, LinePort, Run, measure
 
 SHORT_S = 5.0
 FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")

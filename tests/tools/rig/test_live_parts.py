@@ -16,7 +16,7 @@ from tools.rig.bench import Bench
 from tools.rig.c_build import build_planner_library, shipped_robot
 from tools.rig.c_planner import PlannerState
 from tools.rig.config import BOARD, load_rig_config, load_rig_file
-from tools.rig.forms import HostForm, form_of
+from tools.rig.forms import ON_HOST, form_of
 from tools.rig.story import GIVE_UP_S, AppLog, Doubts, Tour, TruthLog
 
 SHIPPED = (ROOT / "rig.toml").read_text(encoding="utf-8")
@@ -211,7 +211,7 @@ def test_without_an_emulator_the_planner_runs_here_and_the_packages_are_named(
     build_planner_library(shipped_robot())
     monkeypatch.setenv("PATH", str(tmp_path))
     form = form_of(load_rig_config(SHIPPED), 0.0, tmp_path)
-    assert isinstance(form, HostForm)
+    assert form.words == ON_HOST
     assert "apt install" in form.remark
     assert form.remark.endswith("taking the planner's C on this machine instead")
     assert form.url.startswith("udp://127.0.0.1:")

@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -27,13 +26,15 @@ from fakes.mti.device import FakeMti
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
 from hw.ax3500.lines import Line, LineParser, maybe_counter
-from hw.device import BadFrame, Parser
+from hw.device import BadFrame
 from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.scan import ScanMaker
 from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
+from tools.bench.drive import FAST, SHIPPED
+from tools.settings import rewritten
 from tools.terminal.progress import quiet
 
 VECTORS = Path(__file__).resolve().parents[2] / "tests" / "vectors"
@@ -42,6 +43,11 @@ LINE_PIECE = 64
 ALTERED = 0.01
 ROUNDS = 7  # the best counts: everything else on the machine only adds
 BYTES = 200_000  # of a stream, at least
+Feed = Callable[[float, bytes], list[object]]
+ROOT = Path(__file__).resolve().parents[2]
+SETTLE_S, MEASURED_S = 6.0, 10.0
+FIRST_FRAME_S = 60.0
+NOWHERE = {"scanner.port": "tcp://127.0.0.1:1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,23 +76,23 @@ def altered(stream: bytes, rate: float, seed: int) -> bytes:
     return bytes(out)
 
 
-def decoded(new_parser: Callable[[], Parser], stream: bytes, piece: int) -> tuple[int, float]:
+def decoded(new_feed: Callable[[], Feed], stream: bytes, piece: int) -> tuple[int, float]:
     """Frames of a stream, and the seconds of computing that they took."""
-    parser = new_parser()
+    feed = new_feed()
     pieces = [stream[at : at + piece] for at in range(0, len(stream), piece)]
     frames, begun_s = 0, time.process_time()
     for number, data in enumerate(pieces):
-        events = parser.feed(0.001 * number, data)
+        events = feed(0.001 * number, data)
         frames += sum(not isinstance(event, BadFrame) for event in events)
     return frames, time.process_time() - begun_s
 
 
-def cost(name: str, unit: str, new_parser: Callable[[], Parser], stream: bytes, piece: int) -> Cost:
+def cost(name: str, unit: str, new_feed: Callable[[], Feed], stream: bytes, piece: int) -> Cost:
     """Both streams by turns, the best of several rounds."""
     stream *= -(-BYTES // len(stream))
     damaged = altered(stream, ALTERED, seed=1)
-    clean = [decoded(new_parser, stream, piece) for _ in range(ROUNDS)]
-    noisy = [decoded(new_parser, damaged, piece) for _ in range(ROUNDS)]
+    clean = [decoded(new_feed, stream, piece) for _ in range(ROUNDS)]
+    noisy = [decoded(new_feed, damaged, piece) for _ in range(ROUNDS)]
     return Cost(
         name,
         unit,
@@ -96,47 +102,35 @@ def cost(name: str, unit: str, new_parser: Callable[[], Parser], stream: bytes, 
     )
 
 
-class _Scans:
+def scans() -> Feed:
     """Scan telegrams to ranges in metres: frame codec and conversion in one."""
-
-    def __init__(self) -> None:
-        self._telegrams = new_parser("auto")
-        self._maker = ScanMaker(Lms1xxOptions("auto", 50, 0.5, -45.0, 225.0, "first", []))
-
-    def feed(self, now_s: float, data: bytes) -> list[object]:
-        return [
-            self._maker.scan(event) if isinstance(event, ScanTelegram) else event
-            for event in self._telegrams.feed(now_s, data)
-        ]
+    telegrams = new_parser("auto")
+    maker = ScanMaker(Lms1xxOptions("auto", 50, 0.5, -45.0, 225.0, "first", []))
+    return lambda now_s, data: [
+        maker.scan(event) if isinstance(event, ScanTelegram) else event
+        for event in telegrams.feed(now_s, data)
+    ]
 
 
-class _Samples:
+def samples() -> Feed:
     """Data messages to samples: frame codec and data codec in one."""
+    frames, legacy = MtParser(115_200), MtDataDecoder(0x0006, 0x0000_0005)
 
-    def __init__(self) -> None:
-        self._frames = MtParser(115_200)
-        self._legacy = MtDataDecoder(0x0006, 0x0000_0005)
-
-    def feed(self, now_s: float, data: bytes) -> list[object]:
-        return [self._decoded(event) for event in self._frames.feed(now_s, data)]
-
-    def _decoded(self, event: object) -> object:
+    def decode(event: object) -> object:
         if not isinstance(event, MtFrame):
             return event
-        return self._legacy.decode(event.data) if event.mid == 0x32 else decode_mtdata2(event.data)
+        return legacy.decode(event.data) if event.mid == 0x32 else decode_mtdata2(event.data)
+
+    return lambda now_s, data: [decode(event) for event in frames.feed(now_s, data)]
 
 
-class _Counters:
-    """Reply lines to counters."""
-
-    def __init__(self) -> None:
-        self._lines = LineParser()
-
-    def feed(self, now_s: float, data: bytes) -> list[object]:
-        return [
-            maybe_counter(event.text) if isinstance(event, Line) else event
-            for event in self._lines.feed(now_s, data)
-        ]
+def counters() -> Feed:
+    """Reply lines to counters; None for an echo."""
+    lines = LineParser()
+    return lambda now_s, data: [
+        maybe_counter(event.text) if isinstance(event, Line) else event
+        for event in lines.feed(now_s, data)
+    ]
 
 
 def legacy_stream() -> bytes:
@@ -169,21 +163,16 @@ def counter_stream() -> bytes:
 
 def costs() -> list[Cost]:
     session = (VECTORS / "lms111_session_d2h.bin").read_bytes()
-    scans = session[session.index(b"sSN LMDscandata") - 8 :]
+    telegrams = session[session.index(b"sSN LMDscandata") - 8 :]
     text = (VECTORS / "tim781_1s_d2h.bin").read_bytes()
     recorded = (VECTORS / "mti_rec1.bin").read_bytes()
     return [
-        cost("LMS111, CoLa-B, 541 points, recorded", "telegram", _Scans, scans, PIECE),
-        cost("TiM781, CoLa-B, 811 points, recorded", "telegram", _Scans, text, PIECE),
-        cost("MTi, MTData, 50 bytes", "packet", _Samples, legacy_stream(), LINE_PIECE),
-        cost("MTi, MTData2, recorded", "packet", _Samples, recorded, LINE_PIECE),
-        cost("AX3500, echo and counter", "line", _Counters, counter_stream(), LINE_PIECE),
+        cost("LMS111, CoLa-B, 541 points, recorded", "telegram", scans, telegrams, PIECE),
+        cost("TiM781, CoLa-B, 811 points, recorded", "telegram", scans, text, PIECE),
+        cost("MTi, MTData, 50 bytes", "packet", samples, legacy_stream(), LINE_PIECE),
+        cost("MTi, MTData2, recorded", "packet", samples, recorded, LINE_PIECE),
+        cost("AX3500, echo and counter", "line", counters, counter_stream(), LINE_PIECE),
     ]
-
-
-ROOT = Path(__file__).resolve().parents[2]
-SETTLE_S, MEASURED_S = 6.0, 10.0
-FIRST_FRAME_S = 60.0
 
 
 class TimedPort(MemoryPort):
@@ -253,9 +242,8 @@ def start_up_s() -> float:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as planner:
         planner.bind(("127.0.0.1", 0))
         planner.settimeout(FIRST_FRAME_S)
-        text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
-        text = text.replace("127.0.0.1:9750", f"127.0.0.1:{planner.getsockname()[1]}")
-        text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
+        ports = {"planner.port": f"udp://127.0.0.1:{planner.getsockname()[1]}"}
+        text = rewritten(SHIPPED.read_text(encoding="utf-8"), {**ports, **NOWHERE})
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "mapod.toml"
             path.write_text(text, encoding="utf-8")
@@ -288,25 +276,19 @@ def report(name: str, config: Config) -> float:
 
 
 def main() -> int:
-    fast: dict[str, Any] = {
-        "scan_rate_hz": 50,
-        "angular_step_deg": 0.5,
-        "first_deg": -45.0,
-        "last_deg": 225.0,
-    }
     print("mapod: measuring, about a minute")
     quiet()
-    shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    shipped = load_config(SHIPPED.read_text(encoding="utf-8"))
     report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
-    small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=fast))
+    small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=FAST))
     same = report(
-        "the same, elevation map 401 x 401", with_changes(shipped, scanner=fast, map={"cells": 401})
+        "the same, elevation map 401 x 401", with_changes(shipped, scanner=FAST, map={"cells": 401})
     )
     large = report(
         "50 Hz, 541 beams, 401 x 401",
         with_changes(
             shipped,
-            scanner=fast,
+            scanner=FAST,
             map={"cells": 401, "cell_m": 0.05},
             obstacle={"window_cells": 401},
         ),

@@ -22,6 +22,12 @@ from tools.bench.link_meter import Meter, View
 
 BITS = 10  # of a byte on the line
 TTY_BYTES = 4096  # that a driver takes before it says that it is full
+DRIVE_S = 40.0
+START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything counts
+DELAY_S, LOSS = 0.010, 0.01
+NEVER = 10**9  # frames
+NONE = float("nan")
+ZONE = StopZoneReport(2.0, 2.5, 1.0, 1.5, 3.0, 0.8, 0.3, 0.9, 0.5, (2.5,) * 8, state=2, causes=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,14 +114,6 @@ class LinePort:
 
     def close(self) -> None:
         """Nothing to let go of."""
-
-
-DRIVE_S = 40.0
-START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything counts
-DELAY_S, LOSS = 0.010, 0.01
-NEVER = 10**9  # frames
-NONE = float("nan")
-ZONE = StopZoneReport(2.0, 2.5, 1.0, 1.5, 3.0, 0.8, 0.3, 0.9, 0.5, (2.5,) * 8, state=2, causes=1)
 
 
 @dataclass(frozen=True, slots=True)

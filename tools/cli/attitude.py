@@ -15,7 +15,7 @@ from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_actions, configured, fail, parser_of
+from tools.cli.options import Parser, configured, fail, parser_of
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
@@ -145,7 +145,7 @@ def set_baud(talk: Conversation, baud: int) -> list[str]:
 
 def parser() -> Parser:
     words = parser_of("attitude", __doc__, "mapod attitude info", "mapod attitude scenario 3")
-    action = add_actions(words, "'serial:///dev/ttyUSB0?baud=115200'")
+    action = words.add_actions("'serial:///dev/ttyUSB0?baud=115200'")
     action("info", "who it is and how it is set")
     action("scenarios", "the filter profiles it offers")
     action("scenario", "choose one").add_argument("kind", type=int)

@@ -23,7 +23,7 @@ from tools.calibration.mount import (
     calibrate,
     reads_m,
 )
-from tools.cli.options import add_config, fail, number_in, parser_of
+from tools.cli.options import fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
 
@@ -167,7 +167,7 @@ def tell(found: Calibration, options: argparse.Namespace, config: Config, text: 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
     parser = parser_of("calibrate", __doc__, "mapod calibrate --height 1.08 --write")
-    add_config(parser)
+    parser.add_config()
     add = parser.add_argument
     add("--seconds", type=number_in(2, 600), default=20.0, help="how long (default: 20)")
     add("--height", type=number_in(0.02, 5), help="of the lens above the floor, by tape, in m")

@@ -23,16 +23,7 @@ from core.config import ConfigError
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import NoAnswerError, RefusedError
-from tools.cli.options import (
-    add_config,
-    add_out,
-    add_port,
-    add_seconds,
-    configured,
-    fail,
-    lacks_simulation,
-    parser_of,
-)
+from tools.cli.options import configured, fail, lacks_simulation, parser_of
 from tools.compare import ahrs as compare_ahrs
 from tools.compare import drive as compare_drive
 from tools.compare import scanner as compare_scanner
@@ -130,16 +121,16 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
         "compare", __doc__, "mapod compare scanner --port tcp://192.168.0.1:2112 --out facts.json"
     )
     parser.add_argument("device", choices=(*LOOKS, "planner"))
-    add_port(parser, "tcp://192.168.0.1:2112, the real device")
-    add_config(parser)
+    parser.add_port("tcp://192.168.0.1:2112, the real device")
+    parser.add_config()
     parser.add_argument("--fake", help="port of a fake that runs already (default: start one)")
-    add_seconds(parser, "to listen to its stream; 5", 5.0)
+    parser.add_seconds("to listen to its stream; 5", 5.0)
     parser.add_argument(
         "--also-settings",
         action="store_true",
         help="also what needs a login, a reset, or stops motors; nothing is stored",
     )
-    add_out(parser, "a file for all facts of both, as JSON")
+    parser.add_out("a file for all facts of both, as JSON")
     return parser.parse_args(given)
 
 

@@ -15,16 +15,7 @@ from pathlib import Path
 from rich.console import Console
 
 from mapod_link.wires import UdpWire
-from tools.cli.options import (
-    SHIPPED_CONFIG,
-    add_config,
-    add_out,
-    add_seconds,
-    add_world,
-    fail,
-    lacks_simulation,
-    parser_of,
-)
+from tools.cli.options import SHIPPED_CONFIG, fail, lacks_simulation, parser_of
 from tools.cli.view import print_summary, watch_and_drive
 from tools.settings import NotThereError
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
@@ -82,10 +73,10 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 something failed, 2 wrong use."""
     parser = parser_of("demo", __doc__, "mapod demo --scene office --seed 3 --seconds 60")
-    add_world(parser)
-    add_seconds(parser, "until Ctrl-C; 20 without a terminal")
-    add_config(parser, SHIPPED_CONFIG)
-    add_out(parser, "a folder for what all of them say (default: one that stays if one fails)")
+    parser.add_world()
+    parser.add_seconds("until Ctrl-C; 20 without a terminal")
+    parser.add_config(SHIPPED_CONFIG)
+    parser.add_out("a folder for what all of them say (default: one that stays if one fails)")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
     parser.add_argument("--drive", action="store_true", help="drive with the keyboard")
     options = parser.parse_args(arguments)

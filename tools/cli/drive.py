@@ -30,7 +30,7 @@ from hw.ax3500.values import (
 from hw.ports.wires import PortUrlError
 from tools.cli import view
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_actions, add_seconds, configured, fail, parser_of
+from tools.cli.options import Parser, configured, fail, parser_of
 
 ANSWER_S, LISTEN_S, TRIES = 0.4, 0.6, 2
 MODES = {0: "R/C", 1: "RS-232 without watchdog", 2: "RS-232 with watchdog", 3: "analog"}
@@ -126,9 +126,9 @@ def parser() -> Parser:
     words = parser_of(
         "drive", __doc__, "mapod drive info", "mapod drive keys --port udp://127.0.0.1:9750"
     )
-    action = add_actions(words, "'serial:///dev/ax3500?baud=9600&parity=E&bytesize=7'")
+    action = words.add_actions("'serial:///dev/ax3500?baud=9600&parity=E&bytesize=7'")
     action("info", "who it is and how it is")
-    add_seconds(action("watch", "a line each second"), "until Ctrl-C")
+    action("watch", "a line each second").add_seconds("until Ctrl-C")
     action("keys", "drive by keyboard, over a planner link: the options are those of mapod view")
     return words
 

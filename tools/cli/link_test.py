@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from config_file import read_key
 from core.config import ConfigError
 from hw.ports.wires import PortUrlError
-from tools.cli.options import a_seed, add_key, add_seconds, fail, parser_of
+from tools.cli.options import a_seed, fail, parser_of
 from tools.conformance.exam import Exam
 from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
@@ -57,8 +57,8 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     )
     numbers = ", ".join(dict.fromkeys(check.number for check in CHECKS))
     parser.add_argument("--port", required=True, help="udp://..., tcp://... or serial:///...")
-    add_key(parser)
-    add_seconds(parser, f"about; {SECONDS:g}", SECONDS)
+    parser.add_key()
+    parser.add_seconds(f"about; {SECONDS:g}", SECONDS)
     parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
     parser.add_argument(
         "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"

@@ -24,10 +24,47 @@ NOT_INSTALLED = "needs the simulation's libraries: pip install -e '.[sim]'"
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that tells what is wrong in one line."""
+    """Tells what is wrong in one line; has the options that several commands have."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(USAGE, f"{self.prog}: {message} ({self.prog} --help)\n")
+
+    def add_config(self, default: Path = Path("mapod.toml")) -> None:
+        shown = "the shipped one" if default == SHIPPED_CONFIG else default
+        self.add_argument(
+            "--config", type=Path, default=default, help=f"the robot's settings (default: {shown})"
+        )
+
+    def add_port(self, example: str, default: str | None = None) -> None:
+        shown = default or "that of --config"
+        self.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
+
+    def add_actions(self, port: str) -> Callable[[str, str], "Parser"]:
+        """Gives `action(name, about)`, which adds a subcommand with --port and --config."""
+        what = self.add_subparsers(dest="what", required=True, metavar="WHAT")
+
+        def action(name: str, about: str) -> Parser:
+            one = what.add_parser(name, help=about, description=about, allow_abbrev=False)
+            one.add_port(port)
+            one.add_config()
+            return one
+
+        return action
+
+    def add_seconds(self, end: str, default: float | None = None) -> None:
+        self.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
+
+    def add_world(self) -> None:
+        self.add_argument("--scene", default="corridor", help="which world (default: corridor)")
+        self.add_argument("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
+
+    def add_out(self, what: str, default: Path | None = None) -> None:
+        shown = f" (default: {default})" if default else ""
+        self.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
+
+    def add_key(self) -> None:
+        about = "32 bytes, or 64 hex digits: signed frames"
+        self.add_argument("--key-file", default="", help=about)
 
 
 def parser_of(name: str, about: str | None, *examples: str) -> Parser:
@@ -64,49 +101,6 @@ def a_seed(text: str) -> int:
     return value
 
 
-def add_config(parser: argparse.ArgumentParser, default: Path = Path("mapod.toml")) -> None:
-    shown = "the shipped one" if default == SHIPPED_CONFIG else default
-    parser.add_argument(
-        "--config", type=Path, default=default, help=f"the robot's settings (default: {shown})"
-    )
-
-
-def add_port(parser: argparse.ArgumentParser, example: str, default: str | None = None) -> None:
-    shown = default or "that of --config"
-    parser.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
-
-
-def add_actions(parser: Parser, port: str) -> Callable[[str, str], argparse.ArgumentParser]:
-    """Gives `action(name, about)`, which adds a subcommand with --port and --config."""
-    what = parser.add_subparsers(dest="what", required=True, metavar="WHAT")
-
-    def action(name: str, about: str) -> argparse.ArgumentParser:
-        one = what.add_parser(name, help=about, description=about, allow_abbrev=False)
-        add_port(one, port)
-        add_config(one)
-        return one
-
-    return action
-
-
-def add_seconds(parser: argparse.ArgumentParser, end: str, default: float | None = None) -> None:
-    parser.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
-
-
-def add_world(parser: argparse.ArgumentParser, scene: str | None = "corridor") -> None:
-    other = "the file's" if scene is None else scene
-    parser.add_argument("--scene", default=scene, help=f"which world (default: {other})")
-    seed = None if scene is None else 1
-    parser.add_argument(
-        "--seed", type=a_seed, default=seed, help=f"of all chance (default: {seed or other})"
-    )
-
-
-def add_out(parser: argparse.ArgumentParser, what: str, default: Path | None = None) -> None:
-    shown = f" (default: {default})" if default else ""
-    parser.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
-
-
 def configured(path: Path) -> Config:
     """The settings in a file. Raises ConfigError: what is wrong with it, with its name."""
     try:
@@ -115,10 +109,6 @@ def configured(path: Path) -> Config:
         raise ConfigError(f"{path}: {error.strerror}; mapod init writes one") from None
     except (ConfigError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: {error}") from None
-
-
-def add_key(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--key-file", default="", help="32 bytes, or 64 hex digits: signed frames")
 
 
 def lacks_simulation() -> str:

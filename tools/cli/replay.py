@@ -17,7 +17,7 @@ from rich.text import Text
 
 from config_file import load_config, with_changes
 from core.config import Config, ConfigError
-from tools.cli.options import ROOT, SHIPPED_CONFIG, add_out, fail, lacks_simulation, parser_of
+from tools.cli.options import ROOT, SHIPPED_CONFIG, fail, lacks_simulation, parser_of
 from tools.played import RecordingReplay, Replay, session_of, why_nothing_was_mapped
 from tools.recording import Recording, RecordingError
 from tools.terminal.progress import quiet
@@ -121,7 +121,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--scan-rate-hz", type=int, default=50, help="of a scanner's bytes (50)")
     parser.add_argument("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
-    add_out(parser, "a file for the outcome, as tests compare it")
+    parser.add_out("a file for the outcome, as tests compare it")
     options = parser.parse_args(arguments)
     quiet()
     try:

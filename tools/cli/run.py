@@ -13,16 +13,7 @@ from pathlib import Path
 
 from main import run as run_app
 from main import version as app_version
-from tools.cli.options import (
-    ROOT,
-    SHIPPED_CONFIG,
-    Parser,
-    add_config,
-    add_out,
-    add_seconds,
-    fail,
-    parser_of,
-)
+from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
 from tools.recording import Recorder
 
 HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
@@ -41,8 +32,8 @@ def record(arguments: list[str]) -> int:
     about = "Run the robot as `mapod run` does, and keep every byte of every port in a file."
     parser = parser_of("record", about, "mapod record --out hall.rec --seconds 60")
     _add_run_options(parser)
-    add_seconds(parser, "until Ctrl-C")
-    add_out(parser, "the recording", Path("mapod.rec"))
+    parser.add_seconds("until Ctrl-C")
+    parser.add_out("the recording", Path("mapod.rec"))
     options = parser.parse_args(arguments)
     try:
         recorder = Recorder(options.out, app_version(), options.config.read_text(encoding="utf-8"))
@@ -81,13 +72,13 @@ def version(arguments: list[str]) -> int:
 
 def _with_settings(command: str, about: str, arguments: list[str]) -> int:
     parser = parser_of(command, about, f"mapod {command} --config robots/mine.toml")
-    add_config(parser)
+    parser.add_config()
     options = parser.parse_args(arguments)
     return run_app(["--config", str(options.config), f"--{command}"])
 
 
 def _add_run_options(parser: Parser) -> None:
-    add_config(parser)
+    parser.add_config()
     stands = "go on from a saved map; the robot must stand where it stood then"
     parser.add_argument("--load-map", metavar="FILE", help=stands)
     parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
@@ -104,7 +95,7 @@ def init(arguments: list[str] | None = None) -> int:
     """Exit status: 0 written, 2 not."""
     about = "Write mapod.toml, the settings of a robot, to be edited; never over what is there."
     parser = parser_of("init", about, "mapod init --out mapod.toml")
-    add_out(parser, "the file to write", Path("mapod.toml"))
+    parser.add_out("the file to write", Path("mapod.toml"))
     path: Path = parser.parse_args(arguments).out
     try:
         with path.open("x", encoding="utf-8") as file:

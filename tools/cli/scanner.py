@@ -19,7 +19,7 @@ from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
 from hw.lms1xx.telegrams import Answer, Refusal, new_parser
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_actions, configured, fail, parser_of
+from tools.cli.options import Parser, configured, fail, parser_of
 
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 PROBE_S, ANSWER_S = 0.7, 2.5
@@ -160,7 +160,7 @@ def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
 
 def parser() -> Parser:
     words = parser_of("scanner", __doc__, "mapod scanner info", "mapod scanner dialect ascii")
-    action = add_actions(words, "tcp://192.168.0.1:2112")
+    action = words.add_actions("tcp://192.168.0.1:2112")
     action("info", "who it is and how it is")
     action("store", "keep its settings over a loss of power (wears its memory out)")
     action("set-clock", "to this machine's local time")

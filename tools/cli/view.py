@@ -17,7 +17,7 @@ from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
 from mapod_link.wires import wire_from_url
-from tools.cli.options import add_key, add_port, add_seconds, fail, parser_of
+from tools.cli.options import fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import Stop
 from tools.terminal.screen import (
@@ -132,9 +132,9 @@ def main(arguments: list[str] | None = None) -> int:
         "mapod view --port udp://0.0.0.0:9750",
         "mapod view --port 'serial:///dev/planner?baud=115200' --drive",
     )
-    add_port(parser, "udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
-    add_seconds(parser, "until Ctrl-C")
-    add_key(parser)
+    parser.add_port("udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
+    parser.add_seconds("until Ctrl-C")
+    parser.add_key()
     parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
     parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
     parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")

@@ -28,6 +28,8 @@ from tools.terminal.progress import quiet
 
 LONG = ("5.4", "5.3", "5.1", "5.5")  # these begin first, so that none runs alone at the end
 Experiment = Callable[[bool, Path], Outcome]
+ROOT = Path(__file__).resolve().parents[2]
+DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures"
 
 
 def experiments() -> dict[str, Experiment]:
@@ -78,10 +80,6 @@ def run_all(names: list[str], quick: bool, folder: Path) -> list[Outcome]:
             outcomes[name] = outcome
             print(f"mapod: {k}/{len(names)} {name}: {took_s:.0f} s", flush=True)
     return [outcomes[name] for name in names]
-
-
-ROOT = Path(__file__).resolve().parents[2]
-DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures"
 
 
 def main(arguments: list[str] | None = None) -> int:

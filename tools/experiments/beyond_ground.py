@@ -22,6 +22,31 @@ from tools.experiments.trial import BOTH, LEAD_S, BarWatch, Tally, Trial, method
 
 EVERY_S = 0.5
 LANE_Y = (-2.07, 2.05)
+ANGLES_DEG = (1.0, 2.0, 4.0, 6.0, 8.0)
+RAMP_AT_M, RAMP_LONG_M = 9.07, 6.0
+AT_ONCE_M = 5.07  # a ramp that begins here is the first ground that the laser sees
+RAMPS_NOTE = (
+    "9 m level, 6 m of ramp, level again, at 0.6 m/s, with a box of 0.3 m on the ramp and "
+    "one beyond it. Met at once: the ramp begins after 5 m, so that the first ground that "
+    "the laser sees at all lies on it."
+)
+APPROACH_EVERY_S = 0.2
+AT_M = 12.07
+WIDE_M, LENGTH_M = 4.12, 26.37
+DITCHES_M = (0.3, 0.6, 1.5)
+DEEP_M = 0.5
+KERBS_M = (0.08, 0.12, 0.20, -0.08, -0.12, -0.20)
+BOUND_M = 0.10
+DITCHES_NOTE = (
+    "Corridor with a ditch across it, 0.5 m deep, at 0.5 m/s from 12 m to 3.5 m before it. "
+    "It bars the way when each line of cells of the robot's width has an obstacle cell in "
+    "it or within two cells of it; told is the way from the robot's front to the ditch "
+    "from which on it did so for good."
+)
+KERBS_NOTE = (
+    "As the ditches; steps of 8 cm are below the bound of 10 cm and no obstacle. Missed "
+    "are cells of steps of 15 cm and more."
+)
 
 
 def _drive(outcome: Outcome, test: Trial, until_s: float, words: str = "") -> None:
@@ -71,16 +96,6 @@ def pitching(quick: bool, folder: Path) -> Outcome:
     return outcome
 
 
-ANGLES_DEG = (1.0, 2.0, 4.0, 6.0, 8.0)
-RAMP_AT_M, RAMP_LONG_M = 9.07, 6.0
-AT_ONCE_M = 5.07  # a ramp that begins here is the first ground that the laser sees
-RAMPS_NOTE = (
-    "9 m level, 6 m of ramp, level again, at 0.6 m/s, with a box of 0.3 m on the ramp and "
-    "one beyond it. Met at once: the ramp begins after 5 m, so that the first ground that "
-    "the laser sees at all lies on it."
-)
-
-
 def ramps(angle_deg: float, quick: bool, folder: Path) -> Outcome:
     """7: over a ramp of an angle, up where it is positive; a box on it and one beyond."""
     word = f"{abs(angle_deg):g} deg {'up' if angle_deg > 0 else 'down'}"
@@ -109,25 +124,6 @@ def _ramp(angle_deg: float, at_m: float, word: str, quick: bool, folder: Path) -
         caption = f"7: after a ramp of {word}"
         outcome.draw(file, caption, test.views(*BOTH), (at_m - 4, end_m + 11), (-3, 3))
     return outcome
-
-
-APPROACH_EVERY_S = 0.2
-AT_M = 12.07
-WIDE_M, LENGTH_M = 4.12, 26.37
-DITCHES_M = (0.3, 0.6, 1.5)
-DEEP_M = 0.5
-KERBS_M = (0.08, 0.12, 0.20, -0.08, -0.12, -0.20)
-BOUND_M = 0.10
-DITCHES_NOTE = (
-    "Corridor with a ditch across it, 0.5 m deep, at 0.5 m/s from 12 m to 3.5 m before it. "
-    "It bars the way when each line of cells of the robot's width has an obstacle cell in "
-    "it or within two cells of it; told is the way from the robot's front to the ditch "
-    "from which on it did so for good."
-)
-KERBS_NOTE = (
-    "As the ditches; steps of 8 cm are below the bound of 10 cm and no obstacle. Missed "
-    "are cells of steps of 15 cm and more."
-)
 
 
 def _approach(

@@ -31,6 +31,10 @@ Window = tuple[npt.NDArray[np.uint8], tuple[int, int]]  # (height, width), and i
 ASK_EVERY_S = 0.2  # what a board is about
 ON_HOST = "the planner's C on this machine, over UDP"
 ON_BOARD = "the planner's firmware on an emulated Cortex-M3, its UART on a pty"
+DEVICES_S = 45.0  # for all devices to deliver, a scanner that is just being switched on among them
+LOOK_S = 0.2  # how often goals, truth and log are looked at
+STANDING_S = 1.5  # from "halt" to a robot that stands
+DRAIN_S, ATTEMPTS = 0.3, 5  # for what is under way to arrive; to find both maps alike
 
 
 class Form:
@@ -105,12 +109,6 @@ def form_of(config: RigConfig, clear_m: float, folder: Path) -> Form:
     form = Form(wire.url, ON_HOST, CPlanner(settings, config.world.seed + 1), wire)
     form.remark = remark
     return form
-
-
-DEVICES_S = 45.0  # for all devices to deliver, a scanner that is just being switched on among them
-LOOK_S = 0.2  # how often goals, truth and log are looked at
-STANDING_S = 1.5  # from "halt" to a robot that stands
-DRAIN_S, ATTEMPTS = 0.3, 5  # for what is under way to arrive; to find both maps alike
 
 
 class Bench:

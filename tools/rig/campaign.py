@@ -45,6 +45,7 @@ COLUMNS = (
     "scene", "runs", "goals", "collisions", "bumped", "false stops", "worst stop m",
     "least gap m", "way m", "x real time",
 )  # fmt: skip
+WIDE = 120  # columns, without a screen
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,9 +187,6 @@ def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
         | (facts_of(outcome.result) if outcome.result is not None else {})
         for outcome in outcomes
     ]
-
-
-WIDE = 120  # columns, without a screen
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,6 +34,27 @@ from tools.terminal.processes import RUNNING, RunError, SimulatedRobot, Stop, sa
 
 AGE_S, AGE_AT, AGE_MOST = 0.004, 20, 255  # in a POSE frame's body: unit, offset, "that or more"
 NEAR_S = 0.009  # a mapped scan's instant, as told and as stamped, are no farther apart
+MOVED_BYTES = 32 << 20  # beyond every cache
+WRITTEN_BYTES = 4 << 20
+CHECK_EVERY = 64  # rounds of computing between two looks at the clock
+SETTINGS: dict[str, str | float] = {
+    "scanner.scan_rate_hz": 50,
+    "scanner.angular_step_deg": 0.5,
+    "scanner.first_deg": -45.0,
+    "scanner.last_deg": 225.0,
+    "map.cells": 201,
+    "map.cell_m": 0.1,
+    "obstacle.window_cells": 201,
+    "log.level": "debug",
+    "log.format": "json",
+}
+SETTLE_S = 6.0  # until the clocks are locked well
+LOADED_S, LINGER_S = 2.0, 0.2  # for the load to begin; for the last scan's map to arrive
+OTHERS_PRIORITY = 10  # SCHED_FIFO of fakes and planner's end: they stand for other machines
+GOAL_P99_S = 0.005
+LEAST_TOLD = 0.99  # of the scans: what is never told has no latency
+SHARED_MEMORY = "/dev/shm"
+LAGS = "the world lags"  # what the fakes say once they could not keep up
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +138,6 @@ def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Tol
     return told, strangers
 
 
-MOVED_BYTES = 32 << 20  # beyond every cache
-WRITTEN_BYTES = 4 << 20
-CHECK_EVERY = 64  # rounds of computing between two looks at the clock
-
-
 def compute(until_s: float) -> None:
     number = 1
     while time.monotonic() < until_s:
@@ -163,26 +179,6 @@ def loaded(seconds: float, cores: int | None = None) -> Iterator[str]:
         for process in processes:
             process.kill()
             process.join()
-
-
-SETTINGS: dict[str, str | float] = {
-    "scanner.scan_rate_hz": 50,
-    "scanner.angular_step_deg": 0.5,
-    "scanner.first_deg": -45.0,
-    "scanner.last_deg": 225.0,
-    "map.cells": 201,
-    "map.cell_m": 0.1,
-    "obstacle.window_cells": 201,
-    "log.level": "debug",
-    "log.format": "json",
-}
-SETTLE_S = 6.0  # until the clocks are locked well
-LOADED_S, LINGER_S = 2.0, 0.2  # for the load to begin; for the last scan's map to arrive
-OTHERS_PRIORITY = 10  # SCHED_FIFO of fakes and planner's end: they stand for other machines
-GOAL_P99_S = 0.005
-LEAST_TOLD = 0.99  # of the scans: what is never told has no latency
-SHARED_MEMORY = "/dev/shm"
-LAGS = "the world lags"  # what the fakes say once they could not keep up
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,6 @@ def frame_of(codec: str, payload: bytes) -> bytes:
 
 @cache
 def sections() -> tuple[Any, Any, Any]:
-    """Options of the three devices as shipped, but with both echoes."""
     from msgspec.structs import replace
 
     from config_file import load_config
@@ -85,7 +84,6 @@ def new_fake(codec: str) -> Any:
 
 
 def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
-    """One instruction: kind and width of the pieces, length, data."""
     return bytes([kind | width << 2]) + len(data).to_bytes(2, "big") + data
 
 

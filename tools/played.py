@@ -60,7 +60,6 @@ class LinkView:
         self._digest, self._bytes = hashlib.sha256(), 0
 
     def take(self, now_s: float, data: bytes) -> None:
-        """One datagram, or bytes of a stream."""
         self._digest.update(data)
         self._bytes += len(data)
         feed = self.planner.feed_datagram if self._datagrams else self.planner.feed_stream

@@ -35,7 +35,6 @@ def with_values(text: str, section: str, values: Mapping[str, str]) -> str:
 
 
 def _replaced(text: str, literals: Mapping[str, str]) -> str:
-    """Values as TOML writes them, by "section.key"."""
     lines, section, left = text.splitlines(keepends=True), "", dict(literals)
     for i, line in enumerate(lines):
         if head := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):

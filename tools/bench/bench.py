@@ -88,7 +88,6 @@ def decoded(new_feed: Callable[[], Feed], stream: bytes, piece: int) -> tuple[in
 
 
 def cost(name: str, unit: str, new_feed: Callable[[], Feed], stream: bytes, piece: int) -> Cost:
-    """Both streams by turns, the best of several rounds."""
     stream *= -(-BYTES // len(stream))
     damaged = altered(stream, ALTERED, seed=1)
     clean = [decoded(new_feed, stream, piece) for _ in range(ROUNDS)]
@@ -153,7 +152,6 @@ def legacy_stream() -> bytes:
 
 
 def counter_stream() -> bytes:
-    """Replies of both counters, each after its echo."""
     return b"".join(
         b"?Q%d\r%X\r" % (channel, 0x56CB872 + 37 * step)
         for step in range(1000)
@@ -204,7 +202,6 @@ class Costs:
 
 
 def drive(config: Config) -> Costs:
-    """Drive through the corridor on a simulated clock, and time the app alone."""
     rig = Rig("corridor", 1)
     scanner, ahrs, drive = TimedPort(), MemoryPort(), MemoryPort()
     planner = TimedPort(datagrams=True)

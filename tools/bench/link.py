@@ -52,7 +52,6 @@ COST_CELLS, COST_RUN, COST_SETTLE_S, COST_TICKS = 40, 4, 30.0, 500
 
 
 def advised(lines: tuple[int | None, ...], windows: tuple[int, ...]) -> list[Case]:
-    """Every line with every window, at the rate that section 8 advises."""
     return [
         Case(baud, ADVISED_HZ.get((baud or 0, size), 50), "tick", size)
         for size in windows

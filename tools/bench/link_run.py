@@ -50,7 +50,6 @@ class Lane:
         self._way: deque[Arrival] = deque()
 
     def send(self, now_s: float, data: bytes) -> None:
-        """What one end writes: a datagram, or frames in COBS."""
         if self.baud is None:
             self._carry(now_s, data, len(data))
             return
@@ -68,7 +67,6 @@ class Lane:
             self._way.append(Arrival(self._free_s + self.delay_s, frame, is_lost))
 
     def waiting_s(self, now_s: float) -> float:
-        """How long the line still needs for what it was given."""
         return max(0.0, self._free_s - now_s)
 
     def arrivals(self, until_s: float) -> list[Arrival]:

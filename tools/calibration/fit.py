@@ -226,7 +226,6 @@ def _weights(linear: _Linear, inside: Mask, spread: float, groups: Groups) -> F6
 
 
 def _moved(mount: Mount, step: F64) -> Mount:
-    """A step in the order of COLUMNS."""
     z_m, tilt_rad, roll_rad = (float(part) for part in step[:3])
     return replace(
         mount,

@@ -103,7 +103,6 @@ class FloorWatch:
         self.scans += 1
 
     def view(self) -> FloorView:
-        """All returns so far, or so many of them as are worked with, evenly chosen."""
         counts = [len(t_s) for _, _, t_s in self._parts]
         if not sum(counts):
             nothing = np.zeros(0)
@@ -229,7 +228,6 @@ def _found(view: FloorView, guess: Mount) -> Mount:
 
 
 def _lines(view: FloorView) -> Iterator[_Line]:
-    """Pairs of returns of one scan, a little apart, by a fixed seed."""
     random = np.random.default_rng(0)
     starts = np.searchsorted(view.scan, np.arange(view.scan[-1] + 2))
     for _ in range(TRIES):

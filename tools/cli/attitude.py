@@ -6,16 +6,14 @@ again when this is done.
 """
 
 import struct
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from core.config import ConfigError
 from hw.mti.configuration import BAUD_CODES, maybe_configuration
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.ports.url import parse_url
-from hw.ports.wires import PortUrlError
-from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, configured, fail, parser_of
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
+from tools.cli.options import Parser, parser_of
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
@@ -49,6 +47,10 @@ def answer(
     if frame.mid == Mid.Error:
         raise RefusedError(f"the MTi refuses {mid.name}: {describe_error(frame.data)}")
     return frame.data
+
+
+def mt_parser(url: str) -> MtParser:
+    return MtParser(parse_url(url).baud or DEFAULT_BAUD)
 
 
 def to_config(talk: Conversation) -> None:
@@ -88,7 +90,6 @@ def scenarios(talk: Conversation) -> list[str]:
 
 
 def _offered(talk: Conversation) -> list[tuple[int, int, str]]:
-    """Kind, version and name of the filter profiles."""
     data = answer(talk, Mid.ReqAvailableScenarios)
     ends = range(SCENARIO_BYTES, len(data) + 1, SCENARIO_BYTES)
     entries = [data[end - SCENARIO_BYTES : end] for end in ends]
@@ -131,7 +132,7 @@ def self_test(talk: Conversation) -> list[str]:
 
 def keep_still(talk: Conversation, seconds: int) -> list[str]:
     if not 0 <= seconds <= 0xFFFF:
-        raise ValueError(f"seconds: must be within 0..65535, is {seconds}")
+        raise ConfigError(f"seconds: must be within 0..65535, is {seconds}")
     to_measurement(talk)
     answer(talk, Mid.SetNoRotation, struct.pack(">H", seconds))
     return [f"keep it still for {seconds} s: it learns the bias of its gyroscopes"]
@@ -173,18 +174,9 @@ def main(given: list[str] | None = None) -> int:
     act = does.get(options.what) or (
         lambda talk: reset_orientation(talk, options.what, options.keep)
     )
-    try:
-        url = options.port or configured(options.config).ahrs.port
-        with conversation(url, MtParser(parse_url(url).baud or DEFAULT_BAUD)) as talk:
-            for line in act(talk):
-                print(line)
-            to_measurement(talk)
-    except (ConfigError, PortUrlError, OSError, ValueError) as error:
-        return fail("attitude", error)
-    except (NoAnswerError, RefusedError) as error:
-        return fail("attitude", error, 1)
-    return 0
 
+    def act_and_measure(talk: Conversation) -> Iterator[str]:
+        yield from act(talk)
+        to_measurement(talk)
 
-if __name__ == "__main__":
-    sys.exit(main())
+    return print_what(act_and_measure, "attitude", "ahrs", options, mt_parser)

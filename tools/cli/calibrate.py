@@ -33,7 +33,6 @@ AHEAD_M, ASIDE_M = 8.0, 4.0  # where the effect is told
 
 
 def mount_of(config: Config, maybe_height_m: float | None) -> Mount:
-    """Where the settings put the scanner, at a height measured by hand if there is one."""
     scanner = config.scanner
     return Mount(
         scanner.mount_x_m,

@@ -46,7 +46,6 @@ ALIKE = {"scanner": compare_scanner.make_alike, "ahrs": compare_ahrs.make_alike}
 
 
 def fake_like(device: str, real: Portrait) -> list[str]:
-    """The command line of a fake as much like the real device as it can be told to be."""
     if device == "scanner":
         return ["fakes.programs.lms1xx", "--port", "0", *_scanner_options(real)]
     if device == "ahrs":

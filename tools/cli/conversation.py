@@ -1,12 +1,15 @@
 """A conversation with one device, from a tool, in real time: say, and hear until it is enough."""
 
+import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from core.config import ConfigError
 from hw.device import BadFrame, Parser, Port
-from hw.ports.wires import open_port
+from hw.ports.wires import PortUrlError, open_port
+from tools.cli.options import configured, fail
 
 STEP_S = 0.002
 OPEN_S = 3.5  # a little longer than a TCP connection may take
@@ -102,3 +105,26 @@ def conversation(url: str, parser: Parser) -> Iterator[Conversation]:
         yield talk
     finally:
         talk.close()
+
+
+def print_what(
+    act: Callable[[Conversation], Iterable[str]],
+    command: str,
+    section: str,
+    options: argparse.Namespace,
+    new_parser: Callable[[str], Parser],
+) -> int:
+    """Prints what comes of a conversation over --port, or the port of a section of --config.
+
+    Exit status: 0 done, 1 refused or silent, 2 wrong use.
+    """
+    try:
+        url = options.port or getattr(configured(options.config), section).port
+        with conversation(url, new_parser(url)) as talk:
+            for line in act(talk):
+                print(line, flush=True)
+    except (ConfigError, PortUrlError, OSError) as error:
+        return fail(command, error)
+    except (NoAnswerError, RefusedError) as error:
+        return fail(command, error, 1)
+    return 0

@@ -53,7 +53,6 @@ class Found:
 
 
 def paths_of(named: list[str], adapters: Mapping[str, Any]) -> list[str]:
-    """The ports that are named, or else all that this machine lists and that are there."""
     return named or [
         path
         for path in sorted(adapters)
@@ -110,7 +109,6 @@ def _controller_in_words(texts: list[str], query: str) -> str:
 
 
 def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
-    """An MTi, at whichever rate it speaks."""
     for baud in MTI_BAUDS:
         url = MTI_URL.format(path=path, baud=baud)
         with conversation(url, MtParser(baud)) as talk:

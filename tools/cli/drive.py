@@ -6,8 +6,8 @@ mapod first: a port has one reader. A controller in R/C mode only logs; it is le
 """
 
 import sys
+from collections.abc import Iterable, Iterator
 
-from core.config import ConfigError
 from hw.ax3500.lines import (
     CR,
     ENCODER_BIT,
@@ -27,10 +27,9 @@ from hw.ax3500.values import (
     describe_status,
     state_after_answer,
 )
-from hw.ports.wires import PortUrlError
 from tools.cli import view
-from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, configured, fail, parser_of
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
+from tools.cli.options import Parser, parser_of
 
 ANSWER_S, LISTEN_S, TRIES = 0.4, 0.6, 2
 MODES = {0: "R/C", 1: "RS-232 without watchdog", 2: "RS-232 with watchdog", 3: "analog"}
@@ -112,11 +111,10 @@ def info(talk: Conversation) -> list[str]:
     ]
 
 
-def watch(talk: Conversation, seconds: float | None) -> None:
-    """A line a second, for so long or until Ctrl-C."""
+def watched(talk: Conversation, seconds: float | None) -> Iterator[str]:
     begun_s = talk.now_s()
     while True:
-        print(f"{counters(talk)}; {volts(talk)}; {status(talk)}", flush=True)
+        yield f"{counters(talk)}; {volts(talk)}; {status(talk)}"
         if seconds is not None and talk.now_s() - begun_s + WATCH_S > seconds:
             return
         list(talk.hear(WATCH_S))
@@ -139,20 +137,9 @@ def main(given: list[str] | None = None) -> int:
     if arguments[:1] == ["keys"]:
         return view.main([*arguments[1:], "--drive"])
     options = parser().parse_args(arguments)
-    try:
-        url = options.port or configured(options.config).drive.port
-        with conversation(url, LineParser()) as talk:
-            check_answers(talk)
-            if options.what == "watch":
-                watch(talk, options.seconds)
-            else:
-                print(*info(talk), sep="\n")
-    except (ConfigError, PortUrlError, OSError) as error:
-        return fail("drive", error)
-    except (NoAnswerError, RefusedError) as error:
-        return fail("drive", error, 1)
-    return 0
 
+    def act(talk: Conversation) -> Iterable[str]:
+        check_answers(talk)
+        return watched(talk, options.seconds) if options.what == "watch" else info(talk)
 
-if __name__ == "__main__":
-    sys.exit(main())
+    return print_what(act, "drive", "drive", options, lambda url: LineParser())

@@ -79,7 +79,6 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def _met(exam: Exam) -> bool:
-    """Make contact, and say what the receiver tells of itself."""
     wait_s = CONTACT_S
     if exam.key:
         print(
@@ -107,7 +106,6 @@ def _told(verdicts: Iterator[Verdict]) -> Iterator[Verdict]:
 
 
 def report(verdicts: list[Verdict], seed: int) -> int:
-    """The sum, and the first failure with its frames; gives the exit status."""
     counts = dict.fromkeys(("passed", "failed", "skipped"), 0)
     for verdict in verdicts:
         counts[verdict.outcome] += 1

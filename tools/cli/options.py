@@ -119,6 +119,5 @@ def lacks_simulation() -> str:
 
 
 def fail(command: str, reason: object, status: int = USAGE) -> int:
-    """Say why a command ends, in one line; gives the exit status."""
     print(f"mapod {command}: {reason}", file=sys.stderr, flush=True)
     return status

@@ -40,7 +40,6 @@ class NoReplayError(Exception):
 
 
 def config_for_recording(path: Path, rate_hz: int, step_deg: float) -> Config:
-    """Settings for a scanner's bytes: those of a file, at the recording's own rate and step."""
     config = load_config(path.read_text(encoding="utf-8"))
     scanner = {"scan_rate_hz": rate_hz, "angular_step_deg": step_deg}
     return with_changes(config, scanner=scanner)
@@ -76,7 +75,6 @@ def picture(replay: Replay, console: Console) -> Text:
 
 
 def show(replay: Replay, console: Console) -> None:
-    """Run to the end: live in a terminal, at once elsewhere."""
     if not has_screen(console):
         while not replay.done:
             replay.step()

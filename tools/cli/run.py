@@ -85,7 +85,6 @@ def _add_run_options(parser: Parser) -> None:
 
 
 def _arguments_of(options: argparse.Namespace) -> list[str]:
-    """The same for the app's own command line."""
     given = ["--config", str(options.config)]
     given += ["--load-map", options.load_map] if options.load_map else []
     return given + (["--save-map", options.save_map] if options.save_map else [])

@@ -6,20 +6,17 @@ mapod.toml, or --port. Whatever needs a login ends with Run, or the device would
 if it is connected, sees that and begins again.
 """
 
-import sys
 from collections.abc import Callable
 from datetime import datetime
 from typing import get_args
 
-from core.config import ConfigError
 from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command
 from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
 from hw.lms1xx.telegrams import Answer, Refusal, new_parser
-from hw.ports.wires import PortUrlError
-from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, configured, fail, parser_of
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
+from tools.cli.options import Parser, parser_of
 
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 PROBE_S, ANSWER_S = 0.7, 2.5
@@ -48,7 +45,6 @@ class Scanner:
         return event
 
     def do(self, command: Command) -> None:
-        """A command that has to succeed."""
         if not commands.is_good(self.ask(command)):
             raise RefusedError(f"the scanner says that {command.name} failed")
 
@@ -175,18 +171,9 @@ def parser() -> Parser:
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
     options = parser().parse_args(given)
-    try:
-        url = options.port or configured(options.config).scanner.port
-        with conversation(url, new_parser("auto")) as talk:
-            scanner = Scanner(talk, dialect_of(talk))
-            for line in act(scanner, options.what, getattr(options, "dialect", "binary")):
-                print(line)
-    except (ConfigError, PortUrlError, OSError) as error:
-        return fail("scanner", error)
-    except (NoAnswerError, RefusedError) as error:
-        return fail("scanner", error, 1)
-    return 0
 
+    def do(talk: Conversation) -> list[str]:
+        scanner = Scanner(talk, dialect_of(talk))
+        return act(scanner, options.what, getattr(options, "dialect", "binary"))
 
-if __name__ == "__main__":
-    sys.exit(main())
+    return print_what(do, "scanner", "scanner", options, lambda url: new_parser("auto"))

@@ -15,7 +15,7 @@ from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
-from hw.ports.url import parse_url
+from tools.cli.attitude import DEFAULT_BAUD, mt_parser
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.compare.facts import (
     SILENT,
@@ -31,7 +31,6 @@ from tools.compare.facts import (
     reply_to,
 )
 
-BAUD = 115_200
 ANSWER_S, CONFIG_S, CONFIG_TRIES = 0.6, 0.25, 8
 SELF_TEST_S, WAKE_S = 3.0, 3.0
 NO_SUCH_MID = 0xEE
@@ -64,7 +63,7 @@ COUNTER_WRAP = 2**16
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
     """Everything that was found out. Raises NoAnswerError: it neither sends nor answers."""
-    with conversation(url, MtParser(parse_url(url).baud or BAUD)) as talk:
+    with conversation(url, mt_parser(url)) as talk:
         facts = _state_as_found(talk)
         facts.update(_asked(talk, "GoToConfig", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S))
         if facts["GoToConfig: answer"].value == SILENT:
@@ -72,9 +71,8 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
         configuration = None
         for name, mid in READS.items():
             facts.update(_asked(talk, name, mid))
-        reply = reply_to(talk, encode_frame(Mid.ReqConfiguration), _is_answer_to(0x0C), ANSWER_S)
-        if reply is not None and reply.event.mid == Mid.Configuration:
-            configuration = maybe_configuration(reply.event.data)
+        if data := _maybe_data(talk, Mid.ReqConfiguration):
+            configuration = maybe_configuration(data)
         if settings:
             facts.update(_settings(talk))
         facts.update(_asked(talk, "GoToMeasurement", Mid.GoToMeasurement))
@@ -84,11 +82,11 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
 
 def make_alike(real: str, fake: str) -> None:
     """The fake gets the output settings of the real one. Raises NoAnswerError."""
-    with conversation(real, MtParser(parse_url(real).baud or BAUD)) as talk:
+    with conversation(real, mt_parser(real)) as talk:
         _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         wanted = {mid: _maybe_data(talk, mid) for mid in MIRRORED}
         reply_to(talk, encode_frame(Mid.GoToMeasurement), _is_any, ANSWER_S)
-    with conversation(fake, MtParser(BAUD)) as talk:
+    with conversation(fake, MtParser(DEFAULT_BAUD)) as talk:
         _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         for mid, data in wanted.items():
             if data:
@@ -103,7 +101,7 @@ def _is_any(event: object) -> bool:
 def _maybe_data(talk: Conversation, mid: int) -> bytes:
     """What a device tells of a setting; b"" where it does not know it."""
     reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), ANSWER_S)
-    return b"" if reply is None or reply.event.mid == Mid.Error else bytes(reply.event.data)
+    return b"" if reply is None or reply[0].mid == Mid.Error else bytes(reply[0].data)
 
 
 def _state_as_found(talk: Conversation) -> Portrait:
@@ -126,8 +124,8 @@ def _asked(
     reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), seconds, tries)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
-    frame: MtFrame = reply.event
-    delay = {f"{name}: delay": delay_fact(reply.delay_s)}
+    frame: MtFrame = reply[0]
+    delay = {f"{name}: delay": delay_fact(reply[1])}
     if frame.mid == Mid.Error:
         return {f"{name}: answer": Fact(f"refused: {describe_error(frame.data)}"), **delay}
     sort: Sort = "own" if name in OWN else "same"
@@ -235,7 +233,6 @@ def _measured(samples: list[MtSample]) -> Portrait:
 
 
 def _noise(samples: list[MtSample]) -> Portrait:
-    """How much a device at rest goes to and fro from sample to sample, by its axes' median."""
     facts: Portrait = {}
     units = {"q_earth_sensor": "", "rate_radps": "rad/s", "accel_mps2": "m/s2", "magnetic": ""}
     for name, unit in units.items():

@@ -80,7 +80,6 @@ def _agree(one: Fact, other: Fact) -> bool:
 
 
 def delay_fact(seconds: float) -> Fact:
-    """How long an answer took: a real line and another machine may be slower, within reason."""
     return Fact(seconds * 1000, "near", 1.0 - 1.0 / DELAY_FACTOR, DELAY_S * 1000, "ms")
 
 
@@ -104,7 +103,6 @@ def pace_facts(
 
 
 def noise_fact(spread: float, unit: str) -> Fact:
-    """How much what is measured at rest goes to and fro; another's may be some three times that."""
     return Fact(spread, "near", SPREAD_SHARE, 0.0, unit)
 
 
@@ -118,28 +116,20 @@ def number_facts(name: str, values: Sequence[float], unit: str, sort: Sort = "ow
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """What came of one question: the event and when; None: nothing came."""
-
-    event: Any
-    delay_s: float
-
-
 def reply_to(
     talk: Conversation,
     question: bytes,
     is_answer: Callable[[Any], bool],
     seconds: float,
     tries: int = 2,
-) -> Reply | None:
-    """None: no answer within `seconds`, `tries` times. Raises NoAnswerError: the port is gone."""
+) -> tuple[Any, float] | None:
+    """The answer and its delay, s; None: none within `seconds`, `tries` times."""
     for _ in range(tries):
         asked_s = talk.now_s()
         talk.say(question)
         for event in talk.hear(seconds):
             if is_answer(event):
-                return Reply(event, talk.now_s() - asked_s)
+                return event, talk.now_s() - asked_s
     return None
 
 

@@ -122,7 +122,7 @@ def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = ""
     reply = reply_to(talk, command.encode(dialect), is_answer, ANSWER_S)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
-    event, delay = reply.event, delay_fact(reply.delay_s)
+    event, delay = reply[0], delay_fact(reply[1])
     if isinstance(event, Refusal):
         return {f"{name}: answer": Fact(f"refused: {event.reason}"), f"{name}: delay": delay}
     facts = {f"{name}: answer": Fact(str(event.kind)), f"{name}: delay": delay}

@@ -104,8 +104,6 @@ SECTIONS = {
 
 
 def filled(text: str) -> str:
-    """The document with all that stands between marks made anew."""
-
     def section(found: re.Match[str]) -> str:
         name = found[1]
         table = "\n".join(SECTIONS[name]())

@@ -63,14 +63,12 @@ def experiments() -> dict[str, Experiment]:
 
 
 def _run(name: str, quick: bool, folder: Path) -> tuple[str, Outcome, float]:
-    """One experiment in a process of its own; the seconds it took."""
     quiet()
     begun_s = time.monotonic()
     return name, experiments()[name](quick, folder), time.monotonic() - begun_s
 
 
 def run_all(names: list[str], quick: bool, folder: Path) -> list[Outcome]:
-    """Their outcomes, in order of the names; a line is printed as each ends."""
     outcomes: dict[str, Outcome] = {}
     order = sorted(names, key=lambda name: not name.startswith(LONG))
     with ProcessPoolExecutor(os.cpu_count() or 1, get_context("spawn")) as pool:

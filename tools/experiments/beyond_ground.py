@@ -129,7 +129,6 @@ def _ramp(angle_deg: float, at_m: float, word: str, quick: bool, folder: Path) -
 def _approach(
     solids: list[Solid], span_m: tuple[float, float], quick: bool
 ) -> tuple[Trial, BarWatch, Tally]:
-    """Towards something across the way, up to 3 m before it."""
     way = Way(stand(LEAD_S), straight(*((6.0, 1.0) if quick else (8.5, 0.5))))
     floors = ((0.0, 0.0), (span_m[1] + 1.0, 0.0)) if span_m[1] - span_m[0] > 0.1 else ((0.0, 0.0),)
     test = Trial(scene("edge", solids), way, methods(quick), floors_m=floors, x_m=(-8.0, 30.0))

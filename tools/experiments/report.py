@@ -47,7 +47,6 @@ class Outcome:
     pictures: list[Picture] = field(default_factory=list)
 
     def tell(self, quantity: str, values: dict[str, float], aim: Aim = "less", **more: Any) -> None:
-        """One row more, if a method has a figure in it."""
         if not all(map(math.isnan, values.values())):
             self.rows.append(Row(self.name, quantity, values, aim, **more))
 
@@ -125,7 +124,6 @@ def _is_faultless(row: Row) -> bool:
 
 
 def merged(parts: Iterable[Outcome]) -> list[Outcome]:
-    """Parts of one experiment, which were run beside each other, as one."""
     whole: dict[str, Outcome] = {}
     for part in parts:
         into = whole.setdefault(part.name, Outcome(part.name))

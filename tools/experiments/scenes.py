@@ -27,7 +27,6 @@ def box(name: str, x: Span, y: Span, high_m: float, from_m: float = 0.0) -> Soli
 
 
 def walls(x: Span, y: Span, ends: bool = True) -> list[Solid]:
-    """Walls around a rectangle of floor, outside of it."""
     out = (x[0] - THICK_M, x[1] + THICK_M)
     high = (DEEP_M, WALL_M)
     solids = [
@@ -41,7 +40,6 @@ def walls(x: Span, y: Span, ends: bool = True) -> list[Solid]:
 
 
 def scene(name: str, solids: Sequence[Shape]) -> Scene:
-    """A place without a route: the body's motion is given."""
     return Scene(name, tuple(solids), x_axis_east_of_north_rad=COMPASS_RAD)
 
 
@@ -103,7 +101,6 @@ HALL_X, HALL_Y = (-4.33, 14.67), (-4.93, 4.07)
 
 
 def hall() -> list[Solid]:
-    """A hall with two rows of square pillars, the left row 1.7 m from the left wall."""
     solids = [floor(HALL_X, HALL_Y), *walls(HALL_X, HALL_Y)]
     near = HALL_Y[1] - FIRST_PILLAR_GAP_M
     for k, x in enumerate(PILLARS_X_M):

@@ -170,7 +170,6 @@ class Trial:
     def run(
         self, seconds: float, every_s: float = 0.0, each: Callable[[], None] | None = None
     ) -> None:
-        """Step for so long; `each` is called after every `every_s` (0: every tick)."""
         apart = max(1, round(every_s * self._rate_hz))
         for tick in range(round(seconds * self._rate_hz)):
             self.step()
@@ -181,7 +180,6 @@ class Trial:
         return view_of(name, self.apps[name])
 
     def views(self, *names: str) -> list[MapView]:
-        """The maps of these apps now, all of them without names."""
         return [self.view(name) for name in names or self.apps]
 
     def cells(self, view: MapView) -> CellTruth:
@@ -196,7 +194,6 @@ class Trial:
         return {view.name: float(measure(view, self.cells(view))) for view in self.views()}
 
     def holes(self) -> dict[str, float]:
-        """Per app: floor cells that beams met, empty in the midst of cells that are not."""
         return self.per_app(lambda view, cells: metrics.holes(view, cells, self.seen(view).hits))
 
     def missed(self) -> dict[str, float]:

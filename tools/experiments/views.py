@@ -51,7 +51,6 @@ class MapView:
 
 
 def straightened(grid: RingGrid, layer: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """A ring's layer, [j, i] from the grid's corner on."""
     return np.roll(layer, (-(grid.corner_j % grid.size), -(grid.corner_i % grid.size)), axis=(0, 1))
 
 

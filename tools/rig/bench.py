@@ -54,7 +54,6 @@ class Form:
         self._asked_s = float("-inf")
 
     def step(self, now_s: float) -> None:
-        """Move on; called often."""
         if isinstance(self._planner, EmulatedBoard):
             if now_s - self._asked_s >= ASK_EVERY_S:
                 self._asked_s, self.state = now_s, self._planner.state()
@@ -146,7 +145,6 @@ class Bench:
         return words
 
     def values(self) -> dict[str, Any]:
-        """What the app's settings become."""
         real = self._config.devices.real
         values: dict[str, Any] = {f"{name}.port": port for name, port in real.items()}
         values["planner.port"] = [self.form.url, self.end.wire.url]
@@ -191,7 +189,6 @@ class Bench:
             raise RunError(f"no map {DEVICES_S:.0f} s after the app's start; {missing}")
 
     def words(self) -> list[str]:
-        """What the rig itself knows, one thing a line."""
         state, visit, pose = self.form.state, self.tour.now, self.end.planner.pose
         told = [f"{self._config.world.scene}, seed {self._config.world.seed}"]
         if state is None:

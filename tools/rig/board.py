@@ -117,7 +117,6 @@ class Board:
                 raise BoardError("the board takes nothing")
 
     def hear(self) -> bytes:
-        """What the board has sent on its line since the last call; waits for nothing."""
         self._take(0.0)
         heard, self._heard = self._heard, b""
         return heard

@@ -154,7 +154,6 @@ def planner_sources() -> list[str]:
 
 
 def build_planner_library(robot: PlannerRobot) -> Path:
-    """The planner for this machine, as a shared library with tags."""
     words = ("-O3", "-shared", "-fPIC", *robot.options(), *planner_sources())
     return built("planner.so", PLANNER / "library.c", *words)
 

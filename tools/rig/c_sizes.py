@@ -82,7 +82,6 @@ def linked(core: str, functions: tuple[str, ...], *defines: str) -> Size:
 
 
 def state_bytes(core: str, *defines: str) -> tuple[int, int]:
-    """(struct mapod_link, struct mapod_talk)."""
     symbols = _compiled(core, *defines)[0]
     found = re.findall(r"^\S+ (\S+) \w size_of_(\w+)$", symbols, re.MULTILINE)
     sizes = {name: int(size, 16) for size, name in found}
@@ -90,13 +89,11 @@ def state_bytes(core: str, *defines: str) -> tuple[int, int]:
 
 
 def undefined(core: str, *defines: str) -> set[str]:
-    """What the header takes from outside on that core."""
     symbols = _compiled(core, *defines)[0]
     return set(re.findall(r"^ +U (\w+)$", symbols, re.MULTILINE))
 
 
 def header_stack(core: str, *defines: str) -> int:
-    """Bytes of the worst path from a byte fed or an ACK built."""
     return deepest_stack([_compiled(core, *defines)[1]], CORE_SET)
 
 

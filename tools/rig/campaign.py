@@ -81,7 +81,6 @@ class Totals:
 
     @property
     def share(self) -> float:
-        """Of the goals that were reached."""
         return self.reached / self.goals if self.goals else 1.0
 
     @property
@@ -272,7 +271,6 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
 
 
 def again(options: argparse.Namespace) -> str:
-    """The words that repeat a run, with {number} in them."""
     words = ["make campaign ONLY={number}", f"SEED={options.seed}", "WATCH=1"]
     words += [f"SCENE={options.scene}"] if options.scene else []
     words += [f"FAULTS={options.faults}"] if options.faults else []

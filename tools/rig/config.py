@@ -56,7 +56,6 @@ class Devices(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def real(self) -> dict[str, str]:
-        """The ports of the devices that are real, by name."""
         return {name: port for name in DEVICES if (port := getattr(self, name)) != FAKE}
 
 
@@ -105,7 +104,6 @@ def load_rig_config(text: str, changes: Mapping[str, Any] | None = None) -> RigC
 
 
 def _message(error: msgspec.ValidationError, table: Mapping[str, Any]) -> str:
-    """What is wrong, behind the name of the key where it is."""
     words, _, path = str(error).partition(" - at `$")
     keys = path.strip(".`").partition("[")[0]
     if isinstance(error.__cause__, ValueError):  # a struct's own check, which names its key

@@ -62,7 +62,6 @@ class Chart:
         return self.box((x_m - radius_m, x_m + radius_m), (y_m - radius_m, y_m + radius_m))
 
     def robot(self, place: Place) -> list[Point]:
-        """Those of the footprint; the nose is pointed."""
         x, y, yaw = place
         c, s = math.cos(yaw), math.sin(yaw)
         corners = [(-REAR_M, -SIDE_M), (0.6 * FRONT_M, -SIDE_M), (FRONT_M, 0.0)]
@@ -74,7 +73,6 @@ class Chart:
 
 
 def chart_of(scene: Scene, px_per_m: float = PX_PER_M) -> Chart:
-    """The scene from above, without what moves but with the ways it takes."""
     low_x = min(solid.x[0] for solid in scene.solids) - MARGIN_M
     high_x = max(solid.x[1] for solid in scene.solids) + MARGIN_M
     low_y = min(solid.y[0] for solid in scene.solids) - MARGIN_M
@@ -174,7 +172,6 @@ def _draw_seen(chart: Chart, cells: Array, corner: tuple[int, int], cell_m: floa
 
 
 def _cropped(chart: Chart, points: Sequence[Point]) -> Image.Image:
-    """What lies around the points, no larger than a screen can show."""
     image, places = chart.image, np.array([chart.xy(*point) for point in points])
     around = AROUND_M * chart.px_per_m
     low, high = places.min(axis=0) - around, places.max(axis=0) + around

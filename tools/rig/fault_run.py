@@ -137,7 +137,6 @@ class Drive:
         self._moments: list[Moment] = []
 
     def run(self) -> Outcome:
-        """To its end: before the box, or standing for longer than it may take to recover."""
         while not self._is_over():
             self.loop.step()
             control = self.loop.app.control
@@ -179,7 +178,6 @@ class Drive:
         self._is_sent = False
 
     def _check_map(self) -> None:
-        """FREE cells as the planner holds them, in places that are solid in truth all around."""
         if len(self.outcome.wrong_free) < 3:
             now_s = self.loop.since_begin_s
             self.outcome.wrong_free += [

@@ -91,7 +91,6 @@ class Told:
 
     @property
     def latency_s(self) -> float:
-        """From the scan's last byte to the last byte of its map."""
         return self.arrived_s - self.scan.sent_s
 
 

@@ -32,7 +32,6 @@ RIG_ERRORS = (
 
 
 def summary(bench: Bench, console: Console, now_s: float, maps: tuple[str, bool]) -> bool:
-    """Tell how it went, and how `maps` compared; whether it went well."""
     print_summary(bench.end, console, now_s)
     tour = bench.tour
     say(f"{tour.reached} of {tour.total} goals reached")

@@ -160,7 +160,6 @@ class Loop:
             self._link_wire.step(self.now_s)
 
     def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
-        """Step for so long; `each` is called after every step."""
         for _ in range(round(seconds * self.config.loop.rate_hz)):
             self.step()
             if each:

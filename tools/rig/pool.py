@@ -22,7 +22,6 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")  # a 
 
 
 def begin() -> None:
-    """A worker begins: quiet, and ended by Ctrl-C without a word."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     quiet()
 

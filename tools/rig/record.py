@@ -121,7 +121,6 @@ class Recorder:
 
 
 def facts_of(result: RunResult) -> dict[str, Any]:
-    """A result as JSON takes it: what is infinite is null."""
     facts = asdict(result)
     facts["false_stops"] = len(result.false_stops)
     return {key: None if value == float("inf") else value for key, value in facts.items()}

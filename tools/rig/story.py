@@ -58,7 +58,6 @@ class Tour:
 
     @property
     def reached(self) -> int:
-        """Goals that the planner says it has come to."""
         return sum(visit.ended_s is not None and not visit.why for visit in self.visits)
 
     def step(

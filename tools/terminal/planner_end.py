@@ -103,7 +103,6 @@ class Meter:
                 self.scan.add(age_ms)
 
     def rates(self, now_s: float) -> tuple[float, float, float]:
-        """MAP frames, POSE frames and bytes per second."""
         span_s = min(RATE_WINDOW_S, now_s - self.first_s) if self.frames else 0.0
         if span_s <= 0.0:
             return 0.0, 0.0, 0.0

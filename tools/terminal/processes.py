@@ -94,7 +94,6 @@ class Child:
         return "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
 
     def end(self) -> str:
-        """Asks it to end, waits, insists; gives a complaint if it did not end well."""
         ended_before = self._process.poll() is not None
         if not ended_before:
             self._process.send_signal(signal.SIGINT)
@@ -184,7 +183,6 @@ class SimulatedRobot:
         return self.mapped_s < math.inf
 
     def end(self) -> list[str]:
-        """The app first; what did not end well."""
         return [complaint for child in reversed(self.children) if (complaint := child.end())]
 
     @contextlib.contextmanager

@@ -131,7 +131,6 @@ def half_blocks(
 
 
 def eighth(yaw_rad: float) -> int:
-    """Which of eight headings, counter-clockwise from map x."""
     return round(yaw_rad / (math.pi / 4)) % 8
 
 
@@ -203,7 +202,6 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
 
 
 def delay_words(newest_ms: float, delays: Delays) -> str:
-    """Newest, median and p99."""
     if math.isnan(newest_ms):
         return "-"
     median_ms, p99_ms = delays.quantile_ms(0.5), delays.quantile_ms(0.99)

@@ -90,7 +90,6 @@ class Steering:
             self._ask(now_s, 0.0, 0.0, 0.0)
 
     def words(self, now_s: float) -> str:
-        """What is asked for, and what is known if the robot does not do it."""
         if not self._way:
             return HELP
         asked = f"{self._way}, {self._v_mps:g} m/s"

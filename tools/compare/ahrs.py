@@ -34,25 +34,12 @@ from tools.compare.facts import (
 ANSWER_S, CONFIG_S, CONFIG_TRIES = 0.6, 0.25, 8
 SELF_TEST_S, WAKE_S = 3.0, 3.0
 NO_SUCH_MID = 0xEE
-READS = {  # without data, each of these reads
-    "ReqDID": Mid.ReqDID,
-    "ReqProductCode": Mid.ReqProductCode,
-    "ReqFWRev": Mid.ReqFWRev,
-    "ReqHardwareVersion": Mid.ReqHardwareVersion,
-    "ReqDataLength": Mid.ReqDataLength,
-    "ReqConfiguration": Mid.ReqConfiguration,
-    "SetPeriod": Mid.SetPeriod,
-    "SetOutputMode": Mid.SetOutputMode,
-    "SetOutputSettings": Mid.SetOutputSettings,
-    "SetOutputSkipFactor": Mid.SetOutputSkipFactor,
-    "SetOutputConfiguration": Mid.SetOutputConfiguration,
-    "SetHeading": Mid.SetHeading,
-    "SetLocationID": Mid.SetLocationID,
-    "SetErrorMode": Mid.SetErrorMode,
-    "ReqAvailableScenarios": Mid.ReqAvailableScenarios,
-    "SetScenario": Mid.SetScenario,
-    "no such message": NO_SUCH_MID,
-}
+READS = (  # without data, each of these reads
+    Mid.ReqDID, Mid.ReqProductCode, Mid.ReqFWRev, Mid.ReqHardwareVersion, Mid.ReqDataLength,
+    Mid.ReqConfiguration, Mid.SetPeriod, Mid.SetOutputMode, Mid.SetOutputSettings,
+    Mid.SetOutputSkipFactor, Mid.SetOutputConfiguration, Mid.SetHeading, Mid.SetLocationID,
+    Mid.SetErrorMode, Mid.ReqAvailableScenarios, Mid.SetScenario,
+)  # fmt: skip
 OWN = {"ReqDID", "ReqFWRev", "ReqHardwareVersion", "ReqConfiguration", "SetLocationID",
        "SetHeading", "ReqAvailableScenarios"}  # fmt: skip
 MIRRORED = (Mid.SetPeriod, Mid.SetOutputMode, Mid.SetOutputSettings, Mid.SetOutputSkipFactor,
@@ -69,8 +56,9 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
         if facts["GoToConfig: answer"].value == SILENT:
             raise NoAnswerError("no answer to GoToConfig: does it hear us, at this baud rate?")
         configuration = None
-        for name, mid in READS.items():
-            facts.update(_asked(talk, name, mid))
+        for mid in READS:
+            facts.update(_asked(talk, mid.name, mid))
+        facts.update(_asked(talk, "no such message", NO_SUCH_MID))
         if data := _maybe_data(talk, Mid.ReqConfiguration):
             configuration = maybe_configuration(data)
         if settings:

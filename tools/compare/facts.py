@@ -22,18 +22,15 @@ SPREAD_SHARE = 0.7  # noise of more than thrice as much is another noise
 class Fact:
     """One thing that was found out about a device.
 
-    Attributes:
-        value: text, or a number.
-        sort: "same": both must say it alike; "near": numbers within `share` of each other, or
-            within `slack`; "own": each device's own, listed and never a difference.
-        unit: of a number.
+    Sorts: "same": both must say it alike; "near": numbers within `share` of each other, or within
+    `slack`; "own": each device's own, listed and never a difference.
     """
 
     value: str | float
     sort: Sort = "same"
     share: float = 0.0
     slack: float = 0.0
-    unit: str = ""
+    unit: str = ""  # of a number
 
     def __str__(self) -> str:
         if isinstance(self.value, str):

@@ -29,6 +29,7 @@ from tools.experiments.truth import CellTruth, SeenCells, Truth
 from tools.experiments.views import MapView, view_of
 
 F64 = npt.NDArray[np.float64]
+Span = tuple[float, float]
 ROOT = Path(__file__).resolve().parents[2]
 START_S = 1000.0
 LEAD_S = 4.0  # standing still at first; the devices need a second of it to start
@@ -106,13 +107,7 @@ class SeenPart(NamedTuple):
 
 
 class Trial:
-    """Rig and apps on a simulated clock, with the truth of their place, which must not change.
-
-    Args:
-        follows: the body follows the ground under its wheels.
-        floors_m: places that are floor; see Truth.
-        x_m, y_m: how much of the place is sampled for its truth.
-    """
+    """Rig and apps on a simulated clock, with the truth of their place, which must not change."""
 
     def __init__(
         self,
@@ -120,10 +115,10 @@ class Trial:
         motion: Trajectory,
         configs: dict[str, Config],
         *,
-        follows: bool = False,
-        floors_m: Sequence[tuple[float, float]] = ((0.0, 0.0),),
-        x_m: tuple[float, float] = (-8.0, 32.0),
-        y_m: tuple[float, float] = (-12.0, 12.0),
+        follows: bool = False,  # the body follows the ground under its wheels
+        floors_m: Sequence[Span] = ((0.0, 0.0),),  # places that are floor; see Truth
+        x_m: Span = (-8.0, 32.0),  # how much of the place is sampled for its truth
+        y_m: Span = (-12.0, 12.0),
     ) -> None:
         first = next(iter(configs.values()))
         fan = first.scanner.options.spec.directions[[0, -1]]
@@ -224,7 +219,7 @@ class Tally:
         return {name: float(np.max(figures)) for name, figures in self.taken.items()}
 
 
-def barred(view: MapView, span_m: tuple[float, float]) -> bool:
+def barred(view: MapView, span_m: Span) -> bool:
     """Whether each line of cells of the robot's lane has an obstacle cell around a span of x."""
     near = view.part((span_m[0] - AROUND_M, span_m[1] + AROUND_M), (-LANE_M, LANE_M))
     lines = np.nonzero(near.any(axis=1))[0]
@@ -232,7 +227,7 @@ def barred(view: MapView, span_m: tuple[float, float]) -> bool:
     return bool(lines.size) and bool(stops[lines].all())
 
 
-def free_within(view: MapView, span_m: tuple[float, float], edge_m: float = 0.0) -> int:
+def free_within(view: MapView, span_m: Span, edge_m: float = 0.0) -> int:
     """Free cells of the lane whose centres lie in a span of x, an edge left out at both ends."""
     inside = view.part((span_m[0] + edge_m, span_m[1] - edge_m), (-LANE_M, LANE_M))
     return int(((view.states == FREE) & inside).sum())
@@ -241,7 +236,7 @@ def free_within(view: MapView, span_m: tuple[float, float], edge_m: float = 0.0)
 class BarWatch:
     """Notes during a drive along x from which place on each app's map bars the way for good."""
 
-    def __init__(self, test: Trial, span_m: tuple[float, float]) -> None:
+    def __init__(self, test: Trial, span_m: Span) -> None:
         self._test, self._span_m = test, span_m
         self._since_m: dict[str, float] = {}
         self.most_free = dict.fromkeys(test.apps, 0.0)

@@ -20,6 +20,7 @@ from jit import kernel
 
 F64 = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
+Span = tuple[float, float]  # of the map frame
 SAMPLE_M = 0.05
 BOUND_M = 0.0995  # a step of 0.10 m is an obstacle,
 DANGER_M = 0.1495  # and of one of 0.15 m none may be missed
@@ -77,20 +78,12 @@ class CellTruth:
 
 
 class Truth:
-    """The world's heights at one instant, sampled over the part that a run comes to see.
-
-    Args:
-        x_m, y_m: the span sampled, map frame.
-        floors_m: places on floor, by which floor is known.
-    """
+    """The world's heights at one instant, sampled over the part that a run comes to see."""
 
     def __init__(
-        self,
-        world: Any,
-        x_m: tuple[float, float],
-        y_m: tuple[float, float],
-        floors_m: Sequence[tuple[float, float]] = ((0.0, 0.0),),
+        self, world: Any, x_m: Span, y_m: Span, floors_m: Sequence[Span] = ((0.0, 0.0),)
     ) -> None:
+        """floors_m: places on floor (x, y), by which floor is known."""
         self._x0, self._y0 = x_m[0], y_m[0]
         self._x = np.arange(x_m[0] + SAMPLE_M / 2, x_m[1], SAMPLE_M)
         self._y = np.arange(y_m[0] + SAMPLE_M / 2, y_m[1], SAMPLE_M)

@@ -53,15 +53,10 @@ WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:
-    """What the planner is told before it starts, and the robot that it is compiled for.
+    """What the planner is told before it starts, and the robot that it is compiled for."""
 
-    Args:
-        start_clear_m: radius about the map's origin that is assumed clear, 0 to 30.
-        unknown_mps: how slowly it may enter ground that is not known to be free, 0 to 5; 0: never.
-    """
-
-    start_clear_m: float = 0.0
-    unknown_mps: float = 0.0
+    start_clear_m: float = 0.0  # radius about the map's origin that is assumed clear, 0 to 30
+    unknown_mps: float = 0.0  # how fast it may enter ground not known to be free, 0 to 5; 0: never
     robot: PlannerRobot = field(default_factory=shipped_robot)
 
     def __post_init__(self) -> None:

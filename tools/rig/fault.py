@@ -19,36 +19,20 @@ BLIND = "cannot be noticed"
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault and what must come of it.
+    """One fault and what must come of it. Orders are name[=value], as a timetable has them."""
 
-    Attributes:
-        name: device, and attribute or event; "scanner.wire.mute".
-        why: of what must come; it begins with BLIND where nothing can be known of the fault.
-        value: as text; "" switches it on, or is an event without a number.
-        lasts_s: until it ends; 0: it happens at once, or ends by itself.
-        must: what the robot does meanwhile.
-        stands_s: where it must stop: after so long at most it stands.
-        recovers_s: all inputs are well again, and the map is valid, so long after the end.
-        again: whether it also drives again then by itself. False: it waits for a person, or for
-            ground that has been seen: its map had to be erased.
-        also: orders (name[=value]) that begin together with it and end with it.
-        then: events that happen 0.1 s after its begin.
-        after: events that happen 0.2 s after its end, as a person would see to them.
-        drawn: whether a campaign may draw it at random.
-    """
-
-    name: str
-    why: str
-    value: str = ""
-    lasts_s: float = 3.0
-    must: Must = "either"
-    stands_s: float = STANDS_S
-    recovers_s: float = RECOVERS_S
-    again: bool = True
-    also: tuple[str, ...] = ()
-    then: tuple[str, ...] = ()
-    after: tuple[str, ...] = ()
-    drawn: bool = True
+    name: str  # device, and attribute or event; "scanner.wire.mute"
+    why: str  # of what must come; begins with BLIND where nothing can be known of the fault
+    value: str = ""  # as text; "" switches it on, or is an event without a number
+    lasts_s: float = 3.0  # until it ends; 0: it happens at once, or ends by itself
+    must: Must = "either"  # what the robot does meanwhile
+    stands_s: float = STANDS_S  # where it must stop: after so long at most it stands
+    recovers_s: float = RECOVERS_S  # after its end: all inputs well again, the map valid
+    again: bool = True  # it then drives by itself; False: waits for a person, or seen ground
+    also: tuple[str, ...] = ()  # orders that begin together with it and end with it
+    then: tuple[str, ...] = ()  # events that happen 0.1 s after its begin
+    after: tuple[str, ...] = ()  # events 0.2 s after its end, as a person would see to them
+    drawn: bool = True  # a campaign may draw it at random
 
     @property
     def device(self) -> str:
@@ -88,16 +72,13 @@ LATER_S = 15.0
 
 
 def wire_faults(
-    device: str, hidden: tuple[str, ...], stale: str, rate: str, byte: int
+    device: str,
+    hidden: tuple[str, ...],  # attributes that the device has by the same name: behind "wire."
+    stale: str,  # what the loss of this input means, in words
+    rate: str,  # share of bytes of which few frames are hit
+    byte: int,  # an offset in the device's stream that goes by while the fault lasts
 ) -> tuple[Fault, ...]:
-    """The faults that every stream's wire has.
-
-    Args:
-        hidden: the wire's attributes that the device has by the same name: behind "wire.".
-        stale: what the loss of this input means, in words.
-        rate: share of bytes of which few frames are hit.
-        byte: an offset in the device's stream that goes by while the fault lasts.
-    """
+    """The faults that every stream's wire has."""
     few = "the next frame is there in time, or the input is stale"
     host = "only what mapod asks gets lost: it asks again, or finds the input stale"
     mute, drop_rate = (

@@ -71,28 +71,18 @@ def rig_config(scene: Scene) -> Config:
 
 
 class Loop:
-    """World, fakes, app and planner, stepped together.
-
-    Args:
-        scene: or a name, or a world that is ready.
-        seed: of all chance, the planner's apart.
-        config: as shipped for this scene, if none is given.
-        planner: a public receiver that drives nowhere, if none is given.
-        drives: a radio drives the robot along the scene's route, and the app only looks on.
-        key: of the link.
-        errors: instead of the scene's own.
-    """
+    """World, fakes, app and planner, stepped together."""
 
     def __init__(
         self,
         scene: Scene | str | Path | AnyWorld,
-        seed: int = 1,
-        config: Config | None = None,
-        planner: Planner | None = None,
+        seed: int = 1,  # of all chance, the planner's apart
+        config: Config | None = None,  # None: as shipped for this scene
+        planner: Planner | None = None,  # None: a public receiver that drives nowhere
         *,
-        drives: bool = False,
-        key: bytes | None = None,
-        errors: ErrorModels | None = None,
+        drives: bool = False,  # a radio drives along the scene's route, and the app only looks on
+        key: bytes | None = None,  # of the link
+        errors: ErrorModels | None = None,  # instead of the scene's own
     ) -> None:
         self.rig = Rig(scene, seed, drives=drives, errors=errors)
         self.config = config or rig_config(self.rig.world.scene)

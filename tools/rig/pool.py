@@ -57,19 +57,16 @@ def with_bar(
 ) -> Iterator[R]:
     """The same results, with a bar, or a line now and then; `words` are of all results so far."""
     seen: list[R] = []
-    if not console.is_terminal:
-        told_s = time.monotonic()
-        for result in results:
-            seen.append(result)
-            if time.monotonic() - told_s >= TOLD_EVERY_S:
-                told_s = time.monotonic()
-                console.print(f"  {len(seen)} of {total} runs: {words(seen)}", soft_wrap=True)
-            yield result
-        return
+    told_s = time.monotonic()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
+    is_drawn = console.is_terminal
+    with Progress(*columns, TimeRemainingColumn(), console=console, disable=not is_drawn) as bar:
         task = bar.add_task("runs", total=total)
         for result in results:
             seen.append(result)
-            bar.update(task, advance=1, description=words(seen))
+            if is_drawn:
+                bar.update(task, advance=1, description=words(seen))
+            elif time.monotonic() - told_s >= TOLD_EVERY_S:
+                told_s = time.monotonic()
+                console.print(f"  {len(seen)} of {total} runs: {words(seen)}", soft_wrap=True)
             yield result

@@ -17,7 +17,6 @@ from pathlib import Path
 
 from tools.experiments import (
     beyond_ground,
-    beyond_heading,
     beyond_things,
     paper_ground,
     paper_maps,
@@ -58,7 +57,7 @@ def experiments() -> dict[str, Experiment]:
         "7 person": beyond_things.person_crossing,
         "7 moved box": beyond_things.moved_away,
         "7 glass": beyond_things.glass,
-        "7 steel door": beyond_heading.steel_door,
+        "7 steel door": beyond_things.steel_door,
     }
 
 

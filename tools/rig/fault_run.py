@@ -15,7 +15,7 @@ import numpy.typing as npt
 from core.records import FREE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
-from tools.rig.fault import Fault
+from tools.rig.faults import Fault
 from tools.rig.judge import Judge, truth_of
 from tools.rig.loop import Loop
 

@@ -16,9 +16,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tools.rig.fault import Fault
 from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
-from tools.rig.faults import CATALOGUE
+from tools.rig.faults import CATALOGUE, Fault
 from tools.rig.pool import results_of, with_bar
 
 EARLIER_S, LATER_S = -1.0, 1.5  # of the faults' begin, by chance

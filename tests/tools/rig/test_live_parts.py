@@ -12,10 +12,10 @@ from fakes.scenes.scene import load_scene
 from fakes.world.truth_log import GroundTruthLog
 from fakes.world.world import World
 from tests import ROOT
-from tools.rig.bench import ON_HOST, Bench, form_of
 from tools.rig.c_build import build_planner_library, shipped_robot
 from tools.rig.c_planner import PlannerState
 from tools.rig.config import BOARD, load_rig_config, load_rig_file
+from tools.rig.live import ON_HOST, Bench, form_of
 from tools.rig.story import GIVE_UP_S, AppLog, Doubts, Tour, TruthLog
 
 SHIPPED = (ROOT / "rig.toml").read_text(encoding="utf-8")

@@ -5,6 +5,7 @@ always gives the same map. Its planner's frames say that the data are replayed (
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,6 +13,7 @@ from app import App, Ports
 from config_file import load_config
 from core.config import Config
 from core.mapping.mapper import MapperCounts
+from hw.device import DeviceStatus
 from hw.ports.url import parse_url
 from mapod_link.receiver import Receiver
 from tools.recording import HEAR, IN, LOST, OPENED, OUT, STEP, PlayedPort, Record, Recording
@@ -71,15 +73,20 @@ class LinkView:
         return Outcome(app.mapper.counts, self._bytes, sha256, *cells)
 
 
+def complaints_of(statuses: Mapping[str, DeviceStatus]) -> list[str]:
+    """Of devices by name: those that do not run, or have a cause of trouble, in words."""
+    return [
+        f"the {name} is {status.state}" + (f": {status.cause}" if status.cause else "")
+        for name, status in statuses.items()
+        if status.cause or status.state != "running"
+    ]
+
+
 def why_nothing_was_mapped(replay: Replay) -> str:
     if replay.lacks:
         return replay.lacks
     app, counts = replay.app, replay.app.mapper.counts
-    causes = [
-        f"the {name} is {status.state}" + (f": {status.cause}" if status.cause else "")
-        for name, status in app.states.statuses.items()
-        if status.cause or status.state != "running"
-    ]
+    causes = complaints_of(app.states.statuses)
     if counts.scans_dropped:
         causes.append(f"{counts.scans_dropped} scans came without an attitude or a pose in time")
     if rejected := app.states.statuses["scanner"].rejected:

@@ -13,9 +13,10 @@ from dataclasses import replace
 from core.config import Config
 from core.motion.attitude import AttitudeRing
 from core.records import Scan
-from hw.device import DeviceStatus, NoPort, Port
+from hw.device import NoPort, Port
 from hw.ports.wires import open_port
 from tools.calibration.mount import FloorWatch
+from tools.played import complaints_of
 from wiring import Ports, devices_on
 
 STEP_S, PROGRESS_S = 0.002, 0.2
@@ -54,7 +55,10 @@ class Collector:
             self._attitudes.add(attitude)
         scans = self.scanner.step(now_s)
         if self._ready_s == math.inf:
-            self._get_ready(now_s)
+            if self.scanner.clock_locked and self.ahrs.clock_locked:
+                self._ready_s = now_s
+            elif now_s - self._begun_s > READY_S:
+                raise RefusedError(f"not ready within {READY_S:g} s: {self.words(now_s)}")
             return
         for scan in scans:
             if not isinstance(scan, Scan):
@@ -63,12 +67,6 @@ class Collector:
         self._settle(now_s)
         if now_s >= self._ready_s + self._seconds + WAIT_S:
             self._end()
-
-    def _get_ready(self, now_s: float) -> None:
-        if self.scanner.clock_locked and self.ahrs.clock_locked:
-            self._ready_s = now_s
-        elif now_s - self._begun_s > READY_S:
-            raise RefusedError(f"not ready within {READY_S:g} s: {self.words(now_s)}")
 
     def _settle(self, now_s: float) -> None:
         """Take the scans of which every beam's attitude is known by now."""
@@ -101,15 +99,8 @@ class Collector:
             )
         else:
             progress = "waiting until both devices run and their clocks are known"
-        return "; ".join([progress, *_complaints(self.scanner.status, self.ahrs.status)])
-
-
-def _complaints(scanner: DeviceStatus, ahrs: DeviceStatus) -> list[str]:
-    return [
-        f"the {name} is {status.state}" + (f": {status.cause}" * bool(status.cause))
-        for name, status in (("scanner", scanner), ("attitude sensor", ahrs))
-        if status.cause or status.state != "running"
-    ]
+        statuses = {"scanner": self.scanner.status, "attitude sensor": self.ahrs.status}
+        return "; ".join([progress, *complaints_of(statuses)])
 
 
 def collect(config: Config, seconds: float, advance: Callable[[float, str], None]) -> FloorWatch:

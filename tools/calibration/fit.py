@@ -196,7 +196,7 @@ def fit(view: FloorView, guess: Mount, z_sigma_m: float | None, level_rad: float
     linear = _linear(view, mount, slope)
     inside, spread = _gated(linear, spread)
     weights = _weights(linear, inside, spread, groups)
-    rms_rad = _rms_rad(linear, weights)
+    rms_rad = math.sqrt(float(weights @ linear.e_rad**2) / max(float(weights.sum()), 1e-300))
     motion_rad = _motion_rad(linear, weights, prior, mount)
     cov = _covariance(linear, weights, prior, groups, first)
     by_z = _by_z(linear, weights, prior)
@@ -233,10 +233,6 @@ def _moved(mount: Mount, step: F64) -> Mount:
         tilt_rad=mount.tilt_rad + tilt_rad,
         roll_rad=mount.roll_rad + roll_rad,
     )
-
-
-def _rms_rad(linear: _Linear, weights: F64) -> float:
-    return math.sqrt(float(weights @ linear.e_rad**2) / max(float(weights.sum()), 1e-300))
 
 
 def _motion_rad(linear: _Linear, weights: F64, prior: F64, mount: Mount) -> float:

@@ -80,7 +80,8 @@ def _maybe_controller(path: str, heard: bytearray) -> Found | None:
     url = AX3500_URL.format(path=path)
     with conversation(url, LineParser()) as talk:
         try:
-            if any(_is_log_line(event) for event in talk.hear(LISTEN_LINE_S)):
+            lines = (event for event in talk.hear(LISTEN_LINE_S) if isinstance(event, Line))
+            if any(line.text[:1] == ":" for line in lines):
                 return Found(path, "drive", url, "motor controller in R/C or analog mode")
             query = "^8A"
             talk.say(CR)
@@ -92,11 +93,6 @@ def _maybe_controller(path: str, heard: bytearray) -> Found | None:
             return None
         finally:
             heard += talk.heard
-
-
-def _is_log_line(event: object) -> bool:
-    """The line that a controller in R/C mode sends unasked, whatever the codec calls it."""
-    return type(event).__name__ == "LogLine" or (isinstance(event, Line) and event.text[:1] == ":")
 
 
 def _controller_in_words(texts: list[str], query: str) -> str:

@@ -51,16 +51,16 @@ COUNTER_WRAP = 2**16
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
     """Everything that was found out. Raises NoAnswerError: it neither sends nor answers."""
     with conversation(url, mt_parser(url)) as talk:
-        facts = _state_as_found(talk)
+        frames = [event for event in talk.hear(0.3) if isinstance(event, MtFrame)]
+        mids = Counter(_name(frame.mid) for frame in frames)
+        facts: Portrait = {"as found: sends": Fact(" ".join(sorted(mids)) or "nothing")}
         facts.update(_asked(talk, "GoToConfig", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S))
         if facts["GoToConfig: answer"].value == SILENT:
             raise NoAnswerError("no answer to GoToConfig: does it hear us, at this baud rate?")
-        configuration = None
         for mid in READS:
             facts.update(_asked(talk, mid.name, mid))
         facts.update(_asked(talk, "no such message", NO_SUCH_MID))
-        if data := _maybe_data(talk, Mid.ReqConfiguration):
-            configuration = maybe_configuration(data)
+        configuration = maybe_configuration(_maybe_data(talk, Mid.ReqConfiguration))
         if settings:
             facts.update(_settings(talk))
         facts.update(_asked(talk, "GoToMeasurement", Mid.GoToMeasurement))
@@ -90,12 +90,6 @@ def _maybe_data(talk: Conversation, mid: int) -> bytes:
     """What a device tells of a setting; b"" where it does not know it."""
     reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), ANSWER_S)
     return b"" if reply is None or reply[0].mid == Mid.Error else bytes(reply[0].data)
-
-
-def _state_as_found(talk: Conversation) -> Portrait:
-    frames = [event for event in talk.hear(0.3) if isinstance(event, MtFrame)]
-    mids = Counter(_name(frame.mid) for frame in frames)
-    return {"as found: sends": Fact(" ".join(sorted(mids)) or "nothing")}
 
 
 def _name(mid: int) -> str:

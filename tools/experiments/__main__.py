@@ -96,7 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"mapod: pictures in {folder}")
     else:
         DOCUMENT.write_text(document(outcomes), encoding="utf-8")
-        drawn = {picture.file for outcome in outcomes for picture in outcome.pictures}
+        drawn = {file for outcome in outcomes for file, _ in outcome.pictures}
         for path in PICTURES.glob("*.png"):
             if path.name not in drawn:
                 path.unlink()

@@ -29,14 +29,6 @@ class Row:
     timed: bool = False  # measured on this machine's clock: never twice the same
 
 
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A picture in docs/pictures."""
-
-    file: str
-    caption: str
-
-
 @dataclass(slots=True)
 class Outcome:
     """What an experiment gave, or a part of it: parts of the same name are shown as one."""
@@ -44,7 +36,7 @@ class Outcome:
     name: str  # number and name
     note: str = ""  # what was done, in a sentence or two
     rows: list[Row] = field(default_factory=list)
-    pictures: list[Picture] = field(default_factory=list)
+    pictures: list[tuple[str, str]] = field(default_factory=list)  # file, caption
 
     def tell(self, quantity: str, values: dict[str, float], aim: Aim = "less", **more: Any) -> None:
         if not all(map(math.isnan, values.values())):
@@ -54,7 +46,7 @@ class Outcome:
         self, path: Path, caption: str, views: Sequence[MapView], x_m: Span, y_m: Span
     ) -> None:
         draw_maps(path, caption, views, x_m, y_m)
-        self.pictures.append(Picture(path.name, caption))
+        self.pictures.append((path.name, caption))
 
 
 def verdict(row: Row) -> str:
@@ -183,6 +175,6 @@ def document(outcomes: Sequence[Outcome]) -> str:
     ]
     lines += ["## Where beams is not better", "", *_not_better(rows), "", "## Pictures", ""]
     for outcome in outcomes:
-        for picture in outcome.pictures:
-            lines += [picture.caption, "", f"![{picture.caption}](pictures/{picture.file})", ""]
+        for file, caption in outcome.pictures:
+            lines += [caption, "", f"![{caption}](pictures/{file})", ""]
     return "\n".join(lines).rstrip() + "\n"

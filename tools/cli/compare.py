@@ -119,12 +119,13 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     parser = parser_of(
         "compare", __doc__, "mapod compare scanner --port tcp://192.168.0.1:2112 --out facts.json"
     )
-    parser.add_argument("device", choices=(*LOOKS, "planner"))
+    add = parser.add_argument
+    add("device", choices=(*LOOKS, "planner"))
     parser.add_port("tcp://192.168.0.1:2112, the real device")
     parser.add_config()
-    parser.add_argument("--fake", help="port of a fake that runs already (default: start one)")
+    add("--fake", help="port of a fake that runs already (default: start one)")
     parser.add_seconds("to listen to its stream; 5", 5.0)
-    parser.add_argument(
+    add(
         "--also-settings",
         action="store_true",
         help="also what needs a login, a reset, or stops motors; nothing is stored",

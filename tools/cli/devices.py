@@ -25,7 +25,7 @@ from hw.ports.url import PortUrlError, parse_url
 from tools.cli import scanner
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.cli.options import fail, parser_of
-from tools.terminal.progress import progress
+from tools.terminal.progress import advancing
 
 LIST_PORTS: Any = comports  # pyserial has no types
 AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
@@ -196,19 +196,19 @@ def all_found(paths: list[str], hosts: list[str]) -> list[Found]:
     jobs = [partial(find, path) for path in paths] + [partial(find_scanner, host) for host in hosts]
     with ThreadPoolExecutor(max_workers=max(1, len(jobs))) as together:
         asked = [together.submit(job) for job in jobs]
-        for _ in progress("asking", as_completed(asked), len(asked)):
-            pass
+        with advancing("asking", len(asked)) as advance:
+            for count, _ in enumerate(as_completed(asked), 1):
+                advance(count, "")
     return [one.result() for one in asked]
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 something was found, 1 nothing was, 2 wrong use."""
     parser = parser_of("devices", __doc__, "mapod devices --scanner 192.168.0.1 --udev")
-    parser.add_argument("paths", nargs="*", help="serial ports to look at (default: all)")
-    parser.add_argument(
-        "--scanner", action="append", default=[], metavar="HOST[:PORT]", help="a scanner to ask"
-    )
-    parser.add_argument("--udev", action="store_true", help="print udev rules as well")
+    add = parser.add_argument
+    add("paths", nargs="*", help="serial ports to look at (default: all)")
+    add("--scanner", action="append", default=[], metavar="HOST[:PORT]", help="a scanner to ask")
+    add("--udev", action="store_true", help="print udev rules as well")
     options = parser.parse_args(arguments)
     adapters = {port.device: port for port in LIST_PORTS()}
     paths = paths_of(options.paths, adapters)

@@ -56,25 +56,24 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
         "mapod link-test --port 'serial:///dev/ttyUSB0?baud=115200' --only 2,5 --seconds 60",
     )
     numbers = ", ".join(dict.fromkeys(check.number for check in CHECKS))
-    parser.add_argument("--port", required=True, help="udp://..., tcp://... or serial:///...")
+    add = parser.add_argument
+    add("--port", required=True, help="udp://..., tcp://... or serial:///...")
     parser.add_key()
     parser.add_seconds(f"about; {SECONDS:g}", SECONDS)
-    parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
-    parser.add_argument(
-        "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
-    )
-    parser.add_argument(
+    add("--only", default="", help=f"numbers of section 14, of {numbers}")
+    add("--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)")
+    add(
         "--baud",
         type=int,
         default=TCP_BAUD,
         help=f"of the line behind a tcp port, which is fed no faster ({TCP_BAUD})",
     )
-    parser.add_argument(
+    add(
         "--strict",
         action="store_true",
         help="want also what the sheet's first version left open: section 16",
     )
-    parser.add_argument("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
+    add("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
     return parser.parse_args(arguments)
 
 

@@ -113,12 +113,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 something was mapped, 1 nothing was, 2 wrong use."""
     parser = parser_of("replay", __doc__, "mapod replay mapod.rec", "mapod replay lms111_d2h.bin")
     shipped = SHIPPED_RECORDING if SHIPPED_RECORDING.exists() else None
-    parser.add_argument("recording", nargs="?", type=Path, default=shipped, help="the file")
-    parser.add_argument(
-        "--config", type=Path, help="the robot's settings (default: recorded ones, or as shipped)"
-    )
-    parser.add_argument("--scan-rate-hz", type=int, default=50, help="of a scanner's bytes (50)")
-    parser.add_argument("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
+    add = parser.add_argument
+    add("recording", nargs="?", type=Path, default=shipped, help="the file")
+    add("--config", type=Path, help="the robot's settings (default: recorded ones, or as shipped)")
+    add("--scan-rate-hz", type=int, default=50, help="of a scanner's bytes (50)")
+    add("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
     parser.add_out("a file for the outcome, as tests compare it")
     options = parser.parse_args(arguments)
     quiet()

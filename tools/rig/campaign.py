@@ -229,20 +229,19 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--runs", type=int, default=200, help="how many (200)")
-    parser.add_argument("--seed", type=int, default=1, help="of the campaign (1)")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
-    parser.add_argument("--only", type=int, help="this run alone")
-    parser.add_argument("--scene", help="all runs in this one, a name or a file")
-    parser.add_argument("--faults", type=int, default=0, help="by chance, in each run (0)")
-    parser.add_argument("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
-    parser.add_argument("--watch", action="store_true", help="a live picture of one run")
-    parser.add_argument(
-        "--speed", type=float, default=1.0, help="of what is watched (1: real time)"
-    )
-    parser.add_argument("--record", type=Path, help="a folder for bytes, path, events, picture")
-    parser.add_argument("--json", type=Path, help="a file for all results")
-    parser.add_argument("--markdown", action="store_true", help="the table for a document")
+    add = parser.add_argument
+    add("--runs", type=int, default=200, help="how many (200)")
+    add("--seed", type=int, default=1, help="of the campaign (1)")
+    add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    add("--only", type=int, help="this run alone")
+    add("--scene", help="all runs in this one, a name or a file")
+    add("--faults", type=int, default=0, help="by chance, in each run (0)")
+    add("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
+    add("--watch", action="store_true", help="a live picture of one run")
+    add("--speed", type=float, default=1.0, help="of what is watched (1: real time)")
+    add("--record", type=Path, help="a folder for bytes, path, events, picture")
+    add("--json", type=Path, help="a file for all results")
+    add("--markdown", action="store_true", help="the table for a document")
     options = parser.parse_args(arguments)
     if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
         parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")

@@ -332,12 +332,13 @@ def run(config: RigConfig, options: argparse.Namespace, console: Console) -> int
 def main(arguments: list[str]) -> int:
     """Exit status; 2 for settings that can't be used."""
     parser = argparse.ArgumentParser(prog="python -m tools.rig.live", description=__doc__)
-    parser.add_argument("--config", default=str(ROOT / "rig.toml"), help="the bench")
-    parser.add_argument("--seconds", type=float, help="end after so long; 60 without a terminal")
-    parser.add_argument("--scene", help="instead of the file's")
-    parser.add_argument("--seed", type=int, help="instead of the file's")
-    parser.add_argument("--planner", help="instead of the file's: board, host, or a port")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--config", default=str(ROOT / "rig.toml"), help="the bench")
+    add("--seconds", type=float, help="end after so long; 60 without a terminal")
+    add("--scene", help="instead of the file's")
+    add("--seed", type=int, help="instead of the file's")
+    add("--planner", help="instead of the file's: board, host, or a port")
+    add(
         "--fault",
         action="append",
         default=[],

@@ -116,13 +116,6 @@ def cost_us(size: int, baud: int = 115_200, rate_hz: int = 50) -> float:
     return 1e6 * float(np.quantile(costs_s[-COST_TICKS:], 0.25))
 
 
-def print_cost() -> None:
-    costs = {size: cost_us(size) for size in WINDOWS}
-    print(f"\nOne tick of the sender, {COST_CELLS} changed cells, 115 200 baud, 50 Hz:")
-    for size, cost in costs.items():
-        print(f"  {size} x {size}: {cost:.0f} us, {cost / costs[101]:.2f} times that of 101 x 101")
-
-
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
@@ -136,7 +129,10 @@ def main(arguments: list[str] | None = None) -> int:
     print_table("A map that changes at random", at_random[:1] if quick else at_random, seconds)
     lines, windows = (LINES[:1], WINDOWS[:2]) if quick else (LINES, WINDOWS)
     print_table("Lines and windows, as section 8 advises", advised(lines, windows), seconds)
-    print_cost()
+    costs = {size: cost_us(size) for size in WINDOWS}
+    print(f"\nOne tick of the sender, {COST_CELLS} changed cells, 115 200 baud, 50 Hz:")
+    for size, cost in costs.items():
+        print(f"  {size} x {size}: {cost:.0f} us, {cost / costs[101]:.2f} times that of 101 x 101")
     return 0
 
 

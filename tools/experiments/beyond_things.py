@@ -190,9 +190,9 @@ def glass(quick: bool, folder: Path) -> Outcome:
         lines = np.nonzero(wall.any(axis=1))[0]
         stops = ((view.states == OBSTACLE) & wall).any(axis=1)[lines]
         along[view.name] = 100.0 * float(stops.mean())
-        free[view.name] = float(
-            ((view.states == FREE) & view.part(span_m_of(view), (-1.9, 1.9))).sum()
-        )
+        first_m = math.floor(GLASS_AT_M / view.cell_m) * view.cell_m
+        line = view.part((first_m, first_m + view.cell_m), (-1.9, 1.9))  # in which it stands
+        free[view.name] = float(((view.states == FREE) & line).sum())
     outcome = Outcome(
         "7 glass",
         "A pane across the corridor returns beams within 10 deg of a right angle and lets "
@@ -204,12 +204,6 @@ def glass(quick: bool, folder: Path) -> Outcome:
     caption = "7: a wall of glass across the way, 3 m ahead"
     outcome.draw(folder / "7-glass.png", caption, test.views(*BOTH), (2, 19), (-3, 3))
     return outcome
-
-
-def span_m_of(view: MapView) -> tuple[float, float]:
-    """The line of cells in which the pane stands."""
-    i = math.floor(GLASS_AT_M / view.cell_m)
-    return i * view.cell_m, (i + 1) * view.cell_m
 
 
 class Compass:

@@ -17,7 +17,6 @@ from rich.text import Text
 
 from tools.rig.contact import FRONT_M, REAR_M, SIDE_M
 from tools.rig.one_run import Run
-from tools.rig.stops import Stop
 from tools.terminal.screen import BAD, GOOD, POOR, factor_for, half_blocks, has_screen, labelled
 
 U8 = npt.NDArray[np.uint8]
@@ -116,14 +115,12 @@ def panel(run: Run) -> list[Text]:
         labelled("gap", f"least {judge.least_gap_m:.2f} m ({judge.nearest or 'nothing near'})"),
         labelled("stops", f"{len(stops)}, {false} before nothing", POOR if false else ""),
     ]
-    lines += [labelled("", _stop_words(stop)) for stop in stops[-3:]]
+    for stop in stops[-3:]:
+        why = f"{stop.why or 'no reason told'} ({stop.in_way or 'nothing there'})"
+        lines.append(labelled("", f"{stop.at_s:.0f} s: {why}"))
     lines += [labelled("fault", said, POOR) for _, said in run.loop.happened[-3:]]
     lines += [labelled("contact", contact.words(), BAD) for contact in judge.collisions]
     return lines
-
-
-def _stop_words(stop: Stop) -> str:
-    return f"{stop.at_s:.0f} s: {stop.why or 'no reason told'} ({stop.in_way or 'nothing there'})"
 
 
 def legend() -> Text:

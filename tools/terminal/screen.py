@@ -104,7 +104,9 @@ def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
     row, col = cell_of_robot(robot, full.shape, factor)
     rows, cols = np.ogrid[: image.shape[0], : image.shape[1]]
     image[np.hypot(rows - row, cols - col) <= robot.radius / factor] = ROBOT
-    return half_blocks(image, HALVES, (row // 2, col, ARROWS[eighth(robot.yaw_rad)]))
+    return half_blocks(
+        image, HALVES, (row // 2, col, ARROWS[round(robot.yaw_rad / (math.pi / 4)) % 8])
+    )
 
 
 def half_blocks(
@@ -128,10 +130,6 @@ def half_blocks(
         text.append("\n")
     text.right_crop(1)
     return text
-
-
-def eighth(yaw_rad: float) -> int:
-    return round(yaw_rad / (math.pi / 4)) % 8
 
 
 def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
@@ -161,11 +159,6 @@ def plain_legend(cell_m: float) -> str:
 # The numbers beside it
 
 
-def health_words(health: int) -> tuple[list[str], list[str]]:
-    missing = [name for bit, name in enumerate(MISSING) if not health >> bit & 1]
-    return missing, [name for bit, name in WARNINGS.items() if health >> bit & 1]
-
-
 def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
     if planner.blank:
         return "BLANK: no map has arrived", BAD
@@ -174,10 +167,6 @@ def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
     if planner.suspect:
         return "SUSPECT: a lost frame is not repaired yet", POOR
     return "live", GOOD
-
-
-def age_words(age_s: float) -> str:
-    return f"{age_s * 1000:.0f}" if math.isfinite(age_s) else ">1020"
 
 
 def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
@@ -209,10 +198,12 @@ def delay_words(newest_ms: float, delays: Delays) -> str:
 
 
 def pose_lines(pose: Pose) -> list[Text]:
-    missing, warnings = health_words(pose.health)
+    missing = [name for bit, name in enumerate(MISSING) if not pose.health >> bit & 1]
+    warnings = [name for bit, name in WARNINGS.items() if pose.health >> bit & 1]
     mode = MODES[pose.mode] if pose.mode < len(MODES) else f"unknown ({pose.mode})"
     mode_style = {1: GOOD, 2: POOR}.get(pose.mode, BAD)
-    ages = [age_words(age_s) for age_s in (pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s)]
+    ages_s = pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s
+    ages = [f"{1000 * age_s:.0f}" if math.isfinite(age_s) else ">1020" for age_s in ages_s]
     lines = [
         labelled("mode", mode, mode_style),
         labelled("health", "all well" if not missing else "no " + ", no ".join(missing),

@@ -11,11 +11,11 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.world import F64
 from tools.experiments import metrics
-from tools.experiments.__main__ import Experiment, experiments
 from tools.experiments.beyond_ground import ditch, ramps, speed_bumps
 from tools.experiments.paper_motion import left_turn
 from tools.experiments.pictures import elevation_pixels, obstacle_pixels, upright
 from tools.experiments.report import Outcome, Row, document, merged, verdict
+from tools.experiments.runner import Experiment, experiments
 from tools.experiments.scenes import corridor, hall, ramp_corridor
 from tools.experiments.truth import Truth
 from tools.experiments.views import MapView

@@ -45,7 +45,6 @@ def frame_of(codec: str, payload: bytes) -> bytes:
 
 @cache
 def sections() -> tuple[Any, Any, Any]:
-    """Options of the three devices as shipped, but with both echoes."""
     from msgspec.structs import replace
 
     from config_file import load_config
@@ -56,7 +55,6 @@ def sections() -> tuple[Any, Any, Any]:
 
 
 def new_device(codec: str, port: Any) -> Any:
-    """A device of mapod, as the app makes it."""
     from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS, Surroundings
 
     scanner, ahrs, drive = sections()
@@ -71,7 +69,6 @@ def new_device(codec: str, port: Any) -> Any:
 
 
 def new_fake(codec: str) -> Any:
-    """A healthy device that stands still, for the seeds."""
     from fakes.ax3500.device import FakeAx3500
     from fakes.lms1xx.device import FakeLms111
     from fakes.mti.device import FakeMti
@@ -87,16 +84,11 @@ def new_fake(codec: str) -> Any:
 
 
 def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
-    """One instruction: kind and width of the pieces, length, data."""
     return bytes([kind | width << 2]) + len(data).to_bytes(2, "big") + data
 
 
 def run_program(codec: str, program: bytes) -> None:
-    """What one input does to a fresh device.
-
-    Raises:
-        AssertionError: it holds too much, or did not go on.
-    """
+    """One input on a fresh device. Raises AssertionError: it holds too much, or hangs."""
     from fakes.wires.wire import MemoryPort
 
     port = MemoryPort()
@@ -168,7 +160,6 @@ def write_seeds(codec: str, folder: Path) -> None:
 
 
 def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
-    """Fuzz one codec in this process; does not return."""
     atheris: Any = importlib.import_module("atheris")  # no wheel for some processors, no types
 
     with atheris.instrument_imports(include=["hw"]):
@@ -188,7 +179,6 @@ def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
 
 
 def main() -> int:
-    """The command line; gives the exit status."""
     parser = argparse.ArgumentParser(prog="python -m tools.fuzz", description=__doc__)
     parser.add_argument("--codec", choices=(*CODECS, "all"), default="all")
     parser.add_argument("--seconds", type=int, default=600, help="in all; 0: by --runs")

@@ -21,11 +21,7 @@ BEGIN_S = 1000.0
 
 
 class LaserReplay:
-    """A recorded scanner, a level attitude and standing wheels around one app.
-
-    Raises:
-        OSError: the recording can't be read.
-    """
+    """A recorded scanner, a level attitude and standing wheels around one app."""
 
     def __init__(self, path: Path, config: Config) -> None:
         self.recording, self.config = RecordedLms111.from_files(path), config

@@ -5,6 +5,7 @@ always gives the same map. Its planner's frames say that the data are replayed (
 """
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -12,6 +13,7 @@ from app import App, Ports
 from config_file import load_config
 from core.config import Config
 from core.mapping.mapper import MapperCounts
+from hw.device import DeviceStatus
 from hw.ports.url import parse_url
 from mapod_link.receiver import Receiver
 from tools.recording import HEAR, IN, LOST, OPENED, OUT, STEP, PlayedPort, Record, Recording
@@ -28,19 +30,16 @@ class Replay(Protocol):
     view: "LinkView"
 
     @property
-    def now_s(self) -> float:
-        """The clock of the recording."""
+    def now_s(self) -> float: ...
 
     @property
-    def done(self) -> bool:
-        """True once all has been played."""
+    def done(self) -> bool: ...
 
     @property
     def lacks(self) -> str:
         """Why no scan can have been mapped, as far as the recording itself says; or ""."""
 
-    def step(self) -> None:
-        """One step of the app."""
+    def step(self) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,29 +62,31 @@ class LinkView:
         self._digest, self._bytes = hashlib.sha256(), 0
 
     def take(self, now_s: float, data: bytes) -> None:
-        """One datagram, or bytes of a stream."""
         self._digest.update(data)
         self._bytes += len(data)
         feed = self.planner.feed_datagram if self._datagrams else self.planner.feed_stream
         feed(now_s, data)
 
     def outcome(self, app: App) -> Outcome:
-        """Counters, and the digest of all bytes that went to the planner."""
         window, sha256 = self.planner.window(), self._digest.hexdigest()
         cells = int((window == 2).sum()), int((window == 1).sum())
         return Outcome(app.mapper.counts, self._bytes, sha256, *cells)
 
 
+def complaints_of(statuses: Mapping[str, DeviceStatus]) -> list[str]:
+    """Of devices by name: those that do not run, or have a cause of trouble, in words."""
+    return [
+        f"the {name} is {status.state}" + (f": {status.cause}" if status.cause else "")
+        for name, status in statuses.items()
+        if status.cause or status.state != "running"
+    ]
+
+
 def why_nothing_was_mapped(replay: Replay) -> str:
-    """In words, from what the app knows of its devices and scans."""
     if replay.lacks:
         return replay.lacks
     app, counts = replay.app, replay.app.mapper.counts
-    causes = [
-        f"the {name} is {status.state}" + (f": {status.cause}" if status.cause else "")
-        for name, status in app.states.statuses.items()
-        if status.cause or status.state != "running"
-    ]
+    causes = complaints_of(app.states.statuses)
     if counts.scans_dropped:
         causes.append(f"{counts.scans_dropped} scans came without an attitude or a pose in time")
     if rejected := app.states.statuses["scanner"].rejected:
@@ -107,14 +108,7 @@ def session_of(recording: Recording) -> int:
 
 
 class RecordingReplay:
-    """A recording of all ports around one app.
-
-    Args:
-        config: instead of the recorded settings.
-
-    Raises:
-        ConfigError: the recorded settings can't be used any more.
-    """
+    """A recording of all ports around one app, with its own settings or `config`."""
 
     def __init__(
         self, recording: Recording, session: int = SESSION, config: Config | None = None
@@ -137,11 +131,7 @@ class RecordingReplay:
         return "" if self._scanner_bytes else "the recording holds no byte of the scanner"
 
     def step(self) -> None:
-        """Play what happened up to the next call of the app, and call it.
-
-        Raises:
-            RecordingError: the recording is damaged.
-        """
+        """Play up to the next call of the app, and call it. Raises RecordingError: damaged."""
         for record in self._records:
             if record.kind in (OPENED, LOST, IN):
                 self._ports[record.port].play(record)

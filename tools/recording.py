@@ -51,11 +51,7 @@ class Record:
 
 
 class Recorder:
-    """Writes a run down: `port` and `app` give stand-ins that do the same, and tell.
-
-    Raises:
-        OSError: the file can't be written.
-    """
+    """Writes a run down: `port` and `app` give stand-ins that do the same, and tell."""
 
     def __init__(
         self, path: Path, version: str, config: str, clock: Callable[[], float] = time.monotonic
@@ -164,7 +160,6 @@ class RecordedApp:
         self._app, self._note, self._clock = app, note, clock
 
     def __getattr__(self, name: str) -> Any:
-        """All else is the app's own."""
         return getattr(self._app, name)
 
     def step(self, now_s: float) -> None:
@@ -180,11 +175,7 @@ class RecordedApp:
 
 
 class Recording:
-    """A recording.
-
-    Raises:
-        OSError, RecordingError: it can't be read; it is none.
-    """
+    """A recording. Raises OSError, RecordingError: it can't be read; it is none."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -200,11 +191,7 @@ class Recording:
             raise RecordingError("not a recording of mapod") from None
 
     def records(self) -> Iterator[Record]:
-        """In order; a last record that is not whole is left out.
-
-        Raises:
-            RecordingError: it is damaged.
-        """
+        """In order, without a last one that is not whole. Raises RecordingError: it is damaged."""
         with self._path.open("rb") as file:
             file.seek(self._at)
             while len(head := file.read(HEAD.size)) == HEAD.size:

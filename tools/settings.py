@@ -16,11 +16,7 @@ class NotThereError(Exception):
 
 
 def rewritten(text: str, values: Mapping[str, object]) -> str:
-    """The text with the values at "section.key" replaced, comments and all else as they were.
-
-    Raises:
-        NotThereError: a key is not there on a line of its own.
-    """
+    """ "section.key" replaced, all else as it was. Raises NotThereError: no line of its own."""
     return _replaced(text, {key: json.dumps(value) for key, value in values.items()})
 
 
@@ -39,7 +35,6 @@ def with_values(text: str, section: str, values: Mapping[str, str]) -> str:
 
 
 def _replaced(text: str, literals: Mapping[str, str]) -> str:
-    """Values as TOML writes them, by "section.key"."""
     lines, section, left = text.splitlines(keepends=True), "", dict(literals)
     for i, line in enumerate(lines):
         if head := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
@@ -54,12 +49,7 @@ def _replaced(text: str, literals: Mapping[str, str]) -> str:
 
 
 def rewrite(path: Path, before: str, after: str) -> None:
-    """Put a text in place of the one that the file holds, in one step; keeps the file's mode.
-
-    Raises:
-        NotThereError: the file does not hold `before` any more.
-        OSError: it can't be written; it is as it was.
-    """
+    """In one step, keeping the mode. Raises NotThereError (`before` is not there), OSError."""
     path = path.resolve()  # a link stays a link
     if path.read_bytes() != before.encode():
         raise NotThereError(f"{path} has been changed meanwhile: nothing is written")

@@ -17,7 +17,6 @@ SCENES = ("crowd", "yard")  # who walks there, and what is soft: all that rays c
 
 
 def warm_app() -> None:
-    """The kernels that the app can come to with the shipped settings."""
     from app import warm_kernels
     from config_file import load_config
 

@@ -7,29 +7,170 @@
 - Decoding, for each device's telegrams and packets, also from damaged streams.
 """
 
-import logging
+import random
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import structlog
 
 from app import App, Ports
 from config_file import load_config, with_changes
 from core.config import Config
+from fakes.mti.device import FakeMti
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
-from tools.bench import decode as bench_decode
+from hw.ax3500.lines import Line, LineParser, maybe_counter
+from hw.device import BadFrame
+from hw.lms1xx.options import Lms1xxOptions
+from hw.lms1xx.scan import ScanMaker
+from hw.lms1xx.telegrams import ScanTelegram, new_parser
+from hw.mti.frames import MtFrame, MtParser, encode_frame
+from hw.mti.mtdata import MtDataDecoder
+from hw.mti.mtdata2 import decode_mtdata2
+from tools.bench.drive import FAST, SHIPPED
+from tools.settings import rewritten
+from tools.terminal.progress import quiet
 
+VECTORS = Path(__file__).resolve().parents[2] / "tests" / "vectors"
+PIECE = 1448  # bytes that arrive at once on TCP; a serial line gives fewer
+LINE_PIECE = 64
+ALTERED = 0.01
+ROUNDS = 7  # the best counts: everything else on the machine only adds
+BYTES = 200_000  # of a stream, at least
+Feed = Callable[[float, bytes], list[object]]
 ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S, MEASURED_S = 6.0, 10.0
 FIRST_FRAME_S = 60.0
+NOWHERE = {"scanner.port": "tcp://127.0.0.1:1"}
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Of one stream."""
+
+    name: str
+    unit: str  # what one frame is
+    frames: int  # of the clean stream
+    clean_s: float
+    altered_s: float
+
+    def in_words(self) -> str:
+        each_us = 1e6 * self.clean_s / self.frames
+        return (
+            f"{self.name:<40} {each_us:7.1f} us a {self.unit}; "
+            f"with 1 % of bytes altered {self.altered_s / self.clean_s:.2f} times the whole"
+        )
+
+
+def altered(stream: bytes, rate: float, seed: int) -> bytes:
+    chance = random.Random(seed)
+    out = bytearray(stream)
+    for at in chance.sample(range(len(out)), round(rate * len(out))):
+        out[at] ^= chance.randrange(1, 256)
+    return bytes(out)
+
+
+def decoded(new_feed: Callable[[], Feed], stream: bytes, piece: int) -> tuple[int, float]:
+    """Frames of a stream, and the seconds of computing that they took."""
+    feed = new_feed()
+    pieces = [stream[at : at + piece] for at in range(0, len(stream), piece)]
+    frames, begun_s = 0, time.process_time()
+    for number, data in enumerate(pieces):
+        events = feed(0.001 * number, data)
+        frames += sum(not isinstance(event, BadFrame) for event in events)
+    return frames, time.process_time() - begun_s
+
+
+def cost(name: str, unit: str, new_feed: Callable[[], Feed], stream: bytes, piece: int) -> Cost:
+    stream *= -(-BYTES // len(stream))
+    damaged = altered(stream, ALTERED, seed=1)
+    clean = [decoded(new_feed, stream, piece) for _ in range(ROUNDS)]
+    noisy = [decoded(new_feed, damaged, piece) for _ in range(ROUNDS)]
+    return Cost(
+        name,
+        unit,
+        clean[0][0],
+        min(seconds for _, seconds in clean),
+        min(seconds for _, seconds in noisy),
+    )
+
+
+def scans() -> Feed:
+    """Scan telegrams to ranges in metres: frame codec and conversion in one."""
+    telegrams = new_parser("auto")
+    maker = ScanMaker(Lms1xxOptions("auto", 50, 0.5, -45.0, 225.0, "first", []))
+    return lambda now_s, data: [
+        maker.scan(event) if isinstance(event, ScanTelegram) else event
+        for event in telegrams.feed(now_s, data)
+    ]
+
+
+def samples() -> Feed:
+    """Data messages to samples: frame codec and data codec in one."""
+    frames, legacy = MtParser(115_200), MtDataDecoder(0x0006, 0x0000_0005)
+
+    def decode(event: object) -> object:
+        if not isinstance(event, MtFrame):
+            return event
+        return legacy.decode(event.data) if event.mid == 0x32 else decode_mtdata2(event.data)
+
+    return lambda now_s, data: [decode(event) for event in frames.feed(now_s, data)]
+
+
+def counters() -> Feed:
+    """Reply lines to counters; None for an echo."""
+    lines = LineParser()
+    return lambda now_s, data: [
+        maybe_counter(event.text) if isinstance(event, Line) else event
+        for event in lines.feed(now_s, data)
+    ]
+
+
+def legacy_stream() -> bytes:
+    """A second of MTData: Euler angles, calibrated data, counter."""
+    level = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 9.81])
+    sensor = FakeMti(lambda t_s: level, 1)
+    sensor.exchange(0.0, b"")
+    for now_s, request in enumerate(
+        (
+            encode_frame(0x30),
+            encode_frame(0xD0, b"\x00\x06"),
+            encode_frame(0xD2, b"\x00\x00\x00\x05"),
+            encode_frame(0x10),
+        ),
+        start=1,
+    ):
+        sensor.exchange(0.1 * now_s, request)
+    sensor.exchange(0.5, b"")
+    return b"".join(sensor.exchange(0.5 + 0.01 * k, b"") for k in range(1, 101))
+
+
+def counter_stream() -> bytes:
+    return b"".join(
+        b"?Q%d\r%X\r" % (channel, 0x56CB872 + 37 * step)
+        for step in range(1000)
+        for channel in (0, 1)
+    )
+
+
+def costs() -> list[Cost]:
+    session = (VECTORS / "lms111_session_d2h.bin").read_bytes()
+    telegrams = session[session.index(b"sSN LMDscandata") - 8 :]
+    text = (VECTORS / "tim781_1s_d2h.bin").read_bytes()
+    recorded = (VECTORS / "mti_rec1.bin").read_bytes()
+    return [
+        cost("LMS111, CoLa-B, 541 points, recorded", "telegram", scans, telegrams, PIECE),
+        cost("TiM781, CoLa-B, 811 points, recorded", "telegram", scans, text, PIECE),
+        cost("MTi, MTData, 50 bytes", "packet", samples, legacy_stream(), LINE_PIECE),
+        cost("MTi, MTData2, recorded", "packet", samples, recorded, LINE_PIECE),
+        cost("AX3500, echo and counter", "line", counters, counter_stream(), LINE_PIECE),
+    ]
 
 
 class TimedPort(MemoryPort):
@@ -41,14 +182,12 @@ class TimedPort(MemoryPort):
         self.written_s = 0.0
 
     def read(self) -> list[bytes]:
-        """What has arrived."""
         pieces = super().read()
         if pieces:
             self.read_s = time.perf_counter()
         return pieces
 
     def write(self, data: bytes) -> None:
-        """Hand over for sending."""
         super().write(data)
         self.written_s = time.perf_counter()
 
@@ -63,7 +202,6 @@ class Costs:
 
 
 def drive(config: Config) -> Costs:
-    """Drive through the corridor on a simulated clock, and time the app alone."""
     rig = Rig("corridor", 1)
     scanner, ahrs, drive = TimedPort(), MemoryPort(), MemoryPort()
     planner = TimedPort(datagrams=True)
@@ -101,9 +239,8 @@ def start_up_s() -> float:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as planner:
         planner.bind(("127.0.0.1", 0))
         planner.settimeout(FIRST_FRAME_S)
-        text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
-        text = text.replace("127.0.0.1:9750", f"127.0.0.1:{planner.getsockname()[1]}")
-        text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
+        ports = {"planner.port": f"udp://127.0.0.1:{planner.getsockname()[1]}"}
+        text = rewritten(SHIPPED.read_text(encoding="utf-8"), {**ports, **NOWHERE})
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "mapod.toml"
             path.write_text(text, encoding="utf-8")
@@ -136,27 +273,19 @@ def report(name: str, config: Config) -> float:
 
 
 def main() -> int:
-    """Exit status."""
-    fast: dict[str, Any] = {
-        "scan_rate_hz": 50,
-        "angular_step_deg": 0.5,
-        "first_deg": -45.0,
-        "last_deg": 225.0,
-    }
     print("mapod: measuring, about a minute")
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
-    shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    quiet()
+    shipped = load_config(SHIPPED.read_text(encoding="utf-8"))
     report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
-    small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=fast))
+    small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=FAST))
     same = report(
-        "the same, elevation map 401 x 401",
-        with_changes(shipped, scanner=fast, map={"cells": 401}),
+        "the same, elevation map 401 x 401", with_changes(shipped, scanner=FAST, map={"cells": 401})
     )
     large = report(
         "50 Hz, 541 beams, 401 x 401",
         with_changes(
             shipped,
-            scanner=fast,
+            scanner=FAST,
             map={"cells": 401, "cell_m": 0.05},
             obstacle={"window_cells": 401},
         ),
@@ -164,7 +293,7 @@ def main() -> int:
     print(f"401 x 401 elevation cells against 101 x 101: {same / small:.2f} times")
     print(f"with 401 x 401 cells for the planner as well: {large / small:.2f} times")
     print(f"start-up to the first frame: {start_up_s():.2f} s")
-    for cost in bench_decode.costs():
+    for cost in costs():
         print(cost.in_words())
     return 0
 

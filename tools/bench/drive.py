@@ -39,7 +39,6 @@ class Moment:
 
 
 def fast_config(size: int) -> Config:
-    """The shipped settings with the fast scanner and windows of `size` cells."""
     shipped = load_config(SHIPPED.read_text(encoding="utf-8"))
     cells = {"cells": size, "cell_m": CELL_M}
     return with_changes(shipped, scanner=FAST, map=cells, obstacle={"window_cells": size})
@@ -104,7 +103,6 @@ class RandomMap:
         self._world, self._changes, self._steps = World(size, seed), changes, 0
 
     def until(self, t_s: float) -> ObstacleMap:
-        """The window at a time, as of a scanner at 50 Hz."""
         while self._steps <= t_s * SCAN_HZ:
             self._steps += 1
             self._world.change(self._changes)

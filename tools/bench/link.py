@@ -6,18 +6,26 @@ or never. Only the cost of encoding is of this machine; all else is the same eve
 """
 
 import argparse
-import logging
 import sys
 from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-import structlog
 
 from core.records import I8, I32, ObstacleMap
 from tools.bench.drive import drive
-from tools.bench.link_line import Lane, LinePort
-from tools.bench.link_run import DRIVE_S, START_S, Case, Figures, measure, new_link, step
+from tools.bench.link_run import (
+    DRIVE_S,
+    START_S,
+    Case,
+    Figures,
+    Lane,
+    LinePort,
+    measure,
+    new_link,
+    step,
+)
+from tools.terminal.progress import quiet
 
 QUICK_S = 10.0
 LOSSY = (  # section 11
@@ -44,7 +52,6 @@ COST_CELLS, COST_RUN, COST_SETTLE_S, COST_TICKS = 40, 4, 30.0, 500
 
 
 def advised(lines: tuple[int | None, ...], windows: tuple[int, ...]) -> list[Case]:
-    """Every line with every window, at the rate that section 8 advises."""
     return [
         Case(baud, ADVISED_HZ.get((baud or 0, size), 50), "tick", size)
         for size in windows
@@ -53,7 +60,6 @@ def advised(lines: tuple[int | None, ...], windows: tuple[int, ...]) -> list[Cas
 
 
 def print_table(title: str, cases: Iterable[Case], seconds: float) -> None:
-    """A row for each case."""
     print(f"\n{title}: 1 % of frames lost, 10 ms one way, {seconds:g} s")
     print(
         f"{'line, rate, window, ACK':<28}{'new obstacle: told':>20}{'held':>14}{'recovery':>14}"
@@ -64,7 +70,6 @@ def print_table(title: str, cases: Iterable[Case], seconds: float) -> None:
 
 
 def row(case: Case, got: Figures) -> str:
-    """One line of a table."""
     name = f"{case.line} {case.rate_hz} Hz {case.size} {case.ack}"
     return (
         f"{name:<28}{_slashed(got.told_ms):>20}{_slashed(got.held_ms):>14}"
@@ -91,7 +96,6 @@ class Clutter:
         self._at: I32 = np.arange(first, first + COST_CELLS, dtype=np.int32)
 
     def next(self, changes: bool) -> ObstacleMap:
-        """One tick later."""
         at = self._at if changes else self._at[:0]
         self._cells.ravel()[at] = self._random.integers(-1, 2, at.size)
         return ObstacleMap(self._cells, 0, 0, at, 0, True)
@@ -112,20 +116,11 @@ def cost_us(size: int, baud: int = 115_200, rate_hz: int = 50) -> float:
     return 1e6 * float(np.quantile(costs_s[-COST_TICKS:], 0.25))
 
 
-def print_cost() -> None:
-    """What a tick of the sender costs in windows of all sizes."""
-    costs = {size: cost_us(size) for size in WINDOWS}
-    print(f"\nOne tick of the sender, {COST_CELLS} changed cells, 115 200 baud, 50 Hz:")
-    for size, cost in costs.items():
-        print(f"  {size} x {size}: {cost:.0f} us, {cost / costs[101]:.2f} times that of 101 x 101")
-
-
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status."""
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
     quick = parser.parse_args(arguments).quick
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     seconds = QUICK_S if quick else DRIVE_S
     print("planner link: simulated" + ("" if quick else ", some minutes"))
     print(LEGEND)
@@ -134,7 +129,10 @@ def main(arguments: list[str] | None = None) -> int:
     print_table("A map that changes at random", at_random[:1] if quick else at_random, seconds)
     lines, windows = (LINES[:1], WINDOWS[:2]) if quick else (LINES, WINDOWS)
     print_table("Lines and windows, as section 8 advises", advised(lines, windows), seconds)
-    print_cost()
+    costs = {size: cost_us(size) for size in WINDOWS}
+    print(f"\nOne tick of the sender, {COST_CELLS} changed cells, 115 200 baud, 50 Hz:")
+    for size, cost in costs.items():
+        print(f"  {size} x {size}: {cost:.0f} us, {cost / costs[101]:.2f} times that of 101 x 101")
     return 0
 
 

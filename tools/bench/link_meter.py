@@ -75,19 +75,6 @@ class Readings:
     passes_s: list[float] = field(default_factory=list)  # how long each refresh pass took
     suspect_s: float = 0.0
     unsafe: int = 0  # cells x frames: FREE at the receiver, told as OBSTACLE, suspect clear
-    never_told: int = 0  # new obstacles that were gone or out of the window first
-    lost_frames: int = 0
-
-    def add(self, other: "Readings") -> None:
-        """Those of another run."""
-        self.told_s += other.told_s
-        self.held_s += other.held_s
-        self.recovered_s += other.recovered_s
-        self.passes_s += other.passes_s
-        self.suspect_s += other.suspect_s
-        self.unsafe += other.unsafe
-        self.never_told += other.never_told
-        self.lost_frames += other.lost_frames
 
 
 class Meter:
@@ -108,7 +95,6 @@ class Meter:
         self.is_on = False
 
     def begin(self, now_s: float) -> None:
-        """Readings count from now on."""
         self.is_on = True
         if self._suspect_since_s is not None:
             self._suspect_since_s = now_s
@@ -135,12 +121,10 @@ class Meter:
         self._window, self._was = window, (window.corner_i, window.corner_j)
         self._before[...] = window.cells
         self._new.add(i[is_new], j[is_new], now_s)
-        gone = self._new.take(self._meant(self._new) != bodies.OBSTACLE)
-        self.readings.never_told += gone.size * self.is_on
+        self._new.take(self._meant(self._new) != bodies.OBSTACLE)
         self._wrong.take(~self._covered(self._wrong))
 
     def _covered(self, cells: Waiting) -> Mask:
-        """Which of them the sender's window covers."""
         assert self._window is not None
         corner = (self._window.corner_i, self._window.corner_j)
         return _inside(cells.i, cells.j, corner, self._size)
@@ -155,7 +139,6 @@ class Meter:
 
     def lose(self, at_s: float, frame: Frame, view: View) -> None:
         """A frame that should have arrived now: what the receiver holds wrongly for it."""
-        self.readings.lost_frames += self.is_on
         self._unseen.append(frame)
         self._count_pass(at_s, frame)
         update = maybe_map_update(frame.body, self._size**2) if frame.type == MAP else None
@@ -172,11 +155,7 @@ class Meter:
             self._wrong.add(i[differs], j[differs], at_s)
 
     def take(self, at_s: float, tick_s: float, frame: Frame, view: View) -> None:
-        """A frame has been taken by the receiver, whose map is now as `view` shows it.
-
-        Args:
-            tick_s: the tick that the frame belongs to.
-        """
+        """A frame of tick `tick_s` has been taken by the receiver, whose map is now `view`."""
         self._count_pass(at_s, frame)
         for earlier in [*self._unseen, frame]:
             self._tell(earlier)
@@ -204,7 +183,6 @@ class Meter:
         return int(np.count_nonzero(wrong))
 
     def _tell(self, frame: Frame) -> None:
-        """One frame more that the sender has told, lost or not."""
         if frame.type != MAP:
             return
         geom_id, update = (

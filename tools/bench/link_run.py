@@ -3,7 +3,10 @@
 Source: planner link, sections 5, 6 and 11.
 """
 
+import math
+import random
 import time
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,17 +16,102 @@ from hw.planner_link.receivers import one_link
 from hw.planner_link.sender import PlannerLink
 from mapod_link.frames import MORE, frame_from_bytes
 from mapod_link.receiver import Receiver
-from mapod_link.serial_line import serial_from_frame
+from mapod_link.serial_line import maybe_bytes_from_cobs, serial_from_frame
 from tools.bench.drive import CELL_M, Playback, RandomMap, drive
-from tools.bench.link_line import Lane, LinePort
-from tools.bench.link_meter import Meter, Readings, View
+from tools.bench.link_meter import Meter, View
 
+BITS = 10  # of a byte on the line
+TTY_BYTES = 4096  # that a driver takes before it says that it is full
 DRIVE_S = 40.0
 START_S, SETTLE_S = 1000.0, 1.0  # of the simulated clock; before anything counts
 DELAY_S, LOSS = 0.010, 0.01
 NEVER = 10**9  # frames
 NONE = float("nan")
 ZONE = StopZoneReport(2.0, 2.5, 1.0, 1.5, 3.0, 0.8, 0.3, 0.9, 0.5, (2.5,) * 8, state=2, causes=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """One frame at the far end, or the instant at which it should have been there."""
+
+    at_s: float
+    frame: bytes  # without COBS
+    is_lost: bool
+
+
+class Lane:
+    """One direction of the line."""
+
+    def __init__(self, baud: int | None, delay_s: float, loss: float, seed: int) -> None:
+        self.baud, self.delay_s, self.loss = baud, delay_s, loss
+        self.bytes_sent = 0
+        self._random = random.Random(seed)
+        self._free_s = -math.inf  # when the line has sent what it was given
+        self._way: deque[Arrival] = deque()
+
+    def send(self, now_s: float, data: bytes) -> None:
+        if self.baud is None:
+            self._carry(now_s, data, len(data))
+            return
+        for piece in data.split(b"\0")[:-1]:
+            frame = maybe_bytes_from_cobs(piece)
+            assert frame is not None, "what the sender writes is COBS"
+            self._carry(now_s, frame, len(piece) + 1)
+
+    def _carry(self, now_s: float, frame: bytes, wire_bytes: int) -> None:
+        self.bytes_sent += wire_bytes
+        busy_s = 0.0 if self.baud is None else wire_bytes * BITS / self.baud
+        self._free_s = max(now_s, self._free_s) + busy_s
+        if frame:
+            is_lost = self._random.random() < self.loss
+            self._way.append(Arrival(self._free_s + self.delay_s, frame, is_lost))
+
+    def waiting_s(self, now_s: float) -> float:
+        return max(0.0, self._free_s - now_s)
+
+    def arrivals(self, until_s: float) -> list[Arrival]:
+        """What has come, or got lost, since the last call; in order."""
+        come = []
+        while self._way and self._way[0].at_s <= until_s:
+            come.append(self._way.popleft())
+        return come
+
+
+class LinePort:
+    """The sender's port on a simulated line (`hw.device.Port`); its owner sets `now_s`."""
+
+    def __init__(self, to_receiver: Lane, to_sender: Lane, buffer_bytes: int = TTY_BYTES) -> None:
+        self.datagrams = to_receiver.baud is None
+        self.cause, self.opened, self.now_s = "", 1, 0.0
+        self._out, self._in, self._buffer_bytes = to_receiver, to_sender, buffer_bytes
+
+    @property
+    def backlog(self) -> int:
+        """Bytes that the driver's buffer has no room for."""
+        if self._out.baud is None:
+            return 0
+        waiting = math.ceil(self._out.waiting_s(self.now_s) * self._out.baud / BITS - 1e-6)
+        return max(0, waiting - self._buffer_bytes)
+
+    @backlog.setter
+    def backlog(self, waiting: int) -> None:
+        """The line alone decides."""
+
+    def fileno(self) -> int:
+        return -1
+
+    def poll(self, now_s: float) -> bool:
+        return True
+
+    def read(self) -> list[bytes]:
+        come = [arrival.frame for arrival in self._in.arrivals(self.now_s) if not arrival.is_lost]
+        return come if self.datagrams else [serial_from_frame(frame) for frame in come]
+
+    def write(self, data: bytes) -> None:
+        self._out.send(self.now_s, data)
+
+    def close(self) -> None:
+        """Nothing to let go of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +125,10 @@ class Case:
     drives: bool = True  # False: a map that changes at random, and fills a slow line
     loss: float = LOSS
     seconds: float = DRIVE_S
-    seeds: tuple[int, ...] = (1,)  # one drive for each: other frames get lost
+    seed: int = 1  # which frames get lost
 
     @property
     def line(self) -> str:
-        """Its rate in kbaud, for a table."""
         return f"{self.baud // 100 / 10:g} k" if self.baud else "UDP"
 
 
@@ -58,10 +145,8 @@ class Figures:
     worst_wait_ticks: float  # of line time not yet sent when a tick begins
     ticks_held: int  # in which nothing could be sent
     new_obstacles: int
-    never_told: int
     recovered: int  # cells that a loss had hit
     unsafe: int  # FREE at the receiver where it was told of an OBSTACLE, suspect clear
-    step_us: tuple[float, float]  # median and p99 of one tick of the sender, on this machine
 
 
 class FarEnd:
@@ -73,19 +158,16 @@ class FarEnd:
         self.receiver = Receiver(nonce * has_way_back, ack_every=NEVER * has_way_back)
 
     def take(self, at_s: float, data: bytes, is_last_of_tick: bool) -> list[bytes]:
-        """One frame; what the receiver answers."""
         self.receiver.feed_datagram(at_s, data)
         if self._ack == "tick" and is_last_of_tick:
             self.receiver.acknowledge(at_s)
         return self.receiver.poll(at_s)
 
     def view(self) -> View:
-        """Its map now."""
         return View(self.receiver.cells, self.receiver.origin, self.receiver.suspect)
 
 
 def new_link(port: LinePort, baud: int | None, size: int, rate_hz: float) -> PlannerLink:
-    """The sender, as the app sets it up."""
     return one_link(
         port,
         size=size,
@@ -109,7 +191,8 @@ def step(link: PlannerLink, now_s: float, pose: PoseReport, window: ObstacleMap)
 class Run:
     """One drive of a case on the simulated clock."""
 
-    def __init__(self, case: Case, seed: int) -> None:
+    def __init__(self, case: Case) -> None:
+        seed = case.seed
         self.case, self.tick_s = case, 1 / case.rate_hz
         self.down = Lane(case.baud, DELAY_S, case.loss, 2 * seed)
         self.up = Lane(case.baud, DELAY_S, case.loss, 2 * seed + 1)
@@ -120,33 +203,28 @@ class Run:
             Playback(drive(case.size, case.seconds)) if case.drives else RandomMap(case.size, seed)
         )
         self.waits_s: list[float] = []
-        self.steps_s: list[float] = []
         self.bytes_sent = 0  # since things count
 
     def go(self) -> None:
-        """Drive to the end."""
         settled = round(SETTLE_S * self.case.rate_hz)
         before = 0
         for tick in range(round(self.case.seconds * self.case.rate_hz)):
             if tick == settled:
                 self.meter.begin(START_S + tick * self.tick_s)
                 before = self.down.bytes_sent
-                self.steps_s.clear()
             self._tick(START_S + tick * self.tick_s, tick * self.tick_s)
         self.bytes_sent = self.down.bytes_sent - before
         self.meter.end(START_S + self.case.seconds)
 
     def _tick(self, now_s: float, drive_s: float) -> None:
-        """What has arrived since the last tick, then the sender's next one."""
         self._carry(now_s)
         self.port.now_s = now_s
         self.waits_s.append(self.down.waiting_s(now_s))
         window = self._playback.until(drive_s)
         self.meter.mean(now_s, window)
-        self.steps_s.append(step(self.link, now_s, self._playback.pose, window))
+        step(self.link, now_s, self._playback.pose, window)
 
     def _carry(self, until_s: float) -> None:
-        """Frames to the receiver, its answers on their way back."""
         for arrival in self.down.arrivals(until_s):
             frame = frame_from_bytes(arrival.frame)
             assert not isinstance(frame, str), "the sender's frames are valid"
@@ -161,16 +239,9 @@ class Run:
 
 
 def measure(case: Case) -> Figures:
-    """The figures of a case, over all of its seeds."""
-    got, runs = Readings(), []
-    for seed in case.seeds:
-        run = Run(case, seed)
-        run.go()
-        got.add(run.meter.readings)
-        runs.append(run)
-    watched_s = (case.seconds - SETTLE_S) * len(case.seeds)
-    steps_s = np.concatenate([run.steps_s for run in runs])
-    median_s, slow_s = np.quantile(steps_s, [0.5, 0.99])
+    run = Run(case)
+    run.go()
+    got, watched_s = run.meter.readings, case.seconds - SETTLE_S
     told_s, recovered_s = joined(got.told_s), joined(got.recovered_s)
     return Figures(
         told_ms=_spread_ms(told_s),
@@ -178,19 +249,16 @@ def measure(case: Case) -> Figures:
         recovery_ms=_spread_ms(recovered_s),
         pass_s=float(np.mean(got.passes_s)) if got.passes_s else NONE,
         suspect=got.suspect_s / watched_s,
-        bytes_per_s=sum(run.bytes_sent for run in runs) / watched_s,
-        worst_wait_ticks=max(max(run.waits_s) / run.tick_s for run in runs),
-        ticks_held=sum(run.link.counters.ticks_held for run in runs),
+        bytes_per_s=run.bytes_sent / watched_s,
+        worst_wait_ticks=max(run.waits_s) / run.tick_s,
+        ticks_held=run.link.counters.ticks_held,
         new_obstacles=told_s.size,
-        never_told=got.never_told,
         recovered=recovered_s.size,
         unsafe=got.unsafe,
-        step_us=(1e6 * float(median_s), 1e6 * float(slow_s)),
     )
 
 
 def joined(parts: list[F64]) -> F64:
-    """One array of them all, also of none."""
     return np.concatenate([np.zeros(0), *parts])
 
 

@@ -13,9 +13,10 @@ from dataclasses import replace
 from core.config import Config
 from core.motion.attitude import AttitudeRing
 from core.records import Scan
-from hw.device import DeviceStatus, NoPort, Port
+from hw.device import NoPort, Port
 from hw.ports.wires import open_port
 from tools.calibration.mount import FloorWatch
+from tools.played import complaints_of
 from wiring import Ports, devices_on
 
 STEP_S, PROGRESS_S = 0.002, 0.2
@@ -48,17 +49,16 @@ class Collector:
         self._dropped = 0
 
     def step(self, now_s: float) -> None:
-        """Read, decode, collect; never waits.
-
-        Raises:
-            RefusedError: a device does not run, or not well.
-        """
+        """Never waits. Raises RefusedError: a device does not run, or not well."""
         self._begun_s = min(self._begun_s, now_s)
         for attitude in self.ahrs.step(now_s):
             self._attitudes.add(attitude)
         scans = self.scanner.step(now_s)
         if self._ready_s == math.inf:
-            self._get_ready(now_s)
+            if self.scanner.clock_locked and self.ahrs.clock_locked:
+                self._ready_s = now_s
+            elif now_s - self._begun_s > READY_S:
+                raise RefusedError(f"not ready within {READY_S:g} s: {self.words(now_s)}")
             return
         for scan in scans:
             if not isinstance(scan, Scan):
@@ -67,12 +67,6 @@ class Collector:
         self._settle(now_s)
         if now_s >= self._ready_s + self._seconds + WAIT_S:
             self._end()
-
-    def _get_ready(self, now_s: float) -> None:
-        if self.scanner.clock_locked and self.ahrs.clock_locked:
-            self._ready_s = now_s
-        elif now_s - self._begun_s > READY_S:
-            raise RefusedError(f"not ready within {READY_S:g} s: {self.words(now_s)}")
 
     def _settle(self, now_s: float) -> None:
         """Take the scans of which every beam's attitude is known by now."""
@@ -99,33 +93,18 @@ class Collector:
         return max(0.0, min(now_s - self._ready_s, self._seconds))
 
     def words(self, now_s: float) -> str:
-        """How it goes, in one line."""
         if self._ready_s < math.inf:
             progress = (
                 f"{self.gone_s(now_s):.0f} of {self._seconds:.0f} s, {self.watch.scans} scans"
             )
         else:
             progress = "waiting until both devices run and their clocks are known"
-        return "; ".join([progress, *_complaints(self.scanner.status, self.ahrs.status)])
-
-
-def _complaints(scanner: DeviceStatus, ahrs: DeviceStatus) -> list[str]:
-    return [
-        f"the {name} is {status.state}" + (f": {status.cause}" * bool(status.cause))
-        for name, status in (("scanner", scanner), ("attitude sensor", ahrs))
-        if status.cause or status.state != "running"
-    ]
+        statuses = {"scanner": self.scanner.status, "attitude sensor": self.ahrs.status}
+        return "; ".join([progress, *complaints_of(statuses)])
 
 
 def collect(config: Config, seconds: float, advance: Callable[[float, str], None]) -> FloorWatch:
-    """What the devices of the settings see in so many seconds of real time.
-
-    Args:
-        advance: called now and then with the seconds that count, and how it goes in words.
-
-    Raises:
-        RefusedError, PortUrlError: see Collector; a port's URL is none.
-    """
+    """`advance` gets the seconds that count, and words. Raises RefusedError, PortUrlError."""
     with contextlib.ExitStack() as stack:
         scanner, ahrs = (
             stack.enter_context(contextlib.closing(open_port(url)))

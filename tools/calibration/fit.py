@@ -69,7 +69,6 @@ class FloorView:
     scan: I64  # (n,) which scan, from 0 on, ascending
 
     def of(self, which: Mask | slice | I64) -> "FloorView":
-        """Some of the returns."""
         return FloorView(
             self.rays_m[which],
             self.R_earth_body[which],
@@ -197,7 +196,7 @@ def fit(view: FloorView, guess: Mount, z_sigma_m: float | None, level_rad: float
     linear = _linear(view, mount, slope)
     inside, spread = _gated(linear, spread)
     weights = _weights(linear, inside, spread, groups)
-    rms_rad = _rms_rad(linear, weights)
+    rms_rad = math.sqrt(float(weights @ linear.e_rad**2) / max(float(weights.sum()), 1e-300))
     motion_rad = _motion_rad(linear, weights, prior, mount)
     cov = _covariance(linear, weights, prior, groups, first)
     by_z = _by_z(linear, weights, prior)
@@ -227,7 +226,6 @@ def _weights(linear: _Linear, inside: Mask, spread: float, groups: Groups) -> F6
 
 
 def _moved(mount: Mount, step: F64) -> Mount:
-    """A step in the order of COLUMNS."""
     z_m, tilt_rad, roll_rad = (float(part) for part in step[:3])
     return replace(
         mount,
@@ -235,11 +233,6 @@ def _moved(mount: Mount, step: F64) -> Mount:
         tilt_rad=mount.tilt_rad + tilt_rad,
         roll_rad=mount.roll_rad + roll_rad,
     )
-
-
-def _rms_rad(linear: _Linear, weights: F64) -> float:
-    """Root of the weighted mean square of the residuals."""
-    return math.sqrt(float(weights @ linear.e_rad**2) / max(float(weights.sum()), 1e-300))
 
 
 def _motion_rad(linear: _Linear, weights: F64, prior: F64, mount: Mount) -> float:

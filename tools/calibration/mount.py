@@ -103,7 +103,6 @@ class FloorWatch:
         self.scans += 1
 
     def view(self) -> FloorView:
-        """All returns so far, or so many of them as are worked with, evenly chosen."""
         counts = [len(t_s) for _, _, t_s in self._parts]
         if not sum(counts):
             nothing = np.zeros(0)
@@ -111,14 +110,10 @@ class FloorWatch:
             return FloorView(*empty, np.zeros(0, dtype=np.int64))
         rays, rpy, t_s = (np.concatenate(column) for column in zip(*self._parts, strict=True))
         scan = np.repeat(np.arange(len(counts)), counts)
-        kept = slice(None, None, _odd(math.ceil(len(t_s) / MOST_RETURNS)))
+        stride = math.ceil(len(t_s) / MOST_RETURNS)
+        kept = slice(None, None, stride + 1 - stride % 2)  # odd: not in step with a scan's beams
         R = _rotations(rpy[kept])
         return FloorView(rays[kept], R, rpy[kept, 2], t_s[kept], scan[kept])
-
-
-def _odd(stride: int) -> int:
-    """Not in step with the beams, whose number per scan tends to be round."""
-    return stride + 1 - stride % 2
 
 
 def _rotations(rpy: F64) -> F64:
@@ -159,12 +154,12 @@ def calibrate(
         if freed.cov[0, 0] <= MOST_Z_ERROR_M**2:
             found = freed if maybe_z_sigma_m is None else _agreeing(found, freed)
     _check_floor(view, found, scans)
-    _check_plausible(found.mount, guess)
+    if why := _maybe_implausible(found.mount, guess):
+        raise NoFloorError(f"{why}: that is not believed; correct the settings by hand first")
     return _told(view, found, scans)
 
 
 def _agreeing(by_hand: Fit, by_motion: Fit) -> Fit:
-    """The fit of the measured height, unless the motion of the robot contradicts that height."""
     apart_m = by_hand.mount.z_m - by_motion.mount.z_m
     if apart_m**2 > CONTRADICTS**2 * (by_hand.cov[0, 0] + by_motion.cov[0, 0]):
         raise NoFloorError(
@@ -230,7 +225,6 @@ def _found(view: FloorView, guess: Mount) -> Mount:
 
 
 def _lines(view: FloorView) -> Iterator[_Line]:
-    """Pairs of returns of one scan, a little apart, by a fixed seed."""
     random = np.random.default_rng(0)
     starts = np.searchsorted(view.scan, np.arange(view.scan[-1] + 2))
     for _ in range(TRIES):
@@ -273,7 +267,6 @@ def _maybe_mounts(line: _Line, guess: Mount) -> Iterator[Mount]:
 
 
 def _maybe_implausible(mount: Mount, guess: Mount) -> str | None:
-    """What can't be true of a mount, in words."""
     tilt_off_rad = mount.tilt_rad - guess.tilt_rad
     roll_off_rad = math.remainder(mount.roll_rad - guess.roll_rad, math.tau)
     if mount.tilt_rad < LEAST_TILT_RAD:
@@ -284,12 +277,6 @@ def _maybe_implausible(mount: Mount, guess: Mount) -> str | None:
     if abs(mount.z_m - guess.z_m) > MOST_OFF_M or mount.z_m <= 0:
         return f"the height would be {mount.z_m:.2f} m"
     return None
-
-
-def _check_plausible(mount: Mount, guess: Mount) -> None:
-    why = _maybe_implausible(mount, guess)
-    if why is not None:
-        raise NoFloorError(f"{why}: that is not believed; correct the settings by hand first")
 
 
 def _floor_scans(view: FloorView, is_floor: Mask) -> I64:

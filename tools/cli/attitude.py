@@ -6,16 +6,14 @@ again when this is done.
 """
 
 import struct
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from core.config import ConfigError
 from hw.mti.configuration import BAUD_CODES, maybe_configuration
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.ports.url import parse_url
-from hw.ports.wires import PortUrlError
-from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_actions, configured, fail, parser_of
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
+from tools.cli.options import Parser, parser_of
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
@@ -40,11 +38,7 @@ RESETS = {  # Measurement state
 def answer(
     talk: Conversation, mid: Mid, data: bytes = b"", seconds: float = 1.0, tries: int = 3
 ) -> bytes:
-    """The data of the answer to a request.
-
-    Raises:
-        NoAnswerError, RefusedError: none came, or an Error.
-    """
+    """Data of the answer. Raises NoAnswerError, RefusedError: none came, or an Error."""
 
     def is_answer(event: MtFrame) -> bool:
         return event.mid in (mid + 1, Mid.Error)
@@ -53,6 +47,10 @@ def answer(
     if frame.mid == Mid.Error:
         raise RefusedError(f"the MTi refuses {mid.name}: {describe_error(frame.data)}")
     return frame.data
+
+
+def mt_parser(url: str) -> MtParser:
+    return MtParser(parse_url(url).baud or DEFAULT_BAUD)
 
 
 def to_config(talk: Conversation) -> None:
@@ -66,7 +64,6 @@ def to_measurement(talk: Conversation) -> None:
 
 
 def info(talk: Conversation) -> list[str]:
-    """Who it is, how it is set, which filter profiles it has."""
     to_config(talk)
     lines = [f"device id {answer(talk, Mid.ReqDID).hex()}"]
     try:
@@ -86,7 +83,6 @@ def info(talk: Conversation) -> list[str]:
 
 
 def scenarios(talk: Conversation) -> list[str]:
-    """The filter profiles that it offers, and the one in use."""
     to_config(talk)
     lines = [f"scenario {kind}: {name} (version {n})" for kind, n, name in _offered(talk)]
     current = answer(talk, Mid.SetScenario)  # version and kind
@@ -94,7 +90,6 @@ def scenarios(talk: Conversation) -> list[str]:
 
 
 def _offered(talk: Conversation) -> list[tuple[int, int, str]]:
-    """Kind, version and name of the filter profiles."""
     data = answer(talk, Mid.ReqAvailableScenarios)
     ends = range(SCENARIO_BYTES, len(data) + 1, SCENARIO_BYTES)
     entries = [data[end - SCENARIO_BYTES : end] for end in ends]
@@ -106,7 +101,6 @@ def _offered(talk: Conversation) -> list[tuple[int, int, str]]:
 
 
 def set_scenario(talk: Conversation, kind: int) -> list[str]:
-    """Choose a filter profile among those that it offers, and read it back."""
     to_config(talk)
     kinds = [offered for offered, _, _ in _offered(talk)]
     if kind not in kinds:
@@ -127,7 +121,6 @@ def reset_orientation(talk: Conversation, name: str, keep: bool) -> list[str]:
 
 
 def self_test(talk: Conversation) -> list[str]:
-    """What its own test says of each sensor axis."""
     to_config(talk)
     data = answer(talk, Mid.RunSelfTest, b"", SELF_TEST_S, 1)
     if len(data) != 2:
@@ -138,25 +131,22 @@ def self_test(talk: Conversation) -> list[str]:
 
 
 def keep_still(talk: Conversation, seconds: int) -> list[str]:
-    """Let it learn the bias of its gyroscopes."""
     if not 0 <= seconds <= 0xFFFF:
-        raise ValueError(f"seconds: must be within 0..65535, is {seconds}")
+        raise ConfigError(f"seconds: must be within 0..65535, is {seconds}")
     to_measurement(talk)
     answer(talk, Mid.SetNoRotation, struct.pack(">H", seconds))
     return [f"keep it still for {seconds} s: it learns the bias of its gyroscopes"]
 
 
 def set_baud(talk: Conversation, baud: int) -> list[str]:
-    """Another rate, which counts from the next power-up on."""
     to_config(talk)
     answer(talk, Mid.SetBaudrate, bytes([BAUD_CODES[baud]]))
     return [f"{baud} baud from its next power-up on: set it in mapod.toml then"]
 
 
 def parser() -> Parser:
-    """The command line."""
     words = parser_of("attitude", __doc__, "mapod attitude info", "mapod attitude scenario 3")
-    action = add_actions(words, "'serial:///dev/ttyUSB0?baud=115200'")
+    action = words.add_actions("'serial:///dev/ttyUSB0?baud=115200'")
     action("info", "who it is and how it is set")
     action("scenarios", "the filter profiles it offers")
     action("scenario", "choose one").add_argument("kind", type=int)
@@ -184,18 +174,9 @@ def main(given: list[str] | None = None) -> int:
     act = does.get(options.what) or (
         lambda talk: reset_orientation(talk, options.what, options.keep)
     )
-    try:
-        url = options.port or configured(options.config).ahrs.port
-        with conversation(url, MtParser(parse_url(url).baud or DEFAULT_BAUD)) as talk:
-            for line in act(talk):
-                print(line)
-            to_measurement(talk)
-    except (ConfigError, PortUrlError, OSError, ValueError) as error:
-        return fail("attitude", error)
-    except (NoAnswerError, RefusedError) as error:
-        return fail("attitude", error, 1)
-    return 0
 
+    def act_and_measure(talk: Conversation) -> Iterator[str]:
+        yield from act(talk)
+        to_measurement(talk)
 
-if __name__ == "__main__":
-    sys.exit(main())
+    return print_what(act_and_measure, "attitude", "ahrs", options, mt_parser)

@@ -23,7 +23,7 @@ from tools.calibration.mount import (
     calibrate,
     reads_m,
 )
-from tools.cli.options import add_config, fail, number_in, parser_of
+from tools.cli.options import fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
 
@@ -33,7 +33,6 @@ AHEAD_M, ASIDE_M = 8.0, 4.0  # where the effect is told
 
 
 def mount_of(config: Config, maybe_height_m: float | None) -> Mount:
-    """Where the settings put the scanner, at a height measured by hand if there is one."""
     scanner = config.scanner
     return Mount(
         scanner.mount_x_m,
@@ -70,7 +69,6 @@ def values_of(found: Calibration) -> dict[str, tuple[str, str]]:
 
 
 def seen_in_words(found: Calibration, config: Config) -> list[str]:
-    """What was seen, and what the present settings make of it."""
     now = mount_of(config, None)
     places = (("straight", 0.0), ("4 m to the left", ASIDE_M), ("4 m to the right", -ASIDE_M))
     reads = [
@@ -131,10 +129,7 @@ def check_separate(found: Calibration) -> None:
 
 
 def check_proven(found: Calibration, config: Config, vouched: bool, write: bool) -> None:
-    """Raises RefusedError if a wall may have been taken for floor, and that would do harm.
-
-    Else the doubt is told, if there is one.
-    """
+    """Raises RefusedError if a wall may have been taken for floor; a harmless doubt is told."""
     if found.is_proven or vouched:
         return
     now = mount_of(config, None)
@@ -155,11 +150,7 @@ def check_proven(found: Calibration, config: Config, vouched: bool, write: bool)
 
 
 def tell(found: Calibration, options: argparse.Namespace, config: Config, text: str) -> None:
-    """Print what is known, and write what is to be written.
-
-    Raises:
-        RefusedError, NotThereError: it is not known well enough; the file is not as it was.
-    """
+    """Raises RefusedError, NotThereError: not known well enough; the file has changed."""
     print("\n".join(seen_in_words(found, config)))
     check_separate(found)
     print("\n".join(table(found, config)))
@@ -175,7 +166,7 @@ def tell(found: Calibration, options: argparse.Namespace, config: Config, text: 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
     parser = parser_of("calibrate", __doc__, "mapod calibrate --height 1.08 --write")
-    add_config(parser)
+    parser.add_config()
     add = parser.add_argument
     add("--seconds", type=number_in(2, 600), default=20.0, help="how long (default: 20)")
     add("--height", type=number_in(0.02, 5), help="of the lens above the floor, by tape, in m")

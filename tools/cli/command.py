@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from tools.cli.options import USAGE
 
 COMMANDS = {  # file, function in it if it is not `main`, and what it does
-    "init": ("init", "write mapod.toml, the settings of a robot"),
+    "init": ("run:init", "write mapod.toml, the settings of a robot"),
     "check": ("run:check", "say in words what the settings describe"),
     "run": ("run:run", "run the robot: sensors in, obstacle map out"),
     "demo": ("demo", "a simulated robot, and its map in the terminal"),

@@ -23,16 +23,7 @@ from core.config import ConfigError
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import NoAnswerError, RefusedError
-from tools.cli.options import (
-    add_config,
-    add_out,
-    add_port,
-    add_seconds,
-    configured,
-    fail,
-    lacks_simulation,
-    parser_of,
-)
+from tools.cli.options import configured, fail, lacks_simulation, parser_of
 from tools.compare import ahrs as compare_ahrs
 from tools.compare import drive as compare_drive
 from tools.compare import scanner as compare_scanner
@@ -55,7 +46,6 @@ ALIKE = {"scanner": compare_scanner.make_alike, "ahrs": compare_ahrs.make_alike}
 
 
 def fake_like(device: str, real: Portrait) -> list[str]:
-    """The command line of a fake as much like the real device as it can be told to be."""
     if device == "scanner":
         return ["fakes.programs.lms1xx", "--port", "0", *_scanner_options(real)]
     if device == "ahrs":
@@ -84,11 +74,7 @@ def _scanner_options(real: Portrait) -> list[str]:
 
 @contextlib.contextmanager
 def running(command: list[str]) -> Iterator[str]:
-    """The port of a fake that runs as a process of its own meanwhile.
-
-    Raises:
-        RunError: it does not start.
-    """
+    """The port of a fake that runs meanwhile. Raises RunError: it does not start."""
     with tempfile.TemporaryDirectory(prefix="mapod-compare-") as folder:
         fake = Child("fake", [sys.executable, "-m", *command], Path(folder))
         try:
@@ -101,14 +87,7 @@ def running(command: list[str]) -> Iterator[str]:
 def compared(
     device: str, real: str, fake: str | None, seconds: float, settings: bool
 ) -> tuple[Portrait, Portrait]:
-    """What was found out of the real device and of the fake.
-
-    Args:
-        fake: its port; None: one is started.
-
-    Raises:
-        NoAnswerError, RunError: one of them does not answer, or start.
-    """
+    """Portraits of both; fake None: one is started. Raises NoAnswerError, RunError."""
     look = LOOKS[device]
     if fake is not None:
         with ThreadPoolExecutor(2) as pool:
@@ -122,7 +101,6 @@ def compared(
 
 
 def show(found: list[Difference], facts: int, console: Console) -> None:
-    """The differences as a table, those that count first."""
     if not found:
         console.print(f"{facts} facts, no difference")
         return
@@ -141,17 +119,18 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     parser = parser_of(
         "compare", __doc__, "mapod compare scanner --port tcp://192.168.0.1:2112 --out facts.json"
     )
-    parser.add_argument("device", choices=(*LOOKS, "planner"))
-    add_port(parser, "tcp://192.168.0.1:2112, the real device")
-    add_config(parser)
-    parser.add_argument("--fake", help="port of a fake that runs already (default: start one)")
-    add_seconds(parser, "to listen to its stream; 5", 5.0)
-    parser.add_argument(
+    add = parser.add_argument
+    add("device", choices=(*LOOKS, "planner"))
+    parser.add_port("tcp://192.168.0.1:2112, the real device")
+    parser.add_config()
+    add("--fake", help="port of a fake that runs already (default: start one)")
+    parser.add_seconds("to listen to its stream; 5", 5.0)
+    add(
         "--also-settings",
         action="store_true",
         help="also what needs a login, a reset, or stops motors; nothing is stored",
     )
-    add_out(parser, "a file for all facts of both, as JSON")
+    parser.add_out("a file for all facts of both, as JSON")
     return parser.parse_args(given)
 
 

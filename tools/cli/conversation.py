@@ -1,12 +1,15 @@
 """A conversation with one device, from a tool, in real time: say, and hear until it is enough."""
 
+import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from core.config import ConfigError
 from hw.device import BadFrame, Parser, Port
-from hw.ports.wires import open_port
+from hw.ports.wires import PortUrlError, open_port
+from tools.cli.options import configured, fail
 
 STEP_S = 0.002
 OPEN_S = 3.5  # a little longer than a TCP connection may take
@@ -25,11 +28,9 @@ class Line(Protocol):
 
     port: Port
 
-    def now_s(self) -> float:
-        """Seconds on a clock that only goes forward."""
+    def now_s(self) -> float: ...
 
-    def wait(self) -> None:
-        """Let a moment pass."""
+    def wait(self) -> None: ...
 
 
 class RealLine:
@@ -39,7 +40,6 @@ class RealLine:
         self.port = open_port(url)
 
     def now_s(self) -> float:
-        """This machine's clock."""
         return time.monotonic()
 
     def wait(self) -> None:
@@ -58,11 +58,7 @@ class Conversation:
         self.now_s, self._port = self._line.now_s, self._line.port
 
     def open(self) -> None:
-        """Wait until the port is open.
-
-        Raises:
-            NoAnswerError: it does not open in time, with the cause in words.
-        """
+        """Waits for the port. Raises NoAnswerError: it does not open in time, with the cause."""
         until_s = self.now_s() + OPEN_S
         while not self._port.poll(self.now_s()):
             if self.now_s() >= until_s:
@@ -88,11 +84,7 @@ class Conversation:
     def ask(
         self, request: bytes, is_answer: Callable[[Any], bool], seconds: float = 1.0, tries: int = 3
     ) -> Any:
-        """The event that answers a request, which is repeated.
-
-        Raises:
-            NoAnswerError: none came.
-        """
+        """The event that answers a request, which is repeated. Raises NoAnswerError: none came."""
         for _ in range(tries):
             self.say(request)
             for event in self.hear(seconds):
@@ -106,14 +98,33 @@ class Conversation:
 
 @contextmanager
 def conversation(url: str, parser: Parser) -> Iterator[Conversation]:
-    """An open conversation.
-
-    Raises:
-        NoAnswerError: the port does not open.
-    """
+    """An open conversation. Raises NoAnswerError: the port does not open."""
     talk = Conversation(url, parser)
     try:
         talk.open()
         yield talk
     finally:
         talk.close()
+
+
+def print_what(
+    act: Callable[[Conversation], Iterable[str]],
+    command: str,
+    section: str,
+    options: argparse.Namespace,
+    new_parser: Callable[[str], Parser],
+) -> int:
+    """Prints what comes of a conversation over --port, or the port of a section of --config.
+
+    Exit status: 0 done, 1 refused or silent, 2 wrong use.
+    """
+    try:
+        url = options.port or getattr(configured(options.config), section).port
+        with conversation(url, new_parser(url)) as talk:
+            for line in act(talk):
+                print(line, flush=True)
+    except (ConfigError, PortUrlError, OSError) as error:
+        return fail(command, error)
+    except (NoAnswerError, RefusedError) as error:
+        return fail(command, error, 1)
+    return 0

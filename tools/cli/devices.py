@@ -25,7 +25,7 @@ from hw.ports.url import PortUrlError, parse_url
 from tools.cli import scanner
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.cli.options import fail, parser_of
-from tools.terminal.progress import progress
+from tools.terminal.progress import advancing
 
 LIST_PORTS: Any = comports  # pyserial has no types
 AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
@@ -53,7 +53,6 @@ class Found:
 
 
 def paths_of(named: list[str], adapters: Mapping[str, Any]) -> list[str]:
-    """The ports that are named, or else all that this machine lists and that are there."""
     return named or [
         path
         for path in sorted(adapters)
@@ -78,11 +77,11 @@ def find(path: str) -> Found:
 
 
 def _maybe_controller(path: str, heard: bytearray) -> Found | None:
-    """A motor controller: by its logging lines, or by the echo of a read."""
     url = AX3500_URL.format(path=path)
     with conversation(url, LineParser()) as talk:
         try:
-            if any(_is_log_line(event) for event in talk.hear(LISTEN_LINE_S)):
+            lines = (event for event in talk.hear(LISTEN_LINE_S) if isinstance(event, Line))
+            if any(line.text[:1] == ":" for line in lines):
                 return Found(path, "drive", url, "motor controller in R/C or analog mode")
             query = "^8A"
             talk.say(CR)
@@ -96,13 +95,7 @@ def _maybe_controller(path: str, heard: bytearray) -> Found | None:
             heard += talk.heard
 
 
-def _is_log_line(event: object) -> bool:
-    """The line that a controller in R/C mode sends unasked, whatever the codec calls it."""
-    return type(event).__name__ == "LogLine" or (isinstance(event, Line) and event.text[:1] == ":")
-
-
 def _controller_in_words(texts: list[str], query: str) -> str:
-    """What the identity after the echo says."""
     for text in texts[texts.index(query) + 1 :]:
         identity = maybe_byte(text)
         if identity is not None:
@@ -112,12 +105,11 @@ def _controller_in_words(texts: list[str], query: str) -> str:
 
 
 def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
-    """An MTi, at whichever rate it speaks."""
     for baud in MTI_BAUDS:
         url = MTI_URL.format(path=path, baud=baud)
         with conversation(url, MtParser(baud)) as talk:
             streams = any(isinstance(event, MtFrame) for event in talk.hear(LISTEN_DATA_S))
-            asked = _goes_to_config(talk)
+            asked = _maybe_answer(talk, Mid.GoToConfig, tries=2) is not None
             heard += talk.heard if baud == MTI_BAUDS[0] else b""
             if asked:
                 says = _sensor_in_words(talk)
@@ -129,33 +121,21 @@ def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
     return None
 
 
-def _goes_to_config(talk: Conversation) -> bool:
-    request, is_answer = encode_frame(Mid.GoToConfig), partial(_is_answer, Mid.GoToConfig)
+def _maybe_answer(talk: Conversation, mid: Mid, tries: int = 3) -> bytes | None:
     try:
-        talk.ask(request, is_answer, ANSWER_S, tries=2)
+        frame: MtFrame = talk.ask(
+            encode_frame(mid), lambda event: event.mid == mid + 1, ANSWER_S, tries
+        )
     except NoAnswerError:
-        return False
-    return True
+        return None
+    return frame.data
 
 
 def _sensor_in_words(talk: Conversation) -> str:
-    """Product and device id."""
+    product, number = _maybe_answer(talk, Mid.ReqProductCode), _maybe_answer(talk, Mid.ReqDID)
     words = ["attitude sensor"]
-    for mid, show in ((Mid.ReqProductCode, _as_text), (Mid.ReqDID, bytes.hex)):
-        try:
-            frame = talk.ask(encode_frame(mid), partial(_is_answer, mid), ANSWER_S)
-        except NoAnswerError:
-            continue
-        words.append(show(frame.data))
-    return " ".join(words)
-
-
-def _is_answer(mid: Mid, frame: MtFrame) -> bool:
-    return frame.mid == mid + 1
-
-
-def _as_text(data: bytes) -> str:
-    return data.decode("ascii", "replace").strip()
+    words += [] if product is None else [product.decode("ascii", "replace").strip()]
+    return " ".join(words if number is None else [*words, number.hex()])
 
 
 def find_scanner(host: str) -> Found:
@@ -169,7 +149,8 @@ def find_scanner(host: str) -> Found:
             with conversation(url, new_parser("auto")) as talk:
                 heard = talk.heard
                 dialect = scanner.dialect_of(talk)
-                words = scanner.identity(scanner.Scanner(talk, dialect))
+                told = scanner.told(scanner.Scanner(talk, dialect), scanner.WHO)
+                words = f"laser scanner that {', '.join(told)}"
                 return Found(host, "scanner", url, words, dialect)
         except NoAnswerError as error:
             protocol = maybe_protocol(bytes(heard))
@@ -178,7 +159,6 @@ def find_scanner(host: str) -> Found:
 
 
 def toml_lines(found: list[Found]) -> Iterator[str]:
-    """What belongs into mapod.toml."""
     for one in found:
         if one.section:
             yield f"[{one.section}]"
@@ -213,23 +193,22 @@ def udev_rules(found: list[Found], adapters: Mapping[str, Any]) -> Iterator[str]
 
 
 def all_found(paths: list[str], hosts: list[str]) -> list[Found]:
-    """What speaks on all of them, asked at once, with a bar."""
     jobs = [partial(find, path) for path in paths] + [partial(find_scanner, host) for host in hosts]
     with ThreadPoolExecutor(max_workers=max(1, len(jobs))) as together:
         asked = [together.submit(job) for job in jobs]
-        for _ in progress("asking", as_completed(asked), len(asked)):
-            pass
+        with advancing("asking", len(asked)) as advance:
+            for count, _ in enumerate(as_completed(asked), 1):
+                advance(count, "")
     return [one.result() for one in asked]
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 something was found, 1 nothing was, 2 wrong use."""
     parser = parser_of("devices", __doc__, "mapod devices --scanner 192.168.0.1 --udev")
-    parser.add_argument("paths", nargs="*", help="serial ports to look at (default: all)")
-    parser.add_argument(
-        "--scanner", action="append", default=[], metavar="HOST[:PORT]", help="a scanner to ask"
-    )
-    parser.add_argument("--udev", action="store_true", help="print udev rules as well")
+    add = parser.add_argument
+    add("paths", nargs="*", help="serial ports to look at (default: all)")
+    add("--scanner", action="append", default=[], metavar="HOST[:PORT]", help="a scanner to ask")
+    add("--udev", action="store_true", help="print udev rules as well")
     options = parser.parse_args(arguments)
     adapters = {port.device: port for port in LIST_PORTS()}
     paths = paths_of(options.paths, adapters)

@@ -6,8 +6,8 @@ mapod first: a port has one reader. A controller in R/C mode only logs; it is le
 """
 
 import sys
+from collections.abc import Iterable, Iterator
 
-from core.config import ConfigError
 from hw.ax3500.lines import (
     CR,
     ENCODER_BIT,
@@ -27,10 +27,9 @@ from hw.ax3500.values import (
     describe_status,
     state_after_answer,
 )
-from hw.ports.wires import PortUrlError
 from tools.cli import view
-from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_actions, add_seconds, configured, fail, parser_of
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
+from tools.cli.options import Parser, parser_of
 
 ANSWER_S, LISTEN_S, TRIES = 0.4, 0.6, 2
 MODES = {0: "R/C", 1: "RS-232 without watchdog", 2: "RS-232 with watchdog", 3: "analog"}
@@ -39,11 +38,7 @@ WATCH_S = 1.0
 
 
 def answer(talk: Conversation, query: str) -> list[str]:
-    """The lines after a query's echo; a refusal is the line `-`.
-
-    Raises:
-        NoAnswerError: no echo, or no answer.
-    """
+    """The lines after a query's echo; `-` is a refusal. Raises NoAnswerError: none come."""
     wanted = VALUES.get(query, 1)
     for _ in range(TRIES):
         talk.say(encode_query(query))
@@ -79,7 +74,6 @@ def state_of(talk: Conversation, *queries: str) -> ControllerState:
 
 
 def status(talk: Conversation) -> str:
-    """What keeps the motors off."""
     bits = state_of(talk, READ_STATUS).status
     if bits is None:
         return "status not told"
@@ -87,7 +81,6 @@ def status(talk: Conversation) -> str:
 
 
 def volts(talk: Conversation) -> str:
-    """Battery and internal supply."""
     state = state_of(talk, "?E")
     if state.battery_v is None or state.internal_v is None:
         return "voltages not told"
@@ -95,14 +88,12 @@ def volts(talk: Conversation) -> str:
 
 
 def counters(talk: Conversation) -> str:
-    """Both encoder counters."""
     counts = [maybe_counter(answer(talk, query)[0]) for query in READ_COUNTER]
     told = ["not readable" if count is None else str(count) for count in counts]
     return f"counters {told[0]} and {told[1]}"
 
 
 def info(talk: Conversation) -> list[str]:
-    """Who it is and how it is, a line each."""
     bits = maybe_byte(answer(talk, READ_IDENTITY)[0]) or 0
     mode = -1 if (told := maybe_byte(answer(talk, "^00")[0])) is None else told
     doubt = "" if mode == 2 else f"; {NEEDS_WATCHDOG}"
@@ -120,24 +111,22 @@ def info(talk: Conversation) -> list[str]:
     ]
 
 
-def watch(talk: Conversation, seconds: float | None) -> None:
-    """A line a second, for so long or until Ctrl-C."""
+def watched(talk: Conversation, seconds: float | None) -> Iterator[str]:
     begun_s = talk.now_s()
     while True:
-        print(f"{counters(talk)}; {volts(talk)}; {status(talk)}", flush=True)
+        yield f"{counters(talk)}; {volts(talk)}; {status(talk)}"
         if seconds is not None and talk.now_s() - begun_s + WATCH_S > seconds:
             return
         list(talk.hear(WATCH_S))
 
 
 def parser() -> Parser:
-    """The command line."""
     words = parser_of(
         "drive", __doc__, "mapod drive info", "mapod drive keys --port udp://127.0.0.1:9750"
     )
-    action = add_actions(words, "'serial:///dev/ax3500?baud=9600&parity=E&bytesize=7'")
+    action = words.add_actions("'serial:///dev/ax3500?baud=9600&parity=E&bytesize=7'")
     action("info", "who it is and how it is")
-    add_seconds(action("watch", "a line each second"), "until Ctrl-C")
+    action("watch", "a line each second").add_seconds("until Ctrl-C")
     action("keys", "drive by keyboard, over a planner link: the options are those of mapod view")
     return words
 
@@ -148,20 +137,9 @@ def main(given: list[str] | None = None) -> int:
     if arguments[:1] == ["keys"]:
         return view.main([*arguments[1:], "--drive"])
     options = parser().parse_args(arguments)
-    try:
-        url = options.port or configured(options.config).drive.port
-        with conversation(url, LineParser()) as talk:
-            check_answers(talk)
-            if options.what == "watch":
-                watch(talk, options.seconds)
-            else:
-                print(*info(talk), sep="\n")
-    except (ConfigError, PortUrlError, OSError) as error:
-        return fail("drive", error)
-    except (NoAnswerError, RefusedError) as error:
-        return fail("drive", error, 1)
-    return 0
 
+    def act(talk: Conversation) -> Iterable[str]:
+        check_answers(talk)
+        return watched(talk, options.seconds) if options.what == "watch" else info(talk)
 
-if __name__ == "__main__":
-    sys.exit(main())
+    return print_what(act, "drive", "drive", options, lambda url: LineParser())

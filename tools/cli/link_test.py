@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from config_file import read_key
 from core.config import ConfigError
 from hw.ports.wires import PortUrlError
-from tools.cli.options import a_seed, add_key, add_seconds, fail, parser_of
+from tools.cli.options import a_seed, fail, parser_of
 from tools.conformance.exam import Exam
 from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
@@ -37,12 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
     budget_s = options.seconds / max(1, len(checks))
     share = min(1.0, options.seconds / SECONDS)
     exam = Exam(
-        bench,
-        seed=options.seed,
-        key=key,
-        budget_s=budget_s,
-        share=share,
-        strict=options.strict,
+        bench, seed=options.seed, key=key, budget_s=budget_s, share=share, strict=options.strict
     )
     try:
         if not _met(exam):
@@ -61,30 +56,28 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
         "mapod link-test --port 'serial:///dev/ttyUSB0?baud=115200' --only 2,5 --seconds 60",
     )
     numbers = ", ".join(dict.fromkeys(check.number for check in CHECKS))
-    parser.add_argument("--port", required=True, help="udp://..., tcp://... or serial:///...")
-    add_key(parser)
-    add_seconds(parser, f"about; {SECONDS:g}", SECONDS)
-    parser.add_argument("--only", default="", help=f"numbers of section 14, of {numbers}")
-    parser.add_argument(
-        "--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("--port", required=True, help="udp://..., tcp://... or serial:///...")
+    parser.add_key()
+    parser.add_seconds(f"about; {SECONDS:g}", SECONDS)
+    add("--only", default="", help=f"numbers of section 14, of {numbers}")
+    add("--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)")
+    add(
         "--baud",
         type=int,
         default=TCP_BAUD,
         help=f"of the line behind a tcp port, which is fed no faster ({TCP_BAUD})",
     )
-    parser.add_argument(
+    add(
         "--strict",
         action="store_true",
         help="want also what the sheet's first version left open: section 16",
     )
-    parser.add_argument("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
+    add("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
     return parser.parse_args(arguments)
 
 
 def _met(exam: Exam) -> bool:
-    """Make contact, and say what the receiver tells of itself."""
     wait_s = CONTACT_S
     if exam.key:
         print(
@@ -112,7 +105,6 @@ def _told(verdicts: Iterator[Verdict]) -> Iterator[Verdict]:
 
 
 def report(verdicts: list[Verdict], seed: int) -> int:
-    """The sum, and the first failure with its frames; gives the exit status."""
     counts = dict.fromkeys(("passed", "failed", "skipped"), 0)
     for verdict in verdicts:
         counts[verdict.outcome] += 1

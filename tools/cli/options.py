@@ -24,15 +24,50 @@ NOT_INSTALLED = "needs the simulation's libraries: pip install -e '.[sim]'"
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that tells what is wrong in one line."""
+    """Tells what is wrong in one line; has the options that several commands have."""
 
     def error(self, message: str) -> NoReturn:
-        """Say it and end with status 2."""
         self.exit(USAGE, f"{self.prog}: {message} ({self.prog} --help)\n")
+
+    def add_config(self, default: Path = Path("mapod.toml")) -> None:
+        shown = "the shipped one" if default == SHIPPED_CONFIG else default
+        self.add_argument(
+            "--config", type=Path, default=default, help=f"the robot's settings (default: {shown})"
+        )
+
+    def add_port(self, example: str, default: str | None = None) -> None:
+        shown = default or "that of --config"
+        self.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
+
+    def add_actions(self, port: str) -> Callable[[str, str], "Parser"]:
+        """Gives `action(name, about)`, which adds a subcommand with --port and --config."""
+        what = self.add_subparsers(dest="what", required=True, metavar="WHAT")
+
+        def action(name: str, about: str) -> Parser:
+            one = what.add_parser(name, help=about, description=about, allow_abbrev=False)
+            one.add_port(port)
+            one.add_config()
+            return one
+
+        return action
+
+    def add_seconds(self, end: str, default: float | None = None) -> None:
+        self.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
+
+    def add_world(self) -> None:
+        self.add_argument("--scene", default="corridor", help="which world (default: corridor)")
+        self.add_argument("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
+
+    def add_out(self, what: str, default: Path | None = None) -> None:
+        shown = f" (default: {default})" if default else ""
+        self.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
+
+    def add_key(self) -> None:
+        about = "32 bytes, or 64 hex digits: signed frames"
+        self.add_argument("--key-file", default="", help=about)
 
 
 def parser_of(name: str, about: str | None, *examples: str) -> Parser:
-    """The parser of one command; its help ends with the examples."""
     return Parser(
         prog=f"mapod {name}",
         description=about,
@@ -43,8 +78,6 @@ def parser_of(name: str, about: str | None, *examples: str) -> Parser:
 
 
 def number_in(low: float, high: float) -> Callable[[str], float]:
-    """Reads a number within these bounds, both included."""
-
     def number(text: str) -> float:
         value = float(text)
         if not low <= value <= high:
@@ -68,74 +101,14 @@ def a_seed(text: str) -> int:
     return value
 
 
-def add_config(parser: argparse.ArgumentParser, default: Path = Path("mapod.toml")) -> None:
-    """--config: the robot's settings."""
-    shown = "the shipped one" if default == SHIPPED_CONFIG else default
-    parser.add_argument(
-        "--config", type=Path, default=default, help=f"the robot's settings (default: {shown})"
-    )
-
-
-def add_port(parser: argparse.ArgumentParser, example: str, default: str | None = None) -> None:
-    """--port: the URL of the wire to what the command talks to."""
-    shown = default or "that of --config"
-    parser.add_argument("--port", default=default, help=f"such as {example} (default: {shown})")
-
-
-def add_actions(parser: Parser, port: str) -> Callable[[str, str], argparse.ArgumentParser]:
-    """What to do with a device: gives a function that adds an action, which has --port, --config.
-
-    The arguments of that are its name and what it does.
-    """
-    what = parser.add_subparsers(dest="what", required=True, metavar="WHAT")
-
-    def action(name: str, about: str) -> argparse.ArgumentParser:
-        one = what.add_parser(name, help=about, description=about, allow_abbrev=False)
-        add_port(one, port)
-        add_config(one)
-        return one
-
-    return action
-
-
-def add_seconds(parser: argparse.ArgumentParser, end: str, default: float | None = None) -> None:
-    """--seconds: how long."""
-    parser.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
-
-
-def add_world(parser: argparse.ArgumentParser, scene: str | None = "corridor") -> None:
-    """--scene and --seed: where a simulated robot drives, and what is random there."""
-    other = "the file's" if scene is None else scene
-    parser.add_argument("--scene", default=scene, help=f"which world (default: {other})")
-    seed = None if scene is None else 1
-    parser.add_argument(
-        "--seed", type=a_seed, default=seed, help=f"of all chance (default: {seed or other})"
-    )
-
-
-def add_out(parser: argparse.ArgumentParser, what: str, default: Path | None = None) -> None:
-    """--out: the file, or the folder, that is written."""
-    shown = f" (default: {default})" if default else ""
-    parser.add_argument("--out", type=Path, default=default, help=f"{what}{shown}")
-
-
 def configured(path: Path) -> Config:
-    """The settings in a file.
-
-    Raises:
-        ConfigError: what is wrong with it, with its name.
-    """
+    """The settings in a file. Raises ConfigError: what is wrong with it, with its name."""
     try:
         return load_config(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}; mapod init writes one") from None
     except (ConfigError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: {error}") from None
-
-
-def add_key(parser: argparse.ArgumentParser) -> None:
-    """--key-file: of the planner link."""
-    parser.add_argument("--key-file", default="", help="32 bytes, or 64 hex digits: signed frames")
 
 
 def lacks_simulation() -> str:
@@ -146,6 +119,5 @@ def lacks_simulation() -> str:
 
 
 def fail(command: str, reason: object, status: int = USAGE) -> int:
-    """Say why a command ends, in one line; gives the exit status."""
     print(f"mapod {command}: {reason}", file=sys.stderr, flush=True)
     return status

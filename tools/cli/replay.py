@@ -7,28 +7,20 @@ and --step-deg say how the scanner was set. Nothing is sent anywhere.
 
 import argparse
 import json
-import logging
 import time
 from dataclasses import asdict
 from pathlib import Path
 
-import structlog
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
 from config_file import load_config, with_changes
 from core.config import Config, ConfigError
-from tools.cli.options import (
-    ROOT,
-    SHIPPED_CONFIG,
-    add_out,
-    fail,
-    lacks_simulation,
-    parser_of,
-)
+from tools.cli.options import ROOT, SHIPPED_CONFIG, fail, lacks_simulation, parser_of
 from tools.played import RecordingReplay, Replay, session_of, why_nothing_was_mapped
 from tools.recording import Recording, RecordingError
+from tools.terminal.progress import quiet
 from tools.terminal.screen import (
     factor_for,
     has_screen,
@@ -48,18 +40,13 @@ class NoReplayError(Exception):
 
 
 def config_for_recording(path: Path, rate_hz: int, step_deg: float) -> Config:
-    """Settings for a scanner's bytes: those of a file, at the recording's own rate and step."""
     config = load_config(path.read_text(encoding="utf-8"))
     scanner = {"scan_rate_hz": rate_hz, "angular_step_deg": step_deg}
     return with_changes(config, scanner=scanner)
 
 
 def replay_of(options: argparse.Namespace) -> Replay:
-    """The replay of whichever kind of recording it is.
-
-    Raises:
-        NoReplayError, RecordingError, ConfigError, OSError: it can't be played.
-    """
+    """Raises NoReplayError, RecordingError, ConfigError, OSError: it can't be played."""
     path: Path | None = options.recording
     if path is None:
         raise NoReplayError("name a recording: there is none here to show")
@@ -88,7 +75,6 @@ def picture(replay: Replay, console: Console) -> Text:
 
 
 def show(replay: Replay, console: Console) -> None:
-    """Run to the end: live in a terminal, at once elsewhere."""
     if not has_screen(console):
         while not replay.done:
             replay.step()
@@ -106,7 +92,6 @@ def show(replay: Replay, console: Console) -> None:
 
 
 def tell(replay: Replay, out: Path | None) -> int:
-    """Print what came of it, and why where nothing did; exit status."""
     planner, outcome = replay.view.planner, replay.view.outcome(replay.app)
     if not planner.blank:
         print(plain_map(planner.window(), maybe_robot(planner)))
@@ -128,15 +113,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 something was mapped, 1 nothing was, 2 wrong use."""
     parser = parser_of("replay", __doc__, "mapod replay mapod.rec", "mapod replay lms111_d2h.bin")
     shipped = SHIPPED_RECORDING if SHIPPED_RECORDING.exists() else None
-    parser.add_argument("recording", nargs="?", type=Path, default=shipped, help="the file")
-    parser.add_argument(
-        "--config", type=Path, help="the robot's settings (default: recorded ones, or as shipped)"
-    )
-    parser.add_argument("--scan-rate-hz", type=int, default=50, help="of a scanner's bytes (50)")
-    parser.add_argument("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
-    add_out(parser, "a file for the outcome, as tests compare it")
+    add = parser.add_argument
+    add("recording", nargs="?", type=Path, default=shipped, help="the file")
+    add("--config", type=Path, help="the robot's settings (default: recorded ones, or as shipped)")
+    add("--scan-rate-hz", type=int, default=50, help="of a scanner's bytes (50)")
+    add("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
+    parser.add_out("a file for the outcome, as tests compare it")
     options = parser.parse_args(arguments)
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     try:
         replay = replay_of(options)
         try:

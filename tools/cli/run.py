@@ -1,4 +1,4 @@
-"""The app's own command line as commands: run, record, check, warm and version.
+"""The app's own command line as commands: run, record, check, warm and version; and init.
 
 `mapod replay FILE` plays what `record` keeps: every byte of every port, but neither the map of
 --load-map nor the planner's key.
@@ -13,8 +13,10 @@ from pathlib import Path
 
 from main import run as run_app
 from main import version as app_version
-from tools.cli.options import Parser, add_config, add_out, add_seconds, fail, parser_of
+from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
 from tools.recording import Recorder
+
+HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
 
 def run(arguments: list[str]) -> int:
@@ -30,8 +32,8 @@ def record(arguments: list[str]) -> int:
     about = "Run the robot as `mapod run` does, and keep every byte of every port in a file."
     parser = parser_of("record", about, "mapod record --out hall.rec --seconds 60")
     _add_run_options(parser)
-    add_seconds(parser, "until Ctrl-C")
-    add_out(parser, "the recording", Path("mapod.rec"))
+    parser.add_seconds("until Ctrl-C")
+    parser.add_out("the recording", Path("mapod.rec"))
     options = parser.parse_args(arguments)
     try:
         recorder = Recorder(options.out, app_version(), options.config.read_text(encoding="utf-8"))
@@ -53,19 +55,16 @@ def record(arguments: list[str]) -> int:
 
 
 def check(arguments: list[str]) -> int:
-    """Exit status: 0 the settings can be used, 2 they can't."""
     about = "Say in words what the settings describe, or what is wrong with them. Opens no port."
     return _with_settings("check", about, arguments)
 
 
 def warm(arguments: list[str]) -> int:
-    """Exit status: 0 done, 2 the settings can't be used."""
     about = "Compile what `mapod run` needs with these settings, so that its first start is quick."
     return _with_settings("warm", about, arguments)
 
 
 def version(arguments: list[str]) -> int:
-    """Exit status."""
     parser_of("version", "Which version of mapod this is.", "mapod version").parse_args(arguments)
     print(f"mapod {app_version()}")
     return 0
@@ -73,20 +72,37 @@ def version(arguments: list[str]) -> int:
 
 def _with_settings(command: str, about: str, arguments: list[str]) -> int:
     parser = parser_of(command, about, f"mapod {command} --config robots/mine.toml")
-    add_config(parser)
+    parser.add_config()
     options = parser.parse_args(arguments)
     return run_app(["--config", str(options.config), f"--{command}"])
 
 
 def _add_run_options(parser: Parser) -> None:
-    add_config(parser)
+    parser.add_config()
     stands = "go on from a saved map; the robot must stand where it stood then"
     parser.add_argument("--load-map", metavar="FILE", help=stands)
     parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
 
 
 def _arguments_of(options: argparse.Namespace) -> list[str]:
-    """The same for the app's own command line."""
     given = ["--config", str(options.config)]
     given += ["--load-map", options.load_map] if options.load_map else []
     return given + (["--save-map", options.save_map] if options.save_map else [])
+
+
+def init(arguments: list[str] | None = None) -> int:
+    """Exit status: 0 written, 2 not."""
+    about = "Write mapod.toml, the settings of a robot, to be edited; never over what is there."
+    parser = parser_of("init", about, "mapod init --out mapod.toml")
+    parser.add_out("the file to write", Path("mapod.toml"))
+    path: Path = parser.parse_args(arguments).out
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(SHIPPED_CONFIG.read_text(encoding="utf-8"))
+    except FileExistsError:
+        return fail("init", f"{path} is there already; it stays as it is")
+    except OSError as error:
+        return fail("init", f"{path}: {error.strerror}")
+    print(f"{path} is written. Next: mapod devices, then mapod check --config {path}")
+    print(f"A planner in C includes {HEADER}; example.c lies beside it")
+    return 0

@@ -6,20 +6,17 @@ mapod.toml, or --port. Whatever needs a login ends with Run, or the device would
 if it is connected, sees that and begins again.
 """
 
-import sys
 from collections.abc import Callable
 from datetime import datetime
 from typing import get_args
 
-from core.config import ConfigError
 from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command
 from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
 from hw.lms1xx.telegrams import Answer, Refusal, new_parser
-from hw.ports.wires import PortUrlError
-from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation
-from tools.cli.options import Parser, add_actions, configured, fail, parser_of
+from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
+from tools.cli.options import Parser, parser_of
 
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 PROBE_S, ANSWER_S = 0.7, 2.5
@@ -33,12 +30,7 @@ class Scanner:
         self._talk = talk
 
     def ask(self, command: Command) -> Answer:
-        """The answer to a command; asked once: a late answer is not to be taken for another's.
-
-        Raises:
-            NoAnswerError: none came.
-            RefusedError: the device says no.
-        """
+        """Asked once: late answers are not taken for others. Raises NoAnswerError, RefusedError."""
 
         def is_answer(event: object) -> bool:
             return isinstance(event, Refusal) or command.is_answered_by(event)
@@ -53,7 +45,6 @@ class Scanner:
         return event
 
     def do(self, command: Command) -> None:
-        """A command that has to succeed."""
         if not commands.is_good(self.ask(command)):
             raise RefusedError(f"the scanner says that {command.name} failed")
 
@@ -68,11 +59,7 @@ class Scanner:
 
 
 def dialect_of(talk: Conversation) -> Dialect:
-    """Which dialect it answers in; a refusal is an answer, too.
-
-    Raises:
-        NoAnswerError: it answers in neither.
-    """
+    """In which one it answers or refuses. Raises NoAnswerError: it answers in neither."""
     for _ in range(2):
         for dialect in DIALECTS:
             talk.say(commands.READ_DEVICE_STATE.encode(dialect))
@@ -82,33 +69,6 @@ def dialect_of(talk: Conversation) -> Dialect:
     raise NoAnswerError(
         "no answer in CoLa-B nor in CoLa-A: is it a SICK scanner, and has it started?"
     )
-
-
-def info(scanner: Scanner) -> list[str]:
-    """Who it is and how it is; what it does not tell is left out."""
-    readers: list[tuple[Command, Callable[[Answer], str]]] = [
-        (commands.READ_IDENT, lambda answer: " ".join(commands.maybe_texts(answer, 2) or ())),
-        (commands.READ_FIRMWARE, lambda answer: f"firmware {_text(answer)}"),
-        (commands.READ_LOCATION, lambda answer: f"location {_text(answer)}"),
-        (commands.READ_HOURS, lambda answer: f"{commands.maybe_hours(answer)} hours of operation"),
-        (commands.READ_POWER_ONS, lambda answer: f"{_number(answer)} times powered on"),
-        (commands.READ_STATE, _state),
-        (commands.READ_CONTAMINATION, _contamination),
-        (commands.READ_SCAN_CONFIG, _scan_config),
-        (commands.READ_OUTPUT_RANGE, _output_range),
-    ]
-    lines = [f"speaks CoLa-{'B (binary)' if scanner.dialect == 'binary' else 'A (ascii)'}"]
-    for command, in_words in readers:
-        try:
-            lines.append(in_words(scanner.ask(command)))
-        except (RefusedError, NoAnswerError) as error:
-            lines.append(f"{command.name} not told: {error}")
-    return lines
-
-
-def identity(scanner: Scanner) -> str:
-    """Who it is, in one line."""
-    return f"laser scanner that {', '.join(info(scanner)[:3])}"
 
 
 def _text(answer: Answer) -> str:
@@ -144,37 +104,59 @@ def _output_range(answer: Answer) -> str:
     )
 
 
+Question = tuple[Command, Callable[[Answer], str]]
+WHO: tuple[Question, ...] = (
+    (commands.READ_IDENT, lambda answer: " ".join(commands.maybe_texts(answer, 2) or ())),
+    (commands.READ_FIRMWARE, lambda answer: f"firmware {_text(answer)}"),
+)
+HOW: tuple[Question, ...] = (
+    (commands.READ_LOCATION, lambda answer: f"location {_text(answer)}"),
+    (commands.READ_HOURS, lambda answer: f"{commands.maybe_hours(answer)} hours of operation"),
+    (commands.READ_POWER_ONS, lambda answer: f"{_number(answer)} times powered on"),
+    (commands.READ_STATE, _state),
+    (commands.READ_CONTAMINATION, _contamination),
+    (commands.READ_SCAN_CONFIG, _scan_config),
+    (commands.READ_OUTPUT_RANGE, _output_range),
+)
+
+
+def told(scanner: Scanner, questions: tuple[Question, ...] = WHO + HOW) -> list[str]:
+    """Its dialect, and the answers; one that is not given is named."""
+    lines = [f"speaks CoLa-{'B (binary)' if scanner.dialect == 'binary' else 'A (ascii)'}"]
+    for command, in_words in questions:
+        try:
+            lines.append(in_words(scanner.ask(command)))
+        except (RefusedError, NoAnswerError) as error:
+            lines.append(f"{command.name} not told: {error}")
+    return lines
+
+
 def act(scanner: Scanner, what: str, dialect: Dialect) -> list[str]:
-    """Do what the command line says; what there is to tell of it."""
-    match what:
-        case "info":
-            return info(scanner)
-        case "store":
-            scanner.logged_in(commands.STORE)
-            return ["its settings are stored, and outlast a loss of power"]
-        case "set-clock":
-            now = datetime.now()
-            scanner.logged_in(commands.set_clock(now))
-            return [f"its clock is set to {now:%Y-%m-%d %H:%M:%S}"]
-        case "start":
-            scanner.logged_in(commands.START_MEASURING)
-            return ["it measures"]
-        case "stop":
-            scanner.logged_in(commands.STOP_MEASURING)
-            return ["it does not measure any more, until mapod starts it"]
-        case "reboot":
-            scanner.do(commands.LOGIN)
-            scanner.do(commands.REBOOT)
-            return ["it starts anew, which takes up to 30 s"]
-        case _:
-            scanner.logged_in(commands.set_dialect(dialect))
-            return [f"it speaks {dialect} from the next connection on; that may take up to 30 s"]
+    now = datetime.now()
+    needs_login = {
+        "store": (commands.STORE, "its settings are stored, and outlast a loss of power"),
+        "set-clock": (commands.set_clock(now), f"its clock is set to {now:%Y-%m-%d %H:%M:%S}"),
+        "start": (commands.START_MEASURING, "it measures"),
+        "stop": (commands.STOP_MEASURING, "it does not measure any more, until mapod starts it"),
+        "dialect": (
+            commands.set_dialect(dialect),
+            f"it speaks {dialect} from the next connection on; that may take up to 30 s",
+        ),
+    }
+    if what == "info":
+        return told(scanner)
+    if what == "reboot":
+        scanner.do(commands.LOGIN)
+        scanner.do(commands.REBOOT)
+        return ["it starts anew, which takes up to 30 s"]
+    command, done = needs_login[what]
+    scanner.logged_in(command)
+    return [done]
 
 
 def parser() -> Parser:
-    """The command line."""
     words = parser_of("scanner", __doc__, "mapod scanner info", "mapod scanner dialect ascii")
-    action = add_actions(words, "tcp://192.168.0.1:2112")
+    action = words.add_actions("tcp://192.168.0.1:2112")
     action("info", "who it is and how it is")
     action("store", "keep its settings over a loss of power (wears its memory out)")
     action("set-clock", "to this machine's local time")
@@ -189,18 +171,9 @@ def parser() -> Parser:
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
     options = parser().parse_args(given)
-    try:
-        url = options.port or configured(options.config).scanner.port
-        with conversation(url, new_parser("auto")) as talk:
-            scanner = Scanner(talk, dialect_of(talk))
-            for line in act(scanner, options.what, getattr(options, "dialect", "binary")):
-                print(line)
-    except (ConfigError, PortUrlError, OSError) as error:
-        return fail("scanner", error)
-    except (NoAnswerError, RefusedError) as error:
-        return fail("scanner", error, 1)
-    return 0
 
+    def do(talk: Conversation) -> list[str]:
+        scanner = Scanner(talk, dialect_of(talk))
+        return act(scanner, options.what, getattr(options, "dialect", "binary"))
 
-if __name__ == "__main__":
-    sys.exit(main())
+    return print_what(do, "scanner", "scanner", options, lambda url: new_parser("auto"))

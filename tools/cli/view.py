@@ -17,7 +17,7 @@ from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
 from mapod_link.wires import wire_from_url
-from tools.cli.options import add_key, add_port, add_seconds, fail, parser_of
+from tools.cli.options import fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import Stop
 from tools.terminal.screen import (
@@ -73,7 +73,6 @@ def watch(
 
 
 def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
-    """The stop zone in a line; none before the first one has arrived."""
     if zone is None:
         return []
     words, style = zone.describe(), ZONE_STYLES.get(zone.state, BAD)
@@ -88,7 +87,6 @@ def zone_lines(zone: StopZone | None, now_s: float) -> list[Text]:
 
 
 def progress_line(end: PlannerEnd, now_s: float) -> str:
-    """The state in one line, where there is no screen to draw on."""
     planner, pose = end.planner, end.planner.pose
     if planner.blank:
         return f"  {link_words(planner, now_s)[0]}"
@@ -106,7 +104,6 @@ def progress_line(end: PlannerEnd, now_s: float) -> str:
 
 
 def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
-    """The final map and the numbers of the run."""
     planner, gaps = end.planner, end.planner.numbers.gaps
     if planner.geom is None or planner.blank:
         console.print("no map has arrived")
@@ -135,9 +132,9 @@ def main(arguments: list[str] | None = None) -> int:
         "mapod view --port udp://0.0.0.0:9750",
         "mapod view --port 'serial:///dev/planner?baud=115200' --drive",
     )
-    add_port(parser, "udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
-    add_seconds(parser, "until Ctrl-C")
-    add_key(parser)
+    parser.add_port("udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
+    parser.add_seconds("until Ctrl-C")
+    parser.add_key()
     parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
     parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
     parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
@@ -156,12 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
-    """The picture from begin to end, with the keys where they are asked for; exit status.
-
-    Raises:
-        OSError: the wire is gone.
-        ValueError: there is no keyboard to drive with.
-    """
+    """The picture to its end. Raises OSError (the wire is gone), ValueError (no keyboard)."""
     console, began_s = Console(), end.step(0.0)
     until_s = began_s + options.seconds if options.seconds else float("inf")
     print(f"watching {options.port}; Ctrl-C ends", flush=True)
@@ -177,11 +169,7 @@ def watch_and_drive(
     done: Callable[[float], bool],
     speeds: tuple[float, float] | None,
 ) -> None:
-    """As `watch`; where speeds (m/s, rad/s) are given, held keys drive the robot.
-
-    Raises:
-        ValueError: there is no keyboard to drive with.
-    """
+    """As `watch`; with speeds (m/s, rad/s), held keys drive: ValueError without a keyboard."""
     if speeds is None:
         watch(end, console, done)
         return

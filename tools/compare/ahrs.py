@@ -15,7 +15,7 @@ from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.mtdata import MtDataDecoder
 from hw.mti.mtdata2 import decode_mtdata2
 from hw.mti.sample import MtSample
-from hw.ports.url import parse_url
+from tools.cli.attitude import DEFAULT_BAUD, mt_parser
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.compare.facts import (
     SILENT,
@@ -31,29 +31,15 @@ from tools.compare.facts import (
     reply_to,
 )
 
-BAUD = 115_200
 ANSWER_S, CONFIG_S, CONFIG_TRIES = 0.6, 0.25, 8
 SELF_TEST_S, WAKE_S = 3.0, 3.0
 NO_SUCH_MID = 0xEE
-READS = {  # without data, each of these reads
-    "ReqDID": Mid.ReqDID,
-    "ReqProductCode": Mid.ReqProductCode,
-    "ReqFWRev": Mid.ReqFWRev,
-    "ReqHardwareVersion": Mid.ReqHardwareVersion,
-    "ReqDataLength": Mid.ReqDataLength,
-    "ReqConfiguration": Mid.ReqConfiguration,
-    "SetPeriod": Mid.SetPeriod,
-    "SetOutputMode": Mid.SetOutputMode,
-    "SetOutputSettings": Mid.SetOutputSettings,
-    "SetOutputSkipFactor": Mid.SetOutputSkipFactor,
-    "SetOutputConfiguration": Mid.SetOutputConfiguration,
-    "SetHeading": Mid.SetHeading,
-    "SetLocationID": Mid.SetLocationID,
-    "SetErrorMode": Mid.SetErrorMode,
-    "ReqAvailableScenarios": Mid.ReqAvailableScenarios,
-    "SetScenario": Mid.SetScenario,
-    "no such message": NO_SUCH_MID,
-}
+READS = (  # without data, each of these reads
+    Mid.ReqDID, Mid.ReqProductCode, Mid.ReqFWRev, Mid.ReqHardwareVersion, Mid.ReqDataLength,
+    Mid.ReqConfiguration, Mid.SetPeriod, Mid.SetOutputMode, Mid.SetOutputSettings,
+    Mid.SetOutputSkipFactor, Mid.SetOutputConfiguration, Mid.SetHeading, Mid.SetLocationID,
+    Mid.SetErrorMode, Mid.ReqAvailableScenarios, Mid.SetScenario,
+)  # fmt: skip
 OWN = {"ReqDID", "ReqFWRev", "ReqHardwareVersion", "ReqConfiguration", "SetLocationID",
        "SetHeading", "ReqAvailableScenarios"}  # fmt: skip
 MIRRORED = (Mid.SetPeriod, Mid.SetOutputMode, Mid.SetOutputSettings, Mid.SetOutputSkipFactor,
@@ -63,22 +49,18 @@ COUNTER_WRAP = 2**16
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
-    """Everything that was found out.
-
-    Raises:
-        NoAnswerError: it neither sends nor answers.
-    """
-    with conversation(url, MtParser(parse_url(url).baud or BAUD)) as talk:
-        facts = _state_as_found(talk)
+    """Everything that was found out. Raises NoAnswerError: it neither sends nor answers."""
+    with conversation(url, mt_parser(url)) as talk:
+        frames = [event for event in talk.hear(0.3) if isinstance(event, MtFrame)]
+        mids = Counter(_name(frame.mid) for frame in frames)
+        facts: Portrait = {"as found: sends": Fact(" ".join(sorted(mids)) or "nothing")}
         facts.update(_asked(talk, "GoToConfig", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S))
         if facts["GoToConfig: answer"].value == SILENT:
             raise NoAnswerError("no answer to GoToConfig: does it hear us, at this baud rate?")
-        configuration = None
-        for name, mid in READS.items():
-            facts.update(_asked(talk, name, mid))
-        reply = reply_to(talk, encode_frame(Mid.ReqConfiguration), _is_answer_to(0x0C), ANSWER_S)
-        if reply is not None and reply.event.mid == Mid.Configuration:
-            configuration = maybe_configuration(reply.event.data)
+        for mid in READS:
+            facts.update(_asked(talk, mid.name, mid))
+        facts.update(_asked(talk, "no such message", NO_SUCH_MID))
+        configuration = maybe_configuration(_maybe_data(talk, Mid.ReqConfiguration))
         if settings:
             facts.update(_settings(talk))
         facts.update(_asked(talk, "GoToMeasurement", Mid.GoToMeasurement))
@@ -87,16 +69,12 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
 
 
 def make_alike(real: str, fake: str) -> None:
-    """Give the fake the output settings that the real sensor has now.
-
-    Raises:
-        NoAnswerError: one of them does not answer.
-    """
-    with conversation(real, MtParser(parse_url(real).baud or BAUD)) as talk:
+    """The fake gets the output settings of the real one. Raises NoAnswerError."""
+    with conversation(real, mt_parser(real)) as talk:
         _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         wanted = {mid: _maybe_data(talk, mid) for mid in MIRRORED}
         reply_to(talk, encode_frame(Mid.GoToMeasurement), _is_any, ANSWER_S)
-    with conversation(fake, MtParser(BAUD)) as talk:
+    with conversation(fake, MtParser(DEFAULT_BAUD)) as talk:
         _asked(talk, "", Mid.GoToConfig, CONFIG_TRIES, CONFIG_S)
         for mid, data in wanted.items():
             if data:
@@ -111,14 +89,7 @@ def _is_any(event: object) -> bool:
 def _maybe_data(talk: Conversation, mid: int) -> bytes:
     """What a device tells of a setting; b"" where it does not know it."""
     reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), ANSWER_S)
-    return b"" if reply is None or reply.event.mid == Mid.Error else bytes(reply.event.data)
-
-
-def _state_as_found(talk: Conversation) -> Portrait:
-    """Whether it sends before anybody asks."""
-    frames = [event for event in talk.hear(0.3) if isinstance(event, MtFrame)]
-    mids = Counter(_name(frame.mid) for frame in frames)
-    return {"as found: sends": Fact(" ".join(sorted(mids)) or "nothing")}
+    return b"" if reply is None or reply[0].mid == Mid.Error else bytes(reply[0].data)
 
 
 def _name(mid: int) -> str:
@@ -132,12 +103,11 @@ def _is_answer_to(mid: int) -> Callable[[object], bool]:
 def _asked(
     talk: Conversation, name: str, mid: int, tries: int = 2, seconds: float = ANSWER_S
 ) -> Portrait:
-    """What comes of one message without data."""
     reply = reply_to(talk, encode_frame(mid), _is_answer_to(mid), seconds, tries)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
-    frame: MtFrame = reply.event
-    delay = {f"{name}: delay": delay_fact(reply.delay_s)}
+    frame: MtFrame = reply[0]
+    delay = {f"{name}: delay": delay_fact(reply[1])}
     if frame.mid == Mid.Error:
         return {f"{name}: answer": Fact(f"refused: {describe_error(frame.data)}"), **delay}
     sort: Sort = "own" if name in OWN else "same"
@@ -166,7 +136,6 @@ def _settings(talk: Conversation) -> Portrait:
 
 
 def _stream(talk: Conversation, configuration: MtConfiguration | None, seconds: float) -> Portrait:
-    """Data messages for so many seconds from the first one on."""
     frames, heard_before = list[MtFrame](), len(talk.heard)
     for event in talk.hear(seconds + 1.0):
         if isinstance(event, MtFrame) and event.mid in (Mid.MTData, Mid.MTData2):
@@ -187,7 +156,6 @@ def _stream(talk: Conversation, configuration: MtConfiguration | None, seconds: 
 
 
 def _samples(frames: list[MtFrame], configuration: MtConfiguration | None) -> Portrait:
-    """What the messages say, as far as they can be read."""
     decoder = None
     if configuration is not None and frames[0].mid == Mid.MTData:
         decoder = MtDataDecoder(configuration.output_mode, configuration.output_settings)
@@ -247,7 +215,6 @@ def _measured(samples: list[MtSample]) -> Portrait:
 
 
 def _noise(samples: list[MtSample]) -> Portrait:
-    """How much a device at rest goes to and fro from sample to sample, by its axes' median."""
     facts: Portrait = {}
     units = {"q_earth_sensor": "", "rate_radps": "rad/s", "accel_mps2": "m/s2", "magnetic": ""}
     for name, unit in units.items():

@@ -19,33 +19,24 @@ from hw.ax3500.lines import (
     maybe_counter,
 )
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
-from tools.compare.facts import (
-    SILENT,
-    Fact,
-    Portrait,
-    counts_in_words,
-    delay_fact,
-    rate_fact,
-)
+from tools.compare.facts import SILENT, Fact, Portrait, counts_in_words, delay_fact, rate_fact
 
 LISTEN_S, ANSWER_S, WATCHDOG_S = 0.6, 0.4, 1.4
 LINE_END_S = 0.05  # of silence: no line more is to come
 QUERIES = ("?V", "?A", "?P", "?R", "?M", "?E", "?I", "?Q0", "?Q1", "?Q2",
            "^00", "^01", "^02", "^89", "^8A", "^8B", "^8C")  # fmt: skip
 OWN = {"?A", "?P", "?R", "?M", "?E", "?Q0", "?Q1", "?Q2", "^8B", "^8C", "^02"}
+LOGS = "sends logging lines: R/C or analog mode"
 UNKNOWN = "?J"  # no such query: an error, and nothing happens
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
-    """Everything that was found out.
-
-    Raises:
-        NoAnswerError: it neither sends nor answers.
-    """
+    """Everything that was found out. Raises NoAnswerError: it neither sends nor answers."""
     with conversation(url, LineParser()) as talk:
-        facts = _as_found(talk)
-        if facts["as found"].value == LOGS:
-            return facts | _log_lines(talk, seconds)
+        lines = [event for event in talk.hear(LISTEN_S) if isinstance(event, Line)]
+        if any(line.text[:1] == ":" for line in lines):
+            return {"as found": Fact(LOGS)} | _log_lines(talk, seconds)
+        facts = {"as found": Fact("quiet")}
         facts.update(_line(talk, "a lone CR", CR, ""))
         for query in QUERIES:
             facts.update(_line(talk, query, encode_query(query), query))
@@ -56,15 +47,6 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
         if settings:
             facts.update(_silence(talk))
     return facts
-
-
-LOGS, QUIET = "sends logging lines: R/C or analog mode", "quiet"
-
-
-def _as_found(talk: Conversation) -> Portrait:
-    """Whether it is in a mode in which it logs."""
-    lines = [event for event in talk.hear(LISTEN_S) if isinstance(event, Line)]
-    return {"as found": Fact(LOGS if any(line.text[:1] == ":" for line in lines) else QUIET)}
 
 
 def _log_lines(talk: Conversation, seconds: float) -> Portrait:
@@ -81,7 +63,6 @@ def _log_lines(talk: Conversation, seconds: float) -> Portrait:
 
 
 def _line(talk: Conversation, name: str, question: bytes, text: str) -> Portrait:
-    """What comes after a line: echo, values, and how soon."""
     lines, strays, seconds = _lines_after(talk, question, text)
     if not lines and text:
         lines, strays, seconds = _lines_after(talk, question, text)
@@ -121,7 +102,6 @@ def _lines_after(talk: Conversation, question: bytes, text: str) -> tuple[list[s
 
 
 def _form(values: list[str]) -> str:
-    """How an answer looks, whatever its values are."""
     forms = [
         "+" if value == "+"
         else "-" if value == "-"
@@ -145,19 +125,16 @@ def _volts(name: str, text: str, values: list[str]) -> Portrait:
 
 
 def _pace(talk: Conversation, seconds: float) -> Portrait:
-    """Both counters as fast as answers come: how many pairs a second, and how they change."""
-    until_s, answered, silent = talk.now_s() + seconds, 0, 0
-    begun_s, digits = talk.now_s(), Counter[str]()
-    while talk.now_s() < until_s:
-        for query in READ_COUNTER:
-            value = _maybe_value(talk, query)
-            answered, silent = answered + (value is not None), silent + (value is None)
-            if value is not None:
-                digits["readable" if maybe_counter(value) is not None else "not readable"] += 1
-    passed_s = talk.now_s() - begun_s
+    begun_s, values = talk.now_s(), list[str | None]()
+    while talk.now_s() < begun_s + seconds:
+        values += [_maybe_value(talk, query) for query in READ_COUNTER]
+    passed_s, told = talk.now_s() - begun_s, [value for value in values if value is not None]
+    digits = Counter(
+        "not readable" if maybe_counter(value) is None else "readable" for value in told
+    )
     return {
-        "counters: pairs a second": Fact(answered / 2 / passed_s, "near", 0.25, 1.0, "1/s"),
-        "counters: queries without an answer": Fact("none" if not silent else "some"),
+        "counters: pairs a second": Fact(len(told) / 2 / passed_s, "near", 0.25, 1.0, "1/s"),
+        "counters: queries without an answer": Fact("none" if None not in values else "some"),
         "counters: how many": Fact(counts_in_words(digits), "own"),
         "counters: are": Fact("readable" if digits.keys() <= {"readable"} else "not all readable"),
     }
@@ -176,7 +153,6 @@ def _maybe_value(talk: Conversation, query: str) -> str | None:
 
 
 def _silence(talk: Conversation) -> Portrait:
-    """Whether its watchdog speaks after a second of silence."""
     begun_s = talk.now_s()
     for event in talk.hear(WATCHDOG_S):
         if isinstance(event, WatchdogStop):

@@ -22,18 +22,15 @@ SPREAD_SHARE = 0.7  # noise of more than thrice as much is another noise
 class Fact:
     """One thing that was found out about a device.
 
-    Attributes:
-        value: text, or a number.
-        sort: "same": both must say it alike; "near": numbers within `share` of each other, or
-            within `slack`; "own": each device's own, listed and never a difference.
-        unit: of a number.
+    Sorts: "same": both must say it alike; "near": numbers within `share` of each other, or within
+    `slack`; "own": each device's own, listed and never a difference.
     """
 
     value: str | float
     sort: Sort = "same"
     share: float = 0.0
     slack: float = 0.0
-    unit: str = ""
+    unit: str = ""  # of a number
 
     def __str__(self) -> str:
         if isinstance(self.value, str):
@@ -80,7 +77,6 @@ def _agree(one: Fact, other: Fact) -> bool:
 
 
 def delay_fact(seconds: float) -> Fact:
-    """How long an answer took: a real line and another machine may be slower, within reason."""
     return Fact(seconds * 1000, "near", 1.0 - 1.0 / DELAY_FACTOR, DELAY_S * 1000, "ms")
 
 
@@ -104,12 +100,10 @@ def pace_facts(
 
 
 def noise_fact(spread: float, unit: str) -> Fact:
-    """How much what is measured at rest goes to and fro; another's may be some three times that."""
     return Fact(spread, "near", SPREAD_SHARE, 0.0, unit)
 
 
 def number_facts(name: str, values: Sequence[float], unit: str, sort: Sort = "own") -> Portrait:
-    """Least, middle and greatest of what was measured."""
     if not len(values):
         return {f"{name}: values": Fact("none")}
     low, middle, high = np.percentile(np.asarray(values, dtype=float), [0, 50, 100])
@@ -119,32 +113,20 @@ def number_facts(name: str, values: Sequence[float], unit: str, sort: Sort = "ow
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """What came of one question: the event and when; None: nothing came."""
-
-    event: Any
-    delay_s: float
-
-
 def reply_to(
     talk: Conversation,
     question: bytes,
     is_answer: Callable[[Any], bool],
     seconds: float,
     tries: int = 2,
-) -> Reply | None:
-    """Ask, and wait for the answer at most so long; ask once more where none came.
-
-    Raises:
-        NoAnswerError: the port is gone.
-    """
+) -> tuple[Any, float] | None:
+    """The answer and its delay, s; None: none within `seconds`, `tries` times."""
     for _ in range(tries):
         asked_s = talk.now_s()
         talk.say(question)
         for event in talk.hear(seconds):
             if is_answer(event):
-                return Reply(event, talk.now_s() - asked_s)
+                return event, talk.now_s() - asked_s
     return None
 
 

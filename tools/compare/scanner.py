@@ -66,11 +66,7 @@ LEAST_SCANS = 10  # for their noise
 
 
 def portrait(url: str, seconds: float, settings: bool) -> Portrait:
-    """Everything that was found out.
-
-    Raises:
-        NoAnswerError: it does not answer at all.
-    """
+    """Everything that was found out. Raises NoAnswerError: it does not answer at all."""
     with conversation(url, new_parser("auto")) as talk:
         dialect = dialect_of(talk)
         facts: Portrait = {"dialect": Fact(dialect)}
@@ -85,12 +81,7 @@ def portrait(url: str, seconds: float, settings: bool) -> Portrait:
 
 
 def make_alike(real: str, fake: str) -> None:
-    """Give the fake the settings that the real scanner has now, and start it.
-
-    Raises:
-        NoAnswerError: one of them does not answer.
-        RefusedError: the fake does not take them.
-    """
+    """The fake gets the scanner's settings, and starts. Raises NoAnswerError, RefusedError."""
     with conversation(real, new_parser("auto")) as talk:
         scanner = Scanner(talk, dialect_of(talk))
         read = [(command.name, _maybe_told(scanner, command)) for command in MIRRORED]
@@ -111,7 +102,6 @@ def _maybe_told(scanner: Scanner, command: Command) -> Answer | None:
 
 
 def _written(name: str, told: Answer) -> Command:
-    """The command that writes what a read gave."""
     is_text = told.dialect == "ascii"
     return Command("sWN", name, told.values, told.values.decode("latin-1") if is_text else "")
 
@@ -124,7 +114,6 @@ def _wait_until_ready(talk: Conversation, scanner: Scanner) -> None:
 
 
 def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = "") -> Portrait:
-    """What comes of one command."""
     name = f"{command.kind} {command.name}{f' {how}' if how else ''}"
 
     def is_answer(event: object) -> bool:
@@ -133,7 +122,7 @@ def _asked(talk: Conversation, command: Command, dialect: Dialect, how: str = ""
     reply = reply_to(talk, command.encode(dialect), is_answer, ANSWER_S)
     if reply is None:
         return {f"{name}: answer": Fact(SILENT)}
-    event, delay = reply.event, delay_fact(reply.delay_s)
+    event, delay = reply[0], delay_fact(reply[1])
     if isinstance(event, Refusal):
         return {f"{name}: answer": Fact(f"refused: {event.reason}"), f"{name}: delay": delay}
     facts = {f"{name}: answer": Fact(str(event.kind)), f"{name}: delay": delay}
@@ -164,7 +153,6 @@ def _settings(talk: Conversation, dialect: Dialect) -> Portrait:
 
 
 def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
-    """Scans for so many seconds from the first one on."""
     begin, subscribed_s = commands.subscribe(), talk.now_s()
     talk.say(begin.encode(dialect))
     heard_before, telegrams, arrivals_s = len(talk.heard), list[ScanTelegram](), list[float]()
@@ -193,7 +181,6 @@ def _stream(talk: Conversation, dialect: Dialect, seconds: float) -> Portrait:
 
 
 def _format(scan: ScanTelegram) -> Portrait:
-    """How a telegram is laid out."""
     facts: Portrait = {
         "scan: version": Fact(str(scan.version)),
         "scan: device status": Fact(f"{scan.status[0]} {scan.status[1]}"),
@@ -215,7 +202,6 @@ def _format(scan: ScanTelegram) -> Portrait:
 
 
 def _counters(scans: list[ScanTelegram], arrivals_s: list[float]) -> Iterator[tuple[str, Fact]]:
-    """How counters and clock go on from telegram to telegram."""
     for name in ("telegram_counter", "scan_counter"):
         values = [getattr(scan, name) for scan in scans]
         steps = Counter(int(step) % 2**16 for step in np.diff(values))

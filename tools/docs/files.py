@@ -15,7 +15,6 @@ def python_files() -> list[Path]:
 
 
 def file_list() -> str:
-    """The whole document."""
     text, folder = HEAD, None
     for path in python_files():
         place = path.relative_to(ROOT)

@@ -27,7 +27,6 @@ MEANINGS = {
 
 
 def rows(block: Block) -> list[str]:
-    """The entries of a block, as rows of a table."""
     lines = ["| register | name | type | unit | meaning |", "| --- | --- | --- | --- | --- |"]
     for entry in block.entries:
         last = entry.address + entry.registers - 1
@@ -38,7 +37,6 @@ def rows(block: Block) -> list[str]:
 
 
 def sizes() -> list[str]:
-    """What windows of several sizes take."""
     lines = [
         "| N | S | registers of the cells | last register of the block | reads of 125 |",
         "| --- | --- | --- | --- | --- |",
@@ -53,7 +51,6 @@ def sizes() -> list[str]:
 
 
 def limits() -> list[str]:
-    """The numbers that a client should know."""
     return [
         "| what | how much |",
         "| --- | --- |",
@@ -82,13 +79,11 @@ def units() -> list[str]:
 
 
 def refusals() -> list[str]:
-    """The exception codes."""
     lines = ["| exception | meaning |", "| --- | --- |"]
     return lines + [f"| {code:02X}h | {words} |" for code, words in MEANINGS.items()]
 
 
 def results() -> list[str]:
-    """The results of a drive request."""
     lines = ["| `ack_result` | meaning |", "| --- | --- |", "| 0 | taken |"]
     lines.append(f"| {REFUSED} | refused for another reason: mapod's log says which |")
     return lines + [f"| {code} | {words} |" for words, code in RESULTS.items()]
@@ -109,8 +104,6 @@ SECTIONS = {
 
 
 def filled(text: str) -> str:
-    """The document with all that stands between marks made anew."""
-
     def section(found: re.Match[str]) -> str:
         name = found[1]
         table = "\n".join(SECTIONS[name]())
@@ -120,7 +113,6 @@ def filled(text: str) -> str:
 
 
 def main() -> int:
-    """Write the tables into the document."""
     DOCUMENT.write_text(filled(DOCUMENT.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from tools.experiments.report import document, merged, table
 from tools.experiments.runner import experiments, run_all
-from tools.experiments.words import INTRODUCTION
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures"
@@ -33,8 +32,8 @@ def main(arguments: list[str] | None = None) -> int:
         print("\n".join(table([row for outcome in outcomes for row in outcome.rows])))
         print(f"mapod: pictures in {folder}")
     else:
-        DOCUMENT.write_text(document(INTRODUCTION, outcomes), encoding="utf-8")
-        drawn = {picture.file for outcome in outcomes for picture in outcome.pictures}
+        DOCUMENT.write_text(document(outcomes), encoding="utf-8")
+        drawn = {file for outcome in outcomes for file, _ in outcome.pictures}
         for path in PICTURES.glob("*.png"):
             if path.name not in drawn:
                 path.unlink()

@@ -6,14 +6,12 @@ All take a view of a map and the truth of the same cells, (size, size) arrays [j
 import numpy as np
 import numpy.typing as npt
 
-from core.records import FREE, OBSTACLE, UNKNOWN
+from core.records import FREE, OBSTACLE
 from tools.experiments.truth import Bools, CellTruth, grown
 from tools.experiments.views import MapView
 
 F64 = npt.NDArray[np.float64]
-NEAR_CELLS = (
-    2  # the eight cells around, grown by one: so far an obstacle may be told from where it is
-)
+NEAR_CELLS = 2  # an obstacle may be told so far from where it is
 BAND_M = 0.06  # the paper's band of flat floor
 STANDS_M = 0.15  # what rises or falls so much off the floor and was seen is not to be missed
 DANGER_SHARE = 0.5  # of a cell
@@ -62,12 +60,6 @@ def holes(view: MapView, truth: CellTruth, hits: npt.NDArray[np.int32]) -> int:
     """Floor cells that beams met, without a height in the midst of cells that have one."""
     floor = ~grown(truth.obstacle, 1) & (hits > 0)
     return int((enclosed(np.isfinite(view.heights_m)) & floor).sum())
-
-
-def undecided(view: MapView, truth: CellTruth, hits: npt.NDArray[np.int32]) -> float:
-    """Of the floor cells that beams hit three times and more, the share told as unknown, 0..1."""
-    seen = (hits >= ENOUGH_HITS) & ~grown(truth.obstacle, 1)
-    return float((view.states[seen] == UNKNOWN).mean()) if seen.any() else float("nan")
 
 
 def seen_dangers(truth: CellTruth, hits: npt.NDArray[np.int32], low_m: F64, high_m: F64) -> Bools:

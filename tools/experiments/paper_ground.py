@@ -15,7 +15,6 @@ EVERY_S = 1.0
 
 
 def ramp(quick: bool, folder: Path) -> Outcome:
-    """5.3: down a ramp of 1 degree; false obstacle cells before, on and after it."""
     speed_mps, long_m = (0.6, 3.0) if quick else (0.2, RAMP_LONG_M)
     end_m = RAMP_AT_M + long_m
     way = Way(stand(LEAD_S), straight(end_m + 2.0, speed_mps))
@@ -38,8 +37,7 @@ def ramp(quick: bool, folder: Path) -> Outcome:
     )
     outcome, views = Outcome("5.3 ramp of 1 deg down", note), test.views(*BOTH)
     caption = "5.3: in the middle of the ramp of 1 degree, down"
-    file, title = folder / "5.3-ramp.png", "5.3 on a ramp of 1 deg"
-    outcome.draw(file, title, caption, views, (x_m - 9, x_m + 11), (-3, 3))
+    outcome.draw(folder / "5.3-ramp.png", caption, views, (x_m - 9, x_m + 11), (-3, 3))
     test.run(way.duration_s - on_ramp_s, EVERY_S, look)
     for phase, tally in phases.items():
         outcome.tell(f"false obstacle cells {phase} the ramp, mean", tally.mean(), digits=1)
@@ -64,7 +62,6 @@ STANCES = (  # pitch, roll (right side down positive), height of the axle's foot
 
 
 def standing_on_objects(quick: bool, folder: Path) -> Outcome:
-    """5.5: wheels or casters on objects; false obstacles and floor height, with and without."""
     outcome = Outcome(
         "5.5 standing on objects",
         "Corridor of 4.1 m; 2 m at 0.5 m/s, then the robot is tilted within 2 s, both maps are "
@@ -86,9 +83,8 @@ def standing_on_objects(quick: bool, folder: Path) -> Outcome:
         test.run(5.0)
         _measure_stance(name, test, outcome)
         file = folder / f"5.5-{name.split()[0]}-{abs(pitch_deg + roll_deg):g}.png"
-        title, caption = f"5.5 standing at {name}", f"5.5: standing at {name}"
         views = test.views(UNCOMPENSATED, *BOTH)
-        outcome.draw(file, title, caption, views, (1, 21), (-3, 3))
+        outcome.draw(file, f"5.5: standing at {name}", views, (1, 21), (-3, 3))
     return outcome
 
 

@@ -33,7 +33,6 @@ TIMES = 7  # drawn so often; the quickest counts
 
 
 def hall_with_pillars(quick: bool, folder: Path) -> Outcome:
-    """5.1: gap between the first pillar and the wall, memory, time to draw, by resolution."""
     sizes = [41, 101] if quick else list(SIZES)
     configs: dict[str, Config] = {}
     for cells in sizes:
@@ -64,7 +63,7 @@ def hall_with_pillars(quick: bool, folder: Path) -> Outcome:
         outcome.tell(f"{label}: drawing, ms", drawn, paper=SIZES[cells], timed=True)
         file, caption = folder / f"5.1-hall-{cells}.png", f"5.1: hall with pillars, {label}"
         shown = list(views.values())
-        outcome.draw(file, f"5.1 hall, {label}", caption, shown, (-2, 15), (-5.3, 4.5))
+        outcome.draw(file, caption, shown, (-2, 15), (-5.3, 4.5))
     return outcome
 
 
@@ -89,7 +88,6 @@ def memory_kb(maps: Maps) -> tuple[float, float]:
 
 
 def draw_ms(view: MapView) -> float:
-    """The quickest of several renderings of both maps."""
     took_s = []
     for _ in range(TIMES):
         begun_s = time.perf_counter()
@@ -99,7 +97,6 @@ def draw_ms(view: MapView) -> float:
 
 
 def flat_floor(quick: bool, folder: Path) -> Outcome:
-    """5.2: heights of flat floor seen from 45 to 135 deg."""
     way = Way(stand(LEAD_S), straight(2.0 if quick else 8.0, 0.5))
     configs = methods(quick, scanner={"first_deg": 45.0, "last_deg": 135.0})
     test = Trial(scene("flat", corridor(26.37, 8.12)), way, configs)
@@ -110,8 +107,6 @@ def flat_floor(quick: bool, folder: Path) -> Outcome:
     outcome.tell("floor cells within +-6 cm, %", within, "more", digits=1)
     error = test.per_app(lambda view, cells: 100.0 * metrics.floor_error_m(view, cells))
     outcome.tell("height error of floor cells, rms cm", error)
-    title, caption = "5.2 flat floor", "5.2: flat floor"
-    outcome.draw(
-        folder / "5.2-flat-floor.png", title, caption, test.views(*BOTH), (-3, 19), (-5, 5)
-    )
+    file, views = folder / "5.2-flat-floor.png", test.views(*BOTH)
+    outcome.draw(file, "5.2: flat floor", views, (-3, 19), (-5, 5))
     return outcome

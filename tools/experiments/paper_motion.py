@@ -23,7 +23,6 @@ FINE = {"cells": 201, "cell_m": 0.1}  # for smears of less than the shipped cell
 
 
 def straight_drives(quick: bool, folder: Path) -> Outcome:
-    """5.4: straight on towards a wall, wheels slipping: distance, holes, smear of the wall."""
     outcome = Outcome(
         "5.4 straight, wheels slip",
         "Corridor of 4.1 m, 4.2 m and 20 m straight at 0.2 m/s towards the wall at its end, "
@@ -46,10 +45,9 @@ def straight_drives(quick: bool, folder: Path) -> Outcome:
         test = Trial(place, way, methods(quick, map=FINE, obstacle={"window_cells": FINE["cells"]}))
         test.run(way.duration_s + 0.5)
         _measure_straight(f"{way_m:g} m", way_m, wall_m, test, outcome)
-        title = f"5.4 after {way_m:g} m, {counted_m:g} m counted"
         caption = f"5.4: after {way_m:g} m straight, with slip"
         file, views = folder / f"5.4-straight-{way_m:g}.png", test.views(*BOTH)
-        outcome.draw(file, title, caption, views, (way_m - 10, way_m + 6), (-3, 3))
+        outcome.draw(file, caption, views, (way_m - 10, way_m + 6), (-3, 3))
     return outcome
 
 
@@ -87,7 +85,6 @@ def _wall_ahead_m(view: MapView) -> float:
 
 
 def left_turn(quick: bool, folder: Path) -> Outcome:
-    """5.6: 92 deg to the left in a hall: growth, position of walls, empty cells."""
     rate_radps = 0.6 if quick else 0.3
     way = Way(
         stand(LEAD_S),
@@ -122,7 +119,6 @@ def left_turn(quick: bool, folder: Path) -> Outcome:
     outcome.tell("empty cells in mapped floor", test.holes(), digits=0)
     outcome.tell("false obstacle cells", test.per_app(metrics.false_obstacles), digits=0)
     outcome.tell("obstacle cells missed", test.missed(), digits=0)
-    title, caption = "5.6 after a left turn of 92 deg", "5.6: after a left turn of 92 degrees"
-    file = folder / "5.6-left-turn.png"
-    outcome.draw(file, title, caption, test.views(*BOTH), (-6, 15), (-5.3, 4.6))
+    caption = "5.6: after a left turn of 92 degrees"
+    outcome.draw(folder / "5.6-left-turn.png", caption, test.views(*BOTH), (-6, 15), (-5.3, 4.6))
     return outcome

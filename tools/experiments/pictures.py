@@ -53,7 +53,6 @@ def upright(pixels: npt.NDArray[np.uint8]) -> Pixels:
 def rendered(
     heights_m: npt.NDArray[np.float64], states: npt.NDArray[np.int8]
 ) -> tuple[Image.Image, Image.Image]:
-    """Both maps of one method, a pixel a cell: what is timed as drawing."""
     heights, obstacles = upright(elevation_pixels(heights_m)), upright(obstacle_pixels(states))
     return Image.fromarray(heights), Image.fromarray(obstacles)
 

@@ -1,6 +1,5 @@
 """All experiments by name, and how they are run: each in a process, as many at once as cores."""
 
-import logging
 import os
 import time
 from collections.abc import Callable
@@ -9,18 +8,15 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-import structlog
-
 from tools.experiments import (
-    beyond_edges,
     beyond_ground,
-    beyond_heading,
     beyond_things,
     paper_ground,
     paper_maps,
     paper_motion,
 )
 from tools.experiments.report import Outcome
+from tools.terminal.progress import quiet
 
 LONG = ("5.4", "5.3", "5.1", "5.5")  # these begin first, so that none runs alone at the end
 Experiment = Callable[[bool, Path], Outcome]
@@ -43,28 +39,26 @@ def experiments() -> dict[str, Experiment]:
             run = partial(beyond_ground.ramps, sign * angle_deg)
             named[f"7 ramps {angle_deg:g} deg {word}"] = run
     named["7 ramps 4 deg up at once"] = beyond_ground.ramp_at_once
-    for wide_m in beyond_edges.DITCHES_M:
-        named[f"7 ditch {wide_m:g} m"] = partial(beyond_edges.ditch, wide_m)
-    for height_m in beyond_edges.KERBS_M:
-        named[f"7 kerb {height_m:+g} m"] = partial(beyond_edges.kerb, height_m)
+    for wide_m in beyond_ground.DITCHES_M:
+        named[f"7 ditch {wide_m:g} m"] = partial(beyond_ground.ditch, wide_m)
+    for height_m in beyond_ground.KERBS_M:
+        named[f"7 kerb {height_m:+g} m"] = partial(beyond_ground.kerb, height_m)
     return named | {
         "7 table": beyond_things.table,
         "7 person": beyond_things.person_crossing,
         "7 moved box": beyond_things.moved_away,
         "7 glass": beyond_things.glass,
-        "7 steel door": beyond_heading.steel_door,
+        "7 steel door": beyond_things.steel_door,
     }
 
 
 def _run(name: str, quick: bool, folder: Path) -> tuple[str, Outcome, float]:
-    """One experiment in a process of its own; the seconds it took."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
+    quiet()
     begun_s = time.monotonic()
     return name, experiments()[name](quick, folder), time.monotonic() - begun_s
 
 
 def run_all(names: list[str], quick: bool, folder: Path) -> list[Outcome]:
-    """Their outcomes, in order of the names; a line is printed as each ends."""
     outcomes: dict[str, Outcome] = {}
     order = sorted(names, key=lambda name: not name.startswith(LONG))
     with ProcessPoolExecutor(os.cpu_count() or 1, get_context("spawn")) as pool:

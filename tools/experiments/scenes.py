@@ -19,17 +19,14 @@ Span = tuple[float, float]
 
 
 def floor(x: Span, y: Span, z_m: float = 0.0, name: str = "floor") -> Solid:
-    """Level ground with its top at a height."""
     return Solid(name, x, y, (DEEP_M, z_m))
 
 
 def box(name: str, x: Span, y: Span, high_m: float, from_m: float = 0.0) -> Solid:
-    """Something upright on the floor, or above it."""
     return Solid(name, x, y, (from_m, high_m))
 
 
 def walls(x: Span, y: Span, ends: bool = True) -> list[Solid]:
-    """Walls around a rectangle of floor, outside of it."""
     out = (x[0] - THICK_M, x[1] + THICK_M)
     high = (DEEP_M, WALL_M)
     solids = [
@@ -43,7 +40,6 @@ def walls(x: Span, y: Span, ends: bool = True) -> list[Solid]:
 
 
 def scene(name: str, solids: Sequence[Shape]) -> Scene:
-    """A place without a route: the body's motion is given."""
     return Scene(name, tuple(solids), x_axis_east_of_north_rad=COMPASS_RAD)
 
 
@@ -54,7 +50,6 @@ def corridor(length_m: float, wide_m: float = 4.12, behind_m: float = 4.33) -> l
 
 
 def gap_in_floor(x: Span, wide_m: float, length_m: float, depth_m: float) -> list[Solid]:
-    """A corridor with a ditch across it."""
     y = (-wide_m / 2 - 0.01, wide_m / 2 - 0.01)
     return [
         floor((-4.33, x[0]), y, name="floor before"),
@@ -106,7 +101,6 @@ HALL_X, HALL_Y = (-4.33, 14.67), (-4.93, 4.07)
 
 
 def hall() -> list[Solid]:
-    """A hall with two rows of square pillars, the left row 1.7 m from the left wall."""
     solids = [floor(HALL_X, HALL_Y), *walls(HALL_X, HALL_Y)]
     near = HALL_Y[1] - FIRST_PILLAR_GAP_M
     for k, x in enumerate(PILLARS_X_M):

@@ -18,22 +18,26 @@ from app import App, Ports
 from config_file import load_config, with_changes
 from core.config import Config
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.records import FREE, OBSTACLE
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import Fake, MemoryPort, Wire
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import Trajectory
 from tools.experiments import metrics
-from tools.experiments.seen import SeenCells
-from tools.experiments.truth import CellTruth, Truth
+from tools.experiments.truth import CellTruth, SeenCells, Truth
 from tools.experiments.views import MapView, view_of
 
 F64 = npt.NDArray[np.float64]
+Span = tuple[float, float]
 ROOT = Path(__file__).resolve().parents[2]
 START_S = 1000.0
 LEAD_S = 4.0  # standing still at first; the devices need a second of it to start
 UNCOMPENSATED = "reference_plane, uncompensated"  # the paper's method without its step 6
 BOTH = ("reference_plane", "beams")  # whose maps the pictures show
+LANE_M = 0.3  # to either side: half the robot's width
+FRONT_M = 0.52  # of the robot, ahead of its axle
+AROUND_M = 0.4  # of the span in which an obstacle cell may lie, before and behind
 LINK_HZ = 5.0  # nobody listens to the planner's wire here
 
 
@@ -49,17 +53,12 @@ class SharedPort(MemoryPort):
         self.others: list[MemoryPort] = []
 
     def give(self, data: bytes) -> None:
-        """One piece for every host."""
         super().give(data)
         for other in self.others:
             other.give(data)
 
     def take_datagrams(self) -> list[bytes]:
-        """What the first host wrote.
-
-        Raises:
-            DisagreementError: another host wrote something else.
-        """
+        """What the first host wrote; DisagreementError: another one wrote something else."""
         written = super().take_datagrams()
         said = b"".join(written)
         for other in self.others:
@@ -82,7 +81,6 @@ class WatchedRig(Rig):
 
 
 def shipped() -> Config:
-    """The settings as shipped, with a slow planner's wire."""
     config = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
     return with_changes(config, planner={"rate_hz": LINK_HZ})
 
@@ -109,13 +107,7 @@ class SeenPart(NamedTuple):
 
 
 class Trial:
-    """Rig and apps on a simulated clock, with the truth of their place, which must not change.
-
-    Args:
-        follows: the body follows the ground under its wheels.
-        floors_m: places that are floor; see Truth.
-        x_m, y_m: how much of the place is sampled for its truth.
-    """
+    """Rig and apps on a simulated clock, with the truth of their place, which must not change."""
 
     def __init__(
         self,
@@ -123,10 +115,10 @@ class Trial:
         motion: Trajectory,
         configs: dict[str, Config],
         *,
-        follows: bool = False,
-        floors_m: Sequence[tuple[float, float]] = ((0.0, 0.0),),
-        x_m: tuple[float, float] = (-8.0, 32.0),
-        y_m: tuple[float, float] = (-12.0, 12.0),
+        follows: bool = False,  # the body follows the ground under its wheels
+        floors_m: Sequence[Span] = ((0.0, 0.0),),  # places that are floor; see Truth
+        x_m: Span = (-8.0, 32.0),  # how much of the place is sampled for its truth
+        y_m: Span = (-12.0, 12.0),
     ) -> None:
         first = next(iter(configs.values()))
         fan = first.scanner.options.spec.directions[[0, -1]]
@@ -157,7 +149,6 @@ class Trial:
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time since the begin."""
         return self.now_s - START_S
 
     def step(self) -> None:
@@ -174,7 +165,6 @@ class Trial:
     def run(
         self, seconds: float, every_s: float = 0.0, each: Callable[[], None] | None = None
     ) -> None:
-        """Step for so long; `each` is called after every `every_s` (0: every tick)."""
         apart = max(1, round(every_s * self._rate_hz))
         for tick in range(round(seconds * self._rate_hz)):
             self.step()
@@ -185,24 +175,20 @@ class Trial:
         return view_of(name, self.apps[name])
 
     def views(self, *names: str) -> list[MapView]:
-        """The maps of these apps now, all of them without names."""
         return [self.view(name) for name in names or self.apps]
 
     def cells(self, view: MapView) -> CellTruth:
         return self.truth.cells(view.corner_i, view.corner_j, view.size, view.cell_m)
 
     def seen(self, view: MapView) -> SeenPart:
-        """What the scanner's beams truly met in the cells of a view."""
         seen = self.rig.seen
         at = (view.corner_i, view.corner_j, view.size)
         return SeenPart(*(seen.part(x, *at) for x in (seen.hits, seen.low_m, seen.high_m)))
 
     def per_app(self, measure: Callable[[MapView, CellTruth], float]) -> dict[str, float]:
-        """One figure of each app's maps now."""
         return {view.name: float(measure(view, self.cells(view))) for view in self.views()}
 
     def holes(self) -> dict[str, float]:
-        """Per app: floor cells that beams met, empty in the midst of cells that are not."""
         return self.per_app(lambda view, cells: metrics.holes(view, cells, self.seen(view).hits))
 
     def missed(self) -> dict[str, float]:
@@ -227,8 +213,48 @@ class Tally:
             self.taken.setdefault(name, []).append(figure)
 
     def mean(self) -> dict[str, float]:
-        """Of what was taken; nothing taken: none."""
         return {name: float(np.mean(figures)) for name, figures in self.taken.items()}
 
     def most(self) -> dict[str, float]:
         return {name: float(np.max(figures)) for name, figures in self.taken.items()}
+
+
+def barred(view: MapView, span_m: Span) -> bool:
+    """Whether each line of cells of the robot's lane has an obstacle cell around a span of x."""
+    near = view.part((span_m[0] - AROUND_M, span_m[1] + AROUND_M), (-LANE_M, LANE_M))
+    lines = np.nonzero(near.any(axis=1))[0]
+    stops = ((view.states == OBSTACLE) & near).any(axis=1)
+    return bool(lines.size) and bool(stops[lines].all())
+
+
+def free_within(view: MapView, span_m: Span, edge_m: float = 0.0) -> int:
+    """Free cells of the lane whose centres lie in a span of x, an edge left out at both ends."""
+    inside = view.part((span_m[0] + edge_m, span_m[1] - edge_m), (-LANE_M, LANE_M))
+    return int(((view.states == FREE) & inside).sum())
+
+
+class BarWatch:
+    """Notes during a drive along x from which place on each app's map bars the way for good."""
+
+    def __init__(self, test: Trial, span_m: Span) -> None:
+        self._test, self._span_m = test, span_m
+        self._since_m: dict[str, float] = {}
+        self.most_free = dict.fromkeys(test.apps, 0.0)
+
+    def look(self) -> None:
+        front_m = self._test.rig.world.pose()[0] + FRONT_M
+        for view in self._test.views():
+            if barred(view, self._span_m):
+                self._since_m.setdefault(view.name, front_m)
+            else:
+                self._since_m.pop(view.name, None)
+            free = float(free_within(view, self._span_m, view.cell_m / 2))
+            self.most_free[view.name] = max(self.most_free[view.name], free)
+
+    def ahead_m(self) -> dict[str, float]:
+        """How far ahead of the robot's front the way was barred, and stayed so; 0: it is not."""
+        begin_m = self._span_m[0]
+        return {
+            name: begin_m - self._since_m[name] if name in self._since_m else 0.0
+            for name in self._test.apps
+        }

@@ -51,7 +51,6 @@ class MapView:
 
 
 def straightened(grid: RingGrid, layer: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """A ring's layer, [j, i] from the grid's corner on."""
     return np.roll(layer, (-(grid.corner_j % grid.size), -(grid.corner_i % grid.size)), axis=(0, 1))
 
 
@@ -66,7 +65,6 @@ def view_of(name: str, app: App) -> MapView:
 
 
 def _heights_m(maps: Maps) -> F64:
-    """Heights (size, size) of the window's cells, from its corner on."""
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
     assert isinstance(maps, BeamMaps)

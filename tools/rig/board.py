@@ -117,17 +117,12 @@ class Board:
                 raise BoardError("the board takes nothing")
 
     def hear(self) -> bytes:
-        """What the board has sent on its line since the last call; waits for nothing."""
         self._take(0.0)
         heard, self._heard = self._heard, b""
         return heard
 
     def ask(self, words: str) -> str:
-        """The line that answers a line.
-
-        Raises:
-            BoardError: none came.
-        """
+        """The line that answers a line. Raises BoardError: none came."""
         try:
             self.text.sendall(words.encode() + b"\n")
         except OSError as gone:
@@ -135,7 +130,6 @@ class Board:
         return self._line()
 
     def status(self) -> dict[str, int]:
-        """What the board says of itself, as it says it."""
         words = self.ask("status").split()[1:]
         return {name: int(value) for name, value in (word.split("=") for word in words)}
 
@@ -160,7 +154,6 @@ class Board:
         return line.decode()
 
     def _take(self, wait_s: float) -> bool:
-        """Read both sockets; False: nothing came."""
         ends = [end for end in (self.link, self.text) if end is not None]
         ready, _, _ = select.select(ends, [], [], wait_s)
         for end in ready:

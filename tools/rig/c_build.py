@@ -54,11 +54,7 @@ class CompileError(Exception):
 
 
 def program(name: str) -> str:
-    """The path of an installed program.
-
-    Raises:
-        MissingToolError: there is none.
-    """
+    """The path of an installed program. Raises MissingToolError: there is none."""
     path = shutil.which(name)
     if path is None:
         raise MissingToolError(f"needs {name}: apt install {PACKAGES.get(name, name)}")
@@ -66,11 +62,7 @@ def program(name: str) -> str:
 
 
 def compile_c(compiler: str, output: Path, *arguments: str) -> Path:
-    """Runs a compiler.
-
-    Raises:
-        MissingToolError, CompileError: there is none; it is not content.
-    """
+    """Runs a compiler. Raises MissingToolError, CompileError: there is none; it is not content."""
     command = [program(compiler), *arguments, f"-I{MCU}", "-o", str(output)]
     output.parent.mkdir(parents=True, exist_ok=True)
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -80,11 +72,7 @@ def compile_c(compiler: str, output: Path, *arguments: str) -> Path:
 
 
 def built(name: str, source: Path, *arguments: str, compiler: str = HOST) -> Path:
-    """A program or library; compiled anew where sources or words changed.
-
-    Raises:
-        MissingToolError, CompileError: as `compile_c`.
-    """
+    """A program or library; compiled anew where sources or words changed; see `compile_c`."""
     if os.environ.get("MAPOD_C_SANITIZE") and not compiler.startswith("arm-"):
         arguments = (*arguments, *SANITIZED)
     words = (*STRICT, *arguments, str(source))
@@ -129,11 +117,7 @@ class PlannerRobot:
 
 
 def robot_from_config(config: Config) -> PlannerRobot:
-    """The robot of these settings.
-
-    Raises:
-        ConfigError: the planner can't drive it.
-    """
+    """The robot of these settings. Raises ConfigError: the planner can't drive it."""
     robot, scanner = config.robot, config.scanner
     if scanner.mount_tilt_deg < 1.0:
         raise ConfigError(
@@ -160,7 +144,6 @@ def robot_from_config(config: Config) -> PlannerRobot:
 
 @functools.cache
 def shipped_robot() -> PlannerRobot:
-    """That of mapod.toml."""
     return robot_from_config(load_config((ROOT / "mapod.toml").read_text(encoding="utf-8")))
 
 
@@ -171,7 +154,6 @@ def planner_sources() -> list[str]:
 
 
 def build_planner_library(robot: PlannerRobot) -> Path:
-    """The planner for this machine, as a shared library with tags."""
     words = ("-O3", "-shared", "-fPIC", *robot.options(), *planner_sources())
     return built("planner.so", PLANNER / "library.c", *words)
 

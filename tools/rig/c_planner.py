@@ -53,15 +53,10 @@ WHY = {  # `enum mapod_why`, and from 16 on `enum driver_why`
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:
-    """What the planner is told before it starts, and the robot that it is compiled for.
+    """What the planner is told before it starts, and the robot that it is compiled for."""
 
-    Args:
-        start_clear_m: radius about the map's origin that is assumed clear, 0 to 30.
-        unknown_mps: how slowly it may enter ground that is not known to be free, 0 to 5; 0: never.
-    """
-
-    start_clear_m: float = 0.0
-    unknown_mps: float = 0.0
+    start_clear_m: float = 0.0  # radius about the map's origin that is assumed clear, 0 to 30
+    unknown_mps: float = 0.0  # how fast it may enter ground not known to be free, 0 to 5; 0: never
     robot: PlannerRobot = field(default_factory=shipped_robot)
 
     def __post_init__(self) -> None:
@@ -92,7 +87,6 @@ class PlannerState:
 
 
 def planner_state(told: Mapping[str, int]) -> PlannerState:
-    """What a planner has told by the names of `struct planner_report`."""
     return PlannerState(
         state=STATES[told["state"]],
         why=WHY[told["why"]],
@@ -119,11 +113,7 @@ class _Report(ctypes.Structure):
 
 @functools.cache
 def library(robot: PlannerRobot) -> ctypes.CDLL:
-    """The planner for a robot, compiled for this machine, with its calls' types.
-
-    Raises:
-        MissingToolError, CompileError: see `tools.rig.c_build`.
-    """
+    """The planner for a robot, compiled for this machine (see c_build), its calls typed."""
     lib = ctypes.CDLL(str(build_planner_library(robot)))
     handle, bytes_in = ctypes.c_void_p, ctypes.c_char_p
     lib.planner_new.argtypes = [ctypes.POINTER(i32), u32, bytes_in]
@@ -140,11 +130,7 @@ def library(robot: PlannerRobot) -> ctypes.CDLL:
 
 
 class CPlanner:
-    """The planner on a clock that the caller keeps. Times are seconds; it counts milliseconds.
-
-    Args:
-        nonce: of its HELLO, not 0; another one for each planner of a run.
-    """
+    """The planner on a clock that the caller keeps; each one of a run has its own nonce."""
 
     def __init__(self, settings: PlannerSettings, nonce: int = 1) -> None:
         self._lib = library(settings.robot)

@@ -82,7 +82,6 @@ def linked(core: str, functions: tuple[str, ...], *defines: str) -> Size:
 
 
 def state_bytes(core: str, *defines: str) -> tuple[int, int]:
-    """(struct mapod_link, struct mapod_talk)."""
     symbols = _compiled(core, *defines)[0]
     found = re.findall(r"^\S+ (\S+) \w size_of_(\w+)$", symbols, re.MULTILINE)
     sizes = {name: int(size, 16) for size, name in found}
@@ -90,18 +89,15 @@ def state_bytes(core: str, *defines: str) -> tuple[int, int]:
 
 
 def undefined(core: str, *defines: str) -> set[str]:
-    """What the header takes from outside on that core."""
     symbols = _compiled(core, *defines)[0]
     return set(re.findall(r"^ +U (\w+)$", symbols, re.MULTILINE))
 
 
 def header_stack(core: str, *defines: str) -> int:
-    """Bytes of the worst path from a byte fed or an ACK built."""
     return deepest_stack([_compiled(core, *defines)[1]], CORE_SET)
 
 
 def firmware_size(window_cells: int) -> FirmwareSize:
-    """The planner for windows of so many cells along an edge."""
     firmware = build_planner_firmware(replace(shipped_robot(), window_cells=window_cells))
     words = _output("arm-none-eabi-size", str(firmware)).splitlines()[1].split()
     text, data, bss = (int(word) for word in words[:3])
@@ -197,7 +193,6 @@ REPORTS = {"header": header_report, "planner": planner_report}
 
 
 def main(words: list[str] | None = None) -> int:
-    """Print the figures; 2: a wrong word, a tool is missing, or the compiler is not content."""
     chosen = sys.argv[1:] if words is None else words
     if len(chosen) != 1 or chosen[0] not in REPORTS:
         sys.stderr.write(f"use: python -m tools.rig.c_sizes {' | '.join(REPORTS)}\n")

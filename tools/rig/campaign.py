@@ -13,28 +13,179 @@ where nothing was made to fail.
 import argparse
 import contextlib
 import json
+import math
 import os
 import random
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from rich import box
 from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from fakes.scenes.scene import campaign_scenes, load_scene
-from tools.rig import report
 from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
 from tools.rig.faults import draw
-from tools.rig.one_run import LIMIT_S, Run, RunSpec
-from tools.rig.pool import quiet, results_of, with_bar
-from tools.rig.record import Recorder
-from tools.rig.report import Outcome
+from tools.rig.one_run import LIMIT_S, Run, RunResult, RunSpec
+from tools.rig.pool import results_of, with_bar
+from tools.rig.record import Recorder, facts_of
 from tools.rig.watch import Watcher
+from tools.terminal.progress import quiet
 
+GOALS_WANTED = 0.9  # of all
+NO_GAP = "-"
+COLUMNS = (
+    "scene", "runs", "goals", "collisions", "bumped", "false stops", "worst stop m",
+    "least gap m", "way m", "x real time",
+)  # fmt: skip
 WIDE = 120  # columns, without a screen
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One run of a campaign: its result, or why there is none."""
+
+    number: int
+    spec: RunSpec
+    result: RunResult | None = None
+    crash: str = ""  # in words, with the traceback
+
+    @property
+    def is_well(self) -> bool:
+        return self.result is not None and not self.result.collisions
+
+
+class Totals:
+    """Sums over runs, and worst ones."""
+
+    def __init__(self, results: Sequence[RunResult]) -> None:
+        self.runs = len(results)
+        self.goals = sum(result.goals for result in results)
+        self.reached = sum(result.reached for result in results)
+        self.collisions = sum(len(result.collisions) for result in results)
+        self.bumps = sum(len(result.bumps) for result in results)
+        self.stops = sum(len(result.stops) for result in results)
+        self.false_stops = sum(len(result.false_stops) for result in results)
+        self.worst_stop_m = max((result.worst_stop_m for result in results), default=0.0)
+        self.least_gap_m = min((result.least_gap_m for result in results), default=math.inf)
+        self.driven_m = sum(result.driven_m for result in results)
+        self.sim_s = sum(result.sim_s for result in results)
+        self.cpu_s = sum(result.cpu_s for result in results)  # of computing, on one core
+
+    @property
+    def share(self) -> float:
+        return self.reached / self.goals if self.goals else 1.0
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds per second of one core."""
+        return self.sim_s / self.cpu_s if self.cpu_s else 0.0
+
+    def cells(self) -> list[str]:
+        return [
+            str(self.runs),
+            f"{self.reached}/{self.goals}",
+            str(self.collisions),
+            str(self.bumps),
+            f"{self.false_stops}/{self.stops}",
+            f"{self.worst_stop_m:.2f}",
+            f"{self.least_gap_m:.2f}" if math.isfinite(self.least_gap_m) else NO_GAP,
+            f"{self.driven_m:.0f}",
+            f"{self.speed:.1f}",
+        ]
+
+
+def results_in(outcomes: Iterable[Outcome]) -> list[RunResult]:
+    return [outcome.result for outcome in outcomes if outcome.result is not None]
+
+
+def counts(outcomes: Sequence[Outcome]) -> str:
+    total = Totals(results_in(outcomes))
+    crashes = len(outcomes) - total.runs
+    return (
+        f"{total.reached}/{total.goals} goals, {total.collisions} collisions, "
+        f"{total.false_stops} false stops" + (f", {crashes} crashes" if crashes else "")
+    )
+
+
+def table(results: Sequence[RunResult], markdown: bool = False) -> Table:
+    drawn = Table(box=box.MARKDOWN if markdown else None, header_style="bold", pad_edge=markdown)
+    for name in COLUMNS:
+        drawn.add_column(name, justify="left" if name == "scene" else "right")
+    for scene in dict.fromkeys(result.scene for result in results):
+        drawn.add_row(scene, *Totals([r for r in results if r.scene == scene]).cells())
+    drawn.add_row("all", *Totals(results).cells(), style="bold")
+    return drawn
+
+
+def complaints(outcomes: Iterable[Outcome], again: str) -> list[str]:
+    """A line for each crash, collision and missed goal; `again` repeats run {number}."""
+    lines = []
+    for outcome in outcomes:
+        if outcome.result is None:
+            what = [f": crashed: {outcome.crash}"]
+        else:
+            what = [f": collision with {contact.words()}" for contact in outcome.result.collisions]
+            what += [
+                f", goal {missed.number} at ({missed.x_m:.1f}, {missed.y_m:.1f}) m not reached: "
+                f"{missed.cause}"
+                for missed in outcome.result.missed
+            ]
+        repeat = again.format(number=outcome.number)
+        lines += [
+            f"run {outcome.number} ({outcome.spec.name}){said}; again: {repeat}" for said in what
+        ]
+    return lines
+
+
+def is_well(outcomes: Sequence[Outcome], planned: int) -> bool:
+    """As many runs as planned, all well; goals enough in those where nothing was made to fail."""
+    sound = results_in(outcome for outcome in outcomes if not outcome.spec.faults)
+    are_well = len(outcomes) >= planned and all(outcome.is_well for outcome in outcomes)
+    return are_well and Totals(sound).share >= GOALS_WANTED
+
+
+def show(
+    console: Console,
+    outcomes: Sequence[Outcome],
+    planned: int,
+    again: str,
+    passed_s: float,
+    markdown: bool = False,
+) -> None:
+    results = results_in(outcomes)
+    if results:
+        console.print(table(results, markdown))
+    all_of = Totals(results)
+    lines = [
+        f"{all_of.reached} of {all_of.goals} goals ({100 * all_of.share:.1f} %), "
+        f"{all_of.collisions} collisions, {len(outcomes) - len(results)} crashes; "
+        f"{all_of.sim_s:.0f} simulated seconds in {passed_s:.0f} s: "
+        f"{all_of.sim_s / passed_s:.1f} x real time in all, {all_of.speed:.1f} x on one core"
+    ]
+    whys = (stop.why or "no reason told" for result in results for stop in result.false_stops)
+    reasons = ", ".join(f"{count} x {why}" for why, count in Counter(whys).most_common())
+    lines += [f"false stops: {reasons}"] if reasons else []
+    lines += complaints(outcomes, again)
+    lines += [f"broken off after {len(outcomes)} of {planned} runs"] * (len(outcomes) < planned)
+    lines += ["well" if is_well(outcomes, planned) else "NOT WELL"]
+    for line in lines:
+        console.print(Text(line), soft_wrap=True)
+
+
+def as_json(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
+    return [
+        {"number": outcome.number, "crash": outcome.crash}
+        | (facts_of(outcome.result) if outcome.result is not None else {})
+        for outcome in outcomes
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +200,12 @@ class Task:
 def spec_of(
     seed: int, number: int, scenes: Sequence[str], faults: int = 0, limit_s: float = LIMIT_S
 ) -> RunSpec:
-    """Run `number` of a campaign, from the campaign's seed alone."""
     own = random.Random(f"run {seed} {number}").randrange(1, 10**6)
     orders = tuple(draw(own, faults)) if faults else ()
     return RunSpec(scenes[number % len(scenes)], own, orders, limit_s)
 
 
 def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
-    """One run from begin to end, recorded where that is wanted."""
     run = Run(task.spec)
     if task.folder is None:
         return Outcome(task.number, task.spec, run.to_end(*each))
@@ -67,7 +216,6 @@ def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
 
 
 def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    """All runs, as they end, over so many processes."""
     with contextlib.closing(results_of(outcome_of, tasks, jobs)) as results:
         for task, result in results:
             if isinstance(result, str):
@@ -81,20 +229,19 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--runs", type=int, default=200, help="how many (200)")
-    parser.add_argument("--seed", type=int, default=1, help="of the campaign (1)")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
-    parser.add_argument("--only", type=int, help="this run alone")
-    parser.add_argument("--scene", help="all runs in this one, a name or a file")
-    parser.add_argument("--faults", type=int, default=0, help="by chance, in each run (0)")
-    parser.add_argument("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
-    parser.add_argument("--watch", action="store_true", help="a live picture of one run")
-    parser.add_argument(
-        "--speed", type=float, default=1.0, help="of what is watched (1: real time)"
-    )
-    parser.add_argument("--record", type=Path, help="a folder for bytes, path, events, picture")
-    parser.add_argument("--json", type=Path, help="a file for all results")
-    parser.add_argument("--markdown", action="store_true", help="the table for a document")
+    add = parser.add_argument
+    add("--runs", type=int, default=200, help="how many (200)")
+    add("--seed", type=int, default=1, help="of the campaign (1)")
+    add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    add("--only", type=int, help="this run alone")
+    add("--scene", help="all runs in this one, a name or a file")
+    add("--faults", type=int, default=0, help="by chance, in each run (0)")
+    add("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
+    add("--watch", action="store_true", help="a live picture of one run")
+    add("--speed", type=float, default=1.0, help="of what is watched (1: real time)")
+    add("--record", type=Path, help="a folder for bytes, path, events, picture")
+    add("--json", type=Path, help="a file for all results")
+    add("--markdown", action="store_true", help="the table for a document")
     options = parser.parse_args(arguments)
     if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
         parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")
@@ -102,11 +249,7 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
 
 
 def tasks_of(options: argparse.Namespace) -> list[Task]:
-    """The runs that are asked for.
-
-    Raises:
-        OSError, ValueError: no such scene, or one without goals.
-    """
+    """Raises OSError, ValueError: no such scene, or one without goals."""
     scenes = [options.scene] if options.scene else list(campaign_scenes())
     for scene in scenes:
         if not load_scene(scene, 1).goals:
@@ -127,7 +270,6 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
 
 
 def again(options: argparse.Namespace) -> str:
-    """The words that repeat a run, with {number} in them."""
     words = ["make campaign ONLY={number}", f"SEED={options.seed}", "WATCH=1"]
     words += [f"SCENE={options.scene}"] if options.scene else []
     words += [f"FAULTS={options.faults}"] if options.faults else []
@@ -152,13 +294,13 @@ def main(arguments: Sequence[str]) -> int:
                 outcomes.append(outcome_of(tasks[0], watcher))
         else:
             running = outcomes_of(tasks, options.jobs)
-            outcomes += with_bar(console, len(tasks), running, report.counts)
+            outcomes += with_bar(console, len(tasks), running, counts)
     outcomes.sort(key=lambda outcome: outcome.number)
     passed_s = time.monotonic() - begun_s
-    report.show(console, outcomes, len(tasks), again(options), passed_s, options.markdown)
+    show(console, outcomes, len(tasks), again(options), passed_s, options.markdown)
     if options.json:
-        options.json.write_text(json.dumps(report.as_json(outcomes), indent=1), encoding="utf-8")
-    return 0 if report.is_well(outcomes, len(tasks)) else 1
+        options.json.write_text(json.dumps(as_json(outcomes), indent=1), encoding="utf-8")
+    return 0 if is_well(outcomes, len(tasks)) else 1
 
 
 if __name__ == "__main__":

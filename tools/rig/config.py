@@ -56,7 +56,6 @@ class Devices(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def real(self) -> dict[str, str]:
-        """The ports of the devices that are real, by name."""
         return {name: port for name in DEVICES if (port := getattr(self, name)) != FAKE}
 
 
@@ -105,7 +104,6 @@ def load_rig_config(text: str, changes: Mapping[str, Any] | None = None) -> RigC
 
 
 def _message(error: msgspec.ValidationError, table: Mapping[str, Any]) -> str:
-    """What is wrong, behind the name of the key where it is."""
     words, _, path = str(error).partition(" - at `$")
     keys = path.strip(".`").partition("[")[0]
     if isinstance(error.__cause__, ValueError):  # a struct's own check, which names its key
@@ -143,11 +141,7 @@ def _check_real_drive(config: RigConfig) -> None:
 
 
 def load_rig_file(path: Path, changes: Mapping[str, Any] | None = None) -> RigConfig:
-    """As load_rig_config; the app's settings are looked for beside the file.
-
-    Raises:
-        ConfigError: as there; a file that can't be read. The text begins with the file's name.
-    """
+    """As load_rig_config, with the file's name in the error; the app's settings lie beside it."""
     try:
         config = load_rig_config(path.read_text(encoding="utf-8"), changes)
     except (OSError, UnicodeDecodeError, ConfigError) as error:

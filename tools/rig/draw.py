@@ -52,7 +52,6 @@ class Chart:
     px_per_m: float
 
     def xy(self, x_m: float, y_m: float) -> Point:
-        """Pixel of a place of the map."""
         return (x_m - self.low_x_m) * self.px_per_m, (self.high_y_m - y_m) * self.px_per_m
 
     def box(self, x: Point, y: Point) -> tuple[float, float, float, float]:
@@ -60,11 +59,9 @@ class Chart:
         return *self.xy(x[0], y[1]), *self.xy(x[1], y[0])
 
     def disc(self, x_m: float, y_m: float, radius_m: float) -> tuple[float, float, float, float]:
-        """Those of the box around a circle."""
         return self.box((x_m - radius_m, x_m + radius_m), (y_m - radius_m, y_m + radius_m))
 
     def robot(self, place: Place) -> list[Point]:
-        """Those of the footprint; the nose is pointed."""
         x, y, yaw = place
         c, s = math.cos(yaw), math.sin(yaw)
         corners = [(-REAR_M, -SIDE_M), (0.6 * FRONT_M, -SIDE_M), (FRONT_M, 0.0)]
@@ -76,7 +73,6 @@ class Chart:
 
 
 def chart_of(scene: Scene, px_per_m: float = PX_PER_M) -> Chart:
-    """The scene from above, without what moves but with the ways it takes."""
     low_x = min(solid.x[0] for solid in scene.solids) - MARGIN_M
     high_x = max(solid.x[1] for solid in scene.solids) + MARGIN_M
     low_y = min(solid.y[0] for solid in scene.solids) - MARGIN_M
@@ -114,7 +110,6 @@ def _shades(tops_m: Array, kind: str) -> Array:
 
 
 def _draw_marks(chart: Chart, scene: Scene) -> None:
-    """Start, goals, people, steel and slippery ground."""
     pen = ImageDraw.Draw(chart.image, "RGBA")
     pen.ellipse(chart.disc(0.0, 0.0, scene.start_clear_m), (90, 170, 255, 25), (90, 170, 255, 120))
     for patch in scene.patches:
@@ -137,12 +132,7 @@ def _draw_marks(chart: Chart, scene: Scene) -> None:
 
 
 def draw_run(folder: Path, scene: Scene | None = None) -> Path:
-    """The picture of a recorded run, from its files; the scene from its own, if it is not given.
-
-    Raises:
-        OSError, ValueError, KeyError, TypeError: not a recorded run, or one of a scene that is not
-            in a file.
-    """
+    """From its files; raises OSError, ValueError, KeyError, TypeError: they are no run's."""
     facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     with (folder / "path.csv").open(encoding="ascii", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -170,7 +160,6 @@ def draw_run(folder: Path, scene: Scene | None = None) -> Path:
 
 
 def _draw_seen(chart: Chart, cells: Array, corner: tuple[int, int], cell_m: float) -> None:
-    """The map, cells [j, i], over the scene, so that both can be made out."""
     colours = np.zeros((*cells.shape, 4), dtype=np.uint8)
     colours[cells == -1] = SEEN_FREE
     colours[cells == 1] = SEEN_OBSTACLE
@@ -183,7 +172,6 @@ def _draw_seen(chart: Chart, cells: Array, corner: tuple[int, int], cell_m: floa
 
 
 def _cropped(chart: Chart, points: Sequence[Point]) -> Image.Image:
-    """What lies around the points, no larger than a screen can show."""
     image, places = chart.image, np.array([chart.xy(*point) for point in points])
     around = AROUND_M * chart.px_per_m
     low, high = places.min(axis=0) - around, places.max(axis=0) + around
@@ -195,7 +183,6 @@ def _cropped(chart: Chart, points: Sequence[Point]) -> Image.Image:
 
 
 def main(words: list[str]) -> int:
-    """Draw a run again; or a scene, telling how many solids it has and what is wrong with it."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.rig.draw", description=(__doc__ or "").splitlines()[0]
     )

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from core.records import FREE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
-from tools.rig.fault import Fault
+from tools.rig.faults import Fault
 from tools.rig.judge import Judge, truth_of
 from tools.rig.loop import Loop
 
@@ -42,7 +42,6 @@ SPARE_S = 3.0  # after the time in which it has to recover
 
 
 def hall(box_x_m: float = BOX_X_M) -> Scene:
-    """A hall along x, 6 m wide, with a box across it."""
     return Scene(
         "fault hall",
         (
@@ -117,14 +116,7 @@ class Outcome:
 
 
 class Drive:
-    """One drive in the hall.
-
-    Args:
-        orders: faults, in the words of `fakes.faults.timetable`.
-        span_s: of the faults: from, to.
-        wait_s: after their end, if the robot stands on.
-        scene: another one than the hall.
-    """
+    """One drive in the hall (or `scene`) with faults from, to span_s, and wait_s after them."""
 
     def __init__(
         self,
@@ -145,7 +137,6 @@ class Drive:
         self._moments: list[Moment] = []
 
     def run(self) -> Outcome:
-        """To its end: before the box, or standing for longer than it may take to recover."""
         while not self._is_over():
             self.loop.step()
             control = self.loop.app.control
@@ -187,7 +178,6 @@ class Drive:
         self._is_sent = False
 
     def _check_map(self) -> None:
-        """FREE cells as the planner holds them, in places that are solid in truth all around."""
         if len(self.outcome.wrong_free) < 3:
             now_s = self.loop.since_begin_s
             self.outcome.wrong_free += [
@@ -226,7 +216,6 @@ def wrong_free(loop: Loop) -> list[tuple[float, float]]:
 
 
 def fill_in(moments: Sequence[Moment], outcome: Outcome) -> None:
-    """Fill in what follows from the moments of a whole drive."""
     t = np.array([moment.t_s for moment in moments])
     x, y = (np.array([getattr(m, axis) for m in moments]) for axis in ("x_m", "y_m"))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
@@ -269,7 +258,6 @@ def _note_told(t: F64, health: npt.NDArray[np.int64], outcome: Outcome) -> None:
 
 
 def problems(fault: Fault, outcome: Outcome) -> list[str]:
-    """What is not as the catalogue has it, in words; nothing: all is."""
     found = problems_of_pair([fault], outcome)
     if fault.must == "goes on" and outcome.stood_s is not None:
         found.append(f"stopped: {outcome.reason or 'no reason told'}")
@@ -295,7 +283,6 @@ def problems_of_pair(faults: Sequence[Fault], outcome: Outcome) -> list[str]:
 
 
 def harm(outcome: Outcome) -> list[str]:
-    """What must never be, whatever the fault."""
     found = [f"collision with {what}" for what in outcome.collisions]
     if outcome.wrong_free:
         found.append(f"told free, and is not: {', '.join(outcome.wrong_free)}")
@@ -305,7 +292,6 @@ def harm(outcome: Outcome) -> list[str]:
 
 
 def drive_with(*faults: Fault, seed: int = 1, start_s: float = FAULT_FROM_S) -> Outcome:
-    """One drive with faults that begin together."""
     orders = [order for fault in faults for order in fault.orders(start_s)]
     end_s = start_s + max(fault.lasts_s for fault in faults)
     wait_s = sum(fault.recovers_s for fault in faults) + SPARE_S

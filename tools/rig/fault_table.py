@@ -16,9 +16,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tools.rig.fault import Fault
 from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
-from tools.rig.faults import CATALOGUE
+from tools.rig.faults import CATALOGUE, Fault
 from tools.rig.pool import results_of, with_bar
 
 EARLIER_S, LATER_S = -1.0, 1.5  # of the faults' begin, by chance
@@ -49,7 +48,6 @@ class Job:
 
     @property
     def must(self) -> str:
-        """What has to come of it."""
         musts = {fault.must for fault in self.faults}
         return next(must for must in ("stops", "either", "goes on") if must in musts)
 
@@ -68,7 +66,6 @@ class Row:
     problems: list[str] = field(default_factory=list)
 
     def complaint(self) -> str:
-        """What is wrong with it, and how it is repeated."""
         job = self.job
         return f"  {job.title} (seed {job.seed}, {job.start_s:g} s): {'; '.join(self.problems)}"
 
@@ -99,7 +96,6 @@ def row_of(job: Job) -> Row:
 
 
 def run_all(wanted: Sequence[Job], processes: int, console: Console) -> list[Row]:
-    """All rows, in order of the jobs; nothing may crash."""
     rows = (
         Row(job, None, [f"crashed: {row.splitlines()[-1]}"]) if isinstance(row, str) else row
         for job, row in results_of(row_of, wanted, processes)
@@ -113,7 +109,6 @@ def run_all(wanted: Sequence[Job], processes: int, console: Console) -> list[Row
 
 
 def wrong(rows: Iterable[Row]) -> list[Row]:
-    """Those that are not as they must be."""
     return [row for row in rows if row.problems]
 
 
@@ -141,7 +136,6 @@ def _seconds(seconds: float | None, none: str) -> str:
 
 
 def summary(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
-    """By device: drives, how many stopped, the median and the most of the times, how many wait."""
     for group in ("scanner", "ahrs", "drive", "planner", "pairs"):
         chosen = [row for row in rows if row.job.group == group]
         outcomes = [row.outcome for row in chosen if row.outcome is not None]
@@ -161,13 +155,11 @@ def summary(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
 
 
 def _spread(values: Sequence[float | None]) -> str:
-    """Median and greatest of those that there are."""
     known = [value for value in values if value is not None]
     return f"{statistics.median(known):.2f}, {max(known):.2f}" if known else ""
 
 
 def show(rows: Sequence[Row], console: Console) -> None:
-    """All rows, the summary, and what is wrong."""
     table = Table(*COLUMNS, title="faults while driving at 0.8 m/s", row_styles=("", "dim"))
     for column in table.columns:
         column.overflow = "fold"
@@ -183,7 +175,6 @@ def show(rows: Sequence[Row], console: Console) -> None:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """A document: by device, then each fault by itself."""
     lines = [HEAD, *_markdown_table(SUMMARY, summary(rows)), ""]
     lines += _markdown_table(COLUMNS, (cells(row) for row in rows if len(row.job.faults) == 1))
     return "\n".join(lines) + "\n"

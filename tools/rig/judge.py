@@ -83,22 +83,15 @@ def truth_of(world: AnyWorld, since_s: float) -> Truth:
 
 
 class Judge:
-    """One run in one scene; `step` with each truth, in order.
-
-    Attributes:
-        collisions, bumps: contacts that count; and those that came to a robot that stood.
-        v_mps, w_radps: how the robot truly moves: forward, and counter-clockwise.
-        driven_m: way of the axle's middle, all in all.
-        stands_s: how long it has stood.
-        least_gap_m, nearest: to anything, while it drove; inf: nothing within 2 m.
-    """
+    """One run in one scene; `step` with each truth, in order."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.ground = scene, Ground(scene)
-        self.collisions: list[Contact] = []
-        self.bumps: list[Contact] = []
-        self.v_mps = self.w_radps = self.driven_m = self.stands_s = 0.0
-        self.least_gap_m, self.nearest = math.inf, ""
+        self.collisions: list[Contact] = []  # that count
+        self.bumps: list[Contact] = []  # that came to a robot that stood
+        self.v_mps = self.w_radps = 0.0  # how it truly moves: forward, counter-clockwise
+        self.driven_m = self.stands_s = 0.0  # way of the axle's middle; how long it has stood
+        self.least_gap_m, self.nearest = math.inf, ""  # while it drove; inf: nothing within 2 m
         self.truth = Truth(0.0, (0.0, 0.0, 0.0))
         self._touched: dict[str, float] = {}  # what, and when last
         self._began = False
@@ -110,7 +103,6 @@ class Judge:
 
     @property
     def is_driving(self) -> bool:
-        """Fast enough to count."""
         return abs(self.v_mps) + REACH_M * abs(self.w_radps) > DRIVING_MPS
 
     def step(self, truth: Truth) -> None:

@@ -7,29 +7,36 @@ machine left alone, then with all of its cores loaded.
 """
 
 import argparse
+import bisect
 import contextlib
+import functools
 import math
+import multiprocessing
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.client import Link
+from mapod_link.frames import POSE, Frame
 from mapod_link.wires import UdpWire
-from tools.cli.options import ROOT
-from tools.rig.far_end import FarEnd, scans_from_file, told_scans
-from tools.rig.load import loaded
+from tools.cli.options import SHIPPED_CONFIG
 from tools.rig.story import JsonLines
-from tools.settings import rewritten
-from tools.terminal.processes import Child, RunError, Stop, ports_of, say
+from tools.terminal.processes import RUNNING, RunError, SimulatedRobot, Stop, say
 
+AGE_S, AGE_AT, AGE_MOST = 0.004, 20, 255  # in a POSE frame's body: unit, offset, "that or more"
+NEAR_S = 0.009  # a mapped scan's instant, as told and as stamped, are no farther apart
+MOVED_BYTES = 32 << 20  # beyond every cache
+WRITTEN_BYTES = 4 << 20
+CHECK_EVERY = 64  # rounds of computing between two looks at the clock
 SETTINGS: dict[str, str | float] = {
     "scanner.scan_rate_hz": 50,
     "scanner.angular_step_deg": 0.5,
@@ -41,13 +48,136 @@ SETTINGS: dict[str, str | float] = {
     "log.level": "debug",
     "log.format": "json",
 }
-START_S, SETTLE_S = 120.0, 6.0  # until the map runs; and until the clocks are locked well
+SETTLE_S = 6.0  # until the clocks are locked well
 LOADED_S, LINGER_S = 2.0, 0.2  # for the load to begin; for the last scan's map to arrive
 OTHERS_PRIORITY = 10  # SCHED_FIFO of fakes and planner's end: they stand for other machines
 GOAL_P99_S = 0.005
 LEAST_TOLD = 0.99  # of the scans: what is never told has no latency
 SHARED_MEMORY = "/dev/shm"
 LAGS = "the world lags"  # what the fakes say once they could not keep up
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A scan as its fake stamped it; host monotonic seconds."""
+
+    measured_s: float  # its last beam
+    sent_s: float  # its last byte, handed to the system
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """What arrived of one tick of the link; host monotonic seconds."""
+
+    t_ms: int  # of the tick, modulo 2^32
+    arrived_s: float  # the last frame
+    age: int | None = None  # of the newest mapped scan, in steps of AGE_S
+
+    @property
+    def maybe_mapped_s(self) -> float | None:
+        """When the newest scan of the map was measured, to some 2 ms; None: long ago, or never."""
+        if self.age is None or self.age >= AGE_MOST:
+            return None
+        ago_ms = (round(self.arrived_s * 1000) - self.t_ms + 2**31) % 2**32 - 2**31
+        return self.arrived_s - ago_ms / 1000 - (self.age + 0.5) * AGE_S
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A scan whose map has arrived at the planner's end."""
+
+    scan: Sent
+    arrived_s: float
+
+    @property
+    def latency_s(self) -> float:
+        return self.arrived_s - self.scan.sent_s
+
+
+class FarEnd(FakePlanner):
+    """A planner that keeps when each tick's frames arrived; the newest burst may still grow."""
+
+    def __init__(self, seed: int = 0) -> None:
+        super().__init__(seed, None, ack_every=4)
+        self.bursts: list[Burst] = []
+
+    def note(self, now_s: float, frame: Frame) -> None:
+        super().note(now_s, frame)
+        if not self.bursts or self.bursts[-1].t_ms != frame.t_ms:
+            self.bursts.append(Burst(frame.t_ms, now_s))
+        age = frame.body[AGE_AT] if frame.type == POSE else self.bursts[-1].age
+        self.bursts[-1] = replace(self.bursts[-1], arrived_s=now_s, age=age)
+
+
+def scans_from_file(path: Path) -> list[Sent]:
+    rows = (line.split() for line in path.read_text(encoding="ascii").splitlines())
+    return [Sent(float(row[1]), float(row[2])) for row in rows if len(row) == 3]
+
+
+def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Told], int]:
+    """Each scan that some tick was the first to tell of; and how many ticks fit no scan."""
+    instants_s = [scan.measured_s for scan in scans]
+    told: list[Told] = []
+    newest, strangers = -1, 0
+    for burst in bursts:
+        mapped_s = burst.maybe_mapped_s
+        if mapped_s is None:
+            continue
+        at = bisect.bisect(instants_s, mapped_s)
+        near = min(
+            range(max(0, at - 1), min(at + 1, len(scans))),
+            key=lambda k: abs(instants_s[k] - mapped_s),
+            default=None,
+        )
+        if near is None or abs(instants_s[near] - mapped_s) > NEAR_S:
+            strangers += 1
+        elif near > newest:
+            newest = near
+            told.append(Told(scans[near], burst.arrived_s))
+    return told, strangers
+
+
+def compute(until_s: float) -> None:
+    number = 1
+    while time.monotonic() < until_s:
+        for _ in range(CHECK_EVERY * 1000):
+            number = (number * 1_103_515_245 + 12_345) % 2**31
+
+
+def move_memory(until_s: float) -> None:
+    one, other = bytearray(MOVED_BYTES), bytearray(MOVED_BYTES)
+    while time.monotonic() < until_s:
+        one[:], other[:] = other, one
+
+
+def write_disk(until_s: float) -> None:
+    data = os.urandom(WRITTEN_BYTES)
+    with tempfile.TemporaryFile() as file:
+        while time.monotonic() < until_s:
+            file.seek(0)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+
+
+@contextlib.contextmanager
+def loaded(seconds: float, cores: int | None = None) -> Iterator[str]:
+    """Load while the block runs, at most so long; gives what it consists of, in words."""
+    cores = cores or len(os.sched_getaffinity(0))
+    until_s = time.monotonic() + seconds
+    jobs: list[Callable[[], None]] = [functools.partial(compute, until_s)] * cores
+    jobs += [functools.partial(move_memory, until_s)] * max(1, cores // 2)
+    jobs.append(functools.partial(write_disk, until_s))
+    spawn = multiprocessing.get_context("spawn")
+    processes = [spawn.Process(target=job, daemon=True) for job in jobs]
+    for process in processes:
+        process.start()
+    try:
+        yield f"{cores} computing, {max(1, cores // 2)} moving memory, 1 writing to the disk"
+    finally:
+        for process in processes:
+            process.kill()
+            process.join()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +196,6 @@ class Figures:
 
     @property
     def is_good(self) -> bool:
-        """Within the goal, no tick lost, and hardly a scan that was never told."""
         complete = self.told >= LEAST_TOLD * self.scans > 0
         known = self.strangers <= (1 - LEAST_TOLD) * self.scans
         return self.latency_s[1] < GOAL_P99_S and not self.missed and complete and known
@@ -95,66 +224,40 @@ class Bench:
     """World, app and planner's end, from start to end."""
 
     def __init__(self, folder: Path, stop: Stop) -> None:
-        self._folder, self._stop = folder, stop
-        self.end = FarEnd()
-        self._wire = UdpWire("127.0.0.1", 0)
+        self._stop, self._robot = stop, SimulatedRobot(folder)
+        self.end, self._wire = FarEnd(), UdpWire("127.0.0.1", 0)
         self._link = Link(self._wire, self.end)
-        self._children: list[Child] = []
         self.stamps, self.log = folder / "stamps.txt", JsonLines(folder / "app.log")
         self.fakes_fifo = False
 
     def start(self) -> None:
-        """Fakes and app, up to a map that has settled.
-
-        Raises:
-            RunError: one of them fails, or there is no map in time.
-        """
-        fakes = self._child("fakes", "-m", "fakes", "--stamp", str(self.stamps))
-        self.fakes_fifo = prefer(fakes.pid) and prefer(0)
-        ports = ports_of(fakes, self._stop) or {}
-        values = SETTINGS | {f"{name}.port": url for name, url in ports.items()}
-        values["planner.port"] = self._wire.url
-        config = self._folder / "mapod.toml"
-        config.write_text(rewritten((ROOT / "mapod.toml").read_text(), values))
-        self._child("app", str(ROOT / "main.py"), "--config", str(config))
-        overdue_s = time.monotonic() + START_S
-        while not self._runs() and not self._stop.wanted:
+        """Up to a map that has settled. Raises RunError: a process fails, or no map in time."""
+        robot, stop = self._robot, self._stop
+        world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps)]
+        robot.start(world, SHIPPED_CONFIG, SETTINGS | {"planner.port": self._wire.url}, stop)
+        self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
+        while not (stop.wanted or robot.has_map(time.monotonic(), self.end, RUNNING)):
             self.run(0.05)
-            if time.monotonic() > overdue_s:
-                raise RunError(f"no map within {START_S:.0f} s")
         self.run(SETTLE_S)
 
-    def _runs(self) -> bool:
-        return not self.end.blank and self.end.pose is not None and self.end.pose.mode == 1
-
     def run(self, seconds: float) -> None:
-        """Hear and answer for so long."""
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s and not self._stop.wanted:
-            for child in self._children:
+            for child in self._robot.children:
                 child.check_alive()
             self._link.step(0.05)
 
     def close(self) -> list[str]:
-        """All processes end; complaints."""
-        complaints = [child.end() for child in reversed(self._children)]
+        complaints = self._robot.end()
         self._wire.close()
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        if self._children and LAGS in self._children[0].last_words():
+        if self._robot.children and LAGS in self._robot.children[0].last_words():
             complaints.append(f"the fakes say: {LAGS}: there is nothing to measure by")
-        return [words for words in complaints if words]
-
-    def _child(self, name: str, *words: str) -> Child:
-        self._children.append(Child(name, [sys.executable, *words], self._folder))
-        return self._children[-1]
+        return complaints
 
 
 def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
-    """One measurement from start to end.
-
-    Raises:
-        RunError: a process failed, or did not end well.
-    """
+    """One measurement from start to end. Raises RunError: a process failed, or did not end well."""
     # In memory: a log file on a disk that others keep busy would stall the app as it writes there.
     memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
     with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:
@@ -179,7 +282,6 @@ def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
 def figures(
     name: str, bench: Bench, before: list[dict[str, Any]], span_s: tuple[float, float]
 ) -> Figures:
-    """What the stamps of both ends and the app's log say of a span of host time."""
     begun_s, ended_s = span_s
     after = bench.log.added()
     counted, earlier = (
@@ -209,7 +311,6 @@ def figures(
 
 
 def rights_words(taken: dict[str, Any], fakes_fifo: bool) -> str:
-    """What the machine permitted, and what it means where it did not."""
     no_fifo = "not permitted (run as root, or give the user `rtprio 20`)"
     not_locked = "not locked (raise `memlock` in limits.conf)"
     others = "too" if fakes_fifo else "not: under load their own delays are in the figures"
@@ -232,7 +333,6 @@ def table_of(rows: Sequence[Figures]) -> Table:
 
 
 def main() -> int:
-    """Exit status: 0 if the goal was met without load."""
     parser = argparse.ArgumentParser(prog="python -m tools.rig.latency", description=__doc__)
     parser.add_argument("--seconds", type=float, default=60.0, help="for each measurement (60)")
     parser.add_argument("--only", choices=("alone", "loaded"), help="one measurement of the two")

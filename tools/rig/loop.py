@@ -33,11 +33,9 @@ Tap = Callable[[str, str, bytes], None]  # wire's name, "d2h" or "h2d", what wen
 class Planner(Protocol):
     """The planner's end of the link: frames in, frames out."""
 
-    def feed_datagram(self, now_s: float, data: bytes) -> Any:
-        """One frame of the app."""
+    def feed_datagram(self, now_s: float, data: bytes) -> Any: ...
 
-    def poll(self, now_s: float) -> list[bytes]:
-        """Frames for the app, one a datagram."""
+    def poll(self, now_s: float) -> list[bytes]: ...
 
 
 class TappedPort(MemoryPort):
@@ -49,7 +47,6 @@ class TappedPort(MemoryPort):
         self.taps: list[Tap] = []
 
     def write(self, data: bytes) -> None:
-        """What the app says."""
         self._tell("h2d", data)
         super().write(data)
 
@@ -74,28 +71,18 @@ def rig_config(scene: Scene) -> Config:
 
 
 class Loop:
-    """World, fakes, app and planner, stepped together.
-
-    Args:
-        scene: or a name, or a world that is ready.
-        seed: of all chance, the planner's apart.
-        config: as shipped for this scene, if none is given.
-        planner: a public receiver that drives nowhere, if none is given.
-        drives: a radio drives the robot along the scene's route, and the app only looks on.
-        key: of the link.
-        errors: instead of the scene's own.
-    """
+    """World, fakes, app and planner, stepped together."""
 
     def __init__(
         self,
         scene: Scene | str | Path | AnyWorld,
-        seed: int = 1,
-        config: Config | None = None,
-        planner: Planner | None = None,
+        seed: int = 1,  # of all chance, the planner's apart
+        config: Config | None = None,  # None: as shipped for this scene
+        planner: Planner | None = None,  # None: a public receiver that drives nowhere
         *,
-        drives: bool = False,
-        key: bytes | None = None,
-        errors: ErrorModels | None = None,
+        drives: bool = False,  # a radio drives along the scene's route, and the app only looks on
+        key: bytes | None = None,  # of the link
+        errors: ErrorModels | None = None,  # instead of the scene's own
     ) -> None:
         self.rig = Rig(scene, seed, drives=drives, errors=errors)
         self.config = config or rig_config(self.rig.world.scene)
@@ -131,16 +118,11 @@ class Loop:
         return App(self.config, ports, session=SESSION, key=key)
 
     def listen(self, tap: Tap) -> None:
-        """Let `tap` have all bytes of all ports of the app, from now on."""
         for port in (*self.ports.values(), self.link_port):
             port.taps.append(tap)
 
     def set_faults(self, texts: Sequence[str]) -> None:
-        """Faults on a timetable that begins now: "scanner.wire.mute@12s+2s", "ahrs.mute@20s-21s".
-
-        Raises:
-            FaultError: a name or a value that there is not.
-        """
+        """Faults from now on, say "scanner.wire.mute@12s+2s". Raises FaultError: no such one."""
         if not texts:
             self._schedule = None
             return
@@ -153,7 +135,6 @@ class Loop:
         self._link_wire.step(self.now_s)
 
     def _advance(self) -> None:
-        """World, fakes and wires of the devices, one tick on."""
         self.ticks += 1
         now_s = self.now_s = START_S + self.ticks / self._rate_hz
         if self._schedule is not None:
@@ -169,7 +150,6 @@ class Loop:
             self._link_wire.step(self.now_s)
 
     def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
-        """Step for so long; `each` is called after every step."""
         for _ in range(round(seconds * self.config.loop.rate_hz)):
             self.step()
             if each:
@@ -177,7 +157,6 @@ class Loop:
 
     @property
     def since_begin_s(self) -> float:
-        """Simulated seconds since the first tick."""
         return self.now_s - START_S
 
     def map_now(self) -> npt.NDArray[np.int8]:

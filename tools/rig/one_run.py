@@ -34,21 +34,14 @@ POSE = struct.Struct("<7d")
 class Pilot(Planner, Protocol):
     """A planner that drives to a goal by itself."""
 
-    def goal(self, x_m: float, y_m: float) -> Any:
-        """Drive there, map frame."""
+    def goal(self, x_m: float, y_m: float) -> Any: ...
 
-    def state(self, now_s: float) -> PlannerState:
-        """What it does now."""
+    def state(self, now_s: float) -> PlannerState: ...
 
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """What decides a run.
-
-    Args:
-        scene: a scene, the name of a shipped one, or the path of a scene's file.
-        faults: what goes wrong, and when; see `fakes.faults.timetable`.
-    """
+    """What decides a run: scene or its name or file, chance, and `fakes.faults.timetable` texts."""
 
     scene: Scene | str | Path
     seed: int
@@ -111,17 +104,11 @@ class Goals:
         return self.all[self.at] if 0 <= self.at < len(self.all) else None
 
     def miss(self, number: int, cause: str) -> None:
-        """One is not reached."""
         self.missed.append(Missed(number + 1, *self.all[number], cause))
 
 
 class Run:
-    """One run, a tick at a time.
-
-    Args:
-        pilot: the planner; the C one, if none is given.
-        config: of the app; as shipped for the scene, if none is given.
-    """
+    """One run, a tick at a time; by default the planner in C, and settings as shipped."""
 
     def __init__(
         self, spec: RunSpec, pilot: Pilot | None = None, config: Config | None = None
@@ -150,7 +137,6 @@ class Run:
         return self.loop.since_begin_s
 
     def to_end(self, *each: Callable[["Run"], None]) -> RunResult:
-        """All of it; `each` is called after every tick."""
         while not self.ended:
             self.step()
             for one in each:
@@ -163,7 +149,6 @@ class Run:
             self._look()
 
     def _look(self) -> None:
-        """The truth now, and what follows from it."""
         truth = truth_of(self.loop.rig.world, self.since_begin_s)
         self.judge.step(truth)
         angles = truth.pitch_rad, truth.roll_rad
@@ -220,7 +205,6 @@ class Run:
 
     @property
     def cause(self) -> str:
-        """Why the robot does not go on, in words."""
         control = self.loop.app.control
         words = [f"the planner: {self.state.why}" if self.state.why else ""]
         words += [f"mapod: {control.blocked_by}" if control.blocked_by else ""]

@@ -1,7 +1,6 @@
 """Many runs on all cores: results as they come, a crash in words, and a bar meanwhile."""
 
 import concurrent.futures
-import logging
 import multiprocessing
 import os
 import signal
@@ -11,9 +10,10 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
-import structlog
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from tools.terminal.progress import quiet
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -21,13 +21,7 @@ TOLD_EVERY_S = 5.0  # without a screen
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")  # a worker has one core
 
 
-def quiet() -> None:
-    """No log: thousands of runs would drown a person."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
-
-
 def begin() -> None:
-    """A worker begins: quiet, and ended by Ctrl-C without a word."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     quiet()
 
@@ -35,11 +29,7 @@ def begin() -> None:
 def results_of(
     work: Callable[[T], R], tasks: Sequence[T], jobs: int
 ) -> Generator[tuple[T, R | str], None, None]:
-    """Each task with its result, as they end, over so many processes; or with its crash in words.
-
-    Args:
-        work: a function that another process can import; its results are no texts.
-    """
+    """Results as they end, crashes in words; `work` can be imported, and gives no text."""
     for name in THREADS:
         os.environ.setdefault(name, "1")
     pool = concurrent.futures.ProcessPoolExecutor(
@@ -57,7 +47,6 @@ def results_of(
 
 
 def words_of(error: BaseException) -> str:
-    """A crash, with where it happened."""
     if isinstance(error, BrokenProcessPool):
         return "the process that ran it, or one beside it, was killed"
     return "".join(traceback.format_exception(error)).strip()
@@ -66,25 +55,18 @@ def words_of(error: BaseException) -> str:
 def with_bar(
     console: Console, total: int, results: Iterable[R], words: Callable[[Sequence[R]], str]
 ) -> Iterator[R]:
-    """The same results, with a bar; or, without a screen, a line now and then.
-
-    Args:
-        words: about all results so far.
-    """
+    """The same results, with a bar, or a line now and then; `words` are of all results so far."""
     seen: list[R] = []
-    if not console.is_terminal:
-        told_s = time.monotonic()
-        for result in results:
-            seen.append(result)
-            if time.monotonic() - told_s >= TOLD_EVERY_S:
-                told_s = time.monotonic()
-                console.print(f"  {len(seen)} of {total} runs: {words(seen)}", soft_wrap=True)
-            yield result
-        return
+    told_s = time.monotonic()
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
+    is_drawn = console.is_terminal
+    with Progress(*columns, TimeRemainingColumn(), console=console, disable=not is_drawn) as bar:
         task = bar.add_task("runs", total=total)
         for result in results:
             seen.append(result)
-            bar.update(task, advance=1, description=words(seen))
+            if is_drawn:
+                bar.update(task, advance=1, description=words(seen))
+            elif time.monotonic() - told_s >= TOLD_EVERY_S:
+                told_s = time.monotonic()
+                console.print(f"  {len(seen)} of {total} runs: {words(seen)}", soft_wrap=True)
             yield result

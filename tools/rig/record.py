@@ -34,11 +34,7 @@ INDEX_COLUMNS = ("t_s", "dir", "offset", "length", "name")
 
 
 class Recorder:
-    """Writes down one run: a context; call it after every tick, and `finish` with the result.
-
-    Raises:
-        OSError: from its calls, where the disk is full or not there.
-    """
+    """A context; call it after every tick, and `finish` with the result. Raises OSError."""
 
     def __init__(self, run: Run, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -125,7 +121,6 @@ class Recorder:
 
 
 def facts_of(result: RunResult) -> dict[str, Any]:
-    """A result as JSON takes it: what is infinite is null."""
     facts = asdict(result)
     facts["false_stops"] = len(result.false_stops)
     return {key: None if value == float("inf") else value for key, value in facts.items()}

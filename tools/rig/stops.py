@@ -112,12 +112,7 @@ def in_way(judge: Judge, start: Truth, v_mps: float, w_radps: float) -> str:
 
 
 class StopWatch:
-    """Follows the stops of one run; `step` after each of the judge's.
-
-    Args:
-        faulty: something was made to fail: stops for doubts are right, and only those for
-            something in the way can be false.
-    """
+    """`step` it after the judge; faulty: only stops for something in the way can be false."""
 
     def __init__(self, judge: Judge, faulty: bool = False) -> None:
         self._judge, self._faulty = judge, faulty

@@ -50,7 +50,6 @@ class Tour:
 
     @property
     def now(self) -> Visit | None:
-        """The goal under way."""
         return self.visits[-1] if self.visits and self.visits[-1].ended_s is None else None
 
     @property
@@ -59,13 +58,11 @@ class Tour:
 
     @property
     def reached(self) -> int:
-        """Goals that the planner says it has come to."""
         return sum(visit.ended_s is not None and not visit.why for visit in self.visits)
 
     def step(
         self, now_s: float, state: PlannerState | None, gap_m: Callable[[float, float], float]
     ) -> None:
-        """Look at what the planner is about; tell it the next goal where one is due."""
         visit = self.now
         if visit is None:
             if self._left and state is not None:
@@ -171,7 +168,6 @@ class AppLog:
 
     @property
     def missing(self) -> str:
-        """Which devices do not run, and why."""
         return "; ".join(f"{device}: {cause}" for device, cause in self._causes.items())
 
     @property
@@ -202,5 +198,4 @@ class TruthLog:
             )
 
     def gap_m(self, x_m: float, y_m: float) -> float:
-        """How far the robot truly is from a place."""
         return math.dist(self.judge.truth.place[:2], (x_m, y_m))

@@ -17,16 +17,7 @@ from rich.text import Text
 
 from tools.rig.contact import FRONT_M, REAR_M, SIDE_M
 from tools.rig.one_run import Run
-from tools.rig.stops import Stop
-from tools.terminal.screen import (
-    BAD,
-    GOOD,
-    POOR,
-    factor_for,
-    half_blocks,
-    has_screen,
-    labelled,
-)
+from tools.terminal.screen import BAD, GOOD, POOR, factor_for, half_blocks, has_screen, labelled
 
 U8 = npt.NDArray[np.uint8]
 DRAWN_S, LINE_S = 0.1, 2.0  # of real time, of simulated time
@@ -39,11 +30,7 @@ STATES = {"driving": GOOD, "arrived": GOOD, "idle": POOR, "stopped": BAD}
 
 
 class Watcher:
-    """Call it after every tick of a run; a context, for the terminal is put back at its end.
-
-    Args:
-        speed: so many simulated seconds per second at most; 0: as fast as it goes.
-    """
+    """A context; call it after every tick. speed: times real time; 0: as fast as it goes."""
 
     def __init__(self, console: Console, speed: float = 1.0) -> None:
         self._console, self._speed = console, speed
@@ -63,7 +50,6 @@ class Watcher:
             self._live.stop()
 
     def __call__(self, run: Run) -> None:
-        """Hold back, and draw what is due."""
         if self._speed > 0.0:
             ahead_s = run.since_begin_s / self._speed - (time.monotonic() - self._begun_s)
             if ahead_s > 0.01:
@@ -129,14 +115,12 @@ def panel(run: Run) -> list[Text]:
         labelled("gap", f"least {judge.least_gap_m:.2f} m ({judge.nearest or 'nothing near'})"),
         labelled("stops", f"{len(stops)}, {false} before nothing", POOR if false else ""),
     ]
-    lines += [labelled("", _stop_words(stop)) for stop in stops[-3:]]
+    for stop in stops[-3:]:
+        why = f"{stop.why or 'no reason told'} ({stop.in_way or 'nothing there'})"
+        lines.append(labelled("", f"{stop.at_s:.0f} s: {why}"))
     lines += [labelled("fault", said, POOR) for _, said in run.loop.happened[-3:]]
     lines += [labelled("contact", contact.words(), BAD) for contact in judge.collisions]
     return lines
-
-
-def _stop_words(stop: Stop) -> str:
-    return f"{stop.at_s:.0f} s: {stop.why or 'no reason told'} ({stop.in_way or 'nothing there'})"
 
 
 def legend() -> Text:

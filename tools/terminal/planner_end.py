@@ -84,7 +84,6 @@ class Meter:
         self._pose_t_ms = -1
 
     def take(self, now_s: float, planner: WatchingReceiver) -> None:
-        """Count what the planner has heard since the last call."""
         while planner.heard:
             heard = planner.heard.popleft()
             self.first_s = heard.arrived_s if self.frames == 0 else self.first_s
@@ -104,7 +103,6 @@ class Meter:
                 self.scan.add(age_ms)
 
     def rates(self, now_s: float) -> tuple[float, float, float]:
-        """MAP frames, POSE frames and bytes per second."""
         span_s = min(RATE_WINDOW_S, now_s - self.first_s) if self.frames else 0.0
         if span_s <= 0.0:
             return 0.0, 0.0, 0.0

@@ -4,24 +4,33 @@ import contextlib
 import ctypes
 import functools
 import json
+import math
 import os
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FrameType
 
+from mapod_link.receiver import Receiver
 from tools.cli.options import ROOT
+from tools.settings import rewritten
 
 READY_S = 60.0  # compiling the kernels anew fits in
+FIRST_MAP_S = 120.0  # of an app; compiling the kernels anew fits in
 GRACE_S = 5.0  # to end when asked to
 TAIL_LINES = 25
 PR_SET_PDEATHSIG = 1
 ENDED_WELL = (0, 130, -signal.SIGINT)
 LIBC = ctypes.CDLL(None)
+APP = (sys.executable, str(ROOT / "main.py"), "--config")
+DEVICES = ("scanner", "ahrs", "drive")
+MODES = range(1, 256)  # all but booting
+RUNNING = (1,)
 
 
 class RunError(Exception):
@@ -39,7 +48,6 @@ class Stop:
 
     @contextlib.contextmanager
     def on_signals(self) -> Iterator["Stop"]:
-        """Handles the signals for as long as it is open."""
         numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         before = [signal.signal(number, self) for number in numbers]
         try:
@@ -86,7 +94,6 @@ class Child:
         return "\n".join(f"    {line}" for line in lines) or "    (it said nothing)"
 
     def end(self) -> str:
-        """Asks it to end, waits, insists; gives a complaint if it did not end well."""
         ended_before = self._process.poll() is not None
         if not ended_before:
             self._process.send_signal(signal.SIGINT)
@@ -103,11 +110,7 @@ class Child:
 
 
 def first_words_of(child: Child, stop: Stop) -> dict[str, str]:
-    """The JSON on the first line of fakes, which names their ports; {} if the wait was broken off.
-
-    Raises:
-        RunError: none comes.
-    """
+    """The JSON of its first line; {}: the wait was broken off. Raises RunError: none comes."""
     overdue_s = time.monotonic() + READY_S
     while not stop.wanted:
         first, end, _ = child.out.read_text(errors="replace").partition("\n")
@@ -123,24 +126,82 @@ def first_words_of(child: Child, stop: Stop) -> dict[str, str]:
     return {}
 
 
-def ports_of(fakes: Child, stop: Stop) -> dict[str, str] | None:
-    """Where the fakes of a world are; None if the wait was broken off."""
-    ports = first_words_of(fakes, stop)
-    if stop.wanted:
-        return None
-    try:
-        return {name: ports[name] for name in ("scanner", "ahrs", "drive")}
-    except KeyError:
-        raise RunError(f"the {fakes.name}'s first line names no ports: {ports}") from None
+class SimulatedRobot:
+    """The world with its fakes, and the unchanged app on their ports, in a folder of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.children: list[Child] = []
+        self.mapped_s = math.inf  # when the first map was there
+        self._overdue_s = math.inf
+
+    def start(
+        self,
+        world: list[str],
+        settings: Path,
+        values: Mapping[str, object],
+        stop: Stop,
+        app: Sequence[str] = APP,
+    ) -> None:
+        """World (none where it is empty) and app; without the app if the wait was broken off.
+
+        Args:
+            values: in the app's settings at "section.key"; those of ports win over the fakes' own.
+
+        Raises:
+            RunError, NotThereError: one does not start; the settings have no such key.
+        """
+        ports: dict[str, object] = {}
+        if world:
+            self.children.append(Child("world", world, self.folder))
+            told = first_words_of(self.children[0], stop)
+            if stop.wanted:
+                return
+            if not set(DEVICES) <= told.keys():
+                raise RunError(f"the world's first line names no ports: {told}")
+            ports = {f"{name}.port": told[name] for name in DEVICES}
+        config = self.folder / "mapod.toml"
+        config.write_text(rewritten(settings.read_text(), ports | dict(values)))
+        self.children.append(Child("app", [*app, str(config)], self.folder))
+        self._overdue_s = time.monotonic() + FIRST_MAP_S
+
+    def has_map(self, now_s: float, planner: Receiver, modes: Container[int] = MODES) -> bool:
+        """Whether a planner has got a map from an app in one of these modes by now.
+
+        Raises:
+            RunError: a process has ended, or there is no map in time.
+        """
+        for child in self.children:
+            child.check_alive()
+        if self.mapped_s < math.inf:
+            return True
+        if not planner.blank and planner.pose is not None and planner.pose.mode in modes:
+            self.mapped_s = now_s
+        elif now_s > self._overdue_s:
+            words = self.children[-1].last_words()
+            raise RunError(f"no map within {FIRST_MAP_S:.0f} s; the app's last words:\n{words}")
+        return self.mapped_s < math.inf
+
+    def end(self) -> list[str]:
+        return [complaint for child in reversed(self.children) if (complaint := child.end())]
+
+    @contextlib.contextmanager
+    def ended(self) -> Iterator[None]:
+        """All end with the block; a RunError of it, or of their end, names the folder."""
+        where = f"all that was said is in {self.folder}"
+        try:
+            yield
+        except RunError as error:
+            raise RunError(f"{error}\n{where}") from None
+        finally:
+            complaints = self.end()
+        if complaints:
+            raise RunError("\n".join([*complaints, where]))
 
 
 @contextlib.contextmanager
 def folder_kept_on_failure(wanted: Path | None = None) -> Iterator[Path]:
-    """A folder for logs: the one that is wanted, else a temporary one that stays if this fails.
-
-    Raises:
-        OSError: there can be no such folder.
-    """
+    """For logs: the wanted one, or one that stays if this fails. Raises OSError."""
     if wanted is not None:
         wanted.mkdir(parents=True, exist_ok=True)
         yield wanted

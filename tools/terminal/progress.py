@@ -1,34 +1,27 @@
-"""A bar for work that takes more than a few seconds; on stderr, and only where a person looks."""
+"""What a person sees of long work: a bar on stderr, where there is a terminal, and no log."""
 
-from collections.abc import Callable, Iterable, Iterator
+import logging
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
 
+import structlog
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-T = TypeVar("T")
 Advance = Callable[[float, str], None]
 
 
-def _bar() -> Progress:
-    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
-    console = Console(stderr=True)
-    return Progress(
-        *columns, TimeRemainingColumn(), console=console, disable=not console.is_terminal
-    )
-
-
-def progress(what: str, things: Iterable[T], total: int) -> Iterator[T]:
-    """The same things, with a bar that moves on with each."""
-    with _bar() as bar:
-        yield from bar.track(things, total, description=what)
+def quiet() -> None:
+    """No log: what a simulated robot says would drown a person."""
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
 
 
 @contextmanager
 def advancing(what: str, total: float | None) -> Iterator[Advance]:
     """A bar that moves to where it is told: `advance(done, words)`; total None: nobody knows."""
-    with _bar() as bar:
+    columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
+    console, left = Console(stderr=True), TimeRemainingColumn()
+    with Progress(*columns, left, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=total)
 
         def advance(done: float, words: str) -> None:

@@ -59,7 +59,6 @@ def maybe_robot(planner: Receiver) -> Robot | None:
 
 
 def robot_in_window(pose: Pose, origin: tuple[int, int], cell_m: float) -> Robot:
-    """The pose in cells of a window that begins at cell `origin`."""
     col, row = pose.x_m / cell_m - origin[0], pose.y_m / cell_m - origin[1]
     return Robot(col, row, pose.yaw_rad, ROBOT_RADIUS_M / cell_m)
 
@@ -98,7 +97,6 @@ def cell_of_robot(robot: Robot, shape: tuple[int, int], factor: int) -> tuple[in
 
 
 def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
-    """The map in colour, two rows of cells a line."""
     full = image_from_window(window)
     image = downsampled(full, factor).copy()
     if robot is None:
@@ -106,18 +104,15 @@ def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
     row, col = cell_of_robot(robot, full.shape, factor)
     rows, cols = np.ogrid[: image.shape[0], : image.shape[1]]
     image[np.hypot(rows - row, cols - col) <= robot.radius / factor] = ROBOT
-    return half_blocks(image, HALVES, (row // 2, col, ARROWS[eighth(robot.yaw_rad)]))
+    return half_blocks(
+        image, HALVES, (row // 2, col, ARROWS[round(robot.yaw_rad / (math.pi / 4)) % 8])
+    )
 
 
 def half_blocks(
     image: U8, styles: Sequence[Sequence[Style]], mark: tuple[int, int, str] | None = None
 ) -> Text:
-    """An image in colour, two rows a line.
-
-    Args:
-        styles: by the kinds of the upper and of the lower cell.
-        mark: line, column, and the character that stands there.
-    """
+    """Two rows a line; styles by upper and lower kind; mark: line, column, character."""
     if len(image) % 2:
         image = np.vstack([image, np.zeros((1, image.shape[1]), np.uint8)])
     text = Text(no_wrap=True, overflow="crop")
@@ -137,13 +132,7 @@ def half_blocks(
     return text
 
 
-def eighth(yaw_rad: float) -> int:
-    """Which of eight headings, counter-clockwise from map x."""
-    return round(yaw_rad / (math.pi / 4)) % 8
-
-
 def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
-    """The map in letters, a character a cell, without empty borders."""
     full = image_from_window(window)
     image = downsampled(full, factor)
     signs = np.array(list(SIGNS))[image]
@@ -161,7 +150,6 @@ def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
 
 
 def plain_legend(cell_m: float) -> str:
-    """What the letters of a plain map mean."""
     return (
         f"# obstacle   . free   (blank) unknown   ^ < v > robot and heading   "
         f"1 character = {cell_m:.2f} m\nup: map x, where the robot's nose pointed at first; left: y"
@@ -171,14 +159,7 @@ def plain_legend(cell_m: float) -> str:
 # The numbers beside it
 
 
-def health_words(health: int) -> tuple[list[str], list[str]]:
-    """What is missing, and what warns, of a POSE frame's health bits."""
-    missing = [name for bit, name in enumerate(MISSING) if not health >> bit & 1]
-    return missing, [name for bit, name in WARNINGS.items() if health >> bit & 1]
-
-
 def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
-    """The receiver's state, and its colour."""
     if planner.blank:
         return "BLANK: no map has arrived", BAD
     if planner.stale(now_s):
@@ -188,12 +169,7 @@ def link_words(planner: Receiver, now_s: float) -> tuple[str, str]:
     return "live", GOOD
 
 
-def age_words(age_s: float) -> str:
-    return f"{age_s * 1000:.0f}" if math.isfinite(age_s) else ">1020"
-
-
 def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
-    """All there is to say of link, robot and map, one thing a line."""
     maps, poses, bytes_per_s = meter.rates(now_s)
     link, link_style = link_words(planner, now_s)
     advice, why = planner.advice(now_s)
@@ -215,7 +191,6 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
 
 
 def delay_words(newest_ms: float, delays: Delays) -> str:
-    """Newest, median and p99."""
     if math.isnan(newest_ms):
         return "-"
     median_ms, p99_ms = delays.quantile_ms(0.5), delays.quantile_ms(0.99)
@@ -223,11 +198,12 @@ def delay_words(newest_ms: float, delays: Delays) -> str:
 
 
 def pose_lines(pose: Pose) -> list[Text]:
-    """What a POSE frame says, in words."""
-    missing, warnings = health_words(pose.health)
+    missing = [name for bit, name in enumerate(MISSING) if not pose.health >> bit & 1]
+    warnings = [name for bit, name in WARNINGS.items() if pose.health >> bit & 1]
     mode = MODES[pose.mode] if pose.mode < len(MODES) else f"unknown ({pose.mode})"
     mode_style = {1: GOOD, 2: POOR}.get(pose.mode, BAD)
-    ages = [age_words(age_s) for age_s in (pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s)]
+    ages_s = pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s
+    ages = [f"{1000 * age_s:.0f}" if math.isfinite(age_s) else ">1020" for age_s in ages_s]
     lines = [
         labelled("mode", mode, mode_style),
         labelled("health", "all well" if not missing else "no " + ", no ".join(missing),

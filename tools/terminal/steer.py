@@ -41,11 +41,7 @@ def ways_from_keys(data: bytes) -> list[str]:
 
 @contextlib.contextmanager
 def keys_of(fd: int) -> Iterator[int]:
-    """A terminal that gives each key at once and does not show it; afterwards as it was.
-
-    Raises:
-        ValueError: it is no terminal.
-    """
+    """A terminal that gives keys at once, unseen, meanwhile. Raises ValueError: it is none."""
     if not os.isatty(fd):
         raise ValueError("driving needs a terminal with a keyboard")
     before = termios.tcgetattr(fd)
@@ -67,7 +63,6 @@ class Steering:
         self._stops = 0  # still to be told
 
     def step(self, now_s: float) -> None:
-        """Take the keys, and ask for what they say if it is time."""
         self.take(now_s, self._typed())
         if now_s - self._sent_s < PERIOD_S:
             return
@@ -79,7 +74,6 @@ class Steering:
             self._ask(now_s, 0.0, 0.0, 0.0)
 
     def take(self, now_s: float, typed: bytes) -> None:
-        """Keys that have arrived now."""
         before = self._way
         for way in ways_from_keys(typed):
             self._way, self._key_s = way, now_s
@@ -96,7 +90,6 @@ class Steering:
             self._ask(now_s, 0.0, 0.0, 0.0)
 
     def words(self, now_s: float) -> str:
-        """What is asked for, and what is known if the robot does not do it."""
         if not self._way:
             return HELP
         asked = f"{self._way}, {self._v_mps:g} m/s"

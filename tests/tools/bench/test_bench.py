@@ -2,7 +2,7 @@
 
 import pytest
 
-from tools.bench.decode import Cost, altered, costs
+from tools.bench.bench import Cost, altered, costs
 
 
 @pytest.fixture(scope="module")

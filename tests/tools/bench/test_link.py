@@ -12,9 +12,8 @@ from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
 from tools.bench.drive import Playback, drive
 from tools.bench.link import row
-from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_meter import Meter, View
-from tools.bench.link_run import LOSS, Case, Run, measure
+from tools.bench.link_run import LOSS, Case, Lane, LinePort, Run, measure
 
 SHORT_S = 5.0
 FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
@@ -150,13 +149,12 @@ def test_a_new_obstacle_is_timed_from_its_tick_to_the_frame_that_tells_it() -> N
     assert np.concatenate(got.held_s) == pytest.approx([0.03, 0.07])
 
 
-def test_an_obstacle_that_is_gone_before_it_was_told_counts_apart() -> None:
+def test_an_obstacle_that_is_gone_before_it_was_told_is_not_waited_for() -> None:
     rig = Scripted()
     rig.mean(1.00, [7], OBSTACLE)
     rig.mean(1.04, [7], FREE)
     rig.send(1.07, 1.04, 7, b"\x40", arrives=True)
     assert np.concatenate(rig.meter.readings.told_s).size == 0
-    assert rig.meter.readings.never_told == 1
 
 
 def test_a_cell_that_a_loss_has_hit_is_timed_until_it_is_right() -> None:
@@ -168,7 +166,6 @@ def test_a_cell_that_a_loss_has_hit_is_timed_until_it_is_right() -> None:
     rig.cells.ravel()[7] = bodies.FREE
     rig.send(1.15, 1.12, 7, b"\x40", arrives=True)
     assert np.concatenate(rig.meter.readings.recovered_s) == pytest.approx([0.12])
-    assert rig.meter.readings.lost_frames == 1
 
 
 def test_suspect_time_is_counted_from_frame_to_frame() -> None:
@@ -183,8 +180,8 @@ def test_suspect_time_is_counted_from_frame_to_frame() -> None:
 class Careless(Run):
     """A receiver that never says that it may be wrong."""
 
-    def __init__(self, case: Case, seed: int) -> None:
-        super().__init__(case, seed)
+    def __init__(self, case: Case) -> None:
+        super().__init__(case)
         view = self.far.view
         self.far.view = lambda: dataclasses.replace(  # type: ignore[method-assign]
             view(), is_suspect=False
@@ -192,7 +189,7 @@ class Careless(Run):
 
 
 def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
-    run = Careless(Case(115_200, 25, "tick", 101, drives=False, loss=0.2, seconds=SHORT_S), 1)
+    run = Careless(Case(115_200, 25, "tick", 101, drives=False, loss=0.2, seconds=SHORT_S))
     run.go()
     assert run.meter.readings.unsafe > 0
 
@@ -205,15 +202,15 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
     [
         Case(115_200, 25, "tick", seconds=SHORT_S),
         Case(115_200, 25, "tick", 101, drives=False, seconds=SHORT_S),
-        pytest.param(Case(115_200, 25, "tick", seeds=(1, 2)), marks=pytest.mark.slow),
-        pytest.param(Case(115_200, 25, "10 Hz", seeds=(1, 2)), marks=pytest.mark.slow),
+        pytest.param(Case(115_200, 25, "tick", seed=2), marks=pytest.mark.slow),
+        pytest.param(Case(115_200, 25, "10 Hz", seed=2), marks=pytest.mark.slow),
     ],
     ids=lambda case: f"{case.ack} {case.seconds:g} s {case.drives}",
 )
 def test_the_line_to_judge_by_tells_soon_mends_soon_and_is_never_overrun(case: Case) -> None:
     """115 200 baud, 25 Hz, 1 % of the frames lost."""
     got = measure(case)
-    assert got.new_obstacles > 40 * case.seconds * len(case.seeds)
+    assert got.new_obstacles > 40 * case.seconds
     assert got.held_ms[1] <= 2 * 1000 / case.rate_hz
     assert got.recovered > 0
     assert got.recovery_ms[1] <= 500.0

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
-from tools.cli import init, options
+from tools.cli import options, run
 from tools.cli.command import COMMANDS, help_text, main
 
 
@@ -75,7 +75,7 @@ def test_settings_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture
     assert path.read_text(encoding="utf-8") == "mine"
     assert "is there already" in capsys.readouterr().err
     assert main(["init", "--out", str(tmp_path / "no" / "folder.toml")]) == 2
-    assert init.HEADER.is_file()
+    assert run.HEADER.is_file()
 
 
 def test_check_and_version_are_those_of_the_app(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,6 @@ from rich.console import Console
 from tests import ROOT
 from tests.support.cases import few
 from tools.cli import demo
-from tools.cli.demo import Commands
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
 
@@ -69,7 +68,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def ran(world: list[str], app: list[str]) -> int:
     """Exit status of a demo without a screen."""
-    return demo.run(options(), Commands(world, app), Console(file=io.StringIO()))
+    return demo.run(options(), world, app, Console(file=io.StringIO()))
 
 
 def is_gone(pid: int) -> bool:
@@ -115,7 +114,7 @@ def test_a_run_ends_by_itself_with_a_map_and_a_summary_and_leaves_no_folder(
 
 def test_a_folder_that_is_named_keeps_what_was_said(tmp_path: Path) -> None:
     given = options(tmp_path / "kept")
-    assert demo.run(given, Commands(stub(WORLD), stub(APP)), Console(file=io.StringIO())) == 0
+    assert demo.run(given, stub(WORLD), stub(APP), Console(file=io.StringIO())) == 0
     assert (tmp_path / "kept" / "world.out").read_text().startswith('{"scanner"')
 
 
@@ -148,7 +147,7 @@ def test_a_world_that_fails_is_reported(
 def test_an_app_that_shows_no_map_in_time_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(demo, "FIRST_MAP_S", 0.2)
+    monkeypatch.setattr(processes, "FIRST_MAP_S", 0.2)
     assert ran(stub(WORLD), stub("time.sleep(60)")) == 1
     assert "no map within" in capsys.readouterr().err
 
@@ -184,13 +183,12 @@ RUNNER = """
     from tools.terminal import processes
     view.PROGRESS_PERIOD_S, processes.GRACE_S = 0.1, 60.0
     given = options(None, 30.0)
-    commands = demo.Commands(stub(WORLD), stub(APP))
     start = processes.Child.__init__
     def tell(self, *rest):
         start(self, *rest)
         print("child", self._process.pid, flush=True)
     processes.Child.__init__ = tell
-    sys.exit(demo.run(given, commands, Console()))
+    sys.exit(demo.run(given, stub(WORLD), stub(APP), Console()))
 """
 
 

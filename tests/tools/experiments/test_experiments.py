@@ -11,11 +11,10 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.scenes.scene import Scene, Solid
 from fakes.world.world import F64
 from tools.experiments import metrics
-from tools.experiments.beyond_edges import ditch
-from tools.experiments.beyond_ground import ramps, speed_bumps
+from tools.experiments.beyond_ground import ditch, ramps, speed_bumps
 from tools.experiments.paper_motion import left_turn
 from tools.experiments.pictures import elevation_pixels, obstacle_pixels, upright
-from tools.experiments.report import Outcome, Picture, Row, document, merged, verdict
+from tools.experiments.report import Outcome, Row, document, merged, verdict
 from tools.experiments.runner import Experiment, experiments
 from tools.experiments.scenes import corridor, hall, ramp_corridor
 from tools.experiments.truth import Truth
@@ -53,8 +52,8 @@ def test_a_turn_leaves_no_hole_no_false_obstacle_and_misses_none(
 
 def test_a_picture_shows_both_methods_and_is_small(turned: tuple[Outcome, Path]) -> None:
     outcome, folder = turned
-    [picture] = outcome.pictures
-    path = folder / picture.file
+    [(file, _)] = outcome.pictures
+    path = folder / file
     assert path.stat().st_size < 60_000
     with Image.open(path) as image:
         assert image.width > 600
@@ -233,15 +232,15 @@ def test_the_document_has_the_table_what_does_not_hold_and_the_pictures() -> Non
     perfect = Row("5.9 test", "holes", {"reference_plane": 0.0, "beams": 0.0})
     part = Outcome("5.9 test", "", [Row("5.9 test", "more", {"beams": float("inf")}), perfect])
     part.tell("nothing", {"beams": float("nan")})
-    whole = Outcome("5.9 test", "Done.", [worse], [Picture("a.png", "first")])
-    text = document("# Title", merged([whole, part]))
+    whole = Outcome("5.9 test", "Done.", [worse], [("a.png", "first")])
+    text = document(merged([whole, part]))
     assert "- **5.9 test**: Done." in text
     assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** | - |" in text
     assert "- worse: 5.9 test, cells: 2 against 1" in text
     assert "In 1 more rows" in text
     assert "![first](pictures/a.png)" in text
     assert "| never |" in text
-    assert "nothing" not in text
+    assert "| nothing" not in text
 
 
 def test_all_seven_experiments_are_there_and_places_are_closed() -> None:

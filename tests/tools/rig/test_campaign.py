@@ -16,15 +16,14 @@ from fakes.lms1xx.recorded import RecordedLms111
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid
 from tests.support.blind_pilot import BlindPilot
-from tools.rig import campaign, record, report
+from tools.rig import campaign, record
 from tools.rig.c_build import program
-from tools.rig.campaign import Task, outcome_of, outcomes_of, spec_of
+from tools.rig.campaign import Outcome, Task, outcome_of, outcomes_of, spec_of
 from tools.rig.draw import draw_run
 from tools.rig.draw import main as draw_main
 from tools.rig.loop import rig_config
 from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
 from tools.rig.record import Recorder
-from tools.rig.report import Outcome
 from tools.rig.watch import Watcher, image_of, line_of, picture
 
 FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
@@ -199,7 +198,7 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
         assert here is not None
         assert not result.collisions
         assert result.digest == here.digest
-    assert not report.is_well(list(outcomes.values()), 3)
+    assert not campaign.is_well(list(outcomes.values()), 3)
 
 
 def test_the_report_counts_by_scene_and_tells_how_to_repeat(
@@ -214,7 +213,7 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
     ]
     console = Console(width=200, no_color=True)
     with console.capture() as shown:
-        report.show(console, outcomes, 5, "make campaign ONLY={number}", 10.0, markdown=True)
+        campaign.show(console, outcomes, 5, "make campaign ONLY={number}", 10.0, markdown=True)
     for words in (
         "| all   |    3 |",
         "4 of 6 goals (66.7 %), 1 collisions, 1 crashes",
@@ -224,7 +223,7 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
         "NOT WELL",
     ):
         assert words in shown.get()
-    assert json.loads(json.dumps(report.as_json(outcomes)))[1]["collisions"]
+    assert json.loads(json.dumps(campaign.as_json(outcomes)))[1]["collisions"]
 
 
 def test_well_is_a_campaign_of_all_runs_without_harm_and_with_most_goals(
@@ -232,11 +231,11 @@ def test_well_is_a_campaign_of_all_runs_without_harm_and_with_most_goals(
 ) -> None:
     spec, few = RunSpec("hall", 1), dataclasses.replace(arrived, reached=1)
     faulty = RunSpec("hall", 1, ("scanner.mute@1s",))
-    assert report.is_well([Outcome(0, spec, arrived)], 1)
-    assert not report.is_well([Outcome(0, spec, arrived)], 2)
-    assert not report.is_well([Outcome(0, spec, caught[0].result())], 1)
-    assert not report.is_well([Outcome(0, spec, few)], 1)
-    assert report.is_well([Outcome(0, faulty, few)], 1)
+    assert campaign.is_well([Outcome(0, spec, arrived)], 1)
+    assert not campaign.is_well([Outcome(0, spec, arrived)], 2)
+    assert not campaign.is_well([Outcome(0, spec, caught[0].result())], 1)
+    assert not campaign.is_well([Outcome(0, spec, few)], 1)
+    assert campaign.is_well([Outcome(0, faulty, few)], 1)
 
 
 @pytest.mark.parametrize(

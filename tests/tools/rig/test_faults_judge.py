@@ -7,10 +7,9 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from tools.rig.fault import Fault, either, goes_on, stops
 from tools.rig.fault_run import ALL_WELL, Moment, Outcome, fill_in, problems, problems_of_pair
 from tools.rig.fault_table import Job, Row, cells, jobs, markdown, show, summary
-from tools.rig.faults import CATALOGUE
+from tools.rig.faults import CATALOGUE, Fault, either, goes_on, stops
 
 STEP_S, END_S = 0.02, 20.0
 FAULT = stops("scanner.mute", "no scans")

@@ -10,8 +10,7 @@ from rich.console import Console
 from fakes.programs.stamps import StampedScanner
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tools.rig import latency
-from tools.rig.far_end import Burst, FarEnd, Sent, scans_from_file, told_scans
-from tools.rig.load import loaded
+from tools.rig.latency import Burst, FarEnd, Sent, loaded, scans_from_file, told_scans
 from tools.terminal.processes import Stop
 
 SCAN = b"\x02\x02\x02\x02....sSN LMDscandata and so on"

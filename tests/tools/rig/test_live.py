@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
-from tools.rig import bench as rig_bench
 from tools.rig import live
 from tools.rig.c_build import program
 
@@ -83,7 +82,7 @@ def test_a_device_that_does_not_answer_is_named_with_its_cause(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program("gcc")
-    monkeypatch.setattr(rig_bench, "DEVICES_S", 8.0)
+    monkeypatch.setattr(live, "DEVICES_S", 8.0)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # what is kept lies there
     path = bench(tmp_path, "host")
     text = path.read_text(encoding="utf-8")

@@ -12,11 +12,10 @@ from fakes.scenes.scene import load_scene
 from fakes.world.truth_log import GroundTruthLog
 from fakes.world.world import World
 from tests import ROOT
-from tools.rig.bench import Bench
 from tools.rig.c_build import build_planner_library, shipped_robot
 from tools.rig.c_planner import PlannerState
 from tools.rig.config import BOARD, load_rig_config, load_rig_file
-from tools.rig.forms import HostForm, form_of
+from tools.rig.live import ON_HOST, Bench, form_of
 from tools.rig.story import GIVE_UP_S, AppLog, Doubts, Tour, TruthLog
 
 SHIPPED = (ROOT / "rig.toml").read_text(encoding="utf-8")
@@ -97,13 +96,13 @@ def test_motors_are_enabled_for_a_simulated_robot_only(real: bool, tmp_path: Pat
         changes |= REAL | {"planner.start_clear_m": 2.0}
     config = load_rig_config(SHIPPED, changes)
     bench = Bench(config, argparse.Namespace(fault=[], seconds=None), tmp_path)
-    values = bench.values({"scanner": "tcp://127.0.0.1:1"})
+    values = bench.values()
     assert values.get("robot.enable_motors") == (None if real else True)
     assert values["robot.start_clear_m"] == (
         2.0 if real else load_scene(config.world.scene).start_clear_m
     )
     assert (bench.tour.total == 0) is real
-    assert bench.close() == []
+    bench.close()
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
@@ -211,7 +210,7 @@ def test_without_an_emulator_the_planner_runs_here_and_the_packages_are_named(
     build_planner_library(shipped_robot())
     monkeypatch.setenv("PATH", str(tmp_path))
     form = form_of(load_rig_config(SHIPPED), 0.0, tmp_path)
-    assert isinstance(form, HostForm)
+    assert form.words == ON_HOST
     assert "apt install" in form.remark
     assert form.remark.endswith("taking the planner's C on this machine instead")
     assert form.url.startswith("udp://127.0.0.1:")

@@ -149,7 +149,6 @@ class App:
         self.states.step(now_s, self.loop)
 
     def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
-        """Everything to everybody who listens."""
         self.pilot.look_around(now_s, told, trusted, self.planners.requests.newest)
         self.tiles.trusted = trusted
         window = self.mapper.window(trusted)

@@ -144,7 +144,6 @@ class Exchange:
         self._status.fall_back("starting", self.failure)
 
     def back_off(self) -> Steps[None]:
-        """Pause before the next attempt."""
         pause_s = self._pause_s
         self._pause_s = min(2 * pause_s, self._longest_pause_s)
         yield from self.pause(pause_s)

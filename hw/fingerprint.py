@@ -54,7 +54,6 @@ PLANNER_CRC_START, PLANNER_SHORTEST, PLANNER_LONGEST = 0x2994717F, 12, 368
 
 
 def maybe_protocol(data: bytes) -> str | None:
-    """The key of the protocol that bytes seem to be; None if they prove nothing."""
     for key, seems in TESTS.items():
         if seems(data):
             return key

@@ -50,7 +50,6 @@ class TilePiece(NamedTuple):
 
     @property
     def is_last(self) -> bool:
-        """The rectangle ends with it."""
         return self.first + self.values.size == self.width * self.height
 
 
@@ -189,7 +188,6 @@ class Tiles:
         return tile
 
     def drop(self, tile: Tile) -> None:
-        """It is not wanted any more."""
         tile.refusal = tile.refusal or "it was dropped"
 
     def questions(self, now_s: float) -> list[bytes]:

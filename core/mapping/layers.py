@@ -68,7 +68,6 @@ def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
 
 
 def state_view(window: ObstacleWindow) -> LayerView:
-    """The states that were decided."""
     cells = window.cells
     return view_of("state", window.grid, np.where(cells == UNKNOWN, np.nan, cells))
 
@@ -83,14 +82,9 @@ def _soft(cells: Cells, out: F64) -> None:
 def maybe_beams_layer(
     name: str, cells: CellGrid, terrain: Terrain, window: ObstacleWindow
 ) -> LayerView | None:
-    """A layer of method `beams`; none where there is none of this name."""
     if name == "state":
         return state_view(window)
-    judged = {
-        "slope": terrain.slope_rad,
-        "step": terrain.step_m,
-        "roughness": terrain.roughness_m,
-    }
+    judged = {"slope": terrain.slope_rad, "step": terrain.step_m, "roughness": terrain.roughness_m}
     if name in judged:
         terrain.update()
         return view_of(name, cells.grid, judged[name])

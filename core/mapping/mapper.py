@@ -77,12 +77,10 @@ class Mapper:
         return bool(self._waiting)
 
     def add_attitude(self, attitude: Attitude) -> None:
-        """Take one sample of the attitude sensor."""
         self._pose_s = math.nan
         self.attitudes.add(attitude)
 
     def add_counts(self, counts: WheelCounts) -> None:
-        """Take one pair of encoder counts."""
         self.delivered_counts_s = max(self.delivered_counts_s, counts.t_s)
         self.odometry.add(counts)
 

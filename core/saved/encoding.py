@@ -30,7 +30,6 @@ class StateError(Exception):
 
 
 def bytes_from_arrays(arrays: Arrays) -> bytes:
-    """The file that holds these arrays."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):

@@ -53,7 +53,6 @@ class LineParser:
         self._too_long = False  # dropping until the next CR
 
     def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
-        """The events that these bytes complete."""
         events: list[Line | WatchdogStop | BadFrame] = []
         for byte in data:
             character = byte & 0x7F  # a pty passes the bit that was the parity's

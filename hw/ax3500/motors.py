@@ -72,7 +72,6 @@ class Motors:
 
     @property
     def usable(self) -> bool:
-        """Whether any command may be sent at all."""
         return self.enabled and not self.refusal
 
     @property
@@ -166,7 +165,6 @@ class Motors:
         return None
 
     def sent(self, channel: int, power: int) -> bytes:
-        """The bytes of a command that goes out now."""
         told = self._channels[channel - 1]
         told.sent_s, told.acknowledged = self._now_s, None
         told.may_move = True  # also by a zero: the line may make anything of it

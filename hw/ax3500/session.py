@@ -78,7 +78,6 @@ class Ax3500Session:
         self._commands = 0  # not zero, since the last pair
 
     def run(self) -> Session:
-        """Yields the bytes to write, is sent a Tick."""
         out = self._begin_anew("the connection is new")
         yield from self._exchange.turn()
         while True:
@@ -273,12 +272,7 @@ class Ax3500(Device[WheelCounts]):
     """The two wheel encoders and, where enabled, the two motors behind an AX3500."""
 
     def __init__(
-        self,
-        port: Port,
-        options: Ax3500Options,
-        *,
-        max_counts_per_s: float,
-        enable_motors: bool,
+        self, port: Port, options: Ax3500Options, *, max_counts_per_s: float, enable_motors: bool
     ) -> None:
         self.stream = CounterStream()
         left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
@@ -296,7 +290,6 @@ class Ax3500(Device[WheelCounts]):
 
     @property
     def trouble(self) -> str:
-        """Why the motors get nothing; "" where nothing is known against them."""
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
@@ -304,7 +297,6 @@ class Ax3500(Device[WheelCounts]):
 
     @property
     def emergency_stop(self) -> bool:
-        """Whether the controller says that its stop button is pressed."""
         return bool(self.stream.controller.emergency_stop)
 
     @property
@@ -313,7 +305,6 @@ class Ax3500(Device[WheelCounts]):
         return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
 
     def measured(self) -> dict[str, float]:
-        """For the log: voltages, currents, temperatures, as far as they were told, and stops."""
         return self.stream.controller.measured() | {"watchdog_stops": self.stream.watchdog_stops}
 
     def drive(self, left: float, right: float) -> None:

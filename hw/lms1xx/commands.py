@@ -34,13 +34,11 @@ class Command:
     text: str = ""
 
     def is_answered_by(self, event: object) -> TypeGuard[Answer]:
-        """Whether a telegram is its answer, by type and name."""
         if not isinstance(event, Answer):
             return False
         return (event.kind, event.name) == (ANSWERS[self.kind], self.name)
 
     def encode(self, dialect: Dialect) -> bytes:
-        """As a whole telegram."""
         head = f"{self.kind} {self.name}"
         if dialect == "ascii":
             return encode_text(f"{head} {self.text}".rstrip().encode())
@@ -48,7 +46,6 @@ class Command:
 
 
 def read(name: str) -> Command:
-    """Read a variable."""
     return Command("sRN", name)
 
 
@@ -160,13 +157,11 @@ def _maybe_values(answer: Answer, layout: str) -> tuple[int, ...] | None:
 
 
 def maybe_scan_config(answer: Answer) -> ScanConfig | None:
-    """What `LMPscancfg` says."""
     values = _maybe_values(answer, _SCAN_CONFIG)
     return ScanConfig(values[0], values[2]) if values else None
 
 
 def maybe_content(answer: Answer) -> tuple[int, ...] | None:
-    """The twelve values of `LMDscandatacfg`."""
     return _maybe_values(answer, _CONTENT)
 
 

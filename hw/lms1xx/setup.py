@@ -217,5 +217,4 @@ def covers(span_deg: tuple[float, float], wanted_deg: tuple[float, float]) -> bo
 
 
 def _is_whole(survey: Survey) -> bool:
-    """Whether it sends its whole field of view."""
     return survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))

@@ -107,7 +107,6 @@ class Answer:
     dialect: Dialect = "binary"
 
     def fields(self) -> Fields:
-        """A reader of the values."""
         return new_fields(self.values, self.dialect)
 
 
@@ -120,7 +119,6 @@ class Refusal:
 
     @property
     def reason(self) -> str:
-        """What the code means."""
         return REFUSALS.get(self.code, f"error code {self.code}")
 
 

@@ -67,13 +67,7 @@ class RegisterImage:
     """The registers; `publish` fills them, `read` and `write` serve them."""
 
     def __init__(
-        self,
-        *,
-        size: int,
-        cell_mm: int,
-        session: int,
-        version: str,
-        ask: Ask | None = None,
+        self, *, size: int, cell_mm: int, session: int, version: str, ask: Ask | None = None
     ) -> None:
         """An image of a window of size x size cells; without `ask` it has no drive registers."""
         self._packer = Packer(size, cell_mm)
@@ -90,7 +84,6 @@ class RegisterImage:
         self._views: list[View] = []
 
     def new_view(self) -> View:
-        """A view for the unit ids of one more reader."""
         self._views.append(View())
         return self._views[-1]
 

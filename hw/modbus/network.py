@@ -129,7 +129,6 @@ class TcpConnection(asyncio.Protocol):
         return self._is_ending
 
     def pause_writing(self) -> None:
-        """It does not take its answers."""
         if self._client:
             self._client.hold(True)
 
@@ -199,7 +198,6 @@ class UdpService(asyncio.DatagramProtocol):
         )
 
     def tend(self, now_s: float) -> str:
-        """Nothing to look after."""
         return ""
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:

@@ -119,7 +119,6 @@ class Status:
 
 
 def _ages(now_s: float, said: Published, newest: Snapshot) -> dict[str, Value]:
-    """At the instant of reading."""
     pose, since_s = said.pose, now_s - said.at_s
     return {
         "age_scan": age_ms(pose.age_scan_s + since_s),

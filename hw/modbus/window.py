@@ -178,6 +178,5 @@ class Packer:
 
 
 def _put(block: Block, into: U8, values: dict[str, int]) -> None:
-    """Write entries of a block in place."""
     for name, value in values.items():
         block.put(into.data, name, value)

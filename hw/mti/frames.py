@@ -96,7 +96,6 @@ class MtFrame:
 
     @property
     def wire_bytes(self) -> int:
-        """How many bytes it took on the wire."""
         return len(self.data) + (5 if len(self.data) < MIN_EXTENDED else 7)
 
 
@@ -131,7 +130,6 @@ class MtParser:
         self._junk_reason, self._junk_s = "", 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[MtFrame | BadFrame]:
-        """The events that these bytes complete."""
         self._buffer += data
         self._sums += islice(accumulate(data, initial=self._sums[-1]), 1, None)
         if data:
@@ -195,7 +193,6 @@ class MtParser:
         return self._arrivals[0][1]
 
     def _drop(self, count: int) -> None:
-        """Forget so many bytes at the front of the buffer."""
         del self._buffer[:count], self._sums[:count]
         self._taken += count
         if not self._buffer:

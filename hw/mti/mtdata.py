@@ -46,7 +46,6 @@ class MtDataDecoder:
         return any(name == block for name, _, _ in self._blocks)
 
     def decode(self, data: bytes) -> MtSample | BadFrame:
-        """The sample, or why the data cannot be one of this mode and these settings."""
         if len(data) != self.size:
             reason = f"{len(data)} data bytes, {self.size} by output mode and settings"
             return BadFrame(reason, data)

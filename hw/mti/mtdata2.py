@@ -9,14 +9,7 @@ Source: MTi sheet, section 5.
 import struct
 
 from hw.device import BadFrame
-from hw.mti.sample import (
-    EULER,
-    NUMBER_SIZES,
-    QUATERNION,
-    MtSample,
-    SampleBuilder,
-    numbers,
-)
+from hw.mti.sample import EULER, NUMBER_SIZES, QUATERNION, MtSample, SampleBuilder, numbers
 
 HEAD = struct.Struct(">HB")  # identifier and size of a packet
 # data identifier without its low 4 bits: field, numbers or bytes

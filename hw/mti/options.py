@@ -11,5 +11,4 @@ class MtiOptions(Struct, frozen=True):
     rate_hz: Annotated[float, Meta(ge=10, le=120)]
 
     def describe(self) -> str:
-        """For a person to check."""
         return f"{self.rate_hz:g} samples/s"

@@ -76,7 +76,6 @@ class SampleBuilder:
         self._wrong = self._wrong or reason
 
     def sample(self, data: bytes) -> MtSample | BadFrame:
-        """The sample, if nothing was wrong."""
         return BadFrame(self._wrong, data) if self._wrong else MtSample(**self._values)
 
 

@@ -46,7 +46,6 @@ class MtiSession:
         self._exchange = self._talk.exchange
 
     def run(self) -> Session:
-        """Yields the bytes to write, is sent a Tick."""
         yield from self._exchange.turn()
         while True:
             try:
@@ -88,7 +87,6 @@ class MtiSession:
             raise StartAgainError(f"the MTi refuses GoToMeasurement: {refusal}")
 
     def _deliver(self) -> Steps[None]:
-        """As long as samples with an orientation keep coming."""
         stream, exchange = self._stream, self._exchange
         newest = self.reader.newest
         self.reader = reader = StreamReader(self._status, stream, 10 / self._baud, newest)
@@ -120,21 +118,17 @@ class Mti(Device[Attitude]):
 
     @property
     def clock_locked(self) -> bool:
-        """True while the sensor runs and its clock is known well enough."""
         return self.status.state == "running" and self.session.reader.times.locked
 
     @property
     def clock_uncertainty_s(self) -> float:
-        """Typical error of a sample's time, beyond a constant delay."""
         return self.session.reader.times.uncertainty_s
 
     def measured(self) -> dict[str, float]:
-        """How well its clock is known, for the log."""
         return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
 
     @property
     def identity(self) -> str:
-        """Product, firmware and device id, as far as they were told."""
         stream = self.stream
         firmware = f"firmware {stream.firmware}" if stream.firmware else ""
         hardware = f"hardware {stream.hardware}" if stream.hardware else ""

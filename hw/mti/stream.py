@@ -74,7 +74,6 @@ class SampleMerger:
         return not (_said(held) & _said(sample))
 
     def take(self, received: Received) -> list[Received]:
-        """The samples that became complete."""
         if self._held is not None and self.continues(received.sample):
             received, self._held = _joined(self._held, received), None
         given, sample = self._give(), received.sample
@@ -134,7 +133,6 @@ class StreamReader:
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
     def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
-        """The attitudes that are complete now."""
         complete = [received for frame in frames for received in self._received(frame)]
         attitudes = []
         for sample, frame in complete + self._merger.flush(now_s):
@@ -151,7 +149,6 @@ class StreamReader:
         return self._stream.remark or self._watch.remark
 
     def _received(self, frame: MtFrame) -> list[Received]:
-        """The samples that a frame completes."""
         if frame.mid == Mid.Configuration:
             raise StartAgainError(RESTARTED)
         if frame.mid == Mid.Error:

@@ -48,7 +48,6 @@ class MapPublisher:
         self._cursor.begin()
 
     def follow(self, window: ObstacleMap) -> None:
-        """Take in the map as it is meant now."""
         careful = self._repair.in_step or self._map.corner != self._origin
         old = self._map.update(window, careful)
         if old is not None:
@@ -191,7 +190,6 @@ class RefreshCursor:
         self._marks.clear()
 
     def note_slice(self, seq: int) -> None:
-        """The next cells go out in frame `seq`."""
         apart = self.cell - self._marked_cell
         if self._marked_cell < 0 or apart < 0 or apart >= self._size**2 // MARKS:
             self._marks.append(Mark(seq, self._lap, *divmod(self.cell, self._size)))

@@ -52,7 +52,6 @@ class Repair:
             self._geom_seq = seq
 
     def note_map(self, sent: SentMap) -> None:
-        """A MAP frame goes out."""
         if not self.in_step:
             return  # all is sent again as soon as ACKs come
         self._sent.append(sent)

@@ -70,7 +70,6 @@ class ReplayGuard:
         return known.late_s
 
     def _begin(self, now_s: float, frame: Drive | External) -> float | str:
-        """The first frame of a commander."""
         if self.is_full:
             return "too many commanders in this session: a new one begins"
         if len(self._known) >= MOST_COMMANDERS:

@@ -238,7 +238,6 @@ class PlannerLink:
             self._state.geom_due = True
 
     def _begin_epoch(self, now_s: float) -> None:
-        """New geometry number: both ends start from unknown."""
         self._state.epoch_due = False
         self._state.geom_due |= not self.peer.polled
         # not soon after a GEOM that some have missed

@@ -97,7 +97,6 @@ class Tiles:
 
     @property
     def waiting(self) -> bool:
-        """Whether something is still to be sent."""
         return bool(self._tiles or self._refused)
 
     def forget(self) -> None:

@@ -172,11 +172,9 @@ class ReferencePlaneMaps:
         return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        """Of a layer, at world cells."""
         return maybe_plane_values(name, self.plane.elevation_m, self._source, self.window, i, j)
 
     def erase(self) -> None:
-        """Forget both maps and the window."""
         self.plane.erase()
         self.window.erase()
         self._source[...] = NOWHERE
@@ -187,7 +185,6 @@ class ReferencePlaneMaps:
         return np.where(self._source == NOWHERE, np.nan, averages_m[self._source])
 
     def is_low(self, i: int, j: int) -> bool:
-        """Whether what makes an obstacle of a window's cell lies below the ground."""
         size = self.window.grid.size
         at = int(self._source[j % size, i % size])
         low_m = self.plane.settings.h_neg_m

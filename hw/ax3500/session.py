@@ -22,7 +22,9 @@ Source: AX3500 sheet, sections 1, 3, 10 and 12.
 
 import math
 import re
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
 
 from core.records import WheelCounts
 from hw.ax3500.conversation import NO_ECHO, NO_LINE, Conversation, CounterStream, is_start_up
@@ -40,7 +42,6 @@ from hw.ax3500.lines import (
     maybe_counter,
 )
 from hw.ax3500.motors import Motors
-from hw.ax3500.options import Ax3500Options
 from hw.ax3500.schedule import REFRESH_S, Schedule
 from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, state_after_answer
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
@@ -55,6 +56,26 @@ CONDITION_S = 3.0  # status and emergency stop older than this are not known
 OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is away longer
 
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
+
+
+class Ax3500Options(Struct, frozen=True):
+    """The keys of [drive] that its driver alone knows: how it is read and wired."""
+
+    poll_hz: Annotated[float, Meta(ge=5, le=30)]
+    left_channel: Literal[1, 2]
+    right_channel: Literal[1, 2]
+    invert: list[Literal[1, 2]]
+    enter_rs232: bool
+
+    def __post_init__(self) -> None:
+        if self.left_channel == self.right_channel:
+            raise ValueError(
+                f"right_channel: must differ from left_channel = {self.left_channel}, "
+                f"is {self.right_channel}"
+            )
+
+    def describe(self) -> str:
+        return f"{self.poll_hz:g} pairs/s"
 
 
 class Ax3500Session:

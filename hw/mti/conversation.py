@@ -8,8 +8,7 @@ Source: MTi sheet, sections 1, 2 and 9.
 
 from hw.device import DeviceStatus, Tick
 from hw.exchange import Exchange, StartAgainError, Steps
-from hw.mti.configuration import BAUD_CODES
-from hw.mti.frames import Mid, MtFrame, describe_error, encode_frame
+from hw.mti.frames import BAUD_CODES, Mid, MtFrame, describe_error, encode_frame
 
 CONFIG_RETRY_S = 0.25  # acknowledgements get lost among the data that is still in the pipe
 CONFIG_TRIES = 3  # before the cause says so

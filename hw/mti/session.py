@@ -20,7 +20,9 @@ A refusal, three unanswered requests or a WakeUp lead back to waiting.
 Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
 
 from core.records import Attitude
 from hw.device import Device, DeviceStatus, Port, Session
@@ -32,6 +34,15 @@ from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
 
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 BAUDS_TOLD_AFTER_S = 3.0
+
+
+class MtiOptions(Struct, frozen=True):
+    """The keys of [ahrs] that its driver alone knows."""
+
+    rate_hz: Annotated[float, Meta(ge=10, le=120)]
+
+    def describe(self) -> str:
+        return f"{self.rate_hz:g} samples/s"
 
 
 class MtiSession:

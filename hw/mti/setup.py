@@ -10,11 +10,16 @@ Source: MTi sheet, sections 3, 8 and 9.
 import struct
 
 from hw.exchange import StartAgainError, Steps
-from hw.mti.configuration import CONFIGURATION_BYTES, maybe_configuration
 from hw.mti.conversation import NO_ANSWER, OPTIONAL_TRIES, TRIES, Conversation
-from hw.mti.frames import NOT_IMPLEMENTED, TIMER_OVERFLOW, TOO_MUCH_OUTPUT, Mid
-from hw.mti.mtdata import IN_NED, MtDataDecoder
-from hw.mti.mtdata2 import ORIENTATIONS
+from hw.mti.frames import (
+    CONFIGURATION_BYTES,
+    NOT_IMPLEMENTED,
+    TIMER_OVERFLOW,
+    TOO_MUCH_OUTPUT,
+    Mid,
+    maybe_configuration,
+)
+from hw.mti.mtdata import IN_NED, ORIENTATIONS, MtDataDecoder
 from hw.mti.output import (
     ALWAYS,
     FINE_TIME,

@@ -13,8 +13,7 @@ from hw.device import BadFrame, DeviceStatus
 from hw.exchange import StartAgainError
 from hw.mti.conversation import RESTARTED
 from hw.mti.frames import Mid, MtFrame, describe_error
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from hw.mti.sample import MtSample
 from hw.mti.times import COUNTER_WRAP, RateWatch, SampleTimes
 

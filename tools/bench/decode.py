@@ -18,8 +18,7 @@ from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.scan import ScanMaker
 from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 
 VECTORS = Path(__file__).resolve().parents[2] / "tests" / "vectors"
 PIECE = 1448  # bytes that arrive at once on TCP; a serial line gives fewer

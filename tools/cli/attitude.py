@@ -10,8 +10,15 @@ import sys
 from collections.abc import Callable
 
 from core.config import ConfigError
-from hw.mti.configuration import BAUD_CODES, maybe_configuration
-from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
+from hw.mti.frames import (
+    BAUD_CODES,
+    Mid,
+    MtFrame,
+    MtParser,
+    describe_error,
+    encode_frame,
+    maybe_configuration,
+)
 from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, conversation

@@ -178,7 +178,7 @@ class Run:
             self._follow_goals()
 
     def _orders(self) -> Orders:
-        state, control = self.state, self.loop.app.control
+        state, control = self.state, self.loop.app.pilot.control
         asked = bool(state.v_mps or state.w_radps)
         return Orders(
             asked,
@@ -221,7 +221,7 @@ class Run:
     @property
     def cause(self) -> str:
         """Why the robot does not go on, in words."""
-        control = self.loop.app.control
+        control = self.loop.app.pilot.control
         words = [f"the planner: {self.state.why}" if self.state.why else ""]
         words += [f"mapod: {control.blocked_by}" if control.blocked_by else ""]
         return "; ".join(filter(None, words)) or f"the planner is {self.state.state}"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.mti.frames import Mid, MtFrame, MtParser
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import decode_mtdata2
 from hw.mti.sample import MtSample
 from hw.mti.stream import Received, SampleMerger
 from tests.support.mti_frames import ROWS as FRAMES

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from hw.mti.sample import (
     ENU,
     EULER,

@@ -60,12 +60,12 @@ def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     names += ["tile_variance", "tile_slope", "tile_refused"]
     for name in names:
         assert receiver.feed_datagram(1.0, vector(name)), name
-    assert receiver.digest_ok
+    assert receiver.needs.digest_ok
     assert not receiver.suspect
     assert receiver.stop_zone is not None
     counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 5}
     assert receiver.accepted == counts
-    assert (receiver.numbers.last, receiver.ignored_types) == (10, 0)
+    assert (receiver.numbers.last, receiver.ignored.types) == (10, 0)
 
 
 def test_the_view_follows_the_map_and_cannot_be_written() -> None:

@@ -45,13 +45,13 @@ def test_a_window_larger_than_the_receiver_holds_is_refused_and_said() -> None:
     line.send(MAP, map_body(op(FREE, 45)))
     planner = line.planner
     assert planner.geom is None
-    assert (planner.too_many_cells, planner.window().size) == (45, 0)
+    assert (planner.needs.too_many_cells, planner.window().size) == (45, 0)
     assert planner.advice(line.now_s)[1].startswith("the window has 45 cells")
     assert planner.ack(line.now_s)[14] & 1
     line.send(GEOM, geom_body(width=8))
     line.send(POSE, pose_body())
     line.send(MAP, map_body(op(FREE, 40)))
-    assert planner.too_many_cells == 0
+    assert planner.needs.too_many_cells == 0
     assert planner.advice(line.now_s) == ("go", "")
 
 
@@ -69,18 +69,18 @@ def test_a_digest_that_differs_without_a_gap_asks_for_everything() -> None:
     line = receiving()
     right = line.planner.digest()
     line.send(DIGEST, struct.pack("<BxxxI", 7, right))
-    assert line.planner.digest_ok
+    assert line.planner.needs.digest_ok
     assert line.planner.advice(line.now_s) == ("go", "")
     line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 1))
-    assert not line.planner.digest_ok
+    assert not line.planner.needs.digest_ok
     assert line.planner.ack(line.now_s)[14] & 0b10
     assert line.planner.advice(line.now_s) == ("stop", "the map is not the sender's")
     line.send(DIGEST, struct.pack("<BxxxI", 7, right))  # the refresh has mended it
-    assert not line.planner.need_full
+    assert not line.planner.needs.full
     assert line.planner.advice(line.now_s) == ("go", "")
     line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 1))
     line.send(GEOM, geom_body(geom_id=8))
-    assert not line.planner.need_full
+    assert not line.planner.needs.full
 
 
 # What a planner has to do

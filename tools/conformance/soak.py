@@ -131,8 +131,8 @@ class Soak:
             (numbers.last, numbers.mask) if numbers.any else None,
             None if numbers.gap is None else numbers.gap & 0xFFFF,
             python.rejected.total() % 2**16,
-            (python.suspect, python.blank, python.need_geom or not geom, python.need_full),
-            (python.digest_ok, python.auth_failed),
+            (python.suspect, python.blank, python.needs.geom or not geom, python.needs.full),
+            (python.needs.digest_ok, python.needs.auth_failed),
         )
         its = (
             state.session if state.has_geom else None,
@@ -259,7 +259,7 @@ def _distrust(soak: Soak) -> None:
 
 def _need_full(soak: Soak) -> None:
     if soak.leg.way_back and soak.python.geom is not None:
-        soak.python.need_full = True
+        soak.python.needs.full = True
         soak.c.want_full()
 
 

@@ -36,9 +36,9 @@ def test_maps_of_a_restarted_sender_wait_for_its_geometry() -> None:
     restarted.loss = 1.0
     restarted.tick()  # its geometry is lost
     restarted.loss = 0.0
-    ignored, held = line.planner.ignored_maps, line.planner.window()
+    ignored, held = line.planner.ignored.maps, line.planner.window()
     restarted.settle(0.5)
-    assert line.planner.ignored_maps > ignored + 20
+    assert line.planner.ignored.maps > ignored + 20
     assert (line.planner.window() == held).all()
     restarted.settle(1.0)
     assert restarted.holds_what_is_meant()
@@ -56,4 +56,4 @@ def test_a_sender_that_starts_again_is_found_again(key: bytes | None) -> None:
     assert again.holds_what_is_meant()
     assert not line.planner.stale(again.now_s)
     assert not line.planner.suspect
-    assert not line.planner.auth_failed
+    assert not line.planner.needs.auth_failed

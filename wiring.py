@@ -69,11 +69,7 @@ def no_ports(config: Config) -> Ports:
 
 
 def check_ports(config: Config) -> None:
-    """What the URLs of all ports say, before any of them opens.
-
-    Raises:
-        ConfigError: a URL that names no port, one for two, seven bits where all eight are needed.
-    """
+    """ConfigError for a URL that names no port, one for two, or seven bits where all are needed."""
     given = [(name, getattr(config, name).port) for name in ("scanner", "ahrs", "drive")]
     given += [("planner", url) for url in config.planner.ports]
     given += [("modbus", url) for url in config.modbus.ports]

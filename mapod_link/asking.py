@@ -62,11 +62,7 @@ def ack_body(
 
 
 def drive_body(session: int, nonce: int, v_mps: float, w_radps: float, valid_s: float) -> bytes:
-    """Body of a DRIVE frame.
-
-    Raises:
-        ValueError: a speed or a time that the frame cannot tell.
-    """
+    """Body of a DRIVE frame; ValueError: a speed or a time that it cannot tell."""
     if not all(map(math.isfinite, (v_mps, w_radps, valid_s))):
         raise ValueError(f"no DRIVE frame tells {v_mps} m/s, {w_radps} rad/s for {valid_s} s")
     v_mmps, w_mradps, valid_ms = round(v_mps * 1000), round(w_radps * 1000), round(valid_s * 1000)

@@ -85,11 +85,7 @@ class Mapper:
         self.odometry.add(counts)
 
     def add_scan(self, scan: Scan | PointSweep) -> None:
-        """Take one sweep; it is mapped by a later `settle`.
-
-        Raises:
-            ValueError: it is not what its scanner may deliver.
-        """
+        """Take one sweep, to be mapped by `settle`; ValueError if its scanner may not send it."""
         check_sweep(scan, self._max_beams)
         self.delivered_scan_s = max(self.delivered_scan_s, span_s(scan)[1])
         self._waiting.append(scan)

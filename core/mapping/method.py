@@ -25,10 +25,7 @@ class Maps(Protocol):
         """Run the kernels to which the first scans do not come, once; the maps stay as they are."""
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a sweep that attitude and odometry cover from its first beam to its last.
-
-        Returns how many of its returns were used.
-        """
+        """Take a sweep that both cover from first beam to last; how many returns were used."""
 
     def erase(self) -> None:
         """Forget everything: nothing in it can be placed any more."""

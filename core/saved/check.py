@@ -69,11 +69,7 @@ def shapes_of(config: Config) -> Shapes:
 
 
 def check_state(arrays: Arrays, config: Config) -> None:
-    """Let a state pass that these settings can go on from.
-
-    Raises:
-        StateError: anything in it that can't be.
-    """
+    """Let a state pass that these settings can go on from; StateError says what can't be."""
     _check_head(arrays, config)
     shapes = shapes_of(config)
     foreign = sorted(arrays.keys() - shapes.keys() - {"format", "version", "settings"})

@@ -16,7 +16,6 @@ vehicle from its radio only where the settings allow it, and moves motors only w
 
 A line of a start-up while IDENTIFYING or POLLING, and a controller without encoders, lead back to
 LISTENING; five failed exchanges in a row to ENTERING, where that is allowed.
-
 Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 

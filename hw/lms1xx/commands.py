@@ -1,7 +1,6 @@
 """Commands to a SICK LMS1xx, each in both dialects, and readers of their answers. No I/O, no clock.
 
-LMS1xx differ in what they call good: 0 after
-start, stop and standby; 1 after login, Run, storing and setting the clock (`is_good`).
+What is called good differs: 0 after start, stop and standby; 1 after all others (`is_good`).
 Source: lms111 sheet, sections 2 to 4.
 """
 
@@ -50,10 +49,7 @@ def read(name: str) -> Command:
 
 
 def _command(kind: str, name: str, layout: str, form: str, *values: int) -> Command:
-    """With values, by their struct layout and by their form as a text.
-
-    In a text a number without a sign is hexadecimal.
-    """
+    """Values by their struct layout and as a text, where no sign means hexadecimal."""
     return Command(kind, name, struct.pack(">" + layout, *values), form.format(*values))
 
 

@@ -134,11 +134,7 @@ class ColaExchange:
         return None
 
     def must(self, command: Command) -> Steps[bool]:
-        """A command that has to be answered; whether the answer is good: a remark if not.
-
-        Raises:
-            StartAgainError: no answer.
-        """
+        """A command that has to be answered; whether the answer is good: a remark if not."""
         result = yield from self.ask(command, ANSWER_S)
         if result is None:
             raise StartAgainError(f"the scanner does not answer {command.name}")

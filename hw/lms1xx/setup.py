@@ -126,11 +126,7 @@ class Setup:
             self._cola.remark(f"has LMDscandatacfg {says}, not {told} as it was told")
 
     def _maybe_state(self) -> Steps[int | None]:
-        """The code of `STlms`, or its like by the older `SCdevicestate`; None: not known, or busy.
-
-        Raises:
-            StartAgainError: it reports an error.
-        """
+        """The code of `STlms`, or its like by the older `SCdevicestate`; None: not known, busy."""
         answer = yield from self._maybe_read(commands.READ_STATE)
         if answer is not None and (state := commands.maybe_state(answer)) is not None:
             if state[1] is not None:

@@ -133,11 +133,7 @@ def new_parser(
 
 
 def decode(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> Telegram:
-    """What a payload says; it arrived at now_s.
-
-    Raises:
-        PayloadError: not one of the sheet's telegrams, or a scan that can't be true.
-    """
+    """What a payload says; PayloadError: no telegram of the sheet's, or a scan that can't be."""
     kind = payload[:3]
     if kind == b"sFA":
         return _refusal(payload, dialect)

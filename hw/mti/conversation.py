@@ -2,7 +2,6 @@
 
 Data still in the pipe is skipped, WakeUp is answered and ends what was going on, an Error is an
 answer.
-
 Source: MTi sheet, sections 1, 2 and 9.
 """
 

@@ -3,7 +3,6 @@
 MTData is laid out by output mode and output settings and does not describe itself: only its length
 can tell that it is of another mode. MTData2 has packets that do: they are decoded by the identifier
 that stands in the data, whatever was asked for. What mapod has no use for is stepped over.
-
 Source: MTi sheet, sections 3 to 5.
 """
 

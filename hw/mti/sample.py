@@ -8,7 +8,6 @@ points north, whatever the device was told.
 
 It refuses values that are not finite and orientations that are not rotations: an 8-bit checksum
 lets one damaged frame in 256 pass.
-
 Source: MTi sheet, sections 3 to 6.
 """
 

@@ -16,7 +16,6 @@ the next attempt begins.
 | `_deliver` | checks and joins samples                        | silence, or a sign of a restart |
 
 A refusal, three unanswered requests or a WakeUp lead back to waiting.
-
 Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 

@@ -3,7 +3,6 @@
 Settings wear the device's memory, so only what differs is set. Legacy devices (MTData) know
 SetOutputMode, newer ones (MTData2) SetOutputConfiguration: the device id tells which to try first,
 the answers decide.
-
 Source: MTi sheet, sections 3, 8 and 9.
 """
 

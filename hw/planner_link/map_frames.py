@@ -113,12 +113,9 @@ class MapPublisher:
         return cell
 
     def refresh(self, dt_s: float, spare: float) -> None:
-        """Slices of the rolling refresh, by its pace, of its share and what else may be spent.
+        """Slices of the rolling refresh, by its pace, of its share and `spare` wire bytes.
 
         A short slice at least goes out if no other MAP frame does.
-
-        Args:
-            spare: wire bytes that it may use beyond its share.
         """
         scheduler, budget = self._scheduler, self._scheduler.budget
         slice_cost = scheduler.cost(SLICE_BODY)

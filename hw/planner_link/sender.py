@@ -256,12 +256,7 @@ class PlannerLink:
         zone: StopZoneReport | None = None,
         tiles: TileSource | None = None,
     ) -> None:
-        """One tick: take answers, then write the frames that the line has room for.
-
-        Args:
-            zone: None: no STOP_ZONE frame goes out.
-            tiles: None: no layer can be asked for.
-        """
+        """One tick: take answers, then write the frames that the line has room for."""
         is_open = self.poll(now_s)
         lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
         if self._state.epoch_due or lags or window.epoch != self._state.epoch:

@@ -119,12 +119,7 @@ class Tiles:
     def publish(
         self, budget: float, window: ObstacleMap | None, geom_id: int, source: TileSource | None
     ) -> None:
-        """Pieces into the scheduler, under a budget of wire bytes.
-
-        Args:
-            window: None: no map is announced.
-            source: None: there is no layer at all.
-        """
+        """Pieces into the scheduler, under a budget of wire bytes; no window: none is announced."""
         scheduler = self._scheduler
         floor = scheduler.budget.credit - budget
         while self.waiting:

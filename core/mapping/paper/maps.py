@@ -119,7 +119,6 @@ class ReferencePlaneMaps:
         """The first scan runs all kernels."""
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a scan that both cover to its last beam; returns how many returns were used."""
         if not isinstance(scan, Scan):
             raise ValueError("the reference plane is made for scanners of one plane")
         last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s

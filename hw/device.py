@@ -325,7 +325,6 @@ class Device(Generic[Measurement]):
             self.status.heard_s = now_s
 
     def _name_who_answers(self, now_s: float, pieces: list[bytes], out: bytes) -> None:
-        """While it does not run: say what seems to answer instead of the device."""
         message, cause = self._fingerprint.message(now_s, pieces, out), self.status.cause
         is_said = cause.endswith(message) or ("baud rate" in message and "baud rate" in cause)
         if message and not is_said:

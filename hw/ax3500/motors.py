@@ -177,7 +177,6 @@ class Motors:
         self.doubt("the line failed, and the controller's watchdog had to stop them")
 
     def _have_stopped(self) -> None:
-        """Something else has stopped the motors."""
         for channel in self._channels:
             channel.may_move = False
 

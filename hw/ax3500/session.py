@@ -216,7 +216,6 @@ class Ax3500Session:
                 raise StartAgainError(self._why_no_counters())
 
     def _why_no_counters(self) -> str:
-        """Names the queries that failed, unless nothing at all is heard or understood."""
         now_s = self._exchange.now_s
         fault = self._counter_faults[self._good_s.index(min(self._good_s))]
         late = [k for k in (0, 1) if now_s - self._good_s[k] > LOST_S / 2]

@@ -97,6 +97,5 @@ def _decoded(query: str, numbers: list[int], identity: int | None) -> dict[str, 
 
 
 def _maybe_amps_divider(identity: int | None) -> float | None:
-    """By model; None where the model's scale is not known."""
     found = [AMPS_DIVIDERS[bit] for bit in (3, 1, 2) if (identity or 0) >> bit & 1]
     return found[0] if found else None

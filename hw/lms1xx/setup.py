@@ -103,7 +103,6 @@ class Setup:
         )
 
     def _maybe_read(self, command: Command) -> Steps[Answer | None]:
-        """A read that is not repeated where it was refused or not answered before."""
         if command.name in self._unreadable:
             return None
         wait_s = OPTIONAL_S if self._unreadable else ANSWER_S  # one that is slow, or many missing

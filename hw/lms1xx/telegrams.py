@@ -188,7 +188,6 @@ def _scan_telegram(
 
 
 def _channels(fields: Fields, max_beams: int) -> dict[str, Channel]:
-    """All 16-bit channels, then all 8-bit ones."""
     channels = {}
     for kind in (">u2", "u1"):
         (count,) = fields.fields("H")
@@ -226,7 +225,6 @@ def _options(fields: Fields) -> dict[str, Any]:
 
 
 def _flag(fields: Fields, what: str) -> bool:
-    """Whether an optional block follows."""
     (value,) = fields.fields("H")
     if value > 1:
         raise PayloadError(f"{what} flag is {value}")

@@ -87,7 +87,6 @@ class TcpConnection(asyncio.Protocol):
             self._make_room()
 
     def _make_room(self) -> None:
-        """End the connection that has been idle longest, or else this one."""
         idlest = min(self._owner.connections, key=lambda one: one.idle_since_s)
         context = self._owner.context
         if context.clock() - idlest.idle_since_s > SPARED_S:

@@ -138,7 +138,6 @@ def _stale_values(said: Published) -> dict[str, Value]:
 
 
 def _values(said: Published) -> dict[str, Value]:
-    """What a publication says, but for its ages."""
     pose, zone, word = said.pose, said.zone, said.pose.health
     sectors = {f"sector_{k}": distance_mm(zone.sectors_m[k]) for k in range(8)}
     return {

@@ -107,7 +107,6 @@ def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: i
 
 
 def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Steps[int]:
-    """A setting as the device has it in the end: set only if it differs."""
     held = yield from talk.read(mid, size)
     if held & ~IN_NED == wanted:
         return held

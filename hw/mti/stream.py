@@ -93,7 +93,6 @@ class SampleMerger:
 
 
 def _said(sample: MtSample) -> set[str]:
-    """The fields that a message carries beside its stamps."""
     names = (part.name for part in dataclasses.fields(sample) if part.name not in STAMPS)
     return {name for name in names if getattr(sample, name) is not None}
 
@@ -165,7 +164,6 @@ class StreamReader:
         return self._merger.take(Received(sample, frame))
 
     def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
-        """The sample of a data message, if it is of the stream that was set up, and a new one."""
         legacy = self._stream.legacy
         if (frame.mid == Mid.MTData) is (legacy is None):
             self._foreign += 1

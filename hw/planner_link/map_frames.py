@@ -69,7 +69,6 @@ class MapPublisher:
                 self._rest_cell = self._publish_from(EVERY, 0, begun)
 
     def _publish_urgent(self) -> bool:
-        """Obstacles that came or went, and what got lost; True if all of it fitted."""
         if not self._map.urgent:
             return True
         if self._fit(URGENT):
@@ -98,7 +97,6 @@ class MapPublisher:
         return True
 
     def _publish(self, wanted: int) -> bool:
-        """MAP frames with the cells that have such marks; True if all of them fitted."""
         return self._publish_from(wanted, 0, self._cells) == self._cells
 
     def _publish_from(self, wanted: int, cell: int, end: int) -> int:
@@ -136,7 +134,6 @@ class MapPublisher:
             budget.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
     def _publish_slice(self, room: int) -> int:
-        """The next cells of the round in one frame; how many."""
         begun, due = self._cursor.cell, max(1, math.floor(self._due_cells))
         end = min(self._cells, begun + due)
         self._cursor.note_slice(self._scheduler.seq + 1)
@@ -182,7 +179,6 @@ class RefreshCursor:
         self._marked_cell = -1  # where the newest mark was set, as `cell` then was
 
     def begin(self) -> None:
-        """A new epoch: nothing of it was sent."""
         self.cell, self._lap, self._marked_cell = 0, 0, -1
         self._marks.clear()
 

@@ -90,7 +90,6 @@ class Repair:
         return True
 
     def _settle_frames(self, newest: int, mask: int) -> None:
-        """Which frames up to `newest` arrived, and what of the others is to be sent again."""
         seen: tuple[int, int] | None = None
         while self._sent and self._sent[0].seq <= newest:
             sent = self._sent.popleft()

@@ -208,7 +208,6 @@ class PlannerLink:
                 self.external_poses.take(now_s, answer, self.wire.pose_refusal)
 
     def _take_hello(self, hello: Hello) -> None:
-        """A planner has started: it holds nothing, and wants to know the geometry."""
         if self.peer.take_hello(hello):
             self._tiles.forget()
             self._scheduler.secret = self._secret
@@ -278,7 +277,6 @@ class PlannerLink:
         self._scheduler.write(now_s)
 
     def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
-        """GEOM, POSE and STOP_ZONE, where they are due or asked for."""
         settings, pushes, wanted = self._settings, not self.peer.polled, self._state.wanted
         calls = self._calls_out(now_s)
         due = pushes and _is_due(now_s, self._state.geom_s, GEOM_EVERY_S)
@@ -310,7 +308,6 @@ class PlannerLink:
     def _publish_map(
         self, now_s: float, dt_s: float, window: ObstacleMap, tiles: TileSource | None
     ) -> None:
-        """Changes, tiles, refresh and digest of a planner that need not ask."""
         scheduler, budget = self._scheduler, self._scheduler.budget
         self._publisher.publish_changes()
         spare = budget.credit - budget.tick_bytes

@@ -134,7 +134,6 @@ class Tiles:
                 return
 
     def _refuse(self, status: int) -> None:
-        """The first tile."""
         self._tiles[0].status = status
         self._refused.append(self._tiles.popleft())
 

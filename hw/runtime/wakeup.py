@@ -33,7 +33,6 @@ class WakeUp:
         self._left = 0  # calls until the next tick
 
     def after_tick(self) -> None:
-        """Listen to what is open now."""
         self._left = CALLS
         self._listen()
 

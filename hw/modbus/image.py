@@ -9,6 +9,7 @@ Time is an argument; nothing here waits.
 
 import math
 import struct
+from dataclasses import dataclass
 
 from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.modbus.drive import Ask, DriveRegisters
@@ -56,11 +57,11 @@ class TokenBucket:
         return max(0.0, self._booked_s - now_s)
 
 
+@dataclass(slots=True, eq=False)
 class View:
     """One reader's own frozen map; changed by nothing but its latch."""
 
-    def __init__(self) -> None:
-        self.held: Snapshot | None = None  # nothing was frozen yet
+    held: Snapshot | None = None  # None: nothing was frozen yet
 
 
 class RegisterImage:

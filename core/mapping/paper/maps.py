@@ -15,7 +15,7 @@ import numpy as np
 from core.config import Config
 from core.grid.window import ObstacleWindow
 from core.mapping.freshness import Freshness
-from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
+from core.mapping.layers import LayerView, at_cells, state_view, states_at, view_of
 from core.mapping.paper.grid import centre_of, index_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
@@ -168,10 +168,19 @@ class ReferencePlaneMaps:
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """Height above the reference, or state; none for any other name."""
-        return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)
+        if name == "state":
+            return state_view(self.window)
+        return view_of(name, self.window.grid, self.heights_m()) if name == "height" else None
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        return maybe_plane_values(name, self.plane.elevation_m, self._source, self.window, i, j)
+        if name == "state":
+            return states_at(self.window, i, j)
+        if name != "height":
+            return None
+        sources = at_cells(self.window.grid, i, j, self._source)
+        known = sources >= 0
+        averages_m = self.plane.elevation_m.ravel()
+        return np.where(known, averages_m[np.where(known, sources, 0).astype(int)], np.nan)
 
     def erase(self) -> None:
         self.plane.erase()

@@ -13,7 +13,7 @@ from core.config import Config
 from core.saved.check import check_state
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import state_of, was_moving
-from hw.runtime.real_time import leave_real_time
+from hw.runtime.threads import leave_real_time
 
 
 def load_map(path: str, config: Config) -> Arrays:

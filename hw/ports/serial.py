@@ -16,7 +16,7 @@ from serial.serialposix import Serial
 
 from hw.ports.reopening import READ_SIZE, RETRY_FIRST_S, ReopeningPort
 from hw.ports.url import PortUrl
-from hw.runtime.worker import Worker
+from hw.runtime.threads import Worker
 
 SILENCE_S = 10.0  # a restarting device is silent for seconds, and its wire is not dead
 DRAIN_S = 0.5  # for the last bytes on closing: 480 of them at 9600 baud

@@ -9,15 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.config import Config
-from core.driving.control import LOOP_S, DriveControl
+from core.driving.control import LOOP_S
 from core.driving.health import stale_s
 from core.driving.pilot import Pilot
 from core.driving.report import report
 from core.mapping.layers import UNITS
 from core.mapping.mapper import Mapper
-from core.mapping.tiles import TileValues
-from core.records import Attitude, PoseReport, Scan, StopZoneReport, WheelCounts
-from hw.registry import AttitudeSensor, Drive, Scanner
+from core.mapping.method import TileValues
+from core.records import Attitude, PoseReport, Scan, WheelCounts
 from logs import LoopCounts, StateLog
 from wiring import Ports, devices_on, maybe_image, no_ports, planners_on
 
@@ -92,33 +91,12 @@ class App:
         self._scan_stale_s = stale_s(config.scanner.options.spec.period_s)
         self._stops = False
 
-    @property
-    def scanner(self) -> Scanner:
-        return self.devices.scanner
-
-    @property
-    def ahrs(self) -> AttitudeSensor:
-        return self.devices.ahrs
-
-    @property
-    def drive(self) -> Drive:
-        return self.devices.drive
-
-    @property
-    def control(self) -> DriveControl:
-        return self.pilot.control
-
-    @property
-    def zone(self) -> StopZoneReport:
-        """The stop zone as told last."""
-        return self.pilot.zone
-
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
         self.loop.ticks += 1
         self._times.begin(now_s)
-        attitudes, counted = self.ahrs.step(now_s), self.drive.step(now_s)
-        scans, asked = self.scanner.step(now_s), self.planners.requests.newest
+        attitudes, counted = self.devices.ahrs.step(now_s), self.devices.drive.step(now_s)
+        scans, asked = self.devices.scanner.step(now_s), self.planners.requests.newest
         for attitude in attitudes:
             self.mapper.add_attitude(attitude)
         for counts in counted:
@@ -149,20 +127,19 @@ class App:
         self.states.step(now_s, self.loop)
 
     def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
-        """Everything to everybody who listens."""
         self.pilot.look_around(now_s, told, trusted, self.planners.requests.newest)
         self.tiles.trusted = trusted
         window = self.mapper.window(trusted)
-        self.planners.step(now_s, told, window, self.zone, self.tiles)
+        self.planners.step(now_s, told, window, self.pilot.zone, self.tiles)
         if self.image is not None:
             spread = self.mapper.odometry.covariance
             self.image.publish(
                 now_s,
                 told,
-                self.zone,
+                self.pilot.zone,
                 window,
                 planner_heard=self.planners.heard(now_s),
-                driven=(self.control.v_mps, self.control.w_radps),
+                driven=(self.pilot.control.v_mps, self.pilot.control.w_radps),
                 sigma_m=math.sqrt(spread[0, 0] + spread[1, 1]),
                 sigma_rad=math.sqrt(spread[2, 2]),
             )
@@ -170,17 +147,17 @@ class App:
     def _drive(self, now_s: float, told: PoseReport) -> None:
         """Wheel power until the next tick; none while the program ends."""
         if self._stops:
-            self.drive.drive(*self.control.halt("mapod ends"))
+            self.devices.drive.drive(*self.pilot.control.halt("mapod ends"))
             return
         powers = self.pilot.powers(
             now_s,
             told,
             self.planners.requests.newest,
-            sight=self.scanner.doubt,
+            sight=self.devices.scanner.doubt,
             commander=self.planners.stop_reason,
-            motors_off=self.drive.trouble,
+            motors_off=self.devices.drive.trouble,
         )
-        self.drive.drive(*powers)
+        self.devices.drive.drive(*powers)
 
     def hear(self, now_s: float) -> None:
         """Between ticks: take in what has arrived from the devices. Never waits.
@@ -190,15 +167,15 @@ class App:
         """
         for device in self.devices:
             device.hear(now_s)
-        if self.scanner.has_heard or (self.ahrs.has_heard and self.mapper.waits):
+        if self.devices.scanner.has_heard or (self.devices.ahrs.has_heard and self.mapper.waits):
             self.step(now_s)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""
         self._stops = True
-        self.drive.stop()
-        self.scanner.stop()
-        self.ahrs.stop()
+        self.devices.drive.stop()
+        self.devices.scanner.stop()
+        self.devices.ahrs.stop()
 
     @property
     def settled(self) -> bool:
@@ -210,11 +187,11 @@ class App:
         return report(
             self.mapper,
             now_s,
-            clocks_locked=self.scanner.clock_locked and self.ahrs.clock_locked,
+            clocks_locked=self.devices.scanner.clock_locked and self.devices.ahrs.clock_locked,
             overrun=now_s - self._times.overrun_s < OVERRUN_S,
             replayed=self._replayed,
-            impaired=self.scanner.is_impaired,
-            stop_asked=self.drive.emergency_stop,
+            impaired=self.devices.scanner.is_impaired,
+            stop_asked=self.devices.drive.emergency_stop,
             drop_ahead=self.pilot.drop_ahead,
             stalled=self.pilot.stalled,
             scan_stale_s=self._scan_stale_s,
@@ -236,6 +213,6 @@ def warm_kernels(config: Config) -> None:
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)
         app.tell(now_s, told, window_trusted)
-        app.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
+        app.pilot.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
     for name in UNITS:
         app.mapper.maybe_layer(name)

@@ -23,27 +23,17 @@ def drivers() -> Drivers:
 
 
 def load_config(text: str) -> Config:
-    """The settings in a TOML text.
-
-    Raises:
-        ConfigError: not TOML, or a key is unknown, missing, of a wrong type or out of range.
-    """
+    """The settings in a TOML text; ConfigError names the key that can't be."""
     return config_from_text(text, drivers())
 
 
 def with_changes(config: Config, **sections: dict[str, Any]) -> Config:
-    """The same settings with some keys changed, `map={"cells": 401}`, and checked together.
-
-    Raises:
-        ConfigError: as load_config.
-    """
+    """The same settings with some keys changed, `map={"cells": 401}`, and checked together."""
     return config_with(config, drivers(), sections)
 
 
 def read_key(path: str) -> bytes | None:
-    """The planner link's key: 32 bytes, or 64 hex digits, that its owner alone may read.
-
-    None for "".
+    """The planner link's key, from a file that its owner alone may read; None for "".
 
     Raises:
         ConfigError: the file can't be read, holds no key, or others may read it.
@@ -64,11 +54,7 @@ def read_key(path: str) -> bytes | None:
 
 
 def key_from_bytes(content: bytes, path: str) -> bytes:
-    """32 bytes, or 64 hex digits.
-
-    Raises:
-        ConfigError: neither.
-    """
+    """From 32 bytes or 64 hex digits; ConfigError where it is neither."""
     text = content.decode("ascii", "replace").strip()
     with contextlib.suppress(ValueError):
         key = bytes.fromhex(text)

@@ -90,7 +90,6 @@ def _parts(function: FunctionType) -> Iterator[str]:
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:
-    """A function's instructions, and those of what is defined inside."""
     yield code
     for const in code.co_consts:
         if isinstance(const, CodeType):
@@ -102,7 +101,6 @@ def _is_global(instruction: dis.Instruction) -> bool:
 
 
 def _value(value: object, user: FunctionType) -> str:
-    """What a kernel takes from a global."""
     if isinstance(value, Dispatcher):
         return digest(value.py_func)
     if isinstance(value, tuple):

@@ -13,7 +13,7 @@ from core.driving.control import DriveControl
 from core.mapping.mapper import Mapper
 from hw.device import DeviceStatus
 from hw.planner_link.receivers import Planners
-from hw.runtime.log_writer import LogWriter
+from hw.runtime.threads import LogWriter
 from wiring import Devices
 
 COUNTS_S = 1.0  # counters to the log this often

@@ -27,7 +27,7 @@ from core.saved.state import restore, was_moving
 from core.summary import describe_robot
 from hw.device import Port
 from hw.ports.url import parse_url
-from hw.runtime.real_time import take_real_time
+from hw.runtime.threads import take_real_time
 from hw.runtime.timer import Timer
 from hw.runtime.wakeup import WakeUp
 from logs import set_up_logging

@@ -13,15 +13,11 @@ from core.config import Config
 from core.saved.check import check_state
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import state_of, was_moving
-from hw.runtime.real_time import leave_real_time
+from hw.runtime.threads import leave_real_time
 
 
 def load_map(path: str, config: Config) -> Arrays:
-    """The state of a map in a file, fit to go on from with these settings.
-
-    Raises:
-        StateError: the file can't be read, was damaged, or belongs to other settings.
-    """
+    """The state of a map in a file, or StateError: not read, damaged, or of other settings."""
     try:
         arrays = arrays_from_bytes(Path(path).read_bytes())
         check_state(arrays, config)
@@ -32,11 +28,7 @@ def load_map(path: str, config: Config) -> Arrays:
 
 
 def write_map(path: str, arrays: Arrays) -> None:
-    """A state into a file, whole or not at all: what was there before stays until then.
-
-    Raises:
-        OSError: it can't be written.
-    """
+    """A state into a file, whole or not at all: what was there before stays until then."""
     part = Path(f"{path}.part")
     with part.open("wb") as file:
         file.write(bytes_from_arrays(arrays))

@@ -63,18 +63,13 @@ class Devices:
 
 
 def no_ports(config: Config) -> Ports:
-    """Wires that lead nowhere."""
     nowhere = NoPort()
     others = (nowhere,) * (len(config.planner.ports) - 1)
     return Ports(nowhere, nowhere, nowhere, nowhere, others)
 
 
 def check_ports(config: Config) -> None:
-    """What the URLs of all ports say, before any of them opens.
-
-    Raises:
-        ConfigError: a URL that names no port, one for two, seven bits where all eight are needed.
-    """
+    """ConfigError for a URL that names no port, one for two, or seven bits where all are needed."""
     given = [(name, getattr(config, name).port) for name in ("scanner", "ahrs", "drive")]
     given += [("planner", url) for url in config.planner.ports]
     given += [("modbus", url) for url in config.modbus.ports]
@@ -122,7 +117,6 @@ def open_ports(
 
 
 def devices_on(ports: Ports, config: Config) -> Devices:
-    """The devices that the settings name, by the drivers of the registry."""
     robot, scanner, ahrs, drive = config.robot, config.scanner, config.ahrs, config.drive
     turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
     counts_per_s = turns_per_s * 4 * robot.encoder_ppr
@@ -138,7 +132,6 @@ def devices_on(ports: Ports, config: Config) -> Devices:
 
 
 def planners_on(ports: Ports, config: Config, session: int, key: bytes | None) -> Planners:
-    """The planner links, one for each receiver."""
     planner, may_move, has_key = config.planner, config.robot.enable_motors, key is not None
     tick_s = 1.0 / planner.rate_hz
     return Planners(

@@ -157,5 +157,4 @@ def _slope_under(samples: list[Sample]) -> float:
 
 
 def _turns_down(a: Sample, b: Sample, c: Sample) -> bool:
-    """True if b lies on or above the line from a to c."""
     return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

@@ -82,21 +82,17 @@ class NoPort:
     datagrams, cause, opened, backlog = False, "", 1, 0
 
     def fileno(self) -> int:
-        """Nothing of it is known to the operating system."""
         return -1
 
     def poll(self, now_s: float) -> bool:
         return True
 
     def read(self) -> list[bytes]:
-        """Nothing ever arrives."""
         return []
 
-    def write(self, data: bytes) -> None:
-        """Gone."""
+    def write(self, data: bytes) -> None: ...
 
-    def close(self) -> None:
-        """Nothing to let go of."""
+    def close(self) -> None: ...
 
 
 @record()
@@ -283,26 +279,21 @@ class Device(Generic[Measurement]):
         if pieces := self.port.read():
             self._advance(now_s, pieces)
 
-    def stop(self) -> None:
-        """The program ends: last words; step it until it has settled."""
+    def stop(self) -> None: ...
 
     @property
     def settled(self) -> bool:
-        """After `stop`: nothing is left that it must still bring about."""
         return True
 
     @property
     def identity(self) -> str:
-        """Type, serial number, firmware, as far as it has told."""
         return ""
 
     def measured(self) -> dict[str, float]:
-        """Voltages, temperatures and the like, by name with its unit."""
         return {}
 
     @property
     def has_heard(self) -> bool:
-        """Whether measurements wait for the next step."""
         return bool(self._held)
 
     def _start_anew(self, now_s: float) -> None:
@@ -336,7 +327,6 @@ class Device(Generic[Measurement]):
             self.status.heard_s = now_s
 
     def _name_who_answers(self, now_s: float, pieces: list[bytes], out: bytes) -> None:
-        """While it does not run: say what seems to answer instead of the device."""
         message, cause = self._fingerprint.message(now_s, pieces, out), self.status.cause
         is_said = cause.endswith(message) or ("baud rate" in message and "baud rate" in cause)
         if message and not is_said:
@@ -349,5 +339,4 @@ class Device(Generic[Measurement]):
             self._given_up = self.port.cause
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Measurement]:
-        """What the events mean to the rest of the program."""
         raise NotImplementedError

@@ -33,11 +33,6 @@ class StartAgainError(Exception):
     """The conversation cannot go on; says why, to a person."""
 
 
-def all_events(tick: Tick) -> list[Any]:
-    """What a session hears that does nothing special at a tick."""
-    return tick.events
-
-
 class Exchange:
     """A session's conversation with its device.
 
@@ -50,7 +45,7 @@ class Exchange:
     def __init__(
         self,
         status: DeviceStatus,
-        hear: Callable[[Tick], list[Any]] = all_events,
+        hear: Callable[[Tick], list[Any]] = lambda tick: tick.events,
         *,
         pause_s: float,
         longest_pause_s: float,
@@ -144,7 +139,6 @@ class Exchange:
         self._status.fall_back("starting", self.failure)
 
     def back_off(self) -> Steps[None]:
-        """Pause before the next attempt."""
         pause_s = self._pause_s
         self._pause_s = min(2 * pause_s, self._longest_pause_s)
         yield from self.pause(pause_s)

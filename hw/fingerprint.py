@@ -54,7 +54,6 @@ PLANNER_CRC_START, PLANNER_SHORTEST, PLANNER_LONGEST = 0x2994717F, 12, 368
 
 
 def maybe_protocol(data: bytes) -> str | None:
-    """The key of the protocol that bytes seem to be; None if they prove nothing."""
     for key, seems in TESTS.items():
         if seems(data):
             return key
@@ -75,7 +74,6 @@ def is_noise(data: bytes) -> bool:
 
 
 def _is_mt(data: bytes) -> bool:
-    """One whole MT message with a right checksum."""
     sums = [0, *accumulate(data)]  # of all bytes before each: many starts cost no more than one
     at = data.find(MT_START)
     while 0 <= at <= len(data) - 5:
@@ -100,7 +98,6 @@ def _is_nmea(data: bytes) -> bool:
 
 
 def _is_planner_link(data: bytes) -> bool:
-    """One frame as a whole datagram, or a COBS one between two zeros."""
     if _is_planner_frame(data):
         return True
     ends = [-1, *(i for i, byte in enumerate(data) if byte == 0)]

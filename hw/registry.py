@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
 from core.records import Attitude, PointSweep, Scan, WheelCounts
-from hw.ax3500.options import Ax3500Options
-from hw.ax3500.session import Ax3500
+from hw.ax3500.session import Ax3500, Ax3500Options
 from hw.device import DeviceStatus, Port
 from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.session import Lms111
-from hw.mti.options import MtiOptions
-from hw.mti.session import Mti
+from hw.mti.session import Mti, MtiOptions
 from hw.ports.url import parse_url
 
 MTI_BAUD = 115_200  # its own, where the port has none (tcp)
@@ -121,10 +119,6 @@ class Driver(Generic[Made]):
     make: Callable[[Port, Any, Surroundings], Made]
 
 
-def _lms1xx(port: Port, options: Lms1xxOptions, around: Surroundings) -> Lms111:
-    return Lms111(port, options)
-
-
 def _mti(port: Port, options: MtiOptions, around: Surroundings) -> Mti:
     return Mti(port, rate_hz=options.rate_hz, baud=parse_url(around.url).baud or MTI_BAUD)
 
@@ -134,6 +128,8 @@ def _ax3500(port: Port, options: Ax3500Options, around: Surroundings) -> Ax3500:
     return Ax3500(port, options, max_counts_per_s=speed, enable_motors=enable)
 
 
-SCANNERS: dict[str, Driver[Scanner]] = {"lms111": Driver(Lms1xxOptions, _lms1xx)}
+SCANNERS: dict[str, Driver[Scanner]] = {
+    "lms111": Driver(Lms1xxOptions, lambda port, options, around: Lms111(port, options))
+}
 ATTITUDE_SENSORS: dict[str, Driver[AttitudeSensor]] = {"mti": Driver(MtiOptions, _mti)}
 DRIVES: dict[str, Driver[Drive]] = {"ax3500": Driver(Ax3500Options, _ax3500)}

@@ -1,12 +1,13 @@
-"""What a receiver may send: bodies of HELLO, ACK, DRIVE, EXTERNAL_POSE and ASK.
+"""What a receiver may send, and when: bodies of HELLO, ACK, DRIVE, EXTERNAL_POSE and ASK.
 
 Source: planner link, section 3.
 """
 
 import math
 import struct
+from dataclasses import dataclass
 
-from mapod_link.frames import MAX_FRAME, int16
+from mapod_link.frames import MAX_FRAME, Outbox, int16
 
 ACK_BODY = struct.Struct("<HIIHHBB")
 HELLO_BODY = struct.Struct("<IIHH")
@@ -19,6 +20,32 @@ NEED_GEOM, NEED_FULL, STALE, SUSPECT = 1 << 0, 1 << 1, 1 << 2, 1 << 3  # of an A
 PLANNER_STOPPED, DIGEST_OK, AUTH_FAILED = 1 << 4, 1 << 5, 1 << 6
 LONGEST_HOLD_S, HOLD_UNIT_S = 6.5535, 0.0001
 NO_YAW, MOST_YAW, MOST_CORRELATION = -(2**15), 31_416, 10_000
+
+
+@dataclass(slots=True)
+class Talk:
+    """What this end has said, and says next by itself."""
+
+    outbox: Outbox
+    ack_every: int  # accepted frames per ACK; 0: says nothing at all
+    ack_period_s: float
+    max_cells: int  # of the largest window that is taken
+    unacked: int = 0  # frames accepted since the newest ACK
+    acked_s: float = -math.inf
+    asks: int = 0
+    hello_due_s: float = -math.inf
+    hello_wanted: bool = False
+
+
+@dataclass(slots=True)
+class Needs:
+    """What is not as it should be with the map at this end; ACKs tell of it."""
+
+    geom: bool = False  # to be asked for
+    full: bool = False  # likewise; the newest DIGEST that could be compared proves the map wrong
+    digest_ok: bool = False  # that DIGEST is the map's
+    auth_failed: bool = False  # the newest frame had no right tag
+    too_many_cells: int = 0  # of a window that cannot be held; 0: none was announced
 
 
 def hello_body(nonce: int, max_cells: int, max_frame: int = MAX_FRAME, poll: bool = False) -> bytes:
@@ -35,11 +62,7 @@ def ack_body(
 
 
 def drive_body(session: int, nonce: int, v_mps: float, w_radps: float, valid_s: float) -> bytes:
-    """Body of a DRIVE frame.
-
-    Raises:
-        ValueError: a speed or a time that the frame cannot tell.
-    """
+    """Body of a DRIVE frame; ValueError: a speed or a time that it cannot tell."""
     if not all(map(math.isfinite, (v_mps, w_radps, valid_s))):
         raise ValueError(f"no DRIVE frame tells {v_mps} m/s, {w_radps} rad/s for {valid_s} s")
     v_mmps, w_mradps, valid_ms = round(v_mps * 1000), round(w_radps * 1000), round(valid_s * 1000)

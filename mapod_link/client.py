@@ -54,11 +54,7 @@ class Link:
                 return self.receiver.numbers.taken > before
 
     def step(self, wait_s: float) -> float:
-        """Wait for bytes, take them, answer once; gives the time.
-
-        Raises:
-            OSError: the wire is gone.
-        """
+        """Wait for bytes, take them, answer once; gives the time. `OSError`: the wire is gone."""
         self._wire.wait(wait_s)
         self._wire.feed(self.receiver)
         if self._wire.peer != self._peer:  # somebody, who has not heard of us

@@ -5,6 +5,7 @@ Source: planner link, sections 5, 6 and 9.
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 from mapod_link.bodies import Geometry
 from mapod_link.frames import AUTH, Frame, int16, tag_is_right
@@ -12,6 +13,15 @@ from mapod_link.frames import AUTH, Frame, int16, tag_is_right
 SESSIONS_KEPT = 4096  # sessions left behind, which are not taken up again with a key
 ALL_BITS = 0xFFFFFFFF
 SILENCE_MS, HALF = 60_000, 2**31  # between two frames: numbers may have wrapped unseen
+
+
+@dataclass(slots=True)
+class Ignored:
+    """How many frames were left alone."""
+
+    repeated: int = 0  # older than the newest, or twice
+    types: int = 0  # of no type for a receiver
+    maps: int = 0  # of another geometry
 
 
 class Numbers:
@@ -30,7 +40,7 @@ class Numbers:
         self._left_sessions: deque[int] = deque(maxlen=SESSIONS_KEPT)
         self.any = False  # a frame has counted: the others mean something
         self.last = self.mask = self.t_ms = 0
-        self.counted_s = -math.inf
+        self.counted_s = self.map_s = -math.inf  # newest frame; newest map that was taken over
         self.gap: int | None = None
         self.taken = self.gaps = self.missing = 0
 

@@ -113,7 +113,6 @@ class Outbox:
     def put(
         self, now_s: float, frame_type: int, body: bytes, session: int | None, nonce: int
     ) -> None:
-        """One frame more, as of now."""
         self._sent += 1
         told = frame_type, self._sent, math.floor(now_s * 1000 + 1e-6), body
         if self.key is None or session is None:

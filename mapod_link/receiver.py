@@ -10,6 +10,7 @@ import math
 from collections import Counter
 
 from mapod_link import asking
+from mapod_link.asking import Needs, Talk
 from mapod_link.bodies import (
     Body,
     Digest,
@@ -21,7 +22,7 @@ from mapod_link.bodies import (
     maybe_map_geometry,
 )
 from mapod_link.cell_map import U8, CellMap
-from mapod_link.counting import Numbers
+from mapod_link.counting import Ignored, Numbers
 from mapod_link.frames import (
     ACK,
     ASK,
@@ -58,12 +59,8 @@ class Receiver:
         pose, stop_zone: newest; None until one has arrived in this run of the sender.
         stopped: PLANNER_STOPPED in each ACK: the sender moves nothing while it is set.
         accepted: frames taken, by type. rejected: frames refused, by reason.
-        repeated, ignored_types, ignored_maps: frames left alone: older or twice, of no type for a
-            receiver, of another geometry.
-        numbers: which frames have arrived.
-        too_many_cells: of a window that this receiver cannot hold; 0: none was announced.
-        need_geom: to be asked for, with the next ACK.
-        need_full: likewise; the newest DIGEST that could be compared proves the map wrong.
+        ignored: how many frames were left alone. numbers: which frames have arrived.
+        needs: what is not as it should be with the map here.
     """
 
     def __init__(
@@ -76,21 +73,15 @@ class Receiver:
         max_cells: int = MOST_CELLS,
         poll_only: bool = False,
     ) -> None:
-        self.nonce, self.max_cells, self.poll_only = nonce, max_cells, poll_only
-        self.ack_every, self.ack_period_s = ack_every, ack_period_s
+        self.nonce, self.poll_only, self.stopped = nonce, poll_only, False
         self.accepted: Counter[int] = Counter()
         self.rejected: Counter[str] = Counter()
-        self.ignored_types = self.ignored_maps = self.repeated = self.too_many_cells = 0
         self.geom: Geometry | None = None
         self.pose: Pose | None = None
         self.stop_zone: StopZone | None = None
-        self.numbers, self.tiles, self._map = Numbers(key), Tiles(), CellMap(0, 0)
-        self.stopped = self.need_geom = self.need_full = False
-        self.digest_ok = self.auth_failed = self._hello_wanted = False
-        self._deframer, self._outbox = Deframer(), Outbox(key)
-        self._unacked = self._asks = 0
-        self._map_s = -math.inf  # when a MAP frame was applied last
-        self._hello_due_s = self._acked_s = -math.inf
+        self.numbers, self.ignored, self.needs = Numbers(key), Ignored(), Needs()
+        self.tiles, self._map, self._deframer = Tiles(), CellMap(0, 0), Deframer()
+        self._talk = Talk(Outbox(key), ack_every, ack_period_s, max_cells)
 
     # What is known
 
@@ -139,15 +130,18 @@ class Receiver:
         """Poses or maps do not arrive in time: nothing that is known may be used."""
         if self.geom is None or self.pose is None:
             return True
-        return now_s - min(self.pose.arrived_s, self._map_s) > self.geom.stale_s
+        return now_s - min(self.pose.arrived_s, self.numbers.map_s) > self.geom.stale_s
 
     def advice(self, now_s: float) -> tuple[str, str]:
         """("go" | "slow" | "stop", why): what section 5 makes a planner do, whatever its way."""
         if self.poll_only:
             return "stop", "a receiver that only asks keeps no map"
-        if self.too_many_cells:
-            return "stop", f"the window has {self.too_many_cells} cells, too many for this receiver"
-        if self.need_full:
+        if self.needs.too_many_cells:
+            return (
+                "stop",
+                f"the window has {self.needs.too_many_cells} cells, too many for this receiver",
+            )
+        if self.needs.full:
             return "stop", "the map is not the sender's"
         if self.pose is None or self.blank:
             return "stop", "no map yet"
@@ -188,21 +182,22 @@ class Receiver:
 
     def poll(self, now_s: float) -> list[bytes]:
         """Frames to send now, a datagram each; `serial_from_frame` makes them fit a serial line."""
-        if not self.ack_every:
+        talk = self._talk
+        if not talk.ack_every:
             return []
         # Nobody is known, or whoever sends does not know us: it may have started again
-        stranger = self.auth_failed or self._hello_wanted or self.tiles.is_unheard(now_s)
-        if (self.geom is None or stranger) and now_s >= self._hello_due_s:
-            self._hello_due_s, self._hello_wanted = now_s + HELLO_PERIOD_S, False
-            hello = asking.hello_body(self.nonce, self.max_cells, poll=self.poll_only)
+        stranger = self.needs.auth_failed or talk.hello_wanted or self.tiles.is_unheard(now_s)
+        if (self.geom is None or stranger) and now_s >= talk.hello_due_s:
+            talk.hello_due_s, talk.hello_wanted = now_s + HELLO_PERIOD_S, False
+            hello = asking.hello_body(self.nonce, talk.max_cells, poll=self.poll_only)
             self._send(now_s, HELLO, hello)
-        period_s = self.ack_period_s / (2 if self.need_geom or self.need_full else 1)
-        if not self.poll_only and now_s - self._acked_s >= period_s - NOTHING_S:
+        period_s = talk.ack_period_s / (2 if self.needs.geom or self.needs.full else 1)
+        if not self.poll_only and now_s - talk.acked_s >= period_s - NOTHING_S:
             self.acknowledge(now_s)
         if self._may_ask:
             for body in self.tiles.questions(now_s):
                 self._send(now_s, ASK, body)
-        return self._outbox.take()
+        return talk.outbox.take()
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         """The receiver on a serial line: what came, and what it sends until now_s."""
@@ -213,12 +208,12 @@ class Receiver:
 
     def greet(self) -> None:
         """Say HELLO once more: to a sender that has just been met."""
-        self._hello_wanted, self._hello_due_s = True, -math.inf
+        self._talk.hello_wanted, self._talk.hello_due_s = True, -math.inf
 
     def acknowledge(self, now_s: float) -> None:
         """One ACK as of now, besides those that are due; none before the first frame."""
-        if self.numbers.any and self.ack_every:
-            self._acked_s, self._unacked = now_s, 0
+        if self.numbers.any and self._talk.ack_every:
+            self._talk.acked_s, self._talk.unacked = now_s, 0
             self._send(now_s, ACK, self.ack(now_s))
 
     def ask(
@@ -228,8 +223,8 @@ class Receiver:
         what = asking.ASK_GEOM * geometry | asking.ASK_POSE * pose | asking.ASK_ZONE * stop_zone
         if not what or not self._may_ask:
             return False
-        self._asks += 1
-        self._send(now_s, ASK, asking.ask_body(self._asks, what))
+        self._talk.asks += 1
+        self._send(now_s, ASK, asking.ask_body(self._talk.asks, what))
         return True
 
     def ask_tile(
@@ -251,7 +246,7 @@ class Receiver:
         run of the sender is not known or there is no return path. `ValueError`: a speed or a time
         that the frame cannot tell.
         """
-        if self.geom is None or not self.ack_every:
+        if self.geom is None or not self._talk.ack_every:
             return False
         body = asking.drive_body(self.geom.session, self.nonce, v_mps, w_radps, valid_s)
         self._send(now_s, DRIVE, body)
@@ -271,7 +266,7 @@ class Receiver:
         age_s: float = 0.0,
     ) -> bool:
         """Tell where a positioning system saw the robot; see `asking.external_body`. As `drive`."""
-        if self.geom is None or not self.ack_every:
+        if self.geom is None or not self._talk.ack_every:
             return False
         body = asking.external_body(
             self.geom.session, self.nonce, x_m, y_m, yaw_rad, sigma_x_m=sigma_x_m,
@@ -284,8 +279,8 @@ class Receiver:
         """The body of an ACK as of now."""
         numbers = self.numbers
         bits = (
-            self.need_geom or self.geom is None, self.need_full, self.stale(now_s), self.suspect,
-            self.stopped, self.digest_ok, self.auth_failed,
+            self.needs.geom or self.geom is None, self.needs.full, self.stale(now_s), self.suspect,
+            self.stopped, self.needs.digest_ok, self.needs.auth_failed,
         )  # fmt: skip
         return asking.ack_body(
             *(numbers.last, numbers.mask, numbers.t_ms, now_s - numbers.counted_s),
@@ -297,37 +292,38 @@ class Receiver:
     @property
     def _may_ask(self) -> bool:
         """There is a way back; and with a key, a session to sign for."""
-        return bool(self.ack_every) and (self._outbox.key is None or self.geom is not None)
+        has_session = self._talk.outbox.key is None or self.geom is not None
+        return bool(self._talk.ack_every) and has_session
 
     def _send(self, now_s: float, frame_type: int, body: bytes) -> None:
         session = self.geom.session if self.geom else None
-        self._outbox.put(now_s, frame_type, body, session, self.nonce)
+        self._talk.outbox.put(now_s, frame_type, body, session, self.nonce)
 
     # Section 5: which frames count
 
     def note(self, now_s: float, frame: Frame) -> None:
         """Called with each frame that is taken; to be extended by those who measure."""
-        self._unacked += 1
-        if self._unacked >= self.ack_every > 0 and not self.poll_only:
+        self._talk.unacked += 1
+        if self._talk.unacked >= self._talk.ack_every > 0 and not self.poll_only:
             self.acknowledge(now_s)
         if frame.type == MAP and self.poll_only:  # a sender that has started since pushes again
-            self._hello_wanted = True
+            self._talk.hello_wanted = True
 
     def _take(self, now_s: float, frame: Frame) -> str:
         """Checks a frame, then lets it act; gives the reason if it is rejected."""
         if ACK <= frame.type <= EXTERNAL_POSE:  # goes to the sender: an echo, also of our own
-            self.ignored_types += 1
+            self.ignored.types += 1
             return ""
         numbers, foreign = self.numbers, self._is_foreign(frame)
         body = None if foreign else maybe_body(frame, now_s, self._map.size)
         geom = body if isinstance(body, Geometry) else None
-        self.auth_failed = not numbers.is_genuine(frame, geom or self.geom, self.nonce)
-        if self.auth_failed:
+        self.needs.auth_failed = not numbers.is_genuine(frame, geom or self.geom, self.nonce)
+        if self.needs.auth_failed:
             return "tag"
         begins = geom is not None and (self.geom is None or geom.session != self.geom.session)
         anew = numbers.is_after_silence(frame)
         if not begins and not numbers.is_newer(frame):
-            self.repeated += 1
+            self.ignored.repeated += 1
             return ""
         if body is None and not foreign and GEOM <= frame.type <= TILE:
             return "body"
@@ -337,8 +333,8 @@ class Receiver:
         numbers.count(now_s, frame, begins or anew)
         self.accepted[frame.type] += 1
         if foreign:
-            self.ignored_maps += 1
-            self.need_geom = True
+            self.ignored.maps += 1
+            self.needs.geom = True
         else:
             self._act(now_s, frame, body, begins)
         self.note(now_s, frame)
@@ -364,22 +360,24 @@ class Receiver:
             case Digest():
                 self._compare(body)
             case None:
-                self.ignored_types += 1
+                self.ignored.types += 1
 
     # Section 4: the map
 
     def _adopt(self, geom: Geometry, begins: bool) -> None:
         """A geometry that does not fit ends the old one all the same: no map under a wrong one."""
-        old, cells, self.need_geom = self.geom, geom.width * geom.height, False
-        self.geom, self.too_many_cells = (geom, 0) if cells <= self.max_cells else (None, cells)
+        old, cells, self.needs.geom = self.geom, geom.width * geom.height, False
+        self.geom, self.needs.too_many_cells = (
+            (geom, 0) if cells <= self._talk.max_cells else (None, cells)
+        )
         if begins:
             self.pose = self.stop_zone = None  # of another run of the sender
-            self._map_s = -math.inf
+            self.numbers.map_s = -math.inf
             self.tiles.begin_anew()
             if old is not None:
                 self.numbers.leave(old.session)
         if begins or old is None or geom.layout != old.layout:
-            self.need_full = self.digest_ok = False
+            self.needs.full = self.needs.digest_ok = False
             self._map = CellMap(geom.width, geom.height) if self.geom else CellMap(0, 0)
             self.numbers.gap = None
 
@@ -389,12 +387,12 @@ class Receiver:
             self.numbers.gap = None
         self.numbers.repair(update.repaired)
         self._map.apply(update)
-        self._map_s = now_s
+        self.numbers.map_s = now_s
 
     def _compare(self, digest: Digest) -> None:
         """A difference that no gap explains can only be mended by a new epoch."""
         known = self.geom is not None and digest.geom_id == self.geom.geom_id
         compares = known and not self.suspect and not self.blank
-        self.digest_ok = compares and self.digest() == digest.crc
+        self.needs.digest_ok = compares and self.digest() == digest.crc
         if compares:
-            self.need_full = not self.digest_ok
+            self.needs.full = not self.needs.digest_ok

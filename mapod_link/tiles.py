@@ -50,7 +50,6 @@ class TilePiece(NamedTuple):
 
     @property
     def is_last(self) -> bool:
-        """The rectangle ends with it."""
         return self.first + self.values.size == self.width * self.height
 
 
@@ -175,11 +174,7 @@ class Tiles:
     def ask(
         self, layer: str, place: tuple[int, int], shape: tuple[int, int], in_window: bool
     ) -> Tile:
-        """A tile to be filled.
-
-        Raises:
-            ValueError: no such layer, no cells, or too many.
-        """
+        """A tile to be filled; ValueError: no such layer, no cells, or too many."""
         height, width = shape
         if layer not in LAYERS or min(shape) < 1 or height * width > MOST_CELLS:
             raise ValueError(f"no tile has {height} x {width} cells of {layer!r}")
@@ -189,7 +184,6 @@ class Tiles:
         return tile
 
     def drop(self, tile: Tile) -> None:
-        """It is not wanted any more."""
         tile.refusal = tile.refusal or "it was dropped"
 
     def questions(self, now_s: float) -> list[bytes]:

@@ -209,12 +209,10 @@ class TcpWire:
                 self._hang_up()
 
     def close(self) -> None:
-        """Hang up and free the port."""
         self._hang_up()
         self._listener.close()
 
     def _accept(self) -> bool:
-        """Take the newest sender, if one has connected."""
         try:
             accepted, _ = self._listener.accept()
         except BlockingIOError:

@@ -102,7 +102,6 @@ class DriveControl:
         self._let_go_for = ""  # what made the motors unwilling while somebody wanted them to turn
 
     def halt(self, reason: str) -> Powers:
-        """Zero, at once."""
         self.v_mps = self.w_radps = 0.0
         self.blocked_by = reason
         return 0.0, 0.0
@@ -175,7 +174,6 @@ class DriveControl:
         return self._limited(request.v_mps, request.w_radps) if request else (0.0, 0.0)
 
     def describe(self, found: Obstruction) -> str:
-        """What stands in the way."""
         if found.state != OBSTACLE:
             return "ground in the way was not seen to be free"
         return "a drop is in the way" if self.is_drop(found) else "an obstacle is in the way"

@@ -32,7 +32,6 @@ class Pilot:
         return self._stall.stalled
 
     def counted(self, counts: WheelCounts) -> None:
-        """The newest counts of both wheels."""
         self._stall.counted(counts)
 
     def look_around(

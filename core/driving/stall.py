@@ -47,7 +47,6 @@ class StallWatch:
         self._speeds_mps = abs(left) * self._full_mps, abs(right) * self._full_mps
 
     def counted(self, counts: WheelCounts) -> None:
-        """The newest counts of both wheels."""
         last, self._last = self._last, counts
         sent_m, self._sent_m = self._sent_m, [0.0, 0.0]
         if last is None or counts.restarts != last.restarts:

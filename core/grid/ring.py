@@ -59,6 +59,5 @@ class RingGrid:
                 (array[:, line] if axis == 1 else array[line, :])[...] = blank
 
     def erase(self) -> None:
-        """Blank every cell."""
         for array, blank in self._layers:
             array[...] = blank

@@ -47,10 +47,7 @@ class ObstacleWindow:
         self.used = _put(at, states, cells, self.marked, self.changed, self.used)
 
     def follow(self, x_m: float, y_m: float) -> bool:
-        """Keep a point of the map frame near the middle; True if the window moved.
-
-        What enters is unknown.
-        """
+        """Keep a point of the map frame near the middle; True if the window moved."""
         return self.grid.follow(x_m, y_m)
 
     def erase(self) -> None:

@@ -16,7 +16,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
 from core.mapping.terrain import F32, Terrain
-from core.records import F64, I32, I64, UNKNOWN
+from core.records import F64, I64, UNKNOWN
 from jit import kernel
 
 UNITS = {  # every layer there is
@@ -68,7 +68,6 @@ def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
 
 
 def state_view(window: ObstacleWindow) -> LayerView:
-    """The states that were decided."""
     cells = window.cells
     return view_of("state", window.grid, np.where(cells == UNKNOWN, np.nan, cells))
 
@@ -83,14 +82,9 @@ def _soft(cells: Cells, out: F64) -> None:
 def maybe_beams_layer(
     name: str, cells: CellGrid, terrain: Terrain, window: ObstacleWindow
 ) -> LayerView | None:
-    """A layer of method `beams`; none where there is none of this name."""
     if name == "state":
         return state_view(window)
-    judged = {
-        "slope": terrain.slope_rad,
-        "step": terrain.step_m,
-        "roughness": terrain.roughness_m,
-    }
+    judged = {"slope": terrain.slope_rad, "step": terrain.step_m, "roughness": terrain.roughness_m}
     if name in judged:
         terrain.update()
         return view_of(name, cells.grid, judged[name])
@@ -120,33 +114,3 @@ def maybe_beams_values(
     if name == "variance":  # one return has no spread, and is not therefore exact
         values[values == 0.0] = np.nan
     return values
-
-
-def maybe_plane_values(
-    name: str, average_m: F64, source: I32, window: ObstacleWindow, i: I64, j: I64
-) -> F64 | None:
-    """Of method `reference_plane`, as `maybe_beams_values`; arguments of `maybe_plane_layer`."""
-    if name == "state":
-        return states_at(window, i, j)
-    if name != "height":
-        return None
-    sources = at_cells(window.grid, i, j, source)
-    known = sources >= 0
-    return np.where(known, average_m.reshape(-1)[np.where(known, sources, 0).astype(int)], np.nan)
-
-
-def maybe_plane_layer(
-    name: str, average_m: F64, source: I32, window: ObstacleWindow
-) -> LayerView | None:
-    """A layer of method `reference_plane`, which has heights and states only.
-
-    Args:
-        average_m: the paper's heights, of its own frame.
-        source: for each cell of the window (size, size) the flat index of its height; -1: none.
-    """
-    if name == "state":
-        return state_view(window)
-    if name != "height":
-        return None
-    heights_m = np.where(source >= 0, average_m.reshape(-1)[source], np.nan)
-    return view_of(name, window.grid, heights_m)

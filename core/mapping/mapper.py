@@ -77,21 +77,15 @@ class Mapper:
         return bool(self._waiting)
 
     def add_attitude(self, attitude: Attitude) -> None:
-        """Take one sample of the attitude sensor."""
         self._pose_s = math.nan
         self.attitudes.add(attitude)
 
     def add_counts(self, counts: WheelCounts) -> None:
-        """Take one pair of encoder counts."""
         self.delivered_counts_s = max(self.delivered_counts_s, counts.t_s)
         self.odometry.add(counts)
 
     def add_scan(self, scan: Scan | PointSweep) -> None:
-        """Take one sweep; it is mapped by a later `settle`.
-
-        Raises:
-            ValueError: it is not what its scanner may deliver.
-        """
+        """Take one sweep, to be mapped by `settle`; ValueError if its scanner may not send it."""
         check_sweep(scan, self._max_beams)
         self.delivered_scan_s = max(self.delivered_scan_s, span_s(scan)[1])
         self._waiting.append(scan)

@@ -153,10 +153,7 @@ class BeamGeometry:
         )
 
     def cast(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> Sweep:
-        """The rays of a sweep that was checked.
-
-        Attitude and odometry must cover it from its first beam to its last.
-        """
+        """The rays of a checked sweep; attitude and odometry cover it from first beam to last."""
         first_s, last_s = span_s(scan)
         sweep = self.points(scan) if isinstance(scan, Scan) else scan
         n = sweep.times_s.size

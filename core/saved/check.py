@@ -69,11 +69,7 @@ def shapes_of(config: Config) -> Shapes:
 
 
 def check_state(arrays: Arrays, config: Config) -> None:
-    """Let a state pass that these settings can go on from.
-
-    Raises:
-        StateError: anything in it that can't be.
-    """
+    """Let a state pass that these settings can go on from; StateError says what can't be."""
     _check_head(arrays, config)
     shapes = shapes_of(config)
     foreign = sorted(arrays.keys() - shapes.keys() - {"format", "version", "settings"})
@@ -89,7 +85,6 @@ def check_state(arrays: Arrays, config: Config) -> None:
 
 
 def _check_head(arrays: Arrays, config: Config) -> None:
-    """What it is, of which version, and for which settings."""
     kind, version = arrays.get("format"), arrays.get("version")
     if kind is None or kind.shape != () or str(kind) != FORMAT:
         raise StateError("it is no saved map")
@@ -109,10 +104,7 @@ def _check_head(arrays: Arrays, config: Config) -> None:
 
 
 def _check_shape(
-    name: str,
-    array: npt.NDArray[Any] | None,
-    dtype: np.dtype[Any],
-    shape: tuple[int | None, ...],
+    name: str, array: npt.NDArray[Any] | None, dtype: np.dtype[Any], shape: tuple[int | None, ...]
 ) -> None:
     if array is None:
         raise StateError(f"{name}: is missing")
@@ -132,7 +124,6 @@ def _check_within(name: str, array: npt.NDArray[Any], least: float, most: float)
 
 
 def _check_window(arrays: Arrays) -> None:
-    """Pose and window."""
     _check_within("pose", arrays["pose"][:3], -MOST_M, MOST_M)
     _check_within("pose", arrays["pose"][3:], -2 * math.pi, 2 * math.pi)
     _check_within("travel_m", arrays["travel_m"], -MOST_M, MOST_M)
@@ -155,7 +146,6 @@ def _check_plane(arrays: Arrays) -> None:
 
 
 def _bounds_of(name: str, newest_scan: int) -> tuple[float, float]:
-    """Least and most that a field of a record can be."""
     if name == "t_s":
         return -MOST_S, MOST_S
     if CELL[name].kind == "f":
@@ -164,7 +154,6 @@ def _bounds_of(name: str, newest_scan: int) -> tuple[float, float]:
 
 
 def _check_cells(arrays: Arrays, config: Config) -> None:
-    """The records of method `beams`, and its ground."""
     size, at = config.map.cells, arrays["cells.at"]
     line = arrays["ground.line"]
     _check_within("ground.line", line, -MOST_M, MOST_M)

@@ -30,7 +30,6 @@ class StateError(Exception):
 
 
 def bytes_from_arrays(arrays: Arrays) -> bytes:
-    """The file that holds these arrays."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
         for name in sorted(arrays):
@@ -43,11 +42,7 @@ def bytes_from_arrays(arrays: Arrays) -> bytes:
 
 
 def arrays_from_bytes(data: bytes) -> Arrays:
-    """The arrays in a file.
-
-    Raises:
-        StateError: no such file, or one that was damaged.
-    """
+    """The arrays in a file; StateError where it is no such file, or was damaged."""
     body, comment = data[:-COMMENT_BYTES], data[-COMMENT_BYTES:]
     if not data:
         raise StateError("it is empty")

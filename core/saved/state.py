@@ -24,14 +24,6 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved.check import FORMAT, KEPT, UNSEEN, VERSION, check_state, settings_of
 from core.saved.encoding import Arrays, StateError
 
-OF_THIS_RUN = (
-    "far_sides",
-    "floor_run",
-    "through",
-    "outliers",
-    "face_n",
-    "face_segment",
-)  # begin anew
 STILL = 0.02  # m/s and rad/s
 AWAY_VAR_M2 = 0.05**2  # what a filtered height is less sure of after a time that nobody saw
 

@@ -54,7 +54,6 @@ class Conversation:
         return self._heard_noise and not self._heard_line
 
     def _hear(self, tick: Tick) -> list[Any]:
-        """The lines and bad frames of a tick."""
         if self._stream.readings:
             self._stream.readings = []
         self._motors.look(tick.now_s)
@@ -103,7 +102,6 @@ class Conversation:
             return True if is_echo else None
 
         def maybe_end(event: Any) -> str | None:
-            """Why no more lines are waited for."""
             if not isinstance(event, Line) or event.began_s - written_s > EXCHANGE_S:
                 return "damaged or late value"
             if event.text != "-" and not legal.fullmatch(event.text):

@@ -2,7 +2,6 @@
 
 The counters wrap or roll over, start from zero when their controller restarts, and are now and then
 misread; what they say is believed only as far as the robot can have moved.
-
 Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
 """
 

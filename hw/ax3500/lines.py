@@ -1,7 +1,6 @@
 """Roboteq AX3500 bytes to lines, lines to numbers, queries to bytes. No I/O, no clock, no logging.
 
 Nothing here moves a motor, writes a parameter or resets the controller.
-
 Source: AX3500 sheet, sections 1, 2, 4, 5 and 7. ASCII, 7 bits, CR ends a line in both directions.
 """
 
@@ -53,7 +52,6 @@ class LineParser:
         self._too_long = False  # dropping until the next CR
 
     def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
-        """The events that these bytes complete."""
         events: list[Line | WatchdogStop | BadFrame] = []
         for byte in data:
             character = byte & 0x7F  # a pty passes the bit that was the parity's

@@ -10,7 +10,6 @@ anything else; where that exchange failed it is written at once for both channel
 not acknowledged OVERDUE_S later is left to the controller's own watchdog: the session falls
 silent, which stops the motors 1 s later whatever the line does to our bytes. A controller whose
 watchdog is off gets no commands at all.
-
 Source: AX3500 sheet, sections 1, 2, 3 and 7 (`^00`, `^01`).
 """
 
@@ -72,7 +71,6 @@ class Motors:
 
     @property
     def usable(self) -> bool:
-        """Whether any command may be sent at all."""
         return self.enabled and not self.refusal
 
     @property
@@ -134,11 +132,7 @@ class Motors:
         self.doubt(trouble)
 
     def doubt(self, trouble: str = "") -> None:
-        """Zero, acknowledged, before anything else; then only what is wished anew.
-
-        Args:
-            trouble: what has happened, if zero must also be wished first.
-        """
+        """Zero, acknowledged, before all else; after `trouble`, wished anew as well."""
         if not self._zero_first:
             self._zero_first, self._zero_first_s = True, self._now_s
         self._wish, self._wish_s, self._fresh = (0.0, 0.0), -math.inf, False
@@ -166,7 +160,6 @@ class Motors:
         return None
 
     def sent(self, channel: int, power: int) -> bytes:
-        """The bytes of a command that goes out now."""
         told = self._channels[channel - 1]
         told.sent_s, told.acknowledged = self._now_s, None
         told.may_move = True  # also by a zero: the line may make anything of it
@@ -184,7 +177,6 @@ class Motors:
         self.doubt("the line failed, and the controller's watchdog had to stop them")
 
     def _have_stopped(self) -> None:
-        """Something else has stopped the motors."""
         for channel in self._channels:
             channel.may_move = False
 

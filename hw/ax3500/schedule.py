@@ -13,7 +13,6 @@ controller's own delay, and a loop that looks only now and then, lengthen every 
 is therefore reckoned from how long exchanges really take. Where little fits, slow values wait: at
 most one goes out between two pairs that are due, so a pair never takes longer than three exchanges
 (and the motors' commands), and their periods stretch evenly.
-
 Source: AX3500 sheet, section 10.
 """
 

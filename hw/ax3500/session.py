@@ -16,14 +16,15 @@ vehicle from its radio only where the settings allow it, and moves motors only w
 
 A line of a start-up while IDENTIFYING or POLLING, and a controller without encoders, lead back to
 LISTENING; five failed exchanges in a row to ENTERING, where that is allowed.
-
 Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
 import enum
 import math
 import re
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
 
 from core.records import WheelCounts
 from hw.ax3500.conversation import NO_ECHO, NO_LINE, Conversation, CounterStream, is_start_up
@@ -41,7 +42,6 @@ from hw.ax3500.lines import (
     maybe_counter,
 )
 from hw.ax3500.motors import Motors
-from hw.ax3500.options import Ax3500Options
 from hw.ax3500.schedule import REFRESH_S, Schedule
 from hw.ax3500.values import READ_INPUTS, READ_STATUS, VALUES, state_after_answer
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
@@ -67,6 +67,26 @@ class State(enum.Enum):
     POLLING = "polling"
 
 
+class Ax3500Options(Struct, frozen=True):
+    """The keys of [drive] that its driver alone knows: how it is read and wired."""
+
+    poll_hz: Annotated[float, Meta(ge=5, le=30)]
+    left_channel: Literal[1, 2]
+    right_channel: Literal[1, 2]
+    invert: list[Literal[1, 2]]
+    enter_rs232: bool
+
+    def __post_init__(self) -> None:
+        if self.left_channel == self.right_channel:
+            raise ValueError(
+                f"right_channel: must differ from left_channel = {self.left_channel}, "
+                f"is {self.right_channel}"
+            )
+
+    def describe(self) -> str:
+        return f"{self.poll_hz:g} pairs/s"
+
+
 class Ax3500Session:
     """The conversation with a controller, from its beginning as often as needed."""
 
@@ -88,7 +108,6 @@ class Ax3500Session:
         self._commands = 0  # not zero, since the last pair
 
     def run(self) -> Session:
-        """Yields the bytes to write, is sent a Tick."""
         out = self._begin_anew("the connection is new")
         yield from self._exchange.turn()
         while True:
@@ -212,7 +231,6 @@ class Ax3500Session:
                 raise StartAgainError(self._why_no_counters())
 
     def _why_no_counters(self) -> str:
-        """Names the queries that failed, unless nothing at all is heard or understood."""
         now_s = self._exchange.now_s
         fault = self._counter_faults[self._good_s.index(min(self._good_s))]
         late = [k for k in (0, 1) if now_s - self._good_s[k] > LOST_S / 2]
@@ -288,12 +306,7 @@ class Ax3500(Device[WheelCounts]):
     """The two wheel encoders and, where enabled, the two motors behind an AX3500."""
 
     def __init__(
-        self,
-        port: Port,
-        options: Ax3500Options,
-        *,
-        max_counts_per_s: float,
-        enable_motors: bool,
+        self, port: Port, options: Ax3500Options, *, max_counts_per_s: float, enable_motors: bool
     ) -> None:
         self.stream = CounterStream()
         left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
@@ -311,7 +324,6 @@ class Ax3500(Device[WheelCounts]):
 
     @property
     def trouble(self) -> str:
-        """Why the motors get nothing; "" where nothing is known against them."""
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
@@ -319,7 +331,6 @@ class Ax3500(Device[WheelCounts]):
 
     @property
     def emergency_stop(self) -> bool:
-        """Whether the controller says that its stop button is pressed."""
         return bool(self.stream.controller.emergency_stop)
 
     @property
@@ -328,7 +339,6 @@ class Ax3500(Device[WheelCounts]):
         return "" if identity is None else f"{READ_IDENTITY} {identity:02X}"
 
     def measured(self) -> dict[str, float]:
-        """For the log: voltages, currents, temperatures, as far as they were told, and stops."""
         return self.stream.controller.measured() | {"watchdog_stops": self.stream.watchdog_stops}
 
     def drive(self, left: float, right: float) -> None:

@@ -47,7 +47,6 @@ class ControllerState:
         return "; ".join(reasons)
 
     def measured(self) -> dict[str, float]:
-        """The numbers that were told, by name and unit."""
         numbers = {"battery_v": self.battery_v, "internal_v": self.internal_v}
         for name, both in (("amps", self.amps), ("celsius", self.celsius)):
             numbers[f"{name}_1"], numbers[f"{name}_2"] = both or (None, None)
@@ -83,7 +82,6 @@ def state_after_answer(
 
 
 def _decoded(query: str, numbers: list[int], identity: int | None) -> dict[str, Any]:
-    """The fields of an answer."""
     match query:
         case "?A":
             divider = _maybe_amps_divider(identity)
@@ -99,6 +97,5 @@ def _decoded(query: str, numbers: list[int], identity: int | None) -> dict[str, 
 
 
 def _maybe_amps_divider(identity: int | None) -> float | None:
-    """By model; None where the model's scale is not known."""
     found = [AMPS_DIVIDERS[bit] for bit in (3, 1, 2) if (identity or 0) >> bit & 1]
     return found[0] if found else None

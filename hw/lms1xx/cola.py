@@ -64,9 +64,7 @@ class ColaParser(Generic[Event]):
     """
 
     def __init__(
-        self,
-        decode: Callable[[float, bytes, Dialect], Event],
-        dialect: DialectSetting = "binary",
+        self, decode: Callable[[float, bytes, Dialect], Event], dialect: DialectSetting = "binary"
     ) -> None:
         self._decode, self._head = decode, HEADS[dialect]
         self._buffer = bytearray()
@@ -75,7 +73,6 @@ class ColaParser(Generic[Event]):
         self._skipped, self._reason, self._skipped_s = bytearray(), "", 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[Event | BadFrame]:
-        """The events that these bytes complete; they arrived at now_s (host, seconds)."""
         self._buffer += data
         events: list[Event | BadFrame] = []
         if self._skipped and now_s - self._skipped_s >= INCOMPLETE_S:

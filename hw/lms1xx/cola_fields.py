@@ -31,7 +31,6 @@ class BinaryFields:
         self._payload, self._at = payload, 0
 
     def fields(self, layout: str) -> tuple[Any, ...]:
-        """Values by a struct layout."""
         layout = ">" + layout
         try:
             values = struct.unpack_from(layout, self._payload, self._at)
@@ -55,7 +54,6 @@ class BinaryFields:
         return values
 
     def rest(self) -> bytes:
-        """All that is left."""
         left, self._at = self._payload[self._at :], len(self._payload)
         return left
 
@@ -158,5 +156,4 @@ Fields = BinaryFields | TextFields
 
 
 def new_fields(payload: bytes, dialect: Dialect) -> Fields:
-    """A reader of what is written in a dialect."""
     return BinaryFields(payload) if dialect == "binary" else TextFields(payload)

@@ -1,7 +1,6 @@
 """Commands to a SICK LMS1xx, each in both dialects, and readers of their answers. No I/O, no clock.
 
-LMS1xx differ in what they call good: 0 after
-start, stop and standby; 1 after login, Run, storing and setting the clock (`is_good`).
+What is called good differs: 0 after start, stop and standby; 1 after all others (`is_good`).
 Source: lms111 sheet, sections 2 to 4.
 """
 
@@ -34,13 +33,11 @@ class Command:
     text: str = ""
 
     def is_answered_by(self, event: object) -> TypeGuard[Answer]:
-        """Whether a telegram is its answer, by type and name."""
         if not isinstance(event, Answer):
             return False
         return (event.kind, event.name) == (ANSWERS[self.kind], self.name)
 
     def encode(self, dialect: Dialect) -> bytes:
-        """As a whole telegram."""
         head = f"{self.kind} {self.name}"
         if dialect == "ascii":
             return encode_text(f"{head} {self.text}".rstrip().encode())
@@ -48,15 +45,11 @@ class Command:
 
 
 def read(name: str) -> Command:
-    """Read a variable."""
     return Command("sRN", name)
 
 
 def _command(kind: str, name: str, layout: str, form: str, *values: int) -> Command:
-    """With values, by their struct layout and by their form as a text.
-
-    In a text a number without a sign is hexadecimal.
-    """
+    """Values by their struct layout and as a text, where no sign means hexadecimal."""
     return Command(kind, name, struct.pack(">" + layout, *values), form.format(*values))
 
 
@@ -160,13 +153,11 @@ def _maybe_values(answer: Answer, layout: str) -> tuple[int, ...] | None:
 
 
 def maybe_scan_config(answer: Answer) -> ScanConfig | None:
-    """What `LMPscancfg` says."""
     values = _maybe_values(answer, _SCAN_CONFIG)
     return ScanConfig(values[0], values[2]) if values else None
 
 
 def maybe_content(answer: Answer) -> tuple[int, ...] | None:
-    """The twelve values of `LMDscandatacfg`."""
     return _maybe_values(answer, _CONTENT)
 
 

@@ -99,7 +99,6 @@ class ColaExchange:
         return f"the scanner does not answer: it may be {doubt}"
 
     def ask(self, command: Command, wait_s: float, tries: int = TRIES) -> Steps[Result]:
-        """Its answer, a refusal, or None after the last try."""
         for _ in range(tries):
             if self.is_unsure:
                 yield from self._resync()
@@ -135,11 +134,7 @@ class ColaExchange:
         return None
 
     def must(self, command: Command) -> Steps[bool]:
-        """A command that has to be answered; whether the answer is good: a remark if not.
-
-        Raises:
-            StartAgainError: no answer.
-        """
+        """A command that has to be answered; whether the answer is good: a remark if not."""
         result = yield from self.ask(command, ANSWER_S)
         if result is None:
             raise StartAgainError(f"the scanner does not answer {command.name}")
@@ -159,8 +154,6 @@ def _maybe_telegram(event: Any) -> Heard | None:
 
 
 def _result_of(command: Command) -> Callable[[Any], Result]:
-    """Finds its answer or a refusal among telegrams."""
-
     def maybe_result(event: Any) -> Result:
         is_result = isinstance(event, Refusal) or command.is_answered_by(event)
         return event if is_result else None

@@ -48,7 +48,6 @@ class Lms1xxOptions(Struct, frozen=True):
 
     @property
     def spec(self) -> ScannerSpec:
-        """What the maps need to know of it."""
         step_deg = self.angular_step_deg
         used_deg = np.arange(self.first_deg, self.last_deg + step_deg / 2, step_deg)
         bearings_rad = np.radians(used_deg - AHEAD_DEG)
@@ -64,7 +63,6 @@ class Lms1xxOptions(Struct, frozen=True):
         )
 
     def describe(self) -> str:
-        """For a person to check."""
         beams = round((self.last_deg - self.first_deg) / self.angular_step_deg) + 1
         return (
             f"{beams} beams from {self.first_deg:g} to {self.last_deg:g} deg, "

@@ -55,7 +55,6 @@ class ScanMaker:
         )
 
     def _part(self, channel: Channel) -> slice:
-        """Indices of the beams within the used field of view."""
         to_first = (self._options.first_deg - channel.first_deg) / channel.step_deg
         to_last = (self._options.last_deg - channel.first_deg) / channel.step_deg
         first = max(0, math.ceil(to_first - 1e-3))  # angles come in 1/10000 deg

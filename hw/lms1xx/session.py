@@ -62,7 +62,6 @@ class Lms111Session:
         self._setup = Setup(self._cola, options)
 
     def run(self) -> Session:
-        """Yields the bytes to write, is sent a Tick."""
         # Whoever wants it otherwise did not cut our connection: it may be set up at once.
         self._memory.set_up_s = self._memory.ran_s = -math.inf
         yield from self._exchange.turn()
@@ -95,7 +94,6 @@ class Lms111Session:
         yield from self._deliver()
 
     def _deliver(self) -> Steps[None]:
-        """As long as telegrams keep coming."""
         exchange, memory = self._exchange, self._memory
         begun_s = heard_s = exchange.now_s
         patience_s, complaint = FIRST_SCAN_S, ""
@@ -140,7 +138,6 @@ class Lms111(Device[Scan]):
 
     @property
     def identity(self) -> str:
-        """Firmware and serial number, as far as they were told."""
         firmware, number = self._memory.firmware, self._memory.serial_number
         told = [f"firmware {firmware}"] if firmware else []
         told += [f"serial number {number}"] if number else []
@@ -148,16 +145,13 @@ class Lms111(Device[Scan]):
 
     @property
     def clock_locked(self) -> bool:
-        """True once the scanner's clock is known well enough."""
         return self._maker.clock.locked
 
     @property
     def clock_uncertainty_s(self) -> float:
-        """Typical error of the scans' times."""
         return self._maker.clock.uncertainty_s
 
     def measured(self) -> dict[str, float]:
-        """How well its clock is known, for the log."""
         return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
 
     @property
@@ -167,7 +161,6 @@ class Lms111(Device[Scan]):
 
     @property
     def doubt(self) -> str:
-        """Why its "nothing there" is not to be believed; "" if it is."""
         too_dirty = (self._memory.contamination or 0) >= TOO_DIRTY
         return "the scanner's window is too dirty" if too_dirty else ""
 

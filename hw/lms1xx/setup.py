@@ -103,7 +103,6 @@ class Setup:
         )
 
     def _maybe_read(self, command: Command) -> Steps[Answer | None]:
-        """A read that is not repeated where it was refused or not answered before."""
         if command.name in self._unreadable:
             return None
         wait_s = OPTIONAL_S if self._unreadable else ANSWER_S  # one that is slow, or many missing
@@ -126,11 +125,7 @@ class Setup:
             self._cola.remark(f"has LMDscandatacfg {says}, not {told} as it was told")
 
     def _maybe_state(self) -> Steps[int | None]:
-        """The code of `STlms`, or its like by the older `SCdevicestate`; None: not known, or busy.
-
-        Raises:
-            StartAgainError: it reports an error.
-        """
+        """The code of `STlms`, or its like by the older `SCdevicestate`; None: not known, busy."""
         answer = yield from self._maybe_read(commands.READ_STATE)
         if answer is not None and (state := commands.maybe_state(answer)) is not None:
             if state[1] is not None:
@@ -217,5 +212,4 @@ def covers(span_deg: tuple[float, float], wanted_deg: tuple[float, float]) -> bo
 
 
 def _is_whole(survey: Survey) -> bool:
-    """Whether it sends its whole field of view."""
     return survey.span_deg is not None and covers(survey.span_deg, (FIRST_DEG, LAST_DEG))

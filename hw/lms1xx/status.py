@@ -31,6 +31,5 @@ HOT = "is out of its range of temperatures"
 
 
 def describe_status(status: tuple[int, int]) -> str:
-    """A device status that is not 0, without its subject; the sheet says no more of it."""
     values = f"{status[0]} {status[1]}"
     return f"sends scans with device status {values} (a warning, an error, or not valid yet)"

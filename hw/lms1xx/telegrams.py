@@ -107,7 +107,6 @@ class Answer:
     dialect: Dialect = "binary"
 
     def fields(self) -> Fields:
-        """A reader of the values."""
         return new_fields(self.values, self.dialect)
 
 
@@ -120,7 +119,6 @@ class Refusal:
 
     @property
     def reason(self) -> str:
-        """What the code means."""
         return REFUSALS.get(self.code, f"error code {self.code}")
 
 
@@ -135,11 +133,7 @@ def new_parser(
 
 
 def decode(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> Telegram:
-    """What a payload says; it arrived at now_s.
-
-    Raises:
-        PayloadError: not one of the sheet's telegrams, or a scan that can't be true.
-    """
+    """What a payload says; PayloadError: no telegram of the sheet's, or a scan that can't be."""
     kind = payload[:3]
     if kind == b"sFA":
         return _refusal(payload, dialect)
@@ -194,7 +188,6 @@ def _scan_telegram(
 
 
 def _channels(fields: Fields, max_beams: int) -> dict[str, Channel]:
-    """All 16-bit channels, then all 8-bit ones."""
     channels = {}
     for kind in (">u2", "u1"):
         (count,) = fields.fields("H")
@@ -232,7 +225,6 @@ def _options(fields: Fields) -> dict[str, Any]:
 
 
 def _flag(fields: Fields, what: str) -> bool:
-    """Whether an optional block follows."""
     (value,) = fields.fields("H")
     if value > 1:
         raise PayloadError(f"{what} flag is {value}")

@@ -63,7 +63,6 @@ class Checkup:
                 self._memory.temperature_ok = state[1]
 
     def _fail(self, asked: Command) -> None:
-        """No answer: ask once more when its turn comes."""
         self._unanswered[asked.name] += 1
         if self._unanswered[asked.name] < GIVE_UP:
             self._topics.append(asked)
@@ -113,7 +112,6 @@ class TelegramWatch:
         return True
 
     def _doubt(self, telegram: ScanTelegram) -> str:
-        """Why its ranges are not to be used; "" if they are."""
         value = telegram.status[0] | telegram.status[1]  # which byte says what is not documented
         if value and value not in self._options.accepted_status:
             return describe_status(telegram.status)
@@ -121,7 +119,6 @@ class TelegramWatch:
         return CONTAMINATIONS.get(dirt, "") if dirt >= TOO_DIRTY else ""
 
     def _remark(self, telegram: ScanTelegram) -> str:
-        """What is not as configured, or not well, in one sentence; "" if all is."""
         options, channels = self._options, telegram.channels
         faults = list(self._cola.remarks)
         channel = channels.get("DIST1") or channels.get("DIST2")

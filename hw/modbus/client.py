@@ -94,7 +94,6 @@ class Client:
             self._timer = None
 
     def _work(self) -> None:
-        """Answer some of what waits, as the pace allows."""
         self._timer, context = None, self._context
         for _ in range(BATCH):
             if not self._waiting or self._is_held:

@@ -7,14 +7,7 @@ here behind other requests is valid for that much less. Whether it is obeyed is 
 import math
 from collections.abc import Callable
 
-from hw.modbus.layout import (
-    DRIVE,
-    DRIVE_BLOCK,
-    DRIVE_REQUEST,
-    Refusal,
-    bounded,
-    thousandths_signed,
-)
+from hw.modbus.layout import DRIVE, DRIVE_BLOCK, DRIVE_REQUEST, Refusal, bounded, thousandths_signed
 
 MOST_VALID_MS, NO_SPEED = 1000, 0x8000
 TAKEN, REFUSED = 0, 1

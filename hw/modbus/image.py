@@ -9,6 +9,7 @@ Time is an argument; nothing here waits.
 
 import math
 import struct
+from dataclasses import dataclass
 
 from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.modbus.drive import Ask, DriveRegisters
@@ -56,24 +57,18 @@ class TokenBucket:
         return max(0.0, self._booked_s - now_s)
 
 
+@dataclass(slots=True, eq=False)
 class View:
     """One reader's own frozen map; changed by nothing but its latch."""
 
-    def __init__(self) -> None:
-        self.held: Snapshot | None = None  # nothing was frozen yet
+    held: Snapshot | None = None  # None: nothing was frozen yet
 
 
 class RegisterImage:
     """The registers; `publish` fills them, `read` and `write` serve them."""
 
     def __init__(
-        self,
-        *,
-        size: int,
-        cell_mm: int,
-        session: int,
-        version: str,
-        ask: Ask | None = None,
+        self, *, size: int, cell_mm: int, session: int, version: str, ask: Ask | None = None
     ) -> None:
         """An image of a window of size x size cells; without `ask` it has no drive registers."""
         self._packer = Packer(size, cell_mm)
@@ -90,7 +85,6 @@ class RegisterImage:
         self._views: list[View] = []
 
     def new_view(self) -> View:
-        """A view for the unit ids of one more reader."""
         self._views.append(View())
         return self._views[-1]
 

@@ -213,7 +213,6 @@ def stride_of(cells: int) -> int:
 
 
 def window_block(cells: int) -> Block:
-    """The window block for a window of cells x cells."""
     count = cells * stride_of(cells)
     end = WINDOW_CELLS + count
     entries = [

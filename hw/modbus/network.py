@@ -87,7 +87,6 @@ class TcpConnection(asyncio.Protocol):
             self._make_room()
 
     def _make_room(self) -> None:
-        """End the connection that has been idle longest, or else this one."""
         idlest = min(self._owner.connections, key=lambda one: one.idle_since_s)
         context = self._owner.context
         if context.clock() - idlest.idle_since_s > SPARED_S:
@@ -129,7 +128,6 @@ class TcpConnection(asyncio.Protocol):
         return self._is_ending
 
     def pause_writing(self) -> None:
-        """It does not take its answers."""
         if self._client:
             self._client.hold(True)
 
@@ -199,7 +197,6 @@ class UdpService(asyncio.DatagramProtocol):
         )
 
     def tend(self, now_s: float) -> str:
-        """Nothing to look after."""
         return ""
 
     def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:

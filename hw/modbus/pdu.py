@@ -148,7 +148,6 @@ def identity_of(version: str) -> dict[int, bytes]:
 
 
 def _identify(pdu: bytes, registers: Access) -> Answer:
-    """Device identification: vendor, product and so on, as texts."""
     if len(pdu) < 2 or pdu[1] != DEVICE_ID:
         return Refusal.FUNCTION
     if len(pdu) != 4 or not 1 <= pdu[2] <= 4:

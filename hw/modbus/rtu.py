@@ -145,19 +145,16 @@ class RtuReceiver:
         return found
 
     def _sizes(self) -> tuple[int, ...]:
-        """What the frame at the start may measure, the likeliest first."""
         sizes = request_size(self._buffer), answer_size(self._buffer)
         return sizes[::-1] if self._is_asked() else sizes
 
     def _is_asked(self) -> bool:
-        """Whether what begins here can be the answer that is due."""
         start = self._buffer[:2]
         if self._asked is None or len(start) < 2:
             return False
         return (start[0], start[1] & 0x7F) == self._asked
 
     def _frame_size(self) -> int:
-        """Of the whole and right frame at the start; 0 if there is none yet."""
         for size in self._sizes():
             if LEAST <= size <= min(MOST, len(self._buffer)) and crc16(self._buffer[:size]) == 0:
                 return size
@@ -177,7 +174,6 @@ class RtuReceiver:
         return None
 
     def _sort(self, size: int, found: list[Request]) -> None:
-        """Take the frame at the start: a request of ours, or what others say."""
         frame = bytes(self._buffer[:size])
         del self._buffer[:size]
         unit, function = frame[0], frame[1]

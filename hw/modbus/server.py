@@ -47,7 +47,6 @@ def units_of(unit: int, kind: str) -> tuple[list[int], list[int]]:
 
 
 def _why_closed(error: OSError, url: PortUrl) -> str:
-    """Why nothing can be served at this URL."""
     if isinstance(error, socket.gaierror):
         return f"the host {url.host!r} has no known address"
     if error.errno == errno.EADDRINUSE:

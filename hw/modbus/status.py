@@ -119,7 +119,6 @@ class Status:
 
 
 def _ages(now_s: float, said: Published, newest: Snapshot) -> dict[str, Value]:
-    """At the instant of reading."""
     pose, since_s = said.pose, now_s - said.at_s
     return {
         "age_scan": age_ms(pose.age_scan_s + since_s),
@@ -139,7 +138,6 @@ def _stale_values(said: Published) -> dict[str, Value]:
 
 
 def _values(said: Published) -> dict[str, Value]:
-    """What a publication says, but for its ages."""
     pose, zone, word = said.pose, said.zone, said.pose.health
     sectors = {f"sector_{k}": distance_mm(zone.sectors_m[k]) for k in range(8)}
     return {

@@ -115,11 +115,7 @@ class Packer:
         generation: int,
         in_use: list[Snapshot],
     ) -> Snapshot:
-        """The window as it is now, in a buffer that is not in use.
-
-        Raises:
-            ValueError: a window of another size; the kernel would write beyond its buffer.
-        """
+        """The window as it is now, in a buffer that is not in use; ValueError: of another size."""
         if window.cells.shape != (self.size, self.size):
             raise ValueError(f"a window of {self.size} cells is due, not {window.cells.shape}")
         free = self._unused(in_use)
@@ -178,6 +174,5 @@ class Packer:
 
 
 def _put(block: Block, into: U8, values: dict[str, int]) -> None:
-    """Write entries of a block in place."""
     for name, value in values.items():
         block.put(into.data, name, value)

@@ -2,14 +2,12 @@
 
 Data still in the pipe is skipped, WakeUp is answered and ends what was going on, an Error is an
 answer.
-
 Source: MTi sheet, sections 1, 2 and 9.
 """
 
 from hw.device import DeviceStatus, Tick
 from hw.exchange import Exchange, StartAgainError, Steps
-from hw.mti.configuration import BAUD_CODES
-from hw.mti.frames import Mid, MtFrame, describe_error, encode_frame
+from hw.mti.frames import BAUD_CODES, Mid, MtFrame, describe_error, encode_frame
 
 CONFIG_RETRY_S = 0.25  # acknowledgements get lost among the data that is still in the pipe
 CONFIG_TRIES = 3  # before the cause says so
@@ -73,13 +71,11 @@ class Conversation:
         return answer
 
     def describe_refusal(self, mid: Mid, code: int) -> str:
-        """What became of a request that brought a code."""
         if code == NO_ANSWER:
             return f"the MTi does not answer {mid.name}"
         return f"the MTi refuses {mid.name}: {describe_error(self._refusal)}"
 
     def read(self, mid: Mid, size: int) -> Steps[int]:
-        """A setting as the device holds it."""
         return int.from_bytes((yield from self.ask(mid, b"", size)), "big")
 
     def go_to_config(self) -> Steps[str]:
@@ -111,6 +107,5 @@ class Conversation:
         return "no answer to GoToConfig: check power, cable and baud rate"
 
     def describe_bauds(self) -> str:
-        """For a person who has to find out which one it is."""
         others = [str(baud) for baud in sorted(BAUD_CODES) if baud != self._baud]
         return f"asked at {self._baud} baud, an MTi may also be set to {', '.join(others)}"

@@ -1,10 +1,11 @@
-"""Xsens MT bytes to frames, commands to bytes. No I/O, no clock, no logging.
+"""Xsens MT bytes to frames, commands to bytes; a device's settings. No I/O, no clock, no logging.
 
 Source: MTi sheet, sections 1 and 3. Frame: FA | bus id | mid | length | data | checksum; the sum of
 all bytes after FA is 0 modulo 256; big-endian.
 """
 
 import re
+import struct
 from collections import deque
 from dataclasses import field
 from enum import IntEnum
@@ -19,6 +20,14 @@ COMPLETION_S = 0.1  # for a claimed frame, beyond the time that its bytes take o
 MAX_JUNK = 256  # bytes told at once
 START = re.compile(rb"\xFA(?:[\xFF\x01]|\Z)")  # the end of the buffer may be half of one
 NO_START = "no start of a frame"
+
+CONFIGURATION_BYTES = 118
+BAUDS = (  # by code; from 2000000 on: newer devices only
+    *(460800, 230400, 115200, 76800, 57600, 38400, 28800, 19200, 14400, 9600),
+    *(921600, 4800, 2000000, 4000000, 3686400),
+)
+BAUD_CODES = {baud: code for code, baud in enumerate(BAUDS)}
+BAUD_CODES[921600] = 0x80  # only firmware of 2.4.6 and later knows it as 0A, too
 
 
 class Mid(IntEnum):
@@ -96,7 +105,6 @@ class MtFrame:
 
     @property
     def wire_bytes(self) -> int:
-        """How many bytes it took on the wire."""
         return len(self.data) + (5 if len(self.data) < MIN_EXTENDED else 7)
 
 
@@ -131,7 +139,6 @@ class MtParser:
         self._junk_reason, self._junk_s = "", 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[MtFrame | BadFrame]:
-        """The events that these bytes complete."""
         self._buffer += data
         self._sums += islice(accumulate(data, initial=self._sums[-1]), 1, None)
         if data:
@@ -195,8 +202,34 @@ class MtParser:
         return self._arrivals[0][1]
 
     def _drop(self, count: int) -> None:
-        """Forget so many bytes at the front of the buffer."""
         del self._buffer[:count], self._sums[:count]
         self._taken += count
         if not self._buffer:
             self._arrivals.clear()
+
+
+@record()
+class MtConfiguration:
+    """What is used of the 118 bytes of Configuration."""
+
+    period: int  # 1/115200 s
+    skip: int
+    output_mode: int
+    output_settings: int
+    firmware: tuple[int, int, int]
+
+    @property
+    def rate_hz(self) -> float:
+        """Messages a second; 0.0 where only requests bring one, or nothing is said."""
+        if not self.period or self.skip == 0xFFFF:
+            return 0.0
+        return 115200 / (self.period * (self.skip + 1))
+
+
+def maybe_configuration(data: bytes) -> MtConfiguration | None:
+    """The data of Configuration; None where it has not 118 bytes."""
+    if len(data) != CONFIGURATION_BYTES:
+        return None
+    period, skip = struct.unpack_from(">HH", data, 4)
+    mode, settings = struct.unpack_from(">HI", data, 104)
+    return MtConfiguration(period, skip, mode, settings, (data[112], data[113], data[114]))

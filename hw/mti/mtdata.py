@@ -1,11 +1,12 @@
-"""MTData of a legacy MTi to samples, laid out by output mode and output settings.
+"""The data messages of an MTi to samples: MTData of legacy devices, MTData2 of newer ones.
 
-The frame does not describe itself: only its length can tell that it is of another mode. Blocks that
-mapod has no use for (raw counts, analog inputs, GPS, position, velocity, UTC) are stepped over.
-
-Source: MTi sheet, sections 3 and 4.
+MTData is laid out by output mode and output settings and does not describe itself: only its length
+can tell that it is of another mode. MTData2 has packets that do: they are decoded by the identifier
+that stands in the data, whatever was asked for. What mapod has no use for is stepped over.
+Source: MTi sheet, sections 3 to 5.
 """
 
+import struct
 from collections.abc import Iterator
 
 from hw.device import BadFrame
@@ -15,6 +16,7 @@ from hw.mti.sample import (
     NUMBER_SIZES,
     NWU,
     ORIENTATION_NUMBERS,
+    QUATERNION,
     MtSample,
     SampleBuilder,
     numbers,
@@ -27,6 +29,24 @@ NO_ACCELERATION, NO_RATE, NO_MAGNETIC, NO_ANALOG_1, NO_ANALOG_2 = 0x10, 0x20, 0x
 IN_NED = 0x8000_0000
 
 FIELDS = {"temperature_c": 1, "accel_mps2": 3, "rate_radps": 3, "magnetic": 3}  # numbers in a block
+
+PACKET = struct.Struct(">HB")  # of MTData2: identifier and size
+# data identifier without its low 4 bits: field, numbers or bytes
+NUMBERS = {
+    0x0810: ("temperature_c", 1),
+    0x2010: ("q_earth_sensor", 4),
+    0x2030: ("q_earth_sensor", 3),
+    0x4020: ("accel_mps2", 3),
+    0x8020: ("rate_radps", 3),
+    0xC020: ("magnetic", 3),
+}
+ORIENTATIONS = {0x2010: QUATERNION, 0x2030: EULER}
+INTEGERS = {
+    0x1020: ("counter", 2),
+    0x1060: ("fine_ticks", 4),
+    0xE010: ("status", 1),
+    0xE020: ("status", 4),
+}
 
 
 class MtDataDecoder:
@@ -46,7 +66,6 @@ class MtDataDecoder:
         return any(name == block for name, _, _ in self._blocks)
 
     def decode(self, data: bytes) -> MtSample | BadFrame:
-        """The sample, or why the data cannot be one of this mode and these settings."""
         if len(data) != self.size:
             reason = f"{len(data)} data bytes, {self.size} by output mode and settings"
             return BadFrame(reason, data)
@@ -85,3 +104,36 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
         ("utc", settings & UTC, 12),
     )
     return ((name, size) for name, present, size in table if present)
+
+
+def decode_mtdata2(data: bytes) -> MtSample | BadFrame:
+    """The packets of one MTData2 message, in any order."""
+    builder, start = SampleBuilder(), 0
+    while start < len(data):
+        begin = start + PACKET.size
+        if begin > len(data) or begin + data[begin - 1] > len(data):
+            return BadFrame("packet runs over the end of its message", data)
+        identifier, size = PACKET.unpack_from(data, start)
+        start = begin + size
+        _take_packet(builder, identifier, data[begin:start])
+    return builder.sample(data)
+
+
+def _take_packet(builder: SampleBuilder, identifier: int, payload: bytes) -> None:
+    kind, frame, number_format = identifier & 0xFFF0, identifier >> 2 & 3, identifier & 3
+    if kind in INTEGERS:
+        field, size = INTEGERS[kind]
+    elif kind in NUMBERS:
+        field, count = NUMBERS[kind]
+        size = count * NUMBER_SIZES[number_format]
+    else:
+        return
+    if len(payload) != size:
+        builder.reject(f"packet {identifier:04X} has {len(payload)} bytes")
+    elif kind in INTEGERS:
+        builder.put(field, int.from_bytes(payload, "big"))
+    elif kind in ORIENTATIONS:
+        values = numbers(payload, 0, count, number_format)
+        builder.take_orientation(ORIENTATIONS[kind], values, frame)
+    else:
+        builder.take(field, numbers(payload, 0, count, number_format))

@@ -3,7 +3,6 @@
 A sample that the line cannot carry is lost in the device, or the device says "timer overflow". So
 what is not needed is left out first (magnetic field, acceleration), then the rate of turn, which
 mapod can do without, and only then the rate is lowered.
-
 Source: MTi sheet, sections 3, 4, 5 and 7.
 """
 

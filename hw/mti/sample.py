@@ -8,7 +8,6 @@ points north, whatever the device was told.
 
 It refuses values that are not finite and orientations that are not rotations: an 8-bit checksum
 lets one damaged frame in 256 pass.
-
 Source: MTi sheet, sections 3 to 6.
 """
 
@@ -76,7 +75,6 @@ class SampleBuilder:
         self._wrong = self._wrong or reason
 
     def sample(self, data: bytes) -> MtSample | BadFrame:
-        """The sample, if nothing was wrong."""
         return BadFrame(self._wrong, data) if self._wrong else MtSample(**self._values)
 
 

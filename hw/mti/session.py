@@ -16,12 +16,13 @@ the next attempt begins.
 | DELIVERING | checks and joins samples                        | silence, or a sign of a restart |
 
 A refusal, three unanswered requests or a WakeUp lead back to WAITING.
-
 Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
 import enum
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
 
 from core.records import Attitude
 from hw.device import Device, DeviceStatus, Port, Session
@@ -45,6 +46,15 @@ class State(enum.Enum):
     DELIVERING = "delivering samples"
 
 
+class MtiOptions(Struct, frozen=True):
+    """The keys of [ahrs] that its driver alone knows."""
+
+    rate_hz: Annotated[float, Meta(ge=10, le=120)]
+
+    def describe(self) -> str:
+        return f"{self.rate_hz:g} samples/s"
+
+
 class MtiSession:
     """The conversation of section 8, from its beginning as often as needed."""
 
@@ -57,7 +67,6 @@ class MtiSession:
         self._exchange = self._talk.exchange
 
     def run(self) -> Session:
-        """Yields the bytes to write, is sent a Tick."""
         yield from self._exchange.turn()
         while True:
             try:
@@ -102,7 +111,6 @@ class MtiSession:
             raise StartAgainError(f"the MTi refuses GoToMeasurement: {refusal}")
 
     def _deliver(self) -> Steps[None]:
-        """As long as samples with an orientation keep coming."""
         self._status.session = State.DELIVERING
         stream, exchange = self._stream, self._exchange
         newest = self.reader.newest
@@ -135,21 +143,17 @@ class Mti(Device[Attitude]):
 
     @property
     def clock_locked(self) -> bool:
-        """True while the sensor runs and its clock is known well enough."""
         return self.status.state == "running" and self.session.reader.times.locked
 
     @property
     def clock_uncertainty_s(self) -> float:
-        """Typical error of a sample's time, beyond a constant delay."""
         return self.session.reader.times.uncertainty_s
 
     def measured(self) -> dict[str, float]:
-        """How well its clock is known, for the log."""
         return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
 
     @property
     def identity(self) -> str:
-        """Product, firmware and device id, as far as they were told."""
         stream = self.stream
         firmware = f"firmware {stream.firmware}" if stream.firmware else ""
         hardware = f"hardware {stream.hardware}" if stream.hardware else ""

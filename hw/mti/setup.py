@@ -3,18 +3,22 @@
 Settings wear the device's memory, so only what differs is set. Legacy devices (MTData) know
 SetOutputMode, newer ones (MTData2) SetOutputConfiguration: the device id tells which to try first,
 the answers decide.
-
 Source: MTi sheet, sections 3, 8 and 9.
 """
 
 import struct
 
 from hw.exchange import StartAgainError, Steps
-from hw.mti.configuration import CONFIGURATION_BYTES, maybe_configuration
 from hw.mti.conversation import NO_ANSWER, OPTIONAL_TRIES, TRIES, Conversation
-from hw.mti.frames import NOT_IMPLEMENTED, TIMER_OVERFLOW, TOO_MUCH_OUTPUT, Mid
-from hw.mti.mtdata import IN_NED, MtDataDecoder
-from hw.mti.mtdata2 import ORIENTATIONS
+from hw.mti.frames import (
+    CONFIGURATION_BYTES,
+    NOT_IMPLEMENTED,
+    TIMER_OVERFLOW,
+    TOO_MUCH_OUTPUT,
+    Mid,
+    maybe_configuration,
+)
+from hw.mti.mtdata import IN_NED, ORIENTATIONS, MtDataDecoder
 from hw.mti.output import (
     ALWAYS,
     FINE_TIME,
@@ -103,7 +107,6 @@ def _set_up_legacy(talk: Conversation, stream: MtStream, rate_hz: float, baud: i
 
 
 def _set(talk: Conversation, mid: Mid, size: int, wanted: int) -> Steps[int]:
-    """A setting as the device has it in the end: set only if it differs."""
     held = yield from talk.read(mid, size)
     if held & ~IN_NED == wanted:
         return held

@@ -13,8 +13,7 @@ from hw.device import BadFrame, DeviceStatus
 from hw.exchange import StartAgainError
 from hw.mti.conversation import RESTARTED
 from hw.mti.frames import Mid, MtFrame, describe_error
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from hw.mti.sample import MtSample
 from hw.mti.times import COUNTER_WRAP, RateWatch, SampleTimes
 
@@ -74,7 +73,6 @@ class SampleMerger:
         return not (_said(held) & _said(sample))
 
     def take(self, received: Received) -> list[Received]:
-        """The samples that became complete."""
         if self._held is not None and self.continues(received.sample):
             received, self._held = _joined(self._held, received), None
         given, sample = self._give(), received.sample
@@ -95,7 +93,6 @@ class SampleMerger:
 
 
 def _said(sample: MtSample) -> set[str]:
-    """The fields that a message carries beside its stamps."""
     names = (part.name for part in dataclasses.fields(sample) if part.name not in STAMPS)
     return {name for name in names if getattr(sample, name) is not None}
 
@@ -134,7 +131,6 @@ class StreamReader:
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
     def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
-        """The attitudes that are complete now."""
         complete = [received for frame in frames for received in self._received(frame)]
         attitudes = []
         for sample, frame in complete + self._merger.flush(now_s):
@@ -151,7 +147,6 @@ class StreamReader:
         return self._stream.remark or self._watch.remark
 
     def _received(self, frame: MtFrame) -> list[Received]:
-        """The samples that a frame completes."""
         if frame.mid == Mid.Configuration:
             raise StartAgainError(RESTARTED)
         if frame.mid == Mid.Error:
@@ -169,7 +164,6 @@ class StreamReader:
         return self._merger.take(Received(sample, frame))
 
     def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
-        """The sample of a data message, if it is of the stream that was set up, and a new one."""
         legacy = self._stream.legacy
         if (frame.mid == Mid.MTData) is (legacy is None):
             self._foreign += 1

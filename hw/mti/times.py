@@ -3,7 +3,6 @@
 A sample leaves the device 2.55 ms after its instant and then takes its bytes' time on the wire;
 all else that delays it varies, so the clock filter takes it out. Without stamp and counter the
 arrival is all there is: good to what the wire and the adapter make of it, and never "locked".
-
 Source: MTi sheet, sections 5 and 7 ("Time stamp of a sample").
 """
 
@@ -23,12 +22,7 @@ ARRIVAL_UNCERTAINTY_S = 0.02  # an adapter as shipped holds bytes back for 16 ms
 
 
 class SampleTimes:
-    """Takes samples in the order of their arrival.
-
-    Args:
-        period_s: between two counts of the sample counter.
-        byte_s: of one byte on the wire.
-    """
+    """Takes samples as they arrive; `period_s`: of the sample counter, `byte_s`: on the wire."""
 
     def __init__(self, period_s: float, byte_s: float) -> None:
         self._byte_s = byte_s
@@ -48,12 +42,7 @@ class SampleTimes:
         return ARRIVAL_UNCERTAINTY_S if self._newest is None else self._newest.uncertainty_s
 
     def t_s(self, sample: MtSample, arrived_s: float, wire_bytes: int) -> float:
-        """When it was taken, host clock.
-
-        Args:
-            arrived_s: host clock, when the last byte of its frame was read.
-            wire_bytes: of that frame.
-        """
+        """When it was taken; `arrived_s`: its frame's last byte, both host clock."""
         sent_s = arrived_s - LATENCY_S - wire_bytes * self._byte_s
         if sample.fine_ticks is not None:
             self._newest = self._by_stamp
@@ -73,11 +62,7 @@ class SampleTimes:
 
 
 class RateWatch:
-    """Whether the counter steps as often as the settings say: some devices take what they can't do.
-
-    Args:
-        period_s: between samples, by the settings.
-    """
+    """Whether the counter steps as often as was set: some devices take what they can't do."""
 
     def __init__(self, period_s: float) -> None:
         self.remark = ""  # while it does not

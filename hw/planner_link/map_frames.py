@@ -48,7 +48,6 @@ class MapPublisher:
         self._cursor.begin()
 
     def follow(self, window: ObstacleMap) -> None:
-        """Take in the map as it is meant now."""
         careful = self._repair.in_step or self._map.corner != self._origin
         old = self._map.update(window, careful)
         if old is not None:
@@ -70,7 +69,6 @@ class MapPublisher:
                 self._rest_cell = self._publish_from(EVERY, 0, begun)
 
     def _publish_urgent(self) -> bool:
-        """Obstacles that came or went, and what got lost; True if all of it fitted."""
         if not self._map.urgent:
             return True
         if self._fit(URGENT):
@@ -99,7 +97,6 @@ class MapPublisher:
         return True
 
     def _publish(self, wanted: int) -> bool:
-        """MAP frames with the cells that have such marks; True if all of them fitted."""
         return self._publish_from(wanted, 0, self._cells) == self._cells
 
     def _publish_from(self, wanted: int, cell: int, end: int) -> int:
@@ -114,12 +111,9 @@ class MapPublisher:
         return cell
 
     def refresh(self, dt_s: float, spare: float) -> None:
-        """Slices of the rolling refresh, by its pace, of its share and what else may be spent.
+        """Slices of the rolling refresh, by its pace, of its share and `spare` wire bytes.
 
         A short slice at least goes out if no other MAP frame does.
-
-        Args:
-            spare: wire bytes that it may use beyond its share.
         """
         scheduler, budget = self._scheduler, self._scheduler.budget
         slice_cost = scheduler.cost(SLICE_BODY)
@@ -140,7 +134,6 @@ class MapPublisher:
             budget.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
     def _publish_slice(self, room: int) -> int:
-        """The next cells of the round in one frame; how many."""
         begun, due = self._cursor.cell, max(1, math.floor(self._due_cells))
         end = min(self._cells, begun + due)
         self._cursor.note_slice(self._scheduler.seq + 1)
@@ -186,12 +179,10 @@ class RefreshCursor:
         self._marked_cell = -1  # where the newest mark was set, as `cell` then was
 
     def begin(self) -> None:
-        """A new epoch: nothing of it was sent."""
         self.cell, self._lap, self._marked_cell = 0, 0, -1
         self._marks.clear()
 
     def note_slice(self, seq: int) -> None:
-        """The next cells go out in frame `seq`."""
         apart = self.cell - self._marked_cell
         if self._marked_cell < 0 or apart < 0 or apart >= self._size**2 // MARKS:
             self._marks.append(Mark(seq, self._lap, *divmod(self.cell, self._size)))

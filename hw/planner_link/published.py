@@ -163,11 +163,7 @@ class PublishedMap:
             ring.once[0] = 0
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
-        """A frame did not arrive: send those cells again that it carried.
-
-        Args:
-            lost: (k,) raster indices in the window at `origin`, as `encode` gave them.
-        """
+        """Send (k,) cells again, raster indices in the window at `origin` as `encode` gave them."""
         if self.corner is not None:
             size, (corner_i, corner_j) = self.size, self.corner
             j, i = np.divmod(lost, size)

@@ -52,7 +52,6 @@ class Repair:
             self._geom_seq = seq
 
     def note_map(self, sent: SentMap) -> None:
-        """A MAP frame goes out."""
         if not self.in_step:
             return  # all is sent again as soon as ACKs come
         self._sent.append(sent)
@@ -91,7 +90,6 @@ class Repair:
         return True
 
     def _settle_frames(self, newest: int, mask: int) -> None:
-        """Which frames up to `newest` arrived, and what of the others is to be sent again."""
         seen: tuple[int, int] | None = None
         while self._sent and self._sent[0].seq <= newest:
             sent = self._sent.popleft()

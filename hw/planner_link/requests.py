@@ -70,7 +70,6 @@ class ReplayGuard:
         return known.late_s
 
     def _begin(self, now_s: float, frame: Drive | External) -> float | str:
-        """The first frame of a commander."""
         if self.is_full:
             return "too many commanders in this session: a new one begins"
         if len(self._known) >= MOST_COMMANDERS:
@@ -107,12 +106,7 @@ class Requests(Counted):
         self.newest: DriveRequest | None = None
 
     def take(self, now_s: float, drive: Drive, refusal: str = "", link: int = 0) -> None:
-        """One well-formed, where necessary authenticated frame.
-
-        Args:
-            refusal: why none is obeyed on that link, as a message; "" if they are.
-            link: number of that link.
-        """
+        """One well-formed, authenticated frame; `refusal`: why none is obeyed on that link."""
         late_s = refusal or self._guard.late_s(now_s, drive)
         if isinstance(late_s, str):
             self.refuse(late_s)
@@ -159,11 +153,7 @@ class ExternalPoses(Counted):
         self._waiting: deque[ExternalPose] = deque(maxlen=WAITING)
 
     def take(self, now_s: float, external: External, refusal: str = "") -> None:
-        """One well-formed, where necessary authenticated frame.
-
-        Args:
-            refusal: why none is taken on that link, as a message; "" if they are.
-        """
+        """One well-formed, authenticated frame; `refusal`: why none is taken on that link."""
         late_s = refusal or self._guard.late_s(now_s, external)
         if isinstance(late_s, str):
             self.refuse(late_s)

@@ -118,7 +118,6 @@ class FrameScheduler:
             self.budget.line_left -= cost
 
     def write(self, now_s: float) -> None:
-        """All frames of this tick to the port."""
         if not self._queued:
             return
         t_ms, first = round(now_s * 1000) % 2**32, self.seq - len(self._queued) + 1

@@ -208,7 +208,6 @@ class PlannerLink:
                 self.external_poses.take(now_s, answer, self.wire.pose_refusal)
 
     def _take_hello(self, hello: Hello) -> None:
-        """A planner has started: it holds nothing, and wants to know the geometry."""
         if self.peer.take_hello(hello):
             self._tiles.forget()
             self._scheduler.secret = self._secret
@@ -238,7 +237,6 @@ class PlannerLink:
             self._state.geom_due = True
 
     def _begin_epoch(self, now_s: float) -> None:
-        """New geometry number: both ends start from unknown."""
         self._state.epoch_due = False
         self._state.geom_due |= not self.peer.polled
         # not soon after a GEOM that some have missed
@@ -257,12 +255,7 @@ class PlannerLink:
         zone: StopZoneReport | None = None,
         tiles: TileSource | None = None,
     ) -> None:
-        """One tick: take answers, then write the frames that the line has room for.
-
-        Args:
-            zone: None: no STOP_ZONE frame goes out.
-            tiles: None: no layer can be asked for.
-        """
+        """One tick: take answers, then write the frames that the line has room for."""
         is_open = self.poll(now_s)
         lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
         if self._state.epoch_due or lags or window.epoch != self._state.epoch:
@@ -284,7 +277,6 @@ class PlannerLink:
         self._scheduler.write(now_s)
 
     def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
-        """GEOM, POSE and STOP_ZONE, where they are due or asked for."""
         settings, pushes, wanted = self._settings, not self.peer.polled, self._state.wanted
         calls = self._calls_out(now_s)
         due = pushes and _is_due(now_s, self._state.geom_s, GEOM_EVERY_S)
@@ -316,7 +308,6 @@ class PlannerLink:
     def _publish_map(
         self, now_s: float, dt_s: float, window: ObstacleMap, tiles: TileSource | None
     ) -> None:
-        """Changes, tiles, refresh and digest of a planner that need not ask."""
         scheduler, budget = self._scheduler, self._scheduler.budget
         self._publisher.publish_changes()
         spare = budget.credit - budget.tick_bytes

@@ -97,7 +97,6 @@ class Tiles:
 
     @property
     def waiting(self) -> bool:
-        """Whether something is still to be sent."""
         return bool(self._tiles or self._refused)
 
     def forget(self) -> None:
@@ -120,12 +119,7 @@ class Tiles:
     def publish(
         self, budget: float, window: ObstacleMap | None, geom_id: int, source: TileSource | None
     ) -> None:
-        """Pieces into the scheduler, under a budget of wire bytes.
-
-        Args:
-            window: None: no map is announced.
-            source: None: there is no layer at all.
-        """
+        """Pieces into the scheduler, under a budget of wire bytes; no window: none is announced."""
         scheduler = self._scheduler
         floor = scheduler.budget.credit - budget
         while self.waiting:
@@ -140,7 +134,6 @@ class Tiles:
                 return
 
     def _refuse(self, status: int) -> None:
-        """The first tile."""
         self._tiles[0].status = status
         self._refused.append(self._tiles.popleft())
 

@@ -36,7 +36,6 @@ CHEAP = {errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDO
 
 
 def describe_loss(error: OSError | termios.error | ValueError, where: str) -> str:
-    """Why a wire did not open, or was lost."""
     code = error.args[0] if error.args and isinstance(error.args[0], int) else 0
     if code in REASONS:
         return REASONS[code].format(where=where)
@@ -59,7 +58,6 @@ class ReopeningPort:
         self._backoff_s = RETRY_FIRST_S
 
     def poll(self, now_s: float) -> bool:
-        """Move on with opening, or with what is still to be written; True while open."""
         self._now_s = now_s
         if self._finished:
             return False
@@ -76,7 +74,6 @@ class ReopeningPort:
         return self._is_open
 
     def read(self) -> list[bytes]:
-        """The pieces that have arrived: cut anywhere, or whole datagrams."""
         pieces: list[bytes] = []
         if self._is_open:
             try:
@@ -88,7 +85,6 @@ class ReopeningPort:
         return pieces
 
     def write(self, data: bytes) -> None:
-        """Hand over for sending, in order; dropped while the port is not open."""
         if not self._is_open or not data:
             return
         self._out += data
@@ -100,13 +96,11 @@ class ReopeningPort:
             self._lose(f"{self._where} is not taking bytes")
 
     def reopen(self, cause: str) -> None:
-        """Drop the connection for this cause, and open the next one after the shortest pause."""
         if self._is_open:
             self._lose(cause)
             self._try_soon(RETRY_FIRST_S)
 
     def fileno(self) -> int:
-        """The descriptor that is readable when bytes arrive; -1 while not open."""
         return self._descriptor() if self._is_open else -1
 
     def close(self) -> None:
@@ -151,5 +145,4 @@ class ReopeningPort:
         raise NotImplementedError
 
     def _descriptor(self) -> int:
-        """Of the open wire."""
         raise NotImplementedError

@@ -16,7 +16,7 @@ from serial.serialposix import Serial
 
 from hw.ports.reopening import READ_SIZE, RETRY_FIRST_S, ReopeningPort
 from hw.ports.url import PortUrl
-from hw.runtime.worker import Worker
+from hw.runtime.threads import Worker
 
 SILENCE_S = 10.0  # a restarting device is silent for seconds, and its wire is not dead
 DRAIN_S = 0.5  # for the last bytes on closing: 480 of them at 9600 baud
@@ -25,11 +25,7 @@ OPEN_LINE: Any = Serial  # pyserial has no types
 
 
 def open_line(url: PortUrl, open_it: Any) -> Any:
-    """The line, open and set as its URL says; may take its time.
-
-    Raises:
-        OSError, termios.error, ValueError: it does not open, or can't be set like that.
-    """
+    """The line, open and set as its URL says; may take its time, or raise what pyserial does."""
     # A pty has no parity and always 8 bits: asked for others twice, it refuses (EINVAL).
     is_pty = os.path.realpath(url.path).startswith("/dev/pts/")
     line = open_it(
@@ -80,11 +76,7 @@ def _close_opened(opening: "Future[Any]") -> None:
 
 
 class SerialPort(ReopeningPort):
-    """A serial line, or a pty. pyserial opens and sets it; bytes go by its descriptor.
-
-    Opening and closing may take a while, so a thread does that: what came of it shows at a later
-    poll.
-    """
+    """A serial line, or a pty. A thread opens and closes it, which may take a while."""
 
     silence_s = SILENCE_S
 

@@ -19,17 +19,13 @@ after it is back; what a device has to bear, or can't become better soon, is tri
 """
 
 import socket
-from typing import Any
 
 from hw.device import Port
 from hw.ports.serial import SerialPort
-from hw.ports.tcp import TcpPort
-from hw.ports.udp import UdpPort
+from hw.ports.sockets import Address, TcpPort, UdpPort
 from hw.ports.url import PortUrl, PortUrlError, parse_url
 
 __all__ = ["PortUrlError", "open_port", "parse_url"]
-
-Address = tuple[Any, ...]
 
 
 def open_port(url: str) -> Port:

@@ -39,7 +39,6 @@ class Timer:
         await self._rung.wait()
 
     def close(self) -> None:
-        """It rings no more."""
         self._loop.remove_reader(self._fd)
         os.close(self._fd)
 

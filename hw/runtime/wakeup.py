@@ -15,11 +15,9 @@ CALLS = 32  # between two ticks, of all wires together; what arrives beyond wait
 class Loop(Protocol):
     """The two calls of an asyncio loop that are used."""
 
-    def add_reader(self, fd: int, callback: Callable[[], object], /) -> object:
-        """Call back whenever the descriptor is readable."""
+    def add_reader(self, fd: int, callback: Callable[[], object], /) -> object: ...
 
-    def remove_reader(self, fd: int, /) -> object:
-        """No more; also right for a descriptor that is closed by now."""
+    def remove_reader(self, fd: int, /) -> object: ...
 
 
 class WakeUp:
@@ -35,7 +33,6 @@ class WakeUp:
         self._left = 0  # calls until the next tick
 
     def after_tick(self) -> None:
-        """Listen to what is open now."""
         self._left = CALLS
         self._listen()
 

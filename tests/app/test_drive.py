@@ -73,7 +73,7 @@ class Commander:
 
     @property
     def blocked_by(self) -> str:
-        return self.loop.app.control.blocked_by
+        return self.loop.app.pilot.control.blocked_by
 
     def assert_stands(self, within_s: float = BEFORE_STANDING_S) -> None:
         """No power within so long, and no motion after that."""
@@ -98,7 +98,7 @@ def driving(v_mps: float = 0.6, **robot: Any) -> Commander:
 def test_a_request_moves_the_robot_at_its_speed_and_no_faster_than_the_ramp() -> None:
     commander = Commander()
     commander.drive(0.6, 0.0, 0.6)
-    assert 0 < commander.loop.app.control.v_mps <= 0.5 * 0.6 + 0.01
+    assert 0 < commander.loop.app.pilot.control.v_mps <= 0.5 * 0.6 + 0.01
     commander.run(1.4)
     from_m = commander.place[0]
     commander.run(1.0)

@@ -113,7 +113,7 @@ def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
     loop.run(3.0)
     loop.wires[device].damage_rate = 0.0
     run_until_well(loop, 8.0)
-    assert getattr(loop.app, device).status.rejected > 0
+    assert getattr(loop.app.devices, device).status.rejected > 0
 
 
 def test_a_planner_that_comes_late_or_loses_frames_still_gets_the_whole_map() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from hw.device import DeviceStatus
-from hw.ports.tcp import CONNECT_S
+from hw.ports.sockets import CONNECT_S
 from tests.support.cases import few
 from tests.support.closed_loop import ClosedLoop
 from tests.support.house import OK, House
@@ -108,7 +108,7 @@ def test_a_long_time_without_a_device_is_survived_by_the_others(name: str, gone_
     loop = ClosedLoop()
     loop.run(2)
     app = loop.app
-    of = {"scanner": app.scanner.status, "ahrs": app.ahrs.status, "drive": app.drive.status}
+    of = {section: device.status for section, device in app.devices.by_section.items()}
     assert all(status.state == "running" for status in of.values())
     loop.wires[name].cut = True
     lost = 0
@@ -145,4 +145,4 @@ def test_a_scanner_that_boots_is_heard_within_a_second_of_its_mirror_being_up(
     loop.wires["scanner"].cut = False
     scanner.reboot(loop.now_s)
     loop.run(silent_s + scanner.spin_up_s)
-    until_heard(loop, loop.app.scanner.status, within_s=1.0)
+    until_heard(loop, loop.app.devices.scanner.status, within_s=1.0)

@@ -9,7 +9,7 @@ import pytest
 import structlog
 
 from config_file import load_config, with_changes
-from hw.runtime.log_writer import LINES, LogWriter
+from hw.runtime.threads import LINES, LogWriter
 from logs import set_up_logging
 from tests.support.closed_loop import SHIPPED, ClosedLoop
 

@@ -163,9 +163,9 @@ def test_the_stop_zone_speaks_of_a_request_only_as_long_as_that_holds() -> None:
     i, j = window.grid.cell_of(pose.x_m - 0.5, pose.y_m)
     window.cells[j % window.grid.size, i % window.grid.size] = OBSTACLE  # behind it
     company.run(0.1)
-    ahead = app.zone.state
+    ahead = app.pilot.zone.state
     company.planners[0].drive(company.now_s, -0.2, 0.0, 0.3)
     company.run(0.2)
-    assert app.zone.state == 3
+    assert app.pilot.zone.state == 3
     company.run(0.5)
-    assert app.zone.state == ahead != 3
+    assert app.pilot.zone.state == ahead != 3

@@ -33,10 +33,10 @@ def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
     first: tuple[LaserReplay, Outcome],
 ) -> None:
     replay, outcome = first
-    assert isinstance(replay.app.scanner, Lms111)
+    assert isinstance(replay.app.devices.scanner, Lms111)
     assert outcome.counts.scans_added == 51  # of 58
     assert outcome.counts.scans_dropped == 0
-    assert replay.app.scanner.status.rejected == 0
+    assert replay.app.devices.scanner.status.rejected == 0
     assert outcome.obstacle > 20
 
 

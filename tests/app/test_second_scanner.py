@@ -112,7 +112,7 @@ def test_a_scanner_from_the_registry_drives_the_app_from_its_bytes_to_the_planne
         loop.run(0.1)
         loop.ports["scanner"].give(HEAD.pack(b"2P", k, RAYS) + scan)
     loop.run(0.15)  # longer than an LMS1xx may be silent
-    assert loop.app.scanner.status.state == "running"
+    assert loop.app.devices.scanner.status.state == "running"
     assert loop.app.mapper.counts.scans_added > 25
     assert loop.planner.origin is not None
     told, (corner_i, corner_j) = loop.planner.window(), loop.planner.origin

@@ -63,7 +63,7 @@ def test_nothing_was_lost_rejected_or_guessed(drive: tuple[ClosedLoop, list[Comp
     assert counts.scans_added > 25 * (loop.since_begin_s - 5)
     assert counts.scans_dropped == 0
     assert counts.erased == 0
-    for device in (loop.app.scanner, loop.app.ahrs, loop.app.drive):
+    for device in (loop.app.devices.scanner, loop.app.devices.ahrs, loop.app.devices.drive):
         assert device.status.state == "running"
         assert device.status.cause == ""
         assert device.status.losses == 0

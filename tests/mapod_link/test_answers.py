@@ -136,10 +136,10 @@ def test_the_authenticated_frame_of_the_sheet_is_taken_with_its_key_alone(right:
     receiver = keyed(int(VECTORS["auth_nonce"], 16), vector("auth_key") if right else bytes(32))
     receiver.feed_datagram(0.0, vector("map_auth"))
     assert (receiver.cell(40, 60) == OBSTACLE) is right
-    assert receiver.auth_failed is not right
+    assert receiver.needs.auth_failed is not right
     assert receiver.rejected["tag"] == (not right)
     receiver.feed_datagram(0.0, vector("pose"))
-    assert receiver.auth_failed
+    assert receiver.needs.auth_failed
     assert receiver.pose is None
 
 
@@ -182,7 +182,7 @@ def test_a_sender_that_starts_again_is_told_the_nonce_it_cannot_know() -> None:
     assert [kind for kind, _ in answers(receiver, 0.1)] == [ACK]
     anew = signed_frame(KEY, 0, GEOM, 1, 5, geom_body(session=8), session=8)
     receiver.feed_datagram(0.2, anew)
-    assert receiver.auth_failed
+    assert receiver.needs.auth_failed
     assert [kind for kind, _ in answers(receiver, 0.2)] == [HELLO, ACK]
     assert receiver.ack(0.2)[14] & asking.AUTH_FAILED
     receiver.feed_datagram(0.3, anew)

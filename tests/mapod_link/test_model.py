@@ -113,8 +113,8 @@ class TwoReceivers(RuleBasedStateMachine):
         if slow.last is not None:
             assert (fast.numbers.last, fast.numbers.mask) == (slow.last, slow.mask)
         assert fast.stale(self.now_s) == slow.stale(self.now_s)
-        assert (fast.need_geom, fast.need_full) == (slow.need_geom, slow.need_full)
-        assert fast.digest_ok == slow.digest_ok
+        assert (fast.needs.geom, fast.needs.full) == (slow.need_geom, slow.need_full)
+        assert fast.needs.digest_ok == slow.digest_ok
 
 
 TestTwoReceivers = TwoReceivers.TestCase

@@ -49,13 +49,13 @@ def test_a_window_larger_than_the_receiver_holds_is_refused_and_said() -> None:
     line.send(MAP, map_body(op(FREE, 45)))
     planner = line.planner
     assert planner.geom is None
-    assert (planner.too_many_cells, planner.window().size) == (45, 0)
+    assert (planner.needs.too_many_cells, planner.window().size) == (45, 0)
     assert planner.advice(line.now_s)[1].startswith("the window has 45 cells")
     assert planner.ack(line.now_s)[14] & 1
     line.send(GEOM, geom_body(width=8))
     line.send(POSE, pose_body())
     line.send(MAP, map_body(op(FREE, 40)))
-    assert planner.too_many_cells == 0
+    assert planner.needs.too_many_cells == 0
     assert planner.advice(line.now_s) == ("go", "")
 
 
@@ -79,7 +79,7 @@ def test_a_digest_that_differs_stops_until_the_map_is_mended_or_another() -> Non
     assert line.planner.advice(line.now_s) == ("go", "")
     line.send(DIGEST, struct.pack("<BxxxI", 7, right ^ 1))
     line.send(GEOM, geom_body(geom_id=8))
-    assert not line.planner.need_full
+    assert not line.planner.needs.full
 
 
 # What a planner has to do
@@ -147,12 +147,12 @@ def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     names += ["tile_variance", "tile_slope", "tile_refused"]
     for name in names:
         assert receiver.feed_datagram(1.0, vector(name)), name
-    assert receiver.digest_ok
+    assert receiver.needs.digest_ok
     assert not receiver.suspect
     assert receiver.stop_zone is not None
     counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 5}
     assert receiver.accepted == counts
-    assert (receiver.numbers.last, receiver.ignored_types) == (10, 0)
+    assert (receiver.numbers.last, receiver.ignored.types) == (10, 0)
 
 
 def test_the_view_follows_the_map_and_cannot_be_written() -> None:

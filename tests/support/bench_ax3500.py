@@ -7,8 +7,7 @@ from core.records import WheelCounts
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
 from fakes.wires.wire import MemoryPort, Wire
-from hw.ax3500.options import Ax3500Options
-from hw.ax3500.session import Ax3500
+from hw.ax3500.session import Ax3500, Ax3500Options
 
 TICK_S = 0.005
 MAX_COUNTS_PER_S = 2122.0

@@ -115,5 +115,5 @@ def state_of(planner: Receiver) -> tuple[object, ...]:
     return (
         planner.geom, planner.pose, planner.stop_zone, planner.origin, planner.numbers.gap,
         planner.window().tobytes(), planner.accepted.copy(), planner.ack(9.0)[:12],
-        planner.repeated, planner.need_full, planner.too_many_cells,
+        planner.ignored.repeated, planner.needs.full, planner.needs.too_many_cells,
     )  # fmt: skip

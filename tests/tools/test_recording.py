@@ -62,7 +62,7 @@ def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> No
     np.testing.assert_array_equal(
         replay.app.mapper.maps.window.cells, loop.app.mapper.maps.window.cells
     )
-    assert replay.app.scanner.status.losses == loop.app.scanner.status.losses == 1
+    assert replay.app.devices.scanner.status.losses == loop.app.devices.scanner.status.losses == 1
     assert replay.now_s == loop.now_s
 
 

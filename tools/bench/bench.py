@@ -31,8 +31,7 @@ from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.scan import ScanMaker
 from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from tools.bench.drive import FAST, SHIPPED
 from tools.settings import rewritten
 from tools.terminal.progress import quiet

@@ -9,8 +9,15 @@ import struct
 from collections.abc import Callable, Iterator
 
 from core.config import ConfigError
-from hw.mti.configuration import BAUD_CODES, maybe_configuration
-from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
+from hw.mti.frames import (
+    BAUD_CODES,
+    Mid,
+    MtFrame,
+    MtParser,
+    describe_error,
+    encode_frame,
+    maybe_configuration,
+)
 from hw.ports.url import parse_url
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
 from tools.cli.options import Parser, parser_of

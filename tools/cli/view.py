@@ -118,7 +118,7 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     lines = [
         *status_lines(planner, end.meter, now_s),
         labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
-        labelled("", f"{gaps} gaps, {planner.ignored_maps} maps of another geometry"),
+        labelled("", f"{gaps} gaps, {planner.ignored.maps} maps of another geometry"),
     ]
     for line in lines:
         console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)

@@ -10,10 +10,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hw.mti.configuration import MtConfiguration, maybe_configuration
-from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.frames import (
+    Mid,
+    MtConfiguration,
+    MtFrame,
+    MtParser,
+    describe_error,
+    encode_frame,
+    maybe_configuration,
+)
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from hw.mti.sample import MtSample
 from tools.cli.attitude import DEFAULT_BAUD, mt_parser
 from tools.cli.conversation import Conversation, NoAnswerError, conversation

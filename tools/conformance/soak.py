@@ -162,8 +162,8 @@ class Soak:
             (numbers.last, numbers.mask) if numbers.any else None,
             None if numbers.gap is None else numbers.gap & 0xFFFF,
             python.rejected.total() % 2**16,
-            (python.suspect, python.blank, python.need_geom or not geom, python.need_full),
-            (python.digest_ok, python.auth_failed),
+            (python.suspect, python.blank, python.needs.geom or not geom, python.needs.full),
+            (python.needs.digest_ok, python.needs.auth_failed),
         )
         its = (
             state.session if state.has_geom else None,
@@ -209,7 +209,7 @@ class Soak:
     def want_full(self) -> None:
         """Both receivers ask for a new epoch."""
         if self.leg.way_back and self.python.geom is not None:
-            self.python.need_full = True
+            self.python.needs.full = True
             self.c.say("need_full")
 
     def ask_tile(self) -> None:

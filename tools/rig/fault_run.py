@@ -139,7 +139,7 @@ class Drive:
     def run(self) -> Outcome:
         while not self._is_over():
             self.loop.step()
-            control = self.loop.app.control
+            control = self.loop.app.pilot.control
             self._is_sent |= bool(control.v_mps or control.w_radps)
             if self.loop.ticks % TAKE_EVERY == 0:
                 self._take()
@@ -172,7 +172,7 @@ class Drive:
                 has_power=loop.rig.drive.powers() != (0, 0),
                 is_sent=self._is_sent,
                 health=pose.health if pose is not None and fresh else 0,
-                reason=loop.app.control.blocked_by,
+                reason=loop.app.pilot.control.blocked_by,
             )
         )
         self._is_sent = False

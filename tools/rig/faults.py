@@ -345,16 +345,8 @@ NO_FAULTS = {
     "drive.flash_writes": "a count of the fake",
     "drive.watchdog_stops": "a count of the fake",
     "drive.log_numbers": "in R/C mode only: there it is in the catalogue",
-    **{
-        f"planner.{name}": "a reading of the receiver, no fault"
-        for name in (
-            *("accepted", "auth_failed", "digest_ok", "ignored_maps", "ignored_types"),
-            *("need_full", "need_geom", "rejected", "repeated", "too_many_cells"),
-        )
-    },
-    "planner.ack_every": "how often it acknowledges: its own choice",
-    "planner.ack_period_s": "how often it acknowledges: its own choice",
-    "planner.max_cells": "how much room it has",
+    "planner.accepted": "a reading of the receiver, no fault",
+    "planner.rejected": "a reading of the receiver, no fault",
     "planner.begin_stream": "told of a new connection: what its owner does, and no fault",
     **dict.fromkeys(
         ("scanner.unplugged", "ahrs.gone", "drive.gone"),  # a cable, an adapter is pulled

@@ -262,8 +262,8 @@ class Bench:
         if wrong:
             return f"the planner's map differs in {wrong} of {size} cells", True
         equal = f"the planner's map equals the second receiver's in all {size} cells"
-        digest = "is" if planner.digest_ok else "was not"
-        return f"{equal}, whose digest {digest} the app's", planner.need_full
+        digest = "is" if planner.needs.digest_ok else "was not"
+        return f"{equal}, whose digest {digest} the app's", planner.needs.full
 
     def run(self, seconds: float) -> None:
         until_s = time.monotonic() + seconds

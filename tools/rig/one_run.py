@@ -163,7 +163,7 @@ class Run:
             self._follow_goals()
 
     def _orders(self) -> Orders:
-        state, control = self.state, self.loop.app.control
+        state, control = self.state, self.loop.app.pilot.control
         asked = bool(state.v_mps or state.w_radps)
         return Orders(
             asked,
@@ -205,7 +205,7 @@ class Run:
 
     @property
     def cause(self) -> str:
-        control = self.loop.app.control
+        control = self.loop.app.pilot.control
         words = [f"the planner: {self.state.why}" if self.state.why else ""]
         words += [f"mapod: {control.blocked_by}" if control.blocked_by else ""]
         return "; ".join(filter(None, words)) or f"the planner is {self.state.state}"

@@ -85,7 +85,7 @@ class Recorder:
             numbers = (*truth.place, truth.pitch_rad, truth.roll_rad, truth.height_m)
             self._path.writerow([f"{truth.since_s:.3f}", *(f"{x:.5f}" for x in numbers)])
             self._changed("planner_changed", state=run.state.state, why=run.state.why)
-            self._changed("app_changed", blocked_by=run.loop.app.control.blocked_by)
+            self._changed("app_changed", blocked_by=run.loop.app.pilot.control.blocked_by)
             self._changed("goal_changed", number=run.goals.at + 1, reached=run.goals.reached)
         for name, told in (
             ("faults", [{"fault": said} for _, said in run.loop.happened]),

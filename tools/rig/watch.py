@@ -68,7 +68,7 @@ def line_of(run: Run) -> str:
     words = f"{run.since_begin_s:6.1f} s  x {x:+.2f} y {y:+.2f} m {math.degrees(yaw):+.0f} deg  "
     words += f"{run.judge.v_mps:+.2f} m/s  goal {run.goals.at + 1} of {len(run.goals.all)}  "
     words += state.state + (f" ({state.why})" if state.why else "")
-    blocked_by = run.loop.app.control.blocked_by
+    blocked_by = run.loop.app.pilot.control.blocked_by
     return words + (f"; mapod: {blocked_by}" if blocked_by else "")
 
 
@@ -96,7 +96,7 @@ def image_of(run: Run) -> U8:
 
 
 def panel(run: Run) -> list[Text]:
-    judge, state, control = run.judge, run.state, run.loop.app.control
+    judge, state, control = run.judge, run.state, run.loop.app.pilot.control
     x, y, yaw = judge.truth.place
     stops = run.watch.stops
     false = sum(stop.is_false for stop in stops)

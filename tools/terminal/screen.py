@@ -184,7 +184,9 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
         labelled(delay, delay_words(meter.link_ms, meter.link)),
         labelled("scan age", delay_words(meter.scan_ms, meter.scan)),
         labelled("frames", f"{planner.accepted.total()} taken, {planner.numbers.missing} missing"),
-        labelled("", f"{rejected} rejected, {planner.repeated} late", POOR if rejected else ""),
+        labelled(
+            "", f"{rejected} rejected, {planner.ignored.repeated} late", POOR if rejected else ""
+        ),
         labelled("cells", f"{np.sum(window == FREE)} free, {np.sum(window == OBSTACLE)} obstacle"),
     ]
     return lines + (pose_lines(planner.pose) if planner.pose is not None else [])

@@ -165,7 +165,6 @@ class PaperGrid:
         _decide(touched, self.average_m, self.states, self._h_pos_m, self._h_neg_m)
 
     def erase(self) -> None:
-        """Nothing seen anywhere."""
         self.average_m[...] = np.nan
         self.count[...] = 0
         self.states[...] = UNKNOWN

@@ -15,7 +15,7 @@ import numpy as np
 from core.config import Config
 from core.grid.window import ObstacleWindow
 from core.mapping.freshness import Freshness
-from core.mapping.layers import LayerView, maybe_plane_layer, maybe_plane_values
+from core.mapping.layers import LayerView, at_cells, state_view, states_at, view_of
 from core.mapping.paper.grid import centre_of, index_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
@@ -119,7 +119,6 @@ class ReferencePlaneMaps:
         """The first scan runs all kernels."""
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
-        """Take a scan that both cover to its last beam; returns how many returns were used."""
         if not isinstance(scan, Scan):
             raise ValueError("the reference plane is made for scanners of one plane")
         last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s
@@ -169,14 +168,21 @@ class ReferencePlaneMaps:
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """Height above the reference, or state; none for any other name."""
-        return maybe_plane_layer(name, self.plane.elevation_m, self._source, self.window)
+        if name == "state":
+            return state_view(self.window)
+        return view_of(name, self.window.grid, self.heights_m()) if name == "height" else None
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        """Of a layer, at world cells."""
-        return maybe_plane_values(name, self.plane.elevation_m, self._source, self.window, i, j)
+        if name == "state":
+            return states_at(self.window, i, j)
+        if name != "height":
+            return None
+        sources = at_cells(self.window.grid, i, j, self._source)
+        known = sources >= 0
+        averages_m = self.plane.elevation_m.ravel()
+        return np.where(known, averages_m[np.where(known, sources, 0).astype(int)], np.nan)
 
     def erase(self) -> None:
-        """Forget both maps and the window."""
         self.plane.erase()
         self.window.erase()
         self._source[...] = NOWHERE
@@ -187,7 +193,6 @@ class ReferencePlaneMaps:
         return np.where(self._source == NOWHERE, np.nan, averages_m[self._source])
 
     def is_low(self, i: int, j: int) -> bool:
-        """Whether what makes an obstacle of a window's cell lies below the ground."""
         size = self.window.grid.size
         at = int(self._source[j % size, i % size])
         low_m = self.plane.settings.h_neg_m

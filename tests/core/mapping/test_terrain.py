@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.classifier import SOFT_LEAST
-from core.mapping.layers import UNITS, LayerView, maybe_beams_layer, maybe_plane_layer
+from core.mapping.layers import UNITS, LayerView, maybe_beams_layer
 from core.mapping.terrain import Terrain
-from core.records import FREE, OBSTACLE
+from core.records import OBSTACLE
 from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
@@ -175,23 +175,3 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     cells.flat[at]["soft"] = 0
     assert np.nanmax(views_of(cells, window)["soft"].values) == 0
     assert maybe_beams_layer("colour", cells, Terrain(cells), window) is None
-
-
-def test_the_papers_heights_are_shown_where_the_window_takes_them_from() -> None:
-    window = ObstacleWindow(5, CELL_M)
-    window.follow(2.0, 0.0)
-    i, j = window.grid.corner_i + 1, window.grid.corner_j + 2
-    source = np.full((5, 5), -1, dtype=np.int32)
-    source[j % 5, i % 5] = 7
-    window.put(np.array([(j % 5) * 5 + i % 5], dtype=np.int32), np.array([FREE], dtype=np.int8))
-    average_m = np.full((4, 4), 9.0)
-    average_m[1, 3] = -0.05
-    height = maybe_plane_layer("height", average_m, source, window)
-    state = maybe_plane_layer("state", average_m, source, window)
-    assert height is not None
-    assert state is not None
-    assert height.values[2, 1] == pytest.approx(-0.05)
-    assert state.values[2, 1] == FREE
-    for view in (height, state):
-        assert np.isnan(view.values).sum() == 24
-    assert maybe_plane_layer("slope", average_m, source, window) is None

@@ -50,4 +50,4 @@ def test_the_same_seed_loses_the_same_frames_and_draws_the_same_nonce() -> None:
         for now_s in range(20):
             planner.feed_datagram(float(now_s), vector("geom"))
     assert planners[0].nonce == planners[1].nonce != planners[2].nonce
-    assert planners[0].repeated == planners[1].repeated
+    assert planners[0].ignored.repeated == planners[1].ignored.repeated

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.mti.frames import Mid, MtFrame, MtParser
-from hw.mti.mtdata import MtDataDecoder
-from hw.mti.mtdata2 import decode_mtdata2
+from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from hw.mti.sample import (
     ENU,
     EULER,

@@ -55,7 +55,7 @@ class Upsets:
         assert self.repaired.get(repair.epoch_seq, 0) <= repair.repaired
         assert repair.repaired <= line.link._scheduler.seq
         self.repaired[repair.epoch_seq] = repair.repaired
-        assert not planner.need_full or self.has_restarted
+        assert not planner.needs.full or self.has_restarted
         if line.port.backlog or not line.is_up_to_date() or planner.suspect:
             return False
         held, told = planner.window(), line.told()
@@ -87,7 +87,7 @@ def test_whatever_happens_who_is_not_suspect_holds_no_free_that_was_not_told(
     line.settle(3.0)
     assert not line.planner.suspect
     assert line.holds_what_is_meant()
-    assert line.planner.digest_ok
+    assert line.planner.needs.digest_ok
 
 
 @settings(max_examples=examples(25))

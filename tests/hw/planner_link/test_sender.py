@@ -164,7 +164,7 @@ def test_a_digest_comes_last_and_once_a_second() -> None:
             assert types(line)[-2] == MAP
     assert line.planner.accepted[DIGEST] == 4
     assert line.planner.accepted[MAP] >= 200
-    assert line.planner.digest_ok
+    assert line.planner.needs.digest_ok
     assert line.planner.accepted[GEOM] == 4
 
 

@@ -81,7 +81,7 @@ def test_all_planners_hold_the_map_whatever_happens_to_one_of_them() -> None:
     assert fleet.planners.links[2].frames_lost > 0
     assert fleet.planners.links[0].frames_lost == 0
     before = [end.geom.geom_id for end in fleet.ends if end.geom]
-    fleet.ends[0].need_full = True  # each link has its own epoch
+    fleet.ends[0].needs.full = True  # each link has its own epoch
     fleet.settle(10)
     after = [end.geom.geom_id for end in fleet.ends if end.geom]
     assert after == [(before[0] + 1) % 256, *before[1:]]

@@ -3,7 +3,7 @@
 import contextlib
 import socket
 
-from hw.ports.udp import DATAGRAM_SIZE, UdpPort
+from hw.ports.sockets import DATAGRAM_SIZE, UdpPort
 from hw.ports.wires import open_port
 from tests.support.real_wires import START_S
 

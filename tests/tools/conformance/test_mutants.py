@@ -31,8 +31,8 @@ MUTANTS = [  # the test that must find it, line, what it becomes
     ("3", "if zlib.crc32(content, CRC_START) != int", "if 0 > int"),
     ("4", "if flags & RESERVED_FLAGS:", "if flags & 0x20:"),
     ("6", "self.pose = self.stop_zone = None", "self.stop_zone = None"),
-    ("6", "min(self.pose.arrived_s, self._map_s)", "self.pose.arrived_s"),
-    ("6", "min(self.pose.arrived_s, self._map_s)", "self._map_s"),
+    ("6", "min(self.pose.arrived_s, self.numbers.map_s)", "self.pose.arrived_s"),
+    ("6", "min(self.pose.arrived_s, self.numbers.map_s)", "self.numbers.map_s"),
     ("2", "self.digest() == digest.crc", "True"),
 ]
 

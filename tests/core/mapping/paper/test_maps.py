@@ -189,6 +189,21 @@ def test_floor_is_free_where_it_is_a_hole_is_low_and_a_box_is_not() -> None:
         assert {drive.maps.is_low(*at) for at in obstacles} == {low}
 
 
+def test_heights_stand_where_the_window_shows_something() -> None:
+    drive = Drive(settings_of(), 0.5, (0.0, 0.0, 0.3))
+    drive.scan(random_scan(3), 0.5)
+    heights_m, cells = drive.maps.heights_m(), drive.maps.window.cells
+    np.testing.assert_array_equal(np.isfinite(heights_m), cells != UNKNOWN)
+    np.testing.assert_array_equal(np.abs(heights_m[cells != UNKNOWN]) < 0.1, cells[cells != 0] < 0)
+    height, state = drive.maps.maybe_layer("height"), drive.maps.maybe_layer("state")
+    assert height is not None
+    assert state is not None
+    np.testing.assert_array_equal(np.isfinite(height.values), np.isfinite(state.values))
+    np.testing.assert_array_equal(np.abs(height.values) < 0.1, state.values == FREE)
+    assert np.count_nonzero(state.values == FREE) == np.count_nonzero(cells == FREE) > 0
+    assert drive.maps.maybe_layer("slope") is None
+
+
 def test_the_first_echo_counts_and_the_housing_does_not() -> None:
     drive = Drive(SHIPPED)
     nearer = np.full(BEAMS, 0.1)

@@ -45,10 +45,10 @@ def rest(rig: CellRig, seconds: float, *points: Point) -> None:
         rig.add(*points)
 
 
-def free_rig(max_age_s: float = 5.0, window: int = 41, here: tuple[float, float] = HERE) -> CellRig:
+def free_rig(max_age_s: float = 1.5, window: int = 41, here: tuple[float, float] = HERE) -> CellRig:
     """Floor that is free at a place, and around."""
     rig = CellRig(window=window, free_max_age_s=max_age_s)
-    rest(rig, 2.0, (*here, 0.0), *floor_around(*here))
+    rest(rig, 1.1, (*here, 0.0), *floor_around(*here))
     assert rig.state(*here) == FREE
     return rig
 
@@ -59,7 +59,7 @@ def test_free_lasts_as_long_as_the_settings_say_and_comes_back_when_floor_is_met
 ) -> None:
     rig = free_rig(window=window)
     rig.window.take_changed()
-    rest(rig, 4.9)
+    rest(rig, 1.4)
     assert rig.state(*HERE) == FREE
     rest(rig, 0.2 + SWEEP_S)
     assert not (rig.window.cells == FREE).any()
@@ -73,7 +73,7 @@ def test_free_lasts_as_long_as_the_settings_say_and_comes_back_when_floor_is_met
 
 def test_a_neighbour_that_is_met_does_not_make_old_ground_free_again() -> None:
     rig = free_rig()
-    rest(rig, 5.2 + SWEEP_S, *AROUND[:3])  # which has decided its neighbours anew each time
+    rest(rig, 1.7 + SWEEP_S, *AROUND[:3])  # which has decided its neighbours anew each time
     assert rig.state(*HERE) == UNKNOWN
 
 
@@ -81,16 +81,16 @@ def test_a_neighbour_that_is_met_does_not_make_old_ground_free_again() -> None:
 def test_beams_that_pass_over_on_their_way_down_keep_ground_free(falls: bool, state: int) -> None:
     rig = free_rig()
     over: Point = (3.9, 0.1, 0.5 if falls else 1.2)
-    rest(rig, 8.0, *[over] * 9)
+    rest(rig, 3.0, *[over] * 3)
     assert rig.state(*HERE) == state
 
 
 def test_beams_that_pass_over_too_late_or_that_never_come_back_do_not() -> None:
     rig = free_rig()
-    for _ in range(round(8.0 / SCAN_S)):
-        rig.add_silent(*[(3.9, 0.1, 0.5)] * 9)
+    for _ in range(round(3.0 / SCAN_S)):
+        rig.add_silent(*[(3.9, 0.1, 0.5)] * 3)
     assert rig.state(*HERE) == UNKNOWN
-    rest(rig, 1.0, *[(3.9, 0.1, 0.5)] * 9)
+    rest(rig, 0.5, *[(3.9, 0.1, 0.5)] * 3)
     assert rig.state(*HERE) == UNKNOWN
 
 
@@ -98,12 +98,12 @@ def test_beams_that_pass_over_too_late_or_that_never_come_back_do_not() -> None:
 def test_under_the_robot_nothing_comes_in(here: tuple[float, float]) -> None:
     rig = free_rig(here=here)
     rig.x, rig.y = here
-    rest(rig, 8.0)
+    rest(rig, 3.0)
     assert rig.state(*here) == FREE
     assert rig.state(here[0], here[1] + 0.2) == FREE
     assert rig.state(here[0] - 0.4, here[1]) == UNKNOWN  # its middle lies behind the footprint
     rig.x = -20.0  # it has gone
-    rest(rig, 5.2 + SWEEP_S)
+    rest(rig, 1.7 + SWEEP_S)
     assert rig.state(*here) == UNKNOWN
 
 
@@ -118,7 +118,7 @@ def test_an_obstacle_does_not_age() -> None:
     rig = CellRig(free_max_age_s=1.0)
     rest(rig, 0.2, (2.1, 0.1, 0.5))
     before = rig.window.cells.copy()
-    rest(rig, 4.0)
+    rest(rig, 2.5)
     rig.take(sweep_to([(3.0, 1.0, 0.0)], t_s=rig.t_s))
     np.testing.assert_array_equal(before, rig.window.cells)
 

@@ -14,12 +14,12 @@ from core.driving.stop_zone import (
     Rect,
     Window,
     cell_state,
-    cells_about,
     clearance,
     first_of,
     gap_to,
     leaves,
 )
+from core.grid.ring import cells_about
 from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
 from jit import kernel
 
@@ -76,8 +76,8 @@ def free_path(
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     end_x = place[0] + math.cos(place[2]) * longest
     end_y = place[1] + math.sin(place[2]) * longest
-    here_i, here_j, count = cells_about(place, reach, cell_m)
-    then_i, then_j, _ = cells_about((end_x, end_y, place[2]), reach, cell_m)
+    here_i, here_j, count = cells_about(place[0], place[1], reach, cell_m)
+    then_i, then_j, _ = cells_about(end_x, end_y, reach, cell_m)
     best, best_i, best_j, best_state = longest, 0, 0, UNKNOWN
     hard, first = math.inf, first_of(window)
     for j in range(min(here_j, then_j), max(here_j, then_j) + count):

@@ -11,8 +11,8 @@ Source: design, sections 7 and 8.
 
 import math
 
-from core.grid.ring import RingGrid
-from core.records import FREE, I8, OBSTACLE, UNKNOWN, record
+from core.grid.ring import RingGrid, cells_about
+from core.records import FREE, I8, UNKNOWN, record
 from jit import kernel
 
 STEP_CELLS = 0.5  # of the sweep
@@ -43,9 +43,7 @@ def _at(start: Place, v: float, w: float, t: float) -> Place:
 
 
 @kernel
-def gap_to(
-    cx: float, cy: float, half: float, place: Place, rect: Rect
-) -> float:
+def gap_to(cx: float, cy: float, half: float, place: Place, rect: Rect) -> float:
     """By how much the rectangle must grow to meet a square cell about (cx, cy); < 0: it does."""
     c, s = math.cos(place[2]), math.sin(place[2])
     dx, dy = cx - place[0], cy - place[1]
@@ -59,13 +57,6 @@ def gap_to(
         (abs(mx) - half - length * abs(c) - rect[2] * abs(s)) / spread,
         (abs(my) - half - length * abs(s) - rect[2] * abs(c)) / spread,
     )
-
-
-@kernel
-def cells_about(place: Place, reach: float, cell_m: float) -> Window:
-    """Lowest i and j of the square of cells that holds all within reach, and how many along it."""
-    i, j = math.floor((place[0] - reach) / cell_m), math.floor((place[1] - reach) / cell_m)
-    return i, j, math.ceil(2 * reach / cell_m) + 1
 
 
 @kernel
@@ -136,7 +127,7 @@ def clearance(
     """What is to be kept free of new cells: the margin, or less where it is not free now."""
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     least, first = margin, first_of(window)
-    low_i, low_j, count = cells_about(place, reach, cell_m)
+    low_i, low_j, count = cells_about(place[0], place[1], reach, cell_m)
     for j in range(low_j, low_j + count):
         for i in range(low_i, low_i + count):
             if cell_state(i, j, cells, window, first, cell_m, clear) != FREE:
@@ -229,7 +220,7 @@ def _sweep(
     while k * step <= length + step + margin and (k - 1) * step - margin < best:
         span = ((k - 1) * step / rate, k * step / rate)
         now = _at(place, motion[0], motion[1], span[1])
-        low_i, low_j, count = cells_about(now, reach, cell_m)
+        low_i, low_j, count = cells_about(now[0], now[1], reach, cell_m)
         for j in range(low_j, low_j + count):
             for i in range(low_i, low_i + count):
                 state = cell_state(i, j, cells, window, first, cell_m, clear)

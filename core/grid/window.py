@@ -37,7 +37,9 @@ class ObstacleWindow:
         self.grid = RingGrid(cells, cell_m)
         self.cells: I8 = self.grid.layer(np.int8, UNKNOWN)
         self.marked: I8 = np.zeros(self.cells.size, dtype=np.int8)  # flat; 1: is in `changed`
-        self.changed: I32 = np.zeros(self.cells.size, dtype=np.int32)  # flat indices, `used` of them
+        self.changed: I32 = np.zeros(
+            self.cells.size, dtype=np.int32
+        )  # flat indices, `used` of them
         self.used = 0
         self.epoch = 0  # grows when everything was erased
 

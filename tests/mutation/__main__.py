@@ -49,7 +49,7 @@ def put_in(mutant: Mutant) -> None:
     """Change the module, wherever its functions are known already."""
     new = types.ModuleType("mutant")
     sys.modules["mutant"] = new
-    exec(compile(mutant.source, mutant.path, "exec"), vars(new))  # noqa: S102
+    exec(compile(mutant.source, mutant.path, "exec"), vars(new))
     name = mutant.path.removesuffix(".py").replace("/", ".")
     assert graft(new, importlib.import_module(name)), f"{mutant.name} was not put in"
 
@@ -149,7 +149,17 @@ def main() -> int:
     os.environ["NUMBA_DISABLE_JIT"] = "1"
     hunt = Hunt(chosen, args.jobs)
     tests = dict.fromkeys(test for path in paths for test in TESTS_OF[path])
-    options = ["--override-ini=addopts=", "-p", "no:terminal", "-p", "no:xdist", "-p", "no:cacheprovider", "-m", "not slow"]
+    options = [
+        "--override-ini=addopts=",
+        "-p",
+        "no:terminal",
+        "-p",
+        "no:xdist",
+        "-p",
+        "no:cacheprovider",
+        "-m",
+        "not slow",
+    ]
     status = pytest.main([*options, "--hypothesis-profile=mutants", *tests], plugins=[hunt])
     if status:
         print("the tests fail without any mutant")

@@ -80,9 +80,7 @@ def test_the_speed_grows_by_the_ramp_to_what_was_asked_and_becomes_power() -> No
     assert robot.powers == pytest.approx((-0.8 * 0.25, 0.8 * 0.25))
 
 
-@given(
-    requests=st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=6)
-)
+@given(requests=st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=6))
 def test_speed_turn_ramp_and_power_never_pass_their_limits(
     requests: list[tuple[float, float]],
 ) -> None:
@@ -101,10 +99,10 @@ def test_speed_turn_ramp_and_power_never_pass_their_limits(
 
 
 def test_a_request_beyond_the_limits_keeps_its_arc() -> None:
-    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=100.0)
-    robot.run(4.0, 2.0, 1.0)
-    assert robot.control.v_mps == pytest.approx(1.0)
-    assert robot.control.w_radps == pytest.approx(0.5)
+    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=100.0, max_turn_radps=0.5)
+    for asked, limited in (((4.0, 1.0), (1.0, 0.25)), ((1.0, -1.0), (0.5, -0.5))):
+        robot.run(*asked, 1.0)
+        assert (robot.control.v_mps, robot.control.w_radps) == pytest.approx(limited)
 
 
 def test_more_than_full_power_of_one_wheel_lowers_both() -> None:
@@ -251,6 +249,14 @@ def fresh(**robot: Any) -> DriveControl:
     return DriveControl(Robot(**robot).config, blank_maps())
 
 
+def test_power_is_the_share_of_the_full_speed() -> None:
+    config = with_changes(Robot().config, drive={"full_power_mps": 2.0})
+    control = DriveControl(config, blank_maps())
+    powers = control.step(9.0, DriveRequest(0.5, 0.0, 9.0), "", HERE, True, "", (0.0, 0.0))
+    assert powers == pytest.approx((control.v_mps / 2.0, control.v_mps / 2.0))
+    assert control.v_mps > 0.0
+
+
 def go(control: DriveControl, now_s: float, v: float, w: float = 0.0, **kw: Any) -> None:
     """A step of a robot at the origin, with a request that holds until just now."""
     given = {"motors_off": "", "moves": (0.0, 0.0)} | kw
@@ -304,9 +310,10 @@ def test_whoever_asks_during_trouble_must_let_go(
         assert (robot.powers != (0.0, 0.0)) is goes
         robot.step(request)  # None lets go
     assert (robot.powers != (0.0, 0.0)) is goes
-    robot.step(DriveRequest(0.5, 0.0, 1.0), motors_off="off")  # an expired one asks nothing
-    robot.step(then)
-    assert robot.powers != (0.0, 0.0)
+    for late_s, must in ((0.001, False), (0.0, True)):  # an expired one asks nothing
+        robot.step(DriveRequest(0.5, 0.0, robot.now_s + PERIOD_S - late_s), motors_off="off")
+        robot.step(then)
+        assert (robot.powers == (0.0, 0.0)) is must
 
 
 def before_wall(robot: Robot, free_m: float) -> Pose:

@@ -1,17 +1,93 @@
 """Free ground ages where something may have come in, and the stop zone sees it."""
 
+import math
+
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from core.driving.control import DriveControl
 from core.driving.zone import ZoneReporter
-from core.mapping.freshness import SWEEP_S
-from core.records import FREE, UNKNOWN, StopZoneReport
+from core.grid.ring import RingGrid
+from core.grid.window import ObstacleWindow
+from core.mapping.freshness import SWEEP_S, Freshness
+from core.records import FREE, OBSTACLE, UNKNOWN, StopZoneReport
 from tests.support.cell_rig import SCAN_S, CellRig, Point, floor_around, sweep_to
 from tests.support.flat_ride import Ride, Rig, config_of, state_at
 from tests.support.flat_world import World
 
 HERE, AROUND = (2.1, 0.1), floor_around(2.1, 0.1)
+FOOTPRINT = (0.5, 0.25, 0.25)  # ahead, behind, to either side
+
+
+def seen_after(x: float, y: float, yaw: float) -> dict[tuple[int, int], float]:
+    """When each world cell of a window was seen, once a robot has stood somewhere at 7 s."""
+    grid = RingGrid(11, 0.25)
+    grid.follow(1.0, -2.0)
+    fresh = Freshness(grid, 1.0, FOOTPRINT)
+    fresh.follow(7.0, x, y, (math.cos(yaw), math.sin(yaw)))
+    return {
+        (i, j): float(fresh.seen_s[(j % 11) * 11 + i % 11])
+        for i in range(grid.corner_i, grid.corner_i + 11)
+        for j in range(grid.corner_j, grid.corner_j + 11)
+    }
+
+
+@given(st.floats(-0.5, 2.5), st.floats(-3.5, -0.5), st.floats(-3.2, 3.2))
+@example(1.125, -1.875, 0.0)  # middles of cells lie on its edges
+@example(0.0, -3.25, 0.0)
+@example(2.25, -1.0, 0.5)
+def test_the_robot_sees_to_the_cells_whose_middles_it_covers(
+    x: float, y: float, yaw: float
+) -> None:
+    c, s = math.cos(yaw), math.sin(yaw)
+    for (i, j), seen_s in seen_after(x, y, yaw).items():
+        dx, dy = (i + 0.5) * 0.25 - x, (j + 0.5) * 0.25 - y
+        ahead, aside = c * dx + s * dy, c * dy - s * dx
+        covered = -0.25 <= ahead <= 0.5 and -0.25 <= aside <= 0.25
+        assert seen_s == (7.0 if covered else -math.inf)
+
+
+@pytest.mark.parametrize("footprint", [(0.2, 1.2, 0.2), (1.2, 0.2, 0.2), (0.2, 0.2, 1.2)])
+def test_the_farthest_corners_of_a_long_robot_count(footprint: tuple[float, float, float]) -> None:
+    grid = RingGrid(21, 0.25)
+    fresh = Freshness(grid, 1.0, footprint)
+    fresh.follow(1.0, 0.0, 0.0, (1.0, 0.0))
+    assert np.sum(np.isfinite(fresh.seen_s)) == (20 if footprint[2] > 1.0 else 12)
+
+
+AGES = st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=81, max_size=81)
+
+
+@given(AGES, st.lists(st.sampled_from([0.1, 0.25, 0.5, 1.5]), min_size=1, max_size=6))
+def test_rows_are_looked_at_in_turn_and_what_is_too_old_there_is_unknown(
+    ages_s: list[float], waits_s: list[float]
+) -> None:
+    """A window of five rows, in a grid of nine: what is older than a second is too old."""
+    grid, window = RingGrid(9, 0.25), ObstacleWindow(5, 0.25)
+    fresh = Freshness(grid, 1.0, FOOTPRINT)
+    grid.follow(1.5, -1.0)
+    window.follow(1.25, -1.0)
+    window.cells[...] = FREE
+    window.cells[2, 3], window.cells[4, 1] = OBSTACLE, UNKNOWN
+    model, now_s, row = window.cells.copy(), 0.0, 0
+    for wait_s in (math.inf, *waits_s):  # the first time, all
+        now_s += min(wait_s, 100.0)
+        fresh.follow(now_s, 99.0, 99.0, (1.0, 0.0))
+        fresh.seen_s[:] = now_s - np.array(ages_s)
+        for k in range(row, row + math.ceil(5 * min(wait_s, 1.0))):
+            for column in range(5):
+                i = next(i for i in range(window.grid.corner_i, 99) if i % 5 == column)
+                j = next(j for j in range(window.grid.corner_j, 99) if j % 5 == k % 5)
+                old = ages_s[(j % 9) * 9 + i % 9] > 1.0
+                if model[k % 5, column] == FREE and old:
+                    model[k % 5, column] = UNKNOWN
+        row += math.ceil(5 * min(wait_s, 1.0))
+        fresh.expire(window)
+        np.testing.assert_array_equal(window.cells, model)
+        if wait_s != math.inf:
+            ages_s = ages_s[1:] + ages_s[:1]
 
 
 def zone_of(rig: Rig) -> StopZoneReport:

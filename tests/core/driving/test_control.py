@@ -53,7 +53,7 @@ class Robot:
 
     def step(self, request: DriveRequest | None, stop_reason: str = "", **kw: Any) -> None:
         self.now_s += PERIOD_S
-        given = {"pose": HERE, "motors_off": "", "moves": (0.0, 0.0)} | kw
+        given: dict[str, Any] = {"pose": HERE, "motors_off": "", "moves": (0.0, 0.0)} | kw
         self.powers = self.control.step(
             self.now_s, request, stop_reason, assumed_clear=True, **given
         )

@@ -68,7 +68,7 @@ def test_rows_are_looked_at_in_turn_and_what_is_too_old_there_is_unknown(
     grid, window = RingGrid(9, 0.25), ObstacleWindow(5, 0.25)
     fresh = Freshness(grid, 1.0, FOOTPRINT)
     grid.follow(1.5, -1.0)
-    window.follow(1.25, -1.0)
+    window.follow(1.25, -0.75)
     window.cells[...] = FREE
     window.cells[2, 3], window.cells[4, 1] = OBSTACLE, UNKNOWN
     model, now_s, row = window.cells.copy(), 0.0, 0
@@ -99,10 +99,10 @@ def zone_of(rig: Rig) -> StopZoneReport:
 
 
 def test_a_robot_that_stands_for_long_says_no_longer_that_it_is_free_behind_it() -> None:
-    config = config_of(obstacle={"free_max_age_s": 10.0})
-    rig = Rig(config, World(), Ride(v_mps=1.0, stop_s=12.0), 12.0 + 10.0 + 2 * SWEEP_S)
+    config = config_of(obstacle={"free_max_age_s": 5.0})
+    rig = Rig(config, World(), Ride(v_mps=1.5, stop_s=8.0), 8.0 + 5.0 + 2 * SWEEP_S)
     for now_s in rig.drive():
-        if now_s < 12.5:
+        if now_s < 8.5:
             soon = zone_of(rig)
     late = zone_of(rig)
     assert soon.free_behind_m > 1.5

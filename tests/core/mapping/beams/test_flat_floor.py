@@ -29,7 +29,7 @@ def drive(world: World, metres: float, v_mps: float = 1.0) -> Rig:
     ],
 )
 def test_flat_floor_has_no_obstacle(ride: Ride, seed: int) -> None:
-    rig = Rig(config_of(), World(seed=seed), ride, 8.0, seed).run()
+    rig = Rig(config_of(), World(seed=seed), ride, 5.0, seed).run()
     assert len(places_where(rig, OBSTACLE)) == 0
     swept = ride.v_mps > 0 or ride.w_radps > 0 or ride.pitching_rad > 0
     assert len(places_where(rig, FREE)) > (300 if swept else 80)
@@ -43,7 +43,7 @@ def test_the_floor_that_the_line_has_swept_is_free_without_holes() -> None:
             assert np.any(np.hypot(*(free - (x, y)).T) < 0.15), (x, y)
 
 
-@pytest.mark.parametrize("v_mps", [0.3, 1.0])
+@pytest.mark.parametrize("v_mps", few([1.0, 0.3], 1))
 def test_speed_bumps_are_crossed_without_false_obstacles(v_mps: float) -> None:
     """A bump 5 cm high, 40 cm long, under the robot from x = 1 m on: the body pitches by it."""
     bump = Profile(

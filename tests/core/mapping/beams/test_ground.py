@@ -54,7 +54,7 @@ def test_flat_ground_is_tracked_within_two_centimetres_and_level() -> None:
     assert slope_deg(rig) == pytest.approx((0.0, 0.0), abs=0.3)
 
 
-@pytest.mark.parametrize("degrees", few([8, 3, -4, 1, 2, 4, 5, 6, 7, -1, -2, -3], 3))
+@pytest.mark.parametrize("degrees", few([8, -4, 3, 1, 2, 4, 5, 6, 7, -1, -2, -3], 2))
 def test_a_ramp_is_free_ground_from_its_foot_to_behind_its_top(degrees: int) -> None:
     """6 m long, full width: the robot drives on to it, up (or down), and off it."""
     rig = drive(World(ramp(9.53, math.radians(degrees), 6.0)), 16.0)
@@ -62,7 +62,7 @@ def test_a_ramp_is_free_ground_from_its_foot_to_behind_its_top(degrees: int) -> 
     assert sum(state_at(rig, x, 0.1) == FREE for x in (12.1, 13.1, 14.1)) >= 2
 
 
-@pytest.mark.parametrize("degrees", [-5, -6, -7, -8])
+@pytest.mark.parametrize("degrees", few([-5, -8, -6, -7], 2))
 def test_a_ramp_that_falls_nearly_as_the_beams_do_is_not_free_before_it_is_seen(
     degrees: int,
 ) -> None:
@@ -84,7 +84,7 @@ def test_the_slope_ahead_is_reported(degrees: int) -> None:
     assert across == pytest.approx(0.0, abs=1.0)
 
 
-@pytest.mark.parametrize("degrees", [-5, -2, 2, 5])
+@pytest.mark.parametrize("degrees", few([-5, 2, -2, 5], 2))
 def test_ground_that_falls_off_to_one_side_is_free_ground(degrees: int) -> None:
     """The robot stands on the slope across from the start on."""
     rise = FAR_M * math.tan(math.radians(degrees))
@@ -103,7 +103,7 @@ def test_a_start_on_a_ramp_is_a_start_on_ground(degrees: int) -> None:
     assert state_at(rig, 10.1, 0.1) == FREE
 
 
-@pytest.mark.parametrize(("degrees", "at_most"), [(3, 0), (6, 4)])
+@pytest.mark.parametrize(("degrees", "at_most"), few([(3, 0), (6, 4)], 1))
 def test_from_a_ramp_on_to_its_level_top_is_ground_all_the_way(degrees: int, at_most: int) -> None:
     rise = math.tan(math.radians(degrees))
     top = Profile(((-FAR_M, -FAR_M * rise), (9.53, 9.53 * rise), (FAR_M, 9.53 * rise)))
@@ -112,7 +112,7 @@ def test_from_a_ramp_on_to_its_level_top_is_ground_all_the_way(degrees: int, at_
     assert state_at(rig, 15.1, 0.1) == FREE
 
 
-@pytest.mark.parametrize("rise_m", few([0.12, 0.30, 0.15, 0.20], 2))
+@pytest.mark.parametrize("rise_m", few([0.12, 0.30, 0.15, 0.20], 1))
 def test_a_kerb_across_the_whole_view_is_not_swallowed(rise_m: float) -> None:
     """The robot goes on until its nose is half a metre before it."""
     rig = drive(World(kerb(9.53, rise_m)), 8.5)
@@ -133,10 +133,13 @@ def test_a_wall_that_fills_the_view_leaves_the_ground_where_it_was() -> None:
         assert state_at(rig, 9.1, lane) == FREE
 
 
-@pytest.mark.parametrize("bias_deg", [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)])
-def test_half_a_degree_of_wrong_roll_or_pitch_is_absorbed(bias_deg: tuple[float, float]) -> None:
-    roll, pitch = map(math.radians, bias_deg)
-    ride = Ride(v_mps=1.0, bias_rad=(roll, pitch))
+@pytest.mark.parametrize(
+    ("roll_deg", "pitch_deg"), few([(0.5, 0.0), (0.0, -0.5), (-0.5, 0.0), (0.0, 0.5)], 2)
+)
+def test_half_a_degree_of_wrong_roll_or_pitch_is_absorbed(
+    roll_deg: float, pitch_deg: float
+) -> None:
+    ride = Ride(v_mps=1.0, bias_rad=(math.radians(roll_deg), math.radians(pitch_deg)))
     rig = Rig(config_of(), World(), ride, 8.0).run()
     assert len(places_where(rig, OBSTACLE)) == 0
     assert sum(state_at(rig, x, 0.1) == FREE for x in (10.1, 12.1, 14.1)) == 3

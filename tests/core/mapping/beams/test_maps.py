@@ -61,7 +61,7 @@ def test_a_ditch_across_the_way_is_an_obstacle_in_every_lane(
     assert false_obstacles(rig, near_m, near_m + width_m) <= 3
 
 
-@pytest.mark.parametrize("yaw_rad", [0.0, 0.2, -0.6])
+@pytest.mark.parametrize("yaw_rad", few([0.2, 0.0, -0.6], 1))
 def test_a_narrow_ditch_that_fills_a_row_of_cells_is_no_free_way(yaw_rad: float) -> None:
     """No return falls into it: what is not told as an obstacle is unknown."""
     near_m = 9.0 * math.cos(yaw_rad)
@@ -90,11 +90,11 @@ def test_a_ditch_that_lies_in_view_of_a_standing_robot_is_never_free() -> None:
     ("rise_m", "shift_m"),
     few(
         [
-            *[(0.12, 0.0), (-0.12, 0.05), (0.12, 0.15), (-0.50, 0.0)],
-            *[(-0.12, 0.0), (0.12, 0.05), (0.12, 0.1), (-0.12, 0.1), (-0.12, 0.15)],
+            *[(0.12, 0.0), (-0.12, 0.05), (-0.50, 0.0)],
+            *[(0.12, 0.15), (-0.12, 0.0), (0.12, 0.05), (0.12, 0.1), (-0.12, 0.1), (-0.12, 0.15)],
             *[(0.20, 0.0), (0.20, 0.1), (-0.20, 0.05), (-0.20, 0.15)],
         ],
-        4,
+        3,
     ),
 )
 def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
@@ -111,10 +111,17 @@ def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
     ("rise_m", "pitching_deg", "pitching_hz"),
     few(
         [
-            *[(0.12, 1, 1.0), (-0.12, 2, 1.0), (0.2, 3, 1.0)],
-            *[(0.12, 0.3, 1.0), (0.15, 1, 0.3), (-0.12, 1, 1.0), (-0.15, 1, 0.3), (-0.2, 3, 1.0)],
+            *[(0.12, 1, 1.0), (-0.12, 2, 1.0)],
+            *[
+                (0.2, 3, 1.0),
+                (0.12, 0.3, 1.0),
+                (0.15, 1, 0.3),
+                (-0.12, 1, 1.0),
+                (-0.15, 1, 0.3),
+                (-0.2, 3, 1.0),
+            ],
         ],
-        3,
+        2,
     ),
 )
 def test_a_robot_that_nods_does_not_take_a_kerb_for_ground(
@@ -135,7 +142,7 @@ def test_a_table_does_not_drag_the_pose_along() -> None:
 
 
 @pytest.mark.parametrize(("rise_m", "at_most"), [(0.08, 1), (-0.08, 3)])
-@pytest.mark.parametrize("shift_m", few([0.0, 0.15, 0.05, 0.10], 2))
+@pytest.mark.parametrize("shift_m", few([0.15, 0.0, 0.05, 0.10], 1))
 def test_a_kerb_of_eight_centimetres_bars_no_more_than_its_own_shadow(
     rise_m: float, at_most: int, shift_m: float
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 from core.mapping.beams.classifier import SOFT_LEAST, is_soft
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE
+from tests.support.cases import few
 from tests.support.cell_rig import CellRig, floor_around, sweep_to
 from tests.support.flat_ride import Ride, Rig, config_of, places_where
 from tests.support.flat_world import Box, Cylinder, Grass, World
@@ -54,7 +55,7 @@ def test_a_stone_in_the_grass_is_an_obstacle_whatever_the_settings_say() -> None
     assert obstacles_in(rig, Box((9.6, -0.4, 0), (10.4, 0.4, 1))) > 0
 
 
-@pytest.mark.parametrize("free_below_m", [0.0, 0.45])
+@pytest.mark.parametrize("free_below_m", few([0.45, 0.0], 1))
 def test_edges_at_which_beams_split_are_not_soft(free_below_m: float) -> None:
     things = (
         Box((9.0, 0.5, 0.0), (9.4, 0.9, 0.4)),

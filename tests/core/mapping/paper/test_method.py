@@ -98,7 +98,7 @@ def drive(scene: PaperSettings, sigma_rad: F64, steps: list[Step], seed: int) ->
     return slow
 
 
-@settings(max_examples=examples(150), deadline=None)
+@settings(max_examples=examples(60))
 @given(
     scene=SCENE,
     step_deg=st.floats(0.5, 5),
@@ -128,7 +128,7 @@ def test_long_drives_equal_the_transcription_and_use_every_rule() -> None:
     )
     sigma_rad = np.radians(np.arange(30.0, 150.1, 1.0))
     events: set[str] = set()
-    for seed in range(4):
+    for seed in range(2):
         random = np.random.default_rng(100 + seed)
         sign = 1 if seed % 2 else -1
         steps = [

@@ -8,8 +8,6 @@ from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I64, PointSweep, Scan
 
-MAX_SLOPE_RAD = 0.35  # a robot that stands steeper than 20 deg has no map
-
 MAX_SLOPE_RAD = 0.35  # a robot that leans more, 20 deg, has no use for a map
 
 

@@ -23,7 +23,7 @@ import pytest
 from tests import ROOT
 from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import Mutant, mutants_of
-from tests.mutation.rooms import TESTS_OF
+from tests.mutation.rooms import PARTLY, TESTS_OF
 
 PATIENCE, LEAST_S = 10, 2.0  # a test takes so many times its own seconds of CPU: it goes for ever
 
@@ -58,7 +58,7 @@ class Hunt:
     """Instead of running the tests once, runs them for each mutant."""
 
     def __init__(self, chosen: list[Mutant], jobs: int) -> None:
-        self.chosen, self.jobs = chosen, jobs
+        self.chosen, self.jobs, self.tests_of = chosen, jobs, TESTS_OF | PARTLY
         self.seconds: dict[str, float] = {}
         self.living: list[str] = []
 
@@ -90,7 +90,9 @@ class Hunt:
     ) -> Iterator[tuple[Mutant, bool]]:
         for mutant in [*self.chosen, *[None] * self.jobs]:
             if mutant is not None:
-                items = [i for i in session.items if _file(i).startswith(TESTS_OF[mutant.path])]
+                items = [
+                    i for i in session.items if _file(i).startswith(self.tests_of[mutant.path])
+                ]
                 items.sort(key=lambda item: self.seconds[item.nodeid])
                 under_way[self._fork(session, items, mutant, None)] = mutant
             if under_way and (mutant is None or len(under_way) == self.jobs):
@@ -137,7 +139,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=0, help="how many (all)")
     parser.add_argument("--seed", type=int, default=1, help="of the sample (1)")
-    parser.add_argument("--only", choices=list(TESTS_OF), help="mutants of one file")
+    parser.add_argument("--only", choices=[*TESTS_OF, *PARTLY], help="mutants of one file")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time")
     args = parser.parse_args()
     paths = [args.only] if args.only else list(TESTS_OF)
@@ -148,7 +150,7 @@ def main() -> int:
         chosen = random.Random(args.seed).sample(chosen, args.count)
     os.environ["NUMBA_DISABLE_JIT"] = "1"
     hunt = Hunt(chosen, args.jobs)
-    tests = dict.fromkeys(test for path in paths for test in TESTS_OF[path])
+    tests = dict.fromkeys(test for path in paths for test in hunt.tests_of[path])
     options = [
         "--override-ini=addopts=",
         "-p",

@@ -379,7 +379,7 @@ def test_a_cell_that_only_the_farthest_corner_comes_near_to_counts(
     corner_rad = math.atan2(aside, ahead) + (0.0 if rect[0] > rect[1] else math.pi)
     away = math.hypot(aside, ahead) - 0.04
     c, s = round(math.cos(quarter * math.pi / 2)), round(math.sin(quarter * math.pi / 2))
-    x, y = -2.0 + 0.1 * s * s, -2.0 + 0.1 * c * c
+    x, y = -2.0 + 0.1 * s * s, 1.0 + 0.1 * c * c
     place = (x - away * c, y - away * s, quarter * math.pi / 2 - corner_rad)
     grid, cells = ground((x + 0.05 * c, y + 0.05 * s, OBSTACLE))
     window = (grid.corner_i, grid.corner_j, SIZE)

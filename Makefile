@@ -68,12 +68,12 @@ test: setup $(VENV)/.ready-test ## the tests, on all cores: none of them looks a
 	@echo "mapod: running the tests, but not the slow ones and those in real time (make test-all)"
 	@$(PYTEST) $(PARALLEL) -m "not slow and not real_time"
 
-test-all: test ## the tests, then the slow ones, those in real time one by one, and the C under sanitizers
+test-all: test ## the tests, then the slow ones, those in real time one by one, and the C under sanitizers, and mutants
 	@echo "mapod: running the slow tests"
 	@$(PYTEST) $(PARALLEL) -m "slow and not real_time"
 	@echo "mapod: running the tests in real time"
 	@$(PYTEST) -n 0 -m real_time
-	@$(MAKE) --no-print-directory coverage c-sanitize
+	@$(MAKE) --no-print-directory coverage mutants c-sanitize
 
 nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
 	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"
@@ -81,8 +81,8 @@ nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more ex
 coverage: setup $(VENV)/.ready-test ## every branch of what says free or moves the robot, with kernels as Python: 100 % or it fails
 	@$(BIN)/python -m tests.mutation.coverage
 
-mutants: setup $(VENV)/.ready-test ## faults put into those files: their tests must see each [N=40, 0: all; SEED=1]
-	@$(BIN)/python -m tests.mutation --count $(or $(N),40) --seed $(SEED)
+mutants: setup $(VENV)/.ready-test ## faults put into those files: their tests must see each [N=100: a sample, SEED=1; ONLY=path]
+	@$(BIN)/python -m tests.mutation --count $(or $(N),0) --seed $(SEED) $(if $(ONLY),--only $(ONLY))
 
 check: $(VENV)/.ready-sim $(VENV)/.ready-test $(VENV)/.ready-lint ## format, lint, strict types
 	@$(BIN)/ruff format --check .

@@ -10,7 +10,7 @@ from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 from tests.support.cases import USUAL
 from tools.rig.c_build import MissingToolError
@@ -24,6 +24,9 @@ settings.register_profile(
 )
 settings.register_profile(
     "nightly", parent=settings.get_profile("mapod"), derandomize=False, max_examples=1000
+)
+settings.register_profile(  # what fails need not be small
+    "mutants", parent=settings.get_profile("mapod"), phases=(Phase.explicit, Phase.generate)
 )
 settings.load_profile("mapod")
 

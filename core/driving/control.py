@@ -12,12 +12,18 @@ from urllib.parse import urlsplit
 
 from core.config import Config
 from core.driving import health
-from core.driving.stop_zone import NOTHING, STANDING_MPS, Obstruction, Place, StopZone
+from core.driving.stop_zone import (
+    NOTHING,
+    STANDING_MPS,
+    Motion,
+    Obstruction,
+    Place,
+    StopZone,
+)
 from core.mapping.method import Maps
 from core.motion.odometry import Pose
 from core.records import OBSTACLE, DriveRequest
 
-Motion = tuple[float, float]  # forward m/s, counter-clockwise rad/s
 Powers = tuple[float, float]  # left and right wheel, -1..1 of full
 
 NOT_ENABLED = "the motors are not enabled ([robot] enable_motors)"
@@ -113,8 +119,8 @@ class DriveControl:
         stop_reason: str,
         pose: Pose | None,
         assumed_clear: bool,
-        motors_off: str = "",
-        moves: Motion = (0.0, 0.0),
+        motors_off: str,
+        moves: Motion,
     ) -> Powers:
         """Wheel power until the next step.
 

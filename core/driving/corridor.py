@@ -12,12 +12,14 @@ from core.driving.stop_zone import (
     TOUCH_M,
     Place,
     Rect,
+    Window,
     cell_state,
     clearance,
     first_of,
     gap_to,
     leaves,
 )
+from core.grid.ring import cells_about
 from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
 from jit import kernel
 
@@ -44,8 +46,6 @@ def _path_to(
     reach = half * (abs(c) + abs(s))
     front = c * dx + s * dy - reach - rect[0]
     side = abs(c * dy - s * dx) - reach - rect[2]
-    if side >= keeps[0] - TOUCH_M or front < -(rect[0] + rect[1] + 2 * reach):
-        return math.inf
     gap = gap_to(cx, cy, half, place, rect)
     if gap < -TOUCH_M:  # under the footprint
         return math.inf if is_unknown or leaves(cx, cy, place, rect, 1.0, 0.0) else 0.0
@@ -59,45 +59,44 @@ def _path_to(
 @kernel
 def free_path(
     cells: I8,
-    window: tuple[int, int, int],
+    window: Window,
     cell_m: float,
     place: Place,
     rect: Rect,
     margin: float,
     longest: float,
     clear: Place,
-) -> tuple[float, int, int, float]:
-    """(free metres, i, j) of what ends the way straight ahead, and metres to an obstacle (inf).
+) -> tuple[float, int, int, int, float]:
+    """(free metres, i, j, state) of what ends the way ahead, and metres to an obstacle (inf).
 
-    window: corner i, corner j, size. rect: ahead of the axle, behind, to either side. clear: x, y
-    and radius of the ground where unknown counts as free. The free way is `longest` at most.
+    clear: x, y and radius of the ground where unknown counts as free. The free way is `longest` at
+    most.
     """
     kept = clearance(cells, window, cell_m, place, rect, margin, clear)
-    c, s = math.cos(place[2]), math.sin(place[2])
-    wide = rect[2] + margin + cell_m
-    near, far = rect[0] - cell_m - rect[0] - rect[1], rect[0] + margin + longest + cell_m
-    low_x = place[0] + min(c * near, c * far) - abs(s) * wide
-    high_x = place[0] + max(c * near, c * far) + abs(s) * wide
-    low_y = place[1] + min(s * near, s * far) - abs(c) * wide
-    high_y = place[1] + max(s * near, s * far) + abs(c) * wide
-    best, best_i, best_j, hard, first = longest, 0, 0, math.inf, first_of(window)
-    for j in range(math.floor(low_y / cell_m), math.floor(high_y / cell_m) + 1):
-        for i in range(math.floor(low_x / cell_m), math.floor(high_x / cell_m) + 1):
+    reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
+    end_x = place[0] + math.cos(place[2]) * longest
+    end_y = place[1] + math.sin(place[2]) * longest
+    here_i, here_j, count = cells_about(place[0], place[1], reach, cell_m)
+    then_i, then_j, _ = cells_about(end_x, end_y, reach, cell_m)
+    best, best_i, best_j, best_state = longest, 0, 0, UNKNOWN
+    hard, first = math.inf, first_of(window)
+    for j in range(min(here_j, then_j), max(here_j, then_j) + count):
+        for i in range(min(here_i, then_i), max(here_i, then_i) + count):
             state = cell_state(i, j, cells, window, first, cell_m, clear)
             if state == FREE:
                 continue
             way = _path_to(i, j, cell_m, place, rect, (margin, kept), state == UNKNOWN)
             if way < best:
-                best, best_i, best_j = way, i, j
+                best, best_i, best_j, best_state = way, i, j, state
             if state == OBSTACLE and way <= longest:
                 hard = min(hard, way)
-    return best, best_i, best_j, hard
+    return best, best_i, best_j, best_state, hard
 
 
 @kernel
 def nearest_obstacles(
     cells: I8,
-    window: tuple[int, int, int],
+    window: Window,
     cell_m: float,
     place: Place,
     rect: Rect,

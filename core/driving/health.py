@@ -31,11 +31,11 @@ class Inputs:
     overrun: bool  # within the last second
     tilt_rad: float  # the larger of |roll| and |pitch|
     replayed: bool
-    drop_ahead: bool = False  # within the way to stop
-    impaired: bool = False  # the scanner sees worse than it should
-    stop_asked: bool = False  # the emergency stop is pressed
-    scan_stale_s: float = LINK_STALE_S
-    stalled: bool = False  # the wheels' counters do not follow what the wheels are told
+    drop_ahead: bool  # within the way to stop
+    impaired: bool  # the scanner sees worse than it should
+    stop_asked: bool  # the emergency stop is pressed
+    scan_stale_s: float
+    stalled: bool  # the wheels' counters do not follow what the wheels are told
 
 
 def stale_s(period_s: float) -> float:

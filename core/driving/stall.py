@@ -38,11 +38,10 @@ class StallWatch:
 
     def told(self, now_s: float, left: float, right: float) -> None:
         """The power of both wheels, -1..1 of full, from now on until the next call."""
-        if any(self._speeds_mps):
-            passed_s = max(0.0, min(LONGEST_STEP_S, now_s - self._now_s))
-            for k, speed_mps in enumerate(self._speeds_mps):
-                if speed_mps >= LEAST_MPS:
-                    self._sent_m[k] += speed_mps * passed_s
+        passed_s = max(0.0, min(LONGEST_STEP_S, now_s - self._now_s))
+        for k, speed_mps in enumerate(self._speeds_mps):
+            if speed_mps >= LEAST_MPS:
+                self._sent_m[k] += speed_mps * passed_s
         self._now_s = now_s
         self._speeds_mps = abs(left) * self._full_mps, abs(right) * self._full_mps
 

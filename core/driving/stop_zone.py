@@ -11,8 +11,8 @@ Source: design, sections 7 and 8.
 
 import math
 
-from core.grid.ring import RingGrid
-from core.records import FREE, I8, OBSTACLE, UNKNOWN, record
+from core.grid.ring import RingGrid, cells_about
+from core.records import FREE, I8, UNKNOWN, record
 from jit import kernel
 
 STEP_CELLS = 0.5  # of the sweep
@@ -25,10 +25,12 @@ SLOWEST_MPS = 0.03  # below this there is no going
 
 Rect = tuple[float, float, float]  # ahead of the axle, behind it, to either side; metres
 Place = tuple[float, float, float]  # x, y, yaw in the map frame
+Motion = tuple[float, float]  # forward m/s, counter-clockwise rad/s
+Window = tuple[int, int, int]  # corner i, corner j, size
 
 
 @kernel
-def _at(start: tuple[float, float, float], v: float, w: float, t: float) -> Place:
+def _at(start: Place, v: float, w: float, t: float) -> Place:
     """Where an arc has led after t seconds: x, y, yaw."""
     x, y, yaw = start
     turn = w * t
@@ -41,9 +43,7 @@ def _at(start: tuple[float, float, float], v: float, w: float, t: float) -> Plac
 
 
 @kernel
-def gap_to(
-    cx: float, cy: float, half: float, place: tuple[float, ...], rect: tuple[float, float, float]
-) -> float:
+def gap_to(cx: float, cy: float, half: float, place: Place, rect: Rect) -> float:
     """By how much the rectangle must grow to meet a square cell about (cx, cy); < 0: it does."""
     c, s = math.cos(place[2]), math.sin(place[2])
     dx, dy = cx - place[0], cy - place[1]
@@ -60,8 +60,8 @@ def gap_to(
 
 
 @kernel
-def first_of(window: tuple[int, int, int]) -> tuple[int, int]:
-    """Column and row in the array of a window's lowest cell; window: corner i, j, size."""
+def first_of(window: Window) -> tuple[int, int]:
+    """Column and row in the array of a window's lowest cell."""
     return window[0] % window[2], window[1] % window[2]
 
 
@@ -70,10 +70,10 @@ def cell_state(
     i: int,
     j: int,
     cells: I8,
-    window: tuple[int, int, int],
+    window: Window,
     first: tuple[int, int],
     cell_m: float,
-    clear: tuple[float, float, float],
+    clear: Place,
 ) -> int:
     """The state of a cell that is in the way, OBSTACLE or UNKNOWN; FREE of one that is not.
 
@@ -97,8 +97,8 @@ def cell_state(
 def leaves(
     cx: float,
     cy: float,
-    place: tuple[float, float, float],
-    rect: tuple[float, float, float],
+    place: Place,
+    rect: Rect,
     v: float,
     w: float,
 ) -> bool:
@@ -117,22 +117,19 @@ def leaves(
 @kernel
 def clearance(
     cells: I8,
-    window: tuple[int, int, int],
+    window: Window,
     cell_m: float,
-    place: tuple[float, float, float],
-    rect: tuple[float, float, float],
+    place: Place,
+    rect: Rect,
     margin: float,
-    clear: tuple[float, float, float],
+    clear: Place,
 ) -> float:
     """What is to be kept free of new cells: the margin, or less where it is not free now."""
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     least, first = margin, first_of(window)
-    for j in range(
-        math.floor((place[1] - reach) / cell_m), math.floor((place[1] + reach) / cell_m) + 1
-    ):
-        for i in range(
-            math.floor((place[0] - reach) / cell_m), math.floor((place[0] + reach) / cell_m) + 1
-        ):
+    low_i, low_j, count = cells_about(place[0], place[1], reach, cell_m)
+    for j in range(low_j, low_j + count):
+        for i in range(low_i, low_i + count):
             if cell_state(i, j, cells, window, first, cell_m, clear) != FREE:
                 gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
                 if -TOUCH_M <= gap < least - SLACK_M:
@@ -145,14 +142,14 @@ def _first(
     cx: float,
     cy: float,
     half: float,
-    place: tuple[float, float, float],
-    rect: tuple[float, float, float],
-    motion: tuple[float, float],
+    place: Place,
+    rect: Rect,
+    motion: Motion,
     span: tuple[float, float],
     least: float,
 ) -> float:
     """Seconds, within a span at whose end it is, until a cell's gap is less than `least`."""
-    low, high = max(span[0], 0.0), span[1]
+    low, high = span
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         if gap_to(cx, cy, half, _at(place, motion[0], motion[1], middle), rect) < least:
@@ -167,10 +164,10 @@ def _free_path(
     cx: float,
     cy: float,
     half: float,
-    place: tuple[float, float, float],
-    then: tuple[float, float, float],
-    rect: tuple[float, float, float],
-    motion: tuple[float, float],
+    place: Place,
+    then: Place,
+    rect: Rect,
+    motion: Motion,
     span: tuple[float, float],
     limits: tuple[float, float, float],
     is_unknown: bool,
@@ -201,34 +198,31 @@ def _free_path(
 @kernel
 def _sweep(
     cells: I8,
-    window: tuple[int, int, int],
+    window: Window,
     cell_m: float,
-    place: tuple[float, float, float],
-    rect: tuple[float, float, float],
-    motion: tuple[float, float],
+    place: Place,
+    rect: Rect,
+    motion: Motion,
     way: tuple[float, float, float],
-    clear: tuple[float, float, float],
-) -> tuple[float, int, int]:
-    """(free metres, i, j) of the nearest blocking cell; inf if none stands in the way.
+    clear: Place,
+) -> tuple[float, int, int, int]:
+    """(free metres, i, j, state) of the nearest blocking cell; inf if none stands in the way.
 
-    window: corner i, corner j, size. way: metres to sweep, metres per second, margin. clear: x, y
-    and radius of the ground where unknown counts as free; an infinite one is everywhere.
+    way: metres to sweep, metres per second, margin. clear: x, y and radius of the ground where
+    unknown counts as free; an infinite one is everywhere.
     """
     length, rate, margin = way
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     kept = clearance(cells, window, cell_m, place, rect, margin, clear)
     half, step, first = cell_m / 2, STEP_CELLS * cell_m, first_of(window)
-    best, best_i, best_j = math.inf, 0, 0
+    best, best_i, best_j, best_state = math.inf, 0, 0, FREE
     k = 0
     while k * step <= length + step + margin and (k - 1) * step - margin < best:
         span = ((k - 1) * step / rate, k * step / rate)
         now = _at(place, motion[0], motion[1], span[1])
-        for j in range(
-            math.floor((now[1] - reach) / cell_m), math.floor((now[1] + reach) / cell_m) + 1
-        ):
-            for i in range(
-                math.floor((now[0] - reach) / cell_m), math.floor((now[0] + reach) / cell_m) + 1
-            ):
+        low_i, low_j, count = cells_about(now[0], now[1], reach, cell_m)
+        for j in range(low_j, low_j + count):
+            for i in range(low_i, low_i + count):
                 state = cell_state(i, j, cells, window, first, cell_m, clear)
                 if state == FREE:
                     continue
@@ -245,9 +239,9 @@ def _sweep(
                     state == UNKNOWN,
                 )
                 if max(free, 0.0) < best:
-                    best, best_i, best_j = max(free, 0.0), i, j
+                    best, best_i, best_j, best_state = max(free, 0.0), i, j, state
         k += 1
-    return best, best_i, best_j
+    return best, best_i, best_j, best_state
 
 
 @record()
@@ -307,10 +301,10 @@ class StopZone:
         grid: RingGrid,
         cells: I8,
         place: Place,
-        motion: tuple[float, float],
+        motion: Motion,
         clear: Place,
-        from_mps: float = 0.0,
-        for_s: float = 0.0,
+        from_mps: float,
+        for_s: float,
     ) -> Obstruction:
         """What the motion (v m/s, w rad/s) would meet on its way to a stop.
 
@@ -325,7 +319,7 @@ class StopZone:
         wanted_m = self.stop_m(max(rate_mps, from_mps))
         wanted_m = max(wanted_m, min(LONGEST_M, rate_mps * for_s))
         length_m = min(LONGEST_M, wanted_m)
-        free_m, i, j = _sweep(
+        free_m, i, j, state = _sweep(
             cells,
             (grid.corner_i, grid.corner_j, grid.size),
             grid.cell_m,
@@ -337,6 +331,4 @@ class StopZone:
         )
         if math.isinf(free_m):  # nothing as far as we looked
             return NOTHING if wanted_m <= LONGEST_M else Obstruction(LONGEST_M, 0, 0, UNKNOWN)
-        inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
-        known = inside and int(cells[j % grid.size, i % grid.size]) == OBSTACLE
-        return Obstruction(free_m, i, j, OBSTACLE if known else UNKNOWN)
+        return Obstruction(free_m, i, j, state)

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from core.driving.control import FASTER, FASTER_MPS, MOVING_MPS, SET_OUT_MPS, DriveControl, Motion
+from core.driving.control import FASTER, FASTER_MPS, MOVING_MPS, SET_OUT_MPS, DriveControl
 from core.driving.corridor import SECTORS, free_path, nearest_obstacles
-from core.driving.stop_zone import LONGEST_M, Obstruction, Place
+from core.driving.stop_zone import LONGEST_M, Motion, Obstruction, Place, Rect
 from core.grid.window import ObstacleWindow
 from core.motion.odometry import Pose
 from core.records import OBSTACLE, DriveRequest, StopZoneReport
@@ -47,11 +47,13 @@ class ZoneReporter:
         """
         if pose is None or not trusted:
             return NOT_TRUSTED
-        place = (pose.x_m, pose.y_m, pose.yaw_rad)
-        ahead, hard_ahead_m = self._way(place, 1, assumed_clear)
-        behind, hard_behind_m = self._way(place, -1, assumed_clear)
+        control = self._control
+        place, (front_m, rear_m, side_m) = (pose.x_m, pose.y_m, pose.yaw_rad), control.zone.rect
+        turned = (pose.x_m, pose.y_m, pose.yaw_rad + math.pi)
+        ahead, hard_ahead_m = self._way(place, (front_m, rear_m, side_m), assumed_clear)
+        behind, hard_behind_m = self._way(turned, (rear_m, front_m, side_m), assumed_clear)
         nearest_m, bearing_rad = nearest_obstacles(
-            self._window.cells, *self._frame, place, self._control.zone.rect, self._sectors_m
+            self._window.cells, *self._frame, place, control.zone.rect, self._sectors_m
         )
         state, causes = self._judge(pose, ahead, moves, request, assumed_clear)
         return StopZoneReport(
@@ -60,8 +62,8 @@ class ZoneReporter:
             behind.free_m,
             hard_behind_m,
             self._contact_s(pose, moves, assumed_clear),
-            min(self._max_mps, self._control.zone.allowed_mps(ahead.free_m)),
-            min(self._max_mps, self._control.zone.allowed_mps(behind.free_m)),
+            min(self._max_mps, control.zone.allowed_mps(ahead.free_m)),
+            min(self._max_mps, control.zone.allowed_mps(behind.free_m)),
             nearest_m,
             bearing_rad,
             tuple(float(distance_m) for distance_m in self._sectors_m),
@@ -74,23 +76,14 @@ class ZoneReporter:
         grid = self._window.grid
         return (grid.corner_i, grid.corner_j, grid.size), grid.cell_m
 
-    def _way(self, place: Place, sense: int, assumed_clear: bool) -> tuple[Obstruction, float]:
-        """What ends the way straight ahead (1) or back (-1), and metres to an obstacle there."""
-        zone, (window, cell_m) = self._control.zone, self._frame
-        front, rear, side = zone.rect
-        rect = (front, rear, side) if sense > 0 else (rear, front, side)
-        x, y, yaw = place
-        turned = (x, y, yaw if sense > 0 else yaw + math.pi)
-        clear = zone.clear_of(self._control.clear(assumed_clear))
-        free_m, i, j, hard_m = free_path(
-            self._window.cells, window, cell_m, turned, rect, zone.margin_m, LONGEST_M, clear
+    def _way(self, place: Place, rect: Rect, assumed_clear: bool) -> tuple[Obstruction, float]:
+        """What ends the way straight ahead, and metres to an obstacle there."""
+        control, cells = self._control, self._window.cells
+        clear, margin_m = control.zone.clear_of(control.clear(assumed_clear)), control.zone.margin_m
+        free_m, i, j, state, hard_m = free_path(
+            cells, *self._frame, place, rect, margin_m, LONGEST_M, clear
         )
-        return Obstruction(free_m, i, j, self._state_of(i, j)), hard_m
-
-    def _state_of(self, i: int, j: int) -> int:
-        grid = self._window.grid
-        inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
-        return int(self._window.cells[j % grid.size, i % grid.size]) if inside else 0
+        return Obstruction(free_m, i, j, state), hard_m
 
     def _contact_s(self, pose: Pose, moves: Motion, assumed_clear: bool) -> float:
         rate_mps = self._control.zone.rate_mps(*moves)
@@ -120,5 +113,5 @@ class ZoneReporter:
         causes = OBSTRUCTED if found.state == OBSTACLE else UNSEEN
         causes |= DROP if control.is_drop(found) else 0
         stops = allowed_mps <= SET_OUT_MPS if rate_mps < MOVING_MPS else allowed_mps == 0.0
-        fast = rate_mps >= MOVING_MPS and rate_mps > FASTER * allowed_mps + FASTER_MPS
+        fast = rate_mps > FASTER * allowed_mps + FASTER_MPS
         return (STOP if stops or fast else SLOW), causes

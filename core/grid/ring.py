@@ -12,9 +12,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-HYSTERESIS_CELLS = (
-    2  # the robot may be this far off centre before the window moves (link, section 4)
-)
+from jit import kernel
+
+HYSTERESIS_CELLS = 2  # off centre before the window moves (link, section 4)
+
+
+@kernel
+def cells_about(x: float, y: float, reach: float, cell_m: float) -> tuple[int, int, int]:
+    """Lowest i and j of the square of cells that holds all within reach, and how many along it."""
+    i, j = math.floor((x - reach) / cell_m), math.floor((y - reach) / cell_m)
+    return i, j, math.ceil(2 * reach / cell_m) + 1
 
 
 class RingGrid:

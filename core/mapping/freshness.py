@@ -11,12 +11,12 @@ import math
 
 import numpy as np
 
-from core.grid.ring import RingGrid
+from core.grid.ring import RingGrid, cells_about
 from core.grid.window import ObstacleWindow, put_state
 from core.records import F64, FREE, I8, I32, UNKNOWN
 from jit import kernel
 
-SWEEP_S = 1.0
+SWEEP_S = 1.0  # by so much may free ground be older than the settings say: the least age they allow
 
 
 @kernel
@@ -34,8 +34,9 @@ def _cover(
     size, cell_m = window[2], window[3]
     x, y, hx, hy = place
     reach = math.hypot(max(footprint[0], footprint[1]), footprint[2])
-    for j in range(math.floor((y - reach) / cell_m), math.floor((y + reach) / cell_m) + 1):
-        for i in range(math.floor((x - reach) / cell_m), math.floor((x + reach) / cell_m) + 1):
+    low_i, low_j, count = cells_about(x, y, reach, cell_m)
+    for j in range(low_j, low_j + count):
+        for i in range(low_i, low_i + count):
             if not (0 <= i - window[0] < size and 0 <= j - window[1] < size):
                 continue
             dx, dy = (i + 0.5) * cell_m - x, (j + 0.5) * cell_m - y
@@ -77,7 +78,7 @@ class Freshness:
         self, grid: RingGrid, max_age_s: float, footprint: tuple[float, float, float]
     ) -> None:
         self._grid, self._max_age_s, self._footprint = grid, max_age_s, footprint
-        self.seen_s: F64 = grid.layer(np.float64, -math.inf).reshape(-1)
+        self.seen_s: F64 = grid.layer(np.float64, -math.inf).ravel()
         self.now_s, self._passed_s = -math.inf, math.inf
         self._row = 0
 
@@ -96,7 +97,7 @@ class Freshness:
     def expire(self, window: ObstacleWindow) -> None:
         """Tell what has become too old as unknown, in so many rows as are due."""
         size = window.grid.size
-        rows = min(size, math.ceil(size * min(self._passed_s / SWEEP_S, 1.0)))
+        rows = math.ceil(size * min(self._passed_s / SWEEP_S, 1.0))
         window.used = _expire(
             self.seen_s,
             self.oldest_s,

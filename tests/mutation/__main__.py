@@ -1,95 +1,177 @@
 """Faults are put into the files of `rooms`, one at a time; their tests must see each.
 
-`python -m tests.mutation --count 40 --seed 1` takes a sample, `--count 0` all; `--only PATH` one
-file. Exit status 1 where a mutant lives that `equivalent` does not list. Each runs in a copy of the
-tree. Kernels of the map run as Python; those of driving are compiled anew, for their tests drive.
+`python -m tests.mutation` takes all, `--count 40 --seed 1` a sample, `--only PATH` one file. Exit
+status 1 where a mutant lives that `equivalent` does not list, or where one listed there is none.
+All runs in copies of one process that has collected the tests, the quickest test first; kernels
+run as Python.
 """
 
 import argparse
+import importlib
+import json
 import os
 import random
-import shutil
-import subprocess
+import signal
 import sys
-import tempfile
-from concurrent.futures import ThreadPoolExecutor
+import types
+from collections.abc import Iterator
 from pathlib import Path
-from queue import SimpleQueue
+from typing import Any
+
+import pytest
 
 from tests import ROOT
 from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import Mutant, mutants_of
-from tests.mutation.rooms import BEAMS, TESTS_OF
+from tests.mutation.rooms import PARTLY, TESTS_OF
 
-TOO_LONG_S = 300.0  # a mutant that goes round for ever is seen as well
-LEFT_OUT = shutil.ignore_patterns(".*", "*.pyc", "docs")
-
-
-def lives(mutant: Mutant, folder: Path) -> bool:
-    """Whether all tests pass with a fault in a copy of the tree."""
-    file = folder / mutant.path
-    file.write_text(mutant.source, encoding="utf-8")
-    tests = TESTS_OF[mutant.path]
-    python = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
-    if tests is BEAMS:
-        python["NUMBA_DISABLE_JIT"] = "1"
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
-    try:
-        ran = subprocess.run(
-            command, cwd=folder, env=python, capture_output=True, timeout=TOO_LONG_S
-        )
-        return ran.returncode == 0
-    except subprocess.TimeoutExpired:
-        return False
-    finally:
-        shutil.copy(ROOT / mutant.path, file)
+PATIENCE, LEAST_S = 10, 2.0  # a test takes so many times its own seconds of CPU: it goes for ever
 
 
-def sample(count: int, seed: int, only: str | None) -> list[Mutant]:
-    """Mutants that are not equivalent, by chance but the same for a seed."""
-    paths = [only] if only else list(TESTS_OF)
-    all_of = [
-        mutant
-        for path in paths
-        for mutant in mutants_of(path, (ROOT / path).read_text(encoding="utf-8"))
-        if mutant.name not in EQUIVALENT
-    ]
-    return random.Random(seed).sample(all_of, count) if 0 < count < len(all_of) else all_of
+def graft(new: Any, old: Any) -> int:
+    """Let the functions of a module or class be those of another one; how many changed."""
+    changed = 0
+    for name, value in vars(new).items():
+        was = vars(old).get(name)
+        if isinstance(value, property):
+            value, was = value.fget, was.fget
+        if isinstance(value, types.FunctionType) and value.__module__ == "mutant":
+            defaults = value.__defaults__, value.__kwdefaults__
+            same = value.__code__ == was.__code__
+            changed += not same or defaults != (was.__defaults__, was.__kwdefaults__)
+            was.__code__, (was.__defaults__, was.__kwdefaults__) = value.__code__, defaults
+        elif isinstance(value, type) and value.__module__ == "mutant":
+            changed += graft(value, was)
+    return changed
+
+
+def put_in(mutant: Mutant) -> None:
+    """Change the module, wherever its functions are known already."""
+    new = types.ModuleType("mutant")
+    sys.modules["mutant"] = new
+    exec(compile(mutant.source, mutant.path, "exec"), vars(new))
+    name = mutant.path.removesuffix(".py").replace("/", ".")
+    assert graft(new, importlib.import_module(name)), f"{mutant.name} was not put in"
+
+
+class Hunt:
+    """Instead of running the tests once, runs them for each mutant."""
+
+    def __init__(self, chosen: list[Mutant], jobs: int) -> None:
+        self.chosen, self.jobs, self.tests_of = chosen, jobs, TESTS_OF | PARTLY
+        self.seconds: dict[str, float] = {}
+        self.living: list[str] = []
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """What each test costs."""
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """In copies of this process: the tests without a fault, then with each."""
+        if session.testsfailed:
+            raise session.Failed("the tests cannot be collected")
+        reader, writer = os.pipe()
+        if self._fork(session, session.items, None, writer) != os.wait()[0]:
+            raise AssertionError
+        os.close(writer)
+        with open(reader, encoding="utf-8") as file:
+            self.seconds = json.loads(file.read() or "{}")
+        if not self.seconds:
+            raise session.Failed("a test fails without any mutant")
+        under_way: dict[int, Mutant] = {}
+        for done, (mutant, lives) in enumerate(self._judged(session, under_way), 1):
+            if lives:
+                self.living.append(mutant.name)
+            print(f"{done:4} of {len(self.chosen)} {'LIVES' if lives else 'seen '} {mutant.name}")
+        return True
+
+    def _judged(
+        self, session: pytest.Session, under_way: dict[int, Mutant]
+    ) -> Iterator[tuple[Mutant, bool]]:
+        for mutant in [*self.chosen, *[None] * self.jobs]:
+            if mutant is not None:
+                items = [
+                    i for i in session.items if _file(i).startswith(self.tests_of[mutant.path])
+                ]
+                items.sort(key=lambda item: self.seconds[item.nodeid])
+                under_way[self._fork(session, items, mutant, None)] = mutant
+            if under_way and (mutant is None or len(under_way) == self.jobs):
+                pid, status = os.wait()
+                yield under_way.pop(pid), status == 0
+
+    def _fork(
+        self,
+        session: pytest.Session,
+        items: list[pytest.Item],
+        mutant: Mutant | None,
+        writer: int | None,
+    ) -> int:
+        """Run tests in a copy of this process, until one fails; its process id."""
+        sys.stdout.flush()
+        if pid := os.fork():
+            return pid
+        status = 1
+        try:
+            if mutant is not None:
+                put_in(mutant)
+            for item, then in zip(items, [*items[1:], None], strict=True):
+                if mutant is not None:
+                    limit_s = LEAST_S + PATIENCE * self.seconds[item.nodeid]
+                    signal.setitimer(signal.ITIMER_PROF, limit_s)
+                item.config.hook.pytest_runtest_protocol(item=item, nextitem=then)
+                if session.testsfailed:
+                    break
+            status = 1 if session.testsfailed else 0
+            if writer is not None and status == 0:
+                os.write(writer, json.dumps(self.seconds).encode())
+        except BaseException as error:  # noqa: BLE001
+            os.write(2, f"{mutant and mutant.name}: {error!r}\n".encode())
+        finally:
+            os._exit(status)
+
+
+def _file(item: pytest.Item) -> str:
+    return item.path.relative_to(ROOT).as_posix()
 
 
 def main() -> int:
     """Tell which mutants live; 0 when none does."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=40, help="how many (40); 0: all")
+    parser.add_argument("--count", type=int, default=0, help="how many (all)")
     parser.add_argument("--seed", type=int, default=1, help="of the sample (1)")
-    parser.add_argument("--only", choices=list(TESTS_OF), help="mutants of one file")
+    parser.add_argument("--only", choices=[*TESTS_OF, *PARTLY], help="mutants of one file")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time")
     args = parser.parse_args()
-    chosen, living = sample(args.count, args.seed, args.only), []
-    with tempfile.TemporaryDirectory() as temporary:
-        folders: SimpleQueue[Path] = SimpleQueue()
-        for k in range(args.jobs):
-            folders.put(Path(shutil.copytree(ROOT, Path(temporary) / str(k), ignore=LEFT_OUT)))
-
-        def judge(mutant: Mutant) -> bool:
-            folder = folders.get()
-            try:
-                return lives(mutant, folder)
-            finally:
-                folders.put(folder)
-
-        for path in (next(iter(TESTS_OF)), next(reversed(TESTS_OF))):  # one of each room
-            plain = Mutant(path, "none", (ROOT / path).read_text(encoding="utf-8"))
-            if not judge(plain):
-                print(f"the tests of {path} fail without any mutant")
-                return 2
-        with ThreadPoolExecutor(args.jobs) as pool:
-            for k, (mutant, alive) in enumerate(zip(chosen, pool.map(judge, chosen), strict=True)):
-                if alive:
-                    living.append(mutant)
-                print(f"{k + 1:4} of {len(chosen)} {'LIVES' if alive else 'seen '} {mutant.name}")
-    print(f"{len(chosen) - len(living)} of {len(chosen)} mutants are seen by the tests")
-    return 1 if living else 0
+    paths = [args.only] if args.only else list(TESTS_OF)
+    whole = [m for path in paths for m in mutants_of(path, Path(ROOT / path).read_text("utf-8"))]
+    none = [n for n in EQUIVALENT if n.split()[0] in paths and n not in {m.name for m in whole}]
+    chosen = [mutant for mutant in whole if mutant.name not in EQUIVALENT]
+    if 0 < args.count < len(chosen):
+        chosen = random.Random(args.seed).sample(chosen, args.count)
+    os.environ["NUMBA_DISABLE_JIT"] = "1"
+    hunt = Hunt(chosen, args.jobs)
+    tests = dict.fromkeys(test for path in paths for test in hunt.tests_of[path])
+    options = [
+        "--override-ini=addopts=",
+        "-p",
+        "no:terminal",
+        "-p",
+        "no:xdist",
+        "-p",
+        "no:cacheprovider",
+        "-m",
+        "not slow",
+    ]
+    status = pytest.main([*options, "--hypothesis-profile=mutants", *tests], plugins=[hunt])
+    if status:
+        print("the tests fail without any mutant")
+        return 2
+    for name in none:
+        print(f"there is no such mutant any more: {name}")
+    for name in hunt.living:
+        print(f"LIVES {name}")
+    print(f"{len(chosen) - len(hunt.living)} of {len(chosen)} mutants are seen by the tests")
+    return 1 if hunt.living or none else 0
 
 
 if __name__ == "__main__":

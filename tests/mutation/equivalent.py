@@ -1,21 +1,88 @@
 """Mutants that change nothing that could be seen, by name, each with the reason."""
 
-FLOATS = "they differ where a measured number is exactly at a margin, and nowhere else"
+FLOATS = "they differ where a computed number is exactly at a margin, and nowhere else"
 ALL_AROUND = "the eight neighbours are the same, in another order"
 UNMET = "ground that no beam of this run has met has no age, and is not free for that reason"
-MORE_CELLS = "the cells that are looked at are more; the distance of each still decides"
+LATER = "what is far enough passes the later limits too: the first one saves time"
+LONGER = "the search goes on for longer; what it finds then is no nearer"
+NEARLY_STRAIGHT = "a millionth of a radian aside is less than a micrometre"
+UNREAD = "nothing reads it before it is set"
+FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
+ANY = "any number but zero says the same"
+STANDS = "of what stands still, any share is nothing"
 
 CARVING, CLASSIFIER = "core/mapping/beams/carving.py", "core/mapping/beams/classifier.py"
-FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
-STOP_ZONE = "core/driving/stop_zone.py"
+CONTROL, CORRIDOR = "core/driving/control.py DriveControl.", "core/driving/corridor.py"
+STALL, ZONE = "core/driving/stall.py StallWatch.", "core/driving/zone.py ZoneReporter."
+STOP_ZONE, FRESHNESS = "core/driving/stop_zone.py", "core/mapping/freshness.py"
 EQUIVALENT: dict[str, str] = {
     f"{CARVING} _passes: abs(h - middle) <= half -> abs(h - middle) < half": FLOATS,
     f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
     f"{CLASSIFIER} _state: cell.count == 0 or cell.looks < 0 -> "
     "cell.count == 0 and cell.looks < 0": UNMET,
+    f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
+    "self._passed_s * SWEEP_S": "it is one second",
+    "core/grid/window.py put_state: 1 -> 2": ANY,
+    "core/driving/pilot.py Pilot.look_around: now_s - self._zone_s < ZONE_S -> "
+    "now_s - self._zone_s <= ZONE_S": FLOATS,
+    f"{CONTROL}step: measured_mps > FASTER * rate_mps + FASTER_MPS -> "
+    "measured_mps >= FASTER * rate_mps + FASTER_MPS": FLOATS,
+    f"{CONTROL}step: rate_mps >= STANDING_MPS -> rate_mps > STANDING_MPS": FLOATS,
+    f"{CONTROL}step: rate_mps >= STANDING_MPS -> rate_mps > STANDING_MPS (2)": FLOATS,
+    f"{CONTROL}step: allowed_mps <= (SET_OUT_MPS if stands else 0.0) -> "
+    "allowed_mps < (SET_OUT_MPS if stands else 0.0)": FLOATS,
+    f"{CONTROL}step: 1.0 -> 2.0 (2)": STANDS,
+    "core/driving/control.py _towards: abs(wanted) > abs(value) -> "
+    "abs(wanted) >= abs(value)": FLOATS,
+    f"{CORRIDOR} _path_to: gap < -TOUCH_M -> gap <= -TOUCH_M": FLOATS,
+    f"{CORRIDOR} _path_to: gap < keeps[0] - TOUCH_M -> gap <= keeps[0] - TOUCH_M": FLOATS,
+    f"{CORRIDOR} _path_to: keeps[0] - TOUCH_M -> keeps[0] + TOUCH_M": FLOATS,
+    f"{CORRIDOR} _path_to: front >= -TOUCH_M -> front > -TOUCH_M": FLOATS,
+    f"{CORRIDOR} _path_to: side < -TOUCH_M -> side <= -TOUCH_M": FLOATS,
+    f"{CORRIDOR} _path_to: side >= keeps[1] - TOUCH_M -> side > keeps[1] - TOUCH_M": FLOATS,
+    f"{CORRIDOR} _path_to: front < 0.0 -> front <= 0.0": FLOATS,
+    f"{CORRIDOR} _path_to: 1.0 -> 2.0": ANY,
+    f"{STALL}__init__: 0.0 -> 1.0": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (2)": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (5)": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (6)": UNREAD,
+    f"{STALL}stalled: max(self._unfollowed_m) >= UNFOLLOWED_M -> "
+    "max(self._unfollowed_m) > UNFOLLOWED_M": FLOATS,
+    f"{STOP_ZONE} _at: abs(turn) < 1e-06 -> abs(turn) <= 1e-06": FLOATS,
+    f"{STOP_ZONE} _at: 0.5 -> 1.5": NEARLY_STRAIGHT,
+    f"{STOP_ZONE} leaves: -w * ahead * aside > 1e-09 -> -w * ahead * aside >= 1e-09": FLOATS,
+    f"{STOP_ZONE} leaves: outward > 1e-09 -> outward >= 1e-09": FLOATS,
+    f"{STOP_ZONE} leaves: outward < -1e-09 -> outward <= -1e-09": FLOATS,
+    f"{STOP_ZONE} clearance: -TOUCH_M <= gap < least - SLACK_M -> "
+    "-TOUCH_M < gap < least - SLACK_M": FLOATS,
+    f"{STOP_ZONE} clearance: -TOUCH_M <= gap < least - SLACK_M -> "
+    "-TOUCH_M <= gap <= least - SLACK_M": FLOATS,
+    f"{STOP_ZONE} _first: ..alf, _at(place, motion[0], motion[1], middle), rect) < least -> "
+    "..lf, _at(place, motion[0], motion[1], middle), rect) <= least": FLOATS,
+    f"{STOP_ZONE} _free_path: gap >= margin - TOUCH_M -> gap > margin - TOUCH_M": LATER,
+    f"{STOP_ZONE} _free_path: margin - TOUCH_M -> margin + TOUCH_M": LATER,
+    f"{STOP_ZONE} _free_path: before >= margin - TOUCH_M -> before > margin - TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _free_path: gap >= kept - TOUCH_M -> gap > kept - TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _free_path: kept - TOUCH_M -> kept + TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _free_path: gap >= -TOUCH_M -> gap > -TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _free_path: before >= -TOUCH_M -> before > -TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _sweep: 0 -> 1 (2)": UNREAD,
+    f"{STOP_ZONE} _sweep: 0 -> 1 (3)": UNREAD,
+    f"{STOP_ZONE} _sweep: k * step <= length + step + margin -> "
+    "k * step < length + step + margin": FLOATS,
+    f"{STOP_ZONE} _sweep: (k - 1) * step - margin < best -> "
+    "(k - 1) * step - margin <= best": LONGER,
+    f"{STOP_ZONE} _sweep: 1 -> 2 (2)": LONGER,
     f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0": FREE_ALL_OVER,
     f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0 (2)": FREE_ALL_OVER,
-    f"{STOP_ZONE} _sweep: math.floor((now[1] + reach) / cell_m) -> "
-    "math.ceil((now[1] + reach) / cell_m)": MORE_CELLS,
+    f"{STOP_ZONE} StopZone.allowed_mps: rate_mps >= SLOWEST_MPS -> rate_mps > SLOWEST_MPS": FLOATS,
+    f"{ZONE}report: pose.yaw_rad + math.pi -> pose.yaw_rad - math.pi": "it is the same direction",
+    f"{ZONE}_contact_s: 0.0 -> 1.0": LONGER,
+    f"{ZONE}_contact_s: found.free_m < CONTACT_S * rate_mps -> "
+    "found.free_m <= CONTACT_S * rate_mps": FLOATS,
+    f"{ZONE}_judge: allowed_mps >= full_mps -> allowed_mps > full_mps": FLOATS,
+    f"{ZONE}_judge: allowed_mps <= SET_OUT_MPS -> allowed_mps < SET_OUT_MPS": FLOATS,
+    f"{ZONE}_judge: rate_mps > FASTER * allowed_mps + FASTER_MPS -> "
+    "rate_mps >= FASTER * allowed_mps + FASTER_MPS": FLOATS,
 }

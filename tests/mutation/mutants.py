@@ -34,6 +34,7 @@ OTHER: dict[type[ast.AST], type[ast.AST]] = {
     ast.USub: ast.UAdd,
 }
 CALLED = {"min": "max", "max": "min", "floor": "ceil", "ceil": "floor"}
+LONGEST = 60  # characters of a name's parts
 UNSEEN = ("annotation", "returns", "decorator_list", "bases")  # types decide nothing
 
 
@@ -53,14 +54,20 @@ def mutants_of(path: str, source: str) -> list[Mutant]:
         if not function:  # numbers at the top are what the method was tuned to; tests name them
             continue
         for field, new in _changes(node):
-            old, before = getattr(node, field), ast.unparse(node)
+            old, before = getattr(node, field), _short(node)
             setattr(node, field, new)
-            name = f"{path} {function}: {before} -> {ast.unparse(node)}"
+            name = f"{path} {function}: {before} -> {_short(node)}"
             named[name] += 1
             number = f" ({named[name]})" if named[name] > 1 else ""
             found.append(Mutant(path, name + number, ast.unparse(tree)))
             setattr(node, field, old)
     return found
+
+
+def _short(node: ast.AST) -> str:
+    """What decides in long sums stands last."""
+    text = ast.unparse(node)
+    return text if len(text) <= LONGEST else f"..{text[-LONGEST:]}"
 
 
 def _nodes(node: ast.AST, function: str) -> Iterator[tuple[str, ast.AST]]:

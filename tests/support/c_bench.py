@@ -163,7 +163,7 @@ class Bench:
             return True
         grid = RingGrid(self.size, CELL_M)
         grid.corner_i = grid.corner_j = self.corner
-        found = zone.look(grid, self.ring(), self.place, motion, (0.0, 0.0, clear_m))
+        found = zone.look(grid, self.ring(), self.place, motion, (0.0, 0.0, clear_m), 0.0, 0.0)
         return zone.allowed_mps(found.free_m) >= rate_mps
 
 

@@ -124,6 +124,28 @@ def _note(
 
 
 @kernel
+def _nearest_m(ranges_m: F64, i: int) -> float:
+    """The nearest return of a beam; inf: none."""
+    nearest = math.inf
+    for e in range(ranges_m.shape[0]):
+        if ranges_m[e, i] >= MIN_RANGE_M:
+            nearest = min(nearest, ranges_m[e, i])
+    return nearest
+
+
+@kernel
+def _was_gone_through(cells: Cells, at: int, serial: int, stands: U8) -> int:
+    """Count a beam through what stood in a cell; 1 if that is gone now."""
+    cells[at].through_scan = serial
+    cells[at].through += 1
+    if cells[at].through < THROUGH:
+        return 0
+    forget(cells, at)
+    stands[at] = 0
+    return 1
+
+
+@kernel
 def _clear(
     origins: F64,
     rays: F64,
@@ -149,10 +171,7 @@ def _clear(
     size, per_m, cleared = window[2], 1.0 / window[3], 0
     first_column, first_row = window[0] % size, window[1] % size
     for i in range(rays.shape[0]):
-        nearest = math.inf
-        for e in range(ranges_m.shape[0]):
-            if ranges_m[e, i] >= MIN_RANGE_M:
-                nearest = min(nearest, ranges_m[e, i])
+        nearest = _nearest_m(ranges_m, i)
         if math.isinf(nearest):  # black, glass, or nothing: it proves nothing
             continue
         phase = (i * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0
@@ -173,12 +192,7 @@ def _clear(
                 if clears and stands[at] and _goes_through(
                     origins[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
                 ):  # fmt: skip
-                    cells[at].through_scan = serial
-                    cells[at].through += 1
-                    if cells[at].through >= THROUGH:
-                        forget(cells, at)
-                        stands[at] = 0
-                        cleared += 1
+                    cleared += _was_gone_through(cells, at, serial, stands)
                     used = touch(at, cells, serial, touched, used)
             r += STEP_M
     return used, cleared

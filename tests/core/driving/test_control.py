@@ -1,5 +1,6 @@
 """From requests to power: limits, ramps, and zero with a reason on any doubt."""
 
+import functools
 import math
 from typing import Any
 
@@ -17,6 +18,7 @@ from core.driving.control import (
     link_refusal,
     stop_reason,
 )
+from core.driving.stop_zone import NOTHING
 from core.mapping.beams.maps import BeamMaps
 from core.motion.odometry import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
@@ -28,12 +30,19 @@ WELL = 0x7F
 PERIOD_S = 0.005
 
 
+@functools.cache
+def blank_maps() -> BeamMaps:
+    """Of the shipped settings: they cost more than most tests."""
+    return BeamMaps(load_config(SHIPPED))
+
+
 class Robot:
     """A control on free ground, and its clock."""
 
     def __init__(self, **robot: Any) -> None:
         self.config = with_changes(load_config(SHIPPED), robot={"enable_motors": True, **robot})
-        self.maps = BeamMaps(self.config)
+        self.maps = blank_maps()
+        self.maps.erase()
         self.window = self.maps.window
         self.window.cells[...] = FREE
         self.control = DriveControl(self.config, self.maps)
@@ -43,8 +52,10 @@ class Robot:
 
     def step(self, request: DriveRequest | None, stop_reason: str = "", **kw: Any) -> None:
         self.now_s += PERIOD_S
-        pose = kw.pop("pose", HERE)
-        self.powers = self.control.step(self.now_s, request, stop_reason, pose, True, **kw)
+        given: dict[str, Any] = {"pose": HERE, "motors_off": "", "moves": (0.0, 0.0)} | kw
+        self.powers = self.control.step(
+            self.now_s, request, stop_reason, assumed_clear=True, **given
+        )
 
     def run(self, v_mps: float, w_radps: float, seconds: float) -> None:
         for _ in range(round(seconds / PERIOD_S)):
@@ -68,16 +79,14 @@ def test_the_speed_grows_by_the_ramp_to_what_was_asked_and_becomes_power() -> No
     assert robot.powers == pytest.approx((-0.8 * 0.25, 0.8 * 0.25))
 
 
-@given(
-    requests=st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=30)
-)
+@given(requests=st.lists(st.tuples(st.floats(-40, 40), st.floats(-40, 40)), min_size=1, max_size=6))
 def test_speed_turn_ramp_and_power_never_pass_their_limits(
     requests: list[tuple[float, float]],
 ) -> None:
     robot, before = Robot(), (0.0, 0.0)
     limits = robot.config.robot
     for v_mps, w_radps in requests:
-        for _ in range(20):
+        for _ in range(12):
             robot.step(DriveRequest(v_mps, w_radps, robot.now_s + 1.0))
             now = robot.control.v_mps, robot.control.w_radps
             assert abs(now[0]) <= limits.max_speed_mps + 1e-9
@@ -89,10 +98,10 @@ def test_speed_turn_ramp_and_power_never_pass_their_limits(
 
 
 def test_a_request_beyond_the_limits_keeps_its_arc() -> None:
-    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=100.0)
-    robot.run(4.0, 2.0, 1.0)
-    assert robot.control.v_mps == pytest.approx(1.0)
-    assert robot.control.w_radps == pytest.approx(0.5)
+    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=100.0, max_turn_radps=0.5)
+    for asked, limited in (((4.0, 1.0), (1.0, 0.25)), ((1.0, -1.0), (0.5, -0.5))):
+        robot.run(*asked, 1.0)
+        assert (robot.control.v_mps, robot.control.w_radps) == pytest.approx(limited)
 
 
 def test_more_than_full_power_of_one_wheel_lowers_both() -> None:
@@ -129,14 +138,14 @@ def test_what_turns_round_passes_through_standing() -> None:
 def test_any_doubt_ends_the_motion_at_once_and_says_why(
     request_: DriveRequest | None, doubt_: str, pose: Pose | None, reason: str
 ) -> None:
-    robot = Robot()
-    robot.run(0.8, 0.2, 3.0)
+    robot = Robot(max_accel_mps2=20.0, max_turn_accel_radps2=20.0)
+    robot.run(0.8, 0.2, 0.05)
     assert min(robot.powers) > 0.5
     robot.step(request_, doubt_, pose=pose)
     assert robot.powers == (0.0, 0.0)
     assert robot.control.blocked_by == reason
-    robot.run(0.8, 0.2, 2 * PERIOD_S)
-    assert 0 < max(robot.powers) < 0.02  # from standing again
+    robot.run(0.8, 0.2, PERIOD_S)
+    assert 0 < max(robot.powers) < 0.15  # from standing again
 
 
 def test_a_request_during_trouble_of_the_motors_does_not_count_when_it_ends() -> None:
@@ -157,7 +166,7 @@ def test_before_an_obstacle_it_slows_down_and_stands() -> None:
     robot = Robot()
     robot.mark(3.1, 0.1, OBSTACLE)
     x_m, speeds = 0.0, []
-    for _ in range(3000):
+    for _ in range(1400):
         robot.step(
             DriveRequest(1.0, 0.0, robot.now_s + 1.0), pose=Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0)
         )
@@ -167,17 +176,17 @@ def test_before_an_obstacle_it_slows_down_and_stands() -> None:
     assert robot.powers == (0.0, 0.0)
     assert robot.control.blocked_by == "an obstacle is in the way"
     margin_m = robot.config.robot.stop_margin_m + robot.config.robot.front_m
-    assert 3.0 - margin_m - 0.25 < x_m < 3.0 - margin_m
+    assert 3.0 - margin_m - 0.03 < x_m < 3.0 - margin_m
     braking = np.diff(speeds)
     assert braking.min() > -0.1  # lowered step by step, not in one
 
 
-@pytest.mark.parametrize("factor", [1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("factor", [1.0, 2.5])
 def test_a_robot_that_is_faster_than_it_was_told_stops_before_it_too(factor: float) -> None:
     robot = Robot()
     robot.mark(3.1, 0.1, OBSTACLE)
     x_m, v_mps = 0.0, 0.0
-    for _ in range(3000):
+    for _ in range(1400):
         told_mps = factor * robot.control.v_mps
         brake = robot.config.robot.brake_mps2 * PERIOD_S
         v_mps = told_mps if told_mps > v_mps else max(told_mps, v_mps - brake)
@@ -226,8 +235,140 @@ def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -
     ):
         robot = Robot(start_clear_m=clear_m)
         robot.window.cells[...] = UNKNOWN
-        powers = robot.control.step(robot.now_s + PERIOD_S, asks, "", HERE, assumed_clear)
+        now_s = robot.now_s + PERIOD_S
+        powers = robot.control.step(now_s, asks, "", HERE, assumed_clear, "", (0.0, 0.0))
         assert (powers != (0.0, 0.0)) is goes
+
+
+# At the limits
+
+
+def fresh(**robot: Any) -> DriveControl:
+    """One that nobody has asked anything yet."""
+    return DriveControl(Robot(**robot).config, blank_maps())
+
+
+def test_power_is_the_share_of_the_full_speed() -> None:
+    config = with_changes(Robot().config, drive={"full_power_mps": 2.0})
+    control = DriveControl(config, blank_maps())
+    powers = control.step(9.0, DriveRequest(0.5, 0.0, 9.0), "", HERE, True, "", (0.0, 0.0))
+    assert powers == pytest.approx((control.v_mps / 2.0, control.v_mps / 2.0))
+    assert control.v_mps > 0.0
+
+
+def go(control: DriveControl, now_s: float, v: float, w: float = 0.0, **kw: Any) -> None:
+    """A step of a robot at the origin, with a request that holds until just now."""
+    given = {"motors_off": "", "moves": (0.0, 0.0)} | kw
+    control.step(now_s, DriveRequest(v, w, now_s), "", HERE, True, **given)
+
+
+def test_a_new_control_stands_and_its_first_step_is_no_longer_than_a_late_one() -> None:
+    control = fresh(max_accel_mps2=1.0, max_turn_accel_radps2=2.0)
+    assert (control.v_mps, control.w_radps) == (0.0, 0.0)
+    go(control, 50.0, 0.5, 0.5)
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.05, 0.1))
+    go(control, 40.0, 0.5, 0.5)  # time does not go back
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.05, 0.1))
+    go(control, 60.0, 0.5, 0.5)
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.1, 0.2))
+
+
+def test_it_brakes_by_the_brakes_and_turns_less_by_the_turns_ramp() -> None:
+    control = fresh(max_accel_mps2=1.0, brake_mps2=2.0, max_turn_accel_radps2=3.0)
+    for k in range(5):
+        go(control, 50.0 + 0.05 * k, 0.5, -0.5)
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.25, -0.5))
+    go(control, 50.25, 0.0)
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.15, -0.35))
+    go(control, 50.30, -0.5, 0.5)
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.05, -0.2))
+    go(control, 50.35, -0.5, 0.5)
+    assert (control.v_mps, control.w_radps) == pytest.approx((0.0, -0.05))
+
+
+def test_until_it_stops_pass_a_stale_scan_a_late_tick_and_an_order() -> None:
+    control = fresh(brake_mps2=1.0)
+    assert control.zone.stop_m(1.0) == pytest.approx(0.15 + 0.1 + 0.2 + 0.5)
+
+
+@pytest.mark.parametrize(
+    ("trouble", "then", "goes"),
+    [
+        ("off", DriveRequest(0.5, 0.0, 1e9), False),
+        ("off", DriveRequest(0.0, 0.1, 1e9), False),
+        ("", DriveRequest(0.5, 0.0, 1e9), True),
+    ],
+)
+def test_whoever_asks_during_trouble_must_let_go(
+    trouble: str, then: DriveRequest, goes: bool
+) -> None:
+    robot = Robot()
+    for request in (then, None, then):
+        robot.step(then, motors_off=trouble)
+        robot.step(then)
+        assert (robot.powers != (0.0, 0.0)) is goes
+        robot.step(request)  # None lets go
+    assert (robot.powers != (0.0, 0.0)) is goes
+    for late_s, must in ((0.001, False), (0.0, True)):  # an expired one asks nothing
+        robot.step(DriveRequest(0.5, 0.0, robot.now_s + PERIOD_S - late_s), motors_off="off")
+        robot.step(then)
+        assert (robot.powers == (0.0, 0.0)) is must
+
+
+def before_wall(robot: Robot, free_m: float) -> Pose:
+    """Where a robot has so much free way to an obstacle."""
+    i, _ = robot.window.grid.cell_of(2.1, 0.1)
+    robot.mark(2.1, 0.1, OBSTACLE)
+    size = robot.config.robot
+    x_m = i * robot.window.grid.cell_m - size.front_m - size.stop_margin_m - free_m
+    return Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_robot_a_little_faster_than_told_lags_and_one_that_is_faster_still_is_slowed() -> None:
+    robot = Robot(max_accel_mps2=20.0)
+    pose = before_wall(robot, 0.36)
+    allowed_mps = robot.control.zone.allowed_mps(
+        robot.control.look(pose, (0.4, 0.0), 1.0, True).free_m
+    )
+    assert 0.4 < allowed_mps < 0.55
+    for moves_mps, v_mps in ((0.555, 0.4), (0.565, 0.4 * allowed_mps / 0.565)):
+        for _ in range(9):
+            robot.step(DriveRequest(0.4, 0.0, 1e9), pose=pose)
+        robot.step(DriveRequest(0.4, 0.0, 1e9), pose=pose, moves=(moves_mps, 0.0))
+        assert robot.control.v_mps == pytest.approx(v_mps, abs=1e-6)
+
+
+def test_a_standing_robot_does_not_set_out_for_next_to_nothing() -> None:
+    for free_m, goes in ((0.045, False), (0.057, True)):  # 0.1 m/s takes 51 mm
+        robot = Robot(max_accel_mps2=20.0)
+        robot.step(DriveRequest(0.5, 0.0, 1e9), pose=before_wall(robot, free_m))
+        assert (robot.powers != (0.0, 0.0)) is goes
+
+
+def test_the_way_goes_as_the_robot_moves_or_else_as_it_is_asked_to() -> None:
+    control, back = fresh(max_speed_mps=0.5), DriveRequest(-4.0, 1.0, 1e9)
+    assert control.heading_for((0.05, 0.0), back) == (0.05, 0.0)
+    assert control.heading_for((0.0499, 0.0), back) == (-0.5, 0.125)
+    assert control.heading_for((0.0499, 0.0), None) == (0.0, 0.0)
+    assert control.clear(True) == (0.0, 0.0, Robot().config.robot.start_clear_m)
+    assert control.clear(False) == (0.0, 0.0, 0.0)
+    assert control.look(HERE, (0.0, 0.0), 9.0, True) is NOTHING
+
+
+@pytest.mark.parametrize(("v", "w", "of"), [(-0.1, 0.1, (-0.8, 0.8)), (0.1, -0.8, (0.2, -1.6))])
+def test_full_speed_is_that_on_the_same_arc(v: float, w: float, of: tuple[float, float]) -> None:
+    control = fresh(max_speed_mps=0.8, max_turn_radps=1.6)
+    assert control.at_full_speed((v, w)) == pytest.approx(of)
+
+
+def test_a_drop_is_ahead_when_it_lies_within_the_way_to_a_stop_and_not_before() -> None:
+    robot = Robot()
+    at = robot.mark(1.1, 0.1, OBSTACLE)
+    robot.maps.cells.cells["below"][at] = 2
+    ahead_m = 1.0 - robot.config.robot.front_m - robot.config.robot.stop_margin_m
+    for free_m, is_ahead in ((0.35, False), (0.15, True)):
+        pose = Pose(0.0, ahead_m - free_m, 0.0, 0.0, 0.0, 0.0)
+        assert robot.control.drop_ahead((0.2, 0.0), None, pose, True) is is_ahead
 
 
 # Doubts

@@ -1,7 +1,10 @@
 """Health: what may be told, for every combination of inputs."""
 
+import math
 from dataclasses import replace
+from typing import Any
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,73 +12,70 @@ from core.driving import health
 from core.driving.health import Inputs, health_word, mode, trusted
 from core.mapping.method import MAX_SLOPE_RAD
 
-GOOD = Inputs(0.05, 0.05, 0.01, 0.08, True, True, True, False, 0.01, False)
-AGES = st.one_of(st.floats(0, 2), st.just(float("inf")))
+GOOD = Inputs(
+    age_scan_s=0.15,
+    age_scanner_s=0.15,
+    age_ahrs_s=0.15,
+    age_wheels_s=0.4,
+    clocks_locked=True,
+    pose_known=True,
+    map_begun=True,
+    overrun=False,
+    tilt_rad=MAX_SLOPE_RAD,
+    replayed=False,
+    drop_ahead=False,
+    impaired=False,
+    stop_asked=False,
+    scan_stale_s=0.15,
+    stalled=False,
+)  # each of them just well
+BAD: dict[str, tuple[Any, int, int]] = {  # what one of them makes of the word; the mode then
+    "age_scan_s": (math.nextafter(0.15, 1), 0b000_0101_1111, health.FAULT),
+    "age_scanner_s": (math.nextafter(0.15, 1), 0b000_0111_1110, health.RUNNING),
+    "age_ahrs_s": (math.nextafter(0.15, 1), 0b000_0100_1101, health.FAULT),
+    "age_wheels_s": (math.nextafter(0.4, 1), 0b000_0100_1011, health.FAULT),
+    "clocks_locked": (False, 0b000_0111_0111, health.DEGRADED),
+    "pose_known": (False, 0b000_0100_1111, health.FAULT),
+    "map_begun": (False, 0b000_0101_1111, health.BOOTING),
+    "overrun": (True, 0b000_0011_1111, health.DEGRADED),
+    "tilt_rad": (math.nextafter(MAX_SLOPE_RAD, 9), 0b010_0101_1111, health.FAULT),
+    "replayed": (True, 0b000_0111_1111, health.REPLAYED),
+    "drop_ahead": (True, 0b000_1111_1111, health.RUNNING),
+    "impaired": (True, 0b001_0111_1111, health.RUNNING),
+    "stop_asked": (True, 1 << 15 | 0b111_1111, health.RUNNING),
+    "scan_stale_s": (0.14, 0b000_0101_1110, health.FAULT),
+    "stalled": (True, 0b000_0100_1011, health.FAULT),
+}
 
 
 def test_a_healthy_robot_runs_and_may_tell_free() -> None:
     word = health_word(GOOD)
-    assert word == 0x7F
-    assert trusted(word)
-    assert mode(word, GOOD) == health.RUNNING
+    assert (word, mode(word, GOOD), trusted(word)) == (0x7F, health.RUNNING, True)
 
 
-@given(
-    ages=st.tuples(AGES, AGES, AGES, AGES),
-    flags=st.tuples(*[st.booleans()] * 5),
-    tilt=st.floats(0, 1),
-)
-def test_free_is_told_only_while_every_input_is_fresh_and_the_pose_known(
-    ages: tuple[float, float, float, float], flags: tuple[bool, ...], tilt: float
-) -> None:
-    locked, pose, begun, overrun, replayed = flags
-    inputs = Inputs(*ages, locked, pose, begun, overrun, tilt, replayed)
+@pytest.mark.parametrize("name", BAD)
+def test_what_is_just_not_well_has_its_own_bits_and_mode(name: str) -> None:
+    value, word, mode_ = BAD[name]
+    inputs = replace(GOOD, **{name: value})
+    assert (bin(health_word(inputs)), mode(word, inputs)) == (bin(word), mode_)
+
+
+def test_where_nothing_is_well_no_bit_says_so() -> None:
+    bad = replace(GOOD, **{name: value for name, (value, _, _) in BAD.items()})
+    warned = health.DROP_AHEAD | health.SIGHT_IMPAIRED | health.TOO_STEEP | health.STOP_ASKED
+    assert health_word(bad) == warned
+
+
+@given(bad=st.sets(st.sampled_from(list(BAD))))
+def test_free_is_told_only_while_nothing_that_it_needs_is_bad(bad: set[str]) -> None:
+    inputs = replace(GOOD, **{name: BAD[name][0] for name in bad})
     word = health_word(inputs)
-    fresh = ages[0] <= 0.15 and ages[2] <= 0.15 and ages[3] <= 0.4
-    assert trusted(word) == (fresh and pose and begun and tilt <= MAX_SLOPE_RAD)
+    needs = {name for name, (_, word, _) in BAD.items() if not word & health.MAP_VALID}
+    assert trusted(word) == (not bad & needs)
     if mode(word, inputs) in (health.RUNNING, health.DEGRADED):
         assert trusted(word)
-    assert (mode(word, inputs) == health.REPLAYED) == replayed
-
-
-def test_each_stale_input_clears_its_own_bit_and_the_map() -> None:
-    for inputs, bit in (
-        (replace(GOOD, age_scan_s=0.2, age_scanner_s=0.2), health.SCANNER_OK),
-        (replace(GOOD, age_ahrs_s=0.2), health.AHRS_OK),
-        (replace(GOOD, age_wheels_s=0.5), health.WHEELS_OK),
-    ):
-        word = health_word(inputs)
-        assert not word & bit
-        assert not word & health.MAP_VALID
-        assert mode(word, inputs) == health.FAULT
-
-
-def test_an_overrun_or_an_unlocked_clock_degrades_and_no_scan_yet_is_booting() -> None:
-    for inputs in (replace(GOOD, overrun=True), replace(GOOD, clocks_locked=False)):
-        assert mode(health_word(inputs), inputs) == health.DEGRADED
-    inputs = replace(GOOD, map_begun=False)
-    assert mode(health_word(inputs), inputs) == health.BOOTING
-
-
-def test_a_slope_too_steep_for_the_map_is_said() -> None:
-    word = health_word(replace(GOOD, tilt_rad=0.5))
-    assert word & health.TOO_STEEP
-    assert not trusted(word)
-
-
-def test_what_warns_has_a_bit_of_its_own_and_leaves_the_map_valid() -> None:
-    for warning, bit in (
-        ({"drop_ahead": True}, health.DROP_AHEAD),
-        ({"impaired": True}, health.SIGHT_IMPAIRED),
-        ({"stop_asked": True}, health.STOP_ASKED),
-    ):
-        word = health_word(replace(GOOD, **warning))
-        assert word == health_word(GOOD) | bit
-        assert trusted(word)
+    assert (mode(word, inputs) == health.REPLAYED) == ("replayed" in bad)
 
 
 def test_scans_are_stale_after_three_periods_but_no_sooner_than_the_links_time_out() -> None:
     assert [round(health.stale_s(1 / hz), 9) for hz in (50, 25, 20, 10)] == [0.15, 0.15, 0.15, 0.3]
-    slow = replace(GOOD, age_scan_s=0.29, age_scanner_s=0.29, scan_stale_s=0.3)
-    assert trusted(health_word(slow))
-    assert not trusted(health_word(replace(slow, age_scan_s=0.31)))

@@ -6,13 +6,13 @@ import pytest
 
 from config_file import with_changes
 from core.driving.control import NOT_ENABLED
-from core.driving.health import MAP_VALID, POSE_VALID, RUNNING, TOO_STEEP
+from core.driving.health import BOOTING, MAP_VALID, POSE_VALID, RUNNING, TOO_STEEP
 from core.driving.pilot import ZONE_S, Pilot
 from core.driving.report import report
 from core.driving.stall import STALLED
-from core.driving.zone import NOT_TRUSTED
+from core.driving.zone import CLEAR, NOT_TRUSTED, SLOW
 from core.mapping.mapper import Mapper
-from core.records import FREE, OBSTACLE, DriveRequest, PoseReport, WheelCounts
+from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest, PoseReport, WheelCounts
 from tests.core.mapping.test_mapper import CONFIG, standing, wall_and_floor
 from tests.core.motion.test_attitude import attitude
 
@@ -40,7 +40,7 @@ class Robot:
     """A pilot whose robot stands on free ground, all inputs well."""
 
     def __init__(self, enable_motors: bool = True) -> None:
-        config = with_changes(CONFIG, robot={"enable_motors": enable_motors})
+        config = with_changes(CONFIG, robot={"enable_motors": enable_motors, "start_clear_m": 4.0})
         self.mapper = standing(2.5 * NOW_S, Mapper(config))
         self.mapper.add_scan(wall_and_floor(0.95))
         assert self.mapper.settle(NOW_S) == 1
@@ -68,6 +68,7 @@ def test_a_robot_that_stands_well_is_told_as_such_and_one_without_a_pose_at_zero
     assert told.health & MAP_VALID
     trusted, told = told_by(Mapper(CONFIG))
     assert not trusted
+    assert told.mode == BOOTING
     assert (told.x_m, told.y_m, told.yaw_rad, told.v_mps) == (0.0, 0.0, 0.0, 0.0)
     assert not told.health & POSE_VALID
 
@@ -93,13 +94,17 @@ def test_the_stop_zone_is_worked_out_now_and_then_and_at_once_when_trust_goes() 
     assert robot.pilot.zone.free_ahead_m < 2.0
     robot.pilot.look_around(NOW_S + 1.2 * ZONE_S, told, False, None)
     assert robot.pilot.zone is NOT_TRUSTED
-    robot.pilot.look_around(NOW_S + 1.3 * ZONE_S, told, True, DriveRequest(0.5, 0.0, 0.0))
-    assert robot.pilot.zone is not NOT_TRUSTED
+    robot.mark(-0.9, 0.1)
+    for until_s, state in ((0.0, CLEAR), (NOW_S, SLOW)):  # a request that still holds at NOW_S
+        robot.pilot.look_around(NOW_S, told, False, None)
+        robot.pilot.look_around(NOW_S, told, True, DriveRequest(-0.5, 0.0, until_s))
+        assert robot.pilot.zone.state == state
 
 
 @pytest.mark.parametrize("below", [0, 3])
 def test_a_drop_ahead_is_told(below: int) -> None:
     robot = Robot()
+    assert not robot.pilot.drop_ahead
     _, told = told_by(robot.mapper)
     robot.mark(0.9, 0.1)
     cells: Any = robot.mapper.maps.cells.flat  # type: ignore[attr-defined]
@@ -117,6 +122,18 @@ def test_wheels_get_power_only_where_nothing_speaks_against_it() -> None:
     shut = Robot(enable_motors=False)
     assert shut.powers() == (0.0, 0.0)
     assert shut.pilot.control.blocked_by == NOT_ENABLED
+
+
+@pytest.mark.parametrize(
+    ("erased", "continued", "goes"), [(0, False, True), (1, False, False), (0, True, False)]
+)
+def test_the_settings_vouch_for_the_ground_of_a_new_map_only(
+    erased: int, continued: bool, goes: bool
+) -> None:
+    robot = Robot()
+    robot.mapper.maps.window.cells[...] = UNKNOWN
+    robot.mapper.counts.erased, robot.mapper.continued = erased, continued
+    assert any(robot.powers()) is goes
 
 
 def test_wheels_that_do_not_follow_get_no_power() -> None:

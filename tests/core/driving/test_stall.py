@@ -2,10 +2,11 @@
 
 import math
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from config_file import load_config
+from config_file import load_config, with_changes
 from core.driving.stall import UNFOLLOWED_M, StallWatch
 from core.records import WheelCounts
 from tests import ROOT
@@ -78,6 +79,29 @@ def test_it_is_over_when_the_counters_begin_anew() -> None:
     wheels.restarts += 1
     wheels.run(0.1, (0.0, 0.0), (1.0, 1.0))
     assert not wheels.watch.stalled
+
+
+@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize(("short_m", "stalled"), [(0.151, True), (0.149, False)])
+def test_a_wheel_may_be_sent_on_by_so_much_more_than_five_times_what_it_turned(
+    wheel: int, short_m: float, stalled: bool
+) -> None:
+    watch = StallWatch(
+        with_changes(
+            CONFIG,
+            robot={"wheel_radius_m": 0.1, "encoder_ppr": 100, "gear_ratio": 3.0},
+            drive={"full_power_mps": 0.5},
+        )
+    )
+    assert not watch.stalled
+    per_m = 4 * 100 * 3.0 / (2 * math.pi * 0.1)
+    watch.counted(WheelCounts(0.0, 5000.0, 7000.0, 0))
+    for k in range(11):
+        watch.told(0.05 * k, *((-0.8, 0.5) if wheel == 0 else (0.5, 0.8)))  # 0.2 and 0.125 m
+    turned = [0.125 / 5 * per_m, 0.125 / 5 * per_m]
+    turned[wheel] = -(0.2 - short_m) / 5 * per_m
+    watch.counted(WheelCounts(0.5, 5000.0 + turned[0], 7000.0 + turned[1], 0))
+    assert watch.stalled is stalled
 
 
 def test_creeping_against_friction_is_no_stall() -> None:

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.config import Config
 from core.driving.control import MOVING_MPS, DriveControl
 from core.driving.corridor import free_path, nearest_obstacles
-from core.driving.stop_zone import LONGEST_M, StopZone
+from core.driving.stop_zone import TOUCH_M, Place, Rect, clearance, gap_to, leaves
 from core.driving.zone import (
     CLEAR,
     DROP,
@@ -22,9 +22,10 @@ from core.driving.zone import (
     UNSEEN,
     ZoneReporter,
 )
+from core.grid.ring import RingGrid
 from core.mapping.mapper import Mapper
 from core.motion.odometry import Pose
-from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest, StopZoneReport
+from core.records import FREE, I8, OBSTACLE, UNKNOWN, DriveRequest, StopZoneReport
 from tests import ROOT
 from tests.support.cases import examples
 
@@ -104,9 +105,16 @@ def test_a_wall_ahead_slows_and_then_stops_and_leaves_the_way_back_free() -> Non
 
 def test_a_robot_at_the_least_speed_of_motion_counts_as_moving() -> None:
     ground = Ground()
-    ground.paint(0.75, 0.05, OBSTACLE)
-    assert ground.report(moves=(-0.99 * MOVING_MPS, 0.0)).state == STOP  # ahead counts
-    assert ground.report(moves=(-MOVING_MPS, 0.0)).state == CLEAR
+    ground.paint(0.75, 0.05, OBSTACLE)  # within 10 cm
+    for mps, state in ((-0.99 * MOVING_MPS, STOP), (-MOVING_MPS, CLEAR)):  # then ahead counts
+        assert ground.report(moves=(mps, 0.0)).state == state
+    for mps, state in ((0.99 * MOVING_MPS, STOP), (MOVING_MPS, SLOW)):  # which must go on
+        assert ground.report(moves=(mps, 0.0)).state == state
+    assert math.isinf(ground.report(moves=(0.99 * MOVING_MPS, 0.0)).contact_s)
+    told = ground.report(moves=(MOVING_MPS, 0.0))
+    assert told.contact_s == pytest.approx(told.free_ahead_m / MOVING_MPS, abs=0.05)
+    ground.paint(0.65, 0.05, OBSTACLE)
+    assert ground.report(moves=(MOVING_MPS, 0.0)).state == STOP
 
 
 def test_unseen_ground_ends_the_way_but_is_no_obstacle() -> None:
@@ -127,14 +135,16 @@ def test_contact_is_when_the_margin_meets_what_is_not_free() -> None:
     told = ground.report(moves=(0.5, 0.0))
     assert told.contact_s == pytest.approx((2.0 - RECT[0] - MARGIN_M) / 0.5, abs=0.01)
     assert math.isinf(ground.report(moves=(-0.5, 0.0)).contact_s)
+    assert math.isinf(ground.report(moves=(0.44, 0.0)).contact_s)  # just more, and seen
     assert math.isinf(ground.report(moves=(0.3, 0.0)).contact_s)  # more than three seconds
 
 
 def test_what_is_too_fast_for_the_way_there_is_stops() -> None:
     ground = Ground()
     ground.paint(1.3, 0.05, OBSTACLE)
-    assert ground.report(moves=(0.2, 0.0)).state == SLOW
-    assert ground.report(moves=(1.0, 0.0)).state == STOP
+    allowed_mps = ground.report().allowed_ahead_mps
+    for mps, state in ((1.15 * allowed_mps + 0.09, SLOW), (1.15 * allowed_mps + 0.11, STOP)):
+        assert ground.report(moves=(mps, 0.0)).state == state
 
 
 def test_a_standing_robot_is_told_of_the_way_that_it_is_asked_to_go() -> None:
@@ -177,70 +187,156 @@ def test_the_sectors_begin_ahead_and_go_round_counter_clockwise() -> None:
     assert turned.bearing_rad == pytest.approx(-math.tau / 8, abs=0.05)
 
 
-places = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-math.pi, math.pi))
-marks = st.lists(
-    st.tuples(st.integers(-20, 20), st.integers(-20, 20), st.sampled_from([OBSTACLE, UNKNOWN])),
-    max_size=12,
-)
+PLACES = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-math.pi, math.pi))
+CELL = st.tuples(st.integers(-15, 15), st.integers(-15, 15))
+MARKS = st.dictionaries(CELL, st.sampled_from([OBSTACLE, UNKNOWN]), max_size=12)
+RECTS = st.sampled_from([RECT, (RECT[1], RECT[0], RECT[2])])
 
 
-@settings(max_examples=examples(150))
-@given(places, marks)
-def test_the_free_way_is_never_longer_than_that_of_the_drive_control(
-    place: tuple[float, float, float], cells: list[tuple[int, int, int]]
-) -> None:
-    zone = StopZone(*RECT[:2], 2 * RECT[2], MARGIN_M, 0.8, True, 0.45)
-    ground = Ground()
-    for i, j, state in cells:
-        ground.window.cells[j % SIZE, i % SIZE] = state
-    grid, states = ground.window.grid, ground.window.cells
-    frame = (grid.corner_i, grid.corner_j, grid.size)
-    clear = (0.0, 0.0, 0.0)
-    free_m, _, _, hard_m = free_path(states, frame, CELL_M, place, RECT, MARGIN_M, LONGEST_M, clear)
-    found = zone.look(grid, states, place, (1.0, 0.0), clear, from_mps=10.0)
-    assert free_m <= found.free_m + 1e-3
-    assert free_m <= hard_m
-    if math.isfinite(found.free_m):  # and hardly shorter: by the corner of a cell
-        blocked = [_slow_way(i, j, place) for i, j, state in cells if state in (OBSTACLE, UNKNOWN)]
-        assert free_m >= min([found.free_m, *blocked]) - 2 * CELL_M
+def painted(marks: dict[tuple[int, int], int]) -> tuple[I8, tuple[int, int, int]]:
+    """The cells of a window that has moved, and its corner and size."""
+    grid = RingGrid(49, CELL_M)
+    grid.follow(0.4, -0.3)
+    cells: I8 = grid.layer(np.int8, FREE)
+    for (i, j), state in marks.items():
+        cells[j % grid.size, i % grid.size] = state
+    return cells, (grid.corner_i, grid.corner_j, grid.size)
 
 
-def _slow_way(i: int, j: int, place: tuple[float, float, float]) -> float:
-    """How far ahead of the margin any point of a cell lies that is within the widest corridor."""
-    ways = [math.inf]
+def slow_way(
+    cell: tuple[int, int], state: int, place: Place, rect: Rect, margin_m: float, kept_m: float
+) -> float:
+    """How far it is straight ahead to one cell, by its corners."""
     c, s = math.cos(place[2]), math.sin(place[2])
-    for u in np.linspace(0, 1, 6):
-        for v in np.linspace(0, 1, 6):
-            dx, dy = (i + u) * CELL_M - place[0], (j + v) * CELL_M - place[1]
-            ahead, aside = c * dx + s * dy, c * dy - s * dx
-            if abs(aside) <= RECT[2] + MARGIN_M and ahead >= -RECT[1] - MARGIN_M:
-                ways.append(max(0.0, ahead - RECT[0] - MARGIN_M))
-    return min(ways)
+    at = [
+        ((cell[0] + u) * CELL_M - place[0], (cell[1] + v) * CELL_M - place[1])
+        for u in (0, 1)
+        for v in (0, 1)
+    ]
+    aheads, asides = [c * x + s * y for x, y in at], [c * y - s * x for x, y in at]
+    front = min(aheads) - rect[0]
+    side = max(min(asides), -max(asides)) - rect[2]  # negative: it lies in the strip
+    if max(aheads) < -rect[1] or side >= margin_m - TOUCH_M:
+        return math.inf
+    cx, cy = (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
+    gap = gap_to(cx, cy, CELL_M / 2, place, rect)
+    if gap < -TOUCH_M:
+        free = state == UNKNOWN or leaves(cx, cy, place, rect, 1.0, 0.0)
+        return math.inf if free else 0.0
+    if gap < margin_m - TOUCH_M:
+        return 0.0 if side < -TOUCH_M <= front else math.inf
+    return math.inf if side >= kept_m - TOUCH_M or front < 0.0 else max(0.0, front - margin_m)
+
+
+@settings(max_examples=examples(200))
+@given(PLACES, RECTS, MARKS)
+@example((0.0, 0.0, 0.0), RECT, {(5, 3): OBSTACLE})
+def test_the_way_ahead_is_that_of_the_slow_model(
+    place: Place, rect: Rect, marks: dict[tuple[int, int], int]
+) -> None:
+    cells, window = painted(marks)
+    vouched = (9.0, 9.0, 0.0)
+    free_m, i, j, state, hard_m = free_path(
+        cells, window, CELL_M, place, rect, MARGIN_M, 0.4, vouched
+    )
+    kept_m = clearance(cells, window, CELL_M, place, rect, MARGIN_M, vouched)
+    ways = {cell: slow_way(cell, of, place, rect, MARGIN_M, kept_m) for cell, of in marks.items()}
+    hard = [way for cell, way in ways.items() if marks[cell] == OBSTACLE and way <= 0.4]
+    assert free_m == pytest.approx(min([*ways.values(), 0.4]), abs=1e-8)
+    assert hard_m == pytest.approx(min(hard, default=math.inf), abs=1e-8)
+    if free_m < 0.4:
+        assert ways[i, j] == pytest.approx(free_m, abs=1e-8)
+        assert marks[i, j] == state
+    else:
+        assert (i, j, state) == (0, 0, UNKNOWN)
+
+
+@pytest.mark.parametrize(
+    ("i", "j", "state", "free_m"),
+    [
+        (8, 2, OBSTACLE, 0.375),
+        (8, 3, OBSTACLE, 2.0),  # touches the side of the margin's strip
+        (5, 0, OBSTACLE, 0.0),  # touches the margin's front
+        (4, 0, OBSTACLE, 0.0),  # touches the footprint's front
+        (4, 0, UNKNOWN, 0.0),
+        (4, 2, OBSTACLE, 2.0),  # beside the footprint's front corner
+        (3, 2, OBSTACLE, 2.0),  # touches the footprint's side
+        (3, 2, UNKNOWN, 2.0),
+        (-3, 0, OBSTACLE, 2.0),  # touches its rear
+        (21, 0, OBSTACLE, 2.0),  # just as far as it is looked
+        (20, 0, OBSTACLE, 1.875),
+    ],
+)
+def test_what_touches_the_way_ahead_is_not_in_it(i: int, j: int, state: int, free_m: float) -> None:
+    """Cells of an eighth of a metre, a footprint and a margin of whole eighths."""
+    cells = np.full((65, 65), FREE, dtype=np.int8)
+    cells[j % 65, i % 65] = state
+    found = free_path(
+        cells, (-32, -32, 65), 0.125, (0.0, 0.0, 0.0), (0.5, 0.25, 0.25), 0.125, 2.0, (9.0, 9.0, 0)
+    )
+    assert found[0] == free_m
+    is_met = free_m < 2.0 or i == 21
+    assert found[4] == (free_m if is_met and state == OBSTACLE else math.inf)
+
+
+def test_of_what_is_equally_near_the_first_is_told() -> None:
+    cells = np.full((65, 65), FREE, dtype=np.int8)
+    cells[2, 12] = cells[-3, 12] = cells[0, 12] = cells[1, 12] = OBSTACLE
+    window, here, rect = (-32, -32, 65), (0.0, 0.0, 0.0), (0.5, 0.25, 0.25)
+    found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (9.0, 9.0, 0))
+    assert found[1:4] == (12, -3, OBSTACLE)
+    cells[0, 12] = cells[1, 12] = FREE
+    _, bearing_rad = nearest_obstacles(cells, window, 0.125, here, rect, np.zeros(8))
+    assert bearing_rad > 0.0
+
+
+@pytest.mark.parametrize("turn", range(8))
+@pytest.mark.parametrize("rect", [(0.2, 0.2, 0.8), (0.8, 0.2, 0.2), (0.2, 1.4, 0.2)])
+def test_what_ends_the_way_is_found_however_the_robot_stands(rect: Rect, turn: int) -> None:
+    """Just before the end of the longest way, at a corner of the strip."""
+    x, y, yaw = 0.9, -0.6, turn * math.tau / 8 + 0.1
+    c, s = math.cos(yaw), math.sin(yaw)
+    far, rear = rect[0] + MARGIN_M + 1.35, 0.3 - rect[1]  # and under the footprint
+    for ahead, aside in ((far, rect[2]), (far, -rect[2]), (rear, rect[2] - 0.01)):
+        mark = (
+            math.floor((x + c * ahead - s * aside) / CELL_M),
+            math.floor((y + s * ahead + c * aside) / CELL_M),
+        )
+        cells = np.full((99, 99), FREE, dtype=np.int8)
+        cells[mark[1] % 99, mark[0] % 99] = OBSTACLE
+        window, clear = (-49, -49, 99), (9.0, 9.0, 0.0)
+        kept_m = clearance(cells, window, CELL_M, (x, y, yaw), rect, MARGIN_M, clear)
+        way_m = slow_way(mark, OBSTACLE, (x, y, yaw), rect, MARGIN_M, kept_m)
+        found = free_path(cells, window, CELL_M, (x, y, yaw), rect, MARGIN_M, 1.5, clear)
+        assert found[0] == pytest.approx(min(way_m, 1.5))
+        assert found[1:4] == ((*mark, OBSTACLE) if way_m < 1.5 else (0, 0, UNKNOWN))
+        assert way_m < 1.5
 
 
 @settings(max_examples=examples(60))
-@given(places, st.sets(st.tuples(st.integers(-60, 59), st.integers(-60, 59)), max_size=20))
-def test_the_nearest_obstacle_is_the_nearest(
-    place: tuple[float, float, float], cells: set[tuple[int, int]]
+@given(PLACES, RECTS, MARKS)
+def test_the_nearest_obstacle_is_that_of_the_slow_model(
+    place: Place, rect: Rect, marks: dict[tuple[int, int], int]
 ) -> None:
-    ground = Ground()
-    for i, j in cells:
-        ground.window.cells[j % SIZE, i % SIZE] = OBSTACLE
-    grid = ground.window.grid
-    sectors_m = np.zeros(8)
-    frame = (grid.corner_i, grid.corner_j, grid.size)
-    nearest_m, bearing_rad = nearest_obstacles(
-        ground.window.cells, frame, CELL_M, place, RECT, sectors_m
-    )
-    distances = []
-    for i, j in cells:
-        dx, dy = (i + 0.5) * CELL_M - place[0], (j + 0.5) * CELL_M - place[1]
-        distances.append(math.hypot(dx, dy))
-    if not cells:
-        assert math.isinf(nearest_m)
-        assert np.isinf(sectors_m).all()
-        return
-    assert sectors_m.min() == pytest.approx(max(0.0, min(distances) - CELL_M / 2))
-    reach_m = math.hypot(RECT[0], RECT[2])
-    assert min(distances) - reach_m - CELL_M <= nearest_m <= min(distances)
-    assert -math.pi <= bearing_rad <= math.pi
+    cells, window = painted(marks)
+    sectors_m, told_m = [math.inf] * 8, np.zeros(8)
+    nearest_m, bearing_rad = math.inf, 0.0
+    c, s = math.cos(place[2]), math.sin(place[2])
+    for (i, j), state in marks.items():
+        if state == OBSTACLE:
+            dx, dy = (i + 0.5) * CELL_M - place[0], (j + 0.5) * CELL_M - place[1]
+            ahead, aside = c * dx + s * dy, c * dy - s * dx
+            k = round(math.atan2(aside, ahead) / (math.tau / 8)) % 8
+            sectors_m[k] = min(sectors_m[k], max(0.0, math.hypot(dx, dy) - CELL_M / 2))
+            beside_m = math.hypot(
+                ahead - min(max(ahead, -rect[1]), rect[0]),
+                aside - min(max(aside, -rect[2]), rect[2]),
+            )
+            gap_m = max(0.0, beside_m - CELL_M / 2 * (abs(c) + abs(s)))
+            if gap_m < nearest_m:
+                nearest_m, bearing_rad = gap_m, math.atan2(aside, ahead)
+    found = nearest_obstacles(cells, window, CELL_M, place, rect, told_m)
+    assert found[0] == pytest.approx(nearest_m, abs=1e-9)
+    if nearest_m > 0.0:  # of several that touch it, any one
+        assert found[1] == pytest.approx(bearing_rad)
+    np.testing.assert_allclose(told_m, sectors_m)

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.grid.ring import HYSTERESIS_CELLS, RingGrid
+from core.grid.ring import HYSTERESIS_CELLS, RingGrid, cells_about
 
 STEPS = st.lists(
     st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.integers(1, 9)), min_size=1, max_size=30
@@ -52,3 +52,8 @@ def test_hovering_on_a_cell_edge_does_not_move_the_window() -> None:
     assert moved == [False] * 4
     assert grid.corner_i == corner
     assert grid.cell_of(-0.1, 0.1) == (-1, 0)
+
+
+def test_the_cells_about_a_place_are_a_square_that_holds_all_within_reach() -> None:
+    assert cells_about(0.3, -0.1, 2.0, 0.2) == (-9, -11, 21)
+    assert cells_about(0.05, 0.05, 0.05, 0.125) == (0, 0, 2)

@@ -1,5 +1,6 @@
-"""What `pip install .` gives: the wheel, built from a copy and unpacked where nothing else is.
+"""What `pip install .` gives: the wheel, built from a copy and used where nothing else of ours is.
 
+Unpacked it is tried quickly; a slow test installs it into an environment of its own, by pip.
 No network is needed: the libraries are those of this environment.
 """
 
@@ -8,10 +9,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import venv
 import zipfile
 from email import message_from_bytes
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests import ROOT
@@ -33,6 +36,13 @@ for name in COMMANDS:
 for words in ("init", "init", "check", "version", "demo", "compare scanner", "replay mapod.toml"):
     print(f"{words}: status {main(words.split())}", flush=True)
 assert not {"core", "hw", "app", "main", "tools", "fakes"} & sys.modules.keys()
+"""
+ROOMS = """
+import importlib.util, sys
+import mapod.core.mapping.mapper, mapod.hw.registry, mapod_link
+assert importlib.util.find_spec("mapod.fakes") is None
+assert not {"core", "hw", "fakes", "tools", "tests", "mujoco", "ruff", "mypy"} & sys.modules.keys()
+print(mapod.__file__, mapod_link.__file__)
 """
 LINK_ALONE = """
 import sys
@@ -140,3 +150,34 @@ def test_it_runs_against_nothing_is_recorded_and_replayed(site: Path, tmp_path: 
     replay = begun(site, tmp_path, "-m", "mapod", "replay", "nothing.rec")
     assert "the recording holds no byte of the scanner" in replay.communicate()[1]
     assert replay.returncode == 1
+
+
+@pytest.mark.slow
+def test_pip_installs_it_into_a_clean_environment(wheel: Path, tmp_path: Path) -> None:
+    def ran(*words: str | Path, status: int = 0) -> str:
+        env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+        env.pop("PYTHONPATH", None)
+        done = subprocess.run(
+            words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == status, done.stdout + done.stderr
+        return done.stdout
+
+    home = tmp_path / "clean"
+    venv.create(home)
+    python, mapod = home / "bin/python", home / "bin/mapod"
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(python))
+    ran(*pip, "install", "--no-deps", "--no-index", str(wheel))
+    [site] = home.glob("lib/python3*/site-packages")
+    (site / "libraries.pth").write_text(f"{Path(np.__file__).parents[1]}\n")
+    names = [line.split()[0] for line in ran(mapod, "--help").splitlines() if line[:2] == "  "]
+    assert {"init", "run", "demo", "link-test", "version"} <= set(names)
+    for name in names:
+        assert f"usage: mapod {name}" in ran(mapod, name, "--help")
+    assert str(site) in ran(mapod, "init")
+    ran(mapod, "init", status=2)  # never overwritten
+    assert (tmp_path / "mapod.toml").read_bytes() == (ROOT / "mapod.toml").read_bytes()
+    assert "centre beam meets the ground" in ran(mapod, "check")
+    assert ran(mapod, "version").startswith("mapod 0.")
+    ran(mapod, "demo", status=2)  # needs the simulation
+    assert all(path.startswith(str(site)) for path in ran(python, "-c", ROOMS).split())

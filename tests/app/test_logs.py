@@ -8,14 +8,12 @@ from typing import IO
 import pytest
 import structlog
 
-from config_file import load_config, with_changes
 from hw.runtime.log_writer import LINES, LogWriter
 from logs import set_up_logging
-from tests.support.closed_loop import SHIPPED, ClosedLoop
+from tests.support.closed_loop import ClosedLoop
+from tests.support.shipped import shipped
 
-CONFIG = with_changes(
-    load_config(SHIPPED.read_text(encoding="utf-8")), log={"format": "json", "level": "debug"}
-)
+CONFIG = shipped(log={"format": "json", "level": "debug"})
 MANY = LINES + 5000  # more than wait, and than a pipe of 64 KiB holds
 
 

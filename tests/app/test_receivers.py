@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 
 from app import App, Ports
-from config_file import load_config, with_changes
 from core.config import ConfigError
 from core.records import FREE, OBSTACLE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
 from mapod_link import serial_from_frame
-from tests.support.closed_loop import SESSION, SHIPPED, START_S
+from tests.support.closed_loop import SESSION, START_S
+from tests.support.shipped import shipped
 from wiring import open_ports
 
-SETTINGS = load_config(SHIPPED.read_text(encoding="utf-8"))
 URLS = ["udp://127.0.0.1:9750", "serial:///dev/planner?baud=921600", "udp://127.0.0.1:9751"]
 CODE = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown, obstacle (1), free (-1)
 
@@ -25,30 +24,15 @@ class Company:
     """An app and three receivers: over UDP, over a serial line, and one that only asks."""
 
     def __init__(self, *, drives: bool = True, **robot: Any) -> None:
-        config = with_changes(SETTINGS, planner={"port": URLS}, robot=robot)
+        config = shipped(planner={"port": URLS}, robot=robot)
         self.rig = Rig("corridor", 1, drives=drives)
         names = ("scanner", "ahrs", "drive")
-        devices = {name: MemoryPort() for name in names}
-        self._wires = [
-            Wire(getattr(self.rig, name), devices[name], k) for k, name in enumerate(names)
-        ]
+        scanner, ahrs, drive = devices = [MemoryPort() for _ in names]
+        self._wires = [Wire(getattr(self.rig, names[k]), port, k) for k, port in enumerate(devices)]
         self.ports = [MemoryPort(datagrams=url.startswith("udp")) for url in URLS]
-        self.planners = [
-            FakePlanner(seed=1),
-            FakePlanner(seed=2),
-            FakePlanner(seed=3, poll_only=True),
-        ]
-        self.app = App(
-            config,
-            Ports(
-                devices["scanner"],
-                devices["ahrs"],
-                devices["drive"],
-                self.ports[0],
-                tuple(self.ports[1:]),
-            ),
-            session=SESSION,
-        )
+        self.planners = [FakePlanner(seed=k, poll_only=k == 3) for k in (1, 2, 3)]
+        ports = Ports(scanner, ahrs, drive, self.ports[0], tuple(self.ports[1:]))
+        self.app = App(config, ports, session=SESSION)
         self.now_s, self.ticks = START_S, 0
 
     def run(self, seconds: float) -> None:
@@ -81,7 +65,6 @@ class Company:
 
 @pytest.fixture(scope="module")
 def company() -> Company:
-    """Four seconds of driving."""
     company = Company()
     company.planners[1].loss_rate = 0.02
     company.run(4.0)
@@ -126,13 +109,10 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
     ("planner", "modbus", "said"),
     [
         ([*URLS[:1], "udp://nowhere"], "", r"planner\.port: 'udp://nowhere': must be udp://host"),
-        (
-            URLS[0],
-            ["tcp://127.0.0.1:5020", "rtu:///dev/x"],
-            r"modbus\.port: .*no such kind",
-        ),
+        (URLS[0], ["tcp://127.0.0.1:5020", "rtu:///dev/x"], r"modbus\.port: .*no such kind"),
         ("serial:///dev/x?baud=115200&bytesize=7", "", r"planner\.port: bytesize must be 8 here"),
         (URLS[0], "serial:///dev/x?baud=19200&bytesize=7", r"modbus\.port: bytesize must be 8"),
+        (URLS[:1] * 2, "", r"planner\.port: each port may be given once"),
         ("serial:///dev/mti?baud=921600", "", r"planner\.port: .* is ahrs\.port already"),
         (
             "serial:///dev/plc?baud=19200",
@@ -144,14 +124,8 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
 def test_a_line_that_cannot_work_is_refused_before_any_opens(
     planner: str | list[str], modbus: str | list[str], said: str
 ) -> None:
-    config = with_changes(SETTINGS, planner={"port": planner}, modbus={"port": modbus})
     with pytest.raises(ConfigError, match=said):
-        open_ports(config)
-
-
-def test_the_same_port_twice_is_refused_in_words() -> None:
-    with pytest.raises(ConfigError, match=r"planner\.port: each port may be given once"):
-        with_changes(SETTINGS, planner={"port": URLS[:1] * 2})
+        open_ports(shipped(planner={"port": planner}, modbus={"port": modbus}))
 
 
 def test_the_stop_zone_speaks_of_a_request_only_as_long_as_that_holds() -> None:

@@ -20,7 +20,7 @@ def drive(request: pytest.FixtureRequest) -> tuple[ClosedLoop, list[Comparison]]
     return loop, comparisons
 
 
-def test_at_least_97_percent_of_the_cells_seen_are_decided_rightly(
+def test_97_percent_of_the_cells_seen_are_right_and_no_free_one_lies_on_a_box_or_in_the_ditch(
     drive: tuple[ClosedLoop, list[Comparison]],
 ) -> None:
     loop, comparisons = drive
@@ -28,19 +28,13 @@ def test_at_least_97_percent_of_the_cells_seen_are_decided_rightly(
     assert max(seen) > 25 * loop.since_begin_s
     for comparison in comparisons:
         assert comparison.right >= 0.97 * comparison.seen, comparison.wrong
-
-
-def test_no_free_cell_lies_on_a_box_or_in_the_ditch(
-    drive: tuple[ClosedLoop, list[Comparison]],
-) -> None:
-    _, comparisons = drive
-    assert [place for comparison in comparisons for place in comparison.free_on_obstacle] == []
+        assert comparison.free_on_obstacle == []  # a box, the ditch
 
 
 def test_the_floor_is_flat_within_15_mm(drive: tuple[ClosedLoop, list[Comparison]]) -> None:
-    _, comparisons = drive
+    loop, comparisons = drive
     errors_m = np.concatenate([comparison.floor_error_m for comparison in comparisons])
-    assert errors_m.size > 300
+    assert errors_m.size > 20 * loop.since_begin_s
     assert float(np.sqrt(np.mean(errors_m**2))) <= 0.015
 
 

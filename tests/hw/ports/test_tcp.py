@@ -162,7 +162,7 @@ def test_a_peer_that_takes_no_bytes_is_dropped_and_nothing_waits(
         assert port.backlog == 0
 
 
-def test_what_the_wire_did_not_take_at_once_follows_in_order(
+def test_what_the_wire_did_not_take_at_once_follows_in_order_and_one_read_is_bounded(
     listener: socket.socket, port: Port
 ) -> None:
     with connected(listener, port) as device:
@@ -177,10 +177,6 @@ def test_what_the_wire_did_not_take_at_once_follows_in_order(
             assert port.poll(START_S)
         assert received == sent
         assert port.backlog == 0
-
-
-def test_one_read_is_bounded(listener: socket.socket, port: Port) -> None:
-    with connected(listener, port) as device:
         device.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             while device.send(bytes(100_000)):

@@ -22,7 +22,6 @@ FORM = "&parity=E&bytesize=7"
 
 
 def a_scanner(model: str = "LMS111") -> FakeLms111:
-    """A scanner in a round room, which measures."""
     fake = FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1, model)
     fake.measures_at_power_up = True
     return fake
@@ -67,7 +66,6 @@ def timeless(found: list[Difference]) -> str:
 
 
 def other(fake: Any, attribute: str, value: object) -> Any:
-    """The same with one attribute changed."""
     setattr(fake, attribute, value)
     return fake
 

@@ -8,27 +8,13 @@ import pytest
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
 from tests.support.real_time import StillWheels
-from tests.support.simulated_lines import SimulatedLines
+from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import drive
-
-
-class Said:
-    """What the command prints of a fake, on either stream."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> None:
-        self._capsys, self._lines = capsys, lines
-
-    def __call__(self, fake: FakeAx3500, *what: str, status: int = 0) -> str:
-        url = f"serial://{self._lines.serial(fake)}?baud=9600&parity=E&bytesize=7"
-        got = drive.main([*what, "--port", url])
-        printed = self._capsys.readouterr()
-        assert got == status, printed
-        return printed.out + printed.err
 
 
 @pytest.fixture
 def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
-    return Said(capsys, lines)
+    return Said(capsys, lines, drive.main, "baud=9600&parity=E&bytesize=7")
 
 
 @pytest.mark.parametrize(

@@ -10,17 +10,16 @@ from hypothesis import strategies as st
 from fakes.scenes.movers import person
 from fakes.scenes.scene import Scene, load_scene
 from fakes.scenes.solids import GLASS, PLAIN, Material, Pillar, Solid, bump, soft
+from tests.support.shipped import FLOOR
 from tools.rig.contact import OVERLAP_M, RECT, Place, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
 from tools.rig.stops import Orders, StopWatch
 
-FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 WANTS, HELD = Orders(True, True, "", True), Orders(True, False, "an obstacle is in the way", True)
 PERIOD_S = 0.02
 
 
 def scene_of(*solids: Solid | Pillar, floor: bool = True) -> Scene:
-    """A floor and things on it."""
     return Scene("made", (FLOOR, *solids) if floor else solids)
 
 
@@ -41,7 +40,6 @@ def driven(
 
 
 def standing(judge: Judge, seconds: float, x_m: float, people: np.ndarray | None = None) -> Judge:
-    """At a place for so long."""
     since_s = judge.truth.since_s
     for _ in range(round(seconds / PERIOD_S)):
         since_s += PERIOD_S
@@ -56,6 +54,10 @@ def test_a_robot_driven_into_a_box_collides_once_with_the_speed_that_it_had() ->
     assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.011)
     assert contact.speed_mps == pytest.approx(0.5, abs=0.01)
     assert not judge.bumps
+    driven(judge, 2.6, 2.7, 0.05)
+    assert len(judge.collisions) == 1  # it lasts
+    driven(judge, 0.0, 2.7)
+    assert len(judge.collisions) == 2
 
 
 def test_a_robot_that_stops_short_of_it_or_passes_beside_does_not() -> None:
@@ -137,31 +139,16 @@ def test_who_walks_into_a_robot_that_stands_is_counted_apart() -> None:
     assert contact.kind == "person"
 
 
-def test_a_person_whom_a_driving_robot_touches_is_a_collision() -> None:
+def test_a_person_whom_a_driving_robot_touches_is_a_collision_on_a_timetable_too() -> None:
     people = np.array([[9.0, 3.0, 0.22], [2.0, 0.3, 0.22]])
     (contact,) = driven(Judge(scene_of()), 0.0, 1.6, people=people).collisions
     assert (contact.kind, contact.what) == ("person", "person 2")
-
-
-def test_somebody_on_a_timetable_counts_likewise() -> None:
     walker = person("walker", ((4.0, 0.0), (-4.0, 0.0)), speed_mps=1.0)
     scene = Scene("made", (FLOOR,), movers=(walker,))
     assert standing(Judge(scene), 4.0, 0.0).bumps
     judge = driven(Judge(scene), 0.0, 2.0)
     assert judge.collisions[0].what == "walker"
     assert not judge.bumps
-
-
-def test_a_contact_that_lasts_is_counted_once_and_a_second_one_again() -> None:
-    wall = Solid("wall", (3.0, 3.2), (-2.0, 2.0), (0.0, 2.0))
-    judge = driven(Judge(scene_of(wall)), 2.0, 2.6)
-    driven(judge, 2.5, 2.6, 0.05)
-    assert len(judge.collisions) == 1
-    driven(judge, 0.0, 2.6)
-    assert len(judge.collisions) == 2
-
-
-# False stops
 
 
 def stopped(scene: Scene, why: str = HELD.why, faulty: bool = False) -> StopWatch:
@@ -178,13 +165,18 @@ def stopped(scene: Scene, why: str = HELD.why, faulty: bool = False) -> StopWatc
     return watch
 
 
-def test_a_stop_before_nothing_is_false_and_its_way_is_measured() -> None:
+def test_a_stop_before_nothing_is_false_and_its_way_is_measured_and_before_a_drop_it_is_right() -> (
+    None
+):
     watch = stopped(scene_of())
     (stop,) = watch.stops
     assert stop.is_false
     assert stop.why == HELD.why
     assert stop.way_m == pytest.approx(0.5**2 / 1.6, abs=0.03)
     assert watch.worst_way_m == stop.way_m
+    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
+    (stop,) = stopped(scene_of(near, floor=False)).stops
+    assert stop.in_way == "a drop"
 
 
 @pytest.mark.parametrize(
@@ -204,12 +196,6 @@ def test_only_what_is_truly_in_the_way_to_a_stop_and_half_a_metre_more_excuses_i
     (stop,) = stopped(scene_of(thing)).stops
     assert stop.is_false is not in_way
     assert stop.in_way == (thing.name if in_way else "")
-
-
-def test_a_stop_before_a_drop_is_right() -> None:
-    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
-    (stop,) = stopped(scene_of(near, floor=False)).stops
-    assert stop.in_way == "a drop"
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ REAL = {
     "devices.scanner": "tcp://192.168.0.1:2112",
     "devices.ahrs": "serial:///dev/mti?baud=115200",
 }
+LOOKED_AT = REAL | {"planner.start_clear_m": 2.0}
 
 
 def test_the_shipped_file_loads_and_each_key_has_a_comment() -> None:
@@ -72,29 +73,38 @@ def test_missing_keys_and_sections_are_named(text: str, words: str) -> None:
         load_rig_config(text)
 
 
-def test_a_real_drive_beside_a_fake_scanner_wants_the_wheels_off_the_ground() -> None:
-    with pytest.raises(ConfigError, match="fake scanner and a fake ahrs"):
-        load_rig_config(SHIPPED, REAL_DRIVE)
-    with pytest.raises(ConfigError, match="beside a fake ahrs"):
-        load_rig_config(SHIPPED, REAL | {"devices.ahrs": "fake"})
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.toml"):
+        load_rig_file(tmp_path / "nowhere.toml")
+    (tmp_path / "rig.toml").write_text(SHIPPED)
+    with pytest.raises(ConfigError, match=r"robot\.config: must be a file that is there"):
+        load_rig_file(tmp_path / "rig.toml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (REAL_DRIVE, "fake scanner and a fake ahrs"),
+        (REAL | {"devices.ahrs": "fake"}, "beside a fake ahrs"),
+        (REAL, r"^planner\.start_clear_m: must be a number with a real"),
+        (LOOKED_AT | {"planner.unknown_mps": 0.1}, r"^planner\.unknown_mps: must be 0 with a real"),
+    ],
+)
+def test_a_real_drive_takes_nothing_from_a_scene_or_has_its_wheels_off_the_ground(
+    changes: dict[str, object], words: str
+) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load_rig_config(SHIPPED, changes)
     lifted = {"planner.start_clear_m": 2.0, "devices.wheels_off_the_ground": True}
     load_rig_config(SHIPPED, REAL_DRIVE | lifted)
-
-
-def test_a_real_drive_takes_nothing_from_a_scene_and_enters_no_unseen_ground() -> None:
-    with pytest.raises(ConfigError, match=r"^planner\.start_clear_m: must be a number with a real"):
-        load_rig_config(SHIPPED, REAL)
-    looked_at = REAL | {"planner.start_clear_m": 2.0}
-    with pytest.raises(ConfigError, match=r"^planner\.unknown_mps: must be 0 with a real drive"):
-        load_rig_config(SHIPPED, looked_at | {"planner.unknown_mps": 0.1})
-    assert list(load_rig_config(SHIPPED, looked_at).devices.real) == ["scanner", "ahrs", "drive"]
+    assert list(load_rig_config(SHIPPED, LOOKED_AT).devices.real) == ["scanner", "ahrs", "drive"]
 
 
 @pytest.mark.parametrize("real", [False, True])
 def test_motors_are_enabled_for_a_simulated_robot_only(real: bool, tmp_path: Path) -> None:
     changes: dict[str, object] = {"devices.planner": "serial:///dev/planner?baud=921600"}
     if real:
-        changes |= REAL | {"planner.start_clear_m": 2.0}
+        changes |= LOOKED_AT
     config = load_rig_config(SHIPPED, changes)
     bench = Bench(config, argparse.Namespace(fault=[], seconds=None), tmp_path)
     values = bench.values({"scanner": "tcp://127.0.0.1:1"})
@@ -104,15 +114,6 @@ def test_motors_are_enabled_for_a_simulated_robot_only(real: bool, tmp_path: Pat
     )
     assert (bench.tour.total == 0) is real
     assert bench.close() == []
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"nowhere\.toml"):
-        load_rig_file(tmp_path / "nowhere.toml")
-    alone = tmp_path / "rig.toml"
-    alone.write_text(SHIPPED)
-    with pytest.raises(ConfigError, match=r"robot\.config: must be a file that is there"):
-        load_rig_file(alone)
 
 
 def test_goals_are_told_one_after_the_other_and_kept_with_what_became_of_them() -> None:

@@ -72,15 +72,11 @@ def test_a_released_key_stops_within_its_time_and_says_so_three_times(
     assert len(asked) <= HELD_S / 0.1 + 4
 
 
-def test_any_other_key_stops_at_once(keyboard: tuple[int, int]) -> None:
+def test_any_other_key_stops_at_once_and_at_the_end_it_stops(keyboard: tuple[int, int]) -> None:
     driver = Driver(keyboard[1])
     driver.run(1.0, b"w")
     driver.steering.take(driver.now_s, b" ")
     assert set(driver.run(1.0)) == {(0, 0, 0)}
-
-
-def test_at_the_end_it_stops(keyboard: tuple[int, int]) -> None:
-    driver = Driver(keyboard[1])
     driver.run(0.5, b"d")
     driver.steering.stop(driver.now_s)
     [data] = driver.line.planner.poll(driver.now_s)

@@ -54,7 +54,6 @@ print(*sorted(name for name in names if not name.startswith("_")))
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built from a copy of the sources as pip builds it."""
     folder = tmp_path_factory.mktemp("sources")
     ignored = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
     for name in BUILT_FROM:

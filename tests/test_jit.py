@@ -52,7 +52,6 @@ def tried(folder: Path, low: str = LOW, high: str = HIGH) -> tuple[float, int]:
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with both files, and their kernels compiled."""
     folder = tmp_path_factory.mktemp("kernels")
     assert tried(folder) == (161.0, 2)
     return folder

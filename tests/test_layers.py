@@ -51,7 +51,6 @@ class Module:
 
     @property
     def room(self) -> str:
-        """The folder at the top, or the file itself."""
         return self.name.split(".")[0]
 
 
@@ -80,7 +79,6 @@ def modules() -> dict[str, Module]:
 
 
 def within(name: str, *rooms: str) -> bool:
-    """Whether a module is one of these, or lies in one."""
     return any(name == room or name.startswith(f"{room}.") for room in rooms)
 
 

@@ -78,7 +78,6 @@ class Commander:
 
 
 def driving(v_mps: float = 0.4, **robot: Any) -> Commander:
-    """One that moves."""
     commander = Commander(**robot)
     commander.drive(v_mps, 0.0, 0.2 + 2.0 * v_mps)
     assert commander.loop.rig.drive.powers() == pytest.approx(

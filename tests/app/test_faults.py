@@ -46,7 +46,6 @@ def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
 
 
 def fall_silent_and_recover(loop: ClosedLoop, device: str, fault: str) -> None:
-    """One device after the other of the same drive."""
     setattr(loop.wires[device], fault, True)
     loop.run(STALE_S)
     pose = loop.planner.pose

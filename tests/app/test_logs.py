@@ -19,7 +19,6 @@ MANY = LINES + 5000  # more than wait, and than a pipe of 64 KiB holds
 
 @pytest.fixture
 def pipe() -> Iterator[tuple[IO[str], LogWriter]]:
-    """The log's far end, and its writer."""
     read, write = os.pipe()
     writer = set_up_logging(CONFIG, write)
     with os.fdopen(read) as far_end:

@@ -48,7 +48,6 @@ class Served(ClosedLoop):
         raise AssertionError("no window was taken")
 
     def ask(self, v_mms: int, w_mrads: int, valid_ms: int, sequence: int) -> Refusal:
-        """A drive request from this machine."""
         asked = [v_mms % 65536, w_mrads % 65536, valid_ms, sequence]
         return self.image.write(self.now_s, self.now_s, None, "modbus tcp me", DRIVE, asked)
 

@@ -36,7 +36,6 @@ class Company:
         self.now_s, self.ticks = START_S, 0
 
     def run(self, seconds: float) -> None:
-        """Step everything for so long."""
         for _ in range(round(seconds * 200)):
             self.ticks += 1
             self.now_s = START_S + self.ticks / 200

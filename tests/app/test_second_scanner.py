@@ -48,7 +48,6 @@ class TwoPlaneParser:
     """Whole frames in; anything else is none."""
 
     def feed(self, now_s: float, data: bytes) -> list[Any]:
-        """Counter and ranges, or why not."""
         if len(data) != HEAD.size + 2 * RAYS or data[:2] != b"2P":
             return [BadFrame("no frame of two planes", data)]
         _, counter, _ = HEAD.unpack_from(data)
@@ -85,7 +84,6 @@ WALL_M, KEYS = 6.1, {"driver": "twoplane", "sweeps_hz": 10.0}
 
 @pytest.fixture
 def registered() -> Iterator[None]:
-    """The one line that a new driver needs."""
     SCANNERS["twoplane"] = Driver(TwoPlaneOptions, TwoPlane)
     yield
     del SCANNERS["twoplane"]

@@ -42,7 +42,6 @@ def driven(seconds: float, method: str = "beams") -> ClosedLoop:
 
 
 def restarted(loop: ClosedLoop, arrays: Arrays) -> None:
-    """The app ends and starts again while its robot stands."""
     before = loop.app
     before.stop()
     ports = Ports(before.ports.scanner, before.ports.ahrs, before.ports.drive, before.ports.planner)
@@ -246,7 +245,6 @@ def test_the_program_without_any_device_serves_planner_and_modbus_and_ends_clean
 
 
 def check_told_nothing_good(frames: list[bytes], registers: list[int]) -> None:
-    """Of a program that hears nothing of any device."""
     assert {frame[0] & 0x0F for frame in frames} >= {1, 2, 3}
     poses = [frame for frame in frames if frame[0] & 0x0F == 2]
     assert all(pose[8 + 23] == 0 for pose in poses)  # mode: booting

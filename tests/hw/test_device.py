@@ -105,7 +105,6 @@ def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session
 
 
 def heard_once(port: MemoryPort) -> Answers:
-    """A device that runs."""
     device = Answers(port)
     device.step(1.0)
     port.give(b"hello")

@@ -33,7 +33,6 @@ class SteadyWheels:
             self.counts_per_s = [FULL_COUNTS_PER_S * one, FULL_COUNTS_PER_S * two]
 
     def power(self) -> tuple[float, float]:
-        """Now."""
         return self.powers[-1] if self.powers else (0.0, 0.0)
 
     def turn(self, passed_s: float, acceleration: float = 0.0) -> None:
@@ -70,12 +69,10 @@ class Bench:
         return sent.split("\r")[1:-1]
 
     def drive(self, one: int, two: int) -> None:
-        """Motor commands, whatever the mode."""
         self.fake.radio_overrides = True
         self.fake.command(one, two)
 
     def place(self, one: int, two: int) -> None:
-        """Turn the wheels there."""
         self.wheels.turned = [float(one), float(two)]
 
 

@@ -73,7 +73,6 @@ class Bench:
         return answer[1:-1].decode()
 
     def hear(self, seconds: float) -> bytes:
-        """What comes."""
         sent, until_s = b"", self.now_s + seconds
         while self.now_s < until_s:
             self.now_s += 0.005
@@ -81,7 +80,6 @@ class Bench:
         return sent
 
     def listen(self, seconds: float) -> list[bytes]:
-        """What comes, as payloads."""
         return payloads(self.hear(seconds))
 
     def scans(self, seconds: float) -> list[ScanTelegram]:

@@ -37,7 +37,6 @@ def frames(stream: bytes) -> list[tuple[int, bytes]]:
 
 
 def numbers(data: bytes, number_format: int) -> list[float]:
-    """All numbers of some data, by the words of section 3."""
     if number_format in (0, 3):
         size = 4 if number_format == 0 else 8
         return list(struct.unpack(f">{len(data) // size}{'fd'[size // 8]}", data))
@@ -47,12 +46,10 @@ def numbers(data: bytes, number_format: int) -> list[float]:
 
 
 def messages(heard: list[tuple[int, bytes]]) -> list[bytes]:
-    """The data of the MTData among frames."""
     return [data for mid, data in heard if mid == 0x32]
 
 
 def counters(data: list[bytes]) -> list[int]:
-    """The sample counter at the end of each message."""
     return [int.from_bytes(message[-2:], "big") for message in data]
 
 
@@ -107,7 +104,6 @@ class Bench:
         return frames(stream)
 
     def pieces(self, seconds: float, step_s: float) -> list[tuple[float, bytes]]:
-        """What comes and when."""
         found = []
         for _ in range(round(seconds / step_s)):
             self.now_s += step_s

@@ -65,7 +65,6 @@ class Loop:
         return self.calls[-1]
 
     def step(self) -> None:
-        """Make the next call, at its time."""
         call = min(self.calls, key=lambda call: call.due_s)
         self.calls.remove(call)
         self.clock.now_s = max(self.clock.now_s, call.due_s)
@@ -88,13 +87,11 @@ def context_of(image: RegisterImage, loop: Any) -> ServerContext:
 def window_of(
     cells: I8, corner: tuple[int, int] = (-7, 3), *, trusted: bool = True, epoch: int = 0
 ) -> ObstacleMap:
-    """An obstacle window of these ring cells."""
     changed = np.zeros(0, dtype=np.int32)
     return ObstacleMap(cells, corner[0], corner[1], changed, epoch, trusted)
 
 
 def some_cells(seed: int, size: int = SIZE) -> I8:
-    """Cells of all three states."""
     return np.random.default_rng(seed).integers(-1, 2, (size, size)).astype(np.int8)
 
 
@@ -117,7 +114,6 @@ async def until(done: Callable[[], object]) -> None:
 
 
 def free_port(kind: int = socket.SOCK_STREAM) -> int:
-    """A port of this machine that nobody uses."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -127,7 +123,6 @@ def free_port(kind: int = socket.SOCK_STREAM) -> int:
 async def serving(
     url: str, image: RegisterImage, clock: Callable[[], float], unit: int = 1
 ) -> AsyncIterator[ModbusServer]:
-    """A server that runs."""
     server = ModbusServer(url, image, clock, unit=unit)
     server.start()
     try:
@@ -148,7 +143,6 @@ class Tcp:
         return cls(*await asyncio.open_connection("127.0.0.1", port))
 
     async def another(self) -> "Tcp":
-        """One more, to the same server."""
         return await Tcp.connect(self.writer.get_extra_info("peername")[1])
 
     async def ask(self, request: bytes) -> bytes:
@@ -156,7 +150,6 @@ class Tcp:
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next one."""
         head = await asyncio.wait_for(self.reader.readexactly(6), 60)
         return head + await asyncio.wait_for(self.reader.readexactly(head[5]), 60)
 
@@ -187,7 +180,6 @@ class Udp(asyncio.DatagramProtocol):
         return client
 
     async def another(self) -> "Udp":
-        """One more, to the same server."""
         return await Udp.connect(self.transport.get_extra_info("peername")[1])
 
     def datagram_received(self, data: bytes, addr: object) -> None:
@@ -201,7 +193,6 @@ class Udp(asyncio.DatagramProtocol):
         return await self.answer()
 
     async def answer(self) -> bytes:
-        """The next one."""
         return await asyncio.wait_for(self.heard.get(), 60)
 
     def close(self) -> None:
@@ -222,13 +213,11 @@ class Line:
         os.write(self.master, data)
 
     def listen(self) -> bytes:
-        """All that was heard and not taken yet."""
         with contextlib.suppress(BlockingIOError):
             self.heard += os.read(self.master, 65536)
         return bytes(self.heard)
 
     async def ask(self, request: bytes, size: int) -> bytes:
-        """An answer of so many bytes."""
         self.send(request)
         await until(lambda: len(self.listen()) >= size)
         answer = bytes(self.heard[:size])
@@ -261,7 +250,6 @@ def converse(kind: str, talk: Talk) -> None:
 
 
 def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:
-    """A read of registers over TCP or UDP."""
     pdu = struct.pack(">BHH", code, first, count)
     return mbap(pdu, unit, number)
 
@@ -299,12 +287,10 @@ def words(
 
 
 def words_from(data: bytes) -> list[int]:
-    """Registers as they are on the wire."""
     return [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
 
 
 def rows_of(registers: list[int], edge: int) -> list[list[int]]:
-    """Rows of cell codes."""
     stride = stride_of(edge)
     rows = [registers[row * stride : (row + 1) * stride] for row in range(edge)]
     return [[row[c // 8] >> 2 * (c % 8) & 3 for c in range(edge)] for row in rows]

@@ -50,12 +50,10 @@ class Sky:
         return pattern
 
     def show(self, where: npt.NDArray[np.bool_], value: int) -> None:
-        """Those cells get that meaning."""
         self.cells[where] = value
         self._changed += np.flatnonzero(where).tolist()
 
     def move(self, di: int, dj: int) -> None:
-        """The window moves: what enters is unknown."""
         old_i, old_j = self.corner
         self.corner = (old_i + di, old_j + dj)
         for i in range(self.corner[0], self.corner[0] + self.size):
@@ -66,7 +64,6 @@ class Sky:
                 self.cells[j % self.size, :] = 0
 
     def window(self) -> ObstacleMap:
-        """As the core hands it over."""
         changed: I32 = np.array(sorted(set(self._changed)), dtype=np.int32)
         self._changed.clear()
         return ObstacleMap(self.cells, *self.corner, changed, self.epoch, self.trusted)
@@ -109,7 +106,6 @@ class HeldPort(MemoryPort):
 
     @property
     def backlog(self) -> int:
-        """Bytes that wait."""
         return 100_000 if self.held else 0
 
     @backlog.setter
@@ -151,7 +147,6 @@ class Line:
         self.frames: list[bytes] = []  # of the last tick
 
     def tick(self) -> None:
-        """One tick of the link."""
         self.now_s += 1 / self.rate_hz
         self.link.step(self.now_s, POSE_REPORT, self.sky.window(), self.zone, self.tiles)
         pieces = self.port.take_datagrams()
@@ -175,7 +170,6 @@ class Line:
                 self.port.give(frame if self.port.datagrams else serial_from_frame(frame))
 
     def settle(self, seconds: float) -> None:
-        """Let time pass without changes."""
         for _ in range(round(seconds * self.rate_hz)):
             self.tick()
 

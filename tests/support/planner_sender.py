@@ -54,7 +54,6 @@ def map_body(
 
 
 def op(state: int, length: int) -> bytes:
-    """One operation, section 3."""
     if length <= 63:
         return bytes([state << 6 | length - 1])
     rest, encoded = length - 64, bytearray([state << 6 | 63])
@@ -101,7 +100,6 @@ def begun(width: int = 9, height: int = 5, seq: int = 0) -> Line[FakePlanner]:
 
 
 def receiving(width: int = 9, height: int = 5, seq: int = 0) -> Line[Receiver]:
-    """Likewise to the public receiver."""
     return with_map(Line(Receiver(NONCE), seq), width, height)
 
 

@@ -90,7 +90,6 @@ class ScriptedLms111:
         return cola.text_frame(payload) if self.is_text else cola.frame(payload)
 
     def scan(self, now_s: float) -> bytes:
-        """The next telegram."""
         self.scan_number = (self.scan_number + self.step_by) % 2**16
         self.telegrams += 1
         sent_us = round(now_s * 1e6)
@@ -159,7 +158,6 @@ class Bench:
         self.causes: list[str] = []  # each when it came up
 
     def run(self, seconds: float, tick_s: float = TICK_S) -> list[Scan]:
-        """What was measured in that time."""
         scans = []
         for _ in range(round(seconds / tick_s)):
             self.port.give(self.fake.exchange(self.now_s, self.port.take()))
@@ -170,7 +168,6 @@ class Bench:
         return scans
 
     def run_until_asked(self, name: str) -> None:
-        """Up to the tick in which it is asked that."""
         for _ in range(4000):
             self.run(TICK_S)
             if name in self.fake.asked:
@@ -195,7 +192,6 @@ class Bench:
 
 
 def willing(**changes: object) -> Bench:
-    """A device that measures as wanted."""
     bench = Bench(**changes)
     bench.fake.settings = dict(WANTED)
     return bench

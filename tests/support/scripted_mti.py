@@ -46,7 +46,6 @@ NEW_CONVERSATION = [
 
 
 def rotation(axis: int, angle_rad: float) -> F64:
-    """About x, y or z, right-handed."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     R = np.eye(3)
     i, j = ((1, 2), (2, 0), (0, 1))[axis]
@@ -72,7 +71,6 @@ class Scripted(FakeMti):
         self.heard: list[bytes] = []
 
     def settings_heard(self) -> list[bytes]:
-        """The requests that wrote to its memory."""
         return [request for request in self.heard if len(request) > 5]
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
@@ -106,7 +104,6 @@ class Bench:
         return self.mti.status.cause
 
     def run(self, seconds: float) -> list[Attitude]:
-        """What was measured in that time."""
         measured = []
         for _ in range(round(seconds / TICK_S)):
             self.wire.step(self.now_s)
@@ -115,7 +112,6 @@ class Bench:
         return measured
 
     def run_until(self, state: str, at_most_s: float) -> bool:
-        """Let time pass until the device is in that state."""
         until_s = self.now_s + at_most_s
         while self.state() != state and self.now_s < until_s:
             self.run(TICK_S)

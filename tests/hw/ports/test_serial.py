@@ -24,7 +24,6 @@ TICK_S = 0.005
 
 @pytest.fixture
 def pty() -> Iterator[tuple[int, str]]:
-    """The device's end and the path of the host's."""
     with pty_at() as ends:
         yield ends
 

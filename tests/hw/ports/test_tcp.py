@@ -27,7 +27,6 @@ def listener() -> Iterator[socket.socket]:
 
 @pytest.fixture
 def port(listener: socket.socket) -> Iterator[Port]:
-    """A port to that listener, not open yet."""
     with contextlib.closing(open_port(f"tcp://{where(listener)}")) as port:
         yield port
 
@@ -37,7 +36,6 @@ def where(listener: socket.socket) -> str:
 
 
 def connected(listener: socket.socket, port: Port, now_s: float = START_S) -> socket.socket:
-    """The device's end of a new connection."""
     opened(port, now_s)
     device = listener.accept()[0]
     device.settimeout(30)

@@ -7,7 +7,6 @@ from tools.bench.decode import Cost, altered, costs
 
 @pytest.fixture(scope="module")
 def measured() -> list[Cost]:
-    """Each codec once."""
     return costs()
 
 

@@ -22,7 +22,6 @@ FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
 
 
 def test_playing_slowly_tells_the_same_windows_as_playing_fast() -> None:
-    """What is listed, and nothing else but cells that came in unknown, has changed."""
     fast, slow = (Playback(drive(101, 3.0)) for _ in range(2))
     told: dict[tuple[int, int], int] = {}
     for tick in range(30):

@@ -128,7 +128,6 @@ def test_an_attitude_sensor_that_is_missing_or_falls_silent_is_told_in_words(
 
 
 def told(found: Calibration, path: Path, *given: str, text: str = SHIPPED) -> None:
-    """What the tool does with a calibration and a settings' file."""
     path.write_bytes(text.encode())
     tool.tell(found, tool.arguments(["--config", str(path), *given]), load_config(text), text)
 
@@ -248,7 +247,6 @@ def floor_ranges_m(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
 
 
 def ran(path: Path, scanner: FakeLms111, *given: str) -> int:
-    """The exit status of the whole tool, on TCP and a pty."""
     wires = TcpWire(scanner), PtyWire(level_sensor())
     text = SHIPPED.replace("tcp://192.168.0.1:2112", f"tcp://127.0.0.1:{wires[0].port}")
     path.write_text(text.replace("/dev/mti?", f"{wires[1].path}?"))

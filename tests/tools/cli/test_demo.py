@@ -68,7 +68,6 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def ran(world: list[str], app: list[str]) -> int:
-    """Exit status of a demo without a screen."""
     return demo.run(options(), Commands(world, app), Console(file=io.StringIO()))
 
 
@@ -150,7 +149,6 @@ def test_no_map_and_no_end_in_time_are_reported(
 
 
 def until_said(process: "subprocess.Popen[str]", words: str) -> str:
-    """Reads lines up to the one with those words."""
     assert process.stdout is not None
     for line in process.stdout:
         if words in line:

@@ -34,7 +34,6 @@ SCENE = Scene(
 
 
 def colour(chart: Chart, x: float, y: float) -> tuple[int, ...]:
-    """Of the pixel at a place."""
     column, row = chart.xy(x, y)
     return tuple(int(part) for part in np.array(chart.image)[int(row), int(column)])
 

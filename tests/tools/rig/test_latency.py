@@ -70,7 +70,6 @@ class Teller:
         self._says = list(says)
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        """The next of its words."""
         return self._says.pop(0)
 
 
@@ -94,7 +93,6 @@ def test_load_begins_and_leaves_no_process() -> None:
 
 
 def children() -> list[int]:
-    """Processes that this one has started, and that have not ended."""
     path = Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children")
     return [int(word) for word in path.read_text().split()]
 

@@ -107,9 +107,7 @@ def test_the_wheel_has_two_names_and_needs_no_simulation(wheel: Path) -> None:
     assert told["License-Expression"] == "Apache-2.0"
 
 
-def test_every_module_and_command_loads_under_the_one_name_and_works(
-    site: Path, tmp_path: Path
-) -> None:
+def test_every_module_and_command_works_under_one_name(site: Path, tmp_path: Path) -> None:
     done = begun(site, tmp_path, "-c", EVERY_MODULE)
     said, complained = done.communicate()
     assert done.returncode == 0, complained

@@ -7,6 +7,8 @@ from types import ModuleType
 
 import pytest
 
+from tests import Patch
+
 LOW = '''
 from typing import NamedTuple
 from jit import kernel
@@ -91,7 +93,7 @@ def test_what_means_the_same_compiles_nothing(copied: Path, before: str, after: 
         ("first: float\n    second:", "second: float\n    first:", 611.0, 1),
     ],
 )
-def test_a_change_compiles_all_that_it_reaches_and_no_more(
+def test_a_change_compiles_what_it_reaches(
     copied: Path, before: str, after: str, result: float, count: int
 ) -> None:
     changed = [text.replace(before, after) for text in (LOW, HIGH)]
@@ -101,8 +103,8 @@ def test_a_change_compiles_all_that_it_reaches_and_no_more(
     assert tried(copied) == (161.0, count)
 
 
-def test_where_nothing_can_be_written_beside_the_source_the_user_s_cache_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_user_s_cache_is_taken_where_the_folder_can_not_be_written(
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     (tmp_path / "__pycache__").write_text("no folder")

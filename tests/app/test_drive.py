@@ -239,9 +239,7 @@ def test_where_there_is_a_key_only_signed_requests_are_obeyed() -> None:
 
 
 @pytest.mark.parametrize(("late_s", "stops"), [(0.09, False), (0.11, True)])
-def test_a_loop_that_is_later_than_the_way_to_a_stop_allows_stops_it_for_a_second(
-    late_s: float, stops: bool
-) -> None:
+def test_a_loop_that_is_too_late_stops_it_for_a_second(late_s: float, stops: bool) -> None:
     commander = driving()
     commander.loop.hang(late_s)
     commander.run(0.3)

@@ -34,9 +34,7 @@ def free_told(loop: ClosedLoop) -> int:
 
 
 @pytest.mark.parametrize("fault", few(["cut", "mute"], 1))
-def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
-    fault: str,
-) -> None:
+def test_silence_is_named_takes_free_back_and_is_recovered_from(fault: str) -> None:
     loop = ClosedLoop()
     loop.run(4.5)
     for device in DEVICES:
@@ -72,7 +70,7 @@ def fall_silent_and_recover(loop: ClosedLoop, device: str, fault: str) -> None:
     what=st.sampled_from(["alter", "drop", "delay"]),
 )
 @settings(max_examples=examples(2), phases=[Phase.generate])
-def test_any_byte_altered_cut_out_or_delayed_is_survived(
+def test_any_byte_altered_or_lost_is_survived(
     device: str, offset: int, mask: int, what: str
 ) -> None:
     loop = ClosedLoop()

@@ -80,9 +80,7 @@ def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: Ho
 @pytest.mark.real_time
 @pytest.mark.parametrize("gone_s", [0.1, 3.0])
 @pytest.mark.parametrize("name", DEVICES)
-def test_a_cable_or_an_adapter_is_pulled_and_put_in_again(
-    house: House, name: str, gone_s: float
-) -> None:
+def test_a_cable_is_pulled_and_put_in_again(house: House, name: str, gone_s: float) -> None:
     house.run(0.5)
     episode = Episode(house, name)
     house.unplug(name)

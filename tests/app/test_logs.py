@@ -28,9 +28,7 @@ def pipe() -> Iterator[tuple[IO[str], LogWriter]]:
     structlog.reset_defaults()
 
 
-def test_a_log_that_nobody_reads_stops_nobody_and_what_it_lost_is_told(
-    pipe: tuple[IO[str], LogWriter],
-) -> None:
+def test_a_log_that_nobody_reads_stops_nobody(pipe: tuple[IO[str], LogWriter]) -> None:
     far_end, _ = pipe
     log = structlog.get_logger()
     for k in range(MANY):

@@ -120,7 +120,7 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
         ),
     ],
 )
-def test_a_line_that_cannot_work_is_refused_before_any_opens(
+def test_ports_that_cannot_work_are_refused(
     planner: str | list[str], modbus: str | list[str], said: str
 ) -> None:
     with pytest.raises(ConfigError, match=said):

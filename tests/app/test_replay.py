@@ -28,9 +28,7 @@ def first() -> tuple[LaserReplay, Outcome]:
     return replayed()
 
 
-def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
-    first: tuple[LaserReplay, Outcome],
-) -> None:
+def test_recorded_scans_are_mapped_but_for_warming_up(first: tuple[LaserReplay, Outcome]) -> None:
     replay, outcome = first
     assert isinstance(replay.app.scanner, Lms111)
     assert outcome.counts.scans_added == 51  # of 58
@@ -44,9 +42,7 @@ def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
     assert pose.mode == 4  # which can never drive a machine
 
 
-def test_two_replays_send_the_same_bytes_and_they_are_the_stored_ones(
-    first: tuple[LaserReplay, Outcome],
-) -> None:
+def test_two_replays_send_the_stored_bytes(first: tuple[LaserReplay, Outcome]) -> None:
     _, again = replayed()
     assert again.link_sha256 == first[1].link_sha256
     stored = json.loads(STORED.read_text(encoding="utf-8"))

@@ -21,7 +21,7 @@ from core.saved.state import restore, state_of
 from fakes.world.driver import Driver
 from main import run
 from map_files import MapSaver, load_map, write_map
-from tests import ROOT
+from tests import ROOT, Capsys
 from tests.app.test_drive import START_S, Commander
 from tests.support.cases import few
 from tests.support.closed_loop import SESSION, ClosedLoop
@@ -69,7 +69,7 @@ def test_a_restarted_app_goes_on_in_the_same_map_frame(ended: tuple[ClosedLoop, 
     assert abs(pose.yaw_rad - yaw_rad) < math.radians(1.0)
 
 
-def test_its_obstacles_are_still_there_and_only_what_it_sees_again_is_free_and_told_so(
+def test_obstacles_stay_and_only_what_is_seen_again_is_free(
     ended: tuple[ClosedLoop, Arrays],
 ) -> None:
     loop, arrays = ended
@@ -129,8 +129,8 @@ def test_the_papers_method_has_heights_and_states_and_goes_on_too() -> None:
     assert 0 < (now == FREE).sum() < 0.5 * (arrays["window.cells"] == FREE).sum()
 
 
-def test_a_saver_writes_whole_files_and_keeps_the_old_one_where_it_can_not(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_saver_that_can_not_keeps_the_old_file(
+    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: Capsys
 ) -> None:
     loop, _ = ended
     path = tmp_path / "hall.npz"
@@ -150,8 +150,8 @@ def test_a_saver_writes_whole_files_and_keeps_the_old_one_where_it_can_not(
     assert (told.out + told.err).count("map_not_saved") == 2
 
 
-def test_the_last_map_is_saved_though_another_one_is_still_being_written(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_last_map_waits_for_the_one_before(
+    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: Capsys
 ) -> None:
     loop, now_s = ended[0], ended[0].now_s
 
@@ -170,9 +170,7 @@ def test_the_last_map_is_saved_though_another_one_is_still_being_written(
     assert "map_not_saved" not in told.out + told.err
 
 
-def test_what_was_not_written_to_its_end_does_not_replace_a_map(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path
-) -> None:
+def test_half_a_file_replaces_no_map(ended: tuple[ClosedLoop, Arrays], tmp_path: Path) -> None:
     path = tmp_path / "hall.npz"
     path.write_bytes(b"the one before")
     with pytest.raises(ValueError, match="pickle"):
@@ -182,8 +180,8 @@ def test_what_was_not_written_to_its_end_does_not_replace_a_map(
     assert load_map(str(path), ended[0].config)["pose"].shape == (4,)
 
 
-def test_a_damaged_file_ends_the_app_with_status_2_and_one_line_that_says_why(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_damaged_file_ends_the_app_and_is_told(
+    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: Capsys
 ) -> None:
     path = tmp_path / "hall.npz"
     write_map(str(path), ended[1])
@@ -198,7 +196,7 @@ def test_a_damaged_file_ends_the_app_with_status_2_and_one_line_that_says_why(
 
 
 @pytest.mark.parametrize("ending", few([signal.SIGTERM, signal.SIGINT], 1))
-def test_the_program_without_any_device_serves_planner_and_modbus_and_ends_cleanly(
+def test_without_any_device_it_serves_and_ends_cleanly(
     ended: tuple[ClosedLoop, Arrays], tmp_path: Path, ending: signal.Signals
 ) -> None:
     saved, new, config = tmp_path / "hall.npz", tmp_path / "new.npz", tmp_path / "robot.toml"

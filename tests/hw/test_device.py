@@ -64,9 +64,7 @@ class MortalPort(MemoryPort):
         return super().poll(now_s)
 
 
-def test_what_is_heard_between_ticks_is_stamped_then_answered_then_and_delivered_at_the_tick() -> (
-    None
-):
+def test_what_is_heard_between_ticks_is_answered_then_and_delivered_later() -> None:
     port = MemoryPort()
     device = Answers(port)
     assert device.step(1.000) == []
@@ -181,9 +179,7 @@ FLOOD = 65_536  # bytes that one read may bring
     ],
     ids=["good", "events", "junk"],
 )
-def test_a_flood_is_parsed_over_many_steps_in_order_and_nothing_is_read_meanwhile(
-    data: bytes, per_step: int
-) -> None:
+def test_a_flood_is_parsed_over_many_steps_in_order(data: bytes, per_step: int) -> None:
     intake = Intake(Pieces, bytes_per_s=50_000.0)  # 10 kB in the 0.2 s of an ordinary delay
     parser, events, now_s = intake._parser, [], 1.0
     assert isinstance(parser, Pieces)
@@ -218,9 +214,7 @@ def test_while_bytes_wait_the_port_is_not_read_neither_in_a_step_nor_between_two
     assert device.status.rejected > 10
 
 
-def test_another_device_on_the_port_is_named_once_and_forgotten_when_the_right_one_answers() -> (
-    None
-):
+def test_another_device_on_the_port_is_named_until_the_right_one_answers() -> None:
     device = Answers(port := MemoryPort())
     device.step(1.0)
     for tick in range(100):

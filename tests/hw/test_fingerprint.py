@@ -74,9 +74,7 @@ def test_the_planner_link_is_known_in_both_forms(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "device"), RECORDINGS.items(), ids=RECORDINGS.keys())
-def test_a_recording_of_the_right_device_is_never_named_as_another_wherever_it_is_cut(
-    name: str, device: str
-) -> None:
+def test_the_right_device_is_never_named_as_another(name: str, device: str) -> None:
     data = (VECTORS / name).read_bytes()
     random, fingerprint = np.random.default_rng(1), Fingerprint(device)
     for _ in range(150):

@@ -7,7 +7,7 @@ import pytest
 
 from app import App, Ports
 from config_file import load_config
-from tests import ROOT
+from tests import ROOT, Capsys, Patch
 from tools import laser_replay
 from tools.cli import replay as tool
 from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
@@ -54,9 +54,7 @@ def played(path: Path) -> RecordingReplay:
     return replay
 
 
-def test_a_replay_gives_the_map_of_the_run_and_a_planner_hears_the_same_each_time(
-    run: tuple[RecordedLoop, Path],
-) -> None:
+def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> None:
     loop, path = run
     replay, other = played(path), played(path)
     assert loop.app.mapper.counts.scans_added > 20
@@ -73,8 +71,8 @@ def test_a_replay_gives_the_map_of_the_run_and_a_planner_hears_the_same_each_tim
     assert replay.view.outcome(replay.app) == other.view.outcome(other.app)
 
 
-def test_a_recording_that_was_broken_off_is_played_to_its_last_whole_record(
-    run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_recording_that_was_broken_off_is_played(
+    run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: Capsys
 ) -> None:
     data = run[1].read_bytes()
     (tmp_path / "half.rec").write_bytes(data[: len(data) // 2 + 1])
@@ -92,7 +90,7 @@ def test_a_recording_that_was_broken_off_is_played_to_its_last_whole_record(
 )
 def test_what_is_no_recording_is_refused_in_words(
     damage: object, words: str, run: tuple[RecordedLoop, Path], tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capsys,
 ) -> None:  # fmt: skip
     assert callable(damage)
     (tmp_path / "bad.rec").write_bytes(damage(run[1].read_bytes()))
@@ -121,8 +119,8 @@ def test_a_recording_without_scans_says_why_none_was_mapped(tmp_path: Path) -> N
     assert why_nothing_was_mapped(replay) == "the recording holds no byte of the scanner"
 
 
-def test_a_scanner_s_bytes_without_scans_and_scans_that_no_session_takes_are_told_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_bytes_that_no_session_takes_are_told_so(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
 ) -> None:
     (tmp_path / "junk_d2h.bin").write_bytes(bytes(1000))
     assert tool.main([str(tmp_path / "junk_d2h.bin")]) == 1

@@ -38,9 +38,7 @@ from hw.ports.url import PortUrlError, parse_url
         ("serial:///dev/mti?baud", "is not key=value"),
     ],
 )
-def test_a_url_that_means_nothing_says_what_was_given_and_what_is_allowed(
-    url: str, part: str
-) -> None:
+def test_a_url_that_means_nothing_says_what_is_allowed(url: str, part: str) -> None:
     with pytest.raises(PortUrlError) as found:
         parse_url(url)
     assert repr(url) in str(found.value)

@@ -2,13 +2,14 @@
 
 import pytest
 
+from tests import Capsys
 from tests.support.real_time import level_sensor
 from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import attitude
 
 
 @pytest.fixture
-def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
+def said(capsys: Capsys, lines: SimulatedLines) -> Said:
     return Said(capsys, lines, attitude.main, "baud=115200")
 
 

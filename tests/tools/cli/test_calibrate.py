@@ -17,7 +17,7 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.scenes.scene import Scene, Solid
 from fakes.wires.wire import MemoryPort, PtyWire, TcpWire, Wire
 from fakes.world.rig import Rig
-from tests import ROOT
+from tests import ROOT, Capsys, Patch
 from tests.support.real_time import level_sensor, served
 from tools import settings
 from tools.calibration import collect_floor
@@ -109,9 +109,7 @@ def test_standing_finds_it_too_but_proves_no_floor(stood: Calibration) -> None:
     assert not stood.is_proven
 
 
-def test_an_attitude_sensor_that_is_missing_or_falls_silent_is_told_in_words(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_missing_or_silent_attitude_sensor_is_told(monkeypatch: Patch) -> None:
     monkeypatch.setattr(collect_floor, "READY_S", 4.0)
     bench = Bench(stand)
     bench.rig.ahrs.mute = True
@@ -132,8 +130,8 @@ def told(found: Calibration, path: Path, *given: str, text: str = SHIPPED) -> No
     tool.tell(found, tool.arguments(["--config", str(path), *given]), load_config(text), text)
 
 
-def test_the_report_has_values_errors_residual_and_effect(
-    turned: Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_report_has_values_errors_and_effect(
+    turned: Calibration, tmp_path: Path, capsys: Capsys
 ) -> None:
     wrong = SHIPPED.replace("mount_tilt_deg = 7.5 ", "mount_tilt_deg = 8.2 ")
     told(turned, tmp_path / "mapod.toml", text=wrong)
@@ -149,9 +147,7 @@ def test_the_report_has_values_errors_residual_and_effect(
     assert (tmp_path / "mapod.toml").read_text() == wrong
 
 
-def test_writing_changes_three_numbers_and_keeps_the_rest_to_the_byte(
-    turned: Calibration, tmp_path: Path
-) -> None:
+def test_writing_changes_three_numbers_only(turned: Calibration, tmp_path: Path) -> None:
     path = tmp_path / "mapod.toml"
     for newline in ("\n", "\r\n"):
         text = SHIPPED.replace("mount_tilt_deg = 7.5", "mount_tilt_deg = 8.2")
@@ -171,8 +167,8 @@ def test_writing_changes_three_numbers_and_keeps_the_rest_to_the_byte(
         assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_standing_robots_values_are_written_only_if_a_person_vouches_for_the_floor(
-    stood: Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_standing_robots_floor_is_vouched_for(
+    stood: Calibration, tmp_path: Path, capsys: Capsys
 ) -> None:
     path = tmp_path / "mapod.toml"
     told(stood, path)
@@ -192,8 +188,8 @@ def test_a_large_change_needs_proof_that_it_was_floor(stood: Calibration, tmp_pa
     told(replace(wall, turned_rad=1.0), tmp_path / "mapod.toml", "--write")
 
 
-def test_height_and_tilt_that_only_hold_together_are_refused_with_what_to_do(
-    stood: Calibration, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_height_and_tilt_together_are_refused(
+    stood: Calibration, tmp_path: Path, capsys: Capsys
 ) -> None:
     path = tmp_path / "mapod.toml"
     with pytest.raises(RefusedError, match=r"7\.5 deg at 1\.08 m.*--height.*plank"):
@@ -255,9 +251,7 @@ def ran(path: Path, scanner: FakeLms111, *given: str) -> int:
 
 
 @pytest.mark.real_time
-def test_the_whole_tool_over_ports_in_real_time(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_whole_tool_in_real_time(tmp_path: Path, capsys: Capsys) -> None:
     path, scanner = tmp_path / "mapod.toml", FakeLms111(floor_ranges_m, 1)
     status = ran(path, scanner, "--height", "1.08", "--floor", "--write")
     printed = capsys.readouterr()
@@ -266,7 +260,7 @@ def test_the_whole_tool_over_ports_in_real_time(
     assert scanner.state != 2  # not left being configured
 
 
-def test_wrong_use_has_status_two(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_use_has_status_two(tmp_path: Path, capsys: Capsys) -> None:
     path = tmp_path / "mapod.toml"
     given = ["--config", str(path)]
     for text in ("nonsense", SHIPPED.replace("tcp://192.168.0.1:2112", "nowhere")):

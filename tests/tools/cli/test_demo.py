@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from tests import ROOT
+from tests import ROOT, Capsys, Patch
 from tests.support.cases import few
 from tools.cli import demo
 from tools.cli.demo import Commands
@@ -60,7 +60,7 @@ def options(out: Path | None = None, seconds: float = 0.3) -> argparse.Namespace
 
 
 @pytest.fixture
-def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def temporary(tmp_path: Path, monkeypatch: Patch) -> Path:
     """The folder in which a demo makes its own; and all the time that its children need to end."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(processes, "GRACE_S", 60.0)
@@ -96,9 +96,7 @@ def test_only_the_named_keys_of_the_shipped_configuration_change_and_others_are_
         rewritten('[a]\nport = "x"  # y\n[b]\nporter = "x"\n', {"a.port": "z", "b.port": "z"})
 
 
-def test_a_run_ends_by_itself_with_a_map_and_a_summary_and_leaves_no_folder_but_a_named_one(
-    capsys: pytest.CaptureFixture[str], temporary: Path
-) -> None:
+def test_a_run_ends_by_itself_with_a_summary(capsys: Capsys, temporary: Path) -> None:
     given = options(temporary / "kept")
     assert demo.run(given, Commands(stub(WORLD), stub(APP)), Console(file=io.StringIO())) == 0
     said = capsys.readouterr().out
@@ -109,9 +107,7 @@ def test_a_run_ends_by_itself_with_a_map_and_a_summary_and_leaves_no_folder_but_
     assert "all processes have ended" in said
 
 
-def test_an_app_that_dies_is_reported_with_its_last_words_and_the_folder_stays(
-    capsys: pytest.CaptureFixture[str], temporary: Path
-) -> None:
+def test_an_app_that_dies_is_reported(capsys: Capsys, temporary: Path) -> None:
     assert ran(stub(WORLD), stub("sys.exit('no such scanner')")) == 1
     said = capsys.readouterr().err
     [folder] = temporary.iterdir()
@@ -131,15 +127,13 @@ def test_an_app_that_dies_is_reported_with_its_last_words_and_the_folder_stays(
     ids=["fails", "is no world", "fails while ending"],
 )
 def test_a_child_that_fails_is_reported(
-    world: list[str], app: list[str], words: str, capsys: pytest.CaptureFixture[str]
+    world: list[str], app: list[str], words: str, capsys: Capsys
 ) -> None:
     assert ran(world, app) == 1
     assert words in capsys.readouterr().err
 
 
-def test_no_map_and_no_end_in_time_are_reported(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_map_and_no_end_in_time_are_reported(monkeypatch: Patch, capsys: Capsys) -> None:
     monkeypatch.setattr(processes, "GRACE_S", 0.3)
     assert ran(stub(WORLD), stub(APP, DEAF)) == 1
     assert "did not end within" in capsys.readouterr().err

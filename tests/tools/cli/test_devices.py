@@ -9,6 +9,7 @@ import pytest
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from hw.ports.url import parse_url
+from tests import Capsys, Patch
 from tests.support.real_time import StillWheels, level_sensor
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import devices
@@ -16,9 +17,7 @@ from tools.cli.devices import Found, toml_lines, udev_rules
 
 
 @pytest.mark.parametrize("mode", ["rs232", "rc"])
-def test_both_serial_devices_are_found_whatever_the_order(
-    mode: str, capsys: pytest.CaptureFixture[str], lines: SimulatedLines
-) -> None:
+def test_both_serial_devices_are_found(mode: str, capsys: Capsys, lines: SimulatedLines) -> None:
     wheels, sensor = StillWheels(), level_sensor()
     drive = FakeAx3500(wheels, 1, "rc" if mode == "rc" else "rs232")
     ahrs_path, drive_path = lines.serial(sensor), lines.serial(drive)
@@ -36,9 +35,7 @@ def test_both_serial_devices_are_found_whatever_the_order(
     lines.run(ahrs_path, lambda: sensor.state.value == "measuring")
 
 
-def test_a_port_that_is_not_there_or_silent_is_told_in_words(
-    capsys: pytest.CaptureFixture[str], lines: SimulatedLines
-) -> None:
+def test_a_silent_port_is_told_in_words(capsys: Capsys, lines: SimulatedLines) -> None:
     silent = level_sensor()
     silent.mute = True
     path = lines.serial(silent)
@@ -50,7 +47,7 @@ def test_a_port_that_is_not_there_or_silent_is_told_in_words(
 
 @pytest.mark.parametrize("binary", [True, False])
 def test_a_scanner_is_found_with_its_dialect(
-    binary: bool, capsys: pytest.CaptureFixture[str], lines: SimulatedLines
+    binary: bool, capsys: Capsys, lines: SimulatedLines
 ) -> None:
     fake = FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1)
     fake.binary = binary
@@ -79,9 +76,7 @@ def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> Non
     assert next(iter(toml_lines(found))) == "[ahrs]"
 
 
-def test_a_machine_without_ports_is_told_what_to_do(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_without_ports_is_told_so(capsys: Capsys, monkeypatch: Patch) -> None:
     monkeypatch.setattr(devices, "LIST_PORTS", list)
     assert devices.main([]) == 1
     told = capsys.readouterr().err

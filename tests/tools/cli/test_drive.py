@@ -7,13 +7,14 @@ import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
+from tests import Capsys, Patch
 from tests.support.real_time import StillWheels
 from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import drive
 
 
 @pytest.fixture
-def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
+def said(capsys: Capsys, lines: SimulatedLines) -> Said:
     return Said(capsys, lines, drive.main, "baud=9600&parity=E&bytesize=7")
 
 
@@ -46,9 +47,7 @@ def test_a_controller_that_logs_or_is_silent_is_told_and_left_as_it_is(said: Sai
     assert "check power, baud=9600" in said(silent, "info", status=1)
 
 
-def test_keys_want_a_keyboard(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_keys_want_a_keyboard(capsys: Capsys, monkeypatch: Patch) -> None:
     with Path("/dev/null").open() as nothing:
         monkeypatch.setattr(sys, "stdin", nothing)
         assert drive.main(["keys", "--port", "udp://127.0.0.1:0"]) == 1

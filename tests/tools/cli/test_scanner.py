@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
+from tests import Capsys
 from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import scanner
 
@@ -13,7 +14,7 @@ def five_metres() -> FakeLms111:
 
 
 @pytest.fixture
-def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
+def said(capsys: Capsys, lines: SimulatedLines) -> Said:
     return Said(capsys, lines, scanner.main)
 
 

@@ -13,6 +13,7 @@ from rich.console import Console
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
+from tests import Capsys
 from tests.support.planner_sender import (
     Line,
     geom_body,
@@ -229,8 +230,6 @@ def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:
     pty.close()
 
 
-def test_the_viewer_ends_by_itself_and_says_that_nothing_came(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_the_viewer_says_that_nothing_came(capsys: Capsys) -> None:
     assert main(["--port", "udp://127.0.0.1:0", "--seconds", "0.05"]) == 0
     assert "no map has arrived" in capsys.readouterr().out

@@ -34,9 +34,7 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
     return left_turn(True, folder), folder
 
 
-def test_a_turn_grows_the_mapped_area_hardly_and_leaves_no_hole_and_no_false_obstacle(
-    turned: tuple[Outcome, Path],
-) -> None:
+def test_a_turn_leaves_no_hole_and_no_false_obstacle(turned: tuple[Outcome, Path]) -> None:
     theirs, ours = figures(turned[0], "growth of the mapped area")
     assert ours <= 3.0
     assert theirs > 10.0
@@ -57,7 +55,7 @@ def test_a_picture_shows_both_methods_and_is_small(turned: tuple[Outcome, Path])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("experiment", [speed_bumps, partial(ramps, 2.0)], ids=["bumps", "ramp"])
-def test_uneven_ground_makes_ten_times_fewer_false_obstacles_than_the_papers_method(
+def test_uneven_ground_makes_ten_times_fewer_false_obstacles(
     experiment: Experiment, tmp_path: Path
 ) -> None:
     theirs, ours = figures(experiment(True, tmp_path), "false obstacle cells, mean")
@@ -126,7 +124,7 @@ def flat_truth(*solids: Solid) -> Truth:
 BOX = Solid("box", (2.0, 2.4), (2.0, 2.4), (0.0, 0.5))  # cells 10 and 11
 
 
-def test_an_obstacle_cell_is_false_beyond_two_cells_of_a_true_one_and_off_by_its_distance() -> None:
+def test_an_obstacle_cell_is_false_beyond_two_cells_of_a_true_one() -> None:
     view, cells = flat_view(), flat_truth(BOX).cells(0, 0, 20, 0.2)
     view.states[10, 7] = OBSTACLE  # a step's edge is a true one too: cell 9 has a sample of it
     assert metrics.false_obstacles(view, cells) == 0
@@ -195,9 +193,7 @@ def test_heights_and_states_have_the_papers_colours_and_ahead_is_up() -> None:
         (10.0, 1.0, "none", ""),
     ],
 )
-def test_a_row_says_whether_beams_is_better(
-    theirs: float, ours: float, aim: str, judged: str
-) -> None:
+def test_a_row_says_which_is_better(theirs: float, ours: float, aim: str, judged: str) -> None:
     row = Row("5.0", "things", {"reference_plane": theirs, "beams": ours}, aim)  # type: ignore[arg-type]
     assert verdict(row) == judged
 

@@ -14,6 +14,7 @@ from rich.console import Console
 from config_file import with_changes
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.scenes.scene import Scene, Solid
+from tests import Capsys
 from tests.support.blind_pilot import BlindPilot
 from tests.support.shipped import FLOOR
 from tools.rig import campaign, record, report
@@ -60,9 +61,7 @@ def caught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path, str]:
     return run, folder, told.getvalue()
 
 
-def test_a_run_without_anything_in_the_way_reaches_its_goals_and_another_place_is_none(
-    arrived: RunResult,
-) -> None:
+def test_goals_are_reached_and_another_place_is_none(arrived: RunResult) -> None:
     assert (arrived.reached, arrived.goals, arrived.ended) == (2, 2, "all goals were tried")
     assert not arrived.collisions
     assert not arrived.stops
@@ -80,9 +79,7 @@ def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not() -> No
     assert one == same != other
 
 
-def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught(
-    caught: tuple[Run, Path, str],
-) -> None:
+def test_a_blind_planner_is_caught(caught: tuple[Run, Path, str]) -> None:
     result = caught[0].result()
     (contact,) = result.collisions
     assert contact.what == "low box"
@@ -187,9 +184,7 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
     assert not report.is_well(list(outcomes.values()), 3)
 
 
-def test_the_report_counts_by_scene_and_tells_how_to_repeat(
-    arrived: RunResult, caught: tuple[Run, Path, str]
-) -> None:
+def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: tuple[Run, Path, str]) -> None:
     bad = caught[0].result()
     outcomes = [
         Outcome(0, RunSpec("hall", 1), arrived),
@@ -212,7 +207,7 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
     assert json.loads(json.dumps(report.as_json(outcomes)))[1]["collisions"]
 
 
-def test_well_is_a_campaign_of_all_runs_without_harm_and_with_most_goals(
+def test_well_is_all_runs_no_harm_and_most_goals(
     arrived: RunResult, caught: tuple[Run, Path, str]
 ) -> None:
     spec, few = RunSpec("hall", 1), dataclasses.replace(arrived, reached=1)
@@ -227,9 +222,7 @@ def test_well_is_a_campaign_of_all_runs_without_harm_and_with_most_goals(
 @pytest.mark.parametrize(
     ("scene", "words"), [("nowhere", "nowhere"), ("yard", "'yard' has no goals")]
 )
-def test_the_command_refuses_a_scene_that_is_not_there_or_has_no_goals(
-    scene: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_without_goals_is_refused(scene: str, words: str, capsys: Capsys) -> None:
     assert campaign.main(["--runs", "1", "--scene", scene]) == 2
     told = capsys.readouterr().err
     assert words in told

@@ -81,9 +81,7 @@ def ill_from(from_s: float) -> Callable[[float], int]:
         ),
     ],
 )
-def test_what_is_not_as_the_catalogue_has_it_is_a_problem(
-    fault: Fault, outcome: Outcome, found: list[str]
-) -> None:
+def test_what_is_not_as_told_is_a_problem(fault: Fault, outcome: Outcome, found: list[str]) -> None:
     assert problems(fault, outcome) == found
 
 

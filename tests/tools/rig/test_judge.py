@@ -89,9 +89,7 @@ def thing(low_m: float, high_m: float, material: Material = PLAIN) -> Solid:
         (bump("bump", (2.0, 2.6), (-2.0, 2.0), 0.05), False),
     ],
 )
-def test_what_counts_depends_on_its_heights_and_on_what_it_is(
-    solid: Solid | Pillar, collides: bool
-) -> None:
+def test_what_counts_depends_on_heights_and_kind(solid: Solid | Pillar, collides: bool) -> None:
     assert bool(driven(Judge(scene_of(solid)), 0.0, 4.0).collisions) is collides
 
 
@@ -165,9 +163,7 @@ def stopped(scene: Scene, why: str = HELD.why, faulty: bool = False) -> StopWatc
     return watch
 
 
-def test_a_stop_before_nothing_is_false_and_its_way_is_measured_and_before_a_drop_it_is_right() -> (
-    None
-):
+def test_a_stop_before_nothing_is_false_and_before_a_drop_right() -> None:
     watch = stopped(scene_of())
     (stop,) = watch.stops
     assert stop.is_false
@@ -190,9 +186,7 @@ def test_a_stop_before_nothing_is_false_and_its_way_is_measured_and_before_a_dro
         (Solid("flat", (2.6, 3.0), (-0.3, 0.3), (0.0, 0.09)), False),
     ],
 )
-def test_only_what_is_truly_in_the_way_to_a_stop_and_half_a_metre_more_excuses_it(
-    thing: Solid, in_way: bool
-) -> None:
+def test_only_what_is_truly_in_the_way_excuses_a_stop(thing: Solid, in_way: bool) -> None:
     (stop,) = stopped(scene_of(thing)).stops
     assert stop.is_false is not in_way
     assert stop.in_way == (thing.name if in_way else "")
@@ -208,9 +202,7 @@ def test_only_what_is_truly_in_the_way_to_a_stop_and_half_a_metre_more_excuses_i
         ("the pose is not known", True, False),
     ],
 )
-def test_a_stop_for_a_doubt_is_false_unless_something_was_made_to_fail(
-    why: str, faulty: bool, is_false: bool
-) -> None:
+def test_a_stop_for_a_doubt_needs_a_fault(why: str, faulty: bool, is_false: bool) -> None:
     (stop,) = stopped(scene_of(), why, faulty).stops
     assert stop.is_false is is_false
 

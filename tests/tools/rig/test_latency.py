@@ -9,6 +9,7 @@ from rich.console import Console
 
 from fakes.programs.stamps import StampedScanner, Stamps
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
+from tests import Patch
 from tools.rig import latency
 from tools.rig.far_end import Burst, FarEnd, Sent, scans_from_file, told_scans
 from tools.rig.load import loaded
@@ -103,9 +104,7 @@ def test_quantiles_are_values_that_were_there() -> None:
 
 
 @pytest.mark.real_time
-def test_a_short_measurement_finds_each_scan_at_the_far_end(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_measurement_finds_each_scan_at_the_far_end(monkeypatch: Patch) -> None:
     monkeypatch.setattr(latency, "SETTLE_S", 1.0)
     with Stop().on_signals() as stop:
         row = latency.measure("alone", 2.0, stop, load=False)

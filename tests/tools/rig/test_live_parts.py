@@ -11,7 +11,7 @@ from core.config import ConfigError
 from fakes.scenes.scene import load_scene
 from fakes.world.truth_log import GroundTruthLog
 from fakes.world.world import World
-from tests import ROOT
+from tests import ROOT, Patch
 from tools.rig.bench import Bench
 from tools.rig.c_build import build_planner_library, shipped_robot
 from tools.rig.c_planner import PlannerState
@@ -90,9 +90,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
         (LOOKED_AT | {"planner.unknown_mps": 0.1}, r"^planner\.unknown_mps: must be 0 with a real"),
     ],
 )
-def test_a_real_drive_takes_nothing_from_a_scene_or_has_its_wheels_off_the_ground(
-    changes: dict[str, object], words: str
-) -> None:
+def test_a_real_drive_takes_nothing_from_a_scene(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         load_rig_config(SHIPPED, changes)
     lifted = {"planner.start_clear_m": 2.0, "devices.wheels_off_the_ground": True}
@@ -206,9 +204,7 @@ def test_the_judge_sees_what_the_fakes_process_tells(tmp_path: Path) -> None:
     assert not truth.judge.collisions
 
 
-def test_without_an_emulator_the_planner_runs_here_and_the_packages_are_named(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_without_an_emulator_the_planner_runs_here(monkeypatch: Patch, tmp_path: Path) -> None:
     build_planner_library(shipped_robot())
     monkeypatch.setenv("PATH", str(tmp_path))
     form = form_of(load_rig_config(SHIPPED), 0.0, tmp_path)

@@ -53,7 +53,7 @@ class Driver:
     ("typed", "v", "w"),
     [(b"w", 400, 0), (b"S", -400, 0), (b"\x1b[D", 0, 800), (b"\x1bOC", 0, -800)],
 )
-def test_a_held_key_asks_ten_times_a_second_for_300_ms(
+def test_a_held_key_asks_ten_times_a_second(
     keyboard: tuple[int, int], typed: bytes, v: int, w: int
 ) -> None:
     asked = Driver(keyboard[1]).run(2.0, typed)
@@ -61,9 +61,7 @@ def test_a_held_key_asks_ten_times_a_second_for_300_ms(
     assert set(asked) == {(v, w, 300)}
 
 
-def test_a_released_key_stops_within_its_time_and_says_so_three_times(
-    keyboard: tuple[int, int],
-) -> None:
+def test_a_released_key_says_stop_three_times(keyboard: tuple[int, int]) -> None:
     driver = Driver(keyboard[1])
     driver.run(1.0, b"w")
     asked = driver.run(2.0)
@@ -114,7 +112,7 @@ def test_any_bytes_from_a_terminal_mean_a_way_or_a_stop(typed: bytes) -> None:
     assert bool(ways) is bool(typed)
 
 
-def test_what_is_asked_for_and_why_nothing_moves_is_told(keyboard: tuple[int, int]) -> None:
+def test_what_is_asked_and_why_it_stands_is_told(keyboard: tuple[int, int]) -> None:
     driver = Driver(keyboard[1])
     line = driver.line
     assert driver.steering.words(driver.now_s) == HELP

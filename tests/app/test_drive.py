@@ -54,9 +54,10 @@ class Commander:
         return self.powers != {(0, 0)}
 
     @property
-    def wheels_ok(self) -> bool:
-        pose = self.loop.planner.pose
-        return pose is not None and bool(pose.health & 1 << 2)
+    def health(self) -> int:
+        """As the planner was told."""
+        assert self.loop.planner.pose is not None
+        return self.loop.planner.pose.health
 
     @property
     def place(self) -> tuple[float, float, float]:
@@ -80,9 +81,8 @@ class Commander:
 def driving(v_mps: float = 0.4, **robot: Any) -> Commander:
     commander = Commander(**robot)
     commander.drive(v_mps, 0.0, 0.2 + 2.0 * v_mps)
-    assert commander.loop.rig.drive.powers() == pytest.approx(
-        (127 * v_mps / MAX_SPEED_MPS,) * 2, abs=1
-    )
+    power = 127 * v_mps / MAX_SPEED_MPS
+    assert commander.loop.rig.drive.powers() == pytest.approx((power, power), abs=1)
     return commander
 
 
@@ -148,8 +148,7 @@ def test_it_stops_before_a_drop_and_the_planner_is_told_of_it() -> None:
     commander.asks = (0.9, 0.0)
     for _ in range(60):
         commander.run(0.2)
-        assert commander.loop.planner.pose is not None
-        told |= commander.loop.planner.pose.health
+        told |= commander.health
     assert 7.7 < commander.place[0] + FRONT_M < 9.27 - 0.05
     assert commander.blocked_by == "a drop is in the way"
     assert told & 1 << 7
@@ -166,8 +165,7 @@ def test_after_an_emergency_stop_the_commander_must_let_go_first() -> None:
     commander = driving(unknown_stops=False)  # a restart of the controller ends the map
     commander.loop.rig.drive.emergency_stop = True
     commander.assert_stands(1.5)
-    assert commander.loop.planner.pose is not None
-    assert commander.loop.planner.pose.health & 1 << 15
+    assert commander.health & 1 << 15
     assert "emergency stop" in commander.blocked_by
     commander.loop.rig.drive.emergency_stop = False
     commander.loop.rig.drive.reset(commander.loop.now_s)
@@ -245,10 +243,7 @@ def test_a_loop_that_is_too_late_stops_it_for_a_second(late_s: float, stops: boo
     commander.run(0.3)
     assert (commander.loop.rig.drive.powers() == (0, 0)) is stops
     assert ("late" in commander.blocked_by) is stops
-    assert commander.loop.planner.pose is not None
-    assert commander.loop.planner.pose.health & health.NO_OVERRUN == (
-        0 if stops else health.NO_OVERRUN
-    )
+    assert bool(commander.health & health.NO_OVERRUN) is not stops
     commander.run(1.2)
     assert commander.loop.rig.drive.powers() != (0, 0)
     commander.loop.hang(1.2)
@@ -263,12 +258,12 @@ def test_counters_that_stand_still_while_the_robot_drives_stop_it_until_they_mov
     commander.run(2.0)
     assert commander.place[0] - before_m < 0.6
     assert commander.blocked_by == STALLED
-    assert not commander.wheels_ok
+    assert not commander.health & health.WHEELS_OK
     commander.asks = (0.0, 0.0)
     commander.run(0.5)
     commander.drive(0.6, 0.0, 1.0)  # letting go is not enough
     assert commander.blocked_by == STALLED
     commander.loop.rig.drive.frozen = False
     commander.run(2.5)
-    assert commander.wheels_ok
+    assert commander.health & health.WHEELS_OK
     assert commander.blocked_by == "ground in the way was not seen to be free"  # nor vouched for

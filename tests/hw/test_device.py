@@ -125,8 +125,7 @@ def test_a_device_that_fell_silent_gets_a_fresh_connection_and_one_line_says_so(
     changes = run(device, 1.01, 2.6)
     assert port.reopened == ["nothing heard for 2.5 s"]
     assert changes == [("starting", "nothing heard for 2.5 s")]
-    assert device.sessions == 3
-    assert device.status.losses == 1
+    assert (device.sessions, device.status.losses) == (3, 1)
 
 
 def test_a_device_that_never_spoke_is_left_in_peace_for_ten_seconds_each_time() -> None:
@@ -135,9 +134,7 @@ def test_a_device_that_never_spoke_is_left_in_peace_for_ten_seconds_each_time() 
     assert len(port.reopened) == 4
     assert changes == [("starting", "waiting for the first answer")]  # one line in 41 s
 
-
-def test_a_connection_that_can_not_be_renewed_is_told_as_lost() -> None:
-    device = heard_once(port := MortalPort())
+    device = heard_once(port := MortalPort())  # its connection can't be renewed: it is lost
     port.renews = False
     run(device, 1.01, 3.0)
     port.cause = "no answer from 192.168.0.1:2112"

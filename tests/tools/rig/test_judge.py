@@ -1,6 +1,7 @@
 """The judge against truths made by hand: what is a collision, what is not, what is a false stop."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,17 +25,12 @@ def scene_of(*solids: Solid | Pillar, floor: bool = True) -> Scene:
 
 
 def driven(
-    judge: Judge,
-    way_from_m: float,
-    way_to_m: float,
-    v_mps: float = 0.5,
-    people: np.ndarray | None = None,
-    y_m: float = 0.0,
+    judge: Judge, x_m: float, to_m: float, v_mps: float = 0.5, y_m: float = 0.0, **truth: Any
 ) -> Judge:
     """Straight along x at a speed, from a place to a place, nose ahead."""
-    since_s, x_m = judge.truth.since_s, way_from_m
-    while x_m < way_to_m:
-        judge.step(Truth(since_s, (x_m, y_m, 0.0), people=people))
+    since_s = judge.truth.since_s
+    while x_m < to_m:
+        judge.step(Truth(since_s, (x_m, y_m, 0.0), **truth))
         x_m, since_s = x_m + v_mps * PERIOD_S, since_s + PERIOD_S
     return judge
 
@@ -223,8 +219,6 @@ def test_arriving_is_no_stop_and_a_moment_is_none_either() -> None:
     watch.step(WANTS)
     assert not watch.stops
 
-
-# The geometry against points
 
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))
 

@@ -98,11 +98,6 @@ def children() -> list[int]:
     return [int(word) for word in path.read_text().split()]
 
 
-def test_quantiles_are_values_that_were_there() -> None:
-    assert latency.quantiles([0.003, 0.001, 0.002]) == (0.002, 0.003, 0.003)
-    assert latency.quantiles(list(range(1, 101))) == (50, 99, 100)
-
-
 @pytest.mark.real_time
 def test_a_measurement_finds_each_scan_at_the_far_end(monkeypatch: Patch) -> None:
     monkeypatch.setattr(latency, "SETTLE_S", 1.0)

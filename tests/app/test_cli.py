@@ -10,13 +10,6 @@ from tests import ROOT, Capsys
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
 
 
-def test_version_and_help_are_told(capsys: Capsys) -> None:
-    for words, told in (("--version", "mapod 0."), ("--help", "--config")):
-        with pytest.raises(SystemExit):
-            run([words])
-        assert told in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [

@@ -153,11 +153,7 @@ class Line:
         self.tick_bytes.append(sum(map(len, pieces)))
         self.frames = list(pieces)
         if self.port.datagrams and len(pieces) > 1 and self.random.random() < self.loss:
-            pieces[-2:] = [
-                pieces[-1],
-                pieces[-2],
-                pieces[-2],
-            ]  # one overtakes, one comes twice
+            pieces[-2:] = [pieces[-1], pieces[-2], pieces[-2]]  # one overtakes, one comes twice
         for piece in pieces:
             if self.random.random() < self.loss:
                 continue

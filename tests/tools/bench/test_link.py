@@ -17,14 +17,14 @@ from tools.bench.link_line import Lane, LinePort
 from tools.bench.link_meter import Meter, View
 from tools.bench.link_run import LOSS, Case, Run, measure
 
-SHORT_S = 5.0
+SHORT_S = 3.0
 FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
 
 
 def test_playing_slowly_tells_the_same_windows_as_playing_fast() -> None:
-    fast, slow = (Playback(drive(101, 3.0)) for _ in range(2))
+    fast, slow = (Playback(drive(101, SHORT_S)) for _ in range(2))
     told: dict[tuple[int, int], int] = {}
-    for tick in range(30):
+    for tick in range(round(SHORT_S * 10)):
         for part in range(4, -1, -1):
             window = fast.until(tick / 10 - part / 50)
             told |= states(window, window.changed)
@@ -202,7 +202,7 @@ def test_the_line_to_judge_by_tells_soon_and_mends_soon(case: Case) -> None:
     ids=lambda case: f"{case.line} {case.size} {case.ack} {case.loss}",
 )
 def test_whoever_is_sure_holds_no_wrong_free(case: Case) -> None:
-    got = measure(dataclasses.replace(case, seconds=3.0))
+    got = measure(dataclasses.replace(case, seconds=SHORT_S))
     assert got.unsafe == 0
     if case.loss == LOSS:
         assert got.worst_wait_ticks <= 1.0

@@ -29,6 +29,8 @@ from tests.support.modbus_rig import free_port, read_request, words_of
 from tests.support.shipped import TEXT, shipped
 from tools.settings import rewritten
 
+Ended = tuple[ClosedLoop, Arrays]
+
 
 def driven(seconds: float, method: str = "beams") -> ClosedLoop:
     """A robot that has driven down the corridor, and stands."""
@@ -50,7 +52,7 @@ def restarted(loop: ClosedLoop, arrays: Arrays) -> None:
 
 
 @pytest.fixture(scope="module")
-def ended() -> tuple[ClosedLoop, Arrays]:
+def ended() -> Ended:
     """A loop whose app has been restarted from its own state, and that state."""
     loop = driven(6.0)
     arrays = state_of(loop.app.mapper, loop.config, loop.now_s)
@@ -59,7 +61,7 @@ def ended() -> tuple[ClosedLoop, Arrays]:
     return loop, arrays
 
 
-def test_a_restarted_app_goes_on_in_the_same_map_frame(ended: tuple[ClosedLoop, Arrays]) -> None:
+def test_a_restarted_app_goes_on_in_the_same_map_frame(ended: Ended) -> None:
     loop, arrays = ended
     pose = loop.app.mapper.maybe_pose(loop.now_s)
     assert pose is not None
@@ -69,9 +71,7 @@ def test_a_restarted_app_goes_on_in_the_same_map_frame(ended: tuple[ClosedLoop, 
     assert abs(pose.yaw_rad - yaw_rad) < math.radians(1.0)
 
 
-def test_obstacles_stay_and_only_what_is_seen_again_is_free(
-    ended: tuple[ClosedLoop, Arrays],
-) -> None:
+def test_obstacles_stay_and_only_what_is_seen_again_is_free(ended: Ended) -> None:
     loop, arrays = ended
     before, now = arrays["window.cells"], loop.app.mapper.maps.window.cells
     assert loop.app.mapper.counts.scans_added > 30
@@ -129,9 +129,7 @@ def test_the_papers_method_has_heights_and_states_and_goes_on_too() -> None:
     assert 0 < (now == FREE).sum() < 0.5 * (arrays["window.cells"] == FREE).sum()
 
 
-def test_a_saver_that_can_not_keeps_the_old_file(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: Capsys
-) -> None:
+def test_a_saver_that_fails_keeps_the_file(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:
     loop, _ = ended
     path = tmp_path / "hall.npz"
 
@@ -150,9 +148,7 @@ def test_a_saver_that_can_not_keeps_the_old_file(
     assert (told.out + told.err).count("map_not_saved") == 2
 
 
-def test_the_last_map_waits_for_the_one_before(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: Capsys
-) -> None:
+def test_the_last_map_waits_for_the_first(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:
     loop, now_s = ended[0], ended[0].now_s
 
     async def save_twice() -> None:
@@ -170,21 +166,14 @@ def test_the_last_map_waits_for_the_one_before(
     assert "map_not_saved" not in told.out + told.err
 
 
-def test_half_a_file_replaces_no_map(ended: tuple[ClosedLoop, Arrays], tmp_path: Path) -> None:
+def test_a_damaged_file_is_told_and_ends_it(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:
     path = tmp_path / "hall.npz"
     path.write_bytes(b"the one before")
     with pytest.raises(ValueError, match="pickle"):
         write_map(str(path), {"pose": np.array([object()])})
-    assert path.read_bytes() == b"the one before"
+    assert path.read_bytes() == b"the one before"  # half a file replaces none
     write_map(str(path), ended[1])
     assert load_map(str(path), ended[0].config)["pose"].shape == (4,)
-
-
-def test_a_damaged_file_ends_the_app_and_is_told(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, capsys: Capsys
-) -> None:
-    path = tmp_path / "hall.npz"
-    write_map(str(path), ended[1])
     path.write_bytes(path.read_bytes()[:-200])
     for file, reason in ((path, "no saved map"), (tmp_path / "none.npz", "No such file")):
         with pytest.raises(StateError, match=reason):
@@ -196,9 +185,7 @@ def test_a_damaged_file_ends_the_app_and_is_told(
 
 
 @pytest.mark.parametrize("ending", few([signal.SIGTERM, signal.SIGINT], 1))
-def test_without_any_device_it_serves_and_ends_cleanly(
-    ended: tuple[ClosedLoop, Arrays], tmp_path: Path, ending: signal.Signals
-) -> None:
+def test_without_any_device_it_serves_and_ends(ended: Ended, tmp_path: Path, ending: int) -> None:
     saved, new, config = tmp_path / "hall.npz", tmp_path / "new.npz", tmp_path / "robot.toml"
     write_map(str(saved), ended[1])
     port = free_port()

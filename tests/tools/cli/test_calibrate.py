@@ -3,7 +3,6 @@
 import doctest
 import math
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,22 +36,14 @@ HALL = Scene(
         Solid("wall", (-3.0, 14.0), (6.0, 6.3), (-1.0, 2.5)),
     ),
 )
-Powers = tuple[float, float]  # of the left and the right wheel
+STAND, TURN = (0.0, 0.0), (-0.25, 0.25)  # powers of the left and the right wheel
 OFF = {"mount_tilt_deg": 8.2, "mount_z_m": 1.08}  # the world's robot has 7.5
-
-
-def stand(gone_s: float) -> Powers:
-    return 0.0, 0.0
-
-
-def turn(gone_s: float) -> Powers:
-    return -0.25, 0.25
 
 
 class Bench:
     """The world's scanner and attitude sensor on memory wires, and the tool's collector."""
 
-    def __init__(self, powers: Callable[[float], Powers], seconds: float = 3.0) -> None:
+    def __init__(self, powers: tuple[float, float], seconds: float = 3.0) -> None:
         self.config = with_changes(load_config(SHIPPED), scanner=OFF)
         self.rig = Rig(HALL, 1, drives=False)
         ports = MemoryPort(), MemoryPort()
@@ -62,36 +53,28 @@ class Bench:
 
     def step(self) -> None:
         self.now_s += TICK_S
-        self.rig.world.wheels.set_power(*self._powers(self.now_s - 100.0))
+        self.rig.world.wheels.set_power(*self._powers)
         self.rig.world.step_to(self.now_s)
         for wire in self.wires:
             wire.step(self.now_s)
         self.collector.step(self.now_s)
 
-    def run(self, each: Callable[[float], None] = lambda gone_s: None) -> None:
-        """Until the collector has enough, or refuses; `each` before every tick."""
+    def run(self) -> Calibration:
+        """Until the collector has enough, or refuses; what is made of it."""
         while not self.collector.done:
-            each(self.now_s - 100.0)
             self.step()
-
-    def found(self, height_m: float | None = 1.08) -> Calibration:
-        guess = tool.mount_of(self.config, height_m)
-        sigma_m = None if height_m is None else 0.005
-        return calibrate(self.collector.watch.view(), guess, sigma_m, LEVEL_RAD)
+        view = self.collector.watch.view()
+        return calibrate(view, tool.mount_of(self.config, 1.08), 0.005, LEVEL_RAD)
 
 
 @pytest.fixture(scope="module")
 def turned() -> Calibration:
-    bench = Bench(turn)
-    bench.run()
-    return bench.found()
+    return Bench(TURN).run()
 
 
 @pytest.fixture(scope="module")
 def stood() -> Calibration:
-    bench = Bench(stand, 2.0)
-    bench.run()
-    return bench.found()
+    return Bench(STAND, 2.0).run()
 
 
 def test_a_wrong_tilt_in_the_settings_is_found_by_turning_on_the_spot(turned: Calibration) -> None:
@@ -111,18 +94,17 @@ def test_standing_finds_it_too_but_proves_no_floor(stood: Calibration) -> None:
 
 def test_a_missing_or_silent_attitude_sensor_is_told(monkeypatch: Patch) -> None:
     monkeypatch.setattr(collect_floor, "READY_S", 4.0)
-    bench = Bench(stand)
+    bench = Bench(STAND)
     bench.rig.ahrs.mute = True
     with pytest.raises(RefusedError, match=r"not ready within 4 s: .*attitude sensor is"):
         bench.run()
     assert "scanner is" not in bench.collector.words(bench.now_s)
-    bench = Bench(stand, 1.0)
-
-    def fall_silent(gone_s: float) -> None:
-        bench.rig.ahrs.mute = bench.collector.watch.scans > 5
-
+    bench = Bench(STAND, 1.0)
+    while bench.collector.watch.scans <= 5:
+        bench.step()
+    bench.rig.ahrs.mute = True
     with pytest.raises(RefusedError, match=r"of 25 scans came with an attitude, \d\d without"):
-        bench.run(fall_silent)
+        bench.run()
 
 
 def told(found: Calibration, path: Path, *given: str, text: str = SHIPPED) -> None:

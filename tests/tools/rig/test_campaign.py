@@ -30,6 +30,7 @@ from tools.rig.watch import Watcher, image_of, line_of, picture
 WALL = Solid("wall", (14.0, 14.5), (-6.0, 6.0), (0.0, 2.0))
 LOW_BOX = Solid("low box", (0.8, 1.2), (-0.5, 0.5), (0.0, 0.2))  # where nobody may have left one
 BEHIND = Solid("wall behind", (-0.7, -0.5), (-6.0, 6.0), (0.0, 2.0))
+Caught = tuple[Run, Path, str]
 GOALS = ((0.7, 0.0), (1.1, 0.1))
 SCENES = ("hall", "passage")
 
@@ -51,7 +52,7 @@ def arrived() -> RunResult:
 
 
 @pytest.fixture(scope="module")
-def caught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path, str]:
+def caught(tmp_path_factory: pytest.TempPathFactory) -> Caught:
     """A run that ends at a low box, the folder in which it was written down, what was told of it
     meanwhile."""
     folder, told = tmp_path_factory.mktemp("run"), StringIO()
@@ -79,7 +80,7 @@ def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not() -> No
     assert one == same != other
 
 
-def test_a_blind_planner_is_caught(caught: tuple[Run, Path, str]) -> None:
+def test_a_blind_planner_is_caught(caught: Caught) -> None:
     result = caught[0].result()
     (contact,) = result.collisions
     assert contact.what == "low box"
@@ -124,7 +125,7 @@ def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
     assert (stop.in_way, stop.why) == ("a fault", "the scanner delivers no scans")
 
 
-def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path, str]) -> None:
+def test_a_recorded_run_can_be_played_and_drawn_again(caught: Caught) -> None:
     run, folder, _ = caught
     facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     assert facts["digest"] == run.result().digest
@@ -146,7 +147,7 @@ def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path, s
     assert (colours == (255, 174, 0)).all(axis=1).any()  # the robot
 
 
-def test_a_watched_run_tells_a_person_what_happens(caught: tuple[Run, Path, str]) -> None:
+def test_a_watched_run_tells_a_person_what_happens(caught: Caught) -> None:
     run, _, told = caught
     assert "goal 1 of 2" in told
     assert f"{run.since_begin_s:.1f} s" in line_of(run)
@@ -184,7 +185,7 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
     assert not report.is_well(list(outcomes.values()), 3)
 
 
-def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: tuple[Run, Path, str]) -> None:
+def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: Caught) -> None:
     bad = caught[0].result()
     outcomes = [
         Outcome(0, RunSpec("hall", 1), arrived),
@@ -207,9 +208,7 @@ def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: tuple[Run, P
     assert json.loads(json.dumps(report.as_json(outcomes)))[1]["collisions"]
 
 
-def test_well_is_all_runs_no_harm_and_most_goals(
-    arrived: RunResult, caught: tuple[Run, Path, str]
-) -> None:
+def test_well_is_all_runs_no_harm_and_most_goals(arrived: RunResult, caught: Caught) -> None:
     spec, few = RunSpec("hall", 1), dataclasses.replace(arrived, reached=1)
     faulty = RunSpec("hall", 1, ("scanner.mute@1s",))
     assert report.is_well([Outcome(0, spec, arrived)], 1)

@@ -28,21 +28,16 @@ def figures(outcome: Outcome, quantity: str) -> tuple[float, float]:
     return row.values["reference_plane"], row.values["beams"]
 
 
-@pytest.fixture(scope="module")
-def turned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
-    folder = tmp_path_factory.mktemp("pictures")
-    return left_turn(True, folder), folder
-
-
-def test_a_turn_leaves_no_hole_and_no_false_obstacle(turned: tuple[Outcome, Path]) -> None:
-    theirs, ours = figures(turned[0], "growth of the mapped area")
+@pytest.mark.slow
+def test_a_turn_leaves_no_hole_and_no_false_obstacle(tmp_path: Path) -> None:
+    outcome = left_turn(True, tmp_path)
+    theirs, ours = figures(outcome, "growth of the mapped area")
     assert ours <= 3.0
     assert theirs > 10.0
     for words in ("empty cells", "false obstacle", "missed"):
-        assert figures(turned[0], words)[1] == 0
-    outcome, folder = turned  # its picture shows both methods and is small
-    [picture] = outcome.pictures
-    path = folder / picture.file
+        assert figures(outcome, words)[1] == 0
+    [picture] = outcome.pictures  # shows both methods and is small
+    path = tmp_path / picture.file
     assert path.stat().st_size < 60_000
     with Image.open(path) as image:
         assert image.width > 600

@@ -62,12 +62,16 @@ def caught(tmp_path_factory: pytest.TempPathFactory) -> Caught:
     return run, folder, told.getvalue()
 
 
-def test_goals_are_reached_and_another_place_is_none(arrived: RunResult) -> None:
+def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult) -> None:
     assert (arrived.reached, arrived.goals, arrived.ended) == (2, 2, "all goals were tried")
     assert not arrived.collisions
     assert not arrived.stops
     assert 0.5 < arrived.driven_m < 1.5
     assert 0.0 < arrived.worst_stop_m < 0.5
+
+
+@pytest.mark.slow
+def test_another_place_than_its_goal_is_none() -> None:
     result = result_of(place(goals=((1.0, 0.0),)), BlindPilot(radius_m=0.9))
     assert result.reached == 0
     assert "a place for it that is " in result.missed[0].cause
@@ -116,6 +120,7 @@ def test_a_planner_that_gives_up_ends_the_run_with_its_cause() -> None:
     assert "the planner: no way over seen ground" in result.missed[0].cause
 
 
+@pytest.mark.slow
 def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
     scene = place(goals=((7.0, 0.0),))
     run = Run(RunSpec(scene, 1, ("scanner.wire.mute@5s+1.2s",), limit_s=7.5), BlindPilot())

@@ -69,6 +69,7 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     assert outcome.told
 
 
+@pytest.mark.slow
 def test_a_box_on_ground_that_somebody_vouched_for_is_hit_and_that_is_seen() -> None:
     """Nearer than 6.7 m the laser looks over it: the operator's word for the start is wrong."""
     outcome = Drive([], (2.0, 2.5), 5.0, scene=hall(box_x_m=2.0)).run()

@@ -5,7 +5,6 @@ The tests share one process, in the order of the file: each begins and ends with
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any
 
 import pytest
 
@@ -26,37 +25,6 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
         yield one
     finally:
         assert one.close() == 0
-
-
-def others(name: str) -> int:
-    """Health bits of the other two."""
-    return sum(bit for device, bit in OK.items() if device != name)
-
-
-class Episode:
-    """What went on in the house from here on."""
-
-    def __init__(self, house: House, name: str) -> None:
-        self.house, self.name, self.since = house, name, len(house.log)
-        house.seen.clear()
-
-    def check(self, most_lines: int) -> None:
-        """It was gone and is back, the others never were; few lines, none twice in a row."""
-        for other in DEVICES:
-            if other != self.name:
-                assert self.house.changes(other, self.since) == []
-        assert all(health & others(self.name) == others(self.name) for health in self.house.seen)
-        told = [(line["state"], line["cause"]) for line in self.changes]
-        assert told[-1] == ("running", "")
-        assert 2 <= len(told) <= most_lines, told
-        assert all(one != next_one for one, next_one in pairwise(told))
-
-    @property
-    def changes(self) -> list[dict[str, Any]]:
-        return self.house.changes(self.name, self.since)
-
-    def until_back(self) -> None:
-        self.house.until(lambda: self.house.all_run() and self.changes[-1]["state"] == "running")
 
 
 @pytest.mark.real_time
@@ -82,17 +50,24 @@ def test_what_is_absent_at_the_start_is_named_and_runs_once_it_appears(house: Ho
 @pytest.mark.parametrize("name", DEVICES)
 def test_a_cable_is_pulled_and_put_in_again(house: House, name: str, gone_s: float) -> None:
     house.run(0.5)
-    episode = Episode(house, name)
+    since = len(house.log)
+    house.seen.clear()
     house.unplug(name)
     house.run(gone_s)
     house.plug_in(name)
     if name == "scanner" and gone_s < 1.0:  # a network forgets nothing in so short a time
         house.until(house.all_run)
-        assert episode.changes == []
-    else:
-        house.until(lambda: episode.changes)
-        episode.until_back()
-        episode.check(most_lines=6)
+        assert house.changes(name, since) == []
+        return
+    house.until(lambda: house.changes(name, since))
+    house.until(lambda: house.all_run() and house.changes(name, since)[-1]["state"] == "running")
+    others = 7 & ~OK[name]
+    assert all(health & others == others for health in house.seen)
+    assert not any(house.changes(other, since) for other in DEVICES if other != name)
+    told = [(line["state"], line["cause"]) for line in house.changes(name, since)]
+    assert told[-1] == ("running", "")
+    assert 2 <= len(told) <= 6, told
+    assert all(one != next_one for one, next_one in pairwise(told))
 
 
 # --- in simulated time

@@ -9,10 +9,9 @@ from app import App, Ports
 from core.config import ConfigError
 from core.records import FREE, OBSTACLE
 from fakes.planner_mcu.receiver import FakePlanner
-from fakes.wires.wire import MemoryPort, Wire
-from fakes.world.rig import Rig
+from fakes.wires.wire import MemoryPort
 from mapod_link import serial_from_frame
-from tests.support.closed_loop import SESSION, START_S
+from tests.support.closed_loop import SESSION, ClosedLoop
 from tests.support.shipped import shipped
 from wiring import open_ports
 
@@ -20,46 +19,33 @@ URLS = ["udp://127.0.0.1:9750", "serial:///dev/planner?baud=921600", "udp://127.
 CODE = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown, obstacle (1), free (-1)
 
 
-class Company:
-    """An app and three receivers: over UDP, over a serial line, and one that only asks."""
+class Company(ClosedLoop):
+    """Three receivers: the loop's own over UDP, one on a serial line, and one that only asks."""
 
     def __init__(self, *, drives: bool = True, **robot: Any) -> None:
-        config = shipped(planner={"port": URLS}, robot=robot)
-        self.rig = Rig("corridor", 1, drives=drives)
-        names = ("scanner", "ahrs", "drive")
-        scanner, ahrs, drive = devices = [MemoryPort() for _ in names]
-        self._wires = [Wire(getattr(self.rig, names[k]), port, k) for k, port in enumerate(devices)]
-        self.ports = [MemoryPort(datagrams=url.startswith("udp")) for url in URLS]
-        self.planners = [FakePlanner(seed=k, poll_only=k == 3) for k in (1, 2, 3)]
-        ports = Ports(scanner, ahrs, drive, self.ports[0], tuple(self.ports[1:]))
-        self.app = App(config, ports, session=SESSION)
-        self.now_s, self.ticks = START_S, 0
+        self._more = MemoryPort(), MemoryPort(datagrams=True)
+        super().__init__(shipped(planner={"port": URLS}, robot=robot), drives=drives)
+        self.planners = [self.planner, FakePlanner(seed=2), FakePlanner(seed=3, poll_only=True)]
 
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds * 200)):
-            self.ticks += 1
-            self.now_s = START_S + self.ticks / 200
-            self.rig.step(self.now_s)
-            for wire in self._wires:
-                wire.step(self.now_s)
-            self.app.step(self.now_s)
-            for port, planner in zip(self.ports, self.planners, strict=True):
-                self._carry(port, planner)
+    def _new_app(self, key: bytes | None) -> App:
+        scanner, ahrs, drive = self.ports.values()
+        return App(
+            self.config, Ports(scanner, ahrs, drive, self.link_port, self._more), session=SESSION
+        )
 
-    def _carry(self, port: MemoryPort, planner: FakePlanner) -> None:
-        if port.datagrams:
-            for datagram in port.take_datagrams():
-                planner.feed_datagram(self.now_s, datagram)
-        else:
-            planner.feed_stream(self.now_s, port.take())
-        for answer in planner.poll(self.now_s):
-            port.give(answer if port.datagrams else serial_from_frame(answer))
+    def step(self) -> None:
+        super().step()
+        (serial, asked), (one, asker) = self._more, self.planners[1:]
+        one.feed_stream(self.now_s, serial.take())
+        for datagram in asked.take_datagrams():
+            asker.feed_datagram(self.now_s, datagram)
+        serial.give(b"".join(map(serial_from_frame, one.poll(self.now_s))))
+        for answer in asker.poll(self.now_s):
+            asked.give(answer)
 
     def meant(self) -> Any:
         """The map as the app has it, in the link's codes."""
-        window = self.app.mapper.maps.window
-        corner = (-window.grid.corner_j, -window.grid.corner_i)
-        return CODE[np.roll(window.cells, corner, axis=(0, 1))]
+        return CODE[self.map_now()]
 
 
 @pytest.fixture(scope="module")

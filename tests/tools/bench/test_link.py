@@ -167,7 +167,6 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
 @pytest.mark.parametrize(
     "case",
     [
-        Case(115_200, 25, "tick", seconds=SHORT_S),
         Case(115_200, 25, "tick", 101, drives=False, seconds=SHORT_S),
         *few([Case(115_200, 25, ack, seeds=(1, 2)) for ack in ("tick", "10 Hz")], 0),
     ],

@@ -100,6 +100,7 @@ def test_one_that_backs_into_a_wall_with_mapods_zone_off_is_caught() -> None:
     assert result.collisions[0].what == "wall behind"
 
 
+@pytest.mark.slow  # tests/app/test_drive.py has a short form
 def test_before_a_wall_mapod_stops_it_and_the_run_tells_why() -> None:
     scene = place(Solid("box", (2.0, 2.5), (-1.0, 1.0), (0.0, 1.2)), goals=((8.0, 0.0),))
     result = result_of(scene, limit_s=9.0)

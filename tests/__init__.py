@@ -2,5 +2,9 @@
 
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parent.parent
 VECTORS = ROOT / "tests" / "vectors"
+Capsys = pytest.CaptureFixture[str]
+Patch = pytest.MonkeyPatch

@@ -43,13 +43,11 @@ def skip_without_tools() -> Generator[None, object, object]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup() -> Generator[None, object, object]:
-    """Fixtures may need a program."""
     return (yield from skip_without_tools())
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, object, object]:
-    """Tests may need one."""
     return (yield from skip_without_tools())
 
 
@@ -64,5 +62,4 @@ def _own_temporary_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 
 @pytest.fixture(scope="session")
 def vectors() -> Path:
-    """Where bytes from manuals and recordings lie."""
     return Path(__file__).parent / "vectors"

@@ -1,5 +1,6 @@
-"""What `pip install .` gives: the wheel, built from a copy and unpacked where nothing else is.
+"""What `pip install .` gives: the wheel, built from a copy and used where nothing else of ours is.
 
+Unpacked it is tried quickly; a slow test installs it into an environment of its own, by pip.
 No network is needed: the libraries are those of this environment.
 """
 
@@ -8,10 +9,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import venv
 import zipfile
 from email import message_from_bytes
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests import ROOT
@@ -34,6 +37,14 @@ for words in ("init", "init", "check", "version", "demo", "compare scanner", "re
     print(f"{words}: status {main(words.split())}", flush=True)
 assert not {"core", "hw", "app", "main", "tools", "fakes"} & sys.modules.keys()
 """
+ROOMS = """
+import importlib.util, sys
+import mapod.core.mapping.mapper, mapod.hw.registry, mapod_link
+for name in ("mapod.fakes", "mapod.tests", "core", "hw", "fakes", "tools"):
+    assert importlib.util.find_spec(name) is None, name
+assert not {"mujoco", "pytest", "ruff", "mypy"} & sys.modules.keys()
+print(mapod.__file__, mapod_link.__file__)
+"""
 LINK_ALONE = """
 import sys
 import mapod_link
@@ -44,7 +55,6 @@ print(*sorted(name for name in names if not name.startswith("_")))
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built from a copy of the sources as pip builds it."""
     folder = tmp_path_factory.mktemp("sources")
     ignored = shutil.ignore_patterns("__pycache__", "build", "*.egg-info")
     for name in BUILT_FROM:
@@ -98,9 +108,7 @@ def test_the_wheel_has_two_names_and_needs_no_simulation(wheel: Path) -> None:
     assert told["License-Expression"] == "Apache-2.0"
 
 
-def test_every_module_and_command_loads_under_the_one_name_and_works(
-    site: Path, tmp_path: Path
-) -> None:
+def test_every_module_and_command_works_under_one_name(site: Path, tmp_path: Path) -> None:
     done = begun(site, tmp_path, "-c", EVERY_MODULE)
     said, complained = done.communicate()
     assert done.returncode == 0, complained
@@ -121,6 +129,7 @@ def test_the_receiver_needs_nothing_but_numpy(site: Path, tmp_path: Path) -> Non
     assert said.split() == ["mapod_link", "numpy"], complained
 
 
+@pytest.mark.slow
 def test_it_runs_against_nothing_is_recorded_and_replayed(site: Path, tmp_path: Path) -> None:
     text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
     text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
@@ -140,3 +149,33 @@ def test_it_runs_against_nothing_is_recorded_and_replayed(site: Path, tmp_path: 
     replay = begun(site, tmp_path, "-m", "mapod", "replay", "nothing.rec")
     assert "the recording holds no byte of the scanner" in replay.communicate()[1]
     assert replay.returncode == 1
+
+
+@pytest.mark.slow
+def test_pip_installs_it_into_a_clean_environment(wheel: Path, tmp_path: Path) -> None:
+    def ran(*words: str | Path, status: int = 0) -> str:
+        env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+        env.pop("PYTHONPATH", None)
+        done = subprocess.run(
+            words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == status, done.stdout + done.stderr
+        return done.stdout
+
+    home = tmp_path / "clean"
+    venv.create(home)
+    python, mapod = home / "bin/python", home / "bin/mapod"
+    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", str(python))
+    ran(*pip, "install", "--no-deps", "--no-index", str(wheel))
+    [site] = home.glob("lib/python3*/site-packages")
+    (site / "libraries.pth").write_text(f"{Path(np.__file__).parents[1]}\n")
+    names = [line.split()[0] for line in ran(mapod, "--help").splitlines() if line[:2] == "  "]
+    assert {"init", "run", "demo", "link-test", "version"} <= set(names)
+    for name in names:
+        assert f"usage: mapod {name}" in ran(mapod, name, "--help")
+    assert str(site) in ran(mapod, "init")
+    assert (tmp_path / "mapod.toml").read_bytes() == (ROOT / "mapod.toml").read_bytes()
+    assert "centre beam meets the ground" in ran(mapod, "check")
+    assert ran(mapod, "version").startswith("mapod 0.")
+    ran(mapod, "demo", status=2)  # needs the simulation
+    assert all(path.startswith(str(site)) for path in ran(python, "-c", ROOMS).split())

@@ -7,6 +7,8 @@ from types import ModuleType
 
 import pytest
 
+from tests import Patch
+
 LOW = '''
 from typing import NamedTuple
 from jit import kernel
@@ -52,7 +54,6 @@ def tried(folder: Path, low: str = LOW, high: str = HIGH) -> tuple[float, int]:
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with both files, and their kernels compiled."""
     folder = tmp_path_factory.mktemp("kernels")
     assert tried(folder) == (161.0, 2)
     return folder
@@ -92,7 +93,7 @@ def test_what_means_the_same_compiles_nothing(copied: Path, before: str, after: 
         ("first: float\n    second:", "second: float\n    first:", 611.0, 1),
     ],
 )
-def test_a_change_compiles_all_that_it_reaches_and_no_more(
+def test_a_change_compiles_what_it_reaches(
     copied: Path, before: str, after: str, result: float, count: int
 ) -> None:
     changed = [text.replace(before, after) for text in (LOW, HIGH)]
@@ -102,8 +103,8 @@ def test_a_change_compiles_all_that_it_reaches_and_no_more(
     assert tried(copied) == (161.0, count)
 
 
-def test_where_nothing_can_be_written_beside_the_source_the_user_s_cache_is_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_user_s_cache_is_taken_where_the_folder_can_not_be_written(
+    tmp_path: Path, monkeypatch: Patch
 ) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     (tmp_path / "__pycache__").write_text("no folder")

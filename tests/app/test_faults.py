@@ -14,46 +14,29 @@ HEALTH_BIT = {"scanner": 1 << 0, "ahrs": 1 << 1, "drive": 1 << 2}
 STALE_S = 0.45 + 0.15  # the longest of the inputs' limits, and one of the link
 
 
-def running() -> ClosedLoop:
-    """A loop in which everything has started."""
-    loop = ClosedLoop()
-    loop.run(4.5)
-    pose = loop.planner.pose
-    assert pose is not None
-    assert pose.mode == 1
-    return loop
-
-
 def is_well(loop: ClosedLoop) -> bool:
     """All inputs fresh, as the planner was told."""
     pose = loop.planner.pose
-    return (
-        pose is not None
-        and pose.mode == 1
-        and pose.health & 0x37 == 0x37
-        and not loop.planner.stale(loop.now_s)
-    )
+    is_fresh = pose is not None and pose.mode == 1 and pose.health & 0x37 == 0x37
+    return is_fresh and not loop.planner.stale(loop.now_s)
 
 
-def run_until_well(loop: ClosedLoop, within_s: float) -> float:
-    """Seconds until all is well; fails if it takes longer than allowed."""
-    for tick in range(round(within_s * 200)):
+def run_until_well(loop: ClosedLoop, within_s: float) -> None:
+    for _ in range(round(within_s * 200)):
         if is_well(loop):
-            return tick / 200
+            return
         loop.step()
     raise AssertionError(f"not well after {within_s} s: {loop.planner.pose}")
 
 
 def free_told(loop: ClosedLoop) -> int:
-    """Free cells that the planner holds."""
     return int((loop.planner.window() == 1).sum())
 
 
 @pytest.mark.parametrize("fault", few(["cut", "mute"], 1))
-def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
-    fault: str,
-) -> None:
-    loop = running()
+def test_silence_is_named_takes_free_back_and_is_recovered_from(fault: str) -> None:
+    loop = ClosedLoop()
+    loop.run(4.5)
     for device in DEVICES:
         assert free_told(loop) > 60
         fall_silent_and_recover(loop, device, fault)
@@ -61,7 +44,6 @@ def test_a_device_that_falls_silent_is_named_free_is_taken_back_and_it_recovers(
 
 
 def fall_silent_and_recover(loop: ClosedLoop, device: str, fault: str) -> None:
-    """One device after the other of the same drive."""
     setattr(loop.wires[device], fault, True)
     loop.run(STALE_S)
     pose = loop.planner.pose
@@ -87,8 +69,8 @@ def fall_silent_and_recover(loop: ClosedLoop, device: str, fault: str) -> None:
     mask=st.integers(1, 255),
     what=st.sampled_from(["alter", "drop", "delay"]),
 )
-@settings(max_examples=examples(3), phases=[Phase.generate])
-def test_any_byte_altered_cut_out_or_delayed_is_survived(
+@settings(max_examples=examples(2), phases=[Phase.generate])
+def test_any_byte_altered_or_lost_is_survived(
     device: str, offset: int, mask: int, what: str
 ) -> None:
     loop = ClosedLoop()
@@ -108,9 +90,10 @@ def test_any_byte_altered_cut_out_or_delayed_is_survived(
 
 @pytest.mark.parametrize("device", few(DEVICES, 1))
 def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
-    loop = running()
+    loop = ClosedLoop()
+    loop.run(2.0)
     loop.wires[device].damage_rate = 0.001
-    loop.run(3.0)
+    loop.run(2.0)
     loop.wires[device].damage_rate = 0.0
     run_until_well(loop, 8.0)
     assert getattr(loop.app.devices, device).status.rejected > 0
@@ -119,20 +102,12 @@ def test_a_noisy_wire_is_counted_and_survived(device: str) -> None:
 def test_a_planner_that_comes_late_or_loses_frames_still_gets_the_whole_map() -> None:
     loop = ClosedLoop()
     loop.planner.deaf = loop.planner.mute = True
-    loop.run(3.0)
+    loop.run(2.5)
     loop.planner.deaf = loop.planner.mute = False
     loop.planner.loss_rate = 0.05
-    loop.run(2.0)
-    loop.planner.loss_rate = 0.0
     loop.run(1.0)
+    loop.planner.loss_rate = 0.0
+    loop.run(0.7)
     meant = np.array([0, 2, 1], dtype=np.uint8)[loop.map_now()]
     assert int((loop.planner.window() != meant).sum()) <= 20
     assert not loop.planner.suspect
-
-
-def test_two_runs_of_the_same_world_send_the_same_bytes() -> None:
-    first, second = ClosedLoop(), ClosedLoop()
-    first.run(2.0)
-    second.run(2.0)
-    assert len(first.sent) > 5_000
-    assert first.sent == second.sent

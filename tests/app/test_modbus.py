@@ -5,14 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from config_file import load_config, with_changes
 from core.records import I8
-from fakes.scenes.scene import Scene, Solid
+from fakes.scenes.scene import Scene
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
-from tests.support.closed_loop import SHIPPED, ClosedLoop
-from tests.support.modbus_rig import rows_of
+from tests.support.closed_loop import ClosedLoop
+from tests.support.modbus_rig import rows_of, words
+from tests.support.shipped import FLOOR, shipped
 
-FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 OFFERED = {"port": "tcp://127.0.0.1:5020"}
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
 HEALTH, GENERATION, ZONE, MODE, ALLOWED_AHEAD = 21, 20, 38, 65, 72
@@ -24,29 +23,20 @@ class Served(ClosedLoop):
     def __init__(
         self, scene: Scene | str = "corridor", *, may_drive: bool = False, **robot: Any
     ) -> None:
-        config = load_config(SHIPPED.read_text(encoding="utf-8"))
-        modbus = {**OFFERED, "allow_drive": may_drive}
-        config = with_changes(config, modbus=modbus, robot=robot)
+        config = shipped(modbus={**OFFERED, "allow_drive": may_drive}, robot=robot)
         super().__init__(config, scene, drives=not may_drive)
         assert self.app.image is not None
         self.image = self.app.image
 
     def word(self, register: int) -> int:
         """One register, now."""
-        data = self.image.read(self.now_s, None, register, 1)
-        assert not isinstance(data, Refusal)
-        return int.from_bytes(data, "big")
+        return words(self.image, register, 1, self.now_s)[0]
 
     def cells(self) -> I8:
         """The codes of the live window, (n, n) from its corner."""
         size = self.config.obstacle.window_cells
-        words: list[int] = []
-        for row in range(size):
-            stride = stride_of(size)
-            data = self.image.read(self.now_s, None, WINDOW_CELLS + row * stride, stride)
-            assert not isinstance(data, Refusal)
-            words += [int.from_bytes(data[2 * k : 2 * k + 2], "big") for k in range(stride)]
-        return np.array(rows_of(words, size), dtype=np.int8)
+        packed = words(self.image, WINDOW_CELLS, size * stride_of(size), self.now_s)
+        return np.array(rows_of(packed, size), dtype=np.int8)
 
     def until_packed(self) -> None:
         """Up to the tick in which a new window was taken."""
@@ -58,13 +48,8 @@ class Served(ClosedLoop):
         raise AssertionError("no window was taken")
 
     def ask(self, v_mms: int, w_mrads: int, valid_ms: int, sequence: int) -> Refusal:
-        """A drive request from this machine."""
-        words = [v_mms % 65536, w_mrads % 65536, valid_ms, sequence]
-        return self.image.write(self.now_s, self.now_s, None, "modbus tcp me", DRIVE, words)
-
-
-def test_an_app_that_offers_no_modbus_has_no_registers() -> None:
-    assert ClosedLoop().app.image is None
+        asked = [v_mms % 65536, w_mrads % 65536, valid_ms, sequence]
+        return self.image.write(self.now_s, self.now_s, None, "modbus tcp me", DRIVE, asked)
 
 
 def test_the_window_is_the_apps_map_and_a_silent_scanner_takes_all_that_is_free_from_it() -> None:

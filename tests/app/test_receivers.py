@@ -6,82 +6,50 @@ import numpy as np
 import pytest
 
 from app import App, Ports
-from config_file import load_config, with_changes
 from core.config import ConfigError
 from core.records import FREE, OBSTACLE
 from fakes.planner_mcu.receiver import FakePlanner
-from fakes.wires.wire import MemoryPort, Wire
-from fakes.world.rig import Rig
+from fakes.wires.wire import MemoryPort
 from mapod_link import serial_from_frame
-from tests.support.closed_loop import SESSION, SHIPPED, START_S
+from tests.support.closed_loop import SESSION, ClosedLoop
+from tests.support.shipped import shipped
 from wiring import open_ports
 
-SETTINGS = load_config(SHIPPED.read_text(encoding="utf-8"))
 URLS = ["udp://127.0.0.1:9750", "serial:///dev/planner?baud=921600", "udp://127.0.0.1:9751"]
 CODE = np.array([0, 2, 1], dtype=np.uint8)  # by cell value: unknown, obstacle (1), free (-1)
 
 
-class Company:
-    """An app and three receivers: over UDP, over a serial line, and one that only asks."""
+class Company(ClosedLoop):
+    """Three receivers: the loop's own over UDP, one on a serial line, and one that only asks."""
 
     def __init__(self, *, drives: bool = True, **robot: Any) -> None:
-        config = with_changes(SETTINGS, planner={"port": URLS}, robot=robot)
-        self.rig = Rig("corridor", 1, drives=drives)
-        names = ("scanner", "ahrs", "drive")
-        devices = {name: MemoryPort() for name in names}
-        self._wires = [
-            Wire(getattr(self.rig, name), devices[name], k) for k, name in enumerate(names)
-        ]
-        self.ports = [MemoryPort(datagrams=url.startswith("udp")) for url in URLS]
-        self.planners = [
-            FakePlanner(seed=1),
-            FakePlanner(seed=2),
-            FakePlanner(seed=3, poll_only=True),
-        ]
-        self.app = App(
-            config,
-            Ports(
-                devices["scanner"],
-                devices["ahrs"],
-                devices["drive"],
-                self.ports[0],
-                tuple(self.ports[1:]),
-            ),
-            session=SESSION,
+        self._more = MemoryPort(), MemoryPort(datagrams=True)
+        super().__init__(shipped(planner={"port": URLS}, robot=robot), drives=drives)
+        self.planners = [self.planner, FakePlanner(seed=2), FakePlanner(seed=3, poll_only=True)]
+
+    def _new_app(self, key: bytes | None) -> App:
+        scanner, ahrs, drive = self.ports.values()
+        return App(
+            self.config, Ports(scanner, ahrs, drive, self.link_port, self._more), session=SESSION
         )
-        self.now_s, self.ticks = START_S, 0
 
-    def run(self, seconds: float) -> None:
-        """Step everything for so long."""
-        for _ in range(round(seconds * 200)):
-            self.ticks += 1
-            self.now_s = START_S + self.ticks / 200
-            self.rig.step(self.now_s)
-            for wire in self._wires:
-                wire.step(self.now_s)
-            self.app.step(self.now_s)
-            for port, planner in zip(self.ports, self.planners, strict=True):
-                self._carry(port, planner)
-
-    def _carry(self, port: MemoryPort, planner: FakePlanner) -> None:
-        if port.datagrams:
-            for datagram in port.take_datagrams():
-                planner.feed_datagram(self.now_s, datagram)
-        else:
-            planner.feed_stream(self.now_s, port.take())
-        for answer in planner.poll(self.now_s):
-            port.give(answer if port.datagrams else serial_from_frame(answer))
+    def step(self) -> None:
+        super().step()
+        (serial, asked), (one, asker) = self._more, self.planners[1:]
+        one.feed_stream(self.now_s, serial.take())
+        for datagram in asked.take_datagrams():
+            asker.feed_datagram(self.now_s, datagram)
+        serial.give(b"".join(map(serial_from_frame, one.poll(self.now_s))))
+        for answer in asker.poll(self.now_s):
+            asked.give(answer)
 
     def meant(self) -> Any:
         """The map as the app has it, in the link's codes."""
-        window = self.app.mapper.maps.window
-        corner = (-window.grid.corner_j, -window.grid.corner_i)
-        return CODE[np.roll(window.cells, corner, axis=(0, 1))]
+        return CODE[self.map_now()]
 
 
 @pytest.fixture(scope="module")
 def company() -> Company:
-    """Four seconds of driving."""
     company = Company()
     company.planners[1].loss_rate = 0.02
     company.run(4.0)
@@ -126,13 +94,10 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
     ("planner", "modbus", "said"),
     [
         ([*URLS[:1], "udp://nowhere"], "", r"planner\.port: 'udp://nowhere': must be udp://host"),
-        (
-            URLS[0],
-            ["tcp://127.0.0.1:5020", "rtu:///dev/x"],
-            r"modbus\.port: .*no such kind",
-        ),
+        (URLS[0], ["tcp://127.0.0.1:5020", "rtu:///dev/x"], r"modbus\.port: .*no such kind"),
         ("serial:///dev/x?baud=115200&bytesize=7", "", r"planner\.port: bytesize must be 8 here"),
         (URLS[0], "serial:///dev/x?baud=19200&bytesize=7", r"modbus\.port: bytesize must be 8"),
+        (URLS[:1] * 2, "", r"planner\.port: each port may be given once"),
         ("serial:///dev/mti?baud=921600", "", r"planner\.port: .* is ahrs\.port already"),
         (
             "serial:///dev/plc?baud=19200",
@@ -141,17 +106,11 @@ def test_a_receiver_that_only_asks_gets_what_it_asks_for_and_nothing_else(compan
         ),
     ],
 )
-def test_a_line_that_cannot_work_is_refused_before_any_opens(
+def test_ports_that_cannot_work_are_refused(
     planner: str | list[str], modbus: str | list[str], said: str
 ) -> None:
-    config = with_changes(SETTINGS, planner={"port": planner}, modbus={"port": modbus})
     with pytest.raises(ConfigError, match=said):
-        open_ports(config)
-
-
-def test_the_same_port_twice_is_refused_in_words() -> None:
-    with pytest.raises(ConfigError, match=r"planner\.port: each port may be given once"):
-        with_changes(SETTINGS, planner={"port": URLS[:1] * 2})
+        open_ports(shipped(planner={"port": planner}, modbus={"port": modbus}))
 
 
 def test_the_stop_zone_speaks_of_a_request_only_as_long_as_that_holds() -> None:

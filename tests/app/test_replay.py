@@ -25,37 +25,24 @@ def replayed() -> tuple[LaserReplay, Outcome]:
 
 @pytest.fixture(scope="module")
 def first() -> tuple[LaserReplay, Outcome]:
-    """One run."""
     return replayed()
 
 
-def test_the_recorded_scans_are_mapped_and_the_warming_up_ones_are_not(
-    first: tuple[LaserReplay, Outcome],
-) -> None:
+def test_recorded_scans_are_mapped_but_for_warming_up(first: tuple[LaserReplay, Outcome]) -> None:
     replay, outcome = first
     assert isinstance(replay.app.devices.scanner, Lms111)
     assert outcome.counts.scans_added == 51  # of 58
     assert outcome.counts.scans_dropped == 0
     assert replay.app.devices.scanner.status.rejected == 0
     assert outcome.obstacle > 20
-
-
-def test_the_recorded_device_accepts_our_commands_but_for_those_it_was_never_asked(
-    first: tuple[LaserReplay, Outcome],
-) -> None:
-    unknown = {command.split(b" ")[1].decode() for command in first[0].recording.unknown}
-    assert unknown == {"LMPscancfg", "mLMPsetscancfg", "STlms", "LCMstate"}
-
-
-def test_replayed_data_can_never_drive_a_machine(first: tuple[LaserReplay, Outcome]) -> None:
-    pose = first[0].view.planner.pose
+    unknown = {command.split(b" ")[1].decode() for command in replay.recording.unknown}
+    assert unknown == {"LMPscancfg", "mLMPsetscancfg", "STlms", "LCMstate"}  # it was never asked
+    pose = replay.view.planner.pose
     assert pose is not None
-    assert pose.mode == 4
+    assert pose.mode == 4  # which can never drive a machine
 
 
-def test_two_replays_send_the_same_bytes_and_they_are_the_stored_ones(
-    first: tuple[LaserReplay, Outcome],
-) -> None:
+def test_two_replays_send_the_stored_bytes(first: tuple[LaserReplay, Outcome]) -> None:
     _, again = replayed()
     assert again.link_sha256 == first[1].link_sha256
     stored = json.loads(STORED.read_text(encoding="utf-8"))

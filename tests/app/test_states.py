@@ -6,24 +6,20 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from config_file import load_config, with_changes
 from core.saved.encoding import StateError
 from core.saved.state import state_of
 from fakes.scenes.scene import Scene, Solid
 from tests.support.cases import examples
-from tests.support.closed_loop import SHIPPED, ClosedLoop
+from tests.support.closed_loop import ClosedLoop
+from tests.support.shipped import FLOOR, shipped
 
-FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 BOX = Solid("box", (3.41, 4.19), (-0.79, 0.79), (0.0, 0.9))
 IN_THE_BOX_M = ((3.7, -0.5), (3.9, 0.1), (3.7, 0.5))
 INPUTS = ("scanner", "ahrs", "drive")
 STANDS_S = 1.2  # after the longest limit of an input, a ramp, and the controller's own watchdog
 NOT_FREE_S = 0.45 + 0.15 + 0.5  # after that limit, one of the link, and its repair
 VALID_S = 0.3
-CONFIG = with_changes(
-    load_config(SHIPPED.read_text(encoding="utf-8")),
-    robot={"enable_motors": True, "start_clear_m": 3.0},
-)
+CONFIG = shipped(robot={"enable_motors": True, "start_clear_m": 3.0})
 
 
 class AppLife(RuleBasedStateMachine):

@@ -7,9 +7,8 @@ from pathlib import Path
 from numba.core.dispatcher import Dispatcher
 
 from app import warm_kernels
-from config_file import load_config
 from tests import ROOT
-from tests.support.closed_loop import SHIPPED
+from tests.support.shipped import shipped
 
 OTHER = ("core.mapping.paper", "hw.modbus")  # another method; a server that is off as shipped
 
@@ -27,7 +26,7 @@ def called_from_python(path: Path) -> set[str]:
 
 
 def test_every_kernel_that_the_shipped_settings_can_come_to_is_warm() -> None:
-    warm_kernels(load_config(SHIPPED.read_text(encoding="utf-8")))
+    warm_kernels(shipped())
     cold, seen = [], 0
     for path in sorted([*ROOT.glob("core/**/*.py"), *ROOT.glob("hw/**/*.py")]):
         name = ".".join(path.relative_to(ROOT).with_suffix("").parts)

@@ -5,16 +5,7 @@ from typing import Any
 import pytest
 
 from fakes.wires.wire import MemoryPort
-from hw.device import (
-    NEVER_HEARD_S,
-    PIECE,
-    BadFrame,
-    Device,
-    DeviceStatus,
-    Intake,
-    NoPort,
-    Session,
-)
+from hw.device import NEVER_HEARD_S, PIECE, BadFrame, Device, DeviceStatus, Intake, NoPort, Session
 from hw.fingerprint import SEEMS
 from hw.runtime.wakeup import CALLS, WakeUp
 
@@ -33,8 +24,7 @@ class Answers(Device[tuple[float, bytes]]):
 
     def __init__(self, port: Any, name: str = "mti") -> None:
         self.sessions = 0
-        status = DeviceStatus(name)
-        super().__init__(status, port, Bytes, self._run)
+        super().__init__(DeviceStatus(name), port, Bytes, self._run)
 
     def _run(self) -> Session:
         self.sessions += 1
@@ -74,9 +64,7 @@ class MortalPort(MemoryPort):
         return super().poll(now_s)
 
 
-def test_what_is_heard_between_ticks_is_stamped_then_answered_then_and_delivered_at_the_tick() -> (
-    None
-):
+def test_what_is_heard_between_ticks_is_answered_then_and_delivered_later() -> None:
     port = MemoryPort()
     device = Answers(port)
     assert device.step(1.000) == []
@@ -114,7 +102,12 @@ def test_bytes_of_a_new_connection_are_left_for_the_tick_that_starts_its_session
     assert device.sessions == 3  # made with the device, and once for each connection
 
 
-# --- silence
+def heard_once(port: MemoryPort) -> Answers:
+    device = Answers(port)
+    device.step(1.0)
+    port.give(b"hello")
+    device.step(1.005)
+    return device
 
 
 def run(device: Answers, begin_s: float, seconds: float) -> list[tuple[str, str]]:
@@ -128,15 +121,11 @@ def run(device: Answers, begin_s: float, seconds: float) -> list[tuple[str, str]
 
 
 def test_a_device_that_fell_silent_gets_a_fresh_connection_and_one_line_says_so() -> None:
-    device = Answers(port := MortalPort())
-    device.step(1.0)
-    port.give(b"hello")
-    device.step(1.005)
+    device = heard_once(port := MortalPort())
     changes = run(device, 1.01, 2.6)
     assert port.reopened == ["nothing heard for 2.5 s"]
     assert changes == [("starting", "nothing heard for 2.5 s")]
-    assert device.sessions == 3
-    assert device.status.losses == 1
+    assert (device.sessions, device.status.losses) == (3, 1)
 
 
 def test_a_device_that_never_spoke_is_left_in_peace_for_ten_seconds_each_time() -> None:
@@ -145,12 +134,7 @@ def test_a_device_that_never_spoke_is_left_in_peace_for_ten_seconds_each_time() 
     assert len(port.reopened) == 4
     assert changes == [("starting", "waiting for the first answer")]  # one line in 41 s
 
-
-def test_a_connection_that_can_not_be_renewed_is_told_as_lost() -> None:
-    device = Answers(port := MortalPort())
-    device.step(1.0)
-    port.give(b"hello")
-    device.step(1.005)
+    device = heard_once(port := MortalPort())  # its connection can't be renewed: it is lost
     port.renews = False
     run(device, 1.01, 3.0)
     port.cause = "no answer from 192.168.0.1:2112"
@@ -166,9 +150,6 @@ def test_a_device_that_talks_keeps_its_connection_whatever_it_says() -> None:
             port.give(b"...")
         device.step(tick * 0.005)
     assert port.reopened == []
-
-
-# --- more than a device sends
 
 
 class Pieces:
@@ -195,9 +176,7 @@ FLOOD = 65_536  # bytes that one read may bring
     ],
     ids=["good", "events", "junk"],
 )
-def test_a_flood_is_parsed_over_many_steps_in_order_and_nothing_is_read_meanwhile(
-    data: bytes, per_step: int
-) -> None:
+def test_a_flood_is_parsed_over_many_steps_in_order(data: bytes, per_step: int) -> None:
     intake = Intake(Pieces, bytes_per_s=50_000.0)  # 10 kB in the 0.2 s of an ordinary delay
     parser, events, now_s = intake._parser, [], 1.0
     assert isinstance(parser, Pieces)
@@ -232,12 +211,7 @@ def test_while_bytes_wait_the_port_is_not_read_neither_in_a_step_nor_between_two
     assert device.status.rejected > 10
 
 
-# --- who else answers
-
-
-def test_another_device_on_the_port_is_named_once_and_forgotten_when_the_right_one_answers() -> (
-    None
-):
+def test_another_device_on_the_port_is_named_until_the_right_one_answers() -> None:
     device = Answers(port := MemoryPort())
     device.step(1.0)
     for tick in range(100):
@@ -265,11 +239,8 @@ def test_a_loop_back_plug_is_named() -> None:
     device = Asks(port := MemoryPort(), "lms111")
     for tick in range(50):
         device.step(tick * 0.005)
-        port.give(port.take().replace(b"R", b"R"))
+        port.give(port.take())
     assert device.status.cause.endswith("an echo of what mapod sends, as from a loop-back plug")
-
-
-# --- wake_up
 
 
 class Readable:

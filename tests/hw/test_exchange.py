@@ -86,9 +86,7 @@ def test_the_session_hears_each_tick_first_and_may_reply_or_begin_anew() -> None
     ("heard_at", "least_s", "ticks"),
     [([], 0.0, 2), ([1, 3], 0.0, 5), (range(99), 0.0, 8), ([], 1.5, 12)],
 )
-def test_quiet_is_waited_for_so_long_and_no_longer(
-    heard_at: Container[int], least_s: float, ticks: int
-) -> None:
+def test_quiet_is_waited_for(heard_at: Container[int], least_s: float, ticks: int) -> None:
     talk, passed = exchange(), 0
     line = Line(talk, talk.until_quiet(0.25, 1.0, least_s=least_s, out=b"stop"))
     while not line.done:

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.fingerprint import (
@@ -19,7 +19,6 @@ from hw.fingerprint import (
     maybe_protocol,
 )
 from tests import VECTORS
-from tests.support.cases import examples
 
 SSH, MT = b"SSH-2.0-OpenSSH_9.2p1 Debian-2\r\n", bytes.fromhex("FA FF 3E 00 C3")
 EXAMPLES = [
@@ -60,9 +59,8 @@ def test_a_protocol_is_known_by_a_few_of_its_bytes(key: str, data: bytes) -> Non
     assert NAMES[key]
 
 
-@pytest.mark.parametrize("data", NOTHING)
-def test_a_likeness_is_not_enough(data: bytes) -> None:
-    assert maybe_protocol(data) is None
+def test_a_likeness_is_not_enough() -> None:
+    assert [maybe_protocol(data) for data in NOTHING] == [None] * len(NOTHING)
 
 
 @pytest.mark.parametrize("name", ["geom", "pose", "map", "ack", "map_auth"])
@@ -76,12 +74,10 @@ def test_the_planner_link_is_known_in_both_forms(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "device"), RECORDINGS.items(), ids=RECORDINGS.keys())
-def test_a_recording_of_the_right_device_is_never_named_as_another_wherever_it_is_cut(
-    name: str, device: str
-) -> None:
+def test_the_right_device_is_never_named_as_another(name: str, device: str) -> None:
     data = (VECTORS / name).read_bytes()
     random, fingerprint = np.random.default_rng(1), Fingerprint(device)
-    for _ in range(150):
+    for _ in range(60):
         begin, size = int(random.integers(len(data))), int(random.integers(1, 2 * KEPT))
         found = maybe_protocol(data[begin : begin + size])
         assert found is None or found in OWN[device], (begin, size)
@@ -108,7 +104,6 @@ def test_random_bytes_are_nearly_never_believed() -> None:
 
 
 @given(st.binary(max_size=600))
-@settings(max_examples=examples(150), deadline=None)
 def test_no_bytes_make_it_raise(data: bytes) -> None:
     maybe_protocol(data)
     is_noise(data)

@@ -38,12 +38,6 @@ def test_no_bytes_from_a_device_raise_hang_or_fill_the_memory(codec: str, tmp_pa
 
 @pytest.mark.parametrize("codec", CODECS)
 def test_the_harness_itself_feeds_frames_junk_and_time(codec: str) -> None:
-    program = b"".join(
-        (
-            instruction(RAW, b"junk\x02\xfa\r"),
-            instruction(FRAMED, b"\x31"),
-            instruction(TIME, b"")[:1] + (500).to_bytes(2, "big"),
-            instruction(FRAMED, b"sAN SetAccessMode \x01"),
-        )
-    )
-    run_program(codec, program)
+    program = instruction(RAW, b"junk\x02\xfa\r") + instruction(FRAMED, b"\x31")
+    program += instruction(TIME, b"")[:1] + (500).to_bytes(2, "big")
+    run_program(codec, program + instruction(FRAMED, b"sAN SetAccessMode \x01"))

@@ -36,7 +36,6 @@ def frames(stream: bytes) -> list[tuple[int, bytes]]:
 
 
 def numbers(data: bytes, number_format: int) -> list[float]:
-    """All numbers of some data, by the words of section 3."""
     if number_format in (0, 3):
         size = 4 if number_format == 0 else 8
         return list(struct.unpack(f">{len(data) // size}{'fd'[size // 8]}", data))

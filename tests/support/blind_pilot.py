@@ -24,11 +24,9 @@ class BlindPilot(FakePlanner):
         self.gives_up = ""  # why it is "stopped" for ever
 
     def goal(self, x_m: float, y_m: float) -> None:
-        """Drive there."""
         self._goal, self._state = (x_m, y_m), PlannerState("driving")
 
     def state(self, now_s: float) -> PlannerState:
-        """What it does now."""
         return self._state
 
     def poll(self, now_s: float) -> list[bytes]:

@@ -64,7 +64,6 @@ class CellRig:
         self.x = self.y = self.t_s = 0.0
 
     def classifier_into(self, window: ObstacleWindow) -> CellClassifier:
-        """What decides these cells into a window."""
         return CellClassifier(self.cells, window, self.fresh, self.obstacle, self.period_s)
 
     def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
@@ -83,7 +82,6 @@ class CellRig:
         return self.elevation.add(sweep, self.ground, trust)
 
     def add(self, *points: Point, lens: Point = LENS) -> int:
-        """A scan of one return per beam."""
         return self.take(sweep_to(list(points), lens, self.t_s))
 
     def add_silent(self, *points: Point, lens: Point = LENS) -> int:
@@ -93,7 +91,6 @@ class CellRig:
         return self.take(Sweep(sweep.t_s, sweep.origins, sweep.rays, silent))
 
     def follow(self, x: float, y: float) -> None:
-        """Move both windows with the robot."""
         self.x, self.y = x, y
         self.cells.grid.follow(x, y)
         self.classifier.follow(x, y)

@@ -55,7 +55,6 @@ class House:
         self.process: subprocess.Popen[bytes] | None = None
 
     def serve_scanner(self) -> None:
-        """It is there from now on."""
         self._scanner_wire = TcpWire(self._scanner, port=self._scanner_port)
 
     def start(self) -> None:
@@ -80,7 +79,6 @@ class House:
         os.set_blocking(self.process.stderr.fileno(), False)
 
     def plug_in(self, name: str) -> None:
-        """The cable is in, or the adapter there, again."""
         if name == "scanner":
             assert self._scanner_wire is not None
             self._scanner_wire.unplugged = False
@@ -132,12 +130,10 @@ class House:
                 raise AssertionError(f"it did not come about; the log ends {self.log[-6:]}")
 
     def run(self, seconds: float) -> None:
-        """Let so much real time pass."""
         begun_s = time.monotonic()
         self.until(lambda: time.monotonic() - begun_s >= seconds)
 
     def all_run(self) -> bool:
-        """As the planner is told."""
         return self.health & 7 == 7
 
     def changes(self, device: str, since: int = 0) -> list[dict[str, Any]]:

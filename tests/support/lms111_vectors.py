@@ -24,5 +24,4 @@ def framed(head: str | bytes, values: bytes = b"") -> bytes:
 
 
 def texted(text: str | bytes) -> bytes:
-    """A telegram of CoLa-A."""
     return b"\x02" + (text.encode() if isinstance(text, str) else text) + b"\x03"

@@ -67,7 +67,6 @@ class Loop:
         return self.calls[-1]
 
     def step(self) -> None:
-        """Make the next call, at its time."""
         call = min(self.calls, key=lambda call: call.due_s)
         self.calls.remove(call)
         self.clock.now_s = max(self.clock.now_s, call.due_s)
@@ -216,13 +215,11 @@ class Line:
         os.write(self.master, data)
 
     def listen(self) -> bytes:
-        """All that was heard and not taken yet."""
         with contextlib.suppress(BlockingIOError):
             self.heard += os.read(self.master, 65536)
         return bytes(self.heard)
 
     async def ask(self, request: bytes, size: int) -> bytes:
-        """An answer of so many bytes."""
         self.send(request)
         await until(lambda: len(self.listen()) >= size)
         answer = bytes(self.heard[:size])
@@ -277,7 +274,6 @@ async def converse(kind: str, conversation: Talk) -> None:
 
 
 def read_request(first: int, count: int, unit: int = 1, number: int = 1, code: int = 3) -> bytes:
-    """A read of registers over TCP or UDP."""
     pdu = struct.pack(">BHH", code, first, count)
     return mbap(pdu, unit, number)
 
@@ -314,12 +310,10 @@ def words(
 
 
 def words_from(data: bytes) -> list[int]:
-    """Registers as they are on the wire."""
     return [int.from_bytes(data[k : k + 2], "big") for k in range(0, len(data), 2)]
 
 
 def rows_of(registers: list[int], edge: int) -> list[list[int]]:
-    """Rows of cell codes."""
     stride = stride_of(edge)
     rows = [registers[row * stride : (row + 1) * stride] for row in range(edge)]
     return [[row[c // 8] >> 2 * (c % 8) & 3 for c in range(edge)] for row in rows]

@@ -13,7 +13,6 @@ ROWS = [
 
 
 def wire(name: str, which: int = 0) -> bytes:
-    """A frame of the sheet by name."""
     return [bytes.fromhex(row[2]) for row in ROWS if row[1] == name][which]
 
 

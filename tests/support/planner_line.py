@@ -54,7 +54,6 @@ class Sky:
         self._changed += np.flatnonzero(where).tolist()
 
     def move(self, di: int, dj: int) -> None:
-        """The window moves: what enters is unknown."""
         old_i, old_j = self.corner
         self.corner = (old_i + di, old_j + dj)
         for i in range(self.corner[0], self.corner[0] + self.size):

@@ -20,11 +20,9 @@ class StillWheels:
     power: tuple[float, float] = (0.0, 0.0)
 
     def counts(self) -> tuple[float, float]:
-        """Encoder counts."""
         return 0.0, 0.0
 
     def set_power(self, one: float, two: float) -> None:
-        """Remember it."""
         self.power = (one, two)
 
 

@@ -21,7 +21,6 @@ def until(done: Callable[[], object]) -> None:
 
 
 def opened(port: Port, now_s: float = START_S) -> Port:
-    """The port, once it is open."""
     until(lambda: port.poll(now_s))
     return port
 

@@ -168,7 +168,6 @@ class Bench:
         return scans
 
     def run_until_asked(self, name: str) -> None:
-        """Up to the tick in which it is asked that."""
         for _ in range(4000):
             self.run(TICK_S)
             if name in self.fake.asked:
@@ -193,7 +192,6 @@ class Bench:
 
 
 def willing(**changes: object) -> Bench:
-    """A device that measures as wanted."""
     bench = Bench(**changes)
     bench.fake.settings = dict(WANTED)
     return bench

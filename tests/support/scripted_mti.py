@@ -32,7 +32,6 @@ NEW_CONVERSATION = [
 
 
 def rotation(axis: int, angle_rad: float) -> F64:
-    """About x, y or z, right-handed."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     R = np.eye(3)
     i, j = ((1, 2), (2, 0), (0, 1))[axis]
@@ -58,7 +57,6 @@ class Scripted(FakeMti):
         self.heard: list[bytes] = []
 
     def settings_heard(self) -> list[bytes]:
-        """The requests that wrote to its memory."""
         return [request for request in self.heard if len(request) > 5]
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
@@ -100,7 +98,6 @@ class Bench:
         return measured
 
     def run_until(self, state: str, at_most_s: float) -> bool:
-        """Let time pass until the device is in that state."""
         until_s = self.now_s + at_most_s
         while self.state() != state and self.now_s < until_s:
             self.run(TICK_S)

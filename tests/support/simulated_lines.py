@@ -6,6 +6,8 @@ a clock of its own, which goes on from one conversation to the next.
 
 from collections.abc import Callable
 
+import pytest
+
 from fakes.wires.pty import heard_at
 from fakes.wires.wire import Fake, MemoryPort, Wire
 from hw.ports.url import parse_url
@@ -56,13 +58,14 @@ class SimulatedLines:
 
     def serial(self, fake: Fake) -> str:
         """The path of a serial port with that device."""
-        path = f"/dev/ttySIM{len(self._fakes)}"
-        self._fakes[path] = fake
-        return path
+        return self._place(fake, f"/dev/ttySIM{len(self._fakes)}")
 
     def tcp(self, fake: Fake) -> str:
         """HOST:PORT of a device on the network."""
-        place = f"{HOST}:{2111 + len(self._fakes)}"
+        return self._place(fake, f"{HOST}:{2111 + len(self._fakes)}")
+
+    def _place(self, fake: Fake, new: str) -> str:
+        place = next((place for place, known in self._fakes.items() if known is fake), new)
         self._fakes[place] = fake
         return place
 
@@ -82,3 +85,27 @@ class SimulatedLines:
         while not done():
             assert line.now_s() < until_s
             line.wait()
+
+
+class Said:
+    """What a command prints about a fake, on either stream."""
+
+    def __init__(
+        self,
+        capsys: pytest.CaptureFixture[str],
+        lines: SimulatedLines,
+        main: Callable[[list[str]], int],
+        serial: str = "",
+    ) -> None:
+        """`serial`: settings of the fake's serial line; "" where it is on the network."""
+        self._capsys, self._lines, self._main, self._serial = capsys, lines, main, serial
+
+    def __call__(self, fake: Fake, *what: str, status: int = 0) -> str:
+        if self._serial:
+            url = f"serial://{self._lines.serial(fake)}?{self._serial}"
+        else:
+            url = f"tcp://{self._lines.tcp(fake)}"
+        got = self._main([*what, "--port", url])
+        printed = self._capsys.readouterr()
+        assert got == status, printed
+        return printed.out + printed.err

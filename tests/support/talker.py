@@ -17,7 +17,6 @@ def until(done: Callable[[], object], step: Callable[[], None]) -> None:
 
 
 def has_grown(count: Callable[[], int], before: int) -> bool:
-    """Whether it is one more than before."""
     return count() == before + 1
 
 

@@ -2,12 +2,13 @@
 
 import pytest
 
+from tests import Patch
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import conversation
 
 
 @pytest.fixture
-def lines(monkeypatch: pytest.MonkeyPatch) -> SimulatedLines:
+def lines(monkeypatch: Patch) -> SimulatedLines:
     """The lines of this machine, on which tools find fakes instead of devices."""
     simulated = SimulatedLines()
     monkeypatch.setattr(conversation, "LINE", simulated)

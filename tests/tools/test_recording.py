@@ -7,7 +7,7 @@ import pytest
 
 from app import App, Ports
 from config_file import load_config
-from tests import ROOT
+from tests import ROOT, Capsys, Patch
 from tools import laser_replay
 from tools.cli import replay as tool
 from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
@@ -40,7 +40,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
     loop.run(0.3)
     loop.hang(0.15)
     loop.wires["scanner"].cut = False
-    loop.run(1.0)
+    loop.run(0.8)
     loop.recorder.close()
     assert loop.recorder.trouble == ""
     return loop, path
@@ -56,7 +56,7 @@ def played(path: Path) -> RecordingReplay:
 
 def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> None:
     loop, path = run
-    replay = played(path)
+    replay, other = played(path), played(path)
     assert loop.app.mapper.counts.scans_added > 20
     assert replay.app.mapper.counts == loop.app.mapper.counts
     np.testing.assert_array_equal(
@@ -64,21 +64,15 @@ def test_a_replay_gives_the_map_of_the_run(run: tuple[RecordedLoop, Path]) -> No
     )
     assert replay.app.devices.scanner.status.losses == loop.app.devices.scanner.status.losses == 1
     assert replay.now_s == loop.now_s
-
-
-def test_a_planner_hears_of_a_replay_and_two_replays_say_the_same(
-    run: tuple[RecordedLoop, Path],
-) -> None:
-    one, other = played(run[1]), played(run[1])
-    pose, geom = one.view.planner.pose, one.view.planner.geom
+    pose, geom = replay.view.planner.pose, replay.view.planner.geom
     assert pose is not None
     assert geom is not None
     assert (pose.mode, geom.session) == (4, SESSION)
-    assert one.view.outcome(one.app) == other.view.outcome(other.app)
+    assert replay.view.outcome(replay.app) == other.view.outcome(other.app)
 
 
-def test_a_recording_that_was_broken_off_is_played_to_its_last_whole_record(
-    run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_recording_that_was_broken_off_is_played(
+    run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: Capsys
 ) -> None:
     data = run[1].read_bytes()
     (tmp_path / "half.rec").write_bytes(data[: len(data) // 2 + 1])
@@ -96,7 +90,7 @@ def test_a_recording_that_was_broken_off_is_played_to_its_last_whole_record(
 )
 def test_what_is_no_recording_is_refused_in_words(
     damage: object, words: str, run: tuple[RecordedLoop, Path], tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capsys,
 ) -> None:  # fmt: skip
     assert callable(damage)
     (tmp_path / "bad.rec").write_bytes(damage(run[1].read_bytes()))
@@ -125,28 +119,17 @@ def test_a_recording_without_scans_says_why_none_was_mapped(tmp_path: Path) -> N
     assert why_nothing_was_mapped(replay) == "the recording holds no byte of the scanner"
 
 
-# A scanner's bytes alone
-
-
-def test_bytes_that_are_no_scans_are_told_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_bytes_that_no_session_takes_are_told_so(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
 ) -> None:
     (tmp_path / "junk_d2h.bin").write_bytes(bytes(1000))
     assert tool.main([str(tmp_path / "junk_d2h.bin")]) == 1
     assert "no scan was mapped: the file holds no scan" in capsys.readouterr().err
-
-
-def test_scans_that_no_session_takes_are_told_with_the_device_s_own_cause(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
     monkeypatch.setattr(laser_replay, "LONGEST_START_S", 5.0)
     data = tool.SHIPPED_RECORDING.read_bytes()
     first = data.index(b"sSN LMDscandata") - 8  # all answers of the start-up are lost
     (tmp_path / "late_d2h.bin").write_bytes(data[first : first + 20_000])
     assert tool.main([str(tmp_path / "late_d2h.bin")]) == 1
     assert "no scan was mapped: the scanner is starting: " in capsys.readouterr().err
-
-
-def test_a_file_that_is_not_there_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
     assert tool.main(["no/such.rec"]) == 2
     assert "no/such.rec" in capsys.readouterr().err

@@ -35,14 +35,12 @@ class ScriptedPort(ReopeningPort):
 @pytest.mark.parametrize(
     ("number", "longest_s"),
     [
-        *((cheap, CHEAP_LAST_S) for cheap in (errno.ECONNREFUSED, errno.EHOSTUNREACH)),
-        *((cheap, CHEAP_LAST_S) for cheap in (errno.ENETUNREACH, errno.ENETDOWN)),
-        *((dear, RETRY_LAST_S) for dear in (errno.EBUSY, errno.EACCES, errno.EMFILE)),
+        (errno.ECONNREFUSED, CHEAP_LAST_S),
+        (errno.ENETDOWN, CHEAP_LAST_S),
+        (errno.EBUSY, RETRY_LAST_S),
     ],
 )
-def test_what_costs_nobody_anything_is_tried_often_all_else_ever_less(
-    number: int, longest_s: float
-) -> None:
+def test_only_what_costs_nothing_is_tried_often(number: int, longest_s: float) -> None:
     port = ScriptedPort(OSError(number, os.strerror(number)))
     for tick in range(12_000):  # a minute
         port.poll(START_S + tick * TICK_S)

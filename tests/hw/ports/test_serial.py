@@ -12,11 +12,12 @@ from typing import Any
 
 import pytest
 
-from hw.device import Port, Reopens
+from hw.device import Port
 from hw.ports import serial
 from hw.ports.reopening import BACKLOG, RETRY_FIRST_S
 from hw.ports.serial import SerialPort
 from hw.ports.wires import open_port
+from tests import Patch
 from tests.support.real_wires import START_S, is_lost, opened, pty_at, read_all, until
 
 TICK_S = 0.005
@@ -24,7 +25,6 @@ TICK_S = 0.005
 
 @pytest.fixture
 def pty() -> Iterator[tuple[int, str]]:
-    """The device's end and the path of the host's."""
     with pty_at() as ends:
         yield ends
 
@@ -48,9 +48,7 @@ def is_told(port: Port, wait_s: float = 0.0) -> bool:
     return bool(select.select([port.fileno()], [], [], wait_s)[0])
 
 
-def test_a_pty_carries_all_bytes_both_ways_and_tells_of_arrivals_until_they_are_read(
-    pty: tuple[int, str],
-) -> None:
+def test_a_pty_carries_all_bytes_both_ways(pty: tuple[int, str]) -> None:
     master, path = pty
     with port_at(path) as port:
         assert port.fileno() == -1
@@ -85,9 +83,7 @@ def test_what_arrives_in_pieces_is_read_whole(pty: tuple[int, str]) -> None:
         assert got == sent
 
 
-def test_a_pty_asked_for_seven_bits_and_parity_opens_again_and_again_also_through_a_link(
-    tmp_path: Path,
-) -> None:
+def test_seven_bits_and_parity_open_again_also_by_a_link(tmp_path: Path) -> None:
     with pty_at(str(tmp_path / "ax3500")) as (_, path):
         for _ in range(3):
             with port_at(path, "baud=9600&parity=E&bytesize=7") as port:
@@ -95,7 +91,7 @@ def test_a_pty_asked_for_seven_bits_and_parity_opens_again_and_again_also_throug
 
 
 def test_the_last_bytes_leave_before_the_line_is_closed() -> None:
-    for _ in range(50):
+    for _ in range(10):
         with pty_at() as (master, path):
             with port_at(path) as port:
                 opened(port)
@@ -103,9 +99,7 @@ def test_the_last_bytes_leave_before_the_line_is_closed() -> None:
             assert os.read(master, 100) == b"!A00\r!B00\r"
 
 
-def test_closing_waits_for_a_reader_that_comes_but_not_for_ever(
-    pty: tuple[int, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_closing_waits_for_a_reader_not_for_ever(pty: tuple[int, str], monkeypatch: Patch) -> None:
     master, path = pty
     sent = os.urandom(30_000)
     with port_at(path) as port:
@@ -155,9 +149,7 @@ def test_a_line_that_hangs_up_is_lost_with_a_cause_and_tells_no_more(pty: tuple[
         assert (port.cause, port.fileno()) == (f"{path} is gone", -1)
 
 
-def test_a_file_that_is_no_line_and_a_line_in_use_are_named(
-    pty: tuple[int, str], tmp_path: Path
-) -> None:
+def test_no_line_and_a_line_in_use_are_named(pty: tuple[int, str], tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.touch()
     with port_at(str(path)) as port:
@@ -179,16 +171,12 @@ def open_after(port: Port, now_s: float) -> float:
     return now_s - began_s
 
 
-def test_an_unplugged_device_is_open_again_soon_after_it_is_back_however_long_it_was_gone(
-    tmp_path: Path,
-) -> None:
+def test_an_unplugged_device_is_open_soon_after_it_is_back(tmp_path: Path) -> None:
     now_s, path = START_S, str(tmp_path / "mti")
     with port_at(path) as port:
-        for gone_s in (0.1, 5.0, 60.0):
+        for gone_s in (0.1, 20.0):
             assert not port.poll(now_s)
             assert port.cause in (f"no such device {path}", f"{path} is gone")
-            port_is_there = isinstance(port, Reopens)
-            assert port_is_there
             port.reopen("not open: nothing changes")
             with pty_at(path) as (device, _):
                 waited_s = open_after(port, now_s)
@@ -202,16 +190,14 @@ def test_an_unplugged_device_is_open_again_soon_after_it_is_back_however_long_it
                 assert not port.poll(now_s)
 
 
-def test_a_line_that_was_refused_is_opened_soon_after_its_rights_have_changed(
-    tmp_path: Path,
-) -> None:
+def test_a_refused_line_is_opened_once_its_rights_change(tmp_path: Path) -> None:
     path, target = str(tmp_path / "mti"), tmp_path / "file"
     target.touch()
     os.symlink(target, path)
     now_s = START_S
     with port_at(path) as port:
         assert not settled(port)
-        for _ in range(6000):  # 30 s; what is there is no serial line
+        for _ in range(2000):  # 10 s; what is there is no serial line
             now_s += TICK_S
             assert not port.poll(now_s)
         os.unlink(path)
@@ -219,9 +205,7 @@ def test_a_line_that_was_refused_is_opened_soon_after_its_rights_have_changed(
             assert open_after(port, now_s) <= 0.5
 
 
-def test_an_absent_path_is_opened_by_nobody_and_looked_at_five_times_a_second(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_absent_path_is_looked_at_now_and_then(tmp_path: Path, monkeypatch: Patch) -> None:
     looked: list[object] = []
     with port_at(str(tmp_path / "mti")) as port:
         path_now = port._path_now
@@ -231,10 +215,10 @@ def test_an_absent_path_is_opened_by_nobody_and_looked_at_five_times_a_second(
             return path_now()
 
         monkeypatch.setattr(port, "_path_now", count_look)
-        for tick in range(12_000):  # a minute
+        for tick in range(4_000):  # 20 s
             assert not port.poll(START_S + tick * TICK_S)
             assert port._opening is None
-        assert len(looked) <= 60 / RETRY_FIRST_S + 16  # pauses of 0.2, 0.4, .. 5 s
+        assert len(looked) <= 20 / RETRY_FIRST_S + 16  # pauses of 0.2, 0.4, .. 5 s
 
 
 class SlowLine:
@@ -261,7 +245,7 @@ class SlowLine:
 
 
 @pytest.fixture
-def slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[SlowLine, str]]:
+def slow(tmp_path: Path, monkeypatch: Patch) -> Iterator[tuple[SlowLine, str]]:
     (tmp_path / "ttyUSB0").touch()
     near, far = os.pipe()
     line = SlowLine(near)
@@ -291,9 +275,7 @@ def test_no_tick_waits_while_a_line_opens_or_closes(slow: tuple[SlowLine, str]) 
         assert port.opened == 2
 
 
-def test_a_line_that_opens_after_its_port_was_closed_is_closed_too(
-    slow: tuple[SlowLine, str],
-) -> None:
+def test_a_line_that_opens_too_late_is_closed(slow: tuple[SlowLine, str]) -> None:
     line, path = slow
     with port_at(path) as port:
         assert not port.poll(START_S)
@@ -302,9 +284,7 @@ def test_a_line_that_opens_after_its_port_was_closed_is_closed_too(
     assert line.closed.wait(30)
 
 
-def test_what_fails_in_the_thread_is_told_where_it_is_polled(
-    slow: tuple[SlowLine, str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_fails_in_the_thread_is_told(slow: tuple[SlowLine, str], monkeypatch: Patch) -> None:
     def fails(error: Exception) -> Callable[..., object]:
         def fail(*_given: Any, **_settings: Any) -> object:
             raise error

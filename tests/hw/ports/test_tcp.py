@@ -27,7 +27,6 @@ def listener() -> Iterator[socket.socket]:
 
 @pytest.fixture
 def port(listener: socket.socket) -> Iterator[Port]:
-    """A port to that listener, not open yet."""
     with contextlib.closing(open_port(f"tcp://{where(listener)}")) as port:
         yield port
 
@@ -37,7 +36,6 @@ def where(listener: socket.socket) -> str:
 
 
 def connected(listener: socket.socket, port: Port, now_s: float = START_S) -> socket.socket:
-    """The device's end of a new connection."""
     opened(port, now_s)
     device = listener.accept()[0]
     device.settimeout(30)
@@ -57,9 +55,7 @@ def deaf_host() -> Iterator[tuple[str, socket.socket, list[socket.socket]]]:
         yield where(full), full, waiting
 
 
-def test_a_tcp_port_opens_writes_and_reads_without_blocking(
-    listener: socket.socket, port: Port
-) -> None:
+def test_a_port_opens_writes_and_reads(listener: socket.socket, port: Port) -> None:
     assert (port.opened, port.cause, port.datagrams) == (0, "not opened yet", False)
     port.write(b"too early: dropped")
     with connected(listener, port) as device:
@@ -118,9 +114,7 @@ def test_a_host_that_drops_packets_is_asked_each_connect_time_and_found_at_once(
         opened(port, now_s + TICK_S)
 
 
-def test_a_lost_connection_is_named_and_opened_again_after_the_pause(
-    listener: socket.socket, port: Port
-) -> None:
+def test_a_lost_connection_is_opened_again(listener: socket.socket, port: Port) -> None:
     with connected(listener, port) as device:
         device.sendall(b"last words")
     assert read_all(port, 10) == b"last words"
@@ -151,9 +145,7 @@ def test_pauses_grow_unless_connections_bring_bytes(
     opened(port, now_s)
 
 
-def test_a_peer_that_takes_no_bytes_is_dropped_and_nothing_waits(
-    listener: socket.socket, port: Port
-) -> None:
+def test_a_peer_that_takes_no_bytes_is_dropped(listener: socket.socket, port: Port) -> None:
     with connected(listener, port):
         while port.poll(START_S):
             port.write(bytes(4096))
@@ -162,9 +154,7 @@ def test_a_peer_that_takes_no_bytes_is_dropped_and_nothing_waits(
         assert port.backlog == 0
 
 
-def test_what_the_wire_did_not_take_at_once_follows_in_order(
-    listener: socket.socket, port: Port
-) -> None:
+def test_what_waits_follows_and_one_read_is_bounded(listener: socket.socket, port: Port) -> None:
     with connected(listener, port) as device:
         sent = bytearray()
         while not port.backlog:
@@ -177,10 +167,6 @@ def test_what_the_wire_did_not_take_at_once_follows_in_order(
             assert port.poll(START_S)
         assert received == sent
         assert port.backlog == 0
-
-
-def test_one_read_is_bounded(listener: socket.socket, port: Port) -> None:
-    with connected(listener, port) as device:
         device.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             while device.send(bytes(100_000)):
@@ -188,9 +174,7 @@ def test_one_read_is_bounded(listener: socket.socket, port: Port) -> None:
         assert 0 < sum(map(len, port.read())) <= READ_SIZE
 
 
-def test_a_port_that_is_told_to_reopen_does_so_after_the_shortest_pause_each_time(
-    listener: socket.socket, port: Port
-) -> None:
+def test_a_port_reopens_after_the_shortest_pause(listener: socket.socket, port: Port) -> None:
     assert isinstance(port, Reopens)
     assert port.silence_s == SILENCE_S
     now_s = START_S
@@ -204,9 +188,7 @@ def test_a_port_that_is_told_to_reopen_does_so_after_the_shortest_pause_each_tim
         now_s += RETRY_FIRST_S + 1e-6
 
 
-def test_a_host_without_an_address_is_an_error_before_the_loop_and_a_number_is_not_looked_up() -> (
-    None
-):
+def test_a_host_without_an_address_is_an_error() -> None:
     with pytest.raises(PortUrlError, match="has no known address"):
         open_port(f"tcp://{'x' * 70}.invalid:1")
     with contextlib.closing(open_port("udp://[::1]:9750")) as port:

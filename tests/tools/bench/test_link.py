@@ -10,21 +10,18 @@ from core.records import FREE, OBSTACLE, UNKNOWN, ObstacleMap
 from mapod_link import bodies
 from mapod_link.frames import MAP, bytes_from_frame, frame_from_bytes
 from mapod_link.serial_line import serial_from_frame
+from tests.support.cases import few
 from tools.bench.drive import Playback, drive
 from tools.bench.link import row
 from tools.bench.link_meter import Meter, View
 from tools.bench.link_run import LOSS, Case, Lane, LinePort, Run, measure
 
-SHORT_S = 5.0
+SHORT_S = 3.0
 FRAME = bytes_from_frame(MAP, 1, 1000, bytes(10) + b"\x01")
 
 
-# The drive
-
-
 def test_playing_slowly_tells_the_same_windows_as_playing_fast() -> None:
-    """What is listed, and nothing else but cells that came in unknown, has changed."""
-    fast, slow = (Playback(drive(201, SHORT_S)) for _ in range(2))
+    fast, slow = (Playback(drive(101, SHORT_S)) for _ in range(2))
     told: dict[tuple[int, int], int] = {}
     for tick in range(round(SHORT_S * 10)):
         for part in range(4, -1, -1):
@@ -34,7 +31,7 @@ def test_playing_slowly_tells_the_same_windows_as_playing_fast() -> None:
         np.testing.assert_array_equal(merged.cells, window.cells)
         assert (merged.corner_i, merged.corner_j) == (window.corner_i, window.corner_j)
     there = states(merged, np.flatnonzero(merged.cells))
-    assert len(there) > 300
+    assert len(there) > 200
     assert {cell: told.get(cell) for cell in there} == there
     all_told = states(merged, np.arange(merged.cells.size)).keys() & told.keys()
     assert {cell for cell in all_told if told[cell] != UNKNOWN} == there.keys()
@@ -49,10 +46,7 @@ def states(window: ObstacleMap, at: npt.NDArray[np.integer]) -> dict[tuple[int, 
     )
 
 
-# The line
-
-
-def test_a_serial_line_takes_ten_bits_a_byte_and_one_frame_after_the_other() -> None:
+def test_a_serial_line_takes_ten_bits_a_byte_and_datagrams_have_only_their_delay() -> None:
     lane = Lane(115_200, 0.010, 0.0, 1)
     data = serial_from_frame(FRAME)
     lane.send(5.0, data + data)
@@ -65,24 +59,10 @@ def test_a_serial_line_takes_ten_bits_a_byte_and_one_frame_after_the_other() -> 
     lane.send(7.0, data)
     assert lane.waiting_s(7.0) == pytest.approx(len(data) * byte_s)
     assert lane.bytes_sent == 4 * len(data)
-
-
-def test_a_datagram_line_has_only_its_delay() -> None:
     lane = Lane(None, 0.010, 0.0, 1)
     lane.send(5.0, FRAME)
     lane.send(5.0, FRAME)
     assert [(a.at_s, a.frame) for a in lane.arrivals(5.02)] == [(5.010, FRAME)] * 2
-
-
-def test_so_many_frames_get_lost_as_said_and_the_same_ones_each_time() -> None:
-    def fates(seed: int) -> list[bool]:
-        lane = Lane(None, 0.0, 0.1, seed)
-        for _ in range(2000):
-            lane.send(0.0, FRAME)
-        return [arrival.is_lost for arrival in lane.arrivals(0.0)]
-
-    assert fates(1) == fates(1) != fates(2)
-    assert 150 < sum(fates(1)) < 250
 
 
 def test_the_ports_backlog_is_what_its_buffer_cannot_take() -> None:
@@ -97,14 +77,6 @@ def test_the_ports_backlog_is_what_its_buffer_cannot_take() -> None:
     port.now_s += 1.0
     assert port.read() == [data]
     assert port.read() == []
-
-
-# The meter
-
-
-def _map(seq: int, t_ms: int, start: int, ops: bytes) -> bytes:
-    head = bodies.MAP_HEAD.pack(0, 0, 0, 7, start.to_bytes(3, "little"))
-    return bytes_from_frame(MAP, seq, t_ms, head + ops)
 
 
 class Scripted:
@@ -128,7 +100,8 @@ class Scripted:
         self.meter.mean(now_s, ObstacleMap(self.world, 0, 0, changed, 0, True))
 
     def send(self, at_s: float, tick_s: float, start: int, ops: bytes, arrives: bool) -> None:
-        frame = frame_from_bytes(_map(1, round(1000 * tick_s), start, ops))
+        head = bodies.MAP_HEAD.pack(0, 0, 0, 7, start.to_bytes(3, "little"))
+        frame = frame_from_bytes(bytes_from_frame(MAP, 1, round(1000 * tick_s), head + ops))
         assert not isinstance(frame, str)
         if arrives:
             self.meter.take(at_s, tick_s, frame, self.view)
@@ -147,17 +120,14 @@ def test_a_new_obstacle_is_timed_from_its_tick_to_the_frame_that_tells_it() -> N
     got = rig.meter.readings
     assert np.concatenate(got.told_s) == pytest.approx([0.0, 0.04])
     assert np.concatenate(got.held_s) == pytest.approx([0.03, 0.07])
-
-
-def test_an_obstacle_that_is_gone_before_it_was_told_is_not_waited_for() -> None:
-    rig = Scripted()
+    rig = Scripted()  # one that is gone before it was told counts apart
     rig.mean(1.00, [7], OBSTACLE)
     rig.mean(1.04, [7], FREE)
     rig.send(1.07, 1.04, 7, b"\x40", arrives=True)
     assert np.concatenate(rig.meter.readings.told_s).size == 0
 
 
-def test_a_cell_that_a_loss_has_hit_is_timed_until_it_is_right() -> None:
+def test_a_cell_that_a_loss_has_hit_and_suspect_time_are_timed() -> None:
     rig = Scripted()
     rig.mean(1.00, [7, 8], FREE)
     rig.cells.ravel()[8] = bodies.FREE
@@ -166,9 +136,6 @@ def test_a_cell_that_a_loss_has_hit_is_timed_until_it_is_right() -> None:
     rig.cells.ravel()[7] = bodies.FREE
     rig.send(1.15, 1.12, 7, b"\x40", arrives=True)
     assert np.concatenate(rig.meter.readings.recovered_s) == pytest.approx([0.12])
-
-
-def test_suspect_time_is_counted_from_frame_to_frame() -> None:
     rig = Scripted()
     for at_s, is_suspect in ((1.0, False), (1.1, True), (1.2, True), (1.4, False), (1.6, True)):
         rig.is_suspect = is_suspect
@@ -194,20 +161,16 @@ def test_the_meter_sees_a_receiver_that_hides_its_doubt() -> None:
     assert run.meter.readings.unsafe > 0
 
 
-# What is asked of the link
-
-
 @pytest.mark.parametrize(
     "case",
     [
-        Case(115_200, 25, "tick", seconds=SHORT_S),
         Case(115_200, 25, "tick", 101, drives=False, seconds=SHORT_S),
         pytest.param(Case(115_200, 25, "tick", seed=2), marks=pytest.mark.slow),
         pytest.param(Case(115_200, 25, "10 Hz", seed=2), marks=pytest.mark.slow),
     ],
     ids=lambda case: f"{case.ack} {case.seconds:g} s {case.drives}",
 )
-def test_the_line_to_judge_by_tells_soon_mends_soon_and_is_never_overrun(case: Case) -> None:
+def test_the_line_to_judge_by_tells_soon_and_mends_soon(case: Case) -> None:
     """115 200 baud, 25 Hz, 1 % of the frames lost."""
     got = measure(case)
     assert got.new_obstacles > 40 * case.seconds
@@ -217,29 +180,26 @@ def test_the_line_to_judge_by_tells_soon_mends_soon_and_is_never_overrun(case: C
     assert got.worst_wait_ticks <= 1.0
     assert got.bytes_per_s <= 0.85 * 11_520
     assert got.unsafe == 0
+    assert row(case, got).split()[:6] == ["115.2", "k", "25", "Hz", str(case.size), case.ack[:4]]
 
 
 @pytest.mark.parametrize(
     "case",
-    [
-        Case(115_200, 50, "none", 101, drives=False, loss=0.1),
-        Case(115_200, 25, "10 Hz", 201, drives=False, loss=0.05),
-        Case(921_600, 50, "tick", 201, drives=False, loss=0.2),
-        Case(None, 50, "tick", 101, drives=False, loss=0.3),
-        Case(115_200, 50, "tick", 101, drives=False),
-        pytest.param(Case(115_200, 10, "tick", 401, drives=False), marks=pytest.mark.slow),
-    ],
+    few(
+        [
+            Case(115_200, 50, "none", 101, drives=False, loss=0.1),
+            Case(None, 50, "tick", 101, drives=False, loss=0.3),
+            Case(115_200, 50, "tick", 101, drives=False),
+            Case(921_600, 50, "tick", 201, drives=False, loss=0.2),
+            Case(115_200, 25, "10 Hz", 201, drives=False, loss=0.05),
+            Case(115_200, 10, "tick", 401, drives=False),
+        ],
+        3,
+    ),
     ids=lambda case: f"{case.line} {case.size} {case.ack} {case.loss}",
 )
-def test_whoever_is_sure_holds_no_free_that_was_told_an_obstacle_and_no_line_waits(
-    case: Case,
-) -> None:
+def test_whoever_is_sure_holds_no_wrong_free(case: Case) -> None:
     got = measure(dataclasses.replace(case, seconds=SHORT_S))
     assert got.unsafe == 0
     if case.loss == LOSS:
         assert got.worst_wait_ticks <= 1.0
-
-
-def test_a_row_says_what_is_measured() -> None:
-    case = Case(None, 25, "tick", 101, drives=False, seconds=2.0)
-    assert row(case, measure(case)).split()[:5] == ["UDP", "25", "Hz", "101", "tick"]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests import ROOT
+from tests import ROOT, Capsys
 from tools.cli import options, run
 from tools.cli.command import COMMANDS, help_text, main
 
@@ -18,9 +18,7 @@ def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_ends_with_an_example_that_the_command_takes(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_ends_with_an_example(name: str, capsys: Capsys) -> None:
     with pytest.raises(SystemExit, match="0"):
         main([name, "--help"])
     told = capsys.readouterr().out
@@ -53,9 +51,7 @@ def test_help_ends_with_an_example_that_the_command_takes(
     ],
     ids=" ".join,
 )
-def test_wrong_use_ends_with_status_2_and_one_line(
-    words: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_use_is_told_in_one_line(words: list[str], capsys: Capsys) -> None:
     try:
         status = main(words)
     except SystemExit as end:
@@ -66,7 +62,7 @@ def test_wrong_use_ends_with_status_2_and_one_line(
     assert told.out == ""
 
 
-def test_settings_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_settings_are_written_once(tmp_path: Path, capsys: Capsys) -> None:
     path = tmp_path / "mine.toml"
     assert main(["init", "--out", str(path)]) == 0
     assert path.read_bytes() == options.SHIPPED_CONFIG.read_bytes()
@@ -78,7 +74,7 @@ def test_settings_are_written_once(tmp_path: Path, capsys: pytest.CaptureFixture
     assert run.HEADER.is_file()
 
 
-def test_check_and_version_are_those_of_the_app(capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_and_version_are_those_of_the_app(capsys: Capsys) -> None:
     assert main(["check", "--config", str(options.SHIPPED_CONFIG)]) == 0
     checked = capsys.readouterr().out
     for told in ("centre beam meets the ground", "8.45 m ahead", "101 x 101 cells", "bytes/s"):

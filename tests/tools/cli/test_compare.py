@@ -12,6 +12,7 @@ from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.wires.wire import Fake, TcpWire
+from tests import Capsys
 from tests.support.real_time import StillWheels, level_sensor, served
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import compare, scanner
@@ -22,7 +23,6 @@ FORM = "&parity=E&bytesize=7"
 
 
 def a_scanner(model: str = "LMS111") -> FakeLms111:
-    """A scanner in a round room, which measures."""
     fake = FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1, model)
     fake.measures_at_power_up = True
     return fake
@@ -67,7 +67,6 @@ def timeless(found: list[Difference]) -> str:
 
 
 def other(fake: Any, attribute: str, value: object) -> Any:
-    """The same with one attribute changed."""
     setattr(fake, attribute, value)
     return fake
 
@@ -107,7 +106,7 @@ def other(fake: Any, attribute: str, value: object) -> Any:
         ),
     ],
 )
-def test_devices_of_one_kind_do_not_differ_and_what_one_does_otherwise_is_found(
+def test_what_one_device_of_a_kind_does_otherwise_is_found(
     device: str, made: Callable[[], Fake], changes: dict[tuple[str, Any], str], held: Held
 ) -> None:
     fakes = [
@@ -137,9 +136,7 @@ def test_rates_and_unevenness_of_arrival_are_held_against_each_other() -> None:
     assert differences(even, dict(pace_facts("stream", list(times_s * 0.9999)))) == []
 
 
-def test_the_recorded_scanner_and_the_fake_agree_in_all_that_the_recording_holds(
-    vectors: Path, held: Held
-) -> None:
+def test_the_recorded_scanner_and_the_fake_agree(vectors: Path, held: Held) -> None:
     recorded = RecordedLms111.from_files(vectors / "lms111_session_d2h.bin")
     [all_found] = held("scanner", recorded, a_scanner())
     found = [one for one in all_found if one.counts and one.name in timeless([one])]
@@ -160,9 +157,7 @@ IN_A_RECORDING = {
 
 
 @pytest.mark.real_time
-def test_it_starts_a_fake_that_is_set_as_the_real_one_and_writes_down_all_facts(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_starts_a_fake_set_as_the_real_one(tmp_path: Path, capsys: Capsys) -> None:
     real = a_scanner()
     wire, path = TcpWire(real), tmp_path / "facts.json"
     with served(wire):
@@ -180,9 +175,7 @@ def test_it_starts_a_fake_that_is_set_as_the_real_one_and_writes_down_all_facts(
     assert status == (1 if any(one.counts for one in found) else 0)
 
 
-def test_who_does_not_answer_is_told_in_words(
-    capsys: pytest.CaptureFixture[str], lines: SimulatedLines
-) -> None:
+def test_who_does_not_answer_is_told_in_words(capsys: Capsys, lines: SimulatedLines) -> None:
     silent, other_one = level_sensor(), level_sensor()
     silent.deaf = True
     url, fake = url_of("ahrs", lines, silent), url_of("ahrs", lines, other_one)

@@ -6,26 +6,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from config_file import load_config
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from hw.ports.url import parse_url
-from tests import ROOT
+from tests import Capsys, Patch
 from tests.support.real_time import StillWheels, level_sensor
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import devices
 from tools.cli.devices import Found, toml_lines, udev_rules
 
-SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
-
 
 @pytest.mark.parametrize("mode", ["rs232", "rc"])
-def test_both_serial_devices_are_found_whatever_the_order(
-    mode: str, capsys: pytest.CaptureFixture[str], lines: SimulatedLines
-) -> None:
-    wheels = StillWheels()
+def test_both_serial_devices_are_found(mode: str, capsys: Capsys, lines: SimulatedLines) -> None:
+    wheels, sensor = StillWheels(), level_sensor()
     drive = FakeAx3500(wheels, 1, "rc" if mode == "rc" else "rs232")
-    ahrs_path, drive_path = lines.serial(level_sensor()), lines.serial(drive)
+    ahrs_path, drive_path = lines.serial(sensor), lines.serial(drive)
     assert devices.main([ahrs_path, drive_path]) == 0
     printed = capsys.readouterr().out
     urls = dict(re.findall(r'^\[(\w+)\]\nport = "(.+)"$', printed, re.MULTILINE))
@@ -37,20 +32,10 @@ def test_both_serial_devices_are_found_whatever_the_order(
     assert ("R/C" in printed) == (mode == "rc")
     assert wheels.power == (0.0, 0.0)
     assert drive.mode == mode  # looking does not take the vehicle from its radio
-    text = SHIPPED.replace("serial:///dev/mti?baud=115200", urls["ahrs"])
-    assert load_config(text).ahrs.port == urls["ahrs"]
+    lines.run(ahrs_path, lambda: sensor.state.value == "measuring")
 
 
-def test_a_sensor_that_was_looked_at_measures_again(lines: SimulatedLines) -> None:
-    sensor = level_sensor()
-    path = lines.serial(sensor)
-    assert devices.main([path]) == 0
-    lines.run(path, lambda: sensor.state.value == "measuring")
-
-
-def test_a_port_that_is_not_there_or_silent_is_told_in_words(
-    capsys: pytest.CaptureFixture[str], lines: SimulatedLines
-) -> None:
+def test_a_silent_port_is_told_in_words(capsys: Capsys, lines: SimulatedLines) -> None:
     silent = level_sensor()
     silent.mute = True
     path = lines.serial(silent)
@@ -62,7 +47,7 @@ def test_a_port_that_is_not_there_or_silent_is_told_in_words(
 
 @pytest.mark.parametrize("binary", [True, False])
 def test_a_scanner_is_found_with_its_dialect(
-    binary: bool, capsys: pytest.CaptureFixture[str], lines: SimulatedLines
+    binary: bool, capsys: Capsys, lines: SimulatedLines
 ) -> None:
     fake = FakeLms111(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 5.0), 1)
     fake.binary = binary
@@ -91,9 +76,7 @@ def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> Non
     assert next(iter(toml_lines(found))) == "[ahrs]"
 
 
-def test_a_machine_without_ports_is_told_what_to_do(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_without_ports_is_told_so(capsys: Capsys, monkeypatch: Patch) -> None:
     monkeypatch.setattr(devices, "LIST_PORTS", list)
     assert devices.main([]) == 1
     told = capsys.readouterr().err

@@ -7,28 +7,15 @@ import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
+from tests import Capsys, Patch
 from tests.support.real_time import StillWheels
-from tests.support.simulated_lines import SimulatedLines
+from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import drive
 
 
-class Said:
-    """What the command prints of a fake, on either stream."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> None:
-        self._capsys, self._lines = capsys, lines
-
-    def __call__(self, fake: FakeAx3500, *what: str, status: int = 0) -> str:
-        url = f"serial://{self._lines.serial(fake)}?baud=9600&parity=E&bytesize=7"
-        got = drive.main([*what, "--port", url])
-        printed = self._capsys.readouterr()
-        assert got == status, printed
-        return printed.out + printed.err
-
-
 @pytest.fixture
-def said(capsys: pytest.CaptureFixture[str], lines: SimulatedLines) -> Said:
-    return Said(capsys, lines)
+def said(capsys: Capsys, lines: SimulatedLines) -> Said:
+    return Said(capsys, lines, drive.main, "baud=9600&parity=E&bytesize=7")
 
 
 @pytest.mark.parametrize(
@@ -60,9 +47,7 @@ def test_a_controller_that_logs_or_is_silent_is_told_and_left_as_it_is(said: Sai
     assert "check power, baud=9600" in said(silent, "info", status=1)
 
 
-def test_keys_want_a_keyboard(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_keys_want_a_keyboard(capsys: Capsys, monkeypatch: Patch) -> None:
     with Path("/dev/null").open() as nothing:
         monkeypatch.setattr(sys, "stdin", nothing)
         assert drive.main(["keys", "--port", "udp://127.0.0.1:0"]) == 1

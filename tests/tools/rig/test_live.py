@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests import ROOT
+from tests import ROOT, Capsys, Patch
 from tools.rig import live
 from tools.rig.c_build import program
 
@@ -38,9 +38,7 @@ NEEDED = {"host": ["gcc"], "board": ["arm-none-eabi-gcc", "qemu-system-arm"]}
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("planner", ["host", "board"])
-def test_the_robot_comes_to_its_goal_in_spite_of_faults_and_all_processes_end(
-    planner: str, tmp_path: Path
-) -> None:
+def test_the_robot_comes_to_its_goal_in_spite_of_faults(planner: str, tmp_path: Path) -> None:
     for name in NEEDED[planner]:
         program(name)
     words = ["--config", str(bench(tmp_path, planner)), "--seconds", SECONDS]
@@ -60,26 +58,22 @@ def test_the_robot_comes_to_its_goal_in_spite_of_faults_and_all_processes_end(
     assert done.stderr == ""
 
 
-def test_wrong_settings_are_an_error_before_anything_starts(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_settings_are_an_error_at_once(tmp_path: Path, capsys: Capsys) -> None:
     assert live.main(["--config", str(bench(tmp_path, "host")), "--seed", "-4"]) == 2
     said = capsys.readouterr()
     assert "world.seed: Expected `int` >= 0" in said.err
     assert said.out == ""
 
 
-def test_a_scene_that_is_not_there_is_an_error(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_scene_that_is_not_there_is_an_error(tmp_path: Path, capsys: Capsys) -> None:
     given = ["--config", str(bench(tmp_path, "host")), "--scene", "moon", "--seconds", "1"]
     assert live.main(given) == 1
     assert "moon" in capsys.readouterr().err
 
 
 @pytest.mark.real_time
-def test_a_device_that_does_not_answer_is_named_with_its_cause(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+def test_a_device_that_does_not_answer_is_named(
+    tmp_path: Path, capsys: Capsys, monkeypatch: Patch
 ) -> None:
     program("gcc")
     monkeypatch.setattr(live, "DEVICES_S", 8.0)

@@ -68,7 +68,7 @@ test: setup $(VENV)/.ready-test ## the tests, on all cores: none of them looks a
 	@echo "mapod: running the tests, but not the slow ones and those in real time (make test-all)"
 	@$(PYTEST) $(PARALLEL) -m "not slow and not real_time"
 
-test-all: test ## the tests, then the slow ones, those in real time one by one, and the C under sanitizers, and mutants
+test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in real time one by one, the C under sanitizers, mutants
 	@echo "mapod: running the slow tests"
 	@$(PYTEST) $(PARALLEL) -m "slow and not real_time"
 	@echo "mapod: running the tests in real time"

@@ -180,7 +180,7 @@ def test_the_line_to_judge_by_tells_soon_and_mends_soon(case: Case) -> None:
     assert got.worst_wait_ticks <= 1.0
     assert got.bytes_per_s <= 0.85 * 11_520
     assert got.unsafe == 0
-    assert row(case, got).split()[:6] == ["115.2", "k", "25", "Hz", str(case.size), case.ack[:4]]
+    assert row(case, got).startswith(f"115.2 k 25 Hz {case.size} {case.ack} ")
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,10 @@ NEARLY_STRAIGHT = "a millionth of a radian aside is less than a micrometre"
 UNREAD = "nothing reads it before it is set"
 FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
 ANY = "any number but zero says the same"
+NO_CELL = "no cell has that number either"
 STANDS = "of what stands still, any share is nothing"
 
+NEGATIVE = "core/mapping/beams/negative.py"
 CARVING, CLASSIFIER = "core/mapping/beams/carving.py", "core/mapping/beams/classifier.py"
 CONTROL, CORRIDOR = "core/driving/control.py DriveControl.", "core/driving/corridor.py"
 STALL, ZONE = "core/driving/stall.py StallWatch.", "core/driving/zone.py ZoneReporter."
@@ -21,6 +23,8 @@ EQUIVALENT: dict[str, str] = {
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
     f"{CLASSIFIER} _state: cell.count == 0 or cell.looks < 0 -> "
     "cell.count == 0 and cell.looks < 0": UNMET,
+    f"{NEGATIVE} missed: 1 -> 2 (4)": NO_CELL,
+    f"{NEGATIVE} missed: 1 -> 2 (10)": NO_CELL,
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
     "self._passed_s * SWEEP_S": "it is one second",
     "core/grid/window.py put_state: 1 -> 2": ANY,

@@ -17,9 +17,9 @@ PARTLY = {
         f"{BEAMS}floor_again.py",
         "tests/core/mapping/test_freshness.py",
     ),
-    "core/mapping/beams/negative.py": (f"{BEAMS}elevation.py", f"{BEAMS}classifier.py"),
 }
 TESTS_OF = {
+    "core/mapping/beams/negative.py": (f"{BEAMS}negative.py",),
     "core/mapping/freshness.py": ("tests/core/mapping/test_freshness.py",),
     "core/grid/window.py": ("tests/core/grid/test_window.py",),
     "core/driving/control.py": (f"{DRIVING}control.py",),

@@ -18,7 +18,12 @@ CONTROL, CORRIDOR = "core/driving/control.py DriveControl.", "core/driving/corri
 STALL, ZONE = "core/driving/stall.py StallWatch.", "core/driving/zone.py ZoneReporter."
 STOP_ZONE, FRESHNESS = "core/driving/stop_zone.py", "core/mapping/freshness.py"
 EQUIVALENT: dict[str, str] = {
-    f"{CARVING} _passes: abs(h - middle) <= half -> abs(h - middle) < half": FLOATS,
+    f"{CARVING} _goes_through: middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER -> "
+    "middle - (k - 0.5 * (FINER - 1)) * STEP_M / FINER": "the same places, in another order",
+    f"{CARVING} _note: 1 -> 2": ANY,
+    f"{CARVING} _clear: i * GOLDEN -> i / GOLDEN": "the inverse has the same fraction",
+    f"{CARVING} FreeSpaceCarver.__init__: 0 -> 1": "the cell itself says that nothing stands there",
+    f"{CARVING} FreeSpaceCarver.__init__: 1 -> 2": "any length below zero says all",
     f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
     f"{CLASSIFIER} _state: cell.count == 0 or cell.looks < 0 -> "

@@ -9,18 +9,27 @@ NEARLY_STRAIGHT = "a millionth of a radian aside is less than a micrometre"
 UNREAD = "nothing reads it before it is set"
 FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
 ANY = "any number but zero says the same"
+NO_CELL = "no cell has that number either"
 STANDS = "of what stands still, any share is nothing"
 
+NEGATIVE = "core/mapping/beams/negative.py"
 CARVING, CLASSIFIER = "core/mapping/beams/carving.py", "core/mapping/beams/classifier.py"
 CONTROL, CORRIDOR = "core/driving/control.py DriveControl.", "core/driving/corridor.py"
 STALL, ZONE = "core/driving/stall.py StallWatch.", "core/driving/zone.py ZoneReporter."
 STOP_ZONE, FRESHNESS = "core/driving/stop_zone.py", "core/mapping/freshness.py"
 EQUIVALENT: dict[str, str] = {
-    f"{CARVING} _passes: abs(h - middle) <= half -> abs(h - middle) < half": FLOATS,
+    f"{CARVING} _goes_through: middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER -> "
+    "middle - (k - 0.5 * (FINER - 1)) * STEP_M / FINER": "the same places, in another order",
+    f"{CARVING} _note: 1 -> 2": ANY,
+    f"{CARVING} _clear: i * GOLDEN -> i / GOLDEN": "the inverse has the same fraction",
+    f"{CARVING} FreeSpaceCarver.__init__: 0 -> 1": "the cell itself says that nothing stands there",
+    f"{CARVING} FreeSpaceCarver.__init__: 1 -> 2": "any length below zero says all",
     f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
     f"{CLASSIFIER} _state: cell.count == 0 or cell.looks < 0 -> "
     "cell.count == 0 and cell.looks < 0": UNMET,
+    f"{NEGATIVE} missed: 1 -> 2 (4)": NO_CELL,
+    f"{NEGATIVE} missed: 1 -> 2 (10)": NO_CELL,
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
     "self._passed_s * SWEEP_S": "it is one second",
     "core/grid/window.py put_state: 1 -> 2": ANY,

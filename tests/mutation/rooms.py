@@ -12,14 +12,10 @@ PARTLY = {
         f"{BEAMS}floor_again.py",
         f"{BEAMS}soft.py",
     ),
-    "core/mapping/beams/carving.py": (
-        f"{BEAMS}carving.py",
-        f"{BEAMS}floor_again.py",
-        "tests/core/mapping/test_freshness.py",
-    ),
-    "core/mapping/beams/negative.py": (f"{BEAMS}elevation.py", f"{BEAMS}classifier.py"),
 }
 TESTS_OF = {
+    "core/mapping/beams/carving.py": (f"{BEAMS}carving_model.py",),
+    "core/mapping/beams/negative.py": (f"{BEAMS}negative.py",),
     "core/mapping/freshness.py": ("tests/core/mapping/test_freshness.py",),
     "core/grid/window.py": ("tests/core/grid/test_window.py",),
     "core/driving/control.py": (f"{DRIVING}control.py",),

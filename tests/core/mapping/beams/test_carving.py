@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from core.mapping.beams.carving import REACH_M, THROUGH
-from core.mapping.rays import Sweep
+from core.mapping.beams.carving import THROUGH
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few
-from tests.support.cell_rig import LENS, CellRig, Point, sweep_to
+from tests.support.cell_rig import LENS, CellRig
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import Box, Cylinder, World, ramp
 
@@ -169,88 +168,42 @@ def test_beside_and_above_a_wall_in_a_turn_nothing_is_cleared() -> None:
     assert rig.maps.carver.cleared <= 1  # of some hundreds
 
 
-# Beam by beam
+# Beam by beam: limits are in test_carving_model.py
 
 
-def blocked(z_low: float = 0.2, z_high: float = 0.6) -> CellRig:
+def blocked() -> CellRig:
     """A rig in which something stands at (2.1, 0.1), seen between two heights."""
     rig = CellRig()
     for _ in range(3):
-        rig.add((2.1, 0.1, z_low), (2.1, 0.1, z_high))
+        rig.add((2.1, 0.1, 0.2), (2.1, 0.1, 0.6))
     assert rig.state(2.1, 0.1) == OBSTACLE
     return rig
 
 
-def pass_by(rig: CellRig, z: float, times: int, ends: bool = True) -> None:
-    """Beams through (2.1, 0.1) at a height, level, ending 2 m behind or nowhere."""
+def pass_by(rig: CellRig, times: int) -> None:
+    """Beams through the middle of it, level, ending 2 m behind."""
     for _ in range(times):
-        lens: Point = (0.0, 0.1, z)
-        sweep = sweep_to([(4.0, 0.1, z)] * 9, lens, rig.t_s)
-        if not ends:
-            sweep = Sweep(sweep.t_s, sweep.origins, sweep.rays, np.full((1, 9), np.nan))
-        rig.take(sweep)
+        rig.add(*[(4.0, 0.1, 0.4)] * 9, lens=(0.0, 0.1, 0.4))
 
 
 def test_beams_through_the_middle_clear_after_some_scans_in_a_row() -> None:
     rig = blocked()
-    pass_by(rig, 0.4, THROUGH - 1)
+    pass_by(rig, THROUGH - 1)
     assert rig.state(2.1, 0.1) == OBSTACLE
-    pass_by(rig, 0.4, 8)
+    pass_by(rig, 8)
     assert rig.carver.cleared == 1
     assert rig.state(2.1, 0.1) != OBSTACLE
     cell = rig.cell(2.1, 0.1)
     assert (cell["above"], cell["high_bits"], cell["rising"]) == (0, 0, 0)
 
 
-@pytest.mark.parametrize("z", [0.05, 0.19, 0.61, 1.0])
-def test_beams_over_or_under_what_was_seen_clear_nothing(z: float) -> None:
-    rig = blocked()
-    pass_by(rig, z, 5 * THROUGH)
-    assert rig.carver.cleared == 0
-    assert rig.state(2.1, 0.1) == OBSTACLE
-
-
 def test_a_return_in_between_begins_the_count_anew() -> None:
     rig = blocked()
     for _ in range(6):
-        pass_by(rig, 0.4, THROUGH - 2)
+        pass_by(rig, THROUGH - 2)
         rig.add((2.1, 0.1, 0.4), (2.1, 0.1, 0.6))
     assert rig.carver.cleared == 0
     assert rig.state(2.1, 0.1) == OBSTACLE
-
-
-def test_beams_that_never_come_back_prove_nothing() -> None:
-    """Black cloth and glass look like that."""
-    rig = blocked()
-    pass_by(rig, 0.4, 5 * THROUGH, ends=False)
-    assert rig.carver.cleared == 0
-
-
-def test_before_a_robot_that_stands_a_beam_just_there_clears_what_was_seen_at_one_height() -> None:
-    rig = blocked(0.4, 0.4)
-    for stood in (False, True):
-        for _ in range(THROUGH + 2):
-            sweep = sweep_to([(4.0, 0.1, 0.393)] * 9, (0.0, 0.1, 0.393), rig.t_s)
-            rig.fill(sweep)
-            rig.carver.add(sweep, rig.ground, stood=stood)
-        assert rig.carver.cleared == int(stood)
-
-
-def test_beams_through_another_part_of_the_cell_prove_nothing() -> None:
-    rig = CellRig()
-    for _ in range(3):
-        rig.add((2.03, 0.03, 0.2), (2.03, 0.03, 0.6))
-    for _ in range(5 * THROUGH):
-        rig.take(sweep_to([(4.0, 0.17, 0.4)] * 9, (0.0, 0.17, 0.4), rig.t_s))
-    assert rig.state(2.1, 0.1) == OBSTACLE
-    assert rig.carver.cleared == 0
-
-
-def test_a_beam_that_ends_just_behind_may_have_grazed_what_it_hit() -> None:
-    rig = blocked()
-    for _ in range(5 * THROUGH):
-        rig.take(sweep_to([(2.25, 0.1, 0.4)] * 9, (0.0, 0.1, 0.4), rig.t_s))
-    assert rig.carver.cleared == 0
 
 
 def test_the_floor_that_was_seen_counts_again() -> None:
@@ -259,17 +212,7 @@ def test_the_floor_that_was_seen_counts_again() -> None:
         rig.add((2.1, 0.1, 0.01), lens=LENS)
     for _ in range(3):
         rig.add((2.1, 0.1, 0.2), (2.1, 0.1, 0.6))
-    pass_by(rig, 0.4, THROUGH + 8)
+    pass_by(rig, THROUGH + 8)
     cell = rig.cell(2.1, 0.1)
     assert cell["count"] == cell["floor_count"] == 4
     assert cell["mean_m"] == pytest.approx(0.01)
-
-
-def test_far_off_nothing_is_cleared() -> None:
-    rig = CellRig(201, 201)
-    far = REACH_M + 1.0
-    for _ in range(3):
-        rig.add((far, 0.1, 0.2), (far, 0.1, 0.6))
-    for _ in range(5 * THROUGH):
-        rig.take(sweep_to([(far + 2, 0.1, 0.4)] * 9, (0.0, 0.1, 0.4), rig.t_s))
-    assert rig.carver.cleared == 0

@@ -265,32 +265,3 @@ def test_over_ground_that_is_a_guess_only_what_stands_high_or_near_counts() -> N
     for _ in range(ENOUGH):
         assert rig.add((0.0, 0.0, -0.03)) == 1  # straight down: no floor before it
     assert int(rig.cell(0.1, 0.1)["miss"]) == 0
-
-
-@pytest.mark.parametrize(
-    ("near_m", "risen_m", "missed"), [(0.2, 0.0, True), (0.7, 0.0, False), (0.2, 0.04, False)]
-)
-def test_little_holes_are_believed_beside_floor_alone_that_has_not_risen(
-    near_m: float, risen_m: float, missed: bool
-) -> None:
-    """What rises by a few centimetres casts a shadow that looks like a hole."""
-    rig = CellRig()
-    for k in range(20):
-        rig.add((3.1 - near_m - 0.02 * (k % 3), 0.1, risen_m), (2.3, 0.1, 0.0))
-    for _ in range(ENOUGH):
-        rig.add((3.1, 0.1, -0.05))
-    assert bool(rig.cells.flat["miss"].any()) is missed
-
-
-@pytest.mark.parametrize("first", [0, 2, 4])
-@pytest.mark.parametrize("dark", [1, 2, 3])
-def test_three_beams_in_a_row_that_do_not_come_back_miss_floor_and_fewer_got_lost(
-    first: int, dark: int
-) -> None:
-    """Also at either end of the scan."""
-    rig = CellRig()
-    sweep = sweep_to([(3.1, 0.05 * k, 0.0) for k in range(7)])
-    first += 3 - dark if first == 4 else 0
-    sweep.ranges_m[0, first : first + dark] = np.nan
-    rig.take(sweep)
-    assert bool(rig.cells.flat["miss"].any()) is (dark == 3)

@@ -7,11 +7,6 @@ listed as equivalent; of those in `PARTLY`, most are seen.
 BEAMS = "tests/core/mapping/beams/test_"
 DRIVING = "tests/core/driving/test_"
 PARTLY = {
-    "core/mapping/beams/classifier.py": (
-        f"{BEAMS}classifier.py",
-        f"{BEAMS}floor_again.py",
-        f"{BEAMS}soft.py",
-    ),
     "core/mapping/beams/carving.py": (
         f"{BEAMS}carving.py",
         f"{BEAMS}floor_again.py",
@@ -20,6 +15,7 @@ PARTLY = {
     "core/mapping/beams/negative.py": (f"{BEAMS}elevation.py", f"{BEAMS}classifier.py"),
 }
 TESTS_OF = {
+    "core/mapping/beams/classifier.py": (f"{BEAMS}classifier.py",),
     "core/mapping/freshness.py": ("tests/core/mapping/test_freshness.py",),
     "core/grid/window.py": ("tests/core/grid/test_window.py",),
     "core/driving/control.py": (f"{DRIVING}control.py",),

@@ -23,7 +23,7 @@ import pytest
 from tests import ROOT
 from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import Mutant, mutants_of
-from tests.mutation.rooms import PARTLY, TESTS_OF
+from tests.mutation.rooms import TESTS_OF
 
 PATIENCE, LEAST_S = 10, 2.0  # a test takes so many times its own seconds of CPU: it goes for ever
 
@@ -58,7 +58,7 @@ class Hunt:
     """Instead of running the tests once, runs them for each mutant."""
 
     def __init__(self, chosen: list[Mutant], jobs: int) -> None:
-        self.chosen, self.jobs, self.tests_of = chosen, jobs, TESTS_OF | PARTLY
+        self.chosen, self.jobs, self.tests_of = chosen, jobs, TESTS_OF
         self.seconds: dict[str, float] = {}
         self.living: list[str] = []
 
@@ -139,7 +139,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=0, help="how many (all)")
     parser.add_argument("--seed", type=int, default=1, help="of the sample (1)")
-    parser.add_argument("--only", choices=[*TESTS_OF, *PARTLY], help="mutants of one file")
+    parser.add_argument("--only", choices=list(TESTS_OF), help="mutants of one file")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="at a time")
     args = parser.parse_args()
     paths = [args.only] if args.only else list(TESTS_OF)

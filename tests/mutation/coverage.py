@@ -10,12 +10,12 @@ import tempfile
 from pathlib import Path
 
 from tests import ROOT
-from tests.mutation.rooms import PARTLY, TESTS_OF
+from tests.mutation.rooms import TESTS_OF
 
 
 def main() -> int:
     """Run the tests, tell what they leave out; 0 when that is nothing."""
-    rooms = TESTS_OF | PARTLY
+    rooms = TESTS_OF
     tests = list(dict.fromkeys(test for tests in rooms.values() for test in tests))
     own = ",".join(rooms)
     python = {**os.environ, "NUMBA_DISABLE_JIT": "1"}

@@ -2,7 +2,6 @@
 
 FLOATS = "they differ where a computed number is exactly at a margin, and nowhere else"
 ALL_AROUND = "the eight neighbours are the same, in another order"
-UNMET = "ground that no beam of this run has met has no age, and is not free for that reason"
 LATER = "what is far enough passes the later limits too: the first one saves time"
 LONGER = "the search goes on for longer; what it finds then is no nearer"
 NEARLY_STRAIGHT = "a millionth of a radian aside is less than a micrometre"
@@ -26,8 +25,10 @@ EQUIVALENT: dict[str, str] = {
     f"{CARVING} FreeSpaceCarver.__init__: 1 -> 2": "any length below zero says all",
     f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
-    f"{CLASSIFIER} _state: cell.count == 0 or cell.looks < 0 -> "
-    "cell.count == 0 and cell.looks < 0": UNMET,
+    f"{CLASSIFIER} _goes_on: 8 -> 9": "no side has a ninth bit",
+    f"{CLASSIFIER} CellClassifier.follow: "
+    "..ot self._window.follow(x_m, y_m) or grid.size == source.size -> "
+    "..t self._window.follow(x_m, y_m) and grid.size == source.size": "nothing known comes in then",
     f"{NEGATIVE} missed: 1 -> 2 (4)": NO_CELL,
     f"{NEGATIVE} missed: 1 -> 2 (10)": NO_CELL,
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "

@@ -57,6 +57,19 @@ def test_the_farthest_corners_of_a_long_robot_count(footprint: tuple[float, floa
     assert np.sum(np.isfinite(fresh.seen_s)) == (20 if footprint[2] > 1.0 else 12)
 
 
+def test_a_beam_that_leaves_the_window_says_nothing_of_the_cells_that_lie_across() -> None:
+    rig = CellRig(11, 11)
+    rig.x, rig.t_s, rig.fresh.seen_s[:] = 99.0, 1.0, 0.0
+    rig.add((3.1, 0.1, 0.0))
+    seen = {
+        (i, j)
+        for i in range(-5, 6)
+        for j in range(-5, 6)
+        if rig.fresh.seen_s[j % 11 * 11 + i % 11] == 1.0
+    }
+    assert {(4, 0), (5, 0)} <= seen <= {(i, 0) for i in range(6)}
+
+
 AGES = st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=81, max_size=81)
 
 

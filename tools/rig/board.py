@@ -48,7 +48,6 @@ class Board:
     def __init__(
         self, firmware: Path, folder: Path, link: Literal["socket", "pty"] = "socket"
     ) -> None:
-        qemu = program("qemu-system-arm")
         names = ["link", "text"] if link == "socket" else ["text"]
         listeners = {name: socket.socket(socket.AF_UNIX) for name in names}
         serials = [] if link == "socket" else ["-chardev", "pty,id=link", "-serial", "chardev:link"]
@@ -58,14 +57,7 @@ class Board:
             listener.settimeout(GENEROUS_S)
             serials += ["-chardev", f"socket,id={name},path={folder / name}"]
             serials += ["-serial", f"chardev:{name}"]
-        command = [qemu, "-M", "mps2-an385", "-display", "none", "-monitor", "none"]
-        self.process = subprocess.Popen(
-            [*command, *serials, "-kernel", str(firmware)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,  # a terminal's Ctrl-C is for the rig, which then ends it
-            preexec_fn=functools.partial(LIBC.prctl, PR_SET_PDEATHSIG, signal.SIGKILL),
-        )
+        self.process = _emulator([*serials, "-kernel", str(firmware)])
         try:
             sockets = {name: listener.accept()[0] for name, listener in listeners.items()}
             self.text, self.link = sockets["text"], sockets.get("link")
@@ -212,3 +204,15 @@ class EmulatedBoard(Board):
 
     def state(self) -> PlannerState:
         return planner_state(self.status())
+
+
+def _emulator(arguments: list[str]) -> "subprocess.Popen[bytes]":
+    """It ends with this process; a terminal's Ctrl-C is for the rig, which then ends it."""
+    command = [program("qemu-system-arm"), "-M", "mps2-an385", "-display", "none"]
+    return subprocess.Popen(
+        [*command, "-monitor", "none", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        preexec_fn=functools.partial(LIBC.prctl, PR_SET_PDEATHSIG, signal.SIGKILL),
+    )

@@ -26,6 +26,7 @@ START_S = 1000.0
 SESSION = 0x5A17C0DE
 WATCHDOG = 0x02  # register 00 of a controller that a PC drives
 CELLS = 121  # of the elevation map: on a ramp, the floor comes in sight 11 m ahead
+NAMES = ("scanner", "ahrs", "drive", "planner")  # of fakes and wires
 
 Tap = Callable[[str, str, bytes], None]  # wire's name, "d2h" or "h2d", what went over it
 
@@ -87,27 +88,20 @@ class Loop:
         self.rig = Rig(scene, seed, drives=drives, errors=errors)
         self.config = config or rig_config(self.rig.world.scene)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on
-            self.rig.drive.parameters[0x00] = WATCHDOG
-            self.rig.drive.mode = "rs232_watchdog"
+            self.rig.drive.parameters[0x00], self.rig.drive.mode = WATCHDOG, "rs232_watchdog"
         self.link_end: Planner = planner or FakePlanner(key=key)
-        self.fakes: dict[str, Any] = {
-            "scanner": self.rig.scanner,
-            "ahrs": self.rig.ahrs,
-            "drive": self.rig.drive,
-            "planner": self.link_end,
-        }
-        self.ports = {name: TappedPort(name) for name in ("scanner", "ahrs", "drive")}
+        devices = self.rig.scanner, self.rig.ahrs, self.rig.drive
+        self.fakes: dict[str, Any] = dict(zip(NAMES, (*devices, self.link_end), strict=True))
+        self.ports = {name: TappedPort(name) for name in NAMES[:-1]}
         self.link_port = TappedPort("planner", datagrams=True)
-        self.wires: dict[str, Wire | DatagramWire] = {
-            name: Wire(self.fakes[name], port, seed + k)
+        self._device_wires = tuple(
+            Wire(self.fakes[name], port, seed + k)
             for k, (name, port) in enumerate(self.ports.items())
-        }
-        self._device_wires = tuple(self.wires.values())
+        )
         self._link_wire = DatagramWire(self.fakes["planner"], self.link_port, seed + 3)
-        self.wires["planner"] = self._link_wire
+        self.wires = dict(zip(NAMES, (*self._device_wires, self._link_wire), strict=True))
         self.app = self._new_app(key)
-        self.now_s, self.ticks = START_S, 0
-        self._rate_hz = self.config.loop.rate_hz
+        self.now_s, self.ticks, self._rate_hz = START_S, 0, self.config.loop.rate_hz
         self._schedule: Schedule | None = None
         self.happened: list[tuple[float, str]] = []  # faults on and off, with their instants
 

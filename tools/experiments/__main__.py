@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tools.experiments.report import document, merged, table
+from tools.experiments.report import document, merged, stale_pictures, table
 from tools.experiments.runner import experiments, run_all
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -33,10 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"mapod: pictures in {folder}")
     else:
         DOCUMENT.write_text(document(outcomes), encoding="utf-8")
-        drawn = {file for outcome in outcomes for file, _ in outcome.pictures}
-        for path in PICTURES.glob("*.png"):
-            if path.name not in drawn:
-                path.unlink()
+        for path in stale_pictures(PICTURES, outcomes):
+            path.unlink()
         print(f"mapod: written to {DOCUMENT.relative_to(ROOT)}")
     return 0
 

@@ -159,6 +159,12 @@ is better than reference_plane, the same (within 2 %, times within 25 %), or wor
 """
 
 
+def stale_pictures(folder: Path, outcomes: Sequence[Outcome]) -> list[Path]:
+    """Pictures of experiments, named by their numbers, that these have not drawn."""
+    drawn = {file for outcome in outcomes for file, _ in outcome.pictures}
+    return [path for path in folder.glob("[0-9]*.png") if path.name not in drawn]
+
+
 def document(outcomes: Sequence[Outcome]) -> str:
     rows = [row for outcome in outcomes for row in outcome.rows]
     judged = [verdict(row) for row in rows]

@@ -14,7 +14,7 @@ from tools.experiments import metrics
 from tools.experiments.beyond_ground import ditch, ramps, speed_bumps
 from tools.experiments.paper_motion import left_turn
 from tools.experiments.pictures import elevation_pixels, obstacle_pixels, upright
-from tools.experiments.report import Outcome, Row, document, merged, verdict
+from tools.experiments.report import Outcome, Row, document, merged, stale_pictures, verdict
 from tools.experiments.runner import Experiment, experiments
 from tools.experiments.scenes import corridor, hall, ramp_corridor
 from tools.experiments.truth import Truth
@@ -203,6 +203,14 @@ def test_the_document_has_the_table_what_does_not_hold_and_the_pictures() -> Non
     assert "![first](pictures/a.png)" in text
     assert "| never |" in text
     assert "| nothing" not in text
+
+
+def test_only_old_pictures_of_experiments_go(tmp_path: Path) -> None:
+    for name in ("live.png", "7-table.png", "7-gone.png"):
+        (tmp_path / name).touch()
+    outcome = Outcome("7 table")
+    outcome.pictures.append(("7-table.png", "a table"))
+    assert [path.name for path in stale_pictures(tmp_path, [outcome])] == ["7-gone.png"]
 
 
 def test_all_seven_experiments_are_there_and_places_are_closed() -> None:

@@ -121,7 +121,7 @@ class MapLife(RuleBasedStateMachine):
         assert int(window.marked.sum()) == len(changed)
 
 
-MapLife.TestCase.settings = settings(max_examples=examples(15), stateful_step_count=12)
+MapLife.TestCase.settings = settings(max_examples=examples(8), stateful_step_count=12)
 test_a_map_lives_any_life = MapLife.TestCase
 
 

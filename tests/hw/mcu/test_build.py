@@ -80,7 +80,8 @@ def test_a_frame_buffer_of_a_wrong_size_is_refused(tmp_path: Path) -> None:
             compile_c("gcc", tmp_path / "x.o", *words)
 
 
-@pytest.mark.parametrize("core", few(CORES, 1))
+@pytest.mark.slow
+@pytest.mark.parametrize("core", CORES)
 def test_code_state_and_stack_are_within_the_protocols_figures(core: str) -> None:
     size, keyed = linked(core, CORE_SET, NO_TILES), (*CORE_SET, "mapod_link_set_key")
     assert size.code <= CODE[core]

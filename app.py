@@ -15,7 +15,7 @@ from core.driving.pilot import Pilot
 from core.driving.report import report
 from core.mapping.layers import UNITS
 from core.mapping.mapper import Mapper
-from core.mapping.method import TileValues
+from core.mapping.tiles import TileValues
 from core.records import Attitude, PoseReport, Scan, WheelCounts
 from logs import LoopCounts, StateLog
 from wiring import Ports, devices_on, maybe_image, no_ports, planners_on

@@ -82,7 +82,9 @@ class Hunt:
         for done, (mutant, lives) in enumerate(self._judged(session, under_way), 1):
             if lives:
                 self.living.append(mutant.name)
-            print(f"{done:4} of {len(self.chosen)} {'LIVES' if lives else 'seen '} {mutant.name}")
+            if lives or done % TOLD_EVERY == 0:
+                fate = "LIVES" if lives else "seen"
+                print(f"{done:4} of {len(self.chosen)}: {fate} {mutant.name}", flush=True)
         return True
 
     def _judged(

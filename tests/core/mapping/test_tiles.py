@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
-from core.mapping.method import TileValues
+from core.mapping.tiles import TileValues
 from core.records import FREE, OBSTACLE
 from tests import ROOT
 from tests.support.cases import examples

@@ -25,6 +25,7 @@ from tests.mutation.equivalent import EQUIVALENT
 from tests.mutation.mutants import Mutant, mutants_of
 from tests.mutation.rooms import TESTS_OF
 
+TOLD_EVERY = 50  # mutants; all that live are told
 PATIENCE, LEAST_S = 10, 2.0  # a test takes so many times its own seconds of CPU: it goes for ever
 
 

@@ -79,8 +79,8 @@ def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool]) -> None:
     """
     period_s = 1.0 / app.config.loop.rate_hz
     while not is_over():
-        due_s = app.due_s
-        readable = wake_up.wait(due_s - time.monotonic(), app.listens_to)
+        due_s = app.plan.due_s
+        readable = wake_up.wait(due_s - time.monotonic(), app.plan.ports)
         now_s = time.monotonic()
         if now_s >= due_s > -math.inf:
             app.loop.late_s.append(now_s - due_s)

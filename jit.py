@@ -43,7 +43,7 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
     compiled = numba.njit(no_cfunc_wrapper=True)(function)  # no callbacks for C
     if isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
         compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
-        compiled._cache = _OnDisk(function)
+        compiled._cache = _OnDisk(cast(FunctionType, function))
     return cast(Callable[P, R], compiled)
 
 

@@ -4,6 +4,7 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 """
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from core.mapping.layers import UNITS
 from core.mapping.mapper import Mapper
 from core.mapping.tiles import TileValues
 from core.records import Attitude, PoseReport, Scan, WheelCounts
+from hw.device import Port
 from logs import LoopCounts, StateLog
 from wiring import Ports, devices_on, maybe_image, no_ports, planners_on
 
@@ -25,6 +27,7 @@ __all__ = ["App", "Ports", "warm_kernels"]
 SCAN_WAIT = 0.25  # share of a tick of the link that it waits for a scan which is due
 LOOK_S = 0.01  # doubts and ramps are worked out this often where nothing new has come
 OVERRUN_S = 1.0  # for so long a loop that was too late is told
+TURNS = 32  # between two steps: who sends without end does not keep the app from its ticks
 
 
 @dataclass(slots=True)
@@ -46,6 +49,12 @@ class LinkPace:
         longest_s = self.tick_s * (1 + SCAN_WAIT if scans_come else 1)
         return since_s >= longest_s - 1e-6 or (mapped and since_s >= self.tick_s / 2)
 
+    @property
+    def due_s(self) -> float:
+        """When the next one comes at the latest, if no scan does."""
+        soonest_s, waits_s = self.told_s + self.tick_s, self.mapped_s + 2 * self.tick_s
+        return min(max(soonest_s, waits_s), soonest_s + SCAN_WAIT * self.tick_s)
+
 
 @dataclass(slots=True)
 class StepTimes:
@@ -55,12 +64,18 @@ class StepTimes:
     stepped_s: float = math.nan
     looked_s: float = -math.inf
     overrun_s: float = -math.inf  # newest step that began too late
+    turns: int = 0  # since the newest step
 
-    def begin(self, now_s: float) -> None:
+    @property
+    def tick_s(self) -> float:
+        """The next tick of `loop.rate_hz`."""
+        return self.stepped_s + self.period_s
+
+    def begin(self, now_s: float, due_s: float) -> None:
         """A step begins. NaN: the first one is never late."""
-        if now_s - self.stepped_s - self.period_s > LOOP_S:
+        if now_s - max(due_s, self.tick_s) > LOOP_S:
             self.overrun_s = now_s
-        self.stepped_s = now_s
+        self.stepped_s, self.turns = now_s, 0
 
 
 class App:
@@ -94,7 +109,7 @@ class App:
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
         self.loop.ticks += 1
-        self._times.begin(now_s)
+        self._times.begin(now_s, self._step_due_s)
         attitudes, counted = self.devices.ahrs.step(now_s), self.devices.drive.step(now_s)
         scans, asked = self.devices.scanner.step(now_s), self.planners.requests.newest
         for attitude in attitudes:
@@ -159,16 +174,55 @@ class App:
         )
         self.devices.drive.drive(*powers)
 
-    def hear(self, now_s: float) -> None:
-        """Between ticks: take in what has arrived from the devices. Never waits.
+    def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
+        """Do what is due, and take in what has arrived at these ports. Never waits.
 
         A scan that has become complete, or the attitude that one waited for, does not wait for its
         tick: this is one then.
         """
-        for device in self.devices:
-            device.hear(now_s)
-        if self.devices.scanner.has_heard or (self.devices.ahrs.has_heard and self.mapper.waits):
-            self.step(now_s)
+        self._times.turns += 1
+        if now_s < self._step_due_s and not self._has_planner(readable):
+            for device in self.devices:
+                if device.port in readable or -math.inf < device.due_s <= now_s:
+                    device.hear(now_s)
+            scanner, ahrs = self.devices.scanner, self.devices.ahrs
+            if not (scanner.has_heard or (ahrs.has_heard and self.mapper.waits)):
+                return
+        self.step(now_s)
+
+    def _has_planner(self, readable: Collection[Port]) -> bool:
+        return any(port not in self.ports.of_devices for port in readable)
+
+    @property
+    def due_s(self) -> float:
+        """When the next turn is due, if nothing arrives; past or NaN: at once."""
+        awaited_s = [due_s for device in self.devices if (due_s := device.due_s) > -math.inf]
+        return min([self._step_due_s, *awaited_s])
+
+    @property
+    def _step_due_s(self) -> float:
+        """When the next step is due: a tick while anything starts, is held up, or ends."""
+        times = self._times
+        if (
+            self._stops
+            or times.turns >= TURNS
+            or any(device.due_s == -math.inf for device in self.devices)
+            or self.planners.backlog
+        ):
+            return times.tick_s
+        if self.config.robot.enable_motors:
+            return min(self._pace.due_s, times.looked_s + LOOK_S)
+        return self._pace.due_s
+
+    @property
+    def listens_to(self) -> Sequence[Port]:
+        """The ports whose bytes are worth a turn as they arrive; the next step reads the others."""
+        if self._times.turns >= TURNS:
+            return ()
+        heard = [device.port for device in self.devices if not device.status.is_deaf]
+        if self.config.robot.enable_motors:  # a wish to drive, or to stop, waits for nothing
+            heard += [self.ports.planner, *self.ports.receivers]
+        return heard
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

@@ -22,6 +22,7 @@ could have sent, and leaves the rest to the next one (`Intake`).
 """
 
 import enum
+import math
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -120,6 +121,10 @@ class DeviceStatus:
     cause: str = "not opened yet"  # in words, while not running or not as configured; else ""
     session: enum.Enum | None = None  # what its session is doing, for a person
     heard_s: float = float("-inf")  # host clock, last measurement
+    due_s: float = float(
+        "-inf"
+    )  # when its session wants a Tick though no bytes came; -inf: the next
+    is_deaf: bool = False  # until then: what arrives sooner is not worth a turn
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
     skipped_bytes: int = 0
@@ -276,8 +281,16 @@ class Device(Generic[Measurement]):
         """
         if self.port.opened != self._opened or self._intake.waits:
             return
-        if pieces := self.port.read():
+        pieces = self.port.read()
+        if pieces or -math.inf < self.status.due_s <= now_s:
             self._advance(now_s, pieces)
+
+    @property
+    def due_s(self) -> float:
+        """When it must be looked at if nothing arrives: -inf at every tick, as while it starts."""
+        if self.status.state != "running" or self._intake.waits or self.port.backlog:
+            return -math.inf
+        return self.status.due_s
 
     def stop(self) -> None: ...
 

@@ -1,6 +1,5 @@
 """A restarted app goes on in its saved map; files of the command line; layers of a drive."""
 
-import asyncio
 import json
 import math
 import os
@@ -133,15 +132,15 @@ def test_a_saver_that_fails_keeps_the_file(ended: Ended, tmp_path: Path, capsys:
     loop, _ = ended
     path = tmp_path / "hall.npz"
 
-    async def save(app: App, to: Path) -> None:
-        await MapSaver(app, str(to), lambda: loop.now_s).finish()
+    def save(app: App, to: Path) -> None:
+        MapSaver(app, str(to), lambda: loop.now_s).finish()
 
-    asyncio.run(save(loop.app, path))
+    save(loop.app, path)
     assert load_map(str(path), loop.config).keys() == arrays_from_bytes(path.read_bytes()).keys()
     content = path.read_bytes()
     empty = ClosedLoop(loop.config)
-    asyncio.run(save(empty.app, path))
-    asyncio.run(save(loop.app, tmp_path / "none" / "hall.npz"))
+    save(empty.app, path)
+    save(loop.app, tmp_path / "none" / "hall.npz")
     assert path.read_bytes() == content
     assert [entry.name for entry in tmp_path.iterdir()] == ["hall.npz"]
     told = capsys.readouterr()
@@ -149,18 +148,10 @@ def test_a_saver_that_fails_keeps_the_file(ended: Ended, tmp_path: Path, capsys:
 
 
 def test_the_last_map_waits_for_the_first(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:
-    loop, now_s = ended[0], ended[0].now_s
-
-    async def save_twice() -> None:
-        nonlocal now_s
-        saver = MapSaver(loop.app, str(tmp_path / "hall.npz"), lambda: now_s)
-        saver.save()
-        last = asyncio.ensure_future(saver.finish())
-        await asyncio.sleep(0)  # it has begun, and waits for the first to be written
-        now_s += 1.0  # nobody reads the sensors any more: no pose is known now
-        await last
-
-    asyncio.run(save_twice())
+    instants_s = iter([ended[0].now_s, ended[0].now_s, math.inf])  # later no pose is known
+    saver = MapSaver(ended[0].app, str(tmp_path / "hall.npz"), lambda: next(instants_s))
+    saver.save()
+    saver.finish()
     told = capsys.readouterr()
     assert (told.out + told.err).count("map_saved") == 2
     assert "map_not_saved" not in told.out + told.err

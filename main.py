@@ -12,12 +12,9 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
-
-import structlog
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key
@@ -29,7 +26,7 @@ from hw.device import Port
 from hw.ports.url import parse_url
 from hw.runtime.threads import take_real_time
 from hw.runtime.wakeup import WakeUp
-from logs import set_up_logging
+from logs import LOG, set_up_logging
 from map_files import MapSaver, load_map
 from wiring import modbus_servers, open_ports
 
@@ -94,7 +91,7 @@ def settle(app: App, wake_up: WakeUp) -> None:
     until_s = time.monotonic() + SETTLE_S
     keep_pace(app, wake_up, lambda: app.settled or time.monotonic() >= until_s)
     if not app.settled:
-        structlog.get_logger().warning("devices_not_settled", waited_s=SETTLE_S)
+        LOG.warning("devices_not_settled", waited_s=SETTLE_S)
 
 
 def serve(
@@ -106,18 +103,18 @@ def serve(
     recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
-    log, wanted = structlog.get_logger(), Wanted()
+    wanted = Wanted()
     warm_kernels(config)
     app = App(config, ports, session=secrets.randbits(32), key=key, version=version())
     if loaded is not None:
         restore(app.mapper, loaded, config, time.monotonic())
-        log.info("map_loaded", moving_when_saved=was_moving(loaded))
+        LOG.info("map_loaded", moving_when_saved=was_moving(loaded))
     saver = MapSaver(app, save_to) if save_to else None
     if saver:
         wanted.listen_for_map()
     locked, fifo = take_real_time()
-    log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
-    log.info("app_started", version=version(), planner=config.planner.port)
+    LOG.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
+    LOG.info("app_started", version=version(), planner=config.planner.port)
     servers = modbus_servers(config, app.image)
     app.states.statuses.update(servers.statuses)
     wake_up = WakeUp(servers)
@@ -138,13 +135,15 @@ def serve(
         app.stop()
         servers.close()
         wake_up.close()
-    log.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
+    LOG.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
 
 
 def version() -> str:
     """The version in pyproject.toml: of the checkout, or as installed from it."""
     path = Path(__file__).parent / "pyproject.toml"
     if not path.exists():
+        from importlib import metadata  # takes a twentieth of all imports
+
         return metadata.version("mapod")
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 

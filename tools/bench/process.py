@@ -9,6 +9,7 @@ wire are looked at. Counts and ratios compare between machines, times do not.
 import argparse
 import math
 import os
+import statistics
 import subprocess
 import sys
 import time
@@ -21,8 +22,8 @@ from typing import Any
 from rich.console import Console
 
 from tools.bench import syscalls
-from tools.bench.history import FILE, entry, grown, keep, kept_entries, table_of
-from tools.bench.start_up import imports, peer_s
+from tools.bench.history import FILE, entry, grown, keep, kept_entries, machine, table_of
+from tools.bench.start_up import imports
 from tools.bench.syscalls import StraceError, kernels_loaded
 from tools.bench.usage import Rates, cpu_s, pin, rates_between, resident_mb, usage_of
 from tools.cli.options import ROOT, SHIPPED_CONFIG, a_span
@@ -35,8 +36,9 @@ from tools.rig.latency import (
     prefer,
     quantiles,
 )
-from tools.terminal.processes import APP, RunError, Stop, say
+from tools.terminal.processes import APP, Child, RunError, Stop, say
 
+START = "start"  # of figures that no setting has
 WORLD = ("--period", "1ms")
 LOG = {"log.level": "debug", "log.format": "json"}  # a line a second more than shipped
 SETTINGS: dict[str, Mapping[str, object]] = {
@@ -52,39 +54,40 @@ SETTINGS: dict[str, Mapping[str, object]] = {
         "obstacle.window_cells": 401,
     },
 }
-HEADINGS = {"shipped": "25 Hz, 101 cells", "fast": "50 Hz, 541 beams, 401 cells"}
+ABOUT = {"shipped": "25 Hz, 481 beams, 101 cells", "fast": "50 Hz, 541 beams, 401 cells"}
+LEGEND = """Motors off, the world drives. Peer: a fixed round of Python and NumPy beside the app.
+Libraries: `import numba, numpy`. Counts and ratios compare between machines, times do not."""
 WINDOW_S = 3.0  # CPU time is that of the least of such windows: others on the machine only add
 STRACE_S = 5.0
+PEER = [sys.executable, "-m", "tools.bench.peer"]
 POLL_S = 0.002  # while it starts
-START = "start"  # of figures that no setting has
 NONE = math.nan
-CALLS_TOLD = 8
+CALLS_TOLD, WIDTH = 8, 100
 ALLOWED = os.sched_getaffinity(0)
 ROWS = (
     ("cpu_percent", "CPU, % of a core", 1),
-    ("system_percent", "  of that in the kernel, some", 1),
-    ("cpu_rounds_per_s", "CPU, in rounds of a peer a second", 1),
-    ("wakeups_per_s", "wake-ups of the loop a second", 0),
-    ("other_wakeups_per_s", "wake-ups of other threads a second", 0),
-    ("calls_per_s", "system calls a second", 0),
+    ("system_percent", "  in the kernel, roughly", 1),
+    ("cpu_rounds_per_s", "  in rounds of the peer /s", 1),
+    ("wakeups_per_s", "wake-ups of the loop /s", 0),
+    ("other_wakeups_per_s", "  of other threads", 0),
+    ("calls_per_s", "system calls /s", 0),
     ("resident_mb", "resident, MB", 0),
     ("locked_mb", "  of that locked", 0),
-    ("minor_faults_per_s", "minor faults a second", 1),
-    ("major_faults", "major faults", 0),
-    ("latency_p50_ms", "scan to wire, ms: p50", 2),
+    ("minor_faults_per_s", "minor page faults /s", 1),
+    ("major_faults", "major page faults", 0),
+    ("latency_p50_ms", "scan to wire, ms, p50", 2),
     ("latency_p99_ms", "  p99", 2),
+    ("scans_told", "scans told, %", 1),
     ("ticks_lost", "ticks lost", 0),
-    ("first_frame_s", "process start to first frame, s", 2),
-    ("first_map_s", "  to first map while running, s", 2),
-    ("answered_to_map_s", "  from the last device's answer to it, s", 2),
-    ("first_map_cpu_s", "  CPU time until then, s", 2),
-    ("first_map_ratio", "  CPU time against import numba, numpy", 2),
-)
-START_ROWS = (
-    ("modules", "modules that `import main` loads", 0),
-    ("import_cpu_s", "  its CPU time, s", 2),
-    ("import_ratio", "  against import numba, numpy", 2),
-    ("kernels", "compiled kernels loaded", 0),
+    ("first_frame_s", "start to first frame, s", 2),
+    ("first_map_s", "  to map while running, s", 2),
+    ("answered_to_map_s", "  devices answer to map, s", 2),
+    ("first_map_cpu_s", "  CPU time to map, s", 2),
+    ("first_map_ratio", "  CPU time / libraries'", 2),
+    (f"{START}.modules", "modules imported", 0),
+    (f"{START}.import_cpu_s", "  CPU time, s", 2),
+    (f"{START}.import_ratio", "  CPU time / libraries'", 2),
+    (f"{START}.kernels", "compiled kernels loaded", 0),
 )
 
 
@@ -105,8 +108,10 @@ class Watched:
         self.calls: dict[str, float] = {}  # a second, by name
         self.remarks: list[str] = []
         self.bench = Bench(folder, stop, SETTINGS[setting], WORLD)
+        self._folder = folder
         self._stop, self._events = stop, list[dict[str, Any]]()
         self._span_s = math.nan, math.nan
+        self._peer: Child | None = None
 
     @property
     def app(self) -> int:
@@ -118,6 +123,7 @@ class Watched:
         bench.launch()
         begun_s = time.monotonic()
         self.remarks.append(placed(bench.pids))
+        self._peer = Child("peer", PEER, self._folder)  # on this process's cores
         while not bench.end.bursts:
             self._wait(POLL_S)
         while not bench.has_map():
@@ -143,12 +149,14 @@ class Watched:
             before, last = last, usage_of(self.app)
             cpu.append(rates_between(before, last))
         self._span_s = first.at_s, last.at_s
+        peer_s = self._end_peer()
         whole, least = rates_between(first, last), min(cpu, key=lambda window: window.cpu)
         resident, locked = resident_mb(self.app)
         lost = [event["slots_missed"] for event in (*counted[-1:], *self._said("ticks_counted"))]
         self.figures |= {
             "cpu_percent": 100 * least.cpu,
             "system_percent": 100 * least.cpu * whole.system / whole.cpu,
+            "cpu_rounds_per_s": least.cpu / peer_s,
             "wakeups_per_s": whole.wakeups,
             "other_wakeups_per_s": whole.other_wakeups,
             "minor_faults_per_s": whole.minor_faults,
@@ -158,10 +166,10 @@ class Watched:
             "ticks_lost": lost[-1] - lost[0] if lost else NONE,
         }
 
-    def count_calls(self) -> None:
+    def count_calls(self, seconds: float) -> None:
         """Apart, since it slows the app."""
         try:
-            self.calls = syscalls.calls_per_s(self.app, lambda: self._wait(STRACE_S), prefer)
+            self.calls = syscalls.calls_per_s(self.app, lambda: self._wait(seconds), prefer)
         except StraceError as error:
             self.remarks.append(f"system calls are not counted: {error}")
         else:
@@ -174,8 +182,15 @@ class Watched:
         self.figures |= {
             "latency_p50_ms": 1000 * p50_s,
             "latency_p99_ms": 1000 * p99_s,
-            "scans_told": len(latencies_s) / scans if scans else NONE,
+            "scans_told": 100 * len(latencies_s) / scans if scans else NONE,
         }
+
+    def _end_peer(self) -> float:
+        """CPU time of its median round. Raises RunError."""
+        assert self._peer is not None
+        if complaint := self._peer.end():
+            raise RunError(complaint)
+        return statistics.median(map(float, self._peer.out.read_text().split()))
 
     def _wait(self, seconds: float) -> None:
         if self._stop.wanted:
@@ -216,7 +231,7 @@ def watched(setting: str, seconds: float, stop: Stop) -> Watched:
                 seen.start()
                 seen.measure(seconds)
                 seen.bench.run(LINGER_S)
-                seen.count_calls()
+                seen.count_calls(min(seconds, STRACE_S))
             seen.judge_latency()
     finally:
         os.sched_setaffinity(0, ALLOWED)
@@ -231,7 +246,6 @@ def started() -> tuple[dict[str, float], list[str]]:
         "import_cpu_s": took.cpu_s,
         "libraries_cpu_s": took.libraries_cpu_s,
         "import_ratio": took.ratio,
-        "peer_s": peer_s(),
     }
     with folder_in_memory() as folder:
         config = folder / "mapod.toml"
@@ -250,10 +264,8 @@ def measured(seconds: float, stop: Stop, names: Sequence[str]) -> Measured:
     own, remarks = started()
     all_of = Measured({f"{START}.{name}": value for name, value in own.items()}, {}, remarks)
     for name in names:
-        say(f"measuring {HEADINGS[name]} for {seconds:g} s")
+        say(f"measuring {ABOUT[name]} for {seconds:g} s")
         seen = watched(name, seconds, stop)
-        peer = min(own["peer_s"], peer_s())
-        seen.figures["cpu_rounds_per_s"] = seen.figures["cpu_percent"] / 100 / peer
         seen.figures["first_map_ratio"] = seen.figures["first_map_cpu_s"] / own["libraries_cpu_s"]
         all_of.figures |= {f"{name}.{figure}": value for figure, value in seen.figures.items()}
         all_of.calls[name] = seen.calls
@@ -262,16 +274,18 @@ def measured(seconds: float, stop: Stop, names: Sequence[str]) -> Measured:
 
 
 def show(new: Measured, names: Sequence[str], kept: Mapping[str, Any] | None) -> None:
-    console = Console()
-    shown = {name: HEADINGS[name] for name in names}
-    console.print(table_of(shown, ROWS, new.figures, kept))
-    console.print(table_of({START: "start"}, START_ROWS, new.figures, kept))
+    """The table, and what stands beside it."""
+    say("; ".join(f"{name}: {ABOUT[name]}" for name in names))
+    Console(width=WIDTH).print(table_of(names, ROWS, new.figures, kept))
+    print(LEGEND)
     for name, calls in new.calls.items():
         if calls:
             most = [f"{call} {count:.0f}" for call, count in [*calls.items()][:CALLS_TOLD]]
-            say(f"{HEADINGS[name]}, calls a second: {', '.join(most)}")
+            say(f"{name}, system calls a second: {', '.join(most)}")
     for remark in new.remarks:
         say(remark)
+    if kept and kept["machine"] != machine():
+        say(f"kept last on another machine: {kept['machine']}")
 
 
 def main() -> int:

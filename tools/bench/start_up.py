@@ -1,17 +1,13 @@
-"""What a start of the app costs, in CPU time, and the peers that it is compared with in one run."""
+"""What importing the app costs, beside what its libraries alone cost in the same run."""
 
 import os
 import subprocess
 import sys
-import time
 from dataclasses import dataclass
-
-import numpy as np
 
 from tools.cli.options import ROOT
 
 ROUNDS = 3  # of starts; the least counts
-PEER_ROUNDS, PEER_STEPS = 30, 3000
 LIBRARIES = "import numba, numpy"
 COUNTED = "import main, sys; print(len(sys.modules))"
 
@@ -48,17 +44,3 @@ def _run(code: str) -> tuple[str, float]:
     after = os.times()
     spent_s = after.children_user + after.children_system
     return done.stdout, spent_s - before.children_user - before.children_system
-
-
-def peer_s() -> float:
-    """CPU time of one round of a fixed workload like the app's: Python over small arrays."""
-    return min(_peer_round_s() for _ in range(PEER_ROUNDS))
-
-
-def _peer_round_s() -> float:
-    values, kept, total = np.arange(64.0), dict[int, float](), 0.0
-    begun_s = time.thread_time()
-    for step in range(PEER_STEPS):
-        total += float(np.add(values, step)[step % 64])
-        kept[step % 97] = total
-    return time.thread_time() - begun_s

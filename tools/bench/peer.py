@@ -1,7 +1,7 @@
 """A fixed workload like the app's, Python over small arrays: `python -m tools.bench.peer`.
 
-One round now and then, as the app wakes now and then, until SIGINT; prints the CPU time of each in
-seconds. What the app costs in rounds of it compares between machines.
+One round now and then, as the app wakes now and then, until SIGINT. Prints when each ended and the
+CPU time that it took, in seconds. What the app costs in rounds of it compares between machines.
 """
 
 import sys
@@ -9,8 +9,14 @@ import time
 
 import numpy as np
 
-STEPS = 3000
-PAUSE_S = 0.2
+STEPS = 500
+PAUSE_S = 0.05
+
+
+def rounds_from_text(text: str) -> list[tuple[float, float]]:
+    """(ended, CPU time), seconds, of all rounds told; the last line may not be whole."""
+    lines = text.rpartition("\n")[0].splitlines()
+    return [(float(ended), float(spent)) for ended, spent in map(str.split, lines)]
 
 
 def round_s() -> float:
@@ -25,7 +31,8 @@ def round_s() -> float:
 
 def main() -> int:
     while True:
-        print(f"{round_s():.6f}", flush=True)
+        spent_s = round_s()
+        print(f"{time.monotonic():.6f} {spent_s:.6f}", flush=True)
         time.sleep(PAUSE_S)
 
 

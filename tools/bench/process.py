@@ -16,6 +16,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,10 @@ from rich.console import Console
 
 from tools.bench import syscalls
 from tools.bench.history import FILE, entry, grown, keep, kept_entries, machine, table_of
+from tools.bench.peer import rounds_from_text
 from tools.bench.start_up import imports
 from tools.bench.syscalls import StraceError, kernels_loaded
-from tools.bench.usage import Rates, cpu_s, pin, rates_between, resident_mb, usage_of
+from tools.bench.usage import Usage, cpu_s, pin, rates_between, resident_mb, usage_of
 from tools.cli.options import ROOT, SHIPPED_CONFIG, a_span
 from tools.rig.latency import (
     LINGER_S,
@@ -141,22 +143,18 @@ class Watched:
 
     def measure(self, seconds: float) -> None:
         """So long, as it is."""
-        first = last = usage_of(self.app)
-        counted = self._said("ticks_counted")
-        cpu: list[Rates] = []
+        counted, seen = self._said("ticks_counted"), [usage_of(self.app)]
         for _ in range(max(1, round(seconds / WINDOW_S))):
             self._wait(WINDOW_S)
-            before, last = last, usage_of(self.app)
-            cpu.append(rates_between(before, last))
-        self._span_s = first.at_s, last.at_s
-        peer_s = self._end_peer()
-        whole, least = rates_between(first, last), min(cpu, key=lambda window: window.cpu)
+            seen.append(usage_of(self.app))
+        self._span_s = seen[0].at_s, seen[-1].at_s
+        whole, cpu = rates_between(seen[0], seen[-1]), least_cpu(seen)
         resident, locked = resident_mb(self.app)
         lost = [event["slots_missed"] for event in (*counted[-1:], *self._said("ticks_counted"))]
         self.figures |= {
-            "cpu_percent": 100 * least.cpu,
-            "system_percent": 100 * least.cpu * whole.system / whole.cpu,
-            "cpu_rounds_per_s": least.cpu / peer_s,
+            "cpu_percent": 100 * cpu,
+            "system_percent": 100 * cpu * whole.system,
+            "cpu_rounds_per_s": self._rounds_per_s(seen),
             "wakeups_per_s": whole.wakeups,
             "other_wakeups_per_s": whole.other_wakeups,
             "minor_faults_per_s": whole.minor_faults,
@@ -185,12 +183,17 @@ class Watched:
             "scans_told": 100 * len(latencies_s) / scans if scans else NONE,
         }
 
-    def _end_peer(self) -> float:
-        """CPU time of its median round. Raises RunError."""
+    def _rounds_per_s(self, seen: Sequence[Usage]) -> float:
+        """CPU time in rounds of the peer in the same seconds: the median. Raises RunError."""
         assert self._peer is not None
         if complaint := self._peer.end():
             raise RunError(complaint)
-        return statistics.median(map(float, self._peer.out.read_text().split()))
+        rounds = rounds_from_text(self._peer.out.read_text(encoding="ascii"))
+        return statistics.median(
+            rates_between(before, after).cpu
+            / statistics.mean(spent for at_s, spent in rounds if before.at_s <= at_s < after.at_s)
+            for before, after in pairwise(seen)
+        )
 
     def _wait(self, seconds: float) -> None:
         if self._stop.wanted:
@@ -204,6 +207,11 @@ class Watched:
             for line in self.bench.log.added()
             if line["event"] == event and about.items() <= line.items()
         ]
+
+
+def least_cpu(seen: Sequence[Usage]) -> float:
+    """Share of a core in the least of the windows."""
+    return min(rates_between(before, after).cpu for before, after in pairwise(seen))
 
 
 def stamp_s(line: dict[str, Any]) -> float:

@@ -37,7 +37,7 @@ class Rates:
     """Between two instants; a second, where it says nothing else."""
 
     cpu: float  # share of a core
-    system: float  # part of it in the kernel
+    system: float  # part of that in the kernel, 0..1, as ticks have found it
     wakeups: float  # of the busiest thread, which is the loop's
     other_wakeups: float  # of all other threads
     minor_faults: float
@@ -66,10 +66,9 @@ def rates_between(before: Usage, after: Usage) -> Rates:
     loop = max(spent, key=lambda thread: spent[thread][0])
     others = sum(switches for thread, (_, switches) in spent.items() if thread != loop)
     user, system = after.user_ticks - before.user_ticks, after.system_ticks - before.system_ticks
-    share = (after.cpu_s - before.cpu_s) / seconds
     return Rates(
-        cpu=share,
-        system=share * system / max(1, user + system),
+        cpu=(after.cpu_s - before.cpu_s) / seconds,
+        system=system / max(1, user + system),
         wakeups=spent[loop][1] / seconds,
         other_wakeups=others / seconds,
         minor_faults=(after.minor_faults - before.minor_faults) / seconds,

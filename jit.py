@@ -10,6 +10,7 @@ It knows no wire and no map, so every room may import it.
 """
 
 import builtins
+import contextlib
 import dis
 import functools
 import hashlib
@@ -45,6 +46,8 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         numba.config.CACHE_LOCATOR_CLASSES = before
     if isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
         compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
+        cache = compiled._cache
+        cache.save_overload = functools.partial(_save_overload, cache.save_overload)
     return cast(Callable[P, R], compiled)
 
 
@@ -54,6 +57,12 @@ def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, 
     By itself Numba compiles the other once more for a literal 0, a literal 1, a number of 32 bits.
     """
     return ask([_wide(of) for of in args], {name: _wide(of) for name, of in kws.items()})
+
+
+def _save_overload(save: Callable[[Any, Any], None], signature: Any, code: Any) -> None:
+    """What can't be kept, on a full disk or a system that is read-only, is compiled again."""
+    with contextlib.suppress(OSError):
+        save(signature, code)
 
 
 def _wide(of: Any) -> Any:
@@ -140,13 +149,22 @@ class _ByDigest(caching._CacheLocator):
         return self._digest
 
     def ensure_cache_path(self) -> None:
-        """Numba asks when it looks for a place, and again before it saves: then old code goes."""
+        """Numba asks when it looks for a place, and again before it saves: then old code goes.
+
+        A place that has the code already need not be writable: on a robot it is not.
+        """
+        if not self._is_chosen and any(self._digest in path.name for path in self._files()):
+            self._is_chosen = True
+            return
         super().ensure_cache_path()
         if self._is_chosen:
-            for old in Path(self.get_cache_path()).glob(f"{self._name}-*.nb?"):
+            for old in self._files():
                 if self._digest not in old.name:
                     old.unlink(missing_ok=True)
         self._is_chosen = True
+
+    def _files(self) -> Iterator[Path]:
+        return Path(self.get_cache_path()).glob(f"{self._name}-*.nb?")
 
 
 class Given(_ByDigest, caching.UserProvidedCacheLocator):
@@ -161,4 +179,14 @@ class Home(_ByDigest, caching.UserWideCacheLocator):
     """The user's own cache."""
 
 
-PLACES = ("Given", "Beside", "Home")
+class Nowhere(Beside):
+    """Where none of these can be written: compiled in each process that needs it."""
+
+    def ensure_cache_path(self) -> None:
+        """Any place will do, for nothing gets there."""
+        if self._is_chosen:
+            super().ensure_cache_path()
+        self._is_chosen = True
+
+
+PLACES = ("Given", "Beside", "Home", "Nowhere")

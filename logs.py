@@ -18,11 +18,15 @@ from wiring import Devices
 
 COUNTS_S = 1.0  # counters to the log this often
 MEASURED_S = 60.0  # and what devices have measured of themselves
+WEIGHTS = {"error": 3, "warning": 4, "info": 6, "debug": 7}  # sd-daemon(3)
 
 
 def set_up_logging(config: Config, fd: int) -> LogWriter:
-    """structlog to a descriptor, for a person or as JSON lines; to be closed at the end."""
-    writer = LogWriter(fd)
+    """structlog to a descriptor, for a person or as JSON lines; to be closed at the end.
+
+    systemd's journal has the time of a line by itself, and takes its weight from a prefix.
+    """
+    writer, in_journal = LogWriter(fd), is_journal(fd, os.environ.get("JOURNAL_STREAM", ""))
 
     def add_dropped(logger: Any, name: str, event: MutableMapping[str, Any]) -> Mapping[str, Any]:
         """To the first line that goes out again: how many before it did not."""
@@ -33,11 +37,12 @@ def set_up_logging(config: Config, fd: int) -> LogWriter:
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            *([] if in_journal else [structlog.processors.TimeStamper(fmt="iso", utc=True)]),
             add_dropped,
             structlog.processors.JSONRenderer()
             if config.log.format == "json"
             else structlog.dev.ConsoleRenderer(colors=os.isatty(fd)),
+            *([add_weight] if in_journal else []),
         ],
         wrapper_class=structlog.make_filtering_bound_logger(
             logging.getLevelNamesMapping()[config.log.level.upper()]
@@ -45,6 +50,17 @@ def set_up_logging(config: Config, fd: int) -> LogWriter:
         logger_factory=structlog.WriteLoggerFactory(writer),  # type: ignore[arg-type]
     )
     return writer
+
+
+def is_journal(fd: int, named: str) -> bool:
+    """Whether a descriptor is the journal's stream, `device:inode`, that systemd has named."""
+    found = os.fstat(fd)
+    return f"{found.st_dev}:{found.st_ino}" == named
+
+
+def add_weight(logger: Any, name: str, line: Any) -> str:
+    """The line with its syslog weight before it, as `journalctl --priority` knows it."""
+    return f"<{WEIGHTS.get(name, 6)}>{line}"
 
 
 @dataclass(slots=True)
@@ -95,6 +111,24 @@ class StateLog:
             for name, source in self._devices.items():
                 if source.status.state == "running" and (measured := source.measured()):
                     self._log.info("device_measured", device=name, **measured)
+
+    def describe(self, now_s: float) -> str:
+        """What runs and what does not, for who supervises the app: `docs/service.md` has its form.
+
+        `scanner running; ahrs running; drive starting: asks for its identity; planner heard`
+        """
+        states: dict[str, tuple[str, str]] = {
+            name: (status.state, status.cause) for name, status in self.statuses.items()
+        }
+        for number, link in enumerate(self._planners.links, 1):
+            cause, state = link.wire.port.cause, "told" if link.frames_sent else "open"
+            states["planner" if number == 1 else f"planner {number}"] = (
+                ("closed", cause) if cause else ("heard" if link.heard(now_s) else state, "")
+            )
+        return "; ".join(
+            f"{name} {state}" + (f": {cause.replace(';', ',')}" if cause else "")
+            for name, (state, cause) in states.items()
+        )
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:
         new = (state, cause)

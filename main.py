@@ -7,6 +7,7 @@ import argparse
 import asyncio
 import contextlib
 import math
+import os
 import secrets
 import signal
 import sys
@@ -20,13 +21,14 @@ from typing import Protocol
 import structlog
 
 from app import App, Ports, warm_kernels
-from config_file import load_config, read_key
+from config_file import load_config, read_key, with_changes
 from core.config import Config, ConfigError
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
 from core.summary import describe_robot
 from hw.device import Port
 from hw.ports.url import parse_url
+from hw.runtime.notify import Notifier
 from hw.runtime.threads import take_real_time
 from hw.runtime.timer import Timer
 from hw.runtime.wakeup import WakeUp
@@ -34,6 +36,7 @@ from logs import set_up_logging
 from map_files import MapSaver, load_map
 from wiring import modbus_servers, open_ports
 
+UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
 SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
 
@@ -55,7 +58,9 @@ def slots_until_next(since_due_s: float, period_s: float) -> int:
     return max(1, math.ceil(since_due_s / period_s - 0.5))
 
 
-async def keep_pace(app: App, period_s: float, is_over: Callable[[], bool]) -> None:
+async def keep_pace(
+    app: App, period_s: float, is_over: Callable[[], bool], notifier: Notifier
+) -> None:
     """Step the app at a fixed rate until it is over; missed slots are skipped and counted.
 
     Between ticks it hears what arrives, so that stamps are true to the instant of reading.
@@ -68,6 +73,7 @@ async def keep_pace(app: App, period_s: float, is_over: Callable[[], bool]) -> N
         app.loop.late_s.append(time.monotonic() - due_s)
         app.step(time.monotonic())
         wake_up.after_tick()
+        notifier.turn_over(time.monotonic())
         slots = slots_until_next(time.monotonic() - due_s, period_s)
         app.loop.slots_missed += slots - 1
         due_s += period_s * slots
@@ -75,11 +81,11 @@ async def keep_pace(app: App, period_s: float, is_over: Callable[[], bool]) -> N
     timer.close()
 
 
-async def settle(app: App, period_s: float) -> None:
+async def settle(app: App, period_s: float, notifier: Notifier) -> None:
     """Tell the devices that it ends, and go on until they have taken it, for SETTLE_S at most."""
     app.stop()
     until_s = time.monotonic() + SETTLE_S
-    await keep_pace(app, period_s, lambda: app.settled or time.monotonic() >= until_s)
+    await keep_pace(app, period_s, lambda: app.settled or time.monotonic() >= until_s, notifier)
     if not app.settled:
         structlog.get_logger().warning("devices_not_settled", waited_s=SETTLE_S)
 
@@ -111,17 +117,19 @@ async def serve(
     for name, server in servers.items():
         app.states.statuses[name] = server.status
         server.start()
-    period_s = 1.0 / config.loop.rate_hz
+    period_s, notifier = 1.0 / config.loop.rate_hz, Notifier(os.environ, app.states.describe)
     try:
         stepped = recorder.app(app) if recorder else app
-        await keep_pace(stepped, period_s, stop.is_set)
-        await settle(stepped, period_s)
+        await keep_pace(stepped, period_s, stop.is_set, notifier)
+        notifier.stopping()
+        await settle(stepped, period_s, notifier)
         if saver:
             await saver.finish()
     finally:
         app.stop()
         for server in servers.values():
             await server.stop()
+        notifier.close()
     log.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
 
 
@@ -133,7 +141,7 @@ def version() -> str:
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
-def _parser() -> argparse.ArgumentParser:
+def options_of(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
     add = parser.add_argument
     add("--config", default="mapod.toml", help="settings (default: mapod.toml)")
@@ -146,15 +154,34 @@ def _parser() -> argparse.ArgumentParser:
         help="go on from a saved map; the robot must stand where it stood then",
     )
     add("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
-    return parser
+    add("--unattended", action="store_true", help=UNATTENDED)
+    return parser.parse_args(arguments)
+
+
+def settings_of(options: argparse.Namespace) -> Config:
+    """The settings; of a start that nobody watches, no ground is vouched for.
+
+    Raises:
+        ConfigError: as load_config.
+        StateError: a map is to be loaded, and nobody sees where the robot stands.
+    """
+    config = load_config(Path(options.config).read_text(encoding="utf-8"))
+    if not options.unattended:
+        return config
+    if options.load_map:
+        raise StateError(
+            "--unattended goes without --load-map: nobody sees whether the robot stands where it "
+            "stood when the map was saved"
+        )
+    return with_changes(config, robot={"start_clear_m": 0.0})
 
 
 def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
     """The command line; gives the exit status. `recorder` writes a live run down."""
-    options = _parser().parse_args(arguments)
+    options = options_of(arguments)
     signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # too early, or without --save-map: no end
     try:
-        config = load_config(Path(options.config).read_text(encoding="utf-8"))
+        config = settings_of(options)
         key = read_key(config.planner.key_file)
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
@@ -173,6 +200,8 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
             warm_kernels(config)
         else:
             with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
+                if options.unattended:
+                    structlog.get_logger().info("start_unattended", start_clear_m=0.0)
                 asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
     return 0
 

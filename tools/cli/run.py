@@ -12,6 +12,7 @@ import threading
 from pathlib import Path
 
 from core.config import ConfigError
+from main import UNATTENDED
 from main import run as run_app
 from main import version as app_version
 from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
@@ -26,7 +27,9 @@ def run(arguments: list[str]) -> int:
     about = "Run the robot: sensors in, obstacle map out, until Ctrl-C or SIGTERM."
     parser = parser_of("run", about, "mapod run --config mapod.toml --save-map hall.map")
     _add_run_options(parser)
-    return run_app(_arguments_of(parser.parse_args(arguments)))
+    parser.add_argument("--unattended", action="store_true", help=UNATTENDED)
+    options = parser.parse_args(arguments)
+    return run_app(_arguments_of(options) + ["--unattended"] * options.unattended)
 
 
 def record(arguments: list[str]) -> int:

@@ -196,8 +196,8 @@ def ran(
 def merge_settings(flash: Flash, settings: Path) -> None:
     """The robot's settings with what is new; the shipped ones where it has none."""
     flash_copy, now = flash.staging / AS_FLASHED, settings_now(flash.places)
-    words: list[str | Path] = ["init", "--out", flash_copy, *(["--from", now] if now else [])]
-    status, out, err = ran(flash, mapod(flash, *words))
+    older = ["--from", str(now)] if now else []
+    status, out, err = ran(flash, mapod(flash, "init", "--out", flash_copy, *older))
     if status:
         where = f"{now}: " if now else ""
         reason = last_line(err).removeprefix("mapod init: ").removeprefix(where)

@@ -113,7 +113,8 @@ def flashed(
 
 def runs(root: Path) -> str:
     """What the current version says of itself and its settings: "app 2 with a"."""
-    words = [root / "usr/local/bin/mapod", "check", "--config", root / "etc/mapod/mapod.toml"]
+    command, config = root / "usr/local/bin/mapod", root / "etc/mapod/mapod.toml"
+    words = [str(command), "check", "--config", str(config)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     return done.stdout.strip() or done.stderr.strip()
 

@@ -126,8 +126,9 @@ def prepare(flash: Flash, name: str) -> None:
     staging.mkdir(parents=True)
     settings = places.settings_of(name)
     unpack(flash, settings)
+    compile_python(flash, name)
     merge_settings(flash, settings)
-    compile_all(flash, f"/{(places.versions / name).relative_to(places.root)}")
+    compile_kernels(flash)
     check(flash, settings)
     sync_all(staging)
     move(staging, places.versions / name)
@@ -211,16 +212,21 @@ def merge_settings(flash: Flash, settings: Path) -> None:
     put_file(settings, new)
 
 
-def compile_all(flash: Flash, final: str) -> None:
-    """Bytecode and the app's kernels. Raises FlashError, with what the compiler said last."""
+def compile_python(flash: Flash, name: str) -> None:
+    """Bytecode, before anything runs. No file's time decides whether it is used."""
     flash.tell("compiling the Python files")
-    lib = flash.staging / "lib"
+    final = f"/{(flash.places.versions / name).relative_to(flash.places.root)}"
     command = [sys.executable, "-IS", "-m", "compileall", "-q", "-j", "0"]
     command += ["--invalidation-mode", "unchecked-hash", "-s", str(flash.staging), "-p", final]
-    status, out, err = ran(flash, [*command, str(lib)])
+    status, out, err = ran(flash, [*command, str(flash.staging / "lib")])
     if status:
         raise FlashError(f"can't compile the Python files: {last_line(err or out)}")
-    flash.tell("compiling the kernels; a minute or more")
+
+
+def compile_kernels(flash: Flash) -> None:
+    """The app's kernels, beside their sources. Raises FlashError: what the compiler said last."""
+    flash.tell("compiling the kernels: half a minute or more")
+    lib = flash.staging / "lib"
 
     def count(seconds: float) -> None:
         flash.tell(f"  {seconds:.0f} s: {sum(1 for _ in lib.rglob('*.nbc'))} kernels compiled")

@@ -90,7 +90,7 @@ def sync(folder: Path) -> None:
 
 
 def sync_all(folder: Path) -> None:
-    """Thousands of files at once: all of their file system. Raises OSError: they don't get there."""
+    """Thousands of files at once: all of their file system. Raises OSError."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         if ctypes.CDLL(None, use_errno=True).syncfs(handle):

@@ -180,13 +180,22 @@ class _ByDigest(caching._CacheLocator):
         return self._digest
 
     def ensure_cache_path(self) -> None:
-        """Numba asks when it looks for a place, and again before it saves: then old code goes."""
+        """Numba asks when it looks for a place, and again before it saves: then old code goes.
+
+        A place that has the code already need not be writable: on a robot it is not.
+        """
+        if not self._is_chosen and any(self._digest in path.name for path in self._files()):
+            self._is_chosen = True
+            return
         super().ensure_cache_path()
         if self._is_chosen:
-            for old in Path(self.get_cache_path()).glob(f"{self._name}-*.nb?"):
+            for old in self._files():
                 if self._digest not in old.name:
                     old.unlink(missing_ok=True)
         self._is_chosen = True
+
+    def _files(self) -> Iterator[Path]:
+        return Path(self.get_cache_path()).glob(f"{self._name}-*.nb?")
 
 
 class Given(_ByDigest, caching.UserProvidedCacheLocator):
@@ -201,4 +210,14 @@ class Home(_ByDigest, caching.UserWideCacheLocator):
     """The user's own cache."""
 
 
-PLACES = ("Given", "Beside", "Home")
+class Nowhere(Beside):
+    """Where none of these can be written: compiled in each process that needs it."""
+
+    def ensure_cache_path(self) -> None:
+        """Any place will do, for nothing gets there."""
+        if self._is_chosen:
+            super().ensure_cache_path()
+        self._is_chosen = True
+
+
+PLACES = ("Given", "Beside", "Home", "Nowhere")

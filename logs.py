@@ -18,6 +18,7 @@ from wiring import Devices
 
 COUNTS_S = 1.0  # counters to the log this often
 MEASURED_S = 60.0  # and what devices have measured of themselves
+WEIGHTS = {"error": 3, "warning": 4, "info": 6, "debug": 7}  # sd-daemon(3)
 
 
 LEVELS = ("debug", "info", "warning", "error")  # as they rise
@@ -72,8 +73,23 @@ def person_line(level: str, event: str, keys: Mapping[str, Any], has_colours: bo
     """`2026-03-01T12:00:00.000000Z [info   ] map_saved      file=hall.map moving=False`"""
     shown = f"{level:<7}"
     shown = f"{COLOURS[level]}{shown}{PLAIN}" if has_colours else shown
+    return f"{utc_now()} [{shown}] {_words(event, keys)}"
+
+
+def journal_line(level: str, event: str, keys: Mapping[str, Any]) -> str:
+    """For systemd's journal, which keeps the time by itself and takes the weight from a prefix."""
+    return f"<{WEIGHTS[level]}>{_words(event, keys)}"
+
+
+def is_journal(fd: int, named: str) -> bool:
+    """Whether a descriptor is the journal's stream, `device:inode`, that systemd has named."""
+    found = os.fstat(fd)
+    return f"{found.st_dev}:{found.st_ino}" == named
+
+
+def _words(event: str, keys: Mapping[str, Any]) -> str:
     values = " ".join(f"{name}={_shown(value)}" for name, value in sorted(keys.items()))
-    return f"{utc_now()} [{shown}] {event:<30} {values}".rstrip()
+    return f"{event:<30} {values}".rstrip()
 
 
 def utc_now() -> str:
@@ -90,8 +106,12 @@ LOG = EventLog()
 def set_up_logging(config: Config, fd: int) -> LogWriter:
     """The log to a descriptor, for a person or as JSON lines; to be closed at the end."""
     writer = LogWriter(fd)
-    for_a_person = functools.partial(person_line, has_colours=os.isatty(fd))
-    line = json_line if config.log.format == "json" else for_a_person
+    if is_journal(fd, os.environ.get("JOURNAL_STREAM", "")):
+        line = journal_line
+    elif config.log.format == "json":
+        line = json_line
+    else:
+        line = functools.partial(person_line, has_colours=os.isatty(fd))
     LOG.set_up(writer, config.log.level, line)
     return writer
 
@@ -143,6 +163,24 @@ class StateLog:
             for name, source in self._devices.items():
                 if source.status.state == "running" and (measured := source.measured()):
                     LOG.info("device_measured", device=name, **measured)
+
+    def describe(self, now_s: float) -> str:
+        """What runs and what does not, for who supervises the app: `docs/service.md` has its form.
+
+        `scanner running; ahrs running; drive starting: asks for its identity; planner heard`
+        """
+        states: dict[str, tuple[str, str]] = {
+            name: (status.state, status.cause) for name, status in self.statuses.items()
+        }
+        for number, link in enumerate(self._planners.links, 1):
+            cause, state = link.wire.port.cause, "told" if link.frames_sent else "open"
+            states["planner" if number == 1 else f"planner {number}"] = (
+                ("closed", cause) if cause else ("heard" if link.heard(now_s) else state, "")
+            )
+        return "; ".join(
+            f"{name} {state}" + (f": {cause.replace(';', ',')}" if cause else "")
+            for name, (state, cause) in states.items()
+        )
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:
         new = (state, cause)

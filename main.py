@@ -6,6 +6,7 @@ Arguments and the loop. The app itself is `App` in app.py.
 import argparse
 import contextlib
 import math
+import os
 import secrets
 import signal
 import sys
@@ -18,19 +19,21 @@ from types import FrameType
 from typing import Protocol
 
 from app import App, Ports, warm_kernels
-from config_file import load_config, read_key
+from config_file import load_config, read_key, with_changes
 from core.config import Config, ConfigError
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
 from core.summary import describe_robot
 from hw.device import Port
 from hw.ports.url import parse_url
+from hw.runtime.notify import Notifier
 from hw.runtime.threads import take_real_time
 from hw.runtime.wakeup import WakeUp
 from logs import LOG, set_up_logging
 from map_files import MapSaver, load_map
 from wiring import modbus_servers, open_ports
 
+UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
 SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
 
@@ -70,27 +73,30 @@ def slots_missed(late_s: float, period_s: float) -> int:
     return max(0, math.ceil(late_s / period_s - 0.5))
 
 
-def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool]) -> None:
+def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool], notifier: Notifier) -> None:
     """Let the app take its turns until it is over: when one is due, and as bytes arrive.
+
 
     So stamps are true to the instant of reading. Missed slots are counted and never made up.
     """
     period_s = 1.0 / app.config.loop.rate_hz
     while not is_over():
-        due_s = app.due_s
-        readable = wake_up.wait(due_s - time.monotonic(), app.listens_to)
+        due_s, ticks = app.plan.due_s, app.loop.ticks
+        readable = wake_up.wait(due_s - time.monotonic(), app.plan.ports)
         now_s = time.monotonic()
         if now_s >= due_s > -math.inf:
             app.loop.late_s.append(now_s - due_s)
             app.loop.slots_missed += slots_missed(now_s - due_s, period_s)
         app.turn(now_s, readable)
+        if app.loop.ticks != ticks:  # a step: every input was looked at
+            notifier.turn_over(now_s)
 
 
-def settle(app: App, wake_up: WakeUp) -> None:
+def settle(app: App, wake_up: WakeUp, notifier: Notifier) -> None:
     """Tell the devices that it ends, and go on until they have taken it, for SETTLE_S at most."""
     app.stop()
     until_s = time.monotonic() + SETTLE_S
-    keep_pace(app, wake_up, lambda: app.settled or time.monotonic() >= until_s)
+    keep_pace(app, wake_up, lambda: app.settled or time.monotonic() >= until_s, notifier)
     if not app.settled:
         LOG.warning("devices_not_settled", waited_s=SETTLE_S)
 
@@ -118,7 +124,7 @@ def serve(
     LOG.info("app_started", version=version(), planner=config.planner.port)
     servers = modbus_servers(config, app.image)
     app.states.statuses.update(servers.statuses)
-    wake_up = WakeUp(servers)
+    wake_up, notifier = WakeUp(servers), Notifier(os.environ, app.states.describe)
 
     def is_over() -> bool:
         if wanted.map and saver:
@@ -128,14 +134,16 @@ def serve(
 
     try:
         stepped = recorder.app(app) if recorder else app
-        keep_pace(stepped, wake_up, is_over)
-        settle(stepped, wake_up)
+        keep_pace(stepped, wake_up, is_over, notifier)
+        notifier.stopping()
+        settle(stepped, wake_up, notifier)
         if saver:
             saver.finish()
     finally:
         app.stop()
         servers.close()
         wake_up.close()
+        notifier.close()
     LOG.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
 
 
@@ -147,7 +155,7 @@ def version() -> str:
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
-def _parser() -> argparse.ArgumentParser:
+def options_of(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
     add = parser.add_argument
     add("--config", default="mapod.toml", help="settings (default: mapod.toml)")
@@ -160,15 +168,34 @@ def _parser() -> argparse.ArgumentParser:
         help="go on from a saved map; the robot must stand where it stood then",
     )
     add("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
-    return parser
+    add("--unattended", action="store_true", help=UNATTENDED)
+    return parser.parse_args(arguments)
+
+
+def settings_of(options: argparse.Namespace) -> Config:
+    """The settings; of a start that nobody watches, no ground is vouched for.
+
+    Raises:
+        ConfigError: as load_config.
+        StateError: a map is to be loaded, and nobody sees where the robot stands.
+    """
+    config = load_config(Path(options.config).read_text(encoding="utf-8"))
+    if not options.unattended:
+        return config
+    if options.load_map:
+        raise StateError(
+            "--unattended goes without --load-map: nobody sees whether the robot stands where it "
+            "stood when the map was saved"
+        )
+    return with_changes(config, robot={"start_clear_m": 0.0})
 
 
 def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
     """The command line; gives the exit status. `recorder` writes a live run down."""
-    options = _parser().parse_args(arguments)
+    options = options_of(arguments)
     signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # too early, or without --save-map: no end
     try:
-        config = load_config(Path(options.config).read_text(encoding="utf-8"))
+        config = settings_of(options)
         key = read_key(config.planner.key_file)
         loaded = load_map(options.load_map, config) if options.load_map else None
         if options.save_map and not Path(options.save_map).parent.is_dir():
@@ -187,6 +214,8 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
             warm_kernels(config)
         else:
             with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
+                if options.unattended:
+                    LOG.info("start_unattended", start_clear_m=0.0)
                 serve(config, ports, key, loaded, options.save_map, recorder)
     return 0
 

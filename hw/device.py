@@ -77,6 +77,14 @@ class Reopens(Protocol):
         """Drop the connection for this cause, and open the next one after the shortest pause."""
 
 
+@runtime_checkable
+class Gathers(Protocol):
+    """A port that can wait for several bytes: a serial line."""
+
+    def gather(self, size: int) -> None:
+        """Be readable when so many bytes have come, 1..255; fewer are not read either."""
+
+
 class NoPort:
     """A wire that is open and leads nowhere: for warming up, and where a device is left out."""
 

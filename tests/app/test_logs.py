@@ -90,3 +90,28 @@ def test_nothing_below_the_level_is_told() -> None:
     with os.fdopen(read) as far_end:
         [event] = [json.loads(line) for line in far_end]
     assert (event["level"], event["event"], event["number"]) == ("warning", "lost", 7)
+
+
+def test_the_journal_gets_no_time_and_a_weight() -> None:
+    read, write = os.pipe()
+    found = os.fstat(write)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("JOURNAL_STREAM", f"{found.st_dev}:{found.st_ino}")
+        writer = set_up_logging(shipped(), write)
+    LOG.warning("said", number=7)
+    LOG.close()
+    writer.close()
+    os.close(write)
+    with os.fdopen(read) as far_end:
+        assert re.fullmatch(r"<4>said +number=7\n", far_end.read())
+
+
+def test_the_state_of_devices_and_link_in_words() -> None:
+    loop = ClosedLoop(CONFIG)
+    first = loop.app.states.describe(0.0)
+    assert first.startswith("scanner closed: not opened yet; ahrs closed: not opened yet; drive")
+    loop.run(3.0)
+    told = loop.app.states.describe(loop.now_s)
+    assert told == "scanner running; ahrs running; drive running; planner heard"
+    loop.app.devices.ahrs.status.fall_back("starting", "no answer; asks again")
+    assert "ahrs starting: no answer, asks again; drive" in loop.app.states.describe(loop.now_s)

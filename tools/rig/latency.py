@@ -16,7 +16,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -223,8 +223,16 @@ def prefer(pid: int) -> bool:
 class Bench:
     """World, app and planner's end, from start to end."""
 
-    def __init__(self, folder: Path, stop: Stop) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        stop: Stop,
+        settings: Mapping[str, object] = SETTINGS,
+        world: Sequence[str] = (),
+    ) -> None:
+        """`world`: more arguments of `python -m fakes`."""
         self._stop, self._robot = stop, SimulatedRobot(folder)
+        self._settings, self._world = settings, world
         self.end, self._wire = FarEnd(), UdpWire("127.0.0.1", 0)
         self._link = Link(self._wire, self.end)
         self.stamps, self.log = folder / "stamps.txt", JsonLines(folder / "app.log")
@@ -232,13 +240,27 @@ class Bench:
 
     def start(self) -> None:
         """Up to a map that has settled. Raises RunError: a process fails, or no map in time."""
-        robot, stop = self._robot, self._stop
-        world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps)]
-        robot.start(world, SHIPPED_CONFIG, SETTINGS | {"planner.port": self._wire.url}, stop)
-        self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
-        while not (stop.wanted or robot.has_map(time.monotonic(), self.end, RUNNING)):
+        self.launch()
+        while not (self._stop.wanted or self.has_map()):
             self.run(0.05)
         self.run(SETTLE_S)
+
+    def launch(self) -> None:
+        """World and app; without the app if the wait was broken off. Raises RunError."""
+        robot = self._robot
+        world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps), *self._world]
+        settings = {**self._settings, "planner.port": self._wire.url}
+        robot.start(world, SHIPPED_CONFIG, settings, self._stop)
+        self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
+
+    @property
+    def pids(self) -> list[int]:
+        """Of the world, and of the app once it runs."""
+        return [child.pid for child in self._robot.children]
+
+    def has_map(self) -> bool:
+        """Whether an app that is in running order has told one. Raises RunError: not in time."""
+        return self._robot.has_map(time.monotonic(), self.end, RUNNING)
 
     def run(self, seconds: float) -> None:
         until_s = time.monotonic() + seconds
@@ -247,22 +269,34 @@ class Bench:
                 child.check_alive()
             self._link.step(0.05)
 
-    def close(self) -> list[str]:
-        complaints = self._robot.end()
-        self._wire.close()
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    @contextlib.contextmanager
+    def closed(self) -> Iterator[None]:
+        """All end with the block. Raises RunError: they did not end well."""
+        try:
+            yield
+        finally:
+            complaints = self._robot.end()
+            self._wire.close()
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         if self._robot.children and LAGS in self._robot.children[0].last_words():
             complaints.append(f"the fakes say: {LAGS}: there is nothing to measure by")
-        return complaints
+        if complaints:
+            raise RunError("\n".join(complaints))
+
+
+@contextlib.contextmanager
+def folder_in_memory() -> Iterator[Path]:
+    """Where there is one: a log on a disk that others keep busy would stall the app."""
+    memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
+    with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:
+        yield Path(folder)
 
 
 def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
     """One measurement from start to end. Raises RunError: a process failed, or did not end well."""
-    # In memory: a log file on a disk that others keep busy would stall the app as it writes there.
-    memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
-    with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:
-        bench = Bench(Path(folder), stop)
-        try:
+    with folder_in_memory() as folder:
+        bench = Bench(folder, stop)
+        with bench.closed():
             bench.start()
             with contextlib.ExitStack() as stack:
                 if load:
@@ -272,17 +306,22 @@ def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
                 bench.run(seconds)
                 ended_s = time.monotonic()
             bench.run(LINGER_S)
-        finally:
-            complaints = bench.close()
-        if complaints:
-            raise RunError("\n".join(complaints))
         return figures(name, bench, before, (begun_s, ended_s))
+
+
+def latencies(bench: Bench, span_s: tuple[float, float]) -> tuple[int, list[float], int]:
+    """Of a bench that is closed: scans sent within a span, their latencies, ticks of no scan."""
+    begun_s, ended_s = span_s
+    scans = scans_from_file(bench.stamps)
+    bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
+    told, strangers = told_scans(scans, bursts)
+    inside = [one.latency_s for one in told if begun_s <= one.scan.sent_s < ended_s]
+    return sum(begun_s <= scan.sent_s < ended_s for scan in scans), inside, strangers
 
 
 def figures(
     name: str, bench: Bench, before: list[dict[str, Any]], span_s: tuple[float, float]
 ) -> Figures:
-    begun_s, ended_s = span_s
     after = bench.log.added()
     counted, earlier = (
         [event for event in events if event["event"] == "ticks_counted"]
@@ -290,16 +329,13 @@ def figures(
     )
     ended = next((event for event in after if event["event"] == "app_stopped"), {})
     rights = next((event for event in before if event["event"] == "real_time_taken"), {})
-    scans = scans_from_file(bench.stamps)
-    bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
-    told, strangers = told_scans(scans, bursts)
-    inside = [one for one in told if begun_s <= one.scan.sent_s < ended_s]
+    scans, latencies_s, strangers = latencies(bench, span_s)
     return Figures(
         name=name,
-        scans=sum(begun_s <= scan.sent_s < ended_s for scan in scans),
-        told=len(inside),
+        scans=scans,
+        told=len(latencies_s),
         strangers=strangers,
-        latency_s=quantiles([one.latency_s for one in inside]),
+        latency_s=quantiles(latencies_s),
         late_s=(
             quantiles([event["late_p50_s"] or 0.0 for event in counted])[0],
             max((event["latest_s"] or 0.0 for event in counted), default=math.nan),

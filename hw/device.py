@@ -22,6 +22,7 @@ could have sent, and leaves the rest to the next one (`Intake`).
 """
 
 import enum
+import math
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -76,6 +77,14 @@ class Reopens(Protocol):
         """Drop the connection for this cause, and open the next one after the shortest pause."""
 
 
+@runtime_checkable
+class Gathers(Protocol):
+    """A port that can wait for several bytes: a serial line."""
+
+    def gather(self, size: int) -> None:
+        """Be readable when so many bytes have come, 1..255; fewer are not read either."""
+
+
 class NoPort:
     """A wire that is open and leads nowhere: for warming up, and where a device is left out."""
 
@@ -120,6 +129,10 @@ class DeviceStatus:
     cause: str = "not opened yet"  # in words, while not running or not as configured; else ""
     session: enum.Enum | None = None  # what its session is doing, for a person
     heard_s: float = float("-inf")  # host clock, last measurement
+    due_s: float = float(
+        "-inf"
+    )  # when its session wants a Tick though no bytes came; -inf: the next
+    is_deaf: bool = False  # until then: what arrives sooner is not worth a turn
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
     skipped_bytes: int = 0
@@ -276,8 +289,16 @@ class Device(Generic[Measurement]):
         """
         if self.port.opened != self._opened or self._intake.waits:
             return
-        if pieces := self.port.read():
+        pieces = self.port.read()
+        if pieces or -math.inf < self.status.due_s <= now_s:
             self._advance(now_s, pieces)
+
+    @property
+    def due_s(self) -> float:
+        """When it must be looked at if nothing arrives: -inf at every tick, as while it starts."""
+        if self.status.state != "running" or self._intake.waits or self.port.backlog:
+            return -math.inf
+        return self.status.due_s
 
     def stop(self) -> None: ...
 

@@ -145,8 +145,8 @@ class Terrain:
         self.slope_rad: F32 = cells.grid.layer(np.float32, np.nan)  # 0: level, of whatever heading
         self.step_m: F32 = cells.grid.layer(np.float32, np.nan)
         self.roughness_m: F32 = cells.grid.layer(np.float32, np.nan)  # rms, off the plane
-        self._marks: I8 = np.zeros(cells.flat.size, dtype=np.int8)
-        self._noted: I32 = np.zeros(cells.flat.size, dtype=np.int32)
+        self._marks: I8 = np.full(cells.flat.size, 0, dtype=np.int8)
+        self._noted: I32 = np.full(cells.flat.size, 0, dtype=np.int32)
         self._used = 0
         self.looks = 0  # cells looked at so far
 

@@ -20,6 +20,7 @@ Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
 import enum
+import math
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
@@ -118,7 +119,7 @@ class MtiSession:
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
-            frames = yield from exchange.turn()
+            frames = yield from exchange.turn(due_s=math.inf)
             self.attitudes = reader.take(frames, exchange.now_s)
             if self.attitudes:
                 heard_s = exchange.now_s

@@ -29,7 +29,6 @@ from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from tools.bench.drive import FAST, SHIPPED
-from tools.terminal.progress import quiet
 
 VECTORS = Path(__file__).resolve().parents[2] / "tests" / "vectors"
 PIECE = 1448  # bytes that arrive at once on TCP; a serial line gives fewer
@@ -241,7 +240,6 @@ def report(name: str, config: Config) -> float:
 
 def main() -> int:
     print("mapod: measuring, about a minute")
-    quiet()
     shipped = load_config(SHIPPED.read_text(encoding="utf-8"))
     report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
     small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=FAST))

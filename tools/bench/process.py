@@ -38,6 +38,7 @@ from tools.rig.latency import (
     prefer,
     quantiles,
 )
+from tools.settings import NotThereError
 from tools.terminal.processes import APP, Child, RunError, Stop, say
 
 START = "start"  # of figures that no setting has
@@ -309,7 +310,7 @@ def main() -> int:
     with Stop().on_signals() as stop:
         try:
             new = measured(options.seconds, stop, names)
-        except RunError as error:
+        except (RunError, NotThereError, OSError) as error:
             print(f"mapod: {error}", file=sys.stderr)
             return 1
     show(new, names, kept)

@@ -9,15 +9,17 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from tests import Patch
 from tools.bench import history
 from tools.bench.history import BOUNDS, entry, grown, keep, kept_entries, table_of
 from tools.bench.peer import rounds_from_text
 from tools.bench.process import ROWS, SETTINGS, measured
-from tools.bench.syscalls import counts_from_text
+from tools.bench.syscalls import StraceError, calls_per_s, counts_from_text, kernels_loaded
 from tools.bench.usage import Usage, cpu_s, rates_between, resident_mb, usage_of
 from tools.terminal.processes import Stop
 
 SHORT_S = 6.0
+NOBODY = 2**22 + 1  # beyond the largest number that a process can have
 COUNTED = """% time     seconds  usecs/call     calls    errors syscall
 ------ ----------- ----------- --------- --------- ----------------
  62.50    0.000025           5       203         1 epoll_wait
@@ -62,6 +64,16 @@ def test_calls_and_rounds_are_read_from_what_others_print() -> None:
         (5.0, 0.0004),
         (5.1, 0.0005),
     ]
+
+
+def test_where_strace_is_not_there_or_may_not_look_it_says_so(
+    tmp_path: Path, monkeypatch: Patch
+) -> None:
+    with pytest.raises(StraceError, match=r"strace is not there|attach|No such process"):
+        calls_per_s(NOBODY, lambda: None, lambda pid: None)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(StraceError, match="apt install strace"):
+        kernels_loaded(["true"], tmp_path)
 
 
 def test_a_count_that_has_grown_is_named_and_a_time_never_is() -> None:

@@ -1,6 +1,8 @@
 """What a process uses, as the kernel counts it: CPU time, wake-ups, memory, faults.
 
-Nothing is asked of the process itself. Source: proc(5); clock_getcpuclockid(3) for `cpu_s`.
+Nothing is asked of the process itself. Refuses to part user from kernel: the tick by which the
+kernel does that is in step with a loop that wakes at full milliseconds.
+Source: proc(5); clock_getcpuclockid(3) for `cpu_s`.
 """
 
 import os
@@ -11,7 +13,7 @@ from pathlib import Path
 
 MB = 1e6
 KIB = 1024
-MINOR, MAJOR, USER, SYSTEM = 7, 9, 11, 12  # fields of /proc/PID/stat behind the name in brackets
+MINOR, MAJOR = 7, 9  # fields of /proc/PID/stat behind the name in brackets
 
 
 def cpu_s(pid: int) -> float:
@@ -25,8 +27,6 @@ class Usage:
 
     at_s: float
     cpu_s: float
-    user_ticks: int  # as the kernel's tick happens to find it
-    system_ticks: int
     minor_faults: int
     major_faults: int
     threads: Mapping[int, tuple[int, int]]  # id to CPU time in ns, voluntary switches
@@ -37,7 +37,6 @@ class Rates:
     """Between two instants; a second, where it says nothing else."""
 
     cpu: float  # share of a core
-    system: float  # part of that in the kernel, 0..1, as ticks have found it
     wakeups: float  # of the busiest thread, which is the loop's
     other_wakeups: float  # of all other threads
     minor_faults: float
@@ -52,8 +51,8 @@ def usage_of(pid: int) -> Usage:
         ran_ns = int((task / "schedstat").read_text(encoding="ascii").split()[0])
         status = (task / "status").read_text(encoding="utf-8")
         threads[int(task.name)] = ran_ns, _number(status, "voluntary_ctxt_switches")
-    user, system, minor, major = (int(stat[at]) for at in (USER, SYSTEM, MINOR, MAJOR))
-    return Usage(time.monotonic(), cpu_s(pid), user, system, minor, major, threads)
+    minor, major = int(stat[MINOR]), int(stat[MAJOR])
+    return Usage(time.monotonic(), cpu_s(pid), minor, major, threads)
 
 
 def rates_between(before: Usage, after: Usage) -> Rates:
@@ -65,10 +64,8 @@ def rates_between(before: Usage, after: Usage) -> Rates:
     }
     loop = max(spent, key=lambda thread: spent[thread][0])
     others = sum(switches for thread, (_, switches) in spent.items() if thread != loop)
-    user, system = after.user_ticks - before.user_ticks, after.system_ticks - before.system_ticks
     return Rates(
         cpu=(after.cpu_s - before.cpu_s) / seconds,
-        system=system / max(1, user + system),
         wakeups=spent[loop][1] / seconds,
         other_wakeups=others / seconds,
         minor_faults=(after.minor_faults - before.minor_faults) / seconds,

@@ -9,14 +9,12 @@ machine left alone, then with all of its cores loaded.
 import argparse
 import bisect
 import contextlib
-import functools
 import math
-import multiprocessing
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,14 +27,12 @@ from mapod_link.client import Link
 from mapod_link.frames import POSE, Frame
 from mapod_link.wires import UdpWire
 from tools.cli.options import SHIPPED_CONFIG
+from tools.rig.load import loaded
 from tools.rig.story import JsonLines
 from tools.terminal.processes import RUNNING, RunError, SimulatedRobot, Stop, say
 
 AGE_S, AGE_AT, AGE_MOST = 0.004, 20, 255  # in a POSE frame's body: unit, offset, "that or more"
 NEAR_S = 0.009  # a mapped scan's instant, as told and as stamped, are no farther apart
-MOVED_BYTES = 32 << 20  # beyond every cache
-WRITTEN_BYTES = 4 << 20
-CHECK_EVERY = 64  # rounds of computing between two looks at the clock
 SETTINGS: dict[str, str | float] = {
     "scanner.scan_rate_hz": 50,
     "scanner.angular_step_deg": 0.5,
@@ -114,9 +110,15 @@ def scans_from_file(path: Path) -> list[Sent]:
     return [Sent(float(row[1]), float(row[2])) for row in rows if len(row) == 3]
 
 
-def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Told], int]:
-    """Each scan that some tick was the first to tell of; and how many ticks fit no scan."""
-    instants_s = [scan.measured_s for scan in scans]
+def told_scans(
+    scans: Sequence[Sent], bursts: Sequence[Burst], unused_s: float = 0.0
+) -> tuple[list[Told], int]:
+    """Each scan that some tick was the first to tell of; and how many ticks fit no scan.
+
+    Args:
+        unused_s: how long a scan goes on after the last of its beams that the app uses.
+    """
+    instants_s = [scan.measured_s - unused_s for scan in scans]
     told: list[Told] = []
     newest, strangers = -1, 0
     for burst in bursts:
@@ -135,49 +137,6 @@ def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Tol
             newest = near
             told.append(Told(scans[near], burst.arrived_s))
     return told, strangers
-
-
-def compute(until_s: float) -> None:
-    number = 1
-    while time.monotonic() < until_s:
-        for _ in range(CHECK_EVERY * 1000):
-            number = (number * 1_103_515_245 + 12_345) % 2**31
-
-
-def move_memory(until_s: float) -> None:
-    one, other = bytearray(MOVED_BYTES), bytearray(MOVED_BYTES)
-    while time.monotonic() < until_s:
-        one[:], other[:] = other, one
-
-
-def write_disk(until_s: float) -> None:
-    data = os.urandom(WRITTEN_BYTES)
-    with tempfile.TemporaryFile() as file:
-        while time.monotonic() < until_s:
-            file.seek(0)
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-
-
-@contextlib.contextmanager
-def loaded(seconds: float, cores: int | None = None) -> Iterator[str]:
-    """Load while the block runs, at most so long; gives what it consists of, in words."""
-    cores = cores or len(os.sched_getaffinity(0))
-    until_s = time.monotonic() + seconds
-    jobs: list[Callable[[], None]] = [functools.partial(compute, until_s)] * cores
-    jobs += [functools.partial(move_memory, until_s)] * max(1, cores // 2)
-    jobs.append(functools.partial(write_disk, until_s))
-    spawn = multiprocessing.get_context("spawn")
-    processes = [spawn.Process(target=job, daemon=True) for job in jobs]
-    for process in processes:
-        process.start()
-    try:
-        yield f"{cores} computing, {max(1, cores // 2)} moving memory, 1 writing to the disk"
-    finally:
-        for process in processes:
-            process.kill()
-            process.join()
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,12 +268,14 @@ def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
         return figures(name, bench, before, (begun_s, ended_s))
 
 
-def latencies(bench: Bench, span_s: tuple[float, float]) -> tuple[int, list[float], int]:
+def latencies(
+    bench: Bench, span_s: tuple[float, float], unused_s: float = 0.0
+) -> tuple[int, list[float], int]:
     """Of a bench that is closed: scans sent within a span, their latencies, ticks of no scan."""
     begun_s, ended_s = span_s
     scans = scans_from_file(bench.stamps)
     bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
-    told, strangers = told_scans(scans, bursts)
+    told, strangers = told_scans(scans, bursts, unused_s)
     inside = [one.latency_s for one in told if begun_s <= one.scan.sent_s < ended_s]
     return sum(begun_s <= scan.sent_s < ended_s for scan in scans), inside, strangers
 

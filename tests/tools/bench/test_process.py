@@ -9,15 +9,17 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from tests import Patch
 from tools.bench import history
 from tools.bench.history import BOUNDS, entry, grown, keep, kept_entries, table_of
 from tools.bench.peer import rounds_from_text
 from tools.bench.process import ROWS, SETTINGS, measured
-from tools.bench.syscalls import counts_from_text
+from tools.bench.syscalls import StraceError, calls_per_s, counts_from_text, kernels_loaded
 from tools.bench.usage import Usage, cpu_s, rates_between, resident_mb, usage_of
 from tools.terminal.processes import Stop
 
 SHORT_S = 6.0
+NOBODY = 2**22 + 1  # beyond the largest number that a process can have
 COUNTED = """% time     seconds  usecs/call     calls    errors syscall
 ------ ----------- ----------- --------- --------- ----------------
  62.50    0.000025           5       203         1 epoll_wait
@@ -27,16 +29,16 @@ COUNTED = """% time     seconds  usecs/call     calls    errors syscall
 """
 
 
-def usage(at_s: float, cpu: float, ticks: tuple[int, int], **threads: tuple[int, int]) -> Usage:
+def usage(at_s: float, cpu: float, **threads: tuple[int, int]) -> Usage:
     by_id = {int(name[1:]): of for name, of in threads.items()}
-    return Usage(at_s, cpu, *ticks, round(10 * at_s), 0, by_id)
+    return Usage(at_s, cpu, round(10 * at_s), 0, by_id)
 
 
 def test_rates_are_those_between_two_looks_and_the_busiest_thread_is_the_loop() -> None:
-    before = usage(10.0, 1.0, (50, 10), t7=(900, 4000), t8=(100, 50))
-    after = usage(12.0, 1.5, (80, 20), t7=(1000, 4010), t8=(400, 1050), t9=(0, 3))
+    before = usage(10.0, 1.0, t7=(900, 4000), t8=(100, 50))
+    after = usage(12.0, 1.5, t7=(1000, 4010), t8=(400, 1050), t9=(0, 3))
     rates = rates_between(before, after)
-    assert (rates.cpu, rates.system) == (0.25, 0.25)
+    assert rates.cpu == 0.25
     assert (rates.wakeups, rates.other_wakeups) == (500.0, 5.0)  # a new thread is not known yet
     assert (rates.minor_faults, rates.major_faults) == (10.0, 0)
 
@@ -62,6 +64,16 @@ def test_calls_and_rounds_are_read_from_what_others_print() -> None:
         (5.0, 0.0004),
         (5.1, 0.0005),
     ]
+
+
+def test_where_strace_is_not_there_or_may_not_look_it_says_so(
+    tmp_path: Path, monkeypatch: Patch
+) -> None:
+    with pytest.raises(StraceError, match=r"strace is not there|attach|No such process"):
+        calls_per_s(NOBODY, lambda: None, lambda pid: None)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(StraceError, match="apt install strace"):
+        kernels_loaded(["true"], tmp_path)
 
 
 def test_a_count_that_has_grown_is_named_and_a_time_never_is() -> None:

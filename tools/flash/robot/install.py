@@ -36,13 +36,14 @@ from tools.flash.robot.places import (
 from tools.flash.robot.service import (
     NoService,
     Service,
+    State,
     last_line,
     make_user,
     put_recovery,
     put_system_links,
 )
 from tools.flash.robot.settings import AS_FLASHED, adopt, difference, settings_now
-from tools.flash.robot.switch import Tell, finish_cut, switch
+from tools.flash.robot.switch import Tell, finish_cut, switch, why_not
 
 STAGING = ".staging"
 COMMAND = """#!{python} -IS
@@ -96,8 +97,7 @@ def install(flash: Flash) -> None:
         finish_cut(places, flash.service, flash.tell)
         remove_unlinked(places)
         if runs_already(places, package) and not flash.again:
-            finish_around(flash)
-            flash.tell(f"{package.name} runs here already: nothing to do")
+            again(flash)
             return
         check_space(places, package)
         name = free_name(places, package.name)
@@ -117,6 +117,16 @@ def install(flash: Flash) -> None:
 def runs_already(places: Places, package: Package) -> bool:
     current = places.version(places.current)
     return current is not None and (current + ".").startswith(package.name + ".")
+
+
+def again(flash: Flash) -> None:
+    """The same version once more: whatever an earlier flash that was cut has left undone."""
+    finish_around(flash)
+    put_command(flash)
+    flash.tell(f"{flash.package.name} is installed here already")
+    if flash.service.exists and not flash.service.state().is_ready:
+        if why := why_not(flash.service, State(), flash.health_s, flash.tell):
+            raise FlashError(why)
 
 
 def prepare(flash: Flash, name: str) -> None:

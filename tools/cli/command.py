@@ -26,6 +26,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "calibrate": ("calibrate", "how the scanner sits, from flat floor"),
     "compare": ("compare", "a real device and its fake, asked the same"),
     "link-test": ("link_test", "check a planner's receiver over its port"),
+    "flash": ("flash", "put mapod onto a robot, with a way back"),
     "warm": ("run:warm", "compile what `run` needs, ahead of time"),
     "version": ("run:version", "which version this is"),
 }

@@ -17,7 +17,7 @@ from tools.flash.robot.places import FORM, FlashError
 MANIFEST = "manifest.json"
 WHEELS = "wheels/"
 NEVER_RUN = (".pyi", ".pxd", ".h", ".c", ".a", ".hpp")  # for who builds against a library
-OUR_HEADERS = "mapod/"  # which a planner's author copies
+OUR_HEADERS = "mapod/hw/mcu/"  # which a planner's author copies
 
 
 def contents_id(files: Mapping[str, Mapping[str, Any]]) -> str:

@@ -102,11 +102,7 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
         ("accel_mps2", calibrated and ~settings & NO_ACCELERATION, 3 * number),
         ("rate_radps", calibrated and ~settings & NO_RATE, 3 * number),
         ("magnetic", calibrated and ~settings & NO_MAGNETIC, 3 * number),
-        (
-            "q_earth_sensor",
-            processed & ORIENTATION,
-            ORIENTATION_NUMBERS[settings >> 2 & 3] * number,
-        ),
+        ("q_earth_sensor", processed & ORIENTATION, oriented),
         ("analog", processed & AUXILIARY and analog_inputs, 2 * analog_inputs),
         ("position", processed & POSITION, 3 * number),
         ("velocity", processed & VELOCITY, 3 * number),

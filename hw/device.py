@@ -204,9 +204,11 @@ class Intake:
         while self._waiting and self._allowance > 0:
             arrived_s, piece = self._waiting.popleft()
             found = self._parser.feed(arrived_s, piece)
-            junk = sum(len(event.skipped) for event in found if isinstance(event, BadFrame))
-            self._allowance -= len(piece) + EVENT_BYTES * len(found) + JUNK_FACTOR * junk
-            events += found
+            self._allowance -= len(piece)
+            if found:
+                junk = sum([len(event.skipped) for event in found if isinstance(event, BadFrame)])
+                self._allowance -= EVENT_BYTES * len(found) + JUNK_FACTOR * junk
+                events += found
         return events
 
 
@@ -271,7 +273,8 @@ class Device(Generic[Measurement]):
             if self.port.opened != self._opened:
                 self._start_anew(now_s)
             self._intake.step(now_s)
-            self._advance(now_s, [] if self._intake.waits else self.port.read())
+            pieces = [] if self._intake.waits else self.port.read()
+            self._advance(now_s, pieces, self._events(now_s, pieces))
             if self.port.fileno() >= 0:  # reading may have found its end
                 self._drop_if_silent(now_s)
         elif self.port.cause != self._given_up and (
@@ -285,13 +288,16 @@ class Device(Generic[Measurement]):
     def hear(self, now_s: float) -> None:
         """Read what has arrived between two steps, at the instant at which it did.
 
-        The session may answer at once; measurements wait for the next step.
+        The session may answer at once; measurements wait for the next step. While it runs, a piece
+        that completes nothing tells it nothing: its time-outs are looked at in steps.
         """
         if self.port.opened != self._opened or self._intake.waits:
             return
-        pieces = self.port.read()
-        if pieces or -math.inf < self.status.due_s <= now_s:
-            self._advance(now_s, pieces)
+        pieces, is_due = self.port.read(), -math.inf < self.status.due_s <= now_s
+        if pieces or is_due:
+            events = self._events(now_s, pieces)
+            if events or is_due or self.status.state != "running":
+                self._advance(now_s, pieces, events)
 
     @property
     def due_s(self) -> float:
@@ -328,14 +334,18 @@ class Device(Generic[Measurement]):
         self._intake.begin()
         self._session = self._begun_session()
 
-    def _advance(self, now_s: float, pieces: list[bytes]) -> None:
-        """Parser and session up to now; what they measured is held for the step."""
+    def _events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
+        """What the parser makes of what has arrived by now."""
         if self._intake.waits or any(pieces):
             self._silence.heard(now_s)
         events = self._intake.events(now_s, pieces)
         for event in events:
             if isinstance(event, BadFrame):
                 self.status.reject(event)
+        return events
+
+    def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
+        """The session up to now; what it measured is held for the step."""
         out = self._session.send(Tick(now_s, events))
         if out:
             self.port.write(out)

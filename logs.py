@@ -167,7 +167,7 @@ class StateLog:
     def describe(self, now_s: float) -> str:
         """What runs and what does not, for who supervises the app: `docs/service.md` has its form.
 
-        `scanner running; ahrs running; drive starting: asks for its identity; planner heard`
+        `scanner running; ahrs running; drive starting: no answer; planner heard`
         """
         states: dict[str, tuple[str, str]] = {
             name: (status.state, status.cause) for name, status in self.statuses.items()

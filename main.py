@@ -13,6 +13,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
@@ -150,8 +151,6 @@ def version() -> str:
     """The version in pyproject.toml: of the checkout, or as installed from it."""
     path = Path(__file__).parent / "pyproject.toml"
     if not path.exists():
-        from importlib import metadata  # takes a twentieth of all imports
-
         return metadata.version("mapod")
     return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 

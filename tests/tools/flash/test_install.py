@@ -51,7 +51,7 @@ def test_versions_follow_each_other_and_go_back(bundles: list[Path], tmp_path: P
     assert runs(tmp_path) == "app 1 with a"
     one = only_version(tmp_path)
     again = flashed(bundles[0], tmp_path)
-    assert "runs here already" in again.stdout
+    assert "is installed here already" in again.stdout
     second = flashed(bundles[1], tmp_path)
     assert "new setting: b = 2" in second.stdout
     assert "+b = 2  # new" in second.stdout

@@ -110,7 +110,7 @@ def test_a_measurement_finds_each_scan_at_the_far_end(monkeypatch: Patch) -> Non
     assert row.scans > 60
     assert row.told > 0.9 * row.scans
     assert row.strangers <= 0.02 * row.scans
-    assert row.ticks > 400
+    assert row.ticks > row.scans
     console = Console(width=120)
     with console.capture() as shown:
         console.print(latency.table_of([row]))

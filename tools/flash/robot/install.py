@@ -36,13 +36,14 @@ from tools.flash.robot.places import (
 from tools.flash.robot.service import (
     NoService,
     Service,
+    State,
     last_line,
     make_user,
     put_recovery,
     put_system_links,
 )
 from tools.flash.robot.settings import AS_FLASHED, adopt, difference, settings_now
-from tools.flash.robot.switch import Tell, finish_cut, switch
+from tools.flash.robot.switch import Tell, finish_cut, switch, why_not
 
 STAGING = ".staging"
 COMMAND = """#!{python} -IS
@@ -96,8 +97,7 @@ def install(flash: Flash) -> None:
         finish_cut(places, flash.service, flash.tell)
         remove_unlinked(places)
         if runs_already(places, package) and not flash.again:
-            finish_around(flash)
-            flash.tell(f"{package.name} runs here already: nothing to do")
+            again(flash)
             return
         check_space(places, package)
         name = free_name(places, package.name)
@@ -119,6 +119,16 @@ def runs_already(places: Places, package: Package) -> bool:
     return current is not None and (current + ".").startswith(package.name + ".")
 
 
+def again(flash: Flash) -> None:
+    """The same version once more: whatever an earlier flash that was cut has left undone."""
+    finish_around(flash)
+    put_command(flash)
+    flash.tell(f"{flash.package.name} is installed here already")
+    if flash.service.exists and not flash.service.state().is_ready:
+        if why := why_not(flash.service, State(), flash.health_s, flash.tell):
+            raise FlashError(why)
+
+
 def prepare(flash: Flash, name: str) -> None:
     """The new version complete under its name, its settings in place."""
     places, staging = flash.places, flash.staging
@@ -128,6 +138,7 @@ def prepare(flash: Flash, name: str) -> None:
     unpack(flash, settings)
     compile_python(flash, name)
     merge_settings(flash, settings)
+    take_kernels(flash)
     compile_kernels(flash)
     check(flash, settings)
     sync_all(staging)
@@ -221,6 +232,15 @@ def compile_python(flash: Flash, name: str) -> None:
     status, out, err = ran(flash, [*command, str(flash.staging / "lib")])
     if status:
         raise FlashError(f"can't compile the Python files: {last_line(err or out)}")
+
+
+def take_kernels(flash: Flash) -> None:
+    """Those of the version that runs: a name holds what a kernel is made of, so none is stale."""
+    old = flash.places.current / "lib"
+    for path in old.glob("mapod/**/*.nb[ic]"):
+        folder = flash.staging / "lib" / path.parent.relative_to(old)
+        if folder.is_dir():
+            shutil.copyfile(path, folder / path.name)
 
 
 def compile_kernels(flash: Flash) -> None:

@@ -27,7 +27,7 @@ def switch(
         put_link(places.current, f"versions/{name}")
         if not is_ours(places):  # first flash: what stood there is in its settings
             put_link(places.toml, ours(places))
-        why = _tried(service, before, health_s, tell)
+        why = why_not(service, before, health_s, tell)
     except BaseException:
         _go_back(places, service, old, "the flash was broken off", tell)
         raise
@@ -38,8 +38,8 @@ def switch(
         move(places.trial, places.previous)
 
 
-def _tried(service: Service | NoService, before: State, health_s: float, tell: Tell) -> str:
-    """Restarts; gives why it does not work, or ""."""
+def why_not(service: Service | NoService, before: State, health_s: float, tell: Tell) -> str:
+    """Restarts the service; gives why it does not work then, or ""."""
     if not service.exists:
         return ""
     tell(f"restarting the service; it has {health_s:g} s to be well")
@@ -64,8 +64,15 @@ def _go_back(
         return
     move(places.trial, places.current)
     tell(f"going back to {old}")
+    restart(service, tell)
+
+
+def restart(service: Service | NoService, tell: Tell) -> None:
     if service.exists:
-        service.restart()
+        try:
+            service.restart()
+        except FlashError as error:
+            tell(str(error))
 
 
 def finish_cut(places: Places, service: Service | NoService, tell: Tell) -> None:
@@ -74,5 +81,4 @@ def finish_cut(places: Places, service: Service | NoService, tell: Tell) -> None
         return
     move(places.trial, places.current)
     tell(f"an earlier flash was cut: back to {places.version(places.current)}")
-    if service.exists:
-        service.restart()
+    restart(service, tell)

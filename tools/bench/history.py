@@ -41,6 +41,7 @@ BOUNDS = {  # what is not here is told and never judged: times
     "cpu_rounds_per_s": Bound(0.60, 1.0),  # rounds of the peer: a busy machine is in it
     "resident_mb": Bound(0.10, 5),
     "locked_mb": Bound(0.10, 5),
+    "minor_faults_per_s": Bound(0.0, 20),
     "major_faults": Bound(0.0, 2),
     "modules": Bound(0.0, 25),
     "kernels": Bound(0.0, 12),

@@ -306,7 +306,14 @@ def test_what_ends_the_way_is_found_however_the_robot_stands(rect: Rect, turn: i
     x, y, yaw = 0.9, -0.6, turn * math.tau / 8 + 0.1
     c, s = math.cos(yaw), math.sin(yaw)
     far, rear = rect[0] + MARGIN_M + 1.35, 0.3 - rect[1]  # and under the footprint
-    for ahead, aside in ((far, rect[2]), (far, -rect[2]), (rear, rect[2] - 0.01)):
+    last = far + 0.08
+    for ahead, aside in (
+        (far, rect[2]),
+        (far, -rect[2]),
+        (last, 0.5 * rect[2]),
+        (last, -0.5 * rect[2]),
+        (rear, rect[2] - 0.01),
+    ):
         mark = (
             math.floor((x + c * ahead - s * aside) / CELL_M),
             math.floor((y + s * ahead + c * aside) / CELL_M),
@@ -320,6 +327,22 @@ def test_what_ends_the_way_is_found_however_the_robot_stands(rect: Rect, turn: i
         assert found[0] == pytest.approx(min(way_m, 1.5))
         assert found[1:4] == ((*mark, OBSTACLE) if way_m < 1.5 else (0, 0, UNKNOWN))
         assert way_m < 1.5
+
+
+@pytest.mark.parametrize("rect", [(1.4, 0.2, 0.1), (0.2, 1.4, 0.1), (0.2, 0.1, 1.4)])
+def test_an_obstacle_in_a_far_row_counts_if_it_is_nearer_than_those_beside(rect: Rect) -> None:
+    """The robot reaches far along y; the gaps differ by less than a cell."""
+    yaw = 0.0 if rect[2] > 1.0 else (math.pi / 2 if rect[0] > 1.0 else -math.pi / 2)
+    edge_x = rect[0] if rect[2] > 1.0 else rect[2]
+    for beside in (17, 50):  # cells from the edge
+        ground = Ground()
+        ground.paint(0.05, 3.05, OBSTACLE)
+        ground.paint(edge_x + (beside + 0.5) * CELL_M, 0.05, OBSTACLE)
+        grid = ground.window.grid
+        window = (grid.corner_i, grid.corner_j, grid.size)
+        found = nearest_obstacle(ground.window.cells, window, CELL_M, (0.04, 0.0, yaw), rect)
+        assert found[0] == pytest.approx(1.6, abs=1e-6)
+        assert abs(found[1] + yaw - math.pi / 2) < 0.1
 
 
 @settings(max_examples=examples(60))

@@ -20,6 +20,9 @@ from tools.flash.wheels import BundleError, Target
 from tools.terminal.progress import advancing
 
 FLASH = "opt/mapod/flash"  # on the robot: status and rollback without a bundle
+IF_THERE = (
+    'test -x "$0" || { echo "mapod flash: nothing is flashed there" >&2; exit 1; }; exec "$0" "$@"'
+)
 CACHE = ROOT / "build" / "wheels"
 FAILED = 1
 SPARE_BYTES = 10_000_000
@@ -99,7 +102,7 @@ def _here(options: argparse.Namespace) -> int:
     else:
         command = [str((options.root or Path("/")) / FLASH)]
         if not Path(command[0]).exists():
-            raise RemoteError("no version of mapod is flashed here")
+            raise RemoteError("nothing is flashed here")
         command.append("status" if options.status else "rollback")
     return subprocess.run([*command, *_words(options)], check=False).returncode
 
@@ -115,9 +118,11 @@ def _there(options: argparse.Namespace) -> int:
             f"{options.host} may not use sudo without a password: log in as root, or allow it there"
         )
     if options.status or options.rollback:
-        command = str((options.root or Path("/")) / FLASH)
-        action = "status" if options.status else "rollback"
-        return robot.run([command, action, *_words(options)], machine.is_root)
+        command = [
+            str((options.root or Path("/")) / FLASH),
+            "status" if options.status else "rollback",
+        ]
+        return robot.run(["sh", "-c", IF_THERE, *command, *_words(options)], machine.is_root)
     if options.source:
         return _flash(robot, machine, options.source, options)
     target = Target(machine.arch, _python(options, machine))

@@ -25,6 +25,7 @@ IF_THERE = (
 )
 CACHE = ROOT / "build" / "wheels"
 FAILED = 1
+OLDEST_PYTHON = 11  # 3.11, as pyproject.toml says it
 SPARE_BYTES = 10_000_000
 
 
@@ -44,7 +45,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     there = "take this bundle, which is built already"
     what.add_argument("--from", type=Path, dest="source", metavar="FILE", help=there)
     add("--arch", choices=("x86_64", "aarch64"), help="of --bundle (default: of this machine)")
-    add("--python-version", metavar="3.11", help="of --bundle (default: 3.11)")
+    add("--python-version", type=a_python, metavar="3.11", help="of --bundle (default: 3.11)")
     add("--python", metavar="PATH", help="the robot's Python, where it is none of its usual ones")
     add("--root", type=Path, help="another root file system there, such as an image's")
     add("--service", choices=("mapod", "none"), help="restart it; none: start nothing")
@@ -74,11 +75,16 @@ def main(given: list[str] | None = None) -> int:
     return fail("flash", "which robot? mapod flash user@robot (mapod flash --help)")
 
 
+def a_python(text: str) -> str:
+    """ "311" from "3.11"."""
+    major, _, minor = text.partition(".")
+    if major != "3" or not minor.isdecimal() or int(minor) < OLDEST_PYTHON:
+        raise argparse.ArgumentTypeError(f"must be 3.{OLDEST_PYTHON} or newer, is {text}")
+    return f"3{minor}"
+
+
 def _target(options: argparse.Namespace) -> Target:
-    version = (options.python_version or "3.11").split(".")
-    if len(version) != 2 or not all(part.isdecimal() for part in version):
-        raise BundleError(f"--python-version: must be like 3.11, is {options.python_version}")
-    return Target(options.arch or os.uname().machine, "".join(version))
+    return Target(options.arch or os.uname().machine, options.python_version or "311")
 
 
 def _words(options: argparse.Namespace) -> list[str]:

@@ -96,7 +96,8 @@ format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
 
-bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
+bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
+	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.link
 

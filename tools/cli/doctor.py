@@ -13,7 +13,7 @@ from pathlib import Path
 from tools.cli.options import parser_of
 from tools.doctor.finding import Finding, status_of
 
-LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "structlog", "rich")
+LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "rich")
 PYTHON = (3, 11)
 
 

@@ -6,11 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-<<<<<<< HEAD
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime conformance soak mcu c-sanitize experiments \
-=======
-.PHONY: help setup run rig planner test test-all nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
->>>>>>> 37b0243458a33104a1c9d069476ccb38eb73b9c9
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -100,16 +96,12 @@ format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
 
-<<<<<<< HEAD
-bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
-	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
-=======
 flash: setup ## put mapod onto a robot over ssh, with a way back: docs/flash.md [HOST=user@robot ARGS="--rollback"]
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
->>>>>>> 37b0243458a33104a1c9d069476ccb38eb73b9c9
+bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
+	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.link
 

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -74,6 +74,9 @@ test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in re
 	@echo "mapod: running the tests in real time"
 	@$(PYTEST) -n 0 -m real_time
 	@$(MAKE) --no-print-directory coverage mutants c-sanitize
+
+flash-proof: setup $(VENV)/.ready-test ## flash, crash, hang, broken version, 20 power cuts, rollback: on a second root with systemd; needs root
+	@$(PYTEST) -n 0 -s tests/tools/flash/test_second_root.py
 
 nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
 	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"

@@ -22,7 +22,7 @@ from core.driving.stop_zone import (
     read_row,
 )
 from core.grid.ring import cells_about
-from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
+from core.records import F64, I8, OBSTACLE, UNKNOWN
 from jit import kernel
 
 SECTORS = 8
@@ -105,17 +105,15 @@ def free_path(
         row = np.empty(max(0, math.ceil((span[1] + x) / cell_m) - first_i), np.int8)
         read_row(first_i, j, cells, window, row)
         for k in range(row.size):
-            if row[k] == FREE:
-                continue
             i, state = first_i + k, int(row[k])
-            enough = hard if state == OBSTACLE else best
-            is_unknown = state == UNKNOWN
+            if not is_in_way(state, i, j, cell_m, clear):
+                continue
+            is_unknown, enough = state == UNKNOWN, hard if state == OBSTACLE else best
             way = _path_to(i, j, cell_m, place, (c, s), rect, keeps, is_unknown, enough)
-            if way < math.inf and is_in_way(state, i, j, cell_m, clear):
-                if way < best:
-                    best, best_i, best_j, best_state = way, i, j, state
-                if state == OBSTACLE and way <= longest:
-                    hard = way
+            if way < best:
+                best, best_i, best_j, best_state = way, i, j, state
+            if state == OBSTACLE and way <= longest:
+                hard = way
     return best, best_i, best_j, best_state, hard
 
 

@@ -294,39 +294,47 @@ def test_of_what_is_equally_near_the_first_is_told() -> None:
     window, here, rect = (-32, -32, 65), (0.0, 0.0, 0.0), (0.5, 0.25, 0.25)
     found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (9.0, 9.0, 0))
     assert found[1:4] == (12, -3, OBSTACLE)
+    cells[-1, 4] = cells[0, 4] = OBSTACLE  # within the margin
+    found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (9.0, 9.0, 0))
+    assert found[:4] == (0.0, 4, -1, OBSTACLE)
+    cells[-1, 4] = cells[0, 4] = FREE
     cells[0, 12] = cells[1, 12] = FREE
     _, bearing_rad = nearest_obstacle(cells, window, 0.125, here, rect)
     assert bearing_rad > 0.0
 
 
-@pytest.mark.parametrize("turn", range(8))
+@pytest.mark.parametrize("turn", range(24))
 @pytest.mark.parametrize("rect", [(0.2, 0.2, 0.8), (0.8, 0.2, 0.2), (0.2, 1.4, 0.2)])
 def test_what_ends_the_way_is_found_however_the_robot_stands(rect: Rect, turn: int) -> None:
-    """Just before the end of the longest way, at a corner of the strip."""
-    x, y, yaw = 0.9, -0.6, turn * math.tau / 8 + 0.1
+    """At the sides of the strip, at its begin, and just before the end of the longest way."""
+    x, y, yaw = (0.9, -0.6, 0.1) if turn % 2 else (-0.9, 0.6, -0.1)
+    yaw += turn * math.tau / 24
     c, s = math.cos(yaw), math.sin(yaw)
-    far, rear = rect[0] + MARGIN_M + 1.35, 0.3 - rect[1]  # and under the footprint
-    last = far + 0.08
-    for ahead, aside in (
-        (far, rect[2]),
-        (far, -rect[2]),
-        (last, 0.5 * rect[2]),
-        (last, -0.5 * rect[2]),
-        (rear, rect[2] - 0.01),
-    ):
+    window, clear = (-49, -49, 99), (9.0, 9.0, 0.0)
+    cells = np.full((99, 99), FREE, dtype=np.int8)
+    far, side = rect[0] + MARGIN_M, rect[2] + MARGIN_M - 0.005
+    spots = [(far + way, side * part) for way in (0.1, 1.35, 1.43) for part in (-1.0, -0.4, 0.4, 1)]
+    for ahead, aside in (*spots, (0.3 - rect[1], rect[2] - 0.01)):  # and under the footprint
         mark = (
             math.floor((x + c * ahead - s * aside) / CELL_M),
             math.floor((y + s * ahead + c * aside) / CELL_M),
         )
-        cells = np.full((99, 99), FREE, dtype=np.int8)
         cells[mark[1] % 99, mark[0] % 99] = OBSTACLE
-        window, clear = (-49, -49, 99), (9.0, 9.0, 0.0)
         kept_m = clearance(cells, window, CELL_M, (x, y, yaw), rect, MARGIN_M, clear)
         way_m = slow_way(mark, OBSTACLE, (x, y, yaw), rect, MARGIN_M, kept_m)
         found = free_path(cells, window, CELL_M, (x, y, yaw), rect, MARGIN_M, 1.5, clear)
         assert found[0] == pytest.approx(min(way_m, 1.5))
         assert found[1:4] == ((*mark, OBSTACLE) if way_m < 1.5 else (0, 0, UNKNOWN))
-        assert way_m < 1.5
+        assert way_m < 1.5 or ahead < 0.5
+        cells[mark[1] % 99, mark[0] % 99] = FREE
+
+
+def test_ground_that_somebody_vouches_for_does_not_end_the_way() -> None:
+    cells = np.full((65, 65), UNKNOWN, dtype=np.int8)
+    window, here, rect = (-32, -32, 65), (0.0, 0.0, 0.0), (0.5, 0.25, 0.25)
+    found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (0.0, 0.0, 1.5))
+    assert 0.5 < found[0] < 1.0
+    assert found[3] == UNKNOWN
 
 
 @pytest.mark.parametrize("rect", [(1.4, 0.2, 0.1), (0.2, 1.4, 0.1), (0.2, 0.1, 1.4)])

@@ -82,7 +82,8 @@ class Plan:
     """What the live loop waits for."""
 
     step_s: float = -math.inf  # when the next step is due,
-    due_s: float = -math.inf  # or, sooner, a turn of a device, though nothing arrives
+    due_s: float = -math.inf  # or, sooner, a device, though nothing arrives
+    devices_s: Sequence[float] = ()  # when each is due
     ports: Sequence[Port] = ()  # whose bytes are worth a turn; the next step reads the others
 
 
@@ -199,10 +200,10 @@ class App:
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
         heard = 0
-        for device in self.devices:
+        for device, due_s in zip(self.devices, self.plan.devices_s, strict=True):
             is_readable = device.port in readable
             heard += is_readable
-            if is_readable or -math.inf < device.due_s <= now_s:
+            if is_readable or due_s <= now_s:
                 device.hear(now_s)
         if heard < len(readable):  # a planner's: to drive, or to stop, waits for nothing
             return False
@@ -214,19 +215,17 @@ class App:
         times, may_move = self._times, self.config.robot.enable_motors
         step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
         step_s = min(step_s, look_s) if may_move else step_s
-        due_s, ports = step_s, list[Port]()
-        for device in self.devices:
-            step_s = -math.inf if device.due_s == -math.inf else step_s
-            due_s = min(due_s, device.due_s)
-            if not device.status.is_deaf:
-                ports.append(device.port)
+        devices_s = [device.due_s for device in self.devices]
+        ports = [device.port for device in self.devices if not device.status.is_deaf]
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]
+        is_held_up = self._stops or self.planners.backlog
         if times.turns >= TURNS:
-            step_s, ports = -math.inf, []
-        if step_s == -math.inf or self._stops or self.planners.backlog:
+            is_held_up, ports = True, []
+        if is_held_up or -math.inf in devices_s:
             step_s = times.stepped_s + times.period_s
-        return Plan(step_s, step_s if due_s == -math.inf else min(due_s, step_s), ports)
+            devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
+        return Plan(step_s, min(step_s, *devices_s), devices_s, ports)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

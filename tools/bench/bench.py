@@ -5,6 +5,7 @@
 - Share of one core used, at 50 Hz x 541 beams with a 401 x 401 window.
 - From the start of the process to its first frame.
 - Decoding, for each device's telegrams and packets, also from damaged streams.
+- An attitude sample from its bytes to the pose, part by part.
 """
 
 import random
@@ -33,6 +34,7 @@ from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from tools.bench.drive import FAST, SHIPPED
+from tools.bench.samples import sample_costs
 from tools.settings import rewritten
 from tools.terminal.progress import quiet
 
@@ -294,6 +296,7 @@ def main() -> int:
     print(f"start-up to the first frame: {start_up_s():.2f} s")
     for cost in costs():
         print(cost.in_words())
+    print("\n".join(sample_costs()))
     return 0
 
 

@@ -33,20 +33,18 @@ def merged(old: str, shipped: str) -> Merged:
     newline = "\r\n" if lines and lines[0].endswith("\r\n") else "\n"
     if lines and not lines[-1].endswith("\n"):
         lines[-1] += newline
-    wanted = {section: dict(keys) for section, keys in has.items() if isinstance(keys, dict)}
+    wanted = {
+        section: dict(keys) if isinstance(keys, dict) else keys for section, keys in has.items()
+    }
     for section, key, value, text in _missing(has, shipped):
         wanted.setdefault(section, {})[key] = value
         added.append(f"[{section}] {text[0].partition('#')[0].rstrip()}")
         _insert(lines, section, [line.rstrip("\n") + newline for line in text], newline)
     result = "".join(lines) if added else old
-    config_error = _refused(result)
-    if config_error is None and added and tomllib.loads(result) != wanted:
-        config_error = "its sections have no lines of their own"
-    if config_error is None:
-        return Merged(result, added)
-    if added and _refused(old) is None:
-        raise ConfigError(f"can't add {', '.join(added)}: {config_error}")
-    raise ConfigError(config_error)
+    if not _says(result, wanted):
+        raise ConfigError(f"add by hand: {', '.join(added)}: there is no [section] line for it")
+    load_config(result)
+    return Merged(result, added)
 
 
 def _table(text: str) -> dict[str, Any]:
@@ -56,12 +54,12 @@ def _table(text: str) -> dict[str, Any]:
         raise ConfigError(f"not valid TOML: {error}") from None
 
 
-def _refused(text: str) -> str | None:
+def _says(text: str, wanted: dict[str, Any]) -> bool:
+    """Whether the lines came to stand where they mean what they should."""
     try:
-        load_config(text)
-    except ConfigError as error:
-        return str(error)
-    return None
+        return tomllib.loads(text) == wanted
+    except tomllib.TOMLDecodeError:
+        return False
 
 
 def _missing(has: dict[str, Any], shipped: str) -> Iterator[tuple[str, str, Any, list[str]]]:

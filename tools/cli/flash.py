@@ -20,8 +20,12 @@ from tools.flash.wheels import BundleError, Target
 from tools.terminal.progress import advancing
 
 FLASH = "opt/mapod/flash"  # on the robot: status and rollback without a bundle
+IF_THERE = (
+    'test -x "$0" || { echo "mapod flash: nothing is flashed there" >&2; exit 1; }; exec "$0" "$@"'
+)
 CACHE = ROOT / "build" / "wheels"
 FAILED = 1
+OLDEST_PYTHON = 11  # 3.11, as pyproject.toml says it
 SPARE_BYTES = 10_000_000
 
 
@@ -41,7 +45,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     there = "take this bundle, which is built already"
     what.add_argument("--from", type=Path, dest="source", metavar="FILE", help=there)
     add("--arch", choices=("x86_64", "aarch64"), help="of --bundle (default: of this machine)")
-    add("--python-version", metavar="3.11", help="of --bundle (default: 3.11)")
+    add("--python-version", type=a_python, metavar="3.11", help="of --bundle (default: 3.11)")
     add("--python", metavar="PATH", help="the robot's Python, where it is none of its usual ones")
     add("--root", type=Path, help="another root file system there, such as an image's")
     add("--service", choices=("mapod", "none"), help="restart it; none: start nothing")
@@ -71,11 +75,16 @@ def main(given: list[str] | None = None) -> int:
     return fail("flash", "which robot? mapod flash user@robot (mapod flash --help)")
 
 
+def a_python(text: str) -> str:
+    """ "311" from "3.11"."""
+    major, _, minor = text.partition(".")
+    if major != "3" or not minor.isdecimal() or int(minor) < OLDEST_PYTHON:
+        raise argparse.ArgumentTypeError(f"must be 3.{OLDEST_PYTHON} or newer, is {text}")
+    return f"3{minor}"
+
+
 def _target(options: argparse.Namespace) -> Target:
-    version = (options.python_version or "3.11").split(".")
-    if len(version) != 2 or not all(part.isdecimal() for part in version):
-        raise BundleError(f"--python-version: must be like 3.11, is {options.python_version}")
-    return Target(options.arch or os.uname().machine, "".join(version))
+    return Target(options.arch or os.uname().machine, options.python_version or "311")
 
 
 def _words(options: argparse.Namespace) -> list[str]:
@@ -99,7 +108,7 @@ def _here(options: argparse.Namespace) -> int:
     else:
         command = [str((options.root or Path("/")) / FLASH)]
         if not Path(command[0]).exists():
-            raise RemoteError("no version of mapod is flashed here")
+            raise RemoteError("nothing is flashed here")
         command.append("status" if options.status else "rollback")
     return subprocess.run([*command, *_words(options)], check=False).returncode
 
@@ -115,9 +124,11 @@ def _there(options: argparse.Namespace) -> int:
             f"{options.host} may not use sudo without a password: log in as root, or allow it there"
         )
     if options.status or options.rollback:
-        command = str((options.root or Path("/")) / FLASH)
-        action = "status" if options.status else "rollback"
-        return robot.run([command, action, *_words(options)], machine.is_root)
+        command = [
+            str((options.root or Path("/")) / FLASH),
+            "status" if options.status else "rollback",
+        ]
+        return robot.run(["sh", "-c", IF_THERE, *command, *_words(options)], machine.is_root)
     if options.source:
         return _flash(robot, machine, options.source, options)
     target = Target(machine.arch, _python(options, machine))

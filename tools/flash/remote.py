@@ -27,8 +27,8 @@ echo "free=$(df -Pk /var/tmp | awk 'NR == 2 { print $4 }')"
 """
 PREPARE = r"""
 umask 077; d=/var/tmp/mapod-flash-$(id -u)
-mkdir -p "$d" && [ -O "$d" ] && [ ! -L "$d" ] || { echo "can't use $d" >&2; exit 1; }
-cd "$d" || exit 1
+mkdir -p "$d" || exit 1
+[ -O "$d" ] && [ ! -L "$d" ] && cd "$d" || { echo "$d is somebody else's" >&2; exit 1; }
 for f in *; do case $f in {name}|{name}.part) ;; *) rm -f "$f" ;; esac; done
 [ -f {name} ] && echo "whole $(sha256sum < {name})"
 [ -f {name}.part ] && echo "part $(wc -c < {name}.part)"
@@ -99,12 +99,13 @@ class Robot:
         """A command as root, its words on our standard output. Gives its exit status."""
         command = shlex.join(words if machine_is_root else ["sudo", "-n", *words])
         call = [*self._ssh, command]
-        status = subprocess.run(call, stdin=subprocess.DEVNULL, check=False).returncode
+        going_on = f"the robot goes on by itself: mapod flash {self.host} --status"
+        try:
+            status = subprocess.run(call, stdin=subprocess.DEVNULL, check=False).returncode
+        except KeyboardInterrupt:
+            raise RemoteError(going_on) from None
         if status == UNREACHED:
-            raise RemoteError(
-                f"the connection to {self.host} was lost; the robot goes on by itself: "
-                f"mapod flash {self.host} --status"
-            )
+            raise RemoteError(f"the connection to {self.host} was lost; {going_on}")
         return status
 
     def _asked(self, script: str) -> str:

@@ -124,9 +124,10 @@ def again(flash: Flash) -> None:
     finish_around(flash)
     put_command(flash)
     flash.tell(f"{flash.package.name} is installed here already")
-    if flash.service.exists and not flash.service.state().is_ready:
-        if why := why_not(flash.service, State(), flash.health_s, flash.tell):
-            raise FlashError(why)
+    if flash.service.state().is_ready:
+        return
+    if why := why_not(flash.service, State(), flash.health_s, flash.tell):
+        raise FlashError(why)
 
 
 def prepare(flash: Flash, name: str) -> None:

@@ -61,6 +61,8 @@ class Service:
     def restart(self) -> None:
         """Begins to run what is current now. Raises FlashError: its unit is refused."""
         systemctl("daemon-reload")
+        if shutil.which("udevadm"):
+            subprocess.run(["udevadm", "control", "--reload"], capture_output=True, check=False)
         if (load := self.state().load) != "loaded":
             raise FlashError(f"systemd does not take {UNIT}: {load}")
         systemctl("reset-failed", UNIT)

@@ -4,7 +4,7 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,7 +83,10 @@ class Plan:
 
     step_s: float = -math.inf  # when the next step is due,
     devices_s: list[float] = field(default_factory=list)  # and each device, though nothing arrives
-    ports: Sequence[Port] = ()  # whose bytes are worth a turn; the next step reads the others
+    ports: list[Port] = field(
+        default_factory=list
+    )  # whose bytes are worth a turn: the devices' first
+    hears_s: list[float] = field(default_factory=list)  # from when on, for each of them
 
     @property
     def due_s(self) -> float:
@@ -201,17 +204,16 @@ class App:
 
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
-        plan, heard, is_new = self.plan, 0, False
+        plan, heard, is_held_up = self.plan, 0, False
         self._times.turns += 1
         for k, device in enumerate(self.devices):
             is_readable = device.port in readable
             heard += is_readable
             if is_readable or plan.devices_s[k] <= now_s:
                 device.hear(now_s)
-                due_s = plan.devices_s[k] = device.due_s
-                is_listed = device.port in plan.ports
-                is_new |= due_s == -math.inf or device.status.is_deaf is is_listed
-        if is_new or self._times.turns >= TURNS:
+                plan.devices_s[k], plan.hears_s[k] = device.due_s, device.status.hears_s
+                is_held_up |= plan.devices_s[k] == -math.inf
+        if is_held_up or self._times.turns >= TURNS:
             self.plan = self._planned()
         if heard < len(readable):  # a planner's: to drive, or to stop, waits for nothing
             return False
@@ -224,16 +226,18 @@ class App:
         step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
         step_s = min(step_s, look_s) if may_move else step_s
         devices_s = [device.due_s for device in self.devices]
-        ports = [device.port for device in self.devices if not device.status.is_deaf]
+        hears_s = [device.status.hears_s for device in self.devices]
+        ports = [device.port for device in self.devices]
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]
+            hears_s += [-math.inf] * (len(ports) - len(hears_s))
         is_held_up = self._stops or self.planners.backlog
         if times.turns >= TURNS:
             is_held_up, ports = True, []
         if is_held_up or -math.inf in devices_s:
             step_s = times.stepped_s + times.period_s
             devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
-        return Plan(step_s, devices_s, ports)
+        return Plan(step_s, devices_s, ports, hears_s)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

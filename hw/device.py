@@ -132,7 +132,7 @@ class DeviceStatus:
     due_s: float = float(
         "-inf"
     )  # when its session wants a Tick though no bytes came; -inf: the next
-    is_deaf: bool = False  # until then: what arrives sooner is not worth a turn
+    hears_s: float = float("-inf")  # what arrives sooner is not worth a turn of its own
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
     skipped_bytes: int = 0

@@ -1,12 +1,12 @@
 """What goes to the log: its set-up, and the lines about devices, drive requests and ticks."""
 
-import logging
+import functools
+import json
 import os
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
-
-import structlog
 
 from core.config import Config
 from core.driving.control import DriveControl
@@ -18,32 +18,101 @@ from wiring import Devices
 
 COUNTS_S = 1.0  # counters to the log this often
 MEASURED_S = 60.0  # and what devices have measured of themselves
+WEIGHTS = {"error": 3, "warning": 4, "info": 6, "debug": 7}  # sd-daemon(3)
+
+
+LEVELS = ("debug", "info", "warning", "error")  # as they rise
+COLOURS = {"debug": "", "info": "\x1b[32m", "warning": "\x1b[33m", "error": "\x1b[31m"}
+PLAIN = "\x1b[0m"
+QUOTED = set(" =\t\r\n\"'")  # a text with one of these stands between quotes
+
+Line = Callable[[str, str, Mapping[str, Any]], str]  # of a level, an event and its keys
+
+
+class EventLog:
+    """Takes events, each with keys, and writes a line for each; none where it is not set up."""
+
+    def __init__(self) -> None:
+        self._writer: LogWriter | None = None
+        self._levels: tuple[str, ...] = LEVELS
+        self._line: Line = json_line
+
+    def set_up(self, writer: LogWriter, level: str, line: Line) -> None:
+        """Write to this from now on, nothing below the level."""
+        self._writer, self._line = writer, line
+        self._levels = LEVELS[LEVELS.index(level) :]
+
+    def debug(self, event: str, **keys: Any) -> None:
+        self._tell("debug", event, keys)
+
+    def info(self, event: str, **keys: Any) -> None:
+        self._tell("info", event, keys)
+
+    def warning(self, event: str, **keys: Any) -> None:
+        """A person may have to act."""
+        self._tell("warning", event, keys)
+
+    def close(self) -> None:
+        self._writer = None
+
+    def _tell(self, level: str, event: str, keys: dict[str, Any]) -> None:
+        """To the first line that goes out again: how many before it did not."""
+        if self._writer is None or level not in self._levels:
+            return
+        if dropped := self._writer.take_dropped():
+            keys["lines_dropped"] = dropped
+        self._writer.write(self._line(level, event, keys) + "\n")
+
+
+def json_line(level: str, event: str, keys: Mapping[str, Any]) -> str:
+    about = {"timestamp": utc_now(), "level": level, "event": event}
+    return json.dumps(about | dict(keys), default=str)
+
+
+def person_line(level: str, event: str, keys: Mapping[str, Any], has_colours: bool = False) -> str:
+    """`2026-03-01T12:00:00.000000Z [info   ] map_saved      file=hall.map moving=False`"""
+    shown = f"{level:<7}"
+    shown = f"{COLOURS[level]}{shown}{PLAIN}" if has_colours else shown
+    return f"{utc_now()} [{shown}] {_words(event, keys)}"
+
+
+def journal_line(level: str, event: str, keys: Mapping[str, Any]) -> str:
+    """For systemd's journal, which keeps the time by itself and takes the weight from a prefix."""
+    return f"<{WEIGHTS[level]}>{_words(event, keys)}"
+
+
+def is_journal(fd: int, named: str) -> bool:
+    """Whether a descriptor is the journal's stream, `device:inode`, that systemd has named."""
+    found = os.fstat(fd)
+    return f"{found.st_dev}:{found.st_ino}" == named
+
+
+def _words(event: str, keys: Mapping[str, Any]) -> str:
+    values = " ".join(f"{name}={_shown(value)}" for name, value in sorted(keys.items()))
+    return f"{event:<30} {values}".rstrip()
+
+
+def utc_now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) and not set(value) & QUOTED else repr(value)
+
+
+LOG = EventLog()
 
 
 def set_up_logging(config: Config, fd: int) -> LogWriter:
-    """structlog to a descriptor, for a person or as JSON lines; to be closed at the end."""
+    """The log to a descriptor, for a person or as JSON lines; to be closed at the end."""
     writer = LogWriter(fd)
-
-    def add_dropped(logger: Any, name: str, event: MutableMapping[str, Any]) -> Mapping[str, Any]:
-        """To the first line that goes out again: how many before it did not."""
-        if dropped := writer.take_dropped():
-            event["lines_dropped"] = dropped
-        return event
-
-    structlog.configure(
-        processors=[
-            structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            add_dropped,
-            structlog.processors.JSONRenderer()
-            if config.log.format == "json"
-            else structlog.dev.ConsoleRenderer(colors=os.isatty(fd)),
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(
-            logging.getLevelNamesMapping()[config.log.level.upper()]
-        ),
-        logger_factory=structlog.WriteLoggerFactory(writer),  # type: ignore[arg-type]
-    )
+    if is_journal(fd, os.environ.get("JOURNAL_STREAM", "")):
+        line = journal_line
+    elif config.log.format == "json":
+        line = json_line
+    else:
+        line = functools.partial(person_line, has_colours=os.isatty(fd))
+    LOG.set_up(writer, config.log.level, line)
     return writer
 
 
@@ -70,7 +139,6 @@ class StateLog:
         self._devices, self._mapper, self._planners = devices.by_section, mapper, planners
         self._maybe_control = maybe_control
         self.statuses = {name: device.status for name, device in self._devices.items()}
-        self._log = structlog.get_logger()
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
         self._counted_s = self._measured_s = float("-inf")
 
@@ -82,11 +150,11 @@ class StateLog:
         requests, poses = self._planners.requests, self._planners.external_poses
         control = self._maybe_control
         if control is not None and self._has_changed("", "", control.blocked_by):
-            self._log.info("drive_changed", blocked_by=control.blocked_by)
+            LOG.info("drive_changed", blocked_by=control.blocked_by)
         if self._has_changed("requests", "", requests.last_refusal):
-            self._log.warning("drive_requests_changed", refused_because=requests.last_refusal)
+            LOG.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if self._has_changed("poses", "", poses.last_refusal):
-            self._log.warning("external_poses_changed", refused_because=poses.last_refusal)
+            LOG.warning("external_poses_changed", refused_because=poses.last_refusal)
         if now_s - self._counted_s >= COUNTS_S:
             self._counted_s = now_s
             self._tell_counts(loop)
@@ -94,7 +162,25 @@ class StateLog:
             self._measured_s = now_s
             for name, source in self._devices.items():
                 if source.status.state == "running" and (measured := source.measured()):
-                    self._log.info("device_measured", device=name, **measured)
+                    LOG.info("device_measured", device=name, **measured)
+
+    def describe(self, now_s: float) -> str:
+        """What runs and what does not, for who supervises the app: `docs/service.md` has its form.
+
+        `scanner running; ahrs running; drive starting: no answer; planner heard`
+        """
+        states: dict[str, tuple[str, str]] = {
+            name: (status.state, status.cause) for name, status in self.statuses.items()
+        }
+        for number, link in enumerate(self._planners.links, 1):
+            cause, state = link.wire.port.cause, "told" if link.frames_sent else "open"
+            states["planner" if number == 1 else f"planner {number}"] = (
+                ("closed", cause) if cause else ("heard" if link.heard(now_s) else state, "")
+            )
+        return "; ".join(
+            f"{name} {state}" + (f": {cause.replace(';', ',')}" if cause else "")
+            for name, (state, cause) in states.items()
+        )
 
     def _has_changed(self, name: str, state: str, cause: str) -> bool:
         new = (state, cause)
@@ -109,13 +195,13 @@ class StateLog:
             about["session"] = status.session.value
         if status.state == "running" and name in self._devices and self._devices[name].identity:
             about["identity"] = self._devices[name].identity
-        (self._log.warning if status.cause else self._log.info)("device_changed", **about)
+        (LOG.warning if status.cause else LOG.info)("device_changed", **about)
 
     def _tell_counts(self, loop: LoopCounts) -> None:
         for device, status in self.statuses.items():
             if status.rejections:
                 newest = status.rejections[-1]
-                self._log.warning(
+                LOG.warning(
                     "frames_rejected",
                     device=device,
                     total=status.rejected,
@@ -125,7 +211,7 @@ class StateLog:
                 status.rejections.clear()
         counts, late_s, requests = self._mapper.counts, sorted(loop.late_s), self._planners.requests
         loop.late_s.clear()
-        self._log.debug(
+        LOG.debug(
             "ticks_counted",
             ticks=loop.ticks,
             slots_missed=loop.slots_missed,

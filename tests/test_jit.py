@@ -8,6 +8,7 @@ from types import ModuleType
 import pytest
 
 from tests import Patch
+from tests.support.plain_user import as_plain_user
 
 LOW = '''
 from typing import NamedTuple
@@ -124,7 +125,7 @@ def test_whole_numbers_of_any_width_and_value_share_one_machine_code(tmp_path: P
 @pytest.mark.parametrize(
     ("before", "after", "error"),
     [
-        ("* GAIN", "* LATER", "scaled uses LATER, which must stand above it"),
+        ("* GAIN", "* LATER", "scaled uses LATER, which is nowhere"),
         ("GAIN = 3", "GAIN = [3]", r"scaled uses \[3\]: a kernel may use numbers"),
     ],
 )
@@ -133,3 +134,15 @@ def test_what_can_t_be_followed_is_refused(
 ) -> None:
     with pytest.raises((NameError, TypeError), match=error):
         tried(tmp_path, LOW.replace(before, after))
+
+
+def test_code_that_lies_where_nobody_may_write_is_used_and_what_can_t_be_kept_is_compiled_again(
+    copied: Path, monkeypatch: Patch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nothing can be made here")
+    (copied / "__pycache__").chmod(0o555)
+    assert as_plain_user(lambda: tried(copied)) == "(161.0, 0)"
+    for path in copied.rglob("*.nbc"):
+        path.unlink()  # of which the index still knows
+    assert as_plain_user(lambda: tried(copied)) == "(161.0, 2)"
+    (copied / "__pycache__").chmod(0o755)

@@ -140,6 +140,11 @@ class MtParser:
         self._junk = bytearray()  # not told yet
         self._junk_reason, self._junk_s = "", 0.0
 
+    @property
+    def holds_any(self) -> bool:
+        """Whether a part of a frame is kept."""
+        return bool(self._buffer)
+
     def feed(self, now_s: float, data: bytes) -> list[MtFrame | BadFrame]:
         buffer = self._buffer
         buffer += data

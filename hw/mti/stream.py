@@ -120,6 +120,8 @@ class StreamReader:
         self, status: DeviceStatus, stream: MtStream, byte_s: float, newest: MtSample | None = None
     ) -> None:
         self.times = SampleTimes(stream.period_s, byte_s)
+        self.frame_bytes = 0  # of each data message; 0 while they differ
+        self._newest_bytes = 0
         self.complaint = ""  # the last thing that was wrong with a data message
         self.newest = newest
         self._status, self._stream = status, stream
@@ -131,6 +133,9 @@ class StreamReader:
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
     def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
+        for frame in frames:
+            before, self._newest_bytes = self._newest_bytes, frame.wire_bytes
+            self.frame_bytes = before if frame.wire_bytes == before else 0
         complete = [received for frame in frames for received in self._received(frame)]
         complete += self._merger.flush(now_s)
         attitudes = []

@@ -22,11 +22,11 @@ from hw.planner_link.kernels import (
     LOST_CELLS,
     MISSED,
     NO_SPAN,
-    OBSTACLE,
     Ring,
     Span,
     encode_cells,
     enter_cells,
+    mark_again,
     mark_cells,
     note_cells,
     pack_published,
@@ -45,18 +45,18 @@ class PublishedMap:
         self.size = size
         blocks = (size + BLOCK - 1) // BLOCK
         self._ring = Ring(
-            published=np.zeros(size * size, dtype=np.uint8),
-            marks=np.zeros(size * size, dtype=np.uint8),
+            published=np.full(size * size, 0, dtype=np.uint8),
+            marks=np.full(size * size, 0, dtype=np.uint8),
             rows=np.zeros((3, size), dtype=np.int32),
-            blocks=np.zeros((3, size * blocks), dtype=np.int32),
+            blocks=np.full((3, size * blocks), 0, dtype=np.int32),
             counts=np.zeros(4, dtype=np.int32),
-            once=np.zeros(size * size + 1, dtype=np.int32),
-            cleared=np.zeros(size * size, dtype=np.int32),
+            once=np.full(size * size + 1, 0, dtype=np.int32),
+            cleared=np.full(size * size, 0, dtype=np.int32),
         )
         self._every: I32 = np.arange(size * size, dtype=np.int32)
         self._ops: U8 = np.zeros(512, dtype=np.uint8)
-        self._packed: U8 = np.zeros((size * size + 3) // 4, dtype=np.uint8)
-        self._cells: I8 = np.zeros(size * size, dtype=np.int8)
+        self._packed: U8 = np.full((size * size + 3) // 4, 0, dtype=np.uint8)
+        self._cells: I8 = np.full(size * size, 0, dtype=np.int8)
         self._trusted = False
         self._span = NO_SPAN  # of the windows whose cells the planner may still hold
         self.corner: tuple[int, int] | None = None  # None: nothing was ever shown
@@ -155,12 +155,8 @@ class PublishedMap:
 
     def mark_again(self) -> None:
         """New obstacles published since the last call are to be published once more."""
-        ring = self._ring
-        if ring.once[0]:
-            once = ring.once[1 : ring.once[0] + 1]
-            still = (self._cells[once] == 1) & (ring.published[once] == OBSTACLE)
-            self._mark(once[still], CHANGED | LOST, AGAIN)
-            ring.once[0] = 0
+        if self._ring.once[0]:
+            mark_again(self._cells, self._ring)
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """Send (k,) cells again, raster indices in the window at `origin` as `encode` gave them."""

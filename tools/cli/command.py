@@ -18,6 +18,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "view": ("view", "the map that a planner gets, in the terminal"),
     "record": ("run:record", "run the robot, and keep every byte of every port"),
     "replay": ("replay", "play a recording through the app"),
+    "doctor": ("doctor", "whether this machine can run mapod well, and what to do"),
     "devices": ("devices", "which device speaks on which port"),
     "scanner": ("scanner", "talk to the laser scanner"),
     "attitude": ("attitude", "talk to the attitude sensor"),
@@ -25,6 +26,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "calibrate": ("calibrate", "how the scanner sits, from flat floor"),
     "compare": ("compare", "a real device and its fake, asked the same"),
     "link-test": ("link_test", "check a planner's receiver over its port"),
+    "flash": ("flash", "put mapod onto a robot, with a way back"),
     "warm": ("run:warm", "compile what `run` needs, ahead of time"),
     "version": ("run:version", "which version this is"),
 }

@@ -228,7 +228,7 @@ def main(arguments: list[str] | None = None) -> int:
     for text in toml_lines(found):
         print(text)
     if options.udev:
-        print("\n# /etc/udev/rules.d/99-mapod.rules")
+        print("\n# /etc/udev/rules.d/98-my-robot.rules")
         for text in udev_rules(found, adapters):
             print(text)
     if any(one.section for one in found):

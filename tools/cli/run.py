@@ -11,10 +11,13 @@ import sys
 import threading
 from pathlib import Path
 
+from core.config import ConfigError
+from main import UNATTENDED
 from main import run as run_app
 from main import version as app_version
 from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
 from tools.recording import Recorder
+from tools.settings_merge import merged
 
 HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
@@ -24,7 +27,9 @@ def run(arguments: list[str]) -> int:
     about = "Run the robot: sensors in, obstacle map out, until Ctrl-C or SIGTERM."
     parser = parser_of("run", about, "mapod run --config mapod.toml --save-map hall.map")
     _add_run_options(parser)
-    return run_app(_arguments_of(parser.parse_args(arguments)))
+    parser.add_argument("--unattended", action="store_true", help=UNATTENDED)
+    options = parser.parse_args(arguments)
+    return run_app(_arguments_of(options) + ["--unattended"] * options.unattended)
 
 
 def record(arguments: list[str]) -> int:
@@ -93,16 +98,34 @@ def _arguments_of(options: argparse.Namespace) -> list[str]:
 def init(arguments: list[str] | None = None) -> int:
     """Exit status: 0 written, 2 not."""
     about = "Write mapod.toml, the settings of a robot, to be edited; never over what is there."
-    parser = parser_of("init", about, "mapod init --out mapod.toml")
+    examples = "mapod init --out mapod.toml", "mapod init --from old.toml --out mapod.toml"
+    parser = parser_of("init", about, *examples)
+    older = "settings of an older version: kept as they are, and what is new is added"
+    parser.add_argument("--from", type=Path, dest="older", metavar="FILE", help=older)
     parser.add_out("the file to write", Path("mapod.toml"))
-    path: Path = parser.parse_args(arguments).out
+    options = parser.parse_args(arguments)
+    path: Path = options.out
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(SHIPPED_CONFIG.read_text(encoding="utf-8"))
+        text = SHIPPED_CONFIG.read_bytes()
+        if options.older:
+            text = _merged(options.older.read_bytes(), text)
+        with path.open("xb") as file:
+            file.write(text)
     except FileExistsError:
         return fail("init", f"{path} is there already; it stays as it is")
+    except (ConfigError, UnicodeDecodeError) as error:
+        return fail("init", f"{options.older}: {error}")
     except OSError as error:
-        return fail("init", f"{path}: {error.strerror}")
-    print(f"{path} is written. Next: mapod devices, then mapod check --config {path}")
-    print(f"A planner in C includes {HEADER}; example.c lies beside it")
+        return fail("init", f"{error.filename or path}: {error.strerror}")
+    if not options.older:
+        print(f"{path} is written. Next: mapod devices, then mapod check --config {path}")
+        print(f"A planner in C includes {HEADER}; example.c lies beside it")
     return 0
+
+
+def _merged(older: bytes, shipped: bytes) -> bytes:
+    """Raises ConfigError, UnicodeDecodeError."""
+    result = merged(older.decode("utf-8"), shipped.decode("utf-8"))
+    for line in result.added:
+        print(f"new setting: {line}")
+    return result.text.encode("utf-8")

@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.geometry import R_from_rpy
 from core.grid.window import ObstacleWindow
 from core.mapping.beams.carving import FreeSpaceCarver
 from core.mapping.beams.cells import CellGrid
@@ -20,7 +19,6 @@ from core.mapping.beams.slip import FaceMatcher
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
-from core.mapping.terrain import Terrain
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I64, OBSTACLE, PointSweep, Scan
@@ -54,7 +52,6 @@ class BeamMaps:
         self.fresh = Freshness(self.cells.grid, obstacle.free_max_age_s, footprint)
         self.carver = FreeSpaceCarver(self.cells, self.fresh)
         self.ground = GroundTracker(self.cells, beams)
-        self.terrain = Terrain(self.cells)
         self.face_matcher = FaceMatcher(self.cells, beams)
         period_s = config.scanner.options.spec.period_s
         self._classifier = CellClassifier(self.cells, self.window, self.fresh, obstacle, period_s)
@@ -96,10 +93,8 @@ class BeamMaps:
             odometry.correct_slip(body.heading, slipped_m)
         clears = known and self.ground.is_even(body) and not self.ground.jitters
         self.carver.add(sweep, self.ground.model, clears=clears, stood=stood)
-        touched = self.cells.touched[: self.cells.used]
-        self._classifier.decide(touched)
+        self._classifier.decide(self.cells.touched[: self.cells.used])
         self.fresh.expire(self.window)
-        self.terrain.note(touched)
         return returns
 
     def _moved(self, body: BodyPose) -> tuple[bool, bool]:
@@ -118,11 +113,11 @@ class BeamMaps:
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name; none where there is none."""
-        return maybe_beams_layer(name, self.cells, self.terrain, self.window)
+        return maybe_beams_layer(name, self.cells, self.window)
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
         """Of a layer, at world cells."""
-        return maybe_beams_values(name, self.cells, self.terrain, self.window, i, j)
+        return maybe_beams_values(name, self.cells, self.window, i, j)
 
     def erase(self) -> None:
         """Forget everything."""
@@ -154,7 +149,8 @@ def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Bod
     """Where and how the robot stands at a covered instant, map frame."""
     roll, pitch, yaw = attitudes.rpy_at(t_s)
     yaw -= odometry.yaw_start_rad
-    nx, ny, nz = (float(part) for part in R_from_rpy(roll, pitch, yaw)[:, 2])
-    x_m, y_m, z_m = (float(part) for part in odometry.xyz_at(t_s))
-    heading = (math.cos(yaw), math.sin(yaw))
-    return BodyPose(x_m, y_m, z_m, heading, (-nx / nz, -ny / nz), odometry.travel_at(t_s))
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    nx, ny, nz = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr  # the body's z axis
+    x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
+    return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), odometry.travel_at(t_s))

@@ -1,0 +1,1 @@
+"""Tests of what brings mapod onto a robot, and runs it there."""

@@ -1,0 +1,1 @@
+"""What `mapod doctor` looks at: each file gives findings, one line each."""

@@ -19,7 +19,6 @@ from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
 from hw.device import NoPort
 from tools.bench.drive import SCENE, SEED, SHIPPED, START_S
-from tools.terminal.progress import quiet
 from wiring import Devices, devices_on
 
 SECONDS, LOOK_S = 60.0, 0.005
@@ -116,6 +115,5 @@ def sample_costs() -> list[str]:
 
 
 if __name__ == "__main__":
-    quiet()
     print("\n".join(sample_costs()))
     sys.exit(0)

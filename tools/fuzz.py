@@ -91,6 +91,7 @@ def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
 def run_program(codec: str, program: bytes) -> None:
     """One input on a fresh device. Raises AssertionError: it holds too much, or hangs."""
     from fakes.wires.wire import MemoryPort
+    from hw.mti.stream import MtStream
 
     port = MemoryPort()
     device = new_device(codec, port)
@@ -113,9 +114,10 @@ def run_program(codec: str, program: bytes) -> None:
         steps += 1
         check_measured(device.step(now_s))
         port.take()
-    known = [getattr(device, "_memory", None)]
-    if stream := getattr(device, "stream", None):
-        known.append(dataclasses.replace(stream, legacy=None))  # a decoder keeps nothing
+    stream = getattr(device, "stream", None)
+    if isinstance(stream, MtStream):
+        stream = dataclasses.replace(stream, legacy=None)  # a decoder keeps nothing
+    known = stream, getattr(device, "_memory", None)
     held = len(pickle.dumps([device._intake._parser, known]))
     assert held <= MOST_HELD, f"holds {held} bytes"
 

@@ -121,7 +121,7 @@ class MtiSession:
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
-            frames = yield from exchange.turn(due_s=math.inf)
+            frames = yield from exchange.turn(due_s=heard_s + silence_s)
             self.attitudes = reader.take(frames, exchange.now_s)
             if self.attitudes:
                 heard_s = exchange.now_s

@@ -59,12 +59,16 @@ class WakeUp:
         self._epoll = select.epoll()
         self._beside = beside
         self._on: dict[int, tuple[Port, int]] = {}  # by descriptor: whose, of which connection
+        self._listed: Sequence[Port] | None = None  # as they were given last
         self._beside_fd = beside.fileno()
         if self._beside_fd >= 0:
             self._epoll.register(self._beside_fd, select.EPOLLIN)
 
     def wait(self, longest_s: float, ports: Sequence[Port]) -> Collection[Port]:
-        """Those of these ports that have become readable; none: the time is over."""
+        """Those of these ports that have become readable; none: the time is over.
+
+        The same sequence again stands for the same connections.
+        """
         self._listen(ports)
         longest_s = min(longest_s, self._beside.wait_s)
         readable = [fd for fd, _ in self._epoll.poll(max(0.0, longest_s))]
@@ -76,6 +80,9 @@ class WakeUp:
         self._epoll.close()
 
     def _listen(self, ports: Sequence[Port]) -> None:
+        if ports is self._listed:
+            return
+        self._listed = ports
         wanted = {fd: (port, port.opened) for port in ports if (fd := port.fileno()) >= 0}
         if wanted == self._on:
             return

@@ -99,6 +99,8 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _sweep: (stride - 1) / 2 -> (stride - 1) * 2": WIDER,
     f"{STOP_ZONE} _sweep: stride - 1 -> stride + 1": WIDER,
     f"{STOP_ZONE} _sweep: 0 -> 1": UNREAD,
+    f"{STOP_ZONE} _sweep: 0 -> 1 (2)": UNREAD,
+    f"{STOP_ZONE} _sweep: 0 -> 1 (3)": UNREAD,
     f"{STOP_ZONE} _sweep: 3 -> 4": UNREAD,
     f"{STOP_ZONE} _sweep: 0 -> 1 (4)": UNREAD,
     f"{STOP_ZONE} _sweep: k * step <= length + step + margin -> "

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -75,6 +75,9 @@ test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in re
 	@$(PYTEST) -n 0 -m real_time
 	@$(MAKE) --no-print-directory coverage mutants c-sanitize
 
+flash-proof: setup $(VENV)/.ready-test ## flash, crash, hang, broken version, 20 power cuts, rollback: on a second root with systemd; needs root
+	@$(PYTEST) -n 0 -s tests/tools/flash/test_second_root.py
+
 nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
 	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"
 
@@ -97,7 +100,8 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup ## what a scan costs, how soon its map is on the wire, figures of the planner link
+bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
+	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.link
 

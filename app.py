@@ -4,6 +4,7 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 """
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from core.mapping.layers import UNITS
 from core.mapping.mapper import Mapper
 from core.mapping.tiles import TileValues
 from core.records import Attitude, PoseReport, Scan, WheelCounts
+from hw.device import Port
 from logs import LoopCounts, StateLog
 from wiring import Ports, devices_on, maybe_image, no_ports, planners_on
 
@@ -25,6 +27,7 @@ __all__ = ["App", "Ports", "warm_kernels"]
 SCAN_WAIT = 0.25  # share of a tick of the link that it waits for a scan which is due
 LOOK_S = 0.01  # doubts and ramps are worked out this often where nothing new has come
 OVERRUN_S = 1.0  # for so long a loop that was too late is told
+TURNS = 32  # between two steps: who sends without end does not keep the app from its ticks
 
 
 @dataclass(slots=True)
@@ -34,17 +37,27 @@ class LinkPace:
     tick_s: float
     told_s: float = -math.inf
     mapped_s: float = -math.inf
+    is_untold: bool = False  # the newest map
 
     def is_due(self, now_s: float, mapped: bool) -> bool:
-        """While scans come, a tick is held back a little.
+        if mapped:
+            self.mapped_s, self.is_untold = now_s, True
+        return now_s >= self.due_s - 1e-6
 
-        Else one that falls just before a scan would leave the scan untold for a whole tick, again
-        and again.
+    def told(self, now_s: float) -> None:
+        self.told_s, self.is_untold = now_s, False
+
+    @property
+    def due_s(self) -> float:
+        """When to tell next. A new map waits for half a tick after what was told last, at most.
+
+        While scans come, a tick is held back a little. Else one that falls just before a scan would
+        leave the scan untold for a whole tick, again and again.
         """
-        self.mapped_s = now_s if mapped else self.mapped_s
-        since_s, scans_come = now_s - self.told_s, now_s - self.mapped_s < 2 * self.tick_s
-        longest_s = self.tick_s * (1 + SCAN_WAIT if scans_come else 1)
-        return since_s >= longest_s - 1e-6 or (mapped and since_s >= self.tick_s / 2)
+        if self.is_untold:
+            return self.told_s + self.tick_s / 2
+        tick_s, scans_end_s = self.told_s + self.tick_s, self.mapped_s + 2 * self.tick_s
+        return min(max(tick_s, scans_end_s), tick_s + SCAN_WAIT * self.tick_s)
 
 
 @dataclass(slots=True)
@@ -55,12 +68,22 @@ class StepTimes:
     stepped_s: float = math.nan
     looked_s: float = -math.inf
     overrun_s: float = -math.inf  # newest step that began too late
+    turns: int = 0  # without a step, since the newest one
 
-    def begin(self, now_s: float) -> None:
+    def begin(self, now_s: float, due_s: float) -> None:
         """A step begins. NaN: the first one is never late."""
-        if now_s - self.stepped_s - self.period_s > LOOP_S:
+        if now_s - max(due_s, self.stepped_s + self.period_s) > LOOP_S:
             self.overrun_s = now_s
         self.stepped_s = now_s
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What the live loop waits for."""
+
+    step_s: float = -math.inf  # when the next step is due,
+    due_s: float = -math.inf  # or, sooner, a turn of a device, though nothing arrives
+    ports: Sequence[Port] = ()  # whose bytes are worth a turn; the next step reads the others
 
 
 class App:
@@ -86,6 +109,7 @@ class App:
         self.loop = LoopCounts()
         control = self.pilot.control if config.robot.enable_motors else None
         self.states = StateLog(self.devices, self.mapper, self.planners, control)
+        self.plan = Plan()
         self._pace = LinkPace(1.0 / config.planner.rate_hz)
         self._times = StepTimes(1.0 / config.loop.rate_hz)
         self._scan_stale_s = stale_s(config.scanner.options.spec.period_s)
@@ -94,7 +118,7 @@ class App:
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
         self.loop.ticks += 1
-        self._times.begin(now_s)
+        self._times.begin(now_s, self.plan.step_s)
         attitudes, counted = self.devices.ahrs.step(now_s), self.devices.drive.step(now_s)
         scans, asked = self.devices.scanner.step(now_s), self.planners.requests.newest
         for attitude in attitudes:
@@ -121,7 +145,7 @@ class App:
         window_trusted, told = self.report(now_s)
         if is_due:
             self.tell(now_s, told, window_trusted)
-            self._pace.told_s = now_s
+            self._pace.told(now_s)
             self.pilot.look_ahead(now_s, told, self.planners.requests.newest)
         self._drive(now_s, told)
         self.states.step(now_s, self.loop)
@@ -159,16 +183,50 @@ class App:
         )
         self.devices.drive.drive(*powers)
 
-    def hear(self, now_s: float) -> None:
-        """Between ticks: take in what has arrived from the devices. Never waits.
+    def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
+        """Live: do what is due, and take in what has arrived at these ports. Never waits.
 
         A scan that has become complete, or the attitude that one waited for, does not wait for its
         tick: this is one then.
         """
-        for device in self.devices:
-            device.hear(now_s)
-        if self.devices.scanner.has_heard or (self.devices.ahrs.has_heard and self.mapper.waits):
+        if now_s < self.plan.step_s and self._hear(now_s, readable):
+            self._times.turns += 1
+        else:
             self.step(now_s)
+            self._times.turns = 0
+        self.plan = self._planned()
+
+    def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
+        """Whether that was enough: there is nothing in it that a step must follow."""
+        heard = 0
+        for device in self.devices:
+            is_readable = device.port in readable
+            heard += is_readable
+            if is_readable or -math.inf < device.due_s <= now_s:
+                device.hear(now_s)
+        if heard < len(readable):  # a planner's: to drive, or to stop, waits for nothing
+            return False
+        scanner, ahrs = self.devices.scanner, self.devices.ahrs
+        return not (scanner.has_heard or (ahrs.has_heard and self.mapper.waits))
+
+    def _planned(self) -> Plan:
+        """What the next turn waits for. While anything starts, is held up, or ends: for a tick."""
+        times, may_move = self._times, self.config.robot.enable_motors
+        step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
+        step_s = min(step_s, look_s) if may_move else step_s
+        due_s, ports = step_s, list[Port]()
+        for device in self.devices:
+            step_s = -math.inf if device.due_s == -math.inf else step_s
+            due_s = min(due_s, device.due_s)
+            if not device.status.is_deaf:
+                ports.append(device.port)
+        if may_move:
+            ports += [self.ports.planner, *self.ports.receivers]
+        if times.turns >= TURNS:
+            step_s, ports = -math.inf, []
+        if step_s == -math.inf or self._stops or self.planners.backlog:
+            step_s = times.stepped_s + times.period_s
+        return Plan(step_s, step_s if due_s == -math.inf else min(due_s, step_s), ports)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

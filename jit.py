@@ -24,30 +24,26 @@ import numba
 import numpy as np
 from numba.core import caching, types
 from numba.core.dispatcher import Dispatcher
+from numba.core.runtime import rtsys
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 COMPILED = not numba.config.DISABLE_JIT  # False: kernels run as Python, for coverage
 OF_CODE = ("co_code", "co_exceptiontable", "co_names", "co_varnames", "co_freevars", "co_cellvars")
+LOAD_GLOBAL = dis.opmap["LOAD_GLOBAL"]
 VALUES = (bool, int, float, complex, str, type(None), np.generic, np.dtype)
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile with Numba to machine code, kept on disk; strict IEEE arithmetic.
 
-    No fast-math and no threads: the same input gives the same bits. What it calls stands above it.
+    No fast-math and no threads: the same input gives the same bits.
     """
-    before = numba.config.CACHE_LOCATOR_CLASSES
-    numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place}" for place in PLACES)
-    try:
-        compiled = numba.njit(cache=True, no_cfunc_wrapper=True)(function)  # no callbacks for C
-    finally:
-        numba.config.CACHE_LOCATOR_CLASSES = before
+    compiled = numba.njit(no_cfunc_wrapper=True)(function)  # no callbacks for C
     if isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
         compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
-        cache = compiled._cache
-        cache.save_overload = functools.partial(_save_overload, cache.save_overload)
+        compiled._cache = _OnDisk(cast(FunctionType, function))
     return cast(Callable[P, R], compiled)
 
 
@@ -57,12 +53,6 @@ def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, 
     By itself Numba compiles the other once more for a literal 0, a literal 1, a number of 32 bits.
     """
     return ask([_wide(of) for of in args], {name: _wide(of) for name, of in kws.items()})
-
-
-def _save_overload(save: Callable[[Any, Any], None], signature: Any, code: Any) -> None:
-    """What can't be kept, on a full disk or a system that is read-only, is compiled again."""
-    with contextlib.suppress(OSError):
-        save(signature, code)
 
 
 def _wide(of: Any) -> Any:
@@ -88,12 +78,12 @@ def _parts(function: FunctionType) -> Iterator[str]:
         yield repr([None if const == function.__doc__ else const for const in consts])
     yield repr((function.__defaults__, function.__kwdefaults__))
     yield from (_shape(of) for of in get_type_hints(function).values())
-    used = (i.argval for code in codes for i in dis.get_instructions(code) if _is_global(i))
-    for name in sorted(set(used) - {function.__name__}):
+    used = {name for code in codes for name in _globals_of(code)}
+    for name in sorted(used - {function.__name__}):
         if name in function.__globals__:
             yield f"{name} {_value(function.__globals__[name], function)}"
         elif not hasattr(builtins, name):
-            raise NameError(f"{function.__qualname__} uses {name}, which must stand above it")
+            raise NameError(f"{function.__qualname__} uses {name}, which is nowhere")
     for cell in function.__closure__ or ():
         yield _value(cell.cell_contents, function)
 
@@ -105,8 +95,15 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
             yield from _codes(const)
 
 
-def _is_global(instruction: dis.Instruction) -> bool:
-    return instruction.opname == "LOAD_GLOBAL"
+def _globals_of(code: CodeType) -> Iterator[str]:
+    """Names that it loads: by `dis` itself it would take ten times as long, at each start."""
+    number = 0
+    for operation, argument in zip(code.co_code[::2], code.co_code[1::2], strict=True):
+        number = number << 8 | argument
+        if operation == LOAD_GLOBAL:
+            yield code.co_names[number >> 1]  # the lowest bit says something else
+        if operation != dis.EXTENDED_ARG:
+            number = 0
 
 
 def _value(value: object, user: FunctionType) -> str:
@@ -130,6 +127,40 @@ def _shape(of: Any) -> str:
     """A type in words; a named tuple with its fields, which kernels find by their places."""
     inner = get_type_hints(of) if hasattr(of, "_fields") else dict(enumerate(get_args(of)))
     return f"{of!r} {[(name, _shape(part)) for name, part in inner.items()]}"
+
+
+class _OnDisk(caching.NullCache):
+    """A kernel's machine code on disk, looked for when the kernel is called from Python.
+
+    What Numba does otherwise costs twice the time: it reads the place of each kernel, also of those
+    that only other kernels call, and gets the whole compiler ready before it takes code from disk.
+    """
+
+    def __init__(self, function: FunctionType) -> None:
+        self._function = function
+
+    @functools.cached_property
+    def _cache(self) -> caching.FunctionCache:
+        before = numba.config.CACHE_LOCATOR_CLASSES
+        numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place}" for place in PLACES)
+        try:
+            return caching.FunctionCache(self._function)
+        finally:
+            numba.config.CACHE_LOCATOR_CLASSES = before
+
+    @property
+    def cache_path(self) -> str:
+        return str(self._cache.cache_path)
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """The compiled kernel, or None: Numba compiles it, and gets the compiler ready for that."""
+        rtsys.initialize(context)  # what machine code itself calls
+        return self._cache._load_overload(signature, context)
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """What can't be kept, on a full disk or a system that is read-only, is compiled again."""
+        with contextlib.suppress(OSError):
+            self._cache.save_overload(signature, compiled)
 
 
 class _ByDigest(caching._CacheLocator):

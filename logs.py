@@ -1,12 +1,12 @@
 """What goes to the log: its set-up, and the lines about devices, drive requests and ticks."""
 
-import logging
+import functools
+import json
 import os
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
-
-import structlog
 
 from core.config import Config
 from core.driving.control import DriveControl
@@ -21,35 +21,64 @@ MEASURED_S = 60.0  # and what devices have measured of themselves
 WEIGHTS = {"error": 3, "warning": 4, "info": 6, "debug": 7}  # sd-daemon(3)
 
 
-def set_up_logging(config: Config, fd: int) -> LogWriter:
-    """structlog to a descriptor, for a person or as JSON lines; to be closed at the end.
+LEVELS = ("debug", "info", "warning", "error")  # as they rise
+COLOURS = {"debug": "", "info": "\x1b[32m", "warning": "\x1b[33m", "error": "\x1b[31m"}
+PLAIN = "\x1b[0m"
+QUOTED = set(" =\t\r\n\"'")  # a text with one of these stands between quotes
 
-    systemd's journal has the time of a line by itself, and takes its weight from a prefix.
-    """
-    writer, in_journal = LogWriter(fd), is_journal(fd, os.environ.get("JOURNAL_STREAM", ""))
+Line = Callable[[str, str, Mapping[str, Any]], str]  # of a level, an event and its keys
 
-    def add_dropped(logger: Any, name: str, event: MutableMapping[str, Any]) -> Mapping[str, Any]:
+
+class EventLog:
+    """Takes events, each with keys, and writes a line for each; none where it is not set up."""
+
+    def __init__(self) -> None:
+        self._writer: LogWriter | None = None
+        self._levels: tuple[str, ...] = LEVELS
+        self._line: Line = json_line
+
+    def set_up(self, writer: LogWriter, level: str, line: Line) -> None:
+        """Write to this from now on, nothing below the level."""
+        self._writer, self._line = writer, line
+        self._levels = LEVELS[LEVELS.index(level) :]
+
+    def debug(self, event: str, **keys: Any) -> None:
+        self._tell("debug", event, keys)
+
+    def info(self, event: str, **keys: Any) -> None:
+        self._tell("info", event, keys)
+
+    def warning(self, event: str, **keys: Any) -> None:
+        """A person may have to act."""
+        self._tell("warning", event, keys)
+
+    def close(self) -> None:
+        self._writer = None
+
+    def _tell(self, level: str, event: str, keys: dict[str, Any]) -> None:
         """To the first line that goes out again: how many before it did not."""
-        if dropped := writer.take_dropped():
-            event["lines_dropped"] = dropped
-        return event
+        if self._writer is None or level not in self._levels:
+            return
+        if dropped := self._writer.take_dropped():
+            keys["lines_dropped"] = dropped
+        self._writer.write(self._line(level, event, keys) + "\n")
 
-    structlog.configure(
-        processors=[
-            structlog.processors.add_log_level,
-            *([] if in_journal else [structlog.processors.TimeStamper(fmt="iso", utc=True)]),
-            add_dropped,
-            structlog.processors.JSONRenderer()
-            if config.log.format == "json"
-            else structlog.dev.ConsoleRenderer(colors=os.isatty(fd)),
-            *([add_weight] if in_journal else []),
-        ],
-        wrapper_class=structlog.make_filtering_bound_logger(
-            logging.getLevelNamesMapping()[config.log.level.upper()]
-        ),
-        logger_factory=structlog.WriteLoggerFactory(writer),  # type: ignore[arg-type]
-    )
-    return writer
+
+def json_line(level: str, event: str, keys: Mapping[str, Any]) -> str:
+    about = {"timestamp": utc_now(), "level": level, "event": event}
+    return json.dumps(about | dict(keys), default=str)
+
+
+def person_line(level: str, event: str, keys: Mapping[str, Any], has_colours: bool = False) -> str:
+    """`2026-03-01T12:00:00.000000Z [info   ] map_saved      file=hall.map moving=False`"""
+    shown = f"{level:<7}"
+    shown = f"{COLOURS[level]}{shown}{PLAIN}" if has_colours else shown
+    return f"{utc_now()} [{shown}] {_words(event, keys)}"
+
+
+def journal_line(level: str, event: str, keys: Mapping[str, Any]) -> str:
+    """For systemd's journal, which keeps the time by itself and takes the weight from a prefix."""
+    return f"<{WEIGHTS[level]}>{_words(event, keys)}"
 
 
 def is_journal(fd: int, named: str) -> bool:
@@ -58,9 +87,33 @@ def is_journal(fd: int, named: str) -> bool:
     return f"{found.st_dev}:{found.st_ino}" == named
 
 
-def add_weight(logger: Any, name: str, line: Any) -> str:
-    """The line with its syslog weight before it, as `journalctl --priority` knows it."""
-    return f"<{WEIGHTS.get(name, 6)}>{line}"
+def _words(event: str, keys: Mapping[str, Any]) -> str:
+    values = " ".join(f"{name}={_shown(value)}" for name, value in sorted(keys.items()))
+    return f"{event:<30} {values}".rstrip()
+
+
+def utc_now() -> str:
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) and not set(value) & QUOTED else repr(value)
+
+
+LOG = EventLog()
+
+
+def set_up_logging(config: Config, fd: int) -> LogWriter:
+    """The log to a descriptor, for a person or as JSON lines; to be closed at the end."""
+    writer = LogWriter(fd)
+    if is_journal(fd, os.environ.get("JOURNAL_STREAM", "")):
+        line = journal_line
+    elif config.log.format == "json":
+        line = json_line
+    else:
+        line = functools.partial(person_line, has_colours=os.isatty(fd))
+    LOG.set_up(writer, config.log.level, line)
+    return writer
 
 
 @dataclass(slots=True)
@@ -86,7 +139,6 @@ class StateLog:
         self._devices, self._mapper, self._planners = devices.by_section, mapper, planners
         self._maybe_control = maybe_control
         self.statuses = {name: device.status for name, device in self._devices.items()}
-        self._log = structlog.get_logger()
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
         self._counted_s = self._measured_s = float("-inf")
 
@@ -98,11 +150,11 @@ class StateLog:
         requests, poses = self._planners.requests, self._planners.external_poses
         control = self._maybe_control
         if control is not None and self._has_changed("", "", control.blocked_by):
-            self._log.info("drive_changed", blocked_by=control.blocked_by)
+            LOG.info("drive_changed", blocked_by=control.blocked_by)
         if self._has_changed("requests", "", requests.last_refusal):
-            self._log.warning("drive_requests_changed", refused_because=requests.last_refusal)
+            LOG.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if self._has_changed("poses", "", poses.last_refusal):
-            self._log.warning("external_poses_changed", refused_because=poses.last_refusal)
+            LOG.warning("external_poses_changed", refused_because=poses.last_refusal)
         if now_s - self._counted_s >= COUNTS_S:
             self._counted_s = now_s
             self._tell_counts(loop)
@@ -110,12 +162,12 @@ class StateLog:
             self._measured_s = now_s
             for name, source in self._devices.items():
                 if source.status.state == "running" and (measured := source.measured()):
-                    self._log.info("device_measured", device=name, **measured)
+                    LOG.info("device_measured", device=name, **measured)
 
     def describe(self, now_s: float) -> str:
         """What runs and what does not, for who supervises the app: `docs/service.md` has its form.
 
-        `scanner running; ahrs running; drive starting: asks for its identity; planner heard`
+        `scanner running; ahrs running; drive starting: no answer; planner heard`
         """
         states: dict[str, tuple[str, str]] = {
             name: (status.state, status.cause) for name, status in self.statuses.items()
@@ -143,13 +195,13 @@ class StateLog:
             about["session"] = status.session.value
         if status.state == "running" and name in self._devices and self._devices[name].identity:
             about["identity"] = self._devices[name].identity
-        (self._log.warning if status.cause else self._log.info)("device_changed", **about)
+        (LOG.warning if status.cause else LOG.info)("device_changed", **about)
 
     def _tell_counts(self, loop: LoopCounts) -> None:
         for device, status in self.statuses.items():
             if status.rejections:
                 newest = status.rejections[-1]
-                self._log.warning(
+                LOG.warning(
                     "frames_rejected",
                     device=device,
                     total=status.rejected,
@@ -159,7 +211,7 @@ class StateLog:
                 status.rejections.clear()
         counts, late_s, requests = self._mapper.counts, sorted(loop.late_s), self._planners.requests
         loop.late_s.clear()
-        self._log.debug(
+        LOG.debug(
             "ticks_counted",
             ticks=loop.ticks,
             slots_missed=loop.slots_missed,

@@ -4,7 +4,6 @@ Arguments and the loop. The app itself is `App` in app.py.
 """
 
 import argparse
-import asyncio
 import contextlib
 import math
 import os
@@ -16,9 +15,8 @@ import tomllib
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
+from types import FrameType
 from typing import Protocol
-
-import structlog
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key, with_changes
@@ -30,9 +28,8 @@ from hw.device import Port
 from hw.ports.url import parse_url
 from hw.runtime.notify import Notifier
 from hw.runtime.threads import take_real_time
-from hw.runtime.timer import Timer
 from hw.runtime.wakeup import WakeUp
-from logs import set_up_logging
+from logs import LOG, set_up_logging
 from map_files import MapSaver, load_map
 from wiring import modbus_servers, open_ports
 
@@ -50,47 +47,61 @@ class Recorder(Protocol):
         """The same app, which tells of its steps."""
 
 
-def slots_until_next(since_due_s: float, period_s: float) -> int:
-    """How many slots after one that was due so long ago the next one lies that can be begun.
+class Wanted:
+    """What signals have asked for: the end, or the map in its file."""
+
+    def __init__(self) -> None:
+        self.end = self.map = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._end)
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        self.end = True
+
+    def listen_for_map(self) -> None:
+        def save(number: int, frame: FrameType | None) -> None:
+            self.map = True
+
+        signal.signal(signal.SIGUSR1, save)
+
+
+def slots_missed(late_s: float, period_s: float) -> int:
+    """How many slots went by before a turn that came so late.
 
     One that begins within the first half of its own time is late; behind that it is missed.
     """
-    return max(1, math.ceil(since_due_s / period_s - 0.5))
+    return max(0, math.ceil(late_s / period_s - 0.5))
 
 
-async def keep_pace(
-    app: App, period_s: float, is_over: Callable[[], bool], notifier: Notifier
-) -> None:
-    """Step the app at a fixed rate until it is over; missed slots are skipped and counted.
+def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool], notifier: Notifier) -> None:
+    """Let the app take its turns until it is over: when one is due, and as bytes arrive.
 
-    Between ticks it hears what arrives, so that stamps are true to the instant of reading.
+
+    So stamps are true to the instant of reading. Missed slots are counted and never made up.
     """
-    due_s, loop = time.monotonic(), asyncio.get_running_loop()
-    timer = Timer(loop)
-    wake_up = WakeUp(loop, app.ports.of_devices, lambda: app.hear(time.monotonic()))
+    period_s = 1.0 / app.config.loop.rate_hz
     while not is_over():
-        await timer.wait_until(due_s)
-        app.loop.late_s.append(time.monotonic() - due_s)
-        app.step(time.monotonic())
-        wake_up.after_tick()
-        notifier.turn_over(time.monotonic())
-        slots = slots_until_next(time.monotonic() - due_s, period_s)
-        app.loop.slots_missed += slots - 1
-        due_s += period_s * slots
-    wake_up.close()
-    timer.close()
+        due_s, ticks = app.plan.due_s, app.loop.ticks
+        readable = wake_up.wait(due_s - time.monotonic(), app.plan.ports)
+        now_s = time.monotonic()
+        if now_s >= due_s > -math.inf:
+            app.loop.late_s.append(now_s - due_s)
+            app.loop.slots_missed += slots_missed(now_s - due_s, period_s)
+        app.turn(now_s, readable)
+        if app.loop.ticks != ticks:  # a step: every input was looked at
+            notifier.turn_over(now_s)
 
 
-async def settle(app: App, period_s: float, notifier: Notifier) -> None:
+def settle(app: App, wake_up: WakeUp, notifier: Notifier) -> None:
     """Tell the devices that it ends, and go on until they have taken it, for SETTLE_S at most."""
     app.stop()
     until_s = time.monotonic() + SETTLE_S
-    await keep_pace(app, period_s, lambda: app.settled or time.monotonic() >= until_s, notifier)
+    keep_pace(app, wake_up, lambda: app.settled or time.monotonic() >= until_s, notifier)
     if not app.settled:
-        structlog.get_logger().warning("devices_not_settled", waited_s=SETTLE_S)
+        LOG.warning("devices_not_settled", waited_s=SETTLE_S)
 
 
-async def serve(
+def serve(
     config: Config,
     ports: Ports,
     key: bytes | None,
@@ -99,38 +110,41 @@ async def serve(
     recorder: Recorder | None = None,
 ) -> None:
     """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
-    log, loop, stop = structlog.get_logger(), asyncio.get_running_loop(), asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, stop.set)
+    wanted = Wanted()
     warm_kernels(config)
     app = App(config, ports, session=secrets.randbits(32), key=key, version=version())
     if loaded is not None:
         restore(app.mapper, loaded, config, time.monotonic())
-        log.info("map_loaded", moving_when_saved=was_moving(loaded))
+        LOG.info("map_loaded", moving_when_saved=was_moving(loaded))
     saver = MapSaver(app, save_to) if save_to else None
     if saver:
-        loop.add_signal_handler(signal.SIGUSR1, saver.save)
+        wanted.listen_for_map()
     locked, fifo = take_real_time()
-    log.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
-    log.info("app_started", version=version(), planner=config.planner.port)
+    LOG.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
+    LOG.info("app_started", version=version(), planner=config.planner.port)
     servers = modbus_servers(config, app.image)
-    for name, server in servers.items():
-        app.states.statuses[name] = server.status
-        server.start()
-    period_s, notifier = 1.0 / config.loop.rate_hz, Notifier(os.environ, app.states.describe)
+    app.states.statuses.update(servers.statuses)
+    wake_up, notifier = WakeUp(servers), Notifier(os.environ, app.states.describe)
+
+    def is_over() -> bool:
+        if wanted.map and saver:
+            wanted.map = False
+            saver.save()
+        return wanted.end
+
     try:
         stepped = recorder.app(app) if recorder else app
-        await keep_pace(stepped, period_s, stop.is_set, notifier)
+        keep_pace(stepped, wake_up, is_over, notifier)
         notifier.stopping()
-        await settle(stepped, period_s, notifier)
+        settle(stepped, wake_up, notifier)
         if saver:
-            await saver.finish()
+            saver.finish()
     finally:
         app.stop()
-        for server in servers.values():
-            await server.stop()
+        servers.close()
+        wake_up.close()
         notifier.close()
-    log.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
+    LOG.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
 
 
 def version() -> str:
@@ -201,8 +215,8 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         else:
             with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
                 if options.unattended:
-                    structlog.get_logger().info("start_unattended", start_clear_m=0.0)
-                asyncio.run(serve(config, ports, key, loaded, options.save_map, recorder))
+                    LOG.info("start_unattended", start_clear_m=0.0)
+                serve(config, ports, key, loaded, options.save_map, recorder)
     return 0
 
 

@@ -1,19 +1,19 @@
 """Saved maps as files: read and checked before the run, written beside the loop, whole or not."""
 
-import asyncio
 import os
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
-
-import structlog
 
 from app import App
 from core.config import Config
 from core.saved.check import check_state
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import state_of, was_moving
-from hw.runtime.threads import leave_real_time
+from hw.runtime.threads import Worker
+from logs import LOG
 
 
 def load_map(path: str, config: Config) -> Arrays:
@@ -42,41 +42,38 @@ class MapSaver:
 
     def __init__(self, app: App, path: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._app, self._path, self._clock = app, path, clock
-        self._log = structlog.get_logger()
-        self._writing: asyncio.Future[None] | None = None
+        self._writer = Worker()
+        self._writing: Future[None] | None = None
 
     def save(self) -> None:
         """Save the map as it is now; the file is written meanwhile."""
         if self._writing is not None and not self._writing.done():
-            self._log.warning("map_not_saved", reason="the one before is still being written")
+            LOG.warning("map_not_saved", reason="the one before is still being written")
         elif (arrays := self._maybe_state()) is not None:
             self._begin(arrays)
 
-    async def finish(self) -> None:
+    def finish(self) -> None:
         """Save for the last time, the map as it is now; all is written afterwards."""
         arrays = self._maybe_state()  # at once: nobody reads the sensors any more
-        if self._writing is not None:
-            await self._writing
         if arrays is not None:
-            await self._begin(arrays)
+            self._begin(arrays)
+        if self._writing is not None:
+            self._writing.result()
 
     def _maybe_state(self) -> Arrays | None:
         try:
             return state_of(self._app.mapper, self._app.config, self._clock())
         except StateError as error:
-            self._log.warning("map_not_saved", reason=str(error))
+            LOG.warning("map_not_saved", reason=str(error))
             return None
 
-    def _begin(self, arrays: Arrays) -> asyncio.Future[None]:
-        loop = asyncio.get_running_loop()
-        self._writing = loop.run_in_executor(None, self._write, arrays)
-        return self._writing
+    def _begin(self, arrays: Arrays) -> None:
+        self._writing = self._writer.submit(partial(self._write, arrays))
 
     def _write(self, arrays: Arrays) -> None:
-        leave_real_time()
         try:
             write_map(self._path, arrays)
         except OSError as error:
-            self._log.warning("map_not_saved", reason=str(error))
+            LOG.warning("map_not_saved", reason=str(error))
         else:
-            self._log.info("map_saved", file=self._path, moving=was_moving(arrays))
+            LOG.info("map_saved", file=self._path, moving=was_moving(arrays))

@@ -4,12 +4,11 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from core.config import Config, ConfigError
 from core.driving.control import link_refusal
 from hw.device import NoPort, Port
-from hw.modbus.image import RegisterImage
-from hw.modbus.server import ModbusServer
 from hw.planner_link.receivers import Planners
 from hw.planner_link.sender import LinkSettings, Wire
 from hw.ports.wires import PortUrlError, open_port, parse_url
@@ -23,6 +22,10 @@ from hw.registry import (
     Scanner,
     Surroundings,
 )
+from hw.runtime.wakeup import Beside, Nothing
+
+if TYPE_CHECKING:
+    from hw.modbus.image import RegisterImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +161,12 @@ def planners_on(ports: Ports, config: Config, session: int, key: bytes | None) -
 
 def maybe_image(
     config: Config, planners: Planners, session: int, version: str
-) -> RegisterImage | None:
+) -> "RegisterImage | None":
     """What Modbus clients read; none where nobody may."""
     if not config.modbus.ports:
         return None
+    from hw.modbus.image import RegisterImage  # only where somebody reads it
+
     may_drive = config.modbus.allow_drive and config.robot.enable_motors
     return RegisterImage(
         size=config.obstacle.window_cells,
@@ -172,13 +177,17 @@ def maybe_image(
     )
 
 
-def modbus_servers(config: Config, image: RegisterImage | None) -> dict[str, ModbusServer]:
+def modbus_servers(config: Config, image: "RegisterImage | None") -> Beside:
     """A server, not started yet, for each port of [modbus], by what the log calls it."""
     if image is None:
-        return {}
-    return {
+        return Nothing()
+    from hw.modbus.server import ModbusServer  # asyncio is for who wants to be served
+    from hw.runtime.servers import Servers
+
+    servers = {
         f"modbus {url}": ModbusServer(
             url, image, time.monotonic, unit=config.modbus.unit, utc_s=time.time
         )
         for url in config.modbus.ports
     }
+    return Servers(servers)

@@ -169,6 +169,7 @@ class StopZoneReport:
     allowed_behind_mps: float
     nearest_m: float  # from the robot's edge to the nearest obstacle anywhere; inf: none is known
     bearing_rad: float  # of that one's middle from the axle's, counter-clockwise from ahead
-    sectors_m: tuple[float, ...]  # 8 of 45 degrees, ahead first, counter-clockwise: from the axle
+    # 8 of 45 degrees, ahead first, counter-clockwise: from the axle; none where nobody reads them
+    sectors_m: tuple[float, ...]
     state: int  # 0 unknown, 1 clear, 2 slow, 3 stop
     causes: int  # bits: 0 obstacle, 1 unseen ground, 2 drop, 3 map or pose not to be trusted

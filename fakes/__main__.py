@@ -35,6 +35,9 @@ def arguments() -> argparse.Namespace:
     )
     parser.add_argument("--ahrs-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument("--drive-link", default="", help="symbolic link to make to its terminal")
+    parser.add_argument(
+        "--all-tcp", action="store_true", help="no terminals: these two on free TCP ports as well"
+    )
     parser.add_argument("--drive-mode", default="rs232", help="of the controller, as it starts")
     parser.add_argument("--start-delay", type=float, default=3.0, help="seconds before it drives")
     parser.add_argument("--no-driver", action="store_true", help="wheels obey the wire only")
@@ -109,6 +112,8 @@ def serve_on_wires(
             fake, seed = seen[name], given.seed + k
             if name == "scanner":
                 wires[name] = TcpWire(fake, port=given.scanner_port, seed=seed)
+            elif given.all_tcp:
+                wires[name] = TcpWire(fake, seed=seed)
             else:
                 wires[name] = PtyWire(fake, getattr(given, f"{name}_link"), seed=seed)
             open_wires.enter_context(closing(wires[name]))

@@ -22,6 +22,7 @@ could have sent, and leaves the rest to the next one (`Intake`).
 """
 
 import enum
+import math
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -76,6 +77,14 @@ class Reopens(Protocol):
         """Drop the connection for this cause, and open the next one after the shortest pause."""
 
 
+@runtime_checkable
+class Gathers(Protocol):
+    """A port that can wait for several bytes: a serial line."""
+
+    def gather(self, size: int) -> None:
+        """Be readable when so many bytes have come, 1..255; fewer are not read either."""
+
+
 class NoPort:
     """A wire that is open and leads nowhere: for warming up, and where a device is left out."""
 
@@ -120,6 +129,10 @@ class DeviceStatus:
     cause: str = "not opened yet"  # in words, while not running or not as configured; else ""
     session: enum.Enum | None = None  # what its session is doing, for a person
     heard_s: float = float("-inf")  # host clock, last measurement
+    due_s: float = float(
+        "-inf"
+    )  # when its session wants a Tick though no bytes came; -inf: the next
+    is_deaf: bool = False  # until then: what arrives sooner is not worth a turn
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
     skipped_bytes: int = 0
@@ -191,9 +204,11 @@ class Intake:
         while self._waiting and self._allowance > 0:
             arrived_s, piece = self._waiting.popleft()
             found = self._parser.feed(arrived_s, piece)
-            junk = sum(len(event.skipped) for event in found if isinstance(event, BadFrame))
-            self._allowance -= len(piece) + EVENT_BYTES * len(found) + JUNK_FACTOR * junk
-            events += found
+            self._allowance -= len(piece)
+            if found:
+                junk = sum([len(event.skipped) for event in found if isinstance(event, BadFrame)])
+                self._allowance -= EVENT_BYTES * len(found) + JUNK_FACTOR * junk
+                events += found
         return events
 
 
@@ -258,7 +273,8 @@ class Device(Generic[Measurement]):
             if self.port.opened != self._opened:
                 self._start_anew(now_s)
             self._intake.step(now_s)
-            self._advance(now_s, [] if self._intake.waits else self.port.read())
+            pieces = [] if self._intake.waits else self.port.read()
+            self._advance(now_s, pieces, self._events(now_s, pieces))
             if self.port.fileno() >= 0:  # reading may have found its end
                 self._drop_if_silent(now_s)
         elif self.port.cause != self._given_up and (
@@ -272,12 +288,23 @@ class Device(Generic[Measurement]):
     def hear(self, now_s: float) -> None:
         """Read what has arrived between two steps, at the instant at which it did.
 
-        The session may answer at once; measurements wait for the next step.
+        The session may answer at once; measurements wait for the next step. While it runs, a piece
+        that completes nothing tells it nothing: its time-outs are looked at in steps.
         """
         if self.port.opened != self._opened or self._intake.waits:
             return
-        if pieces := self.port.read():
-            self._advance(now_s, pieces)
+        pieces, is_due = self.port.read(), -math.inf < self.status.due_s <= now_s
+        if pieces or is_due:
+            events = self._events(now_s, pieces)
+            if events or is_due or self.status.state != "running":
+                self._advance(now_s, pieces, events)
+
+    @property
+    def due_s(self) -> float:
+        """When it must be looked at if nothing arrives: -inf at every tick, as while it starts."""
+        if self.status.state != "running" or self._intake.waits or self.port.backlog:
+            return -math.inf
+        return self.status.due_s
 
     def stop(self) -> None: ...
 
@@ -307,14 +334,18 @@ class Device(Generic[Measurement]):
         self._intake.begin()
         self._session = self._begun_session()
 
-    def _advance(self, now_s: float, pieces: list[bytes]) -> None:
-        """Parser and session up to now; what they measured is held for the step."""
+    def _events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
+        """What the parser makes of what has arrived by now."""
         if self._intake.waits or any(pieces):
             self._silence.heard(now_s)
         events = self._intake.events(now_s, pieces)
         for event in events:
             if isinstance(event, BadFrame):
                 self.status.reject(event)
+        return events
+
+    def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
+        """The session up to now; what it measured is held for the step."""
         out = self._session.send(Tick(now_s, events))
         if out:
             self.port.write(out)

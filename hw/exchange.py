@@ -18,6 +18,7 @@ Three rules make an exchange safe on a line that loses, delays and repeats:
 It refuses to know a protocol: commands are bytes, and the session says which event is an answer.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable, Generator
 from typing import Any, TypeVar
@@ -60,8 +61,16 @@ class Exchange:
 
     # --- one exchange
 
-    def turn(self, out: bytes = b"") -> Steps[list[Any]]:
-        """Write; the events of the next tick."""
+    def turn(
+        self, out: bytes = b"", due_s: float = -math.inf, is_deaf: bool = False
+    ) -> Steps[list[Any]]:
+        """Write; the events of the next turn, which comes with bytes, or when it is due.
+
+        Args:
+            due_s: -inf: at the next tick.
+            is_deaf: bytes that arrive before then may wait until then.
+        """
+        self._status.due_s, self._status.is_deaf = due_s, is_deaf
         out, self._reply = self._reply + out, b""
         tick = yield out
         self.now_s = tick.now_s
@@ -73,29 +82,35 @@ class Exchange:
         self._reply += out
 
     def ask(
-        self, command: bytes, matches: Callable[[Any], Answer], wait_s: float, tries: int = 1
+        self,
+        command: bytes,
+        matches: Callable[[Any], Answer],
+        wait_s: float,
+        tries: int = 1,
+        deaf_s: float = 0.0,
     ) -> Steps[Answer | None]:
         """The answer to a command, written once for each try; None after the last one.
 
         Args:
             matches: makes an answer of an event, or None of one that is no answer.
             wait_s: for each try.
+            deaf_s: so long nothing can come that is worth a turn.
         """
         for _ in range(tries):
             self._unread.clear()
-            answer = yield from self.wait_for(matches, wait_s, command)
+            answer = yield from self.wait_for(matches, wait_s, command, deaf_s)
             if answer is not None:
                 return answer
         return None
 
     def wait_for(
-        self, matches: Callable[[Any], Answer], wait_s: float, out: bytes = b""
+        self, matches: Callable[[Any], Answer], wait_s: float, out: bytes = b"", deaf_s: float = 0.0
     ) -> Steps[Answer | None]:
         """The first match among what is unread and what comes within wait_s; None: nothing.
 
         Events behind the match stay unread, for the next `wait_for`.
         """
-        until_s = self.now_s + wait_s
+        until_s, hears_s = self.now_s + wait_s, self.now_s + deaf_s
         while True:
             while self._unread:
                 answer = matches(self._unread.popleft())
@@ -103,7 +118,9 @@ class Exchange:
                     return answer
             if self.now_s >= until_s:
                 return None
-            self._unread.extend((yield from self.turn(out)))
+            is_deaf = self.now_s < hears_s
+            due_s = min(hears_s, until_s) if is_deaf else until_s
+            self._unread.extend((yield from self.turn(out, due_s, is_deaf)))
             out = b""
 
     # --- letting time pass

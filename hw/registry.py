@@ -30,6 +30,10 @@ class AnyDevice(Protocol):
         """Whether measurements wait for the next step."""
 
     @property
+    def due_s(self) -> float:
+        """When it wants to be heard though nothing has arrived; -inf: stepped, at every tick."""
+
+    @property
     def settled(self) -> bool:
         """After `stop`: nothing is left that it must still bring about."""
 

@@ -125,7 +125,7 @@ def test_whole_numbers_of_any_width_and_value_share_one_machine_code(tmp_path: P
 @pytest.mark.parametrize(
     ("before", "after", "error"),
     [
-        ("* GAIN", "* LATER", "scaled uses LATER, which must stand above it"),
+        ("* GAIN", "* LATER", "scaled uses LATER, which is nowhere"),
         ("GAIN = 3", "GAIN = [3]", r"scaled uses \[3\]: a kernel may use numbers"),
     ],
 )

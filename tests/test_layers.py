@@ -27,7 +27,7 @@ LIBRARIES = {
     "hw": {"numpy", "msgspec", "serial", "cobs"},
     "mapod_link": {"numpy"},
     "fakes": {"numpy", "mujoco"},
-    **{name: {"numpy", "structlog"} for name in TOP},
+    **{name: {"numpy"} for name in TOP},
 }
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
 VOCABULARY = {"core.records", "core.config", "core.geometry"}

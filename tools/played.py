@@ -16,7 +16,7 @@ from core.mapping.mapper import MapperCounts
 from hw.device import DeviceStatus
 from hw.ports.url import parse_url
 from mapod_link.receiver import Receiver
-from tools.recording import HEAR, IN, LOST, OPENED, OUT, STEP, PlayedPort, Record, Recording
+from tools.recording import IN, LOST, OPENED, OUT, STEP, TURN, PlayedPort, Record, Recording
 
 SESSION = 1  # of a replay whose recording tells none
 NONCE = 1  # of the receiver whose map is shown
@@ -149,8 +149,9 @@ class RecordingReplay:
         self.now_s = call.t_s
         if call.kind == STEP:
             self.app.step(call.t_s)
-        elif call.kind == HEAR:
-            self.app.hear(call.t_s)
+        elif call.kind == TURN:
+            readable = [port for k, port in enumerate(self._ports) if call.port >> k & 1]
+            self.app.turn(call.t_s, readable)
         written = self._ports[3].written
         while written:
             self.view.take(call.t_s, written.popleft())

@@ -1,12 +1,12 @@
 """A live run on disk: every byte of every port with the host's time and its direction; and back.
 
-One file. First a line of JSON: `mapod_recording` (1, this form), `version` of mapod, `config` (the
+One file. First a line of JSON: `mapod_recording` (2, this form), `version` of mapod, `config` (the
 text of mapod.toml) and `ports` (names; the planner's receivers all have the same). Then records,
 little-endian: seconds of the host's monotonic clock (f64), kind (one character), port (u8, its
-place in `ports`; 0 where none is meant), length (u32), and so many bytes:
+place in `ports`; of T, a bit for each that was readable), length (u32), and so many bytes:
 
     S  the app steps              O  the port's connection opened    I  bytes that came in
-    H  it hears between steps     L  it was lost; the cause as text  W  bytes written
+    T  it takes a turn            L  it was lost; the cause as text  W  bytes written
 
 A datagram is a record of its own. The planner's key is not kept. Nothing here waits for a disk: a
 thread writes, and a disk that is too slow ends the recording, not the run.
@@ -18,7 +18,7 @@ import struct
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -26,9 +26,9 @@ from typing import Any, cast
 from app import App
 from hw.device import Port, Reopens
 
-FORM = 1
+FORM = 2
 HEAD = struct.Struct("<dcBI")
-KINDS = STEP, HEAR, OPENED, LOST, IN, OUT = b"S", b"H", b"O", b"L", b"I", b"W"
+KINDS = STEP, TURN, OPENED, LOST, IN, OUT = b"S", b"T", b"O", b"L", b"I", b"W"
 MOST_WAITING = 100_000  # records that the disk may be behind: some ten seconds
 LONGEST = 1 << 20  # bytes of a record
 
@@ -166,9 +166,10 @@ class RecordedApp:
         self._note(now_s, STEP)
         self._app.step(now_s)
 
-    def hear(self, now_s: float) -> None:
-        self._note(now_s, HEAR)
-        self._app.hear(now_s)
+    def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
+        ports = (*self._app.ports.of_devices, self._app.ports.planner, *self._app.ports.receivers)
+        self._note(now_s, TURN, sum(1 << k for k, port in enumerate(ports) if port in readable))
+        self._app.turn(now_s, readable)
 
 
 # Reading
@@ -196,7 +197,11 @@ class Recording:
             file.seek(self._at)
             while len(head := file.read(HEAD.size)) == HEAD.size:
                 t_s, kind, port, length = HEAD.unpack(head)
-                if kind not in KINDS or port >= len(self.ports) or length > LONGEST:
+                if (
+                    kind not in KINDS
+                    or (port >= len(self.ports) and kind != TURN)
+                    or length > LONGEST
+                ):
                     raise RecordingError(f"the recording is damaged before byte {file.tell()}")
                 data = file.read(length)
                 if len(data) < length:

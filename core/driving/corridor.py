@@ -8,22 +8,25 @@ Source: design, section 8; planner link, section 3 (STOP_ZONE).
 
 import math
 
+import numpy as np
+
 from core.driving.stop_zone import (
     TOUCH_M,
     Place,
     Rect,
     Window,
-    cell_state,
     clearance,
-    first_of,
     gap_to,
+    is_in_way,
     leaves,
+    read_row,
 )
 from core.grid.ring import cells_about
 from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
 from jit import kernel
 
 SECTORS = 8
+NEAR_M = 2.0  # beside the robot, obstacles are looked for first
 
 
 @kernel
@@ -57,6 +60,15 @@ def _path_to(
 
 
 @kernel
+def _where(low: float, high: float, slope: float, span: tuple[float, float]) -> tuple[float, float]:
+    """The part of a span of x where `low <= slope * x <= high`; all of it where nothing slopes."""
+    if slope == 0.0:
+        return span
+    one, other = low / slope, high / slope
+    return max(span[0], min(one, other)), min(span[1], max(one, other))
+
+
+@kernel
 def free_path(
     cells: I8,
     window: Window,
@@ -74,57 +86,101 @@ def free_path(
     """
     kept = clearance(cells, window, cell_m, place, rect, margin, clear)
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
-    end_x = place[0] + math.cos(place[2]) * longest
-    end_y = place[1] + math.sin(place[2]) * longest
-    here_i, here_j, count = cells_about(place[0], place[1], reach, cell_m)
-    then_i, then_j, _ = cells_about(end_x, end_y, reach, cell_m)
-    best, best_i, best_j, best_state = longest, 0, 0, UNKNOWN
-    hard, first = math.inf, first_of(window)
+    x, y, c, s = place[0], place[1], math.cos(place[2]), math.sin(place[2])
+    here_i, here_j, count = cells_about(x, y, reach, cell_m)
+    then_i, then_j, _ = cells_about(x + c * longest, y + s * longest, reach, cell_m)
+    low_i, end_i = min(here_i, then_i), max(here_i, then_i) + count
+    whole = (low_i * cell_m - x, end_i * cell_m - x)
+    states = np.empty(end_i - low_i + 3, np.int8)
+    half = cell_m / 2 * (abs(c) + abs(s))  # of a cell, ahead and aside
+    grow = margin + half  # of the strip, for the middles of cells
+    best, best_i, best_j, best_state, hard = longest, 0, 0, UNKNOWN, math.inf
     for j in range(min(here_j, then_j), max(here_j, then_j) + count):
-        for i in range(min(here_i, then_i), max(here_i, then_i) + count):
-            state = cell_state(i, j, cells, window, first, cell_m, clear)
-            if state == FREE:
+        dy = (j + 0.5) * cell_m - y
+        span = _where(-rect[1] - grow - s * dy, longest + rect[0] + grow - s * dy, c, whole)
+        span = _where(-rect[2] - grow - c * dy, rect[2] + grow - c * dy, -s, span)
+        first_i, last_i = math.floor((span[0] + x) / cell_m), math.floor((span[1] + x) / cell_m)
+        row = states[: max(0, last_i - first_i + 1)]
+        read_row(first_i, j, cells, window, row)
+        for k in range(row.size):
+            if row[k] == FREE:
                 continue
-            way = _path_to(i, j, cell_m, place, rect, (margin, kept), state == UNKNOWN)
+            i, is_unknown = first_i + k, row[k] == UNKNOWN
+            least = (
+                c * ((i + 0.5) * cell_m - x) + s * dy - half - rect[0] - margin
+            )  # that it leaves
+            if least >= best and (is_unknown or least >= hard):
+                continue
+            if not is_in_way(row[k], i, j, cell_m, clear):
+                continue
+            way = _path_to(i, j, cell_m, place, rect, (margin, kept), is_unknown)
             if way < best:
-                best, best_i, best_j, best_state = way, i, j, state
-            if state == OBSTACLE and way <= longest:
+                best, best_i, best_j, best_state = way, i, j, int(row[k])
+            if not is_unknown and way <= longest:
                 hard = min(hard, way)
     return best, best_i, best_j, best_state, hard
 
 
 @kernel
-def nearest_obstacles(
-    cells: I8,
-    window: Window,
-    cell_m: float,
-    place: Place,
-    rect: Rect,
-    sectors: F64,
+def _nearest_beside(
+    reach: float, cells: I8, window: Window, cell_m: float, place: Place, rect: Rect
 ) -> tuple[float, float]:
-    """Metres from the robot's edge to the nearest obstacle cell (inf: none), and its bearing.
-
-    Fills sectors (8,): metres from the axle's middle to the nearest one of each 45 degrees, the
-    first centred ahead, counter-clockwise; inf: none.
-    """
-    sectors[:] = math.inf
+    """The nearest obstacle as `nearest_obstacle` has it, of those in rows within reach alone."""
     best, bearing = math.inf, 0.0
     c, s = math.cos(place[2]), math.sin(place[2])
-    half, size = cell_m / 2, window[2]
+    half, size = cell_m / 2 * (abs(c) + abs(s)), window[2]
     middle, length = (rect[0] - rect[1]) / 2, (rect[0] + rect[1]) / 2
     for row in range(size):
-        j = window[1] + (row - window[1]) % size
+        dy = (window[1] + (row - window[1]) % size + 0.5) * cell_m - place[1]
+        if abs(dy) > reach:
+            continue
         for column in range(size):
             if cells[row, column] != OBSTACLE:
                 continue
-            i = window[0] + (column - window[0]) % size
-            dx, dy = (i + 0.5) * cell_m - place[0], (j + 0.5) * cell_m - place[1]
+            dx = (window[0] + (column - window[0]) % size + 0.5) * cell_m - place[0]
             ahead, aside = c * dx + s * dy, c * dy - s * dx
-            angle = math.atan2(aside, ahead)
+            beyond = max(0.0, abs(ahead - middle) - length), max(0.0, abs(aside) - rect[2])
+            if max(beyond[0], beyond[1]) - half >= best:
+                continue
+            gap = max(0.0, math.hypot(beyond[0], beyond[1]) - half)
+            if gap < best:
+                best, bearing = gap, math.atan2(aside, ahead)
+    return best, bearing
+
+
+@kernel
+def nearest_obstacle(
+    cells: I8, window: Window, cell_m: float, place: Place, rect: Rect
+) -> tuple[float, float]:
+    """Metres from the robot's edge to the nearest obstacle cell (inf: none), and its bearing."""
+    from_axle = math.hypot(max(rect[0], rect[1]), rect[2]) + cell_m  # a corner, and half a cell
+    low_y, high_y = window[1] * cell_m, (window[1] + window[2]) * cell_m
+    farthest, reach = max(place[1] - low_y, high_y - place[1]), NEAR_M
+    while reach < farthest:
+        gap, bearing = _nearest_beside(reach, cells, window, cell_m, place, rect)
+        if gap < reach - from_axle:
+            return gap, bearing
+        reach *= 2.0
+    return _nearest_beside(math.inf, cells, window, cell_m, place, rect)
+
+
+@kernel
+def nearest_in_sectors(
+    cells: I8, window: Window, cell_m: float, place: Place, sectors: F64
+) -> None:
+    """Fill sectors (8,) with metres from the axle's middle to the nearest obstacle of 45 degrees.
+
+    The first is centred ahead, then counter-clockwise; inf: there is none.
+    """
+    sectors[:] = math.inf
+    c, s = math.cos(place[2]), math.sin(place[2])
+    half, size = cell_m / 2, window[2]
+    for row in range(size):
+        dy = (window[1] + (row - window[1]) % size + 0.5) * cell_m - place[1]
+        for column in range(size):
+            if cells[row, column] != OBSTACLE:
+                continue
+            dx = (window[0] + (column - window[0]) % size + 0.5) * cell_m - place[0]
+            angle = math.atan2(c * dy - s * dx, c * dx + s * dy)
             k = math.floor(angle / (math.tau / SECTORS) + 0.5) % SECTORS
             sectors[k] = min(sectors[k], max(0.0, math.hypot(dx, dy) - half))
-            beyond = max(0.0, abs(ahead - middle) - length), max(0.0, abs(aside) - rect[2])
-            gap = max(0.0, math.hypot(beyond[0], beyond[1]) - half * (abs(c) + abs(s)))
-            if gap < best:
-                best, bearing = gap, angle
-    return best, bearing

@@ -23,7 +23,12 @@ class Pilot:
         self.zone = NOT_TRUSTED
         self.drop_ahead = False  # on the way to a stop
         self._stall = StallWatch(config)
-        self._zones = ZoneReporter(self.control, mapper.maps.window, config.robot.max_speed_mps)
+        self._zones = ZoneReporter(
+            self.control,
+            mapper.maps.window,
+            config.robot.max_speed_mps,
+            has_sectors=bool(config.modbus.ports),  # whose clients alone read them
+        )
         self._zone_s = float("-inf")
 
     @property

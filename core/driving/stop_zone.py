@@ -11,11 +11,14 @@ Source: design, sections 7 and 8.
 
 import math
 
+import numpy as np
+
 from core.grid.ring import RingGrid, cells_about
-from core.records import FREE, I8, UNKNOWN, record
+from core.records import F64, FREE, I8, I32, UNKNOWN, record
 from jit import kernel
 
 STEP_CELLS = 0.5  # of the sweep
+STRIDE_M = 0.2  # of its way, for which cells that are near are looked for once
 LONGEST_M = 10.0  # sweep
 TOUCH_M = 1e-9  # an edge in common is no contact
 SLACK_M = 0.02  # beside a wall within the margin, nobody goes along quite straight
@@ -60,37 +63,35 @@ def gap_to(cx: float, cy: float, half: float, place: Place, rect: Rect) -> float
 
 
 @kernel
-def first_of(window: Window) -> tuple[int, int]:
-    """Column and row in the array of a window's lowest cell."""
-    return window[0] % window[2], window[1] % window[2]
+def read_row(i: int, j: int, cells: I8, window: Window, states: I8) -> None:
+    """Fill `states` with those of as many cells, (i, j), (i + 1, j) and so on.
+
+    UNKNOWN outside the window.
+    """
+    size, n = window[2], states.size
+    begin, end = min(n, max(0, window[0] - i)), max(0, min(n, window[0] + size - i))
+    if not window[1] <= j < window[1] + size:
+        begin = end = n
+    row, column = j % size, (i + begin) % size
+    for k in range(begin):
+        states[k] = UNKNOWN
+    for k in range(begin, end):
+        states[k] = cells[row, column]
+        column = column + 1 if column + 1 < size else 0
+    for k in range(end, n):
+        states[k] = UNKNOWN
 
 
 @kernel
-def cell_state(
-    i: int,
-    j: int,
-    cells: I8,
-    window: Window,
-    first: tuple[int, int],
-    cell_m: float,
-    clear: Place,
-) -> int:
-    """The state of a cell that is in the way, OBSTACLE or UNKNOWN; FREE of one that is not.
+def is_in_way(state: int, i: int, j: int, cell_m: float, clear: Place) -> bool:
+    """Whether a cell is not FREE, nor UNKNOWN ground that somebody vouches for.
 
-    first: of `first_of` that window.
+    clear: x, y and radius of that ground; an infinite one is everywhere.
     """
-    size, state = window[2], UNKNOWN
-    column, row = i - window[0], j - window[1]
-    if 0 <= column < size and 0 <= row < size:  # i % size, j % size without their divisions
-        column, row = column + first[0], row + first[1]
-        column -= size if column >= size else 0
-        row -= size if row >= size else 0
-        state = cells[row, column]
-    if state == UNKNOWN:
-        x, y = (i + 0.5) * cell_m - clear[0], (j + 0.5) * cell_m - clear[1]
-        if math.hypot(x, y) <= clear[2]:
-            return FREE
-    return state
+    if state != UNKNOWN:
+        return state != FREE
+    x, y = (i + 0.5) * cell_m - clear[0], (j + 0.5) * cell_m - clear[1]
+    return not (max(abs(x), abs(y)) <= clear[2] and math.hypot(x, y) <= clear[2])
 
 
 @kernel
@@ -115,6 +116,34 @@ def leaves(
 
 
 @kernel
+def cells_near(
+    cells: I8,
+    window: Window,
+    cell_m: float,
+    place: Place,
+    rect: Rect,
+    within: float,
+    clear: Place,
+) -> I32:
+    """(n, 3) i, j and state of all cells in the way to which the gap is less than `within`."""
+    reach = math.hypot(max(rect[0], rect[1]) + within, rect[2] + within)
+    low_i, low_j, count = cells_about(place[0], place[1], reach, cell_m)
+    found, used = np.empty((count * count, 3), np.int32), 0
+    states = np.empty(count, np.int8)
+    for j in range(low_j, low_j + count):
+        read_row(low_i, j, cells, window, states)
+        for k in range(count):
+            if states[k] == FREE:
+                continue
+            i = low_i + k
+            gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
+            if gap < within and is_in_way(states[k], i, j, cell_m, clear):
+                found[used, 0], found[used, 1], found[used, 2] = i, j, states[k]
+                used += 1
+    return found[:used]
+
+
+@kernel
 def clearance(
     cells: I8,
     window: Window,
@@ -125,15 +154,12 @@ def clearance(
     clear: Place,
 ) -> float:
     """What is to be kept free of new cells: the margin, or less where it is not free now."""
-    reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
-    least, first = margin, first_of(window)
-    low_i, low_j, count = cells_about(place[0], place[1], reach, cell_m)
-    for j in range(low_j, low_j + count):
-        for i in range(low_i, low_i + count):
-            if cell_state(i, j, cells, window, first, cell_m, clear) != FREE:
-                gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
-                if -TOUCH_M <= gap < least - SLACK_M:
-                    least = gap
+    least, near = margin, cells_near(cells, window, cell_m, place, rect, margin, clear)
+    for n in range(near.shape[0]):
+        i, j = near[n, 0], near[n, 1]
+        gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
+        if -TOUCH_M <= gap < least - SLACK_M:
+            least = gap
     return least if least == margin else max(0.0, least - SLACK_M)
 
 
@@ -170,18 +196,17 @@ def _free_path(
     motion: Motion,
     span: tuple[float, float],
     limits: tuple[float, float, float],
-    is_unknown: bool,
+    before: float,
 ) -> float:
     """How far the robot gets before a cell that is in the way at the end of a span; inf: it is not.
 
     then: the place at that end. limits: metres per second, margin, and what is to be kept free of
-    new cells.
+    new cells. before: the cell's gap at the start.
     """
     rate, margin, kept = limits
     gap = gap_to(cx, cy, half, then, rect)
     if gap >= margin - TOUCH_M:
         return math.inf
-    before = gap_to(cx, cy, half, place, rect)
     if before >= margin - TOUCH_M:  # new
         if gap >= kept - TOUCH_M:
             return math.inf
@@ -190,9 +215,27 @@ def _free_path(
         return math.inf
     if before >= -TOUCH_M:  # within the margin from the begin
         return rate * _first(cx, cy, half, place, rect, motion, span, 0.0) - margin
-    if is_unknown or leaves(cx, cy, place, rect, motion[0], motion[1]):
-        return math.inf
     return 0.0
+
+
+@kernel
+def _in_way(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) -> F64:
+    """Gaps (n,) at the start of those cells that may end a motion; they are put first in `near`.
+
+    Of the others, under the footprint, nobody knew, or they are on their way out.
+    """
+    gaps, used = np.empty(near.shape[0]), 0
+    for n in range(near.shape[0]):
+        i, j, state = near[n, 0], near[n, 1], near[n, 2]
+        cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
+        gap = gap_to(cx, cy, cell_m / 2, place, rect)
+        if gap < -TOUCH_M and (
+            state == UNKNOWN or leaves(cx, cy, place, rect, motion[0], motion[1])
+        ):
+            continue
+        near[used, 0], near[used, 1], near[used, 2], gaps[used] = i, j, state, gap
+        used += 1
+    return gaps[:used]
 
 
 @kernel
@@ -212,34 +255,42 @@ def _sweep(
     unknown counts as free; an infinite one is everywhere.
     """
     length, rate, margin = way
+    v, w = motion
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     kept = clearance(cells, window, cell_m, place, rect, margin, clear)
-    half, step, first = cell_m / 2, STEP_CELLS * cell_m, first_of(window)
+    half, step = cell_m / 2, STEP_CELLS * cell_m
+    stride = max(1, math.floor(STRIDE_M / step))
+    # so far at most the margin gets from where it is in the middle of a stride
+    aside = (stride - 1) / 2 * step / rate * (abs(v) + abs(w) * reach)
+    near, before = np.empty((0, 3), np.int32), np.empty(0)
     best, best_i, best_j, best_state = math.inf, 0, 0, FREE
     k = 0
-    while k * step <= length + step + margin and (k - 1) * step - margin < best:
+    while k * step <= length + step + margin and max(0.0, (k - 1) * step - margin) < best:
+        if k % stride == 0:
+            middle = _at(place, v, w, (k + (stride - 1) / 2) * step / rate)
+            near = cells_near(cells, window, cell_m, middle, rect, margin + aside, clear)
+            before = _in_way(near, cell_m, place, rect, motion)
         span = ((k - 1) * step / rate, k * step / rate)
-        now = _at(place, motion[0], motion[1], span[1])
-        low_i, low_j, count = cells_about(now[0], now[1], reach, cell_m)
-        for j in range(low_j, low_j + count):
-            for i in range(low_i, low_i + count):
-                state = cell_state(i, j, cells, window, first, cell_m, clear)
-                if state == FREE:
-                    continue
-                free = _free_path(
-                    (i + 0.5) * cell_m,
-                    (j + 0.5) * cell_m,
-                    half,
-                    place,
-                    now,
-                    rect,
-                    motion,
-                    span,
-                    (rate, margin, kept),
-                    state == UNKNOWN,
-                )
-                if max(free, 0.0) < best:
-                    best, best_i, best_j, best_state = max(free, 0.0), i, j, state
+        now = _at(place, v, w, span[1])
+        for n in range(before.size):
+            is_new = before[n] >= margin - TOUCH_M
+            if max(0.0, rate * span[0] - (0.0 if is_new else margin)) >= best:
+                continue  # it leaves no less
+            i, j = near[n, 0], near[n, 1]
+            free = _free_path(
+                (i + 0.5) * cell_m,
+                (j + 0.5) * cell_m,
+                half,
+                place,
+                now,
+                rect,
+                motion,
+                span,
+                (rate, margin, kept),
+                before[n],
+            )
+            if max(free, 0.0) < best:
+                best, best_i, best_j, best_state = max(free, 0.0), i, j, near[n, 2]
         k += 1
     return best, best_i, best_j, best_state
 

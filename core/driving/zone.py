@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from core.driving.control import FASTER, FASTER_MPS, MOVING_MPS, SET_OUT_MPS, DriveControl
-from core.driving.corridor import SECTORS, free_path, nearest_obstacles
+from core.driving.corridor import SECTORS, free_path, nearest_in_sectors, nearest_obstacle
 from core.driving.stop_zone import LONGEST_M, Motion, Obstruction, Place, Rect
 from core.grid.window import ObstacleWindow
 from core.motion.odometry import Pose
@@ -25,9 +25,16 @@ NOT_TRUSTED = StopZoneReport(0, 0, 0, 0, 0, 0, 0, 0, 0, (0.0,) * SECTORS, UNKNOW
 class ZoneReporter:
     """Reports of one robot, from its drive control and the window that this looks at."""
 
-    def __init__(self, control: DriveControl, window: ObstacleWindow, max_speed_mps: float) -> None:
+    def __init__(
+        self,
+        control: DriveControl,
+        window: ObstacleWindow,
+        max_speed_mps: float,
+        has_sectors: bool = True,
+    ) -> None:
+        """`has_sectors`: somebody reads them; else there are none in a report."""
         self._control, self._window, self._max_mps = control, window, max_speed_mps
-        self._sectors_m = np.full(SECTORS, math.inf)
+        self._sectors_m = np.zeros(SECTORS if has_sectors else 0)
 
     def report(
         self,
@@ -52,9 +59,11 @@ class ZoneReporter:
         turned = (pose.x_m, pose.y_m, pose.yaw_rad + math.pi)
         ahead, hard_ahead_m = self._way(place, (front_m, rear_m, side_m), assumed_clear)
         behind, hard_behind_m = self._way(turned, (rear_m, front_m, side_m), assumed_clear)
-        nearest_m, bearing_rad = nearest_obstacles(
-            self._window.cells, *self._frame, place, control.zone.rect, self._sectors_m
+        nearest_m, bearing_rad = nearest_obstacle(
+            self._window.cells, *self._frame, place, control.zone.rect
         )
+        if self._sectors_m.size:
+            nearest_in_sectors(self._window.cells, *self._frame, place, self._sectors_m)
         state, causes = self._judge(pose, ahead, moves, request, assumed_clear)
         return StopZoneReport(
             ahead.free_m,
@@ -66,7 +75,7 @@ class ZoneReporter:
             min(self._max_mps, control.zone.allowed_mps(behind.free_m)),
             nearest_m,
             bearing_rad,
-            tuple(float(distance_m) for distance_m in self._sectors_m),
+            tuple(self._sectors_m.tolist()),
             state,
             causes,
         )

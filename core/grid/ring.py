@@ -24,18 +24,23 @@ def cells_about(x: float, y: float, reach: float, cell_m: float) -> tuple[int, i
     return i, j, math.ceil(2 * reach / cell_m) + 1
 
 
+def _in_words(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Records (..., ) of whole 8 bytes as numbers (..., n), which NumPy copies much faster."""
+    return array.view(np.int64).reshape(*array.shape, -1) if array.dtype.names else array
+
+
 class RingGrid:
     """A square window of cells with as many layers as its owner asks for."""
 
     def __init__(self, size: int, cell_m: float) -> None:
         self.size, self.cell_m = size, cell_m
         self.corner_i = self.corner_j = -(size // 2)  # world cell with the lowest i and j
-        self._layers: list[tuple[npt.NDArray[Any], Any]] = []
+        self._layers: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []  # each with its blank
 
     def layer(self, dtype: npt.DTypeLike, blank: Any) -> npt.NDArray[Any]:
         """A new (size, size) array that is `blank` wherever cells enter the window."""
         array = np.full((self.size, self.size), blank, dtype=dtype)
-        self._layers.append((array, blank))
+        self._layers.append((_in_words(array), _in_words(np.full(1, blank, dtype=dtype))[0]))
         return array
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:

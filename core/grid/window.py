@@ -36,10 +36,9 @@ class ObstacleWindow:
     def __init__(self, cells: int, cell_m: float) -> None:
         self.grid = RingGrid(cells, cell_m)
         self.cells: I8 = self.grid.layer(np.int8, UNKNOWN)
-        self.marked: I8 = np.zeros(self.cells.size, dtype=np.int8)  # flat; 1: is in `changed`
-        self.changed: I32 = np.zeros(
-            self.cells.size, dtype=np.int32
-        )  # flat indices, `used` of them
+        count = self.cells.size
+        self.marked: I8 = np.full(count, 0, dtype=np.int8)  # flat; 1: is in `changed`
+        self.changed: I32 = np.full(count, 0, dtype=np.int32)  # flat indices, `used` of them
         self.used = 0
         self.epoch = 0  # grows when everything was erased
 

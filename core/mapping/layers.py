@@ -15,7 +15,7 @@ from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
-from core.mapping.terrain import F32, Terrain
+from core.mapping.terrain import F32, JUDGED, terrain_at
 from core.records import F64, I64, UNKNOWN
 from jit import kernel
 
@@ -43,15 +43,20 @@ class LayerView:
     cell_m: float
 
 
-def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
-    """Values (n,) of a ring's layer at world cells i, j (n,); NaN outside its window."""
+def _only_inside(grid: RingGrid, i: I64, j: I64, values: npt.NDArray[Any]) -> F64:
+    """Values (n,) of world cells i, j (n,); NaN outside the window."""
     inside = (
         (i >= grid.corner_i)
         & (i < grid.corner_i + grid.size)
         & (j >= grid.corner_j)
         & (j < grid.corner_j + grid.size)
     )
-    return np.where(inside, ring[j % grid.size, i % grid.size], np.nan)
+    return np.where(inside, values, np.nan)
+
+
+def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
+    """Values (n,) of a ring's layer at world cells i, j (n,); NaN outside its window."""
+    return _only_inside(grid, i, j, ring[j % grid.size, i % grid.size])
 
 
 def states_at(window: ObstacleWindow, i: I64, j: I64) -> F64:
@@ -79,15 +84,12 @@ def _soft(cells: Cells, out: F64) -> None:
         out[at] = 1.0 if is_soft(cells, at) else 0.0
 
 
-def maybe_beams_layer(
-    name: str, cells: CellGrid, terrain: Terrain, window: ObstacleWindow
-) -> LayerView | None:
+def maybe_beams_layer(name: str, cells: CellGrid, window: ObstacleWindow) -> LayerView | None:
     if name == "state":
         return state_view(window)
-    judged = {"slope": terrain.slope_rad, "step": terrain.step_m, "roughness": terrain.roughness_m}
-    if name in judged:
-        terrain.update()
-        return view_of(name, cells.grid, judged[name])
+    if name in JUDGED:
+        judged = terrain_at(cells, np.arange(cells.flat.size))[JUDGED.index(name)]
+        return view_of(name, cells.grid, judged.reshape(cells.cells.shape))
     if name == "soft":
         ring = np.empty(cells.cells.shape)
         _soft(cells.flat, ring.reshape(-1))
@@ -99,14 +101,15 @@ def maybe_beams_layer(
 
 
 def maybe_beams_values(
-    name: str, cells: CellGrid, terrain: Terrain, window: ObstacleWindow, i: I64, j: I64
+    name: str, cells: CellGrid, window: ObstacleWindow, i: I64, j: I64
 ) -> F64 | None:
     """Of method `beams`, at world cells i, j (n,); none where there is no such layer to ask for."""
     if name == "state":
         return states_at(window, i, j)
     if name == "slope":
-        terrain.update()
-        return at_cells(cells.grid, i, j, terrain.slope_rad)
+        size = cells.grid.size
+        slopes_rad = terrain_at(cells, j % size * size + i % size)[JUDGED.index(name)]
+        return _only_inside(cells.grid, i, j, slopes_rad)
     if name not in RECORDED:
         return None
     counts = at_cells(cells.grid, i, j, cells.cells["count"])

@@ -134,7 +134,6 @@ def _into_beams(maps: BeamMaps, arrays: Arrays, now_s: float, away_var_m2: float
     records["t_s"] = now_s - arrays["cells.t_s"]
     records["var_m2"] += away_var_m2
     cells.flat[at] = records
-    maps.terrain.note(at)
     for row in arrays["ground.line"]:
         maps.ground.line = GroundPlane(*(float(part) for part in row))
 

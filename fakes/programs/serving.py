@@ -13,10 +13,12 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+from fakes.faults.handles import FaultError, seconds_from_text
 from fakes.faults.timetable import Schedule, list_of_all, order_from_text
 from fakes.wires.wire import PtyWire, TcpWire
 
-PERIOD_S = 0.002
+PERIOD_S = 0.002  # bytes are handed over so often; a USB adapter set to low latency: 0.001
+SHORTEST_S, LONGEST_S = 0.0005, 0.1
 MOST_S = 0.5  # what is made up for after a hold-up; the world keeps the poses of 1 s
 STDIN_EVERY_S = 0.1
 
@@ -61,7 +63,24 @@ def add_options(parser: argparse.ArgumentParser, name: str) -> None:
         metavar=f"{name}[=VALUE]@START[-END|+DURATION]",
         help="repeatable; times like 5s, 250ms, 1m",
     )
+    parser.add_argument(
+        "--period",
+        type=_period_s,
+        default=PERIOD_S,
+        metavar="TIME",
+        help="between two handings-over of bytes, 0.5ms..100ms (default: 2ms); USB's is 1ms",
+    )
     parser.add_argument("--list-faults", action="store_true", help="print all faults, and end")
+
+
+def _period_s(text: str) -> float:
+    try:
+        period_s = seconds_from_text(text)
+    except FaultError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    if not SHORTEST_S <= period_s <= LONGEST_S:
+        raise argparse.ArgumentTypeError(f"must be from 0.5ms to 100ms, is {text}")
+    return period_s
 
 
 def say(who: str, text: str) -> None:
@@ -115,7 +134,7 @@ def serve(
             stdin_due_s = host_s + STDIN_EVERY_S
             if _stdin_closed():
                 break
-        due_s = max(due_s + PERIOD_S, time.monotonic() - PERIOD_S)
+        due_s = max(due_s + given.period, time.monotonic() - given.period)
         time.sleep(max(0.0, due_s - time.monotonic()))
 
 

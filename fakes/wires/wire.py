@@ -45,6 +45,11 @@ class MemoryPort:
     def poll(self, now_s: float) -> bool:
         return self._connected
 
+    @property
+    def has_arrived(self) -> bool:
+        """Whether bytes wait to be read."""
+        return bool(self._to_host)
+
     def read(self) -> list[bytes]:
         if not self._to_host:
             return []

@@ -16,6 +16,7 @@ from hw.exchange import Exchange, StartAgainError, Steps
 CR_EVERY_S, CR_COUNT = 0.04, 20
 ECHO_S, EXCHANGE_S = 0.1, 0.2
 QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
+FORGET = 0.95  # of the controller's delay, an exchange
 STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
@@ -36,6 +37,29 @@ class CounterStream:
     remark: str = ""  # while running
 
 
+class AnswerTimes:
+    """How long exchanges take: the line carries CHARACTER_S each, and the controller thinks.
+
+    Characters that arrive before an answer can be whole are not worth a turn each.
+    """
+
+    def __init__(self) -> None:
+        self._characters: dict[str, int] = {}  # of a query's newest answer
+        self._delay_s = 0.0  # beyond the characters' own time, as seen
+
+    def whole_s(self, query: str) -> float:
+        """From the writing of a query to the last character of its answer, at the soonest."""
+        sent = len(query) + 2  # CR, and the echo of the last one comes a character behind it
+        return (sent + self._characters.get(query, 0)) * CHARACTER_S + self._delay_s
+
+    def learn(self, query: str, texts: list[str], took_s: float) -> None:
+        """An exchange that went well. Where it was whole at the first look, look sooner again."""
+        is_late = took_s > self.whole_s(query) + CHARACTER_S
+        self._characters[query] = sum(len(text) + 1 for text in texts)
+        beyond_s = took_s - self.whole_s(query) + self._delay_s
+        self._delay_s = min(max(0.0, beyond_s if is_late else FORGET * self._delay_s), ECHO_S / 2)
+
+
 class Conversation:
     """Exchanges with one controller, and what they say about it."""
 
@@ -46,6 +70,7 @@ class Conversation:
         self.failures = 0  # exchanges in a row
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
+        self._times = AnswerTimes()
         self._heard_line = self._heard_noise = False  # since the conversation began
 
     @property
@@ -111,10 +136,14 @@ class Conversation:
             return "" if len(texts) == lines or event.text == "-" else None
 
         fault = None
-        if echoed := (yield from self.exchange.ask(out, maybe_echo, ECHO_S)):
-            left_s = EXCHANGE_S - (self.exchange.now_s - written_s)
-            fault = yield from self.exchange.wait_for(maybe_end, left_s)
+        whole_s = self._times.whole_s(query)
+        if echoed := (yield from self.exchange.ask(out, maybe_echo, ECHO_S, deaf_s=whole_s)):
+            passed_s = self.exchange.now_s - written_s
+            fault = yield from self.exchange.wait_for(
+                maybe_end, EXCHANGE_S - passed_s, deaf_s=whole_s - passed_s
+            )
         if fault == "":
+            self._times.learn(query, texts, self.exchange.now_s - written_s)
             self.failures, self.fault = 0, "refused"
             taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s[0]) / 2
             return taken_s, ["-"] if "-" in texts else texts

@@ -36,7 +36,7 @@ class Line:
     """What stood between two CR, without `W`, NUL and LF; never empty."""
 
     text: str
-    began_s: float  # host clock, when its first character was read
+    began_s: float  # host clock, when its first character came: read, or so long before its end
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class LineParser:
             if character == 0x57:
                 events.append(WatchdogStop())
             elif character == 0x0D:
-                events += self._end()
+                events += self._end(now_s)
             elif character not in (0x00, 0x0A):
                 if not self._text:
                     self._began_s = now_s
@@ -68,7 +68,7 @@ class LineParser:
                     self._too_long = True
         return events
 
-    def _end(self) -> list[Line | WatchdogStop | BadFrame]:
+    def _end(self, now_s: float) -> list[Line | WatchdogStop | BadFrame]:
         text, rest_of_long = self._take(), self._too_long
         self._too_long = False
         if not text:
@@ -77,7 +77,8 @@ class LineParser:
             return [BadFrame("end of a line that was too long", text)]
         if not (text.isascii() and text.decode("ascii").isprintable()):
             return [BadFrame("line with control characters", text)]
-        return [Line(text.decode("ascii"), self._began_s)]
+        began_s = min(self._began_s, now_s - len(text) * CHARACTER_S)
+        return [Line(text.decode("ascii"), began_s)]
 
     def _take(self) -> bytes:
         text = bytes(self._text)

@@ -68,6 +68,11 @@ class Schedule:
             return self._ask(slow, now_s)
         return None
 
+    def due_s(self, now_s: float) -> float:
+        """When to ask `maybe_next` again after it gave None."""
+        fills_s = min(self._asked_s[query] + MAY * period_s for query, period_s in SLOW_S.items())
+        return min(self._pair_due_s, fills_s) if fills_s > now_s else self._pair_due_s
+
     def _age(self, query: str, now_s: float) -> float:
         return (now_s - self._asked_s[query]) / SLOW_S[query]
 

@@ -222,7 +222,7 @@ class Ax3500Session:
                 yield from self._command(*command)
                 continue
             if query is None:
-                yield from x.turn()
+                yield from x.turn(due_s=self._schedule.due_s(x.now_s))
             elif query in READ_COUNTER:
                 yield from self._ask_counter(READ_COUNTER.index(query))
             else:

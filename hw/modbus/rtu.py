@@ -24,7 +24,6 @@ from hw.modbus.pdu import (
 )
 from hw.ports.serial import SerialPort
 from hw.ports.url import PortUrl
-from hw.runtime.wakeup import WakeUp
 
 POLYNOMIAL, START = 0xA001, 0xFFFF
 LEAST, MOST = 4, 256  # bytes of a frame
@@ -39,6 +38,8 @@ LISTED = {READ_COILS, 2, 3, READ_INPUTS, WRITE_READ, 12, 17, 20, 21}  # answers 
 CHARACTER_BITS = 11
 SILENT_CHARACTERS, LEAST_SILENT_S = 3.5, 0.00175
 LONG_SILENCE_S = 0.1  # nothing begun will be ended any more
+CALLS = 32  # of the system between two tendings; what arrives beyond waits for the next
+NO_READER = (-1, 0)  # descriptor and connection that are listened to
 CALL_BYTES = 1024  # looked at in one call: 11 ms of 921 600 baud
 MOST_FOUND = 64  # requests of a master that never falls silent, before it is answered all the same
 
@@ -205,7 +206,8 @@ class LineService:
         self._context, self._port = context, SerialPort(url)
         self._silent_s = silent_s(url.baud or 0)
         self._client = Client(context, f"modbus rtu {url.path}", True, self._reply)
-        self._wake_up = WakeUp(context.loop, (self._port,), self._hear)
+        self._reader = NO_READER
+        self._calls_left = 0  # until it is tended next
         self._timer: asyncio.Handle | None = None
         self._opened = 0
         self._begin()
@@ -226,8 +228,27 @@ class LineService:
             self._begin()
         if self._unread:
             self._hear()
-        self._wake_up.after_tick()
+        self._calls_left = CALLS
+        self._heed()
         return "" if is_open else self._port.cause
+
+    def _heed(self, *, is_over: bool = False) -> None:
+        """Be told of bytes while the line is open, but not without end between two tendings."""
+        wanted = (self._port.fileno(), self._port.opened)
+        if is_over or self._calls_left <= 0 or wanted[0] < 0:
+            wanted = NO_READER
+        if wanted == self._reader:
+            return
+        if self._reader != NO_READER:
+            self._context.loop.remove_reader(self._reader[0])
+        if wanted != NO_READER:
+            self._context.loop.add_reader(wanted[0], self._woken)
+        self._reader = wanted
+
+    def _woken(self) -> None:
+        self._calls_left -= 1
+        self._hear()
+        self._heed()
 
     def _hear(self) -> None:
         """Look at some of what has arrived; at the rest when it is tended next."""
@@ -266,7 +287,7 @@ class LineService:
         self._port.write(rtu_frame(request, pdu))
 
     async def shutdown(self) -> None:
-        self._wake_up.close()
+        self._heed(is_over=True)
         if self._timer is not None:
             self._timer.cancel()
         self._client.close()

@@ -14,6 +14,7 @@ CONFIG_TRIES = 3  # before the cause says so
 ANSWER_S, TRIES, OPTIONAL_TRIES = 0.5, 3, 2
 PAUSE_S = 0.2  # before a new attempt
 NO_ANSWER = -1
+WAKE_UP = int(Mid.WakeUp)  # of each frame it is asked: a name within an enum is slow to find
 RESTARTED = "the MTi has restarted: its settings are checked again"
 
 Answer = bytes | int  # data; the code of an Error, or NO_ANSWER
@@ -34,7 +35,7 @@ class Conversation:
         frames = [event for event in tick.events if isinstance(event, MtFrame)]
         self._has_noise = self._has_noise or bool(tick.events)
         self._has_frames = self._has_frames or bool(frames)
-        if not any(frame.mid == Mid.WakeUp for frame in frames):
+        if WAKE_UP not in [frame.mid for frame in frames]:
             return frames
         self.exchange.reply(encode_frame(Mid.WakeUpAck))
         if not self.waits:

@@ -9,7 +9,8 @@ import struct
 from collections import deque
 from dataclasses import field
 from enum import IntEnum
-from itertools import accumulate, islice
+
+import numpy as np
 
 from core.records import record
 from hw.device import BadFrame
@@ -18,6 +19,7 @@ PREAMBLE, MASTER, EXTENDED = 0xFA, 0xFF, 0xFF
 MIN_EXTENDED, MAX_EXTENDED = 255, 2048
 COMPLETION_S = 0.1  # for a claimed frame, beyond the time that its bytes take on the wire
 MAX_JUNK = 256  # bytes told at once
+BUS_IDS = (MASTER, 0x01)
 START = re.compile(rb"\xFA(?:[\xFF\x01]|\Z)")  # the end of the buffer may be half of one
 NO_START = "no start of a frame"
 
@@ -125,56 +127,78 @@ class MtParser:
     is there, when MAX_JUNK of them have come, or with what comes later than COMPLETION_S.
 
     It remembers when each kept byte was read. So a frame that stood behind a false claim has its
-    true time of arrival, and a claim within a claim is not waited for a second time. Sums of all
-    bytes up to each place make a checksum cost the same for short and long claims.
+    true time of arrival, and a claim within a claim is not waited for a second time. What a frame
+    still lacks is known since its head was read: until then a piece of it is only kept.
     """
 
     def __init__(self, baud: int) -> None:
         self._byte_s = 10 / baud
         self._buffer = bytearray()
-        self._sums = [0]  # of the bytes before each place of the buffer, and before its end
         self._taken = 0  # bytes of the stream before the buffer
         self._arrivals: deque[tuple[int, float]] = deque()  # end of a piece in the stream, when
+        self._claimed, self._begun_s = 0, 0.0  # bytes of the frame at the front, its begin; or 0
         self._junk = bytearray()  # not told yet
         self._junk_reason, self._junk_s = "", 0.0
 
+    @property
+    def holds_any(self) -> bool:
+        """Whether a part of a frame is kept."""
+        return bool(self._buffer)
+
     def feed(self, now_s: float, data: bytes) -> list[MtFrame | BadFrame]:
-        self._buffer += data
-        self._sums += islice(accumulate(data, initial=self._sums[-1]), 1, None)
+        buffer = self._buffer
+        buffer += data
         if data:
-            self._arrivals.append((self._taken + len(self._buffer), now_s))
+            self._arrivals.append((self._taken + len(buffer), now_s))
+        is_on_its_way = len(buffer) < self._claimed and self._has_time(self._claimed, now_s)
+        if is_on_its_way and not self._junk:
+            return []
+        events = self._events(now_s)
+        if self._junk and now_s - self._junk_s > COMPLETION_S:
+            events += self._told_junk()
+        return events
+
+    def _events(self, now_s: float) -> list[MtFrame | BadFrame]:
+        """What the buffer holds, but for a frame at its end that may still be completed."""
         events: list[MtFrame | BadFrame] = []
-        at = 0  # in the buffer
-        while at < len(self._buffer):
+        buffer, at, self._claimed = self._buffer, 0, 0
+        while at < len(buffer):
             reason, head, size = self._claim(at)
-            if not reason and at + size > len(self._buffer):
-                if now_s - self._arrived_s(at + 1) <= COMPLETION_S + size * self._byte_s:
+            end = at + size
+            if not reason and end > len(buffer):
+                self._begun_s = self._arrived_s(at + 1)
+                if self._has_time(size, now_s):
+                    self._claimed = size if len(buffer) - at >= head else 0
                     break
                 reason = "frame not completed in time"
-            elif not reason and (self._sums[at + size] - self._sums[at + 1]) & 0xFF:
+            elif not reason and not _adds_up(buffer[at:end]):
                 reason = "bad checksum"
             if reason:
-                start = START.search(self._buffer, at + 1)
-                end = start.start() if start else len(self._buffer)
-                events += self._reject(reason, self._buffer[at:end], now_s)
+                start = START.search(buffer, at + 1)
+                end = start.start() if start else len(buffer)
+                events += self._reject(reason, buffer[at:end], now_s)
             else:
-                end = at + size
                 events += self._told_junk()
-                data_bytes = bytes(self._buffer[at + head : end - 1])
-                events.append(MtFrame(self._buffer[at + 2], data_bytes, self._arrived_s(end)))
+                data = bytes(buffer[at + head : end - 1])
+                events.append(MtFrame(buffer[at + 2], data, self._arrived_s(end)))
             at = end
         self._drop(at)
-        return events + (self._told_junk() if now_s - self._junk_s > COMPLETION_S else [])
+        return events
+
+    def _has_time(self, size: int, now_s: float) -> bool:
+        """Whether a frame of so many bytes that has begun may still be completed."""
+        return now_s - self._begun_s <= COMPLETION_S + size * self._byte_s
 
     def _claim(self, at: int) -> tuple[str, int, int]:
         """Why no frame begins there, or "", its head and its size as far as they are known."""
-        head = self._buffer[at : at + 6]
-        if not START.match(head):
+        buffer = self._buffer
+        left = len(buffer) - at
+        if buffer[at] != PREAMBLE or (left > 1 and buffer[at + 1] not in BUS_IDS):
             return NO_START, 0, 0
-        if len(head) < 4 or head[3] != EXTENDED:
-            return "", 4, 5 + (head[3] if len(head) > 3 else 0)
-        length = int.from_bytes(head[4:6], "big") if len(head) > 5 else 0
-        if len(head) > 5 and not MIN_EXTENDED <= length <= MAX_EXTENDED:
+        if left < 4 or buffer[at + 3] != EXTENDED:
+            return "", 4, 5 + (buffer[at + 3] if left > 3 else 0)
+        length = int.from_bytes(buffer[at + 4 : at + 6], "big") if left > 5 else 0
+        if left > 5 and not MIN_EXTENDED <= length <= MAX_EXTENDED:
             return "bad extended length", 0, 0
         return "", 6, 7 + length
 
@@ -192,8 +216,10 @@ class MtParser:
         return told
 
     def _told_junk(self) -> list[BadFrame]:
+        if not self._junk:
+            return []
         junk, self._junk = bytes(self._junk), bytearray()
-        return [BadFrame(self._junk_reason, junk)] if junk else []
+        return [BadFrame(self._junk_reason, junk)]
 
     def _arrived_s(self, end: int) -> float:
         """When the byte before this place of the buffer was read; places only go forward."""
@@ -202,10 +228,16 @@ class MtParser:
         return self._arrivals[0][1]
 
     def _drop(self, count: int) -> None:
-        del self._buffer[:count], self._sums[:count]
+        del self._buffer[:count]
         self._taken += count
         if not self._buffer:
             self._arrivals.clear()
+
+
+def _adds_up(frame: bytearray) -> bool:
+    """Whether the sum of all bytes after FA is 0 modulo 256; quick for long claims of junk, too."""
+    total = int(np.frombuffer(frame, np.uint8).sum()) if len(frame) > MIN_EXTENDED else sum(frame)
+    return total & 0xFF == PREAMBLE
 
 
 @record()

@@ -8,6 +8,7 @@ Source: MTi sheet, sections 3 to 5.
 
 import struct
 from collections.abc import Iterator
+from functools import lru_cache
 
 from hw.device import BadFrame
 from hw.mti.sample import (
@@ -18,8 +19,11 @@ from hw.mti.sample import (
     ORIENTATION_NUMBERS,
     QUATERNION,
     MtSample,
+    Reader,
     SampleBuilder,
-    numbers,
+    integer_reader,
+    number_reader,
+    orientation_reader,
 )
 
 TEMPERATURE, CALIBRATED, ORIENTATION, AUXILIARY = 0x0001, 0x0002, 0x0004, 0x0008  # output modes
@@ -53,12 +57,10 @@ class MtDataDecoder:
     """MTData of one output mode and settings."""
 
     def __init__(self, mode: int, settings: int) -> None:
-        self._number_format, self._orientation = settings >> 8 & 3, settings >> 2 & 3
-        self._frame = NED if settings & IN_NED else NWU
-        self._blocks: list[tuple[str, int, int]] = []  # name, start, end
+        self._blocks: list[tuple[str, int, Reader | None]] = []  # name, place in the data, reader
         self.size = 0  # data bytes of a frame
         for name, size in _blocks(mode, settings):
-            self._blocks.append((name, self.size, self.size + size))
+            self._blocks.append((name, self.size, _maybe_reader(name, size, settings)))
             self.size += size
 
     def __contains__(self, block: str) -> bool:
@@ -70,21 +72,26 @@ class MtDataDecoder:
             reason = f"{len(data)} data bytes, {self.size} by output mode and settings"
             return BadFrame(reason, data)
         builder = SampleBuilder()
-        for name, start, end in self._blocks:
-            if name in FIELDS:
-                builder.take(name, numbers(data, start, FIELDS[name], self._number_format))
-            elif name == "orientation" and self._orientation <= EULER:
-                count = ORIENTATION_NUMBERS[self._orientation]
-                values = numbers(data, start, count, self._number_format)
-                builder.take_orientation(self._orientation, values, self._frame)
-            elif name in ("counter", "status"):
-                builder.put(name, int.from_bytes(data[start:end], "big"))
+        for name, start, read in self._blocks:
+            if read is not None:
+                builder.take(name, read(data, start))
         return builder.sample(data)
+
+
+def _maybe_reader(name: str, size: int, settings: int) -> Reader | None:
+    """Of a block of MTData; None where nobody has use for it."""
+    number_format, kind = settings >> 8 & 3, settings >> 2 & 3
+    if name in FIELDS:
+        return number_reader(FIELDS[name], number_format)
+    if name == "q_earth_sensor" and kind <= EULER:
+        return orientation_reader(kind, number_format, NED if settings & IN_NED else NWU)
+    return integer_reader(size) if name in ("counter", "status") else None
 
 
 def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
     """Name and size of the blocks present in MTData, in their order (section 4)."""
     number = NUMBER_SIZES[settings >> 8 & 3]
+    oriented = ORIENTATION_NUMBERS[settings >> 2 & 3] * number
     processed = 0 if mode & RAW else mode  # raw data excludes all that is computed from it
     calibrated = processed & CALIBRATED
     analog_inputs = (not settings & NO_ANALOG_1) + (not settings & NO_ANALOG_2)
@@ -95,7 +102,7 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
         ("accel_mps2", calibrated and ~settings & NO_ACCELERATION, 3 * number),
         ("rate_radps", calibrated and ~settings & NO_RATE, 3 * number),
         ("magnetic", calibrated and ~settings & NO_MAGNETIC, 3 * number),
-        ("orientation", processed & ORIENTATION, ORIENTATION_NUMBERS[settings >> 2 & 3] * number),
+        ("q_earth_sensor", processed & ORIENTATION, oriented),
         ("analog", processed & AUXILIARY and analog_inputs, 2 * analog_inputs),
         ("position", processed & POSITION, 3 * number),
         ("velocity", processed & VELOCITY, 3 * number),
@@ -108,32 +115,34 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
 
 def decode_mtdata2(data: bytes) -> MtSample | BadFrame:
     """The packets of one MTData2 message, in any order."""
-    builder, start = SampleBuilder(), 0
-    while start < len(data):
+    builder, start, end = SampleBuilder(), 0, len(data)
+    while start < end:
         begin = start + PACKET.size
-        if begin > len(data) or begin + data[begin - 1] > len(data):
+        if begin > end or begin + data[begin - 1] > end:
             return BadFrame("packet runs over the end of its message", data)
         identifier, size = PACKET.unpack_from(data, start)
         start = begin + size
-        _take_packet(builder, identifier, data[begin:start])
+        if layout := _maybe_layout(identifier):
+            name, due, read = layout
+            if size == due:
+                builder.take(name, read(data, begin))
+            else:
+                builder.reject(f"packet {identifier:04X} has {size} bytes")
     return builder.sample(data)
 
 
-def _take_packet(builder: SampleBuilder, identifier: int, payload: bytes) -> None:
+@lru_cache(maxsize=256)  # a device sends a dozen; what seems to be one may send them all
+def _maybe_layout(identifier: int) -> tuple[str, int, Reader] | None:
+    """Field, bytes and reader of a packet; None where nobody has use for it."""
     kind, frame, number_format = identifier & 0xFFF0, identifier >> 2 & 3, identifier & 3
     if kind in INTEGERS:
-        field, size = INTEGERS[kind]
-    elif kind in NUMBERS:
-        field, count = NUMBERS[kind]
-        size = count * NUMBER_SIZES[number_format]
+        name, size = INTEGERS[kind]
+        return name, size, integer_reader(size)
+    if kind not in NUMBERS:
+        return None
+    name, count = NUMBERS[kind]
+    if kind in ORIENTATIONS:
+        read = orientation_reader(ORIENTATIONS[kind], number_format, frame)
     else:
-        return
-    if len(payload) != size:
-        builder.reject(f"packet {identifier:04X} has {len(payload)} bytes")
-    elif kind in INTEGERS:
-        builder.put(field, int.from_bytes(payload, "big"))
-    elif kind in ORIENTATIONS:
-        values = numbers(payload, 0, count, number_format)
-        builder.take_orientation(ORIENTATIONS[kind], values, frame)
-    else:
-        builder.take(field, numbers(payload, 0, count, number_format))
+        read = number_reader(count, number_format)
+    return name, count * NUMBER_SIZES[number_format], read

@@ -13,6 +13,8 @@ Source: MTi sheet, sections 3 to 6.
 
 import math
 import struct
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 from core.records import record
@@ -20,6 +22,7 @@ from hw.device import BadFrame
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w x y z
+Reader = Callable[[bytes, int], Any]  # of a field, from a place on: a tuple of numbers, or None
 
 NUMBER_SIZES = (4, 4, 6, 8)  # float32, fixed 12.20, fixed 16.32, float64
 QUATERNION, EULER = 0, 1  # bits 3-2 of the output settings
@@ -47,53 +50,61 @@ class MtSample:
 class SampleBuilder:
     """A sample while it is put together; the first thing that is wrong with it is kept."""
 
+    __slots__ = ("_sample", "_wrong")
+
     def __init__(self) -> None:
         self._wrong = ""
-        self._values: dict[str, Any] = {}
+        self._sample = MtSample()
 
-    def put(self, name: str, value: int) -> None:
-        """A field that can't be wrong."""
-        self._values[name] = value
-
-    def take(self, name: str, values: tuple[float, ...]) -> None:
-        """Numbers of a field: a single one, or a tuple of them."""
-        if not all(map(math.isfinite, values)):
+    def take(self, name: str, values: Sequence[float] | None) -> None:
+        """A field: one number, several as a tuple; None: an orientation that is none."""
+        if values is None:
+            self.reject("orientation is not a rotation")
+        elif not all(map(math.isfinite, values)):
             self.reject(f"{name} is not finite")
         elif name == "rate_radps" and max(map(abs, values)) > MAX_RATE_RADPS:
             self.reject("rate of turn beyond any such device")
-        self._values[name] = values if len(values) > 1 else values[0]
-
-    def take_orientation(self, kind: int, values: tuple[float, ...], frame: int) -> None:
-        """Quaternion or Euler angles, as they stand on the wire."""
-        q = maybe_orientation(kind, values, frame)
-        if q is None:
-            self.reject("orientation is not a rotation")
-        self._values["q_earth_sensor"] = q
+        else:
+            setattr(self._sample, name, values if len(values) > 1 else values[0])
 
     def reject(self, reason: str) -> None:
         """The message is worth nothing."""
         self._wrong = self._wrong or reason
 
     def sample(self, data: bytes) -> MtSample | BadFrame:
-        return BadFrame(self._wrong, data) if self._wrong else MtSample(**self._values)
+        return BadFrame(self._wrong, data) if self._wrong else self._sample
 
 
-def numbers(data: bytes, start: int, count: int, number_format: int) -> tuple[float, ...]:
-    """So many numbers in one of the four formats (section 3, "OutputSettings").
+@cache
+def number_reader(count: int, number_format: int) -> Reader:
+    """Reads so many numbers in one of the four formats (section 3, "OutputSettings").
 
-    >>> numbers(bytes.fromhex("C0000000FFFD"), 0, 1, 2)
+    >>> number_reader(1, 2)(bytes.fromhex("C0000000FFFD"), 0)
     (-2.25,)
     """
-    match number_format:
-        case 0:
-            return struct.unpack_from(f">{count}f", data, start)
-        case 1:
-            return tuple(n / 2**20 for n in struct.unpack_from(f">{count}i", data, start))
-        case 2:  # fraction first, then the integer below it
-            parts = struct.unpack_from(">" + "Ih" * count, data, start)
-            return tuple(i + f / 2**32 for f, i in zip(parts[::2], parts[1::2], strict=True))
-        case _:
-            return struct.unpack_from(f">{count}d", data, start)
+    letters = ("f", "i", "Ih", "d")[number_format]
+    read: Reader = struct.Struct(">" + letters * count).unpack_from
+    if number_format == 1:
+        return lambda data, start: tuple(n / 2**20 for n in read(data, start))
+
+    def read_halves(data: bytes, start: int) -> tuple[float, ...]:
+        """Of each number the fraction comes first, then the integer below it."""
+        parts = read(data, start)
+        return tuple(i + f / 2**32 for f, i in zip(parts[::2], parts[1::2], strict=True))
+
+    return read_halves if number_format == 2 else read
+
+
+def orientation_reader(kind: int, number_format: int, frame: int) -> Reader:
+    """Reads a quaternion or Euler angles as the quaternion of `maybe_orientation`, or None."""
+    read = number_reader(ORIENTATION_NUMBERS[kind], number_format)
+    return lambda data, start: maybe_orientation(kind, read(data, start), frame)
+
+
+@cache
+def integer_reader(size: int) -> Reader:
+    """Reads a number without sign, of 1, 2 or 4 bytes."""
+    return struct.Struct({1: ">B", 2: ">H", 4: ">I"}[size]).unpack_from
 
 
 def maybe_orientation(kind: int, values: tuple[float, ...], frame: int) -> Quaternion | None:

@@ -20,18 +20,21 @@ Source: MTi sheet, sections 2, 7, 8 and 9.
 """
 
 import enum
+import math
 from typing import Annotated, Any
 
 from msgspec import Meta, Struct
 
 from core.records import Attitude
-from hw.device import Device, DeviceStatus, Port, Session
+from hw.device import Device, DeviceStatus, Gathers, Port, Session
 from hw.exchange import StartAgainError, Steps
 from hw.mti.conversation import ANSWER_S, TRIES, Conversation
 from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.setup import identify, set_up
 from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
 
+MOST_GATHERED = 255  # bytes, of VMIN
+GATHER_AGAIN_S = 1.0
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
 BAUDS_TOLD_AFTER_S = 3.0
 
@@ -118,7 +121,7 @@ class MtiSession:
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
-            frames = yield from exchange.turn()
+            frames = yield from exchange.turn(due_s=math.inf)
             self.attitudes = reader.take(frames, exchange.now_s)
             if self.attitudes:
                 heard_s = exchange.now_s
@@ -139,7 +142,38 @@ class Mti(Device[Attitude]):
             self.session = MtiSession(status, self.stream, rate_hz, baud)
             return self.session.run()
 
-        super().__init__(status, port, lambda: MtParser(baud), new_session)
+        def new_parser() -> MtParser:
+            self._parser = MtParser(baud)
+            return self._parser
+
+        self._maybe_gathers = port if isinstance(port, Gathers) else None
+        self._gathered, self._gathered_s = (0, 0), -math.inf  # bytes, of which connection; when
+        super().__init__(status, port, new_parser, new_session)
+
+    def step(self, now_s: float) -> list[Attitude]:
+        attitudes = super().step(now_s)
+        self._gather(now_s)
+        return attitudes
+
+    def hear(self, now_s: float) -> None:
+        super().hear(now_s)
+        self._gather(now_s)
+
+    def _gather(self, now_s: float) -> None:
+        """Let the line wake us for whole frames, where we stand between two of them.
+
+        A change costs the driver of a real adapter milliseconds: seldom done, undone at once.
+        """
+        if self._maybe_gathers is None:
+            return
+        is_between = self.status.state == "running" and not self._parser.holds_any
+        size = self.session.reader.frame_bytes if is_between else 0
+        wanted = (size if 0 < size <= MOST_GATHERED else 1, self.port.opened)
+        if wanted == self._gathered:
+            return
+        if wanted[0] == 1 or now_s - self._gathered_s >= GATHER_AGAIN_S:
+            self._maybe_gathers.gather(wanted[0])
+            self._gathered, self._gathered_s = wanted, now_s
 
     @property
     def clock_locked(self) -> bool:

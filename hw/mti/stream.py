@@ -20,7 +20,8 @@ from hw.mti.times import COUNTER_WRAP, RateWatch, SampleTimes
 MAX_GAP_S = 2.0  # beyond the time that passed: a counter that began anew, not lost samples
 MAX_FOREIGN = 3  # data messages in a row that are of another kind or length than set up
 ERROR_SHOWN_S = 5.0  # for so long an Error in the stream is told while running
-DATA_MIDS = (Mid.MTData, Mid.MTData2)
+MTDATA = int(Mid.MTData)  # of each frame it is asked: a name within an enum is slow to find
+DATA_MIDS = (MTDATA, int(Mid.MTData2))
 STAMPS = ("counter", "fine_ticks", "status")  # in every message
 
 
@@ -73,23 +74,22 @@ class SampleMerger:
         return not (_said(held) & _said(sample))
 
     def take(self, received: Received) -> list[Received]:
-        if self._held is not None and self.continues(received.sample):
-            received, self._held = _joined(self._held, received), None
-        given, sample = self._give(), received.sample
-        if (sample.q_earth_sensor is None) != (sample.rate_radps is None):
-            self._held = received
-            return given
-        return [*given, received]
+        held, sample = self._held, received.sample
+        if held is not None and self.continues(sample):
+            received, held = _joined(held, received), None
+            sample = received.sample
+        given = [] if held is None else [held]
+        is_half = (sample.q_earth_sensor is None) != (sample.rate_radps is None)
+        self._held = received if is_half else None
+        return given if is_half else [*given, received]
 
     def flush(self, now_s: float) -> list[Received]:
         """The held sample, once it has waited for a period."""
-        if self._held is not None and now_s - self._held.frame.arrived_s >= self._period_s:
-            return self._give()
+        held = self._held
+        if held is not None and now_s - held.frame.arrived_s >= self._period_s:
+            self._held = None
+            return [held]
         return []
-
-    def _give(self) -> list[Received]:
-        held, self._held = self._held, None
-        return [] if held is None else [held]
 
 
 def _said(sample: MtSample) -> set[str]:
@@ -120,6 +120,8 @@ class StreamReader:
         self, status: DeviceStatus, stream: MtStream, byte_s: float, newest: MtSample | None = None
     ) -> None:
         self.times = SampleTimes(stream.period_s, byte_s)
+        self.frame_bytes = 0  # of each data message; 0 while they differ
+        self._newest_bytes = 0
         self.complaint = ""  # the last thing that was wrong with a data message
         self.newest = newest
         self._status, self._stream = status, stream
@@ -131,9 +133,13 @@ class StreamReader:
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
     def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
+        for frame in frames:
+            before, self._newest_bytes = self._newest_bytes, frame.wire_bytes
+            self.frame_bytes = before if frame.wire_bytes == before else 0
         complete = [received for frame in frames for received in self._received(frame)]
+        complete += self._merger.flush(now_s)
         attitudes = []
-        for sample, frame in complete + self._merger.flush(now_s):
+        for sample, frame in complete:
             if sample.q_earth_sensor is not None:
                 t_s = self.times.t_s(sample, frame.arrived_s, frame.wire_bytes)
                 rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
@@ -147,12 +153,8 @@ class StreamReader:
         return self._stream.remark or self._watch.remark
 
     def _received(self, frame: MtFrame) -> list[Received]:
-        if frame.mid == Mid.Configuration:
-            raise StartAgainError(RESTARTED)
-        if frame.mid == Mid.Error:
-            self._error = self.complaint = f"the MTi reports {describe_error(frame.data)}"
-            self._error_s = frame.arrived_s
         if frame.mid not in DATA_MIDS:
+            self._note(frame)
             return []
         sample = self._checked(frame)
         if isinstance(sample, BadFrame):
@@ -163,9 +165,17 @@ class StreamReader:
             return []
         return self._merger.take(Received(sample, frame))
 
+    def _note(self, frame: MtFrame) -> None:
+        """What it says between its data."""
+        if frame.mid == Mid.Configuration:
+            raise StartAgainError(RESTARTED)
+        if frame.mid == Mid.Error:
+            self._error = self.complaint = f"the MTi reports {describe_error(frame.data)}"
+            self._error_s = frame.arrived_s
+
     def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
         legacy = self._stream.legacy
-        if (frame.mid == Mid.MTData) is (legacy is None):
+        if (frame.mid == MTDATA) is (legacy is None):
             self._foreign += 1
             return BadFrame(f"{Mid(frame.mid).name}, which was not asked for", frame.data)
         if legacy is None:
@@ -184,9 +194,8 @@ class StreamReader:
         self.newest, self._newest_s = sample, arrived_s
         if newest is None or self._merger.continues(sample):
             return True
-        ticks_moved = None not in (newest.fine_ticks, sample.fine_ticks) and (
-            newest.fine_ticks != sample.fine_ticks
-        )
+        before, now = newest.fine_ticks, sample.fine_ticks
+        ticks_moved = before is not None and now is not None and before != now
         if newest.counter is None or sample.counter is None:
             return ticks_moved or sample.fine_ticks is None
         step = (sample.counter - newest.counter) % COUNTER_WRAP

@@ -45,18 +45,18 @@ class PublishedMap:
         self.size = size
         blocks = (size + BLOCK - 1) // BLOCK
         self._ring = Ring(
-            published=np.zeros(size * size, dtype=np.uint8),
-            marks=np.zeros(size * size, dtype=np.uint8),
+            published=np.full(size * size, 0, dtype=np.uint8),
+            marks=np.full(size * size, 0, dtype=np.uint8),
             rows=np.zeros((3, size), dtype=np.int32),
-            blocks=np.zeros((3, size * blocks), dtype=np.int32),
+            blocks=np.full((3, size * blocks), 0, dtype=np.int32),
             counts=np.zeros(4, dtype=np.int32),
-            once=np.zeros(size * size + 1, dtype=np.int32),
-            cleared=np.zeros(size * size, dtype=np.int32),
+            once=np.full(size * size + 1, 0, dtype=np.int32),
+            cleared=np.full(size * size, 0, dtype=np.int32),
         )
         self._every: I32 = np.arange(size * size, dtype=np.int32)
         self._ops: U8 = np.zeros(512, dtype=np.uint8)
-        self._packed: U8 = np.zeros((size * size + 3) // 4, dtype=np.uint8)
-        self._cells: I8 = np.zeros(size * size, dtype=np.int8)
+        self._packed: U8 = np.full((size * size + 3) // 4, 0, dtype=np.uint8)
+        self._cells: I8 = np.full(size * size, 0, dtype=np.int8)
         self._trusted = False
         self._span = NO_SPAN  # of the windows whose cells the planner may still hold
         self.corner: tuple[int, int] | None = None  # None: nothing was ever shown

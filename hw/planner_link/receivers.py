@@ -59,6 +59,11 @@ class Planners:
         for link in self.links:
             link.restart(self.session)
 
+    @property
+    def backlog(self) -> bool:
+        """Whether bytes wait for a wire to take them, which polling hands over."""
+        return any(link.wire.port.backlog for link in self.links)
+
     def heard(self, now_s: float) -> bool:
         """Whether any planner has sent a valid frame within the last second."""
         return any(link.heard(now_s) for link in self.links)

@@ -19,6 +19,7 @@ from hw.ports.url import PortUrl
 from hw.runtime.threads import Worker
 
 SILENCE_S = 10.0  # a restarting device is silent for seconds, and its wire is not dead
+CONTROL_CHARACTERS = 6  # their place among a line's settings
 DRAIN_S = 0.5  # for the last bytes on closing: 480 of them at 9600 baud
 
 OPEN_LINE: Any = Serial  # pyserial has no types
@@ -85,7 +86,7 @@ class SerialPort(ReopeningPort):
         self._url, self._worker = url, Worker()
         self._opening: Future[Any] | None = None  # under way
         self._line: Any = None  # pyserial's, while open
-        self._fd = -1
+        self._fd, self._gathers = -1, 0
         self._arrivals: select.epoll | None = None  # while open
         self._seen: tuple[int, ...] = ()  # the path as it was when it was last tried; () for absent
         self._look_s = float("-inf")
@@ -113,6 +114,16 @@ class SerialPort(ReopeningPort):
             found.st_mode,
         )
 
+    def gather(self, size: int) -> None:
+        """Be readable when so many bytes have come, 1..255; fewer are not read either."""
+        if self._line is None or size == self._gathers:
+            return
+        with contextlib.suppress(termios.error, OSError):  # a line that is gone: reading finds it
+            settings = termios.tcgetattr(self._fd)
+            settings[CONTROL_CHARACTERS][termios.VMIN] = size
+            termios.tcsetattr(self._fd, termios.TCSANOW, settings)
+            self._gathers = size
+
     def _try_open(self) -> bool:
         if self._opening is None:
             self._seen, self._look_s = self._path_now(), self._now_s + RETRY_FIRST_S
@@ -123,7 +134,7 @@ class SerialPort(ReopeningPort):
             return False
         opening, self._opening = self._opening, None
         self._line = opening.result()
-        self._fd = self._line.fileno()
+        self._fd, self._gathers = self._line.fileno(), 0
         self._arrivals = select.epoll()
         self._arrivals.register(self._fd, select.EPOLLIN | select.EPOLLET)
         return True

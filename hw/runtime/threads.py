@@ -5,7 +5,6 @@ Source: design, section 3.
 """
 
 import contextlib
-import ctypes
 import gc
 import os
 import queue
@@ -14,8 +13,9 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
+from hw.runtime.memory import lock_memory
+
 FIFO_PRIORITY = 20
-MCL_CURRENT, MCL_FUTURE = 1, 2
 STACK_BYTES = 256 * 1024  # locked: the default of 8 MiB would be touched as the thread starts
 LINES = 2000  # of the log, that wait at most
 LAST_S = 1.0  # that the end of the program waits for them
@@ -27,8 +27,7 @@ def take_real_time() -> tuple[bool, bool]:
     gc.collect()
     gc.freeze()
     gc.disable()
-    libc = ctypes.CDLL(None, use_errno=True)
-    locked = libc.mlockall(MCL_CURRENT | MCL_FUTURE) == 0
+    locked = lock_memory()
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
     except OSError:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from main import options_of, run, settings_of, slots_until_next
+from main import options_of, run, settings_of, slots_missed
 from tests import ROOT, Capsys
 
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
@@ -37,11 +37,11 @@ def test_a_bad_setting_is_named_in_one_line(
 
 
 @pytest.mark.parametrize(
-    ("since_due_s", "slots"),
-    [(0.0, 1), (0.004, 1), (0.0052, 1), (0.0074, 1), (0.0076, 2), (0.0124, 2), (0.0126, 3)],
+    ("late_s", "missed"),
+    [(0.0, 0), (0.002, 0), (0.0024, 0), (0.0026, 1), (0.0074, 1), (0.0076, 2), (0.1, 20)],
 )
-def test_a_slot_is_late_for_half_its_time_then_missed(since_due_s: float, slots: int) -> None:
-    assert slots_until_next(since_due_s, 0.005) == slots
+def test_a_slot_is_late_for_half_its_time_then_missed(late_s: float, missed: int) -> None:
+    assert slots_missed(late_s, 0.005) == missed
 
 
 def test_a_start_that_nobody_watches_vouches_for_no_ground_and_loads_no_map(

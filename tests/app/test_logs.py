@@ -7,10 +7,9 @@ from collections.abc import Iterator
 from typing import IO
 
 import pytest
-import structlog
 
 from hw.runtime.threads import LINES, LogWriter
-from logs import set_up_logging
+from logs import LOG, person_line, set_up_logging
 from tests.support.closed_loop import ClosedLoop
 from tests.support.shipped import shipped
 
@@ -26,17 +25,16 @@ def pipe() -> Iterator[tuple[IO[str], LogWriter]]:
         yield far_end, writer
     writer.close()
     os.close(write)
-    structlog.reset_defaults()
+    LOG.close()
 
 
 def test_a_log_that_nobody_reads_stops_nobody(pipe: tuple[IO[str], LogWriter]) -> None:
     far_end, _ = pipe
-    log = structlog.get_logger()
     for k in range(MANY):
-        log.info("said", number=k, text="x" * 80)
+        LOG.info("said", number=k, text="x" * 80)
     heard = [json.loads(far_end.readline())["number"] for _ in range(LINES)]
     assert heard == list(range(LINES))  # from the beginning on, in order
-    log.info("said", number=MANY)
+    LOG.info("said", number=MANY)
     events = [json.loads(far_end.readline())]
     while events[-1]["number"] != MANY:
         events.append(json.loads(far_end.readline()))
@@ -69,18 +67,43 @@ def test_changes_are_told_once_and_counters_every_second(pipe: tuple[IO[str], Lo
     assert [event["event"] for event in events].count("ticks_counted") == 3
 
 
+def test_lines_for_a_person() -> None:
+    keys = {"reason": "no space left", "file": "hall.map", "late_s": 0.5}
+    assert re.fullmatch(
+        r"\d{4}-\d\d-\d\dT[\d:]{8}\.\d{6}Z \[warning\] map_not_saved +"
+        r"file=hall.map late_s=0.5 reason='no space left'",
+        person_line("warning", "map_not_saved", keys),
+    )
+    assert "[\x1b[32minfo   \x1b[0m] said" in person_line("info", "said", {}, has_colours=True)
+
+
+def test_nothing_below_the_level_is_told() -> None:
+    read, write = os.pipe()
+    writer = set_up_logging(shipped(log={"level": "warning", "format": "json"}), write)
+    LOG.debug("counted")
+    LOG.info("changed")
+    LOG.warning("lost", number=7)
+    LOG.close()
+    LOG.warning("unheard")
+    writer.close()
+    os.close(write)
+    with os.fdopen(read) as far_end:
+        [event] = [json.loads(line) for line in far_end]
+    assert (event["level"], event["event"], event["number"]) == ("warning", "lost", 7)
+
+
 def test_the_journal_gets_no_time_and_a_weight() -> None:
     read, write = os.pipe()
     found = os.fstat(write)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("JOURNAL_STREAM", f"{found.st_dev}:{found.st_ino}")
         writer = set_up_logging(shipped(), write)
-    structlog.get_logger().warning("said", number=7)
+    LOG.warning("said", number=7)
+    LOG.close()
     writer.close()
     os.close(write)
-    structlog.reset_defaults()
     with os.fdopen(read) as far_end:
-        assert re.fullmatch(r"<4>\[warning *\] said +number=7\n", far_end.read())
+        assert re.fullmatch(r"<4>said +number=7\n", far_end.read())
 
 
 def test_the_state_of_devices_and_link_in_words() -> None:

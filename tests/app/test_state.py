@@ -1,6 +1,5 @@
 """A restarted app goes on in its saved map; files of the command line; layers of a drive."""
 
-import asyncio
 import json
 import math
 import os
@@ -8,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from core.records import FREE, OBSTACLE
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes
 from core.saved.state import restore, state_of
 from fakes.world.driver import Driver
+from logs import LOG, set_up_logging
 from main import run
 from map_files import MapSaver, load_map, write_map
 from tests import ROOT, Capsys
@@ -41,6 +42,22 @@ def driven(seconds: float, method: str = "beams") -> ClosedLoop:
     rig.drive.command(0, 0)
     loop.run(1.5)
     return loop
+
+
+@pytest.fixture
+def told() -> Iterator[Callable[[], list[str]]]:
+    """Ends the log, and gives the events that it was told."""
+    read, write = os.pipe()
+    writer = set_up_logging(shipped(log={"format": "json"}), write)
+
+    def events() -> list[str]:
+        writer.close()
+        os.close(write)
+        with os.fdopen(read) as far_end:
+            return [json.loads(line)["event"] for line in far_end]
+
+    yield events
+    LOG.close()
 
 
 def restarted(loop: ClosedLoop, arrays: Arrays) -> None:
@@ -129,41 +146,34 @@ def test_the_papers_method_has_heights_and_states_and_goes_on_too() -> None:
     assert 0 < (now == FREE).sum() < 0.5 * (arrays["window.cells"] == FREE).sum()
 
 
-def test_a_saver_that_fails_keeps_the_file(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:
+def test_a_saver_that_fails_keeps_the_file(
+    ended: Ended, tmp_path: Path, told: Callable[[], list[str]]
+) -> None:
     loop, _ = ended
     path = tmp_path / "hall.npz"
 
-    async def save(app: App, to: Path) -> None:
-        await MapSaver(app, str(to), lambda: loop.now_s).finish()
+    def save(app: App, to: Path) -> None:
+        MapSaver(app, str(to), lambda: loop.now_s).finish()
 
-    asyncio.run(save(loop.app, path))
+    save(loop.app, path)
     assert load_map(str(path), loop.config).keys() == arrays_from_bytes(path.read_bytes()).keys()
     content = path.read_bytes()
     empty = ClosedLoop(loop.config)
-    asyncio.run(save(empty.app, path))
-    asyncio.run(save(loop.app, tmp_path / "none" / "hall.npz"))
+    save(empty.app, path)
+    save(loop.app, tmp_path / "none" / "hall.npz")
     assert path.read_bytes() == content
     assert [entry.name for entry in tmp_path.iterdir()] == ["hall.npz"]
-    told = capsys.readouterr()
-    assert (told.out + told.err).count("map_not_saved") == 2
+    assert told() == ["map_saved", "map_not_saved", "map_not_saved"]
 
 
-def test_the_last_map_waits_for_the_first(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:
-    loop, now_s = ended[0], ended[0].now_s
-
-    async def save_twice() -> None:
-        nonlocal now_s
-        saver = MapSaver(loop.app, str(tmp_path / "hall.npz"), lambda: now_s)
-        saver.save()
-        last = asyncio.ensure_future(saver.finish())
-        await asyncio.sleep(0)  # it has begun, and waits for the first to be written
-        now_s += 1.0  # nobody reads the sensors any more: no pose is known now
-        await last
-
-    asyncio.run(save_twice())
-    told = capsys.readouterr()
-    assert (told.out + told.err).count("map_saved") == 2
-    assert "map_not_saved" not in told.out + told.err
+def test_the_last_map_waits_for_the_first(
+    ended: Ended, tmp_path: Path, told: Callable[[], list[str]]
+) -> None:
+    instants_s = iter([ended[0].now_s, ended[0].now_s, math.inf])  # later no pose is known
+    saver = MapSaver(ended[0].app, str(tmp_path / "hall.npz"), lambda: next(instants_s))
+    saver.save()
+    saver.finish()
+    assert told() == ["map_saved", "map_saved"]
 
 
 def test_a_damaged_file_is_told_and_ends_it(ended: Ended, tmp_path: Path, capsys: Capsys) -> None:

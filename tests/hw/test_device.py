@@ -7,7 +7,6 @@ import pytest
 from fakes.wires.wire import MemoryPort
 from hw.device import NEVER_HEARD_S, PIECE, BadFrame, Device, DeviceStatus, Intake, NoPort, Session
 from hw.fingerprint import SEEMS
-from hw.runtime.wakeup import CALLS, WakeUp
 
 NMEA = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 
@@ -241,58 +240,3 @@ def test_a_loop_back_plug_is_named() -> None:
         device.step(tick * 0.005)
         port.give(port.take())
     assert device.status.cause.endswith("an echo of what mapod sends, as from a loop-back plug")
-
-
-class Readable:
-    """An event loop that is asked for readers only."""
-
-    def __init__(self) -> None:
-        self.readers: dict[int, Any] = {}
-        self.changes = 0
-
-    def add_reader(self, fd: int, callback: Any, /) -> None:
-        assert fd not in self.readers
-        self.readers[fd] = callback
-        self.changes += 1
-
-    def remove_reader(self, fd: int, /) -> None:
-        del self.readers[fd]
-        self.changes += 1
-
-
-class Wire(NoPort):
-    """A port with a descriptor to set."""
-
-    def __init__(self, fd: int) -> None:
-        self.fd, self.opened = fd, 1
-
-    def fileno(self) -> int:
-        return self.fd
-
-
-def test_readers_follow_what_is_open_and_are_not_touched_while_nothing_changes() -> None:
-    loop, one, two = Readable(), Wire(5), Wire(-1)
-    wake_up = WakeUp(loop, [one, two], lambda: None)
-    for _ in range(100):
-        wake_up.after_tick()
-    assert (set(loop.readers), loop.changes) == ({5}, 1)
-    one.fd, two.fd = -1, 5  # the number comes again, for another wire
-    wake_up.after_tick()
-    assert (set(loop.readers), loop.changes) == ({5}, 3)
-    two.opened += 1  # closed and opened between two ticks
-    wake_up.after_tick()
-    assert (set(loop.readers), loop.changes) == ({5}, 5)
-    wake_up.close()
-    assert loop.readers == {}
-
-
-@pytest.mark.parametrize("wires", [1, 2])
-def test_a_wire_that_never_stops_is_heard_so_often_between_ticks_and_no_more(wires: int) -> None:
-    heard: list[None] = []
-    loop = Readable()
-    wake_up = WakeUp(loop, [Wire(fd) for fd in range(wires)], lambda: heard.append(None))
-    for tick in range(1, 4):
-        wake_up.after_tick()
-        while loop.readers:
-            loop.readers[0]()
-        assert len(heard) == tick * CALLS

@@ -83,7 +83,7 @@ def test_a_recording_that_was_broken_off_is_played(
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda data: data.replace(b'"mapod_recording": 1', b'"mapod_recording": 7'), "form 7"),
+        (lambda data: data.replace(b'"mapod_recording": 2', b'"mapod_recording": 7'), "form 7"),
         (lambda data: data.partition(b"\n")[0][:-5] + b"\n", "not a recording"),
         (lambda data: data.partition(b"\n")[0] + b"\n" + bytes(40), "damaged before byte"),
     ],

@@ -1,17 +1,13 @@
-"""What mapod costs: `python -m tools.bench.bench`. Figures to compare with another run here.
+"""What computing costs: `python -m tools.bench.bench`. Figures to compare with another run here.
 
 - From the last byte of a scan handed to `App.step` to the last byte of its frame at the port:
   computing alone, and with the wait for the attitude of the scan's last beam.
 - Share of one core used, at 50 Hz x 541 beams with a 401 x 401 window.
-- From the start of the process to its first frame.
 - Decoding, for each device's telegrams and packets, also from damaged streams.
 """
 
 import random
-import socket
-import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -33,8 +29,6 @@ from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from tools.bench.drive import FAST, SHIPPED
-from tools.settings import rewritten
-from tools.terminal.progress import quiet
 
 VECTORS = Path(__file__).resolve().parents[2] / "tests" / "vectors"
 PIECE = 1448  # bytes that arrive at once on TCP; a serial line gives fewer
@@ -43,10 +37,7 @@ ALTERED = 0.01
 ROUNDS = 7  # the best counts: everything else on the machine only adds
 BYTES = 200_000  # of a stream, at least
 Feed = Callable[[float, bytes], list[object]]
-ROOT = Path(__file__).resolve().parents[2]
 SETTLE_S, MEASURED_S = 6.0, 10.0
-FIRST_FRAME_S = 60.0
-NOWHERE = {"scanner.port": "tcp://127.0.0.1:1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +164,7 @@ def costs() -> list[Cost]:
 
 
 class TimedPort(MemoryPort):
-    """Notes when bytes are read from it and when the last ones were written to it."""
+    """Notes when bytes are read from it and the last ones written to it, in CPU time."""
 
     def __init__(self, datagrams: bool = False) -> None:
         super().__init__(datagrams)
@@ -183,17 +174,17 @@ class TimedPort(MemoryPort):
     def read(self) -> list[bytes]:
         pieces = super().read()
         if pieces:
-            self.read_s = time.perf_counter()
+            self.read_s = time.thread_time()
         return pieces
 
     def write(self, data: bytes) -> None:
         super().write(data)
-        self.written_s = time.perf_counter()
+        self.written_s = time.thread_time()
 
 
 @dataclass(slots=True)
 class Costs:
-    """Seconds: of computing per scan, of simulated waiting per scan, of computing per tick."""
+    """Seconds: of CPU time per scan, of simulated waiting per scan, of CPU time per tick."""
 
     scans_s: list[float] = field(default_factory=list)
     waits_s: list[float] = field(default_factory=list)
@@ -217,9 +208,9 @@ def drive(config: Config) -> Costs:
             wire.step(now_s)
         added = app.mapper.counts.scans_added
         scanner.read_s = None
-        begun_s = time.perf_counter()
+        begun_s = time.thread_time()
         app.step(now_s)
-        ended_s = time.perf_counter()
+        ended_s = time.thread_time()
         planner.take_datagrams()
         if scanner.read_s is not None:
             spent_s, read_tick = begun_s - scanner.read_s, tick
@@ -231,30 +222,6 @@ def drive(config: Config) -> Costs:
         if measured:
             costs.ticks_s.append(ended_s - begun_s)
     return costs
-
-
-def start_up_s() -> float:
-    """From starting the process to its first frame on a real socket; kernels compiled before."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as planner:
-        planner.bind(("127.0.0.1", 0))
-        planner.settimeout(FIRST_FRAME_S)
-        ports = {"planner.port": f"udp://127.0.0.1:{planner.getsockname()[1]}"}
-        text = rewritten(SHIPPED.read_text(encoding="utf-8"), {**ports, **NOWHERE})
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "mapod.toml"
-            path.write_text(text, encoding="utf-8")
-            begun_s = time.perf_counter()
-            process = subprocess.Popen(
-                [sys.executable, str(ROOT / "main.py"), "--config", str(path)],
-                cwd=ROOT,
-                stderr=subprocess.DEVNULL,
-            )
-            try:
-                planner.recv(2048)
-                return time.perf_counter() - begun_s
-            finally:
-                process.terminate()
-                process.wait(10)
 
 
 def report(name: str, config: Config) -> float:
@@ -273,7 +240,6 @@ def report(name: str, config: Config) -> float:
 
 def main() -> int:
     print("mapod: measuring, about a minute")
-    quiet()
     shipped = load_config(SHIPPED.read_text(encoding="utf-8"))
     report("as shipped: 25 Hz, 481 beams, 101 x 101", shipped)
     small = report("50 Hz, 541 beams, 101 x 101", with_changes(shipped, scanner=FAST))
@@ -291,7 +257,6 @@ def main() -> int:
     )
     print(f"401 x 401 elevation cells against 101 x 101: {same / small:.2f} times")
     print(f"with 401 x 401 cells for the planner as well: {large / small:.2f} times")
-    print(f"start-up to the first frame: {start_up_s():.2f} s")
     for cost in costs():
         print(cost.in_words())
     return 0

@@ -25,7 +25,6 @@ from tools.bench.link_run import (
     new_link,
     step,
 )
-from tools.terminal.progress import quiet
 
 QUICK_S = 10.0
 LOSSY = (  # section 11
@@ -120,7 +119,6 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="figures of the planner link")
     parser.add_argument("--quick", action="store_true", help="a short drive, fewer lines")
     quick = parser.parse_args(arguments).quick
-    quiet()
     seconds = QUICK_S if quick else DRIVE_S
     print("planner link: simulated" + ("" if quick else ", some minutes"))
     print(LEGEND)

@@ -13,7 +13,7 @@ from pathlib import Path
 from tools.cli.options import parser_of
 from tools.doctor.finding import Finding, status_of
 
-LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "structlog", "rich")
+LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "rich")
 PYTHON = (3, 11)
 
 
@@ -74,7 +74,7 @@ def find_all(path: Path) -> Iterator[Finding]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 all is fine, 1 a warning, 2 a fault."""
+    """Exit status: 0 all is fine, 1 mapod runs but lacks something, 2 it can't run."""
     parser = parser_of("doctor", __doc__, "mapod doctor --config /etc/mapod/mapod.toml")
     parser.add_config()
     options = parser.parse_args(arguments)

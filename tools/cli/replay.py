@@ -20,7 +20,6 @@ from core.config import Config, ConfigError
 from tools.cli.options import ROOT, SHIPPED_CONFIG, fail, lacks_simulation, parser_of
 from tools.played import RecordingReplay, Replay, session_of, why_nothing_was_mapped
 from tools.recording import Recording, RecordingError
-from tools.terminal.progress import quiet
 from tools.terminal.screen import (
     factor_for,
     has_screen,
@@ -120,7 +119,6 @@ def main(arguments: list[str] | None = None) -> int:
     add("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
     parser.add_out("a file for the outcome, as tests compare it")
     options = parser.parse_args(arguments)
-    quiet()
     try:
         replay = replay_of(options)
         try:

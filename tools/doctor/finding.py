@@ -9,7 +9,7 @@ STATUS: dict[Level, int] = {"OK": 0, "warning": 1, "fault": 2}
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A warning: mapod runs, worse than it could. A fault: it can't do its work."""
+    """A warning: mapod runs, but something is missing or slow. A fault: it can't run at all."""
 
     level: Level
     about: str

@@ -12,7 +12,7 @@ from pathlib import Path
 from hw.runtime.threads import FIFO_PRIORITY
 from tools.doctor.finding import Finding
 
-LOCKED_BYTES = 512 * 1024**2  # more than mapod locks, with the largest maps in use
+LOCKED_BYTES = 256 * 1024**2  # more than mapod locks, with the largest maps in use
 ROOM_BYTES = 200 * 1024**2  # for a new version, or a recording
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
 CPUS = "sys/devices/system/cpu"

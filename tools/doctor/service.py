@@ -53,7 +53,7 @@ def of_state(unit: dict[str, str]) -> Finding:
     says = f"{UNIT} is {state} ({unit['SubState']}{restarts}): {text}"
     if state == "active":
         return Finding("warning" if restarts else "OK", "service", says)
-    return Finding("fault", "service", says, f"journalctl --unit {UNIT} --lines 50 says why")
+    return Finding("warning", "service", says, f"journalctl --unit {UNIT} --lines 50 says why")
 
 
 def of_version(installed: str, here: str) -> Finding:

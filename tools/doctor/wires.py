@@ -44,15 +44,15 @@ def of_line(section: str, path: str) -> Finding:
         found = os.stat(path)
     except OSError as error:
         advice = f"Plug it in; `mapod devices` says what is where, for [{section}] port"
-        return Finding("fault", section, f"{path}: {error.strerror}", advice)
+        return Finding("warning", section, f"{path}: {error.strerror}", advice)
     if not stat.S_ISCHR(found.st_mode):
         advice = f"`mapod devices` says what is where, for [{section}] port"
-        return Finding("fault", section, f"{path} is no serial line", advice)
+        return Finding("warning", section, f"{path} is no serial line", advice)
     if not os.access(path, os.R_OK | os.W_OK):
         group = group_name(found.st_gid)
         advice = f"sudo usermod --append --groups {group} {os.environ.get('USER', 'USER')}"
         says = f"{path}: no permission to read and write, its group is {group}"
-        return Finding("fault", section, says, f"{advice}; then log in anew")
+        return Finding("warning", section, says, f"{advice}; then log in anew")
     return Finding("OK", section, f"{path} is there")
 
 

@@ -16,7 +16,6 @@ from tools.experiments import (
     paper_motion,
 )
 from tools.experiments.report import Outcome
-from tools.terminal.progress import quiet
 
 LONG = ("5.4", "5.3", "5.1", "5.5")  # these begin first, so that none runs alone at the end
 Experiment = Callable[[bool, Path], Outcome]
@@ -53,7 +52,6 @@ def experiments() -> dict[str, Experiment]:
 
 
 def _run(name: str, quick: bool, folder: Path) -> tuple[str, Outcome, float]:
-    quiet()
     begun_s = time.monotonic()
     return name, experiments()[name](quick, folder), time.monotonic() - begun_s
 

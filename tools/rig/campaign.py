@@ -37,7 +37,6 @@ from tools.rig.one_run import LIMIT_S, Run, RunResult, RunSpec
 from tools.rig.pool import results_of, with_bar
 from tools.rig.record import Recorder, facts_of
 from tools.rig.watch import Watcher
-from tools.terminal.progress import quiet
 
 GOALS_WANTED = 0.9  # of all
 NO_GAP = "-"
@@ -286,7 +285,6 @@ def main(arguments: Sequence[str]) -> int:
     except (OSError, ValueError, MissingToolError, CompileError) as error:
         print(f"tools.rig.campaign: {error}", file=sys.stderr)
         return 2
-    quiet()
     outcomes: list[Outcome] = []
     with contextlib.suppress(KeyboardInterrupt):
         if options.watch:

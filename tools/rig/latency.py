@@ -9,14 +9,12 @@ machine left alone, then with all of its cores loaded.
 import argparse
 import bisect
 import contextlib
-import functools
 import math
-import multiprocessing
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,14 +27,12 @@ from mapod_link.client import Link
 from mapod_link.frames import POSE, Frame
 from mapod_link.wires import UdpWire
 from tools.cli.options import SHIPPED_CONFIG
+from tools.rig.load import loaded
 from tools.rig.story import JsonLines
 from tools.terminal.processes import RUNNING, RunError, SimulatedRobot, Stop, say
 
 AGE_S, AGE_AT, AGE_MOST = 0.004, 20, 255  # in a POSE frame's body: unit, offset, "that or more"
 NEAR_S = 0.009  # a mapped scan's instant, as told and as stamped, are no farther apart
-MOVED_BYTES = 32 << 20  # beyond every cache
-WRITTEN_BYTES = 4 << 20
-CHECK_EVERY = 64  # rounds of computing between two looks at the clock
 SETTINGS: dict[str, str | float] = {
     "scanner.scan_rate_hz": 50,
     "scanner.angular_step_deg": 0.5,
@@ -114,9 +110,15 @@ def scans_from_file(path: Path) -> list[Sent]:
     return [Sent(float(row[1]), float(row[2])) for row in rows if len(row) == 3]
 
 
-def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Told], int]:
-    """Each scan that some tick was the first to tell of; and how many ticks fit no scan."""
-    instants_s = [scan.measured_s for scan in scans]
+def told_scans(
+    scans: Sequence[Sent], bursts: Sequence[Burst], unused_s: float = 0.0
+) -> tuple[list[Told], int]:
+    """Each scan that some tick was the first to tell of; and how many ticks fit no scan.
+
+    Args:
+        unused_s: how long a scan goes on after the last of its beams that the app uses.
+    """
+    instants_s = [scan.measured_s - unused_s for scan in scans]
     told: list[Told] = []
     newest, strangers = -1, 0
     for burst in bursts:
@@ -135,49 +137,6 @@ def told_scans(scans: Sequence[Sent], bursts: Sequence[Burst]) -> tuple[list[Tol
             newest = near
             told.append(Told(scans[near], burst.arrived_s))
     return told, strangers
-
-
-def compute(until_s: float) -> None:
-    number = 1
-    while time.monotonic() < until_s:
-        for _ in range(CHECK_EVERY * 1000):
-            number = (number * 1_103_515_245 + 12_345) % 2**31
-
-
-def move_memory(until_s: float) -> None:
-    one, other = bytearray(MOVED_BYTES), bytearray(MOVED_BYTES)
-    while time.monotonic() < until_s:
-        one[:], other[:] = other, one
-
-
-def write_disk(until_s: float) -> None:
-    data = os.urandom(WRITTEN_BYTES)
-    with tempfile.TemporaryFile() as file:
-        while time.monotonic() < until_s:
-            file.seek(0)
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-
-
-@contextlib.contextmanager
-def loaded(seconds: float, cores: int | None = None) -> Iterator[str]:
-    """Load while the block runs, at most so long; gives what it consists of, in words."""
-    cores = cores or len(os.sched_getaffinity(0))
-    until_s = time.monotonic() + seconds
-    jobs: list[Callable[[], None]] = [functools.partial(compute, until_s)] * cores
-    jobs += [functools.partial(move_memory, until_s)] * max(1, cores // 2)
-    jobs.append(functools.partial(write_disk, until_s))
-    spawn = multiprocessing.get_context("spawn")
-    processes = [spawn.Process(target=job, daemon=True) for job in jobs]
-    for process in processes:
-        process.start()
-    try:
-        yield f"{cores} computing, {max(1, cores // 2)} moving memory, 1 writing to the disk"
-    finally:
-        for process in processes:
-            process.kill()
-            process.join()
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,8 +182,16 @@ def prefer(pid: int) -> bool:
 class Bench:
     """World, app and planner's end, from start to end."""
 
-    def __init__(self, folder: Path, stop: Stop) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        stop: Stop,
+        settings: Mapping[str, object] = SETTINGS,
+        world: Sequence[str] = (),
+    ) -> None:
+        """`world`: more arguments of `python -m fakes`."""
         self._stop, self._robot = stop, SimulatedRobot(folder)
+        self._settings, self._world = settings, world
         self.end, self._wire = FarEnd(), UdpWire("127.0.0.1", 0)
         self._link = Link(self._wire, self.end)
         self.stamps, self.log = folder / "stamps.txt", JsonLines(folder / "app.log")
@@ -232,13 +199,27 @@ class Bench:
 
     def start(self) -> None:
         """Up to a map that has settled. Raises RunError: a process fails, or no map in time."""
-        robot, stop = self._robot, self._stop
-        world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps)]
-        robot.start(world, SHIPPED_CONFIG, SETTINGS | {"planner.port": self._wire.url}, stop)
-        self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
-        while not (stop.wanted or robot.has_map(time.monotonic(), self.end, RUNNING)):
+        self.launch()
+        while not (self._stop.wanted or self.has_map()):
             self.run(0.05)
         self.run(SETTLE_S)
+
+    def launch(self) -> None:
+        """World and app; without the app if the wait was broken off. Raises RunError."""
+        robot = self._robot
+        world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps), *self._world]
+        settings = {**self._settings, "planner.port": self._wire.url}
+        robot.start(world, SHIPPED_CONFIG, settings, self._stop)
+        self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
+
+    @property
+    def pids(self) -> list[int]:
+        """Of the world, and of the app once it runs."""
+        return [child.pid for child in self._robot.children]
+
+    def has_map(self) -> bool:
+        """Whether an app that is in running order has told one. Raises RunError: not in time."""
+        return self._robot.has_map(time.monotonic(), self.end, RUNNING)
 
     def run(self, seconds: float) -> None:
         until_s = time.monotonic() + seconds
@@ -247,22 +228,34 @@ class Bench:
                 child.check_alive()
             self._link.step(0.05)
 
-    def close(self) -> list[str]:
-        complaints = self._robot.end()
-        self._wire.close()
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    @contextlib.contextmanager
+    def closed(self) -> Iterator[None]:
+        """All end with the block. Raises RunError: they did not end well."""
+        try:
+            yield
+        finally:
+            complaints = self._robot.end()
+            self._wire.close()
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         if self._robot.children and LAGS in self._robot.children[0].last_words():
             complaints.append(f"the fakes say: {LAGS}: there is nothing to measure by")
-        return complaints
+        if complaints:
+            raise RunError("\n".join(complaints))
+
+
+@contextlib.contextmanager
+def folder_in_memory() -> Iterator[Path]:
+    """Where there is one: a log on a disk that others keep busy would stall the app."""
+    memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
+    with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:
+        yield Path(folder)
 
 
 def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
     """One measurement from start to end. Raises RunError: a process failed, or did not end well."""
-    # In memory: a log file on a disk that others keep busy would stall the app as it writes there.
-    memory = SHARED_MEMORY if Path(SHARED_MEMORY).is_dir() else None
-    with tempfile.TemporaryDirectory(prefix="mapod-realtime-", dir=memory) as folder:
-        bench = Bench(Path(folder), stop)
-        try:
+    with folder_in_memory() as folder:
+        bench = Bench(folder, stop)
+        with bench.closed():
             bench.start()
             with contextlib.ExitStack() as stack:
                 if load:
@@ -272,17 +265,24 @@ def measure(name: str, seconds: float, stop: Stop, load: bool) -> Figures:
                 bench.run(seconds)
                 ended_s = time.monotonic()
             bench.run(LINGER_S)
-        finally:
-            complaints = bench.close()
-        if complaints:
-            raise RunError("\n".join(complaints))
         return figures(name, bench, before, (begun_s, ended_s))
+
+
+def latencies(
+    bench: Bench, span_s: tuple[float, float], unused_s: float = 0.0
+) -> tuple[int, list[float], int]:
+    """Of a bench that is closed: scans sent within a span, their latencies, ticks of no scan."""
+    begun_s, ended_s = span_s
+    scans = scans_from_file(bench.stamps)
+    bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
+    told, strangers = told_scans(scans, bursts, unused_s)
+    inside = [one.latency_s for one in told if begun_s <= one.scan.sent_s < ended_s]
+    return sum(begun_s <= scan.sent_s < ended_s for scan in scans), inside, strangers
 
 
 def figures(
     name: str, bench: Bench, before: list[dict[str, Any]], span_s: tuple[float, float]
 ) -> Figures:
-    begun_s, ended_s = span_s
     after = bench.log.added()
     counted, earlier = (
         [event for event in events if event["event"] == "ticks_counted"]
@@ -290,16 +290,13 @@ def figures(
     )
     ended = next((event for event in after if event["event"] == "app_stopped"), {})
     rights = next((event for event in before if event["event"] == "real_time_taken"), {})
-    scans = scans_from_file(bench.stamps)
-    bursts = [burst for burst in bench.end.bursts if burst.arrived_s >= begun_s]
-    told, strangers = told_scans(scans, bursts)
-    inside = [one for one in told if begun_s <= one.scan.sent_s < ended_s]
+    scans, latencies_s, strangers = latencies(bench, span_s)
     return Figures(
         name=name,
-        scans=sum(begun_s <= scan.sent_s < ended_s for scan in scans),
-        told=len(inside),
+        scans=scans,
+        told=len(latencies_s),
         strangers=strangers,
-        latency_s=quantiles([one.latency_s for one in inside]),
+        latency_s=quantiles(latencies_s),
         late_s=(
             quantiles([event["late_p50_s"] or 0.0 for event in counted])[0],
             max((event["latest_s"] or 0.0 for event in counted), default=math.nan),

@@ -13,8 +13,6 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from tools.terminal.progress import quiet
-
 T = TypeVar("T")
 R = TypeVar("R")
 TOLD_EVERY_S = 5.0  # without a screen
@@ -23,7 +21,6 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")  # a 
 
 def begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    quiet()
 
 
 def results_of(

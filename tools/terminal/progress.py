@@ -1,19 +1,12 @@
-"""What a person sees of long work: a bar on stderr, where there is a terminal, and no log."""
+"""What a person sees of long work: a bar on stderr, where there is a terminal."""
 
-import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-import structlog
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 Advance = Callable[[float, str], None]
-
-
-def quiet() -> None:
-    """No log: what a simulated robot says would drown a person."""
-    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.ERROR))
 
 
 @contextmanager

@@ -150,7 +150,7 @@ class CellGrid:
         flat = self.cells.reshape(-1)
         self.flat: Cells = flat if COMPILED else flat.view(np.recarray)  # fields as attributes
         self.sub = parts_of(cell_m)
-        self.touched: I32 = np.zeros(size**2, dtype=np.int32)
+        self.touched: I32 = np.full(size**2, 0, dtype=np.int32)
         self.used = 0  # of `touched`
         self.scan = 0  # number of the newest scan
 

@@ -20,7 +20,6 @@ from core.mapping.beams.slip import FaceMatcher
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
-from core.mapping.terrain import Terrain
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I64, OBSTACLE, PointSweep, Scan
@@ -54,7 +53,6 @@ class BeamMaps:
         self.fresh = Freshness(self.cells.grid, obstacle.free_max_age_s, footprint)
         self.carver = FreeSpaceCarver(self.cells, self.fresh)
         self.ground = GroundTracker(self.cells, beams)
-        self.terrain = Terrain(self.cells)
         self.face_matcher = FaceMatcher(self.cells, beams)
         period_s = config.scanner.options.spec.period_s
         self._classifier = CellClassifier(self.cells, self.window, self.fresh, obstacle, period_s)
@@ -96,10 +94,8 @@ class BeamMaps:
             odometry.correct_slip(body.heading, slipped_m)
         clears = known and self.ground.is_even(body) and not self.ground.jitters
         self.carver.add(sweep, self.ground.model, clears=clears, stood=stood)
-        touched = self.cells.touched[: self.cells.used]
-        self._classifier.decide(touched)
+        self._classifier.decide(self.cells.touched[: self.cells.used])
         self.fresh.expire(self.window)
-        self.terrain.note(touched)
         return returns
 
     def _moved(self, body: BodyPose) -> tuple[bool, bool]:
@@ -118,11 +114,11 @@ class BeamMaps:
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name; none where there is none."""
-        return maybe_beams_layer(name, self.cells, self.terrain, self.window)
+        return maybe_beams_layer(name, self.cells, self.window)
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
         """Of a layer, at world cells."""
-        return maybe_beams_values(name, self.cells, self.terrain, self.window, i, j)
+        return maybe_beams_values(name, self.cells, self.window, i, j)
 
     def erase(self) -> None:
         """Forget everything."""

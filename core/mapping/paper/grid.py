@@ -121,7 +121,7 @@ class PaperGrid:
     def __init__(self, cells: int, cell_m: float, h_pos_m: float, h_neg_m: float) -> None:
         self.cells, self.cell_m = cells, cell_m
         self.average_m = np.full((cells, cells), np.nan)  # NaN: nothing seen
-        self.count: I32 = np.zeros((cells, cells), dtype=np.int32)
+        self.count: I32 = np.full((cells, cells), 0, dtype=np.int32)
         self.states: I8 = np.full((cells, cells), UNKNOWN, dtype=np.int8)
         self.seen_s = np.full((cells, cells), -np.inf)  # when each was met last, by who knows
         self._h_pos_m, self._h_neg_m = h_pos_m, h_neg_m

@@ -111,8 +111,8 @@ class ReferencePlaneMaps:
         self.fresh = Freshness(self.window.grid, obstacle.free_max_age_s, footprint)
         self._mount_xy_m = scanner.mount_x_m, scanner.mount_y_m
         self._source: I32 = np.full((size, size), NOWHERE, dtype=np.int32)
-        self._at: I32 = np.zeros(size**2, dtype=np.int32)
-        self._new: I8 = np.zeros(size**2, dtype=np.int8)
+        self._at: I32 = np.full(size**2, 0, dtype=np.int32)
+        self._new: I8 = np.full(size**2, 0, dtype=np.int8)
         self._beams = (0, 0.0, 0.0)
 
     def warm(self) -> None:

@@ -19,11 +19,11 @@ from core.driving.stop_zone import (
     Place,
     Rect,
     StopZone,
-    cell_state,
     clearance,
-    first_of,
     gap_to,
+    is_in_way,
     leaves,
+    read_row,
 )
 from core.grid.ring import RingGrid
 from core.records import FREE, OBSTACLE, UNKNOWN
@@ -106,24 +106,32 @@ def test_a_gap_is_what_the_footprint_must_grow_by_to_meet_a_cell(
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (7.3, -5.6)])
-def test_a_cell_is_what_the_window_says_and_unknown_outside_it(at: tuple[float, float]) -> None:
+def test_a_row_is_what_the_window_says_and_unknown_outside_it(at: tuple[float, float]) -> None:
     grid = RingGrid(5, 0.25)
     grid.follow(*at)
     cells: I8 = grid.layer(np.int8, UNKNOWN)
     low_i, low_j = grid.corner_i, grid.corner_j
     truth = {}
     for k, (i, j) in enumerate((i, j) for i in range(5) for j in range(5)):
-        state = (OBSTACLE, FREE, UNKNOWN)[k % 3]
+        state = (OBSTACLE, FREE, FREE)[k % 3]
         truth[low_i + i, low_j + j] = cells[(low_j + j) % 5, (low_i + i) % 5] = state
-    window = (low_i, low_j, 5)
-    middle = ((low_i + 3.5) * 0.25, (low_j + 2.5) * 0.25, 0.5)  # just the cells two off: vouched
-    for i in range(low_i - 3, low_i + 9):
-        for j in range(low_j - 3, low_j + 9):
-            state = truth.get((i, j), UNKNOWN)
-            far = math.hypot(i - low_i - 3, j - low_j - 2)
-            vouched = FREE if state == UNKNOWN and far <= 2 else state
-            said = cell_state(i, j, cells, window, first_of(window), 0.25, middle)
-            assert said == vouched, (i - low_i, j - low_j)
+    for j in range(low_j - 3, low_j + 9):
+        for i in range(low_i - 9, low_i + 9):
+            for count in range(12):
+                states: I8 = np.full(count, 5, dtype=np.int8)
+                read_row(i, j, cells, (low_i, low_j, 5), states)
+                assert states.tolist() == [truth.get((i + k, j), UNKNOWN) for k in range(count)]
+
+
+def test_unknown_ground_that_somebody_vouches_for_is_not_in_the_way() -> None:
+    middle = (3.5 * 0.25, -2.5 * 0.25, 0.5)  # just the cells two off: vouched for
+    for i in range(-3, 9):
+        for j in range(-9, 3):
+            vouched = math.hypot(i - 3, j + 3) <= 2
+            assert is_in_way(UNKNOWN, i, j, 0.25, middle) is not vouched
+            assert is_in_way(UNKNOWN, i, j, 0.25, (0.0, 0.0, math.inf)) is False
+            assert is_in_way(OBSTACLE, i, j, 0.25, middle) is True
+            assert is_in_way(FREE, i, j, 0.25, (9.0, 9.0, 0.0)) is False
 
 
 def outward_mps(ahead: float, aside: float, v: float, w: float) -> float:
@@ -173,14 +181,16 @@ def test_of_two_edges_the_side_comes_first_then_the_front_and_what_rests_does_no
 # The way
 
 
-def slow_clearance(marks: dict[tuple[int, int], int], place: Place, rect: Rect) -> float:
+def slow_clearance(
+    marks: dict[tuple[int, int], int], place: Place, rect: Rect, cell_m: float
+) -> float:
     """The margin; or what a cell outside the footprint leaves, less some slack.
 
     In the order of rows, a cell that is nearer by no more than the slack counts as the same.
     """
     least = MARGIN_M
     for i, j in sorted(marks, key=lambda cell: cell[::-1]):
-        gap = gap_to((i + 0.5) * CELL_M, (j + 0.5) * CELL_M, 0.1, place, rect)
+        gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
         if 0.0 <= gap < least - SLACK_M:
             least = gap
     return MARGIN_M if least == MARGIN_M else max(0.0, least - SLACK_M)
@@ -200,16 +210,21 @@ def after(place: Place, motion: Motion, t: float) -> Place:
 
 
 def slow_way_m(
-    marks: dict[tuple[int, int], int], place: Place, rect: Rect, motion: Motion, length_m: float
+    marks: dict[tuple[int, int], int],
+    place: Place,
+    rect: Rect,
+    motion: Motion,
+    length_m: float,
+    cell_m: float,
 ) -> float:
     """How far it is free, each cell by itself, each half a cell of the way."""
-    rate, kept = zone(rect=rect).rate_mps(*motion), slow_clearance(marks, place, rect)
-    best = math.inf
+    rate, kept = zone(rect=rect).rate_mps(*motion), slow_clearance(marks, place, rect, cell_m)
+    best, step_m = math.inf, cell_m / 2
     for (i, j), state in marks.items():
-        cx, cy = (i + 0.5) * CELL_M, (j + 0.5) * CELL_M
+        cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
 
         def gap(s: float, cx: float = cx, cy: float = cy) -> float:
-            return gap_to(cx, cy, 0.1, after(place, motion, s / rate), rect)
+            return gap_to(cx, cy, cell_m / 2, after(place, motion, s / rate), rect)
 
         now = gap(0.0)
         if now < 0.0:
@@ -217,9 +232,9 @@ def slow_way_m(
                 best = 0.0
             continue
         limit, less = (kept, 0.0) if now >= MARGIN_M else (0.0, MARGIN_M)
-        for k in range(1, math.floor((length_m + STEP_M + MARGIN_M) / STEP_M) + 1):
-            if gap(k * STEP_M) < limit:
-                low, high = (k - 1) * STEP_M, k * STEP_M
+        for k in range(1, math.floor((length_m + step_m + MARGIN_M) / step_m) + 1):
+            if gap(k * step_m) < limit:
+                low, high = (k - 1) * step_m, k * step_m
                 for _ in range(6):
                     half = (low + high) / 2
                     low, high = (low, half) if gap(half) < limit else (half, high)
@@ -235,39 +250,56 @@ def marks_within(cells: int, count: int) -> st.SearchStrategy[dict[tuple[int, in
     )
 
 
-@settings(max_examples=examples(120))
+FINE_M, FINE_SIZE = 0.05, 165  # so fine that a stride of the sweep has several steps
+
+
+@settings(max_examples=examples(160))
 @given(
     place=PLACES,
     rect=st.sampled_from([RECT, (0.2, 0.5, 0.3)]),
     motion=st.tuples(
         st.sampled_from([-0.6, 0.0, 0.3, 1.0]), st.sampled_from([-1.0, -0.3, 0.0, 0.4])
     ).filter(any),
-    marks=st.one_of(marks_within(9, 6), marks_within(5, 3)),
+    drawn=st.one_of(
+        st.tuples(st.just(CELL_M), st.one_of(marks_within(9, 6), marks_within(5, 3))),
+        st.tuples(st.just(FINE_M), st.one_of(marks_within(36, 6), marks_within(20, 3))),
+    ),
     from_mps=st.sampled_from([0.0, 0.7, 1.5]),
 )
 @example(  # out over the rear in no time, but the edge at the side is nearer
-    place=(-0.05, -0.06, 0.0), rect=RECT, motion=(0.3, 0.0), marks={(-2, 1): 1}, from_mps=0.0
+    place=(-0.05, -0.06, 0.0),
+    rect=RECT,
+    motion=(0.3, 0.0),
+    drawn=(CELL_M, {(-2, 1): 1}),
+    from_mps=0.0,
 )
 @example(  # within the margin, and met later than a new one that leaves more way
     place=(-0.0734, 0.0, 0.2),
     rect=RECT,
     motion=(0.3, 0.0),
-    marks={(3, 0): 1, (3, -1): 1},
+    drawn=(CELL_M, {(3, 0): 1, (3, -1): 1}),
     from_mps=0.7,
 )
 def test_the_free_way_is_that_of_the_slow_model(
-    place: Place, rect: Rect, motion: Motion, marks: dict[tuple[int, int], int], from_mps: float
+    place: Place,
+    rect: Rect,
+    motion: Motion,
+    drawn: tuple[float, dict[tuple[int, int], int]],
+    from_mps: float,
 ) -> None:
-    grid, cells = ground()
+    cell_m, marks = drawn
+    grid = RingGrid(SIZE if cell_m == CELL_M else FINE_SIZE, cell_m)
+    cells: I8 = grid.layer(np.int8, FREE)
     for (i, j), state in marks.items():
-        cells[j % SIZE, i % SIZE] = state
-    window = (grid.corner_i, grid.corner_j, SIZE)
-    kept_m = clearance(cells, window, CELL_M, place, rect, MARGIN_M, NOWHERE)
-    assert kept_m == pytest.approx(slow_clearance(marks, place, rect), abs=1e-9)
+        cells[j % grid.size, i % grid.size] = state
+    window = (grid.corner_i, grid.corner_j, grid.size)
+    kept_m = clearance(cells, window, cell_m, place, rect, MARGIN_M, NOWHERE)
+    assert kept_m == pytest.approx(slow_clearance(marks, place, rect, cell_m), abs=1e-9)
     of = zone(rect=rect)
     found = of.look(grid, cells, place, motion, NOWHERE, from_mps, 0.0)
-    length_m = of.stop_m(max(from_mps, of.rate_mps(*motion)))
-    assert found.free_m == pytest.approx(slow_way_m(marks, place, rect, motion, length_m), abs=1e-7)
+    way_m = of.stop_m(max(from_mps, of.rate_mps(*motion)))
+    slow_m = slow_way_m(marks, place, rect, motion, way_m, cell_m)
+    assert found.free_m == pytest.approx(slow_m, abs=1e-7)
     if found is not NOTHING:
         assert marks[found.i, found.j] == found.state
 

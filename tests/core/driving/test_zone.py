@@ -1,5 +1,6 @@
 """What is told of the ground before and behind the robot, against the drive control's own look."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 from config_file import load_config, with_changes
 from core.config import Config
 from core.driving.control import MOVING_MPS, DriveControl
-from core.driving.corridor import free_path, nearest_obstacles
+from core.driving.corridor import free_path, nearest_in_sectors, nearest_obstacle
 from core.driving.stop_zone import TOUCH_M, Place, Rect, clearance, gap_to, leaves
 from core.driving.zone import (
     CLEAR,
@@ -173,6 +174,14 @@ def test_what_is_not_trusted_has_no_free_way_and_no_speed() -> None:
     assert not any(NOT_TRUSTED.sectors_m)
 
 
+def test_sectors_that_nobody_reads_are_not_told() -> None:
+    ground = Ground()
+    reporter = ZoneReporter(ground.control, ground.window, 1.0, has_sectors=False)
+    pose = Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    told = reporter.report(pose, True, STILL, None, False)
+    assert told == dataclasses.replace(ground.report(), sectors_m=())
+
+
 def test_the_sectors_begin_ahead_and_go_round_counter_clockwise() -> None:
     ground = Ground()
     for k in range(8):
@@ -286,7 +295,7 @@ def test_of_what_is_equally_near_the_first_is_told() -> None:
     found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (9.0, 9.0, 0))
     assert found[1:4] == (12, -3, OBSTACLE)
     cells[0, 12] = cells[1, 12] = FREE
-    _, bearing_rad = nearest_obstacles(cells, window, 0.125, here, rect, np.zeros(8))
+    _, bearing_rad = nearest_obstacle(cells, window, 0.125, here, rect)
     assert bearing_rad > 0.0
 
 
@@ -335,7 +344,8 @@ def test_the_nearest_obstacle_is_that_of_the_slow_model(
             gap_m = max(0.0, beside_m - CELL_M / 2 * (abs(c) + abs(s)))
             if gap_m < nearest_m:
                 nearest_m, bearing_rad = gap_m, math.atan2(aside, ahead)
-    found = nearest_obstacles(cells, window, CELL_M, place, rect, told_m)
+    found = nearest_obstacle(cells, window, CELL_M, place, rect)
+    nearest_in_sectors(cells, window, CELL_M, place, told_m)
     assert found[0] == pytest.approx(nearest_m, abs=1e-9)
     if nearest_m > 0.0:  # of several that touch it, any one
         assert found[1] == pytest.approx(bearing_rad)

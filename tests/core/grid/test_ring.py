@@ -1,10 +1,13 @@
 """RingGrid against a slow and obvious model: a dict from world cells to values."""
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from core.grid.ring import HYSTERESIS_CELLS, RingGrid, cells_about
 
+PAIR = np.dtype([("number", np.int64), ("share", np.float64)])
+BLANK = np.array((-7, 2.5), dtype=PAIR)
 STEPS = st.lists(
     st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.integers(1, 9)), min_size=1, max_size=30
 )
@@ -15,7 +18,7 @@ def test_cells_live_on_while_the_window_covers_them_and_enter_blank(
     steps: list[tuple[float, float, int]], size: int
 ) -> None:
     grid = RingGrid(size, 0.25)
-    layer = grid.layer(int, 0)
+    layer, records = grid.layer(int, 0), grid.layer(PAIR, BLANK)
     model: dict[tuple[int, int], int] = {}
     x = y = 0.0
     for dx, dy, value in steps:
@@ -30,8 +33,11 @@ def test_cells_live_on_while_the_window_covers_them_and_enter_blank(
         i, j = grid.cell_of(x, y)
         if (i, j) in covered:
             layer[j % size, i % size] = model[i, j] = value
+            records[j % size, i % size] = (value, 0.5)
         for i, j in covered:
             assert layer[j % size, i % size] == model.get((i, j), 0)
+            pair = records[j % size, i % size].item()
+            assert pair == ((model[i, j], 0.5) if (i, j) in model else BLANK.item())
 
 
 @given(x=st.floats(-100, 100), y=st.floats(-100, 100))

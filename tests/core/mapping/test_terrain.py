@@ -12,7 +12,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.classifier import SOFT_LEAST
 from core.mapping.layers import UNITS, LayerView, maybe_beams_layer
-from core.mapping.terrain import Terrain
+from core.mapping.terrain import F32, terrain_at
 from core.records import OBSTACLE
 from tests.support.cases import examples
 
@@ -34,25 +34,20 @@ def put(cells: CellGrid, i: int, j: int, z_m: float, relief_m: float = 0.0) -> i
     return at
 
 
-def update(terrain: Terrain, *ats: int) -> int:
-    """Note the cells of flat indices; how many were looked at."""
-    terrain.note(np.array(ats, dtype=np.int32))
-    return terrain.update()
-
-
-def surface(slope_x: float, slope_y: float) -> tuple[CellGrid, Terrain]:
+def surface(slope_x: float, slope_y: float) -> CellGrid:
     """A plane that fills the window, each cell with the relief that its slope makes."""
     cells = CellGrid(SIZE, CELL_M)
-    terrain = Terrain(cells)
     relief_m = CELL_M * (abs(slope_x) + abs(slope_y))
     corner = cells.grid.corner_i
-    ats = [
-        put(cells, i, j, CELL_M * (slope_x * i + slope_y * j), relief_m)
-        for i in range(corner, corner + SIZE)
-        for j in range(corner, corner + SIZE)
-    ]
-    update(terrain, *ats)
-    return cells, terrain
+    for i in range(corner, corner + SIZE):
+        for j in range(corner, corner + SIZE):
+            put(cells, i, j, CELL_M * (slope_x * i + slope_y * j), relief_m)
+    return cells
+
+
+def judged(cells: CellGrid) -> F32:
+    """Slope, step and roughness of every cell: (3, SIZE, SIZE), a ring as the cells."""
+    return terrain_at(cells, np.arange(SIZE * SIZE)).reshape(3, SIZE, SIZE)
 
 
 def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> list[float]:
@@ -82,20 +77,16 @@ def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
     heights: dict[tuple[int, int], tuple[float, float]], x_cells: int, y_cells: int
 ) -> None:
     cells = CellGrid(SIZE, CELL_M)
-    terrain = Terrain(cells)
     cells.grid.follow(x_cells * CELL_M, y_cells * CELL_M)
     corner = cells.grid.corner_i, cells.grid.corner_j
-    ats = [
+    for (i, j), (z_m, relief_m) in heights.items():
         put(cells, corner[0] + i, corner[1] + j, z_m, relief_m)
-        for (i, j), (z_m, relief_m) in heights.items()
-    ]
-    update(terrain, *ats)
     window = ObstacleWindow(SIZE, CELL_M)
     expected = np.full((3, SIZE, SIZE), np.nan)
     for i, j in heights:
         expected[:, j, i] = plain(heights, i, j)
     for name, values in zip(("slope", "step", "roughness"), expected, strict=True):
-        view = maybe_beams_layer(name, cells, terrain, window)
+        view = maybe_beams_layer(name, cells, window)
         assert view is not None
         np.testing.assert_allclose(view.values, values, atol=2e-6)
 
@@ -105,49 +96,33 @@ def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
 )
 def test_a_smooth_ramp_has_its_slope_and_no_roughness(slope_deg: float, heading_deg: float) -> None:
     rise, heading = math.tan(math.radians(slope_deg)), math.radians(heading_deg)
-    _, terrain = surface(rise * math.cos(heading), rise * math.sin(heading))
-    np.testing.assert_allclose(np.degrees(terrain.slope_rad), slope_deg, atol=1e-4)
-    np.testing.assert_allclose(terrain.roughness_m, 0.0, atol=1e-6)
-
-
-def test_only_what_was_touched_and_its_neighbours_are_looked_at_each_once() -> None:
-    for size in (21, 201):
-        cells = CellGrid(size, CELL_M)
-        terrain = Terrain(cells)
-        pair = put(cells, 0, 0, 0.0), put(cells, 1, 0, 0.0)
-        assert update(terrain, *pair, *pair) == 12
-        assert terrain.update() == 0
+    slopes_rad, _, roughness_m = judged(surface(rise * math.cos(heading), rise * math.sin(heading)))
+    np.testing.assert_allclose(np.degrees(slopes_rad), slope_deg, atol=1e-4)
+    np.testing.assert_allclose(roughness_m, 0.0, atol=1e-6)
 
 
 def test_a_change_reaches_the_neighbours_and_what_is_forgotten_is_unknown_again() -> None:
-    cells, terrain = surface(0.0, 0.0)
+    cells = surface(0.0, 0.0)
     middle = put(cells, 0, 0, 0.3)
-    assert update(terrain, middle) == 9
-    around = [(j % SIZE) * SIZE + i % SIZE for i in (-1, 0, 1) for j in (-1, 0, 1)]
-    np.testing.assert_allclose(terrain.step_m.reshape(-1)[around], 0.3, atol=1e-6)
-    assert (terrain.roughness_m.reshape(-1)[around] > 0.05).all()
-    assert np.count_nonzero(terrain.step_m) == 9
+    _, steps_m, roughness_m = judged(cells)
+    around = np.ix_([-1, 0, 1], [-1, 0, 1])
+    np.testing.assert_allclose(steps_m[around], 0.3, atol=1e-6)
+    assert (roughness_m[around] > 0.05).all()
+    assert np.count_nonzero(steps_m) == 9
     cells.flat[middle]["count"] = 0
-    update(terrain, middle)
-    assert np.isnan(terrain.step_m.reshape(-1)[middle])
-    assert np.isnan(terrain.slope_rad.reshape(-1)[middle])
+    assert np.isnan(terrain_at(cells, np.array([middle]))).all()
 
 
 def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> None:
-    cells, terrain = surface(0.1, 0.0)
+    cells = surface(0.1, 0.0)
     cells.grid.follow(4 * CELL_M, 0.0)
-    assert np.isnan(terrain.slope_rad).sum() == 4 * SIZE
-    terrain.note(np.array([0], dtype=np.int32))
+    assert np.isnan(judged(cells)[0]).sum() == 4 * SIZE
     cells.grid.erase()
-    terrain.update()
-    for layer in (terrain.slope_rad, terrain.step_m, terrain.roughness_m):
-        assert np.isnan(layer).all()
+    assert np.isnan(judged(cells)).all()
 
 
 def views_of(cells: CellGrid, window: ObstacleWindow) -> dict[str, LayerView]:
-    terrain = Terrain(cells)
-    update(terrain, *range(cells.flat.size))
-    views = {name: maybe_beams_layer(name, cells, terrain, window) for name in UNITS}
+    views = {name: maybe_beams_layer(name, cells, window) for name in UNITS}
     return {name: view for name, view in views.items() if view is not None}
 
 
@@ -174,4 +149,4 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     assert (cells.cells["mean_m"] != 0.0).sum() == window.cells.sum() == 1
     cells.flat[at]["soft"] = 0
     assert np.nanmax(views_of(cells, window)["soft"].values) == 0
-    assert maybe_beams_layer("colour", cells, Terrain(cells), window) is None
+    assert maybe_beams_layer("colour", cells, window) is None

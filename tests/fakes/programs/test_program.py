@@ -192,6 +192,9 @@ def test_what_there_is_not_is_one_line_and_status_two() -> None:
     assert (done.returncode, done.stdout) == (2, "")
     [line] = done.stderr.splitlines()
     assert "no scene 'wall:x'; there are room" in line
+    done = ended("fakes.programs.mti", "--period", "1m")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith("--period: must be from 0.5ms to 100ms, is 1m\n")
 
 
 def test_the_rig_says_where_its_devices_are_and_one_that_is_left_out_has_no_port(

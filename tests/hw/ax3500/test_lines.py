@@ -10,6 +10,7 @@ from fakes.ax3500.device import FakeAx3500
 from fakes.wires.wire import Wire
 from hw.ax3500.lines import (
     BATTERY_V,
+    CHARACTER_S,
     INTERNAL_V,
     Line,
     LineParser,
@@ -80,16 +81,18 @@ def test_what_does_more_than_read_cannot_be_encoded(query: str) -> None:
 
 def test_what_is_no_character_of_a_line_is_taken_out_and_a_watchdog_letter_told() -> None:
     events = LineParser().feed(1.0, bytes.fromhex("3F 51 57 30 0D 37 44 30 0D"))
-    assert events == [WatchdogStop(), Line("?Q0", 1.0), Line("7D0", 1.0)]
+    before_s = 1.0 - 3 * CHARACTER_S
+    assert events == [WatchdogStop(), Line("?Q0", before_s), Line("7D0", before_s)]
     parity_nul_and_line_feed = b"\xbf\x51\xb0\x8d\n\0\r7\x00D\n0\r"
     assert texts(parity_nul_and_line_feed) == ["?Q0", "7D0"]
 
 
-def test_a_line_carries_the_time_of_its_first_character() -> None:
+def test_a_line_carries_the_time_of_its_first_character_read_alone_or_with_all_others() -> None:
     parser = LineParser()
     assert parser.feed(1.0, b"\rW\n") == [WatchdogStop()]
     assert parser.feed(2.0, b"7") == []
     assert parser.feed(3.0, b"D0\r") == [Line("7D0", 2.0)]
+    assert parser.feed(4.0, b"7D0\r") == [Line("7D0", 4.0 - 3 * CHARACTER_S)]
 
 
 @given(pieces=st.lists(WIRE, max_size=20), cuts=st.lists(st.integers(0, 80)))
@@ -112,7 +115,7 @@ def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_line(pieces: list[by
 def test_lines_survive_a_line_without_end_and_control_characters() -> None:
     events = LineParser().feed(0.0, b"A" * 130 + b"\r\x01\x02\r7D0\r")
     assert [type(event) for event in events] == [BadFrame, BadFrame, BadFrame, Line]
-    assert events[-1] == Line("7D0", 0.0)
+    assert events[-1] == Line("7D0", -3 * CHARACTER_S)
 
 
 def test_differences_go_the_short_way_round_and_a_rollover_is_told_from_a_restart() -> None:

@@ -83,6 +83,23 @@ def test_what_arrives_in_pieces_is_read_whole(pty: tuple[int, str]) -> None:
         assert got == sent
 
 
+def test_what_is_gathered_is_told_and_read_when_it_is_whole(pty: tuple[int, str]) -> None:
+    master, path = pty
+    with port_at(path) as port:
+        assert settled(port)
+        port.gather(10)
+        for count in (9, 1):
+            assert not is_told(port)
+            assert port.read() == []
+            os.write(master, bytes(count))
+        assert is_told(port, 60.0)
+        assert port.read() == [bytes(10)]
+        os.write(master, bytes(9))
+        port.gather(1)  # of what is there already as well
+        assert is_told(port, 60.0)
+        assert port.read() == [bytes(9)]
+
+
 def test_seven_bits_and_parity_open_again_also_by_a_link(tmp_path: Path) -> None:
     with pty_at(str(tmp_path / "ax3500")) as (_, path):
         for _ in range(3):

@@ -29,10 +29,10 @@ def test_a_line_that_is_there_absent_no_line_or_not_permitted(tmp_path: Path) ->
         os.chmod(path, 0)
         told = as_plain_user(lambda: wires.of_line("ahrs", path))
         group = wires.group_name(os.stat(path).st_gid)
-    assert told.startswith(f"fault    ahrs       {path}: no permission")
+    assert told.startswith(f"warning  ahrs       {path}: no permission")
     assert f"usermod --append --groups {group}" in told
     absent = wires.of_line("ahrs", f"{tmp_path}/mti")
-    assert (absent.level, absent.says) == ("fault", f"{tmp_path}/mti: No such file or directory")
+    assert (absent.level, absent.says) == ("warning", f"{tmp_path}/mti: No such file or directory")
     assert "is no serial line" in wires.of_line("drive", str(tmp_path)).says
 
 
@@ -99,7 +99,7 @@ def test_real_time_rights(priority: int, locked: int, lacks: str) -> None:
     [
         ({}, ["OK", "OK"]),
         ({"NRestarts": "3"}, ["warning", "OK"]),
-        ({"ActiveState": "failed", "SubState": "failed"}, ["fault", "OK"]),
+        ({"ActiveState": "failed", "SubState": "failed"}, ["warning", "OK"]),
         ({"LimitRTPRIO": "0"}, ["OK", "warning"]),
         ({"LimitMEMLOCK": "8388608"}, ["OK", "warning"]),
         ({"LimitMEMLOCK": str(2**64 - 1)}, ["OK", "OK"]),

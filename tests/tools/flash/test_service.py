@@ -11,7 +11,7 @@ import pytest
 from tests import ROOT
 
 UNIT = ROOT / "tools" / "flash" / "mapod.service"
-EXPOSURE = 1.4  # of 10, as systemd-analyze counts
+EXPOSURE = 1.5  # of 10, as systemd-analyze counts
 needs_systemd = pytest.mark.skipif(
     shutil.which("systemd-analyze") is None, reason="systemd-analyze is not here: apt has systemd"
 )
@@ -28,7 +28,7 @@ def test_the_service_is_not_more_exposed_than_it_was_and_each_point_is_explained
     done = analyzed("security", "--offline=true", most, "--json=short", str(UNIT))
     assert done.returncode == 0, done.stdout
     exposed = [row["name"] for row in json.loads(done.stdout) if row["exposure"]]
-    told = (ROOT / "docs" / "service.md").read_text(encoding="utf-8")
+    told = (ROOT / "docs" / "service.md").read_text(encoding="utf-8").replace("\\|", "|")
     assert [name for name in exposed if f"`{name}`" not in told] == []
 
 

@@ -139,6 +139,7 @@ def prepare(flash: Flash, name: str) -> None:
     unpack(flash, settings)
     compile_python(flash, name)
     merge_settings(flash, settings)
+    take_kernels(flash)
     compile_kernels(flash)
     check(flash, settings)
     sync_all(staging)
@@ -232,6 +233,15 @@ def compile_python(flash: Flash, name: str) -> None:
     status, out, err = ran(flash, [*command, str(flash.staging / "lib")])
     if status:
         raise FlashError(f"can't compile the Python files: {last_line(err or out)}")
+
+
+def take_kernels(flash: Flash) -> None:
+    """Those of the version that runs: a name holds what a kernel is made of, so none is stale."""
+    old = flash.places.current / "lib"
+    for path in old.glob("mapod/**/*.nb[ic]"):
+        folder = flash.staging / "lib" / path.parent.relative_to(old)
+        if folder.is_dir():
+            shutil.copyfile(path, folder / path.name)
 
 
 def compile_kernels(flash: Flash) -> None:

@@ -24,6 +24,7 @@ PROGRAMS = {  # and the Debian packages that have them
     "systemd-nspawn": "systemd-container",
     "mkfs.ext4": "e2fsprogs",
     "mkfs.xfs": "xfsprogs",
+    "losetup": "mount",
     "ssh": "openssh-client",
 }
 SUITE = "bookworm"

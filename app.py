@@ -17,7 +17,7 @@ from core.driving.report import report
 from core.mapping.layers import UNITS
 from core.mapping.mapper import Mapper
 from core.mapping.tiles import TileValues
-from core.records import Attitude, PoseReport, Scan, WheelCounts
+from core.records import Attitude, ExternalPose, PoseReport, Scan, WheelCounts
 from hw.device import Port
 from logs import LoopCounts, StateLog
 from wiring import Ports, devices_on, maybe_image, no_ports, planners_on
@@ -266,6 +266,10 @@ def warm_kernels(config: Config) -> None:
     ranges_m = np.full((config.scanner.options.spec.echoes, 3), 1.0)
     app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
     app.mapper.settle(0.05)
+    for t_s in (0.02, 0.04):
+        app.mapper.odometry.add_external(ExternalPose(t_s, 0.0, 0.0, 0.0, 1e-4, 0.0, 1e-4, 1e-4))
+    app.mapper.settle(0.05)
+    app.mapper.odometry.correct_slip((1.0, 0.0), 0.0)
     app.mapper.attitudes.turn_all(0.0)
     app.mapper.maps.warm()
     for now_s in (0.05, 1.0):

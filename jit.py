@@ -22,10 +22,13 @@ from typing import Any, ParamSpec, TypeVar, cast, get_args, get_type_hints
 
 import numba
 import numpy as np
+import numpy.typing as npt
 from numba.core import caching, types
 from numba.core.dispatcher import Dispatcher
 from numba.core.runtime import rtsys
 
+Record = Any  # of a structured type: a kernel changes it in place
+Records = npt.NDArray[Any]  # of such
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -45,6 +48,15 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
         compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
         compiled._cache = _OnDisk(cast(FunctionType, function))
     return cast(Callable[P, R], compiled)
+
+
+def records(of: np.dtype[Any]) -> Records:
+    """One record (1,) for kernels to change, all zero; they are given it, or `[0]` of it.
+
+    Compiled code finds its fields as attributes; so does Python in a `recarray`.
+    """
+    made = np.zeros(1, of)
+    return made if COMPILED else made.view(np.recarray)
 
 
 def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, Any]) -> Any:

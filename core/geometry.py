@@ -12,6 +12,7 @@ from core.records import F64
 from jit import kernel
 
 Rpy = tuple[float, float, float]
+Rates = tuple[float, float, float]  # of turn about x, y, z, rad/s; NaN where not delivered
 ORTHOGONAL = 1e-9  # how far R R' may be from the identity
 
 
@@ -111,6 +112,9 @@ def rpy_from_q(q: F64) -> Rpy:
 def wrapped(angle_rad: float) -> float:
     """The same direction within -pi <= angle < pi."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+
+
+wrapped_in_kernels = kernel(wrapped)
 
 
 def slope_of(u: F64, z: F64) -> float:

@@ -46,6 +46,7 @@ class DeviceClock:
 
     def _begin(self) -> None:
         self._least: deque[Sample] = deque(maxlen=BUCKETS)
+        self._bucket = -math.inf  # of the newest of them
         self._ticks = 0  # newest sample, unwrapped
         self._arrived_s = self._began_s = -math.inf
         self._line = (0.0, 0.0, 0.0)  # offset at an arrival time, that time, slope
@@ -76,7 +77,7 @@ class DeviceClock:
             self.samples, self._began_s = 0, arrived_s
         self._arrived_s = arrived_s
         self.samples += 1
-        self._learn((arrived_s, arrived_s - self._ticks * self._tick_s))
+        self._learn(arrived_s, arrived_s - self._ticks * self._tick_s)
         return self._from_device(self._ticks)
 
     def host_s_near(self, ticks: int) -> float:
@@ -107,18 +108,19 @@ class DeviceClock:
         offset_s, at_s, slope = self._line
         return device_s + offset_s + slope * (device_s + offset_s - at_s)
 
-    def _learn(self, sample: Sample) -> None:
+    def _learn(self, arrived_s: float, offset_s: float) -> None:
         """Keep the sample if it is the least delayed of its bucket, and draw the line anew."""
-        oldest_s = sample[0] - BUCKETS * BUCKET_S
-        left = len(self._least)
-        while self._least and self._least[0][0] < oldest_s:
-            self._least.popleft()
-        bucket = math.floor(sample[0] / BUCKET_S)
-        if not self._least or math.floor(self._least[-1][0] / BUCKET_S) != bucket:
-            self._least.append(sample)
-        elif sample[1] - self._line[2] * (sample[0] - self._least[-1][0]) < self._least[-1][1]:
-            self._least[-1] = sample
-        elif len(self._least) == left:
+        least, bucket = self._least, arrived_s // BUCKET_S
+        has_gone = False
+        while least and least[0][0] < arrived_s - BUCKETS * BUCKET_S:
+            least.popleft()
+            has_gone = True
+        if not least or self._bucket != bucket:
+            least.append((arrived_s, offset_s))
+            self._bucket = bucket
+        elif offset_s - self._line[2] * (arrived_s - least[-1][0]) < least[-1][1]:
+            least[-1] = arrived_s, offset_s
+        elif not has_gone:
             return
         self._draw()
 
@@ -146,7 +148,11 @@ def _slope_under(samples: list[Sample]) -> float:
     """
     hull: list[Sample] = []
     for sample in samples:
-        while len(hull) >= 2 and _turns_down(hull[-2], hull[-1], sample):
+        t_s, offset_s = sample
+        while len(hull) >= 2:
+            (a_s, a), (b_s, b) = hull[-2:]
+            if not (b - a) * (t_s - a_s) >= (offset_s - a) * (b_s - a_s):
+                break  # it turns up there
             hull.pop()
         hull.append(sample)
     middle_s = (samples[0][0] + samples[-1][0]) / 2
@@ -154,7 +160,3 @@ def _slope_under(samples: list[Sample]) -> float:
         if left[0] <= middle_s <= right[0]:
             return (right[1] - left[1]) / (right[0] - left[0])
     return 0.0
-
-
-def _turns_down(a: Sample, b: Sample, c: Sample) -> bool:
-    return (b[1] - a[1]) * (c[0] - a[0]) >= (c[1] - a[1]) * (b[0] - a[0])

@@ -197,18 +197,20 @@ class Intake:
 
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
+        waiting = self._waiting
         for piece in pieces:
-            cuts = range(0, max(1, len(piece)), PIECE)
-            self._waiting += [(now_s, piece[at : at + PIECE]) for at in cuts]
+            waiting.append((now_s, piece[:PIECE]))
+            for at in range(PIECE, len(piece), PIECE):
+                waiting.append((now_s, piece[at : at + PIECE]))
         events: list[Any] = []
-        while self._waiting and self._allowance > 0:
-            arrived_s, piece = self._waiting.popleft()
+        while waiting and self._allowance > 0:
+            arrived_s, piece = waiting.popleft()
             found = self._parser.feed(arrived_s, piece)
-            self._allowance -= len(piece)
-            if found:
-                junk = sum([len(event.skipped) for event in found if isinstance(event, BadFrame)])
-                self._allowance -= EVENT_BYTES * len(found) + JUNK_FACTOR * junk
-                events += found
+            self._allowance -= len(piece) + EVENT_BYTES * len(found)
+            for event in found:
+                if isinstance(event, BadFrame):
+                    self._allowance -= JUNK_FACTOR * len(event.skipped)
+            events += found
         return events
 
 

@@ -22,11 +22,11 @@ from core.driving.stop_zone import (
     read_row,
 )
 from core.grid.ring import cells_about
-from core.records import F64, FREE, I8, OBSTACLE, UNKNOWN
+from core.records import F64, I8, OBSTACLE, UNKNOWN
 from jit import kernel
 
 SECTORS = 8
-NEAR_M = 2.0  # beside the robot, obstacles are looked for first
+NEAR_M = 3.0  # beside the robot, obstacles are looked for first
 
 
 @kernel
@@ -35,19 +35,24 @@ def _path_to(
     j: int,
     cell_m: float,
     place: Place,
+    heading: tuple[float, float],
     rect: Rect,
     keeps: tuple[float, float],
     is_unknown: bool,
+    enough: float,
 ) -> float:
     """Metres straight ahead until a cell that is not free is too near; inf: it never is.
 
-    keeps: the margin, and what is to be kept free of cells that are farther than it now.
+    heading: cosine and sine of the place's yaw. keeps: the margin, and what is to be kept free of
+    cells that are farther than it now. enough: also inf if it leaves so much.
     """
     cx, cy, half = (i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2
-    c, s = math.cos(place[2]), math.sin(place[2])
+    c, s = heading
     dx, dy = cx - place[0], cy - place[1]
     reach = half * (abs(c) + abs(s))
     front = c * dx + s * dy - reach - rect[0]
+    if front - keeps[0] >= enough:
+        return math.inf
     side = abs(c * dy - s * dx) - reach - rect[2]
     gap = gap_to(cx, cy, half, place, rect)
     if gap < -TOUCH_M:  # under the footprint
@@ -84,40 +89,31 @@ def free_path(
     clear: x, y and radius of the ground where unknown counts as free. The free way is `longest` at
     most.
     """
-    kept = clearance(cells, window, cell_m, place, rect, margin, clear)
+    keeps = margin, clearance(cells, window, cell_m, place, rect, margin, clear)
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
     x, y, c, s = place[0], place[1], math.cos(place[2]), math.sin(place[2])
-    here_i, here_j, count = cells_about(x, y, reach, cell_m)
-    then_i, then_j, _ = cells_about(x + c * longest, y + s * longest, reach, cell_m)
-    low_i, end_i = min(here_i, then_i), max(here_i, then_i) + count
-    whole = (low_i * cell_m - x, end_i * cell_m - x)
-    states = np.empty(end_i - low_i + 3, np.int8)
-    half = cell_m / 2 * (abs(c) + abs(s))  # of a cell, ahead and aside
-    grow = margin + half  # of the strip, for the middles of cells
+    _, here_j, count = cells_about(x, y, reach, cell_m)
+    _, then_j, _ = cells_about(x, y + s * longest, reach, cell_m)
+    grow = margin + cell_m  # of the strip, for the middles of cells that reach into it
     best, best_i, best_j, best_state, hard = longest, 0, 0, UNKNOWN, math.inf
     for j in range(min(here_j, then_j), max(here_j, then_j) + count):
         dy = (j + 0.5) * cell_m - y
-        span = _where(-rect[1] - grow - s * dy, longest + rect[0] + grow - s * dy, c, whole)
+        span = (-math.inf, math.inf)
+        span = _where(-rect[1] - grow - s * dy, rect[0] + longest + grow - s * dy, c, span)
         span = _where(-rect[2] - grow - c * dy, rect[2] + grow - c * dy, -s, span)
-        first_i, last_i = math.floor((span[0] + x) / cell_m), math.floor((span[1] + x) / cell_m)
-        row = states[: max(0, last_i - first_i + 1)]
+        first_i = math.floor((span[0] + x) / cell_m)
+        row = np.empty(max(0, math.ceil((span[1] + x) / cell_m) - first_i), np.int8)
         read_row(first_i, j, cells, window, row)
         for k in range(row.size):
-            if row[k] == FREE:
+            i, state = first_i + k, int(row[k])
+            if not is_in_way(state, i, j, cell_m, clear):
                 continue
-            i, is_unknown = first_i + k, row[k] == UNKNOWN
-            least = (
-                c * ((i + 0.5) * cell_m - x) + s * dy - half - rect[0] - margin
-            )  # that it leaves
-            if least >= best and (is_unknown or least >= hard):
-                continue
-            if not is_in_way(row[k], i, j, cell_m, clear):
-                continue
-            way = _path_to(i, j, cell_m, place, rect, (margin, kept), is_unknown)
+            is_unknown, enough = state == UNKNOWN, hard if state == OBSTACLE else best
+            way = _path_to(i, j, cell_m, place, (c, s), rect, keeps, is_unknown, enough)
             if way < best:
-                best, best_i, best_j, best_state = way, i, j, int(row[k])
-            if not is_unknown and way <= longest:
-                hard = min(hard, way)
+                best, best_i, best_j, best_state = way, i, j, state
+            if state == OBSTACLE and way <= longest:
+                hard = way
     return best, best_i, best_j, best_state, hard
 
 
@@ -140,7 +136,7 @@ def _nearest_beside(
             dx = (window[0] + (column - window[0]) % size + 0.5) * cell_m - place[0]
             ahead, aside = c * dx + s * dy, c * dy - s * dx
             beyond = max(0.0, abs(ahead - middle) - length), max(0.0, abs(aside) - rect[2])
-            if max(beyond[0], beyond[1]) - half >= best:
+            if max(beyond) - half >= best:
                 continue
             gap = max(0.0, math.hypot(beyond[0], beyond[1]) - half)
             if gap < best:
@@ -153,14 +149,10 @@ def nearest_obstacle(
     cells: I8, window: Window, cell_m: float, place: Place, rect: Rect
 ) -> tuple[float, float]:
     """Metres from the robot's edge to the nearest obstacle cell (inf: none), and its bearing."""
-    from_axle = math.hypot(max(rect[0], rect[1]), rect[2]) + cell_m  # a corner, and half a cell
-    low_y, high_y = window[1] * cell_m, (window[1] + window[2]) * cell_m
-    farthest, reach = max(place[1] - low_y, high_y - place[1]), NEAR_M
-    while reach < farthest:
-        gap, bearing = _nearest_beside(reach, cells, window, cell_m, place, rect)
-        if gap < reach - from_axle:
-            return gap, bearing
-        reach *= 2.0
+    corner = math.hypot(max(rect[0], rect[1]), rect[2])
+    found = _nearest_beside(NEAR_M, cells, window, cell_m, place, rect)
+    if found[0] < NEAR_M - corner - cell_m:  # no cell of another row is nearer
+        return found
     return _nearest_beside(math.inf, cells, window, cell_m, place, rect)
 
 

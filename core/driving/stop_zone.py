@@ -186,6 +186,12 @@ def _first(
 
 
 @kernel
+def drift_m(rect: Rect, margin: float, motion: Motion, for_s: float) -> float:
+    """How far, at most, the edge of the rectangle and its margin gets in so many seconds."""
+    return for_s * (abs(motion[0]) + abs(motion[1]) * (max(rect) + margin))
+
+
+@kernel
 def _free_path(
     cx: float,
     cy: float,
@@ -197,45 +203,41 @@ def _free_path(
     span: tuple[float, float],
     limits: tuple[float, float, float],
     before: float,
+    best: float,
 ) -> float:
     """How far the robot gets before a cell that is in the way at the end of a span; inf: it is not.
 
     then: the place at that end. limits: metres per second, margin, and what is to be kept free of
-    new cells. before: the cell's gap at the start.
+    new cells. before: the cell's gap at the start. best: inf also where it leaves no less.
     """
     rate, margin, kept = limits
     gap = gap_to(cx, cy, half, then, rect)
     if gap >= margin - TOUCH_M:
         return math.inf
     if before >= margin - TOUCH_M:  # new
-        if gap >= kept - TOUCH_M:
+        if gap >= kept - TOUCH_M or rate * span[0] >= best:
             return math.inf
         return rate * _first(cx, cy, half, place, rect, motion, span, kept)
-    if gap >= -TOUCH_M:
+    if gap >= -TOUCH_M or rate * span[0] - margin >= best:
         return math.inf
-    if before >= -TOUCH_M:  # within the margin from the begin
-        return rate * _first(cx, cy, half, place, rect, motion, span, 0.0) - margin
-    return 0.0
+    return rate * _first(cx, cy, half, place, rect, motion, span, 0.0) - margin
 
 
 @kernel
-def _in_way(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) -> F64:
-    """Gaps (n,) at the start of those cells that may end a motion; they are put first in `near`.
+def _gaps(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) -> F64:
+    """Gaps (n,) of listed cells at the start; -inf of those under the footprint that end no motion.
 
-    Of the others, under the footprint, nobody knew, or they are on their way out.
+    Nobody knew of them, or they are on their way out.
     """
-    gaps, used = np.empty(near.shape[0]), 0
-    for n in range(near.shape[0]):
-        i, j, state = near[n, 0], near[n, 1], near[n, 2]
-        cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
-        gap = gap_to(cx, cy, cell_m / 2, place, rect)
-        if gap < -TOUCH_M and (
-            state == UNKNOWN or leaves(cx, cy, place, rect, motion[0], motion[1])
+    gaps = np.empty(near.shape[0])
+    for n in range(gaps.size):
+        cx, cy = (near[n, 0] + 0.5) * cell_m, (near[n, 1] + 0.5) * cell_m
+        gaps[n] = gap_to(cx, cy, cell_m / 2, place, rect)
+        if gaps[n] < -TOUCH_M and (
+            near[n, 2] == UNKNOWN or leaves(cx, cy, place, rect, motion[0], motion[1])
         ):
-            continue
-        near[used, 0], near[used, 1], near[used, 2], gaps[used] = i, j, state, gap
-        used += 1
-    return gaps[:used]
+            gaps[n] = -math.inf
+    return gaps
 
 
 @kernel
@@ -251,46 +253,35 @@ def _sweep(
 ) -> tuple[float, int, int, int]:
     """(free metres, i, j, state) of the nearest blocking cell; inf if none stands in the way.
 
-    way: metres to sweep, metres per second, margin. clear: x, y and radius of the ground where
-    unknown counts as free; an infinite one is everywhere.
+    way: metres to sweep, metres per second, margin. clear: as of `is_in_way`. What may be met is
+    listed once for some steps.
     """
     length, rate, margin = way
-    v, w = motion
-    reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
-    kept = clearance(cells, window, cell_m, place, rect, margin, clear)
+    limits = rate, margin, clearance(cells, window, cell_m, place, rect, margin, clear)
     half, step = cell_m / 2, STEP_CELLS * cell_m
     stride = max(1, math.floor(STRIDE_M / step))
-    # so far at most the margin gets from where it is in the middle of a stride
-    aside = (stride - 1) / 2 * step / rate * (abs(v) + abs(w) * reach)
+    half_s = (stride - 1) / 2 * step / rate  # from the middle of a stride to its ends
+    within = margin + drift_m(rect, margin, motion, half_s)
     near, before = np.empty((0, 3), np.int32), np.empty(0)
     best, best_i, best_j, best_state = math.inf, 0, 0, FREE
     k = 0
     while k * step <= length + step + margin and max(0.0, (k - 1) * step - margin) < best:
-        if k % stride == 0:
-            middle = _at(place, v, w, (k + (stride - 1) / 2) * step / rate)
-            near = cells_near(cells, window, cell_m, middle, rect, margin + aside, clear)
-            before = _in_way(near, cell_m, place, rect, motion)
         span = ((k - 1) * step / rate, k * step / rate)
-        now = _at(place, v, w, span[1])
+        if k % stride == 0:
+            middle = _at(place, motion[0], motion[1], span[1] + half_s)
+            near = cells_near(cells, window, cell_m, middle, rect, within, clear)
+            before = _gaps(near, cell_m, place, rect, motion)
+        then = _at(place, motion[0], motion[1], span[1])
         for n in range(before.size):
-            is_new = before[n] >= margin - TOUCH_M
-            if max(0.0, rate * span[0] - (0.0 if is_new else margin)) >= best:
-                continue  # it leaves no less
+            if before[n] == -math.inf:
+                continue
             i, j = near[n, 0], near[n, 1]
-            free = _free_path(
-                (i + 0.5) * cell_m,
-                (j + 0.5) * cell_m,
-                half,
-                place,
-                now,
-                rect,
-                motion,
-                span,
-                (rate, margin, kept),
-                before[n],
-            )
-            if max(free, 0.0) < best:
-                best, best_i, best_j, best_state = max(free, 0.0), i, j, near[n, 2]
+            cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
+            free = max(0.0, _free_path(
+                cx, cy, half, place, then, rect, motion, span, limits, before[n], best
+            ))  # fmt: skip
+            if free < best:
+                best, best_i, best_j, best_state = free, i, j, near[n, 2]
         k += 1
     return best, best_i, best_j, best_state
 

@@ -31,14 +31,18 @@ def _turn_to_map(q: F64, cy: float, sy: float, v: F64) -> None:
 
 
 @kernel
-def _spread(
-    bearings: tuple[float, float], times: tuple[float, float], directions: F64, times_s: F64
-) -> None:
-    """Fills the directions (n, 3) and times (n,) of a fan: (first, step) of both."""
-    for i in range(times_s.size):
-        bearing = bearings[0] + i * bearings[1]
+def _fan(first_rad: float, step_rad: float, directions: F64) -> None:
+    """Fills the directions (n, 3) of a fan in the plane x-y."""
+    for i in range(directions.shape[0]):
+        bearing = first_rad + i * step_rad
         directions[i, 0], directions[i, 1] = math.cos(bearing), math.sin(bearing)
-        times_s[i] = times[0] + i * times[1]
+
+
+@kernel
+def _times(t_s: float, step_s: float, times_s: F64) -> None:
+    """Fills the times (n,) of a fan."""
+    for i in range(times_s.size):
+        times_s[i] = t_s + i * step_s
 
 
 @kernel
@@ -65,8 +69,12 @@ def _cast(
     n = times_s.size
     q, ray, arm = np.empty(4), np.empty(3), np.empty(3)
     cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
+    older = count - 2  # samples before all beams: to be looked through once, not for each
+    while older > 0 and attitude_t_s[(start + older) % attitude_t_s.size] > times_s[0]:
+        older -= 1
+    start = (start + older) % attitude_t_s.size
     for i in range(n):
-        q_at(attitude_t_s, q_earth_body, start, count, times_s[i], q)
+        q_at(attitude_t_s, q_earth_body, start, count - older, times_s[i], q)
         share = i / (n - 1) if n > 1 else 0.0
         for k in range(3):
             ray[k], arm[k] = 0.0, t_body_sensor[k]
@@ -140,6 +148,7 @@ class BeamGeometry:
         self._R_body_sensor = R_from_rpy(mount_roll_rad, mount_tilt_rad, mount_yaw_rad)
         self._t_body_sensor = np.array(mount_xyz_m, dtype=np.float64)
         self._origins, self._directions = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
+        self._fan = (0, 0.0, 0.0)  # beams, first and step of the directions there are
         self._times_s = np.zeros(max_beams)
         self._from_map, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
 
@@ -147,7 +156,10 @@ class BeamGeometry:
         """A scan as a sweep of rays; valid until the next one is asked for."""
         n = scan.ranges_m.shape[1]
         directions, times_s = self._directions[:n], self._times_s[:n]
-        _spread((scan.first_rad, scan.step_rad), (scan.t_s, scan.beam_dt_s), directions, times_s)
+        if self._fan != (n, scan.first_rad, scan.step_rad):
+            self._fan = (n, scan.first_rad, scan.step_rad)
+            _fan(scan.first_rad, scan.step_rad, directions)
+        _times(scan.t_s, scan.beam_dt_s, times_s)
         return PointSweep(
             self._origins[:n], directions, scan.ranges_m, times_s, scan.counter, scan.arrived_s
         )

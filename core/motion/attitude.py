@@ -10,19 +10,45 @@ import math
 
 import numpy as np
 
-from core.geometry import R_from_rpy, Rpy, q_from_R, q_from_rpy, q_product, rpy_from_q, rpy_of
-from core.motion.heading import HeadingFilter
-from core.motion.magnetic import Quaternion
-from core.motion.tilt import TiltFilter
+from core.geometry import (
+    R_from_rpy,
+    Rates,
+    Rpy,
+    q_from_R,
+    q_from_rpy,
+    q_product,
+    rpy_from_q,
+    rpy_of,
+)
+from core.motion.error_state import ERRORS, ErrorState
+from core.motion.heading import HEADING, HeadingFilter, heading_step
+from core.motion.magnetic import FIELD, Quaternion, Vector
+from core.motion.tilt import TILT, TiltFilter, tilt_step
 from core.records import F64, Attitude
-from jit import kernel
+from jit import Record, Records, kernel, records
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
 AHEAD_S = 0.019  # a sample at 100 Hz, its way over the line, and how late a last beam may be
 MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered
-Rates = tuple[float, float, float]  # about x, y, z, rad/s
+NO_FIELD: Vector = (0.0, 0.0, 0.0)
+NO_RATES: Rates = (math.nan, math.nan, math.nan)
 UNIT = 1e-3  # how far a delivered quaternion may be from unit length
+
+MOTION = np.dtype(  # all that a sample changes, so that a kernel is given one thing
+    [
+        ("t_s", np.float64, KEPT),
+        ("q_earth_body", np.float64, (KEPT, 4)),
+        ("turned_rad", np.float64, KEPT),  # by the gyro, bias and all
+        ("q_sensor_body", np.float64, 4),  # how the sensor is mounted
+        ("R_body_sensor", np.float64, (3, 3)),
+        ("heading", HEADING),
+        ("field", FIELD),
+        ("errors", ERRORS),
+        ("tilt", TILT),
+    ],
+    align=True,
+)
 
 
 @kernel
@@ -111,6 +137,117 @@ def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
     _put(q_product(newest, turn), ahead)
 
 
+@kernel
+def _take(
+    motions: Records,
+    last: int,
+    levels: bool,
+    newest_s: float,
+    t_s: float,
+    q_earth_sensor: Quaternion,
+    rate_radps: Rates,
+    magnetic: Vector,
+    has_magnetic: bool,
+) -> tuple[int, Rpy, Rates]:
+    """One sample through the filters, into place `last` of the ring, and carried on behind it.
+
+    Args:
+        motions: (1,) of MOTION.
+        levels: roll and pitch are the tilt filter's, not the sensor's.
+        newest_s: time of the sample before.
+
+    Returns:
+        How many places it has taken: none where it can't be true, one where no rate carries it on;
+        then roll, pitch and yaw as told, and the rates about the body's axes.
+    """
+    motion = motions[0]
+    length, rpy_rad, rates = _body_from_sensor(
+        q_earth_sensor, motion.q_sensor_body, rate_radps, motion.R_body_sensor
+    )
+    if not (abs(length - 1) <= UNIT and newest_s < t_s < math.inf):
+        return 0, rpy_rad, rates
+    x_radps, y_radps, z_radps = rate_radps
+    if not (
+        abs(x_radps) <= MOST_RADPS and abs(y_radps) <= MOST_RADPS and abs(z_radps) <= MOST_RADPS
+    ):
+        rates = NO_RATES
+    heading = motion.heading
+    yaw_rad = heading_step(
+        heading,
+        motion.field,
+        motion.errors,
+        t_s,
+        rpy_rad,
+        rates,
+        q_earth_sensor,
+        magnetic,
+        has_magnetic,
+    )
+    angles_rad = (rpy_rad[0], rpy_rad[1])
+    if levels:
+        angles_rad = tilt_step(motion.tilt, t_s, angles_rad, rates, heading.standing)
+    told_rad = (angles_rad[0], angles_rad[1], yaw_rad)
+    motion.t_s[last], motion.turned_rad[last] = t_s, heading.turned_rad
+    q_earth_body = motion.q_earth_body
+    _keep(q_earth_body, last, told_rad, rates, AHEAD_S)
+    q = q_earth_body[last]
+    told_rad = rpy_of(q[0], q[1], q[2], q[3])
+    if not math.isfinite(rates[0]):  # all are, or none
+        return 1, told_rad, rates
+    motion.t_s[(last + 1) % KEPT] = t_s + AHEAD_S
+    return 2, told_rad, rates
+
+
+@kernel
+def _turn_all(q_earth_body: F64, start: int, count: int, turn_rad: float) -> None:
+    """Turn so many kept orientations about the vertical."""
+    turn = np.array([math.cos(0.5 * turn_rad), 0.0, 0.0, math.sin(0.5 * turn_rad)])
+    for k in range(count):
+        place = q_earth_body[(start + k) % KEPT]
+        _put(q_product(turn, place), place)
+
+
+@kernel
+def _is_close(t_s: F64, start: int, count: int, from_s: float, to_s: float) -> bool:
+    """Whether a spanned from..to lies between samples that are close together throughout."""
+    k = _index_before(t_s, start, count, from_s)
+    while True:
+        before_s, after_s = t_s[(start + k) % KEPT], t_s[(start + k + 1) % KEPT]
+        if before_s >= to_s:
+            return True
+        if not after_s - before_s <= MAX_GAP_S:
+            return False
+        k += 1
+
+
+@kernel
+def _turned_at(motion: Record, start: int, count: int, at_s: float) -> float:
+    """How far the gyro has turned about the vertical since the start, at a spanned instant."""
+    k = _index_before(motion.t_s, start, count, at_s)
+    a, b = (start + k) % KEPT, (start + k + 1) % KEPT
+    share = (at_s - motion.t_s[a]) / (motion.t_s[b] - motion.t_s[a])
+    return float((1 - share) * motion.turned_rad[a] + share * motion.turned_rad[b])
+
+
+@kernel
+def _between(
+    motions: Records, start: int, count: int, from_s: float, to_s: float
+) -> tuple[float, float, float, float]:
+    """As `AttitudeRing.between`."""
+    motion = motions[0]
+    t_s, oldest_s, newest_s = motion.t_s, motion.t_s[start], motion.t_s[(start + count - 1) % KEPT]
+    middle_s = 0.5 * (from_s + to_s)
+    gap_s = math.inf
+    if oldest_s <= middle_s <= newest_s:
+        k = start + _index_before(t_s, start, count, middle_s)
+        gap_s = t_s[(k + 1) % KEPT] - t_s[k % KEPT]
+    _, pitch_rad, yaw_rad = _rpy_at(t_s, motion.q_earth_body, start, count, middle_s)
+    if motion.heading.gyro_since_s > from_s or not (oldest_s <= from_s and to_s <= newest_s):
+        return pitch_rad, yaw_rad, gap_s, math.nan
+    turned_rad = _turned_at(motion, start, count, to_s) - _turned_at(motion, start, count, from_s)
+    return pitch_rad, yaw_rad, gap_s, turned_rad
+
+
 class AttitudeRing:
     """The newest orientations of the body: `q_earth_body` (KEPT, 4) at host times `t_s` (KEPT,)."""
 
@@ -123,72 +260,61 @@ class AttitudeRing:
         levels: bool = False,
     ) -> None:
         R_body_sensor = R_from_rpy(mount_roll_rad, mount_pitch_rad, mount_yaw_rad)
-        self._q_sensor_body = q_from_R(R_body_sensor.T)
-        self._R_body_sensor = R_body_sensor
-        self.t_s = np.zeros(KEPT)
-        self.q_earth_body = np.zeros((KEPT, 4))
-        self._turned_rad = np.zeros(KEPT)
+        self._motion = motion = records(MOTION)
+        motion["q_sensor_body"], motion["R_body_sensor"] = q_from_R(R_body_sensor.T), R_body_sensor
+        self.t_s: F64 = motion["t_s"][0]
+        self.q_earth_body: F64 = motion["q_earth_body"][0]
         self.start = self.count = 0
         self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
-        self.heading = HeadingFilter()
-        self.level = TiltFilter() if levels else None  # None: the sensor's angles as they are
+        self.heading = HeadingFilter(motion["heading"], ErrorState(motion["errors"]))
+        self.tilt = TiltFilter(motion["tilt"])
+        self._levels = levels  # False: roll and pitch are the sensor's
         self.rate_body_radps: Rates = (0.0, 0.0, 0.0)  # newest; NaN where it is not delivered
         self.newest_s = -math.inf  # time of the newest sample; -inf when there is none
         self.rejected = 0  # samples out of order or no orientation at all
-        self._newest_rpy: tuple[float, float, float] | None = 0.0, 0.0, 0.0  # None: to be found
+        self._newest_rpy: Rpy = (0.0, 0.0, 0.0)
 
     def add(self, attitude: Attitude) -> bool:
         """Take one sample; False (and counted) if it can't be true."""
-        length, rpy_rad, rates = _body_from_sensor(
-            attitude.q_earth_sensor, self._q_sensor_body, attitude.rate_radps, self._R_body_sensor
+        magnetic = attitude.magnetic
+        places, rpy_rad, rates = _take(
+            self._motion,
+            (self.start + self.count) % KEPT,
+            self._levels,
+            self.newest_s,
+            attitude.t_s,
+            attitude.q_earth_sensor,
+            attitude.rate_radps,
+            magnetic or NO_FIELD,
+            magnetic is not None,
         )
-        if not (abs(length - 1) <= UNIT and self.newest_s < attitude.t_s < math.inf):
+        if not places:
             self.rejected += 1
             return False
         if self.count == KEPT - 1:  # one place is left for what is carried on
             self.start = (self.start + 1) % KEPT
         else:
             self.count += 1
-        last = (self.start + self.count - 1) % KEPT
-        x_radps, y_radps, z_radps = attitude.rate_radps
-        if abs(x_radps) <= MOST_RADPS and abs(y_radps) <= MOST_RADPS and abs(z_radps) <= MOST_RADPS:
-            self.rate_body_radps = rates
-        else:
-            self.rate_body_radps = (math.nan, math.nan, math.nan)
-        t_s, rates = attitude.t_s, self.rate_body_radps
-        yaw_rad = self.heading.step(t_s, rpy_rad, rates, attitude.q_earth_sensor, attitude.magnetic)
-        roll_rad, pitch_rad = rpy_rad[:2]
-        if self.level is not None:
-            roll_rad, pitch_rad = self.level.step(
-                t_s, roll_rad, pitch_rad, rates, stands=self.heading.standing
-            )
-        self.newest_s = self.t_s[last] = t_s
-        self._turned_rad[last] = self.heading.turned_rad
-        rpy_rad = (roll_rad, pitch_rad, yaw_rad)
-        _keep(self.q_earth_body, last, rpy_rad, rates, AHEAD_S)
-        self._newest_rpy, self.count_ahead = None, self.count
-        if math.isfinite(rates[0]):  # all are, or none
-            self.count_ahead += 1
-            self.t_s[(last + 1) % KEPT] = t_s + AHEAD_S
+        self.count_ahead = self.count + places - 1
+        self.newest_s, self.rate_body_radps, self._newest_rpy = attitude.t_s, rates, rpy_rad
         return True
 
-    def turned_rad_at(self, at_s: float) -> float:
-        """How far the gyro has turned about the vertical since the start, at a spanned instant.
+    def between(self, from_s: float, to_s: float) -> tuple[float, float, float, float]:
+        """An interval, of which `to_s` is spanned.
 
-        Its bias is in it; where no gyro was delivered, it is the sensor's own yaw.
+        Returns:
+            Pitch and yaw of the body in its middle, the time between the samples there (inf where
+            they do not span it), and how far the gyro turned about the vertical, bias and all: NaN
+            where it did not tell throughout.
         """
-        k = _index_before(self.t_s, self.start, self.count, at_s)
-        a, b = (self.start + k) % KEPT, (self.start + k + 1) % KEPT
-        share = (at_s - float(self.t_s[a])) / float(self.t_s[b] - self.t_s[a])
-        return float((1 - share) * self._turned_rad[a] + share * self._turned_rad[b])
+        return _between(self._motion, self.start, self.count, from_s, to_s)
 
     def turn_all(self, turn_rad: float) -> None:
         """Turn every kept orientation about the vertical: the heading was found to be off."""
-        self._newest_rpy = None if self.count else self._newest_rpy
-        turn = np.array([math.cos(0.5 * turn_rad), 0.0, 0.0, math.sin(0.5 * turn_rad)])
-        for k in range(self.count_ahead):
-            n = (self.start + k) % KEPT
-            self.q_earth_body[n] = q_product(turn, self.q_earth_body[n])
+        _turn_all(self.q_earth_body, self.start, self.count_ahead, turn_rad)
+        if self.count:
+            newest = self.q_earth_body[(self.start + self.count - 1) % KEPT]
+            self._newest_rpy = rpy_from_q(newest)
 
     def reaches(self, from_s: float, to_s: float) -> bool:
         """True if from..to is covered, or would be with the newest sample carried on."""
@@ -200,25 +326,13 @@ class AttitudeRing:
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if every instant from..to lies between two samples that are close together."""
-        if not self.spans(from_s, to_s):
-            return False
-        first = _index_before(self.t_s, self.start, self.count, from_s)
-        last = _index_before(self.t_s, self.start, self.count, to_s)
-        if self.t_s[(self.start + last) % KEPT] < to_s:
-            last += 1
-        times_s = self.t_s[(self.start + np.arange(first, last + 1)) % KEPT]
-        return bool(np.diff(times_s).max(initial=0.0) <= MAX_GAP_S)
+        return self.spans(from_s, to_s) and _is_close(
+            self.t_s, self.start, self.count, from_s, to_s
+        )
 
     def spans(self, from_s: float, to_s: float) -> bool:
         """True if from..to lies between the oldest and the newest sample, gaps or not."""
-        return self.count > 1 and bool(self.t_s[self.start] <= from_s and to_s <= self.newest_s)
-
-    def gap_s_at(self, at_s: float) -> float:
-        """Time between the samples on either side of an instant; inf where it is not spanned."""
-        if not self.spans(at_s, at_s):
-            return math.inf
-        k = self.start + _index_before(self.t_s, self.start, self.count, at_s)
-        return float(self.t_s[(k + 1) % KEPT] - self.t_s[k % KEPT])
+        return self.count > 1 and to_s <= self.newest_s and bool(self.t_s[self.start] <= from_s)
 
     def rpy_at(self, at_s: float) -> tuple[float, float, float]:
         """(roll, pitch, yaw) of the body in the earth frame at an instant within reach."""
@@ -227,7 +341,4 @@ class AttitudeRing:
 
     def newest_rpy(self) -> tuple[float, float, float]:
         """(roll, pitch, yaw) of the newest sample; level while there is none."""
-        if self._newest_rpy is None:
-            newest = self.q_earth_body[(self.start + self.count - 1) % KEPT]
-            self._newest_rpy = rpy_from_q(newest)
         return self._newest_rpy

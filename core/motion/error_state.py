@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from core.records import F64
-from jit import kernel
+from jit import Records, kernel, records
 
 SIZE = 10
 X, Y, YAW = 0, 1, 2  # m, m, rad: what the told pose is to be corrected by; map frame
@@ -22,16 +22,21 @@ SCALE = 5  # relative: true travel is (1 + SCALE) times that of the wheels
 ASYMMETRY = 6  # relative: how much larger the right wheel is than the left one
 ALIGN_X, ALIGN_Y, ALIGN_YAW = 7, 8, 9  # of a positioning system's frame in the map frame
 
+ERRORS = np.dtype([("value", np.float64, SIZE), ("P", np.float64, (SIZE, SIZE))])
 START_BIAS_RADPS = math.radians(0.5)
 START_SCALE = 0.04
 START_ASYMMETRY = 0.005
 
 
 @kernel
-def _turn(
-    P: F64, biased_s: float, yaw_var: float, bias_var: float, kept: float, var: float
+def turn(
+    P: F64, value: F64, biased_s: float, yaw_var: float, bias_var: float, kept: float, var: float
 ) -> None:
-    """Time passes: the yaw's error grows with the bias's, the offset's returns to its middle."""
+    """Time passes: the yaw's error grows with the bias's, the offset's returns to its middle.
+
+    Variances are what that adds, `kept` is what stays of the offset. `biased_s` is for how long yaw
+    was moved by the gyro, whose bias becomes its error.
+    """
     for n in range(SIZE):
         P[YAW, n] -= biased_s * P[BIAS, n]
         P[OFFSET, n] *= kept
@@ -41,11 +46,15 @@ def _turn(
     P[YAW, YAW] += yaw_var
     P[BIAS, BIAS] += bias_var
     P[OFFSET, OFFSET] += var
+    value[OFFSET] *= kept
 
 
 @kernel
-def _travel(P: F64, dx_m: float, dy_m: float, along_var: float, across_var: float) -> None:
-    """A level step: heading and scale errors become errors of position, and some is added."""
+def travel(P: F64, dx_m: float, dy_m: float, along_var: float, across_var: float) -> None:
+    """A step in the map frame: heading and scale errors become errors of position.
+
+    Variances (m2) along and across it are added.
+    """
     for n in range(SIZE):
         P[X, n] += dx_m * P[SCALE, n] - dy_m * P[YAW, n]
         P[Y, n] += dy_m * P[SCALE, n] + dx_m * P[YAW, n]
@@ -65,8 +74,11 @@ def _travel(P: F64, dx_m: float, dy_m: float, along_var: float, across_var: floa
 
 
 @kernel
-def _correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> None:
-    """One scalar measurement: innovation = h . error + noise of that variance."""
+def correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> None:
+    """One scalar measurement: innovation, measured minus expected, = h (10,) . error + noise.
+
+    The variance of the noise must be positive.
+    """
     Ph = np.zeros(SIZE)
     spread = variance
     for i in range(SIZE):
@@ -79,36 +91,47 @@ def _correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> 
             P[i, n] -= Ph[i] * Ph[n] / spread
 
 
-class ErrorState:
-    """`value` (10,) and `P` (10, 10), in the order of the names above; units of each as there."""
+@kernel
+def spread_of_sum(P: F64, one: int, other: int) -> float:
+    """Variance of the sum of two errors."""
+    return float((P[one, one] + P[other, one]) + (P[one, other] + P[other, other]))
 
-    def __init__(self) -> None:
-        self.value = np.zeros(SIZE)
-        self.P = np.zeros((SIZE, SIZE))
+
+@kernel
+def define(P: F64, row: int, like: int, sign: float, variance: float) -> None:
+    """Begin a state anew: its error is `sign` times that of another, and noise of its own."""
+    for n in range(SIZE):
+        P[row, n] = sign * P[like, n]
+    for n in range(SIZE):
+        P[n, row] = P[row, n]
+    P[row, row] = P[like, like] + variance
+
+
+@kernel
+def forget(P: F64, row: int, variance: float) -> None:
+    """Begin a state anew that has to do with no other one."""
+    for n in range(SIZE):
+        P[row, n] = P[n, row] = 0.0
+    P[row, row] = variance
+
+
+class ErrorState:
+    """`value` (10,) and `P` (10, 10), in the order of the names above; units of each as there.
+
+    They lie in `record` (1,), of ERRORS.
+    """
+
+    def __init__(self, record: Records | None = None) -> None:
+        self.record = record = records(ERRORS) if record is None else record
+        self.value: F64 = record["value"][0]
+        self.P: F64 = record["P"][0]
         self.P[BIAS, BIAS] = START_BIAS_RADPS**2
         self.P[SCALE, SCALE] = START_SCALE**2
         self.P[ASYMMETRY, ASYMMETRY] = START_ASYMMETRY**2
 
-    def turn(
-        self, biased_s: float, yaw_var: float, bias_var: float, kept: float, offset_var: float
-    ) -> None:
-        """Let time pass; variances are what that adds, `kept` is what stays of the offset.
-
-        `biased_s` is for how long yaw was moved by the gyro, whose bias becomes its error.
-        """
-        _turn(self.P, biased_s, yaw_var, bias_var, kept, offset_var)
-        self.value[OFFSET] *= kept
-
-    def travel(self, dx_m: float, dy_m: float, along_var: float, across_var: float) -> None:
-        """Go on by a step in the map frame; variances (m2) along and across it are added."""
-        _travel(self.P, dx_m, dy_m, along_var, across_var)
-
     def correct(self, h: F64, innovation: float, variance: float) -> None:
-        """Take a measurement: `innovation` is measured minus expected, = h (10,) . error + noise.
-
-        The variance of the noise must be positive.
-        """
-        _correct(self.P, self.value, h, innovation, variance)
+        """Take a measurement, as `correct` above."""
+        correct(self.P, self.value, h, innovation, variance)
 
     def correct_some(
         self, rows: tuple[int, ...], h: F64, innovation: float, variance: float
@@ -122,31 +145,19 @@ class ErrorState:
         gain[list(rows)] = Ph[list(rows)] / (float(h @ Ph) + variance)
         self.value += gain * innovation
         left = np.eye(SIZE) - np.outer(gain, h)
-        self.P = left @ self.P @ left.T + variance * np.outer(gain, gain)
-
-    def spread_of_sum(self, one: int, other: int) -> float:
-        """Variance of the sum of two errors."""
-        P = self.P.item
-        return (P(one, one) + P(other, one)) + (P(one, other) + P(other, other))
+        self.P[:] = left @ self.P @ left.T + variance * np.outer(gain, gain)
 
     def spread(self, h: F64) -> float:
         """Variance of h . error."""
         return float(h @ self.P @ h)
 
     def define(self, row: int, like: int, sign: float, variance: float) -> None:
-        """Begin a state anew: its error is `sign` times that of `like`, and noise of its own."""
-        P = self.P
-        if row != like:
-            P[row, :] = sign * P[like, :]
-            P[:, row] = P[row, :]
-            P[row, row] = P[like, like]
-        P[row, row] += variance
+        """Begin a state anew: its error is `sign` times that of another, and noise of its own."""
+        define(self.P, row, like, sign, variance)
 
     def forget(self, row: int, variance: float) -> None:
         """Begin a state anew that has to do with no other one."""
-        self.P[row, :] = 0.0
-        self.P[:, row] = 0.0
-        self.P[row, row] = variance
+        forget(self.P, row, variance)
 
     def begin_map(self) -> None:
         """The pose of now is the map's frame: nothing is unsure about it, but the offset is."""

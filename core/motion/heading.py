@@ -8,14 +8,24 @@ Source: design, section 5; for the estimates, core.motion.error_state.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from core.geometry import wrapped
-from core.motion.error_state import BIAS, OFFSET, SIZE, YAW, ErrorState
-from core.motion.magnetic import FieldReference, Quaternion, Vector
-from core.records import F64
+from core.geometry import Rates, Rpy, wrapped_in_kernels
+from core.motion.error_state import (
+    BIAS,
+    OFFSET,
+    SIZE,
+    YAW,
+    ErrorState,
+    correct,
+    define,
+    forget,
+    spread_of_sum,
+    turn,
+)
+from core.motion.magnetic import Quaternion, Vector, adopt_field, is_plain
+from jit import Record, Records, kernel
 
 SENSOR_RAD = math.radians(0.3)  # noise of the sensor's own yaw,
 SENSOR_S = 0.1  # of which samples nearer than that share most
@@ -40,42 +50,55 @@ CALM_S = 0.5  # time constant of what the quiet rate is judged by
 CALM_RAD = math.radians(0.1)  # turned within it, at most
 SUDDEN_RADPS = math.radians(2.5)  # one sample beyond that is no quiet rate
 LEAST_COS = 0.1  # nearer to upright, there is no yaw
-Rates = Sequence[float] | F64
 
-
-def yaw_rate(roll_rad: float, pitch_rad: float, rate_body_radps: Rates) -> float:
-    """How fast yaw grows (rad/s) at a rate of turn (3,) about the body's axes; NaN: not known."""
-    cos_pitch = math.cos(pitch_rad)
-    if cos_pitch < LEAST_COS:
-        return math.nan
-    about_y, about_z = float(rate_body_radps[1]), float(rate_body_radps[2])
-    return (about_y * math.sin(roll_rad) + about_z * math.cos(roll_rad)) / cos_pitch
-
-
-UNIT = np.eye(SIZE)
-H_SENSOR, H_BIAS = UNIT[YAW] + UNIT[OFFSET], UNIT[BIAS]  # what is observed, (10,)
+HEADING = np.dtype(
+    [
+        ("told_rad", np.float64),  # unwrapped
+        ("turned_rad", np.float64),  # integrated rate, bias and all; where none, the sensor's turn
+        ("gyro_since_s", np.float64),  # since when that has been the gyro's, without a gap
+        ("trusted", np.bool_),  # whether the sensor's own yaw counts just now,
+        ("trust_from_s", np.float64),  # and from when on it may again
+        ("standing", np.bool_),
+        ("disturbed", np.int64),  # how often the sensor's yaw was found not to be believed
+        ("adopted", np.int64),  # how often a new usual offset was taken
+        ("usual_rad", np.float64),  # offset of the sensor's yaw that counts as none
+        ("t_s", np.float64),  # of the newest sample, its rate and the sensor's yaw
+        ("rate_radps", np.float64),
+        ("sensor_rad", np.float64),
+        ("steady_rad", np.float64),  # an offset that may become usual, and since when it stands
+        ("steady_from_s", np.float64),
+        ("wheels_s", np.float64),  # newest counts, and what they turn
+        ("wheel_radps", np.float64),
+        ("wheels_still_s", np.float64),  # since when there was no count; inf while they move
+        ("calm_rad", np.float64),  # turned of late, beyond the bias
+        ("held_rad", np.float64),  # the same, kept back while it stands
+        ("stood_at_rad", np.float64),  # the sensor's yaw when that began
+    ],
+    align=True,
+)
 
 
 class HeadingFilter:
-    """Yaw (rad) at each sample of the attitude sensor; the first sample's yaw is its zero error."""
+    """What `heading_step` knows; the first sample's yaw is its zero error.
 
-    def __init__(self) -> None:
-        self.state = ErrorState()
-        self.state.P[OFFSET, OFFSET] = SENSOR_RAD**2
-        self.field = FieldReference()
-        self.told_rad = 0.0  # unwrapped
-        self.gyro_since_s = math.inf  # since when `turned_rad` has been the gyro's, without a gap
-        self.turned_rad = 0.0  # integrated rate, bias and all; the sensor's turn where none is
-        self.trusted = True  # whether the sensor's own yaw counts just now
-        self.standing = False
-        self.disturbed = 0  # how often its yaw was found not to be believed
-        self.adopted = 0  # how often a new usual offset was taken
-        self._usual_rad = 0.0  # offset of the sensor's yaw that counts as none
-        self._t_s, self._rate_radps, self._sensor_rad = -math.inf, math.nan, 0.0
-        self._trust_from_s = -math.inf
-        self._steady_rad, self._steady_from_s = 0.0, math.inf
-        self._wheels_still_s, self._wheels_s, self._wheel_radps = math.inf, -math.inf, 0.0
-        self._calm_rad = self._held_rad = self._stood_at_rad = 0.0
+    Args:
+        record: (1,) of HEADING, all zero.
+    """
+
+    def __init__(self, record: Records, state: ErrorState) -> None:
+        self.record, self.state = record, state
+        state.P[OFFSET, OFFSET] = SENSOR_RAD**2
+        record["trusted"] = True
+        record["rate_radps"] = math.nan
+        for never in ("t_s", "trust_from_s", "wheels_s"):
+            record[never] = -math.inf
+        for never in ("gyro_since_s", "steady_from_s", "wheels_still_s"):
+            record[never] = math.inf
+
+    @property
+    def told_rad(self) -> float:
+        """The yaw that is told, unwrapped."""
+        return float(self.record["told_rad"][0])
 
     @property
     def yaw_rad(self) -> float:
@@ -87,185 +110,278 @@ class HeadingFilter:
         """Of the gyro's rate about the vertical, as estimated."""
         return float(self.state.value[BIAS])
 
+    @property
+    def gyro_since_s(self) -> float:
+        """Since when the ring's turns are the gyro's, without a gap; inf while they are not."""
+        return float(self.record["gyro_since_s"][0])
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the sensor's own yaw counts just now."""
+        return bool(self.record["trusted"][0])
+
+    @property
+    def standing(self) -> bool:
+        return bool(self.record["standing"][0])
+
+    @property
+    def disturbed(self) -> int:
+        """How often the sensor's yaw was found not to be believed."""
+        return int(self.record["disturbed"][0])
+
+    @property
+    def adopted(self) -> int:
+        """How often a new usual offset was taken."""
+        return int(self.record["adopted"][0])
+
     def note_wheels(self, from_s: float, to_s: float, turn_rad: float, *, moved: bool) -> None:
         """What the wheels did in an interval, before the attitudes of it are all used."""
-        self._wheels_s = to_s
-        self._wheel_radps = turn_rad / (to_s - from_s)
+        record = self.record[0]
+        record["wheels_s"] = to_s
+        record["wheel_radps"] = turn_rad / (to_s - from_s)
         if moved:
-            self._wheels_still_s = math.inf
-        elif self._wheels_still_s == math.inf:
-            self._wheels_still_s = from_s
-
-    def step(
-        self,
-        t_s: float,
-        rpy_rad: tuple[float, float, float],
-        rate_body_radps: Rates,
-        q_earth_sensor: Quaternion = (1.0, 0.0, 0.0, 0.0),
-        magnetic: Vector | None = None,
-    ) -> float:
-        """The yaw to be told (rad) at a sample, which must be later than the one before.
-
-        Args:
-            rpy_rad: roll, pitch and yaw of the body as the sensor has them.
-            rate_body_radps: (3,), NaN where it is not delivered.
-            q_earth_sensor: the sensor's own, which `magnetic` is turned level by.
-            magnetic: field in the sensor's axes, 1 = the field at calibration; None: not delivered.
-        """
-        roll_rad, pitch_rad, sensor_rad = rpy_rad
-        rate_radps = yaw_rate(roll_rad, pitch_rad, rate_body_radps)
-        dt_s = t_s - self._t_s
-        if self._t_s == -math.inf:
-            self.field.is_plain(0.0, q_earth_sensor, magnetic, agrees=True)
-            self.told_rad = sensor_rad
-        else:
-            dt_s = min(dt_s, LONGEST_S)
-            plain = self.field.is_plain(dt_s, q_earth_sensor, magnetic, agrees=self.trusted)
-            self._go_on(t_s, dt_s, sensor_rad, rate_radps, plain)
-        self._t_s, self._rate_radps, self._sensor_rad = t_s, rate_radps, sensor_rad
-        return self.told_rad
-
-    def _go_on(
-        self, t_s: float, dt_s: float, sensor_rad: float, rate_radps: float, plain: bool
-    ) -> None:
-        mean_radps = 0.5 * (rate_radps + self._rate_radps)
-        sensor_turn_rad = wrapped(sensor_rad - self._sensor_rad)
-        has_gyro = math.isfinite(mean_radps) and dt_s <= GAP_S
-        if has_gyro:
-            self.gyro_since_s = min(self.gyro_since_s, self._t_s)
-            self.turned_rad += mean_radps * dt_s
-            self._stand(t_s, dt_s, sensor_rad, mean_radps)
-            self._turn_by_gyro(dt_s, mean_radps)
-            self._use_sensor(t_s, dt_s, sensor_rad, plain)
-        else:
-            self.gyro_since_s, self.standing = math.inf, False
-            self.turned_rad += sensor_turn_rad
-            self._turn_by_sensor(t_s, dt_s, sensor_turn_rad, mean_radps, plain)
-        self._pay(dt_s)
-
-    def _turn_by_gyro(self, dt_s: float, mean_radps: float) -> None:
-        turn_rad = (mean_radps - self.bias_radps) * dt_s
-        if self.standing:
-            self._held_rad += turn_rad - self._held_rad * dt_s / CALM_S
-            self._pass_time(dt_s, 0.0, turns=False)
-            self.state.correct(H_BIAS, mean_radps - self.bias_radps, RATE_RADPS**2)
-            return
-        self.told_rad += turn_rad
-        self._pass_time(dt_s, GYRO_VAR * dt_s + GYRO_TURN_VAR * abs(turn_rad))
-
-    def _turn_by_sensor(
-        self, t_s: float, dt_s: float, turn_rad: float, mean_radps: float, plain: bool
-    ) -> None:
-        """No gyro, or a gap in it: the sensor's turn, or the wheels' where that is disturbed."""
-        believed = plain and self.trusted
-        if believed:
-            self.told_rad += turn_rad
-            self._pass_time(dt_s, 2 * OFFSET_RAD**2 / OFFSET_S * dt_s, turns=False)
-            return
-        if not plain:
-            self._distrust(t_s)
-        elif t_s >= self._trust_from_s:
-            self.trusted = True
-        if t_s - self._wheels_s <= WHEELS_S:
-            self.told_rad += self._wheel_radps * dt_s
-        elif math.isfinite(mean_radps):
-            self.told_rad += (mean_radps - self.bias_radps) * min(dt_s, WHEELS_S)
-        else:
-            self.told_rad += turn_rad
-        self._pass_time(dt_s, (GAP_RADPS * dt_s) ** 2, turns=False)
-
-    def _pass_time(self, dt_s: float, yaw_var: float, *, turns: bool = True) -> None:
-        """`turns`: the yaw was moved by the gyro less its bias, so its error grows with that's."""
-        kept = math.exp(-dt_s / OFFSET_S)
-        offset_var = OFFSET_RAD**2 * (1 - kept * kept)
-        self.state.turn(dt_s if turns else 0.0, yaw_var, BIAS_VAR * dt_s, kept, offset_var)
-
-    def _pay(self, dt_s: float) -> None:
-        """Bring what is owed to the told yaw, but not so fast that a map is torn."""
-        owed_rad, most_rad = float(self.state.value[YAW]), OWED_RADPS * dt_s
-        paid_rad = max(-most_rad, min(most_rad, owed_rad))
-        self.told_rad += paid_rad
-        self.state.value[YAW] -= paid_rad
+            record["wheels_still_s"] = math.inf
+        elif record["wheels_still_s"] == math.inf:
+            record["wheels_still_s"] = from_s
 
     def pay_all(self) -> float:
         """Tell the estimate at once; returns the jump (rad)."""
         owed_rad = float(self.state.value[YAW])
-        self.told_rad += owed_rad
+        self.record["told_rad"] += owed_rad
         self.state.value[YAW] = 0.0
         return owed_rad
 
-    # Standing still
 
-    def _stand(self, t_s: float, dt_s: float, sensor_rad: float, mean_radps: float) -> None:
-        """Find out whether the body stands: wheels without a count, a quiet gyro."""
-        excess_radps = mean_radps - self.bias_radps
-        unsure_radps = GATE * math.sqrt(float(self.state.P[BIAS, BIAS]))
-        self._calm_rad += excess_radps * dt_s - self._calm_rad * dt_s / CALM_S
-        # the first is never true while they move: then it is minus infinity
-        wheels_stand = t_s - self._wheels_still_s >= STILL_S and t_s - self._wheels_s <= WHEELS_S
-        if self._wheels_still_s == math.inf:
-            self._calm_rad = 0.0
-        quiet = (
-            abs(excess_radps) <= SUDDEN_RADPS + unsure_radps
-            and abs(self._calm_rad) <= CALM_RAD + CALM_S * unsure_radps
-            and (
-                not self.standing
-                or not self.trusted
-                or abs(wrapped(sensor_rad - self._stood_at_rad)) <= OFFSET_RAD
-            )
+@kernel
+def yaw_rate(roll_rad: float, pitch_rad: float, rates: Rates) -> float:
+    """How fast yaw grows (rad/s) at a rate of turn about the body's axes; NaN: not known."""
+    cos_pitch = math.cos(pitch_rad)
+    if cos_pitch < LEAST_COS:
+        return math.nan
+    return (rates[1] * math.sin(roll_rad) + rates[2] * math.cos(roll_rad)) / cos_pitch
+
+
+@kernel
+def _correct_bias(errors: Record, off_radps: float) -> None:
+    """While it stands, the gyro tells its bias."""
+    h = np.zeros(SIZE)
+    h[BIAS] = 1.0
+    correct(errors.P, errors.value, h, off_radps, RATE_RADPS**2)
+
+
+@kernel
+def _correct_yaw(errors: Record, off_rad: float, variance: float) -> None:
+    """The sensor's own yaw tells that of the body and its offset."""
+    h = np.zeros(SIZE)
+    h[YAW] = h[OFFSET] = 1.0
+    correct(errors.P, errors.value, h, off_rad, variance)
+
+
+@kernel
+def _pass_time(errors: Record, dt_s: float, yaw_var: float, turns: bool) -> None:
+    """`turns`: the yaw was moved by the gyro less its bias, so its error grows with that's."""
+    kept = math.exp(-dt_s / OFFSET_S)
+    offset_var = OFFSET_RAD**2 * (1 - kept * kept)
+    turn(errors.P, errors.value, dt_s if turns else 0.0, yaw_var, BIAS_VAR * dt_s, kept, offset_var)
+
+
+@kernel
+def _distrust(heading: Record, errors: Record, t_s: float) -> None:
+    if heading.trusted:
+        heading.disturbed += 1
+        forget(errors.P, OFFSET, OFFSET_RAD**2)
+        errors.value[OFFSET] = 0.0
+    heading.trusted = False
+    heading.trust_from_s = t_s + HOLD_S
+
+
+# With a gyro
+
+
+@kernel
+def _stand(
+    heading: Record, errors: Record, t_s: float, dt_s: float, sensor_rad: float, excess_radps: float
+) -> None:
+    """Find out whether the body stands: wheels without a count, a gyro quiet but for its bias."""
+    unsure_radps = GATE * math.sqrt(errors.P[BIAS, BIAS])
+    heading.calm_rad += excess_radps * dt_s - heading.calm_rad * dt_s / CALM_S
+    # the first is never true while they move: then it is minus infinity
+    wheels_stand = t_s - heading.wheels_still_s >= STILL_S and t_s - heading.wheels_s <= WHEELS_S
+    if heading.wheels_still_s == math.inf:
+        heading.calm_rad = 0.0
+    quiet = (
+        abs(excess_radps) <= SUDDEN_RADPS + unsure_radps
+        and abs(heading.calm_rad) <= CALM_RAD + CALM_S * unsure_radps
+        and (
+            not heading.standing
+            or not heading.trusted
+            or abs(wrapped_in_kernels(sensor_rad - heading.stood_at_rad)) <= OFFSET_RAD
         )
-        stands = wheels_stand and quiet
-        if stands and not self.standing:
-            self._held_rad, self._stood_at_rad = 0.0, sensor_rad
-        if self.standing and not stands:
-            self.told_rad += self._held_rad  # the turn had begun before it was noticed
-        self.standing = stands
+    )
+    stands = wheels_stand and quiet
+    if stands and not heading.standing:
+        heading.held_rad, heading.stood_at_rad = 0.0, sensor_rad
+    if heading.standing and not stands:
+        heading.told_rad += heading.held_rad  # the turn had begun before it was noticed
+    heading.standing = stands
 
-    # The sensor's own yaw
 
-    def _use_sensor(self, t_s: float, dt_s: float, sensor_rad: float, plain: bool) -> None:
-        """Correct by it, where nothing speaks against it."""
-        off_rad = wrapped(sensor_rad - self.yaw_rad - self._usual_rad)
-        innovation_rad = off_rad - float(self.state.value[OFFSET])
-        spread = self.state.spread_of_sum(YAW, OFFSET) + SENSOR_RAD**2
-        fits = (
-            plain
-            and innovation_rad**2 <= GATE**2 * spread
-            and abs(float(self.state.value[OFFSET])) <= MOST_OFFSET_RAD
+@kernel
+def _turn_by_gyro(heading: Record, errors: Record, dt_s: float, mean_radps: float) -> None:
+    turn_rad = (mean_radps - errors.value[BIAS]) * dt_s
+    if heading.standing:
+        heading.held_rad += turn_rad - heading.held_rad * dt_s / CALM_S
+        _pass_time(errors, dt_s, 0.0, False)
+        _correct_bias(errors, mean_radps - errors.value[BIAS])
+        return
+    heading.told_rad += turn_rad
+    _pass_time(errors, dt_s, GYRO_VAR * dt_s + GYRO_TURN_VAR * abs(turn_rad), True)
+
+
+@kernel
+def _look_for_offset(
+    heading: Record,
+    field: Record,
+    errors: Record,
+    t_s: float,
+    dt_s: float,
+    off_rad: float,
+) -> None:
+    """Its yaw is off for long, but moves as the gyro says: then it is off by a constant."""
+    first_rad = GATE * math.sqrt(errors.P[YAW, YAW] + OFFSET_RAD**2 + SENSOR_RAD**2)
+    if heading.usual_rad != 0.0 and abs(off_rad) <= first_rad:
+        heading.usual_rad = 0.0  # as it was at the start
+        return
+    if heading.standing:
+        heading.steady_from_s += dt_s  # nothing is learnt about a place by standing there
+    away_rad = wrapped_in_kernels(off_rad - heading.steady_rad)
+    if not abs(away_rad) <= ADOPT_RAD or math.isinf(heading.steady_from_s):
+        heading.steady_rad, heading.steady_from_s = off_rad, t_s
+    if t_s - heading.steady_from_s >= ADOPT_S:
+        heading.usual_rad, heading.steady_from_s = off_rad, math.inf
+        define(errors.P, OFFSET, YAW, -1.0, OFFSET_RAD**2)
+        errors.value[OFFSET] = 0.0
+        adopt_field(field)
+        heading.trust_from_s = t_s
+        heading.adopted += 1
+
+
+@kernel
+def _use_sensor(
+    heading: Record,
+    field: Record,
+    errors: Record,
+    t_s: float,
+    dt_s: float,
+    sensor_rad: float,
+    plain: bool,
+) -> None:
+    """Correct by the sensor's own yaw, where nothing speaks against it."""
+    yaw_rad = heading.told_rad + errors.value[YAW]
+    off_rad = wrapped_in_kernels(sensor_rad - yaw_rad - heading.usual_rad)
+    innovation_rad = off_rad - errors.value[OFFSET]
+    spread = spread_of_sum(errors.P, YAW, OFFSET) + SENSOR_RAD**2
+    fits = (
+        plain
+        and innovation_rad**2 <= GATE**2 * spread
+        and abs(errors.value[OFFSET]) <= MOST_OFFSET_RAD
+    )
+    if not fits:
+        _distrust(heading, errors, t_s)
+        _look_for_offset(
+            heading, field, errors, t_s, dt_s, wrapped_in_kernels(sensor_rad - yaw_rad)
         )
-        if not fits:
-            self._distrust(t_s)
-            self._look_for_offset(t_s, dt_s, wrapped(sensor_rad - self.yaw_rad))
-            return
-        self.trusted = t_s >= self._trust_from_s
-        if self.trusted and not self.standing:
-            self._steady_from_s = math.inf
-            self.state.correct(H_SENSOR, innovation_rad, SENSOR_RAD**2 * max(1.0, SENSOR_S / dt_s))
+        return
+    heading.trusted = t_s >= heading.trust_from_s
+    if heading.trusted and not heading.standing:
+        heading.steady_from_s = math.inf
+        _correct_yaw(errors, innovation_rad, SENSOR_RAD**2 * max(1.0, SENSOR_S / dt_s))
 
-    def _distrust(self, t_s: float) -> None:
-        if self.trusted:
-            self.disturbed += 1
-            self.state.forget(OFFSET, OFFSET_RAD**2)
-            self.state.value[OFFSET] = 0.0
-        self.trusted, self._trust_from_s = False, t_s + HOLD_S
 
-    def _look_for_offset(self, t_s: float, dt_s: float, off_rad: float) -> None:
-        """Its yaw is off for long, but moves as the gyro says: then it is off by a constant."""
-        state = self.state
-        first_rad = GATE * math.sqrt(float(state.P[YAW, YAW]) + OFFSET_RAD**2 + SENSOR_RAD**2)
-        if self._usual_rad != 0.0 and abs(off_rad) <= first_rad:
-            self._usual_rad = 0.0  # as it was at the start
-            return
-        if self.standing:
-            self._steady_from_s += dt_s  # nothing is learnt about a place by standing there
-        if not abs(wrapped(off_rad - self._steady_rad)) <= ADOPT_RAD or math.isinf(
-            self._steady_from_s
-        ):
-            self._steady_rad, self._steady_from_s = off_rad, t_s
-        if t_s - self._steady_from_s >= ADOPT_S:
-            self._usual_rad, self._steady_from_s = off_rad, math.inf
-            state.define(OFFSET, YAW, -1.0, OFFSET_RAD**2)
-            state.value[OFFSET] = 0.0
-            self.field.adopt()
-            self._trust_from_s = t_s
-            self.adopted += 1
+# Without one
+
+
+@kernel
+def _turn_by_sensor(
+    heading: Record,
+    errors: Record,
+    t_s: float,
+    dt_s: float,
+    turn_rad: float,
+    mean_radps: float,
+    plain: bool,
+) -> None:
+    """No gyro, or a gap in it: the sensor's turn, or the wheels' where that is disturbed."""
+    if plain and heading.trusted:
+        heading.told_rad += turn_rad
+        _pass_time(errors, dt_s, 2 * OFFSET_RAD**2 / OFFSET_S * dt_s, False)
+        return
+    if not plain:
+        _distrust(heading, errors, t_s)
+    elif t_s >= heading.trust_from_s:
+        heading.trusted = True
+    if t_s - heading.wheels_s <= WHEELS_S:
+        heading.told_rad += heading.wheel_radps * dt_s
+    elif math.isfinite(mean_radps):
+        heading.told_rad += (mean_radps - errors.value[BIAS]) * min(dt_s, WHEELS_S)
+    else:
+        heading.told_rad += turn_rad
+    _pass_time(errors, dt_s, (GAP_RADPS * dt_s) ** 2, False)
+
+
+@kernel
+def _pay(heading: Record, errors: Record, dt_s: float) -> None:
+    """Bring what is owed to the told yaw, but not so fast that a map is torn."""
+    most_rad = OWED_RADPS * dt_s
+    paid_rad = max(-most_rad, min(most_rad, errors.value[YAW]))
+    heading.told_rad += paid_rad
+    errors.value[YAW] -= paid_rad
+
+
+@kernel
+def heading_step(
+    heading: Record,
+    field: Record,
+    errors: Record,
+    t_s: float,
+    rpy_rad: Rpy,
+    rates: Rates,
+    q_earth_sensor: Quaternion,
+    magnetic: Vector,
+    has_magnetic: bool,
+) -> float:
+    """The yaw to be told (rad) at a sample, which must be later than the one before.
+
+    Args:
+        heading, field, errors: a HEADING, a FIELD and ERRORS.
+        rpy_rad: roll, pitch and yaw of the body as the sensor has them.
+        rates: about the body's axes, NaN where they are not delivered.
+        q_earth_sensor: the sensor's own, which `magnetic` is turned level by.
+        magnetic: field in the sensor's axes, 1 = the field at calibration.
+    """
+    sensor_rad = rpy_rad[2]
+    rate_radps = yaw_rate(rpy_rad[0], rpy_rad[1], rates)
+    before_s, before_radps, before_rad = heading.t_s, heading.rate_radps, heading.sensor_rad
+    heading.t_s, heading.rate_radps, heading.sensor_rad = t_s, rate_radps, sensor_rad
+    is_first = before_s == -math.inf
+    dt_s = 0.0 if is_first else min(t_s - before_s, LONGEST_S)
+    plain = True  # without a field, there is nothing to judge by
+    if has_magnetic:
+        plain = is_plain(field, dt_s, q_earth_sensor, magnetic, heading.trusted)
+    if is_first:
+        heading.told_rad = sensor_rad
+        return sensor_rad
+    mean_radps = 0.5 * (rate_radps + before_radps)
+    turn_rad = wrapped_in_kernels(sensor_rad - before_rad)
+    if math.isfinite(mean_radps) and dt_s <= GAP_S:
+        heading.gyro_since_s = min(heading.gyro_since_s, before_s)
+        heading.turned_rad += mean_radps * dt_s
+        _stand(heading, errors, t_s, dt_s, sensor_rad, mean_radps - errors.value[BIAS])
+        _turn_by_gyro(heading, errors, dt_s, mean_radps)
+        _use_sensor(heading, field, errors, t_s, dt_s, sensor_rad, plain)
+    else:
+        heading.gyro_since_s, heading.standing = math.inf, False
+        heading.turned_rad += turn_rad
+        _turn_by_sensor(heading, errors, t_s, dt_s, turn_rad, mean_radps, plain)
+    _pay(heading, errors, dt_s)
+    return float(heading.told_rad)

@@ -15,12 +15,13 @@ import numpy as np
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
-from core.motion.error_state import SCALE, SIZE, YAW, X, Y
+from core.motion.error_state import SCALE, SIZE, YAW, X, Y, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path
 from core.motion.slip import SIGMA_M
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts, record
+from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
 WAITING = 64  # pairs that may wait for an attitude to cover them
@@ -36,6 +37,34 @@ MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
 CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
+
+
+@kernel
+def _lay_step(
+    P: F64,
+    value: F64,
+    step_m: tuple[float, float],
+    along_var: float,
+    across_var: float,
+    most_m: float,
+) -> tuple[float, float]:
+    """What a step makes less sure, and what the told heading does not lay as estimated.
+
+    Returns:
+        How much of the pending correction of the position is taken, `most_m` at most.
+    """
+    dx_m, dy_m = step_m
+    travel(P, dx_m, dy_m, along_var, across_var)
+    pending_rad = value[YAW]
+    value[X] -= pending_rad * dy_m
+    value[Y] += pending_rad * dx_m
+    x_m, y_m = value[X], value[Y]
+    length_m = math.hypot(x_m, y_m)
+    if length_m > most_m:
+        x_m, y_m = x_m * (most_m / length_m), y_m * (most_m / length_m)
+    value[X] -= x_m
+    value[Y] -= y_m
+    return x_m, y_m
 
 
 @record()
@@ -135,7 +164,7 @@ class Odometry:
         """
         h = np.zeros(SIZE)
         h[X], h[Y] = along
-        self._state.travel(0.0, 0.0, slipped_m**2, 0.0)  # the place is less sure by as much
+        travel(self._state.P, 0.0, 0.0, slipped_m**2, 0.0)  # the place is less sure by as much
         self._state.correct_some((X, Y, SCALE), h, -slipped_m, SIGMA_M**2)
 
     def settle(self) -> None:
@@ -172,7 +201,8 @@ class Odometry:
     def _begin(self, t_s: float, yaw_rad: float) -> None:
         """Here and now is the map's frame, or where `start_at` said."""
         self.yaw_start_rad = wrapped(yaw_rad - self._start_yaw_rad)
-        self._path.append(t_s, self._start_m, self._start_travel_m)
+        x_m, y_m, z_m = self._start_m.tolist()
+        self._path.append(t_s, x_m, y_m, z_m, self._start_travel_m)
         self._state.begin_map()
 
     def _resume(self, t_s: float) -> None:
@@ -180,7 +210,8 @@ class Odometry:
         if t_s > self.newest_s + EXTRAPOLATED_S:
             self._break(t_s)
         elif t_s > self.newest_s:
-            self._path.append(t_s, self.xyz_at(t_s), self._path.travel_m)
+            x_m, y_m, z_m = self.xyz_at(t_s).tolist()
+            self._path.append(t_s, x_m, y_m, z_m, self._path.travel_m)
         self.wheels.restart()
 
     def _travel(self, last: WheelCounts, counts: WheelCounts, turned_rad: float) -> None:
@@ -188,63 +219,52 @@ class Odometry:
         left_m = (counts.left - last.left) * self._m_per_count
         right_m = (counts.right - last.right) * self._m_per_count
         travel_m = 0.5 * (left_m + right_m)
-        middle_s = 0.5 * (last.t_s + counts.t_s)
+        pitch_rad, middle_rad, gap_s, gyro_rad = self._attitudes.between(last.t_s, counts.t_s)
         unseen_turn = dt_s > GAP_S and abs(travel_m * turned_rad) > HIDDEN_M
-        blind = self._attitudes.gap_s_at(middle_s) > GAP_S and abs(travel_m) > BLIND_M
+        blind = gap_s > GAP_S and abs(travel_m) > BLIND_M
         if unseen_turn or blind:
             self._break(counts.t_s)
             return
         moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
         wheels_rad = (right_m - left_m) / self._track_width_m
         self._attitudes.heading.note_wheels(last.t_s, counts.t_s, wheels_rad, moved=moved)
-        gyro_rad = self._gyro_turn(last.t_s, counts.t_s)
         self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
-        level_m = np.array(self._step(travel_m * self.scale, middle_s))
-        self._doubt(level_m, dt_s, abs(travel_m * turned_rad))
-        place = self._path.newest_m + level_m
-        applied_m = self._apply_correction(dt_s)
-        place[:2] += applied_m
-        self.corrected_m += applied_m
-        self._path.append(counts.t_s, place, self._path.travel_m + travel_m)
+        dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
+        paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, abs(travel_m * turned_rad))
+        self.corrected_m += (paid_x_m, paid_y_m)
+        x_m, y_m, z_m, driven_m = self._path.newest_m
+        place_m = x_m + dx_m + paid_x_m, y_m + dy_m + paid_y_m, z_m + dz_m
+        self._path.append(counts.t_s, *place_m, driven_m + travel_m)
         self.v_mps = travel_m * self.scale / dt_s
         self.w_radps = wheels_rad / dt_s
 
-    def _gyro_turn(self, from_s: float, to_s: float) -> float:
-        """What the gyro turned meanwhile, bias and all; NaN where it did not tell throughout."""
-        attitudes = self._attitudes
-        if attitudes.heading.gyro_since_s > from_s or not attitudes.spans(from_s, to_s):
-            return math.nan
-        return attitudes.turned_rad_at(to_s) - attitudes.turned_rad_at(from_s)
-
-    def _doubt(self, step_m: F64, dt_s: float, hidden_m: float) -> None:
-        """What a step makes less sure, and what the told heading does not lay as estimated."""
-        dx_m, dy_m = float(step_m[0]), float(step_m[1])
+    def _lay_down(
+        self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float
+    ) -> tuple[float, float]:
+        """A step into the error state; how much of the pending correction is taken with it."""
         driven_m = math.hypot(dx_m, dy_m)
         slip_m = (
             0.5 * self._track_width_m * self.wheels.unexplained_rad if self.wheels.slipping else 0.0
         )
         unseen_m = hidden_m if dt_s > GAP_S else 0.0
-        self._state.travel(
-            dx_m,
-            dy_m,
+        return _lay_step(
+            self._state.P,
+            self._state.value,
+            (dx_m, dy_m),
             ALONG_M**2 * driven_m + slip_m**2 + unseen_m**2,
             ACROSS_M**2 * driven_m + unseen_m**2,
+            CORRECTION_MPS * dt_s,
         )
-        pending_rad = float(self._state.value[YAW])
-        self._state.value[X] -= pending_rad * dy_m
-        self._state.value[Y] += pending_rad * dx_m
-
-    def _apply_correction(self, dt_s: float) -> F64:
-        """How much (2,) of the pending correction of the position is taken in this interval."""
-        pending_m = self._state.value[[X, Y]]
-        length_m, most_m = float(np.hypot(*pending_m)), CORRECTION_MPS * dt_s
-        applied_m = pending_m if length_m <= most_m else pending_m * (most_m / length_m)
-        self._state.value[[X, Y]] = pending_m - applied_m
-        return np.asarray(applied_m)
 
     def _step(self, travel_m: float, at_s: float) -> tuple[float, float, float]:
         """A travel along the body's x axis at a spanned instant, as x, y, z of the map frame."""
         _, pitch_rad, yaw_rad = self._attitudes.rpy_at(at_s)
+        return self._along(travel_m, pitch_rad, yaw_rad)
+
+    def _along(
+        self, travel_m: float, pitch_rad: float, yaw_rad: float
+    ) -> tuple[float, float, float]:
+        """A travel along the body's x axis, which points there, as x, y, z of the map frame."""
         heading_rad = yaw_rad - self.yaw_start_rad
         level_m = travel_m * math.cos(pitch_rad)
         return (
@@ -255,9 +275,9 @@ class Odometry:
 
     def _break(self, t_s: float) -> None:
         """Go on from the same place, as an island of its own."""
-        place, travel_m = self._path.newest_m, self._path.travel_m
+        place_m = self._path.newest_m
         self._path.forget()
-        self._path.append(t_s, place, travel_m)
+        self._path.append(t_s, *place_m)
         for row in (X, Y):
             self._state.forget(row, 0.0)
             self._state.value[row] = 0.0
@@ -288,8 +308,8 @@ class Odometry:
     def _replace(self, pose: ExternalPose, yaw_rad: float) -> None:
         """The wheels are silent: the place is where the positioning system says."""
         dt_s = pose.t_s - self.newest_s
-        unseen_m, before, used = UNSEEN_MPS * dt_s, self._path.newest_m, self.positioning.used
-        self._state.travel(0.0, 0.0, unseen_m**2, unseen_m**2)
+        unseen_m, before, used = UNSEEN_MPS * dt_s, self._path.newest_xyz_m, self.positioning.used
+        travel(self._state.P, 0.0, 0.0, unseen_m**2, unseen_m**2)
         here_m = before[:2] + self._state.value[[X, Y]]
         leaps = self.positioning.take(pose, here_m, yaw_rad, JUMP_M + unseen_m)
         if self.positioning.used == used:
@@ -297,7 +317,8 @@ class Odometry:
         place = before + np.array([*self._state.value[[X, Y]], 0.0])
         self._state.value[[X, Y]] = 0.0
         ahead = np.array([math.cos(yaw_rad), math.sin(yaw_rad)])
-        self._path.append(pose.t_s, place, self._path.travel_m)
+        x_m, y_m, z_m = place.tolist()
+        self._path.append(pose.t_s, x_m, y_m, z_m, self._path.travel_m)
         self.v_mps = float(ahead @ (place - before)[:2]) / dt_s
         self._replaced = True
         if leaps:
@@ -327,8 +348,8 @@ class Odometry:
         """Position (3,) in the map frame at a covered instant; z from travel and pitch alone."""
         ahead_s = at_s - self.newest_s
         if ahead_s <= 0:
-            return self._path.at(at_s)[:3]
-        return np.asarray(self._path.newest_m + self._on_from_newest(ahead_s))
+            return np.array(self._path.at(at_s)[:3])
+        return self._path.newest_xyz_m + self._on_from_newest(ahead_s)
 
     def _on_from_newest(self, ahead_s: float) -> tuple[float, float, float]:
         """The way x, y, z gone on since the newest place, at the newest speed."""
@@ -344,7 +365,7 @@ class Odometry:
         """The same at a covered instant."""
         ahead_s = at_s - self.newest_s
         if ahead_s <= 0:
-            return float(self._path.at(at_s)[3])
+            return self._path.at(at_s)[3]
         return self.travel_m + self.v_mps / self.scale * ahead_s
 
     def maybe_pose(self, at_s: float) -> Pose | None:
@@ -353,10 +374,10 @@ class Odometry:
             return None
         ahead_s = at_s - self.newest_s
         if ahead_s <= 0:
-            x_m, y_m = self.xy_at(at_s).tolist()
+            x_m, y_m, _, _ = self._path.at(at_s)
         else:  # as `xyz_at` does, without arrays: twice a tick
-            (x_m, y_m), (dx_m, dy_m, _) = self._path.newest_xy_m, self._on_from_newest(ahead_s)
-            x_m, y_m = x_m + dx_m, y_m + dy_m
+            dx_m, dy_m, _ = self._on_from_newest(ahead_s)
+            x_m, y_m = self._path.newest_m[0] + dx_m, self._path.newest_m[1] + dy_m
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
         return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)

@@ -8,9 +8,11 @@ Source: complementary filter of angles and rates; MTi sheet, section 7 (2 deg rm
 """
 
 import math
-from collections import deque
 
-from core.motion.heading import Rates
+import numpy as np
+
+from core.geometry import Rates
+from jit import Record, Records, kernel, records
 
 FOLLOW_S = 8.0  # in which the sensor's angles are followed
 BIAS_S = 4.0  # of standing, in which the gyro's bias is learnt;
@@ -26,125 +28,174 @@ ALONE_S = 10.0  # and the sensor counts alone for so long,
 NOISE_RADPS, NOISE_S = 0.08, 0.4  # as where the gyro jumps by so much from sample to sample
 STEEP_RAD = math.radians(60.0)  # there, roll and pitch have no meaning; nor has a robot's map
 
+FELT = 128  # samples of LATER_S, at most: of a sensor beyond 500 Hz the oldest teach sooner
+
+TILT = np.dtype(
+    [
+        ("roll_rad", np.float64),
+        ("pitch_rad", np.float64),
+        ("bias_x_radps", np.float64),  # of the rates about body x and y
+        ("bias_y_radps", np.float64),
+        ("doubted", np.int64),  # how often gyro and angles did not agree
+        ("t_s", np.float64),
+        ("alone_until_s", np.float64),
+        ("since_s", np.float64),  # since when the gyro counts
+        ("x_radps", np.float64),  # rates of the sample before; NaN: none
+        ("y_radps", np.float64),
+        ("z_radps", np.float64),
+        ("apart_roll_rad", np.float64),  # sensor less ours, over a while
+        ("apart_pitch_rad", np.float64),
+        ("noise", np.float64),  # square of how much the gyro jumps from sample to sample
+        ("offset_roll_rad", np.float64),
+        ("offset_pitch_rad", np.float64),
+        ("stood", np.int64),  # samples that taught the bias
+        ("quiet_s", np.float64),  # how long it is quiet
+        ("felt_radps", np.float64, (FELT, 2)),  # a ring of rates that are to teach it
+        ("felt_first", np.int64),
+        ("felt_count", np.int64),
+    ],
+    align=True,
+)
+
 
 class TiltFilter:
-    """Roll and pitch (rad) at each sample of one attitude sensor."""
+    """What `tilt_step` knows of one attitude sensor: `record` (1,), of TILT."""
 
-    def __init__(self) -> None:
-        self.roll_rad = self.pitch_rad = 0.0
-        self.bias_radps = (0.0, 0.0)  # of the rates about body x and y
-        self.doubted = 0  # how often gyro and angles did not agree
-        self._t_s, self._alone_until_s = -math.inf, -math.inf
-        self._since_s = -math.inf  # since when the gyro counts
-        self._rates: tuple[float, float, float] | None = None
-        self._apart = (0.0, 0.0)  # sensor less ours, over a while
-        self._noise = 0.0  # square of how much the gyro jumps from sample to sample, over a while
-        self._offset = (0.0, 0.0)  # of roll and pitch
-        self._stood, self._quiet_s = 0, 0.0  # samples that taught the bias; how long it is quiet
-        self._felt: deque[tuple[float, float]] = deque()  # rates that are to teach it
+    def __init__(self, record: Records | None = None) -> None:
+        self.record = record = records(TILT) if record is None else record
+        for time in ("t_s", "alone_until_s", "since_s"):
+            record[time] = -math.inf
+        for rate in ("x_radps", "y_radps", "z_radps"):
+            record[rate] = math.nan
 
-    def step(
-        self, t_s: float, roll_rad: float, pitch_rad: float, rate_body_radps: Rates, *, stands: bool
-    ) -> tuple[float, float]:
-        """Roll and pitch (rad) at a sample, which must be later than the one before.
+    @property
+    def doubted(self) -> int:
+        """How often gyro and angles did not agree."""
+        return int(self.record["doubted"][0])
 
-        Args:
-            roll_rad, pitch_rad: of the body as the sensor has them.
-            rate_body_radps: (3,), NaN where it is not delivered: then the sensor's angles are told.
-            stands: the robot does not move.
-        """
-        x, y, z = map(float, rate_body_radps)
-        rates = (x, y, z) if math.isfinite(x + y + z) else None
-        dt_s, before = t_s - self._t_s, self._rates
-        self._t_s, self._rates = t_s, rates
-        known = rates is not None and before is not None and dt_s <= GAP_S
-        if rates is not None and before is not None and known:
-            self._doubt_noise(
-                t_s, dt_s, max(abs(a - b) for a, b in zip(rates[:2], before[:2], strict=True))
-            )
-        steep = max(abs(roll_rad), abs(pitch_rad)) > STEEP_RAD
-        if not known or steep or t_s < self._alone_until_s:
-            self._apart, self._since_s = (0.0, 0.0), t_s
-            self._offset = _if_small(roll_rad), _if_small(pitch_rad)
-            self.roll_rad, self.pitch_rad = roll_rad, pitch_rad
-            return roll_rad, pitch_rad
-        assert rates is not None
-        assert before is not None
-        p, q = 0.5 * (rates[0] + before[0]), 0.5 * (rates[1] + before[1])
-        r = 0.5 * (rates[2] + before[2])
-        self._learn(dt_s, p, q, stands)
-        self._turn(dt_s, p - self.bias_radps[0], q - self.bias_radps[1], r)
-        return self._towards(t_s, dt_s, roll_rad, pitch_rad)
-
-    def _doubt_noise(self, t_s: float, dt_s: float, jump_radps: float) -> None:
-        """A gyro that only makes noise would lead roll and pitch astray, a degree in a second."""
-        self._noise += min(1.0, dt_s / NOISE_S) * (jump_radps * jump_radps - self._noise)
-        if self._noise > NOISE_RADPS * NOISE_RADPS:
-            self.doubted += t_s >= self._alone_until_s
-            self._alone_until_s = t_s + ALONE_S
-
-    def _turn(self, dt_s: float, p: float, q: float, r: float) -> None:
-        """Go on by the gyro: Euler angles, z-y-x, of the body as it truly stands.
-
-        What the sensor is always off by turns with the body: on level ground that is the mean.
-        """
-        share = dt_s / OFFSET_S
-        x, y = self._offset
-        self._offset = (
-            _within(OFFSET_RAD, x + share * (self.roll_rad - x)),
-            _within(OFFSET_RAD, y + share * (self.pitch_rad - y)),
-        )
-        roll_rad, pitch_rad = self.roll_rad - x, self.pitch_rad - y
-        s, c = math.sin(roll_rad), math.cos(roll_rad)
-        across = q * s + r * c
-        self.roll_rad += dt_s * (p + math.tan(pitch_rad) * across)
-        self.pitch_rad += dt_s * (q * c - r * s)
-
-    def _learn(self, dt_s: float, p: float, q: float, stands: bool) -> None:
-        """A body that stands turns about nothing: what the gyro says then is its bias."""
-        x, y = self.bias_radps
-        if not (stands and max(abs(p - x), abs(q - y)) <= QUIET_RADPS):
-            self._quiet_s = 0.0
-            self._felt.clear()
-            return
-        self._quiet_s += dt_s
-        if self._quiet_s <= QUIET_S:
-            return
-        self._felt.append((p, q))
-        if len(self._felt) * dt_s <= LATER_S:
-            return
-        p, q = self._felt.popleft()
-        self._stood += 1
-        share = max(dt_s / BIAS_S, 1.0 / (self._stood + PRIOR))
-        self.bias_radps = x + share * (p - x), y + share * (q - y)
-
-    def _towards(
-        self, t_s: float, dt_s: float, roll_rad: float, pitch_rad: float
-    ) -> tuple[float, float]:
-        """Follow the sensor's angles slowly; go over to them where they stay far off."""
-        off = roll_rad - self.roll_rad, pitch_rad - self.pitch_rad
-        share = min(1.0, dt_s / APART_S)
-        x, y = self._apart
-        self._apart = apart = x + share * (off[0] - x), y + share * (off[1] - y)
-        if max(abs(apart[0]), abs(apart[1])) > APART_RAD:
-            self.doubted += 1
-            self._alone_until_s = t_s + ALONE_S
-            self._apart = (0.0, 0.0)
-            self.roll_rad, self.pitch_rad = roll_rad, pitch_rad
-            return roll_rad, pitch_rad
-        share = dt_s / min(FOLLOW_S, max(APART_S, t_s - self._since_s))  # at first, the mean
-        self.roll_rad += share * off[0]
-        self.pitch_rad += share * off[1]
-        x, y = self.bias_radps
-        slow = dt_s / (FOLLOW_S * MOVING_BIAS_S)
-        self.bias_radps = x - slow * off[0], y - slow * off[1]
-        return self.roll_rad, self.pitch_rad
+    @property
+    def bias_radps(self) -> tuple[float, float]:
+        """Of the rates about body x and y."""
+        return float(self.record["bias_x_radps"][0]), float(self.record["bias_y_radps"][0])
 
 
+@kernel
+def _doubt_noise(tilt: Record, t_s: float, dt_s: float, jump_radps: float) -> None:
+    """A gyro that only makes noise would lead roll and pitch astray, a degree in a second."""
+    tilt.noise += min(1.0, dt_s / NOISE_S) * (jump_radps * jump_radps - tilt.noise)
+    if tilt.noise > NOISE_RADPS * NOISE_RADPS:
+        if t_s >= tilt.alone_until_s:
+            tilt.doubted += 1
+        tilt.alone_until_s = t_s + ALONE_S
+
+
+@kernel
+def _learn(tilt: Record, dt_s: float, p: float, q: float, stands: bool) -> None:
+    """A body that stands turns about nothing: what the gyro says then is its bias."""
+    x, y = tilt.bias_x_radps, tilt.bias_y_radps
+    if not (stands and max(abs(p - x), abs(q - y)) <= QUIET_RADPS):
+        tilt.quiet_s = 0.0
+        tilt.felt_count = 0
+        return
+    tilt.quiet_s += dt_s
+    if tilt.quiet_s <= QUIET_S:
+        return
+    first, count = tilt.felt_first, tilt.felt_count
+    tilt.felt_radps[(first + count) % FELT, 0] = p
+    tilt.felt_radps[(first + count) % FELT, 1] = q
+    if (count + 1) * dt_s <= LATER_S and count + 1 < FELT:
+        tilt.felt_count = count + 1
+        return
+    tilt.felt_first = (first + 1) % FELT
+    tilt.stood += 1
+    share = max(dt_s / BIAS_S, 1.0 / (tilt.stood + PRIOR))
+    tilt.bias_x_radps = x + share * (tilt.felt_radps[first, 0] - x)
+    tilt.bias_y_radps = y + share * (tilt.felt_radps[first, 1] - y)
+
+
+@kernel
 def _within(most_rad: float, angle_rad: float) -> float:
     return max(-most_rad, min(most_rad, angle_rad))
 
 
+@kernel
+def _turn(tilt: Record, dt_s: float, p: float, q: float, r: float) -> None:
+    """Go on by the gyro: Euler angles, z-y-x, of the body as it truly stands.
+
+    What the sensor is always off by turns with the body: on level ground that is the mean.
+    """
+    share = dt_s / OFFSET_S
+    x, y = tilt.offset_roll_rad, tilt.offset_pitch_rad
+    tilt.offset_roll_rad = _within(OFFSET_RAD, x + share * (tilt.roll_rad - x))
+    tilt.offset_pitch_rad = _within(OFFSET_RAD, y + share * (tilt.pitch_rad - y))
+    roll_rad, pitch_rad = tilt.roll_rad - x, tilt.pitch_rad - y
+    s, c = math.sin(roll_rad), math.cos(roll_rad)
+    across = q * s + r * c
+    tilt.roll_rad += dt_s * (p + math.tan(pitch_rad) * across)
+    tilt.pitch_rad += dt_s * (q * c - r * s)
+
+
+@kernel
+def _towards(tilt: Record, t_s: float, dt_s: float, roll_rad: float, pitch_rad: float) -> None:
+    """Follow the sensor's angles slowly; go over to them where they stay far off."""
+    off_roll, off_pitch = roll_rad - tilt.roll_rad, pitch_rad - tilt.pitch_rad
+    share = min(1.0, dt_s / APART_S)
+    tilt.apart_roll_rad += share * (off_roll - tilt.apart_roll_rad)
+    tilt.apart_pitch_rad += share * (off_pitch - tilt.apart_pitch_rad)
+    if max(abs(tilt.apart_roll_rad), abs(tilt.apart_pitch_rad)) > APART_RAD:
+        tilt.doubted += 1
+        tilt.alone_until_s = t_s + ALONE_S
+        tilt.apart_roll_rad = tilt.apart_pitch_rad = 0.0
+        tilt.roll_rad, tilt.pitch_rad = roll_rad, pitch_rad
+        return
+    share = dt_s / min(FOLLOW_S, max(APART_S, t_s - tilt.since_s))  # at first, the mean
+    tilt.roll_rad += share * off_roll
+    tilt.pitch_rad += share * off_pitch
+    slow = dt_s / (FOLLOW_S * MOVING_BIAS_S)
+    tilt.bias_x_radps -= slow * off_roll
+    tilt.bias_y_radps -= slow * off_pitch
+
+
+@kernel
 def _if_small(angle_rad: float) -> float:
     """An angle that may well be the sensor's error; 0 for one that is a ramp's."""
     return angle_rad if abs(angle_rad) <= OFFSET_RAD else 0.0
+
+
+@kernel
+def tilt_step(
+    tilt: Record,
+    t_s: float,
+    angles_rad: tuple[float, float],
+    rates: Rates,
+    stands: bool,
+) -> tuple[float, float]:
+    """Roll and pitch (rad) at a sample, which must be later than the one before.
+
+    Args:
+        tilt: a `TILT`, of a `TiltFilter`.
+        angles_rad: roll and pitch of the body as the sensor has them.
+        rates: about the body's axes; where they are not delivered, the sensor's angles are told.
+        stands: the robot does not move.
+    """
+    roll_rad, pitch_rad = angles_rad
+    x, y, z = rates
+    dt_s = t_s - tilt.t_s
+    before_x, before_y, before_z = tilt.x_radps, tilt.y_radps, tilt.z_radps
+    known = math.isfinite(x + y + z) and math.isfinite(before_x + before_y + before_z)
+    known = known and dt_s <= GAP_S
+    tilt.t_s, tilt.x_radps, tilt.y_radps, tilt.z_radps = t_s, x, y, z
+    if known:
+        _doubt_noise(tilt, t_s, dt_s, max(abs(x - before_x), abs(y - before_y)))
+    steep = max(abs(roll_rad), abs(pitch_rad)) > STEEP_RAD
+    if not known or steep or t_s < tilt.alone_until_s:
+        tilt.apart_roll_rad = tilt.apart_pitch_rad = 0.0
+        tilt.since_s = t_s
+        tilt.offset_roll_rad, tilt.offset_pitch_rad = _if_small(roll_rad), _if_small(pitch_rad)
+        tilt.roll_rad, tilt.pitch_rad = roll_rad, pitch_rad
+        return roll_rad, pitch_rad
+    p, q, r = 0.5 * (x + before_x), 0.5 * (y + before_y), 0.5 * (z + before_z)
+    _learn(tilt, dt_s, p, q, stands)
+    _turn(tilt, dt_s, p - tilt.bias_x_radps, q - tilt.bias_y_radps, r)
+    _towards(tilt, t_s, dt_s, roll_rad, pitch_rad)
+    return tilt.roll_rad, tilt.pitch_rad

@@ -8,6 +8,7 @@ wheel does steadily is the scale that only a positioning system can tell.
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,6 +41,24 @@ class Turn:
     gyro_rad: float  # turned, by the gyro with its bias
 
 
+@dataclass(slots=True)
+class Sums:
+    """Of intervals: some turns, one after the other."""
+
+    dt_s: float = 0.0
+    travel_m: float = 0.0
+    driven_m: float = 0.0  # there and back
+    wheels_rad: float = 0.0
+    gyro_rad: float = 0.0
+
+    def add(self, turn: Turn) -> None:
+        self.dt_s += turn.dt_s
+        self.travel_m += turn.travel_m
+        self.driven_m += abs(turn.travel_m)
+        self.wheels_rad += turn.wheels_rad
+        self.gyro_rad += turn.gyro_rad
+
+
 class WheelCheck:
     """Compares the wheels' turn with the gyro's, interval by interval."""
 
@@ -47,7 +66,7 @@ class WheelCheck:
         self._state, self._track_width_m = state, track_width_m
         self._round_rad = COUNTS * m_per_count / track_width_m
         self._short: deque[Turn] = deque()
-        self._long: list[Turn] = []
+        self._long = Sums()
         self._speed_mps = math.nan
         self._clear_s = math.inf  # since the last sign of slip
         self.slips = 0  # how often it began
@@ -61,7 +80,7 @@ class WheelCheck:
     def restart(self) -> None:
         """The interval before the next one is not known."""
         self._short.clear()
-        self._long.clear()
+        self._long = Sums()
         self._speed_mps = math.nan
 
     def take(self, turn: Turn) -> None:
@@ -71,34 +90,33 @@ class WheelCheck:
         self._speed_mps = speed_mps
         if math.isnan(turn.gyro_rad):
             self._short.clear()
-            self._long.clear()
+            self._long = Sums()
         else:
             self._short.append(turn)
-            while len(self._short) > 1 and sum(each.dt_s for each in self._short) > SHORT_S:
+            while len(self._short) > 1 and sum([each.dt_s for each in self._short]) > SHORT_S:
                 self._short.popleft()
-            self._long.append(turn)
+            self._long.add(turn)
         self._judge(turn.dt_s, leapt)
         if self.slipping:
-            self._long.clear()
-        elif sum(each.dt_s for each in self._long) >= LONG_S:
+            self._long = Sums()
+        elif self._long.dt_s >= LONG_S:
             self._learn()
-            self._long.clear()
+            self._long = Sums()
 
     def _judge(self, dt_s: float, leapt: bool) -> None:
-        bias_radps = float(self._state.value[BIAS])
-        seconds = sum(each.dt_s for each in self._short)
-        wheels_rad = sum(each.wheels_rad for each in self._short)
-        turned_rad = sum(each.gyro_rad for each in self._short) - bias_radps * seconds
-        travel_m = sum(abs(each.travel_m) for each in self._short)
-        bias_rad = GATE * math.sqrt(float(self._state.P[BIAS, BIAS])) * seconds
+        short = Sums()
+        for turn in self._short:
+            short.add(turn)
+        turned_rad = short.gyro_rad - float(self._state.value[BIAS]) * short.dt_s
+        bias_rad = GATE * math.sqrt(float(self._state.P[BIAS, BIAS])) * short.dt_s
         allowed_rad = (
             SLIP_RAD
             + bias_rad
             + 2 * self._round_rad
             + SLIP_TURN * abs(turned_rad)
-            + SLIP_TRAVEL * travel_m / self._track_width_m
+            + SLIP_TRAVEL * short.driven_m / self._track_width_m
         )
-        self.unexplained_rad = wheels_rad - turned_rad
+        self.unexplained_rad = short.wheels_rad - turned_rad
         if leapt or abs(self.unexplained_rad) > allowed_rad:
             self.slips += not self.slipping
             self._clear_s = 0.0
@@ -107,20 +125,15 @@ class WheelCheck:
 
     def _learn(self) -> None:
         """Bias and asymmetry from a second in which nothing slipped."""
-        seconds = sum(each.dt_s for each in self._long)
-        wheels_rad = sum(each.wheels_rad for each in self._long)
-        gyro_rad = sum(each.gyro_rad for each in self._long)
-        travel_m = sum(each.travel_m for each in self._long)
-        driven_m = sum(abs(each.travel_m) for each in self._long)
-        h, state = np.zeros(SIZE), self._state
-        h[BIAS], h[ASYMMETRY] = seconds, travel_m / self._track_width_m
-        innovation_rad = gyro_rad - wheels_rad - float(h @ state.value)
+        long, h, state = self._long, np.zeros(SIZE), self._state
+        h[BIAS], h[ASYMMETRY] = long.dt_s, long.travel_m / self._track_width_m
+        innovation_rad = long.gyro_rad - long.wheels_rad - float(h @ state.value)
         variance = (
             FLOOR_RAD**2
             + 2 * self._round_rad**2
-            + GYRO_RAD**2 * seconds
-            + WANDER_RAD**2 * driven_m
-            + (TURN_SHARE * wheels_rad) ** 2
+            + GYRO_RAD**2 * long.dt_s
+            + WANDER_RAD**2 * long.driven_m
+            + (TURN_SHARE * long.wheels_rad) ** 2
         )
         if innovation_rad**2 <= GATE**2 * (state.spread(h) + variance):
             state.correct(h, innovation_rad, variance)

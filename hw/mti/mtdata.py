@@ -18,12 +18,12 @@ from hw.mti.sample import (
     NWU,
     ORIENTATION_NUMBERS,
     QUATERNION,
-    MtSample,
+    Decoded,
     Reader,
-    SampleBuilder,
     integer_reader,
     number_reader,
     orientation_reader,
+    sample_of,
 )
 
 TEMPERATURE, CALIBRATED, ORIENTATION, AUXILIARY = 0x0001, 0x0002, 0x0004, 0x0008  # output modes
@@ -57,25 +57,22 @@ class MtDataDecoder:
     """MTData of one output mode and settings."""
 
     def __init__(self, mode: int, settings: int) -> None:
-        self._blocks: list[tuple[str, int, Reader | None]] = []  # name, place in the data, reader
+        self._fields: list[tuple[str, int, Reader]] = []  # name, place in the data, reader
         self.size = 0  # data bytes of a frame
         for name, size in _blocks(mode, settings):
-            self._blocks.append((name, self.size, _maybe_reader(name, size, settings)))
+            if read := _maybe_reader(name, size, settings):
+                self._fields.append((name, self.size, read))
             self.size += size
 
-    def __contains__(self, block: str) -> bool:
-        """Whether the messages carry a block of this name: "rate_radps", "counter" ..."""
-        return any(name == block for name, _, _ in self._blocks)
+    def __contains__(self, field: str) -> bool:
+        """Whether the messages carry a field of this name: "rate_radps", "counter" ..."""
+        return any(name == field for name, _, _ in self._fields)
 
-    def decode(self, data: bytes) -> MtSample | BadFrame:
+    def decode(self, data: bytes) -> Decoded:
         if len(data) != self.size:
             reason = f"{len(data)} data bytes, {self.size} by output mode and settings"
             return BadFrame(reason, data)
-        builder = SampleBuilder()
-        for name, start, read in self._blocks:
-            if read is not None:
-                builder.take(name, read(data, start))
-        return builder.sample(data)
+        return sample_of([(name, read(data, start)) for name, start, read in self._fields], data)
 
 
 def _maybe_reader(name: str, size: int, settings: int) -> Reader | None:
@@ -113,9 +110,10 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
     return ((name, size) for name, present, size in table if present)
 
 
-def decode_mtdata2(data: bytes) -> MtSample | BadFrame:
+def decode_mtdata2(data: bytes) -> Decoded:
     """The packets of one MTData2 message, in any order."""
-    builder, start, end = SampleBuilder(), 0, len(data)
+    wrong, fields = "", []
+    start, end = 0, len(data)
     while start < end:
         begin = start + PACKET.size
         if begin > end or begin + data[begin - 1] > end:
@@ -125,10 +123,10 @@ def decode_mtdata2(data: bytes) -> MtSample | BadFrame:
         if layout := _maybe_layout(identifier):
             name, due, read = layout
             if size == due:
-                builder.take(name, read(data, begin))
+                fields.append((name, read(data, begin)))
             else:
-                builder.reject(f"packet {identifier:04X} has {size} bytes")
-    return builder.sample(data)
+                wrong = wrong or f"packet {identifier:04X} has {size} bytes"
+    return BadFrame(wrong, data) if wrong else sample_of(fields, data)
 
 
 @lru_cache(maxsize=256)  # a device sends a dozen; what seems to be one may send them all

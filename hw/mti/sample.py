@@ -47,32 +47,26 @@ class MtSample:
     status: int | None = None
 
 
-class SampleBuilder:
-    """A sample while it is put together; the first thing that is wrong with it is kept."""
+Decoded = MtSample | BadFrame
 
-    __slots__ = ("_sample", "_wrong")
 
-    def __init__(self) -> None:
-        self._wrong = ""
-        self._sample = MtSample()
+def sample_of(fields: Sequence[tuple[str, Sequence[float] | None]], data: bytes) -> Decoded:
+    """The fields of a message, or why it is worth nothing.
 
-    def take(self, name: str, values: Sequence[float] | None) -> None:
-        """A field: one number, several as a tuple; None: an orientation that is none."""
+    Args:
+        fields: each with its numbers; None: an orientation that is none.
+        data: of the message.
+    """
+    sample = MtSample()
+    for name, values in fields:
         if values is None:
-            self.reject("orientation is not a rotation")
-        elif not all(map(math.isfinite, values)):
-            self.reject(f"{name} is not finite")
-        elif name == "rate_radps" and max(map(abs, values)) > MAX_RATE_RADPS:
-            self.reject("rate of turn beyond any such device")
-        else:
-            setattr(self._sample, name, values if len(values) > 1 else values[0])
-
-    def reject(self, reason: str) -> None:
-        """The message is worth nothing."""
-        self._wrong = self._wrong or reason
-
-    def sample(self, data: bytes) -> MtSample | BadFrame:
-        return BadFrame(self._wrong, data) if self._wrong else self._sample
+            return BadFrame("orientation is not a rotation", data)
+        if not math.isfinite(sum(values)):
+            return BadFrame(f"{name} is not finite", data)
+        if name == "rate_radps" and max(*values, -min(values)) > MAX_RATE_RADPS:
+            return BadFrame("rate of turn beyond any such device", data)
+        setattr(sample, name, values if len(values) > 1 else values[0])
+    return sample
 
 
 @cache

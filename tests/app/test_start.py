@@ -15,13 +15,14 @@ from tools.bench.usage import resident_mb, usage_of
 from tools.rig.latency import Bench
 from tools.terminal.processes import Stop
 
-NEVER = {"asyncio", "rich", "structlog", "colorama", "mapod_link", "fakes", "tools"}
-NEVER |= {"hw.modbus", "hw.runtime.servers"}
+NEVER = {"asyncio", "rich", "structlog", "colorama", "mapod_link", "fakes"}
+NEVER |= {"hw.modbus", "hw.runtime.servers", "tools.terminal", "tools.rig"}
 COMPILER = {"numba.np.linalg", "numba.np.arraymath", "numba.np.npyimpl", "numba.typed.typedlist"}
 LOADED = """
 import sys
 from pathlib import Path
 from config_file import load_config
+from tools.cli.run import run
 from main import warm_kernels
 print(*sys.modules)
 warm_kernels(load_config(Path("mapod.toml").read_text()))

@@ -4,6 +4,7 @@ FLOATS = "they differ where a computed number is exactly at a margin, and nowher
 ALL_AROUND = "the eight neighbours are the same, in another order"
 LATER = "what is far enough passes the later limits too: the first one saves time"
 LONGER = "the search goes on for longer; what it finds then is no nearer"
+WIDER = "a cell more is looked at, which does not count"
 NEARLY_STRAIGHT = "a millionth of a radian aside is less than a micrometre"
 UNREAD = "nothing reads it before it is set"
 FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
@@ -53,6 +54,13 @@ EQUIVALENT: dict[str, str] = {
     f"{CORRIDOR} _path_to: side >= keeps[1] - TOUCH_M -> side > keeps[1] - TOUCH_M": FLOATS,
     f"{CORRIDOR} _path_to: front < 0.0 -> front <= 0.0": FLOATS,
     f"{CORRIDOR} _path_to: 1.0 -> 2.0": ANY,
+    f"{CORRIDOR} _path_to: front - keeps[0] >= enough -> front - keeps[0] > enough": LONGER,
+    f"{CORRIDOR} free_path: 0 -> 1 (7)": WIDER,
+    f"{CORRIDOR} _nearest_beside: abs(dy) > reach -> abs(dy) >= reach": FLOATS,
+    f"{CORRIDOR} _nearest_beside: max(beyond) - half >= best -> max(beyond) - half > best": LONGER,
+    f"{CORRIDOR} _nearest_beside: max(beyond) -> min(beyond)": LONGER,
+    f"{CORRIDOR} nearest_obstacle: found[0] < NEAR_M - corner - cell_m -> "
+    "found[0] <= NEAR_M - corner - cell_m": FLOATS,
     f"{STALL}__init__: 0.0 -> 1.0": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (2)": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (5)": UNREAD,

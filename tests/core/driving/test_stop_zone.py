@@ -19,7 +19,9 @@ from core.driving.stop_zone import (
     Place,
     Rect,
     StopZone,
+    cells_near,
     clearance,
+    drift_m,
     gap_to,
     is_in_way,
     leaves,
@@ -178,7 +180,56 @@ def test_of_two_edges_the_side_comes_first_then_the_front_and_what_rests_does_no
     assert leaves(x, y, NOWHERE, rect, *motion) is out
 
 
+@settings(max_examples=examples(40))
+@given(
+    place=PLACES,
+    marks=st.dictionaries(
+        st.tuples(st.integers(-7, 7), st.integers(-7, 7)),
+        st.sampled_from([OBSTACLE, UNKNOWN]),
+        max_size=30,
+    ),
+    within=st.floats(0.0, 0.4),
+    clear=st.sampled_from([NOWHERE, (0.5, 0.2, 0.6)]),
+)
+def test_the_cells_that_are_near_are_listed_row_by_row(
+    place: Place, marks: dict[tuple[int, int], int], within: float, clear: Place
+) -> None:
+    grid, cells = ground()
+    for (i, j), state in marks.items():
+        cells[j % SIZE, i % SIZE] = state
+    window = (grid.corner_i, grid.corner_j, SIZE)
+    found = cells_near(cells, window, CELL_M, place, RECT, within, clear)
+    assert found.tolist() == [
+        [i, j, state]
+        for (i, j), state in sorted(marks.items(), key=lambda mark: mark[0][::-1])
+        if gap_to((i + 0.5) * CELL_M, (j + 0.5) * CELL_M, CELL_M / 2, place, RECT) < within
+        and is_in_way(state, i, j, CELL_M, clear)
+    ]
+
+
 # The way
+
+
+def test_how_far_the_edge_gets_is_more_than_what_a_gap_can_shrink_by() -> None:
+    assert drift_m((1.5, 0.2, 0.3), 0.25, (-0.4, 0.5), 2.0) == pytest.approx(2.55)
+    assert drift_m((0.2, 0.5, 0.9), 0.1, (0.4, -0.5), 2.0) == pytest.approx(1.8)
+
+
+@settings(max_examples=examples(200))
+@given(
+    place=PLACES,
+    rect=st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(0.05, 1.0)),
+    motion=st.tuples(st.floats(-1.0, 1.0), st.sampled_from([-1.0, -0.3, 0.0, 0.4])),
+    for_s=st.floats(-0.3, 0.3),
+    cell=st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)),
+)
+def test_what_comes_within_the_margin_was_near_it_before(
+    place: Place, rect: Rect, motion: Motion, for_s: float, cell: tuple[float, float]
+) -> None:
+    then = gap_to(*cell, 0.1, after(place, motion, for_s), rect)
+    if then < MARGIN_M:
+        most_m = MARGIN_M + drift_m(rect, MARGIN_M, motion, abs(for_s))
+        assert gap_to(*cell, 0.1, place, rect) < most_m + 1e-9
 
 
 def slow_clearance(
@@ -256,7 +307,7 @@ FINE_M, FINE_SIZE = 0.05, 165  # so fine that a stride of the sweep has several 
 @settings(max_examples=examples(160))
 @given(
     place=PLACES,
-    rect=st.sampled_from([RECT, (0.2, 0.5, 0.3)]),
+    rect=st.sampled_from([RECT, (0.2, 0.5, 0.3), (0.06, 0.04, 0.05)]),
     motion=st.tuples(
         st.sampled_from([-0.6, 0.0, 0.3, 1.0]), st.sampled_from([-1.0, -0.3, 0.0, 0.4])
     ).filter(any),
@@ -345,6 +396,16 @@ def test_of_cells_that_are_equally_near_the_first_is_told() -> None:
     found = look((0.5, 0.0), *wall)
     assert (found.i, found.j, found.state) == (10, -1, OBSTACLE)
     assert found.free_m == pytest.approx(2.0 - FRONT_M - MARGIN_M, abs=STEP_M / 32)
+
+
+@pytest.mark.parametrize("yaw", [-0.05, 0.05])
+def test_of_cells_that_one_step_meets_the_nearest_counts(yaw: float) -> None:
+    place = (-0.13, 0.0, yaw)
+    wall = [(2.1, 0.2 * k + 0.1, OBSTACLE) for k in range(-2, 2)]
+    alone = [look((0.5, 0.0), cell, place=place).free_m for cell in wall]
+    assert len(set(alone)) > 1
+    assert max(alone) - min(alone) < STEP_M
+    assert look((0.5, 0.0), *wall, place=place).free_m == min(alone)
 
 
 def test_what_is_farther_than_the_way_to_stop_does_not_matter() -> None:

@@ -294,32 +294,63 @@ def test_of_what_is_equally_near_the_first_is_told() -> None:
     window, here, rect = (-32, -32, 65), (0.0, 0.0, 0.0), (0.5, 0.25, 0.25)
     found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (9.0, 9.0, 0))
     assert found[1:4] == (12, -3, OBSTACLE)
+    cells[-1, 4] = cells[0, 4] = OBSTACLE  # within the margin
+    found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (9.0, 9.0, 0))
+    assert found[:4] == (0.0, 4, -1, OBSTACLE)
+    cells[-1, 4] = cells[0, 4] = FREE
     cells[0, 12] = cells[1, 12] = FREE
     _, bearing_rad = nearest_obstacle(cells, window, 0.125, here, rect)
     assert bearing_rad > 0.0
 
 
-@pytest.mark.parametrize("turn", range(8))
+@pytest.mark.parametrize("turn", range(24))
 @pytest.mark.parametrize("rect", [(0.2, 0.2, 0.8), (0.8, 0.2, 0.2), (0.2, 1.4, 0.2)])
 def test_what_ends_the_way_is_found_however_the_robot_stands(rect: Rect, turn: int) -> None:
-    """Just before the end of the longest way, at a corner of the strip."""
-    x, y, yaw = 0.9, -0.6, turn * math.tau / 8 + 0.1
+    """At the sides of the strip, at its begin, and just before the end of the longest way."""
+    x, y, yaw = (0.9, -0.6, 0.1) if turn % 2 else (-0.9, 0.6, -0.1)
+    yaw += turn * math.tau / 24
     c, s = math.cos(yaw), math.sin(yaw)
-    far, rear = rect[0] + MARGIN_M + 1.35, 0.3 - rect[1]  # and under the footprint
-    for ahead, aside in ((far, rect[2]), (far, -rect[2]), (rear, rect[2] - 0.01)):
+    window, clear = (-49, -49, 99), (9.0, 9.0, 0.0)
+    cells = np.full((99, 99), FREE, dtype=np.int8)
+    far, side = rect[0] + MARGIN_M, rect[2] + MARGIN_M - 0.005
+    spots = [(far + way, side * part) for way in (0.1, 1.35, 1.43) for part in (-1.0, -0.4, 0.4, 1)]
+    for ahead, aside in (*spots, (0.3 - rect[1], rect[2] - 0.01)):  # and under the footprint
         mark = (
             math.floor((x + c * ahead - s * aside) / CELL_M),
             math.floor((y + s * ahead + c * aside) / CELL_M),
         )
-        cells = np.full((99, 99), FREE, dtype=np.int8)
         cells[mark[1] % 99, mark[0] % 99] = OBSTACLE
-        window, clear = (-49, -49, 99), (9.0, 9.0, 0.0)
         kept_m = clearance(cells, window, CELL_M, (x, y, yaw), rect, MARGIN_M, clear)
         way_m = slow_way(mark, OBSTACLE, (x, y, yaw), rect, MARGIN_M, kept_m)
         found = free_path(cells, window, CELL_M, (x, y, yaw), rect, MARGIN_M, 1.5, clear)
         assert found[0] == pytest.approx(min(way_m, 1.5))
         assert found[1:4] == ((*mark, OBSTACLE) if way_m < 1.5 else (0, 0, UNKNOWN))
-        assert way_m < 1.5
+        assert way_m < 1.5 or ahead < 0.5
+        cells[mark[1] % 99, mark[0] % 99] = FREE
+
+
+def test_ground_that_somebody_vouches_for_does_not_end_the_way() -> None:
+    cells = np.full((65, 65), UNKNOWN, dtype=np.int8)
+    window, here, rect = (-32, -32, 65), (0.0, 0.0, 0.0), (0.5, 0.25, 0.25)
+    found = free_path(cells, window, 0.125, here, rect, 0.125, 2.0, (0.0, 0.0, 1.5))
+    assert 0.5 < found[0] < 1.0
+    assert found[3] == UNKNOWN
+
+
+@pytest.mark.parametrize("rect", [(1.4, 0.2, 0.1), (0.2, 1.4, 0.1), (0.2, 0.1, 1.4)])
+def test_an_obstacle_in_a_far_row_counts_if_it_is_nearer_than_those_beside(rect: Rect) -> None:
+    """The robot reaches far along y; the gaps differ by less than a cell."""
+    yaw = 0.0 if rect[2] > 1.0 else (math.pi / 2 if rect[0] > 1.0 else -math.pi / 2)
+    edge_x = rect[0] if rect[2] > 1.0 else rect[2]
+    for beside in (17, 50):  # cells from the edge
+        ground = Ground()
+        ground.paint(0.05, 3.05, OBSTACLE)
+        ground.paint(edge_x + (beside + 0.5) * CELL_M, 0.05, OBSTACLE)
+        grid = ground.window.grid
+        window = (grid.corner_i, grid.corner_j, grid.size)
+        found = nearest_obstacle(ground.window.cells, window, CELL_M, (0.04, 0.0, yaw), rect)
+        assert found[0] == pytest.approx(1.6, abs=1e-6)
+        assert abs(found[1] + yaw - math.pi / 2) < 0.1
 
 
 @settings(max_examples=examples(60))

@@ -42,8 +42,8 @@ def test_an_instant_is_covered_only_between_close_samples() -> None:
     assert ring.covers(1.085, 1.10)
     assert not ring.covers(1.085, 1.1001)
     assert ring.spans(1.0, 1.1)
-    assert math.isclose(ring.gap_s_at(1.05), 0.01 + MAX_GAP_S)
-    assert ring.gap_s_at(2.0) == math.inf
+    assert math.isclose(ring.between(1.04, 1.06)[2], 0.01 + MAX_GAP_S)
+    assert ring.between(0.5, 1.0)[2] == math.inf
     assert not ring_of().covers(0.0, 0.0)
     assert not ring_of(attitude(1.0)).covers(1.0, 1.0)
 
@@ -100,7 +100,10 @@ def ring_that_turns(
 
 def test_the_gyros_turn_is_kept_for_each_instant_and_orientations_turn_at_once() -> None:
     ring = ring_that_turns((0.0, 0.0, 0.5), bias_radps=0.01)
-    assert math.isclose(ring.turned_rad_at(0.085) - ring.turned_rad_at(0.03), 0.055 * 0.51)
+    _, yaw_rad, _, turned_rad = ring.between(0.03, 0.085)
+    assert math.isclose(turned_rad, 0.055 * 0.51)
+    assert math.isclose(yaw_rad, ring.rpy_at(0.0575)[2])
+    assert math.isnan(ring.between(-0.01, 0.085)[3])  # it told later than that
     before = [ring.rpy_at(0.01 * k) for k in range(1, 9)]
     ring.turn_all(0.25)
     for k, (roll, pitch, yaw) in enumerate(before, start=1):

@@ -17,6 +17,8 @@ from core.motion.error_state import (
     ErrorState,
     X,
     Y,
+    travel,
+    turn,
 )
 from core.motion.wheel_check import GONE_S, Turn, WheelCheck
 from core.records import F64
@@ -50,7 +52,9 @@ def test_time_makes_the_bias_an_error_of_yaw() -> None:
     F[YAW, BIAS], F[OFFSET, OFFSET] = -0.01, 0.9
     Q = np.zeros((SIZE, SIZE))
     Q[YAW, YAW], Q[BIAS, BIAS], Q[OFFSET, OFFSET] = 0.1, 0.2, 0.3
-    state.turn(0.01, 0.1, 0.2, 0.9, 0.3)
+    offset_rad = state.value[OFFSET]
+    turn(state.P, state.value, 0.01, 0.1, 0.2, 0.9, 0.3)
+    assert state.value[OFFSET] == 0.9 * offset_rad
     np.testing.assert_allclose(state.P, F @ P @ F.T + Q, atol=1e-12)
 
 
@@ -61,10 +65,10 @@ def test_a_step_makes_yaw_and_scale_errors_of_position() -> None:
     along, across = np.array([0.6, -0.8]), np.array([0.8, 0.6])
     expected = F @ P @ F.T
     expected[:2, :2] += 0.04 * np.outer(along, along) + 0.01 * np.outer(across, across)
-    state.travel(dx, dy, 0.04, 0.01)
+    travel(state.P, dx, dy, 0.04, 0.01)
     np.testing.assert_allclose(state.P, expected, atol=1e-12)
     still = ErrorState()
-    still.travel(0.0, 0.0, 0.04, 0.01)
+    travel(still.P, 0.0, 0.0, 0.04, 0.01)
     assert (still.P[X, X], still.P[Y, Y], still.P[X, Y]) == (0.04, 0.04, 0.0)
 
 

@@ -8,16 +8,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.geometry import wrapped
-from core.motion.heading import HeadingFilter, yaw_rate
-from core.motion.magnetic import FieldReference, strength_and_dip
+from core.geometry import q_from_rpy, wrapped
+from core.motion.attitude import AttitudeRing
+from core.motion.heading import yaw_rate
+from core.motion.magnetic import FIELD, adopt_field, is_plain, strength_and_dip
+from core.records import Attitude
+from jit import records
 from tests.support.cases import examples, few
 from tests.support.turning_robot import Errors, Robot
 
 RAD = math.radians
 STOOD_S, DROVE_S = 3.0, 5.0
 DOOR_S = STOOD_S + DROVE_S
-NO_RATE = np.full(3, math.nan)
+NO_RATE, STILL = (math.nan,) * 3, (0.0, 0.0, 0.0)
 
 
 def nothing(t_s: float) -> float:
@@ -140,22 +143,28 @@ def test_a_turn_from_standing_loses_nothing_of_its_begin() -> None:
 
 
 def test_roll_and_pitch_turn_the_rate_to_the_vertical() -> None:
-    assert yaw_rate(0.0, 0.3, np.array([0.0, 0.0, 0.5])) == pytest.approx(0.5 / math.cos(0.3))
-    assert yaw_rate(0.2, 0.0, np.array([9.0, 0.5, 0.0])) == pytest.approx(0.5 * math.sin(0.2))
-    assert math.isnan(yaw_rate(0.0, math.pi / 2, np.array([0.0, 0.0, 0.5])))
+    assert yaw_rate(0.0, 0.3, (0.0, 0.0, 0.5)) == pytest.approx(0.5 / math.cos(0.3))
+    assert yaw_rate(0.2, 0.0, (9.0, 0.5, 0.0)) == pytest.approx(0.5 * math.sin(0.2))
+    assert math.isnan(yaw_rate(0.0, math.pi / 2, (0.0, 0.0, 0.5)))
+
+
+def turned(t_s: float, yaw_rad: float, rates: tuple[float, float, float]) -> Attitude:
+    q = (math.cos(0.5 * yaw_rad), 0.0, 0.0, math.sin(0.5 * yaw_rad))
+    return Attitude(t_s, q, rates)
 
 
 def test_without_a_gyro_and_in_a_gap_of_it_the_sensors_own_turn_counts() -> None:
-    heading = HeadingFilter()
+    ring = AttitudeRing(0, 0, 0)
     for k in range(200):
-        told_rad = heading.step(0.01 * k, (0.0, 0.0, wrapped(0.02 * k)), NO_RATE)
-        assert wrapped(told_rad - 0.02 * k) == pytest.approx(0.0, abs=1e-9)
-    heading = HeadingFilter()
+        ring.add(turned(0.01 * k, 0.02 * k, NO_RATE))
+        assert wrapped(ring.heading.told_rad - 0.02 * k) == pytest.approx(0.0, abs=1e-9)
+    ring = AttitudeRing(0, 0, 0)
     for k in range(100):
-        heading.step(0.01 * k, (0.0, 0.0, 0.0), np.zeros(3))
-    told_rad = heading.step(1.6, (0.0, 0.0, 0.4), np.zeros(3))
-    assert told_rad == pytest.approx(0.4, abs=0.01)
-    assert heading.gyro_since_s == math.inf
+        ring.add(turned(0.01 * k, 0.0, STILL))
+    assert ring.heading.gyro_since_s == 0.0
+    ring.add(turned(1.6, 0.4, STILL))
+    assert ring.heading.told_rad == pytest.approx(0.4, abs=0.01)
+    assert ring.heading.gyro_since_s == math.inf
 
 
 def test_a_field_is_plain_while_strength_and_dip_are_as_at_first() -> None:
@@ -163,17 +172,16 @@ def test_a_field_is_plain_while_strength_and_dip_are_as_at_first() -> None:
     for q, field in ((level, (0.6, 0.0, -0.8)), ((half, 0.0, 0.0, half), (0.0, -0.6, -0.8))):
         assert strength_and_dip(q, field) == pytest.approx((1.0, math.asin(0.8)))
     assert strength_and_dip(level, (0.0, 0.0, 0.0)) == (0.0, 0.0)
-    reference = FieldReference()
+    reference = records(FIELD)[0]
     for _ in range(150):
-        assert reference.is_plain(0.01, level, (0.4, 0.0, -0.9), agrees=True)
-    assert reference.is_plain(0.01, level, (0.0, 0.4, -0.9), agrees=True)
-    assert reference.is_plain(0.01, level, None, agrees=True)
+        assert is_plain(reference, 0.01, level, (0.4, 0.0, -0.9), True)
+    assert is_plain(reference, 0.01, level, (0.0, 0.4, -0.9), True)
     for field in ((0.6, 0.0, -0.9), (0.9, 0.0, -0.4), (0.0, 0.0, 0.0), (math.nan, 0.0, 1.0)):
-        assert not reference.is_plain(0.01, level, field, agrees=True)
+        assert not is_plain(reference, 0.01, level, field, True)
     for _ in range(500):
-        reference.is_plain(0.01, level, (0.9, 0.0, -0.4), agrees=False)
-    reference.adopt()
-    assert reference.is_plain(0.01, level, (0.9, 0.0, -0.4), agrees=True)
+        is_plain(reference, 0.01, level, (0.9, 0.0, -0.4), False)
+    adopt_field(reference)
+    assert is_plain(reference, 0.01, level, (0.9, 0.0, -0.4), True)
 
 
 NUMBER = st.floats(-200, 200) | st.sampled_from([math.nan, math.inf, -math.inf])
@@ -190,11 +198,13 @@ SAMPLE = st.tuples(
 @settings(max_examples=examples(30), deadline=None)
 @given(st.lists(SAMPLE, max_size=25))
 def test_no_samples_make_the_yaw_anything_but_a_number(samples: list[tuple]) -> None:  # type: ignore[type-arg]
-    heading, t_s = HeadingFilter(), 0.0
+    ring, t_s = AttitudeRing(0, 0, 0), 0.0
+    heading = ring.heading
     for dt_s, rpy_rad, rates, magnetic, moved in samples:
         t_s += dt_s
-        told_rad = heading.step(t_s, rpy_rad, np.array(rates), (1.0, 0.0, 0.0, 0.0), magnetic)
+        w, x, y, z = q_from_rpy(*rpy_rad).tolist()
+        assert ring.add(Attitude(t_s, (w, x, y, z), rates, magnetic))
         heading.note_wheels(t_s - 0.5 * dt_s, t_s, 0.1, moved=moved)
-        assert math.isfinite(told_rad)
+        assert math.isfinite(heading.told_rad)
         assert np.isfinite(heading.state.P).all()
         assert np.linalg.eigvalsh(heading.state.P)[0] > -1e-6

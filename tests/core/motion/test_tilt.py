@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from core.motion.tilt import ALONE_S, APART_RAD, TiltFilter
+from core.motion.tilt import ALONE_S, APART_RAD, TiltFilter, tilt_step
 
 PERIOD_S = 0.01
 NAN = (math.nan,) * 3
@@ -27,7 +27,8 @@ class Sensor:
 
     def __init__(self, truth: Angles, bias_radps: tuple[float, float] = (0.0, 0.0)) -> None:
         self.truth, self.bias = truth, bias_radps
-        self.level, self.t_s, self.worst_rad = TiltFilter(), 0.0, 0.0
+        self.tilt, self.t_s, self.worst_rad = TiltFilter(), 0.0, 0.0
+        self.told = 0.0, 0.0
 
     def run(
         self,
@@ -46,10 +47,10 @@ class Sensor:
             off = wrong(k * PERIOD_S)
             x, y, z = (gyro_sees * rate for rate in rates_of(self.truth, self.t_s))
             rates = (x + self.bias[0], y + self.bias[1], z) if has_gyro else NAN
-            told = self.level.step(
-                self.t_s, roll + off[0], pitch + off[1], np.array(rates), stands=stands
-            )
-            self.worst_rad = max(self.worst_rad, abs(told[0] - roll), abs(told[1] - pitch))
+            angles_rad = roll + off[0], pitch + off[1]
+            self.told = tilt_step(self.tilt.record[0], self.t_s, angles_rad, rates, stands)
+            off_rad = abs(self.told[0] - roll), abs(self.told[1] - pitch)
+            self.worst_rad = max(self.worst_rad, *off_rad)
 
 
 def still(t_s: float) -> tuple[float, float]:
@@ -82,21 +83,21 @@ def test_where_the_body_stands_for_good_the_sensor_is_right(off: tuple[float, fl
     sensor = Sensor(still)
     sensor.run(1.0)
     sensor.run(70.0, lambda t_s: off)
-    assert (sensor.level.roll_rad, sensor.level.pitch_rad) == pytest.approx(off, abs=5e-4)
+    assert sensor.told == pytest.approx(off, abs=5e-4)
 
 
 def test_the_gyros_bias_is_learnt_while_the_robot_stands() -> None:
     sensor = Sensor(still, bias_radps=(0.01, -0.02))
     sensor.run(15.0, stands=True)
     sensor.run(30.0)
-    assert sensor.level.bias_radps == pytest.approx((0.01, -0.02), abs=1e-3)
+    assert sensor.tilt.bias_radps == pytest.approx((0.01, -0.02), abs=1e-3)
     assert sensor.worst_rad < math.radians(0.4)
 
 
 def test_a_robot_that_rocks_on_the_spot_teaches_no_bias() -> None:
     sensor = Sensor(nodding)
     sensor.run(30.0, stands=True)
-    assert sensor.level.bias_radps == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert sensor.tilt.bias_radps == pytest.approx((0.0, 0.0), abs=1e-3)
     assert sensor.worst_rad < math.radians(0.1)
 
 
@@ -123,19 +124,19 @@ def test_a_gyro_that_does_not_turn_with_the_angles_is_not_believed(sense: float)
     rise_rad = sense * math.radians(6.0)
     sensor = Sensor(lambda t_s: (0.0, rise_rad * min(1.0, max(0.0, t_s - 15.0) / 3.0)))
     sensor.run(21.0, gyro_sees=0.0)
-    assert sensor.level.doubted == 1
-    assert sensor.level.pitch_rad == pytest.approx(rise_rad, abs=2e-3)
+    assert sensor.tilt.doubted == 1
+    assert sensor.told[1] == pytest.approx(rise_rad, abs=2e-3)
     assert sensor.worst_rad < 1.5 * APART_RAD
     sensor.run(ALONE_S + 1.0)
-    assert sensor.level.pitch_rad == pytest.approx(rise_rad, abs=2e-3)
+    assert sensor.told[1] == pytest.approx(rise_rad, abs=2e-3)
 
 
 @pytest.mark.parametrize(("noise_radps", "doubted"), [(0.01, 0), (0.03, 0), (0.1, 1), (0.3, 1)])
 def test_a_gyro_that_only_makes_noise_is_not_believed(noise_radps: float, doubted: int) -> None:
-    level, chance, worst_rad = TiltFilter(), random.Random(3), 0.0
+    tilt, chance, worst_rad = TiltFilter(), random.Random(3), 0.0
     for k in range(900):
         x, y, z = (chance.gauss(0.0, noise_radps) for _ in range(3))
-        told = level.step(0.01 * k, 0.0, 0.0, np.array([x, y, z]), stands=False)
+        told = tilt_step(tilt.record[0], 0.01 * k, (0.0, 0.0), (x, y, z), False)
         worst_rad = max(worst_rad, *map(abs, told))
-    assert level.doubted == doubted
+    assert tilt.doubted == doubted
     assert worst_rad < math.radians(1.0 if doubted else 0.7)

@@ -218,7 +218,7 @@ def cut_disks(robot: Robot, bundles: Path) -> list[Path]:
         said += flash.stdout.read()
     assert flash.returncode == 1, said
     assert robot.version() == before, said
-    assert "broken on purpose" in said
+    assert "broken on purpose" in said, said
     chosen = [disk for disks in taken.values() for disk in chance.sample(disks, CUTS // 2)]
     for disk in {*taken[False], *taken[True]} - {*chosen}:
         disk.unlink()

@@ -96,7 +96,7 @@ format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
 
-flash: setup ## put mapod onto a robot over ssh, with a way back: docs/flash.md [HOST=user@robot ARGS="--rollback"]
+flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: docs/flash.md [HOST=user@robot ARGS="--rollback"]
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 

@@ -24,6 +24,7 @@ PROGRAMS = {  # and the Debian packages that have them
     "systemd-nspawn": "systemd-container",
     "mkfs.ext4": "e2fsprogs",
     "mkfs.xfs": "xfsprogs",
+    "losetup": "mount",
     "ssh": "openssh-client",
 }
 SUITE = "bookworm"
@@ -88,12 +89,17 @@ def base_image() -> Path:
 
 @contextlib.contextmanager
 def disks(folder: Path) -> Iterator[Path]:
-    """A folder where files are copied at an instant, until the block ends."""
+    """A folder where files are copied at an instant, until the block ends.
+
+    It is shared: what is unmounted in it is so for other programs' namespaces as well, and no disk
+    that is out stays in use there.
+    """
     backing, mounted = folder / "disks.xfs", folder / "disks"
     mounted.mkdir()
     ran("truncate", f"--size={DISKS_BYTES}", backing)
     ran("mkfs.xfs", "-q", "-m", "reflink=1", backing)
     ran("mount", "-o", "loop", backing, mounted)
+    ran("mount", "--make-shared", mounted)
     try:
         yield mounted
     finally:
@@ -116,7 +122,7 @@ class SecondRoot:
 
     def __init__(self, disk: Path, folder: Path) -> None:
         self.disk, self.port = disk, free_port()
-        self.identity, self._mounted = folder / "identity", folder / "root"
+        self.identity, self._mounted = folder / "identity", disk.parent / "root"
         self._process: subprocess.Popen[bytes] | None = None
         self._mounted.mkdir()
         ran("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", self.identity)

@@ -1,5 +1,7 @@
 """The systemd service: is it installed, does it run, with which rights, and is it this version."""
 
+import os
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -15,6 +17,7 @@ ASKED = (
     "SubState",
     "StatusText",
     "NRestarts",
+    "MainPID",
     "LimitRTPRIO",
     "LimitMEMLOCK",
 )
@@ -41,7 +44,10 @@ def find_service(unit: dict[str, str] | None, version: str) -> Iterator[Finding]
         yield of_rights(*rights_here(), "this user")
         return
     yield of_state(unit)
-    yield of_rights(_limit(unit["LimitRTPRIO"]), _limit(unit["LimitMEMLOCK"]), UNIT)
+    if unit["ActiveState"] == "active":
+        yield of_process(int(unit["MainPID"]))
+    else:
+        yield of_rights(_limit(unit["LimitRTPRIO"]), _limit(unit["LimitMEMLOCK"]), UNIT)
     if INSTALLED.exists():
         told = subprocess.run([INSTALLED, "version"], capture_output=True, text=True, check=False)
         yield of_version(told.stdout.strip(), f"mapod {version}")
@@ -54,6 +60,17 @@ def of_state(unit: dict[str, str]) -> Finding:
     if state == "active":
         return Finding("warning" if restarts else "OK", "service", says)
     return Finding("warning", "service", says, f"journalctl --unit {UNIT} --lines 50 says why")
+
+
+def of_process(number: int) -> Finding:
+    """The rights that a running app has taken, which may be fewer than its unit gives."""
+    try:
+        is_fifo = os.sched_getscheduler(number) == os.SCHED_FIFO
+        status = Path(f"/proc/{number}/status").read_text(encoding="ascii")
+    except OSError:
+        return Finding("warning", "real time", f"{UNIT} has just ended")
+    is_locked = re.search(r"^VmLck:\s+[1-9]", status, re.MULTILINE) is not None
+    return of_rights(99 if is_fifo else 0, -1 if is_locked else 0, f"the process of {UNIT}")
 
 
 def of_version(installed: str, here: str) -> Finding:

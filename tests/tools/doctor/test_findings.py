@@ -18,6 +18,7 @@ UNIT = {
     "SubState": "running",
     "StatusText": "scanner running",
     "NRestarts": "0",
+    "MainPID": str(os.getpid()),
     "LimitRTPRIO": "20",
     "LimitMEMLOCK": "infinity",
 }
@@ -97,12 +98,12 @@ def test_real_time_rights(priority: int, locked: int, lacks: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "levels"),
     [
-        ({}, ["OK", "OK"]),
-        ({"NRestarts": "3"}, ["warning", "OK"]),
+        ({}, ["OK", "warning"]),  # this process has taken no rights
+        ({"NRestarts": "3"}, ["warning", "warning"]),
         ({"ActiveState": "failed", "SubState": "failed"}, ["warning", "OK"]),
-        ({"LimitRTPRIO": "0"}, ["OK", "warning"]),
-        ({"LimitMEMLOCK": "8388608"}, ["OK", "warning"]),
-        ({"LimitMEMLOCK": str(2**64 - 1)}, ["OK", "OK"]),
+        ({"ActiveState": "inactive", "LimitRTPRIO": "0"}, ["warning", "warning"]),
+        ({"ActiveState": "inactive", "LimitMEMLOCK": "8388608"}, ["warning", "warning"]),
+        ({"ActiveState": "inactive", "LimitMEMLOCK": str(2**64 - 1)}, ["warning", "OK"]),
         ({"LoadState": "not-found"}, ["OK", None]),
     ],
 )

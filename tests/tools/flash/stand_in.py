@@ -33,6 +33,9 @@ def main():
         return 0
     if words[0] == "warm":
         Path(__file__).with_name("kernel.nbc").write_bytes(bytes(10))
+        if FAULT == "waits":  # until somebody opens its pipe
+            os.mkfifo(Path(__file__).with_name("pipe"))
+            Path(__file__).with_name("pipe").read_bytes()
         if FAULT == "fills the disk":
             fill(Path(__file__).with_name("big"))
         return 0
@@ -85,7 +88,7 @@ def bundle(
     fault: str = "",
     target: Target | None = None,
 ) -> Path:
-    """A bundle with such an app; `fault`: the command that fails, or "fills the disk"."""
+    """A bundle with such an app; `fault`: the command that fails, "fills the disk", "waits"."""
     folder.mkdir(parents=True, exist_ok=True)
     wheel = folder / f"mapod-0.{number}-py3-none-any.whl"
     app = APP.format(number=number, new=new, status=status, fault=fault)

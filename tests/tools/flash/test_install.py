@@ -1,8 +1,8 @@
 """A bundle into a plain folder: versions beside each other, settings, the way back, refusals."""
 
 import ast
-import fcntl
 import re
+import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -93,6 +93,13 @@ def test_what_the_user_wrote_stays_and_goes_with_its_version(
     kept = [path.read_bytes() for path in (tmp_path / "etc/mapod/settings").iterdir()]
     assert b"a = 8\n" in kept
     assert f"{own}c = 3\nb = 2  # new\n".encode() in kept
+    for path in (
+        bundles[2],
+        bundles[1],
+    ):  # the one that was rolled back from is gone, and comes again
+        assert flashed(path, tmp_path).returncode == 0
+    assert toml.read_bytes() == f"{own}c = 3\nb = 2  # new\n".encode()
+    assert b"a = 8\n" in [path.read_bytes() for path in (tmp_path / "etc/mapod/settings").iterdir()]
     assert (tmp_path / "var/lib/mapod/hall.map").read_text() == "map"
 
 
@@ -163,15 +170,28 @@ def test_a_second_flash_at_once_is_refused_and_told_who_flashes(
     bundles: list[Path], tmp_path: Path
 ) -> None:
     assert flashed(bundles[0], tmp_path).returncode == 0
-    with (tmp_path / "opt/mapod/lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        lock.write("the flash of 7, process 1\n")
-        lock.flush()
-        done = flashed(bundles[1], tmp_path)
-        assert done.stderr == "mapod flash: another flash is at work: the flash of 7, process 1\n"
-        told = flashed(tmp_path / "opt/mapod/flash", tmp_path, action="status").stdout
-        assert "a flash is at work: the flash of 7" in told
-    assert flashed(bundles[1], tmp_path).returncode == 0
+    slow = bundle(tmp_path / "bundles", 7, fault="waits")
+    command = [sys.executable, "-IS", str(slow), "install", "--root", str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as first:
+        try:
+            assert first.stdout
+            for line in first.stdout:
+                if "kernels" in line:
+                    break
+            done = flashed(bundles[1], tmp_path)
+            who = f"another flash is at work: the flash of {slow.name.split('-x')[0][6:]}, process "
+            assert done.stderr.startswith(f"mapod flash: {who}{first.pid}, since ")
+            assert len(done.stderr.splitlines()) == 1
+            told = flashed(tmp_path / "opt/mapod/flash", tmp_path, action="status").stdout
+            assert f"a flash is at work: the flash of {slow.name.split('-x')[0][6:]}" in told
+            while not (pipes := [*tmp_path.glob("opt/mapod/versions/.staging-*/lib/mapod/pipe")]):
+                pass
+            pipes[0].write_text("go on")
+            first.wait()
+        finally:
+            first.kill()
+    assert first.returncode == 0
+    assert runs(tmp_path) == "app 7 with a"
 
 
 def test_another_root_needs_no_path_of_its_own(bundles: list[Path], tmp_path: Path) -> None:

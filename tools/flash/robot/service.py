@@ -90,10 +90,16 @@ class Service:
         return f"the app does not come up: {last.describe()}"
 
     def last_words(self) -> list[str]:
-        """The end of its log."""
+        """The end of its log, without what systemd says of it."""
         if not shutil.which("journalctl"):
             return []
-        command = ["journalctl", f"--unit={UNIT}", "--lines=8", "--output=cat", "--no-pager"]
+        command = [
+            "journalctl",
+            f"_SYSTEMD_UNIT={UNIT}",
+            "--lines=12",
+            "--output=cat",
+            "--no-pager",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         return done.stdout.splitlines()
 

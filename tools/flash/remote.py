@@ -35,7 +35,9 @@ for f in *; do case $f in {name}|{name}.part) ;; *) rm -f "$f" ;; esac; done
 echo "at $d"
 """
 TAKE = r"""
-cd {folder} && dd of={name}.part bs=64k oflag=append conv=notrunc status=none || exit 1
+cd {folder} || exit 1
+dd of={name}.part bs=64k oflag=append conv=notrunc status=none || {{ rm -f {name}.part; exit 1; }}
+[ "$(wc -c < {name}.part)" -ge {total} ] || {{ echo "cut off" >&2; exit 1; }}
 [ "$(sha256sum < {name}.part)" = "{digest}  -" ] || {{ rm -f {name}.part; echo damaged; exit 0; }}
 sync {name}.part; mv -f {name}.part {name}; echo taken
 """
@@ -87,7 +89,7 @@ class Robot:
         folder, there = told["at"], int(told.get("part", "0"))
         if told.get("whole", "").partition(" ")[0] == digest:
             return f"{folder}/{path.name}"
-        take = TAKE.format(folder=shlex.quote(folder), name=name, digest=digest)
+        take = TAKE.format(folder=shlex.quote(folder), name=name, digest=digest, total=total)
         for start in (there if there <= total else 0, 0):
             if start == 0 and there:
                 self._asked(f"rm -f {shlex.quote(folder)}/{name}.part")

@@ -97,9 +97,10 @@ def _download(wanted: list[str], options: list[str], folder: Path) -> None:
     """By pip, which checks the hashes that the index tells; wheels only. Raises BundleError."""
     if importlib.util.find_spec("pip") is None:
         raise BundleError("needs pip to download the libraries: apt install python3-pip")
-    command = [sys.executable, "-m", "pip", "download", "--disable-pip-version-check", "--quiet"]
+    command = [sys.executable, "-m", "pip", "download", "--disable-pip-version-check"]
     command += ["--only-binary=:all:", *options, "--dest", str(folder), *wanted]
-    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
+    shown = sys.stderr if sys.stderr.isatty() else subprocess.DEVNULL
+    done = subprocess.run(command, stdout=shown, stderr=subprocess.PIPE, text=True, check=False)
     errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
     if done.returncode:
         why = (errors or ["ERROR: pip failed"])[-1].removeprefix("ERROR: ")

@@ -1,5 +1,6 @@
 """The whole way over ssh, to a real sshd on this machine with keys and settings of its own."""
 
+import hashlib
 import os
 import shutil
 import socket
@@ -11,6 +12,7 @@ import pytest
 
 from tests.tools.flash.stand_in import bundle, runs
 from tools.cli.flash import main
+from tools.flash.remote import TAKE
 from tools.flash.wheels import Target
 
 pytestmark = pytest.mark.real_time
@@ -85,6 +87,22 @@ def test_a_bundle_goes_over_ssh_and_back(ssh: list[str], tmp_path: Path, capfd: 
     assert f"runs {second.name.split('-x')[0].removeprefix('mapod-')}" in capfd.readouterr().out
     assert main([*ssh, *at, "--rollback"]) == 0
     assert runs(root) == "app 1 with a"
+
+
+def test_a_copy_that_is_cut_off_goes_on_where_it_ended(tmp_path: Path) -> None:
+    content = bytes(range(256)) * 1000
+    digest = hashlib.sha256(content).hexdigest()
+    take = TAKE.format(folder=tmp_path, name="x", digest=digest, total=len(content))
+    part, whole = tmp_path / "x.part", tmp_path / "x"
+    for piece, status, words in (
+        (content[:70_000], 1, b""),
+        (content[70_000:], 0, b"taken\n"),
+        (content[::-1], 0, b"damaged\n"),
+    ):
+        done = subprocess.run(["sh", "-c", take], input=piece, capture_output=True, check=False)
+        assert (done.returncode, done.stdout) == (status, words)
+        assert part.exists() == (status == 1)
+    assert whole.read_bytes() == content
 
 
 def test_what_fails_on_the_way_is_one_line(ssh: list[str], tmp_path: Path, capfd: Capfd) -> None:

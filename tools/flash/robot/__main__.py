@@ -54,6 +54,7 @@ def main(given: list[str], bundle: Path) -> int:
         if (ended := detached(again)) is not None:
             return ended
     os.umask(0o022)
+    os.nice(10)  # what runs on the robot meanwhile comes first
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a lost connection ends no flash
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

@@ -1,6 +1,7 @@
 """What runs on the robot, and the way back to what ran before."""
 
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ def status(places: Places, tell: Tell) -> None:
     """Version, the one before, service, settings, space: a line each."""
     current, previous = places.version(places.current), places.version(places.previous)
     if is_locked(places):
-        tell(f"a flash is at work: {places.lock.read_text().strip()}")
+        tell(f"a flash is at work{who(places)}")
     elif places.trial.is_symlink():
         tell("a flash was cut: the next start goes back to the version before it")
     if current is None:
@@ -36,6 +37,11 @@ def status(places: Places, tell: Tell) -> None:
     for line in changed:
         tell(f"  {line}")
     tell(f"free: {shutil.disk_usage(places.home).free / 1e6:.0f} MB")
+
+
+def who(places: Places) -> str:
+    """For root alone."""
+    return f": {places.lock.read_text().strip()}" if os.access(places.lock, os.R_OK) else ""
 
 
 def commit_of(places: Places, name: str) -> str:

@@ -50,16 +50,18 @@ class Nothing:
 
 
 class WakeUp:
-    """Knows which ports are listened to, by their descriptors; these are open, or not, at any time.
+    """Listens to ports that are open, or not, at any time; each is armed for one event at a time.
 
-    A descriptor's number comes again for another wire, so it counts as the same one only together
-    with its port and the number of its connection. Each is armed for one event at a time: who is
-    not listened to wakes nobody, not even within the system.
+    So who is not listened to wakes nobody, not even within the system. A descriptor's number comes
+    again for another wire: it counts as the same one only together with its port and the number of
+    its connection.
     """
 
     def __init__(self, beside: Beside, clock: Callable[[], float] = time.monotonic) -> None:
         self._epoll = select.epoll()
         self._beside, self._clock = beside, clock
+        self._ports: Sequence[Port] = ()  # as given last
+        self._fds: list[int] = []  # of them; -1: not open
         self._known: dict[int, tuple[Port, int]] = {}  # by descriptor: whose, of which connection
         self._armed: set[int] = set()
         self._beside_fd = beside.fileno()
@@ -72,11 +74,14 @@ class WakeUp:
         """Those of these ports that have become readable; none: it is due, or a server has run.
 
         Args:
+            ports: the same sequence again stands for the same connections.
             hears_s: from when on each is listened to.
         """
+        if ports is not self._ports:
+            self._adopt(ports)
         while True:
             now_s = self._clock()
-            until_s = min(due_s, self._listen(now_s, ports, hears_s))
+            until_s = min(due_s, self._arm(now_s, hears_s))
             wait_s = min(until_s - now_s, self._beside.wait_s)
             found = [fd for fd, _ in self._epoll.poll(max(0.0, wait_s))]
             self._armed.difference_update(found)
@@ -89,30 +94,30 @@ class WakeUp:
     def close(self) -> None:
         self._epoll.close()
 
-    def _listen(self, now_s: float, ports: Sequence[Port], hears_s: Sequence[float]) -> float:
-        """Arm who is to be heard now; when the next one is."""
-        next_s, listed = math.inf, set[int]()
-        for port, from_s in zip(ports, hears_s, strict=False):
-            fd = port.fileno()
-            if fd < 0:
-                continue
-            if from_s > now_s:
-                next_s = min(next_s, from_s)
-                continue
-            listed.add(fd)
-            if self._known.get(fd) != (port, port.opened):
-                self._forget(fd)
-                self._epoll.register(fd, select.EPOLLIN | select.EPOLLONESHOT)
-                self._known[fd] = (port, port.opened)
-            elif fd not in self._armed:
-                self._epoll.modify(fd, select.EPOLLIN | select.EPOLLONESHOT)
-            self._armed.add(fd)
-        for fd in self._armed - listed:
-            self._forget(fd)
-        return next_s
+    def _adopt(self, ports: Sequence[Port]) -> None:
+        """Know these ports and no others; none of the new ones is armed yet."""
+        self._ports, self._fds = ports, [port.fileno() for port in ports]
+        known = {port.fileno(): (port, port.opened) for port in ports if port.fileno() >= 0}
+        for fd, which in self._known.items():
+            if known.get(fd) != which:
+                self._armed.discard(fd)
+                with contextlib.suppress(OSError):  # closed meanwhile: the system has let it go
+                    self._epoll.unregister(fd)
+        for fd, which in known.items():
+            if self._known.get(fd) != which:
+                self._epoll.register(fd, select.EPOLLONESHOT)
+        self._known = known
 
-    def _forget(self, fd: int) -> None:
-        if self._known.pop(fd, None):
-            with contextlib.suppress(OSError):  # closed meanwhile: the system has let it go
-                self._epoll.unregister(fd)
-        self._armed.discard(fd)
+    def _arm(self, now_s: float, hears_s: Sequence[float]) -> float:
+        """Listen to whom it is time for, and to nobody else; when it is time for the next one."""
+        next_s, armed = math.inf, self._armed
+        for fd, from_s in zip(self._fds, hears_s, strict=False):
+            is_heard = from_s <= now_s
+            if not is_heard and from_s < next_s:
+                next_s = from_s
+            if is_heard is (fd in armed) or fd not in self._known:
+                continue
+            with contextlib.suppress(OSError):  # closed: its port will say so
+                self._epoll.modify(fd, select.EPOLLONESHOT | (select.EPOLLIN if is_heard else 0))
+                (armed.add if is_heard else armed.discard)(fd)
+        return next_s

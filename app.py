@@ -4,8 +4,8 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 """
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -77,13 +77,21 @@ class StepTimes:
         self.stepped_s = now_s
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Plan:
     """What the live loop waits for."""
 
     step_s: float = -math.inf  # when the next step is due,
-    due_s: float = -math.inf  # or, sooner, a turn of a device, though nothing arrives
-    ports: Sequence[Port] = ()  # whose bytes are worth a turn; the next step reads the others
+    devices_s: list[float] = field(default_factory=list)  # and each device, though nothing arrives
+    ports: list[Port] = field(
+        default_factory=list
+    )  # whose bytes are worth a turn: the devices' first
+    hears_s: list[float] = field(default_factory=list)  # from when on, for each of them
+
+    @property
+    def due_s(self) -> float:
+        """When the next turn is due."""
+        return min([self.step_s, *self.devices_s])
 
 
 class App:
@@ -189,21 +197,24 @@ class App:
         A scan that has become complete, or the attitude that one waited for, does not wait for its
         tick: this is one then.
         """
-        if now_s < self.plan.step_s and self._hear(now_s, readable):
-            self._times.turns += 1
-        else:
+        if now_s >= self.plan.step_s or not self._hear(now_s, readable):
             self.step(now_s)
             self._times.turns = 0
-        self.plan = self._planned()
+            self.plan = self._planned()
 
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
-        heard = 0
-        for device in self.devices:
+        plan, heard, is_held_up = self.plan, 0, False
+        self._times.turns += 1
+        for k, device in enumerate(self.devices):
             is_readable = device.port in readable
             heard += is_readable
-            if is_readable or -math.inf < device.due_s <= now_s:
+            if is_readable or plan.devices_s[k] <= now_s:
                 device.hear(now_s)
+                plan.devices_s[k], plan.hears_s[k] = device.due_s, device.status.hears_s
+                is_held_up |= plan.devices_s[k] == -math.inf
+        if is_held_up or self._times.turns >= TURNS:
+            self.plan = self._planned()
         if heard < len(readable):  # a planner's: to drive, or to stop, waits for nothing
             return False
         scanner, ahrs = self.devices.scanner, self.devices.ahrs
@@ -214,19 +225,19 @@ class App:
         times, may_move = self._times, self.config.robot.enable_motors
         step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
         step_s = min(step_s, look_s) if may_move else step_s
-        due_s, ports = step_s, list[Port]()
-        for device in self.devices:
-            step_s = -math.inf if device.due_s == -math.inf else step_s
-            due_s = min(due_s, device.due_s)
-            if not device.status.is_deaf:
-                ports.append(device.port)
+        devices_s = [device.due_s for device in self.devices]
+        hears_s = [device.status.hears_s for device in self.devices]
+        ports = [device.port for device in self.devices]
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]
+            hears_s += [-math.inf] * (len(ports) - len(hears_s))
+        is_held_up = self._stops or self.planners.backlog
         if times.turns >= TURNS:
-            step_s, ports = -math.inf, []
-        if step_s == -math.inf or self._stops or self.planners.backlog:
+            is_held_up, ports = True, []
+        if is_held_up or -math.inf in devices_s:
             step_s = times.stepped_s + times.period_s
-        return Plan(step_s, step_s if due_s == -math.inf else min(due_s, step_s), ports)
+            devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
+        return Plan(step_s, devices_s, ports, hears_s)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

@@ -81,8 +81,9 @@ def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool], notifier: 
     """
     period_s = 1.0 / app.config.loop.rate_hz
     while not is_over():
-        due_s, ticks = app.plan.due_s, app.loop.ticks
-        readable = wake_up.wait(due_s - time.monotonic(), app.plan.ports)
+        plan, ticks = app.plan, app.loop.ticks
+        due_s = plan.due_s
+        readable = wake_up.wait(due_s, plan.ports, plan.hears_s)
         now_s = time.monotonic()
         if now_s >= due_s > -math.inf:
             app.loop.late_s.append(now_s - due_s)

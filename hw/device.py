@@ -132,7 +132,7 @@ class DeviceStatus:
     due_s: float = float(
         "-inf"
     )  # when its session wants a Tick though no bytes came; -inf: the next
-    is_deaf: bool = False  # until then: what arrives sooner is not worth a turn
+    hears_s: float = float("-inf")  # what arrives sooner is not worth a turn of its own
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
     skipped_bytes: int = 0
@@ -263,6 +263,7 @@ class Device(Generic[Measurement]):
         self._opened = 0
         self._held: list[Measurement] = []  # heard since the last step
         self._given_up = ""  # the cause for which we have dropped the connection
+        self._needs_ticks = False  # its session is told of each step, though nothing is due
 
     def _begun_session(self) -> Session:
         session = self._new_session()
@@ -275,8 +276,7 @@ class Device(Generic[Measurement]):
             if self.port.opened != self._opened:
                 self._start_anew(now_s)
             self._intake.step(now_s)
-            pieces = [] if self._intake.waits else self.port.read()
-            self._advance(now_s, pieces, self._events(now_s, pieces))
+            self._take(now_s)
             if self.port.fileno() >= 0:  # reading may have found its end
                 self._drop_if_silent(now_s)
         elif self.port.cause != self._given_up and (
@@ -290,16 +290,11 @@ class Device(Generic[Measurement]):
     def hear(self, now_s: float) -> None:
         """Read what has arrived between two steps, at the instant at which it did.
 
-        The session may answer at once; measurements wait for the next step. While it runs, a piece
-        that completes nothing tells it nothing: its time-outs are looked at in steps.
+        The session may answer at once; measurements wait for the next step.
         """
         if self.port.opened != self._opened or self._intake.waits:
             return
-        pieces, is_due = self.port.read(), -math.inf < self.status.due_s <= now_s
-        if pieces or is_due:
-            events = self._events(now_s, pieces)
-            if events or is_due or self.status.state != "running":
-                self._advance(now_s, pieces, events)
+        self._take(now_s)
 
     @property
     def due_s(self) -> float:
@@ -335,6 +330,14 @@ class Device(Generic[Measurement]):
         self._given_up = ""
         self._intake.begin()
         self._session = self._begun_session()
+
+    def _take(self, now_s: float) -> None:
+        """What has arrived, for the session; while it runs, only what it may have waited for."""
+        pieces = [] if self._intake.waits else self.port.read()
+        events = self._events(now_s, pieces) if pieces or self._intake.waits else []
+        status = self.status
+        if events or status.state != "running" or status.due_s <= now_s or self._needs_ticks:
+            self._advance(now_s, pieces, events)
 
     def _events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """What the parser makes of what has arrived by now."""

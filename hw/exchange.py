@@ -62,15 +62,15 @@ class Exchange:
     # --- one exchange
 
     def turn(
-        self, out: bytes = b"", due_s: float = -math.inf, is_deaf: bool = False
+        self, out: bytes = b"", due_s: float = -math.inf, hears_s: float = -math.inf
     ) -> Steps[list[Any]]:
         """Write; the events of the next turn, which comes with bytes, or when it is due.
 
         Args:
             due_s: -inf: at the next tick.
-            is_deaf: bytes that arrive before then may wait until then.
+            hears_s: bytes that arrive sooner may wait until then.
         """
-        self._status.due_s, self._status.is_deaf = due_s, is_deaf
+        self._status.due_s, self._status.hears_s = due_s, hears_s
         out, self._reply = self._reply + out, b""
         tick = yield out
         self.now_s = tick.now_s
@@ -118,9 +118,8 @@ class Exchange:
                     return answer
             if self.now_s >= until_s:
                 return None
-            is_deaf = self.now_s < hears_s
-            due_s = min(hears_s, until_s) if is_deaf else until_s
-            self._unread.extend((yield from self.turn(out, due_s, is_deaf)))
+            due_s = min(hears_s, until_s) if self.now_s < hears_s else until_s
+            self._unread.extend((yield from self.turn(out, due_s, hears_s)))
             out = b""
 
     # --- letting time pass

@@ -96,21 +96,24 @@ def _body_from_sensor(
 ) -> tuple[float, Rpy, Rates]:
     """A sample in the body's axes: length of its quaternion, (roll, pitch, yaw), rates of turn.
 
-    With a length that no orientation has, the others are zero.
+    With a length that no orientation has, angles are zero; rates that no body has are NaN.
     """
     w, x, y, z = q_earth_sensor
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if not abs(length - 1.0) <= UNIT:
-        return length, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+        return length, (0.0, 0.0, 0.0), NO_RATES
     q = q_product(np.array([w / length, x / length, y / length, z / length]), q_sensor_body)
+    rpy_rad = rpy_of(q[0], q[1], q[2], q[3])
     one, two, three = rate_radps
+    if not (abs(one) <= MOST_RADPS and abs(two) <= MOST_RADPS and abs(three) <= MOST_RADPS):
+        return length, rpy_rad, NO_RATES
     R = R_body_sensor
     rates = (
         R[0, 0] * one + R[0, 1] * two + R[0, 2] * three,
         R[1, 0] * one + R[1, 1] * two + R[1, 2] * three,
         R[2, 0] * one + R[2, 1] * two + R[2, 2] * three,
     )
-    return length, rpy_of(q[0], q[1], q[2], q[3]), rates
+    return length, rpy_rad, rates
 
 
 @kernel
@@ -166,23 +169,8 @@ def _take(
     )
     if not (abs(length - 1) <= UNIT and newest_s < t_s < math.inf):
         return 0, rpy_rad, rates
-    x_radps, y_radps, z_radps = rate_radps
-    if not (
-        abs(x_radps) <= MOST_RADPS and abs(y_radps) <= MOST_RADPS and abs(z_radps) <= MOST_RADPS
-    ):
-        rates = NO_RATES
-    heading = motion.heading
-    yaw_rad = heading_step(
-        heading,
-        motion.field,
-        motion.errors,
-        t_s,
-        rpy_rad,
-        rates,
-        q_earth_sensor,
-        magnetic,
-        has_magnetic,
-    )
+    heading, sensor = motion.heading, (q_earth_sensor, magnetic, has_magnetic)
+    yaw_rad = heading_step(heading, motion.field, motion.errors, t_s, rpy_rad, rates, *sensor)
     angles_rad = (rpy_rad[0], rpy_rad[1])
     if levels:
         angles_rad = tilt_step(motion.tilt, t_s, angles_rad, rates, heading.standing)

@@ -321,6 +321,7 @@ class Ax3500(Device[WheelCounts]):
             return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 
         super().__init__(status, port, LineParser, new_session)
+        self._needs_ticks = enable_motors  # a wish may change at any one
 
     @property
     def trouble(self) -> str:

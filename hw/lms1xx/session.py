@@ -99,7 +99,9 @@ class Lms111Session:
         patience_s, complaint = FIRST_SCAN_S, ""
         checkup, watch = Checkup(self._cola), TelegramWatch(self._cola, self._options)
         while exchange.now_s - heard_s <= patience_s:
-            for event in (yield from exchange.turn(checkup.out(exchange.now_s), math.inf)):
+            out = checkup.out(exchange.now_s)
+            due_s = min(heard_s + patience_s, checkup.due_s)
+            for event in (yield from exchange.turn(out, due_s)):
                 if isinstance(event, BadFrame):
                     complaint = complaint or event.reason
                 elif not isinstance(event, ScanTelegram):

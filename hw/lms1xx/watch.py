@@ -46,6 +46,13 @@ class Checkup:
         self._due_s = now_s + CHECK_EVERY_S
         return self._asked.encode(self._dialect)
 
+    @property
+    def due_s(self) -> float:
+        """When there is something to do, if nothing is heard."""
+        if self._asked is not None:
+            return self._asked_s + CHECK_ANSWER_S
+        return self._due_s if self._topics else math.inf
+
     def hear(self, event: Any) -> None:
         """Remember what it says, if it answers what was asked."""
         asked = self._asked

@@ -33,6 +33,7 @@ from hw.mti.frames import Mid, MtFrame, MtParser, describe_error, encode_frame
 from hw.mti.setup import identify, set_up
 from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
 
+EARLY_S = 0.002  # before a sample is due: adapters and drivers jitter by a millisecond
 MOST_GATHERED = 255  # bytes, of VMIN
 GATHER_AGAIN_S = 1.0
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
@@ -121,7 +122,8 @@ class MtiSession:
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
-            frames = yield from exchange.turn(due_s=math.inf)
+            next_s = heard_s + stream.period_s - EARLY_S
+            frames = yield from exchange.turn(due_s=heard_s + silence_s, hears_s=next_s)
             self.attitudes = reader.take(frames, exchange.now_s)
             if self.attitudes:
                 heard_s = exchange.now_s

@@ -30,6 +30,8 @@ MAP_HEAD, DIGEST_BODY = struct.Struct("<hhHB3s"), struct.Struct("<BxxxI")
 STOP_ZONE_BODY = struct.Struct("<HHHHHHHHhBB")
 TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
 AGE_UNIT_S = 0.004
+MOST_AGE_S = 255 * AGE_UNIT_S
+MOST_I16, MOST_I32 = 2.0**15 - 1, 2.0**31 - 1
 NONE, MOST = 0xFFFF, 0xFFFE  # of a u16 that may say "none": that, and the greatest number
 
 
@@ -78,26 +80,33 @@ def encode_geom(
 def encode_pose(pose: PoseReport) -> bytes:
     """Body of a POSE frame; what does not fit becomes the nearest that does."""
     return POSE_BODY.pack(
-        *(_int(part_m * 1000, 31) for part_m in (pose.x_m, pose.y_m)),
-        max(-31416, min(31415, _int(pose.yaw_rad * 10_000, 15))),
-        *(_int(angle_rad * 10_000, 15) for angle_rad in (pose.pitch_rad, pose.roll_rad)),
-        *(_int(speed * 1000, 15) for speed in (pose.v_mps, pose.w_radps)),
+        _int(pose.x_m * 1000, MOST_I32),
+        _int(pose.y_m * 1000, MOST_I32),
+        max(-31416, min(31415, _int(pose.yaw_rad * 10_000, MOST_I16))),
+        _int(pose.pitch_rad * 10_000, MOST_I16),
+        _int(pose.roll_rad * 10_000, MOST_I16),
+        _int(pose.v_mps * 1000, MOST_I16),
+        _int(pose.w_radps * 1000, MOST_I16),
         pose.health & 0xFFFF,
-        *map(_age, (pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s)),
+        _age(pose.age_scan_s),
+        _age(pose.age_ahrs_s),
+        _age(pose.age_enc_s),
         pose.mode,
     )
 
 
-def _int(value: float, bits: int) -> int:
-    """Rounded and saturated to a signed number; 0 for what is no number."""
-    if math.isnan(value):
-        return 0
-    return round(max(-(2.0**bits), min(2.0**bits - 1, value)))
+def _int(value: float, most: float) -> int:
+    """Rounded and saturated to a signed number of `most` at most; 0 for what is no number."""
+    if -most <= value <= most:  # as nearly all are
+        return round(value)
+    return 0 if math.isnan(value) else round(max(-most - 1, min(most, value)))
 
 
 def _age(age_s: float) -> int:
     """Units of 4 ms; 255 is 1020 ms and more, and never."""
-    return int(max(0.0, min(255.0, age_s / AGE_UNIT_S)))
+    if 0.0 <= age_s < MOST_AGE_S:
+        return int(age_s / AGE_UNIT_S)
+    return 0 if age_s < 0.0 else 255
 
 
 def encode_map(
@@ -124,7 +133,7 @@ def encode_stop_zone(zone: StopZoneReport) -> bytes:
         _thousandths(zone.allowed_ahead_mps, MOST),
         _thousandths(zone.allowed_behind_mps, MOST),
         _thousandths(zone.nearest_m),
-        _int(zone.bearing_rad * 10_000, 15) if has_nearest else 0,
+        _int(zone.bearing_rad * 10_000, MOST_I16) if has_nearest else 0,
         zone.state,
         zone.causes,
     )

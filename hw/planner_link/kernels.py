@@ -94,6 +94,19 @@ def mark_cells(cells: I8, trusted: bool, listed: I32, kept: int, reason: int, ri
 
 
 @kernel
+def mark_again(cells: I8, ring: Ring) -> None:
+    """Mark the listed new obstacles that still are, and were published so; they are listed no more.
+
+    A reason that they have besides stays.
+    """
+    for k in range(1, ring.once[0] + 1):
+        at = ring.once[k]
+        if cells[at] == 1 and ring.published[at] == OBSTACLE:
+            _remark(at, int(ring.marks[at]) & (CHANGED | LOST) | AGAIN, OBSTACLE, ring)
+    ring.once[0] = 0
+
+
+@kernel
 def enter_cells(
     cells: I8,
     trusted: bool,

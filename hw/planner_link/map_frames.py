@@ -84,10 +84,15 @@ class MapPublisher:
 
     def _fit(self, wanted: int) -> bool:
         """Whether one raster pass over the cells with such marks fits into this tick's budget."""
-        budget, cell = self._budget, 0
-        room = self._scheduler.room(budget, MAP_HEAD.size)
-        if self._map.marked * MOST_PER_CELL + LEAST_ROOM < room:
+        budget, cell, scheduler = self._budget, 0, self._scheduler
+        most_bytes, most = self._map.marked * MOST_PER_CELL, scheduler.most_room(MAP_HEAD.size)
+        room = scheduler.room(budget, MAP_HEAD.size)
+        if most_bytes + LEAST_ROOM < room:
             return True
+        if room == most and most > LEAST_ROOM:  # a frame ends when so little room is left
+            frames = 1 + most_bytes // (most - LEAST_ROOM)
+            if frames * (scheduler.cost(MAP_HEAD.size + most) + 2) < budget:
+                return True
         while cell < self._cells:
             room = self._scheduler.room(budget, MAP_HEAD.size)
             if room < LEAST_ROOM:

@@ -22,11 +22,11 @@ from hw.planner_link.kernels import (
     LOST_CELLS,
     MISSED,
     NO_SPAN,
-    OBSTACLE,
     Ring,
     Span,
     encode_cells,
     enter_cells,
+    mark_again,
     mark_cells,
     note_cells,
     pack_published,
@@ -155,12 +155,8 @@ class PublishedMap:
 
     def mark_again(self) -> None:
         """New obstacles published since the last call are to be published once more."""
-        ring = self._ring
-        if ring.once[0]:
-            once = ring.once[1 : ring.once[0] + 1]
-            still = (self._cells[once] == 1) & (ring.published[once] == OBSTACLE)
-            self._mark(once[still], CHANGED | LOST, AGAIN)
-            ring.once[0] = 0
+        if self._ring.once[0]:
+            mark_again(self._cells, self._ring)
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """Send (k,) cells again, raster indices in the window at `origin` as `encode` gave them."""

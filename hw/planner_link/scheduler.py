@@ -54,7 +54,8 @@ class FrameScheduler:
         slice_body: int,
         first_seq: int,
     ) -> None:
-        self.port, self.secret, self._tick_s = port, secret, tick_s
+        self.port, self._tick_s = port, tick_s
+        self.secret = secret
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
         self.budget = Budget(self._bytes_per_s * tick_s)
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
@@ -65,6 +66,16 @@ class FrameScheduler:
         self._t_ms = array("I", bytes(4 * 2**16))  # of the newest of a number
         self.frames_sent = 0
 
+    @property
+    def secret(self) -> Secret | None:
+        """What frames are signed with, if they are; settable."""
+        return self._secret
+
+    @secret.setter
+    def secret(self, secret: Secret | None) -> None:
+        self._secret = secret
+        self._bare_bytes = HEAD.size + CRC.size + (TAG_BYTES if secret else 0)  # of a frame
+
     def earn(self, now_s: float) -> float:
         """Budget for the time since the last tick, which is returned (s, bounded).
 
@@ -72,14 +83,15 @@ class FrameScheduler:
         """
         dt_s = max(0.0, min(now_s - self._earned_s, SAVED_TICKS * self._tick_s))
         self._earned_s = now_s
-        earned, most = self._bytes_per_s * dt_s, self.budget.tick_bytes * SAVED_TICKS
-        waiting = min(float(self.port.backlog), self._line_bytes)
-        longest = LONGEST_BURST * self._line_bytes - waiting
-        self.budget.credit = min(self.budget.credit + earned, most, longest)
+        budget, line_bytes = self.budget, self._line_bytes
+        earned, most = self._bytes_per_s * dt_s, budget.tick_bytes * SAVED_TICKS
+        waiting = min(float(self.port.backlog), line_bytes)
+        longest = LONGEST_BURST * line_bytes - waiting
+        budget.credit = min(budget.credit + earned, most, longest)
         share = REFRESH_SHARE * earned
-        self.budget.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
-        self.budget.saved = min(self.budget.saved + share, self.budget.most_saved)
-        self.budget.line_left = self._line_bytes - waiting
+        budget.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
+        budget.saved = min(budget.saved + share, budget.most_saved)
+        budget.line_left = line_bytes - waiting
         return dt_s
 
     @property
@@ -92,12 +104,9 @@ class FrameScheduler:
         """Whether the wire is more than a tick behind, or the budget is overdrawn."""
         return self.port.backlog > self._line_bytes or self.budget.credit < 0.0
 
-    def _frame_bytes(self, body_bytes: int) -> int:
-        return HEAD.size + body_bytes + CRC.size + (TAG_BYTES if self.secret else 0)
-
     def cost(self, body_bytes: int) -> int:
         """Wire bytes of a frame with a body of so many, at most."""
-        frame_bytes = self._frame_bytes(body_bytes)
+        frame_bytes = self._bare_bytes + body_bytes
         return frame_bytes if self.port.datagrams else serial_bytes(frame_bytes)
 
     def room(self, budget: float, head_bytes: int) -> int:
@@ -106,11 +115,11 @@ class FrameScheduler:
 
     def most_room(self, head_bytes: int) -> int:
         """Bytes that a body may have behind its head, whatever the budget."""
-        return self.max_frame - self._frame_bytes(head_bytes)
+        return self.max_frame - self._bare_bytes - head_bytes
 
     def queue(self, kind: int, body: bytes, flags: int = 0) -> None:
         """One more frame of this tick; left out if the planner can't take one so long."""
-        if self._frame_bytes(len(body)) <= self.max_frame:
+        if self._bare_bytes + len(body) <= self.max_frame:
             self.seq += 1
             self._queued.append((kind, flags, body))
             cost = self.cost(len(body))
@@ -125,7 +134,7 @@ class FrameScheduler:
         self.budget.credit -= len(lead)
         for k, (kind, flags, body) in enumerate(self._queued):
             more = MORE if k + 1 < len(self._queued) else 0
-            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)
+            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self._secret)
             self.port.write(frame if self.port.datagrams else lead + encode_serial(frame))
             lead = b""
             self._t_ms[(first + k) % 2**16] = t_ms

@@ -28,7 +28,10 @@ class LiveLoop(ClosedLoop):
         self._advance()
         ports = {**self.ports, "planner": self.link_port}.items()
         plan = self.app.plan
-        heard = {name: port for name, port in ports if port.has_arrived and port in plan.ports}
+        listened = [
+            p for p, from_s in zip(plan.ports, plan.hears_s, strict=False) if self.now_s >= from_s
+        ]
+        heard = {name: port for name, port in ports if port.has_arrived and port in listened}
         if heard or self.now_s >= plan.due_s:
             self.turns.append(tuple(heard))
             self.app.turn(self.now_s, heard.values())

@@ -4,7 +4,8 @@ FLOATS = "they differ where a computed number is exactly at a margin, and nowher
 ALL_AROUND = "the eight neighbours are the same, in another order"
 LATER = "what is far enough passes the later limits too: the first one saves time"
 LONGER = "the search goes on for longer; what it finds then is no nearer"
-WIDER = "a cell more is looked at, which does not count"
+WIDER = "more cells are looked at; those do not count"
+STRIDES = "cells are listed for more or fewer steps at once, in as much a wider margin"
 NEARLY_STRAIGHT = "a millionth of a radian aside is less than a micrometre"
 UNREAD = "nothing reads it before it is set"
 FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
@@ -84,14 +85,29 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _free_path: gap >= kept - TOUCH_M -> gap > kept - TOUCH_M": FLOATS,
     f"{STOP_ZONE} _free_path: kept - TOUCH_M -> kept + TOUCH_M": FLOATS,
     f"{STOP_ZONE} _free_path: gap >= -TOUCH_M -> gap > -TOUCH_M": FLOATS,
-    f"{STOP_ZONE} _free_path: before >= -TOUCH_M -> before > -TOUCH_M": FLOATS,
-    f"{STOP_ZONE} _sweep: 0 -> 1 (2)": UNREAD,
-    f"{STOP_ZONE} _sweep: 0 -> 1 (3)": UNREAD,
+    f"{STOP_ZONE} is_in_way: max(abs(x), abs(y)) -> min(abs(x), abs(y))": LATER,
+    f"{STOP_ZONE} cells_near: gap < within -> gap <= within": FLOATS,
+    f"{STOP_ZONE} _free_path: rate * span[0] >= best -> rate * span[0] > best": LONGER,
+    f"{STOP_ZONE} _free_path: rate * span[0] - margin >= best -> "
+    "rate * span[0] - margin > best": LONGER,
+    f"{STOP_ZONE} _gaps: gaps[n] < -TOUCH_M -> gaps[n] <= -TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _sweep: max(1, math.floor(STRIDE_M / step)) -> "
+    "min(1, math.floor(STRIDE_M / step))": STRIDES,
+    f"{STOP_ZONE} _sweep: 1 -> 2": STRIDES,
+    f"{STOP_ZONE} _sweep: math.floor(STRIDE_M / step) -> math.ceil(STRIDE_M / step)": STRIDES,
+    f"{STOP_ZONE} _sweep: STRIDE_M / step -> STRIDE_M * step": STRIDES,
+    f"{STOP_ZONE} _sweep: (stride - 1) / 2 -> (stride - 1) * 2": WIDER,
+    f"{STOP_ZONE} _sweep: stride - 1 -> stride + 1": WIDER,
+    f"{STOP_ZONE} _sweep: 0 -> 1": UNREAD,
+    f"{STOP_ZONE} _sweep: 3 -> 4": UNREAD,
+    f"{STOP_ZONE} _sweep: 0 -> 1 (4)": UNREAD,
     f"{STOP_ZONE} _sweep: k * step <= length + step + margin -> "
     "k * step < length + step + margin": FLOATS,
-    f"{STOP_ZONE} _sweep: (k - 1) * step - margin < best -> "
-    "(k - 1) * step - margin <= best": LONGER,
-    f"{STOP_ZONE} _sweep: 1 -> 2 (2)": LONGER,
+    f"{STOP_ZONE} _sweep: max(0.0, (k - 1) * step - margin) < best -> "
+    "max(0.0, (k - 1) * step - margin) <= best": LONGER,
+    f"{STOP_ZONE} _sweep: max(0.0, (k - 1) * step - margin) -> "
+    "min(0.0, (k - 1) * step - margin)": LONGER,
+    f"{STOP_ZONE} _sweep: 1 -> 2 (3)": LONGER,
     f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0": FREE_ALL_OVER,
     f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0 (2)": FREE_ALL_OVER,
     f"{STOP_ZONE} StopZone.allowed_mps: rate_mps >= SLOWEST_MPS -> rate_mps > SLOWEST_MPS": FLOATS,

@@ -4,6 +4,7 @@
   computing alone, and with the wait for the attitude of the scan's last beam.
 - Share of one core used, at 50 Hz x 541 beams with a 401 x 401 window.
 - Decoding, for each device's telegrams and packets, also from damaged streams.
+- An attitude sample from its bytes to the pose, part by part.
 """
 
 import random
@@ -29,6 +30,7 @@ from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
 from tools.bench.drive import FAST, SHIPPED
+from tools.bench.samples import sample_costs
 
 VECTORS = Path(__file__).resolve().parents[2] / "tests" / "vectors"
 PIECE = 1448  # bytes that arrive at once on TCP; a serial line gives fewer
@@ -259,6 +261,7 @@ def main() -> int:
     print(f"with 401 x 401 cells for the planner as well: {large / small:.2f} times")
     for cost in costs():
         print(cost.in_words())
+    print("\n".join(sample_costs()))
     return 0
 
 

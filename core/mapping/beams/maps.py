@@ -8,7 +8,6 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.geometry import R_from_rpy
 from core.grid.window import ObstacleWindow
 from core.mapping.beams.carving import FreeSpaceCarver
 from core.mapping.beams.cells import CellGrid
@@ -150,7 +149,8 @@ def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Bod
     """Where and how the robot stands at a covered instant, map frame."""
     roll, pitch, yaw = attitudes.rpy_at(t_s)
     yaw -= odometry.yaw_start_rad
-    nx, ny, nz = (float(part) for part in R_from_rpy(roll, pitch, yaw)[:, 2])
-    x_m, y_m, z_m = (float(part) for part in odometry.xyz_at(t_s))
-    heading = (math.cos(yaw), math.sin(yaw))
-    return BodyPose(x_m, y_m, z_m, heading, (-nx / nz, -ny / nz), odometry.travel_at(t_s))
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    nx, ny, nz = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr  # the body's z axis
+    x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
+    return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), odometry.travel_at(t_s))

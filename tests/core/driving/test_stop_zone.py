@@ -408,6 +408,14 @@ def test_of_cells_that_one_step_meets_the_nearest_counts(yaw: float) -> None:
     assert look((0.5, 0.0), *wall, place=place).free_m == min(alone)
 
 
+def test_of_cells_within_the_margin_that_one_step_meets_the_nearest_counts() -> None:
+    place, motion = (0.03, 0.05, 1.0), (0.5, 0.5)
+    cells = [(-0.1, 0.9, OBSTACLE), (0.1, 0.9, OBSTACLE)]
+    later, sooner = (look(motion, cell, place=place).free_m for cell in cells)
+    assert later - STEP_M < sooner < later - 0.05
+    assert look(motion, *cells, place=place).free_m == sooner
+
+
 def test_what_is_farther_than_the_way_to_stop_does_not_matter() -> None:
     for motion in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.5, -0.5), (0.0, 0.0)):
         assert look(motion, from_mps=0.0) == NOTHING

@@ -329,6 +329,21 @@ def test_what_ends_the_way_is_found_however_the_robot_stands(rect: Rect, turn: i
         cells[mark[1] % 99, mark[0] % 99] = FREE
 
 
+@pytest.mark.parametrize("turn", range(4))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_cell_with_no_more_than_a_corner_in_the_strip_ends_the_way(side: int, turn: int) -> None:
+    yaw = math.pi / 4 + turn * math.pi / 2
+    c, s = math.cos(yaw), math.sin(yaw)
+    ahead, aside = RECT[0] + MARGIN_M + 1.0, side * (RECT[2] + MARGIN_M - 0.004)
+    x, y = -c * ahead + s * aside, -s * ahead - c * aside  # the corner is the map's origin
+    i, j = (-1 if -s * side < 0.0 else 0), (-1 if c * side < 0.0 else 0)
+    cells = np.full((99, 99), FREE, dtype=np.int8)
+    cells[j, i] = OBSTACLE
+    window, clear = (-49, -49, 99), (9.0, 9.0, 0.0)
+    found = free_path(cells, window, CELL_M, (x, y, yaw), RECT, MARGIN_M, 1.5, clear)
+    assert found[1:4] == (i, j, OBSTACLE)
+
+
 def test_ground_that_somebody_vouches_for_does_not_end_the_way() -> None:
     cells = np.full((65, 65), UNKNOWN, dtype=np.int8)
     window, here, rect = (-32, -32, 65), (0.0, 0.0, 0.0), (0.5, 0.25, 0.25)

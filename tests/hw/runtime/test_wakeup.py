@@ -1,14 +1,16 @@
 """What wakes the loop: bytes on ports that are listened to, an instant, a server beside it."""
 
 import asyncio
+import math
 import os
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
 
-from hw.device import DeviceStatus, NoPort
+from hw.device import DeviceStatus, NoPort, Port
 from hw.runtime.servers import ROUNDS, Servers
 from hw.runtime.wakeup import Nothing, WakeUp
 
@@ -72,21 +74,35 @@ def wires(stack: ExitStack, count: int) -> tuple[WakeUp, list[Wire]]:
     return wake_up, made
 
 
+def heard(wake_up: WakeUp, seconds: float, ports: list[Wire]) -> list[Port]:
+    """Who is heard within so long, all listened to now."""
+    return list(wake_up.wait(time.monotonic() + seconds, ports, [-math.inf] * len(ports)))
+
+
 def test_only_the_ports_that_became_readable_are_given_and_only_those_listened_to(
     stack: ExitStack,
 ) -> None:
     wake_up, (one, two, three) = wires(stack, 3)
-    assert wake_up.wait(0.0, [one, two]) == []
+    assert heard(wake_up, 0.0, [one, two]) == []
     two.far.send(b"x")
     three.far.send(b"x")
-    assert wake_up.wait(60.0, [one, two]) == [two]
-    assert wake_up.wait(0.0, [one]) == []
-    assert set(wake_up.wait(60.0, [one, two, three])) == {two, three}
+    assert heard(wake_up, 60.0, [one, two]) == [two]
+    assert heard(wake_up, 0.0, [one]) == []
+    assert set(heard(wake_up, 60.0, [one, two, three])) == {two, three}
+
+
+def test_who_is_listened_to_later_wakes_nobody_sooner(stack: ExitStack) -> None:
+    wake_up, (one, two) = wires(stack, 2)
+    one.far.send(b"x")
+    now_s = time.monotonic()
+    assert wake_up.wait(now_s + 0.01, [one, two], [now_s + 60.0, now_s]) == []
+    assert wake_up.wait(now_s + 60.0, [one, two], [now_s + 0.02, now_s]) == [one]
+    assert time.monotonic() >= now_s + 0.02
 
 
 def test_a_descriptor_that_comes_again_is_another_wire(stack: ExitStack) -> None:
     wake_up, (one, two) = wires(stack, 2)
-    assert wake_up.wait(0.0, [one, two]) == []
+    assert heard(wake_up, 0.0, [one, two]) == []
     fd = one.fileno()
     one.close()
     two.close()
@@ -94,21 +110,21 @@ def test_a_descriptor_that_comes_again_is_another_wire(stack: ExitStack) -> None
     one.reopen()
     assert fd in (one.fileno(), two.fileno())
     one.far.send(b"x")
-    assert wake_up.wait(60.0, [one, two]) == [one]
+    assert heard(wake_up, 60.0, [one, two]) == [one]
 
 
 def test_an_end_of_a_connection_wakes_too_and_a_closed_port_never(stack: ExitStack) -> None:
     wake_up, (one,) = wires(stack, 1)
     one.far.close()
-    assert wake_up.wait(60.0, [one]) == [one]
+    assert heard(wake_up, 60.0, [one]) == [one]
     one.close()
-    assert wake_up.wait(0.0, [one]) == []
+    assert heard(wake_up, 0.0, [one]) == []
 
 
-@pytest.mark.parametrize("longest_s", [-1.0, -float("inf"), float("nan"), 0.0])
-def test_what_is_past_is_due_at_once(longest_s: float, stack: ExitStack) -> None:
+@pytest.mark.parametrize("due_s", [-1.0, -float("inf"), float("nan"), 0.0])
+def test_what_is_past_is_due_at_once(due_s: float, stack: ExitStack) -> None:
     wake_up, ports = wires(stack, 1)
-    assert wake_up.wait(longest_s, ports) == []
+    assert wake_up.wait(due_s, ports, [-math.inf]) == []
 
 
 def test_servers_run_while_the_loop_waits_and_their_timers_wake_it() -> None:
@@ -120,7 +136,7 @@ def test_servers_run_while_the_loop_waits_and_their_timers_wake_it() -> None:
     for word in (b"one", b"two"):
         echo.near.send(word)
         for _ in range(100):  # each wait ends by the server's socket or its timer
-            assert wake_up.wait(60.0, []) == []
+            assert heard(wake_up, 60.0, []) == []
             try:
                 assert os.read(echo.near.fileno(), 100) == word.upper()
                 break

@@ -44,6 +44,7 @@ def test_what_does_not_work_goes_back_by_itself(systemd: Systemd, tmp_path: Path
     assert done.returncode == 1
     assert "does not work: the app does not come up" in done.stderr
     assert "; went back to 0.1.0-" in done.stderr
+    assert done.stdout.endswith("robot: it works as before\n")
     assert runs(systemd.root) == "app 1 with a"
     worse = bundle(tmp_path, 3, status="scanner starting: no answer; planner heard")
     done = flash(systemd, worse)

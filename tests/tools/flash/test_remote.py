@@ -82,6 +82,7 @@ def test_a_bundle_goes_over_ssh_and_back(ssh: list[str], tmp_path: Path, capfd: 
         assert (there / second.name).read_bytes() == second.read_bytes()
     assert runs(root) == "app 2 with a"
     assert {path.name for path in there.iterdir()} == {second.name}
+    (there / second.name).unlink()
     capfd.readouterr()
     assert main([*ssh, *at, "--status"]) == 0
     assert f"runs {second.name.split('-x')[0].removeprefix('mapod-')}" in capfd.readouterr().out

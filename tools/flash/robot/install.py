@@ -237,6 +237,8 @@ def compile_python(flash: Flash, name: str) -> None:
 
 def take_kernels(flash: Flash) -> None:
     """Those of the version that runs: a name holds what a kernel is made of, so none is stale."""
+    if flash.again:
+        return
     old = flash.places.current / "lib"
     for path in old.glob("mapod/**/*.nb[ic]"):
         folder = flash.staging / "lib" / path.parent.relative_to(old)
@@ -246,7 +248,7 @@ def take_kernels(flash: Flash) -> None:
 
 def compile_kernels(flash: Flash) -> None:
     """The app's kernels, beside their sources. Raises FlashError: what the compiler said last."""
-    flash.tell("compiling the kernels: half a minute or more")
+    flash.tell("compiling the kernels that changed: all of them take half a minute or more")
     lib = flash.staging / "lib"
 
     def count(seconds: float) -> None:

@@ -33,6 +33,8 @@ def switch(
         raise
     if why:
         _go_back(places, service, old, why, tell)
+        if service.exists and old is not None:
+            tell_of_the_old(service, before, health_s, tell)
         raise FlashError(f"{name} does not work: {why}" + ("; went back to " + old if old else ""))
     if old is not None:
         move(places.trial, places.previous)
@@ -65,6 +67,13 @@ def _go_back(
     move(places.trial, places.current)
     tell(f"going back to {old}")
     restart(service, tell)
+
+
+def tell_of_the_old(
+    service: Service | NoService, before: State, health_s: float, tell: Tell
+) -> None:
+    worse = service.wait_until_healthy(before, health_s)
+    tell(f"it does not work as before: {worse}" if worse else "it works as before")
 
 
 def restart(service: Service | NoService, tell: Tell) -> None:

@@ -205,12 +205,13 @@ class App:
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
         plan, heard, is_held_up = self.plan, 0, False
+        idle = None if self.mapper.waits else self.devices.ahrs  # attitudes that no scan waits for
         self._times.turns += 1
         for k, device in enumerate(self.devices):
             is_readable = device.port in readable
             heard += is_readable
             if is_readable or plan.devices_s[k] <= now_s:
-                device.hear(now_s)
+                (device.keep if device is idle else device.hear)(now_s)
                 plan.devices_s[k], plan.hears_s[k] = device.due_s, device.status.hears_s
                 is_held_up |= plan.devices_s[k] == -math.inf
         if is_held_up or self._times.turns >= TURNS:

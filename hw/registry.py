@@ -44,6 +44,9 @@ class AnyDevice(Protocol):
     def hear(self, now_s: float) -> None:
         """Take in what has arrived since the last step."""
 
+    def keep(self, now_s: float) -> None:
+        """The same for what nobody waits for: what it means may be found out at the next step."""
+
     def stop(self) -> None:
         """The program ends: last words; step it until it has settled."""
 

@@ -161,6 +161,10 @@ class Mti(Device[Attitude]):
         super().hear(now_s)
         self._gather(now_s)
 
+    def keep(self, now_s: float) -> None:
+        super().keep(now_s)
+        self.status.hears_s = max(self.status.hears_s, now_s + self.stream.period_s - EARLY_S)
+
     def _gather(self, now_s: float) -> None:
         """Let the line wake us for whole frames, where we stand between two of them.
 

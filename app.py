@@ -228,6 +228,8 @@ class App:
         step_s = min(step_s, look_s) if may_move else step_s
         devices_s = [device.due_s for device in self.devices]
         hears_s = [device.status.hears_s for device in self.devices]
+        if self.mapper.waits:
+            hears_s[0] = -math.inf  # for the next attitude
         ports = [device.port for device in self.devices]
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]

@@ -83,7 +83,7 @@ class Gathers(Protocol):
     """A port that can wait for several bytes: a serial line."""
 
     def gather(self, size: int) -> None:
-        """Be readable when so many bytes have come, 1..255; fewer are not read either."""
+        """Be readable when so many bytes have come, 1..255, and give multiples of it only."""
 
 
 class NoPort:

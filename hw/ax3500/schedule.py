@@ -24,6 +24,7 @@ SLOW_S = {"^89": 1.0, "?I": 1.0, "?E": 2.0, "?A": 2.0, "?M": 2.0}  # query: its 
 MAY, MUST = 0.6, 0.85  # of its period: fills a gap from then on, goes first from then on
 REFUSED_S = 30.0  # to the next try of what the controller refuses
 SMOOTHING = 0.05
+PLAY = 0.2  # of a pair's period: it goes so much sooner or later where the loop is awake anyway
 JUDGE_S, REJUDGE_S = 5.0, 10.0  # from the beginning to the first remark, and to each next
 ENOUGH, ENOUGH_AGAIN = 0.95, 0.98  # of the pairs asked; the second ends a complaint
 NEWS = 0.15  # share by which the pairs that fit must change to be told anew
@@ -34,7 +35,7 @@ class Schedule:
     """Counters at their pace, slow values in the gaps, and before them only when overdue."""
 
     def __init__(self, poll_hz: float) -> None:
-        self._poll_hz = poll_hz
+        self._poll_hz, self._play_s = poll_hz, PLAY / poll_hz
         self._pair_due_s = 0.0
         self._second = False  # of a pair is next
         self._slow_went = False  # since the last pair
@@ -55,7 +56,7 @@ class Schedule:
             self._second = False
             return READ_COUNTER[0]
         slow = max(SLOW_S, key=lambda query: self._age(query, now_s))
-        is_due = now_s >= self._pair_due_s
+        is_due = now_s >= self._pair_due_s - self._play_s
         if self._age(slow, now_s) >= MUST and not (is_due and self._slow_went):
             return self._ask(slow, now_s)
         if is_due:
@@ -68,10 +69,10 @@ class Schedule:
             return self._ask(slow, now_s)
         return None
 
-    def due_s(self, now_s: float) -> float:
-        """When to ask `maybe_next` again after it gave None."""
-        fills_s = min(self._asked_s[query] + MAY * period_s for query, period_s in SLOW_S.items())
-        return min(self._pair_due_s, fills_s) if fills_s > now_s else self._pair_due_s
+    @property
+    def due_s(self) -> float:
+        """When to ask `maybe_next` again after it gave None, if nobody does so before."""
+        return self._pair_due_s + self._play_s
 
     def _age(self, query: str, now_s: float) -> float:
         return (now_s - self._asked_s[query]) / SLOW_S[query]

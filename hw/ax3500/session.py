@@ -222,7 +222,7 @@ class Ax3500Session:
                 yield from self._command(*command)
                 continue
             if query is None:
-                yield from x.turn(due_s=self._schedule.due_s(x.now_s))
+                yield from x.turn(due_s=self._schedule.due_s)
             elif query in READ_COUNTER:
                 yield from self._ask_counter(READ_COUNTER.index(query))
             else:
@@ -321,7 +321,7 @@ class Ax3500(Device[WheelCounts]):
             return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 
         super().__init__(status, port, LineParser, new_session)
-        self._needs_ticks = enable_motors  # a wish may change at any one
+        self._needs_ticks = True  # a query goes with a step, and a wish may change at any one
 
     @property
     def trouble(self) -> str:

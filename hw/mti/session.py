@@ -34,6 +34,7 @@ from hw.mti.setup import identify, set_up
 from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
 
 EARLY_S = 0.002  # before a sample is due: adapters and drivers jitter by a millisecond
+STAMPED_S = 0.05  # a stamp true to its arrival so often: ten in each half second of the clock
 MOST_GATHERED = 255  # bytes, of VMIN
 GATHER_AGAIN_S = 1.0
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer
@@ -122,8 +123,7 @@ class MtiSession:
         heard_s = exchange.now_s
         silence_s = max(SILENCE_S, SILENCE_SAMPLES * stream.period_s)
         while exchange.now_s - heard_s <= silence_s:
-            next_s = heard_s + stream.period_s - EARLY_S
-            frames = yield from exchange.turn(due_s=heard_s + silence_s, hears_s=next_s)
+            frames = yield from exchange.turn(due_s=heard_s + silence_s)
             self.attitudes = reader.take(frames, exchange.now_s)
             if self.attitudes:
                 heard_s = exchange.now_s
@@ -150,20 +150,34 @@ class Mti(Device[Attitude]):
 
         self._maybe_gathers = port if isinstance(port, Gathers) else None
         self._gathered, self._gathered_s = (0, 0), -math.inf  # bytes, of which connection; when
+        self._hears_s = -math.inf
         super().__init__(status, port, new_parser, new_session)
 
     def step(self, now_s: float) -> list[Attitude]:
         attitudes = super().step(now_s)
         self._gather(now_s)
+        self.status.hears_s = self._hears_s
         return attitudes
 
     def hear(self, now_s: float) -> None:
         super().hear(now_s)
         self._gather(now_s)
+        self._listen_later(now_s)
 
     def keep(self, now_s: float) -> None:
         super().keep(now_s)
-        self.status.hears_s = max(self.status.hears_s, now_s + self.stream.period_s - EARLY_S)
+        self._listen_later(now_s)
+
+    def _listen_later(self, now_s: float) -> None:
+        """A sample has just arrived; when the next one is worth a turn of its own.
+
+        Samples that steps read are stamped late. The clock, which goes by the least delayed, needs
+        some whose stamps are true.
+        """
+        period_s = self.stream.period_s
+        samples = max(1, round(STAMPED_S / period_s)) if self._gathered[0] > 1 else 1
+        self._hears_s = now_s + samples * period_s - EARLY_S
+        self.status.hears_s = self._hears_s
 
     def _gather(self, now_s: float) -> None:
         """Let the line wake us for whole frames, where we stand between two of them.

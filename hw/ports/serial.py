@@ -5,8 +5,10 @@ Source: Modbus sheet, section 6, for what a pty does.
 
 import contextlib
 import errno
+import fcntl
 import os
 import select
+import sys
 import termios
 from concurrent.futures import Future, wait
 from functools import partial
@@ -115,7 +117,7 @@ class SerialPort(ReopeningPort):
         )
 
     def gather(self, size: int) -> None:
-        """Be readable when so many bytes have come, 1..255; fewer are not read either."""
+        """Be readable when so many bytes have come, 1..255, and give multiples of it only."""
         if self._line is None or size == self._gathers:
             return
         with contextlib.suppress(termios.error, OSError):  # a line that is gone: reading finds it
@@ -144,10 +146,19 @@ class SerialPort(ReopeningPort):
         # nothing lies ready both wait for a worker of the kernel's, an ordinary process, which on a
         # busy machine comes tens of milliseconds later, whatever our priority.
         if self._arrivals is not None and self._arrivals.poll(0):
-            data = os.read(self._fd, READ_SIZE)
+            data = os.read(self._fd, self._readable_size())
             if not data:  # it has hung up
                 raise OSError(errno.EIO, os.strerror(errno.EIO))
             pieces.append(data)
+
+    def _readable_size(self) -> int:
+        """How many bytes to read: whole gatherings of them, if there are any."""
+        if self._gathers <= 1:
+            return READ_SIZE
+        waiting = bytearray(4)
+        fcntl.ioctl(self._fd, termios.FIONREAD, waiting)
+        count = int.from_bytes(waiting, sys.byteorder)
+        return count - count % self._gathers or READ_SIZE  # none: it has hung up, reading tells
 
     def _send(self, data: bytes) -> int:
         return os.write(self._fd, data)

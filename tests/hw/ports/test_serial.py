@@ -93,8 +93,11 @@ def test_what_is_gathered_is_told_and_read_when_it_is_whole(pty: tuple[int, str]
             assert port.read() == []
             os.write(master, bytes(count))
         assert is_told(port, 60.0)
-        assert port.read() == [bytes(10)]
-        os.write(master, bytes(9))
+        os.write(master, bytes(14))  # it is late: one more whole one, and a part
+        until(lambda: select.select([port._fd], [], [], 0.0)[0])
+        assert b"".join(port.read()) == bytes(20)
+        assert not is_told(port)
+        os.write(master, bytes(5))
         port.gather(1)  # of what is there already as well
         assert is_told(port, 60.0)
         assert port.read() == [bytes(9)]

@@ -57,7 +57,12 @@ class Board:
             listener.settimeout(GENEROUS_S)
             serials += ["-chardev", f"socket,id={name},path={folder / name}"]
             serials += ["-serial", f"chardev:{name}"]
-        self.process = _emulator([*serials, "-kernel", str(firmware)])
+        try:
+            self.process = _emulator([*serials, "-kernel", str(firmware)])
+        except BaseException:
+            for listener in listeners.values():
+                listener.close()
+            raise
         try:
             sockets = {name: listener.accept()[0] for name, listener in listeners.items()}
             self.text, self.link = sockets["text"], sockets.get("link")

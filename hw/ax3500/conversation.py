@@ -79,18 +79,22 @@ class Conversation:
         if self._stream.readings:
             self._stream.readings = []
         self._motors.look(tick.now_s)
-        events = [event for event in tick.events if not isinstance(event, WatchdogStop)]
-        if len(events) < len(tick.events):
-            self._stream.watchdog_stops += len(tick.events) - len(events)
-            self._motors.doubt("the controller's watchdog stopped them")
-        for event in events:
+        events, restart = list[Any](), ""
+        for event in tick.events:
+            if isinstance(event, WatchdogStop):
+                self._stream.watchdog_stops += 1
+                self._motors.doubt("the controller's watchdog stopped them")
+                continue
+            events.append(event)
             text = event.text if isinstance(event, Line) else ""
             if not self._heard_line:
                 self._heard_line = KNOWN_LINE.fullmatch(text) is not None
                 self.is_noise = not self._heard_line
-            if not self.expects_restart and text and is_start_up(event):
-                self.have_restarted()
-                raise StartAgainError(f"the controller has restarted: it sent {text!r}")
+            if text and not restart and not self.expects_restart and is_start_up(text):
+                restart = text
+        if restart:
+            self.have_restarted()
+            raise StartAgainError(f"the controller has restarted: it sent {restart!r}")
         return events
 
     def have_restarted(self) -> None:
@@ -119,7 +123,7 @@ class Conversation:
         """
         written_s, until_s = self.exchange.now_s, self.exchange.now_s + ECHO_S
         whole_s = written_s + self._times.whole_s(query)
-        echoed, fault, taken = False, None, list[Line]()
+        echoed, fault, texts, began_s = False, None, list[str](), 0.0
         while fault is None and self.exchange.now_s < until_s:
             due_s = whole_s if self.exchange.now_s < whole_s < until_s else until_s
             events = yield from self.exchange.turn(out, due_s, whole_s)
@@ -134,15 +138,15 @@ class Conversation:
                 elif event.text != "-" and not legal.fullmatch(event.text):
                     fault = f"damaged value {event.text!r}"
                 else:
-                    taken.append(event)
-                    fault = "" if len(taken) == lines or event.text == "-" else None
+                    began_s = began_s if texts else event.began_s
+                    texts.append(event.text)
+                    fault = "" if len(texts) == lines or event.text == "-" else None
                 if fault is not None:
                     break
         if fault == "":
-            texts = [line.text for line in taken]
             self._times.learn(query, texts, self.exchange.now_s - written_s)
             self.failures, self.fault = 0, "refused"
-            taken_s = (written_s + (len(query) + 1) * CHARACTER_S + taken[0].began_s) / 2
+            taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
             return taken_s, ["-"] if "-" in texts else texts
         silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
         self.fault = fault or silence
@@ -169,6 +173,6 @@ class Conversation:
         return out
 
 
-def is_start_up(line: Line) -> bool:
+def is_start_up(text: str) -> bool:
     """A line that comes only from a controller that starts up, or is in R/C or analog mode."""
-    return line.text == "OK" or line.text.startswith(":") or len(line.text) > MAX_ANSWER
+    return text == "OK" or text[0] == ":" or len(text) > MAX_ANSWER

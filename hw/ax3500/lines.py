@@ -47,43 +47,48 @@ class WatchdogStop:
     """A `W`: for 1 s nothing that we sent has reached the controller; it stopped the motors."""
 
 
+WATCHDOG_STOP = WatchdogStop()
+
+
 class LineParser:
     """Takes a stream cut anywhere; gives Line, WatchdogStop, BadFrame; keeps less than a line."""
 
     def __init__(self) -> None:
-        self._text, self._began_s = b"", 0.0
+        self._text, self._began_s = "", 0.0
         self._too_long = False  # dropping until the next CR
 
     def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
         events: list[Line | WatchdogStop | BadFrame] = []
-        for k, stretch in enumerate(data.translate(SEVEN_BITS, LEFT_OUT).split(b"W")):
-            if k:
-                events.append(WatchdogStop())
-            *ends, rest = stretch.split(CR)
+        text = data.translate(SEVEN_BITS, LEFT_OUT).decode("ascii")
+        for stretch in text.split("W"):
+            *ends, rest = stretch.split("\r")
             for end in ends:
                 self._add(now_s, end, events)
                 self._end(now_s, events)
-            self._add(now_s, rest, events)
+            if rest:
+                self._add(now_s, rest, events)
+            events.append(WATCHDOG_STOP)
+        events.pop()  # no W stood behind the last stretch
         return events
 
-    def _add(self, now_s: float, part: bytes, events: list[Line | WatchdogStop | BadFrame]) -> None:
+    def _add(self, now_s: float, part: str, events: list[Line | WatchdogStop | BadFrame]) -> None:
         if not self._text:
             self._began_s = now_s
         self._text += part
         while len(self._text) > MAX_LINE:
-            events.append(BadFrame("line without an end", self._text[: MAX_LINE + 1]))
-            self._text, self._too_long = self._text[MAX_LINE + 1 :], True
+            head, self._text = self._text[: MAX_LINE + 1], self._text[MAX_LINE + 1 :]
+            events.append(BadFrame("line without an end", head.encode("ascii")))
+            self._too_long = True
 
     def _end(self, now_s: float, events: list[Line | WatchdogStop | BadFrame]) -> None:
-        data, rest_of_long = self._text, self._too_long
-        self._text, self._too_long = b"", False
-        text = data.decode("ascii")
-        if not data:
+        text, rest_of_long = self._text, self._too_long
+        self._text, self._too_long = "", False
+        if not text:
             return
         if rest_of_long:
-            events.append(BadFrame("end of a line that was too long", data))
+            events.append(BadFrame("end of a line that was too long", text.encode("ascii")))
         elif not text.isprintable():
-            events.append(BadFrame("line with control characters", data))
+            events.append(BadFrame("line with control characters", text.encode("ascii")))
         else:
             events.append(Line(text, min(self._began_s, now_s - len(text) * CHARACTER_S)))
 

@@ -139,7 +139,7 @@ class Ax3500Session:
             out = b""
             for event in events:
                 quiet_s, limit_s = x.now_s, BOOT_S
-                if not isinstance(event, Line) or not is_start_up(event):
+                if not isinstance(event, Line) or not is_start_up(event.text):
                     continue
                 self._talk.have_restarted()
                 if event.text == "OK":
@@ -371,11 +371,12 @@ class Ax3500(Device[WheelCounts]):
             return []
         measured: list[WheelCounts] = []
         for reading in self.stream.readings:
-            match self._counters.take(*reading):
-                case Pair(t_s, one, two):
-                    left, right = (sign * (one, two)[k] for k, sign in (self._left, self._right))
-                    measured.append(WheelCounts(t_s, left, right, self._counters.restarts))
-                case BadFrame() as refused:
-                    self.status.reject(refused)
+            taken = self._counters.take(*reading)
+            if isinstance(taken, Pair):
+                travel = (taken.one, taken.two)
+                left, right = [sign * travel[k] for k, sign in (self._left, self._right)]
+                measured.append(WheelCounts(taken.t_s, left, right, self._counters.restarts))
+            elif taken is not None:
+                self.status.reject(taken)
         self.stream.readings = []
         return measured

@@ -199,20 +199,24 @@ class Intake:
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
         waiting = self._waiting
+        if len(pieces) == 1 and len(pieces[0]) <= PIECE and not waiting and self._allowance > 0:
+            return self._parsed(now_s, pieces[0])  # as nearly always
         for piece in pieces:
             waiting.append((now_s, piece[:PIECE]))
             for at in range(PIECE, len(piece), PIECE):
                 waiting.append((now_s, piece[at : at + PIECE]))
         events: list[Any] = []
         while waiting and self._allowance > 0:
-            arrived_s, piece = waiting.popleft()
-            found = self._parser.feed(arrived_s, piece)
-            self._allowance -= len(piece) + EVENT_BYTES * len(found)
-            for event in found:
-                if isinstance(event, BadFrame):
-                    self._allowance -= JUNK_FACTOR * len(event.skipped)
-            events += found
+            events += self._parsed(*waiting.popleft())
         return events
+
+    def _parsed(self, arrived_s: float, piece: bytes) -> list[Any]:
+        found = self._parser.feed(arrived_s, piece)
+        self._allowance -= len(piece) + EVENT_BYTES * len(found)
+        for event in found:
+            if isinstance(event, BadFrame):
+                self._allowance -= JUNK_FACTOR * len(event.skipped)
+        return found
 
 
 class SilenceWatch:

@@ -44,20 +44,21 @@ class AnswerTimes:
     """
 
     def __init__(self) -> None:
-        self._characters: dict[str, int] = {}  # of a query's newest answer
+        self._line_s: dict[str, float] = {}  # characters' time, query and its newest answer
         self._delay_s = 0.0  # beyond the characters' own time, as seen
 
     def whole_s(self, query: str) -> float:
         """From the writing of a query to the last character of its answer, at the soonest."""
-        sent = len(query) + 2  # CR, and the echo of the last one comes a character behind it
-        return (sent + self._characters.get(query, 0)) * CHARACTER_S + self._delay_s
+        return self._line_s.get(query, (len(query) + 2) * CHARACTER_S) + self._delay_s
 
     def learn(self, query: str, texts: list[str], took_s: float) -> None:
         """An exchange that went well. Where it was whole at the first look, look sooner again."""
         is_late = took_s > self.whole_s(query) + CHARACTER_S
-        self._characters[query] = sum(len(text) + 1 for text in texts)
-        beyond_s = took_s - self.whole_s(query) + self._delay_s
-        self._delay_s = min(max(0.0, beyond_s if is_late else FORGET * self._delay_s), ECHO_S / 2)
+        # a CR behind each line, and the echo of the last one comes a character behind it
+        characters = len(query) + 2 + len("".join(texts)) + len(texts)
+        self._line_s[query] = line_s = characters * CHARACTER_S
+        delay_s = took_s - line_s if is_late else FORGET * self._delay_s
+        self._delay_s = min(max(0.0, delay_s), ECHO_S / 2)
 
 
 class Conversation:
@@ -71,29 +72,29 @@ class Conversation:
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
         self._times = AnswerTimes()
-        self._heard_line = self._heard_noise = False  # since the conversation began
-
-    @property
-    def is_noise(self) -> bool:
-        """Whether something arrives, and never a line that this controller may send."""
-        return self._heard_noise and not self._heard_line
+        self._heard_line = False  # that this controller may send, since the conversation began
+        self.is_noise = False  # whether something arrives, and never such a line
 
     def _hear(self, tick: Tick) -> list[Any]:
         if self._stream.readings:
             self._stream.readings = []
         self._motors.look(tick.now_s)
-        events = [event for event in tick.events if not isinstance(event, WatchdogStop)]
-        if len(events) < len(tick.events):
-            self._stream.watchdog_stops += len(tick.events) - len(events)
-            self._motors.doubt("the controller's watchdog stopped them")
-        for event in events:
-            if isinstance(event, Line) and KNOWN_LINE.fullmatch(event.text):
-                self._heard_line = True
-            else:
-                self._heard_noise = True
-            if isinstance(event, Line) and is_start_up(event) and not self.expects_restart:
-                self.have_restarted()
-                raise StartAgainError(f"the controller has restarted: it sent {event.text!r}")
+        events, restart = list[Any](), ""
+        for event in tick.events:
+            if isinstance(event, WatchdogStop):
+                self._stream.watchdog_stops += 1
+                self._motors.doubt("the controller's watchdog stopped them")
+                continue
+            events.append(event)
+            text = event.text if isinstance(event, Line) else ""
+            if not self._heard_line:
+                self._heard_line = KNOWN_LINE.fullmatch(text) is not None
+                self.is_noise = not self._heard_line
+            if text and not restart and not self.expects_restart and is_start_up(text):
+                restart = text
+        if restart:
+            self.have_restarted()
+            raise StartAgainError(f"the controller has restarted: it sent {restart!r}")
         return events
 
     def have_restarted(self) -> None:
@@ -120,32 +121,32 @@ class Conversation:
 
         A value counts only after the echo of its own query: prompts look like values.
         """
-        written_s, began_s, texts = self.exchange.now_s, list[float](), list[str]()
-
-        def maybe_echo(event: Any) -> bool | None:
-            is_echo = isinstance(event, Line) and event.text.upper() == query.upper()
-            return True if is_echo else None
-
-        def maybe_end(event: Any) -> str | None:
-            if not isinstance(event, Line) or event.began_s - written_s > EXCHANGE_S:
-                return "damaged or late value"
-            if event.text != "-" and not legal.fullmatch(event.text):
-                return f"damaged value {event.text!r}"
-            began_s.append(event.began_s)
-            texts.append(event.text)
-            return "" if len(texts) == lines or event.text == "-" else None
-
-        fault = None
-        whole_s = self._times.whole_s(query)
-        if echoed := (yield from self.exchange.ask(out, maybe_echo, ECHO_S, deaf_s=whole_s)):
-            passed_s = self.exchange.now_s - written_s
-            fault = yield from self.exchange.wait_for(
-                maybe_end, EXCHANGE_S - passed_s, deaf_s=whole_s - passed_s
-            )
+        written_s, until_s = self.exchange.now_s, self.exchange.now_s + ECHO_S
+        whole_s = written_s + self._times.whole_s(query)
+        echoed, fault, texts, began_s = False, None, list[str](), 0.0
+        while fault is None and self.exchange.now_s < until_s:
+            due_s = whole_s if self.exchange.now_s < whole_s < until_s else until_s
+            events = yield from self.exchange.turn(out, due_s, whole_s)
+            out = b""
+            for event in events:
+                if not echoed:
+                    echoed = isinstance(event, Line) and event.text.upper() == query.upper()
+                    until_s = written_s + EXCHANGE_S if echoed else until_s
+                    continue
+                if not isinstance(event, Line) or event.began_s - written_s > EXCHANGE_S:
+                    fault = "damaged or late value"
+                elif event.text != "-" and not legal.fullmatch(event.text):
+                    fault = f"damaged value {event.text!r}"
+                else:
+                    began_s = began_s if texts else event.began_s
+                    texts.append(event.text)
+                    fault = "" if len(texts) == lines or event.text == "-" else None
+                if fault is not None:
+                    break
         if fault == "":
             self._times.learn(query, texts, self.exchange.now_s - written_s)
             self.failures, self.fault = 0, "refused"
-            taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s[0]) / 2
+            taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
             return taken_s, ["-"] if "-" in texts else texts
         silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
         self.fault = fault or silence
@@ -172,6 +173,6 @@ class Conversation:
         return out
 
 
-def is_start_up(line: Line) -> bool:
+def is_start_up(text: str) -> bool:
     """A line that comes only from a controller that starts up, or is in R/C or analog mode."""
-    return line.text == "OK" or line.text.startswith(":") or len(line.text) > MAX_ANSWER
+    return text == "OK" or text[0] == ":" or len(text) > MAX_ANSWER

@@ -5,8 +5,7 @@ misread; what they say is believed only as far as the robot can have moved.
 Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
 """
 
-from dataclasses import dataclass
-
+from core.records import record
 from hw.ax3500.lines import maybe_rollover, wrap_difference
 from hw.device import BadFrame
 
@@ -19,14 +18,14 @@ OUTAGE_PAIRS, OUTAGE_LIMIT_S = 2.5, 1.0  # of the pace kept; and as far as a slo
 PACE_SMOOTHING = 0.2
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class _Reading:
     t_s: float
     raw: int
     total: float  # continuous travel since an arbitrary zero
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Pair:
     """Travel of both channels at one instant, in counts."""
 
@@ -60,17 +59,17 @@ class WheelCounters:
         """What one reading of channel 0 or 1 completes, or why it is not believed."""
         outage_s = max(self._outage_s, min(OUTAGE_LIMIT_S, OUTAGE_PAIRS * self._pace_s))
         self._learn_pace(channel, t_s)
-        last = self._last[channel]
-        heard_s = min(reading.t_s for reading in self._last if reading) if last else t_s
-        if not self._tracking or last is None or t_s - heard_s > outage_s:
+        one, two = self._last
+        if not (self._tracking and one and two) or t_s - min(one.t_s, two.t_s) > outage_s:
             return self._resume(channel, t_s, raw, outage_s)
+        last = two if channel else one
         travel = self._maybe_travel(last, t_s, raw)
         if travel is None:
             return self._refuse(channel, last, t_s, raw)
         self._refused[channel].clear()
         reading = _Reading(t_s, raw, last.total + travel)
         self._last[channel] = reading
-        return _maybe_pair(last, reading, self._last[1]) if channel == 0 else None
+        return None if channel else _maybe_pair(last, reading, two)
 
     def _learn_pace(self, channel: int, t_s: float) -> None:
         """A controller that answers slowly is not away: what an outage is follows the pace."""
@@ -82,10 +81,11 @@ class WheelCounters:
     def _maybe_travel(self, last: _Reading, t_s: float, raw: int) -> int | None:
         """Counts since the last reading, if the robot can have made them."""
         bound = self._max_counts_per_s * max(0.0, t_s - last.t_s) * MARGIN + SLACK
-        for travel in (wrap_difference(raw, last.raw), maybe_rollover(raw, last.raw)):
-            if travel is not None and abs(travel) <= bound:
-                return travel
-        return None
+        travel = wrap_difference(raw, last.raw)
+        if abs(travel) <= bound:
+            return travel
+        rolled = maybe_rollover(raw, last.raw)
+        return rolled if rolled is not None and abs(rolled) <= bound else None
 
     def _refuse(self, channel: int, last: _Reading, t_s: float, raw: int) -> BadFrame:
         self._refused[channel].append(raw)
@@ -158,9 +158,9 @@ class WheelCounters:
         return not all(onward)
 
 
-def _maybe_pair(before: _Reading, now: _Reading, other: _Reading | None) -> Pair | None:
+def _maybe_pair(before: _Reading, now: _Reading, other: _Reading) -> Pair | None:
     """Channel 0 interpolated to the instant of the other's reading between its own two."""
-    if other is None or not before.t_s <= other.t_s < now.t_s:
+    if not before.t_s <= other.t_s < now.t_s:
         return None
     share = (other.t_s - before.t_s) / (now.t_s - before.t_s)
     return Pair(other.t_s, before.total + share * (now.total - before.total), other.total)

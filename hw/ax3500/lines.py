@@ -6,6 +6,7 @@ Source: AX3500 sheet, sections 1, 2, 4, 5 and 7. ASCII, 7 bits, CR ends a line i
 
 import re
 from dataclasses import dataclass
+from functools import cache
 
 from core.records import record
 from hw.device import BadFrame
@@ -13,6 +14,8 @@ from hw.device import BadFrame
 CR = b"\r"
 CHARACTER_S = 10 / 9600  # start, 7 bits, parity, stop
 MAX_LINE = 64  # no line of the device is longer
+SEVEN_BITS = bytes(byte & 0x7F for byte in range(256))  # a pty passes the bit that was the parity's
+LEFT_OUT = b"\0\x80\n\x8a"  # NUL and LF
 READ_COUNTER = ("?Q0", "?Q1")  # absolute, channel 1 and 2: a lost reply loses no travel
 READ_IDENTITY = "^8A"
 ENCODER_BIT = 0x20  # of the identity
@@ -44,48 +47,53 @@ class WatchdogStop:
     """A `W`: for 1 s nothing that we sent has reached the controller; it stopped the motors."""
 
 
+WATCHDOG_STOP = WatchdogStop()
+
+
 class LineParser:
     """Takes a stream cut anywhere; gives Line, WatchdogStop, BadFrame; keeps less than a line."""
 
     def __init__(self) -> None:
-        self._text, self._began_s = bytearray(), 0.0
+        self._text, self._began_s = "", 0.0
         self._too_long = False  # dropping until the next CR
 
     def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
         events: list[Line | WatchdogStop | BadFrame] = []
-        for byte in data:
-            character = byte & 0x7F  # a pty passes the bit that was the parity's
-            if character == 0x57:
-                events.append(WatchdogStop())
-            elif character == 0x0D:
-                events += self._end(now_s)
-            elif character not in (0x00, 0x0A):
-                if not self._text:
-                    self._began_s = now_s
-                self._text.append(character)
-                if len(self._text) > MAX_LINE:
-                    events.append(BadFrame("line without an end", self._take()))
-                    self._too_long = True
+        text = data.translate(SEVEN_BITS, LEFT_OUT).decode("ascii")
+        for stretch in text.split("W"):
+            *ends, rest = stretch.split("\r")
+            for end in ends:
+                self._add(now_s, end, events)
+                self._end(now_s, events)
+            if rest:
+                self._add(now_s, rest, events)
+            events.append(WATCHDOG_STOP)
+        events.pop()  # no W stood behind the last stretch
         return events
 
-    def _end(self, now_s: float) -> list[Line | WatchdogStop | BadFrame]:
-        text, rest_of_long = self._take(), self._too_long
-        self._too_long = False
+    def _add(self, now_s: float, part: str, events: list[Line | WatchdogStop | BadFrame]) -> None:
+        if not self._text:
+            self._began_s = now_s
+        self._text += part
+        while len(self._text) > MAX_LINE:
+            head, self._text = self._text[: MAX_LINE + 1], self._text[MAX_LINE + 1 :]
+            events.append(BadFrame("line without an end", head.encode("ascii")))
+            self._too_long = True
+
+    def _end(self, now_s: float, events: list[Line | WatchdogStop | BadFrame]) -> None:
+        text, rest_of_long = self._text, self._too_long
+        self._text, self._too_long = "", False
         if not text:
-            return []
+            return
         if rest_of_long:
-            return [BadFrame("end of a line that was too long", text)]
-        if not (text.isascii() and text.decode("ascii").isprintable()):
-            return [BadFrame("line with control characters", text)]
-        began_s = min(self._began_s, now_s - len(text) * CHARACTER_S)
-        return [Line(text.decode("ascii"), began_s)]
-
-    def _take(self) -> bytes:
-        text = bytes(self._text)
-        self._text.clear()
-        return text
+            events.append(BadFrame("end of a line that was too long", text.encode("ascii")))
+        elif not text.isprintable():
+            events.append(BadFrame("line with control characters", text.encode("ascii")))
+        else:
+            events.append(Line(text, min(self._began_s, now_s - len(text) * CHARACTER_S)))
 
 
+@cache  # some 270 are legal, the others are not kept
 def encode_query(query: str) -> bytes:
     """A query that only reads; anything else is refused with ValueError.
 

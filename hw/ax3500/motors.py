@@ -142,9 +142,11 @@ class Motors:
 
     def maybe_command(self, blocked: str) -> tuple[int, int] | None:
         """Channel 1 or 2 and its power -127..127, if one is due; blocked: why zero only."""
+        if not self.enabled:
+            return None
         self._blocked = bool(blocked)
         self._trouble = self._trouble or blocked
-        if not self.usable and not (self.enabled and self.may_move):
+        if self.refusal and not self.may_move:
             return None
         if self._zero_first and all(channel.acknowledged == 0 for channel in self._channels):
             self._zero_first = False

@@ -40,24 +40,26 @@ class Schedule:
         self._second = False  # of a pair is next
         self._slow_went = False  # since the last pair
         self._judge_s, self._told_fits = 0.0, math.inf  # pairs/s in the remark; inf: none
+        self._remark = ""
         self._asked_s: dict[str, float] = {}
+        self._slow_due_s = 0.0  # when the first of the slow ones may fill a gap
         self._pair_s = 2 * 12 * CHARACTER_S  # smoothed
 
     def begin(self, now_s: float) -> None:
         """Counters first; slow values are spread over their first period."""
         self._pair_due_s, self._second, self._slow_went = now_s, False, False
-        self._judge_s, self._told_fits = now_s + JUDGE_S, math.inf
+        self._judge_s, self._told_fits, self._remark = now_s + JUDGE_S, math.inf, ""
         for k, (query, period_s) in enumerate(SLOW_S.items()):
-            self._asked_s[query] = now_s - period_s * MAY + 0.1 + 0.05 * k
+            self._have_asked(query, now_s - period_s * MAY + 0.1 + 0.05 * k)
 
     def maybe_next(self, now_s: float) -> str | None:
         """The query that is due; None: wait."""
         if self._second:
             self._second = False
             return READ_COUNTER[0]
-        slow = max(SLOW_S, key=lambda query: self._age(query, now_s))
         is_due = now_s >= self._pair_due_s - self._play_s
-        if self._age(slow, now_s) >= MUST and not (is_due and self._slow_went):
+        slow, age = self._oldest(now_s) if now_s >= self._slow_due_s else ("", 0.0)
+        if age >= MUST and not (is_due and self._slow_went):
             return self._ask(slow, now_s)
         if is_due:
             period_s = 1.0 / self._poll_hz
@@ -65,7 +67,7 @@ class Schedule:
             self._second, self._slow_went = True, False
             return READ_COUNTER[1]
         gap_s = self._pair_due_s - now_s
-        if self._age(slow, now_s) >= MAY and gap_s > 0.5 * self._pair_s:
+        if age >= MAY and gap_s > 0.5 * self._pair_s:
             return self._ask(slow, now_s)
         return None
 
@@ -74,16 +76,24 @@ class Schedule:
         """When to ask `maybe_next` again after it gave None, if nobody does so before."""
         return self._pair_due_s + self._play_s
 
-    def _age(self, query: str, now_s: float) -> float:
-        return (now_s - self._asked_s[query]) / SLOW_S[query]
+    def _oldest(self, now_s: float) -> tuple[str, float]:
+        """The slow query that has waited longest, and how much of its period."""
+        ages = {query: (now_s - self._asked_s[query]) / SLOW_S[query] for query in SLOW_S}
+        slow = max(ages, key=ages.__getitem__)
+        return slow, ages[slow]
 
     def _ask(self, query: str, now_s: float) -> str:
-        self._asked_s[query], self._slow_went = now_s, True
+        self._have_asked(query, now_s)
+        self._slow_went = True
         return query
+
+    def _have_asked(self, query: str, now_s: float) -> None:
+        self._asked_s[query] = now_s
+        self._slow_due_s = min(at_s + MAY * SLOW_S[slow] for slow, at_s in self._asked_s.items())
 
     def refused(self, query: str, now_s: float) -> None:
         """The controller does not know a slow query: seldom again."""
-        self._asked_s[query] = now_s + REFUSED_S
+        self._have_asked(query, now_s + REFUSED_S)
 
     def counter_took(self, took_s: float) -> None:
         self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
@@ -93,16 +103,15 @@ class Schedule:
 
         Judged when the measure has settled and seldom afterwards, so that it stays readable.
         """
-        if now_s >= self._judge_s:
-            self._judge_s, fits = now_s + REJUDGE_S, self.fits_per_s(motors_hz)
-            enough = ENOUGH if self._told_fits == math.inf else ENOUGH_AGAIN
-            if fits >= enough * self._poll_hz:
-                self._told_fits = math.inf
-            elif abs(fits - self._told_fits) > NEWS * fits:
-                self._told_fits = fits
-        if self._told_fits == math.inf:
-            return ""
-        return f"{self._poll_hz:g} pairs/s asked, {self._told_fits:.0f} fit"
+        if now_s < self._judge_s:
+            return self._remark
+        self._judge_s, fits = now_s + REJUDGE_S, self.fits_per_s(motors_hz)
+        if fits >= (ENOUGH_AGAIN if self._remark else ENOUGH) * self._poll_hz:
+            self._told_fits, self._remark = math.inf, ""
+        elif abs(fits - self._told_fits) > NEWS * fits:
+            self._told_fits = fits
+            self._remark = f"{self._poll_hz:g} pairs/s asked, {fits:.0f} fit"
+        return self._remark
 
     def fits_per_s(self, motors_hz: float) -> float:
         """Pairs a second beside slow values and motors, as long as exchanges really take."""

@@ -20,7 +20,6 @@ Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
 import enum
-import math
 import re
 from typing import Annotated, Any, Literal
 
@@ -55,6 +54,7 @@ PLUS = re.compile(r"\+")
 CONDITION_S = 3.0  # status and emergency stop older than this are not known
 OUTAGE_S, OUTAGE_PAIRS = 0.5, 2.5  # the longer: a controller that restarts is away longer
 
+NO_STATUS = "the controller does not tell its status"
 IN_RC_MODE = "in R/C mode: set [drive] enter_rs232 = true to let mapod take it over"
 
 
@@ -139,7 +139,7 @@ class Ax3500Session:
             out = b""
             for event in events:
                 quiet_s, limit_s = x.now_s, BOOT_S
-                if not isinstance(event, Line) or not is_start_up(event):
+                if not isinstance(event, Line) or not is_start_up(event.text):
                     continue
                 self._talk.have_restarted()
                 if event.text == "OK":
@@ -213,8 +213,9 @@ class Ax3500Session:
         self._polling_s = x.now_s
         self._schedule.begin(x.now_s)
         while True:
-            self._find_remark()
-            command = self._motors.maybe_command(self._why_blocked())
+            blocked = self._why_blocked()
+            self._find_remark(blocked)
+            command = self._motors.maybe_command(blocked)
             query = None
             if command is None or (command[1] != 0 and self._commands >= len(READ_COUNTER)):
                 query = self._schedule.maybe_next(x.now_s)
@@ -279,25 +280,25 @@ class Ax3500Session:
             self._schedule.refused(query, self._exchange.now_s)
 
     def _why_blocked(self) -> str:
-        """Why motors get zero only; what is not known is a reason too."""
+        """Why motors get zero only; what is not known is a reason too, where they are enabled."""
         state = self._stream.controller
-        if state.trouble:
+        if state.trouble or not self._motors.enabled:
             return state.trouble
-        taken_s = (state.taken_s.get(query, -math.inf) for query in (READ_STATUS, READ_INPUTS))
-        known = state.status is not None and state.emergency_stop is not None
-        if not known or min(taken_s) < max(self._polling_s, self._exchange.now_s - CONDITION_S):
-            return "the controller does not tell its status"
+        since_s = max(self._polling_s, self._exchange.now_s - CONDITION_S)
+        if state.status is None or state.taken_s[READ_STATUS] < since_s:
+            return NO_STATUS
+        if state.emergency_stop is None or state.taken_s[READ_INPUTS] < since_s:
+            return NO_STATUS
         return ""
 
-    def _find_remark(self) -> None:
-        blocked = self._why_blocked() if self._motors.usable else self._motors.refusal
-        motors_hz = 1.0 / REFRESH_S if self._motors.usable else 0.0
-        remarks = [
-            blocked or self._stream.controller.trouble,
-            self._motors.why_off if self._motors.turns_wish_down and not blocked else "",
-            self._schedule.remark(self._exchange.now_s, motors_hz),
-        ]
-        self._stream.remark = "; ".join(remark for remark in remarks if remark)
+    def _find_remark(self, blocked: str) -> None:
+        """What keeps the motors from their wish, and the line from its pace."""
+        motors, motors_hz = self._motors, 1.0 / REFRESH_S if self._motors.usable else 0.0
+        why = motors.refusal or blocked
+        if not why and motors.turns_wish_down:
+            why = motors.why_off
+        slow = self._schedule.remark(self._exchange.now_s, motors_hz)
+        self._stream.remark = f"{why}; {slow}" if why and slow else why or slow
         if self._status.state == "running":
             self._status.cause = self._stream.remark
 
@@ -366,13 +367,16 @@ class Ax3500(Device[WheelCounts]):
         if self.stream.zero_lost:
             self._counters.forget_zero()
             self.stream.zero_lost = False
+        if not self.stream.readings:
+            return []
         measured: list[WheelCounts] = []
         for reading in self.stream.readings:
-            match self._counters.take(*reading):
-                case Pair(t_s, one, two):
-                    left, right = (sign * (one, two)[k] for k, sign in (self._left, self._right))
-                    measured.append(WheelCounts(t_s, left, right, self._counters.restarts))
-                case BadFrame() as refused:
-                    self.status.reject(refused)
+            taken = self._counters.take(*reading)
+            if isinstance(taken, Pair):
+                travel = (taken.one, taken.two)
+                left, right = [sign * travel[k] for k, sign in (self._left, self._right)]
+                measured.append(WheelCounts(taken.t_s, left, right, self._counters.restarts))
+            elif taken is not None:
+                self.status.reject(taken)
         self.stream.readings = []
         return measured

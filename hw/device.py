@@ -183,22 +183,20 @@ class Intake:
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._allowance = 0.0  # bytes that may still be parsed in this step
         self._stepped_s = float("inf")
+        self.waits = False  # bytes do
         self.begin()
 
     def begin(self) -> None:
         """A new connection: a new parser, and what waited is of no use."""
         self._parser = self._new_parser()
         self._waiting.clear()
+        self.waits = False
 
     def step(self, now_s: float) -> None:
         """A step begins: what it may parse, more where the step before is long ago."""
         passed_s = now_s - self._stepped_s
         self._allowance = self._bytes_per_s * max(HELD_UP_S, 2 * passed_s)
         self._stepped_s = now_s
-
-    @property
-    def waits(self) -> bool:
-        return bool(self._waiting)
 
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
@@ -215,6 +213,7 @@ class Intake:
                 if isinstance(event, BadFrame):
                     self._allowance -= JUNK_FACTOR * len(event.skipped)
             events += found
+        self.waits = bool(waiting)
         return events
 
 

@@ -36,6 +36,8 @@ TEXT_STOP = re.compile(rb"[\x02\x03]")
 INCOMPLETE_S = 0.5  # a telegram that takes longer was none: its length is not to be believed
 REPORTED_SIZE = 4096  # junk is told at the latest when so much has come
 
+_xor_of = np.bitwise_xor.reduce
+
 
 class PayloadError(Exception):
     """A payload that can't be what its frame says; the text says why."""
@@ -52,7 +54,7 @@ def encode_text(payload: bytes) -> bytes:
 
 
 def _xor(payload: bytes) -> int:
-    return int(np.bitwise_xor.reduce(np.frombuffer(payload, np.uint8)))
+    return int(_xor_of(np.frombuffer(payload, np.uint8)))
 
 
 class ColaParser(Generic[Event]):

@@ -372,13 +372,14 @@ class Device(Generic[Measurement]):
 
     def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
         """The session up to now; what it measured is held for the step."""
+        was_running = self.status.state == "running"
         out = self._session.send(Tick(now_s, events))
         if out:
             self.port.write(out)
-        if self.status.state == "running":
-            self._fingerprint.forget()
-        else:
+        if self.status.state != "running":
             self._name_who_answers(now_s, pieces, out)
+        elif not was_running:
+            self._fingerprint.forget()
         if measurements := self._measure(now_s, events):
             self._held += measurements
             self.status.heard_s = now_s

@@ -85,16 +85,16 @@ class ScanMaker:
         """(echoes, n); NaN where nothing was measured, and for an echo not sent."""
 
         def echo_m(content: str) -> F64:
-            """(n,) of a channel whose beams are those of `like`."""
+            """(1, n) of a channel whose beams are those of `like`."""
             channel = telegram.channels.get(content)
             if channel is like or (channel is not None and channel.layout == like.layout):
-                return ranges_m_from_channel(channel, part)
-            return np.full(part.stop - part.start, math.nan)
+                return ranges_m_from_channel(channel, (None, part))
+            return np.full((1, part.stop - part.start), math.nan)
 
         first_m = echo_m("DIST1")
         if self._options.echo == "first":
-            return first_m[None]
+            return first_m
         second_m = echo_m("DIST2")
         if self._options.echo == "both":
-            return np.stack([first_m, second_m])
-        return np.where(np.isnan(second_m), first_m, second_m)[None]  # one echo is the last, too
+            return np.concatenate([first_m, second_m])
+        return np.where(np.isnan(second_m), first_m, second_m)  # one echo is the last, too

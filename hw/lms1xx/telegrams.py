@@ -238,8 +238,8 @@ def _flag(fields: Fields, what: str) -> bool:
     return bool(value)
 
 
-def ranges_m_from_channel(channel: Channel, part: slice) -> F64:
-    """Ranges (k,) of a part of a DIST channel; NaN where nothing was measured."""
+def ranges_m_from_channel(channel: Channel, part: slice | tuple[None, slice]) -> F64:
+    """Ranges (k,) or (1, k) of a part of a DIST channel; NaN where nothing was measured."""
     m_per_raw = channel.scale / 1000
     ranges_m = channel.raw[part].astype(np.float64)
     ranges_m *= m_per_raw

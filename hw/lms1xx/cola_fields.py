@@ -8,7 +8,7 @@ Source: lms111 sheet, section 2.
 
 import re
 import struct
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,8 @@ _TOKEN = re.compile(rb" *([^ ]+)")
 _BITS = {"b": 8, "B": 8, "h": 16, "H": 16, "i": 32, "I": 32}
 
 
-@lru_cache(64)
-def _packed(layout: str) -> struct.Struct:
+@cache
+def _packed(layout: str) -> struct.Struct:  # there are few, but for a text of each length to 255
     return struct.Struct(">" + layout)
 
 

@@ -183,14 +183,13 @@ class Intake:
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._allowance = 0.0  # bytes that may still be parsed in this step
         self._stepped_s = float("inf")
-        self.waits = False  # bytes do
         self.begin()
 
     def begin(self) -> None:
         """A new connection: a new parser, and what waited is of no use."""
         self._parser = self._new_parser()
         self._waiting.clear()
-        self.waits = False
+        self.waits = False  # bytes do
 
     def step(self, now_s: float) -> None:
         """A step begins: what it may parse, more where the step before is long ago."""

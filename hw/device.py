@@ -39,7 +39,8 @@ NEVER_HEARD_S = 10.0  # of silence on a connection on which nothing was ever hea
 EVENT_BYTES = 128  # an event, however short: 4 us
 JUNK_FACTOR = 32  # a byte of junk that looks like telegrams: 1 us
 MOST_KEPT = 8  # pieces between two steps
-PIECE = 1024  # bytes parsed at once: only afterwards is known what they were
+PIECE = 1024  # bytes parsed at once: only afterwards is known what they were. A device whose usual
+# telegrams are longer says so: in one piece they cost less
 HELD_UP_S = 0.2  # so much of a device's fastest stream may come at once: an ordinary delay
 SERIAL_BYTES_PER_S = 92_160  # 921600 baud, the fastest line that any of the devices has
 
@@ -172,10 +173,13 @@ class Intake:
 
     Args:
         bytes_per_s: of the fastest stream that the device can send.
+        piece: bytes parsed at once.
     """
 
-    def __init__(self, new_parser: Callable[[], Parser], bytes_per_s: float) -> None:
-        self._new_parser, self._bytes_per_s = new_parser, bytes_per_s
+    def __init__(
+        self, new_parser: Callable[[], Parser], bytes_per_s: float, piece: int = PIECE
+    ) -> None:
+        self._new_parser, self._bytes_per_s, self._piece = new_parser, bytes_per_s, piece
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._allowance = 0.0  # bytes that may still be parsed in this step
         self._stepped_s = float("inf")
@@ -185,6 +189,7 @@ class Intake:
         """A new connection: a new parser, and what waited is of no use."""
         self._parser = self._new_parser()
         self._waiting.clear()
+        self.waits = False  # bytes do
 
     def step(self, now_s: float) -> None:
         """A step begins: what it may parse, more where the step before is long ago."""
@@ -192,22 +197,18 @@ class Intake:
         self._allowance = self._bytes_per_s * max(HELD_UP_S, 2 * passed_s)
         self._stepped_s = now_s
 
-    @property
-    def waits(self) -> bool:
-        return bool(self._waiting)
-
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
-        waiting = self._waiting
-        if len(pieces) == 1 and len(pieces[0]) <= PIECE and not waiting and self._allowance > 0:
+        waiting, size = self._waiting, self._piece
+        if len(pieces) == 1 and len(pieces[0]) <= size and not waiting and self._allowance > 0:
             return self._parsed(now_s, pieces[0])  # as nearly always
         for piece in pieces:
-            waiting.append((now_s, piece[:PIECE]))
-            for at in range(PIECE, len(piece), PIECE):
-                waiting.append((now_s, piece[at : at + PIECE]))
+            for at in range(0, len(piece) or 1, size):
+                waiting.append((now_s, piece[at : at + size]))
         events: list[Any] = []
         while waiting and self._allowance > 0:
             events += self._parsed(*waiting.popleft())
+        self.waits = bool(waiting)
         return events
 
     def _parsed(self, arrived_s: float, piece: bytes) -> list[Any]:
@@ -259,9 +260,10 @@ class Device(Generic[Measurement]):
         new_parser: Callable[[], Parser],
         new_session: Callable[[], Session],
         bytes_per_s: float = SERIAL_BYTES_PER_S,
+        piece: int = PIECE,
     ) -> None:
         self.status, self.port = status, port
-        self._intake, self._silence = Intake(new_parser, bytes_per_s), SilenceWatch(port)
+        self._intake, self._silence = Intake(new_parser, bytes_per_s, piece), SilenceWatch(port)
         self._new_session = new_session
         self._session = self._begun_session()
         self._fingerprint = Fingerprint(status.name)
@@ -373,13 +375,14 @@ class Device(Generic[Measurement]):
 
     def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
         """The session up to now; what it measured is held for the step."""
+        was_running = self.status.state == "running"
         out = self._session.send(Tick(now_s, events))
         if out:
             self.port.write(out)
-        if self.status.state == "running":
-            self._fingerprint.forget()
-        else:
+        if self.status.state != "running":
             self._name_who_answers(now_s, pieces, out)
+        elif not was_running:
+            self._fingerprint.forget()
         if measurements := self._measure(now_s, events):
             self._held += measurements
             self.status.heard_s = now_s

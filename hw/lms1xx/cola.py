@@ -36,6 +36,8 @@ TEXT_STOP = re.compile(rb"[\x02\x03]")
 INCOMPLETE_S = 0.5  # a telegram that takes longer was none: its length is not to be believed
 REPORTED_SIZE = 4096  # junk is told at the latest when so much has come
 
+_xor_of = np.bitwise_xor.reduce
+
 
 class PayloadError(Exception):
     """A payload that can't be what its frame says; the text says why."""
@@ -51,8 +53,8 @@ def encode_text(payload: bytes) -> bytes:
     return TEXT_START + payload + TEXT_END
 
 
-def _xor(payload: bytes | bytearray) -> int:
-    return int(np.bitwise_xor.reduce(np.frombuffer(payload, np.uint8), initial=0))
+def _xor(payload: bytes) -> int:
+    return int(_xor_of(np.frombuffer(payload, np.uint8)))
 
 
 class ColaParser(Generic[Event]):
@@ -67,7 +69,7 @@ class ColaParser(Generic[Event]):
         self, decode: Callable[[float, bytes, Dialect], Event], dialect: DialectSetting = "binary"
     ) -> None:
         self._decode, self._head = decode, HEADS[dialect]
-        self._buffer = bytearray()
+        self._buffer = b""
         self._searched = 0  # so much of the text at the front holds no mark: not looked at again
         self._waiting_since_s: float | None = None  # for the rest of the telegram at the front
         self._skipped, self._reason, self._skipped_s = bytearray(), "", 0.0
@@ -79,10 +81,11 @@ class ColaParser(Generic[Event]):
             self._report(events)
             self._reason = ""
         at = 0
-        while True:
+        while at < len(self._buffer):
             head = self._head.search(self._buffer, at)
             start = head.start() if head else self._junk_end(at)
-            at = self._skip(now_s, at, start, "no telegram", events)
+            if at < start:
+                at = self._skip(now_s, at, start, "no telegram", events)
             if head is None:
                 break
             try:
@@ -95,16 +98,17 @@ class ColaParser(Generic[Event]):
             if found is None:
                 break
             self._waiting_since_s, self._searched = None, 0
-            self._report(events)
-            self._reason = ""
+            if self._reason:
+                self._report(events)
+                self._reason = ""
             at, event = found
             events.append(event)
-        del self._buffer[:at]
+        self._buffer = self._buffer[at:]
         return events
 
     def _maybe_event(self, now_s: float, at: int) -> tuple[int, Event] | None:
         """The end of the telegram there, and its event; None while its rest is waited for."""
-        if self._buffer[at + 1] == ord("s"):
+        if self._buffer[at + 1] != START[1]:
             stop = TEXT_STOP.search(self._buffer, at + max(1, self._searched))
             if stop is None:
                 self._searched = len(self._buffer) - at
@@ -112,16 +116,16 @@ class ColaParser(Generic[Event]):
                     return None
             if stop is None or stop.group() != TEXT_END:
                 raise PayloadError("telegram cut short")
-            payload = bytes(self._buffer[at + 1 : stop.start()])
+            payload = self._buffer[at + 1 : stop.start()]
             return stop.end(), self._decode(now_s, payload, "ascii")
         size = int.from_bytes(self._buffer[at + 4 : at + HEAD_SIZE], "big")
         end = at + HEAD_SIZE + size + 1
         if end > len(self._buffer):
             return None
-        rest = bytes(self._buffer[at + HEAD_SIZE : end])
-        if _xor(rest) != 0:  # the payload with its own checksum
+        payload = self._buffer[at + HEAD_SIZE : end - 1]
+        if _xor(payload) != self._buffer[end - 1]:
             raise PayloadError("wrong checksum")
-        return end, self._decode(now_s, rest[:-1], "binary")
+        return end, self._decode(now_s, payload, "binary")
 
     def _check_patience(self, now_s: float) -> None:
         """For the rest of the telegram at the front, but not for ever."""

@@ -8,7 +8,7 @@ Source: lms111 sheet, section 2.
 
 import re
 import struct
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from hw.lms1xx.cola import Dialect, PayloadError
 
 Raw = npt.NDArray[np.integer[Any]]
+Kind = npt.DTypeLike
 
 _NUMBER = re.compile(rb"[+-][0-9]{1,9}|[0-9A-Fa-f]{1,9}")
 _NUMBERS = re.compile(rb"[0-9A-Fa-f ]*")
@@ -24,19 +25,24 @@ _TOKEN = re.compile(rb" *([^ ]+)")
 _BITS = {"b": 8, "B": 8, "h": 16, "H": 16, "i": 32, "I": 32}
 
 
+@cache
+def _packed(layout: str) -> struct.Struct:  # there are few, but for a text of each length to 255
+    return struct.Struct(">" + layout)
+
+
 class BinaryFields:
     """Takes packed fields off a payload."""
 
-    def __init__(self, payload: bytes) -> None:
-        self._payload, self._at = payload, 0
+    def __init__(self, payload: bytes, at: int = 0) -> None:
+        self._payload, self._at = payload, at
 
     def fields(self, layout: str) -> tuple[Any, ...]:
-        layout = ">" + layout
+        packed = _packed(layout)
         try:
-            values = struct.unpack_from(layout, self._payload, self._at)
+            values = packed.unpack_from(self._payload, self._at)
         except struct.error:
             raise PayloadError("telegram ends early") from None
-        self._at += struct.calcsize(layout)
+        self._at += packed.size
         return values
 
     def text(self, length: str) -> str:
@@ -45,11 +51,12 @@ class BinaryFields:
         (text,) = self.fields(f"{size}s")
         return str(text, "latin-1")
 
-    def array(self, kind: str, count: int) -> Raw:
-        """So many values of a numpy kind, (count,), without a copy."""
-        if self._at + count * np.dtype(kind).itemsize > len(self._payload):
-            raise PayloadError("telegram ends early")
-        values = np.frombuffer(self._payload, kind, count, self._at)
+    def array(self, kind: Kind, count: int) -> Raw:
+        """So many values of a numpy kind, at least one, (count,), without a copy."""
+        try:
+            values = np.frombuffer(self._payload, kind, count, self._at)
+        except ValueError:
+            raise PayloadError("telegram ends early") from None
         self._at += values.nbytes
         return values
 
@@ -70,8 +77,8 @@ def _codes(layout: str) -> tuple[str, ...]:
 class TextFields:
     """The same of fields written out: hexadecimal without a sign, decimal with one."""
 
-    def __init__(self, payload: bytes) -> None:
-        self._payload, self._at = payload, 0
+    def __init__(self, payload: bytes, at: int = 0) -> None:
+        self._payload, self._at = payload, at
 
     def fields(self, layout: str) -> tuple[Any, ...]:
         return tuple(self._value(code) for code in _codes(layout))
@@ -110,7 +117,7 @@ class TextFields:
         text, self._at = self._payload[begin:end], end
         return str(text, "latin-1")
 
-    def array(self, kind: str, count: int) -> Raw:
+    def array(self, kind: Kind, count: int) -> Raw:
         *tokens, rest = [*self._payload[self._at :].split(None, count), b""][: count + 1]
         if len(tokens) < count:
             raise PayloadError("telegram ends early")
@@ -155,5 +162,5 @@ def number(token: bytes, code: str) -> int:
 Fields = BinaryFields | TextFields
 
 
-def new_fields(payload: bytes, dialect: Dialect) -> Fields:
-    return BinaryFields(payload) if dialect == "binary" else TextFields(payload)
+def new_fields(payload: bytes, dialect: Dialect, at: int = 0) -> Fields:
+    return BinaryFields(payload, at) if dialect == "binary" else TextFields(payload, at)

@@ -6,10 +6,11 @@ Source: lms111 sheet, sections 1 and 5; design, section 4.
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
-from core.records import F64, Scan
+from core.records import F64, Scan, record
 from hw.clock import DeviceClock
 from hw.device import BadFrame
 from hw.lms1xx.options import AHEAD_DEG, Lms1xxOptions
@@ -24,12 +25,25 @@ from hw.lms1xx.telegrams import (
 FIRST_DEG, LAST_DEG = FIELD_FIRST / 10_000, FIELD_LAST / 10_000
 
 
+@record(eq=False)
+class Sweep:
+    """What all scans of one layout have in common."""
+
+    part: slice  # the used beams
+    first_rad: float
+    step_rad: float
+    beam_dt_s: float
+    first_s: float  # from the sweep's begin to the first used beam
+    whole_s: float
+
+
 class ScanMaker:
     """One scanner's telegrams to scans. Its clock lives on from connection to connection."""
 
     def __init__(self, options: Lms1xxOptions) -> None:
         self.clock = DeviceClock(1e-6, 2**32)
         self._options = options
+        self._sweep = lru_cache(1)(self._new_sweep)
 
     def scan(self, telegram: ScanTelegram) -> Scan | BadFrame:
         """The used part of a telegram; BadFrame if it has no distances there."""
@@ -37,44 +51,50 @@ class ScanMaker:
         channel = telegram.channels.get("DIST1") or telegram.channels.get("DIST2")
         if channel is None:
             return BadFrame("scan telegram without distances", b"")
-        part = self._part(channel)
-        if part.start >= part.stop:
+        sweep = self._sweep(telegram.scan_hz, *channel.layout)
+        if sweep.part.start >= sweep.part.stop:
             return BadFrame("scan telegram without a beam in the used field of view", b"")
-        deg_per_s = 360.0 * telegram.scan_hz
-        first_deg = channel.first_deg + part.start * channel.step_deg
-        sweep_s = (LAST_DEG - FIRST_DEG) / deg_per_s
-        begin_s = min(self.clock.host_s_near(telegram.scan_us), sent_s - sweep_s)
+        begin_s = min(self.clock.host_s_near(telegram.scan_us), sent_s - sweep.whole_s)
         return Scan(
-            t_s=begin_s + (first_deg - FIRST_DEG) / deg_per_s,
-            beam_dt_s=channel.step_deg / deg_per_s,
-            first_rad=math.radians(first_deg - AHEAD_DEG),
-            step_rad=math.radians(channel.step_deg),
-            ranges_m=self._ranges_m(telegram, channel, part),
+            t_s=begin_s + sweep.first_s,
+            beam_dt_s=sweep.beam_dt_s,
+            first_rad=sweep.first_rad,
+            step_rad=sweep.step_rad,
+            ranges_m=self._ranges_m(telegram, channel, sweep.part),
             counter=telegram.scan_counter,
             arrived_s=telegram.arrived_s,
         )
 
-    def _part(self, channel: Channel) -> slice:
-        to_first = (self._options.first_deg - channel.first_deg) / channel.step_deg
-        to_last = (self._options.last_deg - channel.first_deg) / channel.step_deg
+    def _new_sweep(self, scan_hz: float, begin_deg: float, step_deg: float, beams: int) -> Sweep:
+        to_first = (self._options.first_deg - begin_deg) / step_deg
+        to_last = (self._options.last_deg - begin_deg) / step_deg
         first = max(0, math.ceil(to_first - 1e-3))  # angles come in 1/10000 deg
-        last = min(len(channel.raw) - 1, math.floor(to_last + 1e-3))
-        return slice(first, last + 1)
+        last = min(beams - 1, math.floor(to_last + 1e-3))
+        deg_per_s = 360.0 * scan_hz
+        first_deg = begin_deg + first * step_deg
+        return Sweep(
+            part=slice(first, last + 1),
+            first_rad=math.radians(first_deg - AHEAD_DEG),
+            step_rad=math.radians(step_deg),
+            beam_dt_s=step_deg / deg_per_s,
+            first_s=(first_deg - FIRST_DEG) / deg_per_s,
+            whole_s=(LAST_DEG - FIRST_DEG) / deg_per_s,
+        )
 
     def _ranges_m(self, telegram: ScanTelegram, like: Channel, part: slice) -> F64:
         """(echoes, n); NaN where nothing was measured, and for an echo not sent."""
 
         def echo_m(content: str) -> F64:
-            """(n,) of a channel whose beams are those of `like`."""
+            """(1, n) of a channel whose beams are those of `like`."""
             channel = telegram.channels.get(content)
-            if channel is None or channel.layout != like.layout:
-                return np.full(part.stop - part.start, math.nan)
-            return ranges_m_from_channel(channel, part)
+            if channel is like or (channel is not None and channel.layout == like.layout):
+                return ranges_m_from_channel(channel, (None, part))
+            return np.full((1, part.stop - part.start), math.nan)
 
         first_m = echo_m("DIST1")
         if self._options.echo == "first":
-            return first_m[None]
+            return first_m
         second_m = echo_m("DIST2")
         if self._options.echo == "both":
-            return np.stack([first_m, second_m])
-        return np.where(np.isnan(second_m), first_m, second_m)[None]  # one echo is the last, too
+            return np.concatenate([first_m, second_m])
+        return np.where(np.isnan(second_m), first_m, second_m)  # one echo is the last, too

@@ -39,6 +39,7 @@ FIRST_SCAN_S, SILENCE_S = 2.0, 1.0
 PAUSE_S, LONGEST_PAUSE_S = 0.2, 2.0  # before a new attempt; doubling until scans are delivered
 PEACE_S = 10.0  # of scans, after which no other host is thought to want the scanner otherwise
 BYTES_PER_S = 2 * 541 * 50 * 5  # two echoes of 541 beams at 50 Hz, five characters each in CoLa-A
+PIECE = 2560  # one echo of 1081 beams in CoLa-B, or two of 541: a telegram parsed at once
 
 
 class State(enum.Enum):
@@ -131,6 +132,7 @@ class Lms111(Device[Scan]):
             lambda: new_parser(options.dialect),
             lambda: Lms111Session(self.status, self._memory, options).run(),
             BYTES_PER_S,
+            PIECE,
         )
 
     def stop(self) -> None:

@@ -8,13 +8,12 @@ units end in `ranges_m_from_channel`. Source: lms111 sheet, sections 2 and 5.
 
 import math
 import re
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, Literal
+from functools import lru_cache, partial
+from typing import Literal
 
 import numpy as np
 
-from core.records import F64
+from core.records import F64, record
 from hw.lms1xx.cola import ColaParser, Dialect, DialectSetting, PayloadError
 from hw.lms1xx.cola_fields import Fields, Raw, TextFields, new_fields
 
@@ -27,6 +26,9 @@ FIELD_FIRST, FIELD_LAST = -450_000, 2_250_000  # whole field of view, 1/10000 de
 CONTENT = re.compile(r"[A-Z]{4}[1-9]")  # DIST1, RSSI2; sister models have more, and of others
 
 _TYPES = {b"sRA", b"sWA", b"sAN", b"sEA", b"sSN"}
+POLLED, STREAMED = b"sRA LMDscandata ", b"sSN LMDscandata "
+SCANS = (STREAMED, POLLED)
+DISTANCES, STRENGTHS = np.dtype(">u2"), np.dtype("u1")
 # After the name: version, device, serial number, status, counters, stamps, inputs, outputs,
 # layer, scan and measurement frequency, number of encoders.
 _FIXED = "HHI2BHHII2B2BHIIH"
@@ -53,7 +55,7 @@ REFUSALS = {  # those that a host may meet; the sheet has them all
 }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@record(eq=False)
 class Channel:
     """One block of values, as the device sent them."""
 
@@ -70,7 +72,7 @@ class Channel:
         return self.first_deg, self.step_deg, len(self.raw)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@record(eq=False)
 class ScanTelegram:
     """`LMDscandata`, in the device's own units and clock."""
 
@@ -97,7 +99,7 @@ class ScanTelegram:
     dialect: Dialect = "binary"
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Answer:
     """Any other telegram: an answer to a command of that name, or an event (sSN)."""
 
@@ -110,7 +112,7 @@ class Answer:
         return new_fields(self.values, self.dialect)
 
 
-@dataclass(frozen=True, slots=True)
+@record()
 class Refusal:
     """`sFA`: the device does not do what the command said; it does not say which command."""
 
@@ -134,15 +136,14 @@ def new_parser(
 
 def decode(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> Telegram:
     """What a payload says; PayloadError: no telegram of the sheet's, or a scan that can't be."""
+    if payload.startswith(SCANS):
+        return _scan_telegram(now_s, payload, dialect, max_beams)
     kind = payload[:3]
     if kind == b"sFA":
         return _refusal(payload, dialect)
     if kind not in _TYPES or payload[3:4] != b" ":
         raise PayloadError("unknown telegram")
-    name, space, values = payload[4:].partition(b" ")
-    if name == b"LMDscandata" and space and kind in (b"sSN", b"sRA"):
-        fields = new_fields(values, dialect)
-        return _scan_telegram(now_s, kind == b"sRA", fields, dialect, max_beams)
+    name, _, values = payload[4:].partition(b" ")
     if not (name.isascii() and name.isalnum()):
         raise PayloadError("unknown telegram")
     return Answer(kind.decode(), name.decode(), values, dialect)
@@ -157,18 +158,19 @@ def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
     raise PayloadError("unknown telegram")
 
 
-def _scan_telegram(
-    now_s: float, polled: bool, fields: Fields, dialect: Dialect, max_beams: int
-) -> ScanTelegram:
-    version, _, serial, s1, s2, telegrams, scans, scan_us, sent_us, *rest = fields.fields(_FIXED)
-    i1, i2, o1, o2, _, centihertz, hectohertz, encoders = rest
+def _scan_telegram(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> ScanTelegram:
+    fields = new_fields(payload, dialect, len(STREAMED))
+    (
+        version, _, serial, s1, s2, telegrams, scans, scan_us, sent_us,
+        i1, i2, o1, o2, _, centihertz, hectohertz, encoders,
+    ) = fields.fields(_FIXED)  # fmt: skip
     if centihertz == 0:
         raise PayloadError("scan frequency is 0")
     if encoders > MAX_ENCODERS:
         raise PayloadError(f"{encoders} encoders")
     return ScanTelegram(
         arrived_s=now_s,
-        polled=polled,
+        polled=payload.startswith(POLLED),
         version=version,
         serial_number=serial,
         status=(s1, s2),
@@ -180,24 +182,26 @@ def _scan_telegram(
         outputs=(o1, o2),
         scan_hz=centihertz / 100,
         measurement_hz=hectohertz * 100.0,
-        encoders=tuple((p, s) for p, s in (fields.fields("Ih") for _ in range(encoders))),
+        encoders=tuple([fields.fields("Ih") for _ in range(encoders)]) if encoders else (),
         channels=_channels(fields, max_beams),
-        **_options(fields),
+        position=fields.fields("6fB") if _flag(fields, "position") else None,
+        name=fields.text("B") if _flag(fields, "name") else None,
+        comment=fields.text("B") if _flag(fields, "comment") else None,
+        clock=fields.fields("H5BI") if _flag(fields, "time") else None,
+        event=_maybe_event(fields),
         dialect=dialect,
     )
 
 
 def _channels(fields: Fields, max_beams: int) -> dict[str, Channel]:
     channels = {}
-    for kind in (">u2", "u1"):
+    for kind in (DISTANCES, STRENGTHS):
         (count,) = fields.fields("H")
         if count > MAX_CHANNELS:
             raise PayloadError(f"{count} channels")
         for _ in range(count):
             content, scale, offset, first, step, points = fields.fields(_CHANNEL)
-            name = str(content, "latin-1")
-            if not CONTENT.fullmatch(name):
-                raise PayloadError(f"unknown channel {content!r}")
+            name = _name(content)
             if points > max_beams:
                 raise PayloadError(f"{points} points a scan, more than {max_beams}")
             if not (points >= 1 and step > 0):
@@ -209,19 +213,22 @@ def _channels(fields: Fields, max_beams: int) -> dict[str, Channel]:
     return channels
 
 
-def _options(fields: Fields) -> dict[str, Any]:
-    """What may follow the channels. The layout of the last, an event, is not known."""
-    options: dict[str, Any] = {
-        "position": fields.fields("6fB") if _flag(fields, "position") else None,
-        "name": fields.text("B") if _flag(fields, "name") else None,
-        "comment": fields.text("B") if _flag(fields, "comment") else None,
-        "clock": fields.fields("H5BI") if _flag(fields, "time") else None,
-    }
+@lru_cache(64)
+def _name(content: bytes) -> str:
+    """Of a channel with that content."""
+    name = str(content, "latin-1")
+    if not CONTENT.fullmatch(name):
+        raise PayloadError(f"unknown channel {content!r}")
+    return name
+
+
+def _maybe_event(fields: Fields) -> bytes | None:
+    """The last of what may follow the channels; its layout is not known."""
     has_event = _flag(fields, "event")
     rest = fields.rest()
     if rest and not has_event:
         raise PayloadError("scan telegram goes on after its end")
-    return options | {"event": rest if has_event else None}
+    return rest if has_event else None
 
 
 def _flag(fields: Fields, what: str) -> bool:
@@ -231,9 +238,13 @@ def _flag(fields: Fields, what: str) -> bool:
     return bool(value)
 
 
-def ranges_m_from_channel(channel: Channel, part: slice) -> F64:
-    """Ranges (k,) of a part of a DIST channel; NaN where nothing was measured."""
-    raw = channel.raw[part]
-    ranges_m = np.multiply(raw, channel.scale / 1000, dtype=np.float64) + channel.offset / 1000
-    ranges_m[(raw < LEAST_RANGE_RAW) | (ranges_m <= 0)] = math.nan
+def ranges_m_from_channel(channel: Channel, part: slice | tuple[None, slice]) -> F64:
+    """Ranges (k,) or (1, k) of a part of a DIST channel; NaN where nothing was measured."""
+    m_per_raw = channel.scale / 1000
+    ranges_m = channel.raw[part].astype(np.float64)
+    ranges_m *= m_per_raw
+    ranges_m[ranges_m < LEAST_RANGE_RAW * m_per_raw] = math.nan
+    if channel.offset:
+        ranges_m += channel.offset / 1000
+        ranges_m[ranges_m <= 0] = math.nan
     return ranges_m

@@ -111,9 +111,9 @@ class TelegramWatch:
             return False
         self._usable_s = now_s
         memory.telegrams.append(telegram)
-        layouts = (channel.layout for channel in telegram.channels.values())
-        health = (memory.contamination, memory.temperature_ok, telegram.status)
-        if self._told != (told := (telegram.scan_hz, *health, *layouts)):
+        layouts = [channel.layout for channel in telegram.channels.values()]
+        health = memory.contamination, memory.temperature_ok, telegram.status
+        if self._told != (told := (telegram.scan_hz, health, layouts)):
             self._told = told
             self._status.state, self._status.cause = "running", self._remark(telegram)
         return True

@@ -167,16 +167,17 @@ FLOOD = 65_536  # bytes that one read may bring
 
 
 @pytest.mark.parametrize(
-    ("data", "per_step"),
+    ("data", "per_step", "piece"),
     [
-        (b"." * FLOOD, 10_000 + PIECE),  # one event a piece: bytes alone count
-        (b".\n" * (FLOOD // 2), PIECE * 2),  # many events
-        (b"x" * FLOOD, PIECE),  # junk
+        (b"." * FLOOD, 10_000 + PIECE, PIECE),  # one event a piece: bytes alone count
+        (b".\n" * (FLOOD // 2), PIECE * 2, PIECE),  # many events
+        (b"x" * FLOOD, PIECE, PIECE),  # junk
+        (b"x" * FLOOD, 2000, 2000),  # junk, for a device of long telegrams
     ],
-    ids=["good", "events", "junk"],
+    ids=["good", "events", "junk", "long"],
 )
-def test_a_flood_is_parsed_over_many_steps_in_order(data: bytes, per_step: int) -> None:
-    intake = Intake(Pieces, bytes_per_s=50_000.0)  # 10 kB in the 0.2 s of an ordinary delay
+def test_a_flood_is_parsed_over_many_steps_in_order(data: bytes, per_step: int, piece: int) -> None:
+    intake = Intake(Pieces, 50_000.0, piece)  # 10 kB in the 0.2 s of an ordinary delay
     parser, events, now_s = intake._parser, [], 1.0
     assert isinstance(parser, Pieces)
     intake.step(now_s)

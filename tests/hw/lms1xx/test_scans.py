@@ -8,8 +8,9 @@ import pytest
 
 from core.records import Scan
 from fakes.lms1xx.scan import Channel
+from hw.lms1xx.session import PIECE
 from hw.lms1xx.telegrams import MAX_BEAMS
-from tests.support.scripted_lms111 import UNKNOWN, Bench, willing
+from tests.support.scripted_lms111 import UNKNOWN, Bench, ScriptedLms111, willing
 
 
 def one_scan(**changes: object) -> Scan:
@@ -68,6 +69,12 @@ def test_a_scan_without_a_used_beam_is_rejected_and_said() -> None:
     assert not bench.run(0.5)
     assert bench.cause == "the scanner sends 90 to 360 deg only"
     assert bench.lms.status.rejections[0].reason.endswith("in the used field of view")
+
+
+def test_a_scan_of_all_beams_fits_into_what_is_parsed_at_once() -> None:
+    fake = ScriptedLms111()
+    fake.channels = [Channel(b"DIST1", np.full(MAX_BEAMS, 1000, np.uint16), -450_000, 2500)]
+    assert 2 * MAX_BEAMS < len(fake.scan(1.0)) <= PIECE
 
 
 # --- how the scanner is

@@ -85,7 +85,7 @@ def test_vector_b_is_read() -> None:
 @pytest.mark.parametrize("name", ["scan A", "scan B"])
 def test_the_text_of_a_scan_says_what_its_frame_says(name: str) -> None:
     def values(scan: ScanTelegram) -> dict[str, Any]:
-        found = {name: getattr(scan, name) for name in ScanTelegram.__slots__}
+        found = {name: getattr(scan, name) for name in ScanTelegram.__annotations__}
         del found["dialect"]
         channels = found.pop("channels").values()
         rows = [(c.content, c.scale, c.offset, c.layout, c.raw.tolist()) for c in channels]

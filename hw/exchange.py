@@ -87,30 +87,28 @@ class Exchange:
         matches: Callable[[Any], Answer],
         wait_s: float,
         tries: int = 1,
-        deaf_s: float = 0.0,
     ) -> Steps[Answer | None]:
         """The answer to a command, written once for each try; None after the last one.
 
         Args:
             matches: makes an answer of an event, or None of one that is no answer.
             wait_s: for each try.
-            deaf_s: so long nothing can come that is worth a turn.
         """
         for _ in range(tries):
             self._unread.clear()
-            answer = yield from self.wait_for(matches, wait_s, command, deaf_s)
+            answer = yield from self.wait_for(matches, wait_s, command)
             if answer is not None:
                 return answer
         return None
 
     def wait_for(
-        self, matches: Callable[[Any], Answer], wait_s: float, out: bytes = b"", deaf_s: float = 0.0
+        self, matches: Callable[[Any], Answer], wait_s: float, out: bytes = b""
     ) -> Steps[Answer | None]:
         """The first match among what is unread and what comes within wait_s; None: nothing.
 
         Events behind the match stay unread, for the next `wait_for`.
         """
-        until_s, hears_s = self.now_s + wait_s, self.now_s + deaf_s
+        until_s = self.now_s + wait_s
         while True:
             while self._unread:
                 answer = matches(self._unread.popleft())
@@ -118,8 +116,7 @@ class Exchange:
                     return answer
             if self.now_s >= until_s:
                 return None
-            due_s = min(hears_s, until_s) if self.now_s < hears_s else until_s
-            self._unread.extend((yield from self.turn(out, due_s, hears_s)))
+            self._unread.extend((yield from self.turn(out, until_s)))
             out = b""
 
     # --- letting time pass

@@ -79,14 +79,15 @@ class StepTimes:
 
 @dataclass(slots=True)
 class Plan:
-    """What the live loop waits for."""
+    """What the live loop waits for.
+
+    The lists are in the devices' order; behind them come planners that may drive.
+    """
 
     step_s: float = -math.inf  # when the next step is due,
     devices_s: list[float] = field(default_factory=list)  # and each device, though nothing arrives
-    ports: list[Port] = field(
-        default_factory=list
-    )  # whose bytes are worth a turn: the devices' first
-    hears_s: list[float] = field(default_factory=list)  # from when on, for each of them
+    ports: list[Port] = field(default_factory=list)  # whose bytes are worth a turn,
+    hears_s: list[float] = field(default_factory=list)  # each from when on
 
     @property
     def due_s(self) -> float:
@@ -208,10 +209,10 @@ class App:
         idle = None if self.mapper.waits else self.devices.ahrs  # attitudes that no scan waits for
         self._times.turns += 1
         for k, device in enumerate(self.devices):
-            is_readable = device.port in readable
+            is_readable, is_due = device.port in readable, plan.devices_s[k] <= now_s
             heard += is_readable
-            if is_readable or plan.devices_s[k] <= now_s:
-                (device.keep if device is idle else device.hear)(now_s)
+            if is_readable or is_due:
+                (device.keep if device is idle and not is_due else device.hear)(now_s)
                 plan.devices_s[k], plan.hears_s[k] = device.due_s, device.status.hears_s
                 is_held_up |= plan.devices_s[k] == -math.inf
         if is_held_up or self._times.turns >= TURNS:
@@ -228,8 +229,8 @@ class App:
         step_s = min(step_s, look_s) if may_move else step_s
         devices_s = [device.due_s for device in self.devices]
         hears_s = [device.status.hears_s for device in self.devices]
-        if self.mapper.waits:
-            hears_s[0] = -math.inf  # for the next attitude
+        if self.mapper.waits:  # for the next attitude
+            hears_s = [-math.inf] * len(hears_s)
         ports = [device.port for device in self.devices]
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]

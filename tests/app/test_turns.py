@@ -71,6 +71,20 @@ def test_a_wire_that_never_falls_silent_does_not_keep_the_app_from_its_ticks(
     assert app.loop.ticks - ticks >= 9
 
 
+def test_a_device_that_falls_silent_is_given_up_in_time(live: LiveLoop) -> None:
+    def runs() -> bool:
+        return live.app.devices.ahrs.status.state == "running"
+
+    live.wires["ahrs"].mute = True
+    begun_s = live.now_s
+    while runs():
+        live.step()
+    assert live.now_s - begun_s == pytest.approx(0.5, abs=0.03)
+    live.wires["ahrs"].mute = False
+    live.run(3.0)
+    assert runs()
+
+
 def test_a_device_that_is_gone_brings_the_ticks_back(live: LiveLoop) -> None:
     live.wires["ahrs"].cut = True
     live.run(0.1)

@@ -36,6 +36,7 @@ EQUIVALENT: dict[str, str] = {
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
     "self._passed_s * SWEEP_S": "it is one second",
     "core/grid/window.py put_state: 1 -> 2": ANY,
+    "core/grid/window.py ObstacleWindow.__init__: 0 -> 1 (2)": UNREAD,
     "core/driving/pilot.py Pilot.look_around: now_s - self._zone_s < ZONE_S -> "
     "now_s - self._zone_s <= ZONE_S": FLOATS,
     f"{CONTROL}step: measured_mps > FASTER * rate_mps + FASTER_MPS -> "

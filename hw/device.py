@@ -39,8 +39,7 @@ NEVER_HEARD_S = 10.0  # of silence on a connection on which nothing was ever hea
 EVENT_BYTES = 128  # an event, however short: 4 us
 JUNK_FACTOR = 32  # a byte of junk that looks like telegrams: 1 us
 MOST_KEPT = 8  # pieces between two steps
-PIECE = 1024  # bytes parsed at once: only afterwards is known what they were. A device whose usual
-# telegrams are longer says so: in one piece they cost less
+PIECE = 1024  # bytes parsed at once, where a device does not say otherwise: its longest telegram
 HELD_UP_S = 0.2  # so much of a device's fastest stream may come at once: an ordinary delay
 SERIAL_BYTES_PER_S = 92_160  # 921600 baud, the fastest line that any of the devices has
 
@@ -131,10 +130,8 @@ class DeviceStatus:
     cause: str = "not opened yet"  # in words, while not running or not as configured; else ""
     session: enum.Enum | None = None  # what its session is doing, for a person
     heard_s: float = float("-inf")  # host clock, last measurement
-    due_s: float = float(
-        "-inf"
-    )  # when its session wants a Tick though no bytes came; -inf: the next
-    hears_s: float = float("-inf")  # what arrives sooner is not worth a turn of its own
+    due_s: float = -math.inf  # its session wants a Tick then, though no bytes come; -inf: the next
+    hears_s: float = -math.inf  # what arrives sooner is not worth a turn of its own
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
     skipped_bytes: int = 0

@@ -150,7 +150,7 @@ class Mti(Device[Attitude]):
 
         self._maybe_gathers = port if isinstance(port, Gathers) else None
         self._gathered, self._gathered_s = (0, 0), -math.inf  # bytes, of which connection; when
-        self._hears_s = -math.inf
+        self._hears_s, self._is_drained = -math.inf, False  # nothing lies in the line any more
         super().__init__(status, port, new_parser, new_session)
 
     def step(self, now_s: float) -> list[Attitude]:
@@ -169,14 +169,16 @@ class Mti(Device[Attitude]):
         self._listen_later(now_s)
 
     def _listen_later(self, now_s: float) -> None:
-        """A sample has just arrived; when the next one is worth a turn of its own.
+        """A sample is read; when the next one is worth a turn of its own.
 
         Samples that steps read are stamped late. The clock, which goes by the least delayed, needs
-        some whose stamps are true.
+        some whose stamps are true. After a pause a sample may have lain there: what comes behind it
+        has just arrived.
         """
         period_s = self.stream.period_s
         samples = max(1, round(STAMPED_S / period_s)) if self._gathered[0] > 1 else 1
-        self._hears_s = now_s + samples * period_s - EARLY_S
+        self._is_drained = samples > 1 and not self._is_drained
+        self._hears_s = now_s if self._is_drained else now_s + samples * period_s - EARLY_S
         self.status.hears_s = self._hears_s
 
     def _gather(self, now_s: float) -> None:

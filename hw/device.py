@@ -268,7 +268,6 @@ class Device(Generic[Measurement]):
         self._kept: list[tuple[float, bytes]] = []  # read since the last step, not taken yet
         self._held: list[Measurement] = []  # heard since the last step
         self._given_up = ""  # the cause for which we have dropped the connection
-        self._needs_ticks = False  # its session is told of each step, though nothing is due
 
     def _begun_session(self) -> Session:
         session = self._new_session()
@@ -310,6 +309,11 @@ class Device(Generic[Measurement]):
             self.hear(now_s)
         elif self.port.opened == self._opened and not self._intake.waits:
             self._kept += [(now_s, piece) for piece in self.port.read()]
+
+    @property
+    def _needs_ticks(self) -> bool:
+        """Its session is told of each step now, though nothing is due."""
+        return False
 
     @property
     def due_s(self) -> float:

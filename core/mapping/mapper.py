@@ -95,6 +95,8 @@ class Mapper:
 
     def settle(self, now_s: float) -> int:
         """Map the scans that attitude and pose reach by now; returns how many."""
+        if not (self._waiting or self.odometry.waits):
+            return 0
         self._pose_s = math.nan
         self.odometry.settle()
         if self.odometry.breaks != self._breaks:

@@ -167,6 +167,11 @@ class Odometry:
         travel(self._state.P, 0.0, 0.0, slipped_m**2, 0.0)  # the place is less sure by as much
         self._state.correct_some((X, Y, SCALE), h, -slipped_m, SIGMA_M**2)
 
+    @property
+    def waits(self) -> bool:
+        """Whether counts or poses wait for their attitudes."""
+        return bool(self._waiting or self._poses)
+
     def settle(self) -> None:
         """Lay the intervals and use the poses whose attitudes have arrived by now."""
         attitudes = self._attitudes

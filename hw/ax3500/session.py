@@ -20,6 +20,7 @@ Source: AX3500 sheet, sections 1, 3, 10 and 12.
 """
 
 import enum
+import math
 import re
 from typing import Annotated, Any, Literal
 
@@ -322,7 +323,11 @@ class Ax3500(Device[WheelCounts]):
             return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 
         super().__init__(status, port, LineParser, new_session)
-        self._needs_ticks = True  # a query goes with a step, and a wish may change at any one
+
+    @property
+    def _needs_ticks(self) -> bool:
+        """A wish may change with any step; a query goes with one, where none is under way."""
+        return self.motors.enabled or self.status.hears_s == -math.inf
 
     @property
     def trouble(self) -> str:

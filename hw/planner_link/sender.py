@@ -99,6 +99,8 @@ class State:
     zone_s: float = -math.inf
     zone: tuple[int, int] = (-1, -1)  # state and causes that were sent
     heard_s: float | None = None  # a valid frame, or the first poll less UNHEARD_S
+    polled_s: float = -math.inf
+    is_open: bool = False  # at that poll
 
 
 @dataclass(slots=True)
@@ -172,12 +174,13 @@ class PlannerLink:
 
     def poll(self, now_s: float) -> bool:
         """Move the port on, and take what the planner says; True while the port is open."""
-        is_open = self.wire.port.poll(now_s)
-        if self._state.heard_s is None:
-            self._state.heard_s = now_s - UNHEARD_S
+        state = self._state
+        state.polled_s, state.is_open = now_s, self.wire.port.poll(now_s)
+        if state.heard_s is None:
+            state.heard_s = now_s - UNHEARD_S
         for frame in self._input.read():
             self._take(now_s, frame)
-        return is_open
+        return state.is_open
 
     def _take(self, now_s: float, frame: bytes | BadFrame) -> None:
         if isinstance(frame, BadFrame):
@@ -255,8 +258,8 @@ class PlannerLink:
         zone: StopZoneReport | None = None,
         tiles: TileSource | None = None,
     ) -> None:
-        """One tick: take answers, then write the frames that the line has room for."""
-        is_open = self.poll(now_s)
+        """One tick: take answers, if not taken yet, then write what the line has room for."""
+        is_open = self._state.is_open if now_s == self._state.polled_s else self.poll(now_s)
         lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
         if self._state.epoch_due or lags or window.epoch != self._state.epoch:
             self._state.epoch = window.epoch

@@ -6,6 +6,8 @@ held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
 
 import argparse
 import contextlib
+import importlib.util
+import math
 import sys
 from collections.abc import Callable
 
@@ -16,6 +18,7 @@ from rich.text import Text
 from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
+from mapod_link.client import Link
 from mapod_link.wires import wire_from_url
 from tools.cli.options import fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
@@ -138,6 +141,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
     parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
     parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
+    parser.add_argument(
+        "--foxglove", action="store_true", help="serve Foxglove, Lichtblick instead"
+    )
+    parser.add_argument("--foxglove-port", type=int, default=8765, help="on this machine (8765)")
     options = parser.parse_args(arguments)
     try:
         wire = wire_from_url(options.port)
@@ -146,10 +153,23 @@ def main(arguments: list[str] | None = None) -> int:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:
         try:
+            if options.foxglove:
+                return bridge(options, Link(wire, WatchingReceiver(key)), stop)
             return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
             words = getattr(error, "strerror", None) or error
             return fail("view", f"{options.port}: {words}", 1)
+
+
+def bridge(options: argparse.Namespace, link: Link, stop: Stop) -> int:
+    """Serve Foxglove until it is over. Raises OSError: the wire or the port is gone."""
+    if importlib.util.find_spec("foxglove") is None:
+        return fail("view", "--foxglove needs foxglove-sdk: pip install 'mapod[foxglove]'")
+    from tools.foxglove_bridge import serve
+
+    until_s = link.now_s() + options.seconds if options.seconds else math.inf
+    serve(link, None, options.foxglove_port, lambda now_s: stop.wanted or now_s >= until_s)
+    return 0
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:

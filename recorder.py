@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any, cast
 
-from app import App
+from app import App, Ports
 from config_file import text_from
 from core.config import Config
 from core.driving.control import NOT_ENABLED
@@ -113,7 +113,7 @@ class RecordedApp:
 
 
 class Recorder:
-    """Writes a run down beside the loop: `port` and `begin` give what is used in place."""
+    """Writes a run down beside the loop: `ports` and `begin` give what is used in place."""
 
     def __init__(
         self, config: Config, version: str, tap: AnyTap, maybe_process: WriterProcess | None = None
@@ -126,13 +126,19 @@ class Recorder:
         self._reported_s = self._flight_s = float("-inf")
         self._troubles: Troubles | None = None
 
-    def port(self, name: str, port: Port) -> Port:
-        """The port, which tells of all that happens to it."""
-        self._ports.append((name, port))
-        return cast(Port, recorded(port, len(self._ports) - 1, self._tap, self._tap.clock))
+    def ports(self, ports: Ports) -> Ports:
+        """Ports that tell of all that happens to these."""
+        planners = ports.planner, *ports.receivers
+        names = ["scanner", "ahrs", "drive", *["planner"] * len(planners)]
+        self._ports = list(zip(names, (*ports.of_devices, *planners), strict=True))
+        scanner, ahrs, drive, planner, *others = (
+            cast(Port, recorded(port, number, self._tap, self._tap.clock))
+            for number, (_, port) in enumerate(self._ports)
+        )
+        return Ports(scanner, ahrs, drive, planner, tuple(others))
 
     def begin(self, app: App, has_key: bool, loaded: Arrays | None) -> App:
-        """The app, which tells when it is called. No port comes after that.
+        """The app, which tells when it is called.
 
         Args:
             loaded: the map that it goes on from.
@@ -166,6 +172,7 @@ class Recorder:
             if not self._maybe_process.close():
                 LOG.warning("recording_not_finished", waited_s=LAST_S)
             self._read_reports()
+            self._maybe_process.let_go()
 
     def _look(self, now_s: float) -> None:
         """After a step: whether anything is to be kept, and how the writer is."""

@@ -4,7 +4,7 @@ A line of JSON, then arrays. The obstacle map goes as the ring that it is; the w
 """
 
 import json
-from dataclasses import astuple
+from dataclasses import astuple, fields
 from typing import Any
 
 import numpy as np
@@ -65,8 +65,9 @@ def state_from(t_s: float, data: bytes) -> StateRecord:
 
 
 def _zone(values: list[Any]) -> StopZoneReport:
-    state, causes = values[10:]
-    return StopZoneReport(*values[:9], sectors_m=tuple(values[9]), state=state, causes=causes)
+    names = [field.name for field in fields(StopZoneReport)]
+    given = dict(zip(names, values, strict=True))
+    return StopZoneReport(**{**given, "sectors_m": tuple(given["sectors_m"])})
 
 
 def pack_scan(scan: Scan) -> bytes:

@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable
 
+import numpy as np
 from foxglove import Channel, Context, Schema, start_server
 
 from core.records import PoseReport, StopZoneReport
@@ -129,7 +130,7 @@ class Bridge:
         self._receiver, self._messages = receiver, messages
         self._tell, self._is_wanted = tell, is_wanted
         self._layers = Layers()
-        self._told_s = self._map_s = -math.inf
+        self._told_s = self._map_s = self._points_s = -math.inf
         self._advice = ("", "")
 
     def step(self, now_s: float) -> None:
@@ -146,6 +147,17 @@ class Bridge:
             self._tell(message, self._messages.t_ns(now_s))
         self._tell_advice(now_s)
         self._tell_layers(now_s)
+        if self._is_wanted("/points") and not is_stale:
+            self._tell_points()
+
+    def _tell_points(self) -> None:
+        """The newest sweep, once, and ask for the next one."""
+        sweep = self._receiver.scan
+        if sweep is not None and sweep.arrived_s != self._points_s:
+            self._points_s = sweep.arrived_s
+            message = self._messages.of_points(sweep.arrived_s, sweep.points_m.astype(np.float32))
+            self._tell(message, self._messages.t_ns(sweep.arrived_s))
+        self._receiver.ask_scan()
 
     def _tell_advice(self, now_s: float) -> None:
         """A line of the log for each change of what a planner would do."""

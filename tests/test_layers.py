@@ -9,7 +9,7 @@ from functools import cache
 
 from tests import ROOT
 
-TOP = {"app", "config_file", "logs", "main", "map_files", "wiring"}
+TOP = {"app", "config_file", "logs", "main", "map_files", "version", "wiring"}
 OWN = TOP | {"core", "jit", "mapod", "hw", "mapod_link", "fakes", "tools"}  # "tests" may use all
 MAY_IMPORT = {  # by the first part of a module's name
     "jit": set(),

@@ -5,7 +5,6 @@ tells of the state of then. So a page that lies in the background for hours cost
 """
 
 import asyncio
-import contextlib
 import math
 from collections import deque
 from typing import Protocol
@@ -36,7 +35,6 @@ ANSWERS = 16  # that wait to be sent
 LAYER_S = 1.0  # from one picture of a layer to the next
 MESSAGES_PER_S, BURST = 40.0, 80.0
 ON_THE_WAY = 3  # rounds of news, at most: kernels and networks queue too
-AUTH_S = 10.0  # to give a token where looking needs one
 WRONG_TOKENS = 5  # of one socket
 STATE = "state"  # a layer that every page gets anyway
 
@@ -76,23 +74,24 @@ class Bucket:
 
 
 class Page:
-    """One socket. `read` and `write` run until it closes."""
+    """One socket. `read` and `write` run until it closes.
 
-    def __init__(self, desk: Desk, socket: WebSocketResponse) -> None:
+    Args:
+        may_drive: it has come with the token.
+    """
+
+    def __init__(self, desk: Desk, socket: WebSocketResponse, may_drive: bool) -> None:
         self._desk, self._socket = desk, socket
         self._news = asyncio.Event()
-        self._answers: deque[Told] = deque(maxlen=ANSWERS)
+        self._answers: deque[Told] = deque([desk.hello()], maxlen=ANSWERS)
         self.layers: tuple[str, ...] = ()
-        self._may_look = not desk.guard.looking_needs_token
-        self._may_drive, self._wrong_tokens = False, 0
+        self._may_drive, self._wrong_tokens = may_drive, 0
         self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
         self._held: Window | None = None  # that the page has
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
         self._sent_scan = b""
         self._cell: CellQuestion | None = None
         self._bucket, self._flooded = Bucket(), False
-        if self._may_look:
-            self._answers.append(desk.hello())
 
     def tick(self) -> None:
         """There is something new to be told."""
@@ -100,19 +99,15 @@ class Page:
 
     async def read(self) -> None:
         """Takes the page's messages until the socket closes."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(None if self._may_look else AUTH_S) as limit:
-                async for message in self._socket:
-                    if message.type is WSMsgType.PONG:
-                        self._on_the_way -= 1
-                    elif message.type is WSMsgType.PING:
-                        await self._socket.pong(message.data)
-                    else:
-                        self.take(self._desk.end.now_s(), message)
-                    if self._wrong_tokens > WRONG_TOKENS:
-                        return
-                    if self._may_look:
-                        limit.reschedule(None)
+        async for message in self._socket:
+            if message.type is WSMsgType.PONG:
+                self._on_the_way -= 1
+            elif message.type is WSMsgType.PING:
+                await self._socket.pong(message.data)
+            else:
+                self.take(self._desk.end.now_s(), message)
+            if self._wrong_tokens > WRONG_TOKENS:
+                return
 
     async def write(self) -> None:
         """Sends the newest, over and over; the ping behind it tells when it has arrived."""
@@ -123,9 +118,8 @@ class Page:
                 continue
             while self._answers:
                 await self._send(self._answers.popleft())
-            if self._may_look:
-                for told in self._news_of(self._desk.end.now_s()):
-                    await self._send(told)
+            for told in self._news_of(self._desk.end.now_s()):
+                await self._send(told)
             self._on_the_way += 1
             await self._socket.ping()
 
@@ -182,8 +176,6 @@ class Page:
             self._refuse(request)
         elif isinstance(request, Auth):
             self._authenticate(request)
-        elif not self._may_look:
-            self._refuse("the token first")
         else:
             self._flooded = False
             self._obey(now_s, request)
@@ -210,9 +202,6 @@ class Page:
         self._wrong_tokens += not ok
         self._say({"type": "auth", "ok": ok})
         self._may_drive = self._may_drive or ok
-        if ok and not self._may_look:
-            self._may_look = True
-            self._answers.append(self._desk.hello())
 
     def _show(self, names: list[str]) -> None:
         unknown = [name for name in names if name not in (*OFFERED, STATE)]

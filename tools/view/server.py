@@ -24,6 +24,7 @@ from tools.view.window import Window, window_of
 
 RATE_HZ = 10
 MOST_PAGES = 16
+NEEDS_TOKEN = 4401  # a socket is closed with
 HEARTBEAT_S = 20.0  # a page that does not answer so long is gone
 PAGE = Path(__file__).parent / "page"
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css",
@@ -129,7 +130,11 @@ class Server:
             max_msg_size=MOST_BYTES, heartbeat=HEARTBEAT_S, autoping=False
         )
         await socket.prepare(request)
-        page = Page(self, socket)
+        knows_token = self.guard.token_is_right(request.query.get("token", ""))
+        if self.guard.looking_needs_token and not knows_token:
+            await socket.close(code=NEEDS_TOKEN, message=b"the token of the address is needed")
+            return socket
+        page = Page(self, socket, knows_token)
         self._pages.add(page)
         tasks = [asyncio.create_task(page.read()), asyncio.create_task(page.write())]
         try:

@@ -97,8 +97,9 @@ class Driving:
         if self._wish is None:
             return {"by": None, "v": 0.0, "w": 0.0, "why_not": self.limits.refusal}
         mine = self._page is page
-        (v_mps, w_radps), why_not = self._asked, self._why_it_stands(now_s) if mine else ANOTHER
-        return {"by": "you" if mine else ANOTHER, "v": v_mps, "w": w_radps, "why_not": why_not}
+        (v_mps, w_radps), why_not = self._asked, self._why_it_stands(now_s) if mine else ""
+        by = "you" if mine else "another page"
+        return {"by": by, "v": v_mps, "w": w_radps, "why_not": why_not}
 
     def _why_not(self, now_s: float, seen_s: float) -> str:
         receiver, pose = self._end.receiver, self._end.receiver.pose

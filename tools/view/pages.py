@@ -15,7 +15,7 @@ from aiohttp.web import WebSocketResponse
 
 from tools.view.driving import NO_HAND, Driving
 from tools.view.guard import Guard
-from tools.view.history import History
+from tools.view.history import History, Past
 from tools.view.layers import OFFERED, CellQuestion, Layers
 from tools.view.link_end import LinkEnd
 from tools.view.requests import (
@@ -83,7 +83,7 @@ class Page:
     def __init__(self, desk: Desk, socket: WebSocketResponse, may_drive: bool) -> None:
         self._desk, self._socket = desk, socket
         self._news = asyncio.Event()
-        self._answers: deque[Told] = deque([desk.hello()], maxlen=ANSWERS)
+        self._answers: deque[Told] = deque(maxlen=ANSWERS)
         self.layers: tuple[str, ...] = ()
         self._may_drive, self._wrong_tokens = may_drive, 0
         self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
@@ -91,6 +91,7 @@ class Page:
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
         self._sent_scan = b""
         self._cell: CellQuestion | None = None
+        self._past: Past | None = None
         self._bucket, self._flooded = Bucket(), False
 
     def tick(self) -> None:
@@ -101,7 +102,7 @@ class Page:
         """Takes the page's messages until the socket closes."""
         async for message in self._socket:
             if message.type is WSMsgType.PONG:
-                self._on_the_way -= 1
+                self._on_the_way = max(self._on_the_way - 1, 0)
             elif message.type is WSMsgType.PING:
                 await self._socket.pong(message.data)
             else:
@@ -111,6 +112,7 @@ class Page:
 
     async def write(self) -> None:
         """Sends the newest, over and over; the ping behind it tells when it has arrived."""
+        await self._send(self._desk.hello())
         while True:
             await self._news.wait()
             self._news.clear()
@@ -144,6 +146,9 @@ class Page:
         if self._cell is not None and (answer := self._cell.maybe_answer(now_s)):
             self._cell = None
             news.append(msgspec.json.encode(answer).decode())
+        if self._past is not None:
+            news += self._past.next_messages()
+            self._past = None if self._past.is_done else self._past
         return news + self._layer_of(now_s)
 
     def _layer_of(self, now_s: float) -> list[Told]:
@@ -191,8 +196,8 @@ class Page:
                 self._cell = CellQuestion(now_s, desk.end.receiver, i, j)
             case Drive():
                 self._drive(now_s, request)
-            case AskHistory(t_s):
-                self._tell_history(t_s)
+            case AskHistory(seconds):
+                self._past = Past(desk.history, now_s - seconds)
             case Flight():
                 if why_not := desk.save_flight():
                     self._refuse(why_not)
@@ -224,16 +229,6 @@ class Page:
             self._refuse(NO_HAND)
         elif why_not := driving.drive(now_s, self, request.v, request.w, request.t_s):
             self._refuse(f"not driven: {why_not}")
-
-    def _tell_history(self, t_s: float) -> None:
-        kept = self._desk.history.at(t_s)
-        if kept is None:
-            self._refuse("nothing is kept yet")
-            return
-        self._answers.append((kept.state + b',"history":true}').decode())
-        if kept.window is not None:
-            self._answers.append(kept.window.unpacked().whole(history=True))
-        self._news.set()
 
     def _refuse(self, text: str) -> None:
         self._say({"type": "error", "text": text})

@@ -9,7 +9,7 @@ MOST_BYTES = 4096
 Share = Annotated[float, Meta(ge=-1, le=1)]
 Cell = Annotated[int, Meta(ge=-(2**31), lt=2**31)]
 Token = Annotated[str, Meta(max_length=256)]
-Seconds = Annotated[float, Meta(ge=-1e12, le=1e12)]
+Moment = Annotated[float, Meta(ge=-1e12, le=1e12)]
 
 
 class Ask(Struct, frozen=True, tag_field="type"):
@@ -41,7 +41,7 @@ class Drive(Ask, frozen=True, tag="drive"):
     v: Share
     w: Share
     dead_man: bool
-    t_s: Seconds  # of the newest state that the page has
+    t_s: Moment  # of the newest state that the page has
     token: Token = ""
 
 
@@ -50,9 +50,9 @@ class Stop(Ask, frozen=True, tag="stop"):
 
 
 class AskHistory(Ask, frozen=True, tag="history"):
-    """State and window as they were."""
+    """States and windows of the last so many seconds, as they were."""
 
-    t_s: Seconds
+    seconds: Annotated[float, Meta(ge=0, le=1e6)]
 
 
 class Flight(Ask, frozen=True, tag="flight"):

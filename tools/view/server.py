@@ -31,12 +31,12 @@ KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css",
          ".svg": "image/svg+xml"}  # fmt: skip
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "img-src 'self' data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
+    "img-src 'self' blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-store",
+    "Cache-Control": "no-cache",
 }
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -132,7 +132,7 @@ class Server:
         await socket.prepare(request)
         knows_token = self.guard.token_is_right(request.query.get("token", ""))
         if self.guard.looking_needs_token and not knows_token:
-            await socket.close(code=NEEDS_TOKEN, message=b"the token of the address is needed")
+            await socket.close(code=NEEDS_TOKEN, message=b"needs the token")
             return socket
         page = Page(self, socket, knows_token)
         self._pages.add(page)

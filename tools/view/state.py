@@ -9,6 +9,7 @@ from tools.terminal.screen import MISSING, MODES, WARNINGS, link_words
 from tools.view.link_end import LinkEnd
 
 BOOTING = 0
+SCANNER = 0  # bit of its health
 
 
 def state_of(end: LinkEnd, now_s: float) -> dict[str, object]:
@@ -23,7 +24,7 @@ def state_of(end: LinkEnd, now_s: float) -> dict[str, object]:
         "mode": mode,
         "mode_name": MODES[mode] if mode < len(MODES) else f"unknown ({mode})",
         "advice": receiver.advice(now_s),
-        "inputs": inputs_of(pose, now_s) if pose else [],
+        "inputs": inputs_of(pose, now_s, end.meter.scan_hz(now_s)) if pose else [],
         "health_bits": pose.health if pose else 0,
         "zone": zone_of(receiver.stop_zone, now_s) if receiver.stop_zone else None,
         "rates": rates_of(end.meter, now_s),
@@ -39,7 +40,7 @@ def pose_of(pose: Pose) -> dict[str, float]:
     }  # fmt: skip
 
 
-def inputs_of(pose: Pose, now_s: float) -> list[dict[str, object]]:
+def inputs_of(pose: Pose, now_s: float, scan_hz: float) -> list[dict[str, object]]:
     """The three devices with their ages as of now, then what else the health bits say."""
     heard_s = now_s - pose.arrived_s
     ages_s = (pose.age_scan_s, pose.age_ahrs_s, pose.age_enc_s)
@@ -50,10 +51,12 @@ def inputs_of(pose: Pose, now_s: float) -> list[dict[str, object]]:
         text = "" if ok else "not in time" if bit < len(ages_s) else "missing"
         if age_s is not None and math.isinf(age_s):
             age_s, text = None, "nothing for a second or longer"
-        inputs.append({"name": name, "ok": ok, "age_s": age_s, "text": text})
+        hz = scan_hz if bit == SCANNER else None
+        inputs.append({"name": name, "ok": ok, "age_s": age_s, "hz": hz, "text": text})
     for bit, name in WARNINGS.items():
         if pose.health >> bit & 1:
-            inputs.append({"name": name, "ok": False, "age_s": None, "text": "warning"})
+            warning = {"name": name, "ok": False, "age_s": None, "hz": None, "text": "warning"}
+            inputs.append(warning)
     return inputs
 
 

@@ -45,21 +45,21 @@ class Window:
                   "epoch": self.epoch, "t_s": self.t_s, **more}  # fmt: skip
         return message(WHOLE, header, self.cells.tobytes())
 
-    def since(self, held: "Window | None") -> bytes:
+    def since(self, held: "Window | None", **more: object) -> bytes:
         """What a page needs that holds another one: nothing (b""), changes, or all of it."""
         if held is None or (held.epoch, held.size) != (self.epoch, self.size):
-            return self.whole()
+            return self.whole(**more)
         if held.cells is self.cells and (held.i, held.j) == (self.i, self.j):
             return b""
         kept = moved(held.cells, self.i - held.i, self.j - held.j, 0)
         index = np.flatnonzero(kept != self.cells)
         if index.size * CHANGE.itemsize > self.cells.size:
-            return self.whole()
+            return self.whole(**more)
         if not index.size and (held.i, held.j) == (self.i, self.j):
             return b""
         changes = np.empty(index.size, CHANGE)
         changes["index"], changes["state"] = index, self.cells.reshape(-1)[index]
-        header = {"i": self.i, "j": self.j, "size": self.size, "t_s": self.t_s}
+        header = {"i": self.i, "j": self.j, "size": self.size, "t_s": self.t_s, **more}
         return message(CHANGED, header, changes.tobytes())
 
 

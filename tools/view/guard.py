@@ -73,7 +73,7 @@ class Guard:
 
     def token_is_right(self, given: str) -> bool:
         """Compares in constant time."""
-        return hmac.compare_digest(given.encode(), self._token)
+        return hmac.compare_digest(given.encode("utf-8", "replace"), self._token)
 
     def refusal(self, host: str, origin: str | None) -> str:
         """Why a request is refused, by its headers Host and Origin; "" if it is not."""

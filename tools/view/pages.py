@@ -83,7 +83,7 @@ class Page:
     def __init__(self, desk: Desk, socket: WebSocketResponse, may_drive: bool) -> None:
         self._desk, self._socket = desk, socket
         self._news = asyncio.Event()
-        self._answers: deque[Told] = deque(maxlen=ANSWERS)
+        self.answers: deque[Told] = deque(maxlen=ANSWERS)
         self.layers: tuple[str, ...] = ()
         self._may_drive, self._wrong_tokens = may_drive, 0
         self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
@@ -118,8 +118,8 @@ class Page:
             self._news.clear()
             if self._on_the_way >= ON_THE_WAY:
                 continue
-            while self._answers:
-                await self._send(self._answers.popleft())
+            while self.answers:
+                await self._send(self.answers.popleft())
             for told in self._news_of(self._desk.end.now_s()):
                 await self._send(told)
             self._on_the_way += 1
@@ -234,5 +234,5 @@ class Page:
         self._say({"type": "error", "text": text})
 
     def _say(self, told: dict[str, object]) -> None:
-        self._answers.append(msgspec.json.encode(told).decode())
+        self.answers.append(msgspec.json.encode(told).decode())
         self._news.set()

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from mapod_link.receiver import Receiver
-from mapod_link.tiles import LAYERS, Tile
+from mapod_link.tiles import LAYERS, REFUSALS, Tile
 from tools.view.window import F32, LAYER, Window, message, moved
 
 UNITS = {
@@ -22,6 +22,7 @@ UNITS = {
     "z": ("m", "height of the map frame"),
 }
 OFFERED = tuple(name for name in LAYERS if name in UNITS)
+NO_SUCH_LAYER = REFUSALS[1]
 BLOCK_CELLS = 4096
 BLOCK_S = 0.1  # from one block to the next, at least: 40 000 cells a second
 PATIENCE_S = 3.0  # for a block
@@ -80,15 +81,15 @@ class Layers:
     """The layers that some page wants.
 
     Attributes:
-        refused: why the sender has no such layer, by name.
+        refused: why this run of the sender gives no such layer, by name.
     """
 
-    def __init__(self, receiver: Receiver) -> None:
+    def __init__(self, receiver: Receiver, block_cells: int = BLOCK_CELLS) -> None:
         self.refused: dict[str, str] = {}
-        self._receiver = receiver
+        self._receiver, self._block_cells = receiver, block_cells
         self._layers: dict[str, Layer] = {}
-        self._under_way: tuple[Layer, Tile] | None = None
-        self._asked_s = -math.inf
+        self._under_way: tuple[Layer, Tile, int] | None = None  # and the epoch of the question
+        self._asked_s, self._epoch = -math.inf, 0
 
     def maybe_layer(self, name: str) -> Layer | None:
         return self._layers.get(name)
@@ -97,36 +98,39 @@ class Layers:
         """To be called 10 times a second: take what has arrived, ask for the next block."""
         if window is None:
             return
+        if window.epoch != self._epoch:
+            self._epoch = window.epoch
+            self.refused.clear()
         names = [name for name in wanted if name not in self.refused]
         for name in self._layers.keys() - set(names):
             del self._layers[name]
         for name in names:
             self._layers.setdefault(name, Layer(name, window)).follow(window)
-        self._take(now_s)
+        self._take(now_s, window.epoch)
         if self._under_way is None and self._layers and now_s - self._asked_s >= BLOCK_S - 0.01:
             self._ask(now_s, window)
 
     def _ask(self, now_s: float, window: Window) -> None:
         name, layer = next(iter(self._layers.items()))
         self._layers[name] = self._layers.pop(name)  # the others first, then this one again
-        rows = min(max(1, BLOCK_CELLS // window.size), window.size - layer.row)
+        rows = min(max(1, self._block_cells // window.size), window.size - layer.row)
         place = window.i, window.j + layer.row
         tile = self._receiver.ask_tile(name, *place, window.size, rows)
         layer.row = (layer.row + rows) % window.size
-        self._under_way, self._asked_s = (layer, tile), now_s
+        self._under_way, self._asked_s = (layer, tile, window.epoch), now_s
 
-    def _take(self, now_s: float) -> None:
+    def _take(self, now_s: float, epoch: int) -> None:
         if self._under_way is None:
             return
-        layer, tile = self._under_way
-        late = now_s - self._asked_s > PATIENCE_S
+        layer, tile, asked_epoch = self._under_way
+        late = now_s - self._asked_s > PATIENCE_S or epoch != asked_epoch
         if late:
             self._receiver.tiles.drop(tile)
         if tile.done:
             self._under_way = None
-            if tile.refusal and not late:
+            if tile.refusal == NO_SUCH_LAYER:
                 self.refused[layer.name] = tile.refusal
-            elif self._layers.get(layer.name) is layer:
+            elif self._layers.get(layer.name) is layer and epoch == asked_epoch:
                 layer.put(tile)
 
 

@@ -78,11 +78,12 @@ def test_shares_are_of_what_the_zone_and_the_settings_allow(end: LinkEnd, wheel:
 
 
 def test_a_hand_that_lets_go_or_falls_silent_stops_it_three_times(wheel: Wheel) -> None:
-    for lets_go in (lambda: wheel.driving.stop(wheel.now_s, ME), lambda: None):
+    for lets_go in (True, False):
         wheel.see()
         assert wheel.hold(1.0, 0.0) == ""
         assert wheel.asked() == [(650, 0, 300)]
-        lets_go()
+        if lets_go:
+            wheel.driving.stop(wheel.now_s, ME)
         wheel.pass_time(1.0)
         assert wheel.asked() == [(0, 0, 0)] * 3
         assert wheel.driving.told_to(ME, wheel.now_s)["by"] is None

@@ -92,7 +92,7 @@ def test_the_map_of_a_run_that_has_ended_is_told_as_unknown() -> None:
     assert put_together(put_together({}, before.whole()), after.since(before)) == {}
 
 
-def replayed(history: History, from_s: float) -> tuple[list[float], Cells, dict[str, float]]:
+def replayed(history: History, from_s: float) -> tuple[list[float], Cells, object]:
     """Times of the states that a page gets, what it knows at last, and the message at the end."""
     past, times, cells = Past(history, from_s), list[float](), Cells()
     while not past.is_done:

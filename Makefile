@@ -21,7 +21,8 @@ $(BIN)/python:
 $(VENV)/.ready-%: pyproject.toml | $(BIN)/python
 	@echo "mapod: installing the libraries that pyproject.toml names for [$*]"
 	@$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
-	  print(*p['dependencies'], *p['optional-dependencies']['$*'], sep='\n')" \
+	  more = p['optional-dependencies']; view = more['view'] if '$*' == 'sim' else []; \
+	  print(*p['dependencies'], *more['$*'], *view, sep='\n')" \
 	  | $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --requirement /dev/stdin
 	@touch $@
 

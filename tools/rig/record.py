@@ -18,10 +18,12 @@ Pictures can be drawn again: `python -m tools.rig.draw FOLDER`. A scanner's byte
 import contextlib
 import csv
 import json
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
+import msgspec
 import numpy as np
 
 from fakes.scenes.scene import Scene
@@ -118,6 +120,13 @@ class Recorder:
             cell_m=np.array(grid.cell_m),
         )
         draw_run(self.folder, run.scene)
+
+
+def result_from_facts(facts: dict[str, Any]) -> RunResult:
+    """The result that `facts_of` told."""
+    gap_m = facts["least_gap_m"]
+    known = facts | {"least_gap_m": math.inf if gap_m is None else gap_m}
+    return msgspec.convert(known, RunResult)
 
 
 def facts_of(result: RunResult) -> dict[str, Any]:

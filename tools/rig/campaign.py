@@ -163,18 +163,19 @@ def show(
     outcomes: Sequence[Outcome],
     planned: int,
     again: str,
-    passed_s: float,
+    passed_s: float | None,  # None: not all of it was run now
     markdown: bool = False,
 ) -> None:
     results = results_in(outcomes)
     if results:
         console.print(table(results, markdown))
-    all_of = Totals(results)
+    all_of, in_all = Totals(results), ""
+    if passed_s is not None:
+        in_all = f" in {passed_s:.0f} s: {all_of.sim_s / passed_s:.1f} x real time in all"
     lines = [
         f"{all_of.reached} of {all_of.goals} goals ({100 * all_of.share:.1f} %), "
         f"{all_of.collisions} collisions, {len(outcomes) - len(results)} crashes; "
-        f"{all_of.sim_s:.0f} simulated seconds in {passed_s:.0f} s: "
-        f"{all_of.sim_s / passed_s:.1f} x real time in all, {all_of.speed:.1f} x on one core"
+        f"{all_of.sim_s:.0f} simulated seconds{in_all}, {all_of.speed:.1f} x on one core"
     ]
     whys = (stop.why or "no reason told" for result in results for stop in result.false_stops)
     reasons = ", ".join(f"{count} x {why}" for why, count in Counter(whys).most_common())
@@ -327,8 +328,12 @@ def kept_rows(options: argparse.Namespace) -> contextlib.AbstractContextManager[
 
 def run_all(
     options: argparse.Namespace, tasks: Sequence[Task], console: Console, found: list[Outcome]
-) -> None:
-    """Adds outcomes as they come. Raises FolderError, OSError, SchedulerError."""
+) -> int:
+    """Adds outcomes as they come; how many were there before.
+
+    Raises:
+        FolderError, OSError: of the folder that keeps them. SchedulerError: nobody runs them.
+    """
     address = options.scheduler
     scheduler = DaskCluster(address) if address else LocalProcesses(options.jobs)
     with kept_rows(options) as rows:
@@ -339,12 +344,14 @@ def run_all(
         running = outcomes.missing(scheduler)
         for outcome in with_bar(console, len(tasks), running, counts, done=outcomes.before):
             found.append(outcome)
+    return len(outcomes.before)
 
 
 def main(arguments: Sequence[str]) -> int:
     options, begun_s = arguments_of(arguments), time.monotonic()
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
     outcomes: list[Outcome] = []
+    before = 0
     try:
         tasks = tasks_of(options)
         library(shipped_robot())  # the planner is compiled before many want it at once
@@ -357,13 +364,13 @@ def main(arguments: Sequence[str]) -> int:
                 with Watcher(console, options.speed) as watcher:
                     outcomes.append(outcome_of(tasks[0], watcher))
             else:
-                run_all(options, tasks, console, outcomes)
+                before = run_all(options, tasks, console, outcomes)
     except (OSError, FolderError, SchedulerError) as error:
         print(f"tools.rig.campaign: {error}", file=sys.stderr)
         if not outcomes:
             return 2
     outcomes.sort(key=lambda outcome: outcome.number)
-    passed_s = time.monotonic() - begun_s
+    passed_s = None if before else time.monotonic() - begun_s
     show(console, outcomes, len(tasks), again(options), passed_s, options.markdown)
     if options.json:
         options.json.write_text(json.dumps(as_json(outcomes), indent=1), encoding="utf-8")

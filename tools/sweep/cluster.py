@@ -39,18 +39,18 @@ class DaskCluster:
             names = [f"mapod-{run}-{at}" for at in range(len(tasks))]
             futures = client.map(work, tasks, key=names, pure=False)
             places = {name: at for at, name in enumerate(names)}
-            yield from self._as_they_end(futures, places)
+            yield from self._as_they_end(client, futures, places)
         finally:
             client.close(timeout=5)
 
     def _as_they_end(
-        self, futures: list[Any], places: dict[str, int]
+        self, client: Any, futures: list[Any], places: dict[str, int]
     ) -> Generator[tuple[int, Any], None, None]:
         from distributed import CancelledError, as_completed
 
         gone = SchedulerError(f"the scheduler at {self._address} is gone; what was done is kept")
         try:
-            for future in as_completed(futures):
+            for future in as_completed(futures, loop=client.loop):
                 if future.status == "error":
                     yield places[future.key], Failure(words_of(future.exception()))
                 elif future.status == "finished":

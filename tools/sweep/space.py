@@ -50,7 +50,8 @@ def axis_from_text(text: str) -> Axis:
         raise SpaceError(f"--set {text}: must be section.key=value,value or section.key=from:to:n")
     if span := SPAN.fullmatch(given):
         return _spanned(key, text, span)
-    return Axis(key, tuple(_values(given)))
+    values = _values(given)
+    return Axis(key, tuple(value for k, value in enumerate(values) if value not in values[:k]))
 
 
 def _spanned(key: str, text: str, span: "re.Match[str]") -> Axis:

@@ -9,14 +9,18 @@ import base64
 import binascii
 import json
 import math
+import os
+import struct
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from core.records import FREE, OBSTACLE
+from recording.mcap_stream import MAGIC, METADATA, MOST_BYTES, RECORD, metadata_of
 from tools.floor import BOUND_M, DANGER_M, SAMPLE_M, edges_of, floor_of
 from tools.sweep.look import Look
 
@@ -45,7 +49,7 @@ class Ground:
     y_m: float
 
 
-def metadata_of(
+def truth_metadata(
     scene: str, seed: int, ground: Ground, path: F64, people: Sequence[F64]
 ) -> dict[str, str]:
     """The truth as text.
@@ -69,6 +73,25 @@ def metadata_of(
         "path": json.dumps(np.round(path, 4).tolist(), separators=(",", ":")),
         "people": json.dumps([np.round(now, 3).tolist() for now in people], separators=(",", ":")),
     }
+
+
+def maybe_truth_in(files: Sequence[Path]) -> dict[str, str] | None:
+    """The metadata in any of a recording's files; None where nobody wrote it. Raises OSError."""
+    for path in files:
+        with path.open("rb") as file:
+            file.seek(len(MAGIC))
+            while len(head := file.read(RECORD.size)) == RECORD.size:
+                opcode, length = RECORD.unpack(head)
+                if opcode != METADATA or length > MOST_BYTES:
+                    file.seek(length, os.SEEK_CUR)
+                    continue
+                try:
+                    name, entries = metadata_of(file.read(length))
+                except (struct.error, UnicodeDecodeError):
+                    break  # whoever plays it will tell
+                if name == NAME:
+                    return entries
+    return None
 
 
 class DriveTruth:

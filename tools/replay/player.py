@@ -18,7 +18,7 @@ from hw.ports.reopening import SILENCE_S
 from hw.ports.serial import SILENCE_S as SERIAL_SILENCE_S
 from hw.ports.url import parse_url
 from mapod_link.receiver import Receiver
-from tools.recording import Record
+from recording.records import Record
 from tools.replay.identity import PlannerCheck
 from tools.replay.ports import PlayedPort, ReopeningPlayedPort, became_from_bytes
 

@@ -70,8 +70,7 @@ def kept_rows(options: argparse.Namespace, text: str | None) -> Rows:
 
 
 def counts(ended: Sequence[Done]) -> str:
-    failed = sum(bool(done.failed) for done in ended)
-    return "sweep" + (f", {failed} failed" if failed else "")
+    return f"{sum(bool(done.failed) for done in ended)} failed"
 
 
 def run(

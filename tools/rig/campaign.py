@@ -35,7 +35,7 @@ from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
 from tools.rig.faults import draw
 from tools.rig.one_run import LIMIT_S, Run, RunResult, RunSpec
-from tools.rig.record import Recorder, facts_of, result_from_facts
+from tools.rig.record import Recorder, facts_of, recorded_run, result_from_facts
 from tools.rig.watch import Watcher
 from tools.sweep.cluster import DaskCluster
 from tools.sweep.code import code_digest, digest_of
@@ -45,7 +45,7 @@ from tools.sweep.local import LocalProcesses
 from tools.sweep.rows import FolderError, Row, Rows
 
 GOALS_WANTED = 0.9  # of all
-DECIDES = ("fakes", "tools/rig", "mapod.toml")  # a run, beside the app
+DECIDES = ("fakes", "tools/rig", "recording", "mapod.toml")  # a run, beside the app
 NO_GAP = "-"
 COLUMNS = (
     "scene", "runs", "goals", "collisions", "bumped", "false stops", "worst stop m",
@@ -213,9 +213,9 @@ def spec_of(
 
 
 def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
-    run = Run(task.spec)
     if task.folder is None:
-        return Outcome(task.number, task.spec, run.to_end(*each))
+        return Outcome(task.number, task.spec, Run(task.spec).to_end(*each))
+    run = recorded_run(task.spec, task.folder)
     with Recorder(run, task.folder) as recorder:
         result = run.to_end(recorder, *each)
         recorder.finish(result)

@@ -50,7 +50,7 @@ class TruthLog:
 
 def people_of(mover: Mover, since_s: float) -> F64:
     """Discs (n, 3) x, y, radius around the parts of what moves by a timetable."""
-    discs = []
+    discs: list[tuple[float, ...]] = []
     for part in parts_of(mover, since_s):
         if len(part) == 6:
             x0, x1, y0, y1 = part[:4]

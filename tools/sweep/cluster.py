@@ -4,6 +4,7 @@ A worker that is lost loses what it was doing to another one; a job that loses s
 told as failed. `distributed` is imported only here, and only when it is asked for.
 """
 
+import logging
 import traceback
 import uuid
 from collections.abc import Callable, Generator, Sequence
@@ -67,6 +68,7 @@ def _client(address: str) -> Any:
         from distributed import Client
     except ImportError:
         raise SchedulerError(LACKING) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is told here
     try:
         client = Client(address, timeout=WAIT_S, set_as_default=False)
     except (OSError, ValueError) as error:

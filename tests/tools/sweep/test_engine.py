@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ class Here:
     def __init__(self, most: int = 99) -> None:
         self.most, self.did = most, list[Any]()
 
-    def results(self, work: Any, tasks: Any) -> Iterator[tuple[int, Any]]:
+    def results(self, work: Any, tasks: Any) -> Generator[tuple[int, Any], None, None]:
         for at, task in enumerate(tasks):
             if at >= self.most:
                 raise SchedulerError("the plug was pulled")

@@ -135,7 +135,7 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use."""
     options = options_of(arguments)
-    if options.terminal or options.drive:
+    if options.terminal or options.drive or options.foxglove:
         return in_terminal(options)
     if importlib.util.find_spec("aiohttp") is None:
         return fail("view", NO_PAGE)

@@ -68,9 +68,9 @@ def find_app(path: Path, base: Path) -> Iterator[Finding]:
 
 
 def find_all(path: Path) -> Iterator[Finding]:
-    from main import version
     from tools.doctor.machine import find_machine
     from tools.doctor.service import find_service, maybe_unit
+    from version import version
 
     python = list(find_python())
     yield from python

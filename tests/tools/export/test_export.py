@@ -102,6 +102,28 @@ def test_what_can_not_be_had_is_said_in_a_line(
     assert len(told.splitlines()) == 1
 
 
+def test_a_recording_that_was_cut_off_says_so(
+    run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: Capsys
+) -> None:
+    whole = run[1].read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    given = [str(tmp_path / "cut.mcap"), "--to", "csv", "--out", str(tmp_path)]
+    assert main(given) == 0
+    assert capsys.readouterr().err == (
+        "mapod export: the recording was cut off: this is all that it holds\n"
+    )
+    assert len(rows_of(tmp_path / "attitude.csv")) > 100
+
+
+def test_what_is_no_recording_is_one_line(tmp_path: Path, capsys: Capsys) -> None:
+    (tmp_path / "junk.mcap").write_bytes(b"junk" * 1000)
+    for name, status in (("junk.mcap", 1), ("none.mcap", 2)):
+        assert main([str(tmp_path / name), "--to", "csv", "--out", str(tmp_path)]) == status
+        told = capsys.readouterr().err
+        assert name in told
+        assert len(told.splitlines()) == 1
+
+
 def test_a_time_of_day_is_the_next_one_after_the_begin() -> None:
     assert instant("2.5", 100.0, 0.0) == 102.5
     assert instant("00:01:45", 100.0, 0.0) == 105.0

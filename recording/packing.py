@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport
+from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport, SweepPoints
 from recording.states import F32, CellWindow, ScanRecord, StateRecord
 
 FREE_TOLD, OBSTACLE_TOLD = 1, 2
@@ -85,14 +85,24 @@ def heights_from(data: bytes) -> tuple[CellWindow, F32, F32]:
     return window, height_m, variance_m2
 
 
-def pack_scan(scan: Scan) -> bytes:
-    head = {"t_s": scan.t_s, "first_rad": scan.first_rad, "step_rad": scan.step_rad}
+def pack_scan(scan: Scan, sweep: SweepPoints | None) -> bytes:
+    """A scan, and its returns in the map frame where they are known."""
+    head = {
+        "t_s": scan.t_s,
+        "first_rad": scan.first_rad,
+        "step_rad": scan.step_rad,
+        "beams": scan.ranges_m.shape[1],
+        "has_points": sweep is not None,
+    }
     ranges: bytes = scan.ranges_m[0].astype("<f4").tobytes()
-    return json.dumps(head).encode() + b"\n" + ranges
+    points = b"" if sweep is None else sweep.points_m.astype("<f4").tobytes()
+    return json.dumps(head).encode() + b"\n" + ranges + points
 
 
 def scan_from(data: bytes) -> ScanRecord:
-    line, _, ranges = data.partition(b"\n")
+    line, _, arrays = data.partition(b"\n")
     head = json.loads(line)
-    ranges_m = np.frombuffer(ranges, "<f4")
-    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, None)
+    values = np.frombuffer(arrays, "<f4")
+    ranges_m, points_m = values[: head["beams"]], values[head["beams"] :].reshape(-1, 3)
+    points_map = points_m if head["has_points"] else None
+    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, points_map)

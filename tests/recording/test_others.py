@@ -1,5 +1,6 @@
 """A recorded drive as others' programs read it: with mcap's own reader and Foxglove's documents."""
 
+import base64
 import json
 import math
 from pathlib import Path
@@ -9,12 +10,12 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from core.records import FREE, OBSTACLE
+from core.records import F64, FREE, OBSTACLE
 from recording.reader import Recording
 from recording.schemas import SCHEMAS, TOPICS
 from tests.recording.test_foxglove import cell_at, lacks
 from tests.tools.test_recording import RecordedLoop
-from tools.export.collect import trusted_layer
+from tools.export.collect import collect_points, trusted_layer
 from tools.replay.player import Player
 
 STATES = {FREE: 1, OBSTACLE: 2}
@@ -55,7 +56,7 @@ def test_the_file_is_whole_and_indexed(path: Path) -> None:
 
 
 def test_every_message_is_what_its_schema_says(told: Told) -> None:
-    expected = {"/map", "/elevation", "/scan", "/tf", "/pose", "/scene", "/health"}
+    expected = {"/map", "/elevation", "/scan", "/points", "/tf", "/pose", "/scene", "/health"}
     assert expected <= told.keys() <= TOPICS.keys()
     for topic, messages in told.items():
         schema = json.loads(SCHEMAS[TOPICS[topic]])
@@ -96,3 +97,14 @@ def test_the_pose_is_that_of_the_run(path: Path, told: Told) -> None:
         position = message["pose"]["position"]
         assert (position["x"], position["y"]) == pytest.approx((pose.x_m, pose.y_m), abs=1e-9)
     assert len(told["/pose"]) > 5
+
+
+def test_the_points_are_those_that_were_mapped(path: Path, told: Told) -> None:
+    sweeps: list[F64] = []
+    player = Player(Recording(path))
+    collect_points(player, lambda t_s, places: sweeps.append(places), math.inf)
+    for _, message in told["/points"]:
+        points = np.frombuffer(base64.b64decode(message["data"]), "<f4").reshape(-1, 3)
+        offs_m = [np.abs(one - points).max() for one in sweeps if len(one) == len(points)]
+        assert min(offs_m) < 0.01
+    assert len(told["/points"]) >= len(told["/scan"]) - 2  # none before the map is trusted

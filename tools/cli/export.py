@@ -147,9 +147,9 @@ def remarks_on(player: Player, recording: Recording) -> list[str]:
         remarks.append("the recording was cut off: this is all that it holds")
     if recording.gap:
         remarks.append(recording.gap)
-    differing = [check.describe() for check in player.checks if not check.is_identical]
-    if recording.from_start and player.done:
-        remarks += differing
+    is_open = recording.metadata.get("has_key") != "true"  # no recording keeps a key
+    if recording.from_start and is_open and player.done:
+        remarks += [check.describe() for check in player.checks if not check.is_identical]
     return remarks
 
 

@@ -22,11 +22,20 @@ PLANNER = 3  # the first planner's place among the ports of a recording
 NONCE = 1  # of the receiver whose map is shown
 
 
-class Replay(Protocol):
+class Played(Protocol):
     """An app on recorded bytes."""
 
-    config: Config
     app: App
+
+    @property
+    def lacks(self) -> str:
+        """Why no scan can have been mapped, as far as the recording itself says; or ""."""
+
+
+class Replay(Played, Protocol):
+    """The same with its settings, and what its planner heard."""
+
+    config: Config
     view: "LinkView"
 
     @property
@@ -34,10 +43,6 @@ class Replay(Protocol):
 
     @property
     def done(self) -> bool: ...
-
-    @property
-    def lacks(self) -> str:
-        """Why no scan can have been mapped, as far as the recording itself says; or ""."""
 
     def step(self) -> None: ...
 
@@ -82,7 +87,7 @@ def complaints_of(statuses: Mapping[str, DeviceStatus]) -> list[str]:
     ]
 
 
-def why_nothing_was_mapped(replay: Replay) -> str:
+def why_nothing_was_mapped(replay: Played) -> str:
     if replay.lacks:
         return replay.lacks
     app, counts = replay.app, replay.app.mapper.counts

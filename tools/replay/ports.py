@@ -95,7 +95,7 @@ class PlayedPort:
         return self._reads.popleft() if self._reads else []
 
     def write(self, data: bytes) -> None:
-        if data:
+        if data and self._is_open:
             self.written.append(data)
         self._used()
 

@@ -43,6 +43,11 @@ def test_states_are_the_apps_own_at_the_rate_of_the_settings() -> None:
     scan = scan_from(scanned.data)
     assert len(scan.ranges_m) == 481
     assert np.isfinite(scan.ranges_m).sum() > 400
+    assert scan.points_map is not None
+    points = loop.app.tiles.maybe_scan()
+    assert points is not None
+    assert len(scan.points_map) > 400
+    assert np.abs(scan.points_map.mean(axis=0) - points.points_m.mean(axis=0)).max() < 0.2
     told_heights = told(loop, HEIGHTS)
     assert 1 <= len(told_heights) <= 2  # they are gathered every two seconds
     place, height_m, _ = heights_from(told_heights[-1].data)

@@ -59,7 +59,7 @@ export function showInputs(state, is_stale) {
   rows(by("input-list"), inputs.map(({ name }) => name));
   inputs.forEach((input, k) => {
     const row = by("input-list").children[k];
-    const level = is_stale ? "note" : input.ok ? "ok" : "bad";
+    const level = !input.ok ? "bad" : is_stale ? "note" : "ok";
     row.dataset.level = level;
     row.classList.toggle("short", !Number.isFinite(input.age_s) && input.ok);
     setText(row.querySelector(".value"), Number.isFinite(input.age_s) ? age(input.age_s) : input.ok ? "ok" : "\u2013");
@@ -129,7 +129,7 @@ export function showDriver(driver, state, refusal) {
   const why = refusal || (held && (driver.why_not || told.why_not)) || "";
   const words = by("who");
   words.dataset.level = why ? (held ? "bad" : "note") : told.by === "you" ? "warn" : "ok";
-  setText(words, why ? `${who}. ${held ? "Not driving" : "You cannot"}: ${why}` : `${who}.`);
+  setText(words, why ? `${held ? "Not driving" : `${who}. You cannot`}: ${why}.` : `${who}.`);
   setChip(by("driver"), why && held ? "bad" : told.by === "you" ? "warn" : told.by ? "note" : "ok", why && held ? `Not driving: ${why}` : who);
   const arm = by("arm");
   arm.setAttribute("aria-pressed", driver.is_armed);
@@ -138,4 +138,5 @@ export function showDriver(driver, state, refusal) {
   by("drive").classList.toggle("armed", driver.is_armed);
   by("pad").classList.toggle("driving", mine);
   by("token-form").hidden = driver.token !== "" && !/token/i.test(why);
+  by("drive").classList.toggle("no-token", driver.token === "");
 }

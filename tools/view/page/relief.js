@@ -23,7 +23,7 @@ void main() {
   if (known < 0.99) discard;
   vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
   float steepness = length(normal.xy) / max(abs(normal.z), 0.01);
-  normal = normalize(mix(vec3(0.0, 0.0, 1.0), normal * sign(normal.z), smoothstep(0.1, 0.9, steepness))); // floor noise is no relief
+  normal = normalize(mix(vec3(0.0, 0.0, 1.0), normal * sign(normal.z), smoothstep(0.4, 1.4, steepness))); // floor noise is no relief
   float light = 0.52 + 0.48 * abs(dot(normal, normalize(vec3(0.35, 0.5, 0.8))));
   pixel = vec4(colour * light, 1.0);
 }`,

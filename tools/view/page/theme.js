@@ -16,10 +16,6 @@ export class Theme extends EventTarget {
     this.apply();
   }
 
-  get is_dark() {
-    return this.mode === "dark" || (this.mode === "auto" && this.system.matches);
-  }
-
   /** What pictures made of these colours are kept under. */
   get key() {
     return this.is_dark ? "dark" : "light";
@@ -35,7 +31,9 @@ export class Theme extends EventTarget {
     this.apply();
   }
 
+  /** Asks the system here alone: a browser that is asked between two frames tells no change. */
   apply() {
+    this.is_dark = this.mode === "dark" || (this.mode === "auto" && this.system.matches);
     document.documentElement.dataset.theme = this.key;
     by("theme").textContent = `Theme: ${this.mode}`;
     this.colours = { ...mapColours(), is_dark: this.is_dark };

@@ -63,6 +63,7 @@ class Server:
 
     def application(self) -> web.Application:
         application = web.Application(middlewares=[self._guarded], client_max_size=MOST_BYTES)
+        application.on_response_prepare.append(add_headers)
         application.router.add_get("/ws", self._socket)
         for path in sorted(PAGE.glob("*")):
             if path.suffix in KINDS:
@@ -119,13 +120,13 @@ class Server:
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if why := self.guard.refusal(request.host, request.headers.get("Origin")):
-            return web.Response(status=403, text=why, headers=HEADERS)
+            return web.Response(status=403, text=why)
         return await handler(request)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if len(self._pages) >= MOST_PAGES:
             text = f"{MOST_PAGES} pages are open: close one"
-            return web.Response(status=503, text=text, headers=HEADERS)
+            return web.Response(status=503, text=text)
         socket = web.WebSocketResponse(
             max_msg_size=MOST_BYTES, heartbeat=HEARTBEAT_S, autoping=False
         )
@@ -151,13 +152,17 @@ class Server:
         return socket
 
 
+async def add_headers(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(HEADERS)
+
+
 def file_handler(path: Path) -> Handler:
     """Gives a file of the page, as it is now."""
 
     async def handler(_: web.Request) -> web.StreamResponse:
         text = await asyncio.to_thread(path.read_text, "utf-8")
         kind = KINDS[path.suffix]
-        return web.Response(text=text, content_type=kind, charset="utf-8", headers=HEADERS)
+        return web.Response(text=text, content_type=kind, charset="utf-8")
 
     return handler
 

@@ -9,6 +9,7 @@ own: [planner] port may be a list. Ctrl-C ends it.
 import argparse
 import contextlib
 import importlib.util
+import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,7 @@ from rich.text import Text
 from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
+from mapod_link.client import Link
 from mapod_link.wires import wire_from_url
 from tools.cli.options import fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
@@ -133,7 +135,7 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use."""
     options = options_of(arguments)
-    if options.terminal or options.drive:
+    if options.terminal or options.drive or options.foxglove:
         return in_terminal(options)
     if importlib.util.find_spec("aiohttp") is None:
         return fail("view", NO_PAGE)
@@ -165,6 +167,8 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
     add("--drive", action="store_true", help=f"{terminal}: drive the robot with the keyboard")
     add("--speed", type=float, help=f"at most so many m/s ({terminal}: 0.3)")
     add("--turn", type=float, help=f"at most so many rad/s ({terminal}: 0.5)")
+    add("--foxglove", action="store_true", help="serve Foxglove, Lichtblick instead")
+    add("--foxglove-port", type=int, default=8765, help="on this machine (8765)")
     options = parser.parse_args(arguments)
     options.port = options.url or options.port
     return options
@@ -186,10 +190,23 @@ def in_terminal(options: argparse.Namespace) -> int:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:
         try:
+            if options.foxglove:
+                return bridge(options, Link(wire, WatchingReceiver(key)), stop)
             return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
             words = getattr(error, "strerror", None) or error
             return fail("view", f"{options.port}: {words}", 1)
+
+
+def bridge(options: argparse.Namespace, link: Link, stop: Stop) -> int:
+    """Serve Foxglove until it is over. Raises OSError: the wire or the port is gone."""
+    if importlib.util.find_spec("foxglove") is None:
+        return fail("view", "--foxglove needs foxglove-sdk: pip install 'mapod[foxglove]'")
+    from tools.foxglove_bridge import serve
+
+    until_s = link.now_s() + options.seconds if options.seconds else math.inf
+    serve(link, None, options.foxglove_port, lambda now_s: stop.wanted or now_s >= until_s)
+    return 0
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:

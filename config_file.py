@@ -1,12 +1,13 @@
 """The settings file and the key file, read with the keys that each registered driver knows."""
 
 import contextlib
+import json
 import os
 import stat
 from pathlib import Path
 from typing import Any
 
-from core.config import Config, ConfigError, Drivers, config_from_text, config_with
+from core.config import Config, ConfigError, Drivers, config_from_text, config_with, table_from
 from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS
 
 KEY_BYTES = 32
@@ -30,6 +31,19 @@ def load_config(text: str) -> Config:
 def with_changes(config: Config, **sections: dict[str, Any]) -> Config:
     """The same settings with some keys changed, `map={"cells": 401}`, and checked together."""
     return config_with(config, drivers(), sections)
+
+
+def text_from(config: Config) -> str:
+    """The settings as the text of a file, without its comments."""
+    return "\n".join(
+        f"[{section}]\n" + "".join(f"{key} = {_toml(value)}\n" for key, value in keys.items())
+        for section, keys in table_from(config).items()
+    )
+
+
+def _toml(value: Any) -> str:
+    """A text, number, truth value, or a list of these."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def read_key(path: str) -> bytes | None:

@@ -27,6 +27,7 @@ PLAIN = "\x1b[0m"
 QUOTED = set(" =\t\r\n\"'")  # a text with one of these stands between quotes
 
 Line = Callable[[str, str, Mapping[str, Any]], str]  # of a level, an event and its keys
+Listener = Callable[[str, str, Mapping[str, Any]], None]
 
 
 class EventLog:
@@ -34,6 +35,7 @@ class EventLog:
 
     def __init__(self) -> None:
         self._writer: LogWriter | None = None
+        self.also: Listener | None = None  # is told of each line, from whatever thread
         self._levels: tuple[str, ...] = LEVELS
         self._line: Line = json_line
 
@@ -59,6 +61,8 @@ class EventLog:
         """To the first line that goes out again: how many before it did not."""
         if self._writer is None or level not in self._levels:
             return
+        if self.also is not None:
+            self.also(level, event, keys)
         if dropped := self._writer.take_dropped():
             keys["lines_dropped"] = dropped
         self._writer.write(self._line(level, event, keys) + "\n")

@@ -11,12 +11,9 @@ import secrets
 import signal
 import sys
 import time
-import tomllib
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 from types import FrameType
-from typing import Protocol
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key, with_changes
@@ -24,34 +21,26 @@ from core.config import Config, ConfigError
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
 from core.summary import describe_robot
-from hw.device import Port
 from hw.ports.url import parse_url
 from hw.runtime.notify import Notifier
 from hw.runtime.threads import take_real_time
 from hw.runtime.wakeup import WakeUp
 from logs import LOG, set_up_logging
 from map_files import MapSaver, load_map
+from recorder import Recorder, started_recorder
+from version import version
 from wiring import modbus_servers, open_ports
 
 UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
+RECORD = "record the run: a file that ends with .mcap, or a folder that ends with / ([record] path)"
 SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
 
 
-class Recorder(Protocol):
-    """Writes a run down: gives for each port, and for the app, what is used in its place."""
-
-    def port(self, name: str, port: Port) -> Port:
-        """The same port, which tells of its bytes."""
-
-    def app(self, app: App) -> App:
-        """The same app, which tells of its steps."""
-
-
 class Wanted:
-    """What signals have asked for: the end, or the map in its file."""
+    """What signals have asked for: the end, the map in its file, or the last seconds in one."""
 
     def __init__(self) -> None:
-        self.end = self.map = False
+        self.end = self.map = self.flight = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._end)
 
@@ -63,6 +52,12 @@ class Wanted:
             self.map = True
 
         signal.signal(signal.SIGUSR1, save)
+
+    def listen_for_flight(self) -> None:
+        def keep(number: int, frame: FrameType | None) -> None:
+            self.flight = True
+
+        signal.signal(signal.SIGUSR2, keep)
 
 
 def slots_missed(late_s: float, period_s: float) -> int:
@@ -109,17 +104,28 @@ def serve(
     loaded: Arrays | None,
     save_to: str,
     recorder: Recorder | None = None,
+    at_start: Callable[[], None] = lambda: None,
 ) -> None:
-    """Run the app until SIGINT or SIGTERM, from a loaded map on; SIGUSR1 saves the map."""
+    """Run the app until SIGINT or SIGTERM, from a loaded map on.
+
+    SIGUSR1 saves the map, SIGUSR2 what the flight recorder has. `at_start` is called when all is
+    ready.
+    """
     wanted = Wanted()
     warm_kernels(config)
     app = App(config, ports, session=secrets.randbits(32), key=key, version=version())
+    stepped = recorder.begin(app, key is not None, loaded) if recorder else app
     if loaded is not None:
-        restore(app.mapper, loaded, config, time.monotonic())
+        loaded_s = time.monotonic()
+        restore(app.mapper, loaded, config, loaded_s)
+        if recorder:
+            recorder.restored(loaded_s)
         LOG.info("map_loaded", moving_when_saved=was_moving(loaded))
     saver = MapSaver(app, save_to) if save_to else None
     if saver:
         wanted.listen_for_map()
+    if recorder:
+        wanted.listen_for_flight()
     locked, fifo = take_real_time()
     LOG.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
     LOG.info("app_started", version=version(), planner=config.planner.port)
@@ -131,10 +137,13 @@ def serve(
         if wanted.map and saver:
             wanted.map = False
             saver.save()
+        if wanted.flight and recorder:
+            wanted.flight = False
+            recorder.flight(time.monotonic(), "asked", "somebody asked for it")
         return wanted.end
 
     try:
-        stepped = recorder.app(app) if recorder else app
+        at_start()
         keep_pace(stepped, wake_up, is_over, notifier)
         notifier.stopping()
         settle(stepped, wake_up, notifier)
@@ -146,14 +155,6 @@ def serve(
         wake_up.close()
         notifier.close()
     LOG.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
-
-
-def version() -> str:
-    """The version in pyproject.toml: of the checkout, or as installed from it."""
-    path = Path(__file__).parent / "pyproject.toml"
-    if not path.exists():
-        return metadata.version("mapod")
-    return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
 def options_of(arguments: list[str] | None) -> argparse.Namespace:
@@ -169,6 +170,7 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
         help="go on from a saved map; the robot must stand where it stood then",
     )
     add("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
+    add("--record", metavar="FILE", help=RECORD)
     add("--unattended", action="store_true", help=UNATTENDED)
     return parser.parse_args(arguments)
 
@@ -181,6 +183,8 @@ def settings_of(options: argparse.Namespace) -> Config:
         StateError: a map is to be loaded, and nobody sees where the robot stands.
     """
     config = load_config(Path(options.config).read_text(encoding="utf-8"))
+    if options.record:
+        config = with_changes(config, record={"path": options.record})
     if not options.unattended:
         return config
     if options.load_map:
@@ -191,17 +195,55 @@ def settings_of(options: argparse.Namespace) -> Config:
     return with_changes(config, robot={"start_clear_m": 0.0})
 
 
-def run(arguments: list[str] | None = None, recorder: Recorder | None = None) -> int:
-    """The command line; gives the exit status. `recorder` writes a live run down."""
+def check_folders(options: argparse.Namespace, config: Config) -> None:
+    """StateError where a file that is asked for could not be made."""
+    wanted = {"--save-map": options.save_map, "record.path": config.record.path}
+    for name, path in wanted.items():
+        if path and not Path(path).parent.is_dir():
+            raise StateError(f"{name}: there is no folder for {path!r}")
+
+
+def live(
+    config: Config,
+    ports: Ports,
+    key: bytes | None,
+    loaded: Arrays | None,
+    options: argparse.Namespace,
+    at_start: Callable[[], None],
+) -> str:
+    """Run it, logged and recorded; why the recording ended before the run, or ""."""
+    with contextlib.ExitStack() as ends:
+        ends.enter_context(contextlib.closing(set_up_logging(config, sys.stderr.fileno())))
+        if options.unattended:
+            LOG.info("start_unattended", start_clear_m=0.0)
+        recorder = None
+        if config.record.path or config.record.flight:
+            recorder = ends.enter_context(contextlib.closing(started_recorder(config, version())))
+            ports = recorder.ports(ports)
+        serve(config, ports, key, loaded, options.save_map, recorder, at_start)
+    return recorder.trouble if recorder else ""
+
+
+def run(
+    arguments: list[str] | None = None,
+    at_start: Callable[[], None] = lambda: None,
+    at_end: Callable[[str], None] = lambda trouble: None,
+) -> int:
+    """The command line; gives the exit status.
+
+    Args:
+        at_start: called when all is ready, before the loop.
+        at_end: told why the recording ended before the run, or "".
+    """
     options = options_of(arguments)
-    signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # too early, or without --save-map: no end
+    for number in (signal.SIGUSR1, signal.SIGUSR2):
+        signal.signal(number, signal.SIG_IGN)  # too early, or nothing to save: no end
     try:
         config = settings_of(options)
         key = read_key(config.planner.key_file)
         loaded = load_map(options.load_map, config) if options.load_map else None
-        if options.save_map and not Path(options.save_map).parent.is_dir():
-            raise StateError(f"--save-map: there is no folder for {options.save_map!r}")
-        ports = open_ports(config, recorder.port) if recorder else open_ports(config)
+        check_folders(options, config)
+        ports = open_ports(config)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -214,10 +256,7 @@ def run(arguments: list[str] | None = None, recorder: Recorder | None = None) ->
         elif options.warm:
             warm_kernels(config)
         else:
-            with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
-                if options.unattended:
-                    LOG.info("start_unattended", start_clear_m=0.0)
-                serve(config, ports, key, loaded, options.save_map, recorder)
+            at_end(live(config, ports, key, loaded, options, at_start))
     return 0
 
 

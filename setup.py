@@ -12,7 +12,7 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 
 ROOT = Path(__file__).parent
-ROOMS = {"core", "hw", "fakes", "tools"} | {
+ROOMS = {"core", "hw", "fakes", "recording", "tools"} | {
     path.stem for path in ROOT.glob("*.py") if path.name != "setup.py"
 }
 DATA = ("mapod.toml", "hw/mcu/mapod_link.h", "hw/mcu/example.c", "tools/flash/99-mapod.rules")
@@ -66,7 +66,7 @@ def tools_without_simulation() -> set[Path]:
 def sources() -> list[Path]:
     """All Python files that are installed inside `mapod/`, relative to here."""
     paths = {ROOT / f"{room}.py" for room in ROOMS if (ROOT / f"{room}.py").exists()}
-    for room in ("core", "hw"):
+    for room in ("core", "hw", "recording"):
         paths |= {path for path in ROOT.glob(f"{room}/**/*.py") if "build" not in path.parts}
     return sorted(path.relative_to(ROOT) for path in paths | tools_without_simulation())
 

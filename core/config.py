@@ -165,6 +165,17 @@ class Log(Struct, frozen=True, forbid_unknown_fields=True):
     format: Literal["console", "json"]
 
 
+class Record(Struct, frozen=True, forbid_unknown_fields=True):
+    """What is recorded of a run, and where; "" is off."""
+
+    path: str
+    rate_hz: Annotated[float, Meta(ge=0.1, le=20)]
+    max_mb: Annotated[float, Meta(ge=1, le=10_000_000)]
+    file_mb: Annotated[float, Meta(ge=1, le=10_000)]
+    flight: str
+    flight_keep: Annotated[int, Meta(ge=1, le=1000)]
+
+
 class Config(Struct, frozen=True, forbid_unknown_fields=True):
     """The whole of `mapod.toml`."""
 
@@ -178,6 +189,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     ground: Ground
     planner: Planner
     modbus: Modbus
+    record: Record
     log: Log
 
 
@@ -357,6 +369,11 @@ def _check_together(config: Config) -> None:
         raise ConfigError(
             'map.method: "reference_plane" needs a scanner of one plane, which '
             f"{config.scanner.driver!r} is not"
+        )
+    if config.record.path and not config.record.path.endswith(("/", ".mcap")):
+        raise ConfigError(
+            'record.path: must be a folder that ends with "/", or a file that ends with ".mcap", '
+            f"is {config.record.path!r}"
         )
     for key, ports in (("planner", config.planner.ports), ("modbus", config.modbus.ports)):
         if len(set(ports)) < len(ports):

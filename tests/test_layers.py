@@ -9,15 +9,25 @@ from functools import cache
 
 from tests import ROOT
 
-TOP = {"app", "config_file", "logs", "main", "map_files", "wiring"}
-OWN = TOP | {"core", "jit", "mapod", "hw", "mapod_link", "fakes", "tools"}  # "tests" may use all
+TOP = {"app", "config_file", "logs", "main", "map_files", "recorder", "version", "wiring"}
+OWN = TOP | {
+    "core",
+    "jit",
+    "mapod",
+    "hw",
+    "recording",
+    "mapod_link",
+    "fakes",
+    "tools",
+}  # "tests" may use all
 MAY_IMPORT = {  # by the first part of a module's name
     "jit": set(),
     "core": {"core", "jit"},
     "hw": {"hw", "core.records", "jit"},
     "mapod_link": {"mapod_link"},
     "fakes": {"fakes", "mapod_link", "jit"},
-    **{name: TOP - {"main"} | {"core", "hw"} for name in TOP},
+    "recording": {"recording", "core.records", "core.config", "hw.device", "mapod_link"},
+    **{name: TOP - {"main"} | {"core", "hw", "recording"} for name in TOP},
     "mapod": {"mapod", "tools"},  # the name under which all of it is installed
     "tools": OWN,
 }
@@ -26,6 +36,7 @@ LIBRARIES = {
     "core": {"numpy", "msgspec"},
     "hw": {"numpy", "msgspec", "serial", "cobs"},
     "mapod_link": {"numpy"},
+    "recording": {"numpy", "msgspec", "mcap", "zstandard"},
     "fakes": {"numpy", "mujoco"},
     **{name: {"numpy"} for name in TOP},
 }

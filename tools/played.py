@@ -9,24 +9,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from app import App, Ports
-from config_file import load_config
+from app import App
 from core.config import Config
 from core.mapping.mapper import MapperCounts
 from hw.device import DeviceStatus
-from hw.ports.url import parse_url
 from mapod_link.receiver import Receiver
-from tools.recording import IN, LOST, OPENED, OUT, STEP, TURN, PlayedPort, Record, Recording
+from recording.reader import Recording
+from tools.replay.player import Player
 
 SESSION = 1  # of a replay whose recording tells none
+PLANNER = 3  # the first planner's place among the ports of a recording
 NONCE = 1  # of the receiver whose map is shown
 
 
-class Replay(Protocol):
+class Played(Protocol):
     """An app on recorded bytes."""
 
-    config: Config
     app: App
+
+    @property
+    def lacks(self) -> str:
+        """Why no scan can have been mapped, as far as the recording itself says; or ""."""
+
+
+class Replay(Played, Protocol):
+    """The same with its settings, and what its planner heard."""
+
+    config: Config
     view: "LinkView"
 
     @property
@@ -34,10 +43,6 @@ class Replay(Protocol):
 
     @property
     def done(self) -> bool: ...
-
-    @property
-    def lacks(self) -> str:
-        """Why no scan can have been mapped, as far as the recording itself says; or ""."""
 
     def step(self) -> None: ...
 
@@ -82,7 +87,7 @@ def complaints_of(statuses: Mapping[str, DeviceStatus]) -> list[str]:
     ]
 
 
-def why_nothing_was_mapped(replay: Replay) -> str:
+def why_nothing_was_mapped(replay: Played) -> str:
     if replay.lacks:
         return replay.lacks
     app, counts = replay.app, replay.app.mapper.counts
@@ -94,66 +99,28 @@ def why_nothing_was_mapped(replay: Replay) -> str:
     return "; ".join(causes) or "no scan came that could be used"
 
 
-def session_of(recording: Recording) -> int:
-    """The session that the recorded app told the planner; SESSION where that cannot be read."""
-    receiver = Receiver(NONCE)
-    port = recording.ports.index("planner") if "planner" in recording.ports else -1
-    for record in recording.records():
-        if record.kind == OUT and record.port == port:
-            receiver.feed_datagram(record.t_s, record.data)
-            receiver.feed_stream(record.t_s, record.data)
-        if receiver.geom is not None:
-            return receiver.geom.session
-    return SESSION
-
-
 class RecordingReplay:
     """A recording of all ports around one app, with its own settings or `config`."""
 
-    def __init__(
-        self, recording: Recording, session: int = SESSION, config: Config | None = None
-    ) -> None:
-        self.config = load_config(recording.config) if config is None else config
-        planners = [parse_url(url).kind == "udp" for url in self.config.planner.ports]
-        datagrams = [False, False, False, *planners]
-        self._ports = [PlayedPort(flag) for flag in datagrams]
-        scanner, ahrs, drive, planner, *others = self._ports
-        ports = Ports(scanner, ahrs, drive, planner, tuple(others))
-        self.app = App(self.config, ports, session=session, replayed=True)
-        self.view = LinkView(planner.datagrams)
-        self.now_s, self.done = 0.0, False
-        self._records = recording.records()
-        self._call: Record | None = None  # whose bytes are being read
-        self._scanner_bytes = 0
+    def __init__(self, recording: Recording, config: Config | None = None) -> None:
+        self._player = Player(recording, config, replayed=True)
+        self.config, self.app = self._player.config, self._player.app
+        self.view = LinkView(bool(recording.wires[PLANNER]["datagrams"]))
+
+    @property
+    def now_s(self) -> float:
+        return self._player.now_s
+
+    @property
+    def done(self) -> bool:
+        return self._player.done
 
     @property
     def lacks(self) -> str:
-        return "" if self._scanner_bytes else "the recording holds no byte of the scanner"
+        return self._player.lacks
 
     def step(self) -> None:
-        """Play up to the next call of the app, and call it. Raises RecordingError: damaged."""
-        for record in self._records:
-            if record.kind in (OPENED, LOST, IN):
-                self._ports[record.port].play(record)
-                self._scanner_bytes += len(record.data) * (record.port == 0)
-            elif record.kind != OUT:
-                call, self._call = self._call, record
-                if call is not None:
-                    self._do(call)
-                    return
-        self.done = True
-        if self._call is not None:
-            self._do(self._call)
-
-    def _do(self, call: Record) -> None:
-        self.now_s = call.t_s
-        if call.kind == STEP:
-            self.app.step(call.t_s)
-        elif call.kind == TURN:
-            readable = [port for k, port in enumerate(self._ports) if call.port >> k & 1]
-            self.app.turn(call.t_s, readable)
-        written = self._ports[3].written
-        while written:
-            self.view.take(call.t_s, written.popleft())
-        for port in self._ports:
-            port.written.clear()
+        """Play the next call of the app. Raises RecordingError: damaged."""
+        self._player.step()
+        for frame in self._player.frames:
+            self.view.take(self.now_s, frame)

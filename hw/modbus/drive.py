@@ -21,7 +21,7 @@ class DriveRegisters:
     """The drive block of one run of mapod."""
 
     def __init__(self, ask: Ask) -> None:
-        self._ask = ask
+        self.ask = ask  # who takes requests; may be another one in between
         self._asked = (0, 0, 0, 0)  # the four registers of the newest request
         self._result = TAKEN  # of it
         self._taken, self._until_s = 0, -math.inf  # number of the newest that was obeyed; its end
@@ -43,7 +43,7 @@ class DriveRegisters:
         valid_s = max(0.0, valid_ms / 1000.0 - max(0.0, now_s - arrived_s))
         reason = LATE
         if valid_s > 0.0 or valid_ms == 0:  # a stop is never too late
-            reason = self._ask(now_s, who, v_mms / 1000.0, w_mrads / 1000.0, valid_s)
+            reason = self.ask(now_s, who, v_mms / 1000.0, w_mrads / 1000.0, valid_s)
         if not reason:
             self._taken, self._until_s = sequence, now_s + valid_s
         self._result = RESULTS.get(reason, REFUSED) if reason else TAKEN

@@ -1,5 +1,6 @@
 """A run written down and played again: the same map, and a planner that hears the same."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,12 +8,14 @@ import pytest
 
 from app import App, Ports
 from config_file import load_config
+from recorder import Recorder
+from recording.direct import DirectTap
+from recording.reader import Recording
 from tests import ROOT, Capsys, Patch
 from tools import laser_replay
 from tools.cli import replay as tool
-from tools.played import RecordingReplay, session_of, why_nothing_was_mapped
-from tools.recording import Recorder, Recording
-from tools.rig.loop import SESSION, Loop
+from tools.played import RecordingReplay, why_nothing_was_mapped
+from tools.rig.loop import SESSION, START_S, Loop
 
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
 
@@ -21,19 +24,22 @@ class RecordedLoop(Loop):
     """A simulated robot whose run is written down."""
 
     def __init__(self, path: Path) -> None:
-        self.recorder = Recorder(path, "0.1", SHIPPED, lambda: self.now_s)
-        super().__init__("corridor", 1, load_config(SHIPPED), drives=True)
+        config = load_config(SHIPPED)
+        self.now_s = START_S
+        self.recorder = Recorder(config, "0.1", DirectTap(path, lambda: self.now_s))
+        super().__init__("corridor", 1, config, drives=True)
 
     def _new_app(self, key: bytes | None) -> App:
-        scanner, ahrs, drive = (self.recorder.port(*named) for named in self.ports.items())
-        ports = Ports(scanner, ahrs, drive, self.recorder.port("planner", self.link_port))
-        return self.recorder.app(App(self.config, ports, session=SESSION))
+        scanner, ahrs, drive = self.ports.values()
+        ports = self.recorder.ports(Ports(scanner, ahrs, drive, self.link_port))
+        app = App(self.config, ports, session=SESSION)
+        return self.recorder.begin(app, key is not None, None)
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
     """Three seconds of a drive, the scanner's wire cut for a while."""
-    path = tmp_path_factory.mktemp("recording") / "drive.rec"
+    path = tmp_path_factory.mktemp("recording") / "drive.mcap"
     loop = RecordedLoop(path)
     loop.run(2.0)
     loop.wires["scanner"].cut = True
@@ -47,8 +53,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedLoop, Path]:
 
 
 def played(path: Path) -> RecordingReplay:
-    recording = Recording(path)
-    replay = RecordingReplay(recording, session_of(recording))
+    replay = RecordingReplay(Recording(path))
     while not replay.done:
         replay.step()
     return replay
@@ -75,42 +80,32 @@ def test_a_recording_that_was_broken_off_is_played(
     run: tuple[RecordedLoop, Path], tmp_path: Path, capsys: Capsys
 ) -> None:
     data = run[1].read_bytes()
-    (tmp_path / "half.rec").write_bytes(data[: len(data) // 2 + 1])
-    assert tool.main([str(tmp_path / "half.rec")]) == 0
+    (tmp_path / "half.mcap").write_bytes(data[: len(data) // 2 + 1])
+    assert tool.main([str(tmp_path / "half.mcap")]) == 0
     assert "scans mapped" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("damage", "words"),
     [
-        (lambda data: data.replace(b'"mapod_recording": 2', b'"mapod_recording": 7'), "form 7"),
-        (lambda data: data.partition(b"\n")[0][:-5] + b"\n", "not a recording"),
-        (lambda data: data.partition(b"\n")[0] + b"\n" + bytes(40), "damaged before byte"),
+        (lambda data: b'{"mapod_recording": 2, "version": "0.1"}\n', "form 2, not 3"),
+        (lambda data: data[:40] + data[90:], "damaged"),
+        (lambda data: data[:-30_000] + bytes(30_000), "damaged before byte"),
     ],
 )
 def test_what_is_no_recording_is_refused_in_words(
-    damage: object, words: str, run: tuple[RecordedLoop, Path], tmp_path: Path,
+    damage: Callable[[bytes], bytes], words: str, run: tuple[RecordedLoop, Path], tmp_path: Path,
     capsys: Capsys,
 ) -> None:  # fmt: skip
-    assert callable(damage)
-    (tmp_path / "bad.rec").write_bytes(damage(run[1].read_bytes()))
-    assert tool.main([str(tmp_path / "bad.rec")]) == 2
+    (tmp_path / "bad.mcap").write_bytes(damage(run[1].read_bytes()))
+    assert tool.main([str(tmp_path / "bad.mcap")]) == 2
     told = capsys.readouterr().err
     assert words in told
     assert len(told.splitlines()) == 1
 
 
-def test_a_disk_that_is_full_ends_the_recording_and_not_the_run() -> None:
-    recorder = Recorder(Path("/dev/full"), "0.1", SHIPPED)
-    recorder.app(App.__new__(App))
-    for _ in range(1000):
-        recorder.note(1.0, b"I", 0, bytes(1000))
-    recorder.close()
-    assert "No space left" in recorder.trouble
-
-
 def test_a_recording_without_scans_says_why_none_was_mapped(tmp_path: Path) -> None:
-    path = tmp_path / "mute.rec"
+    path = tmp_path / "mute.mcap"
     loop = RecordedLoop(path)
     loop.rig.scanner.mute = True
     loop.run(1.0)

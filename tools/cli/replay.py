@@ -17,9 +17,11 @@ from rich.text import Text
 
 from config_file import load_config, with_changes
 from core.config import Config, ConfigError
+from recording.mcap_stream import MAGIC
+from recording.reader import OLDER, Recording
+from recording.records import RecordingError
 from tools.cli.options import ROOT, SHIPPED_CONFIG, fail, lacks_simulation, parser_of
-from tools.played import RecordingReplay, Replay, session_of, why_nothing_was_mapped
-from tools.recording import Recording, RecordingError
+from tools.played import RecordingReplay, Replay, why_nothing_was_mapped
 from tools.terminal.screen import (
     factor_for,
     has_screen,
@@ -31,7 +33,6 @@ from tools.terminal.screen import (
 
 SHIPPED_RECORDING = ROOT / "tests" / "vectors" / "lms111_session_d2h.bin"
 DRAWN_HZ = 20.0
-MARK = b'{"mapod_recording"'
 
 
 class NoReplayError(Exception):
@@ -49,12 +50,15 @@ def replay_of(options: argparse.Namespace) -> Replay:
     path: Path | None = options.recording
     if path is None:
         raise NoReplayError("name a recording: there is none here to show")
-    with path.open("rb") as file:
-        is_whole = file.read(len(MARK)) == MARK
+    if path.is_dir():
+        is_whole = True
+    else:
+        with path.open("rb") as file:
+            first = file.read(64)
+        is_whole = first.startswith(MAGIC) or OLDER.match(first) is not None
     if is_whole:
         config = load_config(options.config.read_text("utf-8")) if options.config else None
-        recording = Recording(path)
-        return RecordingReplay(recording, session_of(recording), config)
+        return RecordingReplay(Recording(path), config)
     if why := lacks_simulation():
         raise NoReplayError(f"{path} is no file of `mapod record`; a scanner's bytes alone: {why}")
     from tools.laser_replay import LaserReplay
@@ -110,7 +114,7 @@ def tell(replay: Replay, out: Path | None) -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 something was mapped, 1 nothing was, 2 wrong use."""
-    parser = parser_of("replay", __doc__, "mapod replay mapod.rec", "mapod replay lms111_d2h.bin")
+    parser = parser_of("replay", __doc__, "mapod replay mapod.mcap", "mapod replay lms111_d2h.bin")
     shipped = SHIPPED_RECORDING if SHIPPED_RECORDING.exists() else None
     add = parser.add_argument
     add("recording", nargs="?", type=Path, default=shipped, help="the file")

@@ -1,7 +1,6 @@
 """The app's own command line as commands: run, record, check, warm and version; and init.
 
-`mapod replay FILE` plays what `record` keeps: every byte of every port, but neither the map of
---load-map nor the planner's key.
+`mapod replay FILE` plays what `record` keeps: all that moved the app, but not the planner's key.
 """
 
 import argparse
@@ -12,12 +11,11 @@ import threading
 from pathlib import Path
 
 from core.config import ConfigError
-from main import UNATTENDED
+from main import RECORD, UNATTENDED
 from main import run as run_app
-from main import version as app_version
 from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
-from tools.recording import Recorder
 from tools.settings_merge import merged
+from version import version as app_version
 
 HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
@@ -27,6 +25,7 @@ def run(arguments: list[str]) -> int:
     about = "Run the robot: sensors in, obstacle map out, until Ctrl-C or SIGTERM."
     parser = parser_of("run", about, "mapod run --config mapod.toml --save-map hall.map")
     _add_run_options(parser)
+    parser.add_argument("--record", metavar="FILE", help=RECORD)
     parser.add_argument("--unattended", action="store_true", help=UNATTENDED)
     options = parser.parse_args(arguments)
     return run_app(_arguments_of(options) + ["--unattended"] * options.unattended)
@@ -35,26 +34,24 @@ def run(arguments: list[str]) -> int:
 def record(arguments: list[str]) -> int:
     """Exit status: 0 ended as it was told to, 1 recorded in part, 2 wrong use."""
     about = "Run the robot as `mapod run` does, and keep every byte of every port in a file."
-    parser = parser_of("record", about, "mapod record --out hall.rec --seconds 60")
+    parser = parser_of("record", about, "mapod record --out hall.mcap --seconds 60")
     _add_run_options(parser)
     parser.add_seconds("until Ctrl-C")
-    parser.add_out("the recording", Path("mapod.rec"))
+    parser.add_out("the recording", Path("mapod.mcap"))
     options = parser.parse_args(arguments)
-    try:
-        recorder = Recorder(options.out, app_version(), options.config.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        return fail("record", error)
-    if options.seconds:
-        end = threading.Timer(options.seconds, os.kill, (os.getpid(), signal.SIGINT))
-        end.daemon = True
-        recorder.at_start = end.start
-    try:
-        status = run_app(_arguments_of(options), recorder)
-    finally:
-        recorder.close()
-    if recorder.trouble:
-        return fail("record", f"{options.out} ends early: {recorder.trouble}", 1)
-    if status == 0:
+    options.record = str(options.out)
+
+    def at_start() -> None:
+        if options.seconds:
+            end = threading.Timer(options.seconds, os.kill, (os.getpid(), signal.SIGINT))
+            end.daemon = True
+            end.start()
+
+    troubles: list[str] = []
+    status = run_app(_arguments_of(options), at_start, troubles.append)
+    if status == 0 and any(troubles):
+        return fail("record", f"{options.out} ends early: {troubles[0]}", 1)
+    if status == 0 and options.out.is_file():
         print(f"mapod: {options.out}: {options.out.stat().st_size / 1e6:.1f} MB", file=sys.stderr)
     return status
 
@@ -92,6 +89,7 @@ def _add_run_options(parser: Parser) -> None:
 def _arguments_of(options: argparse.Namespace) -> list[str]:
     given = ["--config", str(options.config)]
     given += ["--load-map", options.load_map] if options.load_map else []
+    given += ["--record", options.record] if options.record else []
     return given + (["--save-map", options.save_map] if options.save_map else [])
 
 

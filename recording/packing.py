@@ -1,0 +1,83 @@
+"""States and scans as bytes on the way to the writer: what costs the loop least to write.
+
+A line of JSON, then arrays. The obstacle map goes as the ring that it is; the writer unrolls it.
+"""
+
+import json
+from dataclasses import astuple, fields
+from typing import Any
+
+import numpy as np
+
+from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport
+from recording.states import CellWindow, ScanRecord, StateRecord
+
+FREE_TOLD, OBSTACLE_TOLD = 1, 2
+
+
+def pack_state(
+    pose: PoseReport,
+    zone: StopZoneReport | None,
+    cells: I8,
+    corner: tuple[int, int],
+    cell_m: float,
+    trusted: bool,
+    heights: bytes = b"",
+) -> bytes:
+    """The app's state at one instant.
+
+    Args:
+        cells: (size, size), a ring; `corner`: the world cell with the lowest i and j in it.
+        heights: of the same cells, unrolled: f32 heights, then variances; or nothing.
+    """
+    head = {
+        "pose": astuple(pose),
+        "zone": None if zone is None else astuple(zone),
+        "size": cells.shape[0],
+        "corner": corner,
+        "cell_m": cell_m,
+        "trusted": trusted,
+    }
+    return json.dumps(head).encode() + b"\n" + cells.tobytes() + heights
+
+
+def state_from(t_s: float, data: bytes) -> StateRecord:
+    line, _, arrays = data.partition(b"\n")
+    head: dict[str, Any] = json.loads(line)
+    size, (corner_i, corner_j) = head["size"], head["corner"]
+    ring = np.frombuffer(arrays, np.int8, size * size).reshape(size, size)
+    cells = np.roll(ring, (-(corner_j % size), -(corner_i % size)), axis=(0, 1))
+    states = np.zeros(cells.shape, np.uint8)
+    states[cells == OBSTACLE] = OBSTACLE_TOLD
+    if head["trusted"]:
+        states[cells == FREE] = FREE_TOLD
+    heights: list[Any] = [None, None]
+    if len(arrays) > size * size:
+        layers = np.frombuffer(arrays, "<f4", 2 * size * size, offset=size * size)
+        heights = list(layers.reshape(2, size, size))
+    return StateRecord(
+        t_s,
+        PoseReport(*head["pose"]),
+        None if head["zone"] is None else _zone(head["zone"]),
+        CellWindow(states, corner_i, corner_j, head["cell_m"]),
+        *heights,
+    )
+
+
+def _zone(values: list[Any]) -> StopZoneReport:
+    names = [field.name for field in fields(StopZoneReport)]
+    given = dict(zip(names, values, strict=True))
+    return StopZoneReport(**{**given, "sectors_m": tuple(given["sectors_m"])})
+
+
+def pack_scan(scan: Scan) -> bytes:
+    head = {"t_s": scan.t_s, "first_rad": scan.first_rad, "step_rad": scan.step_rad}
+    ranges: bytes = scan.ranges_m[0].astype("<f4").tobytes()
+    return json.dumps(head).encode() + b"\n" + ranges
+
+
+def scan_from(data: bytes) -> ScanRecord:
+    line, _, ranges = data.partition(b"\n")
+    head = json.loads(line)
+    ranges_m = np.frombuffer(ranges, "<f4")
+    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, None)

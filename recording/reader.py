@@ -1,0 +1,198 @@
+"""A recording as it is read: what the run was, and every record of it in its order.
+
+A recording may lie in several files, each of which goes on where the one before ends: given the
+first of them, or the folder, all are read. A file that was cut off is read up to its newest `sync`.
+"""
+
+import base64
+import binascii
+import json
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from recording.mcap_stream import (
+    HEADER,
+    MESSAGE,
+    MESSAGE_HEAD,
+    METADATA,
+    McapStream,
+    metadata_of,
+)
+from recording.records import (
+    ASK,
+    ASKED,
+    CALLS,
+    CHANGED,
+    FORM,
+    GAP,
+    LOGS,
+    OF_WIRES,
+    PORT_STATE,
+    READABLE,
+    STAMP,
+    TURN,
+    Record,
+    RecordingError,
+    is_whole,
+)
+from recording.records import METADATA as OF_THE_RUN
+
+OLDER = re.compile(rb'\{"mapod_recording": (\d+)')
+SHORTEST = {TURN: READABLE.size, ASK: ASKED.size, CHANGED: PORT_STATE.size}  # data of a kind
+NUMBERED = re.compile(r"(.*?)(?:\.(\d+))?\.mcap")
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """One line of the app's log."""
+
+    t_s: float
+    level: str
+    event: str
+    keys: dict[str, Any]
+
+
+def first_metadata(path: Path) -> dict[str, str]:
+    """What a file says of its run. Raises OSError, RecordingError: it says nothing of any."""
+    with path.open("rb") as file:
+        if older := OLDER.match(file.read(64)):
+            raise RecordingError(f"{path}: a recording of form {older[1].decode()}, not {FORM}")
+    for opcode, content in McapStream(path).records():
+        if opcode == METADATA:
+            try:
+                name, entries = metadata_of(content)
+            except (struct.error, UnicodeDecodeError):
+                raise RecordingError(f"{path} is damaged in what it says of the run") from None
+            if name == OF_THE_RUN:
+                return _checked(path, entries)
+        elif opcode != HEADER:
+            break
+    raise RecordingError(f"{path} is not a recording of mapod")
+
+
+def _checked(path: Path, entries: dict[str, str]) -> dict[str, str]:
+    if entries.get("form") != FORM:
+        raise RecordingError(f"{path}: a recording of form {entries.get('form')}, not {FORM}")
+    if not is_whole(entries):
+        raise RecordingError(f"{path} is damaged in what it says of the run")
+    return entries
+
+
+class Recording:
+    """A recording. Raises OSError, RecordingError: it can't be read; it is none."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.parts = path, parts_of(path)
+        self.metadata = first_metadata(self.parts[0])
+        try:
+            self.version, self.config = self.metadata["version"], self.metadata["config"]
+            self.ports = [str(name) for name in json.loads(self.metadata["ports"])]
+            self.wires: list[dict[str, Any]] = json.loads(self.metadata["wires"])
+            self.session = int(self.metadata["session"])
+            self.utc_offset_s = float(self.metadata["utc_offset_s"])
+            self.from_start = self.metadata["from_start"] == "true"
+        except (KeyError, ValueError, TypeError):
+            raise RecordingError(f"{self.parts[0]} is not a recording of mapod") from None
+        self.is_cut = False  # known after reading: the newest file has no end
+        self.gap = ""  # known after reading: what is missing from there on, as a message
+
+    @cached_property
+    def loaded_map(self) -> bytes | None:
+        """The file of the map that the run went on from."""
+        text = self.metadata.get("load_map", "")
+        try:
+            return base64.b64decode(text, validate=True) if text else None
+        except binascii.Error:
+            raise RecordingError(f"{self.parts[0]} is damaged in its map") from None
+
+    def records(self) -> Iterator[Record]:
+        """What moved the app and what it wrote, in order, up to the first gap.
+
+        Raises:
+            RecordingError: the recording is damaged there. OSError.
+        """
+        places = {f"/wire/{k}/{name}": k for k, name in enumerate(self.ports)} | {CALLS: 0}
+        numbers = _Numbers()
+        for path, topic, sequence, content in self._messages():
+            port = places.get(topic)
+            if port is None:
+                continue
+            if not numbers.follows(sequence):
+                raise RecordingError(f"{path}: records are missing before number {sequence}")
+            t_s, kind = STAMP.unpack_from(content.ljust(STAMP.size, b"\0"))
+            data = content[STAMP.size :]
+            if kind == GAP:
+                self.gap = f"the disk was too slow: {data.decode(errors='replace')} are missing"
+                return
+            if kind not in OF_WIRES or len(data) < SHORTEST.get(kind, 0):
+                raise RecordingError(f"{path}: a record of no known kind, number {sequence}")
+            if kind == TURN:
+                (port,) = READABLE.unpack_from(data)
+            yield Record(t_s, kind, port, data)
+
+    def logs(self) -> Iterator[LogLine]:
+        """The app's log. Raises RecordingError, OSError."""
+        for path, topic, _, content in self._messages():
+            if topic == LOGS:
+                try:
+                    said = json.loads(content)["of"]
+                    yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
+                except (ValueError, KeyError, TypeError):
+                    raise RecordingError(f"{path}: a line of the log can't be read") from None
+
+    def _messages(self) -> Iterator[tuple[Path, str, int, bytes]]:
+        """File, topic, number and content of each message of all files."""
+        for path in self.parts:
+            stream = McapStream(path)
+            channels = stream.channels
+            for opcode, content in stream.records():
+                if opcode == MESSAGE and len(content) >= MESSAGE_HEAD.size:
+                    channel, sequence, _, _ = MESSAGE_HEAD.unpack_from(content)
+                    if channel not in channels:
+                        raise RecordingError(f"{path} is damaged: a message of no channel")
+                    yield path, channels[channel][0], sequence, content[MESSAGE_HEAD.size :]
+            self.is_cut = stream.is_cut
+
+
+class _Numbers:
+    """The records of all files are numbered through."""
+
+    def __init__(self) -> None:
+        self._next: int | None = None
+
+    def follows(self, number: int) -> bool:
+        expected, self._next = self._next, (number + 1) % 2**32
+        return expected is None or number == expected
+
+
+def parts_of(path: Path) -> list[Path]:
+    """The files of a recording: of a folder's only one, or those that go on from this file."""
+    if path.is_dir():
+        runs: dict[str, list[Path]] = {}
+        for file in sorted(path.glob("*.mcap")):
+            runs.setdefault(first_metadata(file)["recording"], []).append(file)
+        if len(runs) != 1:
+            found = ", ".join(files[0].name for files in runs.values()) or "none"
+            raise RecordingError(f"{path} holds {len(runs)} recordings, name one: {found}")
+        [files] = runs.values()
+        return sorted(files, key=number_of)
+    files, run = [path], first_metadata(path).get("recording")
+    stem, number = NUMBERED.fullmatch(path.name), number_of(path)
+    while stem is not None:
+        number += 1
+        following = path.with_name(f"{stem[1]}.{number}.mcap")
+        if not following.exists() or first_metadata(following).get("recording") != run:
+            break
+        files.append(following)
+    return files
+
+
+def number_of(path: Path) -> int:
+    """Which of the recording's files it is, by its name."""
+    found = NUMBERED.fullmatch(path.name)
+    return int(found[2] or 1) if found else 1

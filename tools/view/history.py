@@ -1,4 +1,4 @@
-"""The last minutes, for a page that steps back: windows twice a second, states ten times a second.
+"""The last minutes, for a page that steps back: states ten times a second, all else twice.
 
 Memory is bounded: five minutes or 32 MB, whichever is less; what is oldest goes first.
 """
@@ -12,7 +12,7 @@ from itertools import islice
 import msgspec
 import numpy as np
 
-from tools.view.window import Window
+from tools.view.window import ScanLine, Window
 
 SPAN_S, WINDOW_PERIOD_S = 300.0, 0.5
 ROUND = 50  # moments in one round of news
@@ -22,11 +22,12 @@ FASTEST = 1  # of zlib's levels
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kept:
-    """A moment: what pages were told of it, and the newest window that was kept by then."""
+    """A moment: what pages were told of it, and the newest of the rest that was kept by then."""
 
     t_s: float
     state: bytes  # JSON, without `driving`
     window: "KeptWindow | None"
+    scan: ScanLine | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +48,8 @@ class History:
 
     def __init__(self) -> None:
         self._moments: deque[Kept] = deque()
-        self._newest: KeptWindow | None = None
+        self._window: KeptWindow | None = None
+        self._scan: ScanLine | None = None  # that was kept with it
         self._bytes = 0
 
     @property
@@ -58,18 +60,19 @@ class History:
     def megabytes(self) -> float:
         return self._bytes / 1e6
 
-    def keep(self, t_s: float, state: bytes, window: Window | None) -> None:
+    def keep(
+        self, t_s: float, state: bytes, window: Window | None, scan: ScanLine | None = None
+    ) -> None:
+        """What is true from now on; `t_s` grows from call to call."""
         if window is not None and self._is_due(t_s, window):
             packed = zlib.compress(window.cells.tobytes(), FASTEST)
             bare = replace(window, cells=window.cells[:0])
-            self._newest = KeptWindow(bare, window.size, packed)
-            self._bytes += len(packed)
-        self._moments.append(Kept(t_s, state, self._newest))
+            self._window, self._scan = KeptWindow(bare, window.size, packed), scan
+            self._bytes += len(packed) + (scan.points_m.nbytes if scan else 0)
+        self._moments.append(Kept(t_s, state, self._window, self._scan))
         self._bytes += len(state)
-        while self._moments[0].t_s < t_s - SPAN_S or self._bytes > MOST_BYTES:
+        while self._moments and (self._moments[0].t_s < t_s - SPAN_S or self._bytes > MOST_BYTES):
             self._drop_oldest()
-            if not self._moments:
-                break
 
     def after(self, t_s: float, most: int) -> list[Kept]:
         """The moments later than `t_s`, oldest first."""
@@ -77,7 +80,7 @@ class History:
         return list(islice(self._moments, first, first + most))
 
     def _is_due(self, t_s: float, window: Window) -> bool:
-        newest = self._newest
+        newest = self._window
         if newest is None or newest.window.epoch != window.epoch:
             return True
         return t_s - newest.window.t_s >= WINDOW_PERIOD_S - 0.01
@@ -87,7 +90,8 @@ class History:
         self._bytes -= len(oldest.state)
         after = self._moments[0].window if self._moments else None
         if oldest.window is not None and oldest.window is not after:
-            self._bytes -= len(oldest.window.packed)
+            scan_bytes = oldest.scan.points_m.nbytes if oldest.scan else 0
+            self._bytes -= len(oldest.window.packed) + scan_bytes
 
 
 class Past:
@@ -111,6 +115,7 @@ class Past:
                 self._window, window = kept.window, kept.window.unpacked()
                 told += [change] if (change := window.since(self._held, past=True)) else []
                 self._held = window
+                told += [kept.scan.message(past=True)] if kept.scan else []
             told.append((kept.state + b',"past":true}').decode())
         if len(moments) < ROUND:
             self.is_done = True

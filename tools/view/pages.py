@@ -29,7 +29,7 @@ from tools.view.requests import (
     Stop,
     request_of,
 )
-from tools.view.window import Window
+from tools.view.window import ScanLine, Window
 
 ANSWERS = 16  # that wait to be sent
 LAYER_S = 1.0  # from one picture of a layer to the next
@@ -51,7 +51,7 @@ class Desk(Protocol):
     history: History
     window: Window | None
     state: bytes  # JSON, without `driving` and the last brace
-    scan: bytes
+    scan: ScanLine | None
 
     def hello(self) -> str: ...
 
@@ -89,7 +89,7 @@ class Page:
         self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
         self._held: Window | None = None  # that the page has
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
-        self._sent_scan = b""
+        self._sent_scan: ScanLine | None = None
         self._cell: CellQuestion | None = None
         self._past: Past | None = None
         self._bucket, self._flooded = Bucket(), False
@@ -140,9 +140,9 @@ class Page:
         if desk.window is not None and (change := desk.window.since(self._held)):
             news.append(change)
         self._held = desk.window
-        if desk.scan is not self._sent_scan:
+        if desk.scan is not None and desk.scan is not self._sent_scan:
             self._sent_scan = desk.scan
-            news.append(desk.scan)
+            news.append(desk.scan.message())
         if self._cell is not None and (answer := self._cell.maybe_answer(now_s)):
             self._cell = None
             news.append(msgspec.json.encode(answer).decode())

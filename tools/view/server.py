@@ -15,14 +15,15 @@ from aiohttp import web
 from tools.view.driving import Driving, Limits
 from tools.view.guard import Guard
 from tools.view.history import SPAN_S, History
-from tools.view.layers import OFFERED, UNITS, Layers
+from tools.view.layers import OFFERED, Layers, about
 from tools.view.link_end import LinkEnd
 from tools.view.pages import Page
 from tools.view.requests import MOST_BYTES
 from tools.view.state import state_of
-from tools.view.window import Window, window_of
+from tools.view.window import ScanLine, Window, scan_of, window_of
 
 RATE_HZ = 10
+SCAN_TICKS = 2  # from one scan line that is asked for to the next
 MOST_PAGES = 16
 NEEDS_TOKEN = 4401  # a socket is closed with
 HEARTBEAT_S = 20.0  # a page that does not answer so long is gone
@@ -58,7 +59,8 @@ class Server:
         self.driving, self.layers = Driving(end, facts.limits), Layers(end.receiver)
         self.history = History()
         self.window: Window | None = None
-        self.state = self.scan = b""
+        self.scan: ScanLine | None = None
+        self.state, self._ticks = b"", 0
         self._pages: set[Page] = set()
 
     def application(self) -> web.Application:
@@ -77,7 +79,7 @@ class Server:
             "type": "hello",
             "version": self.facts.version,
             "link": self.end.url,
-            "layers": [{"name": n, "unit": UNITS[n][0], "label": UNITS[n][1]} for n in OFFERED],
+            "layers": [about(name) for name in OFFERED],
             "robot": self.facts.robot,
             "drive": {"allowed": not limits.refusal, "why": limits.refusal},
             "rate_hz": RATE_HZ,
@@ -96,7 +98,11 @@ class Server:
         state = state_of(self.end, now_s)
         state["history"] = {"from_s": self.history.from_s, "mb": self.history.megabytes}
         self.state = msgspec.json.encode(state)[:-1]
-        self.history.keep(now_s, self.state, self.window)
+        self.scan = scan_of(self.end.receiver, now_s, self.scan)
+        self.history.keep(now_s, self.state, self.window, self.scan)
+        self._ticks += 1
+        if self._pages and self._ticks % SCAN_TICKS == 0:
+            self.end.receiver.ask_scan()
         self.layers.poll(now_s, self.window, {n for page in self._pages for n in page.layers})
         for page in self._pages:
             page.tick()

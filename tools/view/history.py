@@ -7,15 +7,12 @@ import zlib
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass, replace
-from itertools import islice
 
-import msgspec
 import numpy as np
 
 from tools.view.window import ScanLine, Window
 
 SPAN_S, WINDOW_PERIOD_S = 300.0, 0.5
-ROUND = 50  # moments in one round of news
 MOST_BYTES = 32_000_000
 FASTEST = 1  # of zlib's levels
 
@@ -28,6 +25,12 @@ class Kept:
     state: bytes  # JSON, without `driving`
     window: "KeptWindow | None"
     scan: ScanLine | None
+
+    def messages(self) -> list[str | bytes]:
+        """To a page that asks what was: the state first."""
+        told: list[str | bytes] = [(self.state + b',"history":true}').decode()]
+        told += [self.window.unpacked().whole(history=True)] if self.window else []
+        return told + ([self.scan.message(history=True)] if self.scan else [])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +77,12 @@ class History:
         while self._moments and (self._moments[0].t_s < t_s - SPAN_S or self._bytes > MOST_BYTES):
             self._drop_oldest()
 
-    def after(self, t_s: float, most: int) -> list[Kept]:
-        """The moments later than `t_s`, oldest first."""
-        first = bisect_right(self._moments, t_s, key=lambda kept: kept.t_s)
-        return list(islice(self._moments, first, first + most))
+    def at(self, t_s: float) -> Kept | None:
+        """The moment at `t_s` or the one before it, or the oldest; None while there is none."""
+        if not self._moments:
+            return None
+        after = bisect_right(self._moments, t_s, key=lambda kept: kept.t_s)
+        return self._moments[max(after - 1, 0)]
 
     def _is_due(self, t_s: float, window: Window) -> bool:
         newest = self._window
@@ -92,33 +97,3 @@ class History:
         if oldest.window is not None and oldest.window is not after:
             scan_bytes = oldest.scan.points_m.nbytes if oldest.scan else 0
             self._bytes -= len(oldest.window.packed) + scan_bytes
-
-
-class Past:
-    """The history on its way to one page: from a time to now, some of it in each round of news."""
-
-    def __init__(self, history: History, from_s: float) -> None:
-        self._history, self._at_s = history, from_s
-        self._first: float | None = None
-        self._window: KeptWindow | None = None
-        self._held: Window | None = None
-        self.is_done = False
-
-    def next_messages(self) -> list[str | bytes]:
-        """Windows (the first one whole) and states as they were, then `history_end`."""
-        told: list[str | bytes] = []
-        moments = self._history.after(self._at_s, ROUND)
-        for kept in moments:
-            self._first = kept.t_s if self._first is None else self._first
-            self._at_s = kept.t_s
-            if kept.window is not None and kept.window is not self._window:
-                self._window, window = kept.window, kept.window.unpacked()
-                told += [change] if (change := window.since(self._held, past=True)) else []
-                self._held = window
-                told += [kept.scan.message(past=True)] if kept.scan else []
-            told.append((kept.state + b',"past":true}').decode())
-        if len(moments) < ROUND:
-            self.is_done = True
-            end = {"type": "history_end", "from_s": self._first}
-            told.append(msgspec.json.encode(end).decode())
-        return told

@@ -15,7 +15,7 @@ from aiohttp.web import WebSocketResponse
 
 from tools.view.driving import NO_HAND, Driving
 from tools.view.guard import Guard
-from tools.view.history import History, Past
+from tools.view.history import History, Kept
 from tools.view.layers import OFFERED, CellQuestion, Layers
 from tools.view.link_end import LinkEnd
 from tools.view.requests import (
@@ -91,7 +91,7 @@ class Page:
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
         self._sent_scan: ScanLine | None = None
         self._cell: CellQuestion | None = None
-        self._past: Past | None = None
+        self._past: Kept | None = None  # that it has asked for
         self._bucket, self._flooded = Bucket(), False
 
     def tick(self) -> None:
@@ -147,8 +147,8 @@ class Page:
             self._cell = None
             news.append(msgspec.json.encode(answer).decode())
         if self._past is not None:
-            news += self._past.next_messages()
-            self._past = None if self._past.is_done else self._past
+            news += self._past.messages()
+            self._past = None
         return news + self._layer_of(now_s)
 
     def _layer_of(self, now_s: float) -> list[Told]:
@@ -196,8 +196,10 @@ class Page:
                 self._cell = CellQuestion(now_s, desk.end.receiver, i, j)
             case Drive():
                 self._drive(now_s, request)
-            case AskHistory(seconds):
-                self._past = Past(desk.history, now_s - seconds)
+            case AskHistory(t_s):
+                self._past = desk.history.at(t_s)
+                if self._past is None:
+                    self._refuse("nothing is kept yet")
             case Flight():
                 if why_not := desk.save_flight():
                     self._refuse(why_not)

@@ -32,6 +32,7 @@ from tools.view.requests import (
 from tools.view.window import ScanLine, Window
 
 ANSWERS = 16  # that wait to be sent
+REFUSED_S = 1.0  # so long a refusal is told
 LAYER_S = 1.0  # from one picture of a layer to the next
 MESSAGES_PER_S, BURST = 40.0, 80.0
 ON_THE_WAY = 3  # rounds of news, at most: kernels and networks queue too
@@ -87,6 +88,7 @@ class Page:
         self.layers: tuple[str, ...] = ()
         self._may_drive, self._wrong_tokens = may_drive, 0
         self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
+        self._why_not = "", -math.inf  # of the newest wish to drive, and when it came
         self._held: Window | None = None  # that the page has
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
         self._sent_scan: ScanLine | None = None
@@ -135,7 +137,10 @@ class Page:
         """What is new for this page, as of now; it counts as sent."""
         desk, news = self._desk, list[Told]()
         if desk.state:
-            driving = msgspec.json.encode(desk.driving.told_to(self, now_s))
+            told, (why_not, asked_s) = desk.driving.told_to(self, now_s), self._why_not
+            if why_not and now_s - asked_s < REFUSED_S:
+                told["why_not"] = why_not
+            driving = msgspec.json.encode(told)
             news.append((desk.state + b',"driving":' + driving + b"}").decode())
         if desk.window is not None and (change := desk.window.since(self._held)):
             news.append(change)
@@ -229,8 +234,12 @@ class Page:
         elif not request.dead_man:
             driving.stop(now_s, self)
             self._refuse(NO_HAND)
-        elif why_not := driving.drive(now_s, self, request.v, request.w, request.t_s):
-            self._refuse(f"not driven: {why_not}")
+        else:
+            before, before_s = self._why_not
+            why_not = driving.drive(now_s, self, request.v, request.w, request.t_s)
+            self._why_not = why_not, now_s
+            if why_not and (why_not != before or now_s - before_s > REFUSED_S):
+                self._refuse(f"not driven: {why_not}")  # once, though it goes on asking
 
     def _refuse(self, text: str) -> None:
         self._say({"type": "error", "text": text})

@@ -24,6 +24,7 @@ UNITS = {
 }
 CAUSE = "cause"
 OFFERED = tuple(name for name in LAYERS if name in UNITS)
+NOT_HEARD = "the robot is not heard: this is old"
 NO_SUCH_LAYER = REFUSALS[1]
 BLOCK_CELLS = 4096
 BLOCK_S = 0.1  # from one block to the next, at least: 40 000 cells a second
@@ -158,8 +159,9 @@ class CellQuestion:
         self._cell_m = geom.cell_m if geom else math.nan
         inside = geom is not None and 0 <= i - left < geom.width and 0 <= j - low < geom.height
         self._state = receiver.cell(i - left, j - low) if inside else 0
-        self._text = "" if inside else "outside of the map"
-        asked = OFFERED if inside else ()
+        heard = not receiver.stale(now_s)
+        self._text = "outside of the map" if not inside else "" if heard else NOT_HEARD
+        asked = OFFERED if inside and heard else ()
         self._tiles = {name: receiver.ask_tile(name, i, j, 1, 1) for name in asked}
 
     def maybe_answer(self, now_s: float) -> dict[str, object] | None:

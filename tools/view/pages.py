@@ -205,8 +205,8 @@ class Page:
                 self._past = desk.history.at(t_s)
                 if self._past is None:
                     self._refuse("nothing is kept yet")
-            case Flight():
-                if why_not := desk.save_flight():
+            case Flight(token):
+                if self._knows(token) and (why_not := desk.save_flight()):
                     self._refuse(why_not)
 
     def _authenticate(self, request: Auth) -> None:
@@ -214,6 +214,14 @@ class Page:
         self._wrong_tokens += not ok
         self._say({"type": "auth", "ok": ok})
         self._may_drive = self._may_drive or ok
+
+    def _knows(self, token: str) -> bool:
+        """Whether the page may do more than look; else it is told what it takes."""
+        if self._may_drive or self._desk.guard.token_is_right(token):
+            return True
+        self._wrong_tokens += bool(token)
+        self._refuse("this needs the token of the address that `mapod view` has printed")
+        return False
 
     def _show(self, names: list[str]) -> None:
         unknown = [name for name in names if name not in (*OFFERED, STATE)]
@@ -228,10 +236,9 @@ class Page:
 
     def _drive(self, now_s: float, request: Drive) -> None:
         driving = self._desk.driving
-        if not (self._may_drive or self._desk.guard.token_is_right(request.token)):
-            self._wrong_tokens += bool(request.token)
-            self._refuse("driving needs the token of the address that `mapod view` has printed")
-        elif not request.dead_man:
+        if not self._knows(request.token):
+            return
+        if not request.dead_man:
             driving.stop(now_s, self)
             self._refuse(NO_HAND)
         else:

@@ -58,6 +58,8 @@ class AskHistory(Ask, frozen=True, tag="history"):
 class Flight(Ask, frozen=True, tag="flight"):
     """Save the last half-minute."""
 
+    token: Token = ""
+
 
 Request = Auth | ShowLayers | AskCell | Drive | Stop | AskHistory | Flight
 

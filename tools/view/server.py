@@ -5,6 +5,7 @@ Source: RFC 6455 (sockets), by aiohttp; what they carry is told in docs/view.md.
 
 import asyncio
 import contextlib
+import os
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ import msgspec
 from aiohttp import web
 
 from tools.view.driving import Driving, Limits
+from tools.view.flight import maybe_app, save_flight
 from tools.view.guard import Guard
 from tools.view.history import SPAN_S, History
 from tools.view.layers import OFFERED, Layers, about
@@ -85,12 +87,19 @@ class Server:
             "rate_hz": RATE_HZ,
             "history_s": SPAN_S,
             "needs_token": self.guard.looking_needs_token,
-            "flight": False,
+            "flight": self.has_flight(),
         }
         return msgspec.json.encode(told).decode()
 
+    def has_flight(self) -> bool:
+        """Whether the app runs on this machine."""
+        handle = maybe_app(self.end.peer)
+        if handle is not None:
+            os.close(handle)
+        return handle is not None
+
     def save_flight(self) -> str:
-        return "the flight recorder is not on this machine"
+        return save_flight(self.end.peer)
 
     def tick(self, now_s: float) -> None:
         """Ten times a second: what pages get from now on."""
@@ -103,7 +112,9 @@ class Server:
         self._ticks += 1
         if self._pages and self._ticks % SCAN_TICKS == 0:
             self.end.receiver.ask_scan()
-        self.layers.poll(now_s, self.window, {n for page in self._pages for n in page.layers})
+        stale = bool(self.end.trouble) or self.end.receiver.stale(now_s)  # nobody would answer
+        wanted = set() if stale else {name for page in self._pages for name in page.layers}
+        self.layers.poll(now_s, self.window, wanted)
         for page in self._pages:
             page.tick()
 
@@ -181,12 +192,11 @@ async def served(server: Server, host: str, port: int) -> AsyncIterator[int]:
     try:
         site = web.TCPSite(runner, host, port)
         await site.start()
-        running = asyncio.create_task(server.run())
-        try:
-            yield runner.addresses[0][1]
-        finally:
-            running.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await running
+        async with asyncio.TaskGroup() as tasks:  # what fails in it ends the block, too
+            running = tasks.create_task(server.run())
+            try:
+                yield runner.addresses[0][1]
+            finally:
+                running.cancel()
     finally:
         await runner.cleanup()

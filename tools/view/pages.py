@@ -206,8 +206,9 @@ class Page:
                 if self._past is None:
                     self._refuse("nothing is kept yet")
             case Flight(token):
-                if self._knows(token) and (why_not := desk.save_flight()):
-                    self._refuse(why_not)
+                if self._knows(token):
+                    why_not = desk.save_flight()
+                    self._say({"type": "flight", "ok": not why_not, "text": why_not})
 
     def _authenticate(self, request: Auth) -> None:
         ok = self._desk.guard.token_is_right(request.token)

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapod_link.frames import MAP, POSE, bytes_from_frame
+from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tests.mapod_link.test_tiles import LAYERS, Sender
 from tests.support.cases import examples
-from tests.support.planner_sender import map_body, op, pose_body
+from tests.support.planner_sender import geom_body, map_body, op, pose_body
 from tools.view.layers import CellQuestion, Layers
 from tools.view.window import F32, Window
 

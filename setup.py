@@ -15,7 +15,9 @@ ROOT = Path(__file__).parent
 ROOMS = {"core", "hw", "fakes", "recording", "tools"} | {
     path.stem for path in ROOT.glob("*.py") if path.name != "setup.py"
 }
-DATA = ("mapod.toml", "hw/mcu/mapod_link.h", "hw/mcu/example.c", "tools/flash/99-mapod.rules")
+PAGE = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("tools/view/page/*.*"))]
+FILES = ("mapod.toml", "hw/mcu/mapod_link.h", "hw/mcu/example.c", "tools/flash/99-mapod.rules")
+DATA = (*FILES, *PAGE)
 
 
 def imports_of(source: bytes, path: Path) -> list[ast.ImportFrom]:

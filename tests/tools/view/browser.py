@@ -15,7 +15,7 @@ CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 PATIENCE_S = 15.0
 FLAGS = (
     "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", "--no-first-run",
-    "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--force-color-profile=srgb",
+    "--disable-gpu", "--enable-unsafe-swiftshader", "--force-color-profile=srgb",
     "--disable-background-networking", "--disable-extensions", "--disable-component-update",
 )  # fmt: skip
 

@@ -61,6 +61,7 @@ class Script:
         self.wish: tuple[float, float] | None = None
         self.layers: list[str] = []
         self.faults: list[BaseException] = []
+        self.extra: list[str | bytes] = []  # told once to each page, after hello
 
     def hello(self) -> dict[str, object]:
         layers = [{"name": name, "unit": unit, "label": label} for name, unit, label in LAYERS]
@@ -130,8 +131,8 @@ class Script:
         for k in range(round(seconds / PERIOD_S)):
             self.drive.advance(PERIOD_S)
             if k % 5 == 0:
-                state = self.state() | {"history": True}
-                self.kept.append((self.drive.t_s, state, self.window(history=True)))
+                state = self.state() | {"past": True}
+                self.kept.append((self.drive.t_s, state, self.window(past=True)))
 
     def said(self, kind: str) -> list[dict[str, Any]]:
         return [told for told in self.heard if told.get("type") == kind]
@@ -173,15 +174,15 @@ class Server:
     async def _socket(self, request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse()
         await socket.prepare(request)
+        if self.script.needs_token and request.query.get("token") != TOKEN:
+            await socket.close(code=4401, message=b"needs the token")
+            return socket
         self.sockets.add(socket)
-        may_look = asyncio.Event()
-        telling = asyncio.ensure_future(self._tell(socket, may_look))
+        telling = asyncio.ensure_future(self._tell(socket))
         telling.add_done_callback(self._ended)
-        if not self.script.needs_token:
-            may_look.set()
         async for got in socket:
             if got.type is WSMsgType.TEXT:
-                await self._take(socket, json.loads(got.data), may_look)
+                await self._take(socket, json.loads(got.data))
         telling.cancel()
         self.sockets.discard(socket)
         self.script.wish = None
@@ -190,19 +191,16 @@ class Server:
 
     def _ended(self, telling: asyncio.Future[None]) -> None:
         """A fault of the script itself is told by the test that waits for its page."""
-        if not telling.cancelled() and (fault := telling.exception()):
+        fault = None if telling.cancelled() else telling.exception()
+        if fault is not None and not isinstance(fault, ConnectionError):
             self.script.faults.append(fault)
 
-    async def _take(
-        self, socket: web.WebSocketResponse, told: dict[str, Any], may_look: asyncio.Event
-    ) -> None:
+    async def _take(self, socket: web.WebSocketResponse, told: dict[str, Any]) -> None:
         script = self.script
         script.heard.append(told)
         match told["type"]:
             case "auth":
                 await socket.send_json({"type": "auth", "ok": told["token"] == TOKEN})
-                if told["token"] == TOKEN:
-                    may_look.set()
             case "layers":
                 script.layers = told["names"]
             case "cell":
@@ -214,15 +212,18 @@ class Server:
                 script.wish = (told["v"], told["w"])
             case "stop":
                 script.wish = None
-            case "history" if script.kept:
-                _, state, window = min(script.kept, key=lambda kept: abs(kept[0] - told["t_s"]))
-                await socket.send_json(state)
-                await socket.send_bytes(window)
+            case "history":
+                for _, state, window in script.kept:
+                    await socket.send_json(state)
+                    await socket.send_bytes(window)
+                from_s = script.kept[0][0] if script.kept else None
+                await socket.send_json({"type": "history_end", "from_s": from_s})
 
-    async def _tell(self, socket: web.WebSocketResponse, may_look: asyncio.Event) -> None:
+    async def _tell(self, socket: web.WebSocketResponse) -> None:
         script, drive = self.script, self.script.drive
-        await may_look.wait()
         await socket.send_json(script.hello())
+        for told in script.extra:
+            await (socket.send_str(told) if isinstance(told, str) else socket.send_bytes(told))
         held, origin, rounds = None, drive.origin, 0
         while True:
             if script.speaks:

@@ -2,19 +2,21 @@
 
 import { MAP_VALID, span } from "./words.js";
 
-const PATIENCE_S = 1; // for a first message
 const SILENT_S = 1; // without a state, what is shown is not current
 const FAULT = 3, BOOTING = 0, REPLAYED = 4;
 
 /** {key, level, title, text, stale}: level ok, note, warn or bad; stale: the map is greyed out.
  *
- * `about`: {link, world, heard_ms, now_ms, needs_token, is_past}. */
+ * `about`: {link, world, heard_ms, now_ms, is_past}. */
 export function conditionOf(about) {
   return (about.is_past ? null : ofSocket(about)) ?? ofState(about.world, about.is_past);
 }
 
-function ofSocket({ link, world, heard_ms, now_ms, needs_token }) {
+function ofSocket({ link, world, heard_ms, now_ms }) {
   const since_s = (now_ms - link.lost_ms) / 1000, wait_s = Math.max(0, link.retry_ms - now_ms) / 1000;
+  if (link.state === "refused") {
+    return bad("token", "Token needed", "This server shows its map with its token alone: type it into panel Drive.");
+  }
   if (link.state !== "open") {
     if (heard_ms === null && link.state === "connecting" && since_s < 3) {
       return { key: "connecting", level: "note", title: "Connecting", text: "", stale: true };
@@ -22,9 +24,6 @@ function ofSocket({ link, world, heard_ms, now_ms, needs_token }) {
     const next = link.state === "waiting" ? `Next try in ${wait_s.toFixed(0)} s.` : "Trying now.";
     const what = heard_ms === null ? "No connection" : "Connection lost";
     return bad("lost", what, `For ${span(since_s)}. ${next}`);
-  }
-  if (needs_token && now_ms - link.opened_ms > 1000 * PATIENCE_S) {
-    return bad("token", "Token needed", "From here the map is shown with the right token alone: type it into panel Drive.");
   }
   if (world.state === null || heard_ms === null) {
     return { key: "waiting", level: "note", title: "Connected", text: "Waiting for the first state.", stale: true };

@@ -2,6 +2,7 @@
 
 import { messageFromFrame, messageFromText } from "./wire.js";
 
+const NEEDS_TOKEN = 4401; // a socket is closed with
 const FIRST_WAIT_S = 0.5, LONGEST_WAIT_S = 10;
 
 export class Link extends EventTarget {
@@ -9,9 +10,9 @@ export class Link extends EventTarget {
   constructor(url) {
     super();
     this.url = url;
-    this.state = "connecting"; // connecting, open, waiting
+    this.token = "";
+    this.state = "connecting"; // connecting, open, waiting, refused
     this.lost_ms = performance.now(); // since when nothing is connected
-    this.opened_ms = null;
     this.retry_ms = 0; // when it is tried again
     this.damaged = 0; // messages that could not be read
     this.wait_s = FIRST_WAIT_S;
@@ -23,11 +24,12 @@ export class Link extends EventTarget {
     clearTimeout(this.timer);
     if (this.socket) this.socket.onclose = null;
     this.socket?.close();
-    const socket = (this.socket = new WebSocket(this.url));
+    const query = this.token ? `?token=${encodeURIComponent(this.token)}` : "";
+    const socket = (this.socket = new WebSocket(this.url + query));
     socket.binaryType = "arraybuffer";
     socket.onopen = () => this.opened();
     socket.onmessage = (event) => this.received(event.data);
-    socket.onclose = () => this.closed();
+    socket.onclose = (event) => this.closed(event.code);
     this.become("connecting");
   }
 
@@ -38,7 +40,6 @@ export class Link extends EventTarget {
   }
 
   opened() {
-    this.opened_ms = performance.now();
     this.wait_s = FIRST_WAIT_S;
     this.become("open");
   }
@@ -49,12 +50,13 @@ export class Link extends EventTarget {
     else this.dispatchEvent(new CustomEvent("message", { detail: message }));
   }
 
-  closed() {
+  closed(code) {
     if (this.state === "open") this.lost_ms = performance.now();
+    if (code === NEEDS_TOKEN) return this.become("refused");
     this.retry_ms = performance.now() + 1000 * this.wait_s;
     this.timer = setTimeout(() => this.open(), 1000 * this.wait_s);
     this.wait_s = Math.min(2 * this.wait_s, LONGEST_WAIT_S);
-    this.become("waiting");
+    return this.become("waiting");
   }
 
   become(state) {

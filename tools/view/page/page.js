@@ -8,7 +8,7 @@ import { Layers } from "./legend.js";
 import { Link } from "./link.js";
 import { MapCanvas } from "./map.js";
 import { showDriver, showGraphs, showInputs, showLink, showWay } from "./panels.js";
-import { Past } from "./past.js";
+import { KEPT_S, Past } from "./past.js";
 import { Path } from "./path.js";
 import { savePicture } from "./picture.js";
 import { Readout } from "./readout.js";
@@ -38,7 +38,7 @@ class Page {
     this.condition = null;
     this.theme = new Theme();
     this.layers = new Layers(by("layer-list"), by("legend"));
-    this.timeline = new Timeline(this.past, (t_s) => this.link.send({ type: "history", t_s }));
+    this.timeline = new Timeline(this.past);
     this.readout = new Readout(by("readout"), (message) => this.link.send(message));
     this.driver = new Driver((message) => this.sendDrive(message), () => this.refusal());
     this.map = new MapCanvas(by("map"), this.view);
@@ -71,7 +71,7 @@ class Page {
   begin() {
     const token = new URLSearchParams(location.hash.slice(1)).get("token");
     if (token) history.replaceState(null, "", location.pathname + location.search); // not to be seen or shared
-    this.driver.token = token ?? "";
+    this.driver.token = this.link.token = token ?? "";
     this.link.open();
     setInterval(() => this.tick(), SLOW_MS);
     setInterval(() => this.drawGraphs(), GRAPHS_MS);
@@ -84,13 +84,10 @@ class Page {
   }
 
   useToken(token) {
-    this.driver.token = token;
-    this.authenticate();
+    this.driver.token = this.link.token = token;
+    if (this.link.state === "open") this.link.send({ type: "auth", token });
+    else this.link.open();
     this.changed();
-  }
-
-  authenticate() {
-    if (this.driver.token) this.link.send({ type: "auth", token: this.driver.token });
   }
 
   retryNow() {
@@ -102,7 +99,8 @@ class Page {
     if (message.type === "cell") this.readout.answer = message;
     else if (message.type === "error") this.takeError(message.text);
     else if (message.type === "auth") this.takeAuth(message.ok);
-    else if (message.history === true) this.timeline.take(message);
+    else if (message.type === "history_end") this.endHistory();
+    else if (message.past) this.past.fetch(message);
     else if (this.live.apply(message)) this.takeLive(message);
     return this.changed(); // messages of other types are of a later version: not for this page
   }
@@ -111,7 +109,6 @@ class Page {
     if (message.type === "state") {
       this.heard_ms = performance.now();
       this.path.add(message);
-      this.timeline.kept_s = message.history?.from_s ?? null;
     }
     if (message.type === "window" && !this.view.has_fitted) this.view.fit(this.live.window, FIRST_M);
     this.past.record(message, this.live);
@@ -124,7 +121,7 @@ class Page {
 
   takeAuth(is_right) {
     if (is_right) return;
-    this.driver.token = "";
+    this.driver.token = this.link.token = "";
     this.notice("That is not the token of this server.");
   }
 
@@ -134,19 +131,23 @@ class Page {
     this.link.send(is_wish ? { ...message, t_s: this.live.state.t_s } : message);
   }
 
+  endHistory() {
+    this.past.endGap();
+    this.path.addPast(this.past);
+  }
+
   takeHello(hello) {
     this.hello = hello;
     this.layers.offer(hello.layers ?? []);
     setText(by("link-url"), hello.link ?? "");
     this.askForLayers();
+    this.link.send({ type: "history", seconds: KEPT_S });
   }
 
   linkChanged() {
     if (this.link.state === "open") {
-      this.past.cut();
+      this.past.beginGap();
       this.live = new World(); // nothing of before is current
-      this.hello = null;
-      this.authenticate();
       this.heard_ms = performance.now();
     } else if (this.driver.is_driving) this.driver.letGo();
     this.changed();
@@ -181,8 +182,7 @@ class Page {
   draw() {
     this.is_dirty = false;
     const { theme, layers, timeline, driver, readout } = this, world = this.shown, is_past = timeline.world !== null;
-    this.condition = conditionOf({ link: this.link, world, heard_ms: this.heard_ms, now_ms: performance.now(),
-      needs_token: this.hello === null, is_past });
+    this.condition = conditionOf({ link: this.link, world, heard_ms: this.heard_ms, now_ms: performance.now(), is_past });
     const { stale: is_stale } = this.condition, { colours } = theme;
     const look = { colours, is_stale, key: theme.key };
     this.view.follow(world.state?.pose);

@@ -8,19 +8,18 @@ const SURFACE = [
   `#version 300 es
 uniform mat4 to_clip; uniform vec4 grid; uniform float steep;
 in float height; in vec4 tint;
-out vec3 place; out float known; flat out vec3 colour;
+out vec3 place; out vec3 colour;
 void main() {
   int n = int(grid.w);
   vec2 cell = vec2(float(gl_VertexID % n), float(gl_VertexID / n)) + 0.5;
   place = vec3(grid.xy + cell * grid.z, height * steep);
-  known = tint.a; colour = tint.rgb;
+  colour = tint.rgb;
   gl_Position = to_clip * vec4(place, 1.0);
 }`,
   `#version 300 es
 precision highp float;
-in vec3 place; in float known; flat in vec3 colour; out vec4 pixel;
+in vec3 place; in vec3 colour; out vec4 pixel;
 void main() {
-  if (known < 0.99) discard;
   vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
   float steepness = length(normal.xy) / max(abs(normal.z), 0.01);
   normal = normalize(mix(vec3(0.0, 0.0, 1.0), normal * sign(normal.z), smoothstep(0.4, 1.4, steepness))); // floor noise is no relief
@@ -45,7 +44,8 @@ export class Relief {
   constructor(canvas, camera) {
     this.canvas = canvas;
     this.camera = camera;
-    this.gl = canvas.getContext("webgl2", { antialias: true });
+    this.gl = canvas.getContext("webgl2", { antialias: true, failIfMajorPerformanceCaveat: true })
+      ?? canvas.getContext("webgl2", { antialias: false }); // drawn without a graphics card
     this.begin();
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => this.begin());
@@ -53,7 +53,8 @@ export class Relief {
 
   begin() {
     const { gl } = this;
-    this.key = this.size = null;
+    this.key = null;
+    this.corners = 0; // of all triangles
     if (!gl || gl.isContextLost()) return;
     this.surface = program(gl, SURFACE, ["to_clip", "grid", "steep"]);
     this.marks = program(gl, MARKS, ["to_clip", "colour", "point_px"]);
@@ -87,12 +88,13 @@ export class Relief {
     if (!layer) key.push(world.window?.version);
     if (key.join() === this.key) return;
     this.key = key.join();
-    const { gl, buffers } = this, n = heights.size;
+    const { gl, buffers } = this;
     const z = heights.values.map((value) => (value > LOWEST_M ? Math.min(value, HIGHEST_M) : value <= LOWEST_M ? LOWEST_M : 0));
     put(gl, gl.ARRAY_BUFFER, buffers.height, z);
     put(gl, gl.ARRAY_BUFFER, buffers.tint, tints(heights, { world, look, layer, scale }));
-    if (this.size !== n) put(gl, gl.ELEMENT_ARRAY_BUFFER, buffers.index, triangles(n));
-    this.size = n;
+    const corners = triangles(heights.values, heights.size);
+    put(gl, gl.ELEMENT_ARRAY_BUFFER, buffers.index, corners);
+    this.corners = corners.length;
   }
 
   drawSurface({ i, j, size, cell_m }, to_clip, steep) {
@@ -104,7 +106,7 @@ export class Relief {
     attribute(gl, surface.program, "height", buffers.height, 1, gl.FLOAT, false);
     attribute(gl, surface.program, "tint", buffers.tint, 4, gl.UNSIGNED_BYTE, true);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.index);
-    gl.drawElements(gl.TRIANGLES, 6 * (size - 1) * (size - 1), gl.UNSIGNED_INT, 0);
+    gl.drawElements(gl.TRIANGLES, this.corners, gl.UNSIGNED_INT, 0);
   }
 
   /** Robot, path and scan line. */
@@ -153,15 +155,15 @@ function tints(heights, { world, look, layer, scale }) {
   });
 }
 
-function triangles(n) {
+/** Two triangles for each four cells whose heights are all known: most of a window is not. */
+function triangles(heights, n) {
   const corners = new Uint32Array(6 * (n - 1) * (n - 1));
-  for (let row = 0, k = 0; row < n - 1; row += 1) {
-    for (let column = 0; column < n - 1; column += 1, k += 6) {
-      const at = row * n + column;
-      corners.set([at, at + 1, at + n, at + 1, at + n + 1, at + n], k);
-    }
+  let count = 0;
+  for (let at = 0; at < n * (n - 1) - 1; at += 1) {
+    if (at % n === n - 1 || Number.isNaN(heights[at] + heights[at + 1] + heights[at + n] + heights[at + n + 1])) continue;
+    for (const corner of [at, at + 1, at + n, at + 1, at + n + 1, at + n]) corners[count++] = corner;
   }
-  return corners;
+  return corners.subarray(0, count);
 }
 
 function heightAt(heights, x_m, y_m) {

@@ -83,7 +83,8 @@ class BuildUnderOneName(build_py):
             return
         built = {path.name: moved(path.read_bytes(), path) for path in ROOT.glob("mapod/*.py")}
         built |= {str(path): moved((ROOT / path).read_bytes(), path) for path in sources()}
-        built |= {name: (ROOT / name).read_bytes() for name in DATA}
+        page = [str(path.relative_to(ROOT)) for path in ROOT.glob("tools/view/page/*.*")]
+        built |= {name: (ROOT / name).read_bytes() for name in (*DATA, *page)}
         for name, content in built.items():
             target = Path(self.build_lib, "mapod", name)
             target.parent.mkdir(parents=True, exist_ok=True)

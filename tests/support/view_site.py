@@ -94,7 +94,11 @@ class Browser:
 
     @property
     def states(self) -> list[dict[str, Any]]:
-        return [text for text in self.texts if text["type"] == "state" and "past" not in text]
+        return [text for text in self.of_type("state") if text["history"] is not True]
+
+    @property
+    def past(self) -> list[dict[str, Any]]:
+        return [text for text in self.of_type("state") if text["history"] is True]
 
     def kinds(self, kind: int) -> list[tuple[dict[str, Any], bytes]]:
         return [(header, payload) for k, header, payload in self.frames if k == kind]

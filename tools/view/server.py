@@ -5,6 +5,7 @@ Source: RFC 6455 (sockets), by aiohttp; what they carry is told in docs/view.md.
 
 import asyncio
 import contextlib
+import os
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +14,18 @@ import msgspec
 from aiohttp import web
 
 from tools.view.driving import Driving, Limits
+from tools.view.flight import maybe_app, save_flight
 from tools.view.guard import Guard
 from tools.view.history import SPAN_S, History
-from tools.view.layers import OFFERED, UNITS, Layers
+from tools.view.layers import OFFERED, Layers, about
 from tools.view.link_end import LinkEnd
 from tools.view.pages import Page
 from tools.view.requests import MOST_BYTES
 from tools.view.state import state_of
-from tools.view.window import Window, window_of
+from tools.view.window import ScanLine, Window, scan_of, window_of
 
 RATE_HZ = 10
+SCAN_TICKS = 2  # from one scan line that is asked for to the next
 MOST_PAGES = 16
 NEEDS_TOKEN = 4401  # a socket is closed with
 HEARTBEAT_S = 20.0  # a page that does not answer so long is gone
@@ -58,7 +61,8 @@ class Server:
         self.driving, self.layers = Driving(end, facts.limits), Layers(end.receiver)
         self.history = History()
         self.window: Window | None = None
-        self.state = self.scan = b""
+        self.scan: ScanLine | None = None
+        self.state, self._ticks = b"", 0
         self._pages: set[Page] = set()
 
     def application(self) -> web.Application:
@@ -77,18 +81,25 @@ class Server:
             "type": "hello",
             "version": self.facts.version,
             "link": self.end.url,
-            "layers": [{"name": n, "unit": UNITS[n][0], "label": UNITS[n][1]} for n in OFFERED],
+            "layers": [about(name) for name in OFFERED],
             "robot": self.facts.robot,
             "drive": {"allowed": not limits.refusal, "why": limits.refusal},
             "rate_hz": RATE_HZ,
             "history_s": SPAN_S,
             "needs_token": self.guard.looking_needs_token,
-            "flight": False,
+            "flight": self.has_flight(),
         }
         return msgspec.json.encode(told).decode()
 
+    def has_flight(self) -> bool:
+        """Whether the app runs on this machine."""
+        handle = maybe_app(self.end.peer)
+        if handle is not None:
+            os.close(handle)
+        return handle is not None
+
     def save_flight(self) -> str:
-        return "the flight recorder is not on this machine"
+        return save_flight(self.end.peer)
 
     def tick(self, now_s: float) -> None:
         """Ten times a second: what pages get from now on."""
@@ -96,8 +107,14 @@ class Server:
         state = state_of(self.end, now_s)
         state["history"] = {"from_s": self.history.from_s, "mb": self.history.megabytes}
         self.state = msgspec.json.encode(state)[:-1]
-        self.history.keep(now_s, self.state, self.window)
-        self.layers.poll(now_s, self.window, {n for page in self._pages for n in page.layers})
+        self.scan = scan_of(self.end.receiver, now_s, self.scan)
+        self.history.keep(now_s, self.state, self.window, self.scan)
+        self._ticks += 1
+        if self._pages and self._ticks % SCAN_TICKS == 0:
+            self.end.receiver.ask_scan()
+        stale = bool(self.end.trouble) or self.end.receiver.stale(now_s)  # nobody would answer
+        wanted = set() if stale else {name for page in self._pages for name in page.layers}
+        self.layers.poll(now_s, self.window, wanted)
         for page in self._pages:
             page.tick()
 
@@ -175,12 +192,11 @@ async def served(server: Server, host: str, port: int) -> AsyncIterator[int]:
     try:
         site = web.TCPSite(runner, host, port)
         await site.start()
-        running = asyncio.create_task(server.run())
-        try:
-            yield runner.addresses[0][1]
-        finally:
-            running.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await running
+        async with asyncio.TaskGroup() as tasks:  # what fails in it ends the block, too
+            running = tasks.create_task(server.run())
+            try:
+                yield runner.addresses[0][1]
+            finally:
+                running.cancel()
     finally:
         await runner.cleanup()

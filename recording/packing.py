@@ -85,24 +85,23 @@ def heights_from(data: bytes) -> tuple[CellWindow, F32, F32]:
     return window, height_m, variance_m2
 
 
-def pack_scan(scan: Scan, sweep: SweepPoints | None) -> bytes:
-    """A scan, and its returns in the map frame where they are known."""
-    head = {
-        "t_s": scan.t_s,
+def pack_scan(scan: Scan, points: SweepPoints | None) -> bytes:
+    """A sweep, and where its returns are."""
+    head: dict[str, Any] = {"t_s": scan.t_s, "beams": scan.ranges_m.shape[1]}
+    head |= {
         "first_rad": scan.first_rad,
         "step_rad": scan.step_rad,
-        "beams": scan.ranges_m.shape[1],
-        "has_points": sweep is not None,
+        "has_points": points is not None,
     }
-    ranges: bytes = scan.ranges_m[0].astype("<f4").tobytes()
-    points = b"" if sweep is None else sweep.points_m.astype("<f4").tobytes()
-    return json.dumps(head).encode() + b"\n" + ranges + points
+    arrays: bytes = scan.ranges_m[0].astype("<f4").tobytes()
+    if points is not None:
+        arrays += points.points_m.astype("<f4").tobytes()
+    return json.dumps(head).encode() + b"\n" + arrays
 
 
 def scan_from(data: bytes) -> ScanRecord:
     line, _, arrays = data.partition(b"\n")
-    head = json.loads(line)
-    values = np.frombuffer(arrays, "<f4")
-    ranges_m, points_m = values[: head["beams"]], values[head["beams"] :].reshape(-1, 3)
-    points_map = points_m if head["has_points"] else None
+    head: dict[str, Any] = json.loads(line)
+    ranges_m, points = np.split(np.frombuffer(arrays, "<f4"), [head["beams"]])
+    points_map = points.reshape(-1, 3) if head["has_points"] else None
     return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, points_map)

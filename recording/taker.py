@@ -10,7 +10,8 @@ import numpy as np
 
 from core.driving.pilot import Pilot
 from core.mapping.mapper import Mapper
-from core.records import PoseReport, Scan, SweepPoints
+from core.mapping.tiles import TileValues
+from core.records import PoseReport, Scan
 from recording.packing import pack_heights, pack_scan, pack_state
 from recording.ports import Notes
 from recording.records import HEIGHTS, SCAN, STATE
@@ -19,7 +20,6 @@ HEIGHTS_S = 2.0  # from one gathering of all heights to the next, at least
 CELLS = 1500  # of which heights are gathered in one step
 
 Report = Callable[[float], tuple[bool, PoseReport]]  # now: whether free may be told, and the pose
-Points = Callable[[], SweepPoints | None]  # of the newest sweep; none while they can't be trusted
 
 
 class StateTaker:
@@ -30,12 +30,12 @@ class StateTaker:
         notes: Notes,
         mapper: Mapper,
         pilot: Pilot,
+        tiles: TileValues,
         report: Report,
-        points: Points,
         rate_hz: float,
     ) -> None:
         self._notes, self._mapper, self._pilot = notes, mapper, pilot
-        self._report, self._points = report, points
+        self._tiles, self._report = tiles, report
         self._period_s = 1.0 / rate_hz
         self._taken_s = -np.inf
         self._heights = HeightsTaker(notes, mapper)
@@ -56,7 +56,7 @@ class StateTaker:
         state = pack_state(pose, zone, window.cells, corner, cell_m, trusted)
         self._notes.note(now_s, STATE, 0, state)
         if isinstance(scan, Scan):
-            self._notes.note(scan.t_s, SCAN, 0, pack_scan(scan, self._points()))
+            self._notes.note(scan.t_s, SCAN, 0, pack_scan(scan, self._tiles.maybe_scan()))
 
 
 class HeightsTaker:

@@ -31,7 +31,7 @@ from tools.replay.player import Player
 
 FORMS = ("csv", "parquet", "pcd", "png", "ros")
 CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)")
-NO_PARQUET = "--to parquet needs pyarrow: pip install 'mapod[export]'"
+NO_PARQUET = "--to parquet needs the extra export: pip install '/path/to/mapod[export]'"
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,6 +42,7 @@ class Watch:
         self.cell = CellWatch(self.app, cell) if cell else None
         self.stops: deque[dict[str, Any]] = deque(maxlen=EVENTS_KEPT)
         self.restarts: deque[dict[str, Any]] = deque(maxlen=EVENTS_KEPT)
+        self.reasons: dict[str, set[str]] = {name: set() for name in self.app.states.statuses}
         self._stopped_by = ""
         self._states: dict[str, tuple[str, str]] = {}
         self._begun = (0, self.app.planners.session)
@@ -63,6 +64,7 @@ class Watch:
             bars = cell_facts(app, barrier(app, now_s)) if "in the way" in reason else None
             self.stops.append({"t_s": now_s, "reason": reason, "cell": bars})
         for name, status in app.states.statuses.items():
+            self.reasons[name].update(bad.reason for bad in status.rejections)
             state = (status.state, status.cause)
             if self._states.get(name) != state:
                 if self._states.get(name, ("", ""))[0] == "running" != state[0]:
@@ -156,16 +158,17 @@ def cell_facts(app: App, cell: Cell | None) -> dict[str, Any] | None:
     return facts
 
 
-def inputs_of(app: App, now_s: float, told: PoseReport) -> list[dict[str, Any]]:
+def inputs_of(watch: Watch, now_s: float, told: PoseReport) -> list[dict[str, Any]]:
     """Each device and planner: state, cause, age of what it told last."""
+    app = watch.app
     ages_s = {"scanner": now_s - app.mapper.delivered_scan_s, "ahrs": told.age_ahrs_s}
     ages_s["drive"] = told.age_enc_s
     inputs: list[dict[str, Any]] = []
     for name, status in app.states.statuses.items():
-        reasons = sorted({bad.reason for bad in status.rejections})
         inputs.append({"name": name, "state": status.state, "cause": status.cause})
         inputs[-1] |= {"age_s": _finite(ages_s.get(name, math.inf)), "losses": status.losses}
-        inputs[-1] |= {"frames_rejected": status.rejected, "newest_reasons": reasons}
+        inputs[-1] |= {"frames_rejected": status.rejected}
+        inputs[-1]["reasons"] = sorted(watch.reasons[name])
     for number, link in enumerate(app.planners.links, 1):
         name = "planner" if number == 1 else f"planner {number}"
         cause = link.wire.port.cause or link.peer.refusal
@@ -174,7 +177,7 @@ def inputs_of(app: App, now_s: float, told: PoseReport) -> list[dict[str, Any]]:
         inputs.append({"name": name, "state": state, "cause": cause, "age_s": None})
         inputs[-1] |= {"losses": 0, "frames_rejected": counters.answers_rejected}
         why = [counters.rejected_because] if counters.rejected_because else []
-        inputs[-1]["newest_reasons"] = why
+        inputs[-1]["reasons"] = why
     return inputs
 
 
@@ -262,7 +265,7 @@ def moment_of(watch: Watch) -> dict[str, Any]:
         "mode": MODES[told.mode],
         "health": told.health,
         "doubts": list(dict.fromkeys(lacks)),
-        "inputs": inputs_of(app, now_s, told),
+        "inputs": inputs_of(watch, now_s, told),
         "zone": zone_of(app),
         "stands": stands_of(watch, now_s),
         "restarts": list(watch.restarts),

@@ -38,8 +38,8 @@ def describe_cell(
 
     >>> describe_cell(64, 0.4, 0.012, 1e-4).split(": ")[0]
     'free (floor)'
-    >>> describe_cell(128, 12.0, 0.31)[-35:]
-    'Height 0.31 m. Last seen 12.0 s ago'
+    >>> describe_cell(128, 12.0, 0.31)[-29:]
+    'Last met or passed 12.0 s ago'
     >>> describe_cell(0)
     'outside of the map'
     """
@@ -51,5 +51,5 @@ def describe_cell(
         spread = f" +- {math.sqrt(variance_m2):.2f} m" if variance_m2 > 0 else ""
         parts.append(f"Height {height_m:.2f} m{spread}")
     if math.isfinite(age_s):
-        parts.append(f"Last seen {span(age_s)} ago")
+        parts.append(f"Last met or passed {span(age_s)} ago")
     return ". ".join(parts)

@@ -55,9 +55,9 @@ class Troubles:
         if is_halted and request is not None and now_s <= request.valid_until_s:
             found = "stop", control.blocked_by
         self._was_driven = bool(control.v_mps or control.w_radps)
-        if self._was_trusted and not self._tiles.trusted:
+        if self._was_trusted and self._tiles.doubt:
             found = "fault", "the map or the pose is not to be trusted any more"
-        self._was_trusted = self._tiles.trusted
+        self._was_trusted = not self._tiles.doubt
         for name, device in self._devices.items():
             if device.status.losses != self._losses[name]:
                 self._losses[name] = device.status.losses

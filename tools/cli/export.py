@@ -16,12 +16,12 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from recording.reader import Recording
-from recording.records import RecordingError
 
 from core.config import ConfigError
 from core.mapping.layers import UNITS
 from core.records import F64
+from recording.reader import Recording
+from recording.records import RecordingError
 from tools.cli.options import fail, parser_of
 from tools.export.collect import collect_points, collect_tables, trusted_layer
 from tools.export.pcd import points_from, write_pcd

@@ -61,8 +61,8 @@ def clock_state() -> tuple[bool | None, float]:
     answer = ctypes.create_string_buffer(ADJTIMEX_BYTES)  # all zero: only asks
     if ctypes.sizeof(ctypes.c_long) != 8 or ctypes.CDLL(None).adjtimex(answer) < 0:
         return None, 0.0
-    error_us = int.from_bytes(answer[MAXERROR_AT : MAXERROR_AT + 8], "little", signed=True)
-    status = int.from_bytes(answer[STATUS_AT : STATUS_AT + 4], "little")
+    error_us = int.from_bytes(answer.raw[MAXERROR_AT : MAXERROR_AT + 8], "little", signed=True)
+    status = int.from_bytes(answer.raw[STATUS_AT : STATUS_AT + 4], "little")
     return not status & UNSYNCHRONISED, error_us * 1e-6
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import LAYERS, REFUSALS, Tile
 from tools.view.window import F32, LAYER, Window, message, moved
+from tools.why.words import describe_cell
 
 UNITS = {
     "height": ("m", "height"),
@@ -159,8 +160,15 @@ class CellQuestion:
             "state": self._state, "height_m": values.get("height"),
             "variance_m2": values.get("variance"), "slope_rad": values.get("slope"),
             "z_m": values.get("z"), "age_s": values.get("age"), "cause": values.get("cause"),
-            "text": self._text,
+            "text": self._text or self._sentence(values),
         }  # fmt: skip
+
+    def _sentence(self, values: dict[str, float]) -> str:
+        """Why it is what it is, in words; "" from a sender that does not tell."""
+        if not self._tiles["cause"].complete:
+            return ""
+        known = values["age"], values["height"], values["variance"]
+        return describe_cell(int(values["cause"]), *known)
 
     def drop(self) -> None:
         """Nobody wants the answer any more."""

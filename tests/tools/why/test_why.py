@@ -1,6 +1,7 @@
 """A drive to a box, asked why: at the box, on the way, and where there is nothing to ask."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ from app import App, Ports
 from core.mapping.causes import CAUSES, FIRST_DOUBT, STANDS, TOO_HIGH
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
+from logs import LOG, set_up_logging
 from mapod_link.frames import DRIVE, bytes_from_frame
 from recorder import Recorder
 from recording.direct import DirectTap
 from recording.reader import Recording
+from recording.records import LINE
 from tests import Capsys
 from tests.support.shipped import FLOOR, shipped
 from tools.cli import why
@@ -29,6 +32,14 @@ BOX_X_M, READY_S, DRIVEN_S = 2.33, 1.7, 6.0
 PLACE_M = (BOX_X_M + 0.02, 0.02)  # of a cell that is the box's face
 
 
+class LoggingTap(DirectTap):
+    """It keeps the log's lines as well, as that of a robot does."""
+
+    def line(self, t_s: float, level: str, event: str, keys: Mapping[str, Any]) -> None:
+        said = {"level": level, "event": event, "keys": dict(keys)}
+        self.note(t_s, LINE, 0, json.dumps(said, default=str).encode())
+
+
 class DriveToBox(Loop):
     """A robot that is asked on and on to go ahead, with a box in its way."""
 
@@ -36,7 +47,7 @@ class DriveToBox(Loop):
         self.planner = FakePlanner()
         config = shipped(robot={"enable_motors": True, "start_clear_m": 12.0})
         self.now_s = START_S
-        self.recorder = Recorder(config, "0.1", DirectTap(path, lambda: self.now_s))
+        self.recorder = Recorder(config, "0.1", LoggingTap(path, lambda: self.now_s))
         box = Solid("box", (BOX_X_M, BOX_X_M + 0.5), (-0.83, 0.87), (0.0, 0.93))
         super().__init__(Scene("hall", (FLOOR, box)), 1, config, self.planner)
 
@@ -57,10 +68,14 @@ class DriveToBox(Loop):
 def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[DriveToBox, Path]:
     path = tmp_path_factory.mktemp("why") / "drive.mcap"
     loop = DriveToBox(path)
-    loop.run(READY_S)
-    loop.link_port.give(bytes_from_frame(DRIVE, 9, 9, bytes(16)))  # of another run, and no nonce
-    loop.drive(DRIVEN_S)
-    loop.recorder.close()
+    with path.with_suffix(".log").open("w") as log:
+        writer = set_up_logging(loop.config, log.fileno())
+        loop.run(READY_S)
+        loop.link_port.give(bytes_from_frame(DRIVE, 9, 9, bytes(16)))  # of another run, no nonce
+        loop.drive(DRIVEN_S)
+        loop.recorder.close()
+        LOG.close()
+        writer.close()
     return loop, path
 
 
@@ -90,6 +105,11 @@ def test_a_robot_before_a_box_stands_because_of_the_boxs_cells(
     planner = next(one for one in told["moment"]["inputs"] if one["name"] == "planner")
     assert planner["frames_rejected"] == 1
     assert planner["reasons"] == ["DRIVE out of range"]
+    log = {line["event"]: line for line in told["log"]}
+    assert log["drive_changed"]["keys"] == {"blocked_by": "an obstacle is in the way"}
+    assert log["drive_changed"]["t_s"] == pytest.approx(stop["t_s"], abs=0.02)
+    assert log["answers_rejected"]["keys"]["newest_reason"] == "DRIVE out of range"
+    assert "ticks_counted" not in log
 
 
 def test_the_text_says_the_same_and_the_picture_shows_the_box(

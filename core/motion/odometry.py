@@ -107,6 +107,7 @@ class Odometry:
         self.v_mps = 0.0
         self.w_radps = 0.0  # from the wheels
         self.breaks = 0
+        self.broken_by = ""  # why it broke last, in words
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -198,7 +199,7 @@ class Odometry:
         elif last is None or self._replaced:
             self._resume(counts.t_s)
         elif counts.restarts != last.restarts:
-            self._break(counts.t_s)
+            self._break(counts.t_s, "the wheels' counters began anew")
         elif counts.t_s > self.newest_s:
             self._travel(last, counts, wrapped(yaw_rad - self._yaw_last_rad))
         self._last, self._yaw_last_rad, self._replaced = counts, yaw_rad, False
@@ -213,7 +214,7 @@ class Odometry:
     def _resume(self, t_s: float) -> None:
         """Counts again, after a positioning system told the place."""
         if t_s > self.newest_s + EXTRAPOLATED_S:
-            self._break(t_s)
+            self._break(t_s, "neither the wheels nor the positioning system told the place")
         elif t_s > self.newest_s:
             x_m, y_m, z_m = self.xyz_at(t_s).tolist()
             self._path.append(t_s, x_m, y_m, z_m, self._path.travel_m)
@@ -228,7 +229,8 @@ class Odometry:
         unseen_turn = dt_s > GAP_S and abs(travel_m * turned_rad) > HIDDEN_M
         blind = gap_s > GAP_S and abs(travel_m) > BLIND_M
         if unseen_turn or blind:
-            self._break(counts.t_s)
+            hidden = "the attitude" if blind else "the wheels' counters"
+            self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
         moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
         wheels_rad = (right_m - left_m) / self._track_width_m
@@ -278,7 +280,7 @@ class Odometry:
             -travel_m * math.sin(pitch_rad),
         )
 
-    def _break(self, t_s: float) -> None:
+    def _break(self, t_s: float, why: str) -> None:
         """Go on from the same place, as an island of its own."""
         place_m = self._path.newest_m
         self._path.forget()
@@ -289,7 +291,7 @@ class Odometry:
         self.positioning.forget()
         self.wheels.restart()
         self.v_mps = self.w_radps = 0.0
-        self.breaks += 1
+        self.breaks, self.broken_by = self.breaks + 1, why
 
     # From a positioning system
 
@@ -338,6 +340,7 @@ class Odometry:
         self._attitudes.turn_all(turn_rad)
         self._yaw_last_rad += turn_rad
         self.breaks += 1
+        self.broken_by = "the positioning system says that the robot is far from where it seemed"
 
     # What is known of an instant
 

@@ -22,6 +22,7 @@ class Planners:
 
     def __init__(self, wires: Sequence[Wire], settings: LinkSettings, session: int) -> None:
         self.session, self._era = session, -1
+        self.renewed_because = ""  # why this session is not the run's first one, in words
         guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
         asked = self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
         self.links = [
@@ -53,6 +54,11 @@ class Planners:
         is_full = self._guard.is_full or any(link.peer.is_full for link in self.links)
         if before in (-1, era) and not is_full:
             return
+        self.renewed_because = (
+            "no further commander can be told from a replay"
+            if is_full
+            else "the clock of the frames wraps"
+        )
         old = self.session.to_bytes(4, "little")
         self.session = int.from_bytes(hashlib.blake2s(old, digest_size=4).digest(), "little")
         self._guard.restart(self.session)

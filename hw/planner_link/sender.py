@@ -108,6 +108,7 @@ class LinkCounters:
 
     acks: int = 0
     answers_rejected: int = 0  # bytes from the planner that were no valid frame
+    rejected_because: str = ""  # the newest of them
     ticks_held: int = 0  # in which nothing went out: the wire was not open, or still full
 
 
@@ -183,11 +184,11 @@ class PlannerLink:
 
     def _take(self, now_s: float, frame: bytes | BadFrame) -> None:
         if isinstance(frame, BadFrame):
-            self.counters.answers_rejected += 1
+            self._reject(frame.reason)
             return
         answer = decode_answer(frame, self._scheduler.secret)
         if isinstance(answer, BadFrame):
-            self.counters.answers_rejected += 1
+            self._reject(answer.reason)
             for kind, counted in ((DRIVE, self.requests), (EXTERNAL_POSE, self.external_poses)):
                 if is_kind(frame, kind):
                     counted.refuse(answer.reason)
@@ -207,6 +208,10 @@ class PlannerLink:
                 self.requests.take(now_s, answer, self.wire.drive_refusal, self._number)
             case External():
                 self.external_poses.take(now_s, answer, self.wire.pose_refusal)
+
+    def _reject(self, reason: str) -> None:
+        self.counters.answers_rejected += 1
+        self.counters.rejected_because = reason
 
     def _take_hello(self, hello: Hello) -> None:
         if self.peer.take_hello(hello):

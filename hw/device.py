@@ -28,7 +28,8 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
-from core.records import record
+from msgspec import Struct
+
 from hw.fingerprint import Fingerprint
 
 Measurement = TypeVar("Measurement")
@@ -105,16 +106,14 @@ class NoPort:
     def close(self) -> None: ...
 
 
-@record()
-class BadFrame:
+class BadFrame(Struct, frozen=True):
     """Bytes that belong to no valid frame: something to count, not an exception."""
 
     reason: str
     skipped: bytes
 
 
-@record()
-class Tick:
+class Tick(Struct, frozen=True):
     """What a session learns at each step."""
 
     now_s: float

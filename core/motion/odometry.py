@@ -12,6 +12,7 @@ import math
 from collections import deque
 
 import numpy as np
+from msgspec import Struct
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
@@ -20,7 +21,7 @@ from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path
 from core.motion.slip import SIGMA_M
 from core.motion.wheel_check import Turn, WheelCheck
-from core.records import F64, ExternalPose, WheelCounts, record
+from core.records import F64, ExternalPose, WheelCounts
 from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
@@ -67,8 +68,7 @@ def _lay_step(
     return x_m, y_m
 
 
-@record()
-class Pose:
+class Pose(Struct, frozen=True):
     """The body in the map frame at one instant."""
 
     t_s: float

@@ -5,7 +5,8 @@ misread; what they say is believed only as far as the robot can have moved.
 Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
 """
 
-from core.records import record
+from msgspec import Struct
+
 from hw.ax3500.lines import maybe_rollover, wrap_difference
 from hw.device import BadFrame
 
@@ -18,15 +19,13 @@ OUTAGE_PAIRS, OUTAGE_LIMIT_S = 2.5, 1.0  # of the pace kept; and as far as a slo
 PACE_SMOOTHING = 0.2
 
 
-@record()
-class _Reading:
+class _Reading(Struct, frozen=True):
     t_s: float
     raw: int
     total: float  # continuous travel since an arbitrary zero
 
 
-@record()
-class Pair:
+class Pair(Struct, frozen=True):
     """Travel of both channels at one instant, in counts."""
 
     t_s: float

@@ -5,9 +5,10 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from core.config import Config
 from core.driving.control import LOOP_S
@@ -77,17 +78,16 @@ class StepTimes:
         self.stepped_s = now_s
 
 
-@dataclass(slots=True)
-class Plan:
+class Plan(Struct):
     """What the live loop waits for.
 
     The lists are in the devices' order; behind them come planners that may drive.
     """
 
     step_s: float = -math.inf  # when the next step is due,
-    devices_s: list[float] = field(default_factory=list)  # and each device, though nothing arrives
-    ports: list[Port] = field(default_factory=list)  # whose bytes are worth a turn,
-    hears_s: list[float] = field(default_factory=list)  # each from when on
+    devices_s: list[float] = []  # and each device, though nothing arrives
+    ports: list[Port] = []  # whose bytes are worth a turn,
+    hears_s: list[float] = []  # each from when on
 
     @property
     def due_s(self) -> float:
@@ -139,7 +139,7 @@ class App:
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
         self.planners.poll(now_s)
-        poses = self.planners.take_external_poses()
+        poses = self.planners.external_poses.take_all()
         for pose in poses:
             self.mapper.odometry.add_external(pose)
         has_news = bool(attitudes or counted or scans or mapped or poses)
@@ -178,7 +178,9 @@ class App:
             )
 
     def _drive(self, now_s: float, told: PoseReport) -> None:
-        """Wheel power until the next tick; none while the program ends."""
+        """Wheel power until the next tick, where it may move; none while the program ends."""
+        if not self.config.robot.enable_motors:
+            return
         if self._stops:
             self.devices.drive.drive(*self.pilot.control.halt("mapod ends"))
             return
@@ -227,11 +229,12 @@ class App:
         times, may_move = self._times, self.config.robot.enable_motors
         step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
         step_s = min(step_s, look_s) if may_move else step_s
-        devices_s = [device.due_s for device in self.devices]
-        hears_s = [device.status.hears_s for device in self.devices]
-        if self.mapper.waits:  # for the next attitude
-            hears_s = [-math.inf] * len(hears_s)
-        ports = [device.port for device in self.devices]
+        devices_s, ports, hears_s = list[float](), list[Port](), list[float]()
+        waits = self.mapper.waits  # for the next attitude
+        for device in self.devices:
+            devices_s.append(device.due_s)
+            ports.append(device.port)
+            hears_s.append(-math.inf if waits else device.status.hears_s)
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]
             hears_s += [-math.inf] * (len(ports) - len(hears_s))

@@ -221,25 +221,23 @@ class SilenceWatch:
 
     def __init__(self, port: Port) -> None:
         self._maybe_port = port if isinstance(port, Reopens) else None
-        self._spoke_s = float("-inf")  # last bytes of any kind, or the opening of the connection
-        self._has_spoken = False  # on this connection
+        self._limit_s = NEVER_HEARD_S
+        self.ends_s = math.inf  # nothing may have come until then
 
     def begin(self, now_s: float) -> None:
-        self._spoke_s, self._has_spoken = now_s, False
+        if self._maybe_port is not None:
+            self._limit_s, self.ends_s = NEVER_HEARD_S, now_s + NEVER_HEARD_S
 
     def heard(self, now_s: float) -> None:
-        self._spoke_s, self._has_spoken = now_s, True
+        if self._maybe_port is not None:
+            self._limit_s = self._maybe_port.silence_s
+            self.ends_s = now_s + self._limit_s
 
-    def maybe_drop(self, now_s: float) -> str:
-        """The cause for which the connection has just been dropped; "" if it was not."""
-        port = self._maybe_port
-        if port is None:
-            return ""
-        limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
-        if now_s - self._spoke_s <= limit_s:
-            return ""
-        cause = f"nothing heard for {limit_s:g} s"
-        port.reopen(cause)
+    def drop(self) -> str:
+        """The time is over: the cause for which the connection is dropped."""
+        cause = f"nothing heard for {self._limit_s:g} s"
+        if self._maybe_port is not None:
+            self._maybe_port.reopen(cause)
         return cause
 
 
@@ -280,8 +278,8 @@ class Device(Generic[Measurement]):
                 self._start_anew(now_s)
             self._intake.step(now_s)
             self._take(now_s)
-            if self.port.fileno() >= 0:  # reading may have found its end
-                self._drop_if_silent(now_s)
+            if now_s > self._silence.ends_s and self.port.fileno() >= 0:  # not found at its end
+                self._drop()
         elif self.port.cause != self._given_up and (
             self.status.state != "closed" or self.status.cause != self.port.cause
         ):
@@ -393,11 +391,12 @@ class Device(Generic[Measurement]):
         if message and not is_said:
             self.status.cause = f"{cause}: {message}"
 
-    def _drop_if_silent(self, now_s: float) -> None:
-        if cause := self._silence.maybe_drop(now_s):
-            if self.status.state == "running":
-                self.status.fall_back("starting", cause)
-            self._given_up = self.port.cause
+    def _drop(self) -> None:
+        """Nothing has come for too long."""
+        cause = self._silence.drop()
+        if self.status.state == "running":
+            self.status.fall_back("starting", cause)
+        self._given_up = self.port.cause
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Measurement]:
         raise NotImplementedError

@@ -34,7 +34,7 @@ from hw.planner_link.kernels import (
 
 
 def _span_of(corners: list[tuple[int, int]]) -> Span:
-    i, j = [corner[0] for corner in corners], [corner[1] for corner in corners]
+    i, j = zip(*corners, strict=True)
     return min(i), max(i), min(j), max(j)
 
 

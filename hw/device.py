@@ -196,24 +196,20 @@ class Intake:
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
         waiting, size = self._waiting, self._piece
-        if len(pieces) == 1 and len(pieces[0]) <= size and not waiting and self._allowance > 0:
-            return self._parsed(now_s, pieces[0])  # as nearly always
         for piece in pieces:
             for at in range(0, len(piece) or 1, size):
                 waiting.append((now_s, piece[at : at + size]))
         events: list[Any] = []
         while waiting and self._allowance > 0:
-            events += self._parsed(*waiting.popleft())
+            arrived_s, piece = waiting.popleft()
+            found = self._parser.feed(arrived_s, piece)
+            self._allowance -= len(piece) + EVENT_BYTES * len(found)
+            for event in found:
+                if isinstance(event, BadFrame):
+                    self._allowance -= JUNK_FACTOR * len(event.skipped)
+            events += found
         self.waits = bool(waiting)
         return events
-
-    def _parsed(self, arrived_s: float, piece: bytes) -> list[Any]:
-        found = self._parser.feed(arrived_s, piece)
-        self._allowance -= len(piece) + EVENT_BYTES * len(found)
-        for event in found:
-            if isinstance(event, BadFrame):
-                self._allowance -= JUNK_FACTOR * len(event.skipped)
-        return found
 
 
 class SilenceWatch:

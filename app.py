@@ -86,7 +86,8 @@ class Plan(Struct):
 
     step_s: float = -math.inf  # when the next step is due,
     devices_s: list[float] = []  # and each device, though nothing arrives
-    ports: list[Port] = []  # whose bytes are worth a turn,
+    ports: list[Port] = []  # whose bytes are worth a turn: the same list for the same connections,
+    opened: list[int] = []  # by their numbers,
     hears_s: list[float] = []  # each from when on
 
     @property
@@ -238,13 +239,16 @@ class App:
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]
             hears_s += [-math.inf] * (len(ports) - len(hears_s))
-        is_held_up = self._stops or self.planners.backlog
+        is_held_up = bool(self._stops or self.planners.backlog)
         if times.turns >= TURNS:
             is_held_up, ports = True, []
+        opened = [port.opened for port in ports]
+        if opened == self.plan.opened:
+            ports = self.plan.ports
         if is_held_up or -math.inf in devices_s:
             step_s = times.stepped_s + times.period_s
             devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
-        return Plan(step_s, devices_s, ports, hears_s)
+        return Plan(step_s, devices_s, ports, opened, hears_s)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

@@ -283,8 +283,8 @@ class Ax3500Session:
     def _why_blocked(self) -> str:
         """Why motors get zero only; what is not known is a reason too, where they are enabled."""
         state = self._stream.controller
-        if state.trouble or not self._motors.enabled:
-            return state.trouble
+        if (trouble := state.trouble) or not self._motors.enabled:
+            return trouble
         since_s = max(self._polling_s, self._exchange.now_s - CONDITION_S)
         if state.status is None or state.taken_s[READ_STATUS] < since_s:
             return NO_STATUS

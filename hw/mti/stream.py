@@ -137,7 +137,7 @@ class StreamReader:
         complete, merger = list[Received](), self._maybe_merger
         for frame in frames:
             before, self._newest_bytes = self._newest_bytes, frame.wire_bytes
-            self.frame_bytes = before if frame.wire_bytes == before else 0
+            self.frame_bytes = before if self._newest_bytes == before else 0
             if frame.mid not in DATA_MIDS:
                 self._note(frame)
                 continue

@@ -208,22 +208,24 @@ class App:
 
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
-        plan, heard, is_held_up = self.plan, 0, False
-        idle = None if self.mapper.waits else self.devices.ahrs  # attitudes that no scan waits for
+        plan, heard, is_held_up, has_news = self.plan, 0, False, False
+        ahrs, _, scanner = self.devices
         self._times.turns += 1
         for k, device in enumerate(self.devices):
             is_readable, is_due = device.port in readable, plan.devices_s[k] <= now_s
             heard += is_readable
             if is_readable or is_due:
-                (device.keep if device is idle and not is_due else device.hear)(now_s)
+                is_awaited = device is scanner or (device is ahrs and self.mapper.waits)
+                idles = device is ahrs and not (is_awaited or is_due)
+                (device.keep if idles else device.hear)(now_s)
+                has_news |= is_awaited and device.has_heard
                 plan.devices_s[k], plan.hears_s[k] = device.due_s, device.status.hears_s
                 is_held_up |= plan.devices_s[k] == -math.inf
         if is_held_up or self._times.turns >= TURNS:
             self.plan = self._planned()
         if heard < len(readable):  # a planner's: to drive, or to stop, waits for nothing
             return False
-        scanner, ahrs = self.devices.scanner, self.devices.ahrs
-        return not (scanner.has_heard or (ahrs.has_heard and self.mapper.waits))
+        return not has_news
 
     def _planned(self) -> Plan:
         """What the next turn waits for. While anything starts, is held up, or ends: for a tick."""

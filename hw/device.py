@@ -346,26 +346,21 @@ class Device(Generic[Measurement]):
 
     def _take(self, now_s: float) -> None:
         """What has arrived, for the session; while it runs, only what it may have waited for."""
-        events: list[Any] = []
+        intake, status, events = self._intake, self.status, list[Any]()
+        has_come = bool(self._kept) or intake.waits
         for arrived_s, piece in self._kept:
-            events += self._events(arrived_s, [piece])
+            events += intake.events(arrived_s, [piece])
         self._kept.clear()
-        pieces = [] if self._intake.waits else self.port.read()
-        if pieces or self._intake.waits:
-            events += self._events(now_s, pieces)
-        status = self.status
-        if events or status.state != "running" or status.due_s <= now_s or self._needs_ticks:
-            self._advance(now_s, pieces, events)
-
-    def _events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
-        """What the parser makes of what has arrived by now."""
-        if self._intake.waits or any(pieces):
+        pieces = [] if intake.waits else self.port.read()
+        if pieces or intake.waits:
+            events += intake.events(now_s, pieces)
+        if has_come or any(pieces):
             self._silence.heard(now_s)
-        events = self._intake.events(now_s, pieces)
         for event in events:
             if isinstance(event, BadFrame):
-                self.status.reject(event)
-        return events
+                status.reject(event)
+        if events or status.state != "running" or status.due_s <= now_s or self._needs_ticks:
+            self._advance(now_s, pieces, events)
 
     def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
         """The session up to now; what it measured is held for the step."""

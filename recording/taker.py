@@ -20,7 +20,6 @@ HEIGHTS_S = 2.0  # from one gathering of all heights to the next, at least
 CELLS = 1500  # of which heights are gathered in one step
 
 Report = Callable[[float], tuple[bool, PoseReport]]  # now: whether free may be told, and the pose
-Points = Callable[[], SweepPoints | None]  # of the newest sweep; none while they can't be trusted
 
 
 class StateTaker:

@@ -7,6 +7,8 @@ from typing import Any
 import av
 from PIL import Image
 
+FRAME: Any = av.VideoFrame  # its methods have no types
+
 CODECS = ("libx264", "h264", "mpeg4")  # the first that this build of FFmpeg has
 CRF = "20"  # how exact: of libx264, smaller is better
 
@@ -24,7 +26,7 @@ class Film:
         """One more picture, of the same size as all others; its sides are even."""
         if self._stream is None:
             self._begin(picture)
-        for packet in self._stream.encode(av.VideoFrame.from_image(picture)):
+        for packet in self._stream.encode(FRAME.from_image(picture)):
             self._file.mux(packet)
         self.pictures += 1
 

@@ -182,7 +182,7 @@ class HeardReplay:
         self.lacks = "" if telegram else "the scanner's bytes hold no scan (LMDscandata)"
         self._pieces, self._at = pieces, 0
         self._offset_s = BEGIN_S - pieces[0][0] if pieces else 0.0
-        self._end_s = (pieces[-1][0] if pieces else 0.0) + self._offset_s + REST_S
+        self.end_s = (pieces[-1][0] if pieces else 0.0) + self._offset_s + REST_S
         self._port, self._planner = PlayedPort(datagrams=False), PlayedPort(datagrams=True)
         for port in (self._port, self._planner):
             port.becomes(Became(use=1, is_open=True, opened=1, backlog=0, cause=""))
@@ -220,4 +220,4 @@ class HeardReplay:
         self.frames = self._planner.written
         self._port.end_call()
         self._planner.end_call()
-        self.done = self.now_s >= self._end_s
+        self.done = self.now_s >= self.end_s

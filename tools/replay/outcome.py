@@ -10,11 +10,10 @@ import numpy as np
 from app import App
 from core.config import Config
 from core.mapping.mapper import MapperCounts
-from core.records import FREE as IS_FREE
-from core.records import OBSTACLE as IS_OBSTACLE
 from core.records import U8
 from hw.device import DeviceStatus
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
+from tools.replay.moment import Moment, moment_of
 
 
 class Replay(Protocol):
@@ -65,25 +64,10 @@ class Tally:
             self.bytes += len(frame)
             self._digest.update(frame)
 
-    def outcome(self, app: App) -> Outcome:
-        states, _ = told_window(app)
+    def outcome(self, app: App, now_s: float) -> Outcome:
+        states = moment_of(app, now_s).states
         cells = int((states == OBSTACLE).sum()), int((states == FREE).sum())
         return Outcome(app.mapper.counts, self.bytes, self._digest.hexdigest(), *cells)
-
-
-def told_window(app: App) -> tuple[U8, tuple[int, int]]:
-    """The obstacle map as the app tells it: (size, size) classes, and the cell of [0, 0].
-
-    Row j, column i from the window's lowest corner; without trust, nothing is free.
-    """
-    window = app.mapper.maps.window
-    grid, cells = window.grid, np.asarray(window.cells)
-    states = np.full(cells.shape, UNKNOWN, np.uint8)
-    states[cells == IS_OBSTACLE] = OBSTACLE
-    if app.tiles.trusted:
-        states[cells == IS_FREE] = FREE
-    states = np.roll(states, (-grid.corner_j, -grid.corner_i), axis=(0, 1))
-    return states, (grid.corner_i, grid.corner_j)
 
 
 def complaints_of(statuses: Mapping[str, DeviceStatus]) -> list[str]:
@@ -116,8 +100,8 @@ def differences(replay: Replay, other: Replay) -> list[str]:
         if (new := getattr(mine, name)) != (old := getattr(its, name))
     ]
     lines = ["; ".join(counts) or "the counts are the same"]
-    states, corner = told_window(replay.app)
-    before = _states_at(other, replay.config.map.cell_m, states.shape, corner)
+    moment = moment_of(replay.app, replay.now_s)
+    states, before = moment.states, _states_at(moment_of(other.app, other.now_s), moment)
     changes = []
     for old, was in NAMES.items():
         for new, now in NAMES.items():
@@ -131,21 +115,15 @@ def differences(replay: Replay, other: Replay) -> list[str]:
 NAMES = {UNKNOWN: "unknown", FREE: "free", OBSTACLE: "obstacle"}
 
 
-def _states_at(
-    replay: Replay, cell_m: float, shape: tuple[int, ...], corner: tuple[int, int]
-) -> U8:
+def _states_at(moment: Moment, places: Moment) -> U8:
     """Its classes at the middles of other cells; what lies outside of its window is unknown."""
-    states, (low_i, low_j) = told_window(replay.app)
-    own_m = replay.config.map.cell_m
-    j = (
-        np.floor((corner[1] + np.arange(shape[0]) + 0.5) * cell_m / own_m + 1e-9).astype(int)
-        - low_j
+    middles = np.arange(len(places.states)) + 0.5
+    scale, size = places.cell_m / moment.cell_m, len(moment.states)
+    i, j = (
+        np.floor((corner + middles) * scale + 1e-9).astype(np.int64) - own
+        for corner, own in zip(places.corner, moment.corner, strict=True)
     )
-    i = (
-        np.floor((corner[0] + np.arange(shape[1]) + 0.5) * cell_m / own_m + 1e-9).astype(int)
-        - low_i
-    )
-    inside = ((j >= 0) & (j < len(states)))[:, None] & ((i >= 0) & (i < len(states)))[None, :]
-    found = states[np.ix_(j % len(states), i % len(states))]
+    inside = ((j >= 0) & (j < size))[:, None] & ((i >= 0) & (i < size))[None, :]
+    found = moment.states[np.ix_(j % size, i % size)]
     result: U8 = np.where(inside, found, UNKNOWN).astype(np.uint8)
     return result

@@ -9,11 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from app import App
 from core.config import Robot
 from core.records import U8
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
-from tools.replay.outcome import told_window
+from tools.replay.moment import Moment
 
 Point = tuple[float, float]
 Colour = tuple[int, int, int]
@@ -28,28 +27,25 @@ MAP_PX, MARGIN_PX, TITLE_PX, FOOT_PX, FONT_PX = 760, 14, 34, 44, 15
 BARS_M = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 
 
-def picture_of(app: App, now_s: float, path: Sequence[Point], title: str) -> Image.Image:
-    """The map as it is told at this instant.
+def picture_of(moment: Moment, robot: Robot, path: Sequence[Point], title: str) -> Image.Image:
+    """The map as it is told at one moment.
 
     Args:
         path: where the robot was, (x, y) metres in the map frame, in order.
     """
-    states, corner = told_window(app)
-    cell_m = app.config.map.cell_m
-    drawn, px = map_image(states)
-    pen = ImageDraw.Draw(drawn)
+    drawn, px = map_image(moment.states)
+    pen, size = ImageDraw.Draw(drawn), len(moment.states)
 
     def pixel(point: Point) -> Point:
-        along, across = point[0] / cell_m - corner[0], point[1] / cell_m - corner[1]
-        return (len(states) - across) * px, (len(states) - along) * px
+        column, row = moment.cell(*point)
+        return (size - row) * px, (size - column) * px
 
     if len(path) > 1:
         pen.line([pixel(point) for point in path], fill=WAY, width=2, joint="curve")
-    pose = app.mapper.odometry.maybe_pose(now_s)
-    if pose is not None:
-        corners = footprint(app.config.robot, pose.x_m, pose.y_m, pose.yaw_rad)
+    if (pose := moment.pose) is not None:
+        corners = footprint(robot, pose.x_m, pose.y_m, pose.yaw_rad)
         pen.polygon([pixel(point) for point in corners], fill=ROBOT, outline=INK)
-    return framed(drawn, title, px / cell_m)
+    return framed(drawn, title, px / moment.cell_m)
 
 
 def map_image(states: U8) -> tuple[Image.Image, int]:

@@ -17,13 +17,13 @@ class Playing:
 
     Attributes:
         path: where the robot was so far, (x, y) metres in the map frame.
-        end_s: how far it is to go, host clock of the replay.
+        took_s: CPU time of this process so far.
     """
 
-    def __init__(self, replay: Replay, end_s: float = math.inf) -> None:
-        self.replay, self.end_s = replay, end_s
+    def __init__(self, replay: Replay) -> None:
+        self.replay = replay
         self.tally, self.path = Tally(), list[Point]()
-        self.took_s = 0.0  # of this process
+        self.took_s = 0.0
         self._tracked_s = self._looked_s = -math.inf
 
     def play_to(
@@ -33,7 +33,7 @@ class Playing:
         look: Callable[["Playing"], None] = lambda playing: None,
         look_s: float = 1 / LOOK_HZ,
     ) -> None:
-        """All turns up to this instant, not beyond the end.
+        """All turns up to this instant.
 
         Args:
             speed: times the pace at which it was recorded; inf: as fast as it goes.
@@ -42,10 +42,10 @@ class Playing:
         Raises:
             RecordingError: it is damaged from here on.
         """
-        replay, tally, until_s = self.replay, self.tally, min(t_s, self.end_s)
+        replay, tally = self.replay, self.tally
         begun_s, zero_s, cpu_s = time.monotonic(), replay.next_s, time.process_time()
         try:
-            while not replay.done and replay.next_s <= until_s:
+            while not replay.done and replay.next_s <= t_s:
                 if speed < math.inf:
                     waits_s = (replay.next_s - zero_s) / speed - (time.monotonic() - begun_s)
                     time.sleep(max(0.0, waits_s))

@@ -20,7 +20,7 @@ from core.mapping.tiles import TileValues
 from core.records import Attitude, ExternalPose, PoseReport, Scan, WheelCounts
 from hw.device import Port
 from logs import LoopCounts, StateLog
-from wiring import Ports, devices_on, maybe_image, no_ports, planners_on
+from wiring import Devices, Ports, devices_on, maybe_image, no_ports, planners_on
 
 __all__ = ["App", "Ports", "warm_kernels"]
 
@@ -107,9 +107,11 @@ class App:
         key: bytes | None = None,
         replayed: bool = False,
         version: str = "",
+        devices: Devices | None = None,
     ) -> None:
+        """`devices`: others than the settings name, for a replay that has no bytes of them."""
         self.config, self.ports, self._replayed = config, ports, replayed
-        self.devices = devices_on(ports, config)
+        self.devices = devices or devices_on(ports, config)
         self.mapper = Mapper(config)
         self.pilot = Pilot(config, self.mapper)
         self.planners = planners_on(ports, config, session, key)

@@ -212,11 +212,25 @@ def check_folders(options: argparse.Namespace, config: Config) -> None:
             raise StateError(f"{name}: there is no folder for {path!r}")
 
 
-def maybe_recorder(config: Config, options: argparse.Namespace) -> Recorder | None:
-    """Of a run that is recorded, or whose last seconds are kept."""
-    is_run = not (options.check or options.warm)
-    is_wanted = is_run and (config.record.path or config.record.flight)
-    return started_recorder(config, version()) if is_wanted else None
+def live(
+    config: Config,
+    ports: Ports,
+    key: bytes | None,
+    loaded: Arrays | None,
+    options: argparse.Namespace,
+    at_start: Callable[[], None],
+) -> str:
+    """Run it, logged and recorded; why the recording ended before the run, or ""."""
+    with contextlib.ExitStack() as ends:
+        ends.enter_context(contextlib.closing(set_up_logging(config, sys.stderr.fileno())))
+        if options.unattended:
+            LOG.info("start_unattended", start_clear_m=0.0)
+        recorder = None
+        if config.record.path or config.record.flight:
+            recorder = ends.enter_context(contextlib.closing(started_recorder(config, version())))
+            ports = recorder.ports(ports)
+        serve(config, ports, key, loaded, options.save_map, recorder, at_start)
+    return recorder.trouble if recorder else ""
 
 
 def run(
@@ -233,14 +247,12 @@ def run(
     options = options_of(arguments)
     for number in (signal.SIGUSR1, signal.SIGUSR2):
         signal.signal(number, signal.SIG_IGN)  # too early, or nothing to save: no end
-    recorder = None
     try:
         config = settings_of(options)
         key = read_key(config.planner.key_file)
         loaded = load_map(options.load_map, config) if options.load_map else None
         check_folders(options, config)
-        recorder = maybe_recorder(config, options)
-        ports = open_ports(config, recorder.port) if recorder else open_ports(config)
+        ports = open_ports(config)
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
@@ -253,12 +265,7 @@ def run(
         elif options.warm:
             warm_kernels(config)
         else:
-            with contextlib.closing(set_up_logging(config, sys.stderr.fileno())):
-                if options.unattended:
-                    LOG.info("start_unattended", start_clear_m=0.0)
-                with contextlib.closing(recorder) if recorder else contextlib.nullcontext():
-                    serve(config, ports, key, loaded, options.save_map, recorder, at_start)
-    at_end(recorder.trouble if recorder else "")
+            at_end(live(config, ports, key, loaded, options, at_start))
     return 0
 
 

@@ -12,10 +12,11 @@ from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any, cast
 
-from app import App
+from app import App, Ports
 from config_file import text_from
 from core.config import Config
 from core.driving.control import NOT_ENABLED
+from core.driving.zone import NOT_TRUSTED
 from core.saved.encoding import Arrays, bytes_from_arrays
 from hw.device import Port
 from logs import LOG
@@ -32,6 +33,7 @@ from recording.records import (
     STOP,
     TURN,
 )
+from recording.taker import StateTaker
 from recording.tap import AnyTap, Tap
 
 REPORTS_S = 1.0  # the writer's reports are read so often
@@ -42,7 +44,7 @@ class Troubles:
     """Finds in an app what the last seconds are to be kept for."""
 
     def __init__(self, app: App) -> None:
-        self._pilot, self._tiles, self._requests = app.pilot, app.tiles, app.planners.requests
+        self._pilot, self._requests = app.pilot, app.planners.requests
         self._devices = app.devices.by_section
         self._was_driven = self._was_trusted = False
         self._losses = dict.fromkeys(self._devices, 0)
@@ -55,9 +57,10 @@ class Troubles:
         if is_halted and request is not None and now_s <= request.valid_until_s:
             found = "stop", control.blocked_by
         self._was_driven = bool(control.v_mps or control.w_radps)
-        if self._was_trusted and not self._tiles.trusted:
+        is_trusted = self._pilot.zone is not NOT_TRUSTED
+        if self._was_trusted and not is_trusted:
             found = "fault", "the map or the pose is not to be trusted any more"
-        self._was_trusted = self._tiles.trusted
+        self._was_trusted = is_trusted
         for name, device in self._devices.items():
             if device.status.losses != self._losses[name]:
                 self._losses[name] = device.status.losses
@@ -113,7 +116,7 @@ class RecordedApp:
 
 
 class Recorder:
-    """Writes a run down beside the loop: `port` and `begin` give what is used in place."""
+    """Writes a run down beside the loop: `ports` and `begin` give what is used in place."""
 
     def __init__(
         self, config: Config, version: str, tap: AnyTap, maybe_process: WriterProcess | None = None
@@ -125,14 +128,21 @@ class Recorder:
         self._ports: list[tuple[str, Port]] = []
         self._reported_s = self._flight_s = float("-inf")
         self._troubles: Troubles | None = None
+        self._states: StateTaker | None = None
 
-    def port(self, name: str, port: Port) -> Port:
-        """The port, which tells of all that happens to it."""
-        self._ports.append((name, port))
-        return cast(Port, recorded(port, len(self._ports) - 1, self._tap, self._tap.clock))
+    def ports(self, ports: Ports) -> Ports:
+        """Ports that tell of all that happens to these."""
+        planners = ports.planner, *ports.receivers
+        names = ["scanner", "ahrs", "drive", *["planner"] * len(planners)]
+        self._ports = list(zip(names, (*ports.of_devices, *planners), strict=True))
+        scanner, ahrs, drive, planner, *others = (
+            cast(Port, recorded(port, number, self._tap, self._tap.clock))
+            for number, (_, port) in enumerate(self._ports)
+        )
+        return Ports(scanner, ahrs, drive, planner, tuple(others))
 
     def begin(self, app: App, has_key: bool, loaded: Arrays | None) -> App:
-        """The app, which tells when it is called. No port comes after that.
+        """The app, which tells when it is called.
 
         Args:
             loaded: the map that it goes on from.
@@ -145,6 +155,8 @@ class Recorder:
         self._tap.begin({"metadata": metadata, **wanted})
         LOG.also = self._tell_line
         self._troubles = Troubles(app)
+        rate_hz = keys.rate_hz
+        self._states = StateTaker(self._tap, app.mapper, app.pilot, app.report, rate_hz)
         return cast(App, RecordedApp(app, self._tap, self._look))
 
     def restored(self, now_s: float) -> None:
@@ -166,10 +178,13 @@ class Recorder:
             if not self._maybe_process.close():
                 LOG.warning("recording_not_finished", waited_s=LAST_S)
             self._read_reports()
+            self._maybe_process.let_go()
 
     def _look(self, now_s: float) -> None:
         """After a step: whether anything is to be kept, and how the writer is."""
         assert self._troubles is not None
+        assert self._states is not None
+        self._states.look(now_s)
         if found := self._troubles.newest(now_s):
             self.flight(now_s, *found)
         if now_s - self._reported_s >= REPORTS_S:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -91,13 +91,8 @@ def check_ports(config: Config) -> None:
         lines[parts.path] = section
 
 
-def open_ports(
-    config: Config, via: Callable[[str, Port], Port] = lambda section, port: port
-) -> Ports:
+def open_ports(config: Config) -> Ports:
     """The ports of devices and planners, none of them connected yet.
-
-    Args:
-        via: gives, by its section, what is used in place of a port.
 
     Raises:
         ConfigError: as check_ports; a host without an address.
@@ -105,7 +100,7 @@ def open_ports(
 
     def opened(section: str, url: str) -> Port:
         try:
-            return via(section, open_port(url))
+            return open_port(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
 

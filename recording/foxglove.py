@@ -94,8 +94,7 @@ class Messages:
         if window is not None:
             yield _topical("/map", map_grid(at, window))
             if state.height_m is not None and state.variance_m2 is not None:
-                grid = elevation_grid(at, window, state.height_m, state.variance_m2)
-                yield _topical("/elevation", grid)
+                yield self.of_heights(state.t_s, window, state.height_m, state.variance_m2)
         if pose.health & POSE_VALID:
             self._follow(pose.x_m, pose.y_m)
             yield _topical("/tf", {"transforms": list(self._transforms(at, pose))})
@@ -104,6 +103,14 @@ class Messages:
         entities = self._scene(at, state)
         yield _topical("/scene", {"deletions": [_delete_all(at)], "entities": entities})
         yield _topical("/health", health(state, at))
+
+    def of_heights(
+        self, t_s: float, window: CellWindow, height_m: F32, variance_m2: F32
+    ) -> Topical:
+        """Heights and variances (rows, columns) where the window lies; NaN: not known."""
+        return _topical(
+            "/elevation", elevation_grid(self._time(t_s), window, height_m, variance_m2)
+        )
 
     def of_scan(self, scan: ScanRecord) -> Iterator[Topical]:
         at = self._time(scan.t_s)

@@ -4,13 +4,13 @@ A line of JSON, then arrays. The obstacle map goes as the ring that it is; the w
 """
 
 import json
-from dataclasses import astuple
+from dataclasses import astuple, fields
 from typing import Any
 
 import numpy as np
 
 from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport
-from recording.states import CellWindow, ScanRecord, StateRecord
+from recording.states import F32, CellWindow, ScanRecord, StateRecord
 
 FREE_TOLD, OBSTACLE_TOLD = 1, 2
 
@@ -22,13 +22,11 @@ def pack_state(
     corner: tuple[int, int],
     cell_m: float,
     trusted: bool,
-    heights: bytes = b"",
 ) -> bytes:
     """The app's state at one instant.
 
     Args:
         cells: (size, size), a ring; `corner`: the world cell with the lowest i and j in it.
-        heights: of the same cells, unrolled: f32 heights, then variances; or nothing.
     """
     head = {
         "pose": astuple(pose),
@@ -38,7 +36,7 @@ def pack_state(
         "cell_m": cell_m,
         "trusted": trusted,
     }
-    return json.dumps(head).encode() + b"\n" + cells.tobytes() + heights
+    return json.dumps(head).encode() + b"\n" + cells.tobytes()
 
 
 def state_from(t_s: float, data: bytes) -> StateRecord:
@@ -51,22 +49,40 @@ def state_from(t_s: float, data: bytes) -> StateRecord:
     states[cells == OBSTACLE] = OBSTACLE_TOLD
     if head["trusted"]:
         states[cells == FREE] = FREE_TOLD
-    heights: list[Any] = [None, None]
-    if len(arrays) > size * size:
-        layers = np.frombuffer(arrays, "<f4", 2 * size * size, offset=size * size)
-        heights = list(layers.reshape(2, size, size))
     return StateRecord(
         t_s,
         PoseReport(*head["pose"]),
         None if head["zone"] is None else _zone(head["zone"]),
         CellWindow(states, corner_i, corner_j, head["cell_m"]),
-        *heights,
     )
 
 
 def _zone(values: list[Any]) -> StopZoneReport:
-    state, causes = values[10:]
-    return StopZoneReport(*values[:9], sectors_m=tuple(values[9]), state=state, causes=causes)
+    names = [field.name for field in fields(StopZoneReport)]
+    given = dict(zip(names, values, strict=True))
+    return StopZoneReport(**{**given, "sectors_m": tuple(given["sectors_m"])})
+
+
+def pack_heights(size: int, corner: tuple[int, int], cell_m: float, heights: bytes) -> bytes:
+    """Heights of cells about the robot.
+
+    Args:
+        corner: the world cell with the lowest i and j.
+        heights: f32 (size, size) from there on, row by row, then as many variances.
+    """
+    head = {"size": size, "corner": corner, "cell_m": cell_m}
+    return json.dumps(head).encode() + b"\n" + heights
+
+
+def heights_from(data: bytes) -> tuple[CellWindow, F32, F32]:
+    """Where they lie, as a window without states; heights and variances."""
+    line, _, arrays = data.partition(b"\n")
+    head: dict[str, Any] = json.loads(line)
+    size, (corner_i, corner_j) = head["size"], head["corner"]
+    height_m, variance_m2 = np.frombuffer(arrays, "<f4").reshape(2, size, size)
+    unseen = np.zeros((size, size), np.uint8)
+    window = CellWindow(unseen, corner_i, corner_j, head["cell_m"])
+    return window, height_m, variance_m2
 
 
 def pack_scan(scan: Scan) -> bytes:

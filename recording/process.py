@@ -1,6 +1,7 @@
 """The writer's process as the app has it: started, heard, and waited for at the end."""
 
 import contextlib
+import fcntl
 import json
 import os
 import subprocess
@@ -8,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+PIPE_BYTES = 1 << 20
 LAST_S = 5.0  # that the end of the program waits for it
 
 
@@ -30,6 +32,8 @@ class WriterProcess:
         assert self._process.stdout is not None
         self._stdin, self._stdout = self._process.stdin, self._process.stdout
         os.set_blocking(self._stdout.fileno(), False)
+        with contextlib.suppress(OSError):  # as much as this user may have stays as it is
+            fcntl.fcntl(self.pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
         self._said = b""  # of the newest report, not whole yet
 
     @property
@@ -59,3 +63,7 @@ class WriterProcess:
         except subprocess.TimeoutExpired:
             return False
         return True
+
+    def let_go(self) -> None:
+        """Nothing it says is heard any more."""
+        self._stdout.close()

@@ -58,6 +58,7 @@ class Mapper:
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
+        self.newest_scan: Scan | PointSweep | None = None  # itself; none since the map was erased
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
         self.delivered_counts_s = float("-inf")  # instant of the newest encoder counts
         self._waiting: deque[Scan | PointSweep] = deque()
@@ -125,13 +126,13 @@ class Mapper:
             self.counts.scans_tilted += 1
             return
         self.counts.points += self.maps.add(scan, self.attitudes, self.odometry)
-        self.newest_scan_s = last_s
+        self.newest_scan_s, self.newest_scan = last_s, scan
         self.counts.scans_added += 1
 
     def erase(self) -> None:
         """Forget both maps: nothing in them can be placed any more."""
         self.maps.erase()
-        self.newest_scan_s = float("-inf")
+        self.newest_scan_s, self.newest_scan = float("-inf"), None
         self.counts.erased += 1
 
     def maybe_pose(self, now_s: float) -> Pose | None:

@@ -30,8 +30,8 @@ class RecordedLoop(Loop):
         super().__init__("corridor", 1, config, drives=True)
 
     def _new_app(self, key: bytes | None) -> App:
-        scanner, ahrs, drive = (self.recorder.port(*named) for named in self.ports.items())
-        ports = Ports(scanner, ahrs, drive, self.recorder.port("planner", self.link_port))
+        scanner, ahrs, drive = self.ports.values()
+        ports = self.recorder.ports(Ports(scanner, ahrs, drive, self.link_port))
         app = App(self.config, ports, session=SESSION)
         return self.recorder.begin(app, key is not None, None)
 

@@ -31,7 +31,6 @@ import numpy as np
 
 from app import App, Ports
 from fakes.scenes.scene import Scene
-from main import version
 from recorder import Recorder as AppRecorder
 from recording.direct import DirectTap
 from tools.rig.draw import draw_run
@@ -39,6 +38,7 @@ from tools.rig.ground_truth import TruthLog
 from tools.rig.loop import SESSION, START_S, Loop
 from tools.rig.one_run import Pilot, Run, RunResult, RunSpec
 from tools.sweep.truth import NAME as TRUTH
+from version import version
 
 WIRES = ("scanner", "ahrs", "drive", "planner")
 PATH_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad", "pitch_rad", "roll_rad", "z_m")
@@ -54,8 +54,8 @@ class RecordedLoop(Loop):
 
     def _new_app(self, key: bytes | None) -> App:
         recorder = AppRecorder(self.config, version(), self.tap)
-        scanner, ahrs, drive = (recorder.port(*named) for named in self.ports.items())
-        ports = Ports(scanner, ahrs, drive, recorder.port("planner", self.link_port))
+        scanner, ahrs, drive = self.ports.values()
+        ports = recorder.ports(Ports(scanner, ahrs, drive, self.link_port))
         return recorder.begin(App(self.config, ports, session=SESSION, key=key), bool(key), None)
 
     def finish(self, truth: Mapping[str, str]) -> None:

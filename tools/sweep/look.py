@@ -42,7 +42,7 @@ def maybe_look(app: App, now_s: float) -> Look | None:
     grid = window.grid
     shift = (-(grid.corner_j % grid.size), -(grid.corner_i % grid.size))
     cells = np.roll(window.cells, shift, axis=(0, 1))
-    if not app.tiles.trusted:
+    if app.tiles.doubt:
         cells[cells == FREE] = UNKNOWN
     place = (pose.x_m, pose.y_m, pose.yaw_rad)
     return Look(now_s, cells, grid.corner_i, grid.corner_j, grid.cell_m, place)

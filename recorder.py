@@ -72,9 +72,9 @@ class RecordedApp:
     """An app, and a record of each call that moves it on."""
 
     def __init__(self, app: App, tap: AnyTap, look: Callable[[float], None]) -> None:
-        """`look` is called after each step."""
+        """`look` is called after each step, until the app is told to stop."""
         self._app, self._tap, self._look = app, tap, look
-        self._ticks = 0
+        self._ticks, self._stops = 0, False
         if app.image is not None and app.image.drive is not None:
             self._ask, app.image.drive.ask = app.image.drive.ask, self._asked
 
@@ -101,6 +101,7 @@ class RecordedApp:
     def stop(self) -> None:
         self._tap.calls += 1
         self._tap.note(self._tap.clock(), STOP)
+        self._stops = True
         self._app.stop()
 
     def _asked(self, now_s: float, who: str, v_mps: float, w_radps: float, valid_s: float) -> str:
@@ -111,7 +112,8 @@ class RecordedApp:
     def _done(self, now_s: float) -> None:
         if self._app.loop.ticks != self._ticks:  # a step
             self._ticks = self._app.loop.ticks
-            self._look(now_s)
+            if not self._stops:
+                self._look(now_s)
         self._tap.flush(now_s)
 
 

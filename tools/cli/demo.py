@@ -58,6 +58,8 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
             with robot.ended():
                 say(f'starting the world "{options.scene}" (seed {options.seed})')
                 values = {"planner.port": wire.url} | (DRIVEN if options.drive else {})
+                if options.record:
+                    values["record.path"] = recorded_to(options.record)
                 robot.start(world, Path(options.config), values, stop, app)
                 say(f"the app is starting; its map comes to {wire.url}; Ctrl-C ends all")
                 speeds = (DRIVEN_MPS, DRIVEN_RADPS) if options.drive else None
@@ -70,6 +72,11 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
     return 0
 
 
+def recorded_to(path: str) -> str:
+    """From here, wherever the app runs. A folder stays one that ends with a slash."""
+    return str(Path(path).resolve()) + "/" * path.endswith("/")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 something failed, 2 wrong use."""
     parser = parser_of("demo", __doc__, "mapod demo --scene office --seed 3 --seconds 60")
@@ -78,6 +85,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_config(SHIPPED_CONFIG)
     parser.add_out("a folder for what all of them say (default: one that stays if one fails)")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
+    parser.add_argument("--record", metavar="FILE", help="record the run: a file, x.mcap")
     parser.add_argument("--drive", action="store_true", help="drive with the keyboard")
     options = parser.parse_args(arguments)
     if why := lacks_simulation():

@@ -18,10 +18,13 @@ $(BIN)/python:
 	@echo "mapod: setting up the virtual environment in $(VENV) (once)"
 	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
 
+EXTRAS_sim := sim view
+EXTRAS_test := view export foxglove sweep video test
+
 $(VENV)/.ready-%: pyproject.toml | $(BIN)/python
-	@echo "mapod: installing the libraries that pyproject.toml names for [$*]"
+	@echo "mapod: installing the libraries that pyproject.toml names for [$(or $(EXTRAS_$*),$*)]"
 	@$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
-	  print(*p['dependencies'], *p['optional-dependencies']['$*'], sep='\n')" \
+	  print(*p['dependencies'], *(x for e in '$(or $(EXTRAS_$*),$*)'.split() for x in p['optional-dependencies'].get(e, [])), sep='\n')" \
 	  | $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --requirement /dev/stdin
 	@touch $@
 
@@ -42,11 +45,11 @@ rig: setup ## the app as it is, in real time, as rig.toml says: real or fake dev
 planner: setup ## the demonstration planner in C on a Cortex-M3: its flash, RAM and stack
 	@$(BIN)/python -m tools.rig.c_sizes planner
 
-campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder]
+campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder RESUME=folder]
 	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \
 	  $(if $(JOBS),--jobs $(JOBS)) $(if $(ONLY),--only $(ONLY)) $(if $(FAULTS),--faults $(FAULTS)) \
 	  $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
-	  $(if $(WATCH),--watch) $(if $(RECORD),--record $(RECORD)) $(ARGS)
+	  $(if $(WATCH),--watch) $(if $(RECORD),--record $(RECORD)) $(if $(RESUME),--resume $(RESUME)) $(ARGS)
 
 faults: setup ## every fault of every fake while the robot drives, and pairs of them [PAIRS=40 ONLY=scanner.]
 	@$(BIN)/python -m tools.rig.fault_table --pairs $(or $(PAIRS),40) --seed $(SEED) $(if $(ONLY),--only $(ONLY))

@@ -11,10 +11,10 @@ import numpy as np
 
 from core.config import Config
 from core.driving.control import LOOP_S
-from core.driving.health import stale_s
+from core.driving.health import doubt, stale_s
 from core.driving.pilot import Pilot
 from core.driving.report import report
-from core.mapping.layers import UNITS
+from core.mapping.layers import ON_ASKING, UNITS
 from core.mapping.mapper import Mapper
 from core.mapping.tiles import TileValues
 from core.records import Attitude, ExternalPose, PoseReport, Scan, WheelCounts
@@ -115,7 +115,7 @@ class App:
         self.mapper = Mapper(config)
         self.pilot = Pilot(config, self.mapper)
         self.planners = planners_on(ports, config, session, key)
-        self.tiles = TileValues(self.mapper.maps)
+        self.tiles = TileValues(self.mapper, config.scanner)
         self.image = maybe_image(config, self.planners, session, version)
         self.loop = LoopCounts()
         control = self.pilot.control if config.robot.enable_motors else None
@@ -163,7 +163,7 @@ class App:
 
     def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
         self.pilot.look_around(now_s, told, trusted, self.planners.requests.newest)
-        self.tiles.trusted = trusted
+        self.tiles.now_s, self.tiles.doubt = now_s, 0 if trusted else doubt(told.health)
         window = self.mapper.window(trusted)
         self.planners.step(now_s, told, window, self.pilot.zone, self.tiles)
         if self.image is not None:
@@ -295,3 +295,7 @@ def warm_kernels(config: Config) -> None:
         app.pilot.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
     for name in UNITS:
         app.mapper.maybe_layer(name)
+    app.tiles.doubt = 0
+    app.tiles.maybe_scan()
+    for name in ON_ASKING:
+        app.tiles.values(name, 0, 0, 1, 0, 1)

@@ -11,9 +11,7 @@ import secrets
 import signal
 import sys
 import time
-import tomllib
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 from types import FrameType
 
@@ -30,6 +28,7 @@ from hw.runtime.wakeup import WakeUp
 from logs import LOG, set_up_logging
 from map_files import MapSaver, load_map
 from recorder import Recorder, started_recorder
+from version import version
 from wiring import modbus_servers, open_ports
 
 UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
@@ -156,14 +155,6 @@ def serve(
         wake_up.close()
         notifier.close()
     LOG.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
-
-
-def version() -> str:
-    """The version in pyproject.toml: of the checkout, or as installed from it."""
-    path = Path(__file__).parent / "pyproject.toml"
-    if not path.exists():
-        return metadata.version("mapod")
-    return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
 
 
 def options_of(arguments: list[str] | None) -> argparse.Namespace:

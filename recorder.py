@@ -157,8 +157,9 @@ class Recorder:
         self._tap.begin({"metadata": metadata, **wanted})
         LOG.also = self._tell_line
         self._troubles = Troubles(app)
-        rate_hz = keys.rate_hz
-        self._states = StateTaker(self._tap, app.mapper, app.pilot, app.report, rate_hz)
+        self._states = StateTaker(
+            self._tap, app.mapper, app.pilot, app.tiles, app.report, keys.rate_hz
+        )
         return cast(App, RecordedApp(app, self._tap, self._look))
 
     def restored(self, now_s: float) -> None:

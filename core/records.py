@@ -43,8 +43,7 @@ class Scan:
     beam_dt_s: float
     first_rad: float
     step_rad: float
-    # (echoes, n); NaN: no measurement. A slot of the codec's pool: copy it to keep it
-    ranges_m: F64
+    ranges_m: F64  # (echoes, n); NaN: no measurement
     counter: int  # the scanner's own, 0..65535
     arrived_s: float  # host clock, when its last byte was read
 
@@ -63,6 +62,16 @@ class PointSweep:
     times_s: F64  # (n,) host monotonic clock; the first is the earliest, the last the latest
     counter: int  # the sensor's own
     arrived_s: float  # host clock, when its last byte was read
+
+
+@record(eq=False)
+class SweepPoints:
+    """What one sweep met, map frame."""
+
+    t_s: float  # host monotonic clock, of its last beam
+    lens_m: tuple[float, float, float]  # where that beam began
+    points_m: F64  # (k, 3), beam by beam; some of the returns where there are too many
+    returns: int  # that it had
 
 
 @record(eq=False)

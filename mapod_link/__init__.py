@@ -54,8 +54,9 @@ What a planner has to know:
   sender's own judgement (`stop_zone`); (0, 0) while it does not know.
 - `Receiver.drive` asks the robot to move, for up to a second; the sender obeys only while it knows
   nothing against it. `Receiver.external_pose` tells what a positioning system has seen.
-- `Receiver.ask_tile` asks for a rectangle of one layer: class, height, variance or slope; what gets
-  lost is asked for again. With `poll_only` nothing is pushed, and tiles are all there is.
+- `Receiver.ask_tile` asks for a rectangle of one layer: class, height, variance, slope, z, age, or
+  the cause for which a cell is what it is; what gets lost is asked for again. `Receiver.ask_scan`
+  asks for the points of the newest sweep. With `poll_only` nothing is pushed, and that is all.
 - With a key of 32 bytes, frames without a valid tag are refused, and answers are signed.
 - Nothing raises on what arrives. `OSError`: the wire is gone. `ValueError`: a wrong argument.
 """
@@ -63,6 +64,7 @@ What a planner has to know:
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose, StopZone
 from mapod_link.client import Link, open_link
 from mapod_link.receiver import Receiver
+from mapod_link.scans import SweepPoints
 from mapod_link.serial_line import serial_from_frame
 from mapod_link.tiles import Tile
 
@@ -75,6 +77,7 @@ __all__ = [
     "Pose",
     "Receiver",
     "StopZone",
+    "SweepPoints",
     "Tile",
     "open_link",
     "serial_from_frame",

@@ -15,7 +15,8 @@ DRIVE_BODY = struct.Struct("<IIhhHH")  # session, nonce, v, w, valid_ms, reserve
 EXTERNAL_BODY = struct.Struct("<IIiihHHhHH")
 ASK_BODY = struct.Struct("<HBBhhHH")  # id, what, layer, i, j, width, height
 POLL = 1 << 0  # capability: push nothing, I ask
-ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, IN_WINDOW = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 7
+ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+ASK_SCAN, IN_WINDOW = 1 << 4, 1 << 7
 NEED_GEOM, NEED_FULL, STALE, SUSPECT = 1 << 0, 1 << 1, 1 << 2, 1 << 3  # of an ACK's status
 PLANNER_STOPPED, DIGEST_OK, AUTH_FAILED = 1 << 4, 1 << 5, 1 << 6
 LONGEST_HOLD_S, HOLD_UNIT_S = 6.5535, 0.0001
@@ -137,7 +138,7 @@ def ask_body(
     """Body of an ASK frame.
 
     Args:
-        what: ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE and IN_WINDOW, added up.
+        what: ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, ASK_SCAN and IN_WINDOW, added up.
         place: lowest column and row; in the endless grid, or with IN_WINDOW in the window.
         shape: (height, width) in cells.
     """

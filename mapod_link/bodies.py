@@ -6,10 +6,12 @@ Source: planner link, section 3.
 
 import math
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE, Frame
+from mapod_link.frames import DIGEST, GEOM, MAP, POSE, SCAN, STOP_ZONE, TILE, Frame
+from mapod_link.scans import ScanPiece, maybe_scan_piece
 from mapod_link.tiles import TilePiece, maybe_tile_piece
 
 UNKNOWN, FREE, OBSTACLE, KEEP = 0, 1, 2, 3  # of a cell; KEEP only in an operation
@@ -229,7 +231,7 @@ def maybe_digest(body: bytes) -> Digest | None:
     return Digest(*DIGEST_BODY.unpack(body)) if len(body) == DIGEST_BODY.size else None
 
 
-Body = Geometry | Pose | StopZone | MapUpdate | Digest | TilePiece
+Body = Geometry | Pose | StopZone | MapUpdate | Digest | TilePiece | ScanPiece
 
 
 def maybe_body(frame: Frame, arrived_s: float, cells: int) -> Body | None:
@@ -240,5 +242,10 @@ def maybe_body(frame: Frame, arrived_s: float, cells: int) -> Body | None:
         return maybe_pose(frame.body, frame.t_ms, arrived_s)
     if frame.type == STOP_ZONE:
         return maybe_stop_zone(frame.body, frame.t_ms, arrived_s)
-    known = {GEOM: maybe_geometry, TILE: maybe_tile_piece, DIGEST: maybe_digest}
-    return known[frame.type](frame.body) if frame.type in known else None
+    readers: dict[int, Callable[[bytes], Body | None]] = {
+        GEOM: maybe_geometry,
+        DIGEST: maybe_digest,
+        TILE: maybe_tile_piece,
+        SCAN: maybe_scan_piece,
+    }
+    return readers[frame.type](frame.body) if frame.type in readers else None

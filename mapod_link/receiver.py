@@ -31,11 +31,12 @@ from mapod_link.frames import (
     GEOM,
     HELLO,
     MAP,
-    TILE,
+    SCAN,
     Frame,
     Outbox,
     frame_from_bytes,
 )
+from mapod_link.scans import ScanPiece, SweepPoints
 from mapod_link.serial_line import Deframer, serial_from_frame
 from mapod_link.tiles import MOST_CELLS, Tile, TilePiece, Tiles
 
@@ -83,13 +84,11 @@ class Receiver:
         self.tiles, self._map, self._deframer = Tiles(), CellMap(0, 0), Deframer()
         self._talk = Talk(Outbox(key), ack_every, ack_period_s, max_cells)
 
-    # What is known
-
     @property
     def cells(self) -> U8:
         """(height, width) read-only view, row-major from `origin`: 0 unknown, 1 free, 2 obstacle.
 
-        Later frames change what it shows; `window()` gives a copy. A new geometry has another one.
+        Later frames change what it shows; a new geometry has another one.
         """
         return self._map.cells
 
@@ -110,10 +109,7 @@ class Receiver:
 
     @property
     def origin(self) -> tuple[int, int] | None:
-        """World cell (column, row) of cells[0, 0], near the robot's pose; None while blank.
-
-        World cell (i, j) reaches from (i, j) * cell_m to (i + 1, j + 1) * cell_m in the map frame.
-        """
+        """World cell (i, j) of cells[0, 0], which begins at (i, j) * cell_m; None while blank."""
         return self._map.origin
 
     @property
@@ -136,11 +132,8 @@ class Receiver:
         """("go" | "slow" | "stop", why): what section 5 makes a planner do, whatever its way."""
         if self.poll_only:
             return "stop", "a receiver that only asks keeps no map"
-        if self.needs.too_many_cells:
-            return (
-                "stop",
-                f"the window has {self.needs.too_many_cells} cells, too many for this receiver",
-            )
+        if cells := self.needs.too_many_cells:
+            return "stop", f"the window has {cells} cells, too many for this receiver"
         if self.needs.full:
             return "stop", "the map is not the sender's"
         if self.pose is None or self.blank:
@@ -156,8 +149,6 @@ class Receiver:
     def digest(self) -> int:
         """CRC-32 of the window, as a DIGEST frame tells it."""
         return self._map.digest()
-
-    # Bytes in, bytes out
 
     def begin_stream(self) -> None:
         """A new connection: what was begun on the one before has no end."""
@@ -233,11 +224,20 @@ class Receiver:
         """A rectangle of the sender's map; it fills as `poll` asks and frames are fed.
 
         Args:
-            layer: "class", "height", "variance" or "slope".
+            layer: "class", "height", "variance", "slope", "cause", "age" or "z".
             i, j: lowest column and row; of the endless grid (as `origin`), or of the window.
             width, height: cells along map x and y, together at most 160 801; else `ValueError`.
         """
         return self.tiles.ask(layer, (i, j), (height, width), in_window)
+
+    def ask_scan(self) -> None:
+        """Ask for the newest sweep, `scan` once it is whole; nothing if that is under way."""
+        self.tiles.scans.ask()
+
+    @property
+    def scan(self) -> SweepPoints | None:
+        """The newest sweep; None before the first, and while the sender trusts none."""
+        return self.tiles.scans.newest
 
     def drive(self, now_s: float, v_mps: float, w_radps: float, valid_s: float) -> bool:
         """Ask the robot to move, forward and counter-clockwise, for up to 1 s; 0 s: stop now.
@@ -325,7 +325,7 @@ class Receiver:
         if not begins and not numbers.is_newer(frame):
             self.ignored.repeated += 1
             return ""
-        if body is None and not foreign and GEOM <= frame.type <= TILE:
+        if body is None and not foreign and GEOM <= frame.type <= SCAN:
             return "body"
         if anew and not begins:
             self._map.forget()
@@ -357,6 +357,8 @@ class Receiver:
                 self.stop_zone = body
             case TilePiece():
                 self.tiles.take(now_s, body, frame.t_ms)
+            case ScanPiece():
+                self.tiles.scans.take(now_s, body)
             case Digest():
                 self._compare(body)
             case None:
@@ -367,9 +369,8 @@ class Receiver:
     def _adopt(self, geom: Geometry, begins: bool) -> None:
         """A geometry that does not fit ends the old one all the same: no map under a wrong one."""
         old, cells, self.needs.geom = self.geom, geom.width * geom.height, False
-        self.geom, self.needs.too_many_cells = (
-            (geom, 0) if cells <= self._talk.max_cells else (None, cells)
-        )
+        fits = cells <= self._talk.max_cells
+        self.geom, self.needs.too_many_cells = (geom, 0) if fits else (None, cells)
         if begins:
             self.pose = self.stop_zone = None  # of another run of the sender
             self.numbers.map_s = -math.inf

@@ -14,11 +14,19 @@ import numpy.typing as npt
 
 from mapod_link.asking import ASK_TILE, IN_WINDOW, ask_body
 from mapod_link.frames import int16
+from mapod_link.scans import Scans
 
 F32 = npt.NDArray[np.float32]
 TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
-LAYERS = ("class", "height", "variance", "slope")
-CLASS = 0
+LAYERS = ("class", "height", "variance", "slope", "cause", "age", "z")
+CLASS, CAUSE = 0, 4
+NUMBERS = {  # of the other layers: type, scale, not known
+    1: ("<i2", 1e-3, -32_768),
+    2: ("<u2", 1e-6, 65_535),
+    3: ("<u2", 1e-4, 65_535),
+    5: ("<u2", 1e-1, 65_535),
+    6: ("<i2", 1e-3, -32_768),
+}
 MOST_CELLS = 401 * 401
 AT_A_TIME = 4
 RETRY_S = 0.5  # no piece of any tile for so long: something got lost
@@ -46,7 +54,7 @@ class TilePiece(NamedTuple):
     first: int  # cell of this piece: row * width + column
     geom_id: int
     cell_m: float
-    values: F32  # (count,): class, m, m^2 or rad; NaN: not known
+    values: F32  # (count,): class, m, m^2, rad, code or s; NaN: not known
 
     @property
     def is_last(self) -> bool:
@@ -65,7 +73,7 @@ def maybe_tile_piece(body: bytes) -> TilePiece | None:
     if status or layer >= len(LAYERS):  # of a layer of later days: nothing that can be read
         nothing = np.zeros(0, np.float32)
         return TilePiece(*place, nothing) if not status or not (count or data) else None
-    size = -(-count // 4) if layer == CLASS else 2 * count
+    size = {CLASS: -(-count // 4), CAUSE: count}.get(layer, 2 * count)
     if len(data) != size or count == 0 or first + count > width * height:
         return None
     return TilePiece(*place, _values(layer, data, count))
@@ -77,8 +85,10 @@ def _values(layer: int, data: bytes, count: int) -> F32:
         classes = quads.reshape(-1)[:count].astype(np.float32)
         classes[classes == 3] = 0  # not of this version: unknown
         return classes
-    raw = np.frombuffer(data, "<i2" if layer == 1 else "<u2").astype(np.int32)
-    scale, unknown = {1: (1e-3, -32_768), 2: (1e-6, 65_535), 3: (1e-4, 65_535)}[layer]
+    if layer == CAUSE:
+        return np.frombuffer(data, np.uint8).astype(np.float32)
+    kind, scale, unknown = NUMBERS[layer]
+    raw = np.frombuffer(data, kind).astype(np.int32)
     return np.where(raw == unknown, np.nan, raw * scale).astype(np.float32)
 
 
@@ -87,7 +97,8 @@ class Tile:
 
     Attributes:
         values: (height, width) float32: class 0 unknown, 1 free, 2 obstacle; height m;
-            variance m^2; slope rad; NaN: not known, or not here yet.
+            variance m^2; slope rad; cause a code (section 3), 0: not told, or not here yet;
+            age s; z m; NaN: not known, or not here yet.
         here: (height, width): which cells have been told at all.
         place: world cell (column, row) of values[0, 0], modulo 65 536; None until known.
         geom_id, cell_m: of the map that it was cut from, once a piece is here.
@@ -158,13 +169,14 @@ class Tile:
 
     def _clear(self) -> None:
         self.here[:] = False
-        self.values[:] = 0 if self.layer == LAYERS[CLASS] else np.nan
+        self.values[:] = 0 if self.layer in (LAYERS[CLASS], LAYERS[CAUSE]) else np.nan
 
 
 class Tiles:
-    """The tiles of one receiver: at most four under way at a time, the others wait."""
+    """One receiver's tiles: at most four under way at a time, the others wait; and its scans."""
 
     def __init__(self) -> None:
+        self.scans = Scans()
         self._waiting: deque[Tile] = deque()
         self._under_way: dict[int, Tile] = {}  # by id
         self._next_id = 1
@@ -201,7 +213,8 @@ class Tiles:
             self._first_asked_s = min(self._first_asked_s, now_s)
             nobody = self._unanswered > AT_A_TIME  # seems to be there
             tile.due_s = now_s + (2 * RETRY_S if nobody else RETRY_S)
-        return [tile.question() for tile in due]
+        questions, scan = [tile.question() for tile in due], self.scans.maybe_question(now_s)
+        return questions if scan is None else [scan, *questions]
 
     def take(self, now_s: float, piece: TilePiece, t_ms: int) -> None:
         """One TILE frame; of no tile under way: left alone."""
@@ -227,5 +240,6 @@ class Tiles:
 
     def begin_anew(self) -> None:
         """Another run of the sender: nobody knows any more what was asked."""
+        self.scans.begin_anew()
         for tile in self._under_way.values():
             tile.begin_anew()

@@ -5,6 +5,7 @@ bytes have arrived: never later than they did, so that what lay about unread is 
 
 Each has a `url`, and a `peer`: whoever answers go to, None while there is nobody. `wait` returns as
 soon as there is something to `feed`; `write` sends a frame, or drops it where nobody can take it.
+`fileno` is for a program that waits by itself.
 """
 
 import errno
@@ -69,6 +70,9 @@ class UdpWire:
         bound = self._socket.getsockname()
         self.url = f"udp://[{bound[0]}]:{bound[1]}" if ":" in host else "udp://{}:{}".format(*bound)
 
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
     def wait(self, timeout_s: float) -> None:
         _is_ready(self._socket, timeout_s)
 
@@ -112,6 +116,9 @@ class StreamWire:
         os.set_blocking(fd, False)
         self._empty_s = time.monotonic()  # when nothing lay there for the last time
         self._rest = b""  # of a frame that the line had room for in part
+
+    def fileno(self) -> int:
+        return self._fd
 
     def wait(self, timeout_s: float) -> None:
         if not _is_ready(self._fd, 0.0):
@@ -184,6 +191,10 @@ class TcpWire:
     @property
     def peer(self) -> object:
         return self._socket
+
+    def fileno(self) -> int:
+        """Of the connection, or of the listening socket while there is none."""
+        return (self._socket or self._listener).fileno()
 
     def wait(self, timeout_s: float) -> None:
         if self._stream is None:

@@ -39,6 +39,11 @@ class DirectTap:
             self._synced_s = now_s
             self._file.sync()
 
+    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """What only the simulation knows, under a name of its own."""
+        assert self._file is not None
+        self._file.metadata(name, entries)
+
     def end(self, wait_s: float) -> None:
         assert self._file is not None
         self._file.finish({"cause": "the run ended", "dropped": json.dumps({})})

@@ -78,6 +78,10 @@ class RecordingFile:
         t_ns = nanoseconds(t_s, self._offset_s)
         self._writer.add_message(self._channels[topic], t_ns, data, t_ns)
 
+    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        """Something else about the run, under a name of its own."""
+        self._writer.add_metadata(name, with_check(entries))
+
     def sync(self) -> None:
         """What was written is on the disk afterwards, and can be read whatever comes."""
         self._writer.flush()

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport
+from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport, SweepPoints
 from recording.states import F32, CellWindow, ScanRecord, StateRecord
 
 FREE_TOLD, OBSTACLE_TOLD = 1, 2
@@ -85,14 +85,23 @@ def heights_from(data: bytes) -> tuple[CellWindow, F32, F32]:
     return window, height_m, variance_m2
 
 
-def pack_scan(scan: Scan) -> bytes:
-    head = {"t_s": scan.t_s, "first_rad": scan.first_rad, "step_rad": scan.step_rad}
-    ranges: bytes = scan.ranges_m[0].astype("<f4").tobytes()
-    return json.dumps(head).encode() + b"\n" + ranges
+def pack_scan(scan: Scan, points: SweepPoints | None) -> bytes:
+    """A sweep, and where its returns are."""
+    head: dict[str, Any] = {"t_s": scan.t_s, "beams": scan.ranges_m.shape[1]}
+    head |= {
+        "first_rad": scan.first_rad,
+        "step_rad": scan.step_rad,
+        "has_points": points is not None,
+    }
+    arrays: bytes = scan.ranges_m[0].astype("<f4").tobytes()
+    if points is not None:
+        arrays += points.points_m.astype("<f4").tobytes()
+    return json.dumps(head).encode() + b"\n" + arrays
 
 
 def scan_from(data: bytes) -> ScanRecord:
-    line, _, ranges = data.partition(b"\n")
-    head = json.loads(line)
-    ranges_m = np.frombuffer(ranges, "<f4")
-    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, None)
+    line, _, arrays = data.partition(b"\n")
+    head: dict[str, Any] = json.loads(line)
+    ranges_m, points = np.split(np.frombuffer(arrays, "<f4"), [head["beams"]])
+    points_map = points.reshape(-1, 3) if head["has_points"] else None
+    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, points_map)

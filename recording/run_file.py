@@ -45,6 +45,9 @@ class RunFile:
             topic, schema, message = self._messages.of_log(t_s, said["level"], text)
             self._tell(t_s, topic, schema, {**message, "of": {**said, "t_s": t_s}})
 
+    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
+        self._file.metadata(name, entries)
+
     def sync(self) -> None:
         self._file.sync()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from core.driving.pilot import Pilot
 from core.mapping.mapper import Mapper
+from core.mapping.tiles import TileValues
 from core.records import PoseReport, Scan
 from recording.packing import pack_heights, pack_scan, pack_state
 from recording.ports import Notes
@@ -25,9 +26,16 @@ class StateTaker:
     """Looks at one app."""
 
     def __init__(
-        self, notes: Notes, mapper: Mapper, pilot: Pilot, report: Report, rate_hz: float
+        self,
+        notes: Notes,
+        mapper: Mapper,
+        pilot: Pilot,
+        tiles: TileValues,
+        report: Report,
+        rate_hz: float,
     ) -> None:
-        self._notes, self._mapper, self._pilot, self._report = notes, mapper, pilot, report
+        self._notes, self._mapper, self._pilot = notes, mapper, pilot
+        self._tiles, self._report = tiles, report
         self._period_s = 1.0 / rate_hz
         self._taken_s = -np.inf
         self._heights = HeightsTaker(notes, mapper)
@@ -48,7 +56,7 @@ class StateTaker:
         state = pack_state(pose, zone, window.cells, corner, cell_m, trusted)
         self._notes.note(now_s, STATE, 0, state)
         if isinstance(scan, Scan):
-            self._notes.note(scan.t_s, SCAN, 0, pack_scan(scan))
+            self._notes.note(scan.t_s, SCAN, 0, pack_scan(scan, self._tiles.maybe_scan()))
 
 
 class HeightsTaker:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from recording.series import Series
 
 NICE = 10
+APPS_SIGNALS = {  # a supervisor sends them to all of a service; its end is ours
+    signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT, signal.SIGUSR1, signal.SIGUSR2
+}  # fmt: skip
 SYNC_S = 1.0
 READ_BYTES = 1 << 20
 
@@ -145,8 +148,8 @@ def serve(pipe: int, writer: Writer) -> None:
 
 
 def main() -> int:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the app's end is ours
+    for number in APPS_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     with contextlib.suppress(OSError):  # a service may not be allowed to
         os.nice(NICE)
     writer = Writer(sys.stdout.fileno())

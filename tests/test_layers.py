@@ -9,7 +9,7 @@ from functools import cache
 
 from tests import ROOT
 
-TOP = {"app", "config_file", "logs", "main", "map_files", "recorder", "wiring"}
+TOP = {"app", "config_file", "logs", "main", "map_files", "recorder", "version", "wiring"}
 OWN = TOP | {
     "core",
     "jit",

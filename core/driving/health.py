@@ -3,6 +3,7 @@
 Source: planner link, section 3 (health bits, modes); design, section 8.
 """
 
+from core.mapping import causes
 from core.mapping.method import MAX_SLOPE_RAD
 from core.records import record
 
@@ -69,6 +70,24 @@ def health_word(inputs: Inputs) -> int:
 def trusted(word: int) -> bool:
     """Whether "free" may be told at all."""
     return bool(word & MAP_VALID)
+
+
+DOUBTS = (
+    (SCANNER_OK, causes.NO_SCANS),
+    (AHRS_OK, causes.NO_ATTITUDE),
+    (WHEELS_OK, causes.NO_COUNTS),
+    (POSE_VALID, causes.NO_POSE),
+    (MAP_VALID, causes.NOT_MAPPED),
+)
+
+
+def doubt(word: int) -> int:
+    """The cause for which free is held back (`core.mapping.causes`), the first; 0: it is told."""
+    if trusted(word):
+        return 0
+    if word & TOO_STEEP:
+        return causes.TILTED
+    return next(cause for bit, cause in DOUBTS if not word & bit)
 
 
 def mode(word: int, inputs: Inputs) -> int:

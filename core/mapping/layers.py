@@ -15,6 +15,7 @@ from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
+from core.mapping.freshness import Freshness
 from core.mapping.terrain import F32, JUDGED, terrain_at
 from core.records import F64, I64, UNKNOWN
 from jit import kernel
@@ -29,6 +30,7 @@ UNITS = {  # every layer there is
     "soft": "",  # 1: beams go into what stands there; 0: they do not, or nothing stands there
     "state": "",  # OBSTACLE or FREE
 }
+ON_ASKING = ("cause", "age")  # only of some cells: a code of `causes.py`; s, at the newest scan
 RECORDED = {"height": "mean_m", "variance": "var_m2", "z": "z_m"}  # fields of a cell's record
 
 
@@ -63,6 +65,15 @@ def states_at(window: ObstacleWindow, i: I64, j: I64) -> F64:
     """States (n,) at world cells; NaN where nothing is known."""
     states = at_cells(window.grid, i, j, window.cells)
     return np.where(states == UNKNOWN, np.nan, states)
+
+
+def ages_at(fresh: Freshness, grid: RingGrid, i: I64, j: I64) -> F64:
+    """Seconds (n,) from when world cells were last met, passed or stood on to the newest scan.
+
+    `fresh` is of the cells of `grid`. NaN: never in this run, or outside.
+    """
+    seen_s = at_cells(grid, i, j, fresh.seen_s.reshape(grid.size, grid.size))
+    return np.where(seen_s == -np.inf, np.nan, fresh.now_s - seen_s)
 
 
 def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:

@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from core.grid.window import ObstacleWindow
+from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
@@ -15,6 +16,7 @@ class Maps(Protocol):
     """An elevation map and the obstacle map made of it, kept up by one method."""
 
     window: ObstacleWindow
+    fresh: Freshness
 
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay as they are."""
@@ -29,7 +31,10 @@ class Maps(Protocol):
         """A layer by its name in `core.mapping.layers.UNITS`; none where the method has none."""
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        """What a layer holds at world cells i, j (n,); NaN: not known. None: no such layer."""
+        """What a layer holds at world cells i, j (n,); NaN: not known. None: no such layer.
+
+        Besides those of UNITS there are `core.mapping.layers.ON_ASKING`.
+        """
 
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell (world cell indices) is a drop, not something that stands."""

@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from core.config import Scanner
 from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
@@ -136,6 +137,17 @@ def check_sweep(scan: Scan | PointSweep, max_beams: int) -> None:
 
 class BeamGeometry:
     """Where the scanner sits on the body, and room for the rays of one sweep."""
+
+    @classmethod
+    def of(cls, scanner: Scanner) -> "BeamGeometry":
+        """As the settings have it."""
+        return cls(
+            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
+            math.radians(scanner.mount_roll_deg),
+            math.radians(scanner.mount_tilt_deg),
+            math.radians(scanner.mount_yaw_deg),
+            scanner.options.spec.max_beams,
+        )
 
     def __init__(
         self,

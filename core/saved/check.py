@@ -22,7 +22,10 @@ MOST_S = 1e9  # nor anything longer ago
 MOST_CELLS = 100_000_000  # nor a cell's index
 MOST_SCANS = 2**31 - 2  # as many as a record can number
 # fields that begin anew with each run, and those that are saved
-OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers", "face_n", "face_segment")
+OF_THIS_RUN = (
+    *("far_sides", "floor_run", "through", "outliers", "face_n", "face_segment"),
+    "gone",
+)
 KEPT = tuple(name for name in CELL.names or () if name not in OF_THIS_RUN)
 UNBOUNDED = ("low_m", "top_m")  # +inf and -inf while nothing rises
 COUNTED_IN = ("hit_scan", "stamp", "above_scan", "below_scan", "miss_scan", "through_scan")

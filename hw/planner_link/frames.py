@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 from cobs import cobs
 
-from core.records import PoseReport, StopZoneReport
+from core.records import PoseReport, StopZoneReport, SweepPoints
 from hw.device import BadFrame, Port
 
 VERSION = 1
-GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE = 1, 2, 3, 4, 5, 6
+GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE, SCAN = 1, 2, 3, 4, 5, 6, 7
 ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE = 8, 9, 10, 11, 12
 MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
 KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
@@ -29,6 +29,7 @@ GEOM_BODY, POSE_BODY = struct.Struct("<BxHHHIHH"), struct.Struct("<iihhhhhHBBBB"
 MAP_HEAD, DIGEST_BODY = struct.Struct("<hhHB3s"), struct.Struct("<BxxxI")
 STOP_ZONE_BODY = struct.Struct("<HHHHHHHHhBB")
 TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
+SCAN_HEAD = struct.Struct("<HBBHHHxxIiii")  # id, status, unit, count, first, returns, t, lens
 AGE_UNIT_S = 0.004
 MOST_AGE_S = 255 * AGE_UNIT_S
 MOST_I16, MOST_I32 = 2.0**15 - 1, 2.0**31 - 1
@@ -137,6 +138,23 @@ def encode_stop_zone(zone: StopZoneReport) -> bytes:
         zone.state,
         zone.causes,
     )
+
+
+def encode_scan_head(
+    ask_id: int, unit_mm: int, count: int, first: int, sweep: SweepPoints | None
+) -> bytes:
+    """What a SCAN frame begins with; no sweep: there is none to be told."""
+    if sweep is None:
+        return SCAN_HEAD.pack(ask_id, 1, 0, 0, 0, 0, 0, 0, 0, 0)
+    t_ms, lens_mm = round(sweep.t_s * 1000) % 2**32, lens_mm_of(sweep)
+    returns = min(sweep.returns, 0xFFFF)
+    return SCAN_HEAD.pack(ask_id, 0, unit_mm, count, first, returns, t_ms, *lens_mm)
+
+
+def lens_mm_of(sweep: SweepPoints) -> tuple[int, int, int]:
+    """Where the lens was, as it is told: points are told from there."""
+    x_m, y_m, z_m = sweep.lens_m
+    return _int(x_m * 1000, MOST_I32), _int(y_m * 1000, MOST_I32), _int(z_m * 1000, MOST_I32)
 
 
 def _thousandths(value: float, infinite: int = NONE) -> int:

@@ -31,7 +31,8 @@ from hw.planner_link.frames import (
 
 NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
 POLL = 1 << 0  # of a HELLO's capabilities
-ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, IN_WINDOW = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 7
+ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+ASK_SCAN, IN_WINDOW = 1 << 4, 1 << 7
 LONGEST_VALID_MS, NO_SPEED = 1000, -(2**15)
 NO_YAW, NO_PLACE, MOST_YAW = -(2**15), -(2**31), 31416  # 0.0001 rad
 MOST_CORRELATION, OLDEST_MS = 10_000, 1000
@@ -68,7 +69,7 @@ class Ask:
     """What a planner wants to have at once."""
 
     id: int
-    wants: int  # bits ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, IN_WINDOW; one of the first four
+    wants: int  # bits ASK_..., one at least, and IN_WINDOW
     layer: int
     i: int  # lowest column of the rectangle, modulo 65 536
     j: int
@@ -172,7 +173,7 @@ def _hello(seq: int, t_ms: int, *fields: int) -> Hello:
 
 
 def _maybe_ask(_seq: int, _t_ms: int, *fields: int) -> Ask | None:
-    ask, wants = Ask(*fields), ASK_GEOM | ASK_POSE | ASK_ZONE | ASK_TILE
+    ask, wants = Ask(*fields), ASK_GEOM | ASK_POSE | ASK_ZONE | ASK_TILE | ASK_SCAN
     return ask if ask.wants & wants and not ask.wants & ~(wants | IN_WINDOW) else None
 
 

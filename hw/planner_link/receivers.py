@@ -12,9 +12,9 @@ from typing import Any
 
 from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import Port
+from hw.planner_link.answers import AnswerSource
 from hw.planner_link.requests import NO_LINK, ExternalPoses, ReplayGuard, Requests
 from hw.planner_link.sender import LinkSettings, PlannerLink, Wire
-from hw.planner_link.tiles import TileSource
 
 
 class Planners:
@@ -39,7 +39,7 @@ class Planners:
         pose: PoseReport,
         window: ObstacleMap,
         zone: StopZoneReport | None,
-        tiles: TileSource | None,
+        tiles: AnswerSource | None,
     ) -> None:
         """One tick of all links; `window.changed` is what changed since the last one."""
         self._renew(now_s)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.device import BadFrame, Port
+from hw.planner_link.answers import Answers, AnswerSource
 from hw.planner_link.frames import (
     DIGEST,
     DIGEST_BODY,
@@ -31,7 +32,6 @@ from hw.planner_link.map_frames import SLICE_BODY, MapPublisher
 from hw.planner_link.messages import (
     ASK_GEOM,
     ASK_POSE,
-    ASK_TILE,
     ASK_ZONE,
     NEED_FULL,
     NEED_GEOM,
@@ -48,7 +48,6 @@ from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import Repair
 from hw.planner_link.requests import ExternalPoses, Requests
 from hw.planner_link.scheduler import FrameScheduler
-from hw.planner_link.tiles import Tiles, TileSource
 
 GEOM_EVERY_S = 1.0
 DIGEST_EVERY_S = 1.0
@@ -137,7 +136,7 @@ class PlannerLink:
         self._map = PublishedMap(settings.size)
         self._repair = Repair(self._map, settings.first_seq - 1)
         self._publisher = MapPublisher(self._scheduler, self._map, self._repair, session % 256)
-        self._tiles = Tiles(self._scheduler, settings.cell_mm)
+        self._answers = Answers(self._scheduler, settings.cell_mm)
         self._state, self.counters = State(geom_due=settings.push), LinkCounters()
 
     @property
@@ -203,8 +202,7 @@ class PlannerLink:
                 self._take_hello(answer)
             case Ask():
                 self._state.wanted |= answer.wants
-                if answer.wants & ASK_TILE:
-                    self._tiles.take(answer)
+                self._answers.take(answer)
             case Drive():
                 self.requests.take(now_s, answer, self.wire.drive_refusal, self._number)
             case External():
@@ -212,7 +210,7 @@ class PlannerLink:
 
     def _take_hello(self, hello: Hello) -> None:
         if self.peer.take_hello(hello):
-            self._tiles.forget()
+            self._answers.forget()
             self._scheduler.secret = self._secret
             self._state.epoch_due = True
         self._scheduler.max_frame = self.peer.max_frame
@@ -256,7 +254,7 @@ class PlannerLink:
         pose: PoseReport,
         window: ObstacleMap,
         zone: StopZoneReport | None = None,
-        tiles: TileSource | None = None,
+        tiles: AnswerSource | None = None,
     ) -> None:
         """One tick: take answers, if not taken yet, then write what the line has room for."""
         is_open = self._state.is_open if now_s == self._state.polled_s else self.poll(now_s)
@@ -273,7 +271,7 @@ class PlannerLink:
         self._publish_state(now_s, pose, zone)
         if self.peer.polled:
             told = None if self.peer.refusal else window
-            self._tiles.publish(self._scheduler.budget.credit, told, self.geom_id, tiles)
+            self._answers.publish(self._scheduler.budget.credit, told, self.geom_id, tiles)
         elif not self.peer.refusal:
             self._publish_map(now_s, dt_s, window, tiles)
         self._state.wanted = 0
@@ -309,14 +307,14 @@ class PlannerLink:
         return calls
 
     def _publish_map(
-        self, now_s: float, dt_s: float, window: ObstacleMap, tiles: TileSource | None
+        self, now_s: float, dt_s: float, window: ObstacleMap, tiles: AnswerSource | None
     ) -> None:
         scheduler, budget = self._scheduler, self._scheduler.budget
         self._publisher.publish_changes()
         spare = budget.credit - budget.tick_bytes
-        if self._tiles.waiting:
+        if self._answers.waiting:
             left = budget.credit - budget.saved - budget.tick_bytes / 2
-            self._tiles.publish(left, window, self.geom_id, tiles)
+            self._answers.publish(left, window, self.geom_id, tiles)
             spare = 0.0
         self._publisher.refresh(dt_s, spare)
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq

@@ -18,12 +18,14 @@ from hw.planner_link.messages import IN_WINDOW, Ask
 from hw.planner_link.scheduler import FrameScheduler
 
 F32 = npt.NDArray[np.float32]
-LAYERS = ("state", "height", "variance", "slope")  # by their number in ASK and TILE
-STATE = 0
+LAYERS = ("state", "height", "variance", "slope", "cause", "age", "z")  # by number in ASK and TILE
+STATE, CAUSE = 0, 4
 NUMBERS = {  # of the other layers: scale, whether rounded up, least, most, not known
     1: (1e3, False, -32_767, 32_767, -32_768),
     2: (1e6, True, 0, 65_534, 65_535),
     3: (1e4, False, 0, 65_534, 65_535),
+    5: (1e1, True, 0, 65_534, 65_535),
+    6: (1e3, False, -32_767, 32_767, -32_768),
 }
 QUAD_SHIFTS = np.array([0, 2, 4, 6], np.uint8)  # four states a byte, the first lowest
 NO_LAYER, BAD_SIZE, TOO_MANY, NO_MAP = 1, 2, 3, 4  # why a tile can't be had
@@ -40,7 +42,8 @@ class TileSource(Protocol):
         """Cells first..first + count (row-major) of the rectangle whose lowest cell is (i, j).
 
         Args:
-            layer: "state" (1 obstacle, -1 free), "height" (m), "variance" (m2), "slope" (rad).
+            layer: "state" (1 obstacle, -1 free), "height" (m), "variance" (m2), "slope" (rad),
+                "cause" (0 to 255; 0: not told), "age" (s), "z" (m).
             i, j: world cell of the lowest column and row; `width` in cells.
 
         Returns:
@@ -70,7 +73,7 @@ class Tile:
 
 
 def pack_values(layer: int, values: F32, trusted: bool) -> bytes:
-    """The values of a TILE frame: class in 2 bits a cell, all else in 2 bytes.
+    """The values of a TILE frame: class in 2 bits a cell, cause in a byte, all else in 2.
 
     Args:
         values: (n,) as a TileSource gives them.
@@ -81,10 +84,26 @@ def pack_values(layer: int, values: F32, trusted: bool) -> bytes:
         free = (values == -1) & trusted
         quads.reshape(-1)[: values.size] = np.where(values == 1, 2, free)
         return bytes(np.bitwise_or.reduce(quads << QUAD_SHIFTS, axis=1))
+    if layer == CAUSE:
+        return values.astype(np.uint8).tobytes()
     scale, up, least, most, unknown = NUMBERS[layer]
     scaled = np.clip(values.astype(np.float64) * scale, least, most)
     rounded = np.ceil(scaled - 1e-4) if up else np.floor(scaled + 0.5)
     return np.where(np.isnan(values), unknown, rounded).astype(np.int64).astype("<u2").tobytes()
+
+
+def bytes_of(layer: int, cells: int) -> int:
+    """How many bytes the values of so many cells take."""
+    if layer == STATE:
+        return (cells + 3) // 4
+    return cells if layer == CAUSE else 2 * cells
+
+
+def cells_in(layer: int, room: int) -> int:
+    """How many cells' values so many bytes hold."""
+    if layer == STATE:
+        return 4 * room
+    return room if layer == CAUSE else room // 2
 
 
 class Tiles:
@@ -142,14 +161,14 @@ class Tiles:
     ) -> bool:
         """The next piece of the first tile; False if there is too little room for it."""
         tile = self._tiles[0]
-        ask, is_state = tile.ask, tile.ask.layer == STATE
+        ask = tile.ask
         if tile.sent == 0:
             tile.begin(window)
-        whole = (tile.left + 3) // 4 if is_state else 2 * tile.left
+        whole = bytes_of(ask.layer, tile.left)
         enough = min(whole, PIECE_BYTES, self._scheduler.most_room(TILE_HEAD.size))
         if room < max(2, enough):
             return False
-        count = min(tile.left, 4 * room if is_state else room // 2)
+        count = min(tile.left, cells_in(ask.layer, room))
         values = source.values(LAYERS[ask.layer], *tile.corner, ask.width, tile.sent, count)
         if values is None:
             self._refuse(NO_LAYER)

@@ -22,6 +22,7 @@ from mapod_link.frames import (
     signed_bytes_from_frame,
     tag_is_right,
 )
+from mapod_link.scans import maybe_scan_piece
 from mapod_link.serial_line import (
     Deframer,
     cobs_from_bytes,
@@ -77,6 +78,7 @@ def test_hello_and_questions_are_made_as_in_the_vectors() -> None:
     assert tile == body_of("ask_tile")
     in_window = asking.ASK_TILE | asking.IN_WINDOW
     assert asking.ask_body(0x104, in_window, 0, (40, 60), (3, 5)) == body_of("ask_window")
+    assert asking.ask_body(0x105, asking.ASK_SCAN) == body_of("ask_scan")
 
 
 def test_the_stop_zone_of_the_vectors_is_read_in_metres() -> None:
@@ -99,6 +101,9 @@ TILES: dict[str, tuple[int, int, Sequence[float | None]]] = {  # layer, first ce
     ]),
     "tile_variance": (2, 5, [4e-4, 25e-6, 3e-5, NOT, NOT, 9e-6, 9e-6, 9e-6, 1e-5, 0.065534]),
     "tile_slope": (3, 0, [0.7854, 0.785, 0.786, NOT, NOT]),
+    "tile_cause": (4, 0, [128, 128, 130, 1, 8, 128, 131, 129, 1, 6, 64, 64, 66, 67, 64]),
+    "tile_age": (5, 5, [0.1, 0.1, 12.5, NOT, 3.0, 0.0, 0.1, 0.2, 0.3, 6553.4]),
+    "tile_z": (6, 0, [0.31, 0.305, -1.2, NOT, NOT]),
 }  # fmt: skip
 
 
@@ -114,11 +119,46 @@ def test_the_tiles_of_the_vectors_are_read(name: str) -> None:
     np.testing.assert_allclose(piece.values, told, rtol=1e-6)
 
 
+def test_the_sweep_of_the_vectors_is_read() -> None:
+    first, end = maybe_scan_piece(body_of("scan")), maybe_scan_piece(body_of("scan_end"))
+    assert first is not None
+    assert end is not None
+    assert first[:6] == (0x105, 0, 5, 0, 541, 1052)
+    assert (end.id, end.first, end.t_ms) == (0x105, 3, 1052)
+    assert first.lens_m == (12.6, -2.1, 0.45)
+    points_m = [[14.6, -1.6, 0.0], [14.61, -1.85, 0.002], [14.1, -2.1, 0.33]]
+    np.testing.assert_allclose(first.points_m, points_m, atol=1e-9)
+    np.testing.assert_allclose(end.points_m, [[14.09, -2.36, 0.332], [14.63, -2.62, -0.001]])
+    none = maybe_scan_piece(body_of("scan_refused"))
+    assert none is not None
+    assert (none.id, none.status, len(none.points_m)) == (0x106, 1, 0)
+
+
 # Bodies that contradict themselves
 
 
 @given(
-    layer=st.integers(0, 5),
+    status=st.integers(0, 2),
+    unit=st.integers(0, 3),
+    total=st.integers(0, 6),
+    first=st.integers(0, 6),
+    data=st.binary(max_size=40),
+)
+def test_a_piece_of_a_sweep_is_taken_only_if_its_length_and_numbers_agree(
+    status: int, unit: int, total: int, first: int, data: bytes
+) -> None:
+    head = struct.pack("<HBBHHHHIiii", 5, status, unit, total, first, 9, 0, 1, 0, 0, 0)
+    points, rest = divmod(len(data), 6)
+    fits = not rest and first + points <= total and (points > 0 or total == 0) and unit > 0
+    piece = maybe_scan_piece(head + data)
+    assert (piece is not None) == (not data if status else fits)
+    if piece is not None:
+        assert len(piece.points_m) == points
+    assert maybe_scan_piece(head[:-1]) is None
+
+
+@given(
+    layer=st.integers(0, 8),
     size=st.tuples(st.integers(0, 40), st.integers(0, 40)),
     first=st.integers(0, 2000),
     count=st.integers(0, 170),
@@ -128,12 +168,12 @@ def test_the_tiles_of_the_vectors_are_read(name: str) -> None:
 def test_a_tile_is_taken_only_if_length_count_and_rectangle_agree(
     layer: int, size: tuple[int, int], first: int, count: int, extra: int, junk: bytes
 ) -> None:
-    right = -(-count // 4) if layer == 0 else 2 * count
+    right = {0: -(-count // 4), 4: count}.get(layer, 2 * count)
     data = junk[: max(right + extra, 0)]
     body = struct.pack("<HBBhhHH", 5, layer, 0, 0, 0, *size) + first.to_bytes(3, "little")
     piece = maybe_tile_piece(body + struct.pack("<BHH", 7, count, 50) + data)
     fits = len(data) == right and 0 < count <= size[0] * size[1] - first
-    if layer <= 3:
+    if layer <= 6:
         assert (piece is not None) is fits
     if piece is not None and layer == 0:
         assert set(piece.values.tolist()) <= {0.0, 1.0, 2.0}

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose
-from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, TILE
+from mapod_link.frames import DIGEST, GEOM, MAP, POSE, SCAN, STOP_ZONE, TILE
 from mapod_link.receiver import Receiver
 from tests.support.cases import cut, examples
 from tests.support.planner_sender import (
@@ -144,15 +144,16 @@ def test_the_acknowledgement_is_that_of_the_sheet() -> None:
 def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     receiver = Receiver(NONCE)
     names = ["geom", "pose", "map", "digest", "stop_zone", "tile_class", "tile_height"]
-    names += ["tile_variance", "tile_slope", "tile_refused"]
+    names += ["tile_variance", "tile_slope", "tile_refused", "tile_cause", "tile_age", "tile_z"]
+    names += ["scan", "scan_end", "scan_refused"]
     for name in names:
         assert receiver.feed_datagram(1.0, vector(name)), name
     assert receiver.needs.digest_ok
     assert not receiver.suspect
     assert receiver.stop_zone is not None
-    counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 5}
+    counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 8, SCAN: 3}
     assert receiver.accepted == counts
-    assert (receiver.numbers.last, receiver.ignored.types) == (10, 0)
+    assert (receiver.numbers.last, receiver.ignored.types) == (16, 0)
 
 
 def test_the_view_follows_the_map_and_cannot_be_written() -> None:

@@ -20,9 +20,18 @@ from mapod_link.tiles import Tile
 from tests.support.cases import examples
 from tests.support.planner_sender import NONCE, geom_body
 
-RAW = {0: (0, 1, 2), 1: (-32_768, -500, 0, 1234), 2: (65_535, 0, 65_534), 3: (65_535, 0, 7854)}
-SCALE = {0: 1.0, 1: 1e-3, 2: 1e-6, 3: 1e-4}
-UNKNOWN = {1: -32_768, 2: 65_535, 3: 65_535}
+RAW: dict[int, tuple[int, ...]] = {
+    0: (0, 1, 2),
+    1: (-32_768, -500, 0, 1234),
+    2: (65_535, 0, 65_534),
+    3: (65_535, 0, 7854),
+    4: (0, 1, 64, 255),
+    5: (65_535, 0, 125),
+    6: (-32_768, -500, 0, 1234),
+}
+SCALE = {0: 1.0, 1: 1e-3, 2: 1e-6, 3: 1e-4, 4: 1.0, 5: 1e-1, 6: 1e-3}
+UNKNOWN = {1: -32_768, 2: 65_535, 3: 65_535, 5: 65_535, 6: -32_768}
+FORMATS = {1: "h", 4: "B", 6: "h"}
 
 
 class Sender:
@@ -60,7 +69,7 @@ class Sender:
             self.before_piece(first)
             cells = range(first, min(first + self.cells_a_piece, width * height))
             raws = [self.raw(layer, i + k % width, j + k // width) for k in cells]
-            values = struct.pack(f"<{len(raws)}{'h' if layer == 1 else 'H'}", *raws)
+            values = struct.pack(f"<{len(raws)}{FORMATS.get(layer, 'H')}", *raws)
             if layer == 0:
                 quads = [[*raws, 0, 0, 0][k : k + 4] for k in range(0, len(raws), 4)]
                 values = bytes(a | b << 2 | c << 4 | d << 6 for a, b, c, d in quads)
@@ -94,7 +103,7 @@ class Sender:
         return np.where(raws == UNKNOWN.get(layer, -1), np.nan, raws * SCALE[layer])
 
 
-LAYERS = ("class", "height", "variance", "slope")
+LAYERS = ("class", "height", "variance", "slope", "cause", "age", "z")
 
 
 @settings(max_examples=examples(30))

@@ -5,11 +5,12 @@ import random
 import numpy as np
 import numpy.typing as npt
 
-from core.records import FREE, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
+from core.records import FREE, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport, SweepPoints
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort
+from hw.planner_link.answers import AnswerSource
 from hw.planner_link.receivers import one_link
-from hw.planner_link.tiles import F32, TileSource
+from hw.planner_link.tiles import F32
 from mapod_link.serial_line import serial_from_frame
 
 I8 = npt.NDArray[np.int8]
@@ -76,10 +77,14 @@ class Sky:
 
 
 class SkyTiles:
-    """Tiles of a sky: its states, and numbers by place for the other layers."""
+    """Tiles of a sky: its states, and numbers by place for the other layers; and a sweep."""
 
     def __init__(self, sky: Sky) -> None:
         self.sky, self.calls = sky, 0
+        self.sweep: SweepPoints | None = None
+
+    def maybe_scan(self) -> SweepPoints | None:
+        return self.sweep
 
     def values(self, layer: str, i: int, j: int, width: int, first: int, count: int) -> F32 | None:
         self.calls += 1
@@ -130,7 +135,7 @@ class Line:
         first_seq: int = 1,
         push: bool = True,
         zone: StopZoneReport | None = None,
-        tiles: TileSource | None = None,
+        tiles: AnswerSource | None = None,
         planner: FakePlanner | None = None,
     ) -> None:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss

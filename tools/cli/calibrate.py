@@ -3,13 +3,14 @@
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
 drive it by its radio, meanwhile. Close mapod first: a port has one reader. Prints the lines of
-mapod.toml; --write puts their values there, and changes nothing else. What the floor does not tell
-is not written; x, y and yaw of the mount it never tells.
+mapod.toml; --write puts their values there, with a comment that says when. What the floor does not
+tell is not written; x, y and yaw of the mount it never tells.
 """
 
 import argparse
 import math
 import sys
+from datetime import UTC, datetime
 
 from config_file import load_config
 from core.config import Config, ConfigError
@@ -23,6 +24,7 @@ from tools.calibration.mount import (
     calibrate,
     reads_m,
 )
+from tools.calibration.noted import with_note
 from tools.cli.options import fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
@@ -160,7 +162,8 @@ def tell(found: Calibration, options: argparse.Namespace, config: Config, text: 
     for key, value in values.items():
         print(f"{key} = {value}")
     if options.write:
-        rewrite(options.config, text, with_values(text, "scanner", values))
+        noted = with_note(with_values(text, "scanner", values), datetime.now(UTC))
+        rewrite(options.config, text, noted)
         print(f"\nwritten to {options.config}")
 
 

@@ -1,13 +1,16 @@
-"""A simulated robot, the unchanged app, and its map in the terminal.
+"""A simulated robot, the unchanged app, and its map in the browser and in the terminal.
 
 World and fakes are one process, the app is another; they speak over TCP and ptys, and the app's
 obstacle map comes back over UDP. With --drive the keyboard drives the robot, through app and
-controller. Ctrl-C, or the end of --seconds, ends all of them.
+controller. The live page of `mapod view` is at the address that the first line tells, as a second
+receiver. Ctrl-C, or the end of --seconds, ends all of them.
 """
 
 import argparse
 import contextlib
+import importlib.util
 import math
+import socket
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,14 +19,16 @@ from rich.console import Console
 
 from mapod_link.wires import UdpWire
 from tools.cli.options import SHIPPED_CONFIG, fail, lacks_simulation, parser_of
-from tools.cli.view import print_summary, watch_and_drive
-from tools.settings import NotThereError
+from tools.cli.view import NO_PAGE, PAGE_AT, print_summary, watch_and_drive
+from tools.settings import NotThereError, rewritten
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.processes import (
     APP,
+    Child,
     RunError,
     SimulatedRobot,
     Stop,
+    first_lines_of,
     folder_kept_on_failure,
     say,
 )
@@ -49,6 +54,8 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
             Stop().on_signals() as stop,
         ):
             robot, end = SimulatedRobot(folder), PlannerEnd(wire, WatchingReceiver())
+            values: dict[str, object] = dict(DRIVEN) if options.drive else {}
+            settings = rewritten(Path(options.config).read_text(), values)
 
             def done(now_s: float) -> bool:
                 if stop.wanted:
@@ -56,14 +63,16 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
                 return robot.has_map(now_s, end.planner) and now_s >= robot.mapped_s + seconds
 
             with robot.ended():
+                address, page_url = ("", "") if options.no_page else page(robot, settings, stop)
+                say(address or "no page")
                 say(f'starting the world "{options.scene}" (seed {options.seed})')
-                values = {"planner.port": wire.url} | (DRIVEN if options.drive else {})
                 if options.record:
                     values["record.path"] = recorded_to(options.record)
+                values["planner.port"] = [wire.url, page_url] if page_url else wire.url
                 robot.start(world, Path(options.config), values, stop, app)
                 say(f"the app is starting; its map comes to {wire.url}; Ctrl-C ends all")
                 speeds = (DRIVEN_MPS, DRIVEN_RADPS) if options.drive else None
-                watch_and_drive(end, console, done, speeds)
+                watch_and_drive(end, console, done, speeds, address)
                 now_s = end.step(0.0)
             print_summary(end, console, now_s)
     except (RunError, NotThereError, OSError, ValueError) as error:
@@ -77,6 +86,28 @@ def recorded_to(path: str) -> str:
     return str(Path(path).resolve()) + "/" * path.endswith("/")
 
 
+def page(robot: SimulatedRobot, settings: str, stop: Stop) -> tuple[str, str]:
+    """Starts the page's server. Its address, and the URL at which it hears the app; or why not."""
+    if importlib.util.find_spec("aiohttp") is None:
+        return NO_PAGE, ""
+    path = robot.folder / "page.toml"
+    path.write_text(settings)
+    port = PAGE_AT[1] if is_free(PAGE_AT[1]) else 0
+    view = [sys.executable, "-m", "mapod", "view", "udp://127.0.0.1:0", "--config", str(path)]
+    server = Child("page", [*view, "--http", f"127.0.0.1:{port}"], robot.folder)
+    robot.children.append(server)
+    address, watching = first_lines_of(server, 2, stop) or ("", "")
+    return address, watching.removeprefix("watching ").partition(";")[0]
+
+
+def is_free(port: int) -> bool:
+    try:
+        socket.create_server(("127.0.0.1", port)).close()
+    except OSError:
+        return False
+    return True
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 something failed, 2 wrong use."""
     parser = parser_of("demo", __doc__, "mapod demo --scene office --seed 3 --seconds 60")
@@ -87,6 +118,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
     parser.add_argument("--record", metavar="FILE", help="record the run: a file, x.mcap")
     parser.add_argument("--drive", action="store_true", help="drive with the keyboard")
+    parser.add_argument("--no-page", action="store_true", help="no live page beside it")
     options = parser.parse_args(arguments)
     if why := lacks_simulation():
         return fail("demo", why)

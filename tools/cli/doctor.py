@@ -1,12 +1,16 @@
 """Whether this machine can run mapod well: one line each, and what to do.
 
-Looks at libraries, settings, kernels, ports, real-time rights, cores, clock, disk and service.
-It sends no byte to any device. Run it as the user who runs mapod: rights are told of that one.
+Looks at libraries, settings, kernels, ports, the way to the scanner, calibration, recordings,
+real-time rights, cores, clocks, disk and service. It sends no byte to any device. Run it as the
+user who runs mapod: rights are told of that one.
 """
 
+import json
 import platform
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
@@ -15,6 +19,7 @@ from tools.doctor.finding import Finding, status_of
 
 LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "rich")
 PYTHON = (3, 11)
+STATE = Path("/var/lib/mapod")  # where the service is started; by hand it is the folder one is in
 
 
 def find_python() -> Iterator[Finding]:
@@ -37,12 +42,14 @@ def find_python() -> Iterator[Finding]:
         yield Finding("OK", "libraries", ", ".join(found))
 
 
-def find_app(path: Path) -> Iterator[Finding]:
-    """Settings, kernels and ports; needs the libraries."""
+def find_app(path: Path, base: Path) -> Iterator[Finding]:
+    """Settings, kernels, ports, calibration and recordings; needs the libraries."""
     from config_file import read_key
     from core.config import ConfigError
     from tools.cli.options import configured
+    from tools.doctor.calibrated import of_calibration
     from tools.doctor.kernels import of_kernels
+    from tools.doctor.storage import find_storage
     from tools.doctor.wires import find_wires
     from wiring import check_ports
 
@@ -56,20 +63,22 @@ def find_app(path: Path) -> Iterator[Finding]:
     yield Finding("OK", "settings", f"{path} can be used")
     yield of_kernels(config)
     yield from find_wires(config, Path("/"))
+    yield of_calibration(path.read_text(encoding="utf-8"), datetime.now(UTC))
+    yield from find_storage(config, base)
 
 
 def find_all(path: Path) -> Iterator[Finding]:
-    from main import version
     from tools.doctor.machine import find_machine
     from tools.doctor.service import find_service, maybe_unit
+    from version import version
 
     python = list(find_python())
     yield from python
     if status_of(python) == 2:
         return
-    yield from find_app(path)
-    state = Path("/var/lib/mapod")
-    yield from find_machine(Path("/"), state if state.is_dir() else Path())
+    base = STATE if STATE.is_dir() else Path()
+    yield from find_app(path, base)
+    yield from find_machine(Path("/"), base)
     yield from find_service(maybe_unit(), version())
 
 
@@ -77,9 +86,13 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 all is fine, 1 mapod runs but lacks something, 2 it can't run."""
     parser = parser_of("doctor", __doc__, "mapod doctor --config /etc/mapod/mapod.toml")
     parser.add_config()
+    parser.add_argument("--json", action="store_true", help="for programs: a list of findings")
     options = parser.parse_args(arguments)
     findings = []
     for finding in find_all(options.config):
-        print(finding, flush=True)
+        if not options.json:
+            print(finding, flush=True)
         findings.append(finding)
+    if options.json:
+        print(json.dumps([asdict(finding) for finding in findings], indent=1))
     return status_of(findings)

@@ -13,9 +13,9 @@ from pathlib import Path
 from core.config import ConfigError
 from main import RECORD, UNATTENDED
 from main import run as run_app
-from main import version as app_version
 from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
 from tools.settings_merge import merged
+from version import version as app_version
 
 HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 

@@ -1,13 +1,18 @@
 """The map that a planner gets, as it grows, and what the link tells of robot and health.
 
-It answers the sender as a planner would, and with --drive asks it to move the robot while keys are
-held: mapod obeys where its settings enable the motors. Ctrl-C ends it.
+A live page for browsers, at the address that the first line tells; or --terminal, a picture in this
+terminal. It answers the sender as a planner would, and asks it to move the robot while keys are
+held: mapod obeys where its settings enable the motors. Beside a planner, give it a receiver of its
+own: [planner] port may be a list. Ctrl-C ends it.
 """
 
 import argparse
 import contextlib
+import importlib.util
+import math
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -16,6 +21,7 @@ from rich.text import Text
 from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
+from mapod_link.client import Link
 from mapod_link.wires import wire_from_url
 from tools.cli.options import fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
@@ -38,6 +44,8 @@ from tools.terminal.steer import Steering, keys_of
 
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
+PAGE_AT = "127.0.0.1", 8750
+NO_PAGE = "the page needs aiohttp: pip install 'mapod[view]'; --terminal needs nothing"
 ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
 KINDS = {1: "GEOM", 2: "POSE", 3: "MAP", 4: "DIGEST", 5: "STOP_ZONE"}
 
@@ -126,19 +134,55 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use."""
+    options = options_of(arguments)
+    if options.terminal or options.drive or options.foxglove:
+        return in_terminal(options)
+    if importlib.util.find_spec("aiohttp") is None:
+        return fail("view", NO_PAGE)
+    from tools.view.command import serve_page
+
+    return serve_page(options)
+
+
+def options_of(arguments: list[str] | None) -> argparse.Namespace:
     parser = parser_of(
         "view",
         __doc__,
-        "mapod view --port udp://0.0.0.0:9750",
-        "mapod view --port 'serial:///dev/planner?baud=115200' --drive",
+        "mapod view",
+        "mapod view udp://0.0.0.0:9751 --http 0.0.0.0:8750 --token-file view.token",
+        "mapod view --terminal --port 'serial:///dev/planner?baud=115200' --drive",
     )
+    parser.add_argument("url", nargs="?", help="the same as --port")
     parser.add_port("udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
     parser.add_seconds("until Ctrl-C")
     parser.add_key()
-    parser.add_argument("--drive", action="store_true", help="drive the robot with the keyboard")
-    parser.add_argument("--speed", type=float, default=0.3, help="m/s while driving (0.3)")
-    parser.add_argument("--turn", type=float, default=0.5, help="rad/s while turning (0.5)")
+    add, terminal = parser.add_argument, "in the terminal"
+    about = "where the page is served (default: 127.0.0.1:8750); elsewhere looking needs the token"
+    add("--http", type=an_address, default=PAGE_AT, metavar="HOST:PORT", help=about)
+    about = "the token for driving, made if it is not there (default: a new one each time)"
+    add("--token-file", type=Path, metavar="FILE", help=about)
+    about = "the robot's size, limits, motors (default: mapod.toml, where there is one)"
+    add("--config", type=Path, help=about)
+    add("--terminal", action="store_true", help="a picture in this terminal, no page")
+    add("--drive", action="store_true", help=f"{terminal}: drive the robot with the keyboard")
+    add("--speed", type=float, help=f"at most so many m/s ({terminal}: 0.3)")
+    add("--turn", type=float, help=f"at most so many rad/s ({terminal}: 0.5)")
+    add("--foxglove", action="store_true", help="serve Foxglove, Lichtblick instead")
+    add("--foxglove-port", type=int, default=8765, help="on this machine (8765)")
     options = parser.parse_args(arguments)
+    options.port = options.url or options.port
+    return options
+
+
+def an_address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]")
+    if not host or not port.isdecimal() or int(port) > 65_535:
+        raise argparse.ArgumentTypeError(f"must be HOST:PORT, is {text}")
+    return host, int(port)
+
+
+def in_terminal(options: argparse.Namespace) -> int:
     try:
         wire = wire_from_url(options.port)
         key = read_key(options.key_file)
@@ -146,10 +190,23 @@ def main(arguments: list[str] | None = None) -> int:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:
         try:
+            if options.foxglove:
+                return bridge(options, Link(wire, WatchingReceiver(key)), stop)
             return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
             words = getattr(error, "strerror", None) or error
             return fail("view", f"{options.port}: {words}", 1)
+
+
+def bridge(options: argparse.Namespace, link: Link, stop: Stop) -> int:
+    """Serve Foxglove until it is over. Raises OSError: the wire or the port is gone."""
+    if importlib.util.find_spec("foxglove") is None:
+        return fail("view", "--foxglove needs foxglove-sdk: pip install 'mapod[foxglove]'")
+    from tools.foxglove_bridge import serve
+
+    until_s = link.now_s() + options.seconds if options.seconds else math.inf
+    serve(link, None, options.foxglove_port, lambda now_s: stop.wanted or now_s >= until_s)
+    return 0
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
@@ -157,7 +214,7 @@ def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:
     console, began_s = Console(), end.step(0.0)
     until_s = began_s + options.seconds if options.seconds else float("inf")
     print(f"watching {options.port}; Ctrl-C ends", flush=True)
-    speeds = (options.speed, options.turn) if options.drive else None
+    speeds = (options.speed or 0.3, options.turn or 0.5) if options.drive else None
     watch_and_drive(end, console, lambda now_s: stop.wanted or now_s >= until_s, speeds)
     print_summary(end, console, end.step(0.0))
     return 0
@@ -168,10 +225,15 @@ def watch_and_drive(
     console: Console,
     done: Callable[[float], bool],
     speeds: tuple[float, float] | None,
+    above: str = "",
 ) -> None:
-    """As `watch`; with speeds (m/s, rad/s), held keys drive: ValueError without a keyboard."""
+    """As `watch`; with speeds (m/s, rad/s), held keys drive: ValueError without a keyboard.
+
+    Args:
+        above: a line that stands above the picture.
+    """
     if speeds is None:
-        watch(end, console, done)
+        watch(end, console, done, (lambda _: above) if above and has_screen(console) else None)
         return
     with keys_of(sys.stdin.fileno()) as fd:
         steering = Steering(end.planner, fd, *speeds)
@@ -180,5 +242,8 @@ def watch_and_drive(
             steering.step(now_s)
             return done(now_s)
 
-        watch(end, console, steered, steering.words)
+        def said(now_s: float) -> str:
+            return f"{above}\n{steering.words(now_s)}".strip()
+
+        watch(end, console, steered, said)
         steering.stop(end.step(0.0))

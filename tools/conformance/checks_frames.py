@@ -23,6 +23,7 @@ from tools.conformance.wire import (
     MAX_FRAME,
     OBSTACLE,
     POSE,
+    SCAN,
     STOP_ZONE,
     TILE,
     UNKNOWN,
@@ -41,6 +42,7 @@ WRONG_LENGTHS = [(GEOM, 15), (GEOM, 17), (POSE, 0), (POSE, 23), (POSE, 25), (MAP
 NEWER_TYPES = {  # frames that a receiver may or may not know: any body must leave the map alone
     STOP_ZONE: 20,
     TILE: 24,
+    SCAN: 34,
 }
 
 

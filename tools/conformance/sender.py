@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import FREE, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
+from hw.planner_link.answers import AnswerSource
 from hw.planner_link.receivers import one_link
-from hw.planner_link.tiles import TileSource
 from tools.conformance.wire import Splitter, cobs, int16
 
 I8 = npt.NDArray[np.int8]
@@ -140,7 +140,7 @@ class Sender:
         self.sent.clear()
 
     def step(
-        self, now_s: float, zone: StopZoneReport | None = None, tiles: TileSource | None = None
+        self, now_s: float, zone: StopZoneReport | None = None, tiles: AnswerSource | None = None
     ) -> list[bytes]:
         """One tick; gives its frames."""
         self._link.step(now_s, STANDING, self.world.window(), zone, tiles)

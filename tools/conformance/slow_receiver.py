@@ -21,6 +21,7 @@ from tools.conformance.wire import (
     MAP,
     MAX_FRAME,
     POSE,
+    SCAN,
     SEED,
     SHORTEST,
     STOP_ZONE,
@@ -225,7 +226,7 @@ class SlowReceiver:
                 self.gap = None
             self.apply(runs)
         else:
-            assert kind in (0, 7, 13, 14, 15, STOP_ZONE, TILE)
+            assert kind in (0, 13, 14, 15, STOP_ZONE, TILE, SCAN)
 
     def adopt(self, geom: Geom) -> None:
         """A new epoch or run sets every cell to UNKNOWN."""

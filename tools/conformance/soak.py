@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from core.records import StopZoneReport
+from core.records import StopZoneReport, SweepPoints
 from mapod_link.receiver import Receiver
+from mapod_link.tiles import LAYERS
 from tools.conformance.c_receiver import CReceiver
 from tools.conformance.exam import DeviationError
 from tools.conformance.rough_wire import Roughness, RoughWire
@@ -70,11 +71,15 @@ def leg_of(number: int, seed: int) -> Leg:
 
 
 class _Ground:
-    """Every cell of every layer, for those who ask for tiles."""
+    """Every cell of every layer, and one sweep, for those who ask."""
 
     def values(self, layer: str, i: int, j: int, width: int, first: int, count: int) -> F32 | None:
         """A quarter of everything."""
         return np.full(count, 0.25, dtype=np.float32)
+
+    def maybe_scan(self) -> SweepPoints | None:
+        """A hundred points."""
+        return SweepPoints(1.0, (0.0, 0.0, 0.3), np.ones((100, 3)), 100)
 
 
 class Soak:
@@ -215,8 +220,12 @@ class Soak:
     def ask_tile(self) -> None:
         """The Python receiver asks for a piece of some layer."""
         if self.leg.way_back and not self.leg.c_answers:
-            layer = self.chance.choice(("class", "height", "variance", "slope"))
-            self.python.ask_tile(layer, *self.world.corner, 7, 5)
+            self.python.ask_tile(self.chance.choice(LAYERS), *self.world.corner, 7, 5)
+
+    def ask_scan(self) -> None:
+        """The Python receiver asks for the newest sweep."""
+        if self.leg.way_back and not self.leg.c_answers:
+            self.python.ask_scan()
 
     def live(self) -> None:
         """One tick with whatever befalls it."""
@@ -279,4 +288,5 @@ EVENTS: dict[str, tuple[float, Callable[[Soak], None]]] = {  # chance at each ti
     "distrust": (0.01, Soak.distrust),
     "need full": (0.002, Soak.want_full),
     "tile": (0.01, Soak.ask_tile),
+    "scan": (0.01, Soak.ask_scan),
 }

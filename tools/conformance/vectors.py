@@ -8,8 +8,8 @@ from tools.conformance.wire import AUTH, Geom, Key, sealed
 VECTOR_GEOM = Geom(7, 101, 101, 0x5A17C0DE)
 VECTOR_ORIGIN = (196, -100)
 VECTOR_KEY = Key(bytes(range(32)), VECTOR_GEOM.session, nonce=0x11223344)
-NEWEST_T_MS = 1060  # the sender's clock at the last of them
-LAST_SEQ = 10
+NEWEST_T_MS = 1080  # the sender's clock at the last of them
+LAST_SEQ = 16
 
 VECTORS: dict[str, str] = {
     "geom": "11 00 01 00 e8 03 00 00 07 00 65 00 65 00 32 00 de c0 17 5a 14 00 96 00 f1 c9 34 1c",
@@ -45,6 +45,31 @@ VECTORS: dict[str, str] = {
     "tile_refused": (
         "16 00 0a 00 24 04 00 00 02 01 03 01 ec 00 d8 ff 05 00 03 00 00 00 00 07 00 00 32 "
         "00 25 85 c3 f1"
+    ),
+    "tile_cause": (
+        "16 00 0b 00 24 04 00 00 02 01 04 00 ec 00 d8 ff 05 00 03 00 00 00 00 07 0f 00 32 "
+        "00 80 80 82 01 08 80 83 81 01 06 40 40 42 43 40 ad f7 7c a9"
+    ),
+    "tile_age": (
+        "16 00 0c 00 24 04 00 00 02 01 05 00 ec 00 d8 ff 05 00 03 00 05 00 00 07 0a 00 32 "
+        "00 01 00 01 00 7d 00 ff ff 1e 00 00 00 01 00 02 00 03 00 fe ff 3d 71 ca 7e"
+    ),
+    "tile_z": (
+        "16 01 0d 00 24 04 00 00 02 01 06 00 ec 00 d8 ff 05 00 03 00 00 00 00 07 05 00 32 "
+        "00 36 01 31 01 50 fb 00 80 00 80 18 93 70 c3"
+    ),
+    "scan": (
+        "17 01 0e 00 38 04 00 00 05 01 00 01 05 00 00 00 1d 02 00 00 1c 04 00 00 38 31 00 "
+        "00 cc f7 ff ff c2 01 00 00 d0 07 f4 01 3e fe da 07 fa 00 40 fe dc 05 00 00 88 ff "
+        "ac f0 61 e8"
+    ),
+    "scan_end": (
+        "17 00 0f 00 38 04 00 00 05 01 00 01 05 00 03 00 1d 02 00 00 1c 04 00 00 38 31 00 "
+        "00 cc f7 ff ff c2 01 00 00 d2 05 fc fe 8a ff ee 07 f8 fd 3d fe aa 42 67 23"
+    ),
+    "scan_refused": (
+        "17 00 10 00 38 04 00 00 06 01 01 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
+        "00 00 00 00 00 00 00 00 00 b5 80 7f ee"
     ),
 }
 

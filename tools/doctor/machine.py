@@ -1,8 +1,9 @@
-"""The machine: real-time rights, cores and their clock rates, the clock, and room on the disk.
+"""The machine: real-time rights, cores and their clock rates, the clocks, and room on the disk.
 
-NTP does not matter: mapod uses the monotonic clock alone.
+mapod itself uses the monotonic clock alone; the time of day stands in logs and recordings.
 """
 
+import ctypes
 import os
 import resource
 import shutil
@@ -15,6 +16,8 @@ from tools.doctor.finding import Finding
 LOCKED_BYTES = 256 * 1024**2  # more than mapod locks, with the largest maps in use
 ROOM_BYTES = 200 * 1024**2  # for a new version, or a recording
 SLOW_CLOCKS = ("hpet", "acpi_pm", "jiffies", "refined-jiffies", "pit")
+ADJTIMEX_BYTES, MAXERROR_AT, STATUS_AT = 208, 24, 40  # struct timex where a long has 8 bytes
+UNSYNCHRONISED = 0x40  # bit of its status
 CPUS = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0/current_clocksource"
 
@@ -23,6 +26,7 @@ def find_machine(root: Path, folder: Path) -> Iterator[Finding]:
     """What can be read without asking anybody; `folder` is where mapod keeps its files."""
     yield of_cores(root)
     yield of_clock(root)
+    yield of_time(*clock_state())
     yield of_room(shutil.disk_usage(folder).free, folder)
 
 
@@ -47,6 +51,28 @@ def of_clock(root: Path) -> Finding:
         advice = "Reading it takes microseconds: look for 'clocksource' in `sudo dmesg`"
         return Finding("warning", "clock", source, advice)
     return Finding("OK", "clock", source)
+
+
+def clock_state() -> tuple[bool | None, float]:
+    """Whether something keeps the time of day true, and its greatest error in seconds.
+
+    None where the kernel does not say. Source: adjtimex(2).
+    """
+    answer = ctypes.create_string_buffer(ADJTIMEX_BYTES)  # all zero: only asks
+    if ctypes.sizeof(ctypes.c_long) != 8 or ctypes.CDLL(None).adjtimex(answer) < 0:
+        return None, 0.0
+    error_us = int.from_bytes(answer.raw[MAXERROR_AT : MAXERROR_AT + 8], "little", signed=True)
+    status = int.from_bytes(answer.raw[STATUS_AT : STATUS_AT + 4], "little")
+    return not status & UNSYNCHRONISED, error_us * 1e-6
+
+
+def of_time(synchronised: bool | None, error_s: float) -> Finding:
+    if synchronised is None:
+        return Finding("OK", "time", "the system does not say whether its time of day is kept true")
+    if not synchronised:
+        advice = "Logs and recordings may be dated wrong: sudo apt install chrony"
+        return Finding("warning", "time", "the time of day is not synchronised", advice)
+    return Finding("OK", "time", f"the time of day is synchronised, within {1000 * error_s:.0f} ms")
 
 
 def of_room(free: int, folder: Path) -> Finding:

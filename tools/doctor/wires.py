@@ -7,14 +7,17 @@ import grp
 import os
 import socket
 import stat
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 from core.config import Config
 from hw.ports.url import PortUrl, parse_url
 from tools.doctor.finding import Finding
+from tools.doctor.network import find_path
 
 ANSWER_S = 1.0  # that a host has for its answer
+SLOW_ANSWER_S = 0.05  # of a host in the same network
 LATENCY_MS = 1  # of an adapter that does not hold bytes back
 
 
@@ -36,6 +39,8 @@ def _of_port(section: str, url: str, root: Path) -> Iterator[Finding]:
         yield from latency_of(section, parts.path, root)
     else:
         yield of_host(section, parts)
+        if section == "scanner" and (path := find_path(section, parts, root)):
+            yield path
 
 
 def of_line(section: str, path: str) -> Finding:
@@ -88,9 +93,22 @@ def of_host(section: str, parts: PortUrl) -> Finding:
         return Finding("fault", section, f"{where}: the host has no known address", advice)
     with socket.socket(family, kind) as one:
         one.settimeout(ANSWER_S)
+        began_s = time.monotonic()
         try:
             one.connect(address)  # over UDP it sends nothing: it only asks for the way
         except OSError as error:
             why = "no answer" if isinstance(error, TimeoutError) else error.strerror
             return Finding("warning", section, f"{where}: {why}", advice)
-    return Finding("OK", section, f"{where} {'answers' if parts.kind == 'tcp' else 'has a way'}")
+        took_s = time.monotonic() - began_s
+    if parts.kind != "tcp":
+        return Finding("OK", section, f"{where} has a way")
+    return of_answer(section, where, took_s)
+
+
+def of_answer(section: str, where: str, took_s: float) -> Finding:
+    """How long a connection took: there and back."""
+    says = f"{where} answers in {1000 * took_s:.1f} ms"
+    if took_s > SLOW_ANSWER_S:
+        advice = "The way is slow: a cable of its own, no switch under load between"
+        return Finding("warning", section, says, advice)
+    return Finding("OK", section, says)

@@ -16,53 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.world.robot import LENS_BODY_M, LENS_TILT_DEG
-from jit import kernel
+from tools.floor import BOUND_M, DANGER_M, SAMPLE_M, edges_of, floor_of
 
 F64 = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Span = tuple[float, float]  # of the map frame
-SAMPLE_M = 0.05
-BOUND_M = 0.0995  # a step of 0.10 m is an obstacle,
-DANGER_M = 0.1495  # and of one of 0.15 m none may be missed
 REACH_M = 20.0  # of the scanner
 HALF_M = 45.0  # of the square around the origin in which ends of beams are noted
 POSES = 9  # along one sweep, interpolated between
-
-
-@kernel
-def _reach(
-    heights: F64, begin: tuple[int, int], bound: float, reached: npt.NDArray[np.int8]
-) -> None:
-    """Flood from one sample over all steps below the bound; NaN is never reached."""
-    rows, columns = heights.shape
-    waiting = np.empty((rows * columns, 2), dtype=np.int64)
-    waiting[0, 0], waiting[0, 1] = begin
-    reached[begin] = 1
-    used = 1
-    while used > 0:
-        used -= 1
-        r, c = waiting[used]
-        for k in range(4):
-            nr, nc = r + (k == 0) - (k == 1), c + (k == 2) - (k == 3)
-            if not (0 <= nr < rows and 0 <= nc < columns) or reached[nr, nc] == 1:
-                continue
-            if abs(heights[nr, nc] - heights[r, c]) < bound:
-                reached[nr, nc] = 1
-                waiting[used, 0], waiting[used, 1] = nr, nc
-                used += 1
-
-
-def _edges(heights: F64, bound: float) -> Bools:
-    """Samples with a step of the bound or more to one of their four neighbours."""
-    filled = np.where(np.isnan(heights), -1e3, heights)
-    edges = np.zeros(heights.shape, dtype=bool)
-    for axis in (0, 1):
-        step = np.abs(np.diff(filled, axis=axis)) >= bound
-        low, high = [slice(None)] * 2, [slice(None)] * 2
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        edges[tuple(low)] |= step
-        edges[tuple(high)] |= step
-    return edges
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,15 +51,9 @@ class Truth:
         x, y = np.meshgrid(self._x, self._y)
         self.heights = world.height_at(x.ravel(), y.ravel()).reshape(x.shape)
         begins = [(int((y - y_m[0]) / SAMPLE_M), int((x - x_m[0]) / SAMPLE_M)) for x, y in floors_m]
-        self.floor = self._floor(begins, BOUND_M)
-        self.danger = ~self._floor(begins, DANGER_M)
-        self.obstacle = ~self.floor | _edges(self.heights, BOUND_M)
-
-    def _floor(self, begins: Sequence[tuple[int, int]], bound: float) -> Bools:
-        reached = np.zeros(self.heights.shape, dtype=np.int8)
-        for begin in begins:
-            _reach(self.heights, begin, bound, reached)
-        return np.asarray(reached == 1)
+        self.floor = floor_of(self.heights, begins, BOUND_M)
+        self.danger = ~floor_of(self.heights, begins, DANGER_M)
+        self.obstacle = ~self.floor | edges_of(self.heights, BOUND_M)
 
     def cells(self, corner_i: int, corner_j: int, size: int, cell_m: float) -> CellTruth:
         """Truth of the cells of a window; beyond what was sampled all is obstacle and no danger."""

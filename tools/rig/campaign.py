@@ -4,6 +4,7 @@
     python -m tools.rig.campaign --seed 1 --only 17 --watch
     python -m tools.rig.campaign --seed 1 --only 17 --record rig_runs
     python -m tools.rig.campaign --runs 50 --faults 1
+    python -m tools.rig.campaign --runs 200 --resume campaign_rows
 
 Run k of a seed takes the k-th of the scenes in turn and a seed of its own, and is the same in
 whatever process and order. Exit status 1: a collision, a crash, or fewer than nine goals of ten
@@ -34,11 +35,17 @@ from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
 from tools.rig.faults import draw
 from tools.rig.one_run import LIMIT_S, Run, RunResult, RunSpec
-from tools.rig.pool import results_of, with_bar
-from tools.rig.record import Recorder, facts_of
+from tools.rig.record import Recorder, facts_of, recorded_run, result_from_facts
 from tools.rig.watch import Watcher
+from tools.sweep.cluster import DaskCluster
+from tools.sweep.code import code_digest, digest_of
+from tools.sweep.engine import Done, done_before, run_missing
+from tools.sweep.jobs import Scheduler, SchedulerError, with_bar
+from tools.sweep.local import LocalProcesses
+from tools.sweep.rows import FolderError, Row, Rows
 
 GOALS_WANTED = 0.9  # of all
+DECIDES = ("fakes", "tools/rig", "recording", "mapod.toml")  # a run, beside the app
 NO_GAP = "-"
 COLUMNS = (
     "scene", "runs", "goals", "collisions", "bumped", "false stops", "worst stop m",
@@ -156,18 +163,19 @@ def show(
     outcomes: Sequence[Outcome],
     planned: int,
     again: str,
-    passed_s: float,
+    passed_s: float | None,  # None: not all of it was run now
     markdown: bool = False,
 ) -> None:
     results = results_in(outcomes)
     if results:
         console.print(table(results, markdown))
-    all_of = Totals(results)
+    all_of, in_all = Totals(results), ""
+    if passed_s is not None:
+        in_all = f" in {passed_s:.0f} s: {all_of.sim_s / passed_s:.1f} x real time in all"
     lines = [
         f"{all_of.reached} of {all_of.goals} goals ({100 * all_of.share:.1f} %), "
         f"{all_of.collisions} collisions, {len(outcomes) - len(results)} crashes; "
-        f"{all_of.sim_s:.0f} simulated seconds in {passed_s:.0f} s: "
-        f"{all_of.sim_s / passed_s:.1f} x real time in all, {all_of.speed:.1f} x on one core"
+        f"{all_of.sim_s:.0f} simulated seconds{in_all}, {all_of.speed:.1f} x on one core"
     ]
     whys = (stop.why or "no reason told" for result in results for stop in result.false_stops)
     reasons = ", ".join(f"{count} x {why}" for why, count in Counter(whys).most_common())
@@ -205,21 +213,53 @@ def spec_of(
 
 
 def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
-    run = Run(task.spec)
     if task.folder is None:
-        return Outcome(task.number, task.spec, run.to_end(*each))
+        return Outcome(task.number, task.spec, Run(task.spec).to_end(*each))
+    run = recorded_run(task.spec, task.folder)
     with Recorder(run, task.folder) as recorder:
         result = run.to_end(recorder, *each)
         recorder.finish(result)
     return Outcome(task.number, task.spec, result)
 
 
+def row_of(task: Task) -> Row:
+    result = outcome_of(task).result
+    assert result is not None
+    return facts_of(result)
+
+
+def tasks_by_key(tasks: Iterable[Task]) -> dict[str, Task]:
+    """By a digest of all that decides a run, and of where it is recorded."""
+    code, found = code_digest(*DECIDES), {}
+    for task in tasks:
+        spec, scene = task.spec, Path(str(task.spec.scene))
+        own = scene.read_bytes() if scene.is_file() else b""
+        facts = (str(spec.scene), spec.seed, spec.faults, spec.limit_s, str(task.folder))
+        found[digest_of(code, repr(facts), own)] = task
+    return found
+
+
+class Outcomes:
+    """Of all these runs, what was kept of them before, and the others as they end."""
+
+    def __init__(self, tasks: Sequence[Task], rows: Rows | None = None) -> None:
+        self._tasks, self._rows = tasks_by_key(tasks), rows
+        self.before = [self._outcome(done) for done in done_before(self._tasks, rows)]
+
+    def _outcome(self, done: Done) -> Outcome:
+        task = self._tasks[done.key]
+        if done.failed:
+            return Outcome(task.number, task.spec, crash=done.failed)
+        return Outcome(task.number, task.spec, result_from_facts(done.row))
+
+    def missing(self, scheduler: Scheduler) -> Iterator[Outcome]:
+        with contextlib.closing(run_missing(row_of, self._tasks, self._rows, scheduler)) as ended:
+            for done in ended:
+                yield self._outcome(done)
+
+
 def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    with contextlib.closing(results_of(outcome_of, tasks, jobs)) as results:
-        for task, result in results:
-            if isinstance(result, str):
-                result = Outcome(task.number, task.spec, crash=result)
-            yield result
+    yield from Outcomes(tasks).missing(LocalProcesses(jobs))
 
 
 def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
@@ -238,6 +278,8 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
     add("--watch", action="store_true", help="a live picture of one run")
     add("--speed", type=float, default=1.0, help="of what is watched (1: real time)")
+    add("--resume", type=Path, help="a folder that keeps each result; begun again, the rest is run")
+    add("--scheduler", default="", help="a Dask cluster, tcp://host:8786, instead of --jobs")
     add("--record", type=Path, help="a folder for bytes, path, events, picture")
     add("--json", type=Path, help="a file for all results")
     add("--markdown", action="store_true", help="the table for a document")
@@ -276,25 +318,59 @@ def again(options: argparse.Namespace) -> str:
     return " ".join(words)
 
 
+def kept_rows(options: argparse.Namespace) -> contextlib.AbstractContextManager[Rows | None]:
+    """Where results are kept, if they are. Raises FolderError, OSError."""
+    if options.resume is None:
+        return contextlib.nullcontext()
+    what = {"kind": "campaign", "seed": options.seed, "scene": options.scene}
+    return Rows(options.resume, what | {"faults": options.faults, "limit_s": options.limit})
+
+
+def run_all(
+    options: argparse.Namespace, tasks: Sequence[Task], console: Console, found: list[Outcome]
+) -> int:
+    """Adds outcomes as they come; how many were there before.
+
+    Raises:
+        FolderError, OSError: of the folder that keeps them. SchedulerError: nobody runs them.
+    """
+    address = options.scheduler
+    scheduler = DaskCluster(address) if address else LocalProcesses(options.jobs)
+    with kept_rows(options) as rows:
+        outcomes = Outcomes(tasks, rows)
+        found += outcomes.before
+        if found:
+            console.print(f"{len(found)} of {len(tasks)} runs were done before")
+        running = outcomes.missing(scheduler)
+        for outcome in with_bar(console, len(tasks), running, counts, done=outcomes.before):
+            found.append(outcome)
+    return len(outcomes.before)
+
+
 def main(arguments: Sequence[str]) -> int:
     options, begun_s = arguments_of(arguments), time.monotonic()
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
+    outcomes: list[Outcome] = []
+    before = 0
     try:
         tasks = tasks_of(options)
         library(shipped_robot())  # the planner is compiled before many want it at once
     except (OSError, ValueError, MissingToolError, CompileError) as error:
         print(f"tools.rig.campaign: {error}", file=sys.stderr)
         return 2
-    outcomes: list[Outcome] = []
-    with contextlib.suppress(KeyboardInterrupt):
-        if options.watch:
-            with Watcher(console, options.speed) as watcher:
-                outcomes.append(outcome_of(tasks[0], watcher))
-        else:
-            running = outcomes_of(tasks, options.jobs)
-            outcomes += with_bar(console, len(tasks), running, counts)
+    try:
+        with contextlib.suppress(KeyboardInterrupt):
+            if options.watch:
+                with Watcher(console, options.speed) as watcher:
+                    outcomes.append(outcome_of(tasks[0], watcher))
+            else:
+                before = run_all(options, tasks, console, outcomes)
+    except (OSError, FolderError, SchedulerError) as error:
+        print(f"tools.rig.campaign: {error}", file=sys.stderr)
+        if not outcomes:
+            return 2
     outcomes.sort(key=lambda outcome: outcome.number)
-    passed_s = time.monotonic() - begun_s
+    passed_s = None if before else time.monotonic() - begun_s
     show(console, outcomes, len(tasks), again(options), passed_s, options.markdown)
     if options.json:
         options.json.write_text(json.dumps(as_json(outcomes), indent=1), encoding="utf-8")

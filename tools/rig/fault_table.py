@@ -18,7 +18,8 @@ from rich.table import Table
 
 from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
 from tools.rig.faults import CATALOGUE, Fault
-from tools.rig.pool import results_of, with_bar
+from tools.sweep.jobs import Failure, with_bar
+from tools.sweep.local import LocalProcesses
 
 EARLIER_S, LATER_S = -1.0, 1.5  # of the faults' begin, by chance
 FILE_COLUMNS = 180
@@ -97,8 +98,10 @@ def row_of(job: Job) -> Row:
 
 def run_all(wanted: Sequence[Job], processes: int, console: Console) -> list[Row]:
     rows = (
-        Row(job, None, [f"crashed: {row.splitlines()[-1]}"]) if isinstance(row, str) else row
-        for job, row in results_of(row_of, wanted, processes)
+        Row(wanted[at], None, [f"crashed: {row.cause.splitlines()[-1]}"])
+        if isinstance(row, Failure)
+        else row
+        for at, row in LocalProcesses(processes).results(row_of, wanted)
     )
     found: dict[Job, Row] = {}
     for row in with_bar(console, len(wanted), rows, lambda seen: f"{len(wrong(seen))} wrong"):

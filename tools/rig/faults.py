@@ -345,6 +345,7 @@ NO_FAULTS = {
     "drive.flash_writes": "a count of the fake",
     "drive.watchdog_stops": "a count of the fake",
     "drive.log_numbers": "in R/C mode only: there it is in the catalogue",
+    "planner.ask_scan": "a question that a planner may ask",
     "planner.accepted": "a reading of the receiver, no fault",
     "planner.rejected": "a reading of the receiver, no fault",
     "planner.begin_stream": "told of a new connection: what its owner does, and no fault",

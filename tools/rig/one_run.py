@@ -111,7 +111,11 @@ class Run:
     """One run, a tick at a time; by default the planner in C, and settings as shipped."""
 
     def __init__(
-        self, spec: RunSpec, pilot: Pilot | None = None, config: Config | None = None
+        self,
+        spec: RunSpec,
+        pilot: Pilot | None = None,
+        config: Config | None = None,
+        new_loop: Callable[..., Loop] = Loop,
     ) -> None:
         self.spec = spec
         scene = spec.scene
@@ -119,7 +123,7 @@ class Run:
         clear_m = self.scene.start_clear_m
         self.pilot = pilot or CPlanner(PlannerSettings(start_clear_m=clear_m))
         errors = as_the_sheets_say(self.scene.errors)
-        self.loop = Loop(self.scene, spec.seed, config, self.pilot, errors=errors)
+        self.loop = new_loop(self.scene, spec.seed, config, self.pilot, errors=errors)
         self.loop.set_faults(spec.faults)
         self.judge = Judge(self.scene)
         self.watch = StopWatch(self.judge, faulty=bool(spec.faults))

@@ -3,6 +3,7 @@
 A folder of its own holds, instants in simulated seconds since the first tick:
 
     run.json            what decided the run, and what came of it
+    drive.mcap          the app's own recording, with the truth in it: see docs/sweep.md
     WIRE_d2h.bin        what the app heard of scanner, ahrs, drive and planner
     WIRE_h2d.bin        what it said to them
     WIRE_index.csv      when: t_s, dir, offset, length (and name, empty: nobody looked inside)
@@ -11,26 +12,61 @@ A folder of its own holds, instants in simulated seconds since the first tick:
     map.npz             the app's obstacle map at the end: cells [j, i], corner, cell_m
     picture.png         all of it from above
 
-Pictures can be drawn again: `python -m tools.rig.draw FOLDER`. A scanner's bytes can be played:
-`mapod replay FOLDER/scanner_d2h.bin --scan-rate-hz 25 --step-deg 0.25`.
+Pictures can be drawn again: `python -m tools.rig.draw FOLDER`. The drive can be played: `mapod
+replay FOLDER/drive.mcap`.
 """
 
 import contextlib
 import csv
 import json
+import math
+from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
+import msgspec
 import numpy as np
 
+from app import App, Ports
 from fakes.scenes.scene import Scene
+from recorder import Recorder as AppRecorder
+from recording.direct import DirectTap
 from tools.rig.draw import draw_run
-from tools.rig.one_run import Run, RunResult
+from tools.rig.ground_truth import TruthLog
+from tools.rig.loop import SESSION, START_S, Loop
+from tools.rig.one_run import Pilot, Run, RunResult, RunSpec
+from tools.sweep.truth import NAME as TRUTH
+from version import version
 
 WIRES = ("scanner", "ahrs", "drive", "planner")
 PATH_COLUMNS = ("t_s", "x_m", "y_m", "yaw_rad", "pitch_rad", "roll_rad", "z_m")
 INDEX_COLUMNS = ("t_s", "dir", "offset", "length", "name")
+
+
+class RecordedLoop(Loop):
+    """A loop whose app is recorded. Raises OSError."""
+
+    def __init__(self, path: Path, *arguments: Any, **named: Any) -> None:
+        self.tap, self.now_s = DirectTap(path, lambda: self.now_s), START_S
+        super().__init__(*arguments, **named)
+
+    def _new_app(self, key: bytes | None) -> App:
+        recorder = AppRecorder(self.config, version(), self.tap)
+        scanner, ahrs, drive = self.ports.values()
+        ports = recorder.ports(Ports(scanner, ahrs, drive, self.link_port))
+        return recorder.begin(App(self.config, ports, session=SESSION, key=key), bool(key), None)
+
+    def finish(self, truth: Mapping[str, str]) -> None:
+        self.tap.metadata(TRUTH, truth)
+        self.tap.end(0.0)
+
+
+def recorded_run(spec: RunSpec, folder: Path, pilot: Pilot | None = None) -> Run:
+    """A run whose app is recorded in the folder. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return Run(spec, pilot, new_loop=partial(RecordedLoop, folder / "drive.mcap"))
 
 
 class Recorder:
@@ -53,6 +89,7 @@ class Recorder:
         self._before: dict[str, Any] = {}
         self._told = {"faults": 0, "collisions": 0, "bumps": 0, "stops": 0}
         self._truth_s = -1.0
+        self._truth_log = TruthLog(run.scene, run.spec.seed, START_S)
         run.loop.listen(self._note_bytes)
 
     def __enter__(self) -> "Recorder":
@@ -82,6 +119,7 @@ class Recorder:
         truth = run.judge.truth
         if truth.since_s != self._truth_s:
             self._truth_s = truth.since_s
+            self._truth_log.take(truth)
             numbers = (*truth.place, truth.pitch_rad, truth.roll_rad, truth.height_m)
             self._path.writerow([f"{truth.since_s:.3f}", *(f"{x:.5f}" for x in numbers)])
             self._changed("planner_changed", state=run.state.state, why=run.state.why)
@@ -106,6 +144,8 @@ class Recorder:
         self._event("run_ended", why=result.ended)
         self._stack.close()
         run = self._run
+        if isinstance(run.loop, RecordedLoop):
+            run.loop.finish(self._truth_log.metadata())
         scene = None if isinstance(run.spec.scene, Scene) else str(run.spec.scene)
         facts = {"scene_file": scene, "limit_s": run.spec.limit_s}
         facts |= facts_of(result)
@@ -118,6 +158,13 @@ class Recorder:
             cell_m=np.array(grid.cell_m),
         )
         draw_run(self.folder, run.scene)
+
+
+def result_from_facts(facts: dict[str, Any]) -> RunResult:
+    """The result that `facts_of` told."""
+    gap_m = facts["least_gap_m"]
+    known = facts | {"least_gap_m": math.inf if gap_m is None else gap_m}
+    return msgspec.convert(known, RunResult)
 
 
 def facts_of(result: RunResult) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mapod_link.bodies import Pose
 from mapod_link.client import Link
 from mapod_link.frames import MAP, POSE, Frame
 from mapod_link.receiver import Receiver
@@ -23,6 +24,8 @@ RATE_WINDOW_S = 2.0
 ACK_EVERY = 4  # frames: two ticks
 BIN_MS, BINS = 0.1, 20_000  # delays up to two seconds
 PTY_BURST_S = 0.02  # so much of a line's time may be taken at once after a pause of ours
+FASTEST_S = 30.0
+SAME_SCAN_MS = 6.0
 SAME_CLOCK_MS = (-5.0, 2000.0)  # a first delay within this: sender and viewer share a clock
 
 
@@ -70,7 +73,8 @@ class Delays:
 class Meter:
     """Rates over the last two seconds, delays over the whole run, from the accepted frames.
 
-    Where sender and viewer do not share a clock, delays are those above the fastest first seen.
+    Where sender and viewer do not share a clock, delays are those above the fastest of the last
+    minute: a longer one would measure how the clocks drift apart.
     """
 
     def __init__(self) -> None:
@@ -79,9 +83,12 @@ class Meter:
         self.frames = self.bytes = 0
         self.first_s = math.nan
         self.same_clock = True
-        self._fastest_ms: float | None = None
+        self._fastest_ms = (math.inf, math.inf)  # of the half-minute before, and of this one
+        self._fastest_until_s = -math.inf
         self._recent: deque[Heard] = deque()
         self._pose_t_ms = -1
+        self._scans_s: deque[float] = deque()  # when a pose told first of a newer scan
+        self._scan_t_ms = 0.0
 
     def take(self, now_s: float, planner: WatchingReceiver) -> None:
         while planner.heard:
@@ -101,6 +108,14 @@ class Meter:
             if math.isfinite(age_ms):
                 self.scan_ms = age_ms
                 self.scan.add(age_ms)
+                self._count_scan(pose)
+
+    def _count_scan(self, pose: Pose) -> None:
+        """A scan's instant is told to 4 ms: what differs by less is the same scan."""
+        scan_t_ms = pose.t_ms - pose.age_scan_s * 1000
+        if abs(scan_t_ms - self._scan_t_ms) > SAME_SCAN_MS:
+            self._scan_t_ms = scan_t_ms
+            self._scans_s.append(pose.arrived_s)
 
     def rates(self, now_s: float) -> tuple[float, float, float]:
         span_s = min(RATE_WINDOW_S, now_s - self.first_s) if self.frames else 0.0
@@ -110,16 +125,35 @@ class Meter:
         poses = sum(heard.type == POSE for heard in self._recent)
         return maps / span_s, poses / span_s, sum(heard.size for heard in self._recent) / span_s
 
+    def scan_hz(self, now_s: float) -> float:
+        """How often a pose has told of a newer scan, over the last two seconds."""
+        while self._scans_s and self._scans_s[0] < now_s - RATE_WINDOW_S:
+            self._scans_s.popleft()
+        span_s = min(RATE_WINDOW_S, now_s - self.first_s) if self.frames else 0.0
+        return len(self._scans_s) / span_s if span_s > 0.0 else 0.0
+
+    def recent_ms(self) -> dict[str, float] | None:
+        """Median and 99th percentile of the maps' delays of the last two seconds."""
+        maps = [heard for heard in self._recent if heard.type == MAP]
+        if not maps:
+            return None
+        delays = sorted(self._delay_ms(heard.arrived_s, heard.t_ms) for heard in maps)
+        p50, p99 = (delays[math.ceil(part * len(delays)) - 1] for part in (0.5, 0.99))
+        return {"p50": p50, "p99": p99}
+
     def _delay_ms(self, arrived_s: float, t_ms: int) -> float:
         """The sender's milliseconds wrap at 2^32."""
         arrived_ms = arrived_s * 1000
         whole = math.floor(arrived_ms)
         delay_ms = (whole - t_ms + 2**31) % 2**32 - 2**31 + (arrived_ms - whole)
-        if self._fastest_ms is None:
+        if min(self._fastest_ms) == math.inf:
             self.same_clock = SAME_CLOCK_MS[0] <= delay_ms <= SAME_CLOCK_MS[1]
-            self._fastest_ms = delay_ms
-        self._fastest_ms = min(self._fastest_ms, delay_ms)
-        return delay_ms if self.same_clock else delay_ms - self._fastest_ms
+        if arrived_s > self._fastest_until_s:
+            self._fastest_ms = self._fastest_ms[1], math.inf
+            self._fastest_until_s = arrived_s + FASTEST_S
+        before_ms, fastest_ms = self._fastest_ms
+        self._fastest_ms = before_ms, min(fastest_ms, delay_ms)
+        return delay_ms if self.same_clock else delay_ms - min(self._fastest_ms)
 
 
 class PtyWire(StreamWire):

@@ -109,20 +109,27 @@ class Child:
         return ""
 
 
-def first_words_of(child: Child, stop: Stop) -> dict[str, str]:
-    """The JSON of its first line; {}: the wait was broken off. Raises RunError: none comes."""
+def first_lines_of(child: Child, count: int, stop: Stop) -> list[str]:
+    """Its first lines; []: the wait was broken off. Raises RunError: they don't come."""
     overdue_s = time.monotonic() + READY_S
     while not stop.wanted:
-        first, end, _ = child.out.read_text(errors="replace").partition("\n")
-        if end:
-            try:
-                return {name: str(value) for name, value in json.loads(first).items()}
-            except (ValueError, AttributeError):
-                raise RunError(f"the {child.name}'s first line names no ports: {first}") from None
+        lines = child.out.read_text(errors="replace").split("\n")
+        if len(lines) > count:
+            return lines[:count]
         child.check_alive()
         if time.monotonic() > overdue_s:
             raise RunError(f"the {child.name} is not ready after {READY_S:.0f} s")
         time.sleep(0.02)
+    return []
+
+
+def first_words_of(child: Child, stop: Stop) -> dict[str, str]:
+    """The JSON of its first line; {}: the wait was broken off. Raises RunError: none comes."""
+    for first in first_lines_of(child, 1, stop):
+        try:
+            return {name: str(value) for name, value in json.loads(first).items()}
+        except (ValueError, AttributeError):
+            raise RunError(f"the {child.name}'s first line names no ports: {first}") from None
     return {}
 
 
@@ -154,8 +161,9 @@ class SimulatedRobot:
         """
         ports: dict[str, object] = {}
         if world:
-            self.children.append(Child("world", world, self.folder))
-            told = first_words_of(self.children[0], stop)
+            child = Child("world", world, self.folder)
+            self.children.append(child)
+            told = first_words_of(child, stop)
             if stop.wanted:
                 return
             if not set(DEVICES) <= told.keys():

@@ -17,7 +17,16 @@ import math
 
 import numpy as np
 
-from core.mapping.beams.cells import CellGrid, Cells, flat_index, forget, part_bit, touch
+from core.mapping.beams.cells import (
+    GONE_FLOOR_AGAIN,
+    GONE_PASSED,
+    CellGrid,
+    Cells,
+    flat_index,
+    forget,
+    part_bit,
+    touch,
+)
 from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep
@@ -45,6 +54,7 @@ def _ends_lack(cells: Cells, at: int) -> None:
     cell = cells[at]
     if cell.miss_bits & ~cell.floor_bits == 0:
         cell.below, cell.miss, cell.miss_sure, cell.miss_bits = 0, 0, 0, 0
+        cell.gone = GONE_FLOOR_AGAIN
         if cell.above == 0:
             cell.mean_m, cell.count = cell.floor_m, cell.floor_count
 
@@ -63,7 +73,7 @@ def see_floor_again(cells: Cells, at: int) -> None:
     if cell.below + cell.miss > 0:
         _ends_lack(cells, at)
     if cell.floor_run >= FLOOR_FOR_LONG and _was_floor(cells, at):
-        forget(cells, at)
+        forget(cells, at, GONE_FLOOR_AGAIN)
 
 
 @kernel
@@ -140,7 +150,7 @@ def _was_gone_through(cells: Cells, at: int, serial: int, stands: U8) -> int:
     cells[at].through += 1
     if cells[at].through < THROUGH:
         return 0
-    forget(cells, at)
+    forget(cells, at, GONE_PASSED)
     stands[at] = 0
     return 1
 

@@ -58,11 +58,13 @@ CELL = np.dtype(
         ("high_bits", np.int32),  # or something at or above h_pos,
         ("miss_bits", np.int32),  # or where floor was due and did not show
         ("rising", np.int8),  # 1 once something rose or fell in it
+        ("gone", np.int8),  # why what stood or lacked here is gone, below; 0: nothing did
         ("far_sides", np.int32),  # bit k: a beam went on towards octant k
     ],
     align=True,
 )
 BLANK = np.zeros((), dtype=CELL)
+GONE_PASSED, GONE_FLOOR_AGAIN, GONE_JUDGED = 1, 2, 3
 PART_M = 0.05  # edge of a part of a cell, about
 MAX_SUB = 4
 
@@ -129,9 +131,10 @@ def touch_around(at: int, size: int, cells: Cells, serial: int, touched: I32, us
 
 
 @kernel
-def forget(cells: Cells, at: int) -> None:
-    """What stood in the cell is gone; the floor that was seen there stays."""
+def forget(cells: Cells, at: int, gone: int) -> None:
+    """What stood in the cell is gone, and why; the floor that was seen there stays."""
     cell = cells[at]
+    cell.gone = gone
     cell.above, cell.high_bits, cell.rising, cell.through = 0, 0, 0, 0
     cell.soft, cell.hard, cell.doubles, cell.outliers = 0, 0, 0, 0
     cell.face_n = 0

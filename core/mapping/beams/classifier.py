@@ -5,7 +5,8 @@ scans that contradict "floor" make an obstacle whatever the height says, while a
 is unknown until the laser has looked again several times. Where floor was due in part of a cell
 and never showed, there is a drop. Of a wall's foot, the laser first sees what looks like floor. So
 a new cell is not free before something has been seen behind it, and one in which something rises
-not before something has been seen all around it. Only touched cells are decided.
+not before something has been seen all around it. Only touched cells are decided. What decides is a
+cause (core/mapping/causes.py), and the state follows from it: who asks why gets the same answer.
 Source: the paper, Definition 1; design, section 7.
 """
 
@@ -16,9 +17,31 @@ import numpy as np
 
 from core.config import Obstacle
 from core.grid.window import ObstacleWindow, put_state
-from core.mapping.beams.cells import CellGrid, Cells, known, ones
+from core.mapping import causes
+from core.mapping.beams.cells import GONE_JUDGED, GONE_PASSED, CellGrid, Cells, known, ones
+from core.mapping.causes import (
+    AGED,
+    CONTRADICTED,
+    EARLIER_RUN,
+    EDGE,
+    FLOOR,
+    FLOOR_AGAIN,
+    FOOT,
+    GONE,
+    JUDGED_AGAIN,
+    LOW,
+    NO_FLOOR,
+    OUTSIDE,
+    PASSED,
+    SOFT,
+    STANDS,
+    TOO_HIGH,
+    TOO_LOW,
+    UNSEEN,
+    UNSHOWN,
+)
 from core.mapping.freshness import Freshness
-from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
+from core.records import F64, FREE, I8, I32, I64, U8
 from jit import kernel
 
 ENOUGH = 2  # contradicting scans that make an obstacle
@@ -30,6 +53,8 @@ NEW_S = 1.0  # of scans that have hit a cell, and it no longer counts as new
 SOFT_LEAST = 6  # returns that say "soft",
 SOFT_SHARE = 0.5  # of all that rise,
 DOUBLE_SHARE = 0.25  # and that echo twice
+
+_state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
 
 AROUND = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))  # (di, dj), octants
 
@@ -97,35 +122,68 @@ def _goes_on(i: int, j: int, sides: int, cells: Cells, window: tuple[int, int, i
 
 
 @kernel
-def _state(
+def _why_free(cells: Cells, at: int) -> int:
+    """Why a cell is free that no rule speaks against: what did, and is gone."""
+    gone = cells[at].gone
+    if gone == 0:
+        return FLOOR
+    if gone == GONE_PASSED:
+        return PASSED
+    return JUDGED_AGAIN if gone == GONE_JUDGED else FLOOR_AGAIN
+
+
+@kernel
+def _rule(
     i: int, j: int, at: int, cells: Cells, sub: int, bounds: Bounds, window: tuple[int, int, int]
 ) -> int:
-    """What one cell means."""
+    """Which rule decides a cell, however old it is: a cause."""
     cell = cells[at]
     if cell.count == 0 and not known(cells, at):
-        return UNKNOWN
-    lacks = lacks_floor(cells, at, sub)
-    above, height = cell.above, cell.mean_m
+        return UNSEEN if cell.gone == 0 else GONE
+    above, height, free = cell.above, cell.mean_m, _why_free(cells, at)
     soft_m = bounds.soft_free_below_m
     may_be_free = soft_m > 0.0 and above > 0 and cell.top_m <= soft_m
     if may_be_free and is_soft(cells, at) and _is_among_soft(i, j, cells, window):
-        above, height = 0, cell.floor_m
-    beyond = above + cell.below
-    if above >= ENOUGH or cell.below >= ENOUGH or lacks:
-        return OBSTACLE
+        above, height, free = 0, cell.floor_m, SOFT
+    if above >= ENOUGH:
+        return STANDS
+    if cell.below >= ENOUGH:
+        return LOW
+    if lacks_floor(cells, at, sub):
+        return NO_FLOOR
     if cell.count > 0 and not bounds.h_neg_m < height < bounds.h_pos_m:
-        return OBSTACLE
-    if (beyond > 0 or cell.miss == 1) and cell.looks < LOOKED_AGAIN:
-        return UNKNOWN
-    if cell.count == 0 or cell.looks < 0:
-        return UNKNOWN
+        return TOO_LOW if height <= bounds.h_neg_m else TOO_HIGH
+    if (above + cell.below > 0 or cell.miss == 1) and cell.looks < LOOKED_AGAIN:
+        return CONTRADICTED
+    if cell.count == 0:
+        return UNSHOWN
+    if cell.looks < 0:
+        return EARLIER_RUN
     sides = 0
     if cell.rising == 1:
         sides = 0xFF
     elif cell.looks < bounds.new_looks:
         far = int(cell.far_sides)
         sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
-    return FREE if _goes_on(i, j, sides, cells, window) else UNKNOWN
+    if _goes_on(i, j, sides, cells, window):
+        return free
+    return FOOT if cell.rising == 1 else EDGE
+
+
+@kernel
+def _cause(
+    i: int,
+    j: int,
+    at: int,
+    cells: Cells,
+    sub: int,
+    bounds: Bounds,
+    fresh: tuple[F64, float],
+    window: tuple[int, int, int],
+) -> int:
+    """Why a cell is what it is; `fresh` is when cells were seen, and what is too old."""
+    cause = _rule(i, j, at, cells, sub, bounds, window)
+    return AGED if _state_of(cause) == FREE and fresh[0][at] < fresh[1] else cause
 
 
 @kernel
@@ -134,8 +192,7 @@ def _decide(
     layers: Cells,
     sub: int,
     bounds: Bounds,
-    seen_s: F64,
-    oldest_s: float,
+    fresh: tuple[F64, float],
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
     cells: I8,
@@ -151,11 +208,34 @@ def _decide(
         j = from_window[1] + (row - from_window[1]) % size
         if not (0 <= i - to_window[0] < out and 0 <= j - to_window[1] < out):
             continue
-        state = _state(i, j, at, layers, sub, bounds, from_window)
-        if state == FREE and seen_s[at] < oldest_s:
-            state = UNKNOWN
+        state = _state_of(_cause(i, j, at, layers, sub, bounds, fresh, from_window))
         used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
     return used
+
+
+@kernel
+def _list_causes(
+    i: I64,
+    j: I64,
+    layers: Cells,
+    sub: int,
+    bounds: Bounds,
+    fresh: tuple[F64, float],
+    from_window: tuple[int, int, int],
+    to_window: tuple[int, int, int],
+    cells: I8,
+    out: U8,
+) -> None:
+    """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
+    size, shown_size = from_window[2], to_window[2]
+    for k in range(i.size):
+        inside = 0 <= i[k] - to_window[0] < shown_size and 0 <= j[k] - to_window[1] < shown_size
+        out[k] = OUTSIDE
+        if inside:
+            at = (j[k] % size) * size + i[k] % size
+            cause = _cause(i[k], j[k], at, layers, sub, bounds, fresh, from_window)
+            shown = cells[(j[k] % shown_size) * shown_size + i[k] % shown_size]
+            out[k] = _shown_cause(cause, _state_of(cause), shown)
 
 
 class CellClassifier:
@@ -185,8 +265,7 @@ class CellClassifier:
             source.flat,
             source.sub,
             self._bounds,
-            self._fresh.seen_s,
-            self._fresh.oldest_s,
+            (self._fresh.seen_s, self._fresh.oldest_s),
             (source.grid.corner_i, source.grid.corner_j, source.grid.size),
             (window.grid.corner_i, window.grid.corner_j, window.grid.size),
             window.cells.ravel(),
@@ -194,6 +273,24 @@ class CellClassifier:
             window.changed,
             window.used,
         )
+
+    def causes(self, i: I64, j: I64) -> U8:
+        """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
+        source, window = self._source, self._window
+        found: U8 = np.zeros(i.size, dtype=np.uint8)
+        _list_causes(
+            i,
+            j,
+            source.flat,
+            source.sub,
+            self._bounds,
+            (self._fresh.seen_s, self._fresh.oldest_s),
+            (source.grid.corner_i, source.grid.corner_j, source.grid.size),
+            (window.grid.corner_i, window.grid.corner_j, window.grid.size),
+            window.cells.ravel(),
+            found,
+        )
+        return found
 
     def follow(self, x_m: float, y_m: float) -> None:
         """Move the window with the robot; what enters and is known in the source is decided.

@@ -14,6 +14,7 @@ import math
 
 from core.mapping.beams.carving import FLOOR_AGAIN, see_floor_again
 from core.mapping.beams.cells import (
+    GONE_JUDGED,
     CellGrid,
     Cells,
     flat_index,
@@ -116,7 +117,7 @@ def _stands(
     if h >= limits[0]:
         cell.high_bits |= bit
         cell.floor_bits &= ~bit
-        cell.through, cell.floor_run = 0, 0
+        cell.through, cell.floor_run, cell.gone = 0, 0, 0
         if cell.above_scan != serial and cell.above < MAX_EVIDENCE:
             cell.above_scan = serial
             cell.above += 1
@@ -316,11 +317,14 @@ def _judge_again(
         z = ground_m(ground, x, y)
         if cell.miss > 0 and z < ground_m(before, x, y) + 0.5 * limits[1]:
             cell.miss, cell.miss_sure, cell.miss_bits = 0, 0, 0
+            cell.gone = GONE_JUDGED
             used = touch(at, cells, serial, touched, used)
         if cell.count == 0 or cell.t_s < since_s:
             continue
         if cell.z_high_m - z >= limits[0] or cell.z_low_m - z <= limits[1]:
             continue
+        if cell.above + cell.below + cell.miss > 0:
+            cell.gone = GONE_JUDGED
         cell.above, cell.below, cell.miss, cell.miss_sure = 0, 0, 0, 0
         cell.floor_bits |= cell.high_bits
         cell.high_bits, cell.miss_bits, cell.rising, cell.outliers = 0, 0, 0, 0

@@ -17,7 +17,7 @@ from core.mapping.beams.ground import GroundTracker
 from core.mapping.beams.ground_plane import BodyPose
 from core.mapping.beams.slip import FaceMatcher
 from core.mapping.freshness import Freshness
-from core.mapping.layers import LayerView, maybe_beams_layer, maybe_beams_values
+from core.mapping.layers import LayerView, ages_at, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
@@ -35,13 +35,7 @@ class BeamMaps:
     def __init__(self, config: Config) -> None:
         scanner, obstacle = config.scanner, config.obstacle
         beams = scanner.options.spec.max_beams
-        self._geometry = BeamGeometry(
-            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
-            math.radians(scanner.mount_roll_deg),
-            math.radians(scanner.mount_tilt_deg),
-            math.radians(scanner.mount_yaw_deg),
-            beams,
-        )
+        self._geometry = BeamGeometry.of(scanner)
         self.cells = CellGrid(config.map.cells, config.map.cell_m)
         self.window = ObstacleWindow(obstacle.window_cells, config.map.cell_m)
         bounds_m = (obstacle.h_pos_m, obstacle.h_neg_m)
@@ -117,6 +111,10 @@ class BeamMaps:
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
         """Of a layer, at world cells."""
+        if name == "cause":
+            return self._classifier.causes(i, j).astype(np.float64)
+        if name == "age":
+            return ages_at(self.fresh, self.cells.grid, i, j)
         return maybe_beams_values(name, self.cells, self.window, i, j)
 
     def erase(self) -> None:

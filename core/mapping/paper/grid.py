@@ -11,8 +11,12 @@ import math
 
 import numpy as np
 
-from core.records import F64, FREE, I8, I32, OBSTACLE, UNKNOWN
+from core.mapping import causes
+from core.mapping.causes import FLOOR, TOO_HIGH, TOO_LOW
+from core.records import F64, I8, I32, UNKNOWN
 from jit import kernel
+
+state_of = kernel(causes.state_of)
 
 
 @kernel
@@ -106,13 +110,20 @@ def put_height(average_m: F64, count: I32, row: int, column: int, height_m: floa
 
 
 @kernel
+def rule_of(height_m: float, h_pos_m: float, h_neg_m: float) -> int:
+    """Definition 1: which rule decides a cell of that average height, a cause."""
+    if h_neg_m < height_m < h_pos_m:
+        return FLOOR
+    return TOO_LOW if height_m <= h_neg_m else TOO_HIGH
+
+
+@kernel
 def _decide(touched: I32, average_m: F64, states: I8, h_pos_m: float, h_neg_m: float) -> None:
     """Decide cells by their flat indices; only those whose average changed can have changed."""
     cells = states.shape[1]
     for at in touched:
         row, column = at // cells, at % cells
-        free = h_neg_m < average_m[row, column] < h_pos_m
-        states[row, column] = FREE if free else OBSTACLE
+        states[row, column] = state_of(rule_of(average_m[row, column], h_pos_m, h_neg_m))
 
 
 class PaperGrid:

@@ -14,15 +14,19 @@ import numpy as np
 
 from core.config import Config
 from core.grid.window import ObstacleWindow
+from core.mapping import causes
+from core.mapping.causes import AGED, BEYOND_METHOD, EARLIER_RUN, OUTSIDE, UNSEEN
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, at_cells, state_view, states_at, view_of
-from core.mapping.paper.grid import centre_of, index_of
+from core.mapping.paper.grid import centre_of, index_of, rule_of, state_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, FREE, I8, I32, I64, OBSTACLE, UNKNOWN, PointSweep, Scan
+from core.records import F64, FREE, I8, I32, I64, OBSTACLE, U8, UNKNOWN, PointSweep, Scan
 from jit import kernel
+
+_shown_cause = kernel(causes.shown_cause)
 
 NOWHERE = -1  # a cell of the window that lies outside the paper's maps
 
@@ -60,6 +64,12 @@ def _find_sources(
 
 
 @kernel
+def _is_old(seen_s: float, covered_s: float, oldest_s: float) -> bool:
+    """Beams met a cell (seen_s) and the robot stood on it (covered_s) longer ago than is fresh."""
+    return max(seen_s, covered_s) < oldest_s
+
+
+@kernel
 def _list_changes(
     source: I32,
     states: I8,
@@ -78,12 +88,42 @@ def _list_changes(
     used = 0
     for k in range(source.size):
         state = states[source[k]] if source[k] != NOWHERE else UNKNOWN
-        if state == FREE and max(seen_s[source[k]], covered_s[k]) < oldest_s:
+        if state == FREE and _is_old(seen_s[source[k]], covered_s[k], oldest_s):
             state = UNKNOWN
         if shown[k] != state:
             at[used], new[used] = k, state
             used += 1
     return used
+
+
+@kernel
+def _list_causes(
+    at: I32,
+    source: I32,
+    states: I8,
+    average_m: F64,
+    count: I32,
+    bounds_m: tuple[float, float],
+    times: tuple[F64, F64, float],
+    shown: I8,
+    out: U8,
+) -> None:
+    """Fill `out` (n,) with the causes of what the window shows at its flat cells `at` (n,).
+
+    -1: outside. times: as of `_list_changes`; bounds_m: h_pos and h_neg.
+    """
+    for k in range(at.size):
+        out[k] = OUTSIDE
+        if at[k] < 0:
+            continue
+        cause, cell = BEYOND_METHOD, source[at[k]]
+        if cell != NOWHERE:
+            cause = rule_of(average_m[cell], bounds_m[0], bounds_m[1])
+            if states[cell] == UNKNOWN:
+                cause = UNSEEN if count[cell] == 0 else EARLIER_RUN
+            elif state_of(cause) == FREE and _is_old(times[0][cell], times[1][at[k]], times[2]):
+                cause = AGED
+        out[k] = _shown_cause(cause, state_of(cause), shown[at[k]])
 
 
 class ReferencePlaneMaps:
@@ -175,12 +215,47 @@ class ReferencePlaneMaps:
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
         if name == "state":
             return states_at(self.window, i, j)
+        if name == "cause":
+            return self._causes(i, j).astype(np.float64)
+        if name == "age":
+            return self._ages_s(i, j)
         if name != "height":
             return None
         sources = at_cells(self.window.grid, i, j, self._source)
         known = sources >= 0
         averages_m = self.plane.elevation_m.ravel()
         return np.where(known, averages_m[np.where(known, sources, 0).astype(int)], np.nan)
+
+    def _cells(self, i: I64, j: I64) -> I32:
+        """Flat indices (n,) in the window of world cells; -1 outside."""
+        size = self.window.grid.size
+        flat: I32 = np.arange(size**2, dtype=np.int32).reshape(size, size)
+        found = at_cells(self.window.grid, i, j, flat)
+        return np.where(np.isnan(found), -1, found).astype(np.int32)
+
+    def _causes(self, i: I64, j: I64) -> U8:
+        plane, settings, fresh = self.plane.grid, self.plane.settings, self.fresh
+        found: U8 = np.zeros(i.size, dtype=np.uint8)
+        _list_causes(
+            self._cells(i, j),
+            self._source.ravel(),
+            plane.states.ravel(),
+            plane.average_m.ravel(),
+            plane.count.ravel(),
+            (settings.h_pos_m, settings.h_neg_m),
+            (plane.seen_s.ravel(), fresh.seen_s, fresh.oldest_s),
+            self.window.cells.ravel(),
+            found,
+        )
+        return found
+
+    def _ages_s(self, i: I64, j: I64) -> F64:
+        """As `ages_at`: of the paper's cells that beams met, and ours that the robot stood on."""
+        at, fresh = self._cells(i, j), self.fresh
+        sources = np.where(at < 0, NOWHERE, self._source.ravel()[at])
+        met_s = np.where(sources == NOWHERE, -np.inf, self.plane.grid.seen_s.ravel()[sources])
+        seen_s = np.where(at < 0, -np.inf, np.maximum(met_s, fresh.seen_s[at]))
+        return np.where(seen_s == -np.inf, np.nan, fresh.now_s - seen_s)
 
     def erase(self) -> None:
         self.plane.erase()

@@ -138,6 +138,8 @@ TILES = {
     "tile_variance": [400, 25, 30, None, None, 9, 9, 9, 10, 65_534],
     "tile_slope": [7854, 7850, 7860, None, None],
     "tile_refused": [],
+    "tile_cause": [],  # for tools: taken, and left alone
+    "tile_z": [],
 }
 
 

@@ -24,7 +24,7 @@ NAN = math.nan
 @given(body=st.binary(max_size=16))
 def test_what_is_no_valid_question_is_refused(body: bytes) -> None:
     told = decode_answer(encode_frame(ASK, 0, 1, 1, body))
-    valid = len(body) == 12 and body[2] & 0x0F != 0 and body[2] & 0x70 == 0
+    valid = len(body) == 12 and body[2] & 0x1F != 0 and body[2] & 0x60 == 0
     assert isinstance(told, Ask) == valid
     if isinstance(told, BadFrame):
         assert told.reason == "ASK out of range"
@@ -46,13 +46,18 @@ def test_values_are_packed_as_a_slow_model_packs_them(values: list[float], trust
     heights = np.frombuffer(pack_values(1, array, trusted), "<i2")
     variances = np.frombuffer(pack_values(2, array, trusted), "<u2")
     slopes = np.frombuffer(pack_values(3, array, trusted), "<u2")
+    ages = np.frombuffer(pack_values(5, array, trusted), "<u2")
+    assert pack_values(6, array, trusted) == pack_values(1, array, trusted)
     for k, value in enumerate(array.tolist()):
         if math.isnan(value):
             assert (heights[k], variances[k], slopes[k]) == (-32_768, 65_535, 65_535)
+            assert ages[k] == 65_535
             continue
         assert heights[k] == pytest.approx(max(-32_767, min(32_767, value * 1e3)), abs=0.501)
         least = max(0.0, min(65_534.0, value * 1e6))
         assert least - 1e-3 <= variances[k] <= least + 1.001
+        older = max(0.0, min(65_534.0, value * 10))
+        assert older - 1e-3 <= ages[k] <= older + 1.001
         assert slopes[k] == pytest.approx(max(0, min(65_534, value * 1e4)), abs=0.501)
 
 
@@ -151,11 +156,11 @@ def test_five_tiles_at_a_time_are_one_too_many_and_the_same_id_replaces() -> Non
         seen += [(piece[0], piece[2]) for piece in pieces(line)]
     assert seen[0] == (5, 3)
     assert list(dict.fromkeys(seen[1:])) == [(1, 0), (2, 0), (4, 0), (3, 0)]
-    assert not line.link._tiles.waiting
+    assert not line.link._answers.waiting
 
 
 def test_no_flood_of_questions_is_kept() -> None:
-    tiles = Line(Sky(9, 1)).link._tiles
+    tiles = Line(Sky(9, 1)).link._answers.tiles
     for ask_id in range(10_000):
         tiles.take(Ask(ask_id, ASK_TILE, 0, 0, 0, 1 if ask_id % 2 else 0, 1))
     assert len(tiles._tiles) <= 4

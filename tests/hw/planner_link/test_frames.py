@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import PoseReport
+from core.records import PoseReport, SweepPoints
 from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
 from hw.planner_link import frames, messages
+from hw.planner_link.answers import pack_points
 from hw.planner_link.tiles import pack_values
 from tests.support.cases import cut
 from tests.support.planner_line import ZONE
@@ -26,7 +27,7 @@ EXAMPLE = PoseReport(
 
 
 NAN = math.nan
-TILES = {  # layer, first cell, values
+TILES: dict[str, tuple[int, int, list[float]]] = {  # layer, first cell, values
     "tile_class": (0, 0, [1, 1, 1, NAN, 0, 1, 1, 1, 0, 0, -1, -1, -1, -1, -1]),
     "tile_height": (
         1, 0, [0.152, 0.149, 0.151, NAN, NAN, 0.04, 0.148, 0.15, NAN, NAN, 0.003, -0.002, 0.0,
@@ -34,13 +35,34 @@ TILES = {  # layer, first cell, values
     ),
     "tile_variance": (2, 5, [4e-4, 25e-6, 30e-6, NAN, NAN, 9e-6, 8.7e-6, 9e-6, 1e-5, 0.07]),
     "tile_slope": (3, 0, [0.7854, 0.785, 0.786, NAN, NAN]),
+    "tile_cause": (4, 0, [128, 128, 130, 1, 8, 128, 131, 129, 1, 6, 64, 64, 66, 67, 64]),
+    "tile_age": (5, 5, [0.1, 0.04, 12.5, NAN, 3.0, 0.0, 0.1, 0.2, 0.3, 7000.0]),
+    "tile_z": (6, 0, [0.31, 0.305, -1.2, NAN, NAN]),
 }  # fmt: skip
+POINTS_M = [[2.0, 0.5, -0.45], [2.01, 0.25, -0.448], [1.5, 0.0, -0.12], [1.49, -0.26, -0.118],
+            [2.03, -0.52, -0.451]]  # fmt: skip
+LENS_M = (12.6, -2.1, 0.45)
+SWEEP = SweepPoints(1.052, LENS_M, np.array(POINTS_M) + LENS_M, 541)
 
 
 def tile_body(layer: int, first: int, values: list[float]) -> bytes:
     place = (236, -40, 5, 3, first.to_bytes(3, "little"), 7, len(values), 50)
     packed = pack_values(layer, np.array(values, dtype=np.float32), True)
     return frames.TILE_HEAD.pack(0x0102, layer, 0, *place) + packed
+
+
+NUMBERS = {  # flags and numbers of tiles that are not the next one
+    "tile_slope": (frames.MORE, 9),
+    "tile_cause": (0, 11),
+    "tile_age": (0, 12),
+    "tile_z": (frames.MORE, 13),
+}
+
+
+def scan_body(first: int, end: int) -> bytes:
+    unit_mm, packed = pack_points(SWEEP)
+    head = frames.encode_scan_head(0x0105, unit_mm, len(POINTS_M), first, SWEEP)
+    return head + packed[6 * first : 6 * end]
 
 
 SENT = {  # type, flags, number, time, body
@@ -50,10 +72,12 @@ SENT = {  # type, flags, number, time, body
     "digest": (frames.DIGEST, 0, 4, 1040, frames.encode_digest(7, 0x55964B82)),
     "stop_zone": (frames.STOP_ZONE, 0, 5, 1040, frames.encode_stop_zone(ZONE)),
     **{
-        name: (frames.TILE, *((frames.MORE, 9) if name == "tile_slope" else (0, 6 + tile[0])), 1060,
-               tile_body(*tile))
+        name: (frames.TILE, *NUMBERS.get(name, (0, 6 + tile[0])), 1060, tile_body(*tile))
         for name, tile in TILES.items()
     },
+    "scan": (frames.SCAN, frames.MORE, 14, 1080, scan_body(0, 3)),
+    "scan_end": (frames.SCAN, 0, 15, 1080, scan_body(3, 5)),
+    "scan_refused": (frames.SCAN, 0, 16, 1080, frames.encode_scan_head(0x0106, 0, 0, 0, None)),
 }  # fmt: skip
 HEARD = {
     "ack": messages.Ack(1, 52_310, 3, 0b11, 1020, 8, 7),
@@ -65,6 +89,7 @@ HEARD = {
     "ask_now": messages.Ask(
         0x0103, messages.ASK_GEOM | messages.ASK_POSE | messages.ASK_ZONE, 0, 0, 0, 0, 0
     ),
+    "ask_scan": messages.Ask(0x0105, messages.ASK_SCAN, 0, 0, 0, 0, 0),
     "ask_window": messages.Ask(0x0104, messages.ASK_TILE | messages.IN_WINDOW, 0, 40, 60, 5, 3),
 }
 

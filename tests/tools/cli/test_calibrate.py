@@ -129,7 +129,9 @@ def test_the_report_has_values_errors_and_effect(
     assert (tmp_path / "mapod.toml").read_text() == wrong
 
 
-def test_writing_changes_three_numbers_only(turned: Calibration, tmp_path: Path) -> None:
+def test_writing_changes_three_numbers_and_notes_the_day(
+    turned: Calibration, tmp_path: Path
+) -> None:
     path = tmp_path / "mapod.toml"
     for newline in ("\n", "\r\n"):
         text = SHIPPED.replace("mount_tilt_deg = 7.5", "mount_tilt_deg = 8.2")
@@ -137,7 +139,11 @@ def test_writing_changes_three_numbers_only(turned: Calibration, tmp_path: Path)
         path.touch()
         path.chmod(0o640)
         told(turned, path, "--write", text=text)
-        after = path.read_bytes().decode()
+        noted = path.read_bytes().decode()
+        told(turned, path, "--write", text=noted)  # an older note goes
+        noted = path.read_bytes().decode()
+        after = re.sub(f"(?<=\\[scanner\\]{newline})# calibrated \\S+Z by .*{newline}", "", noted)
+        assert len(after.split(newline)) == len(noted.split(newline)) - 1
         lines = list(zip(text.split("\n"), after.split("\n"), strict=True))
         changed = [new for old, new in lines if old != new]
         keys = [line.split()[0] for line in changed]

@@ -54,7 +54,14 @@ def stub(code: str, manners: str = POLITE) -> list[str]:
 def options(out: Path | None = None, seconds: float = 0.3) -> argparse.Namespace:
     config = ROOT / "mapod.toml"
     return argparse.Namespace(
-        seconds=seconds, seed=1, scene="stub", config=config, serial=False, drive=False, out=out
+        seconds=seconds,
+        seed=1,
+        scene="stub",
+        config=config,
+        serial=False,
+        drive=False,
+        out=out,
+        no_page=True,
     )
 
 

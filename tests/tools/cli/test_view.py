@@ -219,5 +219,5 @@ def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:
 
 
 def test_the_viewer_says_that_nothing_came(capsys: Capsys) -> None:
-    assert main(["--port", "udp://127.0.0.1:0", "--seconds", "0.05"]) == 0
+    assert main(["--terminal", "--port", "udp://127.0.0.1:0", "--seconds", "0.05"]) == 0
     assert "no map has arrived" in capsys.readouterr().out

@@ -1,7 +1,10 @@
 """Each cause that the doctor knows, made with real files, lines and sockets."""
 
 import os
+import shutil
 import socket
+import subprocess
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -9,7 +12,8 @@ import pytest
 from hw.ports.url import parse_url
 from tests.support.plain_user import as_plain_user
 from tests.support.real_wires import pty_at
-from tools.doctor import machine, service, wires
+from tools.calibration.noted import with_note
+from tools.doctor import calibrated, machine, network, service, storage, wires
 from tools.doctor.finding import Finding, status_of
 
 UNIT = {
@@ -52,7 +56,7 @@ def test_an_adapter_that_holds_bytes_back(
 def test_a_host_that_answers_refuses_or_has_no_address() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         url = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        assert str(wires.of_host("scanner", parse_url(url))).endswith(f"{url} answers")
+        assert f"{url} answers in " in str(wires.of_host("scanner", parse_url(url)))
     refused = wires.of_host("scanner", parse_url(url))
     assert (refused.level, refused.says) == ("warning", f"{url}: Connection refused")
     nowhere = wires.of_host("planner", parse_url("udp://no..host:9750"))
@@ -122,3 +126,104 @@ def test_the_worst_finding_is_the_exit_status() -> None:
     ok, warning, fault = (Finding(level, "", "") for level in ("OK", "warning", "fault"))
     assert [status_of(few) for few in ([], [ok], [ok, warning], [fault, ok])] == [0, 0, 1, 2]
     assert machine.of_room(10**6, Path()).level == "warning"
+
+
+@pytest.mark.parametrize(
+    ("synchronised", "level"), [(True, "OK"), (False, "warning"), (None, "OK")]
+)
+def test_the_time_of_day(synchronised: bool | None, level: str) -> None:
+    assert machine.of_time(synchronised, 0.004).level == level
+
+
+def test_the_kernel_says_the_same_of_its_time_as_its_own_program() -> None:
+    synchronised, error_s = machine.clock_state()
+    if shutil.which("timedatectl") is None or synchronised is None:
+        assert error_s >= 0.0
+        return
+    command = ["timedatectl", "show", "--property", "NTPSynchronized", "--value"]
+    told = subprocess.run(command, capture_output=True, text=True, check=False)
+    if told.returncode == 0:
+        assert told.stdout.strip() == ("yes" if synchronised else "no")
+
+
+def test_a_way_that_is_slow() -> None:
+    assert wires.of_answer("scanner", "tcp://a:1", 0.0004).level == "OK"
+    assert wires.of_answer("scanner", "tcp://a:1", 0.2).level == "warning"
+
+
+# 10.0.0.0/8 by way of 192.168.1.1 and, dearer, 192.168.1.2; 192.168.1.0/24 and 10.1.0.0/16 on
+# links; 172.16.0.0/12 on a link that is down
+ROUTES = """Iface Destination Gateway Flags RefCnt Use Metric Mask MTU Window IRTT
+eth0 0000000A 0201A8C0 0003 0 0 100 000000FF 0 0 0
+eth0 0000000A 0101A8C0 0003 0 0 10 000000FF 0 0 0
+eth0 0001A8C0 00000000 0001 0 0 100 00FFFFFF 0 0 0
+eth1 0000010A 00000000 0001 0 0 100 0000FFFF 0 0 0
+eth2 000010AC 00000000 0000 0 0 100 0000F0FF 0 0 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("address", "route"),
+    [
+        ("192.168.1.7", network.Route("eth0", "")),
+        ("10.1.9.9", network.Route("eth1", "")),
+        ("10.2.9.9", network.Route("eth0", "192.168.1.1")),
+        ("172.16.0.1", None),
+        ("8.8.8.8", None),
+    ],
+)
+def test_the_route_to_an_address(address: str, route: network.Route | None) -> None:
+    assert network.maybe_route(ROUTES, address) == route
+
+
+def test_what_is_wrong_with_the_way_to_the_scanner(tmp_path: Path) -> None:
+    def found(address: str) -> Finding:
+        return network.of_path("scanner", address, ROUTES, tmp_path)
+
+    folder = tmp_path / network.INTERFACES / "eth0"
+    folder.mkdir(parents=True)
+    for name, value in {"mtu": "1500", "carrier": "1", "speed": "1000"}.items():
+        (folder / name).write_text(f"{value}\n")
+    good = found("192.168.1.7")
+    assert (good.level, good.advice) == ("OK", "")
+    assert good.says == "scanner 192.168.1.7 by eth0, MTU 1500, 1000 Mb/s"
+    assert "through 192.168.1.1" in found("10.2.9.9").says
+    assert found("10.2.9.9").level == found("8.8.8.8").level == "warning"
+    for name, value, told in (("mtu", "576", "small"), ("carrier", "0", "cable")):
+        before = (folder / name).read_text()
+        (folder / name).write_text(value)
+        assert told in found("192.168.1.7").advice
+        (folder / name).write_text(before)
+    (folder / "wireless").mkdir()
+    assert "over the air" in found("192.168.1.7").advice
+
+
+NOW = datetime(2026, 3, 1, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    ("days", "level", "told"),
+    [(3, "OK", "3 days ago"), (300, "warning", "300 days"), (-2, "warning", "yet to come")],
+)
+def test_days_since_the_calibration(days: int, level: str, told: str) -> None:
+    text = with_note("[robot]\n[scanner]\nport = 1\n", NOW - timedelta(days=days))
+    found = calibrated.of_calibration(text, NOW)
+    assert (found.level, told in found.says) == (level, True)
+
+
+def test_settings_that_note_no_calibration() -> None:
+    for text in ("[scanner]\n", "[scanner]\n# calibrated last week\n"):
+        assert calibrated.of_calibration(text, NOW).says.startswith("never")
+
+
+def test_folders_of_recordings(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").write_bytes(bytes(2_000_000))
+    assert storage.of_folder("flights", tmp_path, 1.0).says.startswith("1 of 2 MB in all in ")
+    assert storage.of_folder("flights", tmp_path, 1e12).advice.startswith("Up to 1000000000000 MB")
+    assert storage.of_folder("flights", tmp_path / "not" / "yet", 1.0).level == "OK"
+    assert storage.fsync_s(tmp_path) > 0.0
+    assert [path.name for path in tmp_path.iterdir()] == ["a.mcap"]
+    tmp_path.chmod(0o555)
+    told = as_plain_user(lambda: storage.of_folder("flights", tmp_path, 1.0))
+    tmp_path.chmod(0o755)
+    assert "can't be written" in told

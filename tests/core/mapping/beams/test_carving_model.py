@@ -27,7 +27,14 @@ from core.mapping.beams.carving import (
     FreeSpaceCarver,
     see_floor_again,
 )
-from core.mapping.beams.cells import CellGrid, flat_index, forget, part_bit
+from core.mapping.beams.cells import (
+    GONE_FLOOR_AGAIN,
+    GONE_PASSED,
+    CellGrid,
+    flat_index,
+    forget,
+    part_bit,
+)
 from core.mapping.beams.ground_plane import LEVEL, Ground, ground_m
 from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep
@@ -85,12 +92,13 @@ def test_floor_again_ends_a_lack_and_in_the_long_run_what_is_low_in_parts_that_s
         for at, cell in enumerate(model):
             if cell["below"] + cell["miss"] > 0 and not cell["miss_bits"] & ~cell["floor_bits"]:
                 cell["below"] = cell["miss"] = cell["miss_sure"] = cell["miss_bits"] = 0
+                cell["gone"] = GONE_FLOOR_AGAIN
                 if cell["above"] == 0:
                     cell["mean_m"], cell["count"] = cell["floor_m"], cell["floor_count"]
             low = cell["above"] > 0 and cell["top_m"] <= LOW_M
             shows = not cell["high_bits"] & ~cell["floor_bits"]
             if cell["floor_run"] >= FLOOR_FOR_LONG and low and shows:
-                forget(model, at)
+                forget(model, at, GONE_FLOOR_AGAIN)
                 forgotten += 1
             see_floor_again(grid.flat, at)
         np.testing.assert_array_equal(grid.flat, model)
@@ -195,7 +203,7 @@ class SlowCarver:
         cell, grid = self.cells[at], self.grid
         cell["through_scan"], cell["through"] = grid.scan, cell["through"] + 1
         if cell["through"] >= THROUGH:
-            forget(self.cells, at)
+            forget(self.cells, at, GONE_PASSED)
             self.stands.remove(at)
             self.cleared += 1
         if cell["stamp"] != grid.scan:

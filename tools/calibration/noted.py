@@ -1,0 +1,31 @@
+"""When the scanner's mount was last measured: a comment in the settings that it went into."""
+
+import re
+from datetime import UTC, datetime
+
+NOTE = re.compile(r"^# calibrated (\S+)[^\n]*\n", re.MULTILINE)
+HEAD = re.compile(r"^[ \t]*\[[ \t]*scanner[ \t]*\][^\n]*\n", re.MULTILINE)
+FORM = "%Y-%m-%dT%H:%M:%SZ"
+
+
+def with_note(text: str, now: datetime) -> str:
+    """The settings with a line under `[scanner]` that says so; an older one goes.
+
+    >>> with_note("[scanner]\\nport = 1\\n", datetime(2026, 3, 1, 12, 0, tzinfo=UTC))
+    '[scanner]\\n# calibrated 2026-03-01T12:00:00Z by `mapod calibrate`\\nport = 1\\n'
+    """
+    line = f"# calibrated {now.astimezone(UTC).strftime(FORM)} by `mapod calibrate`"
+
+    def noted(head: re.Match[str]) -> str:
+        return head[0] + line + ("\r\n" if head[0].endswith("\r\n") else "\n")
+
+    return HEAD.sub(noted, NOTE.sub("", text), count=1)
+
+
+def maybe_noted(text: str) -> datetime | None:
+    """What such a line says; None: there is none, or no date in it."""
+    found = NOTE.search(text)
+    try:
+        return datetime.strptime(found[1], FORM).replace(tzinfo=UTC) if found else None
+    except ValueError:
+        return None

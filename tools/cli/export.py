@@ -1,0 +1,170 @@
+"""A recording as files for other programs: tables, point clouds, pictures, a map for ROS.
+
+The recording is played through the app, and what the app hears and works out is written down.
+csv and parquet: pose, health, scans (a row for each range), wheel counts and attitude. pcd: the
+returns in the map's frame, of the whole drive or of the newest sweep at --at. png: a layer of the
+map at --at, with a world file in metres. ros: map.pgm and map.yaml, as map_server reads them.
+"""
+
+import argparse
+import importlib.util
+import math
+import re
+import sys
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from core.config import ConfigError
+from core.mapping.layers import UNITS
+from core.records import F64
+from recording.reader import Recording
+from recording.records import RecordingError
+from tools.cli.options import fail, parser_of
+from tools.export.collect import collect_points, collect_tables, trusted_layer
+from tools.export.pcd import points_from, write_pcd
+from tools.export.raster import write_png, write_ros
+from tools.export.tables import Tables
+from tools.replay.player import Player
+
+FORMS = ("csv", "parquet", "pcd", "png", "ros")
+CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)")
+NO_PARQUET = "--to parquet needs pyarrow: pip install 'mapod[export]'"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A recording that is about to be played, and what is wanted of it."""
+
+    player: Player
+    utc_offset_s: float
+    until_s: float  # host clock of the recording; inf: all of it
+    options: argparse.Namespace
+
+
+class NothingToExportError(Exception):
+    """There is no such thing in the recording; the text says why."""
+
+
+def instant(text: str, begin_s: float, utc_offset_s: float) -> float:
+    """Seconds from the begin, or a time of day in UTC, as host time of the recording.
+
+    >>> instant("2.5", 100.0, 0.0), instant("00:01:45", 100.0, 0.0), instant("0:00:10", 100.0, 0.0)
+    (102.5, 105.0, 86410.0)
+
+    Raises:
+        ValueError: neither of both.
+    """
+    found = CLOCK.fullmatch(text)
+    if found is None:
+        after_s = float(text)
+        if not 0.0 <= after_s < math.inf:
+            raise ValueError(text)
+        return begin_s + after_s
+    hours, minutes, seconds = int(found[1]), int(found[2]), float(found[3])
+    if hours > 23 or minutes > 59 or seconds >= 60.0:
+        raise ValueError(text)
+    began = datetime.fromtimestamp(begin_s + utc_offset_s, UTC)
+    midnight = began.replace(hour=0, minute=0, second=0, microsecond=0)
+    meant = midnight + timedelta(hours=hours, minutes=minutes, seconds=seconds)
+    if meant < began.replace(microsecond=0):
+        meant += timedelta(days=1)
+    return meant.timestamp() - utc_offset_s
+
+
+def export_tables(job: Job) -> list[Path]:
+    tables = Tables(job.options.out, job.options.to)
+    try:
+        collect_tables(job.player, tables, job.utc_offset_s, job.until_s)
+    finally:
+        tables.close()
+    print(", ".join(f"{name} {count}" for name, count in tables.rows.items()), "rows")
+    return list(tables.paths.values())
+
+
+def export_points(job: Job) -> list[Path]:
+    """All returns; with --at those of the newest sweep then."""
+    sweeps: list[tuple[float, F64]] = []
+    only_newest = job.until_s < math.inf
+
+    def take(t_s: float, places: F64) -> None:
+        if only_newest:
+            sweeps.clear()
+        sweeps.append((t_s - job.player.begin_s, places))
+
+    collect_points(job.player, take, job.until_s)
+    if not sweeps:
+        raise NothingToExportError("no sweep was mapped until then")
+    points = np.concatenate([points_from(places, t_s) for t_s, places in sweeps])
+    path: Path = job.options.out / "points.pcd"
+    write_pcd(path, points, job.options.ascii)
+    print(f"{len(points)} points of {len(sweeps)} sweeps")
+    return [path]
+
+
+def export_map(job: Job) -> list[Path]:
+    """A layer as a picture, or the map for ROS."""
+    player, options = job.player, job.options
+    player.play_until(job.until_s)
+    if not player.app.mapper.counts.scans_added:
+        raise NothingToExportError("no sweep was mapped until then")
+    name = "state" if options.to == "ros" else options.layer
+    view = trusted_layer(player, name)
+    if view is None:
+        method = player.config.map.method
+        raise NothingToExportError(f"the method {method!r} has no layer {name!r}")
+    return (write_ros if options.to == "ros" else write_png)(options.out, view)
+
+
+def export(options: argparse.Namespace) -> int:
+    """Raises OSError, RecordingError, ConfigError, NothingToExportError."""
+    recording = Recording(options.recording)
+    player, until_s = Player(recording), math.inf
+    if options.at is not None:
+        try:
+            until_s = instant(options.at, player.begin_s, recording.utc_offset_s)
+        except ValueError:
+            said = "seconds from the begin, or UTC as 12:03:05"
+            return fail("export", f"--at: must be {said}, is {options.at!r}")
+    options.out.mkdir(parents=True, exist_ok=True)
+    how = {"csv": export_tables, "parquet": export_tables, "pcd": export_points}
+    job = Job(player, recording.utc_offset_s, until_s, options)
+    for path in how.get(options.to, export_map)(job):
+        print(path)
+    for remark in remarks_on(player):
+        print(f"mapod export: {remark}", file=sys.stderr)
+    return 0
+
+
+def remarks_on(player: Player) -> list[str]:
+    """What a reader of the files should know of the replay that they come from."""
+    differing = [check.describe() for check in player.checks if not check.is_identical]
+    return [*player.remarks, *differing]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Exit status: 0 done, 1 there was nothing of it or the recording is damaged, 2 wrong use."""
+    parser = parser_of(
+        "export",
+        __doc__,
+        "mapod export drive.mcap --to csv --out tables",
+        "mapod export drive.mcap --to png --layer height --at 12:03:05 --out pictures",
+    )
+    add = parser.add_argument
+    add("recording", type=Path, help="the file")
+    add("--to", choices=FORMS, required=True, help="what to write")
+    add("--out", type=Path, default=Path("export"), help="the folder for it (default: export)")
+    add("--at", metavar="T", help="up to then: seconds from the begin, or UTC as 12:03:05")
+    add("--layer", choices=tuple(UNITS), default="state", help="of png (default: state)")
+    add("--ascii", action="store_true", help="pcd as text")
+    options = parser.parse_args(arguments)
+    if options.to == "parquet" and importlib.util.find_spec("pyarrow") is None:
+        return fail("export", NO_PARQUET)
+    try:
+        return export(options)
+    except (OSError, ConfigError) as error:
+        return fail("export", error)
+    except (RecordingError, NothingToExportError) as error:
+        return fail("export", error, 1)

@@ -1,0 +1,1 @@
+"""`mapod export`: a recording as files for others' programs."""

@@ -1,0 +1,238 @@
+"""One open page: what it asks for, and what it gets. It gets the newest of all, and nothing queues.
+
+What does not go out at once, because the page or its network is slow, is left out: the next message
+tells of the state of then. So a page that lies in the background for hours costs what one costs.
+"""
+
+import asyncio
+import math
+from collections import deque
+from typing import Protocol
+
+import msgspec
+from aiohttp import WSMessage, WSMsgType
+from aiohttp.web import WebSocketResponse
+
+from tools.view.driving import NO_HAND, Driving
+from tools.view.guard import Guard
+from tools.view.history import History, Past
+from tools.view.layers import OFFERED, CellQuestion, Layers
+from tools.view.link_end import LinkEnd
+from tools.view.requests import (
+    AskCell,
+    AskHistory,
+    Auth,
+    Drive,
+    Flight,
+    Request,
+    ShowLayers,
+    Stop,
+    request_of,
+)
+from tools.view.window import Window
+
+ANSWERS = 16  # that wait to be sent
+LAYER_S = 1.0  # from one picture of a layer to the next
+MESSAGES_PER_S, BURST = 40.0, 80.0
+ON_THE_WAY = 3  # rounds of news, at most: kernels and networks queue too
+WRONG_TOKENS = 5  # of one socket
+STATE = "state"  # a layer that every page gets anyway
+
+Told = str | bytes
+
+
+class Desk(Protocol):
+    """What a page needs of its server."""
+
+    end: LinkEnd
+    guard: Guard
+    driving: Driving
+    layers: Layers
+    history: History
+    window: Window | None
+    state: bytes  # JSON, without `driving` and the last brace
+    scan: bytes
+
+    def hello(self) -> str: ...
+
+    def save_flight(self) -> str: ...
+
+
+class Bucket:
+    """So many a second, and a burst of some more."""
+
+    def __init__(self) -> None:
+        self._left, self._s = BURST, 0.0
+
+    def take(self, now_s: float) -> bool:
+        self._left = min(BURST, self._left + (now_s - self._s) * MESSAGES_PER_S)
+        self._s = now_s
+        if self._left < 1.0:
+            return False
+        self._left -= 1.0
+        return True
+
+
+class Page:
+    """One socket. `read` and `write` run until it closes.
+
+    Args:
+        may_drive: it has come with the token.
+    """
+
+    def __init__(self, desk: Desk, socket: WebSocketResponse, may_drive: bool) -> None:
+        self._desk, self._socket = desk, socket
+        self._news = asyncio.Event()
+        self.answers: deque[Told] = deque(maxlen=ANSWERS)
+        self.layers: tuple[str, ...] = ()
+        self._may_drive, self._wrong_tokens = may_drive, 0
+        self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
+        self._held: Window | None = None  # that the page has
+        self._sent_layers: dict[str, tuple[float, bytes]] = {}
+        self._sent_scan = b""
+        self._cell: CellQuestion | None = None
+        self._past: Past | None = None
+        self._bucket, self._flooded = Bucket(), False
+
+    def tick(self) -> None:
+        """There is something new to be told."""
+        self._news.set()
+
+    async def read(self) -> None:
+        """Takes the page's messages until the socket closes."""
+        async for message in self._socket:
+            if message.type is WSMsgType.PONG:
+                self._on_the_way = max(self._on_the_way - 1, 0)
+            elif message.type is WSMsgType.PING:
+                await self._socket.pong(message.data)
+            else:
+                self.take(self._desk.end.now_s(), message)
+            if self._wrong_tokens > WRONG_TOKENS:
+                return
+
+    async def write(self) -> None:
+        """Sends the newest, over and over; the ping behind it tells when it has arrived."""
+        await self._send(self._desk.hello())
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            if self._on_the_way >= ON_THE_WAY:
+                continue
+            while self.answers:
+                await self._send(self.answers.popleft())
+            for told in self._news_of(self._desk.end.now_s()):
+                await self._send(told)
+            self._on_the_way += 1
+            await self._socket.ping()
+
+    async def _send(self, told: Told) -> None:
+        if isinstance(told, bytes):
+            await self._socket.send_bytes(told)
+        else:
+            await self._socket.send_str(told)
+
+    def _news_of(self, now_s: float) -> list[Told]:
+        """What is new for this page, as of now; it counts as sent."""
+        desk, news = self._desk, list[Told]()
+        if desk.state:
+            driving = msgspec.json.encode(desk.driving.told_to(self, now_s))
+            news.append((desk.state + b',"driving":' + driving + b"}").decode())
+        if desk.window is not None and (change := desk.window.since(self._held)):
+            news.append(change)
+        self._held = desk.window
+        if desk.scan is not self._sent_scan:
+            self._sent_scan = desk.scan
+            news.append(desk.scan)
+        if self._cell is not None and (answer := self._cell.maybe_answer(now_s)):
+            self._cell = None
+            news.append(msgspec.json.encode(answer).decode())
+        if self._past is not None:
+            news += self._past.next_messages()
+            self._past = None if self._past.is_done else self._past
+        return news + self._layer_of(now_s)
+
+    def _layer_of(self, now_s: float) -> list[Told]:
+        """One layer at a time, the one that was sent longest ago."""
+        order = sorted(self.layers, key=lambda name: self._sent_layers.get(name, (-math.inf,))[0])
+        for name in order:
+            sent_s, sent = self._sent_layers.get(name, (-math.inf, b""))
+            layer = self._desk.layers.maybe_layer(name)
+            if layer is None or now_s - sent_s < LAYER_S or (told := layer.encoded()) is sent:
+                continue
+            self._sent_layers[name] = now_s, told
+            return [told]
+        return []
+
+    # What a page says
+
+    def take(self, now_s: float, message: WSMessage) -> None:
+        """One message; nothing raises on what it says."""
+        if message.type is not WSMsgType.TEXT:
+            self._refuse("not understood: messages are JSON")
+            return
+        request = request_of(message.data)
+        if isinstance(request, Stop):  # never too many
+            self._desk.driving.stop(now_s, self)
+        elif not self._bucket.take(now_s):
+            if not self._flooded:
+                self._refuse("too many messages: those beyond 40 a second are left out")
+            self._flooded = True
+        elif isinstance(request, str):
+            self._refuse(request)
+        elif isinstance(request, Auth):
+            self._authenticate(request)
+        else:
+            self._flooded = False
+            self._obey(now_s, request)
+
+    def _obey(self, now_s: float, request: Request) -> None:
+        desk = self._desk
+        match request:
+            case ShowLayers(names):
+                self._show(names)
+            case AskCell(i, j):
+                if self._cell is not None:
+                    self._cell.drop()
+                self._cell = CellQuestion(now_s, desk.end.receiver, i, j)
+            case Drive():
+                self._drive(now_s, request)
+            case AskHistory(seconds):
+                self._past = Past(desk.history, now_s - seconds)
+            case Flight():
+                if why_not := desk.save_flight():
+                    self._refuse(why_not)
+
+    def _authenticate(self, request: Auth) -> None:
+        ok = self._desk.guard.token_is_right(request.token)
+        self._wrong_tokens += not ok
+        self._say({"type": "auth", "ok": ok})
+        self._may_drive = self._may_drive or ok
+
+    def _show(self, names: list[str]) -> None:
+        unknown = [name for name in names if name not in (*OFFERED, STATE)]
+        refusals = self._desk.layers.refused
+        refused = [f"{name}: {refusals[name]}" for name in names if name in refusals]
+        if unknown:
+            self._refuse(f"there is no layer {unknown[0]!r}; there are {', '.join(OFFERED)}")
+        elif refused:
+            self._refuse("; ".join(refused))
+        self.layers = tuple(dict.fromkeys(name for name in names if name in OFFERED))
+        self._sent_layers = {n: sent for n, sent in self._sent_layers.items() if n in self.layers}
+
+    def _drive(self, now_s: float, request: Drive) -> None:
+        driving = self._desk.driving
+        if not (self._may_drive or self._desk.guard.token_is_right(request.token)):
+            self._wrong_tokens += bool(request.token)
+            self._refuse("driving needs the token of the address that `mapod view` has printed")
+        elif not request.dead_man:
+            driving.stop(now_s, self)
+            self._refuse(NO_HAND)
+        elif why_not := driving.drive(now_s, self, request.v, request.w, request.t_s):
+            self._refuse(f"not driven: {why_not}")
+
+    def _refuse(self, text: str) -> None:
+        self._say({"type": "error", "text": text})
+
+    def _say(self, told: dict[str, object]) -> None:
+        self.answers.append(msgspec.json.encode(told).decode())
+        self._news.set()

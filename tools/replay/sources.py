@@ -123,9 +123,9 @@ class OfRecording:
 
     def _what_if(self) -> list[str]:
         """Against the same stretch with the recorded settings."""
-        as_it_was = Player(self.recording, key=self._key)
-        as_it_was.play_until(self._player.now_s)
-        lines = [f"with these settings: {line}" for line in differences(self._player, as_it_was)]
+        assert self._player.lead is not None
+        found = differences(self._player, self._player.lead)
+        lines = [f"with these settings: {line}" for line in found]
         return [*lines, "other settings than recorded: what the planner got is not compared"]
 
 

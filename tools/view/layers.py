@@ -15,12 +15,12 @@ from mapod_link.tiles import LAYERS, REFUSALS, Tile
 from tools.view.window import F32, LAYER, Window, message, moved
 
 UNITS = {
-    "height": ("m", "height"),
+    "height": ("m", "height above the ground"),
     "variance": ("m²", "variance of the height"),
     "slope": ("rad", "slope"),
     "cause": ("", "cause"),
-    "age": ("s", "age"),
-    "z": ("m", "height of the map frame"),
+    "age": ("s", "age of the newest beam"),
+    "z": ("m", "height in the map frame"),
 }
 CAUSE = "cause"
 OFFERED = tuple(name for name in LAYERS if name in UNITS)

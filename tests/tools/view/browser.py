@@ -26,7 +26,14 @@ class Browser:
     def __init__(self, driver: Any) -> None:
         self.driver = driver
 
-    def open(self, url: str, width: int = 1280, height: int = 800, ratio: float = 1.0, touch: bool = False) -> None:
+    def open(
+        self,
+        url: str,
+        width: int = 1280,
+        height: int = 800,
+        ratio: float = 1.0,
+        touch: bool = False,
+    ) -> None:
         self.size(width, height, ratio, touch)
         self.driver.get("about:blank")
         self.driver.get(url)
@@ -38,7 +45,9 @@ class Browser:
 
     def media(self, **features: str) -> None:
         """Such as prefers_color_scheme="dark"."""
-        told = [{"name": name.replace("_", "-"), "value": value} for name, value in features.items()]
+        told = [
+            {"name": name.replace("_", "-"), "value": value} for name, value in features.items()
+        ]
         self.cdp("Emulation.setEmulatedMedia", features=told)
 
     def cdp(self, command: str, **parameters: object) -> Any:
@@ -81,7 +90,11 @@ class Browser:
 
     def complaints(self) -> list[str]:
         """What the browser has logged as an error since it was asked last."""
-        return [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
+        return [
+            entry["message"]
+            for entry in self.driver.get_log("browser")
+            if entry["level"] == "SEVERE"
+        ]
 
 
 @contextmanager

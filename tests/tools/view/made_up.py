@@ -83,7 +83,9 @@ class Drive:
         self.t_s += seconds
         ahead_m = 8.6 - self.x_m
         self.v_mps = 0.5 if ahead_m > 1.0 else max(0.0, 0.5 * ahead_m - 0.2)
-        self.w_radps = 0.12 * math.cos(0.5 * self.x_m) * self.v_mps - 0.6 * self.yaw_rad * self.v_mps
+        self.w_radps = (
+            0.12 * math.cos(0.5 * self.x_m) * self.v_mps - 0.6 * self.yaw_rad * self.v_mps
+        )
         self.x_m += self.v_mps * math.cos(self.yaw_rad) * seconds
         self.y_m += self.v_mps * math.sin(self.yaw_rad) * seconds
         self.yaw_rad += self.w_radps * seconds
@@ -119,9 +121,9 @@ class Drive:
             self.seen_s[row[mask], column[mask]] = self.t_s
         at = np.flatnonzero(ends < len(far_m))
         last = ends[at]
-        self.points = np.column_stack(
-            [x_m[at, last], y_m[at, last], np.full(len(at), 0.2)]
-        ).astype(np.float32)
+        self.points = np.column_stack([x_m[at, last], y_m[at, last], np.full(len(at), 0.2)]).astype(
+            np.float32
+        )
 
     def layer(self, name: str) -> F32:
         """A layer of the window, NaN where nothing was seen."""

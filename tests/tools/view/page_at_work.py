@@ -71,7 +71,13 @@ class Page:
         x, y = self.browser.run(AT, x_m, y_m)
         button = "left" if kind != "mouseMoved" else "none"
         self.browser.cdp(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, buttons=buttons, clickCount=1
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=x,
+            y=y,
+            button=button,
+            buttons=buttons,
+            clickCount=1,
         )
 
     def heard(self, kind: str) -> int:

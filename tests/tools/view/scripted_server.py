@@ -20,7 +20,12 @@ from tests import ROOT
 from tests.tools.view.made_up import CELL_M, SIZE, U8, Drive, shifted
 
 PAGE = ROOT / "tools" / "view" / "page"
-TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+TYPES = {
+    ".html": "text/html",
+    ".js": "text/javascript",
+    ".css": "text/css",
+    ".svg": "image/svg+xml",
+}
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self' blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -84,7 +89,11 @@ class Script:
         }  # fmt: skip
         inputs = [
             {"name": name, "ok": True, "age_s": float(age_s), "text": ""}
-            for name, age_s in (("scanner", 0.012 + wave), ("attitude sensor", 0.006), ("wheel encoders", 0.021))
+            for name, age_s in (
+                ("scanner", 0.012 + wave),
+                ("attitude sensor", 0.006),
+                ("wheel encoders", 0.021),
+            )
         ]
         names = ("clock lock", "pose", "map", "pace")
         inputs += [{"name": name, "ok": True, "age_s": None, "text": ""} for name in names]
@@ -169,7 +178,9 @@ class Server:
         path = self.page / (request.match_info["name"] or "index.html")
         if not path.is_file():
             raise web.HTTPNotFound
-        return web.Response(body=path.read_bytes(), content_type=TYPES[path.suffix], headers=HEADERS)
+        return web.Response(
+            body=path.read_bytes(), content_type=TYPES[path.suffix], headers=HEADERS
+        )
 
     async def _socket(self, request: web.Request) -> web.WebSocketResponse:
         socket = web.WebSocketResponse()

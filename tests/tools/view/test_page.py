@@ -20,7 +20,9 @@ pytestmark = pytest.mark.skipif(
 IN_DITCH = (9.6, 1.2)
 ON_FLOOR = (7.0, -1.0)
 NEVER_SEEN = (2.0, 5.0)
-STALE = {"link": {"text": "STALE: poses or maps do not arrive in time", "stale": True, "age_s": 2.1}}
+STALE = {
+    "link": {"text": "STALE: poses or maps do not arrive in time", "stale": True, "age_s": 2.1}
+}
 FAULT = {
     "mode": 3, "mode_name": "fault", "health_bits": 0b101_1110, "advice": ["stop", "mode 3"],
     "inputs": [{"name": "scanner", "ok": False, "age_s": None, "text": "connection refused"}],
@@ -115,7 +117,9 @@ def test_the_past_is_very_visible_and_can_be_stepped_through(page: Page) -> None
     page.browser.wait("mapod.past.fetched === null")  # what the server has kept is here
     page.click("#pause")
     page.browser.wait("document.documentElement.dataset.past === 'true'")
-    page.browser.run("const m = document.getElementById('moment'); m.value = -9; m.dispatchEvent(new Event('input'))")
+    page.browser.run(
+        "const m = document.getElementById('moment'); m.value = -9; m.dispatchEvent(new Event('input'))"
+    )
     page.browser.drawn()
     page.shot("paused")
     assert "What you see is 9." in page.browser.text("#banner")
@@ -178,13 +182,18 @@ def test_the_relief_turns(page: Page) -> None:
     page.browser.run("document.getElementById('relief').focus()")
     page.browser.key("keyDown", "ArrowLeft", "ArrowLeft")
     page.shot("relief_turned")
-    assert Image.open(page.shots / "relief_turned.png").convert("RGB").crop((240, 70, 840, 700)) != before
+    assert (
+        Image.open(page.shots / "relief_turned.png").convert("RGB").crop((240, 70, 840, 700))
+        != before
+    )
     assert page.browser.complaints() == []
 
 
 def test_without_webgl_there_is_one_line(page: Page) -> None:
-    blind = "HTMLCanvasElement.prototype.getContext = (of => function (kind, ...more) " \
+    blind = (
+        "HTMLCanvasElement.prototype.getContext = (of => function (kind, ...more) "
         "{ return kind === 'webgl2' ? null : of.call(this, kind, ...more); })(HTMLCanvasElement.prototype.getContext)"
+    )
     added = page.browser.cdp("Page.addScriptToEvaluateOnNewDocument", source=blind)
     page.open()
     page.live()
@@ -198,7 +207,8 @@ def test_keys_alone_reach_everything_and_are_seen_to(page: Page) -> None:
     page.live()
     wanted = page.browser.run(
         "return [...document.querySelectorAll(arguments[0])].filter((e) => e.checkVisibility() && !e.disabled"
-        " && e.tabIndex >= 0 && (e.type !== 'radio' || e.checked)).length", FOCUSABLE
+        " && e.tabIndex >= 0 && (e.type !== 'radio' || e.checked)).length",
+        FOCUSABLE,
     )
     seen = set()
     for _ in range(wanted + 3):
@@ -208,7 +218,9 @@ def test_keys_alone_reach_everything_and_are_seen_to(page: Page) -> None:
             "const e = document.activeElement; e.dataset.n ??= document.querySelectorAll('[data-n]').length;"
             "return [e === document.body ? null : e.dataset.n, getComputedStyle(e).outlineWidth]"
         )
-        assert which is None or width == "3px", page.browser.run("return document.activeElement.outerHTML")
+        assert which is None or width == "3px", page.browser.run(
+            "return document.activeElement.outerHTML"
+        )
         seen.add(which)
     assert len(seen - {None}) == wanted
     nameless = page.browser.run(
@@ -230,7 +242,9 @@ def test_a_phone_has_all_of_it_at_360_pixels(page: Page) -> None:
             " && e.getBoundingClientRect().height < 32).map((e) => e.outerHTML)"
         )
         assert small == []
-        wide = page.browser.run("return document.getElementById(arguments[0]).getBoundingClientRect().right", tab)
+        wide = page.browser.run(
+            "return document.getElementById(arguments[0]).getBoundingClientRect().right", tab
+        )
         assert 300 < wide <= 360
     page.script.over = STALE
     page.browser.condition("stale")
@@ -263,7 +277,9 @@ def test_a_picture_is_saved_as_it_is_seen(page: Page, browser: Browser) -> None:
     page.browser.wait(lambda: (folder / name).exists())
     with Image.open(folder / name) as saved:
         assert saved.size[0] == page.browser.run("return mapod.map.canvas.width")
-        assert page.colour("obstacle") in {f"#{r:02x}{g:02x}{b:02x}" for r, g, b in saved.convert("RGB").get_flattened_data()}
+        assert page.colour("obstacle") in {
+            f"#{r:02x}{g:02x}{b:02x}" for r, g, b in saved.convert("RGB").get_flattened_data()
+        }
 
 
 def test_what_is_not_understood_is_counted_and_does_no_harm(page: Page) -> None:
@@ -275,7 +291,9 @@ def test_what_is_not_understood_is_counted_and_does_no_harm(page: Page) -> None:
     page.live()
     page.browser.wait("mapod.link.damaged >= 7")
     assert page.pixel(*IN_DITCH) == page.colour("obstacle")
-    assert "not understood" in page.browser.run("return document.getElementById('link-words').textContent")
+    assert "not understood" in page.browser.run(
+        "return document.getElementById('link-words').textContent"
+    )
     assert page.browser.complaints() == []
 
 

@@ -59,7 +59,9 @@ def contrast(a: F64, b: F64) -> float:
 @pytest.mark.parametrize("theme", THEMES)
 def test_cells_differ_by_lightness_alone_for_all_eyes(theme: str, eyes: str) -> None:
     of = colours(theme)
-    seen = {name: lightness(EYES[eyes] @ of[f"map-{name}"]) for name in ("unknown", "free", "obstacle")}
+    seen = {
+        name: lightness(EYES[eyes] @ of[f"map-{name}"]) for name in ("unknown", "free", "obstacle")
+    }
     assert abs(seen["free"] - seen["unknown"]) > 12
     assert abs(seen["obstacle"] - seen["free"]) > 35
     assert abs(seen["obstacle"] - seen["unknown"]) > 35
@@ -80,6 +82,11 @@ def test_text_can_be_read(theme: str) -> None:
     for ink in ("ink", "quiet", "ok", "warn", "bad"):
         for ground in grounds:
             assert contrast(of[ink], of[ground]) >= 4.5, (ink, ground)
-    for ink, ground in (("bad", "bad-back"), ("warn", "warn-back"), ("ink", "bad-back"), ("accent-ink", "accent")):
+    for ink, ground in (
+        ("bad", "bad-back"),
+        ("warn", "warn-back"),
+        ("ink", "bad-back"),
+        ("accent-ink", "accent"),
+    ):
         assert contrast(of[ink], of[ground]) >= 4.5, (ink, ground)
     assert contrast(of["focus"], of["panel"]) >= 3.0

@@ -3,7 +3,9 @@
 import { MAP_VALID, span } from "./words.js";
 
 const SILENT_S = 1; // without a state, what is shown is not current
-const FAULT = 3, BOOTING = 0, REPLAYED = 4;
+const FAULT = 3,
+  BOOTING = 0,
+  REPLAYED = 4;
 
 /** {key, level, title, text, stale}: level ok, note, warn or bad; stale: the map is greyed out.
  *
@@ -13,9 +15,14 @@ export function conditionOf(about) {
 }
 
 function ofSocket({ link, world, heard_ms, now_ms }) {
-  const since_s = (now_ms - link.lost_ms) / 1000, wait_s = Math.max(0, link.retry_ms - now_ms) / 1000;
+  const since_s = (now_ms - link.lost_ms) / 1000,
+    wait_s = Math.max(0, link.retry_ms - now_ms) / 1000;
   if (link.state === "refused") {
-    return bad("token", "Token needed", "This server shows its map with its token alone: type it into panel Drive.");
+    return bad(
+      "token",
+      "Token needed",
+      "This server shows its map with its token alone: type it into panel Drive.",
+    );
   }
   if (link.state !== "open") {
     if (heard_ms === null && link.state === "connecting" && since_s < 3) {
@@ -26,10 +33,17 @@ function ofSocket({ link, world, heard_ms, now_ms }) {
     return bad("lost", what, `For ${span(since_s)}. ${next}`);
   }
   if (world.state === null || heard_ms === null) {
-    return { key: "waiting", level: "note", title: "Connected", text: "Waiting for the first state.", stale: true };
+    return {
+      key: "waiting",
+      level: "note",
+      title: "Connected",
+      text: "Waiting for the first state.",
+      stale: true,
+    };
   }
   const silent_s = (now_ms - heard_ms) / 1000;
-  if (silent_s > SILENT_S) return bad("silent", "Not current", `Nothing heard for ${span(silent_s)}.`);
+  if (silent_s > SILENT_S)
+    return bad("silent", "Not current", `Nothing heard for ${span(silent_s)}.`);
   return null;
 }
 
@@ -41,15 +55,30 @@ function ofState({ state, window }, is_past) {
     const old = Number.isFinite(link.age_s) ? ` What is shown is ${span(link.age_s)} old.` : "";
     return bad("stale", "Stale", words(link.text, "Poses or maps do not arrive in time.") + old);
   }
-  if (window === null || link?.blank) return { ...blank, text: words(link?.text, "The robot has sent none.") };
+  if (window === null || link?.blank)
+    return { ...blank, text: words(link?.text, "The robot has sent none.") };
   if (mode === FAULT) return bad("fault", "Fault", words(faultOf(state), "An input is lost."));
-  if (!(health_bits & MAP_VALID)) return bad("untrusted", "Map not valid", "mapod does not trust it now.");
-  if (mode === BOOTING) return { key: "booting", level: "note", title: "Starting", text: "", stale: false };
+  if (!(health_bits & MAP_VALID))
+    return bad("untrusted", "Map not valid", "mapod does not trust it now.");
+  if (mode === BOOTING)
+    return { key: "booting", level: "note", title: "Starting", text: "", stale: false };
   if (link?.suspect) {
-    return { key: "suspect", level: "warn", title: "Repairing", text: "A lost frame is not repaired yet.", stale: false };
+    return {
+      key: "suspect",
+      level: "warn",
+      title: "Repairing",
+      text: "A lost frame is not repaired yet.",
+      stale: false,
+    };
   }
   if (mode === REPLAYED) {
-    return { key: "replay", level: "warn", title: "Replay", text: "Replayed or simulated data: not this robot now.", stale: false };
+    return {
+      key: "replay",
+      level: "warn",
+      title: "Replay",
+      text: "Replayed or simulated data: not this robot now.",
+      stale: false,
+    };
   }
   return { key: "live", level: "ok", title: "Live", text: "", stale: false };
 }

@@ -25,7 +25,9 @@ export function listenToButtons(page) {
       page.changed();
     });
   }
-  by("banner").querySelector("button").addEventListener("click", () => page.retryNow());
+  by("banner")
+    .querySelector("button")
+    .addEventListener("click", () => page.retryNow());
   by("token-form").addEventListener("submit", (event) => {
     event.preventDefault();
     page.useToken(by("token").value.trim());
@@ -39,15 +41,32 @@ export function listenToButtons(page) {
     setText(by("steep-words"), `${by("steep").value}\u00d7`);
     page.changed();
   });
-  for (const box of document.querySelectorAll("[data-show]")) box.addEventListener("change", () => page.changed());
+  for (const box of document.querySelectorAll("[data-show]"))
+    box.addEventListener("change", () => page.changed());
   addEventListener("keydown", (event) => shortcut(event));
 }
 
-const SHORTCUTS = { r: "to-relief", f: "follow", u: "up", 0: "fit", p: "picture", k: "pause", j: "back", l: "forth" };
+const SHORTCUTS = {
+  r: "to-relief",
+  f: "follow",
+  u: "up",
+  0: "fit",
+  p: "picture",
+  k: "pause",
+  j: "back",
+  l: "forth",
+};
 
 function shortcut(event) {
   const { target, key } = event;
-  if (event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || target.matches("input, select, textarea")) return;
+  if (
+    event.ctrlKey ||
+    event.metaKey ||
+    event.altKey ||
+    event.shiftKey ||
+    target.matches("input, select, textarea")
+  )
+    return;
   if (key in SHORTCUTS) by(SHORTCUTS[key]).click();
 }
 
@@ -83,7 +102,8 @@ function arm({ driver, timeline }) {
 export function listenToStage(page) {
   const { view, camera, readout } = page;
   const cellAt = (x, y) => {
-    const cell_m = page.shown.window?.cell_m, [x_m, y_m] = view.place(x, y);
+    const cell_m = page.shown.window?.cell_m,
+      [x_m, y_m] = view.place(x, y);
     return cell_m ? { i: Math.floor(x_m / cell_m), j: Math.floor(y_m / cell_m) } : null;
   };
   const hover = (x, y) => {
@@ -96,10 +116,12 @@ export function listenToStage(page) {
     hover(x, y);
   };
   const pinMiddle = () => pin(view.width / 2, view.height / 2);
-  const changed = (act) => (...values) => {
-    act(...values);
-    page.changed();
-  };
+  const changed =
+    (act) =>
+    (...values) => {
+      act(...values);
+      page.changed();
+    };
   const keys = mapKeys(view, { pinMiddle, unpin: () => readout.pin(null) });
   listenTo(by("map"), {
     drag: changed((dx, dy) => view.pan(dx, dy)),
@@ -138,11 +160,17 @@ export function showTools({ is_relief, view }) {
 
 /** The chip, the banner over the map, and what is called out. */
 export function showCondition(condition, timeline, link) {
-  const root = document.documentElement, banner = by("banner"), is_past = timeline.world !== null;
+  const root = document.documentElement,
+    banner = by("banner"),
+    is_past = timeline.world !== null;
   root.dataset.condition = condition.key;
   root.dataset.past = is_past;
   root.dataset.stale = condition.stale;
-  setChip(by("condition"), is_past ? "warn" : condition.level, is_past ? "Paused" : condition.title);
+  setChip(
+    by("condition"),
+    is_past ? "warn" : condition.level,
+    is_past ? "Paused" : condition.title,
+  );
   const ago_s = is_past ? timeline.past.end_s - timeline.t_s : 0;
   const { title, text, level } = is_past ? paused(condition, ago_s) : condition;
   banner.hidden = !is_past && condition.level === "ok";
@@ -150,11 +178,18 @@ export function showCondition(condition, timeline, link) {
   setText(banner.querySelector("strong"), title);
   setText(banner.querySelector("span"), text);
   banner.querySelector("button").hidden = is_past || link.state !== "waiting";
-  const alarm = is_past ? "Paused: this is the past" : level === "bad" ? title : condition.key === "live" ? "Live" : "";
+  const alarm = is_past
+    ? "Paused: this is the past"
+    : level === "bad"
+      ? title
+      : condition.key === "live"
+        ? "Live"
+        : "";
   setText(by("alarm"), alarm);
 }
 
 function paused(condition, ago_s) {
-  const then = condition.key === "live" ? "" : ` Then: ${condition.title.toLowerCase()}. ${condition.text}`;
+  const then =
+    condition.key === "live" ? "" : ` Then: ${condition.title.toLowerCase()}. ${condition.text}`;
   return { title: "Paused", text: `What you see is ${span(ago_s)} old.${then}`, level: "warn" };
 }

@@ -4,10 +4,17 @@ const PERIOD_MS = 100;
 const LATE_MS = 350; // a page that stood still so long lets go: what is held is pressed anew
 const DEAD_ZONE = 0.15;
 const WAYS = {
-  KeyW: [1, 0], ArrowUp: [1, 0], KeyS: [-1, 0], ArrowDown: [-1, 0],
-  KeyA: [0, 1], ArrowLeft: [0, 1], KeyD: [0, -1], ArrowRight: [0, -1],
+  KeyW: [1, 0],
+  ArrowUp: [1, 0],
+  KeyS: [-1, 0],
+  ArrowDown: [-1, 0],
+  KeyA: [0, 1],
+  ArrowLeft: [0, 1],
+  KeyD: [0, -1],
+  ArrowRight: [0, -1],
 };
-const SHIFTS = ["ShiftLeft", "ShiftRight"], SHOULDERS = [4, 5, 6, 7];
+const SHIFTS = ["ShiftLeft", "ShiftRight"],
+  SHOULDERS = [4, 5, 6, 7];
 
 export class Driver extends EventTarget {
   /** `send(message)`; `refusal()`: why it may not drive now, or "". Events: `change`. */
@@ -31,7 +38,8 @@ export class Driver extends EventTarget {
   listen() {
     addEventListener("keydown", (event) => this.pressed(event), true);
     addEventListener("keyup", (event) => this.released(event), true);
-    for (const name of ["blur", "pagehide", "beforeunload"]) addEventListener(name, () => this.letGo());
+    for (const name of ["blur", "pagehide", "beforeunload"])
+      addEventListener(name, () => this.letGo());
     document.addEventListener("visibilitychange", () => this.letGo());
     addEventListener("gamepaddisconnected", () => this.letGo());
   }
@@ -49,7 +57,8 @@ export class Driver extends EventTarget {
       return;
     }
     const is_way = event.code in WAYS;
-    const is_dead_man = SHIFTS.includes(event.code) || (event.code === "Space" && !isButton(event.target));
+    const is_dead_man =
+      SHIFTS.includes(event.code) || (event.code === "Space" && !isButton(event.target));
     if (!is_way && !is_dead_man) return;
     if (!event.repeat) this.keys.add(event.code);
     if (is_way ? this.holdsDeadMan() : event.code === "Space") {
@@ -77,7 +86,8 @@ export class Driver extends EventTarget {
   }
 
   tick() {
-    const now_ms = performance.now(), is_late = now_ms - this.tick_ms > LATE_MS;
+    const now_ms = performance.now(),
+      is_late = now_ms - this.tick_ms > LATE_MS;
     this.tick_ms = now_ms;
     if (is_late && this.is_driving) this.letGo();
     this.act(this.wish());
@@ -101,7 +111,9 @@ export class Driver extends EventTarget {
     const pad = pads.find(({ buttons }) => SHOULDERS.some((k) => buttons[k]?.pressed));
     if (!pad) this.needs_release = false;
     if (!pad || this.needs_release) return null;
-    const [across, along] = [pad.axes[0] ?? 0, pad.axes[1] ?? 0].map((axis) => (Math.abs(axis) > DEAD_ZONE ? axis : 0));
+    const [across, along] = [pad.axes[0] ?? 0, pad.axes[1] ?? 0].map((axis) =>
+      Math.abs(axis) > DEAD_ZONE ? axis : 0,
+    );
     return [0 - along, 0 - across];
   }
 
@@ -125,12 +137,16 @@ const isButton = (target) => target.matches?.("button, a, summary") ?? false;
 export function makePad(element, knob, driver) {
   let held = null;
   const move = (event) => {
-    const { left, top, width, height } = element.getBoundingClientRect(), reach = 0.38 * width;
-    let x = event.clientX - left - width / 2, y = event.clientY - top - height / 2;
+    const { left, top, width, height } = element.getBoundingClientRect(),
+      reach = 0.38 * width;
+    let x = event.clientX - left - width / 2,
+      y = event.clientY - top - height / 2;
     const far = Math.max(1, Math.hypot(x, y) / reach);
     [x, y] = [x / far, y / far];
     knob.style.transform = `translate(${x}px, ${y}px)`;
-    const shares = [-y / reach, -x / reach].map((share) => (Math.abs(share) > DEAD_ZONE ? share : 0));
+    const shares = [-y / reach, -x / reach].map((share) =>
+      Math.abs(share) > DEAD_ZONE ? share : 0,
+    );
     driver.pad = shares;
   };
   const end = () => {
@@ -148,7 +164,10 @@ export function makePad(element, knob, driver) {
     move(event);
     event.preventDefault();
   });
-  element.addEventListener("pointermove", (event) => event.pointerId === held && driver.pad && move(event));
+  element.addEventListener(
+    "pointermove",
+    (event) => event.pointerId === held && driver.pad && move(event),
+  );
   for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
     element.addEventListener(name, (event) => event.pointerId === held && end());
   }

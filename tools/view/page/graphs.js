@@ -5,7 +5,8 @@ export const SHOWN_S = 180;
 /** `lines`: [{values, colour, is_dashed}], all at `times_s`; `most`: at least so high. Gives the top. */
 export function drawGraph(canvas, times_s, end_s, lines, most, colours) {
   const ratio = Math.min(2, window.devicePixelRatio || 1);
-  const width = canvas.clientWidth, height = canvas.clientHeight;
+  const width = canvas.clientWidth,
+    height = canvas.clientHeight;
   if (!width || !height) return most;
   canvas.width = Math.round(width * ratio);
   canvas.height = Math.round(height * ratio);
@@ -19,7 +20,12 @@ export function drawGraph(canvas, times_s, end_s, lines, most, colours) {
   }
   const x = (t_s) => width - ((end_s - t_s) / SHOWN_S) * width;
   for (const line of lines) {
-    drawLine(context, times_s.map(x), line.values.map((value) => height - 1.5 - (value / top) * (height - 4)), line);
+    drawLine(
+      context,
+      times_s.map(x),
+      line.values.map((value) => height - 1.5 - (value / top) * (height - 4)),
+      line,
+    );
   }
   return top;
 }

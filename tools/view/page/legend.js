@@ -23,8 +23,14 @@ export class Layers extends EventTarget {
     this.known = [STATE, ...layers.filter(({ name }) => name !== "state")];
     if (!this.known.some(({ name }) => name === this.chosen)) this.chosen = "state";
     const rows = this.known.map(({ name, label, unit }) => {
-      const row = document.createElement("label"), input = document.createElement("input");
-      Object.assign(input, { type: "radio", name: "layer", value: name, checked: name === this.chosen });
+      const row = document.createElement("label"),
+        input = document.createElement("input");
+      Object.assign(input, {
+        type: "radio",
+        name: "layer",
+        value: name,
+        checked: name === this.chosen,
+      });
       input.addEventListener("change", () => this.choose(name));
       row.append(input, capital(label ?? name));
       if (unit) row.append(Object.assign(document.createElement("small"), { textContent: unit }));
@@ -42,7 +48,10 @@ export class Layers extends EventTarget {
 
   /** Names that the server is to send. */
   wanted(is_relief) {
-    const names = [...(this.chosen === "state" ? [] : [this.chosen]), ...(is_relief ? ["height"] : [])];
+    const names = [
+      ...(this.chosen === "state" ? [] : [this.chosen]),
+      ...(is_relief ? ["height"] : []),
+    ];
     return [...new Set(names)];
   }
 
@@ -57,7 +66,9 @@ export class Layers extends EventTarget {
     if (this.scale?.key !== key) {
       const about = this.known.find(({ name }) => name === layer.name);
       const is_codes = Boolean(about?.words) || layer.name === "cause";
-      const range = is_codes ? { low: 0, high: 255 } : rangeOf(layer.values, layer.name === "height");
+      const range = is_codes
+        ? { low: 0, high: 255 }
+        : rangeOf(layer.values, layer.name === "height");
       this.scale = { ...range, is_codes, key, about };
     }
     return layer;
@@ -66,11 +77,25 @@ export class Layers extends EventTarget {
   show(layer, look) {
     const { scale } = this;
     const codes = scale?.is_codes ? codesOf(layer) : [];
-    const key = [this.chosen, layer !== null, scale?.low, scale?.high, look.key, look.is_stale, codes].join();
+    const key = [
+      this.chosen,
+      layer !== null,
+      scale?.low,
+      scale?.high,
+      look.key,
+      look.is_stale,
+      codes,
+    ].join();
     if (key === this.key) return;
     this.key = key;
-    const rows = this.chosen === "state" ? stateRows(look) : layer === null ? [waiting()]
-      : scale.is_codes ? codeRows(codes, scale.about?.words) : [bar(scale, look), marks(scale, scale.about?.unit ?? "")];
+    const rows =
+      this.chosen === "state"
+        ? stateRows(look)
+        : layer === null
+          ? [waiting()]
+          : scale.is_codes
+            ? codeRows(codes, scale.about?.words)
+            : [bar(scale, look), marks(scale, scale.about?.unit ?? "")];
     const unknown = this.chosen === "state" ? [] : [swatch("", "not known", "hatched")];
     this.legend.replaceChildren(...rows, ...unknown);
   }
@@ -78,11 +103,18 @@ export class Layers extends EventTarget {
 
 function stateRows({ colours, is_stale }) {
   if (is_stale) {
-    return [swatch(colours.stale_free, "was free, not trusted now"), swatch(colours.stale_obstacle, "was an obstacle"),
-      swatch("", "unknown", "hatched")];
+    return [
+      swatch(colours.stale_free, "was free, not trusted now"),
+      swatch(colours.stale_obstacle, "was an obstacle"),
+      swatch("", "unknown", "hatched"),
+    ];
   }
-  return [swatch(colours.free, "free: seen, and free now"), swatch(colours.obstacle, "obstacle, step or drop"),
-    swatch("", "unknown: not seen, or not trusted", "hatched"), swatch(colours.scan, "scan line", "dots")];
+  return [
+    swatch(colours.free, "free: seen, and free now"),
+    swatch(colours.obstacle, "obstacle, step or drop"),
+    swatch("", "unknown: not seen, or not trusted", "hatched"),
+    swatch(colours.scan, "scan line", "dots"),
+  ];
 }
 
 function codesOf({ values }) {
@@ -92,11 +124,14 @@ function codesOf({ values }) {
 }
 
 function codeRows(codes, words = []) {
-  return codes.map((code) => swatch(`rgb(${codeColour(code).join()})`, words[code] ?? `code ${code}`));
+  return codes.map((code) =>
+    swatch(`rgb(${codeColour(code).join()})`, words[code] ?? `code ${code}`),
+  );
 }
 
 function swatch(colour, words, kind = "") {
-  const row = document.createElement("p"), box = document.createElement("i");
+  const row = document.createElement("p"),
+    box = document.createElement("i");
   row.className = "swatch";
   box.className = kind;
   if (colour) box.style.backgroundColor = colour;
@@ -105,12 +140,20 @@ function swatch(colour, words, kind = "") {
 }
 
 function waiting() {
-  return Object.assign(document.createElement("p"), { className: "quiet", textContent: "Waiting for this layer." });
+  return Object.assign(document.createElement("p"), {
+    className: "quiet",
+    textContent: "Waiting for this layer.",
+  });
 }
 
 function bar(scale, look) {
-  const canvas = Object.assign(document.createElement("canvas"), { width: 256, height: 1, className: "ramp" });
-  const colours = ramp(scale.low < 0, look.colours.is_dark), context = canvas.getContext("2d");
+  const canvas = Object.assign(document.createElement("canvas"), {
+    width: 256,
+    height: 1,
+    className: "ramp",
+  });
+  const colours = ramp(scale.low < 0, look.colours.is_dark),
+    context = canvas.getContext("2d");
   for (let k = 0; k < 256; k += 1) {
     context.fillStyle = `rgb(${colours.subarray(3 * k, 3 * k + 3).join()})`;
     context.fillRect(k, 0, 1, 1);
@@ -121,8 +164,13 @@ function bar(scale, look) {
 function marks({ low, high }, unit) {
   const row = Object.assign(document.createElement("p"), { className: "marks" });
   const middle = low < 0 ? 0 : (low + high) / 2;
-  row.append(...[low, middle, high].map((value) =>
-    Object.assign(document.createElement("span"), { textContent: number(value, digitsOf(high - low), unit) })));
+  row.append(
+    ...[low, middle, high].map((value) =>
+      Object.assign(document.createElement("span"), {
+        textContent: number(value, digitsOf(high - low), unit),
+      }),
+    ),
+  );
   return row;
 }
 

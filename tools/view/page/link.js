@@ -3,7 +3,8 @@
 import { messageFromFrame, messageFromText } from "./wire.js";
 
 const NEEDS_TOKEN = 4401; // a socket is closed with
-const FIRST_WAIT_S = 0.5, LONGEST_WAIT_S = 10;
+const FIRST_WAIT_S = 0.5,
+  LONGEST_WAIT_S = 10;
 
 export class Link extends EventTarget {
   /** Events: `message` (detail: message), `change` (state, wait or reason is another). */

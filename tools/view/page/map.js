@@ -1,6 +1,16 @@
 /** Draws the obstacle map on a 2-D canvas: cells, then what lies on them. Draws only. */
 
-import { drawCompass, drawCrosshair, drawGrid, drawPath, drawPinned, drawRobot, drawScale, drawScan, drawZone } from "./overlays.js";
+import {
+  drawCompass,
+  drawCrosshair,
+  drawGrid,
+  drawPath,
+  drawPinned,
+  drawRobot,
+  drawScale,
+  drawScan,
+  drawZone,
+} from "./overlays.js";
 import { LayerPicture, StatePicture } from "./pictures.js";
 
 const MOST_RATIO = 2; // device pixels a CSS pixel: more costs time and shows nothing
@@ -29,7 +39,8 @@ export class MapCanvas {
   /** `scene`: {world, look, robot, path, shows, layer, scale, cursor, pinned, is_focused}. */
   draw(scene) {
     this.resize();
-    const { context, view, canvas, ratio } = this, { world, look } = scene;
+    const { context, view, canvas, ratio } = this,
+      { world, look } = scene;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.fillStyle = look.colours.outside;
     context.fillRect(0, 0, canvas.width, canvas.height);
@@ -50,7 +61,8 @@ export class MapCanvas {
   }
 
   drawCells({ world, look, layer, scale, shows }) {
-    const { context } = this, { i, j, size, cell_m } = world.window;
+    const { context } = this,
+      { i, j, size, cell_m } = world.window;
     context.fillStyle = this.hatched(look);
     context.fillRect(i * cell_m, j * cell_m, size * cell_m, size * cell_m);
     const px_per_cell = cell_m * this.view.px_per_m * this.ratio;

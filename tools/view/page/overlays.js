@@ -45,12 +45,15 @@ export function drawScan({ context, px_m, colours, look }, { points }) {
 export function drawZone(brush, state, robot) {
   const { pose, zone } = state ?? {};
   if (!pose || !zone || brush.look.is_stale) return;
-  const { context } = brush, sides = robot ?? { front_m: MARKER_M, rear_m: MARKER_M, width_m: 2 * MARKER_M };
-  const said = zoneName(zone.state), name = said === "unknown" ? "stop" : said;
+  const { context } = brush,
+    sides = robot ?? { front_m: MARKER_M, rear_m: MARKER_M, width_m: 2 * MARKER_M };
+  const said = zoneName(zone.state),
+    name = said === "unknown" ? "stop" : said;
   context.save();
   context.translate(pose.x, pose.y);
   context.rotate(pose.yaw);
-  const ahead_m = Math.min(zone.free_ahead_m ?? 0, FARTHEST_M), behind_m = Math.min(zone.free_behind_m ?? 0, FARTHEST_M);
+  const ahead_m = Math.min(zone.free_ahead_m ?? 0, FARTHEST_M),
+    behind_m = Math.min(zone.free_behind_m ?? 0, FARTHEST_M);
   lane(brush, sides.front_m, ahead_m, sides.width_m, name);
   lane(brush, -sides.rear_m, -behind_m, sides.width_m, "clear");
   context.restore();
@@ -58,7 +61,8 @@ export function drawZone(brush, state, robot) {
 
 /** The free lane from x_m on: filled, with a bar where it ends. */
 function lane({ context, px_m, colours }, x_m, long_m, wide_m, name) {
-  const half_m = wide_m / 2, end_m = x_m + long_m;
+  const half_m = wide_m / 2,
+    end_m = x_m + long_m;
   context.globalAlpha = 0.22;
   context.fillStyle = colours[name];
   context.fillRect(x_m, -half_m, long_m, wide_m);
@@ -83,7 +87,8 @@ export function drawRobot({ context, px_m, colours, look }, state, robot) {
   if (!pose) return;
   const is_valid = (state.health_bits & POSE_VALID) !== 0 && !look.is_stale;
   const sides = robot ?? { front_m: MARKER_M, rear_m: MARKER_M, width_m: 2 * MARKER_M };
-  const front_m = Math.max(sides.front_m, 5 * px_m), rear_m = Math.max(sides.rear_m, 5 * px_m);
+  const front_m = Math.max(sides.front_m, 5 * px_m),
+    rear_m = Math.max(sides.rear_m, 5 * px_m);
   const half_m = Math.max(sides.width_m / 2, 5 * px_m);
   context.save();
   context.translate(pose.x, pose.y);
@@ -111,7 +116,10 @@ export function drawRobot({ context, px_m, colours, look }, state, robot) {
 export function drawPinned({ context, px_m, colours }, { i, j }, cell_m) {
   const margin_m = Math.max(px_m, (9 * px_m - cell_m) / 2);
   const side_m = cell_m + 2 * margin_m;
-  for (const [colour, width] of [[colours.robot_edge, 4], [colours.cursor, 2]]) {
+  for (const [colour, width] of [
+    [colours.robot_edge, 4],
+    [colours.cursor, 2],
+  ]) {
     context.beginPath();
     context.rect(i * cell_m - margin_m, j * cell_m - margin_m, side_m, side_m);
     stroke(context, colour, width * px_m);
@@ -121,9 +129,17 @@ export function drawPinned({ context, px_m, colours }, { i, j }, cell_m) {
 /** In the middle, for those who choose a cell by keys. Drawn in pixels. */
 export function drawCrosshair({ context, colours, view }) {
   const [x, y] = [Math.round(view.width / 2), Math.round(view.height / 2)];
-  for (const [colour, width] of [[colours.robot_edge, 4], [colours.cursor, 2]]) {
+  for (const [colour, width] of [
+    [colours.robot_edge, 4],
+    [colours.cursor, 2],
+  ]) {
     context.beginPath();
-    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+    for (const [dx, dy] of [
+      [1, 0],
+      [-1, 0],
+      [0, 1],
+      [0, -1],
+    ]) {
       context.moveTo(x + 5 * dx, y + 5 * dy);
       context.lineTo(x + 13 * dx, y + 13 * dy);
     }
@@ -142,7 +158,10 @@ export function drawCompass(context, view, colours, x, y) {
   context.fill();
   context.globalAlpha = 1;
   context.rotate(view.up_rad);
-  for (const [side, colour] of [[1, colours.ink], [-1, colours.grid_ink]]) {
+  for (const [side, colour] of [
+    [1, colours.ink],
+    [-1, colours.grid_ink],
+  ]) {
     context.beginPath();
     context.moveTo(0, -13);
     context.lineTo(5 * side, 6);
@@ -160,12 +179,16 @@ export function drawCompass(context, view, colours, x, y) {
 
 /** Scale bar; `x`, `y`: left and foot, in pixels. */
 export function drawScale(context, view, colours, x, y) {
-  const bar_m = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].filter((m) => m * view.px_per_m <= 130).pop() ?? 0.1;
+  const bar_m =
+    [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].filter((m) => m * view.px_per_m <= 130).pop() ?? 0.1;
   const long = bar_m * view.px_per_m;
   context.font = "600 12px system-ui, sans-serif";
   context.lineJoin = "round";
   outlined(context, `${bar_m} m`, x + long + 8, y, colours);
-  for (const [colour, width] of [[colours.panel, 6], [colours.ink, 2.5]]) {
+  for (const [colour, width] of [
+    [colours.panel, 6],
+    [colours.ink, 2.5],
+  ]) {
     context.beginPath();
     context.moveTo(x, y - 8);
     context.lineTo(x, y - 1);

@@ -20,7 +20,8 @@ import { number, setText, span } from "./words.js";
 import { World } from "./world.js";
 
 const FIRST_M = 13; // shown at first
-const SLOW_MS = 250, GRAPHS_MS = 1000;
+const SLOW_MS = 250,
+  GRAPHS_MS = 1000;
 const by = (id) => document.getElementById(id);
 
 class Page {
@@ -40,7 +41,10 @@ class Page {
     this.layers = new Layers(by("layer-list"), by("legend"));
     this.timeline = new Timeline(this.past);
     this.readout = new Readout(by("readout"), (message) => this.link.send(message));
-    this.driver = new Driver((message) => this.sendDrive(message), () => this.refusal());
+    this.driver = new Driver(
+      (message) => this.sendDrive(message),
+      () => this.refusal(),
+    );
     this.map = new MapCanvas(by("map"), this.view);
     this.relief = new Relief(by("relief"), this.camera);
     this.listen();
@@ -58,7 +62,10 @@ class Page {
     for (const part of [driver, timeline, layers, theme]) {
       for (const name of ["change", "choice"]) part.addEventListener(name, () => this.changed());
     }
-    timeline.addEventListener("change", () => timeline.world && driver.is_armed && driver.arm(false));
+    timeline.addEventListener(
+      "change",
+      () => timeline.world && driver.is_armed && driver.arm(false),
+    );
     layers.addEventListener("choice", () => this.askForLayers());
     document.addEventListener("visibilitychange", () => document.hidden || this.retryNow());
     addEventListener("resize", () => this.changed());
@@ -110,7 +117,8 @@ class Page {
       this.heard_ms = performance.now();
       this.path.add(message);
     }
-    if (message.type === "window" && !this.view.has_fitted) this.view.fit(this.live.window, FIRST_M);
+    if (message.type === "window" && !this.view.has_fitted)
+      this.view.fit(this.live.window, FIRST_M);
     this.past.record(message, this.live);
   }
 
@@ -160,7 +168,8 @@ class Page {
 
   /** Why a person may not drive from here now; "" if they may. */
   refusal() {
-    const { hello, condition } = this, drive = hello?.drive;
+    const { hello, condition } = this,
+      drive = hello?.drive;
     if (this.link.state !== "open") return "there is no connection";
     if (this.timeline.world) return "this is the past: go live first";
     if (condition?.stale) return `the picture is not current (${condition.title.toLowerCase()})`;
@@ -181,16 +190,32 @@ class Page {
 
   draw() {
     this.is_dirty = false;
-    const { theme, layers, timeline, driver, readout } = this, world = this.shown, is_past = timeline.world !== null;
-    this.condition = conditionOf({ link: this.link, world, heard_ms: this.heard_ms, now_ms: performance.now(), is_past });
-    const { stale: is_stale } = this.condition, { colours } = theme;
+    const { theme, layers, timeline, driver, readout } = this,
+      world = this.shown,
+      is_past = timeline.world !== null;
+    this.condition = conditionOf({
+      link: this.link,
+      world,
+      heard_ms: this.heard_ms,
+      now_ms: performance.now(),
+      is_past,
+    });
+    const { stale: is_stale } = this.condition,
+      { colours } = theme;
     const look = { colours, is_stale, key: theme.key };
     this.view.follow(world.state?.pose);
     const layer = layers.of(world);
     const scene = {
-      world, look, layer, scale: layers.scale, shows: this.shows, robot: this.hello?.robot ?? null,
-      path: this.path.until(is_past ? timeline.t_s : Infinity), steep: Number(by("steep").value),
-      pinned: readout.pinned, is_focused: by("map").matches(":focus-visible"),
+      world,
+      look,
+      layer,
+      scale: layers.scale,
+      shows: this.shows,
+      robot: this.hello?.robot ?? null,
+      path: this.path.until(is_past ? timeline.t_s : Infinity),
+      steep: Number(by("steep").value),
+      pinned: readout.pinned,
+      is_focused: by("map").matches(":focus-visible"),
     };
     this.drawStage(scene, world);
     layers.show(layer, look);
@@ -223,8 +248,13 @@ class Page {
     this.counted_ms = performance.now();
     for (const cell of window.cells) counts[cell] += 1;
     const m2 = counts.map((n) => number(n * window.cell_m ** 2, 1));
-    const robot = state?.pose ? ` Robot at x ${number(state.pose.x, 1)}, y ${number(state.pose.y, 1)} m.` : "";
-    return setText(by("map-words"), `${m2[1]} m\u00b2 free, ${m2[2]} m\u00b2 obstacles, ${m2[0]} m\u00b2 unknown.${robot}`);
+    const robot = state?.pose
+      ? ` Robot at x ${number(state.pose.x, 1)}, y ${number(state.pose.y, 1)} m.`
+      : "";
+    return setText(
+      by("map-words"),
+      `${m2[1]} m\u00b2 free, ${m2[2]} m\u00b2 obstacles, ${m2[0]} m\u00b2 unknown.${robot}`,
+    );
   }
 
   get shows() {
@@ -245,7 +275,8 @@ class Page {
   }
 
   async save() {
-    const world = this.shown, pose = world.state?.pose;
+    const world = this.shown,
+      pose = world.state?.pose;
     const where = pose ? `x ${number(pose.x, 2)} y ${number(pose.y, 2)} m` : "no pose";
     const when = this.timeline.world ? `${span(this.live.t_s - world.t_s)} before ` : "";
     this.draw(); // a relief is read right after it is drawn

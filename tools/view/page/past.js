@@ -76,7 +76,8 @@ export class Past {
   fetch(message) {
     if (this.fetched === null || !this.fetching.apply(message)) return;
     const before_s = this.entries[this.gap.at]?.t_s ?? Infinity;
-    if (message.t_s > this.gap.after_s && message.t_s < before_s) this.fetched.record(message, this.fetching);
+    if (message.t_s > this.gap.after_s && message.t_s < before_s)
+      this.fetched.record(message, this.fetching);
   }
 
   /** The server's history is here: put it where it belongs. */
@@ -102,7 +103,8 @@ export class Past {
 
   /** Index of the first entry later than t_s. */
   after(t_s) {
-    let low = 0, high = this.entries.length;
+    let low = 0,
+      high = this.entries.length;
     while (low < high) {
       const middle = (low + high) >> 1;
       if (this.entries[middle].t_s <= t_s) low = middle + 1;

@@ -1,6 +1,7 @@
 /** Where the robot has been: poses, thinned; a jump begins a new line. */
 
-const APART_M = 0.03, JUMP_M = 1;
+const APART_M = 0.03,
+  JUMP_M = 1;
 const KEPT = 20_000;
 
 export class Path {

@@ -4,7 +4,8 @@ const STRIP_PX = 46;
 
 export async function savePicture(canvas, lines, colours) {
   const blob = await pictureOf(canvas, lines, colours);
-  const link = document.createElement("a"), url = URL.createObjectURL(blob);
+  const link = document.createElement("a"),
+    url = URL.createObjectURL(blob);
   link.href = url;
   link.download = `mapod-${new Date().toISOString().slice(0, 19).replace(/[-:]/g, "").replace("T", "-")}.png`;
   link.click();
@@ -13,7 +14,8 @@ export async function savePicture(canvas, lines, colours) {
 }
 
 export function pictureOf(canvas, lines, colours) {
-  const sheet = document.createElement("canvas"), ratio = canvas.width / Math.max(1, canvas.clientWidth);
+  const sheet = document.createElement("canvas"),
+    ratio = canvas.width / Math.max(1, canvas.clientWidth);
   sheet.width = canvas.width;
   sheet.height = canvas.height + STRIP_PX * ratio;
   const context = sheet.getContext("2d");

@@ -19,7 +19,8 @@ class CellPicture {
     if (key === this.key) return;
     this.key = key;
     if (this.canvas.width !== n) this.canvas.width = this.canvas.height = n;
-    const context = this.canvas.getContext("2d"), image = context.createImageData(n, n);
+    const context = this.canvas.getContext("2d"),
+      image = context.createImageData(n, n);
     paint(new Uint32Array(image.data.buffer), n);
     context.putImageData(image, 0, 0);
     this.place = { i, j, cells: n * cells_per_pixel };
@@ -50,24 +51,33 @@ function paintMarks(pixels, cells, n, phase, pixel) {
 /** Blocks of f x f cells as one of their worst class, aligned to the map and not to the window. */
 function shrunk({ i, j, size, cells }, f) {
   if (f === 1) return { i, j, n: size, cells };
-  const left = Math.floor(i / f), low = Math.floor(j / f);
+  const left = Math.floor(i / f),
+    low = Math.floor(j / f);
   const n = Math.max(Math.ceil((i + size) / f) - left, Math.ceil((j + size) / f) - low);
   const ranks = new Uint8Array(n * n);
   for (let row = 0; row < size; row += 1) {
     const to = (Math.floor((j + row) / f) - low) * n - left;
     for (let column = 0; column < size; column += 1) {
-      const at = to + Math.floor((i + column) / f), rank = RANK[cells[row * size + column]];
+      const at = to + Math.floor((i + column) / f),
+        rank = RANK[cells[row * size + column]];
       if (rank > ranks[at]) ranks[at] = rank;
     }
   }
-  return { i: left * f, j: low * f, n, cells: classesOf(ranks, n, { i, j, size }, left * f, low * f, f) };
+  return {
+    i: left * f,
+    j: low * f,
+    n,
+    cells: classesOf(ranks, n, { i, j, size }, left * f, low * f, f),
+  };
 }
 
 /** Ranks to classes; what lies beyond the window is unknown and not free. */
 function classesOf(ranks, n, window, i, j, f) {
-  const right = window.i + window.size, top = window.j + window.size;
+  const right = window.i + window.size,
+    top = window.j + window.size;
   return ranks.map((rank, k) => {
-    const column = i + (k % n) * f, row = j + Math.floor(k / n) * f;
+    const column = i + (k % n) * f,
+      row = j + Math.floor(k / n) * f;
     const is_whole = column >= window.i && row >= window.j && column + f <= right && row + f <= top;
     return rank === 0 && !is_whole ? 0 : CLASSES[rank];
   });
@@ -78,7 +88,8 @@ export class LayerPicture extends CellPicture {
   draw(layer, scale, look) {
     const key = [layer.name, layer.t_s, scale.low, scale.high, look.key, look.is_stale].join();
     this.make(key, layer.i, layer.j, layer.size, 1, (pixels) => {
-      const table = layerPixels(scale, look), { values } = layer;
+      const table = layerPixels(scale, look),
+        { values } = layer;
       for (let k = 0; k < pixels.length; k += 1) {
         const value = values[k];
         if (Number.isNaN(value)) continue;

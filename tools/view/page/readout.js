@@ -2,7 +2,8 @@
 
 import { CELL_WORDS, age, degrees, number, setPairs, setText, signed } from "./words.js";
 
-const ASK_EVERY_MS = 150, REFRESH_MS = 1000;
+const ASK_EVERY_MS = 150,
+  REFRESH_MS = 1000;
 
 export class Readout {
   constructor(element, ask) {
@@ -35,15 +36,21 @@ export class Readout {
   }
 
   show(world, hello, { is_past, is_stale }) {
-    const { cell, element } = this, window = world.window;
+    const { cell, element } = this,
+      window = world.window;
     element.hidden = cell === null || window === null;
     if (element.hidden) return;
-    const state = world.cell(cell.i, cell.j), answer = is_past ? null : this.answerFor(cell);
+    const state = world.cell(cell.i, cell.j),
+      answer = is_past ? null : this.answerFor(cell);
     const told = state === null ? "outside of the window" : CELL_WORDS[state];
     element.dataset.state = state === null || is_stale ? "none" : told;
-    setText(element.querySelector("#cell-title"), `Cell ${cell.i}, ${cell.j}${this.pinned ? " \u00b7 pinned" : ""}`);
+    setText(
+      element.querySelector("#cell-title"),
+      `Cell ${cell.i}, ${cell.j}${this.pinned ? " \u00b7 pinned" : ""}`,
+    );
     element.querySelector("#unpin").hidden = this.pinned === null;
-    const x_m = (cell.i + 0.5) * window.cell_m, y_m = (cell.j + 0.5) * window.cell_m;
+    const x_m = (cell.i + 0.5) * window.cell_m,
+      y_m = (cell.j + 0.5) * window.cell_m;
     const pairs = [
       ["place", `x ${signed(x_m, 2)}  y ${signed(y_m, 2, "m")}`],
       ["class", is_stale && state !== null ? `${told}, as last told` : told],
@@ -62,7 +69,9 @@ export class Readout {
     const height = answer?.height_m ?? world.value("height", i, j);
     const variance = answer?.variance_m2 ?? world.value("variance", i, j);
     const sigma = variance >= 0 ? ` \u00b1 ${number(Math.sqrt(variance), 3)}` : "";
-    const pairs = [["height", Number.isFinite(height) ? `${signed(height, 3)}${sigma} m` : "\u2013"]];
+    const pairs = [
+      ["height", Number.isFinite(height) ? `${signed(height, 3)}${sigma} m` : "\u2013"],
+    ];
     const slope = answer?.slope_rad ?? world.value("slope", i, j);
     if (Number.isFinite(slope)) pairs.push(["slope", degrees(slope)]);
     const age_s = answer?.age_s ?? world.value("age", i, j);
@@ -76,7 +85,8 @@ export class Readout {
   }
 
   why(answer, is_past) {
-    if (is_past) return "Why it was so is not kept on this page: mapod why tells it of a recording.";
+    if (is_past)
+      return "Why it was so is not kept on this page: mapod why tells it of a recording.";
     if (!answer) return "";
     const cause = typeof answer.cause === "string" ? answer.cause : ""; // else a code: the text tells it
     return [cause, answer.text].filter(Boolean).join(": ");

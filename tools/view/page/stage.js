@@ -1,6 +1,8 @@
 /** Pointer, touch, wheel and keys on the map and on the relief. */
 
-const STEP_PX = 48, STEP_RAD = 0.12, ZOOM_STEP = 1.25;
+const STEP_PX = 48,
+  STEP_RAD = 0.12,
+  ZOOM_STEP = 1.25;
 const CLICK_PX = 5; // a press that moves less is a click
 const TURN_RAD_PX = 0.008;
 const ARROWS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -19,12 +21,14 @@ export function listenTo(canvas, on) {
     moved_px = held.size > 1 ? CLICK_PX : 0;
   });
   canvas.addEventListener("pointermove", (event) => {
-    const now = at(event), before = held.get(event.pointerId);
+    const now = at(event),
+      before = held.get(event.pointerId);
     if (!before) return on.hover(now.x, now.y);
     held.set(event.pointerId, now);
     const [dx, dy] = [now.x - before.x, now.y - before.y];
     moved_px += Math.hypot(dx, dy);
-    if (held.size === 2) return pinch([...held.entries()].find(([id]) => id !== event.pointerId)[1], before, now, on);
+    if (held.size === 2)
+      return pinch([...held.entries()].find(([id]) => id !== event.pointerId)[1], before, now, on);
     if (moved_px >= CLICK_PX) on.drag(dx, dy, event.shiftKey || event.buttons === 2);
     return undefined;
   });
@@ -37,11 +41,16 @@ export function listenTo(canvas, on) {
   for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, end);
   canvas.addEventListener("pointerleave", () => on.hover(null));
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("wheel", (event) => {
-    event.preventDefault();
-    const { x, y } = at(event), lines = event.deltaMode === 1 ? 16 : 1;
-    on.zoom(Math.exp(-event.deltaY * lines * 0.0016), x, y);
-  }, { passive: false });
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      event.preventDefault();
+      const { x, y } = at(event),
+        lines = event.deltaMode === 1 ? 16 : 1;
+      on.zoom(Math.exp(-event.deltaY * lines * 0.0016), x, y);
+    },
+    { passive: false },
+  );
   canvas.addEventListener("keydown", (event) => on.key(event));
 }
 
@@ -56,7 +65,8 @@ function pinch(other, before, now, on) {
 export function mapKeys(view, { pinMiddle, unpin }) {
   return (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return false;
-    if (event.key in ARROWS) view.pan(...ARROWS[event.key].map((way) => way * STEP_PX * (event.shiftKey ? 0.25 : 1)));
+    if (event.key in ARROWS)
+      view.pan(...ARROWS[event.key].map((way) => way * STEP_PX * (event.shiftKey ? 0.25 : 1)));
     else if (event.key === "+" || event.key === "=") view.zoom(ZOOM_STEP);
     else if (event.key === "-") view.zoom(1 / ZOOM_STEP);
     else if (event.key === "Enter") pinMiddle();
@@ -87,7 +97,9 @@ export function turnBy(camera, dx_px, dy_px) {
 
 /** Moves what the relief looks at, along the ground, as the picture is dragged. */
 export function slideBy(camera, dx_px, dy_px, height_px) {
-  const m_px = (0.78 * camera.away_m) / height_px, cos = Math.cos(camera.turn_rad), sin = Math.sin(camera.turn_rad);
+  const m_px = (0.78 * camera.away_m) / height_px,
+    cos = Math.cos(camera.turn_rad),
+    sin = Math.sin(camera.turn_rad);
   camera.x_m += m_px * (dx_px * sin - dy_px * cos);
   camera.y_m += m_px * (-dx_px * cos - dy_px * sin);
 }

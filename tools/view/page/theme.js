@@ -2,7 +2,8 @@
 
 import { mapColours } from "./colours.js";
 
-const MODES = ["auto", "light", "dark"], KEPT_AS = "mapod.theme";
+const MODES = ["auto", "light", "dark"],
+  KEPT_AS = "mapod.theme";
 const by = (id) => document.getElementById(id);
 
 export class Theme extends EventTarget {

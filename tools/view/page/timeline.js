@@ -19,7 +19,9 @@ export class Timeline extends EventTarget {
     by("back").addEventListener("click", () => this.step(-1));
     by("forth").addEventListener("click", () => this.step(1));
     by("play").addEventListener("click", () => this.togglePlay());
-    by("moment").addEventListener("input", () => this.seek((this.past.end_s ?? 0) + Number(by("moment").value)));
+    by("moment").addEventListener("input", () =>
+      this.seek((this.past.end_s ?? 0) + Number(by("moment").value)),
+    );
   }
 
   pause() {
@@ -48,7 +50,8 @@ export class Timeline extends EventTarget {
   /** Goes on by the time that has passed; at its end it is live. */
   play() {
     if (this.played_ms === null) return;
-    const now_ms = performance.now(), t_s = this.t_s + (now_ms - this.played_ms) / 1000;
+    const now_ms = performance.now(),
+      t_s = this.t_s + (now_ms - this.played_ms) / 1000;
     this.played_ms = now_ms;
     if (t_s >= this.past.end_s) this.goLive();
     else this.seek(t_s);
@@ -70,8 +73,11 @@ export class Timeline extends EventTarget {
 
   /** Slider and words; called now and then, for the ends move. */
   show() {
-    const { past, world } = this, slider = by("moment"), is_past = world !== null;
-    if (is_past && past.begin_s === null) this.goLive(); // another run has begun
+    const { past, world } = this,
+      slider = by("moment"),
+      is_past = world !== null;
+    if (is_past && past.begin_s === null)
+      this.goLive(); // another run has begun
     else if (is_past && this.t_s < past.begin_s) this.seek(past.begin_s);
     const long_s = past.end_s === null ? 0 : past.end_s - past.begin_s;
     const ago_s = is_past ? past.end_s - this.t_s : 0;

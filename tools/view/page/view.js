@@ -1,6 +1,7 @@
 /** Where a person looks: metres of the map to pixels of the canvas and back. */
 
-const LEAST_PX_PER_M = 4, MOST_PX_PER_M = 1600;
+const LEAST_PX_PER_M = 4,
+  MOST_PX_PER_M = 1600;
 
 export class View {
   constructor() {
@@ -16,7 +17,9 @@ export class View {
 
   /** (a, b, c, d, e, f) of a canvas transform from metres to pixels. */
   transform(ratio = 1) {
-    const s = this.px_per_m * ratio, up_x = Math.cos(this.up_rad) * s, up_y = Math.sin(this.up_rad) * s;
+    const s = this.px_per_m * ratio,
+      up_x = Math.cos(this.up_rad) * s,
+      up_y = Math.sin(this.up_rad) * s;
     const e = (this.width * ratio) / 2 - (up_y * this.x_m - up_x * this.y_m);
     const f = (this.height * ratio) / 2 + (up_x * this.x_m + up_y * this.y_m);
     return [up_y, -up_x, -up_x, -up_y, e, f];
@@ -28,8 +31,10 @@ export class View {
   }
 
   place(x_px, y_px) {
-    const up = (this.height / 2 - y_px) / this.px_per_m, left = (this.width / 2 - x_px) / this.px_per_m;
-    const cos = Math.cos(this.up_rad), sin = Math.sin(this.up_rad);
+    const up = (this.height / 2 - y_px) / this.px_per_m,
+      left = (this.width / 2 - x_px) / this.px_per_m;
+    const cos = Math.cos(this.up_rad),
+      sin = Math.sin(this.up_rad);
     return [this.x_m + up * cos - left * sin, this.y_m + up * sin + left * cos];
   }
 

@@ -4,7 +4,9 @@
 
 const HEAD_BYTES = 4;
 const MAX_SIZE = 4096; // cells along a side: bounds what a damaged header can make us allocate
-export const UNKNOWN = 0, FREE = 1, OBSTACLE = 2;
+export const UNKNOWN = 0,
+  FREE = 1,
+  OBSTACLE = 2;
 const CHANGE_BYTES = 5; // u32 index in the window, u8 state
 const text = new TextDecoder();
 
@@ -35,8 +37,15 @@ function parsed(data) {
 
 function isWindow(header, bytes, bytes_per_cell) {
   const { i, j, size, cell_m } = header;
-  return Number.isInteger(i) && Number.isInteger(j) && Number.isInteger(size) && cell_m > 0 &&
-    size > 0 && size <= MAX_SIZE && bytes === size * size * bytes_per_cell;
+  return (
+    Number.isInteger(i) &&
+    Number.isInteger(j) &&
+    Number.isInteger(size) &&
+    cell_m > 0 &&
+    size > 0 &&
+    size <= MAX_SIZE &&
+    bytes === size * size * bytes_per_cell
+  );
 }
 
 function wholeWindow(header, payload) {
@@ -45,7 +54,8 @@ function wholeWindow(header, payload) {
 }
 
 function changedCells(header, payload) {
-  const { i, j, size } = header, n = payload.byteLength / CHANGE_BYTES;
+  const { i, j, size } = header,
+    n = payload.byteLength / CHANGE_BYTES;
   if (![i, j, size, n].every(Number.isInteger) || size <= 0 || size > MAX_SIZE) return null;
   return { ...header, type: "changes", payload: new DataView(payload), n };
 }

@@ -2,9 +2,23 @@
 
 export const CELL_WORDS = ["unknown", "free", "obstacle"];
 export const MODES = ["booting", "running", "degraded", "fault", "replayed or simulated data"];
-const MISSING = ["scanner", "attitude sensor", "wheel encoders", "clock lock", "pose", "map", "pace"];
-const WARNINGS = { 7: "drop-off ahead", 8: "scanner window dirty", 9: "attitude too steep", 15: "stop asked" };
-export const POSE_VALID = 1 << 4, MAP_VALID = 1 << 5; // of the health bits
+const MISSING = [
+  "scanner",
+  "attitude sensor",
+  "wheel encoders",
+  "clock lock",
+  "pose",
+  "map",
+  "pace",
+];
+const WARNINGS = {
+  7: "drop-off ahead",
+  8: "scanner window dirty",
+  9: "attitude too steep",
+  15: "stop asked",
+};
+export const POSE_VALID = 1 << 4,
+  MAP_VALID = 1 << 5; // of the health bits
 
 const known = (value) => typeof value === "number" && Number.isFinite(value);
 

@@ -43,7 +43,8 @@ export class World {
 
   /** A layer's value at a cell; NaN where it has none. */
   value(name, i, j) {
-    const layer = this.layers.get(name), at = layer ? indexOf(layer, i, j) : null;
+    const layer = this.layers.get(name),
+      at = layer ? indexOf(layer, i, j) : null;
     return at === null ? NaN : layer.values[at];
   }
 }
@@ -52,16 +53,20 @@ let versions = 0; // of all windows: a new one for each change, so that pictures
 const nextVersion = () => (versions += 1);
 
 export function indexOf({ i, j, size }, cell_i, cell_j) {
-  const column = cell_i - i, row = cell_j - j;
+  const column = cell_i - i,
+    row = cell_j - j;
   const inside = column >= 0 && row >= 0 && column < size && row < size;
   return inside ? row * size + column : null;
 }
 
 /** The cells of a window that has moved: what has left is forgotten, what enters is unknown. */
 export function moved(window, i, j) {
-  const { size, cells } = window, right = i - window.i, up = j - window.j;
+  const { size, cells } = window,
+    right = i - window.i,
+    up = j - window.j;
   const to = new Uint8Array(size * size).fill(UNKNOWN);
-  const first = Math.max(0, right), end = Math.min(size, size + right);
+  const first = Math.max(0, right),
+    end = Math.min(size, size + right);
   for (let row = Math.max(0, up); row < Math.min(size, size + up) && first < end; row += 1) {
     const part = cells.subarray(row * size + first, row * size + end);
     to.set(part, (row - up) * size + first - right);
@@ -85,7 +90,8 @@ function takeChanges(world, { i, j, size, payload, n }) {
     window.j = j;
   }
   for (let k = 0; k < n; k += 1) {
-    const at = payload.getUint32(5 * k, true), state = payload.getUint8(5 * k + 4);
+    const at = payload.getUint32(5 * k, true),
+      state = payload.getUint8(5 * k + 4);
     if (at < window.cells.length) window.cells[at] = state < KEPT_STATES ? state : UNKNOWN;
   }
   window.version = nextVersion();

@@ -4,10 +4,10 @@ A line of JSON, then arrays. The obstacle map goes as the ring that it is; the w
 """
 
 import json
-from dataclasses import astuple, fields
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple, fields
 
 from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport, SweepPoints
 from recording.states import F32, CellWindow, ScanRecord, StateRecord

@@ -13,10 +13,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from config_file import read_key
 from core.config import ConfigError
 from recording.reader import Recording
 from recording.records import RecordingError
-from tools.cli.export import instant
+from tools.cli.export import instant, remarks_on
 from tools.cli.options import fail, parser_of
 from tools.replay.player import Player
 from tools.why.beams import Cell
@@ -96,14 +97,19 @@ def story_of(recording: Recording, watch: Watch, at_s: float, at: str) -> dict[s
         "moment": moment_of(watch),
         "log": log_before(recording, player.now_s),
         "cell": told_cell,
-        "remarks": player.remarks,
+        "remarks": remarks_on(player),
     }
 
 
 def why(options: argparse.Namespace) -> int:
     """Raises OSError, RecordingError, ConfigError, NoMomentError."""
     recording = Recording(options.recording)
-    player = Player(recording)
+    key = read_key(options.key_file)
+    player = Player(recording, key=key)
+    if recording.metadata.get("has_key") == "true" and key is None:
+        player.remarks.append("the link had a key: without --key-file no planner's frame counts")
+    if not recording.from_start:
+        player.remarks.append("it begins in mid-run: what was known before is missing")
     try:
         at_s = instant(options.at, player.begin_s, recording.utc_offset_s)
     except ValueError:
@@ -143,6 +149,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--xy", type=a_pair, metavar="X,Y", help="a cell, by its place in the map, m"
     )
     parser.add_out("a file for the picture of the map, PNG")
+    parser.add_key()
     add("--json", action="store_true", help="all of it as JSON")
     options = parser.parse_args(arguments)
     try:

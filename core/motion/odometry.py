@@ -12,6 +12,7 @@ import math
 from collections import deque
 
 import numpy as np
+from msgspec import Struct
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
@@ -20,7 +21,7 @@ from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path
 from core.motion.slip import SIGMA_M
 from core.motion.wheel_check import Turn, WheelCheck
-from core.records import F64, ExternalPose, WheelCounts, record
+from core.records import F64, ExternalPose, WheelCounts
 from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
@@ -67,8 +68,7 @@ def _lay_step(
     return x_m, y_m
 
 
-@record()
-class Pose:
+class Pose(Struct, frozen=True):
     """The body in the map frame at one instant."""
 
     t_s: float
@@ -263,11 +263,6 @@ class Odometry:
             CORRECTION_MPS * dt_s,
         )
 
-    def _step(self, travel_m: float, at_s: float) -> tuple[float, float, float]:
-        """A travel along the body's x axis at a spanned instant, as x, y, z of the map frame."""
-        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(at_s)
-        return self._along(travel_m, pitch_rad, yaw_rad)
-
     def _along(
         self, travel_m: float, pitch_rad: float, yaw_rad: float
     ) -> tuple[float, float, float]:
@@ -346,7 +341,7 @@ class Odometry:
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if the position is known, or well continued, from..to."""
-        return self._path.oldest_s <= from_s and to_s <= self.newest_s + EXTRAPOLATED_S
+        return self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""
@@ -354,15 +349,16 @@ class Odometry:
 
     def xyz_at(self, at_s: float) -> F64:
         """Position (3,) in the map frame at a covered instant; z from travel and pitch alone."""
-        ahead_s = at_s - self.newest_s
+        ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
             return np.array(self._path.at(at_s)[:3])
         return self._path.newest_xyz_m + self._on_from_newest(ahead_s)
 
     def _on_from_newest(self, ahead_s: float) -> tuple[float, float, float]:
         """The way x, y, z gone on since the newest place, at the newest speed."""
-        middle_s = min(self.newest_s + ahead_s / 2, self._attitudes.newest_s)
-        return self._step(self.v_mps * ahead_s, middle_s)
+        middle_s = min(self._path.newest_s + ahead_s / 2, self._attitudes.newest_s)
+        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(middle_s)
+        return self._along(self.v_mps * ahead_s, pitch_rad, yaw_rad)
 
     @property
     def travel_m(self) -> float:
@@ -371,16 +367,16 @@ class Odometry:
 
     def travel_at(self, at_s: float) -> float:
         """The same at a covered instant."""
-        ahead_s = at_s - self.newest_s
+        ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
             return self._path.at(at_s)[3]
-        return self.travel_m + self.v_mps / self.scale * ahead_s
+        return self._path.travel_m + self.v_mps / self.scale * ahead_s
 
     def maybe_pose(self, at_s: float) -> Pose | None:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
         if not self._attitudes.count or not self.covers(at_s, at_s):
             return None
-        ahead_s = at_s - self.newest_s
+        ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
             x_m, y_m, _, _ = self._path.at(at_s)
         else:  # as `xyz_at` does, without arrays: twice a tick

@@ -161,7 +161,7 @@ class PlannerLink:
     def restart(self, session: int) -> None:
         """Go on as another run does, under a new session: also who only asks hears of it."""
         self.session = session
-        self._scheduler.secret = self._secret
+        self._scheduler.sign_with(self._secret)
         self.peer.begin_session()
         self._state.epoch_due = self._state.geom_due = True
 
@@ -216,7 +216,7 @@ class PlannerLink:
     def _take_hello(self, hello: Hello) -> None:
         if self.peer.take_hello(hello):
             self._answers.forget()
-            self._scheduler.secret = self._secret
+            self._scheduler.sign_with(self._secret)
             self._state.epoch_due = True
         self._scheduler.max_frame = self.peer.max_frame
         self._state.geom_due = True
@@ -284,7 +284,7 @@ class PlannerLink:
 
     def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
         settings, pushes, wanted = self._settings, not self.peer.polled, self._state.wanted
-        calls = self._calls_out(now_s)
+        calls = not pushes and self._calls_out(now_s)
         due = pushes and _is_due(now_s, self._state.geom_s, GEOM_EVERY_S)
         if not self.peer.refusal and (self._state.geom_due or due or calls or wanted & ASK_GEOM):
             self._state.geom_due, self._state.geom_s = False, now_s
@@ -304,7 +304,7 @@ class PlannerLink:
     def _calls_out(self, now_s: float) -> bool:
         """Whether a planner that only asks is to be shown where we are."""
         state = self._state
-        if not self.peer.polled or not self.wire.port.datagrams or state.heard_s is None:
+        if not self.wire.port.datagrams or state.heard_s is None:
             return False
         calls = _is_due(now_s, state.heard_s, UNHEARD_S)
         calls &= _is_due(now_s, state.called_s, GEOM_EVERY_S)

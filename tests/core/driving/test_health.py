@@ -1,12 +1,12 @@
 """Health: what may be told, for every combination of inputs."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from core.driving import health
 from core.driving.health import Inputs, health_word, mode, trusted

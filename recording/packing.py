@@ -4,10 +4,10 @@ A line of JSON, then arrays. The obstacle map goes as the ring that it is; the w
 """
 
 import json
-from dataclasses import astuple, fields
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 
 from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport, SweepPoints
 from recording.states import F32, CellWindow, ScanRecord, StateRecord
@@ -58,8 +58,7 @@ def state_from(t_s: float, data: bytes) -> StateRecord:
 
 
 def _zone(values: list[Any]) -> StopZoneReport:
-    names = [field.name for field in fields(StopZoneReport)]
-    given = dict(zip(names, values, strict=True))
+    given = dict(zip(StopZoneReport.__struct_fields__, values, strict=True))
     return StopZoneReport(**{**given, "sectors_m": tuple(given["sectors_m"])})
 
 

@@ -6,7 +6,6 @@ its data are old nor by whom it is called, so that it must write to its planners
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from app import App, Ports
 from config_file import load_config
@@ -70,7 +69,7 @@ class Player:
         ports = Ports(scanner, ahrs, drive, planners[0], tuple(planners[1:]))
         session = recording.session
         devices = devices_on(ports, self.config)
-        devices = replace(devices, drive=new_drive(devices.drive))
+        devices = devices._replace(drive=new_drive(devices.drive))
         self.app = App(
             self.config, ports, session=session, key=key, replayed=replayed, devices=devices
         )

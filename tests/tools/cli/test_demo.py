@@ -2,8 +2,11 @@
 
 import argparse
 import io
+import json
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -18,6 +21,7 @@ from rich.console import Console
 from tests import ROOT, Capsys, Patch
 from tests.support.cases import few
 from tools.cli import demo
+from tools.cli.view import PAGE_AT
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
 
@@ -30,7 +34,9 @@ WORLD = f"""
 APP = """
     import socket, struct, tomllib
     from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
-    planner = tomllib.load(open(sys.argv[-1], "rb"))["planner"]["port"]
+    ports = tomllib.load(open(sys.argv[-1], "rb"))["planner"]["port"]
+    planner = ports if isinstance(ports, str) else ports[0]
+    print(ports, flush=True)
     host, port = planner.removeprefix("udp://").split(":")
     line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     line.connect((host, int(port)))
@@ -113,6 +119,18 @@ def test_a_run_ends_by_itself_with_a_summary(capsys: Capsys, temporary: Path) ->
     assert "all processes have ended" in said
 
 
+@pytest.mark.real_time
+def test_the_page_is_told_first_and_ends_with_the_rest(capsys: Capsys, temporary: Path) -> None:
+    given = options(temporary / "kept", 0.0)
+    given.no_page = False
+    with socket.create_server(("127.0.0.1", PAGE_AT[1])):  # another port is taken then
+        assert demo.run(given, stub(WORLD), stub(APP), Console(file=io.StringIO())) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert re.fullmatch(r"mapod: http://127\.0\.0\.1:(?!8750)\d+/#token=[\w-]{22}", first)
+    _, page_url = json.loads((temporary / "kept" / "app.out").read_text().replace("'", '"'))
+    assert f"watching {page_url};" in (temporary / "kept" / "page.out").read_text()
+
+
 def test_an_app_that_dies_is_reported(capsys: Capsys, temporary: Path) -> None:
     assert ran(stub(WORLD), stub("sys.exit('no such scanner')")) == 1
     said = capsys.readouterr().err
@@ -160,6 +178,7 @@ RUNNER = """
     from rich.console import Console
     from tests.tools.cli.test_demo import APP, WORLD, options, stub
     from tools.cli import demo
+from tools.cli.view import PAGE_AT
     from tools.cli import view
     from tools.terminal import processes
     view.PROGRESS_PERIOD_S, processes.GRACE_S = 0.1, 60.0

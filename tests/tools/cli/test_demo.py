@@ -1,6 +1,7 @@
 """The demo's own work: the app's configuration, and children that come, fail, hang and go."""
 
 import argparse
+import contextlib
 import io
 import json
 import os
@@ -122,9 +123,11 @@ def test_a_run_ends_by_itself_with_a_summary(capsys: Capsys, temporary: Path) ->
 
 @pytest.mark.real_time
 def test_the_page_is_told_first_and_ends_with_the_rest(capsys: Capsys, temporary: Path) -> None:
-    given = options(temporary / "kept", 0.0)
+    given = options(temporary / "kept")
     given.no_page = False
-    with socket.create_server(("127.0.0.1", PAGE_AT[1])):  # another port is taken then
+    with contextlib.ExitStack() as taken:  # by us, or by somebody: then it is another port
+        with contextlib.suppress(OSError):
+            taken.enter_context(socket.create_server(PAGE_AT))
         assert demo.run(given, stub(WORLD), stub(APP), Console(file=io.StringIO())) == 0
     first = capsys.readouterr().out.splitlines()[0]
     assert re.fullmatch(r"mapod: http://127\.0\.0\.1:(?!8750)\d+/#token=[\w-]{22}", first)
@@ -179,7 +182,6 @@ RUNNER = """
     from rich.console import Console
     from tests.tools.cli.test_demo import APP, WORLD, options, stub
     from tools.cli import demo
-from tools.cli.view import PAGE_AT
     from tools.cli import view
     from tools.terminal import processes
     view.PROGRESS_PERIOD_S, processes.GRACE_S = 0.1, 60.0

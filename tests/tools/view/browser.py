@@ -12,9 +12,11 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+PROBES = (Path(__file__).parent / "probes.js").read_text(encoding="utf-8")
 PATIENCE_S = 15.0
 FLAGS = (
-    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", "--no-first-run",
+    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--no-first-run",
     "--disable-gpu", "--enable-unsafe-swiftshader", "--force-color-profile=srgb",
     "--disable-background-networking", "--disable-extensions", "--disable-component-update",
 )  # fmt: skip
@@ -55,6 +57,10 @@ class Browser:
 
     def run(self, script: str, *arguments: object) -> Any:
         return self.driver.execute_script(script, *arguments)
+
+    def probe(self, call: str, *arguments: object) -> Any:
+        """What a function of probes.js gives."""
+        return self.run(f"{PROBES}\nreturn {call}(...arguments)", *arguments)
 
     def text(self, css: str) -> str:
         return str(self.run("return document.querySelector(arguments[0]).innerText", css))

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.tools.view.browser import CHROMIUM, DRIVER, PROBES, Browser, a_browser
 from tests.tools.view.made_up import DITCH
-from tests.tools.view.page_at_work import Page, a_page
+from tests.tools.view.page_at_work import PROBES, Page, a_page
 from tests.tools.view.scripted_server import TOKEN
+from tools.docs.browser import CHROMIUM, DRIVER, Browser, a_browser
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
@@ -118,7 +118,7 @@ def test_the_past_is_very_visible_and_can_be_stepped_through(page: Page) -> None
     page.click("#pause")
     page.browser.wait("document.documentElement.dataset.past === 'true'")
     page.browser.wait("document.getElementById('moment').min < -9")
-    page.browser.probe("setSlider", "#moment", -9)
+    page.probe("setSlider", "#moment", -9)
     page.browser.wait("mapod.shown.window !== null")
     page.browser.drawn()
     page.shot("paused")
@@ -205,16 +205,16 @@ def test_without_webgl_there_is_one_line(page: Page) -> None:
 def test_keys_alone_reach_everything_and_are_seen_to(page: Page) -> None:
     page.open()
     page.live()
-    wanted = page.browser.probe("countStops")
+    wanted = page.probe("countStops")
     seen = set()
     for _ in range(wanted + 3):
         page.browser.key("keyDown", "Tab", "Tab", windowsVirtualKeyCode=9)
         page.browser.key("keyUp", "Tab", "Tab", windowsVirtualKeyCode=9)
-        which, width, html = page.browser.probe("focused")
+        which, width, html = page.probe("focused")
         assert which is None or width == "3px", html
         seen.add(which)
     assert len(seen - {None}) == wanted
-    assert page.browser.probe("nameless") == []
+    assert page.probe("nameless") == []
 
 
 def test_a_phone_has_all_of_it_at_360_pixels(page: Page) -> None:
@@ -224,7 +224,7 @@ def test_a_phone_has_all_of_it_at_360_pixels(page: Page) -> None:
     assert page.browser.run("return document.documentElement.scrollWidth") == 360
     for tab in ("drive", "inputs", "link", "layers", "way"):
         page.click(f"[role=tab][data-tab={tab}]")
-        assert page.browser.probe("smallButtons") == []
+        assert page.probe("smallButtons") == []
         wide = page.browser.run(
             "return document.getElementById(arguments[0]).getBoundingClientRect().right", tab
         )

@@ -1,4 +1,4 @@
-"""A headless Chromium for tests of the page."""
+"""A headless Chromium: for pictures of the live page, and for its tests."""
 
 import os
 import shutil
@@ -12,7 +12,6 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-PROBES = (Path(__file__).parent / "probes.js").read_text(encoding="utf-8")
 PATIENCE_S = 15.0
 FLAGS = (
     "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
@@ -57,10 +56,6 @@ class Browser:
 
     def run(self, script: str, *arguments: object) -> Any:
         return self.driver.execute_script(script, *arguments)
-
-    def probe(self, call: str, *arguments: object) -> Any:
-        """What a function of probes.js gives."""
-        return self.run(f"{PROBES}\nreturn {call}(...arguments)", *arguments)
 
     def text(self, css: str) -> str:
         return str(self.run("return document.querySelector(arguments[0]).innerText", css))

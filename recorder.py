@@ -16,6 +16,7 @@ from app import App, Ports
 from config_file import text_from
 from core.config import Config
 from core.driving.control import NOT_ENABLED
+from core.driving.zone import NOT_TRUSTED
 from core.saved.encoding import Arrays, bytes_from_arrays
 from hw.device import Port
 from logs import LOG
@@ -32,6 +33,7 @@ from recording.records import (
     STOP,
     TURN,
 )
+from recording.taker import StateTaker
 from recording.tap import AnyTap, Tap
 
 REPORTS_S = 1.0  # the writer's reports are read so often
@@ -42,7 +44,7 @@ class Troubles:
     """Finds in an app what the last seconds are to be kept for."""
 
     def __init__(self, app: App) -> None:
-        self._pilot, self._tiles, self._requests = app.pilot, app.tiles, app.planners.requests
+        self._pilot, self._requests = app.pilot, app.planners.requests
         self._devices = app.devices.by_section
         self._was_driven = self._was_trusted = False
         self._losses = dict.fromkeys(self._devices, 0)
@@ -55,9 +57,10 @@ class Troubles:
         if is_halted and request is not None and now_s <= request.valid_until_s:
             found = "stop", control.blocked_by
         self._was_driven = bool(control.v_mps or control.w_radps)
-        if self._was_trusted and self._tiles.doubt:
+        is_trusted = self._pilot.zone is not NOT_TRUSTED
+        if self._was_trusted and not is_trusted:
             found = "fault", "the map or the pose is not to be trusted any more"
-        self._was_trusted = not self._tiles.doubt
+        self._was_trusted = is_trusted
         for name, device in self._devices.items():
             if device.status.losses != self._losses[name]:
                 self._losses[name] = device.status.losses
@@ -69,9 +72,9 @@ class RecordedApp:
     """An app, and a record of each call that moves it on."""
 
     def __init__(self, app: App, tap: AnyTap, look: Callable[[float], None]) -> None:
-        """`look` is called after each step."""
+        """`look` is called after each step, until the app is told to stop."""
         self._app, self._tap, self._look = app, tap, look
-        self._ticks = 0
+        self._ticks, self._stops = 0, False
         if app.image is not None and app.image.drive is not None:
             self._ask, app.image.drive.ask = app.image.drive.ask, self._asked
 
@@ -98,6 +101,7 @@ class RecordedApp:
     def stop(self) -> None:
         self._tap.calls += 1
         self._tap.note(self._tap.clock(), STOP)
+        self._stops = True
         self._app.stop()
 
     def _asked(self, now_s: float, who: str, v_mps: float, w_radps: float, valid_s: float) -> str:
@@ -108,7 +112,8 @@ class RecordedApp:
     def _done(self, now_s: float) -> None:
         if self._app.loop.ticks != self._ticks:  # a step
             self._ticks = self._app.loop.ticks
-            self._look(now_s)
+            if not self._stops:
+                self._look(now_s)
         self._tap.flush(now_s)
 
 
@@ -125,6 +130,7 @@ class Recorder:
         self._ports: list[tuple[str, Port]] = []
         self._reported_s = self._flight_s = float("-inf")
         self._troubles: Troubles | None = None
+        self._states: StateTaker | None = None
 
     def ports(self, ports: Ports) -> Ports:
         """Ports that tell of all that happens to these."""
@@ -151,6 +157,9 @@ class Recorder:
         self._tap.begin({"metadata": metadata, **wanted})
         LOG.also = self._tell_line
         self._troubles = Troubles(app)
+        self._states = StateTaker(
+            self._tap, app.mapper, app.pilot, app.tiles, app.report, keys.rate_hz
+        )
         return cast(App, RecordedApp(app, self._tap, self._look))
 
     def restored(self, now_s: float) -> None:
@@ -177,6 +186,8 @@ class Recorder:
     def _look(self, now_s: float) -> None:
         """After a step: whether anything is to be kept, and how the writer is."""
         assert self._troubles is not None
+        assert self._states is not None
+        self._states.look(now_s)
         if found := self._troubles.newest(now_s):
             self.flight(now_s, *found)
         if now_s - self._reported_s >= REPORTS_S:

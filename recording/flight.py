@@ -67,7 +67,7 @@ class FlightRecorder:
         except OSError:
             file.abandon()
             raise
-        kept = sorted(self._folder.glob("*Z-*.mcap"))
+        kept = sorted(self._folder.glob("*Z-*.mcap"), key=age_of)
         for old in kept[: -self._keep]:
             old.unlink()
         return path
@@ -86,6 +86,10 @@ def records_in(data: bytes) -> Iterator[tuple[float, bytes, int, bytes]]:
         t_s, kind, port, length = HEAD.unpack_from(data, at)
         at += HEAD.size + length
         yield t_s, kind, port, data[at - length : at]
+
+
+def age_of(path: Path) -> tuple[float, str]:
+    return path.stat().st_mtime, path.name
 
 
 def slug(cause: str) -> str:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport
-from recording.states import CellWindow, ScanRecord, StateRecord
+from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport, SweepPoints
+from recording.states import F32, CellWindow, ScanRecord, StateRecord
 
 FREE_TOLD, OBSTACLE_TOLD = 1, 2
 
@@ -22,13 +22,11 @@ def pack_state(
     corner: tuple[int, int],
     cell_m: float,
     trusted: bool,
-    heights: bytes = b"",
 ) -> bytes:
     """The app's state at one instant.
 
     Args:
         cells: (size, size), a ring; `corner`: the world cell with the lowest i and j in it.
-        heights: of the same cells, unrolled: f32 heights, then variances; or nothing.
     """
     head = {
         "pose": astuple(pose),
@@ -38,7 +36,7 @@ def pack_state(
         "cell_m": cell_m,
         "trusted": trusted,
     }
-    return json.dumps(head).encode() + b"\n" + cells.tobytes() + heights
+    return json.dumps(head).encode() + b"\n" + cells.tobytes()
 
 
 def state_from(t_s: float, data: bytes) -> StateRecord:
@@ -51,16 +49,11 @@ def state_from(t_s: float, data: bytes) -> StateRecord:
     states[cells == OBSTACLE] = OBSTACLE_TOLD
     if head["trusted"]:
         states[cells == FREE] = FREE_TOLD
-    heights: list[Any] = [None, None]
-    if len(arrays) > size * size:
-        layers = np.frombuffer(arrays, "<f4", 2 * size * size, offset=size * size)
-        heights = list(layers.reshape(2, size, size))
     return StateRecord(
         t_s,
         PoseReport(*head["pose"]),
         None if head["zone"] is None else _zone(head["zone"]),
         CellWindow(states, corner_i, corner_j, head["cell_m"]),
-        *heights,
     )
 
 
@@ -70,14 +63,45 @@ def _zone(values: list[Any]) -> StopZoneReport:
     return StopZoneReport(**{**given, "sectors_m": tuple(given["sectors_m"])})
 
 
-def pack_scan(scan: Scan) -> bytes:
-    head = {"t_s": scan.t_s, "first_rad": scan.first_rad, "step_rad": scan.step_rad}
-    ranges: bytes = scan.ranges_m[0].astype("<f4").tobytes()
-    return json.dumps(head).encode() + b"\n" + ranges
+def pack_heights(size: int, corner: tuple[int, int], cell_m: float, heights: bytes) -> bytes:
+    """Heights of cells about the robot.
+
+    Args:
+        corner: the world cell with the lowest i and j.
+        heights: f32 (size, size) from there on, row by row, then as many variances.
+    """
+    head = {"size": size, "corner": corner, "cell_m": cell_m}
+    return json.dumps(head).encode() + b"\n" + heights
+
+
+def heights_from(data: bytes) -> tuple[CellWindow, F32, F32]:
+    """Where they lie, as a window without states; heights and variances."""
+    line, _, arrays = data.partition(b"\n")
+    head: dict[str, Any] = json.loads(line)
+    size, (corner_i, corner_j) = head["size"], head["corner"]
+    height_m, variance_m2 = np.frombuffer(arrays, "<f4").reshape(2, size, size)
+    unseen = np.zeros((size, size), np.uint8)
+    window = CellWindow(unseen, corner_i, corner_j, head["cell_m"])
+    return window, height_m, variance_m2
+
+
+def pack_scan(scan: Scan, points: SweepPoints | None) -> bytes:
+    """A sweep, and where its returns are."""
+    head: dict[str, Any] = {"t_s": scan.t_s, "beams": scan.ranges_m.shape[1]}
+    head |= {
+        "first_rad": scan.first_rad,
+        "step_rad": scan.step_rad,
+        "has_points": points is not None,
+    }
+    arrays: bytes = scan.ranges_m[0].astype("<f4").tobytes()
+    if points is not None:
+        arrays += points.points_m.astype("<f4").tobytes()
+    return json.dumps(head).encode() + b"\n" + arrays
 
 
 def scan_from(data: bytes) -> ScanRecord:
-    line, _, ranges = data.partition(b"\n")
-    head = json.loads(line)
-    ranges_m = np.frombuffer(ranges, "<f4")
-    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, None)
+    line, _, arrays = data.partition(b"\n")
+    head: dict[str, Any] = json.loads(line)
+    ranges_m, points = np.split(np.frombuffer(arrays, "<f4"), [head["beams"]])
+    points_map = points.reshape(-1, 3) if head["has_points"] else None
+    return ScanRecord(head["t_s"], head["first_rad"], head["step_rad"], ranges_m, points_map)

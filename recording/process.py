@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 PIPE_BYTES = 1 << 20
-LAST_S = 5.0  # that the end of the program waits for it
+LAST_S = 3.0  # that the end of the program waits for it
 
 
 class WriterProcess:

@@ -31,7 +31,7 @@ OF_PORTS = frozenset((OPENED, LOST, IN, OUT, CHANGED, READ_ENDED))
 OF_CALLS = frozenset((STEP, TURN, STOP, ASK, RESTORED, GAP))
 OF_WIRES = OF_PORTS | OF_CALLS  # without any one of them a replay is another run
 
-STATE, SCAN = b"M", b"P"  # of the app now and then (recording.states)
+STATE, SCAN, HEIGHTS = b"M", b"P", b"U"  # of the app now and then (recording.packing)
 LINE = b"E"  # of the log: JSON of level, event and keys
 FIRST, FLIGHT, BYE = b"H", b"F", b"Z"  # to the writer: what it writes, save the last seconds, end
 

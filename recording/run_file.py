@@ -7,8 +7,8 @@ from typing import Any
 
 from recording.foxglove import Messages, RobotShape, encoded
 from recording.mcap_file import RecordingFile
-from recording.packing import scan_from, state_from
-from recording.records import LINE, OF_WIRES, SCAN, STATE
+from recording.packing import heights_from, scan_from, state_from
+from recording.records import HEIGHTS, LINE, OF_WIRES, SCAN, STATE
 from recording.schemas import SCHEMAS
 
 
@@ -33,6 +33,8 @@ class RunFile:
         elif kind == STATE:
             for told in self._messages.of_state(state_from(t_s, data)):
                 self._tell(t_s, *told)
+        elif kind == HEIGHTS:
+            self._tell(t_s, *self._messages.of_heights(t_s, *heights_from(data)))
         elif kind == SCAN:
             for told in self._messages.of_scan(scan_from(data)):
                 self._tell(t_s, *told)

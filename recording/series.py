@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from recording.flight import age_of
 from recording.run_file import RunFile
 
 OWN = "mapod-*.mcap"  # in a folder: recordings of ours, of any run
@@ -68,10 +69,6 @@ class Series:
                 return
             total -= path.stat().st_size
             path.unlink()
-
-
-def age_of(path: Path) -> tuple[float, str]:
-    return path.stat().st_mtime, path.name
 
 
 def name_of_time(utc: str) -> str:

@@ -17,7 +17,7 @@ from recording.records import BYE, FIRST, GAP, HEAD, LINE, OF_WIRES
 
 HELD_BYTES = 8 << 20  # that the writer may be behind, beside what the pipe holds: a minute or so
 PIECE, PIECES = 1 << 16, 4  # bytes a write, and writes a turn
-GATHER_S, GATHER_BYTES = 0.05, 1 << 14  # the writer is woken no more often, or for so much
+GATHER_S, GATHER_BYTES = 0.1, 1 << 14  # the writer is woken no more often, or for so much
 LINES = 1000  # of the log, that wait at most
 FIRST_S = 10.0  # that the writer may need to take what comes before the run
 

@@ -4,6 +4,7 @@ It ends when its pipe does. Nothing that goes wrong here is felt by the app, but
 the recording has ended.
 """
 
+import contextlib
 import json
 import os
 import select
@@ -11,13 +12,18 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from recording.flight import FlightRecorder
 from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_WIRES
-from recording.series import Series
+
+if TYPE_CHECKING:
+    from recording.series import Series
 
 NICE = 10
+APPS_SIGNALS = {  # a supervisor sends them to all of a service; its end is ours
+    signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT, signal.SIGUSR1, signal.SIGUSR2
+}  # fmt: skip
 SYNC_S = 1.0
 READ_BYTES = 1 << 20
 
@@ -87,6 +93,8 @@ class Writer:
 
     def _begin(self, run: Mapping[str, Any]) -> None:
         if run["path"]:
+            from recording.series import Series  # and all that files take, where there is one
+
             try:
                 self._series = Series(run)
                 self._report("recording_begun", file=self._series.name)
@@ -140,9 +148,10 @@ def serve(pipe: int, writer: Writer) -> None:
 
 
 def main() -> int:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the app's end is ours
-    os.nice(NICE)
+    for number in APPS_SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    with contextlib.suppress(OSError):  # a service may not be allowed to
+        os.nice(NICE)
     writer = Writer(sys.stdout.fileno())
     serve(sys.stdin.fileno(), writer)
     if not writer.is_over:

@@ -19,7 +19,7 @@ import pytest
 
 from tests import ROOT
 
-BUILT_FROM = ("mapod", "mapod_link", "core", "hw", "tools", "fakes")
+BUILT_FROM = ("mapod", "mapod_link", "core", "recording", "hw", "tools", "fakes")
 BUILD = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
 EVERY_MODULE = """
 import contextlib, io, pkgutil, sys
@@ -136,7 +136,7 @@ def test_it_runs_against_nothing_is_recorded_and_replayed(site: Path, tmp_path: 
     text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
     text = text.replace('method = "beams"', 'method = "reference_plane"')  # quick without compiler
     (tmp_path / "mapod.toml").write_text(text, encoding="utf-8")
-    with begun(site, tmp_path, "-m", "mapod", "record", "--out", "nothing.rec") as process:
+    with begun(site, tmp_path, "-m", "mapod", "record", "--out", "nothing.mcap") as process:
         assert process.stderr is not None
         told = ""
         while "connection refused" not in told:
@@ -147,7 +147,7 @@ def test_it_runs_against_nothing_is_recorded_and_replayed(site: Path, tmp_path: 
         told += process.stderr.read()
     assert process.returncode == 0, told
     assert "app_stopped" in told
-    replay = begun(site, tmp_path, "-m", "mapod", "replay", "nothing.rec")
+    replay = begun(site, tmp_path, "-m", "mapod", "replay", "nothing.mcap")
     assert "the recording holds no byte of the scanner" in replay.communicate()[1]
     assert replay.returncode == 1
 

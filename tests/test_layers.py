@@ -26,7 +26,7 @@ MAY_IMPORT = {  # by the first part of a module's name
     "hw": {"hw", "core.records", "jit"},
     "mapod_link": {"mapod_link"},
     "fakes": {"fakes", "mapod_link", "jit"},
-    "recording": {"recording", "core.records", "core.config", "hw.device", "mapod_link"},
+    "recording": {"recording", "core", "hw.device", "mapod_link"},
     **{name: TOP - {"main"} | {"core", "hw", "recording"} for name in TOP},
     "mapod": {"mapod", "tools"},  # the name under which all of it is installed
     "tools": OWN,

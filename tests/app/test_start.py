@@ -16,6 +16,7 @@ from tools.rig.latency import Bench
 from tools.terminal.processes import Stop
 
 NEVER = {"asyncio", "rich", "structlog", "colorama", "mapod_link", "fakes"}
+NEVER |= {"mcap", "zstandard", "recording.foxglove", "recording.writer", "recording.reader"}
 NEVER |= {"hw.modbus", "hw.runtime.servers", "tools.terminal", "tools.rig"}
 COMPILER = {"numba.np.linalg", "numba.np.arraymath", "numba.np.npyimpl", "numba.typed.typedlist"}
 LOADED = """

@@ -207,6 +207,7 @@ def test_without_any_device_it_serves_and_ends(ended: Ended, tmp_path: Path, end
             "scanner.port": "tcp://127.0.0.1:1",
             "planner.port": f"udp://127.0.0.1:{planner.getsockname()[1]}",
             "log.format": "json",
+            "record.flight": "",
         }
         text = rewritten(TEXT, values)
         config.write_text(text.replace("/dev/", f"{tmp_path}/no_"), encoding="utf-8")

@@ -34,8 +34,9 @@ OK = {"scanner": 1 << 0, "ahrs": 1 << 1, "drive": 1 << 2}  # health bits of the 
 class House:
     """The process, its three devices and a planner's ear. Faults are set on `fakes` and `wires`."""
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, **settings: object) -> None:
+        """`settings`: of the program, at "section.key"."""
+        self._folder, self._settings = folder, settings
         self.log: list[dict[str, Any]] = []
         self.health = 0  # newest
         self.seen: list[int] = []  # health of each POSE frame, until somebody takes them
@@ -65,10 +66,11 @@ class House:
             "drive.port": f"serial://{self.links['drive']}?baud=9600&parity=E&bytesize=7",
             "planner.port": f"udp://127.0.0.1:{self._planner.getsockname()[1]}",
             "log.format": "json",
+            "record.flight": str(self._folder / "flight"),
         }
         config = self._folder / "mapod.toml"
         shipped = (ROOT / "mapod.toml").read_text(encoding="utf-8")
-        config.write_text(rewritten(shipped, values), encoding="utf-8")
+        config.write_text(rewritten(shipped, values | self._settings), encoding="utf-8")
         self.process = subprocess.Popen(
             [sys.executable, str(ROOT / "main.py"), "--config", str(config)],
             cwd=ROOT,

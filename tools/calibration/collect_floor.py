@@ -8,7 +8,8 @@ import contextlib
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from core.config import Config
 from core.motion.attitude import AttitudeRing
@@ -16,7 +17,7 @@ from core.records import Scan
 from hw.device import NoPort, Port
 from hw.ports.wires import open_port
 from tools.calibration.mount import FloorWatch
-from tools.played import complaints_of
+from tools.replay.outcome import complaints_of
 from wiring import Ports, devices_on
 
 STEP_S, PROGRESS_S = 0.002, 0.2

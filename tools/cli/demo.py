@@ -66,6 +66,8 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
                 address, page_url = ("", "") if options.no_page else page(robot, settings, stop)
                 say(address or "no page")
                 say(f'starting the world "{options.scene}" (seed {options.seed})')
+                if options.record:
+                    values["record.path"] = recorded_to(options.record)
                 values["planner.port"] = [wire.url, page_url] if page_url else wire.url
                 robot.start(world, Path(options.config), values, stop, app)
                 say(f"the app is starting; its map comes to {wire.url}; Ctrl-C ends all")
@@ -78,6 +80,11 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
         return fail("demo", error, 1)
     say("all processes have ended")
     return 0
+
+
+def recorded_to(path: str) -> str:
+    """From here, wherever the app runs. A folder stays one that ends with a slash."""
+    return str(Path(path).resolve()) + "/" * path.endswith("/")
 
 
 def page(robot: SimulatedRobot, settings: str, stop: Stop) -> tuple[str, str]:
@@ -110,6 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_config(SHIPPED_CONFIG)
     parser.add_out("a folder for what all of them say (default: one that stays if one fails)")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
+    parser.add_argument("--record", metavar="FILE", help="record the run: a file, x.mcap")
     parser.add_argument("--drive", action="store_true", help="drive by keyboard or page")
     parser.add_argument("--no-page", action="store_true", help="no live page beside it")
     options = parser.parse_args(arguments)

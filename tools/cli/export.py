@@ -133,15 +133,24 @@ def export(options: argparse.Namespace) -> int:
     job = Job(player, recording.utc_offset_s, until_s, options)
     for path in how.get(options.to, export_map)(job):
         print(path)
-    for remark in remarks_on(player):
+    for remark in remarks_on(player, recording):
         print(f"mapod export: {remark}", file=sys.stderr)
     return 0
 
 
-def remarks_on(player: Player) -> list[str]:
-    """What a reader of the files should know of the replay that they come from."""
-    differing = [check.describe() for check in player.checks if not check.is_identical]
-    return [*player.remarks, *differing]
+def remarks_on(player: Player, recording: Recording) -> list[str]:
+    """What a reader of the files should know of the recording and its replay."""
+    remarks = list(player.remarks)
+    if not recording.from_start:
+        remarks.append("the recording begins in the middle of a run: its map begins there")
+    if recording.is_cut:
+        remarks.append("the recording was cut off: this is all that it holds")
+    if recording.gap:
+        remarks.append(recording.gap)
+    is_open = recording.metadata.get("has_key") != "true"  # no recording keeps a key
+    if recording.from_start and is_open and player.done:
+        remarks += [check.describe() for check in player.checks if not check.is_identical]
+    return remarks
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -164,7 +173,9 @@ def main(arguments: list[str] | None = None) -> int:
         return fail("export", NO_PARQUET)
     try:
         return export(options)
-    except (OSError, ConfigError) as error:
+    except OSError as error:
+        return fail("export", f"{error.filename or options.recording}: {error.strerror or error}")
+    except ConfigError as error:
         return fail("export", error)
     except (RecordingError, NothingToExportError) as error:
         return fail("export", error, 1)

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = ("core", "hw", "mapod_link", "fakes", "tools")
+ROOMS = ("core", "hw", "recording", "mapod_link", "fakes", "tools")
 HEAD = "# The files\n\nMade by `python -m tools.docs.files` from the first line of each.\n"
 
 

@@ -18,7 +18,7 @@ from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.scan import ScanMaker
 from hw.lms1xx.status import describe_status
 from hw.lms1xx.telegrams import MAX_BEAMS, ScanTelegram, new_parser
-from tools.replay.ports import PlayedPort
+from tools.replay.ports import Became, PlayedPort
 from tools.replay.streams import Piece
 from wiring import Devices
 
@@ -84,7 +84,7 @@ def standing_at(t_s: float) -> WheelCounts:
 
 
 class HeardOptions(Lms1xxOptions, frozen=True):
-    """What a scanner was set to, as its telegrams tell: sister models have other rates and steps."""
+    """What a scanner was set to, as its telegrams tell; sister models have other rates."""
 
     scan_rate_hz: float  # type: ignore[assignment]
 
@@ -182,17 +182,17 @@ class HeardReplay:
         self.lacks = "" if telegram else "the scanner's bytes hold no scan (LMDscandata)"
         self._pieces, self._at = pieces, 0
         self._offset_s = BEGIN_S - pieces[0][0] if pieces else 0.0
-        self._end_s = (pieces[-1][0] if pieces else 0.0) + self._offset_s + REST_S
+        self.end_s = (pieces[-1][0] if pieces else 0.0) + self._offset_s + REST_S
         self._port, self._planner = PlayedPort(datagrams=False), PlayedPort(datagrams=True)
-        self._port.opens()
-        self._planner.opens()
+        for port in (self._port, self._planner):
+            port.becomes(Became(use=1, is_open=True, opened=1, backlog=0, cause=""))
         nowhere = NoPort()
         others = (nowhere,) * (len(self.config.planner.ports) - 1)
         ports = Ports(self._port, nowhere, nowhere, self._planner, others)
         devices = Devices(
-            HeardScanner(self._port, self.config.scanner.options),  # type: ignore[arg-type]
-            Steady("attitude", ATTITUDES_HZ, level_at),
-            Steady("wheels", COUNTS_HZ, standing_at),
+            scanner=HeardScanner(self._port, self.config.scanner.options),  # type: ignore[arg-type]
+            ahrs=Steady("attitude", ATTITUDES_HZ, level_at),
+            drive=Steady("wheels", COUNTS_HZ, standing_at),
         )
         self.app = App(self.config, ports, session=SESSION, replayed=True, devices=devices)
         self.begin_s = self.now_s = BEGIN_S
@@ -220,4 +220,4 @@ class HeardReplay:
         self.frames = self._planner.written
         self._port.end_call()
         self._planner.end_call()
-        self.done = self.now_s >= self._end_s
+        self.done = self.now_s >= self.end_s

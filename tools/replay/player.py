@@ -5,54 +5,35 @@ its data are old nor by whom it is called, so that it must write to its planners
 `checks` say whether it did. Other settings may be given: then it answers "what if".
 """
 
-import struct
-from collections.abc import Iterator
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import replace
 
 from app import App, Ports
 from config_file import load_config
 from core.config import Config
 from core.saved.encoding import StateError, arrays_from_bytes
 from core.saved.state import restore
-from hw.ports.reopening import SILENCE_S
-from hw.ports.serial import SILENCE_S as SERIAL_SILENCE_S
-from hw.ports.url import parse_url
-from mapod_link.receiver import Receiver
-from recording.records import Record
+from hw.registry import Drive
+from recording.reader import Recording
+from recording.records import (
+    ASK,
+    ASKED,
+    CHANGED,
+    IN,
+    OUT,
+    READ_ENDED,
+    RESTORED,
+    STEP,
+    STOP,
+    TURN,
+    Record,
+)
 from tools.replay.identity import PlannerCheck
 from tools.replay.ports import PlayedPort, ReopeningPlayedPort, became_from_bytes
+from wiring import devices_on
 
-SESSION = 1  # of a recording that tells none
-NONCE = 1  # of the receiver that looks for it
 DEVICES = 3  # ports before the first planner's
-STEP, TURN, STOP, ASK, RESTORE = b"S", b"T", b"X", b"A", b"R"  # calls of the app
-OPENED, LOST, IN, OUT, BECAME, READ_ENDED = b"O", b"L", b"I", b"W", b"C", b"N"  # of a port
-CALLS = {STEP, TURN, STOP, ASK, RESTORE}
-ASKED = struct.Struct("<3d")  # m/s, rad/s, s; then who asks
-
-
-class Recorded(Protocol):
-    """What a player needs of a recording."""
-
-    config: str
-    ports: list[str]
-
-    def records(self) -> Iterator[Record]: ...
-
-
-def session_of(recording: Recorded) -> int:
-    """The session that the recorded app told its planner; SESSION where that cannot be known."""
-    told = getattr(recording, "session", None)
-    if isinstance(told, int):
-        return told
-    receiver = Receiver(NONCE)
-    for record in recording.records():
-        if record.kind == OUT and record.port == DEVICES:
-            receiver.feed_datagram(record.t_s, record.data)
-            receiver.feed_stream(record.t_s, record.data)
-        if receiver.geom is not None:
-            return receiver.geom.session
-    return SESSION
+PLAYED_CALLS = {STEP, TURN, STOP, ASK, RESTORED}
 
 
 class Player:
@@ -61,6 +42,7 @@ class Player:
     Args:
         key: of the planner link, which no recording keeps.
         replayed: the app is to say so in its frames (mode 4): for who sends them on.
+        new_drive: gives what takes the place of the drive.
 
     Raises:
         ConfigError: the recorded settings are none.
@@ -73,11 +55,12 @@ class Player:
 
     def __init__(
         self,
-        recording: Recorded,
+        recording: Recording,
         config: Config | None = None,
         *,
         key: bytes | None = None,
         replayed: bool = False,
+        new_drive: Callable[[Drive], Drive] = lambda drive: drive,
     ) -> None:
         self.recording = recording
         self.config = load_config(recording.config) if config is None else config
@@ -85,8 +68,12 @@ class Player:
         planners = self._ports[DEVICES : DEVICES + len(self.config.planner.ports)]
         scanner, ahrs, drive = self._ports[:DEVICES]
         ports = Ports(scanner, ahrs, drive, planners[0], tuple(planners[1:]))
-        session = session_of(recording)
-        self.app = App(self.config, ports, session=session, key=key, replayed=replayed)
+        session = recording.session
+        devices = devices_on(ports, self.config)
+        devices = replace(devices, drive=new_drive(devices.drive))
+        self.app = App(
+            self.config, ports, session=session, key=key, replayed=replayed, devices=devices
+        )
         names = planner_names(len(planners))
         self.checks = [
             PlannerCheck(name, port.datagrams) for name, port in zip(names, planners, strict=True)
@@ -148,15 +135,11 @@ class Player:
             elif kind == OUT:
                 if number >= DEVICES:
                     recorded[number].append(record.data)
-            elif kind in CALLS:
+            elif kind in PLAYED_CALLS:
                 return record
-            elif kind == OPENED:
-                ports[number].opens()
-            elif kind == LOST:
-                ports[number].is_lost(record.data.decode(errors="replace"))
             elif kind == READ_ENDED:
                 ports[number].ends_read()
-            elif kind == BECAME:
+            elif kind == CHANGED:
                 ports[number].becomes(became_from_bytes(record.data))
         return None
 
@@ -171,7 +154,7 @@ class Player:
         elif call.kind == ASK:
             who = call.data[ASKED.size :].decode(errors="replace")
             app.planners.requests.ask(call.t_s, who, *ASKED.unpack_from(call.data))
-        elif call.kind == RESTORE:
+        elif call.kind == RESTORED:
             self._restore(call.t_s)
 
     def _readable(self, bits: int) -> list[PlayedPort]:
@@ -182,7 +165,7 @@ class Player:
     def _restore(self, t_s: float) -> None:
         """Go on from the map that the run began with."""
         try:
-            arrays = arrays_from_bytes(getattr(self.recording, "loaded_map", None) or b"")
+            arrays = arrays_from_bytes(self.recording.loaded_map or b"")
             restore(self.app.mapper, arrays, self.config, t_s)
         except StateError as error:
             self.remarks.append(f"the run went on from a saved map, the replay does not: {error}")
@@ -192,22 +175,13 @@ def planner_names(count: int) -> list[str]:
     return ["planner"] + [f"planner {number}" for number in range(2, count + 1)]
 
 
-def played_ports(recording: Recorded, config: Config) -> list[PlayedPort]:
+def played_ports(recording: Recording, config: Config) -> list[PlayedPort]:
     """The ports of a recording, and one that stays closed for each planner that it has not."""
-    urls = [config.scanner.port, config.ahrs.port, config.drive.port, *config.planner.ports]
-    count = max(len(urls), len(recording.ports))
-    wires = getattr(recording, "wires", None) or [_wire_of(url) for url in urls]
-    wires = [*wires, *[{"datagrams": True, "silence_s": None}] * (count - len(wires))]
+    count = max(DEVICES + len(config.planner.ports), len(recording.ports))
+    absent = [{"datagrams": True, "silence_s": None}] * (count - len(recording.ports))
     return [
         PlayedPort(bool(wire["datagrams"]))
         if wire["silence_s"] is None
         else ReopeningPlayedPort(bool(wire["datagrams"]), float(wire["silence_s"]))
-        for wire in wires
+        for wire in [*recording.wires, *absent]
     ]
-
-
-def _wire_of(url: str) -> dict[str, object]:
-    """What a real port of this URL is, as a recording says it."""
-    kind = parse_url(url).kind
-    silence_s = SERIAL_SILENCE_S if kind == "serial" else SILENCE_S
-    return {"datagrams": kind == "udp", "silence_s": silence_s}

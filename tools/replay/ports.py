@@ -3,15 +3,13 @@
 The app must see of a port what it saw when it was recorded, and at the same moment. A use is a
 poll, a read, a write or a reopening. What a port became (C) is known with the number of the use
 that it came by, counted from the beginning of the app's present call; which read brought some bytes
-is known by the reads that ended before it (N). A recording of an older form has neither: then a
-port changes at the beginning of a call, and all bytes come with its first read.
+is known by the reads that ended before it (N).
 """
 
-import struct
 from collections import deque
 from dataclasses import dataclass
 
-STATE = struct.Struct("<HBII")  # use, is it open, connections so far, bytes in the backlog; cause
+from recording.records import PORT_STATE
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +24,9 @@ class Became:
 
 
 def became_from_bytes(data: bytes) -> Became:
-    """Raises struct.error: too short."""
-    use, is_open, opened, backlog = STATE.unpack_from(data)
-    return Became(use, bool(is_open), opened, backlog, data[STATE.size :].decode(errors="replace"))
+    use, is_open, opened, backlog = PORT_STATE.unpack_from(data)
+    cause = data[PORT_STATE.size :].decode(errors="replace")
+    return Became(use, bool(is_open), opened, backlog, cause)
 
 
 class PlayedPort:
@@ -41,20 +39,10 @@ class PlayedPort:
         self._uses = 0
         self._states: deque[Became] = deque()
         self._reads: deque[list[bytes]] = deque()  # what each read of the next call gives
-        self._has_states = False  # they are recorded exactly
 
     # What the recording says, before the call in which it happened
 
-    def opens(self) -> None:
-        if not self._has_states:
-            self.opened, self.cause, self._is_open = self.opened + 1, "", True
-
-    def is_lost(self, cause: str) -> None:
-        if not self._has_states:
-            self.cause, self._is_open = cause, False
-
     def becomes(self, state: Became) -> None:
-        self._has_states = True
         self._states.append(state)
 
     def arrives(self, data: bytes) -> None:
@@ -120,6 +108,8 @@ class ReopeningPlayedPort(PlayedPort):
         self.silence_s = silence_s
 
     def reopen(self, cause: str) -> None:
-        if self._is_open and not self._has_states:
-            self.is_lost(cause)
+        """What came of it then is recorded."""
         self._used()
+
+    def gather(self, size: int) -> None:
+        """Nothing: how pieces were cut is recorded. A serial line has this."""

@@ -1,7 +1,8 @@
 """The conversations in a capture, and the bytes of one of them in order.
 
-Bytes are put in order by their sequence numbers: what was sent again counts once. Bytes that had to wait for an earlier one are given when that had come, as a host's
-system does. What was never captured is left out and counted; parsers find their way back.
+Bytes are put in order by their sequence numbers: what was sent again counts once. Bytes that had
+to wait for an earlier one are given when that had come, as a host's system does. What was never
+captured is left out and counted; parsers find their way back.
 """
 
 import heapq

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,8 +12,8 @@ from config_file import load_config, with_changes
 from core.config import Config, ConfigError, table_from
 from recording.reader import Recording, parts_of
 from recording.records import RecordingError
-from tools.played import why_nothing_was_mapped
-from tools.replay.player import Player
+from tools.replay.driven import Told, drive_log, needs_log, what_if
+from tools.replay.outcome import why_nothing_was_mapped
 from tools.sweep.code import code_digest, digest_of
 from tools.sweep.look import maybe_look
 from tools.sweep.rows import FAILED, Row
@@ -26,6 +27,8 @@ DECIDES = (
 )  # fmt: skip
 OTHER_CODE = "the worker has other code of mapod: give all of them the same"
 CHANGED = "the recording is not the one that was named: it changed, or the worker sees another one"
+MOST_LOGS = 8
+_logs: dict[str, Sequence[Told]] = {}  # by digest of the recording, the newest few
 _digests: dict[tuple[Path, int, int], str] = {}  # by path, size and time of change
 
 
@@ -92,6 +95,8 @@ def config_of(task: ReplayTask) -> Config:
     for name in sections:
         if name not in known:
             raise ConfigError(f"{name}: unknown section; allowed are {', '.join(known)}")
+    if "drive" in sections and config.robot.enable_motors:
+        raise ConfigError("drive: has no effect on a drive whose motors mapod moved")
     return with_changes(config, **sections)
 
 
@@ -103,18 +108,29 @@ def row_of(task: ReplayTask) -> Row:
         path = Path(task.path)
         if recording_digest(path) != task.digest:
             return {FAILED: CHANGED}
-        return scored(path, config_of(task))
+        return scored(path, task.digest, config_of(task))
     except (RecordingError, TruthError, ConfigError) as error:
         return {FAILED: str(error)}
     except OSError as error:
         return {FAILED: f"{task.path}: {error.strerror}"}
 
 
-def scored(path: Path, config: Config) -> Row:
+def maybe_drive_log(recording: Recording, digest: str, config: Config) -> Sequence[Told] | None:
+    """For `what_if`: each process plays a recording once for it. Raises RecordingError."""
+    if not needs_log(recording, config):
+        return None
+    if digest not in _logs:
+        while len(_logs) >= MOST_LOGS:
+            _logs.pop(next(iter(_logs)))
+        _logs[digest] = drive_log(recording)
+    return _logs[digest]
+
+
+def scored(path: Path, digest: str, config: Config) -> Row:
     """Raises RecordingError, TruthError, OSError."""
     recording = Recording(path)
     truth = maybe_truth_in(recording.parts)
-    player = Player(recording, config)
+    player = what_if(recording, config, maybe_drive_log(recording, digest, config))
     app, tally = player.app, Tally(config.map.cell_m, None if truth is None else DriveTruth(truth))
     warm_kernels(config)
     begun_s, scoring_s, due_s = time.process_time(), 0.0, player.begin_s

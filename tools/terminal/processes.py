@@ -154,6 +154,7 @@ class SimulatedRobot:
 
         Args:
             values: in the app's settings at "section.key"; those of ports win over the fakes' own.
+                What its flight recorder keeps goes into the folder, too.
 
         Raises:
             RunError, NotThereError: one does not start; the settings have no such key.
@@ -169,7 +170,8 @@ class SimulatedRobot:
                 raise RunError(f"the world's first line names no ports: {told}")
             ports = {f"{name}.port": told[name] for name in DEVICES}
         config = self.folder / "mapod.toml"
-        config.write_text(rewritten(settings.read_text(), ports | dict(values)))
+        kept = {"record.flight": str(self.folder / "flight")}
+        config.write_text(rewritten(settings.read_text(), kept | ports | dict(values)))
         self.children.append(Child("app", [*app, str(config)], self.folder))
         self._overdue_s = time.monotonic() + FIRST_MAP_S
 

@@ -13,14 +13,15 @@ from core.mapping.causes import CAUSES
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import LAYERS, REFUSALS, Tile
 from tools.view.window import F32, LAYER, Window, message, moved
+from tools.why.words import describe_cell
 
 UNITS = {
-    "height": ("m", "height"),
+    "height": ("m", "height above the ground"),
     "variance": ("m²", "variance of the height"),
     "slope": ("rad", "slope"),
     "cause": ("", "cause"),
-    "age": ("s", "age"),
-    "z": ("m", "height of the map frame"),
+    "age": ("s", "age of the newest beam"),
+    "z": ("m", "height in the map frame"),
 }
 CAUSE = "cause"
 OFFERED = tuple(name for name in LAYERS if name in UNITS)
@@ -144,10 +145,10 @@ def about(name: str) -> dict[str, object]:
     return {"name": name, "unit": unit, "label": label, **words}
 
 
-def why(code: float | None) -> dict[str, str]:
-    """The rule that made a cell what it is, as a word and a sentence; {} where it is not known."""
+def word(code: float | None) -> str | None:
+    """The rule that made a cell what it is; None where it is not known."""
     cause = None if code is None or math.isnan(code) else CAUSES.get(int(code))
-    return {"cause": cause.word, "text": cause.sentence} if cause else {}
+    return cause.word if cause else None
 
 
 class CellQuestion:
@@ -175,9 +176,16 @@ class CellQuestion:
             "x_m": (self._i + 0.5) * self._cell_m, "y_m": (self._j + 0.5) * self._cell_m,
             "state": self._state, "height_m": values.get("height"),
             "variance_m2": values.get("variance"), "slope_rad": values.get("slope"),
-            "z_m": values.get("z"), "age_s": values.get("age"), "cause": None, "text": self._text,
-            **why(values.get("cause")),
+            "z_m": values.get("z"), "age_s": values.get("age"), "cause": word(values.get("cause")),
+            "text": self._text or self._sentence(values),
         }  # fmt: skip
+
+    def _sentence(self, values: dict[str, float]) -> str:
+        """Why it is what it is, in words; "" from a sender that does not tell."""
+        if "cause" not in self._tiles or not self._tiles["cause"].complete:
+            return ""
+        known = values["age"], values["height"], values["variance"]
+        return describe_cell(int(values["cause"]), *known)
 
     def drop(self) -> None:
         """Nobody wants the answer any more."""

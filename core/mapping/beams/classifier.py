@@ -206,11 +206,17 @@ def _decide(
         row, column = at // size, at % size
         i = from_window[0] + (column - from_window[0]) % size
         j = from_window[1] + (row - from_window[1]) % size
-        if not (0 <= i - to_window[0] < out and 0 <= j - to_window[1] < out):
+        if not _covers(to_window, i, j):
             continue
         state = _state_of(_cause(i, j, at, layers, sub, bounds, fresh, from_window))
         used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
     return used
+
+
+@kernel
+def _covers(window: tuple[int, int, int], i: int, j: int) -> bool:
+    """Whether a world cell lies in a window."""
+    return 0 <= i - window[0] < window[2] and 0 <= j - window[1] < window[2]
 
 
 @kernel
@@ -229,13 +235,15 @@ def _list_causes(
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
     size, shown_size = from_window[2], to_window[2]
     for k in range(i.size):
-        inside = 0 <= i[k] - to_window[0] < shown_size and 0 <= j[k] - to_window[1] < shown_size
         out[k] = OUTSIDE
-        if inside:
+        if not _covers(to_window, i[k], j[k]):
+            continue
+        cause = UNSEEN
+        if _covers(from_window, i[k], j[k]):
             at = (j[k] % size) * size + i[k] % size
             cause = _cause(i[k], j[k], at, layers, sub, bounds, fresh, from_window)
-            shown = cells[(j[k] % shown_size) * shown_size + i[k] % shown_size]
-            out[k] = _shown_cause(cause, _state_of(cause), shown)
+        shown = cells[(j[k] % shown_size) * shown_size + i[k] % shown_size]
+        out[k] = _shown_cause(cause, _state_of(cause), shown)
 
 
 class CellClassifier:

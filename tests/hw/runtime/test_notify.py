@@ -104,7 +104,8 @@ def test_without_a_socket_nothing_is_worked_out(given: dict[str, str]) -> None:
 def test_the_app_is_ready_without_any_device_and_says_that_it_ends(tmp_path: Path) -> None:
     shipped = (ROOT / "mapod.toml").read_text(encoding="utf-8")
     settings = tmp_path / "mapod.toml"
-    settings.write_text(shipped.replace("192.168.0.1:2112", "127.0.0.1:1"), encoding="utf-8")
+    text = shipped.replace("192.168.0.1:2112", "127.0.0.1:1")
+    settings.write_text(text.replace('"flight" ', f'"{tmp_path}" '), encoding="utf-8")
     far_end = Systemd(f"{tmp_path}/notify")
     far_end.socket.setblocking(True)
     env = {**os.environ, "NOTIFY_SOCKET": f"{tmp_path}/notify", "WATCHDOG_USEC": "200000"}

@@ -114,6 +114,7 @@ def test_a_cell_is_told_in_all_layers_or_as_far_as_it_is_known_in_time() -> None
     assert [answer[name] for name in ("i", "j", "state")] == [1, 1, 2]
     assert [answer["x_m"], answer["y_m"]] == pytest.approx([0.075, 0.075])
     assert answer["height_m"] == pytest.approx(sender.raw(HEIGHT, 1, 1) / 1000)
+    assert str(answer["text"]).startswith(f"unknown (cause {sender.raw(4, 1, 1)})")
     sender.loses = lambda: True
     question = CellQuestion(sender.now_s, sender.receiver, 0, 0)
     sender.step(0.5)
@@ -123,6 +124,7 @@ def test_a_cell_is_told_in_all_layers_or_as_far_as_it_is_known_in_time() -> None
     assert answer is not None
     assert answer["state"] == 1
     assert math.isnan(float(str(answer["height_m"])))
+    assert answer["text"] == ""
     sender.step(5.0)
     late = CellQuestion(sender.now_s, sender.receiver, 0, 0).maybe_answer(sender.now_s)
     assert late is not None

@@ -1,7 +1,7 @@
-"""Recorded bytes of a laser scanner alone around one app: the robot is level and stands still.
+"""A scanner's bytes as a device that is asked for them, around one app that asks.
 
-Its attitude sensor and wheels are fakes. All bytes pass the app's own codecs and sessions, on a
-simulated clock.
+Its attitude sensor and wheels are fakes: the robot is level and stands. All bytes pass the app's
+own codecs and sessions, on a simulated clock. Needs the simulation.
 """
 
 from pathlib import Path
@@ -13,8 +13,9 @@ from fakes.lms1xx.recorded import RecordedLms111
 from fakes.mti.device import FakeMti
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.simple import Motion, TwoWheels
-from tools.played import SESSION, LinkView
+from mapod_link.receiver import Receiver
 
+SESSION = NONCE = 1
 LONGEST_START_S = 60.0  # of the session, before the first scan must have come
 REST_S = 0.5  # after the last scan, for the last frames
 BEGIN_S = 1000.0
@@ -35,12 +36,18 @@ class LaserReplay:
         ]
         ports = Ports(scanner, ahrs_port, drive_port, self._link)
         self.app = App(config, ports, session=SESSION, replayed=True)
-        self.view = LinkView(datagrams=True)
+        self.planner, self.frames = Receiver(NONCE), list[bytes]()
         self._ticks, self._rest_s = 0, REST_S
+
+    begin_s = BEGIN_S
 
     @property
     def now_s(self) -> float:
         return BEGIN_S + self._ticks / self.config.loop.rate_hz
+
+    @property
+    def next_s(self) -> float:
+        return BEGIN_S + (self._ticks + 1) / self.config.loop.rate_hz
 
     @property
     def done(self) -> bool:
@@ -59,9 +66,10 @@ class LaserReplay:
         for wire in self._wires:
             wire.step(self.now_s)
         self.app.step(self.now_s)
-        for datagram in self._link.take_datagrams():
-            self.view.take(self.now_s, datagram)
-        for answer in self.view.planner.poll(self.now_s):
+        self.frames = self._link.take_datagrams()
+        for datagram in self.frames:
+            self.planner.feed_datagram(self.now_s, datagram)
+        for answer in self.planner.poll(self.now_s):
             self._link.give(answer)
         if self.recording.done:
             self._rest_s -= 1.0 / self.config.loop.rate_hz

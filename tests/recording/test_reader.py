@@ -1,0 +1,93 @@
+"""A recording is read as it was written, up to where it is cut, or refused in one line."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recording.mcap_stream import MAGIC
+from recording.reader import Recording
+from recording.records import Record, RecordingError
+from tests.support.recorded import RecordedLoop
+from tests.support.shipped import shipped
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[Record], Path]:
+    """A file of three seconds, its records, and room for another."""
+    path = tmp_path_factory.mktemp("read") / "whole.mcap"
+    loop = RecordedLoop(path, shipped())
+    loop.run(3.2)
+    loop.recorder.close()
+    recording = Recording(path)
+    records = list(recording.records())
+    assert not recording.is_cut
+    return path.read_bytes(), records, path.with_name("other.mcap")
+
+
+def read(path: Path, data: bytes) -> tuple[list[Record], str, bool]:
+    """What can be read, why no more, and whether the file is cut."""
+    path.write_bytes(data)
+    found: list[Record] = []
+    try:
+        recording = Recording(path)
+        found.extend(recording.records())
+        list(recording.logs())
+    except RecordingError as error:
+        return found, str(error), False
+    return found, "", recording.is_cut
+
+
+@given(at=st.floats(0.0, 1.0, exclude_max=True))
+def test_a_file_that_is_cut_is_read_up_to_there(
+    made: tuple[bytes, list[Record], Path], at: float
+) -> None:
+    data, records, path = made
+    found, error, is_cut = read(path, data[: int(at * len(data))])
+    assert len(error.splitlines()) <= 1
+    assert found == records[: len(found)]
+    assert error or is_cut or found == records
+    if at > 0.5:  # half of these three seconds: they are on the disk second by second
+        assert not error
+        assert found[-1].t_s - records[0].t_s > 0.9
+
+
+@given(at=st.floats(0.0, 1.0, exclude_max=True), bits=st.integers(1, 255))
+def test_a_damaged_byte_is_refused_or_makes_no_difference(
+    made: tuple[bytes, list[Record], Path], at: float, bits: int
+) -> None:
+    data, records, path = made
+    place = int(at * len(data))
+    found, error, is_cut = read(
+        path, data[:place] + bytes([data[place] ^ bits]) + data[place + 1 :]
+    )
+    assert len(error.splitlines()) <= 1
+    assert found == records[: len(found)]
+    assert error or found == records or is_cut
+
+
+@given(st.lists(st.binary(max_size=40), max_size=5))
+def test_no_bytes_give_anything_but_a_refusal(
+    made: tuple[bytes, list[Record], Path], pieces: list[bytes]
+) -> None:
+    data, records, path = made
+    for begin in (b"", MAGIC, data[:60], data[: len(data) // 2]):
+        found, error, _ = read(path, begin + b"".join(pieces))
+        assert len(error.splitlines()) <= 1
+        assert found == records[: len(found)]
+
+
+def test_what_is_not_of_mapod_is_said_so(tmp_path: Path) -> None:
+    for data, words in (
+        (b"", "not an MCAP file"),
+        (b"pcap", "not an MCAP file"),
+        (MAGIC, "not a recording of mapod"),
+        (b'{"mapod_recording": 2, "version"', "form 2, not 3"),
+    ):
+        (tmp_path / "x.mcap").write_bytes(data)
+        with pytest.raises(RecordingError, match=words):
+            Recording(tmp_path / "x.mcap")
+    (tmp_path / "x.mcap").unlink()
+    with pytest.raises(RecordingError, match="0 recordings"):
+        Recording(tmp_path)

@@ -1,4 +1,4 @@
-"""The documents' pictures: each is named with the code that draws it, and is not older than that."""
+"""The documents' pictures: each is listed with the code that draws it, and is not older."""
 
 import re
 from pathlib import Path

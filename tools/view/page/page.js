@@ -105,6 +105,8 @@ class Page {
     if (message.type === "hello") return this.takeHello(message);
     if (message.type === "cell") this.readout.answer = message;
     else if (message.type === "error") this.takeError(message.text);
+    else if (message.type === "flight")
+      this.notice(message.text || "The last 30 s are being kept.");
     else if (message.type === "auth") this.takeAuth(message.ok);
     else if (message.history === true) this.timeline.take(message);
     else if (this.live.apply(message)) this.takeLive(message);
@@ -143,6 +145,7 @@ class Page {
     this.hello = hello;
     this.layers.offer(hello.layers ?? []);
     setText(by("link-url"), hello.link ?? "");
+    by("flight").hidden = !hello.flight;
     this.askForLayers();
   }
 

@@ -44,10 +44,9 @@ export function showWay(state, is_stale) {
 /** The stricter of what the link advises and what the stop zone says. */
 function adviceOf({ advice, zone }) {
   const words = Object.keys(ADVICE_LEVELS); // from mild to strict
-  const by_zone = zone
-    ? (words[Math.max(["clear", "slow"].indexOf(zoneName(zone.state)), -1)] ?? "stop")
-    : "go";
-  return words.indexOf(by_zone) > words.indexOf(advice[0]) ? [by_zone, zone.text] : advice;
+  const by_zone = zone ? ({ clear: "go", slow: "slow" }[zoneName(zone.state)] ?? "stop") : "go";
+  if (words.indexOf(by_zone) <= words.indexOf(advice[0])) return advice;
+  return [by_zone, (zone.text ?? "").replace(/^[a-z]+: /, "")];
 }
 
 function showZone(zone) {

@@ -3,7 +3,7 @@
 A receiver of the link that serves a WebSocket, in a process of its own. The messages are those of a
 recording, made by the same functions. What the link does not say any more is not shown: while it is
 stale, or the map is not the sender's, every cell is unknown and there is no pose.
-Needs foxglove-sdk: pip install 'mapod[foxglove]'.
+Needs foxglove-sdk, the extra `foxglove`.
 """
 
 import argparse

@@ -14,7 +14,8 @@ from core.records import F64, FREE, OBSTACLE
 from recording.reader import Recording
 from recording.schemas import SCHEMAS, TOPICS
 from tests.recording.test_foxglove import cell_at, lacks
-from tests.tools.test_recording import RecordedLoop
+from tests.support.recorded import RecordedLoop
+from tests.support.shipped import shipped
 from tools.export.collect import collect_points, trusted_layer
 from tools.replay.player import Player
 
@@ -26,7 +27,7 @@ Told = dict[str, list[tuple[int, dict[str, Any]]]]  # by topic: time in ns, and 
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six seconds of a drive."""
     path = tmp_path_factory.mktemp("others") / "drive.mcap"
-    loop = RecordedLoop(path)
+    loop = RecordedLoop(path, shipped())
     loop.run(6.0)
     loop.recorder.close()
     return path

@@ -16,7 +16,6 @@ from rich.console import Console
 
 from config_file import load_config, read_key, with_changes
 from core.config import Config, ConfigError
-from main import version as app_version
 from recording.mcap_stream import MAGIC
 from recording.reader import OLDER
 from recording.records import RecordingError
@@ -30,6 +29,7 @@ from tools.replay.playing import Playing
 from tools.replay.showing import BAR_S, picture, robot_of, shown
 from tools.replay.sources import OfCapture, OfRecording, OfScanner, Source
 from tools.terminal.screen import plain_legend, plain_map
+from version import version as app_version
 
 SHIPPED_RECORDING = ROOT / "tests" / "vectors" / "lms111_session_d2h.bin"
 WHAT_IS_NEEDED = "needs {}: pip install 'mapod[video]'"

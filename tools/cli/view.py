@@ -43,8 +43,8 @@ from tools.terminal.steer import Steering, keys_of
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
 PAGE_AT = "127.0.0.1", 8750
+NO_FOXGLOVE = "--foxglove needs the extra foxglove: pip install '/path/to/mapod[foxglove]'"
 NO_PAGE = "the page needs the extra view: pip install '/path/to/mapod[view]'; --terminal does not"
-NO_FOXGLOVE = "--foxglove needs foxglove-sdk: pip install 'mapod[foxglove]'"
 ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
 KINDS = {1: "GEOM", 2: "POSE", 3: "MAP", 4: "DIGEST", 5: "STOP_ZONE"}
 

@@ -16,9 +16,10 @@ from typing import Any
 from core.config import ConfigError
 from recording.reader import Recording
 from recording.records import RecordingError
-from tools.cli.export import instant
 from tools.cli.options import fail, parser_of
+from tools.replay.instants import FORMS, InstantError
 from tools.replay.player import Player
+from tools.replay.span import timeline_of
 from tools.why.beams import Cell
 from tools.why.moment import Watch, cell_facts, moment_of
 from tools.why.picture import LEGEND, picture_of
@@ -72,14 +73,10 @@ def log_before(recording: Recording, t_s: float) -> list[dict[str, Any]]:
     ]
 
 
-def story_of(recording: Recording, watch: Watch, at_s: float, at: str) -> dict[str, Any]:
+def story_of(recording: Recording, watch: Watch, at_s: float) -> dict[str, Any]:
     """Raises NoMomentError, RecordingError."""
     player, offset_s = watch.player, recording.utc_offset_s
     watch.play_until(at_s)
-    if at_s < player.begin_s or (player.done and at_s > player.now_s + 1e-3):
-        lasts = f"{clock(player.begin_s, offset_s)} to {clock(player.now_s, offset_s)} UTC"
-        long = f"{player.now_s - player.begin_s:.1f} s"
-        raise NoMomentError(f"--at {at} is outside of the recording: {lasts}, {long}")
     told_cell = None
     if watch.cell is not None:
         i, j = watch.cell.cell
@@ -101,17 +98,13 @@ def story_of(recording: Recording, watch: Watch, at_s: float, at: str) -> dict[s
 
 
 def why(options: argparse.Namespace) -> int:
-    """Raises OSError, RecordingError, ConfigError, NoMomentError."""
+    """Raises OSError, RecordingError, ConfigError, InstantError, NoMomentError."""
     recording = Recording(options.recording)
     player = Player(recording)
-    try:
-        at_s = instant(options.at, player.begin_s, recording.utc_offset_s)
-    except ValueError:
-        said = "seconds from the begin, or UTC as 12:03:05"
-        return fail("why", f"--at: must be {said}, is {options.at!r}")
+    at_s = timeline_of(recording, player.begin_s).instant("--at", options.at)
     asked = cell_of(options, player.config.map.cell_m)
     watch = Watch(player, asked)
-    story = story_of(recording, watch, at_s, options.at)
+    story = story_of(recording, watch, at_s)
     if options.out is not None:
         options.out.write_bytes(picture_of(player.app, player.now_s, story["moment"], asked))
     if options.json:
@@ -136,7 +129,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     add = parser.add_argument
     add("recording", type=Path, help="the file, or the folder of its files")
-    add("--at", metavar="T", required=True, help="seconds from the begin, or UTC as 12:03:05")
+    add("--at", metavar="T", required=True, help=FORMS)
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--cell", type=a_cell, metavar="I,J", help="a cell, by its numbers")
     which.add_argument(
@@ -147,7 +140,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         return why(options)
-    except (OSError, ConfigError) as error:
+    except (OSError, ConfigError, InstantError) as error:
         return fail("why", error)
     except (RecordingError, NoMomentError) as error:
         return fail("why", error, 1)

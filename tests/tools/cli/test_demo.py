@@ -62,6 +62,7 @@ def options(out: Path | None = None, seconds: float = 0.3) -> argparse.Namespace
         drive=False,
         out=out,
         no_page=True,
+        record=None,
     )
 
 

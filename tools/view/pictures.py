@@ -16,7 +16,8 @@ from tools.docs.pictures import PICTURES, record
 
 DRAWN_BY = ("tools/view/page/*.js", "tools/view/page/page.css", "tools/view/page/index.html")
 DEMO = ("-m", "mapod", "demo", "--scene", "corridor", "--seed", "1", "--seconds", "600")
-SETTLED = "mapod.path.points.length > 80 && mapod.live.state?.zone?.free_ahead_m > 1.5"
+RUNNING = "mapod.live.state?.mode === 1 && Math.abs(mapod.live.state.pose.yaw) < 0.5"
+SETTLED = f"mapod.path.points.length > 80 && {RUNNING} && mapod.live.state.zone?.free_ahead_m > 1.5"
 PATIENCE_S = 150.0  # kernels may have to be compiled
 NEAREST_OBSTACLE = """
 const { i, j, size, cells } = mapod.live.window, { x, y } = mapod.live.state.pose;

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.view.browser import CHROMIUM, DRIVER, Browser, a_browser
 from tests.tools.view.page_at_work import Page, a_page
+from tools.docs.browser import CHROMIUM, DRIVER, Browser, a_browser
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
@@ -96,9 +96,7 @@ def test_the_pad_drives_while_a_finger_is_on_it(page: Page) -> None:
     page.click("#arm")
     page.browser.drawn()
     page.shot("pad")
-    x, y = page.browser.run(
-        "const r = document.getElementById('pad').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]"
-    )
+    x, y = page.probe("middleOf", "#pad")
     touch = "Input.dispatchTouchEvent"
     page.browser.cdp(touch, type="touchStart", touchPoints=[{"x": x, "y": y - 4}])
     page.browser.cdp(touch, type="touchMove", touchPoints=[{"x": x + 30, "y": y - 60}])
@@ -111,10 +109,7 @@ def test_the_pad_drives_while_a_finger_is_on_it(page: Page) -> None:
 
 
 def test_a_gamepad_drives_while_its_shoulder_is_held(page: Page) -> None:
-    page.browser.run(
-        "window.held = false; navigator.getGamepads = () => [{ connected: true, axes: [0.05, -1],"
-        " buttons: [...Array(8).keys()].map((k) => ({ pressed: k === 5 && held })) }]"
-    )
+    page.probe("plugGamepad")
     page.click("#arm")
     page.browser.driver.execute_async_script("setTimeout(arguments[0], 250)")
     assert page.heard("drive") == 0

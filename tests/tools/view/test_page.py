@@ -48,7 +48,7 @@ def page(browser: Browser, shots: Path) -> Iterator[Page]:
         yield at_work
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_cells_have_the_colours_of_what_they_are(page: Page, theme: str) -> None:
     page.browser.media(prefers_color_scheme=theme)
     page.open()
@@ -97,6 +97,7 @@ def test_what_is_not_current_has_no_colour_of_free(
     page.browser.run("dispatchEvent(new Event('blur'))")
 
 
+@pytest.mark.slow
 def test_a_server_that_goes_and_comes_is_found_again(page: Page) -> None:
     page.open()
     page.live()
@@ -111,6 +112,7 @@ def test_a_server_that_goes_and_comes_is_found_again(page: Page) -> None:
     assert page.pixel(*IN_DITCH) == page.colour("obstacle")
 
 
+@pytest.mark.slow
 def test_the_past_is_very_visible_and_can_be_stepped_through(page: Page) -> None:
     page.open()
     page.live()
@@ -159,6 +161,7 @@ def test_a_cell_tells_what_and_why_and_stays_when_pinned(page: Page) -> None:
     page.browser.wait("document.getElementById('cell-why').innerText.includes('Floor was met')")
 
 
+@pytest.mark.slow
 def test_layers_have_a_scale_and_codes_have_words(page: Page) -> None:
     page.open()
     page.live()
@@ -174,6 +177,7 @@ def test_layers_have_a_scale_and_codes_have_words(page: Page) -> None:
     assert page.script.layers == ["cause"]
 
 
+@pytest.mark.slow
 def test_the_relief_turns(page: Page) -> None:
     page.open()
     page.live()
@@ -192,6 +196,7 @@ def test_the_relief_turns(page: Page) -> None:
     assert page.browser.complaints() == []
 
 
+@pytest.mark.slow
 def test_without_webgl_there_is_one_line(page: Page) -> None:
     hide = f"{PROBES}\nhideWebgl()"
     added = page.browser.cdp("Page.addScriptToEvaluateOnNewDocument", source=hide)
@@ -202,6 +207,7 @@ def test_without_webgl_there_is_one_line(page: Page) -> None:
     page.browser.cdp("Page.removeScriptToEvaluateOnNewDocument", identifier=added["identifier"])
 
 
+@pytest.mark.slow
 def test_keys_alone_reach_everything_and_are_seen_to(page: Page) -> None:
     page.open()
     page.live()
@@ -217,6 +223,7 @@ def test_keys_alone_reach_everything_and_are_seen_to(page: Page) -> None:
     assert page.probe("nameless") == []
 
 
+@pytest.mark.slow
 def test_a_phone_has_all_of_it_at_360_pixels(page: Page) -> None:
     page.open(360, 740, 2.0, touch=True)
     page.live()
@@ -234,6 +241,7 @@ def test_a_phone_has_all_of_it_at_360_pixels(page: Page) -> None:
     page.shot("phone_stale")
 
 
+@pytest.mark.slow
 def test_a_token_is_asked_for_where_looking_needs_one(page: Page) -> None:
     page.script.needs_token = True
     page.open(token=False)
@@ -245,12 +253,14 @@ def test_a_token_is_asked_for_where_looking_needs_one(page: Page) -> None:
     assert page.browser.run("return mapod.driver.token") == TOKEN
 
 
+@pytest.mark.slow
 def test_the_token_of_the_address_is_not_left_in_it(page: Page) -> None:
     page.open()
     page.live()
     assert TOKEN not in page.browser.driver.current_url
 
 
+@pytest.mark.slow
 def test_a_picture_is_saved_as_it_is_seen(page: Page, browser: Browser) -> None:
     page.open()
     page.live()
@@ -279,6 +289,7 @@ def test_what_is_not_understood_is_counted_and_does_no_harm(page: Page) -> None:
     assert page.browser.complaints() == []
 
 
+@pytest.mark.slow
 def test_cells_are_painted_once_a_change_and_not_once_a_frame(page: Page) -> None:
     page.open()
     page.live()
@@ -289,6 +300,7 @@ def test_cells_are_painted_once_a_change_and_not_once_a_frame(page: Page) -> Non
     assert painted <= versions + 1 < 60
 
 
+@pytest.mark.slow
 def test_less_motion_is_obeyed(page: Page) -> None:
     moving = "return getComputedStyle(document.querySelector('#banner .sign')).animationName"
     page.script.over = STALE

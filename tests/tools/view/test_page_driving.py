@@ -12,6 +12,8 @@ pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
 )
 
+OTHER_WAYS = ("pagehide", "Escape", "Control", "let go")
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
@@ -62,7 +64,10 @@ def test_keys_drive_only_with_the_dead_mans_key(page: Page) -> None:
     assert is_still(page)
 
 
-@pytest.mark.parametrize("how", ["blur", "pagehide", "Escape", "Control", "let go"])
+@pytest.mark.parametrize(
+    "how",
+    ["blur", *(pytest.param(how, marks=pytest.mark.slow) for how in OTHER_WAYS)],
+)
 def test_it_stops_and_wants_the_keys_anew(page: Page, how: str) -> None:
     hold(page)
     if how in ("blur", "pagehide"):
@@ -74,6 +79,7 @@ def test_it_stops_and_wants_the_keys_anew(page: Page, how: str) -> None:
     assert is_still(page)
 
 
+@pytest.mark.slow
 def test_it_stops_when_another_tab_hides_it(page: Page) -> None:
     hold(page)
     driver = page.browser.driver
@@ -84,12 +90,14 @@ def test_it_stops_when_another_tab_hides_it(page: Page) -> None:
     driver.switch_to.window(here)
 
 
+@pytest.mark.slow
 def test_it_stops_when_the_page_goes(page: Page) -> None:
     hold(page)
     page.browser.driver.get("about:blank")
     page.browser.wait(lambda: page.heard("closed") and page.script.wish is None)
 
 
+@pytest.mark.slow
 def test_the_pad_drives_while_a_finger_is_on_it(page: Page) -> None:
     page.browser.size(360, 740, 2.0, touch=True)
     page.click("[role=tab][data-tab=drive]")
@@ -108,6 +116,7 @@ def test_the_pad_drives_while_a_finger_is_on_it(page: Page) -> None:
     assert is_still(page)
 
 
+@pytest.mark.slow
 def test_a_gamepad_drives_while_its_shoulder_is_held(page: Page) -> None:
     page.probe("plugGamepad")
     page.click("#arm")
@@ -120,6 +129,7 @@ def test_a_gamepad_drives_while_its_shoulder_is_held(page: Page) -> None:
     assert is_still(page)  # although the shoulder is still held
 
 
+@pytest.mark.slow
 def test_where_it_may_not_it_says_why_and_asks_for_nothing(page: Page) -> None:
     page.script.refusal = "[robot] enable_motors is false"
     page.open()
@@ -133,6 +143,7 @@ def test_where_it_may_not_it_says_why_and_asks_for_nothing(page: Page) -> None:
     assert page.heard("drive") == 0
 
 
+@pytest.mark.slow
 def test_a_wrong_token_drives_nothing_and_is_asked_for_again(page: Page) -> None:
     page.browser.run("mapod.driver.token = 'a wrong one'")
     hold(page)

@@ -2,7 +2,8 @@
 
 Such an app would move them otherwise, and would ask the controller other things than were answered.
 So the drive is played once as it was, and what its controller measured and told then is handed to
-the other app at the same instants. Whatever that one wants of the motors comes to nothing.
+the other app at the same instants. Whatever that one wants of the motors comes to nothing. For one
+replay an app beside it does the same (`followers.py`); this is for many replays of one drive.
 """
 
 import math

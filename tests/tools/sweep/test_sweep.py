@@ -104,7 +104,9 @@ def test_with_other_settings_the_wheels_turn_as_they_were_recorded(recording: Re
     assert exact.checks[0].is_identical, "the stand-in gives what the drive gave"
     counts = exact.app.mapper.counts
     assert counts == played(what_if(recording, other, log)).app.mapper.counts
-    assert counts != played(Player(recording, other)).app.mapper.counts, "what it is there for"
+    assert counts == played(Player(recording, other)).app.mapper.counts, "with an app beside it"
+    asked = played(Player(recording, other, new_drive=lambda drive: drive)).app.mapper.counts
+    assert counts != asked, "what it is there for"
 
 
 def test_the_page_of_many_drives_draws_boxes_and_names_what_has_no_scores() -> None:

@@ -5,10 +5,9 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from msgspec import Struct
 
 from core.config import Config
 from core.driving.control import LOOP_S
@@ -78,17 +77,19 @@ class StepTimes:
         self.stepped_s = now_s
 
 
-class Plan(Struct):
+@dataclass(slots=True)
+class Plan:
     """What the live loop waits for.
 
     The lists are in the devices' order; behind them come planners that may drive.
     """
 
     step_s: float = -math.inf  # when the next step is due,
-    devices_s: list[float] = []  # and each device, though nothing arrives
-    ports: list[Port] = []  # whose bytes are worth a turn: the same list for the same connections,
-    opened: list[int] = []  # by their numbers,
-    hears_s: list[float] = []  # each from when on
+    devices_s: list[float] = field(default_factory=list)  # and each device, though nothing arrives
+    # whose bytes are worth a turn: the same list for the same connections,
+    ports: list[Port] = field(default_factory=list)
+    opened: list[int] = field(default_factory=list)  # by their numbers,
+    hears_s: list[float] = field(default_factory=list)  # each from when on
 
     @property
     def due_s(self) -> float:

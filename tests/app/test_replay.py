@@ -8,8 +8,8 @@ import pytest
 from hw.lms1xx.session import Lms111
 from tests import ROOT
 from tools.cli.replay import SHIPPED_RECORDING, config_for_recording
-from tools.laser_replay import LaserReplay
-from tools.played import Outcome
+from tools.replay.laser import LaserReplay
+from tools.replay.outcome import Outcome, Tally
 
 STORED = ROOT / "tests" / "replays" / "lms111_session.json"
 
@@ -17,10 +17,11 @@ STORED = ROOT / "tests" / "replays" / "lms111_session.json"
 def replayed() -> tuple[LaserReplay, Outcome]:
     """The recorded LMS111 session, from its first command to its last scan."""
     config = config_for_recording(ROOT / "mapod.toml", 50, 0.5)
-    replay = LaserReplay(SHIPPED_RECORDING, config)
+    replay, tally = LaserReplay(SHIPPED_RECORDING, config), Tally()
     while not replay.done:
         replay.step()
-    return replay, replay.view.outcome(replay.app)
+        tally.take(replay.frames)
+    return replay, tally.outcome(replay.app, replay.now_s)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def test_recorded_scans_are_mapped_but_for_warming_up(first: tuple[LaserReplay, 
     assert outcome.obstacle > 20
     unknown = {command.split(b" ")[1].decode() for command in replay.recording.unknown}
     assert unknown == {"LMPscancfg", "mLMPsetscancfg", "STlms", "LCMstate"}  # it was never asked
-    pose = replay.view.planner.pose
+    pose = replay.planner.pose
     assert pose is not None
     assert pose.mode == 4  # which can never drive a machine
 

@@ -51,6 +51,7 @@ class RecordedLoop(ClosedLoop):
         *,
         drives: bool = True,
         loaded: Arrays | None = None,
+        key: bytes | None = None,
     ) -> None:
         def clock() -> float:
             return self.now_s
@@ -58,7 +59,7 @@ class RecordedLoop(ClosedLoop):
         self.now_s, self._loaded = START_S, loaded
         self.tap: AnyTap = DirectTap(to, clock) if isinstance(to, Path) else to(clock)
         self.recorder = Recorder(config, "0.1", self.tap)
-        super().__init__(config, scene, drives=drives)
+        super().__init__(config, scene, drives=drives, key=key)
 
     def _new_app(self, key: bytes | None) -> App:
         scanner, ahrs, drive = self.ports.values()

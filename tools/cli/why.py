@@ -13,9 +13,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from config_file import read_key
 from core.config import ConfigError
 from recording.reader import Recording
 from recording.records import RecordingError
+from tools.cli.export import remarks_on
 from tools.cli.options import fail, parser_of
 from tools.replay.instants import FORMS, InstantError
 from tools.replay.player import Player
@@ -93,14 +95,17 @@ def story_of(recording: Recording, watch: Watch, at_s: float) -> dict[str, Any]:
         "moment": moment_of(watch),
         "log": log_before(recording, player.now_s),
         "cell": told_cell,
-        "remarks": player.remarks,
+        "remarks": remarks_on(player, recording),
     }
 
 
 def why(options: argparse.Namespace) -> int:
     """Raises OSError, RecordingError, ConfigError, InstantError, NoMomentError."""
     recording = Recording(options.recording)
-    player = Player(recording)
+    key = read_key(options.key_file)
+    player = Player(recording, key=key)
+    if recording.metadata.get("has_key") == "true" and key is None:
+        player.remarks.append("the link had a key: without --key-file no planner's frame counts")
     at_s = timeline_of(recording, player.begin_s).instant("--at", options.at)
     asked = cell_of(options, player.config.map.cell_m)
     watch = Watch(player, asked)
@@ -136,6 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
         "--xy", type=a_pair, metavar="X,Y", help="a cell, by its place in the map, m"
     )
     parser.add_out("a file for the picture of the map, PNG")
+    parser.add_key()
     add("--json", action="store_true", help="all of it as JSON")
     options = parser.parse_args(arguments)
     try:

@@ -32,7 +32,7 @@ def moment_of(app: App, now_s: float) -> Moment:
     grid, cells = window.grid, np.asarray(window.cells)
     states = np.full(cells.shape, UNKNOWN, np.uint8)
     states[cells == IS_OBSTACLE] = OBSTACLE
-    if app.tiles.trusted:
+    if not app.tiles.doubt:
         states[cells == IS_FREE] = FREE
     return Moment(
         np.roll(states, (-grid.corner_j, -grid.corner_i), axis=(0, 1)),

@@ -2,17 +2,17 @@
 
 The app is the one that runs on the robot, and what it writes goes nowhere. It is told neither that
 its data are old nor by whom it is called, so that it must write to its planners what it wrote then;
-`checks` say whether it did. Other settings may be given: then it answers "what if".
+`checks` say whether it did. Other settings may be given: then it answers "what if", with an app
+beside it that runs as it ran, whose devices it follows.
 """
 
-from collections.abc import Callable
+import time
 
 from app import App, Ports
 from config_file import load_config
 from core.config import Config
 from core.saved.encoding import StateError, arrays_from_bytes
 from core.saved.state import restore
-from hw.registry import Drive
 from recording.reader import Recording
 from recording.records import (
     ASK,
@@ -27,9 +27,10 @@ from recording.records import (
     TURN,
     Record,
 )
+from tools.replay.followers import followers, leads_of
 from tools.replay.identity import PlannerCheck
 from tools.replay.ports import PlayedPort, ReopeningPlayedPort, became_from_bytes
-from wiring import devices_on
+from wiring import Devices, devices_on
 
 DEVICES = 3  # ports before the first planner's
 PLAYED_CALLS = {STEP, TURN, STOP, ASK, RESTORED}
@@ -41,12 +42,12 @@ class Player:
     Args:
         key: of the planner link, which no recording keeps.
         replayed: the app is to say so in its frames (mode 4): for who sends them on.
-        new_drive: gives what takes the place of the drive.
 
     Raises:
         ConfigError: the recorded settings are none.
 
     Attributes:
+        lead: the app that runs as it ran; None: it is this one, for no settings are others.
         now_s: host clock of the recording, of the newest call; that of its first record before.
         done: nothing is left to play.
         remarks: what could not be played as it was, for a person.
@@ -59,17 +60,15 @@ class Player:
         *,
         key: bytes | None = None,
         replayed: bool = False,
-        new_drive: Callable[[Drive], Drive] = lambda drive: drive,
     ) -> None:
-        self.recording = recording
-        self.config = load_config(recording.config) if config is None else config
+        self.recording, recorded = recording, load_config(recording.config)
+        self.config = recorded if config is None else config
+        self.lead = Player(recording, key=key) if self.config != recorded else None
         self._ports = played_ports(recording, self.config)
         planners = self._ports[DEVICES : DEVICES + len(self.config.planner.ports)]
         scanner, ahrs, drive = self._ports[:DEVICES]
         ports = Ports(scanner, ahrs, drive, planners[0], tuple(planners[1:]))
-        session = recording.session
-        devices = devices_on(ports, self.config)
-        devices = devices._replace(drive=new_drive(devices.drive))
+        devices, session = self._devices(ports), recording.session
         self.app = App(
             self.config, ports, session=session, key=key, replayed=replayed, devices=devices
         )
@@ -78,6 +77,7 @@ class Player:
             PlannerCheck(name, port.datagrams) for name, port in zip(names, planners, strict=True)
         ]
         self.now_s, self.done, self.remarks = 0.0, False, list[str]()
+        self.lead_cpu_s = 0.0  # of the app beside it
         self.scanner_bytes = 0
         self.frames: list[bytes] = []  # what the newest call wrote to the first planner
         self._planners = planners
@@ -108,6 +108,10 @@ class Player:
             self.done = True
             return
         following = self._read_on()
+        if self.lead is not None:
+            begun_s = time.process_time()
+            self.lead.step()
+            self.lead_cpu_s += time.process_time() - begun_s
         self._do(call)
         self.now_s = call.t_s
         self.frames = self._planners[0].written
@@ -119,6 +123,14 @@ class Player:
             port.end_call()
         self._call = following
         self.done = following is None
+
+    def _devices(self, ports: Ports) -> Devices | None:
+        """Those of an app that does not run as it ran."""
+        if self.lead is None:
+            return None
+        app = self.lead.app
+        app.devices = leads_of(app.devices)
+        return followers(app.devices, devices_on(ports, self.config), app.config, self.config)
 
     def _read_on(self) -> Record | None:
         """Hand to the ports what the present call got; the call behind it, None: it was the last.

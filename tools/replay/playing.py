@@ -1,5 +1,6 @@
 """Plays a replay from instant to instant, at a pace, and keeps what its pictures need."""
 
+import gc
 import math
 import time
 from collections.abc import Callable
@@ -44,6 +45,7 @@ class Playing:
         """
         replay, tally = self.replay, self.tally
         begun_s, zero_s, cpu_s = time.monotonic(), replay.next_s, time.process_time()
+        gc.disable()  # as while a robot runs: the app makes no circles
         try:
             while not replay.done and replay.next_s <= t_s:
                 if speed < math.inf:
@@ -58,6 +60,7 @@ class Playing:
                     self._looked_s = replay.now_s
                     look(self)
         finally:
+            gc.enable()
             self.took_s += time.process_time() - cpu_s
 
     def _track(self) -> None:

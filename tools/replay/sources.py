@@ -18,7 +18,8 @@ from tools.replay.streams import chosen, describe_end, stream_of
 
 SIGNED = "its frames are signed: without --key-file they can't be compared, nor requests obeyed"
 IN_THE_MIDDLE = (
-    "it begins in the middle of a run: what the app knew then is not in it, so nothing is compared"
+    "it begins in the middle of a run: what its devices had answered before is not in it, so it "
+    "can't be played; its maps are in it for Foxglove, see docs/recording.md"
 )
 
 
@@ -59,6 +60,8 @@ class OfRecording:
     ) -> None:
         self.name, self._version = path.name, version
         self.recording = recording = Recording(path)
+        if not recording.from_start:
+            raise RecordingError(f"{path}: {IN_THE_MIDDLE}")
         try:
             recorded = load_config(recording.config)
         except ConfigError as error:
@@ -75,7 +78,7 @@ class OfRecording:
     @property
     def _is_judged(self) -> bool:
         is_open = not self._is_signed or self._key is not None
-        return is_open and not self._is_what_if and self.recording.from_start
+        return is_open and not self._is_what_if
 
     @property
     def is_as_recorded(self) -> bool:
@@ -96,9 +99,7 @@ class OfRecording:
             lines.append("the recording was cut off: it was played up to what is whole of it")
         if recording.gap:
             lines.append(f"{recording.gap}: it was played up to there")
-        if not recording.from_start:
-            lines.append(IN_THE_MIDDLE)
-        elif self._is_what_if:
+        if self._is_what_if:
             lines += self._what_if()
         elif self._is_signed and self._key is None:
             lines.append(SIGNED)
@@ -123,9 +124,9 @@ class OfRecording:
 
     def _what_if(self) -> list[str]:
         """Against the same stretch with the recorded settings."""
-        as_it_was = Player(self.recording, key=self._key)
-        as_it_was.play_until(self._player.now_s)
-        lines = [f"with these settings: {line}" for line in differences(self._player, as_it_was)]
+        assert self._player.lead is not None
+        found = differences(self._player, self._player.lead)
+        lines = [f"with these settings: {line}" for line in found]
         return [*lines, "other settings than recorded: what the planner got is not compared"]
 
 

@@ -35,7 +35,7 @@ text { font: 12px system-ui, sans-serif; fill: var(--ink) }
 .wide { overflow-x: auto }
 table { border-collapse: collapse; margin-top: 1rem; font-size: 13px }
 th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(--line) }
-th:first-child, td:first-child { text-align: left }
+th:first-child, td:first-child { text-align: left; white-space: nowrap }
 td.best, b { color: var(--best); font-weight: 600 }
 """
 FRAME = """<!doctype html>

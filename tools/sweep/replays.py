@@ -3,7 +3,6 @@
 import hashlib
 import json
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +11,8 @@ from config_file import load_config, with_changes
 from core.config import Config, ConfigError, table_from
 from recording.reader import Recording, parts_of
 from recording.records import RecordingError
-from tools.replay.driven import Told, drive_log, needs_log, what_if
 from tools.replay.outcome import why_nothing_was_mapped
+from tools.replay.player import Player
 from tools.sweep.code import code_digest, digest_of
 from tools.sweep.look import maybe_look
 from tools.sweep.rows import FAILED, Row
@@ -27,8 +26,6 @@ DECIDES = (
 )  # fmt: skip
 OTHER_CODE = "the worker has other code of mapod: give all of them the same"
 CHANGED = "the recording is not the one that was named: it changed, or the worker sees another one"
-MOST_LOGS = 8
-_logs: dict[str, Sequence[Told]] = {}  # by digest of the recording, the newest few
 _digests: dict[tuple[Path, int, int], str] = {}  # by path, size and time of change
 
 
@@ -108,29 +105,18 @@ def row_of(task: ReplayTask) -> Row:
         path = Path(task.path)
         if recording_digest(path) != task.digest:
             return {FAILED: CHANGED}
-        return scored(path, task.digest, config_of(task))
+        return scored(path, config_of(task))
     except (RecordingError, TruthError, ConfigError) as error:
         return {FAILED: str(error)}
     except OSError as error:
         return {FAILED: f"{task.path}: {error.strerror}"}
 
 
-def maybe_drive_log(recording: Recording, digest: str, config: Config) -> Sequence[Told] | None:
-    """For `what_if`: each process plays a recording once for it. Raises RecordingError."""
-    if not needs_log(recording, config):
-        return None
-    if digest not in _logs:
-        while len(_logs) >= MOST_LOGS:
-            _logs.pop(next(iter(_logs)))
-        _logs[digest] = drive_log(recording)
-    return _logs[digest]
-
-
-def scored(path: Path, digest: str, config: Config) -> Row:
+def scored(path: Path, config: Config) -> Row:
     """Raises RecordingError, TruthError, OSError."""
     recording = Recording(path)
     truth = maybe_truth_in(recording.parts)
-    player = what_if(recording, config, maybe_drive_log(recording, digest, config))
+    player = Player(recording, config)
     app, tally = player.app, Tally(config.map.cell_m, None if truth is None else DriveTruth(truth))
     warm_kernels(config)
     begun_s, scoring_s, due_s = time.process_time(), 0.0, player.begin_s
@@ -148,7 +134,7 @@ def scored(path: Path, digest: str, config: Config) -> Row:
         if look is not None:
             tally.take(look)
         scoring_s += time.process_time() - looked_s
-    cpu_s = time.process_time() - begun_s - scoring_s
+    cpu_s = time.process_time() - begun_s - scoring_s - player.lead_cpu_s
     counts = app.mapper.counts
     if not counts.scans_added:
         return {FAILED: f"no scan was mapped: {why_nothing_was_mapped(player)}"}

@@ -16,12 +16,12 @@ from tools.view.window import F32, LAYER, Window, message, moved
 from tools.why.words import describe_cell
 
 UNITS = {
-    "height": ("m", "height"),
+    "height": ("m", "height above the ground"),
     "variance": ("m²", "variance of the height"),
     "slope": ("rad", "slope"),
     "cause": ("", "cause"),
-    "age": ("s", "age"),
-    "z": ("m", "height of the map frame"),
+    "age": ("s", "age of the newest beam"),
+    "z": ("m", "height in the map frame"),
 }
 CAUSE = "cause"
 OFFERED = tuple(name for name in LAYERS if name in UNITS)

@@ -64,6 +64,7 @@ class Bucket:
 
     def __init__(self) -> None:
         self._left, self._s = BURST, 0.0
+        self.was_told = False  # that it is empty, since it was last not so
 
     def take(self, now_s: float) -> bool:
         self._left = min(BURST, self._left + (now_s - self._s) * MESSAGES_PER_S)
@@ -94,7 +95,7 @@ class Page:
         self._sent_scan: ScanLine | None = None
         self._cell: CellQuestion | None = None
         self._past: Kept | None = None  # that it has asked for
-        self._bucket, self._flooded = Bucket(), False
+        self._bucket = Bucket()
 
     def tick(self) -> None:
         """There is something new to be told."""
@@ -179,15 +180,15 @@ class Page:
         if isinstance(request, Stop):  # never too many
             self._desk.driving.stop(now_s, self)
         elif not self._bucket.take(now_s):
-            if not self._flooded:
+            if not self._bucket.was_told:
                 self._refuse("too many messages: those beyond 40 a second are left out")
-            self._flooded = True
+            self._bucket.was_told = True
         elif isinstance(request, str):
             self._refuse(request)
         elif isinstance(request, Auth):
             self._authenticate(request)
         else:
-            self._flooded = False
+            self._bucket.was_told = False
             self._obey(now_s, request)
 
     def _obey(self, now_s: float, request: Request) -> None:

@@ -4,7 +4,7 @@ It shares nothing with mapod: it gives arrays as a page gets them, so that tests
 """
 
 import math
-from collections.abc import Iterator
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ import numpy.typing as npt
 U8 = npt.NDArray[np.uint8]
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
+A = TypeVar("A", U8, F32)
 SIZE, CELL_M = 401, 0.05
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
 REACH_M, STEP_M, BEAMS = 8.0, 0.05, 541
@@ -159,17 +160,11 @@ class Drive:
         }  # fmt: skip
 
 
-def shifted(cells: npt.NDArray[np.generic], right: int, up: int, empty: float) -> F32:
+def shifted(cells: A, right: int, up: int, empty: float) -> A:
     """The same cells in a window that has moved."""
-    moved = np.roll(cells, (-up, -right), axis=(0, 1))
+    moved: A = np.roll(cells, (-up, -right), axis=(0, 1))
     for axis, step in ((0, up), (1, right)):
         gone = np.s_[-step:] if step > 0 else np.s_[:-step]
         if step:
             moved[(gone, slice(None)) if axis == 0 else (slice(None), gone)] = empty
     return moved
-
-
-def changes(before: U8, after: U8) -> Iterator[tuple[int, int]]:
-    """(index, state) of each cell that differs."""
-    for index in np.flatnonzero(before != after):
-        yield int(index), int(after.flat[index])

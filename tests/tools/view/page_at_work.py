@@ -6,28 +6,13 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from tests.tools.view.browser import Browser
 from tests.tools.view.scripted_server import TOKEN, Script, Server, served
+from tools.docs.browser import Browser
 
+PROBES = (Path(__file__).parent / "probes.js").read_text(encoding="utf-8")
 DROVE_S = 13.0  # before a page is opened
-PIXEL = """
-const [x, y] = mapod.view.pixel(arguments[0], arguments[1]), r = mapod.map.ratio;
-const data = document.getElementById("map").getContext("2d").getImageData(x * r, y * r, 1, 1).data;
-return "#" + [...data.slice(0, 3)].map((part) => part.toString(16).padStart(2, "0")).join("")
-"""
-COLOURS = """
-const map = document.getElementById("map"), counts = {};
-const data = new Uint32Array(map.getContext("2d").getImageData(0, 0, map.width, map.height).data.buffer);
-for (const pixel of data) counts[pixel] = (counts[pixel] ?? 0) + 1;
-return Object.fromEntries(Object.entries(counts).map(([pixel, n]) =>
-  ["#" + [0, 8, 16].map((at) => ((pixel >> at) & 255).toString(16).padStart(2, "0")).join(""), n]))
-"""
-AT = """
-const box = document.getElementById("map").getBoundingClientRect();
-const [x, y] = mapod.view.pixel(arguments[0], arguments[1]);
-return [box.left + x, box.top + y]
-"""
 
 
 @dataclass
@@ -44,6 +29,10 @@ class Page:
         url = self.server.url + (f"#token={TOKEN}" if token else "")
         self.browser.open(url, width, height, ratio, touch)
 
+    def probe(self, call: str, *arguments: object) -> Any:
+        """What a function of probes.js gives."""
+        return self.browser.run(f"{PROBES}\nreturn {call}(...arguments)", *arguments)
+
     def live(self) -> None:
         self.browser.condition("live")
         self.browser.drawn()
@@ -54,12 +43,12 @@ class Page:
     def pixel(self, x_m: float, y_m: float) -> str:
         """The colour of the map's canvas at a place."""
         self.browser.drawn()
-        return str(self.browser.run(PIXEL, x_m, y_m))
+        return str(self.probe("pixelAt", x_m, y_m))
 
     def colours(self) -> dict[str, int]:
         """How many pixels of the map's canvas have each colour."""
         self.browser.drawn()
-        counts: dict[str, int] = self.browser.run(COLOURS)
+        counts: dict[str, int] = self.probe("countColours")
         return counts
 
     def colour(self, name: str) -> str:
@@ -68,7 +57,7 @@ class Page:
         return str(self.browser.run("return mapod.theme.colours[arguments[0]]", name))
 
     def mouse(self, kind: str, x_m: float, y_m: float, buttons: int = 0) -> None:
-        x, y = self.browser.run(AT, x_m, y_m)
+        x, y = self.probe("placeInWindow", x_m, y_m)
         button = "left" if kind != "mouseMoved" else "none"
         self.browser.cdp(
             "Input.dispatchMouseEvent",

@@ -8,7 +8,7 @@ import asyncio
 import json
 import struct
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -44,7 +44,7 @@ ADVICE = {"clear": ["go", ""], "slow": ["slow", "a drop ahead"], "stop": ["stop"
 ROBOT = {"front_m": 0.42, "rear_m": 0.28, "width_m": 0.52}
 
 
-def message(kind: int, header: dict[str, object], payload: bytes) -> bytes:
+def message(kind: int, header: Mapping[str, object], payload: bytes) -> bytes:
     told = json.dumps(header).encode()
     return struct.pack("<BBH", kind, 0, len(told)) + told + payload
 
@@ -69,10 +69,12 @@ class Script:
         self.extra: list[str | bytes] = []  # told once to each page, after hello
 
     def hello(self) -> dict[str, object]:
-        layers = [{"name": name, "unit": unit, "label": label} for name, unit, label in LAYERS]
+        layers: list[dict[str, object]] = [
+            {"name": name, "unit": unit, "label": label} for name, unit, label in LAYERS
+        ]
         return {
             "type": "hello", "version": "0.1.0", "link": "udp://127.0.0.1:9750", "rate_hz": 10,
-            "layers": [layer | ({"words": WORDS} if layer["name"] == "cause" else {}) for layer in layers],
+            "layers": [*layers[:-1], layers[-1] | {"words": WORDS}],
             "robot": ROBOT, "drive": {"allowed": not self.refusal, "why": self.refusal},
         }  # fmt: skip
 
@@ -102,11 +104,12 @@ class Script:
             "pose": {"x": drive.x_m, "y": drive.y_m, "yaw": drive.yaw_rad, "pitch": 0.012,
                      "roll": -0.004, "v": drive.v_mps, "w": drive.w_radps},
             "inputs": inputs, "health_bits": ALL_WELL, "zone": zone,
-            "rates": {"map_hz": 25.0 + wave * 30, "pose_hz": 50.0, "bytes_s": 9000 + 3e5 * wave, "scan_hz": 25.0},
+            "rates": {"map_hz": 25.0 + wave * 30, "pose_hz": 50.0, "scan_hz": 25.0,
+                      "bytes_s": 9000 + 3e5 * wave},
             "latency_ms": {"p50": 1.8 + 60 * wave, "p99": 4.1 + 300 * wave},
             "link": {"text": "live", "stale": False, "lost": 0, "suspect": False},
-            "driving": {"by": "you" if self.wish else None, "v": self.wish[0] if self.wish else None,
-                        "w": self.wish[1] if self.wish else None, "why_not": self.refusal or None},
+            "driving": {"by": "you" if self.wish else None, "v": self.wish and self.wish[0],
+                        "w": self.wish and self.wish[1], "why_not": self.refusal or None},
             "history": {"from_s": self.kept[0][0] if self.kept else None, "mb": 1.0},
         }  # fmt: skip
         return state | self.over
@@ -140,8 +143,8 @@ class Script:
         for k in range(round(seconds / PERIOD_S)):
             self.drive.advance(PERIOD_S)
             if k % 5 == 0:
-                state = self.state() | {"past": True}
-                self.kept.append((self.drive.t_s, state, self.window(past=True)))
+                state = self.state() | {"history": True}
+                self.kept.append((self.drive.t_s, state, self.window(history=True)))
 
     def said(self, kind: str) -> list[dict[str, Any]]:
         return [told for told in self.heard if told.get("type") == kind]
@@ -223,12 +226,11 @@ class Server:
                 script.wish = (told["v"], told["w"])
             case "stop":
                 script.wish = None
-            case "history":
-                for _, state, window in script.kept:
-                    await socket.send_json(state)
-                    await socket.send_bytes(window)
-                from_s = script.kept[0][0] if script.kept else None
-                await socket.send_json({"type": "history_end", "from_s": from_s})
+            case "history" if script.kept:
+                before = [kept for kept in script.kept if kept[0] <= told["t_s"] + 1e-6]
+                _, state, window = (before or script.kept)[-1 if before else 0]
+                await socket.send_json(state)
+                await socket.send_bytes(window)
 
     async def _tell(self, socket: web.WebSocketResponse) -> None:
         script, drive = self.script, self.script.drive

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.tools.view.browser import CHROMIUM, DRIVER, Browser, a_browser
 from tests.tools.view.page_at_work import Page, a_page
+from tools.docs.browser import CHROMIUM, DRIVER, Browser, a_browser
 
 pytestmark = pytest.mark.skipif(
     not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
 )
+
+OTHER_WAYS = ("pagehide", "Escape", "Control", "let go")
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +64,10 @@ def test_keys_drive_only_with_the_dead_mans_key(page: Page) -> None:
     assert is_still(page)
 
 
-@pytest.mark.parametrize("how", ["blur", "pagehide", "Escape", "Control", "let go"])
+@pytest.mark.parametrize(
+    "how",
+    ["blur", *(pytest.param(how, marks=pytest.mark.slow) for how in OTHER_WAYS)],
+)
 def test_it_stops_and_wants_the_keys_anew(page: Page, how: str) -> None:
     hold(page)
     if how in ("blur", "pagehide"):
@@ -74,6 +79,7 @@ def test_it_stops_and_wants_the_keys_anew(page: Page, how: str) -> None:
     assert is_still(page)
 
 
+@pytest.mark.slow
 def test_it_stops_when_another_tab_hides_it(page: Page) -> None:
     hold(page)
     driver = page.browser.driver
@@ -84,21 +90,21 @@ def test_it_stops_when_another_tab_hides_it(page: Page) -> None:
     driver.switch_to.window(here)
 
 
+@pytest.mark.slow
 def test_it_stops_when_the_page_goes(page: Page) -> None:
     hold(page)
     page.browser.driver.get("about:blank")
     page.browser.wait(lambda: page.heard("closed") and page.script.wish is None)
 
 
+@pytest.mark.slow
 def test_the_pad_drives_while_a_finger_is_on_it(page: Page) -> None:
     page.browser.size(360, 740, 2.0, touch=True)
     page.click("[role=tab][data-tab=drive]")
     page.click("#arm")
     page.browser.drawn()
     page.shot("pad")
-    x, y = page.browser.run(
-        "const r = document.getElementById('pad').getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]"
-    )
+    x, y = page.probe("middleOf", "#pad")
     touch = "Input.dispatchTouchEvent"
     page.browser.cdp(touch, type="touchStart", touchPoints=[{"x": x, "y": y - 4}])
     page.browser.cdp(touch, type="touchMove", touchPoints=[{"x": x + 30, "y": y - 60}])
@@ -110,11 +116,9 @@ def test_the_pad_drives_while_a_finger_is_on_it(page: Page) -> None:
     assert is_still(page)
 
 
+@pytest.mark.slow
 def test_a_gamepad_drives_while_its_shoulder_is_held(page: Page) -> None:
-    page.browser.run(
-        "window.held = false; navigator.getGamepads = () => [{ connected: true, axes: [0.05, -1],"
-        " buttons: [...Array(8).keys()].map((k) => ({ pressed: k === 5 && held })) }]"
-    )
+    page.probe("plugGamepad")
     page.click("#arm")
     page.browser.driver.execute_async_script("setTimeout(arguments[0], 250)")
     assert page.heard("drive") == 0
@@ -125,6 +129,7 @@ def test_a_gamepad_drives_while_its_shoulder_is_held(page: Page) -> None:
     assert is_still(page)  # although the shoulder is still held
 
 
+@pytest.mark.slow
 def test_where_it_may_not_it_says_why_and_asks_for_nothing(page: Page) -> None:
     page.script.refusal = "[robot] enable_motors is false"
     page.open()
@@ -138,6 +143,7 @@ def test_where_it_may_not_it_says_why_and_asks_for_nothing(page: Page) -> None:
     assert page.heard("drive") == 0
 
 
+@pytest.mark.slow
 def test_a_wrong_token_drives_nothing_and_is_asked_for_again(page: Page) -> None:
     page.browser.run("mapod.driver.token = 'a wrong one'")
     hold(page)

@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 from aiohttp import WSMsgType, WSServerHandshakeError
 
+from tests import Patch
 from tests.support.view_site import FREE_AND_OBSTACLE, TOKEN, Browser, Robot, Site, site
+from tools.view import driving
 
 pytestmark = pytest.mark.real_time
 STATE = {
@@ -151,7 +153,12 @@ def test_where_motors_are_not_enabled_nothing_leaves_and_the_page_knows_why() ->
 
 
 @pytest.mark.parametrize("ends", ["closes", "falls silent", "stops"])
-def test_whatever_becomes_of_the_page_the_robot_is_told_to_stop(ends: str) -> None:
+def test_whatever_becomes_of_the_page_the_robot_is_told_to_stop(
+    ends: str, monkeypatch: Patch
+) -> None:
+    if ends != "falls silent":  # at once, not when the dead man's time is over
+        monkeypatch.setattr(driving, "DEAD_MAN_S", 1e6)
+
     async def test(at: Site) -> None:
         at.robot.begin(FREE_AND_OBSTACLE)
         async with at.browser() as watching:

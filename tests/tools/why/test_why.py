@@ -110,6 +110,7 @@ def test_a_robot_before_a_box_stands_because_of_the_boxs_cells(
     assert log["drive_changed"]["t_s"] == pytest.approx(stop["t_s"], abs=0.02)
     assert log["answers_rejected"]["keys"]["newest_reason"] == "DRIVE out of range"
     assert "ticks_counted" not in log
+    assert told["remarks"] == []  # the replay's bytes are those of the run
 
 
 def test_the_text_says_the_same_and_the_picture_shows_the_box(

@@ -16,6 +16,7 @@ export function listenToButtons(page) {
     "zoom-out": () => zoom(page, 1 / ZOOM_STEP),
     fit: () => fit(page),
     picture: () => page.save(),
+    flight: () => page.link.send({ type: "flight", token: driver.token }),
     unpin: () => readout.pin(null),
     arm: () => arm(page),
   };

@@ -8,7 +8,7 @@ import { Layers } from "./legend.js";
 import { Link } from "./link.js";
 import { MapCanvas } from "./map.js";
 import { showDriver, showGraphs, showInputs, showLink, showWay } from "./panels.js";
-import { KEPT_S, Past } from "./past.js";
+import { Past } from "./past.js";
 import { Path } from "./path.js";
 import { savePicture } from "./picture.js";
 import { Readout } from "./readout.js";
@@ -39,7 +39,7 @@ class Page {
     this.condition = null;
     this.theme = new Theme();
     this.layers = new Layers(by("layer-list"), by("legend"));
-    this.timeline = new Timeline(this.past);
+    this.timeline = new Timeline(this.past, (t_s) => this.link.send({ type: "history", t_s }));
     this.readout = new Readout(by("readout"), (message) => this.link.send(message));
     this.driver = new Driver(
       (message) => this.sendDrive(message),
@@ -105,9 +105,10 @@ class Page {
     if (message.type === "hello") return this.takeHello(message);
     if (message.type === "cell") this.readout.answer = message;
     else if (message.type === "error") this.takeError(message.text);
+    else if (message.type === "flight")
+      this.notice(message.text || "The last 30 s are being kept.");
     else if (message.type === "auth") this.takeAuth(message.ok);
-    else if (message.type === "history_end") this.endHistory();
-    else if (message.past) this.past.fetch(message);
+    else if (message.history === true) this.timeline.take(message);
     else if (this.live.apply(message)) this.takeLive(message);
     return this.changed(); // messages of other types are of a later version: not for this page
   }
@@ -116,6 +117,7 @@ class Page {
     if (message.type === "state") {
       this.heard_ms = performance.now();
       this.path.add(message);
+      this.timeline.kept_s = message.history?.from_s ?? null;
     }
     if (message.type === "window" && !this.view.has_fitted)
       this.view.fit(this.live.window, FIRST_M);
@@ -139,22 +141,17 @@ class Page {
     this.link.send(is_wish ? { ...message, t_s: this.live.state.t_s } : message);
   }
 
-  endHistory() {
-    this.past.endGap();
-    this.path.addPast(this.past);
-  }
-
   takeHello(hello) {
     this.hello = hello;
     this.layers.offer(hello.layers ?? []);
     setText(by("link-url"), hello.link ?? "");
+    by("flight").hidden = !hello.flight;
     this.askForLayers();
-    this.link.send({ type: "history", seconds: KEPT_S });
   }
 
   linkChanged() {
     if (this.link.state === "open") {
-      this.past.beginGap();
+      this.past.cut();
       this.live = new World(); // nothing of before is current
       this.heard_ms = performance.now();
     } else if (this.driver.is_driving) this.driver.letGo();

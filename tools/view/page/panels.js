@@ -26,7 +26,7 @@ const AGE_GRAPH_S = 0.1,
 const by = (id) => document.getElementById(id);
 
 export function showWay(state, is_stale) {
-  const [word, why] = is_stale || !state ? ["stop", "the picture is not current"] : state.advice;
+  const [word, why] = is_stale || !state ? ["stop", "the picture is not current"] : adviceOf(state);
   const advice = by("advice");
   advice.dataset.level = ADVICE_LEVELS[word] ?? "bad";
   setText(advice.querySelector("strong"), word.toUpperCase());
@@ -39,6 +39,14 @@ export function showWay(state, is_stale) {
     ["tilt", pose ? `pitch ${degrees(pose.pitch)}  roll ${degrees(pose.roll)}` : "\u2013"],
     ["speed", pose ? `${signed(pose.v, 2, "m/s")}  ${degrees(pose.w, 0)}/s` : "\u2013"],
   ]);
+}
+
+/** The stricter of what the link advises and what the stop zone says. */
+function adviceOf({ advice, zone }) {
+  const words = Object.keys(ADVICE_LEVELS); // from mild to strict
+  const by_zone = zone ? ({ clear: "go", slow: "slow" }[zoneName(zone.state)] ?? "stop") : "go";
+  if (words.indexOf(by_zone) <= words.indexOf(advice[0])) return advice;
+  return [by_zone, (zone.text ?? "").replace(/^[a-z]+: /, "")];
 }
 
 function showZone(zone) {

@@ -3,9 +3,10 @@
 import { bytesOf } from "./wire.js";
 import { World } from "./world.js";
 
-export const KEPT_S = 300;
+const KEPT_S = 300;
 const KEPT_BYTES = 96e6;
 const KEY_EVERY_S = 5; // a whole snapshot so often: a step back replays at most this much
+const GAP_S = 1.5; // without a message, nothing is known of the time between
 const LAYER_EVERY_S = 5; // layers are big and change slowly
 
 export class Past {
@@ -18,8 +19,6 @@ export class Past {
     this.bytes = 0;
     this.key_s = -Infinity;
     this.layer_s = new Map(); // name -> when one was kept last
-    this.gap = null; // {at, after_s}: where what the server has kept belongs
-    this.fetched = this.fetching = null; // the part of it that has come, and its world
   }
 
   get begin_s() {
@@ -56,37 +55,20 @@ export class Past {
       let n = 1;
       while (n < this.entries.length && !this.entries[n].key) n += 1;
       for (const gone of this.entries.splice(0, n)) this.bytes -= gone.bytes;
-      if (this.gap) this.gap.at = Math.max(0, this.gap.at - n);
     }
   }
 
-  /** A connection begins with nothing: what was before is not of its picture.
-   *
-   * What the server has kept will fill the time between. */
-  beginGap() {
-    const { end_s } = this;
-    if (end_s !== null) this.entries.push({ t_s: end_s, bytes: 2000, key: new World().snapshot() });
-    this.gap = { at: this.entries.length, after_s: end_s ?? -Infinity };
-    this.fetched = new Past();
-    this.fetching = new World();
+  /** A connection begins with nothing: what was before is not of its picture. */
+  cut() {
+    if (this.entries.length)
+      this.entries.push({ t_s: this.end_s, bytes: 2000, key: new World().snapshot() });
     this.key_s = -Infinity;
   }
 
-  /** A message of the server's history: oldest first. */
-  fetch(message) {
-    if (this.fetched === null || !this.fetching.apply(message)) return;
-    const before_s = this.entries[this.gap.at]?.t_s ?? Infinity;
-    if (message.t_s > this.gap.after_s && message.t_s < before_s)
-      this.fetched.record(message, this.fetching);
-  }
-
-  /** The server's history is here: put it where it belongs. */
-  endGap() {
-    if (this.fetched === null) return;
-    this.entries.splice(this.gap.at, 0, ...this.fetched.entries);
-    this.bytes += this.fetched.bytes;
-    this.gap = this.fetched = this.fetching = null;
-    if (this.entries.length) this.drop();
+  /** Whether this page was there at t_s. */
+  has(t_s) {
+    const entry = this.entries[this.after(t_s) - 1];
+    return entry !== undefined && t_s - entry.t_s < GAP_S;
   }
 
   /** The world as it was at t_s, into `world`. */

@@ -19,12 +19,6 @@ export class Path {
     if (this.points.length > KEPT) this.points.splice(0, KEPT / 4);
   }
 
-  /** With what came later and is older. */
-  addPast(past) {
-    this.points = this.points.filter(({ t_s }) => past.begin_s === null || t_s < past.begin_s);
-    for (const state of past.states(-Infinity, Infinity)) this.add(state);
-  }
-
   until(t_s) {
     return t_s === Infinity ? this.points : this.points.filter((point) => point.t_s <= t_s);
   }

@@ -88,8 +88,9 @@ export class Readout {
     if (is_past)
       return "Why it was so is not kept on this page: mapod why tells it of a recording.";
     if (!answer) return "";
-    const cause = typeof answer.cause === "string" ? answer.cause : ""; // else a code: the text tells it
-    return [cause, answer.text].filter(Boolean).join(": ");
+    const { cause, text = "" } = answer;
+    const is_said = typeof cause !== "string" || text.includes(cause); // a code says nothing
+    return (is_said ? [text] : [cause, text]).filter(Boolean).join(": ");
   }
 }
 

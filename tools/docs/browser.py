@@ -1,4 +1,4 @@
-"""A headless Chromium for tests of the page."""
+"""A headless Chromium: for pictures of the live page, and for its tests."""
 
 import os
 import shutil
@@ -14,7 +14,8 @@ from selenium.webdriver.chrome.service import Service
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 PATIENCE_S = 15.0
 FLAGS = (
-    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars", "--no-first-run",
+    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--no-first-run",
     "--disable-gpu", "--enable-unsafe-swiftshader", "--force-color-profile=srgb",
     "--disable-background-networking", "--disable-extensions", "--disable-component-update",
 )  # fmt: skip

@@ -20,7 +20,7 @@ from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_WIRES
 if TYPE_CHECKING:
     from recording.series import Series
 
-NICE = 10
+NICE = 19  # saving a flight takes a second of a core, which is to be nobody's
 APPS_SIGNALS = {  # a supervisor sends them to all of a service; its end is ours
     signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT, signal.SIGUSR1, signal.SIGUSR2
 }  # fmt: skip

@@ -17,7 +17,8 @@ pytestmark = pytest.mark.real_time
 @pytest.fixture
 def house(tmp_path: Path) -> Iterator[House]:
     """All of its devices run, and it is recorded."""
-    house = House(tmp_path, **{"record.path": f"{tmp_path}/run.mcap"})
+    wanted = {"record.path": f"{tmp_path}/run.mcap", "record.flight": f"{tmp_path}/flight"}
+    house = House(tmp_path, **wanted)
     house.plug_in("ahrs")
     house.plug_in("drive")
     house.serve_scanner()
@@ -57,7 +58,7 @@ def test_a_writer_that_is_held_up_misses_nothing_and_the_app_does_not_wait(
     house: House, tmp_path: Path
 ) -> None:
     writer = writer_of(house)
-    assert os.getpriority(os.PRIO_PROCESS, writer) == 10
+    assert os.getpriority(os.PRIO_PROCESS, writer) == 19
     assert os.sched_getscheduler(writer) == os.SCHED_OTHER
     os.kill(writer, signal.SIGSTOP)
     house.seen.clear()
@@ -82,7 +83,7 @@ def test_a_writer_that_is_killed_ends_the_recording_alone(house: House, tmp_path
     assert line["reason"] == "its writer has ended"
     house.seen.clear()
     house.until(lambda: len(house.seen) > 50)
-    assert house.all_run()
+    house.until(house.all_run)
     assert house.close() == 0
     assert assert_plays_the_same(tmp_path / "run.mcap").is_cut
 

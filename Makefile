@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments pictures \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -113,6 +113,9 @@ conformance: setup ## the conformance tests of the planner link, in process, aga
 
 soak: setup ## a million damaged, lost, doubled frames to both receivers of the planner link [FRAMES=1000000]
 	@$(BIN)/python -m tools.conformance --soak $(or $(FRAMES),1000000) --seed $(SEED)
+
+pictures: setup $(VENV)/.ready-view $(VENV)/.ready-test ## the documents' pictures of the live page: a simulated drive in a headless Chromium
+	@$(BIN)/python -m tools.view.pictures
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))

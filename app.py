@@ -86,7 +86,9 @@ class Plan:
 
     step_s: float = -math.inf  # when the next step is due,
     devices_s: list[float] = field(default_factory=list)  # and each device, though nothing arrives
-    ports: list[Port] = field(default_factory=list)  # whose bytes are worth a turn,
+    # whose bytes are worth a turn: the same list for the same connections,
+    ports: list[Port] = field(default_factory=list)
+    opened: list[int] = field(default_factory=list)  # by their numbers,
     hears_s: list[float] = field(default_factory=list)  # each from when on
 
     @property
@@ -141,7 +143,7 @@ class App:
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
         self.planners.poll(now_s)
-        poses = self.planners.take_external_poses()
+        poses = self.planners.external_poses.take_all()
         for pose in poses:
             self.mapper.odometry.add_external(pose)
         has_news = bool(attitudes or counted or scans or mapped or poses)
@@ -180,7 +182,9 @@ class App:
             )
 
     def _drive(self, now_s: float, told: PoseReport) -> None:
-        """Wheel power until the next tick; none while the program ends."""
+        """Wheel power until the next tick, where it may move; none while the program ends."""
+        if not self.config.robot.enable_motors:
+            return
         if self._stops:
             self.devices.drive.drive(*self.pilot.control.halt("mapod ends"))
             return
@@ -207,43 +211,49 @@ class App:
 
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
-        plan, heard, is_held_up = self.plan, 0, False
-        idle = None if self.mapper.waits else self.devices.ahrs  # attitudes that no scan waits for
+        plan, heard, is_held_up, has_news = self.plan, 0, False, False
+        ahrs, _, scanner = self.devices
         self._times.turns += 1
         for k, device in enumerate(self.devices):
             is_readable, is_due = device.port in readable, plan.devices_s[k] <= now_s
             heard += is_readable
             if is_readable or is_due:
-                (device.keep if device is idle and not is_due else device.hear)(now_s)
+                is_awaited = device is scanner or (device is ahrs and self.mapper.waits)
+                idles = device is ahrs and not (is_awaited or is_due)
+                (device.keep if idles else device.hear)(now_s)
+                has_news |= is_awaited and device.has_heard
                 plan.devices_s[k], plan.hears_s[k] = device.due_s, device.status.hears_s
                 is_held_up |= plan.devices_s[k] == -math.inf
         if is_held_up or self._times.turns >= TURNS:
             self.plan = self._planned()
         if heard < len(readable):  # a planner's: to drive, or to stop, waits for nothing
             return False
-        scanner, ahrs = self.devices.scanner, self.devices.ahrs
-        return not (scanner.has_heard or (ahrs.has_heard and self.mapper.waits))
+        return not has_news
 
     def _planned(self) -> Plan:
         """What the next turn waits for. While anything starts, is held up, or ends: for a tick."""
         times, may_move = self._times, self.config.robot.enable_motors
         step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
         step_s = min(step_s, look_s) if may_move else step_s
-        devices_s = [device.due_s for device in self.devices]
-        hears_s = [device.status.hears_s for device in self.devices]
-        if self.mapper.waits:  # for the next attitude
-            hears_s = [-math.inf] * len(hears_s)
-        ports = [device.port for device in self.devices]
+        devices_s, ports, hears_s = list[float](), list[Port](), list[float]()
+        waits = self.mapper.waits  # for the next attitude
+        for device in self.devices:
+            devices_s.append(device.due_s)
+            ports.append(device.port)
+            hears_s.append(-math.inf if waits else device.status.hears_s)
         if may_move:
             ports += [self.ports.planner, *self.ports.receivers]
             hears_s += [-math.inf] * (len(ports) - len(hears_s))
-        is_held_up = self._stops or self.planners.backlog
+        is_held_up = bool(self._stops or self.planners.backlog)
         if times.turns >= TURNS:
             is_held_up, ports = True, []
+        opened = [port.opened for port in ports]
+        if opened == self.plan.opened:
+            ports = self.plan.ports
         if is_held_up or -math.inf in devices_s:
             step_s = times.stepped_s + times.period_s
             devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
-        return Plan(step_s, devices_s, ports, hears_s)
+        return Plan(step_s, devices_s, ports, opened, hears_s)
 
     def stop(self) -> None:
         """The program ends: motors get zero, a scanner's login is ended. Step until `settled`."""

@@ -144,6 +144,8 @@ class StateLog:
         self._maybe_control = maybe_control
         self.statuses = {name: device.status for name, device in self._devices.items()}
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
+        self._begun = (-1, 0, planners.session, False)  # see `_tell_restarts`; -1: not known yet
+        self._rejected = [0] * len(planners.links)  # answers, as far as told
         self._counted_s = self._measured_s = float("-inf")
 
     def step(self, now_s: float, loop: LoopCounts) -> None:
@@ -159,6 +161,7 @@ class StateLog:
             LOG.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if self._has_changed("poses", "", poses.last_refusal):
             LOG.warning("external_poses_changed", refused_because=poses.last_refusal)
+        self._tell_restarts()
         if now_s - self._counted_s >= COUNTS_S:
             self._counted_s = now_s
             self._tell_counts(loop)
@@ -167,6 +170,21 @@ class StateLog:
             for name, source in self._devices.items():
                 if source.status.state == "running" and (measured := source.measured()):
                     LOG.info("device_measured", device=name, **measured)
+
+    def _tell_restarts(self) -> None:
+        """That the map or the session began anew, and why."""
+        mapper, planners = self._mapper, self._planners
+        epoch, erased, session, loaded = self._begun
+        now = (mapper.maps.window.epoch, mapper.counts.erased, planners.session, mapper.continued)
+        if now == self._begun:
+            return
+        self._begun = now
+        if now[1] != erased:
+            LOG.warning("map_erased", because=mapper.odometry.broken_by)
+        elif now[0] != epoch and epoch >= 0 and now[3] == loaded:
+            LOG.warning("map_erased", because="the robot stands on other ground")
+        if now[2] != session:
+            LOG.warning("session_renewed", because=planners.renewed_because)
 
     def describe(self, now_s: float) -> str:
         """What runs and what does not, for who supervises the app: `docs/service.md` has its form.
@@ -201,6 +219,20 @@ class StateLog:
             about["identity"] = self._devices[name].identity
         (LOG.warning if status.cause else LOG.info)("device_changed", **about)
 
+    def _tell_links(self) -> None:
+        """What planners sent that was no frame, and why one gets no map."""
+        for k, link in enumerate(self._planners.links):
+            if link.counters.answers_rejected != self._rejected[k]:
+                self._rejected[k] = link.counters.answers_rejected
+                LOG.warning(
+                    "answers_rejected",
+                    planner=k + 1,
+                    total=link.counters.answers_rejected,
+                    newest_reason=link.counters.rejected_because,
+                )
+            if self._has_changed(f"planner {k + 1}", "", link.peer.refusal) and link.peer.refusal:
+                LOG.warning("map_refused", planner=k + 1, because=link.peer.refusal)
+
     def _tell_counts(self, loop: LoopCounts) -> None:
         for device, status in self.statuses.items():
             if status.rejections:
@@ -213,6 +245,7 @@ class StateLog:
                     newest_reason=newest.reason,
                 )
                 status.rejections.clear()
+        self._tell_links()
         counts, late_s, requests = self._mapper.counts, sorted(loop.late_s), self._planners.requests
         loop.late_s.clear()
         LOG.debug(

@@ -81,8 +81,10 @@ def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool], notifier: 
         readable = wake_up.wait(due_s, plan.ports, plan.hears_s)
         now_s = time.monotonic()
         if now_s >= due_s > -math.inf:
-            app.loop.late_s.append(now_s - due_s)
-            app.loop.slots_missed += slots_missed(now_s - due_s, period_s)
+            late_s = now_s - due_s
+            app.loop.late_s.append(late_s)
+            if late_s > period_s / 2:
+                app.loop.slots_missed += slots_missed(late_s, period_s)
         app.turn(now_s, readable)
         if app.loop.ticks != ticks:  # a step: every input was looked at
             notifier.turn_over(now_s)

@@ -37,7 +37,7 @@ from recording.taker import StateTaker
 from recording.tap import AnyTap, Tap
 
 REPORTS_S = 1.0  # the writer's reports are read so often
-FLIGHT_PAUSE_S = 10.0  # from one kept flight to the next
+FLIGHT_PAUSE_S = 10.0  # from one flight that is kept by itself to the next
 
 
 class Troubles:
@@ -167,11 +167,9 @@ class Recorder:
         self._tap.note(now_s, RESTORED)
 
     def flight(self, now_s: float, cause: str, message: str) -> None:
-        """Have the last seconds kept, unless that was so just now."""
-        if now_s - self._flight_s >= FLIGHT_PAUSE_S:
-            self._flight_s = now_s
-            why = json.dumps({"cause": cause, "message": message}).encode()
-            self._tap.note(now_s, FLIGHT, 0, why)
+        """Have the last seconds kept."""
+        why = json.dumps({"cause": cause, "message": message}).encode()
+        self._tap.note(now_s, FLIGHT, 0, why)
 
     def close(self) -> None:
         """The run is over: what is still on its way is written."""
@@ -188,7 +186,9 @@ class Recorder:
         assert self._troubles is not None
         assert self._states is not None
         self._states.look(now_s)
-        if found := self._troubles.newest(now_s):
+        found = self._troubles.newest(now_s)
+        if found and now_s - self._flight_s >= FLIGHT_PAUSE_S:
+            self._flight_s = now_s
             self.flight(now_s, *found)
         if now_s - self._reported_s >= REPORTS_S:
             self._reported_s = now_s

@@ -15,7 +15,9 @@ ROOT = Path(__file__).parent
 ROOMS = {"core", "hw", "fakes", "recording", "tools"} | {
     path.stem for path in ROOT.glob("*.py") if path.name != "setup.py"
 }
-DATA = ("mapod.toml", "hw/mcu/mapod_link.h", "hw/mcu/example.c", "tools/flash/99-mapod.rules")
+PAGE = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("tools/view/page/*.*"))]
+FILES = ("mapod.toml", "hw/mcu/mapod_link.h", "hw/mcu/example.c", "tools/flash/99-mapod.rules")
+DATA = (*FILES, *PAGE)
 
 
 def imports_of(source: bytes, path: Path) -> list[ast.ImportFrom]:
@@ -81,7 +83,8 @@ class BuildUnderOneName(build_py):
             return
         built = {path.name: moved(path.read_bytes(), path) for path in ROOT.glob("mapod/*.py")}
         built |= {str(path): moved((ROOT / path).read_bytes(), path) for path in sources()}
-        built |= {name: (ROOT / name).read_bytes() for name in DATA}
+        page = [str(path.relative_to(ROOT)) for path in ROOT.glob("tools/view/page/*.*")]
+        built |= {name: (ROOT / name).read_bytes() for name in (*DATA, *page)}
         for name, content in built.items():
             target = Path(self.build_lib, "mapod", name)
             target.parent.mkdir(parents=True, exist_ok=True)

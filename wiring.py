@@ -2,9 +2,8 @@
 
 import math
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from core.config import Config, ConfigError
 from core.driving.control import link_refusal
@@ -48,16 +47,12 @@ class Ports:
             port.close()
 
 
-@dataclass(frozen=True, slots=True)
-class Devices:
-    """What measures and moves, each on its port."""
+class Devices(NamedTuple):
+    """What measures and moves, each on its port, in the order in which they are heard."""
 
-    scanner: Scanner
     ahrs: AttitudeSensor
     drive: Drive
-
-    def __iter__(self) -> Iterator[AnyDevice]:
-        return iter((self.ahrs, self.drive, self.scanner))
+    scanner: Scanner
 
     @property
     def by_section(self) -> dict[str, AnyDevice]:
@@ -123,9 +118,9 @@ def devices_on(ports: Ports, config: Config) -> Devices:
         return Surroundings(url, counts_per_s, robot.enable_motors)
 
     return Devices(
-        SCANNERS[scanner.driver].make(ports.scanner, scanner.options, around(scanner.port)),
         ATTITUDE_SENSORS[ahrs.driver].make(ports.ahrs, ahrs.options, around(ahrs.port)),
         DRIVES[drive.driver].make(ports.drive, drive.options, around(drive.port)),
+        SCANNERS[scanner.driver].make(ports.scanner, scanner.options, around(scanner.port)),
     )
 
 

@@ -28,7 +28,8 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
-from core.records import record
+from msgspec import Struct
+
 from hw.fingerprint import Fingerprint
 
 Measurement = TypeVar("Measurement")
@@ -105,16 +106,14 @@ class NoPort:
     def close(self) -> None: ...
 
 
-@record()
-class BadFrame:
+class BadFrame(Struct, frozen=True):
     """Bytes that belong to no valid frame: something to count, not an exception."""
 
     reason: str
     skipped: bytes
 
 
-@record()
-class Tick:
+class Tick(Struct, frozen=True):
     """What a session learns at each step."""
 
     now_s: float
@@ -197,24 +196,20 @@ class Intake:
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
         waiting, size = self._waiting, self._piece
-        if len(pieces) == 1 and len(pieces[0]) <= size and not waiting and self._allowance > 0:
-            return self._parsed(now_s, pieces[0])  # as nearly always
         for piece in pieces:
             for at in range(0, len(piece) or 1, size):
                 waiting.append((now_s, piece[at : at + size]))
         events: list[Any] = []
         while waiting and self._allowance > 0:
-            events += self._parsed(*waiting.popleft())
+            arrived_s, piece = waiting.popleft()
+            found = self._parser.feed(arrived_s, piece)
+            self._allowance -= len(piece) + EVENT_BYTES * len(found)
+            for event in found:
+                if isinstance(event, BadFrame):
+                    self._allowance -= JUNK_FACTOR * len(event.skipped)
+            events += found
         self.waits = bool(waiting)
         return events
-
-    def _parsed(self, arrived_s: float, piece: bytes) -> list[Any]:
-        found = self._parser.feed(arrived_s, piece)
-        self._allowance -= len(piece) + EVENT_BYTES * len(found)
-        for event in found:
-            if isinstance(event, BadFrame):
-                self._allowance -= JUNK_FACTOR * len(event.skipped)
-        return found
 
 
 class SilenceWatch:
@@ -222,25 +217,23 @@ class SilenceWatch:
 
     def __init__(self, port: Port) -> None:
         self._maybe_port = port if isinstance(port, Reopens) else None
-        self._spoke_s = float("-inf")  # last bytes of any kind, or the opening of the connection
-        self._has_spoken = False  # on this connection
+        self._limit_s = NEVER_HEARD_S
+        self.ends_s = math.inf  # nothing may have come until then
 
     def begin(self, now_s: float) -> None:
-        self._spoke_s, self._has_spoken = now_s, False
+        if self._maybe_port is not None:
+            self._limit_s, self.ends_s = NEVER_HEARD_S, now_s + NEVER_HEARD_S
 
     def heard(self, now_s: float) -> None:
-        self._spoke_s, self._has_spoken = now_s, True
+        if self._maybe_port is not None:
+            self._limit_s = self._maybe_port.silence_s
+            self.ends_s = now_s + self._limit_s
 
-    def maybe_drop(self, now_s: float) -> str:
-        """The cause for which the connection has just been dropped; "" if it was not."""
-        port = self._maybe_port
-        if port is None:
-            return ""
-        limit_s = port.silence_s if self._has_spoken else NEVER_HEARD_S
-        if now_s - self._spoke_s <= limit_s:
-            return ""
-        cause = f"nothing heard for {limit_s:g} s"
-        port.reopen(cause)
+    def drop(self) -> str:
+        """The time is over: the cause for which the connection is dropped."""
+        cause = f"nothing heard for {self._limit_s:g} s"
+        if self._maybe_port is not None:
+            self._maybe_port.reopen(cause)
         return cause
 
 
@@ -281,8 +274,8 @@ class Device(Generic[Measurement]):
                 self._start_anew(now_s)
             self._intake.step(now_s)
             self._take(now_s)
-            if self.port.fileno() >= 0:  # reading may have found its end
-                self._drop_if_silent(now_s)
+            if now_s > self._silence.ends_s and self.port.fileno() >= 0:  # not found at its end
+                self._drop()
         elif self.port.cause != self._given_up and (
             self.status.state != "closed" or self.status.cause != self.port.cause
         ):
@@ -353,26 +346,21 @@ class Device(Generic[Measurement]):
 
     def _take(self, now_s: float) -> None:
         """What has arrived, for the session; while it runs, only what it may have waited for."""
-        events: list[Any] = []
+        intake, status, events = self._intake, self.status, list[Any]()
+        has_come = bool(self._kept) or intake.waits
         for arrived_s, piece in self._kept:
-            events += self._events(arrived_s, [piece])
+            events += intake.events(arrived_s, [piece])
         self._kept.clear()
-        pieces = [] if self._intake.waits else self.port.read()
-        if pieces or self._intake.waits:
-            events += self._events(now_s, pieces)
-        status = self.status
-        if events or status.state != "running" or status.due_s <= now_s or self._needs_ticks:
-            self._advance(now_s, pieces, events)
-
-    def _events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
-        """What the parser makes of what has arrived by now."""
-        if self._intake.waits or any(pieces):
+        pieces = [] if intake.waits else self.port.read()
+        if pieces or intake.waits:
+            events += intake.events(now_s, pieces)
+        if has_come or any(pieces):
             self._silence.heard(now_s)
-        events = self._intake.events(now_s, pieces)
         for event in events:
             if isinstance(event, BadFrame):
-                self.status.reject(event)
-        return events
+                status.reject(event)
+        if events or status.state != "running" or status.due_s <= now_s or self._needs_ticks:
+            self._advance(now_s, pieces, events)
 
     def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
         """The session up to now; what it measured is held for the step."""
@@ -394,11 +382,12 @@ class Device(Generic[Measurement]):
         if message and not is_said:
             self.status.cause = f"{cause}: {message}"
 
-    def _drop_if_silent(self, now_s: float) -> None:
-        if cause := self._silence.maybe_drop(now_s):
-            if self.status.state == "running":
-                self.status.fall_back("starting", cause)
-            self._given_up = self.port.cause
+    def _drop(self) -> None:
+        """Nothing has come for too long."""
+        cause = self._silence.drop()
+        if self.status.state == "running":
+            self.status.fall_back("starting", cause)
+        self._given_up = self.port.cause
 
     def _measure(self, now_s: float, events: list[Any]) -> list[Measurement]:
         raise NotImplementedError

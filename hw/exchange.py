@@ -21,6 +21,7 @@ It refuses to know a protocol: commands are bytes, and the session says which ev
 import math
 from collections import deque
 from collections.abc import Callable, Generator
+from operator import attrgetter
 from typing import Any, TypeVar
 
 from hw.device import DeviceStatus, Tick
@@ -46,7 +47,7 @@ class Exchange:
     def __init__(
         self,
         status: DeviceStatus,
-        hear: Callable[[Tick], list[Any]] = lambda tick: tick.events,
+        hear: Callable[[Tick], list[Any]] = attrgetter("events"),
         *,
         pause_s: float,
         longest_pause_s: float,

@@ -25,9 +25,11 @@ class DirectTap:
         more = {"part": "1", "continues": "", "from_start": "true"}
         self._file = RunFile(self._path, first, more)
 
-    def note(self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"") -> None:
+    def note(
+        self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"", more: bytes = b""
+    ) -> None:
         assert self._file is not None
-        self._file.take(t_s, kind, port, data, self._sequence)
+        self._file.take(t_s, kind, port, data + more, self._sequence)
         self._sequence += kind in OF_WIRES
 
     def line(self, t_s: float, level: str, event: str, keys: Mapping[str, Any]) -> None:

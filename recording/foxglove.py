@@ -127,7 +127,11 @@ class Messages:
         }
         yield _topical("/scan", sweep)
         if scan.points_map is not None:
-            yield _topical("/points", point_cloud(at, scan.points_map))
+            yield self.of_points(scan.t_s, scan.points_map)
+
+    def of_points(self, t_s: float, points_map: F32) -> Topical:
+        """Returns (n, 3) of a sweep, map frame."""
+        return _topical("/points", point_cloud(self._time(t_s), points_map))
 
     def of_log(self, t_s: float, level: str, text: str) -> Topical:
         """A line of the log; a level that has no word here is told as unknown."""

@@ -4,10 +4,10 @@ A line of JSON, then arrays. The obstacle map goes as the ring that it is; the w
 """
 
 import json
-from dataclasses import astuple, fields
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 
 from core.records import FREE, I8, OBSTACLE, PoseReport, Scan, StopZoneReport, SweepPoints
 from recording.states import F32, CellWindow, ScanRecord, StateRecord
@@ -22,8 +22,8 @@ def pack_state(
     corner: tuple[int, int],
     cell_m: float,
     trusted: bool,
-) -> bytes:
-    """The app's state at one instant.
+) -> tuple[bytes, bytes]:
+    """The app's state at one instant, in two parts.
 
     Args:
         cells: (size, size), a ring; `corner`: the world cell with the lowest i and j in it.
@@ -36,7 +36,7 @@ def pack_state(
         "cell_m": cell_m,
         "trusted": trusted,
     }
-    return json.dumps(head).encode() + b"\n" + cells.tobytes()
+    return json.dumps(head).encode() + b"\n", cells.tobytes()
 
 
 def state_from(t_s: float, data: bytes) -> StateRecord:
@@ -58,31 +58,49 @@ def state_from(t_s: float, data: bytes) -> StateRecord:
 
 
 def _zone(values: list[Any]) -> StopZoneReport:
-    names = [field.name for field in fields(StopZoneReport)]
-    given = dict(zip(names, values, strict=True))
+    given = dict(zip(StopZoneReport.__struct_fields__, values, strict=True))
     return StopZoneReport(**{**given, "sectors_m": tuple(given["sectors_m"])})
 
 
-def pack_heights(size: int, corner: tuple[int, int], cell_m: float, heights: bytes) -> bytes:
-    """Heights of cells about the robot.
+def pack_heights(
+    size: int, corner: tuple[int, int], cell_m: float, row: int, heights: list[bytes]
+) -> bytes:
+    """Some rows of heights about the robot.
 
     Args:
-        corner: the world cell with the lowest i and j.
-        heights: f32 (size, size) from there on, row by row, then as many variances.
+        corner: the world cell with the lowest i and j of all rows, of `size` cells each.
+        row: the first of these, from there on.
+        heights: f32 heights of the rows, then their variances.
     """
-    head = {"size": size, "corner": corner, "cell_m": cell_m}
-    return json.dumps(head).encode() + b"\n" + heights
+    head = {"size": size, "corner": corner, "cell_m": cell_m, "row": row}
+    return json.dumps(head).encode() + b"\n" + b"".join(heights)
 
 
-def heights_from(data: bytes) -> tuple[CellWindow, F32, F32]:
-    """Where they lie, as a window without states; heights and variances."""
-    line, _, arrays = data.partition(b"\n")
-    head: dict[str, Any] = json.loads(line)
-    size, (corner_i, corner_j) = head["size"], head["corner"]
-    height_m, variance_m2 = np.frombuffer(arrays, "<f4").reshape(2, size, size)
-    unseen = np.zeros((size, size), np.uint8)
-    window = CellWindow(unseen, corner_i, corner_j, head["cell_m"])
-    return window, height_m, variance_m2
+class Heights:
+    """Puts rows of heights together."""
+
+    def __init__(self) -> None:
+        self._layers = np.zeros((2, 0, 0), np.float32)
+        self._next = -1  # row; -1: the first ones did not come
+
+    def take(self, data: bytes) -> tuple[CellWindow, F32, F32] | None:
+        """With the last rows: where all lie, as a window without states; heights, variances."""
+        line, _, arrays = data.partition(b"\n")
+        head: dict[str, Any] = json.loads(line)
+        size, row, (corner_i, corner_j) = head["size"], head["row"], head["corner"]
+        rows = np.frombuffer(arrays, "<f4").reshape(2, -1, size)
+        if row == 0:
+            self._layers, self._next = np.zeros((2, size, size), np.float32), 0
+        if row != self._next:
+            self._next = -1
+            return None
+        self._next = row + rows.shape[1]
+        self._layers[:, row : self._next] = rows
+        if self._next < size:
+            return None
+        unseen = np.zeros((size, size), np.uint8)
+        window = CellWindow(unseen, corner_i, corner_j, head["cell_m"])
+        return window, self._layers[0], self._layers[1]
 
 
 def pack_scan(scan: Scan, points: SweepPoints | None) -> bytes:

@@ -27,7 +27,10 @@ class Notes(Protocol):
 
     calls: int  # of the app so far
 
-    def note(self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"") -> None: ...
+    def note(
+        self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"", more: bytes = b""
+    ) -> None:
+        """One record. `more`: the rest of its data, where that is large: it is not copied."""
 
 
 class RecordedPort:

@@ -7,7 +7,7 @@ from typing import Any
 
 from recording.foxglove import Messages, RobotShape, encoded
 from recording.mcap_file import RecordingFile
-from recording.packing import heights_from, scan_from, state_from
+from recording.packing import Heights, scan_from, state_from
 from recording.records import HEIGHTS, LINE, OF_WIRES, SCAN, STATE
 from recording.schemas import SCHEMAS
 
@@ -21,6 +21,7 @@ class RunFile:
         self.path = path
         self._file = RecordingFile(path, metadata, json.loads(metadata["ports"]))
         self._messages = Messages(RobotShape(**run["shape"]), float(metadata["utc_offset_s"]))
+        self._heights = Heights()
 
     @property
     def size(self) -> int:
@@ -34,7 +35,8 @@ class RunFile:
             for told in self._messages.of_state(state_from(t_s, data)):
                 self._tell(t_s, *told)
         elif kind == HEIGHTS:
-            self._tell(t_s, *self._messages.of_heights(t_s, *heights_from(data)))
+            if (heights := self._heights.take(data)) is not None:
+                self._tell(t_s, *self._messages.of_heights(t_s, *heights))
         elif kind == SCAN:
             for told in self._messages.of_scan(scan_from(data)):
                 self._tell(t_s, *told)

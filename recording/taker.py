@@ -16,7 +16,8 @@ from recording.packing import pack_heights, pack_scan, pack_state
 from recording.ports import Notes
 from recording.records import HEIGHTS, SCAN, STATE
 
-HEIGHTS_S = 2.0  # from one gathering of all heights to the next, at least
+HEIGHTS_S = 2.0  # from one gathering of all heights to the next, at least,
+CELLS_PER_S = 20_000  # and of no more cells than this
 CELLS = 1500  # of which heights are gathered in one step
 
 Report = Callable[[float], tuple[bool, PoseReport]]  # now: whether free may be told, and the pose
@@ -54,7 +55,7 @@ class StateTaker:
         corner, cell_m = (window.grid.corner_i, window.grid.corner_j), window.grid.cell_m
         zone = self._pilot.zone
         state = pack_state(pose, zone, window.cells, corner, cell_m, trusted)
-        self._notes.note(now_s, STATE, 0, state)
+        self._notes.note(now_s, STATE, 0, *state)
         if isinstance(scan, Scan):
             self._notes.note(scan.t_s, SCAN, 0, pack_scan(scan, self._tiles.maybe_scan()))
 
@@ -69,27 +70,22 @@ class HeightsTaker:
         self._columns = np.tile(np.arange(size), self._rows)
         self._in_rows = np.repeat(np.arange(self._rows), size)
         self._row, self._corner, self._begun_s = size, (0, 0), -np.inf
-        self._taken: list[list[bytes]] = []
 
     def step(self, now_s: float) -> None:
-        """Some rows more; the last ones make a record of all."""
-        if self._row >= self._size:
-            if now_s - self._begun_s < HEIGHTS_S:
+        """Some rows more, as a record of their own: a large one would take long by itself."""
+        size, grid = self._size, self._maps.window.grid
+        if self._row >= size:
+            if now_s - self._begun_s < max(HEIGHTS_S, size**2 / CELLS_PER_S):
                 return
-            grid = self._maps.window.grid
             self._row, self._corner, self._begun_s = 0, (grid.corner_i, grid.corner_j), now_s
-            self._taken = [[], []]
-        count = min(self._rows, self._size - self._row) * self._size
+        count = min(self._rows, size - self._row) * size
         i = self._corner[0] + self._columns[:count]
         j = self._corner[1] + self._row + self._in_rows[:count]
-        for name, rows in zip(("height", "variance"), self._taken, strict=True):
+        heights = []
+        for name in ("height", "variance"):
             values = self._maps.maybe_values(name, i, j)
             values = np.full(count, np.nan) if values is None else values
-            rows.append(values.astype("<f4").tobytes())
+            heights.append(values.astype("<f4").tobytes())
+        data = pack_heights(size, self._corner, grid.cell_m, self._row, heights)
+        self._notes.note(self._begun_s, HEIGHTS, 0, data)
         self._row += self._rows
-        if self._row >= self._size:
-            cell_m = self._maps.window.grid.cell_m
-            heights = b"".join(self._taken[0] + self._taken[1])
-            data = pack_heights(self._size, self._corner, cell_m, heights)
-            self._notes.note(self._begun_s, HEIGHTS, 0, data)
-            self._taken = []

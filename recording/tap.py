@@ -72,15 +72,21 @@ class Tap:
             if not ready and not taken:
                 self.trouble = "the writer does not start"
 
-    def note(self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"") -> None:
+    def note(
+        self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"", more: bytes = b""
+    ) -> None:
         """One record, for the loop's thread alone."""
-        size = HEAD.size + len(data)
+        length = len(data) + len(more)
+        size = HEAD.size + length
         if self.trouble or not self._has_room(t_s, kind, size):
             self.dropped[kind.decode()] += 1
             return
-        self._new.append(HEAD.pack(t_s, kind, port, len(data)) + data)
+        self._new.append(HEAD.pack(t_s, kind, port, length) + data)
         self._new_bytes += size
         self._held_bytes += size
+        if more:
+            self._join()
+            self._pieces.append(memoryview(more))
 
     def line(self, t_s: float, level: str, event: str, keys: Mapping[str, Any]) -> None:
         """A line of the log, from any thread."""
@@ -122,6 +128,9 @@ class Tap:
         while self._lines:
             t_s, data = self._lines.popleft()
             self.note(t_s, LINE, 0, data)
+        self._join()
+
+    def _join(self) -> None:
         if self._new:
             self._pieces.append(memoryview(b"".join(self._new)))
             self._new, self._new_bytes = [], 0

@@ -101,6 +101,7 @@ def test_the_wheel_has_two_names_and_needs_no_simulation(wheel: Path) -> None:
     assert not tools & {"rig", "experiments", "bench", "fuzz.py", "docs"}
     assert "mapod/tools/replay/laser.py" not in names
     data = {"mapod/py.typed", "mapod_link/py.typed", "mapod/mapod.toml", "mapod/hw/mcu/example.c"}
+    data |= {f"mapod/tools/view/page/{name}" for name in ("index.html", "page.css", "page.js")}
     assert data <= set(names)
     assert header == (ROOT / "hw/mcu/mapod_link.h").read_bytes()
     assert "mapod = mapod.__main__:main" in commands

@@ -38,7 +38,7 @@ LIBRARIES = {
     "mapod_link": {"numpy"},
     "recording": {"numpy", "msgspec", "mcap", "zstandard"},
     "fakes": {"numpy", "mujoco"},
-    **{name: {"numpy"} for name in TOP},
+    **{name: {"numpy", "msgspec"} for name in TOP},
 }
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
 VOCABULARY = {"core.records", "core.config", "core.geometry"}

@@ -3,25 +3,35 @@
 A receiver of the link that serves a WebSocket, in a process of its own. The messages are those of a
 recording, made by the same functions. What the link does not say any more is not shown: while it is
 stale, or the map is not the sender's, every cell is unknown and there is no pose.
-Needs foxglove-sdk: pip install 'mapod[foxglove]'.
+Needs foxglove-sdk, the extra `foxglove`.
 """
 
-import errno
+import argparse
+import contextlib
 import math
 import time
 from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 from foxglove import Channel, Context, Schema, start_server
 
+from config_file import read_key
+from core.config import ConfigError
 from core.records import PoseReport, StopZoneReport
 from mapod_link.bodies import MAP_VALID, POSE_VALID, ZONE_STALE_S, Pose, StopZone
 from mapod_link.client import Link
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import Tile
-from recording.foxglove import Messages, RobotShape, Topical, encoded
+from mapod_link.wires import wire_from_url
+from recording.foxglove import Messages, RobotShape, Topical, encoded, shape_of
 from recording.schemas import SCHEMAS, TOPICS
 from recording.states import CellWindow, StateRecord
+from tools.cli.options import configured, fail
+from tools.terminal.planner_end import WatchingReceiver
+from tools.terminal.processes import Stop
 
+OWN_CONFIG = Path("mapod.toml")
 LOOPBACK = "127.0.0.1"
 PERIOD_S = 0.1  # of pose, scene and health
 MAP_PERIOD_S = 0.2
@@ -129,7 +139,7 @@ class Bridge:
         self._receiver, self._messages = receiver, messages
         self._tell, self._is_wanted = tell, is_wanted
         self._layers = Layers()
-        self._told_s = self._map_s = -math.inf
+        self._told_s = self._map_s = self._points_s = -math.inf
         self._advice = ("", "")
 
     def step(self, now_s: float) -> None:
@@ -146,6 +156,17 @@ class Bridge:
             self._tell(message, self._messages.t_ns(now_s))
         self._tell_advice(now_s)
         self._tell_layers(now_s)
+        if self._is_wanted("/points") and not is_stale:
+            self._tell_points()
+
+    def _tell_points(self) -> None:
+        """The newest sweep, once, and ask for the next one."""
+        sweep = self._receiver.scan
+        if sweep is not None and sweep.arrived_s != self._points_s:
+            self._points_s = sweep.arrived_s
+            message = self._messages.of_points(sweep.arrived_s, sweep.points_m.astype(np.float32))
+            self._tell(message, self._messages.t_ns(sweep.arrived_s))
+        self._receiver.ask_scan()
 
     def _tell_advice(self, now_s: float) -> None:
         """A line of the log for each change of what a planner would do."""
@@ -193,7 +214,7 @@ class Channels:
         try:
             self._server = start_server(name="mapod", host=LOOPBACK, port=port, context=context)
         except RuntimeError as error:
-            raise OSError(errno.EADDRINUSE, f"port {port}: {error}") from None
+            raise OSError(str(error)) from None
         self.url = f"ws://{LOOPBACK}:{self._server.port}"
 
     def is_wanted(self, topic: str) -> bool:
@@ -208,15 +229,40 @@ class Channels:
         self._server.stop()
 
 
-def serve(
-    link: Link, shape: RobotShape | None, port: int, is_over: Callable[[float], bool]
-) -> None:
-    """Bridge a link until it is over. Raises OSError: the port is taken, or the wire is gone."""
-    channels = Channels(port)
+def serve_foxglove(options: argparse.Namespace) -> int:
+    """`mapod view --foxglove`. Exit status: 0 ended as told, 1 a port is gone, 2 wrong use."""
     try:
-        print(f"Foxglove, Lichtblick: open a connection to {channels.url}", flush=True)
-        messages = Messages(shape, time.time() - time.monotonic())
-        bridge = Bridge(link.receiver, messages, channels.tell, channels.is_wanted)
+        wanted = options.config or (OWN_CONFIG if OWN_CONFIG.exists() else None)
+        shape = shape_of(configured(wanted)) if wanted else None
+        key = read_key(options.key_file)
+        wire = wire_from_url(options.port)
+    except (ConfigError, ValueError) as error:
+        return fail("view", error)
+    except OSError as error:
+        return fail("view", f"{options.port}: {error.strerror or error}", 1)
+    with contextlib.closing(wire), Stop().on_signals() as stop:
+        try:
+            channels = Channels(options.foxglove_port)
+        except OSError as error:
+            return fail("view", f"--foxglove-port {options.foxglove_port}: {error}", 1)
+        link = Link(wire, WatchingReceiver(key))
+        until_s = link.now_s() + (options.seconds or math.inf)
+        try:
+            serve(link, shape, channels, lambda now_s: stop.wanted or now_s >= until_s)
+        except OSError as error:
+            return fail("view", f"{options.port}: {error.strerror or error}", 1)
+    return 0
+
+
+def serve(
+    link: Link, shape: RobotShape | None, channels: Channels, is_over: Callable[[float], bool]
+) -> None:
+    """Bridge a link until it is over. Raises OSError: the wire is gone."""
+    print(f"Foxglove, Lichtblick: open a connection to {channels.url}", flush=True)
+    print(f"watching {link.url}; Ctrl-C ends", flush=True)
+    messages = Messages(shape, time.time() - time.monotonic())
+    bridge = Bridge(link.receiver, messages, channels.tell, channels.is_wanted)
+    try:
         while not is_over(now_s := link.step(WAIT_S)):
             bridge.step(now_s)
     finally:

@@ -3,9 +3,10 @@
 Source: planner link, section 3 (health bits, modes); design, section 8.
 """
 
+from msgspec import Struct
+
 from core.mapping import causes
 from core.mapping.method import MAX_SLOPE_RAD
-from core.records import record
 
 LINK_STALE_S = 0.15  # one of the planner link's time-outs
 STALE_PERIODS = 3  # of a scanner that is so slow that this is longer
@@ -18,8 +19,7 @@ DROP_AHEAD, SIGHT_IMPAIRED, TOO_STEEP, STOP_ASKED = 1 << 7, 1 << 8, 1 << 9, 1 <<
 BOOTING, RUNNING, DEGRADED, FAULT, REPLAYED = 0, 1, 2, 3, 4
 
 
-@record()
-class Inputs:
+class Inputs(Struct, frozen=True):
     """What is known of the inputs at one instant; ages in seconds, inf = never."""
 
     age_scan_s: float  # of the newest scan in the map, its last beam

@@ -34,10 +34,11 @@ class Pilot:
     @property
     def stalled(self) -> bool:
         """Whether the wheels' counters do not follow what the wheels are told."""
-        return self._stall.stalled
+        return self._may_move and self._stall.stalled
 
     def counted(self, counts: WheelCounts) -> None:
-        self._stall.counted(counts)
+        if self._may_move:
+            self._stall.counted(counts)
 
     def look_around(
         self, now_s: float, told: PoseReport, trusted: bool, request: DriveRequest | None
@@ -52,13 +53,13 @@ class Pilot:
             trusted,
             (told.v_mps, told.w_radps),
             request if request is not None and now_s <= request.valid_until_s else None,
-            self._start_assumed_clear,
+            self.start_assumed_clear,
         )
 
     def look_ahead(self, now_s: float, told: PoseReport, request: DriveRequest | None) -> None:
         """Whether the way to a stop leads to a drop."""
         pose, moves = self._mapper.maybe_pose(now_s), (told.v_mps, told.w_radps)
-        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self._start_assumed_clear)
+        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self.start_assumed_clear)
 
     def powers(
         self,
@@ -85,7 +86,7 @@ class Pilot:
             request,
             stop_reason(told.health, told.mode, sight, others),
             self._mapper.maybe_pose(now_s),
-            self._start_assumed_clear,
+            self.start_assumed_clear,
             motors_off,
             (told.v_mps, told.w_radps),
         )
@@ -93,6 +94,6 @@ class Pilot:
         return powers
 
     @property
-    def _start_assumed_clear(self) -> bool:
+    def start_assumed_clear(self) -> bool:
         """The map still is that of the start, whose ground the settings vouch for."""
         return self._mapper.counts.erased == 0 and not self._mapper.continued

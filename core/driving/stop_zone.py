@@ -12,9 +12,10 @@ Source: design, sections 7 and 8.
 import math
 
 import numpy as np
+from msgspec import Struct
 
 from core.grid.ring import RingGrid, cells_about
-from core.records import F64, FREE, I8, I32, UNKNOWN, record
+from core.records import F64, FREE, I8, I32, UNKNOWN
 from jit import kernel
 
 STEP_CELLS = 0.5  # of the sweep
@@ -286,8 +287,7 @@ def _sweep(
     return best, best_i, best_j, best_state
 
 
-@record()
-class Obstruction:
+class Obstruction(Struct, frozen=True):
     """What stands in the way first."""
 
     free_m: float  # way of the footprint's fastest point until it is too near; inf: all free

@@ -61,6 +61,7 @@ class ObstacleWindow:
     def take_changed(self) -> I32:
         """Flat indices (k,) of the cells that changed since the last call."""
         changed = self.changed[: self.used].copy()
-        self.marked[changed] = 0
-        self.used = 0
+        if self.used:
+            self.marked[changed] = 0
+            self.used = 0
         return changed

@@ -87,6 +87,11 @@ class Freshness:
         """What was seen before is too old."""
         return self.now_s - self._max_age_s
 
+    def ages_s(self, seen_s: F64) -> F64:
+        """From instants (n,) to now; NaN for those that are none."""
+        seen = np.isfinite(seen_s)
+        return np.where(seen, self.now_s - np.where(seen, seen_s, 0.0), np.nan)
+
     def follow(self, t_s: float, x_m: float, y_m: float, heading: tuple[float, float]) -> None:
         """It is t_s, and the robot stands there; the grid has moved with it before."""
         self._passed_s, self.now_s = t_s - self.now_s, t_s

@@ -72,8 +72,7 @@ def ages_at(fresh: Freshness, grid: RingGrid, i: I64, j: I64) -> F64:
 
     `fresh` is of the cells of `grid`. NaN: never in this run, or outside.
     """
-    seen_s = at_cells(grid, i, j, fresh.seen_s.reshape(grid.size, grid.size))
-    return np.where(seen_s == -np.inf, np.nan, fresh.now_s - seen_s)
+    return fresh.ages_s(at_cells(grid, i, j, fresh.seen_s.reshape(grid.size, grid.size)))
 
 
 def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:

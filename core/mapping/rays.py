@@ -9,12 +9,13 @@ Source: design, sections 5 and 7.
 import math
 
 import numpy as np
+from msgspec import Struct
 
 from core.config import Scanner
 from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
-from core.records import F64, PointSweep, Scan, record
+from core.records import F64, PointSweep, Scan
 from jit import kernel
 
 MIN_RANGE_M = 0.15  # nearer is a scanner's own housing, or the robot's body
@@ -89,8 +90,7 @@ def _cast(
             rays[i, k] = ray[k]
 
 
-@record(eq=False)
-class Sweep:
+class Sweep(Struct, frozen=True, eq=False):
     """One scan as rays in the map frame; valid until the next one is cast."""
 
     t_s: float  # of its last beam

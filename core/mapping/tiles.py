@@ -30,6 +30,11 @@ class TileValues:
         self.now_s = -math.inf
         self.doubt = NOT_MAPPED  # the cause for which free is held back; 0: it may be told
 
+    @property
+    def trusted(self) -> bool:
+        """Whether free may be told."""
+        return self.doubt == 0
+
     def values(self, layer: str, i: int, j: int, width: int, first: int, count: int) -> F32 | None:
         """Cells first..first+count, row-major, of the rectangle from world cell (i, j) on.
 

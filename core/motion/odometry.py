@@ -12,6 +12,7 @@ import math
 from collections import deque
 
 import numpy as np
+from msgspec import Struct
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
@@ -20,7 +21,7 @@ from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path
 from core.motion.slip import SIGMA_M
 from core.motion.wheel_check import Turn, WheelCheck
-from core.records import F64, ExternalPose, WheelCounts, record
+from core.records import F64, ExternalPose, WheelCounts
 from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
@@ -67,8 +68,7 @@ def _lay_step(
     return x_m, y_m
 
 
-@record()
-class Pose:
+class Pose(Struct, frozen=True):
     """The body in the map frame at one instant."""
 
     t_s: float
@@ -107,6 +107,7 @@ class Odometry:
         self.v_mps = 0.0
         self.w_radps = 0.0  # from the wheels
         self.breaks = 0
+        self.broken_by = ""  # why it broke last, in words
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -198,7 +199,7 @@ class Odometry:
         elif last is None or self._replaced:
             self._resume(counts.t_s)
         elif counts.restarts != last.restarts:
-            self._break(counts.t_s)
+            self._break(counts.t_s, "the wheels' counters began anew")
         elif counts.t_s > self.newest_s:
             self._travel(last, counts, wrapped(yaw_rad - self._yaw_last_rad))
         self._last, self._yaw_last_rad, self._replaced = counts, yaw_rad, False
@@ -213,7 +214,7 @@ class Odometry:
     def _resume(self, t_s: float) -> None:
         """Counts again, after a positioning system told the place."""
         if t_s > self.newest_s + EXTRAPOLATED_S:
-            self._break(t_s)
+            self._break(t_s, "neither the wheels nor the positioning system told the place")
         elif t_s > self.newest_s:
             x_m, y_m, z_m = self.xyz_at(t_s).tolist()
             self._path.append(t_s, x_m, y_m, z_m, self._path.travel_m)
@@ -228,7 +229,8 @@ class Odometry:
         unseen_turn = dt_s > GAP_S and abs(travel_m * turned_rad) > HIDDEN_M
         blind = gap_s > GAP_S and abs(travel_m) > BLIND_M
         if unseen_turn or blind:
-            self._break(counts.t_s)
+            hidden = "the attitude" if blind else "the wheels' counters"
+            self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
         moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
         wheels_rad = (right_m - left_m) / self._track_width_m
@@ -261,11 +263,6 @@ class Odometry:
             CORRECTION_MPS * dt_s,
         )
 
-    def _step(self, travel_m: float, at_s: float) -> tuple[float, float, float]:
-        """A travel along the body's x axis at a spanned instant, as x, y, z of the map frame."""
-        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(at_s)
-        return self._along(travel_m, pitch_rad, yaw_rad)
-
     def _along(
         self, travel_m: float, pitch_rad: float, yaw_rad: float
     ) -> tuple[float, float, float]:
@@ -278,7 +275,7 @@ class Odometry:
             -travel_m * math.sin(pitch_rad),
         )
 
-    def _break(self, t_s: float) -> None:
+    def _break(self, t_s: float, why: str) -> None:
         """Go on from the same place, as an island of its own."""
         place_m = self._path.newest_m
         self._path.forget()
@@ -289,7 +286,7 @@ class Odometry:
         self.positioning.forget()
         self.wheels.restart()
         self.v_mps = self.w_radps = 0.0
-        self.breaks += 1
+        self.breaks, self.broken_by = self.breaks + 1, why
 
     # From a positioning system
 
@@ -338,12 +335,13 @@ class Odometry:
         self._attitudes.turn_all(turn_rad)
         self._yaw_last_rad += turn_rad
         self.breaks += 1
+        self.broken_by = "the positioning system says that the robot is far from where it seemed"
 
     # What is known of an instant
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if the position is known, or well continued, from..to."""
-        return self._path.oldest_s <= from_s and to_s <= self.newest_s + EXTRAPOLATED_S
+        return self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""
@@ -351,15 +349,16 @@ class Odometry:
 
     def xyz_at(self, at_s: float) -> F64:
         """Position (3,) in the map frame at a covered instant; z from travel and pitch alone."""
-        ahead_s = at_s - self.newest_s
+        ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
             return np.array(self._path.at(at_s)[:3])
         return self._path.newest_xyz_m + self._on_from_newest(ahead_s)
 
     def _on_from_newest(self, ahead_s: float) -> tuple[float, float, float]:
         """The way x, y, z gone on since the newest place, at the newest speed."""
-        middle_s = min(self.newest_s + ahead_s / 2, self._attitudes.newest_s)
-        return self._step(self.v_mps * ahead_s, middle_s)
+        middle_s = min(self._path.newest_s + ahead_s / 2, self._attitudes.newest_s)
+        _, pitch_rad, yaw_rad = self._attitudes.rpy_at(middle_s)
+        return self._along(self.v_mps * ahead_s, pitch_rad, yaw_rad)
 
     @property
     def travel_m(self) -> float:
@@ -368,16 +367,16 @@ class Odometry:
 
     def travel_at(self, at_s: float) -> float:
         """The same at a covered instant."""
-        ahead_s = at_s - self.newest_s
+        ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
             return self._path.at(at_s)[3]
-        return self.travel_m + self.v_mps / self.scale * ahead_s
+        return self._path.travel_m + self.v_mps / self.scale * ahead_s
 
     def maybe_pose(self, at_s: float) -> Pose | None:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
         if not self._attitudes.count or not self.covers(at_s, at_s):
             return None
-        ahead_s = at_s - self.newest_s
+        ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
             x_m, y_m, _, _ = self._path.at(at_s)
         else:  # as `xyz_at` does, without arrays: twice a tick

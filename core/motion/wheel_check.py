@@ -11,9 +11,9 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from core.motion.error_state import ASYMMETRY, BIAS, SIZE, ErrorState
-from core.records import record
 
 SHORT_S = 0.25  # slip is looked for in windows of so long
 LONG_S = 1.0  # and the bias in those
@@ -31,8 +31,7 @@ GYRO_RAD = math.radians(0.05)  # of the gyro's turn, in the root of a second
 GATE = 4.0  # standard deviations
 
 
-@record()
-class Turn:
+class Turn(Struct, frozen=True):
     """What an interval between two pairs of counts held."""
 
     dt_s: float

@@ -16,7 +16,7 @@ from hw.exchange import Exchange, StartAgainError, Steps
 CR_EVERY_S, CR_COUNT = 0.04, 20
 ECHO_S, EXCHANGE_S = 0.1, 0.2
 QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
-FORGET = 0.95  # of the controller's delay, an exchange
+FORGET = 0.98  # of the controller's delay, an exchange
 STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
@@ -51,9 +51,8 @@ class AnswerTimes:
         """From the writing of a query to the last character of its answer, at the soonest."""
         return self._line_s.get(query, (len(query) + 2) * CHARACTER_S) + self._delay_s
 
-    def learn(self, query: str, texts: list[str], took_s: float) -> None:
+    def learn(self, query: str, texts: list[str], took_s: float, is_late: bool) -> None:
         """An exchange that went well. Where it was whole at the first look, look sooner again."""
-        is_late = took_s > self.whole_s(query) + CHARACTER_S
         # a CR behind each line, and the echo of the last one comes a character behind it
         characters = len(query) + 2 + len("".join(texts)) + len(texts)
         self._line_s[query] = line_s = characters * CHARACTER_S
@@ -78,7 +77,8 @@ class Conversation:
     def _hear(self, tick: Tick) -> list[Any]:
         if self._stream.readings:
             self._stream.readings = []
-        self._motors.look(tick.now_s)
+        if self._motors.enabled:
+            self._motors.look(tick.now_s)
         events, restart = list[Any](), ""
         for event in tick.events:
             if isinstance(event, WatchdogStop):
@@ -123,9 +123,10 @@ class Conversation:
         """
         written_s, until_s = self.exchange.now_s, self.exchange.now_s + ECHO_S
         whole_s = written_s + self._times.whole_s(query)
-        echoed, fault, texts, began_s = False, None, list[str](), 0.0
+        echoed, fault, texts, began_s, is_late = False, None, list[str](), 0.0, False
         while fault is None and self.exchange.now_s < until_s:
-            due_s = whole_s if self.exchange.now_s < whole_s < until_s else until_s
+            is_late = self.exchange.now_s >= whole_s  # we have looked, and it was not whole
+            due_s = until_s if is_late else min(whole_s, until_s)
             events = yield from self.exchange.turn(out, due_s, whole_s)
             out = b""
             for event in events:
@@ -144,7 +145,7 @@ class Conversation:
                 if fault is not None:
                     break
         if fault == "":
-            self._times.learn(query, texts, self.exchange.now_s - written_s)
+            self._times.learn(query, texts, self.exchange.now_s - written_s, is_late)
             self.failures, self.fault = 0, "refused"
             taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
             return taken_s, ["-"] if "-" in texts else texts

@@ -5,7 +5,8 @@ misread; what they say is believed only as far as the robot can have moved.
 Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
 """
 
-from core.records import record
+from msgspec import Struct
+
 from hw.ax3500.lines import maybe_rollover, wrap_difference
 from hw.device import BadFrame
 
@@ -18,15 +19,13 @@ OUTAGE_PAIRS, OUTAGE_LIMIT_S = 2.5, 1.0  # of the pace kept; and as far as a slo
 PACE_SMOOTHING = 0.2
 
 
-@record()
-class _Reading:
+class _Reading(Struct, frozen=True):
     t_s: float
     raw: int
     total: float  # continuous travel since an arbitrary zero
 
 
-@record()
-class Pair:
+class Pair(Struct, frozen=True):
     """Travel of both channels at one instant, in counts."""
 
     t_s: float
@@ -58,7 +57,10 @@ class WheelCounters:
     def take(self, channel: int, t_s: float, raw: int) -> Pair | BadFrame | None:
         """What one reading of channel 0 or 1 completes, or why it is not believed."""
         outage_s = max(self._outage_s, min(OUTAGE_LIMIT_S, OUTAGE_PAIRS * self._pace_s))
-        self._learn_pace(channel, t_s)
+        before_s, self._read_s[channel] = self._read_s[channel], t_s
+        if before_s is not None:  # one that answers slowly is not away: an outage follows the pace
+            passed_s = min(t_s - before_s, OUTAGE_LIMIT_S / OUTAGE_PAIRS)
+            self._pace_s += PACE_SMOOTHING * (passed_s - self._pace_s)
         one, two = self._last
         if not (self._tracking and one and two) or t_s - min(one.t_s, two.t_s) > outage_s:
             return self._resume(channel, t_s, raw, outage_s)
@@ -70,13 +72,6 @@ class WheelCounters:
         reading = _Reading(t_s, raw, last.total + travel)
         self._last[channel] = reading
         return None if channel else _maybe_pair(last, reading, two)
-
-    def _learn_pace(self, channel: int, t_s: float) -> None:
-        """A controller that answers slowly is not away: what an outage is follows the pace."""
-        before_s, self._read_s[channel] = self._read_s[channel], t_s
-        if before_s is not None:
-            passed_s = min(t_s - before_s, OUTAGE_LIMIT_S / OUTAGE_PAIRS)
-            self._pace_s += PACE_SMOOTHING * (passed_s - self._pace_s)
 
     def _maybe_travel(self, last: _Reading, t_s: float, raw: int) -> int | None:
         """Counts since the last reading, if the robot can have made them."""

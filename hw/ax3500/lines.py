@@ -5,10 +5,10 @@ Source: AX3500 sheet, sections 1, 2, 4, 5 and 7. ASCII, 7 bits, CR ends a line i
 """
 
 import re
-from dataclasses import dataclass
 from functools import cache
 
-from core.records import record
+from msgspec import Struct
+
 from hw.device import BadFrame
 
 CR = b"\r"
@@ -34,16 +34,14 @@ THERMISTOR = (
 )
 
 
-@record()
-class Line:
+class Line(Struct, frozen=True):
     """What stood between two CR, without `W`, NUL and LF; never empty."""
 
     text: str
     began_s: float  # host clock, when its first character came: read, or so long before its end
 
 
-@dataclass(frozen=True, slots=True)
-class WatchdogStop:
+class WatchdogStop(Struct, frozen=True):
     """A `W`: for 1 s nothing that we sent has reached the controller; it stopped the motors."""
 
 

@@ -216,7 +216,7 @@ class Ax3500Session:
         while True:
             blocked = self._why_blocked()
             self._find_remark(blocked)
-            command = self._motors.maybe_command(blocked)
+            command = self._motors.maybe_command(blocked) if self._motors.enabled else None
             query = None
             if command is None or (command[1] != 0 and self._commands >= len(READ_COUNTER)):
                 query = self._schedule.maybe_next(x.now_s)
@@ -283,8 +283,8 @@ class Ax3500Session:
     def _why_blocked(self) -> str:
         """Why motors get zero only; what is not known is a reason too, where they are enabled."""
         state = self._stream.controller
-        if state.trouble or not self._motors.enabled:
-            return state.trouble
+        if (trouble := state.trouble) or not self._motors.enabled:
+            return trouble
         since_s = max(self._polling_s, self._exchange.now_s - CONDITION_S)
         if state.status is None or state.taken_s[READ_STATUS] < since_s:
             return NO_STATUS
@@ -294,10 +294,10 @@ class Ax3500Session:
 
     def _find_remark(self, blocked: str) -> None:
         """What keeps the motors from their wish, and the line from its pace."""
-        motors, motors_hz = self._motors, 1.0 / REFRESH_S if self._motors.usable else 0.0
-        why = motors.refusal or blocked
-        if not why and motors.turns_wish_down:
-            why = motors.why_off
+        motors, motors_hz, why = self._motors, 0.0, blocked
+        if motors.enabled:
+            why = motors.refusal or blocked or (motors.why_off if motors.turns_wish_down else "")
+            motors_hz = 1.0 / REFRESH_S if motors.usable else 0.0
         slow = self._schedule.remark(self._exchange.now_s, motors_hz)
         self._stream.remark = f"{why}; {slow}" if why and slow else why or slow
         if self._status.state == "running":

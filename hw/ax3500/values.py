@@ -3,8 +3,10 @@
 Source: AX3500 sheet, sections 4 and 7.
 """
 
-from dataclasses import dataclass, field, replace
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from hw.ax3500.lines import BATTERY_V, INTERNAL_V, celsius_from_thermistor, maybe_byte
 
@@ -24,8 +26,7 @@ AMPS_DIVIDERS = {3: 2.0, 1: 4.0, 2: 1.0}  # bit of the identity: AX3500, AX1500,
 Both = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class ControllerState:
+class ControllerState(Struct, frozen=True):
     """The newest of each value; None before it was heard, and where it is refused."""
 
     battery_v: float | None = None
@@ -34,7 +35,7 @@ class ControllerState:
     celsius: Both | None = None  # heat sinks
     emergency_stop: bool | None = None  # True: pressed
     status: int | None = None  # bits of ^89
-    taken_s: dict[str, float] = field(default_factory=dict)  # host clock, by query
+    taken_s: dict[str, float] = {}  # host clock, by query
 
     @property
     def trouble(self) -> str:

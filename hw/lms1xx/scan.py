@@ -9,8 +9,9 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from msgspec import Struct
 
-from core.records import F64, Scan, record
+from core.records import F64, Scan
 from hw.clock import DeviceClock
 from hw.device import BadFrame
 from hw.lms1xx.options import AHEAD_DEG, Lms1xxOptions
@@ -25,8 +26,7 @@ from hw.lms1xx.telegrams import (
 FIRST_DEG, LAST_DEG = FIELD_FIRST / 10_000, FIELD_LAST / 10_000
 
 
-@record(eq=False)
-class Sweep:
+class Sweep(Struct, frozen=True, eq=False):
     """What all scans of one layout have in common."""
 
     part: slice  # the used beams

@@ -12,8 +12,9 @@ from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
-from core.records import F64, record
+from core.records import F64
 from hw.lms1xx.cola import ColaParser, Dialect, DialectSetting, PayloadError
 from hw.lms1xx.cola_fields import Fields, Raw, TextFields, new_fields
 
@@ -55,8 +56,7 @@ REFUSALS = {  # those that a host may meet; the sheet has them all
 }
 
 
-@record(eq=False)
-class Channel:
+class Channel(Struct, frozen=True, eq=False):
     """One block of values, as the device sent them."""
 
     content: str  # DIST1, DIST2, RSSI1, RSSI2, ...
@@ -72,8 +72,7 @@ class Channel:
         return self.first_deg, self.step_deg, len(self.raw)
 
 
-@record(eq=False)
-class ScanTelegram:
+class ScanTelegram(Struct, frozen=True, eq=False):
     """`LMDscandata`, in the device's own units and clock."""
 
     arrived_s: float  # host clock
@@ -99,8 +98,7 @@ class ScanTelegram:
     dialect: Dialect = "binary"
 
 
-@record()
-class Answer:
+class Answer(Struct, frozen=True):
     """Any other telegram: an answer to a command of that name, or an event (sSN)."""
 
     kind: str  # sRA, sWA, sAN, sEA, sSN
@@ -112,8 +110,7 @@ class Answer:
         return new_fields(self.values, self.dialect)
 
 
-@record()
-class Refusal:
+class Refusal(Struct, frozen=True):
     """`sFA`: the device does not do what the command said; it does not say which command."""
 
     code: int

@@ -5,7 +5,9 @@ free way, mode "fault". Ages are those of the instant of reading.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from core.records import PoseReport, StopZoneReport
 from hw.modbus.layout import (

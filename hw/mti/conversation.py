@@ -32,10 +32,13 @@ class Conversation:
 
     def _hear(self, tick: Tick) -> list[MtFrame]:
         """The frames of a tick; a WakeUp is answered, and ends what is going on."""
-        frames = [event for event in tick.events if isinstance(event, MtFrame)]
-        self._has_noise = self._has_noise or bool(tick.events)
-        self._has_frames = self._has_frames or bool(frames)
-        if WAKE_UP not in [frame.mid for frame in frames]:
+        frames, wakes_up = [], False
+        for event in tick.events:
+            self._has_noise = True
+            if isinstance(event, MtFrame):
+                frames.append(event)
+                self._has_frames, wakes_up = True, wakes_up or event.mid == WAKE_UP
+        if not wakes_up:
             return frames
         self.exchange.reply(encode_frame(Mid.WakeUpAck))
         if not self.waits:

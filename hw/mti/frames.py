@@ -7,12 +7,11 @@ all bytes after FA is 0 modulo 256; big-endian.
 import re
 import struct
 from collections import deque
-from dataclasses import field
 from enum import IntEnum
 
 import numpy as np
+from msgspec import Struct
 
-from core.records import record
 from hw.device import BadFrame
 
 PREAMBLE, MASTER, EXTENDED = 0xFA, 0xFF, 0xFF
@@ -97,13 +96,12 @@ def describe_error(data: bytes) -> str:
     return f"error {data[0]:02X}{more}, {ERRORS.get(data[0], 'not listed')}"
 
 
-@record()
-class MtFrame:
+class MtFrame(Struct, frozen=True):
     """One frame whose checksum is right."""
 
     mid: int
     data: bytes
-    arrived_s: float = field(default=0.0, compare=False)  # host clock, when its last byte was read
+    arrived_s: float = 0.0  # host clock, when its last byte was read
 
     @property
     def wire_bytes(self) -> int:
@@ -133,20 +131,15 @@ class MtParser:
 
     def __init__(self, baud: int) -> None:
         self._byte_s = 10 / baud
-        self._buffer = bytearray()
+        self.kept = bytearray()  # of a frame that is not whole yet
         self._taken = 0  # bytes of the stream before the buffer
         self._arrivals: deque[tuple[int, float]] = deque()  # end of a piece in the stream, when
         self._claimed, self._begun_s = 0, 0.0  # bytes of the frame at the front, its begin; or 0
         self._junk = bytearray()  # not told yet
         self._junk_reason, self._junk_s = "", 0.0
 
-    @property
-    def holds_any(self) -> bool:
-        """Whether a part of a frame is kept."""
-        return bool(self._buffer)
-
     def feed(self, now_s: float, data: bytes) -> list[MtFrame | BadFrame]:
-        buffer = self._buffer
+        buffer = self.kept
         buffer += data
         if data:
             self._arrivals.append((self._taken + len(buffer), now_s))
@@ -161,7 +154,7 @@ class MtParser:
     def _events(self, now_s: float) -> list[MtFrame | BadFrame]:
         """What the buffer holds, but for a frame at its end that may still be completed."""
         events: list[MtFrame | BadFrame] = []
-        buffer, at, self._claimed = self._buffer, 0, 0
+        buffer, at, self._claimed = self.kept, 0, 0
         while at < len(buffer):
             reason, head, size = self._claim(at)
             end = at + size
@@ -178,11 +171,15 @@ class MtParser:
                 end = start.start() if start else len(buffer)
                 events += self._reject(reason, buffer[at:end], now_s)
             else:
-                events += self._told_junk()
+                if self._junk:
+                    events += self._told_junk()
                 data = bytes(buffer[at + head : end - 1])
                 events.append(MtFrame(buffer[at + 2], data, self._arrived_s(end)))
             at = end
-        self._drop(at)
+        del buffer[:at]
+        self._taken += at
+        if not buffer:
+            self._arrivals.clear()
         return events
 
     def _has_time(self, size: int, now_s: float) -> bool:
@@ -191,7 +188,7 @@ class MtParser:
 
     def _claim(self, at: int) -> tuple[str, int, int]:
         """Why no frame begins there, or "", its head and its size as far as they are known."""
-        buffer = self._buffer
+        buffer = self.kept
         left = len(buffer) - at
         if buffer[at] != PREAMBLE or (left > 1 and buffer[at + 1] not in BUS_IDS):
             return NO_START, 0, 0
@@ -216,8 +213,6 @@ class MtParser:
         return told
 
     def _told_junk(self) -> list[BadFrame]:
-        if not self._junk:
-            return []
         junk, self._junk = bytes(self._junk), bytearray()
         return [BadFrame(self._junk_reason, junk)]
 
@@ -227,12 +222,6 @@ class MtParser:
             self._arrivals.popleft()
         return self._arrivals[0][1]
 
-    def _drop(self, count: int) -> None:
-        del self._buffer[:count]
-        self._taken += count
-        if not self._buffer:
-            self._arrivals.clear()
-
 
 def _adds_up(frame: bytearray) -> bool:
     """Whether the sum of all bytes after FA is 0 modulo 256; quick for long claims of junk, too."""
@@ -240,8 +229,7 @@ def _adds_up(frame: bytearray) -> bool:
     return total & 0xFF == PREAMBLE
 
 
-@record()
-class MtConfiguration:
+class MtConfiguration(Struct, frozen=True):
     """What is used of the 118 bytes of Configuration."""
 
     period: int  # 1/115200 s

@@ -72,7 +72,7 @@ class MtDataDecoder:
         if len(data) != self.size:
             reason = f"{len(data)} data bytes, {self.size} by output mode and settings"
             return BadFrame(reason, data)
-        return sample_of([(name, read(data, start)) for name, start, read in self._fields], data)
+        return sample_of(self._fields, data)
 
 
 def _maybe_reader(name: str, size: int, settings: int) -> Reader | None:
@@ -112,7 +112,7 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
 
 def decode_mtdata2(data: bytes) -> Decoded:
     """The packets of one MTData2 message, in any order."""
-    wrong, fields = "", []
+    wrong, fields = "", list[tuple[str, int, Reader]]()
     start, end = 0, len(data)
     while start < end:
         begin = start + PACKET.size
@@ -123,7 +123,7 @@ def decode_mtdata2(data: bytes) -> Decoded:
         if layout := _maybe_layout(identifier):
             name, due, read = layout
             if size == due:
-                fields.append((name, read(data, begin)))
+                fields.append((name, begin, read))
             else:
                 wrong = wrong or f"packet {identifier:04X} has {size} bytes"
     return BadFrame(wrong, data) if wrong else sample_of(fields, data)

@@ -17,7 +17,8 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-from core.records import record
+from msgspec import Struct
+
 from hw.device import BadFrame
 
 Vector = tuple[float, float, float]
@@ -33,8 +34,7 @@ MAX_RATE_RADPS = 100.0  # the fastest variant of the device ends at 21
 HALF_ROOT = math.sqrt(0.5)
 
 
-@record()
-class MtSample:
+class MtSample(Struct, frozen=True):
     """What one data message says; None where it is silent. Earth frame: x north, y west, z up."""
 
     counter: int | None = None  # 0..65535, +1 per sample
@@ -50,23 +50,24 @@ class MtSample:
 Decoded = MtSample | BadFrame
 
 
-def sample_of(fields: Sequence[tuple[str, Sequence[float] | None]], data: bytes) -> Decoded:
+def sample_of(fields: Sequence[tuple[str, int, Reader]], data: bytes) -> Decoded:
     """The fields of a message, or why it is worth nothing.
 
     Args:
-        fields: each with its numbers; None: an orientation that is none.
+        fields: each with its place in the data, and its reader.
         data: of the message.
     """
-    sample = MtSample()
-    for name, values in fields:
+    found = {}
+    for name, start, read in fields:
+        values = read(data, start)
         if values is None:
             return BadFrame("orientation is not a rotation", data)
         if not math.isfinite(sum(values)):
             return BadFrame(f"{name} is not finite", data)
         if name == "rate_radps" and max(*values, -min(values)) > MAX_RATE_RADPS:
             return BadFrame("rate of turn beyond any such device", data)
-        setattr(sample, name, values if len(values) > 1 else values[0])
-    return sample
+        found[name] = values if len(values) > 1 else values[0]
+    return MtSample(**found)
 
 
 @cache
@@ -92,6 +93,9 @@ def number_reader(count: int, number_format: int) -> Reader:
 def orientation_reader(kind: int, number_format: int, frame: int) -> Reader:
     """Reads a quaternion or Euler angles as the quaternion of `maybe_orientation`, or None."""
     read = number_reader(ORIENTATION_NUMBERS[kind], number_format)
+    if frame == NWU:  # nothing to turn
+        maybe_q = maybe_unit if kind == QUATERNION else maybe_from_euler_deg
+        return lambda data, start: maybe_q(*read(data, start))
     return lambda data, start: maybe_orientation(kind, read(data, start), frame)
 
 

@@ -188,7 +188,7 @@ class Mti(Device[Attitude]):
         """
         if self._maybe_gathers is None:
             return
-        is_between = self.status.state == "running" and not self._parser.holds_any
+        is_between = self.status.state == "running" and not self._parser.kept
         size = self.session.reader.frame_bytes if is_between else 0
         wanted = (size if 0 < size <= MOST_GATHERED else 1, self.port.opened)
         if wanted == self._gathered:

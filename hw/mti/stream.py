@@ -3,10 +3,11 @@
 Source: MTi sheet, sections 4, 5 and 9.
 """
 
-import dataclasses
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from core.records import Attitude
 from hw.device import BadFrame, DeviceStatus
@@ -25,7 +26,7 @@ DATA_MIDS = (MTDATA, int(Mid.MTData2))
 STAMPS = ("counter", "fine_ticks", "status")  # in every message
 
 
-class Received(NamedTuple):
+class Received(Struct, frozen=True):
     """A sample, and the frame by which its time is found."""
 
     sample: MtSample
@@ -93,19 +94,19 @@ class SampleMerger:
 
 
 def _said(sample: MtSample) -> set[str]:
-    names = (part.name for part in dataclasses.fields(sample) if part.name not in STAMPS)
+    names = (name for name in sample.__struct_fields__ if name not in STAMPS)
     return {name for name in names if getattr(sample, name) is not None}
 
 
 def _joined(first: Received, second: Received) -> Received:
     """Timed by the message with the orientation."""
     values = {
-        part.name: getattr(second.sample, part.name)
-        for part in dataclasses.fields(MtSample)
-        if getattr(first.sample, part.name) is None
+        name: getattr(second.sample, name)
+        for name in MtSample.__struct_fields__
+        if getattr(first.sample, name) is None
     }
     timed = first if first.sample.q_earth_sensor is not None else second
-    return Received(dataclasses.replace(first.sample, **values), timed.frame)
+    return Received(replace(first.sample, **values), timed.frame)
 
 
 class StreamReader:
@@ -126,20 +127,31 @@ class StreamReader:
         self.newest = newest
         self._status, self._stream = status, stream
         joins = stream.legacy is None and stream.with_rate  # else nothing waits for its rate
-        self._merger = SampleMerger(stream.period_s if joins else 0.0)
+        self._maybe_merger = SampleMerger(stream.period_s) if joins else None
         self._watch = RateWatch(stream.period_s)
         self._newest_s = math.nan  # arrival of it; NaN: in a stream before this one
         self._foreign = 0
         self._error, self._error_s = "", -math.inf  # the last Error, and when
 
     def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
+        complete, merger = list[Received](), self._maybe_merger
         for frame in frames:
             before, self._newest_bytes = self._newest_bytes, frame.wire_bytes
-            self.frame_bytes = before if frame.wire_bytes == before else 0
-        complete = [received for frame in frames for received in self._received(frame)]
-        complete += self._merger.flush(now_s)
+            self.frame_bytes = before if self._newest_bytes == before else 0
+            if frame.mid not in DATA_MIDS:
+                self._note(frame)
+                continue
+            sample = self._checked(frame)
+            if isinstance(sample, BadFrame):
+                self._refuse(sample)
+            else:
+                received = Received(sample, frame)
+                complete += [received] if merger is None else merger.take(received)
+        if merger is not None:
+            complete += merger.flush(now_s)
         attitudes = []
-        for sample, frame in complete:
+        for received in complete:
+            sample, frame = received.sample, received.frame
             if sample.q_earth_sensor is not None:
                 t_s = self.times.t_s(sample, frame.arrived_s, frame.wire_bytes)
                 rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
@@ -152,18 +164,11 @@ class StreamReader:
             return self._error
         return self._stream.remark or self._watch.remark
 
-    def _received(self, frame: MtFrame) -> list[Received]:
-        if frame.mid not in DATA_MIDS:
-            self._note(frame)
-            return []
-        sample = self._checked(frame)
-        if isinstance(sample, BadFrame):
-            self._status.reject(sample)
-            self.complaint = sample.reason
-            if self._foreign >= MAX_FOREIGN:
-                raise StartAgainError(f"the MTi does not send what was set: {sample.reason}")
-            return []
-        return self._merger.take(Received(sample, frame))
+    def _refuse(self, bad: BadFrame) -> None:
+        self._status.reject(bad)
+        self.complaint = bad.reason
+        if self._foreign >= MAX_FOREIGN:
+            raise StartAgainError(f"the MTi does not send what was set: {bad.reason}")
 
     def _note(self, frame: MtFrame) -> None:
         """What it says between its data."""
@@ -192,7 +197,8 @@ class StreamReader:
         """False for a sample that was there before; counts those that never came."""
         newest, passed_s = self.newest, arrived_s - self._newest_s
         self.newest, self._newest_s = sample, arrived_s
-        if newest is None or self._merger.continues(sample):
+        merger = self._maybe_merger
+        if newest is None or (merger is not None and merger.continues(sample)):
             return True
         before, now = newest.fine_ticks, sample.fine_ticks
         ticks_moved = before is not None and now is not None and before != now

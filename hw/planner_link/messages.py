@@ -4,12 +4,15 @@ No I/O, no clock. What is no valid frame gives `BadFrame`; nothing raises on inp
 Source: planner link, sections 2, 3 and 9.
 """
 
+import dataclasses
 import hmac
 import math
+import struct
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from struct import Struct
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from hw.device import BadFrame
 from hw.planner_link.frames import (
@@ -38,8 +41,7 @@ NO_YAW, NO_PLACE, MOST_YAW = -(2**15), -(2**31), 31416  # 0.0001 rad
 MOST_CORRELATION, OLDEST_MS = 10_000, 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Ack:
+class Ack(Struct, frozen=True):
     """What a planner says of the frames that it got."""
 
     seq: int
@@ -51,8 +53,7 @@ class Ack:
     geom_id: int
 
 
-@dataclass(frozen=True, slots=True)
-class Hello:
+class Hello(Struct, frozen=True):
     """A planner that has just started."""
 
     seq: int
@@ -64,8 +65,7 @@ class Hello:
     signed: bool = False  # with a valid tag
 
 
-@dataclass(frozen=True, slots=True)
-class Ask:
+class Ask(Struct, frozen=True):
     """What a planner wants to have at once."""
 
     id: int
@@ -77,8 +77,7 @@ class Ask:
     height: int
 
 
-@dataclass(frozen=True, slots=True)
-class Drive:
+class Drive(Struct, frozen=True):
     """What a commander wants the robot to do; every field lies within its range."""
 
     seq: int
@@ -90,8 +89,7 @@ class Drive:
     valid_s: float  # 0: stop now
 
 
-@dataclass(frozen=True, slots=True)
-class External:
+class External(Struct, frozen=True):
     """Where a positioning system saw the robot; every field lies within its range."""
 
     seq: int
@@ -143,7 +141,7 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFra
     body = frame[HEAD.size : end]
     answer = decode(seq, t_ms, *layout.unpack(body)) if len(body) == layout.size else None
     if isinstance(answer, Hello) and secret is not None:
-        own = replace(secret, nonce=answer.nonce)
+        own = dataclasses.replace(secret, nonce=answer.nonce)
         answer = replace(answer, signed=_is_signed(frame[:end], tag, own))
     return answer or BadFrame(f"{name} out of range", frame)
 
@@ -201,10 +199,10 @@ def _maybe_external(seq: int, t_ms: int, *fields: int) -> External | None:
     )
 
 
-BODIES: dict[int, tuple[str, Struct, Callable[..., Answer | None]]] = {
-    ACK: ("ACK", Struct("<HIIHHBB"), _ack),
-    HELLO: ("HELLO", Struct("<IIHH"), _hello),
-    DRIVE: ("DRIVE", Struct("<IIhhHH"), _maybe_drive),
-    ASK: ("ASK", Struct("<HBBhhHH"), _maybe_ask),
-    EXTERNAL_POSE: ("EXTERNAL_POSE", Struct("<IIiihHHhHH"), _maybe_external),
+BODIES: dict[int, tuple[str, struct.Struct, Callable[..., Answer | None]]] = {
+    ACK: ("ACK", struct.Struct("<HIIHHBB"), _ack),
+    HELLO: ("HELLO", struct.Struct("<IIHH"), _hello),
+    DRIVE: ("DRIVE", struct.Struct("<IIhhHH"), _maybe_drive),
+    ASK: ("ASK", struct.Struct("<HBBhhHH"), _maybe_ask),
+    EXTERNAL_POSE: ("EXTERNAL_POSE", struct.Struct("<IIiihHHhHH"), _maybe_external),
 }

@@ -34,7 +34,7 @@ from hw.planner_link.kernels import (
 
 
 def _span_of(corners: list[tuple[int, int]]) -> Span:
-    i, j = [corner[0] for corner in corners], [corner[1] for corner in corners]
+    i, j = zip(*corners, strict=True)
     return min(i), max(i), min(j), max(j)
 
 
@@ -110,7 +110,8 @@ class PublishedMap:
             self._enter(old, self._span if careful else NO_SPAN)
             low_i, high_i, low_j, high_j = self._span
             self._span = _span_of([(low_i, low_j), (high_i, high_j), corner])
-        note_cells(self._cells, self._trusted, listed, self._ring)
+        if len(listed):  # of a tick between two scans nothing
+            note_cells(self._cells, self._trusted, listed, self._ring)
         return old if moved else None
 
     def _enter(self, old: tuple[int, int], span: Span) -> None:

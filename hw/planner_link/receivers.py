@@ -10,7 +10,7 @@ import hashlib
 from collections.abc import Sequence
 from typing import Any
 
-from core.records import ExternalPose, ObstacleMap, PoseReport, StopZoneReport
+from core.records import ObstacleMap, PoseReport, StopZoneReport
 from hw.device import Port
 from hw.planner_link.answers import AnswerSource
 from hw.planner_link.requests import NO_LINK, ExternalPoses, ReplayGuard, Requests
@@ -22,7 +22,9 @@ class Planners:
 
     def __init__(self, wires: Sequence[Wire], settings: LinkSettings, session: int) -> None:
         self.session, self._era = session, -1
-        guard = self._guard = ReplayGuard(session, has_key=settings.key is not None)
+        self.renewed_because = ""  # why this session is not the run's first one, in words
+        self._has_key = settings.key is not None
+        guard = self._guard = ReplayGuard(session, has_key=self._has_key)
         asked = self.requests, self.external_poses = Requests(guard), ExternalPoses(guard)
         self.links = [
             PlannerLink(wire, settings, session, *asked, number)
@@ -50,9 +52,13 @@ class Planners:
         """A new session, for all: before the frames' clock wraps (49 days), or memory is full."""
         era, before = round(now_s * 1000) // 2**32, self._era
         self._era = era
-        is_full = self._guard.is_full or any(link.peer.is_full for link in self.links)
-        if before in (-1, era) and not is_full:
+        if before in (-1, era) and not (self._has_key and self._is_full):
             return
+        self.renewed_because = (
+            "no further commander can be told from a replay"
+            if self._is_full and self._has_key
+            else "the clock of the frames wraps"
+        )
         old = self.session.to_bytes(4, "little")
         self.session = int.from_bytes(hashlib.blake2s(old, digest_size=4).digest(), "little")
         self._guard.restart(self.session)
@@ -60,17 +66,21 @@ class Planners:
             link.restart(self.session)
 
     @property
-    def backlog(self) -> bool:
-        """Whether bytes wait for a wire to take them, which polling hands over."""
-        return any(link.wire.port.backlog for link in self.links)
+    def _is_full(self) -> bool:
+        """Whether no further planner or commander can be told from a replay."""
+        return self._guard.is_full or any(link.peer.is_full for link in self.links)
+
+    @property
+    def backlog(self) -> int:
+        """Bytes that wait for a wire to take them, which polling hands over."""
+        bytes_left = 0
+        for link in self.links:
+            bytes_left += link.wire.port.backlog
+        return bytes_left
 
     def heard(self, now_s: float) -> bool:
         """Whether any planner has sent a valid frame within the last second."""
         return any(link.heard(now_s) for link in self.links)
-
-    def take_external_poses(self) -> list[ExternalPose]:
-        """Those that counted since the last call, from whatever link."""
-        return self.external_poses.take_all()
 
     @property
     def stop_reason(self) -> str:

@@ -6,7 +6,8 @@ Source: planner link, section 6.
 """
 
 from collections import deque
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from core.records import I32
 from hw.planner_link.messages import NEED_GEOM, Ack
@@ -17,8 +18,7 @@ REMEMBERED = 512  # MAP frames without an ACK
 MOST_LAG = 2**14  # frames: half of what a receiver can tell from the future
 
 
-@dataclass(frozen=True, slots=True)
-class SentMap:
+class SentMap(Struct, frozen=True):
     """A frame on its way: what to send again if it gets lost."""
 
     seq: int  # unwrapped

@@ -55,9 +55,10 @@ class FrameScheduler:
         first_seq: int,
     ) -> None:
         self.port, self._tick_s = port, tick_s
-        self.secret = secret
+        self.sign_with(secret)
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
         self.budget = Budget(self._bytes_per_s * tick_s)
+        self._line_bytes = self.budget.tick_bytes / LINE_SHARE  # in one tick, used to the full
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
         self.max_frame = MAX_FRAME
         self._slice_body = slice_body  # bytes of the body that the share is saved up for
@@ -66,14 +67,9 @@ class FrameScheduler:
         self._t_ms = array("I", bytes(4 * 2**16))  # of the newest of a number
         self.frames_sent = 0
 
-    @property
-    def secret(self) -> Secret | None:
-        """What frames are signed with, if they are; settable."""
-        return self._secret
-
-    @secret.setter
-    def secret(self, secret: Secret | None) -> None:
-        self._secret = secret
+    def sign_with(self, secret: Secret | None) -> None:
+        """What frames are signed with from now on, if they are."""
+        self.secret = secret
         self._bare_bytes = HEAD.size + CRC.size + (TAG_BYTES if secret else 0)  # of a frame
 
     def earn(self, now_s: float) -> float:
@@ -93,11 +89,6 @@ class FrameScheduler:
         budget.saved = min(budget.saved + share, budget.most_saved)
         budget.line_left = line_bytes - waiting
         return dt_s
-
-    @property
-    def _line_bytes(self) -> float:
-        """What the line could carry in one tick, were it used to the full."""
-        return self.budget.tick_bytes / LINE_SHARE
 
     @property
     def is_full(self) -> bool:
@@ -134,7 +125,7 @@ class FrameScheduler:
         self.budget.credit -= len(lead)
         for k, (kind, flags, body) in enumerate(self._queued):
             more = MORE if k + 1 < len(self._queued) else 0
-            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self._secret)
+            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)
             self.port.write(frame if self.port.datagrams else lead + encode_serial(frame))
             lead = b""
             self._t_ms[(first + k) % 2**16] = t_ms

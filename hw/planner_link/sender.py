@@ -108,6 +108,7 @@ class LinkCounters:
 
     acks: int = 0
     answers_rejected: int = 0  # bytes from the planner that were no valid frame
+    rejected_because: str = ""  # the newest of them
     ticks_held: int = 0  # in which nothing went out: the wire was not open, or still full
 
 
@@ -160,7 +161,7 @@ class PlannerLink:
     def restart(self, session: int) -> None:
         """Go on as another run does, under a new session: also who only asks hears of it."""
         self.session = session
-        self._scheduler.secret = self._secret
+        self._scheduler.sign_with(self._secret)
         self.peer.begin_session()
         self._state.epoch_due = self._state.geom_due = True
 
@@ -183,11 +184,11 @@ class PlannerLink:
 
     def _take(self, now_s: float, frame: bytes | BadFrame) -> None:
         if isinstance(frame, BadFrame):
-            self.counters.answers_rejected += 1
+            self._reject(frame.reason)
             return
         answer = decode_answer(frame, self._scheduler.secret)
         if isinstance(answer, BadFrame):
-            self.counters.answers_rejected += 1
+            self._reject(answer.reason)
             for kind, counted in ((DRIVE, self.requests), (EXTERNAL_POSE, self.external_poses)):
                 if is_kind(frame, kind):
                     counted.refuse(answer.reason)
@@ -208,10 +209,14 @@ class PlannerLink:
             case External():
                 self.external_poses.take(now_s, answer, self.wire.pose_refusal)
 
+    def _reject(self, reason: str) -> None:
+        self.counters.answers_rejected += 1
+        self.counters.rejected_because = reason
+
     def _take_hello(self, hello: Hello) -> None:
         if self.peer.take_hello(hello):
             self._answers.forget()
-            self._scheduler.secret = self._secret
+            self._scheduler.sign_with(self._secret)
             self._state.epoch_due = True
         self._scheduler.max_frame = self.peer.max_frame
         self._state.geom_due = True
@@ -279,7 +284,7 @@ class PlannerLink:
 
     def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
         settings, pushes, wanted = self._settings, not self.peer.polled, self._state.wanted
-        calls = self._calls_out(now_s)
+        calls = not pushes and self._calls_out(now_s)
         due = pushes and _is_due(now_s, self._state.geom_s, GEOM_EVERY_S)
         if not self.peer.refusal and (self._state.geom_due or due or calls or wanted & ASK_GEOM):
             self._state.geom_due, self._state.geom_s = False, now_s
@@ -299,7 +304,7 @@ class PlannerLink:
     def _calls_out(self, now_s: float) -> bool:
         """Whether a planner that only asks is to be shown where we are."""
         state = self._state
-        if not self.peer.polled or not self.wire.port.datagrams or state.heard_s is None:
+        if not self.wire.port.datagrams or state.heard_s is None:
             return False
         calls = _is_due(now_s, state.heard_s, UNHEARD_S)
         calls &= _is_due(now_s, state.called_s, GEOM_EVERY_S)

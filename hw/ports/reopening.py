@@ -3,7 +3,6 @@
 Source: the rules in hw/ports/wires.py; reasons are the operating system's, in our words.
 """
 
-import contextlib
 import errno
 import os
 import termios
@@ -61,6 +60,10 @@ class ReopeningPort:
         self._now_s = now_s
         if self._finished:
             return False
+        if self._is_open and not self._out:  # as nearly always
+            return True
+        if not self._is_open:
+            self._look_around()
         try:
             if not self._is_open and now_s >= self._retry_s and self._try_open():
                 self._is_open, self._delivered = True, False
@@ -124,10 +127,16 @@ class ReopeningPort:
         self._retry_s = min(self._retry_s, self._now_s + within_s)
 
     def _flush(self) -> None:
-        with contextlib.suppress(BlockingIOError):
+        try:
             while self._out and (taken := self._send(bytes(self._out[:READ_SIZE]))):
                 del self._out[:taken]
-        self.backlog = len(self._out)
+        except BlockingIOError:  # later
+            return
+        finally:
+            self.backlog = len(self._out)
+
+    def _look_around(self) -> None:
+        """Closed: something may speak for trying sooner."""
 
     def _try_open(self) -> bool:
         """Begin to open, or go on with it; True once open; raises OSError if that failed."""

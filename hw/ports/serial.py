@@ -93,13 +93,12 @@ class SerialPort(ReopeningPort):
         self._seen: tuple[int, ...] = ()  # the path as it was when it was last tried; () for absent
         self._look_s = float("-inf")
 
-    def poll(self, now_s: float) -> bool:
-        """As the base; and a path that has appeared or changed does not wait for its turn."""
-        if not self._is_open and self._look_s <= now_s < self._retry_s:
-            self._look_s = now_s + RETRY_FIRST_S
+    def _look_around(self) -> None:
+        """A path that has appeared or changed does not wait for its turn."""
+        if self._look_s <= self._now_s < self._retry_s:
+            self._look_s = self._now_s + RETRY_FIRST_S
             if self._path_now() != self._seen:
-                self._retry_s, self._backoff_s = now_s, RETRY_FIRST_S
-        return super().poll(now_s)
+                self._retry_s, self._backoff_s = self._now_s, RETRY_FIRST_S
 
     def _path_now(self) -> tuple[int, ...]:
         """What tells one device node from the next at the same path; () if there is none."""
@@ -146,15 +145,14 @@ class SerialPort(ReopeningPort):
         # nothing lies ready both wait for a worker of the kernel's, an ordinary process, which on a
         # busy machine comes tens of milliseconds later, whatever our priority.
         if self._arrivals is not None and self._arrivals.poll(0):
-            data = os.read(self._fd, self._readable_size())
+            size = self._gathered_size() if self._gathers > 1 else READ_SIZE
+            data = os.read(self._fd, size)
             if not data:  # it has hung up
                 raise OSError(errno.EIO, os.strerror(errno.EIO))
             pieces.append(data)
 
-    def _readable_size(self) -> int:
+    def _gathered_size(self) -> int:
         """How many bytes to read: whole gatherings of them, if there are any."""
-        if self._gathers <= 1:
-            return READ_SIZE
         waiting = bytearray(4)
         fcntl.ioctl(self._fd, termios.FIONREAD, waiting)
         count = int.from_bytes(waiting, sys.byteorder)

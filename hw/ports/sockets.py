@@ -1,6 +1,5 @@
 """Ports over sockets: a TCP connection, as its client, and datagrams to and from one peer."""
 
-import contextlib
 import errno
 import os
 import socket
@@ -102,10 +101,10 @@ class UdpPort(SocketPort):
         if self._socket is None or not data:
             return
         try:
-            with contextlib.suppress(ConnectionRefusedError):  # tells of an earlier one:
+            try:
                 self._socket.send(data)
-                return
-            self._socket.send(data)  # this one did not leave yet
+            except ConnectionRefusedError:  # tells of an earlier one: this one did not leave yet
+                self._socket.send(data)
         except ConnectionRefusedError:
             pass
         except OSError as error:

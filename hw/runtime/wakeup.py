@@ -83,11 +83,14 @@ class WakeUp:
             now_s = self._clock()
             until_s = min(due_s, self._arm(now_s, hears_s))
             wait_s = min(until_s - now_s, self._beside.wait_s)
-            found = [fd for fd, _ in self._epoll.poll(max(0.0, wait_s))]
-            self._armed.difference_update(found)
-            if has_run := self._beside_fd in found or self._beside.wait_s <= 0.0:
+            readable, has_run = list[Port](), self._beside.wait_s <= 0.0
+            for fd, _ in self._epoll.poll(max(0.0, wait_s)):
+                self._armed.discard(fd)
+                has_run |= fd == self._beside_fd
+                if fd in self._known:
+                    readable.append(self._known[fd][0])
+            if has_run:
                 self._beside.run()
-            readable = [self._known[fd][0] for fd in found if fd in self._known]
             if readable or has_run or not self._clock() < due_s:
                 return readable
 
@@ -117,7 +120,9 @@ class WakeUp:
                 next_s = from_s
             if is_heard is (fd in armed) or fd not in self._known:
                 continue
-            with contextlib.suppress(OSError):  # closed: its port will say so
+            try:
                 self._epoll.modify(fd, select.EPOLLONESHOT | (select.EPOLLIN if is_heard else 0))
-                (armed.add if is_heard else armed.discard)(fd)
+            except OSError:  # closed: its port will say so
+                continue
+            (armed.add if is_heard else armed.discard)(fd)
         return next_s

@@ -67,6 +67,28 @@ def test_changes_are_told_once_and_counters_every_second(pipe: tuple[IO[str], Lo
     assert [event["event"] for event in events].count("ticks_counted") == 3
 
 
+def test_restarts_and_what_is_refused_are_told_with_their_causes(
+    pipe: tuple[IO[str], LogWriter],
+) -> None:
+    far_end, writer = pipe
+    loop = ClosedLoop(CONFIG)
+    loop.run(2.5)
+    odometry, planners = loop.app.mapper.odometry, loop.app.planners
+    odometry._break(loop.now_s, "for a test")
+    loop.link_port.give(b"no frame of ours")
+    planners.links[0].peer.refusal = "the planner is too small"
+    planners._renew(loop.now_s + 2**32 / 1000)
+    loop.run(1.2)
+    writer.close()
+    os.set_blocking(far_end.fileno(), False)
+    told = {event.pop("event"): event for event in map(json.loads, far_end.read().splitlines())}
+    assert told["map_erased"]["because"] == "for a test"
+    assert told["session_renewed"]["because"] == "the clock of the frames wraps"
+    assert told["answers_rejected"]["newest_reason"] == "bad checksum"
+    assert told["answers_rejected"]["total"] == 1
+    assert told["map_refused"]["because"] == "the planner is too small"
+
+
 def test_lines_for_a_person() -> None:
     keys = {"reason": "no space left", "file": "hall.map", "late_s": 0.5}
     assert re.fullmatch(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from core.geometry import R_from_rpy
 from core.records import PoseReport, StopZoneReport
@@ -77,7 +78,7 @@ def test_what_is_not_known_never_looks_free() -> None:
 def test_a_pose_that_is_not_known_is_not_told() -> None:
     messages = Messages(SHAPE, UTC_OFFSET_S)
     assert {"/pose", "/tf"} <= decoded(messages.of_state(STATE)).keys()
-    blind = decoded(messages.of_state(replace(STATE, pose=replace(POSE, health=0, mode=3))))
+    blind = decoded(messages.of_state(replace(STATE, pose=structs.replace(POSE, health=0, mode=3))))
     assert not {"/pose", "/tf"} & blind.keys()
     assert blind["/scene"]["entities"] == []  # and what was drawn is deleted:
     assert blind["/scene"]["deletions"][0]["type"] == 1
@@ -107,7 +108,7 @@ def test_the_trail_of_the_path_is_bounded_and_thinned() -> None:
     messages = Messages(SHAPE, UTC_OFFSET_S)
     scene: dict[str, Any] = {}
     for k in range(4000):
-        pose = replace(POSE, x_m=0.05 * k)
+        pose = structs.replace(POSE, x_m=0.05 * k)
         told = {topic: m for topic, _, m in messages.of_state(replace(STATE, pose=pose))}
         scene = told["/scene"]
     [path] = [entity for entity in scene["entities"] if entity["id"] == "path"]
@@ -160,7 +161,7 @@ def lacks(value: Any, schema: dict[str, Any], where: str) -> Iterator[str]:
 def test_messages_are_what_their_schemas_say() -> None:
     messages = Messages(SHAPE, UTC_OFFSET_S)
     seen = set()
-    moved = replace(STATE, pose=replace(POSE, x_m=3.0))
+    moved = replace(STATE, pose=structs.replace(POSE, x_m=3.0))
     for topic, name, message in [
         *messages.of_state(STATE),
         *messages.of_state(moved),

@@ -9,11 +9,12 @@ import socket
 import struct
 import tty
 from collections.abc import AsyncIterator, Callable, Coroutine
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from core.records import FREE, I8, OBSTACLE, ObstacleMap, PoseReport, StopZoneReport
 from hw.device import DeviceStatus

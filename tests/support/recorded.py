@@ -28,8 +28,10 @@ class ListTap:
     def begin(self, first: Mapping[str, Any]) -> None:
         self.first = first
 
-    def note(self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"") -> None:
-        self.records.append(Record(t_s, kind, port, data))
+    def note(
+        self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"", more: bytes = b""
+    ) -> None:
+        self.records.append(Record(t_s, kind, port, data + more))
 
     def line(self, t_s: float, level: str, event: str, keys: Mapping[str, Any]) -> None: ...
 

@@ -8,7 +8,7 @@ import struct
 import subprocess
 import sys
 import time
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -19,6 +19,7 @@ from mapod_link.receiver import Receiver
 from recording.foxglove import Message, Messages, RobotShape, Topical
 from tests import ROOT
 from tests.support.planner_sender import (
+    NONCE,
     Line,
     geom_body,
     map_body,
@@ -27,6 +28,7 @@ from tests.support.planner_sender import (
     receiving,
     zone_body,
 )
+from tools.rig.loop import Loop
 
 pytest.importorskip("foxglove")
 aiohttp = pytest.importorskip("aiohttp")
@@ -83,6 +85,32 @@ def test_of_a_stale_link_nothing_is_shown_but_that() -> None:
     assert told.messages["/health"]["map_valid"] == 0
     assert "free_ahead_m" not in told.messages["/health"]
     assert told.messages["/log"]["message"] == "stop: link stale"
+
+
+def test_points_and_heights_of_a_robot_come_over_its_link() -> None:
+    loop = Loop("corridor", 1, planner=Receiver(NONCE), drives=True)
+    line = Line(cast(Receiver, loop.link_end))
+    bridge, told = bridged(line)
+    loop.run(4.0, each=lambda: bridge.step(loop.now_s))
+    points = packed_of(told.messages["/points"])
+    assert len(points) > 100
+    assert all(0.3 < np.hypot(x, y) < 30.0 for x, y, _ in points)
+    heights = packed_of(told.messages["/elevation"])
+    height_m, variance_m2 = heights["height"], heights["variance"]
+    assert np.isfinite(height_m).sum() > 50
+    assert np.nanmin(variance_m2) >= 0.0
+    layer = loop.app.mapper.maybe_layer("height")
+    assert layer is not None
+    known = np.isfinite(height_m)
+    assert np.nanmax(layer.values) == pytest.approx(height_m[known].max(), abs=0.3)
+
+
+def packed_of(message: Message) -> Any:
+    """The elements of a message's data, by their fields."""
+    kinds = {1: "u1", 7: "<f4"}
+    dtype = np.dtype([(one["name"], kinds[one["type"]]) for one in message["fields"]])
+    assert dtype.itemsize == message.get("cell_stride", message.get("point_stride"))
+    return np.frombuffer(base64.b64decode(message["data"]), dtype)
 
 
 async def first_message(url: str, topic: str) -> tuple[dict[str, Any], dict[str, Any], int]:

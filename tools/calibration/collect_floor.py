@@ -8,7 +8,8 @@ import contextlib
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from core.config import Config
 from core.motion.attitude import AttitudeRing

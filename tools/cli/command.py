@@ -18,6 +18,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "view": ("view", "the map that a planner gets, in the terminal"),
     "record": ("run:record", "run the robot, and keep every byte of every port"),
     "replay": ("replay", "play a recording through the app"),
+    "why": ("why", "why the robot stood, or a cell was what it was, then"),
     "export": ("export", "a recording as tables, points, pictures, a map for ROS"),
     "sweep": ("sweep", "many recordings with many settings, each scored"),
     "doctor": ("doctor", "whether this machine can run mapod well, and what to do"),

@@ -71,7 +71,8 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
                 values["planner.port"] = [wire.url, page_url] if page_url else wire.url
                 robot.start(world, Path(options.config), values, stop, app)
                 say(f"the app is starting; its map comes to {wire.url}; Ctrl-C ends all")
-                speeds = (DRIVEN_MPS, DRIVEN_RADPS) if options.drive else None
+                keys = options.drive and (sys.stdin.isatty() or not page_url)  # else by the page
+                speeds = (DRIVEN_MPS, DRIVEN_RADPS) if keys else None
                 watch_and_drive(end, console, done, speeds, address)
                 now_s = end.step(0.0)
             print_summary(end, console, now_s)
@@ -117,7 +118,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_out("a folder for what all of them say (default: one that stays if one fails)")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
     parser.add_argument("--record", metavar="FILE", help="record the run: a file, x.mcap")
-    parser.add_argument("--drive", action="store_true", help="drive with the keyboard")
+    parser.add_argument("--drive", action="store_true", help="drive by keyboard or page")
     parser.add_argument("--no-page", action="store_true", help="no live page beside it")
     options = parser.parse_args(arguments)
     if why := lacks_simulation():

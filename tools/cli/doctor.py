@@ -17,7 +17,7 @@ from pathlib import Path
 from tools.cli.options import parser_of
 from tools.doctor.finding import Finding, status_of
 
-LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "rich")
+LIBRARIES = ("numpy", "numba", "msgspec", "pyserial", "cobs", "mcap", "zstandard", "rich")
 PYTHON = (3, 11)
 STATE = Path("/var/lib/mapod")  # where the service is started; by hand it is the folder one is in
 

@@ -9,10 +9,8 @@ map at --at, with a world file in metres. ros: map.pgm and map.yaml, as map_serv
 import argparse
 import importlib.util
 import math
-import re
 import sys
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +25,12 @@ from tools.export.collect import collect_points, collect_tables, trusted_layer
 from tools.export.pcd import points_from, write_pcd
 from tools.export.raster import write_png, write_ros
 from tools.export.tables import Tables
+from tools.replay.instants import FORMS, InstantError
 from tools.replay.player import Player
+from tools.replay.span import timeline_of
 
-FORMS = ("csv", "parquet", "pcd", "png", "ros")
-CLOCK = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)")
-NO_PARQUET = "--to parquet needs pyarrow: pip install 'mapod[export]'"
+KINDS = ("csv", "parquet", "pcd", "png", "ros")
+NO_PARQUET = "--to parquet needs the extra export: pip install '/path/to/mapod[export]'"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,32 +45,6 @@ class Job:
 
 class NothingToExportError(Exception):
     """There is no such thing in the recording; the text says why."""
-
-
-def instant(text: str, begin_s: float, utc_offset_s: float) -> float:
-    """Seconds from the begin, or a time of day in UTC, as host time of the recording.
-
-    >>> instant("2.5", 100.0, 0.0), instant("00:01:45", 100.0, 0.0), instant("0:00:10", 100.0, 0.0)
-    (102.5, 105.0, 86410.0)
-
-    Raises:
-        ValueError: neither of both.
-    """
-    found = CLOCK.fullmatch(text)
-    if found is None:
-        after_s = float(text)
-        if not 0.0 <= after_s < math.inf:
-            raise ValueError(text)
-        return begin_s + after_s
-    hours, minutes, seconds = int(found[1]), int(found[2]), float(found[3])
-    if hours > 23 or minutes > 59 or seconds >= 60.0:
-        raise ValueError(text)
-    began = datetime.fromtimestamp(begin_s + utc_offset_s, UTC)
-    midnight = began.replace(hour=0, minute=0, second=0, microsecond=0)
-    meant = midnight + timedelta(hours=hours, minutes=minutes, seconds=seconds)
-    if meant < began.replace(microsecond=0):
-        meant += timedelta(days=1)
-    return meant.timestamp() - utc_offset_s
 
 
 def export_tables(job: Job) -> list[Path]:
@@ -119,29 +92,34 @@ def export_map(job: Job) -> list[Path]:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Raises OSError, RecordingError, ConfigError, NothingToExportError."""
+    """Raises OSError, RecordingError, ConfigError, InstantError, NothingToExportError."""
     recording = Recording(options.recording)
     player, until_s = Player(recording), math.inf
     if options.at is not None:
-        try:
-            until_s = instant(options.at, player.begin_s, recording.utc_offset_s)
-        except ValueError:
-            said = "seconds from the begin, or UTC as 12:03:05"
-            return fail("export", f"--at: must be {said}, is {options.at!r}")
+        until_s = timeline_of(recording, player.begin_s).instant("--at", options.at)
     options.out.mkdir(parents=True, exist_ok=True)
     how = {"csv": export_tables, "parquet": export_tables, "pcd": export_points}
     job = Job(player, recording.utc_offset_s, until_s, options)
     for path in how.get(options.to, export_map)(job):
         print(path)
-    for remark in remarks_on(player):
+    for remark in remarks_on(player, recording):
         print(f"mapod export: {remark}", file=sys.stderr)
     return 0
 
 
-def remarks_on(player: Player) -> list[str]:
-    """What a reader of the files should know of the replay that they come from."""
-    differing = [check.describe() for check in player.checks if not check.is_identical]
-    return [*player.remarks, *differing]
+def remarks_on(player: Player, recording: Recording) -> list[str]:
+    """What a reader of the files should know of the recording and its replay."""
+    remarks = list(player.remarks)
+    if not recording.from_start:
+        remarks.append("the recording begins in the middle of a run: its map begins there")
+    if recording.is_cut:
+        remarks.append("the recording was cut off: this is all that it holds")
+    if recording.gap:
+        remarks.append(recording.gap)
+    is_open = recording.metadata.get("has_key") != "true"  # no recording keeps a key
+    if recording.from_start and is_open and player.done:
+        remarks += [check.describe() for check in player.checks if not check.is_identical]
+    return remarks
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -154,9 +132,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     add = parser.add_argument
     add("recording", type=Path, help="the file")
-    add("--to", choices=FORMS, required=True, help="what to write")
+    add("--to", choices=KINDS, required=True, help="what to write")
     add("--out", type=Path, default=Path("export"), help="the folder for it (default: export)")
-    add("--at", metavar="T", help="up to then: seconds from the begin, or UTC as 12:03:05")
+    add("--at", metavar="T", help=f"up to then: {FORMS}")
     add("--layer", choices=tuple(UNITS), default="state", help="of png (default: state)")
     add("--ascii", action="store_true", help="pcd as text")
     options = parser.parse_args(arguments)
@@ -164,7 +142,9 @@ def main(arguments: list[str] | None = None) -> int:
         return fail("export", NO_PARQUET)
     try:
         return export(options)
-    except (OSError, ConfigError) as error:
+    except OSError as error:
+        return fail("export", f"{error.filename or options.recording}: {error.strerror or error}")
+    except (ConfigError, InstantError) as error:
         return fail("export", error)
     except (RecordingError, NothingToExportError) as error:
         return fail("export", error, 1)

@@ -129,7 +129,7 @@ def tell(
     """Write table and page, and show the means; the exit status. Raises OSError."""
     lines, failures = lines_of(table, all_settings), failures_of(table, all_settings)
     drives = len({row["recording"] for row in table})
-    facts = f"{drives} drives, {len(all_settings)} settings, {len(table)} of {jobs} jobs"
+    facts = f"drives: {drives}, settings: {len(all_settings)}, jobs: {len(table)} of {jobs}"
     title = "Sweep of " + (", ".join(all_settings[0]) or "recordings as they are")
     told = [*failures, write_table(folder, table), f"{folder / 'page.html'} shows all of it"]
     put(folder / "page.html", page_of(title, facts, lines, failures).encode())

@@ -9,7 +9,6 @@ own: [planner] port may be a list. Ctrl-C ends it.
 import argparse
 import contextlib
 import importlib.util
-import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +20,6 @@ from rich.text import Text
 from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
-from mapod_link.client import Link
 from mapod_link.wires import wire_from_url
 from tools.cli.options import fail, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
@@ -45,7 +43,8 @@ from tools.terminal.steer import Steering, keys_of
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
 PAGE_AT = "127.0.0.1", 8750
-NO_PAGE = "the page needs aiohttp: pip install 'mapod[view]'; --terminal needs nothing"
+NO_FOXGLOVE = "--foxglove needs the extra foxglove: pip install '/path/to/mapod[foxglove]'"
+NO_PAGE = "the page needs the extra view: pip install '/path/to/mapod[view]'; --terminal does not"
 ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
 KINDS = {1: "GEOM", 2: "POSE", 3: "MAP", 4: "DIGEST", 5: "STOP_ZONE"}
 
@@ -135,7 +134,13 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use."""
     options = options_of(arguments)
-    if options.terminal or options.drive or options.foxglove:
+    if options.foxglove:
+        if importlib.util.find_spec("foxglove") is None:
+            return fail("view", NO_FOXGLOVE)
+        from tools.foxglove_bridge import serve_foxglove
+
+        return serve_foxglove(options)
+    if options.terminal or options.drive:
         return in_terminal(options)
     if importlib.util.find_spec("aiohttp") is None:
         return fail("view", NO_PAGE)
@@ -167,11 +172,17 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
     add("--drive", action="store_true", help=f"{terminal}: drive the robot with the keyboard")
     add("--speed", type=float, help=f"at most so many m/s ({terminal}: 0.3)")
     add("--turn", type=float, help=f"at most so many rad/s ({terminal}: 0.5)")
-    add("--foxglove", action="store_true", help="serve Foxglove, Lichtblick instead")
-    add("--foxglove-port", type=int, default=8765, help="on this machine (8765)")
+    add("--foxglove", action="store_true", help="no page: serve Foxglove or Lichtblick")
+    add("--foxglove-port", type=a_port, default=8765, help="on this machine (8765)")
     options = parser.parse_args(arguments)
     options.port = options.url or options.port
     return options
+
+
+def a_port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65_535:
+        raise argparse.ArgumentTypeError(f"must be from 0 to 65535, is {text}")
+    return int(text)
 
 
 def an_address(text: str) -> tuple[str, int]:
@@ -190,23 +201,10 @@ def in_terminal(options: argparse.Namespace) -> int:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:
         try:
-            if options.foxglove:
-                return bridge(options, Link(wire, WatchingReceiver(key)), stop)
             return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
             words = getattr(error, "strerror", None) or error
             return fail("view", f"{options.port}: {words}", 1)
-
-
-def bridge(options: argparse.Namespace, link: Link, stop: Stop) -> int:
-    """Serve Foxglove until it is over. Raises OSError: the wire or the port is gone."""
-    if importlib.util.find_spec("foxglove") is None:
-        return fail("view", "--foxglove needs foxglove-sdk: pip install 'mapod[foxglove]'")
-    from tools.foxglove_bridge import serve
-
-    until_s = link.now_s() + options.seconds if options.seconds else math.inf
-    serve(link, None, options.foxglove_port, lambda now_s: stop.wanted or now_s >= until_s)
-    return 0
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:

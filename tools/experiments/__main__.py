@@ -9,11 +9,12 @@ import sys
 import tempfile
 from pathlib import Path
 
+from tools.docs.pictures import PICTURES, record
 from tools.experiments.report import document, merged, stale_pictures, table
 from tools.experiments.runner import experiments, run_all
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENT, PICTURES = ROOT / "docs" / "experiments.md", ROOT / "docs" / "pictures"
+DOCUMENT = ROOT / "docs" / "experiments.md"
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -28,6 +29,9 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"mapod: {len(names)} experiments, both methods on the same bytes; some minutes")
     folder = Path(tempfile.mkdtemp(prefix="mapod-pictures-")) if options.quick else PICTURES
     outcomes = merged(run_all(names, options.quick, folder))
+    if not options.quick:
+        drawn = [file for outcome in outcomes for file, _ in outcome.pictures]
+        record(drawn, "make experiments", ["tools/experiments/pictures.py"])
     if options.only or options.quick:
         print("\n".join(table([row for outcome in outcomes for row in outcome.rows])))
         print(f"mapod: pictures in {folder}")

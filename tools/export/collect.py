@@ -92,15 +92,8 @@ class ListeningMaps:
     """Maps, and somebody who hears where the returns of each sweep are."""
 
     def __init__(self, maps: Maps, config: Config, take: Points) -> None:
-        scanner = config.scanner
         self._maps, self._take = maps, take
-        self._geometry = BeamGeometry(
-            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
-            math.radians(scanner.mount_roll_deg),
-            math.radians(scanner.mount_tilt_deg),
-            math.radians(scanner.mount_yaw_deg),
-            scanner.options.spec.max_beams,
-        )
+        self._geometry = BeamGeometry.of(config.scanner)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._maps, name)

@@ -12,8 +12,6 @@ from core.config import Config
 from hw.device import Port
 from wiring import Devices
 
-SECTIONS = ("scanner", "ahrs", "drive")
-
 
 class Lead:
     """A device of the app that runs as it ran; keeps what it measures for its follower too."""
@@ -62,18 +60,14 @@ class Follower:
 
 def leads_of(devices: Devices) -> Devices:
     """The same devices, which somebody may follow."""
-    return Devices(*(cast(Any, Lead(device)) for device in in_order(devices)))
+    return Devices(*(cast(Any, Lead(device)) for device in devices))
 
 
 def followers(leads: Devices, own: Devices, lead_config: Config, config: Config) -> Devices:
     """Of an app with other settings: `own` where a device's own keys are others."""
-    chosen = []
-    for name, lead, mine in zip(SECTIONS, in_order(leads), in_order(own), strict=True):
+    chosen = {}
+    for name, lead, mine in zip(Devices._fields, leads, own, strict=True):
         its, keys = getattr(lead_config, name), getattr(config, name)
         is_same = (its.driver, its.options) == (keys.driver, keys.options)
-        chosen.append(Follower(cast(Lead, lead), mine.port) if is_same else mine)
-    return Devices(*(cast(Any, device) for device in chosen))
-
-
-def in_order(devices: Devices) -> tuple[Any, Any, Any]:
-    return devices.scanner, devices.ahrs, devices.drive
+        chosen[name] = cast(Any, Follower(cast(Any, lead), mine.port) if is_same else mine)
+    return Devices(**chosen)

@@ -190,9 +190,9 @@ class HeardReplay:
         others = (nowhere,) * (len(self.config.planner.ports) - 1)
         ports = Ports(self._port, nowhere, nowhere, self._planner, others)
         devices = Devices(
-            HeardScanner(self._port, self.config.scanner.options),  # type: ignore[arg-type]
-            Steady("attitude", ATTITUDES_HZ, level_at),
-            Steady("wheels", COUNTS_HZ, standing_at),
+            scanner=HeardScanner(self._port, self.config.scanner.options),  # type: ignore[arg-type]
+            ahrs=Steady("attitude", ATTITUDES_HZ, level_at),
+            drive=Steady("wheels", COUNTS_HZ, standing_at),
         )
         self.app = App(self.config, ports, session=SESSION, replayed=True, devices=devices)
         self.begin_s = self.now_s = BEGIN_S

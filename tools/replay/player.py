@@ -6,6 +6,8 @@ its data are old nor by whom it is called, so that it must write to its planners
 beside it that runs as it ran, whose devices it follows.
 """
 
+import time
+
 from app import App, Ports
 from config_file import load_config
 from core.config import Config
@@ -75,6 +77,7 @@ class Player:
             PlannerCheck(name, port.datagrams) for name, port in zip(names, planners, strict=True)
         ]
         self.now_s, self.done, self.remarks = 0.0, False, list[str]()
+        self.lead_cpu_s = 0.0  # of the app beside it
         self.scanner_bytes = 0
         self.frames: list[bytes] = []  # what the newest call wrote to the first planner
         self._planners = planners
@@ -106,7 +109,9 @@ class Player:
             return
         following = self._read_on()
         if self.lead is not None:
+            begun_s = time.process_time()
             self.lead.step()
+            self.lead_cpu_s += time.process_time() - begun_s
         self._do(call)
         self.now_s = call.t_s
         self.frames = self._planners[0].written

@@ -13,7 +13,7 @@ from tools.replay.heard import HeardReplay
 from tools.replay.instants import Timeline
 from tools.replay.outcome import Replay, differences
 from tools.replay.player import Player
-from tools.replay.span import end_of
+from tools.replay.span import timeline_of
 from tools.replay.streams import chosen, describe_end, stream_of
 
 SIGNED = "its frames are signed: without --key-file they can't be compared, nor requests obeyed"
@@ -73,8 +73,7 @@ class OfRecording:
         self._key, self._is_signed = key, recording.metadata.get("has_key") == "true"
         self._is_what_if = config != recorded
         self.replay = self._player = Player(recording, config, key=key)
-        begin_s, offset_s = self._player.begin_s, recording.utc_offset_s
-        self.timeline = Timeline(begin_s, max(begin_s, end_of(recording) or begin_s), offset_s)
+        self.timeline = timeline_of(recording, self._player.begin_s)
 
     @property
     def _is_judged(self) -> bool:

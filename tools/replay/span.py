@@ -6,6 +6,7 @@ from typing import BinaryIO
 
 from recording.mcap_stream import CHUNK, CHUNK_HEAD, MAGIC, RECORD
 from recording.reader import Recording
+from tools.replay.instants import Timeline
 
 
 def end_of(recording: Recording) -> float | None:
@@ -14,6 +15,11 @@ def end_of(recording: Recording) -> float | None:
     for path in recording.parts:
         newest_ns = max(newest_ns, newest_in(path))
     return newest_ns / 1e9 - recording.utc_offset_s if newest_ns else None
+
+
+def timeline_of(recording: Recording, begin_s: float) -> Timeline:
+    """From its first call, which a player knows, to its end."""
+    return Timeline(begin_s, max(begin_s, end_of(recording) or begin_s), recording.utc_offset_s)
 
 
 def newest_in(path: Path) -> int:

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
-from core.records import record
 from tools.rig.c_build import PlannerRobot, build_planner_library, shipped_robot
 
 U8 = npt.NDArray[np.uint8]
@@ -71,8 +71,7 @@ class PlannerSettings:
         return round(self.start_clear_m * 1000), round(self.unknown_mps * 1000)
 
 
-@record()
-class PlannerState:
+class PlannerState(Struct, frozen=True):
     """What the planner says of itself, SI, map frame."""
 
     state: str = "idle"  # or "driving", "arrived", "stopped"

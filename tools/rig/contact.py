@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
-from core.records import record
 from fakes.scenes.movers import Mover
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Pillar, Shape, Solid
@@ -30,8 +30,7 @@ STEP_UP_M = 0.10  # between two places beside each other that are both ground
 SLOPE = math.tan(math.radians(8.0))  # of ground that is none of an obstacle, at most
 
 
-@record()
-class Plane:
+class Plane(Struct, frozen=True):
     """The ground under the robot, carried on: its height at a place, and how it goes from there."""
 
     x: float
@@ -55,8 +54,7 @@ def plane_under(
     return Plane(x, y, height_m, c * ahead - s * left, s * ahead + c * left)
 
 
-@record()
-class Near:
+class Near(Struct, frozen=True):
     """The thing that is nearest to the footprint; a gap of OVERLAP_M is an overlap."""
 
     gap_m: float

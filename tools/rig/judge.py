@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from msgspec import Struct
 
-from core.records import record
 from fakes.scenes.scene import Scene
 from fakes.world.rig import AnyWorld
 from fakes.world.world import World
@@ -64,8 +64,7 @@ class Contact:
         )
 
 
-@record()
-class Truth:
+class Truth(Struct, frozen=True):
     """The body at an instant, and the people around it."""
 
     since_s: float

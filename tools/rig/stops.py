@@ -13,7 +13,8 @@ in a run in which nothing was made to fail.
 import math
 from dataclasses import dataclass
 
-from core.records import record
+from msgspec import Struct
+
 from tools.rig.contact import REACH_M, Place
 from tools.rig.judge import STOOD_S, Judge, Truth
 
@@ -26,8 +27,7 @@ MOVING_MPS = 0.08  # slower is no driving: a robot that was slowed down comes to
 LATELY_S = 3.0  # whoever drove so short a time ago stops, else he just stands
 
 
-@record()
-class Orders:
+class Orders(Struct, frozen=True):
     """Who wants what at an instant."""
 
     asked: bool  # the planner asks for a motion

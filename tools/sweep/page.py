@@ -35,7 +35,7 @@ text { font: 12px system-ui, sans-serif; fill: var(--ink) }
 .wide { overflow-x: auto }
 table { border-collapse: collapse; margin-top: 1rem; font-size: 13px }
 th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(--line) }
-th:first-child, td:first-child { text-align: left }
+th:first-child, td:first-child { text-align: left; white-space: nowrap }
 td.best, b { color: var(--best); font-weight: 600 }
 """
 FRAME = """<!doctype html>
@@ -59,7 +59,9 @@ def page_of(title: str, facts: str, lines: Sequence[Line], failures: Sequence[st
     for score in scores:
         about = f"{score.about}" + (" (against the truth)" if score.of_truth else "")
         body.append(f"<h2>{score.name}, {score.unit}</h2><p>{html.escape(about)}</p>")
-        body.append(plot(score, lines))
+        values = {value for line in lines for _, value in line.values.get(score.name, [])}
+        same = f"<p>{figure_text(min(values))} in every drive, with all settings</p>"
+        body.append(plot(score, lines) if len(values) > 1 else same)
     if scores:
         body.append("<h2>Means over drives</h2>" + _table(lines, scores))
     if failures:
@@ -134,11 +136,9 @@ def _shortened(name: str, label_px: int) -> str:
 
 
 def _scale(low: float, high: float) -> tuple[float, float, list[float]]:
-    """From, to, and round numbers between; from 0 on, unless all is far from it."""
+    """From, to, and round numbers between; from 0 on, unless all is far from it. low < high."""
     if low > 0.0 and low < 0.7 * high:
         low = 0.0
-    if high <= low:
-        low, high = min(low, 0.0), max(high, low + 1.0)
     step = 10.0 ** math.floor(math.log10((high - low) / TICKS))
     step *= next(k for k in (1, 2, 5, 10) if k * step * TICKS >= (high - low) * 0.99)
     first, last = math.floor(low / step), math.ceil(high / step)

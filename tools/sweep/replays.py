@@ -92,6 +92,8 @@ def config_of(task: ReplayTask) -> Config:
     for name in sections:
         if name not in known:
             raise ConfigError(f"{name}: unknown section; allowed are {', '.join(known)}")
+    if "drive" in sections and config.robot.enable_motors:
+        raise ConfigError("drive: has no effect on a drive whose motors mapod moved")
     return with_changes(config, **sections)
 
 
@@ -132,7 +134,7 @@ def scored(path: Path, config: Config) -> Row:
         if look is not None:
             tally.take(look)
         scoring_s += time.process_time() - looked_s
-    cpu_s = time.process_time() - begun_s - scoring_s
+    cpu_s = time.process_time() - begun_s - scoring_s - player.lead_cpu_s
     counts = app.mapper.counts
     if not counts.scans_added:
         return {FAILED: f"no scan was mapped: {why_nothing_was_mapped(player)}"}

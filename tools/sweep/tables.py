@@ -1,7 +1,6 @@
 """Rows as a table on disk, and summed up by settings."""
 
 import csv
-import importlib.util
 import io
 import json
 import math
@@ -76,12 +75,12 @@ def write_table(folder: Path, table: Sequence[Row]) -> str:
     columns = list(dict.fromkeys(name for row in table for name in row))
     if FAILED not in columns:
         columns.append(FAILED)
-    if importlib.util.find_spec("pyarrow") is None:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
         put(folder / "rows.csv", _csv(columns, table).encode())
         return NO_PARQUET
-    import pyarrow
-    from pyarrow import parquet
-
     data = {name: _column([row.get(name) for row in table]) for name in columns}
     arrays = {name: pyarrow.array(values) for name, values in data.items()}
     if not data[FAILED] or not any(data[FAILED]):

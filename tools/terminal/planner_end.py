@@ -118,10 +118,11 @@ class Meter:
             self._scans_s.append(pose.arrived_s)
 
     def rates(self, now_s: float) -> tuple[float, float, float]:
+        """Maps, however many frames each took, poses and bytes a second."""
         span_s = min(RATE_WINDOW_S, now_s - self.first_s) if self.frames else 0.0
         if span_s <= 0.0:
             return 0.0, 0.0, 0.0
-        maps = sum(heard.type == MAP for heard in self._recent)
+        maps = len({heard.t_ms for heard in self._recent if heard.type == MAP})  # one a tick
         poses = sum(heard.type == POSE for heard in self._recent)
         return maps / span_s, poses / span_s, sum(heard.size for heard in self._recent) / span_s
 

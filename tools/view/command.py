@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import errno
 import math
+import os
 import signal
 import socket
 import sys
@@ -21,6 +22,7 @@ from version import version
 
 OWN_CONFIG = Path("mapod.toml")
 UNKNOWN_ROBOT_RADPS = 0.5
+MOST_PORT = 65_535
 SECOND = (
     "a planner listens there? Give the page a receiver of its own: [planner] port = "
     '["udp://127.0.0.1:9750", "udp://127.0.0.1:9751"], and `mapod view udp://127.0.0.1:9751`'
@@ -50,8 +52,9 @@ def serve_page(options: argparse.Namespace) -> int:
     try:
         asyncio.run(run_until_told(server, options, token))
     except OSError as error:
-        host, port = options.http
-        return fail("view", f"--http {host}:{port}: {error.strerror or error}; give another", 1)
+        (host, port), why = options.http, os.strerror(error.errno) if error.errno else error
+        another = f"give another, such as --http {host}:{port % MOST_PORT + 1}"
+        return fail("view", f"--http {host}:{port}: {why}; {another}", 1)
     finally:
         end.close()
     return 0

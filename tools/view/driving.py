@@ -20,6 +20,7 @@ PATIENCE_S = 1.0  # for a robot to set out
 NO_HAND = "the dead man's key is not held"
 OLD_PICTURE = "what the page shows is too old to drive by"
 ANOTHER = "another page drives"
+STANDS = "the robot stands: let go and hold again. Are its motors enabled? Its log tells why"
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,4 +130,4 @@ class Driving:
         if wish.v and not self._asked[0]:
             return f"that way is barred: {zone.describe() if zone else 'no stop zone has arrived'}"
         why = receiver.advice(now_s)[1]
-        return why or "the robot stands: are its motors enabled? The log of mapod tells why"
+        return why or STANDS

@@ -9,19 +9,23 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from core.mapping.causes import CAUSES
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import LAYERS, REFUSALS, Tile
 from tools.view.window import F32, LAYER, Window, message, moved
+from tools.why.words import describe_cell
 
 UNITS = {
-    "height": ("m", "height"),
+    "height": ("m", "height above the ground"),
     "variance": ("m²", "variance of the height"),
     "slope": ("rad", "slope"),
     "cause": ("", "cause"),
-    "age": ("s", "age"),
-    "z": ("m", "height of the map frame"),
+    "age": ("s", "age of the newest beam"),
+    "z": ("m", "height in the map frame"),
 }
+CAUSE = "cause"
 OFFERED = tuple(name for name in LAYERS if name in UNITS)
+NOT_HEARD = "the robot is not heard: this is old"
 NO_SUCH_LAYER = REFUSALS[1]
 BLOCK_CELLS = 4096
 BLOCK_S = 0.1  # from one block to the next, at least: 40 000 cells a second
@@ -134,6 +138,19 @@ class Layers:
                 layer.put(tile)
 
 
+def about(name: str) -> dict[str, object]:
+    """A layer in the message `hello`; of codes, each one's word."""
+    unit, label = UNITS[name]
+    words = {"words": {code: cause.word for code, cause in CAUSES.items()}} if name == CAUSE else {}
+    return {"name": name, "unit": unit, "label": label, **words}
+
+
+def word(code: float | None) -> str | None:
+    """The rule that made a cell what it is; None where it is not known."""
+    cause = None if code is None or math.isnan(code) else CAUSES.get(int(code))
+    return cause.word if cause else None
+
+
 class CellQuestion:
     """What is known of one cell, asked for in all layers at once."""
 
@@ -143,8 +160,9 @@ class CellQuestion:
         self._cell_m = geom.cell_m if geom else math.nan
         inside = geom is not None and 0 <= i - left < geom.width and 0 <= j - low < geom.height
         self._state = receiver.cell(i - left, j - low) if inside else 0
-        self._text = "" if inside else "outside of the map"
-        asked = OFFERED if inside else ()
+        heard = not receiver.stale(now_s)
+        self._text = "outside of the map" if not inside else "" if heard else NOT_HEARD
+        asked = OFFERED if inside and heard else ()
         self._tiles = {name: receiver.ask_tile(name, i, j, 1, 1) for name in asked}
 
     def maybe_answer(self, now_s: float) -> dict[str, object] | None:
@@ -158,9 +176,16 @@ class CellQuestion:
             "x_m": (self._i + 0.5) * self._cell_m, "y_m": (self._j + 0.5) * self._cell_m,
             "state": self._state, "height_m": values.get("height"),
             "variance_m2": values.get("variance"), "slope_rad": values.get("slope"),
-            "z_m": values.get("z"), "age_s": values.get("age"), "cause": values.get("cause"),
-            "text": self._text,
+            "z_m": values.get("z"), "age_s": values.get("age"), "cause": word(values.get("cause")),
+            "text": self._text or self._sentence(values),
         }  # fmt: skip
+
+    def _sentence(self, values: dict[str, float]) -> str:
+        """Why it is what it is, in words; "" from a sender that does not tell."""
+        if "cause" not in self._tiles or not self._tiles["cause"].complete:
+            return ""
+        known = values["age"], values["height"], values["variance"]
+        return describe_cell(int(values["cause"]), *known)
 
     def drop(self) -> None:
         """Nobody wants the answer any more."""

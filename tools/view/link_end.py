@@ -31,6 +31,11 @@ class LinkEnd:
     def meter(self) -> Meter:
         return self._end.meter if self._end else Meter()
 
+    @property
+    def peer(self) -> object:
+        """Where the frames come from; None while nobody is there."""
+        return self._end.wire.peer if self._end else None
+
     @staticmethod
     def now_s() -> float:
         return time.monotonic()

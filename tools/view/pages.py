@@ -15,7 +15,7 @@ from aiohttp.web import WebSocketResponse
 
 from tools.view.driving import NO_HAND, Driving
 from tools.view.guard import Guard
-from tools.view.history import History, Past
+from tools.view.history import History, Kept
 from tools.view.layers import OFFERED, CellQuestion, Layers
 from tools.view.link_end import LinkEnd
 from tools.view.requests import (
@@ -29,9 +29,10 @@ from tools.view.requests import (
     Stop,
     request_of,
 )
-from tools.view.window import Window
+from tools.view.window import ScanLine, Window
 
 ANSWERS = 16  # that wait to be sent
+REFUSED_S = 1.0  # so long a refusal is told
 LAYER_S = 1.0  # from one picture of a layer to the next
 MESSAGES_PER_S, BURST = 40.0, 80.0
 ON_THE_WAY = 3  # rounds of news, at most: kernels and networks queue too
@@ -51,7 +52,7 @@ class Desk(Protocol):
     history: History
     window: Window | None
     state: bytes  # JSON, without `driving` and the last brace
-    scan: bytes
+    scan: ScanLine | None
 
     def hello(self) -> str: ...
 
@@ -63,6 +64,7 @@ class Bucket:
 
     def __init__(self) -> None:
         self._left, self._s = BURST, 0.0
+        self.was_told = False  # that it is empty, since it was last not so
 
     def take(self, now_s: float) -> bool:
         self._left = min(BURST, self._left + (now_s - self._s) * MESSAGES_PER_S)
@@ -87,12 +89,13 @@ class Page:
         self.layers: tuple[str, ...] = ()
         self._may_drive, self._wrong_tokens = may_drive, 0
         self._on_the_way = 0  # rounds of news that have not arrived, as far as is known
+        self._why_not = "", -math.inf  # of the newest wish to drive, and when it came
         self._held: Window | None = None  # that the page has
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
-        self._sent_scan = b""
+        self._sent_scan: ScanLine | None = None
         self._cell: CellQuestion | None = None
-        self._past: Past | None = None
-        self._bucket, self._flooded = Bucket(), False
+        self._past: Kept | None = None  # that it has asked for
+        self._bucket = Bucket()
 
     def tick(self) -> None:
         """There is something new to be told."""
@@ -135,20 +138,23 @@ class Page:
         """What is new for this page, as of now; it counts as sent."""
         desk, news = self._desk, list[Told]()
         if desk.state:
-            driving = msgspec.json.encode(desk.driving.told_to(self, now_s))
+            told, (why_not, asked_s) = desk.driving.told_to(self, now_s), self._why_not
+            if why_not and now_s - asked_s < REFUSED_S:
+                told["why_not"] = why_not
+            driving = msgspec.json.encode(told)
             news.append((desk.state + b',"driving":' + driving + b"}").decode())
         if desk.window is not None and (change := desk.window.since(self._held)):
             news.append(change)
         self._held = desk.window
-        if desk.scan is not self._sent_scan:
+        if desk.scan is not None and desk.scan is not self._sent_scan:
             self._sent_scan = desk.scan
-            news.append(desk.scan)
+            news.append(desk.scan.message())
         if self._cell is not None and (answer := self._cell.maybe_answer(now_s)):
             self._cell = None
             news.append(msgspec.json.encode(answer).decode())
         if self._past is not None:
-            news += self._past.next_messages()
-            self._past = None if self._past.is_done else self._past
+            news += self._past.messages()
+            self._past = None
         return news + self._layer_of(now_s)
 
     def _layer_of(self, now_s: float) -> list[Told]:
@@ -174,15 +180,15 @@ class Page:
         if isinstance(request, Stop):  # never too many
             self._desk.driving.stop(now_s, self)
         elif not self._bucket.take(now_s):
-            if not self._flooded:
+            if not self._bucket.was_told:
                 self._refuse("too many messages: those beyond 40 a second are left out")
-            self._flooded = True
+            self._bucket.was_told = True
         elif isinstance(request, str):
             self._refuse(request)
         elif isinstance(request, Auth):
             self._authenticate(request)
         else:
-            self._flooded = False
+            self._bucket.was_told = False
             self._obey(now_s, request)
 
     def _obey(self, now_s: float, request: Request) -> None:
@@ -196,17 +202,28 @@ class Page:
                 self._cell = CellQuestion(now_s, desk.end.receiver, i, j)
             case Drive():
                 self._drive(now_s, request)
-            case AskHistory(seconds):
-                self._past = Past(desk.history, now_s - seconds)
-            case Flight():
-                if why_not := desk.save_flight():
-                    self._refuse(why_not)
+            case AskHistory(t_s):
+                self._past = desk.history.at(t_s)
+                if self._past is None:
+                    self._refuse("nothing is kept yet")
+            case Flight(token):
+                if self._knows(token):
+                    why_not = desk.save_flight()
+                    self._say({"type": "flight", "ok": not why_not, "text": why_not})
 
     def _authenticate(self, request: Auth) -> None:
         ok = self._desk.guard.token_is_right(request.token)
         self._wrong_tokens += not ok
         self._say({"type": "auth", "ok": ok})
         self._may_drive = self._may_drive or ok
+
+    def _knows(self, token: str) -> bool:
+        """Whether the page may do more than look; else it is told what it takes."""
+        if self._may_drive or self._desk.guard.token_is_right(token):
+            return True
+        self._wrong_tokens += bool(token)
+        self._refuse("this needs the token of the address that `mapod view` has printed")
+        return False
 
     def _show(self, names: list[str]) -> None:
         unknown = [name for name in names if name not in (*OFFERED, STATE)]
@@ -221,14 +238,17 @@ class Page:
 
     def _drive(self, now_s: float, request: Drive) -> None:
         driving = self._desk.driving
-        if not (self._may_drive or self._desk.guard.token_is_right(request.token)):
-            self._wrong_tokens += bool(request.token)
-            self._refuse("driving needs the token of the address that `mapod view` has printed")
-        elif not request.dead_man:
+        if not self._knows(request.token):
+            return
+        if not request.dead_man:
             driving.stop(now_s, self)
             self._refuse(NO_HAND)
-        elif why_not := driving.drive(now_s, self, request.v, request.w, request.t_s):
-            self._refuse(f"not driven: {why_not}")
+        else:
+            before, before_s = self._why_not
+            why_not = driving.drive(now_s, self, request.v, request.w, request.t_s)
+            self._why_not = why_not, now_s
+            if why_not and (why_not != before or now_s - before_s > REFUSED_S):
+                self._refuse(f"not driven: {why_not}")  # once, though it goes on asking
 
     def _refuse(self, text: str) -> None:
         self._say({"type": "error", "text": text})

@@ -50,13 +50,15 @@ class Stop(Ask, frozen=True, tag="stop"):
 
 
 class AskHistory(Ask, frozen=True, tag="history"):
-    """States and windows of the last so many seconds, as they were."""
+    """State, window and scan line as they were."""
 
-    seconds: Annotated[float, Meta(ge=0, le=1e6)]
+    t_s: Moment
 
 
 class Flight(Ask, frozen=True, tag="flight"):
     """Save the last half-minute."""
+
+    token: Token = ""
 
 
 Request = Auth | ShowLayers | AskCell | Drive | Stop | AskHistory | Flight

@@ -5,6 +5,7 @@ Source: RFC 6455 (sockets), by aiohttp; what they carry is told in docs/view.md.
 
 import asyncio
 import contextlib
+import os
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,16 +14,18 @@ import msgspec
 from aiohttp import web
 
 from tools.view.driving import Driving, Limits
+from tools.view.flight import maybe_app, save_flight
 from tools.view.guard import Guard
 from tools.view.history import SPAN_S, History
-from tools.view.layers import OFFERED, UNITS, Layers
+from tools.view.layers import OFFERED, Layers, about
 from tools.view.link_end import LinkEnd
 from tools.view.pages import Page
 from tools.view.requests import MOST_BYTES
 from tools.view.state import state_of
-from tools.view.window import Window, window_of
+from tools.view.window import ScanLine, Window, scan_of, window_of
 
 RATE_HZ = 10
+SCAN_TICKS = 2  # from one scan line that is asked for to the next
 MOST_PAGES = 16
 NEEDS_TOKEN = 4401  # a socket is closed with
 HEARTBEAT_S = 20.0  # a page that does not answer so long is gone
@@ -58,11 +61,13 @@ class Server:
         self.driving, self.layers = Driving(end, facts.limits), Layers(end.receiver)
         self.history = History()
         self.window: Window | None = None
-        self.state = self.scan = b""
+        self.scan: ScanLine | None = None
+        self.state, self._ticks = b"", 0
         self._pages: set[Page] = set()
 
     def application(self) -> web.Application:
         application = web.Application(middlewares=[self._guarded], client_max_size=MOST_BYTES)
+        application.on_response_prepare.append(add_headers)
         application.router.add_get("/ws", self._socket)
         for path in sorted(PAGE.glob("*")):
             if path.suffix in KINDS:
@@ -76,18 +81,25 @@ class Server:
             "type": "hello",
             "version": self.facts.version,
             "link": self.end.url,
-            "layers": [{"name": n, "unit": UNITS[n][0], "label": UNITS[n][1]} for n in OFFERED],
+            "layers": [about(name) for name in OFFERED],
             "robot": self.facts.robot,
             "drive": {"allowed": not limits.refusal, "why": limits.refusal},
             "rate_hz": RATE_HZ,
             "history_s": SPAN_S,
             "needs_token": self.guard.looking_needs_token,
-            "flight": False,
+            "flight": self.has_flight(),
         }
         return msgspec.json.encode(told).decode()
 
+    def has_flight(self) -> bool:
+        """Whether the app runs on this machine."""
+        handle = maybe_app(self.end.peer)
+        if handle is not None:
+            os.close(handle)
+        return handle is not None
+
     def save_flight(self) -> str:
-        return "the flight recorder is not on this machine"
+        return save_flight(self.end.peer)
 
     def tick(self, now_s: float) -> None:
         """Ten times a second: what pages get from now on."""
@@ -95,8 +107,14 @@ class Server:
         state = state_of(self.end, now_s)
         state["history"] = {"from_s": self.history.from_s, "mb": self.history.megabytes}
         self.state = msgspec.json.encode(state)[:-1]
-        self.history.keep(now_s, self.state, self.window)
-        self.layers.poll(now_s, self.window, {n for page in self._pages for n in page.layers})
+        self.scan = scan_of(self.end.receiver, now_s, self.scan)
+        self.history.keep(now_s, self.state, self.window, self.scan)
+        self._ticks += 1
+        if self._pages and self._ticks % SCAN_TICKS == 0:
+            self.end.receiver.ask_scan()
+        stale = bool(self.end.trouble) or self.end.receiver.stale(now_s)  # nobody would answer
+        wanted = set() if stale else {name for page in self._pages for name in page.layers}
+        self.layers.poll(now_s, self.window, wanted)
         for page in self._pages:
             page.tick()
 
@@ -119,13 +137,13 @@ class Server:
     @web.middleware
     async def _guarded(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if why := self.guard.refusal(request.host, request.headers.get("Origin")):
-            return web.Response(status=403, text=why, headers=HEADERS)
+            return web.Response(status=403, text=why)
         return await handler(request)
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         if len(self._pages) >= MOST_PAGES:
             text = f"{MOST_PAGES} pages are open: close one"
-            return web.Response(status=503, text=text, headers=HEADERS)
+            return web.Response(status=503, text=text)
         socket = web.WebSocketResponse(
             max_msg_size=MOST_BYTES, heartbeat=HEARTBEAT_S, autoping=False
         )
@@ -151,13 +169,17 @@ class Server:
         return socket
 
 
+async def add_headers(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(HEADERS)
+
+
 def file_handler(path: Path) -> Handler:
     """Gives a file of the page, as it is now."""
 
     async def handler(_: web.Request) -> web.StreamResponse:
         text = await asyncio.to_thread(path.read_text, "utf-8")
         kind = KINDS[path.suffix]
-        return web.Response(text=text, content_type=kind, charset="utf-8", headers=HEADERS)
+        return web.Response(text=text, content_type=kind, charset="utf-8")
 
     return handler
 
@@ -170,12 +192,11 @@ async def served(server: Server, host: str, port: int) -> AsyncIterator[int]:
     try:
         site = web.TCPSite(runner, host, port)
         await site.start()
-        running = asyncio.create_task(server.run())
-        try:
-            yield runner.addresses[0][1]
-        finally:
-            running.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await running
+        async with asyncio.TaskGroup() as tasks:  # what fails in it ends the block, too
+            running = tasks.create_task(server.run())
+            try:
+                yield runner.addresses[0][1]
+            finally:
+                running.cancel()
     finally:
         await runner.cleanup()

@@ -63,6 +63,29 @@ class Window:
         return message(CHANGED, header, changes.tobytes())
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ScanLine:
+    """The newest sweep's returns."""
+
+    t_s: float
+    points_m: F32  # (n, 3), map frame
+
+    def message(self, **more: object) -> bytes:
+        header = {"t_s": self.t_s, "n": len(self.points_m), **more}
+        return message(SCAN, header, self.points_m.astype("<f4", copy=False).tobytes())
+
+
+def scan_of(receiver: Receiver, now_s: float, before: ScanLine | None) -> ScanLine | None:
+    """The newest; no points where none may be told any more; None before the first one of all."""
+    scan = receiver.scan
+    if scan is None:
+        nothing = np.zeros((0, 3), np.float32)
+        return ScanLine(now_s, nothing) if before and len(before.points_m) else before
+    if before is not None and before.t_s == scan.arrived_s:
+        return before
+    return ScanLine(scan.arrived_s, scan.points_m.astype(np.float32))
+
+
 def moved(cells: A, columns: int, rows: int, empty: float) -> A:
     """The same part of the world where the window has moved on; what has entered is `empty`."""
     if columns == rows == 0:

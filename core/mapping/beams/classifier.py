@@ -41,7 +41,7 @@ from core.mapping.causes import (
     UNSHOWN,
 )
 from core.mapping.freshness import Freshness
-from core.records import F64, FREE, I8, I32, I64, U8
+from core.records import F64, FREE, I8, I32, I64, U8, UNKNOWN
 from jit import kernel
 
 ENOUGH = 2  # contradicting scans that make an obstacle
@@ -140,11 +140,11 @@ def _rule(
     cell = cells[at]
     if cell.count == 0 and not known(cells, at):
         return UNSEEN if cell.gone == 0 else GONE
-    above, height, free = cell.above, cell.mean_m, _why_free(cells, at)
+    above, height, lets_in = cell.above, cell.mean_m, False
     soft_m = bounds.soft_free_below_m
     may_be_free = soft_m > 0.0 and above > 0 and cell.top_m <= soft_m
     if may_be_free and is_soft(cells, at) and _is_among_soft(i, j, cells, window):
-        above, height, free = 0, cell.floor_m, SOFT
+        above, height, lets_in = 0, cell.floor_m, True
     if above >= ENOUGH:
         return STANDS
     if cell.below >= ENOUGH:
@@ -165,25 +165,15 @@ def _rule(
     elif cell.looks < bounds.new_looks:
         far = int(cell.far_sides)
         sides = (far | far << 1 | far >> 7 | far >> 1 | far << 7) & 0xFF
-    if _goes_on(i, j, sides, cells, window):
-        return free
-    return FOOT if cell.rising == 1 else EDGE
+    if not _goes_on(i, j, sides, cells, window):
+        return FOOT if cell.rising == 1 else EDGE
+    return SOFT if lets_in else _why_free(cells, at)
 
 
 @kernel
-def _cause(
-    i: int,
-    j: int,
-    at: int,
-    cells: Cells,
-    sub: int,
-    bounds: Bounds,
-    fresh: tuple[F64, float],
-    window: tuple[int, int, int],
-) -> int:
-    """Why a cell is what it is; `fresh` is when cells were seen, and what is too old."""
-    cause = _rule(i, j, at, cells, sub, bounds, window)
-    return AGED if _state_of(cause) == FREE and fresh[0][at] < fresh[1] else cause
+def _is_aged(state: int, seen_s: float, oldest_s: float) -> bool:
+    """Whether a cell would be free, had it not been seen too long ago."""
+    return state == FREE and seen_s < oldest_s
 
 
 @kernel
@@ -192,7 +182,8 @@ def _decide(
     layers: Cells,
     sub: int,
     bounds: Bounds,
-    fresh: tuple[F64, float],
+    seen_s: F64,
+    oldest_s: float,
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
     cells: I8,
@@ -206,11 +197,18 @@ def _decide(
         row, column = at // size, at % size
         i = from_window[0] + (column - from_window[0]) % size
         j = from_window[1] + (row - from_window[1]) % size
-        if not (0 <= i - to_window[0] < out and 0 <= j - to_window[1] < out):
+        if not _covers(to_window, i, j):
             continue
-        state = _state_of(_cause(i, j, at, layers, sub, bounds, fresh, from_window))
+        state = _state_of(_rule(i, j, at, layers, sub, bounds, from_window))
+        state = UNKNOWN if _is_aged(state, seen_s[at], oldest_s) else state
         used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
     return used
+
+
+@kernel
+def _covers(window: tuple[int, int, int], i: int, j: int) -> bool:
+    """Whether a world cell lies in a window."""
+    return 0 <= i - window[0] < window[2] and 0 <= j - window[1] < window[2]
 
 
 @kernel
@@ -220,7 +218,8 @@ def _list_causes(
     layers: Cells,
     sub: int,
     bounds: Bounds,
-    fresh: tuple[F64, float],
+    seen_s: F64,
+    oldest_s: float,
     from_window: tuple[int, int, int],
     to_window: tuple[int, int, int],
     cells: I8,
@@ -229,13 +228,16 @@ def _list_causes(
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
     size, shown_size = from_window[2], to_window[2]
     for k in range(i.size):
-        inside = 0 <= i[k] - to_window[0] < shown_size and 0 <= j[k] - to_window[1] < shown_size
         out[k] = OUTSIDE
-        if inside:
+        if not _covers(to_window, i[k], j[k]):
+            continue
+        cause = UNSEEN
+        if _covers(from_window, i[k], j[k]):
             at = (j[k] % size) * size + i[k] % size
-            cause = _cause(i[k], j[k], at, layers, sub, bounds, fresh, from_window)
-            shown = cells[(j[k] % shown_size) * shown_size + i[k] % shown_size]
-            out[k] = _shown_cause(cause, _state_of(cause), shown)
+            cause = _rule(i[k], j[k], at, layers, sub, bounds, from_window)
+            cause = AGED if _is_aged(_state_of(cause), seen_s[at], oldest_s) else cause
+        shown = cells[(j[k] % shown_size) * shown_size + i[k] % shown_size]
+        out[k] = _shown_cause(cause, _state_of(cause), shown)
 
 
 class CellClassifier:
@@ -265,7 +267,8 @@ class CellClassifier:
             source.flat,
             source.sub,
             self._bounds,
-            (self._fresh.seen_s, self._fresh.oldest_s),
+            self._fresh.seen_s,
+            self._fresh.oldest_s,
             (source.grid.corner_i, source.grid.corner_j, source.grid.size),
             (window.grid.corner_i, window.grid.corner_j, window.grid.size),
             window.cells.ravel(),
@@ -284,7 +287,8 @@ class CellClassifier:
             source.flat,
             source.sub,
             self._bounds,
-            (self._fresh.seen_s, self._fresh.oldest_s),
+            self._fresh.seen_s,
+            self._fresh.oldest_s,
             (source.grid.corner_i, source.grid.corner_j, source.grid.size),
             (window.grid.corner_i, window.grid.corner_j, window.grid.size),
             window.cells.ravel(),

@@ -181,7 +181,9 @@ class FaceMatcher:
         if n < LEAST:
             return None
         offsets = self._offsets[:n]
-        count, mean_m = _agreeing(offsets, float(np.median(offsets)))
+        ordered = sorted(offsets.tolist())
+        median_m = (ordered[n // 2] + ordered[(n - 1) // 2]) / 2
+        count, mean_m = _agreeing(offsets, median_m)
         if count < max(LEAST, 0.5 * n):
             return None
         corrected_ahead_m = float(hx * corrected_m[0] + hy * corrected_m[1])

@@ -255,7 +255,7 @@ class ReferencePlaneMaps:
         sources = np.where(at < 0, NOWHERE, self._source.ravel()[at])
         met_s = np.where(sources == NOWHERE, -np.inf, self.plane.grid.seen_s.ravel()[sources])
         seen_s = np.where(at < 0, -np.inf, np.maximum(met_s, fresh.seen_s[at]))
-        return np.where(seen_s == -np.inf, np.nan, fresh.now_s - seen_s)
+        return fresh.ages_s(seen_s)
 
     def erase(self) -> None:
         self.plane.erase()

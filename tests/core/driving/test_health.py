@@ -1,15 +1,16 @@
 """Health: what may be told, for every combination of inputs."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from core.driving import health
 from core.driving.health import Inputs, health_word, mode, trusted
+from core.mapping import causes
 from core.mapping.method import MAX_SLOPE_RAD
 
 GOOD = Inputs(
@@ -79,3 +80,17 @@ def test_free_is_told_only_while_nothing_that_it_needs_is_bad(bad: set[str]) -> 
 
 def test_scans_are_stale_after_three_periods_but_no_sooner_than_the_links_time_out() -> None:
     assert [round(health.stale_s(1 / hz), 9) for hz in (50, 25, 20, 10)] == [0.15, 0.15, 0.15, 0.3]
+
+
+def test_every_health_that_holds_free_back_has_a_cause_and_every_other_has_none() -> None:
+    for word in range(1 << 16):
+        cause = health.doubt(word)
+        assert (cause == 0) == health.trusted(word)
+        assert cause == 0 or cause >= causes.FIRST_DOUBT
+    well = 0x7F & ~health.MAP_VALID
+    assert health.doubt(well) == causes.NOT_MAPPED
+    assert health.doubt(well & ~health.POSE_VALID) == causes.NO_POSE
+    assert health.doubt(well & ~health.WHEELS_OK & ~health.POSE_VALID) == causes.NO_COUNTS
+    assert health.doubt(well & ~health.AHRS_OK & ~health.WHEELS_OK) == causes.NO_ATTITUDE
+    assert health.doubt(well & ~health.SCANNER_OK & ~health.AHRS_OK) == causes.NO_SCANS
+    assert health.doubt(well & ~health.SCANNER_OK | health.TOO_STEEP) == causes.TILTED

@@ -1,12 +1,12 @@
 """What is told of the ground before and behind the robot, against the drive control's own look."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from config_file import load_config, with_changes
 from core.config import Config
@@ -179,7 +179,7 @@ def test_sectors_that_nobody_reads_are_not_told() -> None:
     reporter = ZoneReporter(ground.control, ground.window, 1.0, has_sectors=False)
     pose = Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     told = reporter.report(pose, True, STILL, None, False)
-    assert told == dataclasses.replace(ground.report(), sectors_m=())
+    assert told == replace(ground.report(), sectors_m=())
 
 
 def test_the_sectors_begin_ahead_and_go_round_counter_clockwise() -> None:

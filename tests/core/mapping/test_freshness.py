@@ -49,6 +49,14 @@ def test_the_robot_sees_to_the_cells_whose_middles_it_covers(
         assert seen_s == (7.0 if covered else -math.inf)
 
 
+def test_ages_count_to_now_and_what_was_never_seen_has_none() -> None:
+    fresh = Freshness(RingGrid(3, 0.25), 1.0, FOOTPRINT)
+    never_s = -math.inf
+    assert np.isnan(fresh.ages_s(np.array([never_s, never_s]))).all()  # before the first scan
+    fresh.now_s = 7.0
+    np.testing.assert_array_equal(fresh.ages_s(np.array([7.0, 4.5, never_s])), [0.0, 2.5, math.nan])
+
+
 @pytest.mark.parametrize("footprint", [(0.2, 1.2, 0.2), (1.2, 0.2, 0.2), (0.2, 0.2, 1.2)])
 def test_the_farthest_corners_of_a_long_robot_count(footprint: tuple[float, float, float]) -> None:
     grid = RingGrid(21, 0.25)

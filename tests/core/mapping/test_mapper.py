@@ -1,10 +1,10 @@
 """The mapper: scans wait for what covers them, and a broken chain erases the maps."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from config_file import load_config, with_changes
 from core.mapping.beams.maps import BeamMaps

@@ -1,12 +1,11 @@
 """Pieces of the map for who asks, against the whole layers that tools see."""
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from config_file import load_config, with_changes
 from core.mapping.causes import CAUSES, FLOOR, NO_SCANS, OUTSIDE, state_of

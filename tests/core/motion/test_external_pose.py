@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from core.geometry import wrapped
 from core.motion.external_pose import is_sound
@@ -143,7 +144,7 @@ def test_counters_that_restart_break_the_chain_unless_the_robot_was_seen_meanwhi
 def test_after_a_break_the_frames_are_found_anew() -> None:
     robot = watched(Beacons()).drive(5)
     assert robot.odometry.positioning.aligned
-    robot.odometry._break(robot.t_s + 1e-3)
+    robot.odometry._break(robot.t_s + 1e-3, "for a test")
     assert not robot.odometry.positioning.aligned
     robot.drive(5)
     assert robot.odometry.positioning.aligned

@@ -78,7 +78,7 @@ def test_restarted_counters_break_the_chain_and_add_no_travel() -> None:
     ring.add(attitude(1.05))
     odometry.add(WheelCounts(1.05, 7.0, 7.0, 1))
     odometry.settle()
-    assert odometry.breaks == 1
+    assert (odometry.breaks, odometry.broken_by) == (1, "the wheels' counters began anew")
     assert odometry.xy_at(1.05)[0] == pytest.approx(0.5)
     assert odometry.v_mps == 0.0
     assert odometry.travel_m == pytest.approx(0.5)
@@ -103,6 +103,8 @@ def test_counters_away_while_the_robot_turned_and_moved_break_the_chain(
     odometry.add(WheelCounts(3.0, left, right, 0))
     odometry.settle()
     assert odometry.breaks == breaks
+    away = "the robot moved while the wheels' counters stayed away"
+    assert odometry.broken_by == (away if breaks else "")
     if yaw_rad == 0.0:
         assert odometry.xy_at(3.0)[0] == pytest.approx(1.5)
 
@@ -116,6 +118,8 @@ def test_driving_without_any_attitude_breaks_the_chain_but_standing_does_not() -
         ring.add(attitude(3.0))
         odometry.settle()
         assert (odometry.breaks > 0) == bool(breaks)
+        away = "the robot moved while the attitude stayed away"
+        assert odometry.broken_by == (away if breaks else "")
 
 
 def test_height_and_travel_come_from_wheels_and_pitch_and_go_on_alike() -> None:

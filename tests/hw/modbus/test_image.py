@@ -3,12 +3,12 @@
 import math
 import re
 import struct
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from core.records import FREE
 from hw.modbus import layout

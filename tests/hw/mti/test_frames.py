@@ -112,7 +112,7 @@ def test_any_junk_has_passed_soon_after_its_time_out(junk: bytes) -> None:
     parser.feed(0.0, junk)
     parser.feed(0.5, b"\0")  # claims within claims were all heard at 0.0
     parser.feed(1.0, b"\0")
-    assert parser.feed(2.0, EULER_FRAME)[-1] == MtFrame(0x32, EULER_FRAME[4:-1])
+    assert parser.feed(2.0, EULER_FRAME)[-1] == MtFrame(0x32, EULER_FRAME[4:-1], 2.0)
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 1.0), st.binary(max_size=64))))
@@ -123,8 +123,8 @@ def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_frame(
     for now_s, piece in pieces:
         parser.feed(now_s, b"\xfa\xff\x36" + piece)
         parser.feed(now_s, piece)
-        assert len(parser._buffer) <= 2048 + 7
-        assert len(parser._arrivals) <= len(parser._buffer)
+        assert len(parser.kept) <= 2048 + 7
+        assert len(parser._arrivals) <= len(parser.kept)
 
 
 def test_a_frame_that_stood_behind_a_false_claim_has_its_true_time_of_arrival() -> None:

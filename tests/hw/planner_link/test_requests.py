@@ -2,11 +2,11 @@
 
 import math
 import struct
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from core.records import DriveRequest, ExternalPose
 from fakes.wires.wire import MemoryPort

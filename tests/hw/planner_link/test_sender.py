@@ -1,13 +1,13 @@
 """The sender: maps equal, budgets kept, the most urgent first, lines of all rates."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from cobs import cobs
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from core.records import FREE, OBSTACLE
 from fakes.wires.wire import MemoryPort

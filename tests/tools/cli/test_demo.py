@@ -1,9 +1,13 @@
 """The demo's own work: the app's configuration, and children that come, fail, hang and go."""
 
 import argparse
+import contextlib
 import io
+import json
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -18,6 +22,7 @@ from rich.console import Console
 from tests import ROOT, Capsys, Patch
 from tests.support.cases import few
 from tools.cli import demo
+from tools.cli.view import PAGE_AT
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
 
@@ -30,7 +35,9 @@ WORLD = f"""
 APP = """
     import socket, struct, tomllib
     from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
-    planner = tomllib.load(open(sys.argv[-1], "rb"))["planner"]["port"]
+    ports = tomllib.load(open(sys.argv[-1], "rb"))["planner"]["port"]
+    planner = ports if isinstance(ports, str) else ports[0]
+    print(ports, flush=True)
     host, port = planner.removeprefix("udp://").split(":")
     line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     line.connect((host, int(port)))
@@ -62,6 +69,7 @@ def options(out: Path | None = None, seconds: float = 0.3) -> argparse.Namespace
         drive=False,
         out=out,
         no_page=True,
+        record=None,
     )
 
 
@@ -111,6 +119,20 @@ def test_a_run_ends_by_itself_with_a_summary(capsys: Capsys, temporary: Path) ->
     assert "\n#..\n#.^\n#..\n" in said
     assert "# obstacle   . free" in said
     assert "all processes have ended" in said
+
+
+@pytest.mark.real_time
+def test_the_page_is_told_first_and_ends_with_the_rest(capsys: Capsys, temporary: Path) -> None:
+    given = options(temporary / "kept")
+    given.no_page = False
+    with contextlib.ExitStack() as taken:  # by us, or by somebody: then it is another port
+        with contextlib.suppress(OSError):
+            taken.enter_context(socket.create_server(PAGE_AT))
+        assert demo.run(given, stub(WORLD), stub(APP), Console(file=io.StringIO())) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert re.fullmatch(r"mapod: http://127\.0\.0\.1:(?!8750)\d+/#token=[\w-]{22}", first)
+    _, page_url = json.loads((temporary / "kept" / "app.out").read_text().replace("'", '"'))
+    assert f"watching {page_url};" in (temporary / "kept" / "page.out").read_text()
 
 
 def test_an_app_that_dies_is_reported(capsys: Capsys, temporary: Path) -> None:

@@ -1,7 +1,12 @@
 """What is drawn of a map and said of a link, and what goes over real sockets and ttys."""
 
+import contextlib
 import math
 import os
+import re
+import socket
+import sys
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +18,8 @@ from rich.console import Console
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
-from tests import Capsys
+from mapod_link.wires import UdpWire
+from tests import Capsys, Patch
 from tests.support.planner_sender import (
     Line,
     geom_body,
@@ -221,3 +227,40 @@ def test_a_pty_is_as_slow_as_the_line_it_stands_for() -> None:
 def test_the_viewer_says_that_nothing_came(capsys: Capsys) -> None:
     assert main(["--terminal", "--port", "udp://127.0.0.1:0", "--seconds", "0.05"]) == 0
     assert "no map has arrived" in capsys.readouterr().out
+
+
+def test_the_page_tells_its_address_first(capsys: Capsys, tmp_path: Path) -> None:
+    wire, kept = ["udp://127.0.0.1:0", "--seconds", "0.05"], tmp_path / "token"
+    assert main([*wire, "--http", "127.0.0.1:0"]) == 0
+    first, second, _ = capsys.readouterr().out.split("\n")
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/#token=[\w-]{22}", first)
+    assert re.fullmatch(r"watching udp://127\.0\.0\.1:\d+; Ctrl-C ends", second)
+    assert main([*wire, "--http", "[::1]:0", "--token-file", str(kept)]) == 0
+    said = capsys.readouterr().out  # of no terminal: it may be kept in a log
+    assert re.match(rf"http://\[::1\]:\d+/#token=\.\.\. \(it is in {kept}\)\n", said)
+    assert kept.read_text().strip() not in said
+
+
+def test_what_the_page_cannot_have_is_said_in_one_line(
+    capsys: Capsys, tmp_path: Path, monkeypatch: Patch
+) -> None:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as http,
+        contextlib.closing(UdpWire("127.0.0.1", 0)) as wire,
+    ):
+        taken = f"127.0.0.1:{http.getsockname()[1]}"
+        cases = [
+            (["udp://127.0.0.1:0", "--http", taken], 1, f"--http {taken}: "),
+            ([wire.url], 1, "Give the page a receiver of its own: [planner] port = ["),
+            (["nonsense"], 2, "nonsense: must be udp://"),
+            (["--config", str(tmp_path / "none.toml")], 2, "none.toml: No such file"),
+            (["--token-file", str(tmp_path)], 2, "Is a directory"),
+        ]
+        for arguments, status, words in cases:
+            assert main(arguments) == status
+            said = capsys.readouterr()
+            assert words in said.err
+            assert (said.out, said.err.count("\n")) == ("", 1)
+    monkeypatch.setitem(sys.modules, "aiohttp", None)  # as where it is not installed
+    assert main([]) == 2
+    assert "extra view" in capsys.readouterr().err

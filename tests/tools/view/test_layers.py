@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mapod_link.frames import MAP, POSE, bytes_from_frame
+from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tests.mapod_link.test_tiles import LAYERS, Sender
 from tests.support.cases import examples
-from tests.support.planner_sender import map_body, op, pose_body
+from tests.support.planner_sender import geom_body, map_body, op, pose_body
 from tools.view.layers import CellQuestion, Layers
 from tools.view.window import F32, Window
 
@@ -97,9 +97,14 @@ def test_a_layer_that_the_sender_has_not_is_asked_for_once_and_another_epoch_for
 
 def test_a_cell_is_told_in_all_layers_or_as_far_as_it_is_known_in_time() -> None:
     sender = Sender()
-    for seq, (kind, body) in enumerate([(POSE, pose_body()), (MAP, map_body(op(1, 9) + op(2, 2)))]):
-        sender.receiver.feed_datagram(1.0, bytes_from_frame(kind, 2 + seq, 1000, body))
-    sender.seq = 3
+    told = (
+        (GEOM, geom_body(stale_ms=5000)),
+        (POSE, pose_body()),
+        (MAP, map_body(op(1, 9) + op(2, 2))),
+    )
+    for seq, (kind, body) in enumerate(told, 2):
+        sender.receiver.feed_datagram(1.0, bytes_from_frame(kind, seq, 1000, body))
+    sender.seq = 4
     question = CellQuestion(sender.now_s, sender.receiver, 1, 1)
     assert question.maybe_answer(sender.now_s) is None
     for _ in range(3):
@@ -109,6 +114,7 @@ def test_a_cell_is_told_in_all_layers_or_as_far_as_it_is_known_in_time() -> None
     assert [answer[name] for name in ("i", "j", "state")] == [1, 1, 2]
     assert [answer["x_m"], answer["y_m"]] == pytest.approx([0.075, 0.075])
     assert answer["height_m"] == pytest.approx(sender.raw(HEIGHT, 1, 1) / 1000)
+    assert str(answer["text"]).startswith(f"unknown (cause {sender.raw(4, 1, 1)})")
     sender.loses = lambda: True
     question = CellQuestion(sender.now_s, sender.receiver, 0, 0)
     sender.step(0.5)
@@ -118,6 +124,11 @@ def test_a_cell_is_told_in_all_layers_or_as_far_as_it_is_known_in_time() -> None
     assert answer is not None
     assert answer["state"] == 1
     assert math.isnan(float(str(answer["height_m"])))
+    assert answer["text"] == ""
+    sender.step(5.0)
+    late = CellQuestion(sender.now_s, sender.receiver, 0, 0).maybe_answer(sender.now_s)
+    assert late is not None
+    assert "not heard" in str(late["text"])
     outside = CellQuestion(sender.now_s, sender.receiver, 65_536, 0).maybe_answer(sender.now_s)
     assert outside is not None
     assert (outside["state"], outside["height_m"], outside["text"]) == (

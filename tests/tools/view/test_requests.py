@@ -14,7 +14,7 @@ JSON = st.recursive(
     max_leaves=6,
 )
 TYPES = ("auth", "layers", "cell", "drive", "stop", "history", "flight")
-NAMES = ("token", "names", "i", "j", "v", "w", "dead_man", "t_s", "seconds")
+NAMES = ("token", "names", "i", "j", "v", "w", "dead_man", "t_s")
 NEAR = st.fixed_dictionaries({"type": st.sampled_from(TYPES)}, optional=dict.fromkeys(NAMES, JSON))
 
 
@@ -25,7 +25,7 @@ def test_each_message_is_what_the_page_says() -> None:
         '{"type":"cell","i":-3,"j":70000}': AskCell(-3, 70000),
         '{"type":"drive","v":1,"w":-0.5,"dead_man":true,"t_s":7.5}': Drive(1, -0.5, True, 7.5),
         '{"type":"stop"}': Stop(),
-        '{"type":"history","seconds":180}': AskHistory(180),
+        '{"type":"history","t_s":180}': AskHistory(180),
     }
     assert [request_of(text) for text in said] == list(said.values())
 

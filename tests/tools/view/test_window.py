@@ -4,6 +4,7 @@ import json
 import struct
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,13 +12,14 @@ from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import GEOM, MAP, POSE
 from tests.support.planner_sender import Line, geom_body, map_body, op, pose_body
 from tools.terminal.planner_end import WatchingReceiver
-from tools.view.history import MOST_BYTES, ROUND, SPAN_S, History, Past
-from tools.view.window import Window, window_of
+from tools.view.history import MOST_BYTES, SPAN_S, History
+from tools.view.window import ScanLine, Window, window_of
 
 Cells = dict[tuple[int, int], int]  # by the world's column and row; unknown are left out
 
 
-def header_and_payload(message: bytes) -> tuple[int, dict[str, float], bytes]:
+def header_and_payload(message: str | bytes) -> tuple[int, dict[str, float], bytes]:
+    assert isinstance(message, bytes)
     kind, zero, size = struct.unpack_from("<BBH", message)
     assert zero == 0
     return kind, json.loads(message[4 : 4 + size]), message[4 + size :]
@@ -92,37 +94,34 @@ def test_the_map_of_a_run_that_has_ended_is_told_as_unknown() -> None:
     assert put_together(put_together({}, before.whole()), after.since(before)) == {}
 
 
-def replayed(history: History, from_s: float) -> tuple[list[float], Cells, object]:
-    """Times of the states that a page gets, what it knows at last, and the message at the end."""
-    past, times, cells = Past(history, from_s), list[float](), Cells()
-    while not past.is_done:
-        messages = past.next_messages()
-        assert len(messages) <= 2 * ROUND + 1
-        for message in messages:
-            if isinstance(message, bytes):
-                assert header_and_payload(message)[1]["past"] is True
-                cells = put_together(cells, message)
-            elif (told := json.loads(message))["type"] == "state":
-                assert told["past"] is True
-                times.append(told["t_s"])
-    return times, cells, json.loads(str(messages[-1]))
-
-
 def kept(history: History, t_s: float, cells: list[int], size: int = 0) -> None:
     state = json.dumps({"type": "state", "t_s": t_s, "more": "x" * size})[:-1].encode()
-    history.keep(t_s, state, window(round(t_s), 0, cells, t_s=t_s))
+    scan = ScanLine(t_s, np.full((3, 3), t_s, np.float32))
+    history.keep(t_s, state, window(round(t_s), 0, cells, t_s=t_s), scan)
 
 
-def test_the_past_comes_in_rounds_and_ends_where_it_is_now() -> None:
+def test_a_moment_is_told_with_what_was_known_then() -> None:
     history = History()
-    assert replayed(history, 0.0) == ([], {}, {"type": "history_end", "from_s": None})
+    assert history.at(0.0) is None
     for k in range(120):
         kept(history, k / 10, [k % 3] * 36)
-    times, cells, end = replayed(history, 2.95)
-    assert times == [k / 10 for k in range(30, 120)]
-    assert end == {"type": "history_end", "from_s": 3.0}
-    newest = window(round(11.5), 0, [115 % 3] * 36)  # the last that was due
-    assert cells == put_together({}, newest.whole())
+    for asked_s, state_s, others_s in (
+        (-9, 0, 0),
+        (0.56, 0.5, 0.5),
+        (3.34, 3.3, 3.0),
+        (99, 11.9, 11.5),
+    ):
+        moment = history.at(asked_s)
+        assert moment is not None
+        state, whole, scan = moment.messages()
+        assert json.loads(str(state))["t_s"] == state_s
+        assert json.loads(str(state))["history"] is True
+        kind, header, cells = header_and_payload(whole)
+        assert (kind, header["t_s"], header["history"]) == (1, others_s, True)
+        assert set(cells) == {round(others_s * 10) % 3}
+        kind, header, points = header_and_payload(scan)
+        assert (kind, header["n"], header["history"]) == (4, 3, True)
+        assert struct.unpack("<9f", points) == pytest.approx([others_s] * 9)
 
 
 def test_five_minutes_are_kept_and_less_where_they_are_large() -> None:
@@ -135,3 +134,6 @@ def test_five_minutes_are_kept_and_less_where_they_are_large() -> None:
         assert history.megabytes <= MOST_BYTES / 1e6
     assert history.from_s is not None
     assert history.from_s > 3 * SPAN_S
+    for k in range(int(SPAN_S)):  # what is forgotten takes no room
+        kept(history, 5 * SPAN_S + k, [])
+    assert history.megabytes < 0.2

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from core.config import Obstacle
 from core.grid.window import ObstacleWindow
-from core.mapping.beams.cells import CellGrid
+from core.mapping import causes
+from core.mapping.beams.cells import GONE_FLOOR_AGAIN, GONE_JUDGED, GONE_PASSED, CellGrid
 from core.mapping.beams.classifier import (
     AROUND,
     ENOUGH,
@@ -19,6 +20,7 @@ from core.mapping.beams.classifier import (
     is_soft,
     lacks_floor,
 )
+from core.mapping.causes import state_of
 from core.mapping.freshness import Freshness
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import examples
@@ -177,7 +179,9 @@ VALUES: dict[str, tuple[Any, ...]] = {  # the first of each: floor
     "floor_bits": (0, 1, 0xFF00),
     "rising": (0, 1),
     "far_sides": (0, *(1 << k for k in range(8)), 0b10010),
+    "gone": (0, GONE_PASSED, GONE_FLOOR_AGAIN, GONE_JUDGED),
 }
+BEFORE = {OBSTACLE: 133, UNKNOWN: 10, FREE: 69}  # causes of what was decided before
 
 
 def scatters(cell: Any) -> bool:
@@ -243,33 +247,42 @@ class Drawn:
 
     def state(self, i: int, j: int) -> int:
         """What a cell means."""
+        return state_of(self.cause(i, j))
+
+    def cause(self, i: int, j: int) -> int:
+        """Why it means that."""
         cell = self.source.cells[j % SIZE, i % SIZE]
         around = [(i + di, j + dj) for di, dj in AROUND]
         beside = [self.source.cells[v % SIZE, u % SIZE] for u, v in around]
         count, looks, above, below = (cell[n] for n in ("count", "looks", "above", "below"))
         if count == 0 and cell["miss"] == 0:
-            return UNKNOWN
+            return causes.GONE if cell["gone"] else causes.UNSEEN
+        free = (causes.FLOOR, causes.PASSED, causes.FLOOR_AGAIN, causes.JUDGED_AGAIN)[cell["gone"]]
         height_m = cell["mean_m"]
         if (
             0.0 < self.soft_m >= cell["top_m"]
             and above > 0
             and all(scatters(one) for one in (cell, *beside) if one["above"] > 0)
         ):
-            above, height_m = 0, cell["floor_m"]
-        if max(above, below) >= 2 or drops(cell, self.sub):
-            return OBSTACLE
+            above, height_m, free = 0, cell["floor_m"], causes.SOFT
+        if above >= 2 or below >= 2:
+            return causes.STANDS if above >= 2 else causes.LOW
+        if drops(cell, self.sub):
+            return causes.NO_FLOOR
         if count > 0 and (height_m >= H_POS or height_m <= H_NEG):
-            return OBSTACLE
+            return causes.TOO_HIGH if height_m >= H_POS else causes.TOO_LOW
         if (above == 1 or below == 1 or cell["miss"] == 1) and looks < LOOKED_AGAIN:
-            return UNKNOWN
-        if count == 0 or looks < 0 or self.fresh.seen_s[j % SIZE * SIZE + i % SIZE] < OLDEST_S:
-            return UNKNOWN
+            return causes.CONTRADICTED
+        if count == 0 or looks < 0:
+            return causes.UNSHOWN if count == 0 else causes.EARLIER_RUN
         asked = set(range(8)) if cell["rising"] else set()
         if looks < self.new:
             far = [k for k in range(8) if int(cell["far_sides"]) >> k & 1]
             asked |= {(k + turn) % 8 for k in far for turn in (-1, 0, 1)}
-        goes_on = all(self.covers(self.source.grid, *around[k]) and seen(beside[k]) for k in asked)
-        return FREE if goes_on else UNKNOWN
+        if not all(self.covers(self.source.grid, *around[k]) and seen(beside[k]) for k in asked):
+            return causes.FOOT if cell["rising"] else causes.EDGE
+        is_old = self.fresh.seen_s[j % SIZE * SIZE + i % SIZE] < OLDEST_S
+        return causes.AGED if is_old else free
 
     def told(self) -> dict[tuple[int, int], int]:
         """What the window shows."""
@@ -296,6 +309,26 @@ def test_a_touched_cell_means_what_the_model_says_and_the_others_stay(
         decided = drawn.covers(grid, i, j) and at in touched
         assert state == (drawn.state(i, j) if decided else before[i, j])
     assert sorted(drawn.window.take_changed()) == np.flatnonzero(drawn.window.cells).tolist()
+
+
+@settings(max_examples=examples(150))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([(SIZE, 0, 0), (5, 1, 3), (5, 3, 0), (5, -2, 7)]))
+def test_who_asks_why_is_told_the_rule_of_just_the_state_that_is_shown(
+    seed: int, window: tuple[int, int, int]
+) -> None:
+    drawn = Drawn(seed, window[0], window[1:])
+    drawn.classifier.decide(drawn.chance.permutation(SIZE * SIZE).astype(np.int32)[:70])
+    shown, shows = drawn.told(), drawn.shown
+    asked = list(product(range(-1, SIZE + 2), repeat=2))
+    i, j = np.array(asked).T + np.array([[shows.corner_i], [shows.corner_j]])
+    for cell, cause in zip(zip(i, j, strict=True), drawn.classifier.causes(i, j), strict=True):
+        if cell not in shown:
+            assert cause == causes.OUTSIDE
+            continue
+        is_known = drawn.covers(drawn.source.grid, *cell)
+        rule = drawn.cause(*cell) if is_known else causes.UNSEEN
+        assert cause == (rule if state_of(rule) == shown[cell] else BEFORE[shown[cell]])
+        assert state_of(int(cause)) == shown[cell]
 
 
 @settings(max_examples=examples(40))

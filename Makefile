@@ -24,7 +24,7 @@ EXTRAS_test := view export foxglove sweep video test
 $(VENV)/.ready-%: pyproject.toml | $(BIN)/python
 	@echo "mapod: installing the libraries that pyproject.toml names for [$(or $(EXTRAS_$*),$*)]"
 	@$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
-	  print(*p['dependencies'], *(x for e in '$(or $(EXTRAS_$*),$*)'.split() for x in p['optional-dependencies'].get(e, [])), sep='\n')" \
+	  print(*p['dependencies'], *(x for e in '$(or $(EXTRAS_$*),$*)'.split() for x in p['optional-dependencies'][e]), sep='\n')" \
 	  | $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --requirement /dev/stdin
 	@touch $@
 

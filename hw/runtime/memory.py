@@ -1,7 +1,7 @@
 """The process's own memory: what it will not need again is given back, what it needs stays.
 
-Locked whole, the process is three times as big: the compiler of the kernels, of which nothing is
-used once they are loaded, and room that was reserved and never touched. So a page is locked when it
+Locked whole, the process is three times as big: the compiler of the kernels and other libraries, of
+which nothing is used once all is loaded, and room that was reserved and never touched. So a page is locked when it
 is touched. Arrays of a grid's size are filled as they are made, for that touches them: `np.zeros`
 does not. Source: mlock(2), madvise(2), malloc_trim(3), proc_pid_smaps(5).
 """
@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 MADV_DONTNEED = 4
-COMPILER, OF_EVERY_PROCESSOR = "libllvmlite", "openblas"  # libraries of which little is used
+ONLY_LOADED = "libllvmlite", "libcrypto", "libsqlite3", "libgfortran", "libquadmath"  # never called
+OF_EVERY_PROCESSOR = "openblas"  # of which little is used
 HEADER = re.compile(r"([0-9a-f]+)-([0-9a-f]+) (\S+) \S+ \S+ (\d+) *(.*)")
 
 
@@ -54,11 +55,11 @@ def lock_memory() -> bool:
     libc.malloc_trim(ctypes.c_size_t(0))
     files = [one for one in mappings(Path("/proc/self/smaps").read_text()) if one.path]
     for one in files:
-        if one.is_of(COMPILER) and one.is_as_in_the_file:
+        if one.is_of(*ONLY_LOADED) and one.is_as_in_the_file:
             libc.madvise(*one.range, MADV_DONTNEED)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0:
         return False
     for one in files:
-        if not one.is_of(COMPILER, OF_EVERY_PROCESSOR):
+        if not one.is_of(*ONLY_LOADED, OF_EVERY_PROCESSOR):
             libc.mlock(*one.range)
     return True

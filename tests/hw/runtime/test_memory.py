@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 
-from hw.runtime.memory import COMPILER, mappings
+from hw.runtime.memory import ONLY_LOADED, mappings
 from tests import ROOT
 
 SMAPS = """\
@@ -44,7 +44,7 @@ def test_only_what_is_as_in_its_file_may_be_given_back() -> None:
     heap, code, relocated, data, nameless = mappings(SMAPS)
     assert (heap.path, nameless.path) == ("", "")
     assert (code.start, code.size) == (0x7F0000000000, 0x100000)
-    assert all(one.is_of(COMPILER) for one in (code, relocated, data))
+    assert all(one.is_of(*ONLY_LOADED) for one in (code, relocated, data))
     clean = [one.is_as_in_the_file for one in (heap, code, relocated, data, nameless)]
     assert clean == [False, True, False, False, False]
 

@@ -1,9 +1,9 @@
 """The process's own memory: what it will not need again is given back, what it needs stays.
 
 Locked whole, the process is three times as big: the compiler of the kernels and other libraries, of
-which nothing is used once all is loaded, and room that was reserved and never touched. So a page is locked when it
-is touched. Arrays of a grid's size are filled as they are made, for that touches them: `np.zeros`
-does not. Source: mlock(2), madvise(2), malloc_trim(3), proc_pid_smaps(5).
+which nothing is used once all is loaded, and room that was reserved and never touched. So a page is
+locked when it is touched. Arrays of a grid's size are filled as they are made, for that touches
+them: `np.zeros` does not. Source: mlock(2), madvise(2), malloc_trim(3), proc_pid_smaps(5).
 """
 
 import ctypes

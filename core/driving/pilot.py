@@ -34,11 +34,10 @@ class Pilot:
     @property
     def stalled(self) -> bool:
         """Whether the wheels' counters do not follow what the wheels are told."""
-        return self._may_move and self._stall.stalled
+        return self._stall.stalled
 
     def counted(self, counts: WheelCounts) -> None:
-        if self._may_move:
-            self._stall.counted(counts)
+        self._stall.counted(counts)
 
     def look_around(
         self, now_s: float, told: PoseReport, trusted: bool, request: DriveRequest | None

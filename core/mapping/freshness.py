@@ -89,8 +89,9 @@ class Freshness:
 
     def ages_s(self, seen_s: F64) -> F64:
         """From instants (n,) to now; NaN for those that are none."""
-        seen = np.isfinite(seen_s)
-        return np.where(seen, self.now_s - np.where(seen, seen_s, 0.0), np.nan)
+        seen, ages_s = np.isfinite(seen_s), np.full(seen_s.shape, np.nan)
+        ages_s[seen] = self.now_s - seen_s[seen]
+        return ages_s
 
     def follow(self, t_s: float, x_m: float, y_m: float, heading: tuple[float, float]) -> None:
         """It is t_s, and the robot stands there; the grid has moved with it before."""

@@ -11,6 +11,7 @@ UNREAD = "nothing reads it before it is set"
 FREE_ALL_OVER = "an infinite radius is everywhere, about whatever middle"
 ANY = "any number but zero says the same"
 NO_CELL = "no cell has that number either"
+NEVER_SET = "nobody sets a field of it"
 STANDS = "of what stands still, any share is nothing"
 
 NEGATIVE = "core/mapping/beams/negative.py"
@@ -83,6 +84,8 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _free_path: gap >= margin - TOUCH_M -> gap > margin - TOUCH_M": LATER,
     f"{STOP_ZONE} _free_path: margin - TOUCH_M -> margin + TOUCH_M": LATER,
     f"{STOP_ZONE} _free_path: before >= margin - TOUCH_M -> before > margin - TOUCH_M": FLOATS,
+    "core/driving/health.py Inputs: True -> False": NEVER_SET,
+    f"{STOP_ZONE} Obstruction: True -> False": NEVER_SET,
     f"{STOP_ZONE} _free_path: gap >= kept - TOUCH_M -> gap > kept - TOUCH_M": FLOATS,
     f"{STOP_ZONE} _free_path: kept - TOUCH_M -> kept + TOUCH_M": FLOATS,
     f"{STOP_ZONE} _free_path: gap >= -TOUCH_M -> gap > -TOUCH_M": FLOATS,

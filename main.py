@@ -47,17 +47,26 @@ class Wanted:
     def _end(self, number: int, frame: FrameType | None) -> None:
         self.end = True
 
-    def listen_for_map(self) -> None:
-        def save(number: int, frame: FrameType | None) -> None:
-            self.map = True
+    def _save(self, number: int, frame: FrameType | None) -> None:
+        self.map |= number == signal.SIGUSR1
+        self.flight |= number == signal.SIGUSR2
 
-        signal.signal(signal.SIGUSR1, save)
+    def over(self, saver: MapSaver | None, recorder: Recorder | None) -> Callable[[], bool]:
+        """Listen for what these can save; gives what saves it, and says whether it is the end."""
+        for number, listener in ((signal.SIGUSR1, saver), (signal.SIGUSR2, recorder)):
+            if listener is not None:
+                signal.signal(number, self._save)
 
-    def listen_for_flight(self) -> None:
-        def keep(number: int, frame: FrameType | None) -> None:
-            self.flight = True
+        def is_over() -> bool:
+            if self.map and saver:
+                self.map = False
+                saver.save()
+            if self.flight and recorder:
+                self.flight = False
+                recorder.flight(time.monotonic(), "asked", "somebody asked for it")
+            return self.end
 
-        signal.signal(signal.SIGUSR2, keep)
+        return is_over
 
 
 def slots_missed(late_s: float, period_s: float) -> int:
@@ -124,25 +133,13 @@ def serve(
             recorder.restored(loaded_s)
         LOG.info("map_loaded", moving_when_saved=was_moving(loaded))
     saver = MapSaver(app, save_to) if save_to else None
-    if saver:
-        wanted.listen_for_map()
-    if recorder:
-        wanted.listen_for_flight()
+    is_over = wanted.over(saver, recorder)
     locked, fifo = take_real_time()
     LOG.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
     LOG.info("app_started", version=version(), planner=config.planner.port)
     servers = modbus_servers(config, app.image)
     app.states.statuses.update(servers.statuses)
     wake_up, notifier = WakeUp(servers), Notifier(os.environ, app.states.describe)
-
-    def is_over() -> bool:
-        if wanted.map and saver:
-            wanted.map = False
-            saver.save()
-        if wanted.flight and recorder:
-            wanted.flight = False
-            recorder.flight(time.monotonic(), "asked", "somebody asked for it")
-        return wanted.end
 
     try:
         at_start()

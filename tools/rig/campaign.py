@@ -258,10 +258,6 @@ class Outcomes:
                 yield self._outcome(done)
 
 
-def outcomes_of(tasks: Sequence[Task], jobs: int) -> Iterator[Outcome]:
-    yield from Outcomes(tasks).missing(LocalProcesses(jobs))
-
-
 def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m tools.rig.campaign",

@@ -19,12 +19,13 @@ from tests.support.blind_pilot import BlindPilot
 from tests.support.shipped import FLOOR
 from tools.rig import campaign, record
 from tools.rig.c_build import program
-from tools.rig.campaign import Outcome, Task, outcome_of, outcomes_of, spec_of
+from tools.rig.campaign import Outcome, Outcomes, Task, outcome_of, spec_of
 from tools.rig.draw import draw_run
 from tools.rig.loop import rig_config
 from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
 from tools.rig.record import Recorder
 from tools.rig.watch import Watcher, image_of, line_of, picture
+from tools.sweep.local import LocalProcesses
 
 WALL = Solid("wall", (14.0, 14.5), (-6.0, 6.0), (0.0, 2.0))
 LOW_BOX = Solid("low box", (0.8, 1.2), (-0.5, 0.5), (0.0, 0.2))  # where nobody may have left one
@@ -179,7 +180,8 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
     program("gcc")
     tasks = [Task(k, spec_of(1, k, SCENES, limit_s=3.0)) for k in range(2)]
     nowhere = Task(2, RunSpec("no such scene", 1))
-    outcomes = {outcome.number: outcome for outcome in outcomes_of([*tasks, nowhere], 1)}
+    ended = Outcomes([*tasks, nowhere]).missing(LocalProcesses(1))
+    outcomes = {outcome.number: outcome for outcome in ended}
     assert "FileNotFoundError" in outcomes[2].crash
     for task in tasks:
         result, here = outcomes[task.number].result, outcome_of(task).result

@@ -7,7 +7,7 @@ Source: mcap.dev, specification, version 0.
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -21,6 +21,7 @@ HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 1, 2, 3, 4
 OPCODES = range(1, 16)
 RECORD = struct.Struct("<BQ")  # opcode, length
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+NUMBERS = struct.Struct("<HI")  # the first two of these
 CHUNK_HEAD = struct.Struct("<QQQI")  # times of the first and the last, size, sum
 MOST_BYTES = 256 << 20  # of a chunk, or of what stands by itself
 
@@ -33,6 +34,7 @@ class McapStream:
     is_cut: bool = False  # known after reading: it ends before its end was written
     channels: dict[int, tuple[str, str]] = field(default_factory=dict)  # topic, message encoding
     _sum: int = 0
+    _place: int = 0  # behind what was read
 
     def records(self) -> Iterator[tuple[int, bytes]]:
         """Opcode and content of each, but for chunks: what is in them instead.
@@ -40,6 +42,26 @@ class McapStream:
         Raises:
             RecordingError: it is no MCAP file, or damaged. OSError.
         """
+        for block in self._blocks():
+            for opcode, begin, end in self._places(block):
+                yield opcode, block[begin:end]
+
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Topic, number and content of each message of these topics. Raises as `records`."""
+        channels = self.channels
+        for block in self._blocks():
+            for opcode, begin, end in self._places(block):
+                if opcode != MESSAGE or end - begin < MESSAGE_HEAD.size:
+                    continue
+                channel, number = NUMBERS.unpack_from(block, begin)
+                if channel not in channels:
+                    raise RecordingError(f"{self.path} is damaged: a message of no channel")
+                topic, _ = channels[channel]
+                if topic in topics:
+                    yield topic, number, block[begin + MESSAGE_HEAD.size : end]
+
+    def _blocks(self) -> Iterator[bytes]:
+        """What chunks hold, and each record outside of them, head and content."""
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             file.seek(max(0, size - len(MAGIC)))
@@ -50,11 +72,11 @@ class McapStream:
                 raise RecordingError(f"{self.path} is not an MCAP file")
             self._sum, self.is_cut = zlib.crc32(magic), True
             try:
-                yield from self._records(file, size, is_ended)
+                yield from self._blocks_of(file, size, is_ended)
             except (struct.error, UnicodeDecodeError, IndexError, zstandard.ZstdError):
                 raise self._damaged(file.tell()) from None
 
-    def _records(self, file: BinaryIO, size: int, is_ended: bool) -> Iterator[tuple[int, bytes]]:
+    def _blocks_of(self, file: BinaryIO, size: int, is_ended: bool) -> Iterator[bytes]:
         while len(head := file.read(RECORD.size)) == RECORD.size:
             opcode, length = RECORD.unpack(head)
             if opcode not in OPCODES:
@@ -73,11 +95,8 @@ class McapStream:
                 self.is_cut = False
                 return
             self._sum = zlib.crc32(content, zlib.crc32(head, self._sum))
-            if opcode == CHUNK:
-                yield from self._of_chunk(self._opened(content, file.tell()))
-            else:
-                self._learn(opcode, content)
-                yield opcode, content
+            self._place = file.tell()
+            yield self._opened(content, self._place) if opcode == CHUNK else head + content
         if is_ended:
             raise self._damaged(file.tell())
 
@@ -99,22 +118,26 @@ class McapStream:
             raise self._damaged(place)
         return packed
 
-    def _of_chunk(self, chunk: bytes) -> Iterator[tuple[int, bytes]]:
-        at, end = 0, len(chunk)
-        while at < end:
-            opcode, length = RECORD.unpack_from(chunk, at)
-            at += RECORD.size
-            content = chunk[at : at + length]
-            at += length
-            if opcode != MESSAGE:
-                self._learn(opcode, content)
-            yield opcode, content
+    def _places(self, block: bytes) -> list[tuple[int, int, int]]:
+        """Opcode of each record in a block, where its content begins, and where it ends."""
+        found, at, size = list[tuple[int, int, int]](), 0, len(block)
+        try:
+            while at < size:
+                opcode, length = RECORD.unpack_from(block, at)
+                begin, at = at + RECORD.size, at + RECORD.size + length
+                found.append((opcode, begin, at))
+                if opcode == CHANNEL:
+                    self._learn(block[begin:at])
+        except (struct.error, UnicodeDecodeError):
+            raise self._damaged(self._place) from None
+        if at > size:
+            raise self._damaged(self._place)
+        return found
 
-    def _learn(self, opcode: int, content: bytes) -> None:
-        if opcode == CHANNEL:
-            number, _ = struct.unpack_from("<HH", content)
-            topic, at = text_at(content, 4)
-            self.channels[number] = (topic, text_at(content, at)[0])
+    def _learn(self, channel: bytes) -> None:
+        number, _ = struct.unpack_from("<HH", channel)
+        topic, at = text_at(channel, 4)
+        self.channels[number] = (topic, text_at(channel, at)[0])
 
     def _damaged(self, place: int) -> RecordingError:
         return RecordingError(f"{self.path} is damaged before byte {place}")

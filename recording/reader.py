@@ -9,7 +9,7 @@ import binascii
 import json
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,8 +17,6 @@ from typing import Any
 
 from recording.mcap_stream import (
     HEADER,
-    MESSAGE,
-    MESSAGE_HEAD,
     METADATA,
     McapStream,
     metadata_of,
@@ -117,13 +115,12 @@ class Recording:
             RecordingError: the recording is damaged there. OSError.
         """
         places = {f"/wire/{k}/{name}": k for k, name in enumerate(self.ports)} | {CALLS: 0}
-        numbers = _Numbers()
-        for path, topic, sequence, content in self._messages():
-            port = places.get(topic)
-            if port is None:
-                continue
-            if not numbers.follows(sequence):
+        expected: int | None = None  # the records of all files are numbered through
+        for path, topic, sequence, content in self._messages(places):
+            port = places[topic]
+            if expected not in (None, sequence):
                 raise RecordingError(f"{path}: records are missing before number {sequence}")
+            expected = (sequence + 1) % 2**32
             t_s, kind = STAMP.unpack_from(content.ljust(STAMP.size, b"\0"))
             data = content[STAMP.size :]
             if kind == GAP:
@@ -137,37 +134,20 @@ class Recording:
 
     def logs(self) -> Iterator[LogLine]:
         """The app's log. Raises RecordingError, OSError."""
-        for path, topic, _, content in self._messages():
-            if topic == LOGS:
-                try:
-                    said = json.loads(content)["of"]
-                    yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
-                except (ValueError, KeyError, TypeError):
-                    raise RecordingError(f"{path}: a line of the log can't be read") from None
+        for path, _, _, content in self._messages((LOGS,)):
+            try:
+                said = json.loads(content)["of"]
+                yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
+            except (ValueError, KeyError, TypeError):
+                raise RecordingError(f"{path}: a line of the log can't be read") from None
 
-    def _messages(self) -> Iterator[tuple[Path, str, int, bytes]]:
-        """File, topic, number and content of each message of all files."""
+    def _messages(self, topics: Collection[str]) -> Iterator[tuple[Path, str, int, bytes]]:
+        """File, topic, number and content of each message of these topics, of all files."""
         for path in self.parts:
             stream = McapStream(path)
-            channels = stream.channels
-            for opcode, content in stream.records():
-                if opcode == MESSAGE and len(content) >= MESSAGE_HEAD.size:
-                    channel, sequence, _, _ = MESSAGE_HEAD.unpack_from(content)
-                    if channel not in channels:
-                        raise RecordingError(f"{path} is damaged: a message of no channel")
-                    yield path, channels[channel][0], sequence, content[MESSAGE_HEAD.size :]
+            for topic, number, content in stream.messages(topics):
+                yield path, topic, number, content
             self.is_cut = stream.is_cut
-
-
-class _Numbers:
-    """The records of all files are numbered through."""
-
-    def __init__(self) -> None:
-        self._next: int | None = None
-
-    def follows(self, number: int) -> bool:
-        expected, self._next = self._next, (number + 1) % 2**32
-        return expected is None or number == expected
 
 
 def parts_of(path: Path) -> list[Path]:

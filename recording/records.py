@@ -8,7 +8,8 @@ import json
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 FORM = "3"
 PROFILE = "mapod"
@@ -44,8 +45,7 @@ class RecordingError(Exception):
     """The file is no recording, or it is damaged; the text says which, in one line."""
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
+class Record(Struct, frozen=True):
     """One thing that happened."""
 
     t_s: float

@@ -9,7 +9,7 @@ import binascii
 import json
 import re
 import struct
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -41,7 +41,8 @@ from recording.records import (
 from recording.records import METADATA as OF_THE_RUN
 
 OLDER = re.compile(rb'\{"mapod_recording": (\d+)')
-SHORTEST = {TURN: READABLE.size, ASK: ASKED.size, CHANGED: PORT_STATE.size}  # data of a kind
+SHORTEST = dict.fromkeys(OF_WIRES, 0)  # data of each kind that there is
+SHORTEST |= {TURN: READABLE.size, ASK: ASKED.size, CHANGED: PORT_STATE.size}
 NUMBERED = re.compile(r"(.*?)(?:\.(\d+))?\.mcap")
 
 
@@ -116,38 +117,53 @@ class Recording:
         """
         places = {f"/wire/{k}/{name}": k for k, name in enumerate(self.ports)} | {CALLS: 0}
         expected: int | None = None  # the records of all files are numbered through
-        for path, topic, sequence, content in self._messages(places):
-            port = places[topic]
-            if expected not in (None, sequence):
-                raise RecordingError(f"{path}: records are missing before number {sequence}")
-            expected = (sequence + 1) % 2**32
-            t_s, kind = STAMP.unpack_from(content.ljust(STAMP.size, b"\0"))
-            data = content[STAMP.size :]
-            if kind == GAP:
-                self.gap = f"the disk was too slow: {data.decode(errors='replace')} are missing"
-                return
-            if kind not in OF_WIRES or len(data) < SHORTEST.get(kind, 0):
-                raise RecordingError(f"{path}: a record of no known kind, number {sequence}")
-            if kind == TURN:
-                (port,) = READABLE.unpack_from(data)
-            yield Record(t_s, kind, port, data)
+        for stream in self._streams():
+            for topic, sequence, content in stream.messages(places):
+                if expected not in (None, sequence):
+                    raise RecordingError(
+                        f"{stream.path}: records are missing before number {sequence}"
+                    )
+                expected = (sequence + 1) % 2**32
+                record = maybe_record(places[topic], content)
+                if record is None:
+                    raise RecordingError(
+                        f"{stream.path}: a record of no known kind, number {sequence}"
+                    )
+                if record.kind == GAP:
+                    missing = record.data.decode(errors="replace")
+                    self.gap = f"the disk was too slow: {missing} are missing"
+                    return
+                yield record
 
     def logs(self) -> Iterator[LogLine]:
         """The app's log. Raises RecordingError, OSError."""
-        for path, _, _, content in self._messages((LOGS,)):
-            try:
-                said = json.loads(content)["of"]
-                yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
-            except (ValueError, KeyError, TypeError):
-                raise RecordingError(f"{path}: a line of the log can't be read") from None
+        for stream in self._streams():
+            for _, _, content in stream.messages((LOGS,)):
+                try:
+                    said = json.loads(content)["of"]
+                    yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
+                except (ValueError, KeyError, TypeError):
+                    raise RecordingError(f"{stream.path}: a log line can't be read") from None
 
-    def _messages(self, topics: Collection[str]) -> Iterator[tuple[Path, str, int, bytes]]:
-        """File, topic, number and content of each message of these topics, of all files."""
+    def _streams(self) -> Iterator[McapStream]:
+        """All files, each to be read to its end."""
         for path in self.parts:
             stream = McapStream(path)
-            for topic, number, content in stream.messages(topics):
-                yield path, topic, number, content
+            yield stream
             self.is_cut = stream.is_cut
+
+
+def maybe_record(port: int, content: bytes) -> Record | None:
+    """What a message of a wire holds; None: nothing that is known."""
+    if len(content) < STAMP.size:
+        return None
+    t_s, kind = STAMP.unpack_from(content)
+    data, shortest = content[STAMP.size :], SHORTEST.get(kind)
+    if shortest is None or len(data) < shortest:
+        return None
+    if kind == TURN:
+        (port,) = READABLE.unpack_from(data)
+    return Record(t_s, kind, port, data)
 
 
 def parts_of(path: Path) -> list[Path]:

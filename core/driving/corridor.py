@@ -12,11 +12,13 @@ import numpy as np
 
 from core.driving.stop_zone import (
     TOUCH_M,
+    Heading,
     Place,
     Rect,
     Window,
     clearance,
-    gap_to,
+    gap_along,
+    heading_of,
     is_in_way,
     leaves,
     read_row,
@@ -35,7 +37,7 @@ def _path_to(
     j: int,
     cell_m: float,
     place: Place,
-    heading: tuple[float, float],
+    heading: Heading,
     rect: Rect,
     keeps: tuple[float, float],
     is_unknown: bool,
@@ -43,8 +45,8 @@ def _path_to(
 ) -> float:
     """Metres straight ahead until a cell that is not free is too near; inf: it never is.
 
-    heading: cosine and sine of the place's yaw. keeps: the margin, and what is to be kept free of
-    cells that are farther than it now. enough: also inf if it leaves so much.
+    keeps: the margin, and what is to be kept free of cells that are farther than it now. enough:
+    also inf if it leaves so much.
     """
     cx, cy, half = (i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2
     c, s = heading
@@ -54,7 +56,7 @@ def _path_to(
     if front - keeps[0] >= enough:
         return math.inf
     side = abs(c * dy - s * dx) - reach - rect[2]
-    gap = gap_to(cx, cy, half, place, rect)
+    gap = gap_along(cx, cy, half, place, heading, rect)
     if gap < -TOUCH_M:  # under the footprint
         return math.inf if is_unknown or leaves(cx, cy, place, rect, 1.0, 0.0) else 0.0
     if gap < keeps[0] - TOUCH_M:  # within the margin: only what comes straight at it counts
@@ -91,7 +93,7 @@ def free_path(
     """
     keeps = margin, clearance(cells, window, cell_m, place, rect, margin, clear)
     reach = math.hypot(max(rect[0], rect[1]) + margin, rect[2] + margin)
-    x, y, c, s = place[0], place[1], math.cos(place[2]), math.sin(place[2])
+    (x, y, _), (c, s) = place, heading_of(place)
     _, here_j, count = cells_about(x, y, reach, cell_m)
     _, then_j, _ = cells_about(x, y + s * longest, reach, cell_m)
     grow = margin + cell_m  # of the strip, for the middles of cells that reach into it

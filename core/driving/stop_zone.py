@@ -31,6 +31,7 @@ Rect = tuple[float, float, float]  # ahead of the axle, behind it, to either sid
 Place = tuple[float, float, float]  # x, y, yaw in the map frame
 Motion = tuple[float, float]  # forward m/s, counter-clockwise rad/s
 Window = tuple[int, int, int]  # corner i, corner j, size
+Heading = tuple[float, float]  # cosine and sine of a place's yaw
 
 
 @kernel
@@ -49,7 +50,21 @@ def _at(start: Place, v: float, w: float, t: float) -> Place:
 @kernel
 def gap_to(cx: float, cy: float, half: float, place: Place, rect: Rect) -> float:
     """By how much the rectangle must grow to meet a square cell about (cx, cy); < 0: it does."""
-    c, s = math.cos(place[2]), math.sin(place[2])
+    return gap_along(cx, cy, half, place, heading_of(place), rect)
+
+
+@kernel
+def heading_of(place: Place) -> Heading:
+    """Worked out once for the gaps of many cells at one place."""
+    return math.cos(place[2]), math.sin(place[2])
+
+
+@kernel
+def gap_along(
+    cx: float, cy: float, half: float, place: Place, heading: Heading, rect: Rect
+) -> float:
+    """`gap_to`, with the heading of the place."""
+    c, s = heading
     dx, dy = cx - place[0], cy - place[1]
     ahead, aside = c * dx + s * dy, c * dy - s * dx
     spread = abs(c) + abs(s)
@@ -130,14 +145,15 @@ def cells_near(
     reach = math.hypot(max(rect[0], rect[1]) + within, rect[2] + within)
     low_i, low_j, count = cells_about(place[0], place[1], reach, cell_m)
     found, used = np.empty((count * count, 3), np.int32), 0
-    states = np.empty(count, np.int8)
+    states, heading, half = np.empty(count, np.int8), heading_of(place), cell_m / 2
     for j in range(low_j, low_j + count):
         read_row(low_i, j, cells, window, states)
         for k in range(count):
             if states[k] == FREE:
                 continue
             i = low_i + k
-            gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
+            cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
+            gap = gap_along(cx, cy, half, place, heading, rect)
             if gap < within and is_in_way(states[k], i, j, cell_m, clear):
                 found[used, 0], found[used, 1], found[used, 2] = i, j, states[k]
                 used += 1
@@ -156,9 +172,10 @@ def clearance(
 ) -> float:
     """What is to be kept free of new cells: the margin, or less where it is not free now."""
     least, near = margin, cells_near(cells, window, cell_m, place, rect, margin, clear)
+    heading = heading_of(place)
     for n in range(near.shape[0]):
-        i, j = near[n, 0], near[n, 1]
-        gap = gap_to((i + 0.5) * cell_m, (j + 0.5) * cell_m, cell_m / 2, place, rect)
+        cx, cy = (near[n, 0] + 0.5) * cell_m, (near[n, 1] + 0.5) * cell_m
+        gap = gap_along(cx, cy, cell_m / 2, place, heading, rect)
         if -TOUCH_M <= gap < least - SLACK_M:
             least = gap
     return least if least == margin else max(0.0, least - SLACK_M)
@@ -198,7 +215,7 @@ def _free_path(
     cy: float,
     half: float,
     place: Place,
-    then: Place,
+    then: tuple[Place, Heading],
     rect: Rect,
     motion: Motion,
     span: tuple[float, float],
@@ -208,11 +225,12 @@ def _free_path(
 ) -> float:
     """How far the robot gets before a cell that is in the way at the end of a span; inf: it is not.
 
-    then: the place at that end. limits: metres per second, margin, and what is to be kept free of
-    new cells. before: the cell's gap at the start. best: inf also where it leaves no less.
+    then: the place at that end, its heading. limits: metres per second, margin, and what is to be
+    kept free of new cells. before: the cell's gap at the start. best: inf also where it leaves no
+    less.
     """
     rate, margin, kept = limits
-    gap = gap_to(cx, cy, half, then, rect)
+    gap = gap_along(cx, cy, half, then[0], then[1], rect)
     if gap >= margin - TOUCH_M:
         return math.inf
     if before >= margin - TOUCH_M:  # new
@@ -230,10 +248,10 @@ def _gaps(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) ->
 
     Nobody knew of them, or they are on their way out.
     """
-    gaps = np.empty(near.shape[0])
+    gaps, heading = np.empty(near.shape[0]), heading_of(place)
     for n in range(gaps.size):
         cx, cy = (near[n, 0] + 0.5) * cell_m, (near[n, 1] + 0.5) * cell_m
-        gaps[n] = gap_to(cx, cy, cell_m / 2, place, rect)
+        gaps[n] = gap_along(cx, cy, cell_m / 2, place, heading, rect)
         if gaps[n] < -TOUCH_M and (
             near[n, 2] == UNKNOWN or leaves(cx, cy, place, rect, motion[0], motion[1])
         ):
@@ -272,7 +290,8 @@ def _sweep(
             middle = _at(place, motion[0], motion[1], span[1] + half_s)
             near = cells_near(cells, window, cell_m, middle, rect, within, clear)
             before = _gaps(near, cell_m, place, rect, motion)
-        then = _at(place, motion[0], motion[1], span[1])
+        at = _at(place, motion[0], motion[1], span[1])
+        then = at, heading_of(at)
         for n in range(before.size):
             if before[n] == -math.inf:
                 continue

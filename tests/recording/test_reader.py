@@ -6,7 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recording.mcap_stream import MAGIC
+from recording.mcap_stream import (
+    CHUNK,
+    CHUNK_HEAD,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_HEAD,
+    RECORD,
+    McapStream,
+)
 from recording.reader import Recording
 from recording.records import Record, RecordingError
 from tests.support.recorded import RecordedLoop
@@ -91,3 +99,12 @@ def test_what_is_not_of_mapod_is_said_so(tmp_path: Path) -> None:
     (tmp_path / "x.mcap").unlink()
     with pytest.raises(RecordingError, match="0 recordings"):
         Recording(tmp_path)
+
+
+def test_a_record_that_says_more_than_its_chunk_holds_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "short.mcap"
+    inside = RECORD.pack(MESSAGE, MESSAGE_HEAD.size + 9) + bytes(MESSAGE_HEAD.size + 8)
+    chunk = CHUNK_HEAD.pack(0, 0, len(inside), 0) + bytes(4) + len(inside).to_bytes(8, "little")
+    path.write_bytes(MAGIC + RECORD.pack(CHUNK, len(chunk + inside)) + chunk + inside)
+    with pytest.raises(RecordingError, match=f"{path} is damaged before byte"):
+        list(McapStream(path).records())

@@ -9,9 +9,10 @@ import binascii
 import json
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,7 @@ class Recording:
             self.session = int(self.metadata["session"])
             self.utc_offset_s = float(self.metadata["utc_offset_s"])
             self.from_start = self.metadata["from_start"] == "true"
+            self._openings = {part: opening_of(first_metadata(part)) for part in self.parts}
         except (KeyError, ValueError, TypeError):
             raise RecordingError(f"{self.parts[0]} is not a recording of mapod") from None
         self.is_cut = False  # known after reading: the newest file has no end
@@ -116,21 +118,38 @@ class Recording:
         Raises:
             RecordingError: the recording is damaged there. OSError.
         """
+        for record in islice(self._wires(), self._openings[self.parts[0]], None):
+            if record.kind == GAP:
+                missing = record.data.decode(errors="replace")
+                self.gap = f"the disk was too slow: {missing} are missing"
+                return
+            yield record
+
+    def opening(self) -> list[Record]:
+        """Of a file that begins in the middle of a run: how its ports were opened before.
+
+        Raises:
+            RecordingError: the recording is damaged there. OSError.
+        """
+        return list(islice(self._wires(), self._openings[self.parts[0]]))
+
+    def _wires(self) -> Iterator[Record]:
         places = {f"/wire/{k}/{name}": k for k, name in enumerate(self.ports)} | {CALLS: 0}
-        numbers = _Numbers()
-        for path, topic, sequence, content in self._messages():
+        further, next_number = self._openings | {self.parts[0]: 0}, None
+        for path, topic, number, content in self._messages():
             port = places.get(topic)
             if port is None:
                 continue
-            if not numbers.follows(sequence):
-                raise RecordingError(f"{path}: records are missing before number {sequence}")
+            if further[path] > 0:  # it repeats how the ports were opened
+                further[path] -= 1
+                continue
+            if next_number not in (None, number):
+                raise RecordingError(f"{path}: records are missing before number {number}")
+            next_number = (number + 1) % 2**32
             t_s, kind = STAMP.unpack_from(content.ljust(STAMP.size, b"\0"))
             data = content[STAMP.size :]
-            if kind == GAP:
-                self.gap = f"the disk was too slow: {data.decode(errors='replace')} are missing"
-                return
             if kind not in OF_WIRES or len(data) < SHORTEST.get(kind, 0):
-                raise RecordingError(f"{path}: a record of no known kind, number {sequence}")
+                raise RecordingError(f"{path}: a record of no known kind, number {number}")
             if kind == TURN:
                 (port,) = READABLE.unpack_from(data)
             yield Record(t_s, kind, port, data)
@@ -159,17 +178,6 @@ class Recording:
             self.is_cut = stream.is_cut
 
 
-class _Numbers:
-    """The records of all files are numbered through."""
-
-    def __init__(self) -> None:
-        self._next: int | None = None
-
-    def follows(self, number: int) -> bool:
-        expected, self._next = self._next, (number + 1) % 2**32
-        return expected is None or number == expected
-
-
 def parts_of(path: Path) -> list[Path]:
     """The files of a recording: of a folder's only one, or those that go on from this file."""
     if path.is_dir():
@@ -190,6 +198,11 @@ def parts_of(path: Path) -> list[Path]:
             break
         files.append(following)
     return files
+
+
+def opening_of(metadata: Mapping[str, str]) -> int:
+    """How many records at a file's begin tell of what was before it."""
+    return max(0, int(metadata.get("opening", "0")))
 
 
 def number_of(path: Path) -> int:

@@ -15,7 +15,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from recording.flight import FlightRecorder
-from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_WIRES
+from recording.openings import Openings
+from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_PORTS, OF_WIRES
 
 if TYPE_CHECKING:
     from recording.series import Series
@@ -36,6 +37,7 @@ class Writer:
         self._out = out
         self._series: Series | None = None
         self._flight: FlightRecorder | None = None
+        self._openings = Openings([])
         self._sequence = 0  # of the records that move the app
         self.is_over = False  # the app has said so
 
@@ -64,6 +66,8 @@ class Writer:
                 self._give_up(error)
         if self._flight is not None:
             self._flight.take(t_s, kind, port, data, self._sequence)
+        if kind in OF_PORTS:
+            self._openings.take(t_s, kind, port, data, self._sequence)
         self._sequence += kind in OF_WIRES
 
     def sync(self) -> None:
@@ -92,17 +96,18 @@ class Writer:
                 self._report("recording_ended", False, reason=str(error))
 
     def _begin(self, run: Mapping[str, Any]) -> None:
+        self._openings = Openings(json.loads(run["metadata"]["ports"]))
         if run["path"]:
             from recording.series import Series  # and all that files take, where there is one
 
             try:
-                self._series = Series(run)
+                self._series = Series(run, self._openings)
                 self._report("recording_begun", file=self._series.name)
             except OSError as error:
                 self._report("recording_ended", False, reason=str(error))
         if run["flight"]:
             try:
-                self._flight = FlightRecorder(run)
+                self._flight = FlightRecorder(run, self._openings)
             except OSError as error:
                 self._report("flight_not_kept", False, reason=str(error))
 

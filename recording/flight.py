@@ -34,7 +34,7 @@ class FlightRecorder:
         openings: of the same run, for files that begin in the middle of it.
     """
 
-    def __init__(self, run: Mapping[str, Any], openings: Openings, kept_s: float = KEPT_S) -> None:
+    def __init__(self, run: Mapping[str, Any], openings: Openings, kept_s: float) -> None:
         self._run, self._folder, self._keep = run, Path(run["flight"]), int(run["flight_keep"])
         self._openings, self._kept_s = openings, kept_s
         self._blocks: deque[Block] = deque()

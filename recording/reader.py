@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from recording.mcap_stream import (
     HEADER,
@@ -31,6 +31,7 @@ from recording.records import (
     CHANGED,
     FORM,
     GAP,
+    HEALTH,
     LOGS,
     OF_WIRES,
     PORT_STATE,
@@ -56,6 +57,17 @@ class LogLine:
     level: str
     event: str
     keys: dict[str, Any]
+
+
+class Place(NamedTuple):
+    """Pose and speed at an instant, by the names of the topic of health."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    v_mps: float
+    w_radps: float
 
 
 def first_metadata(path: Path) -> dict[str, str]:
@@ -163,6 +175,18 @@ class Recording:
                     yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
                 except (ValueError, KeyError, TypeError):
                     raise RecordingError(f"{path}: a line of the log can't be read") from None
+
+    def maybe_place(self) -> Place | None:
+        """Where the robot first was; None: that was never known. Raises RecordingError, OSError."""
+        for path, topic, _, content in self._messages():
+            if topic == HEALTH:
+                try:
+                    told = json.loads(content)
+                    if "x_m" in told:
+                        return Place(*(float(told[name]) for name in Place._fields))
+                except (ValueError, KeyError, TypeError):
+                    raise RecordingError(f"{path}: a state can't be read") from None
+        return None
 
     def _messages(self) -> Iterator[tuple[Path, str, int, bytes]]:
         """File, topic, number and content of each message of all files."""

@@ -14,7 +14,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from recording.flight import FlightRecorder
+from recording.flight import KEPT_S, FlightRecorder
 from recording.openings import Openings
 from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_PORTS, OF_WIRES
 
@@ -32,9 +32,9 @@ READ_BYTES = 1 << 20
 class Writer:
     """What is done with the records of one run."""
 
-    def __init__(self, out: int) -> None:
-        """`out`: a descriptor for reports, a line of JSON each."""
-        self._out = out
+    def __init__(self, out: int, flight_s: float = KEPT_S) -> None:
+        """`out`: a descriptor for reports, a line of JSON each; `flight_s`: what a flight holds."""
+        self._out, self._flight_s = out, flight_s
         self._series: Series | None = None
         self._flight: FlightRecorder | None = None
         self._openings = Openings([])
@@ -107,7 +107,7 @@ class Writer:
                 self._report("recording_ended", False, reason=str(error))
         if run["flight"]:
             try:
-                self._flight = FlightRecorder(run, self._openings)
+                self._flight = FlightRecorder(run, self._openings, self._flight_s)
             except OSError as error:
                 self._report("flight_not_kept", False, reason=str(error))
 

@@ -60,14 +60,12 @@ class LogLine:
 
 
 class Place(NamedTuple):
-    """Pose and speed at an instant, by the names of the topic of health."""
+    """Where the robot was at an instant, by the names of the topic of health."""
 
     t_s: float
     x_m: float
     y_m: float
     yaw_rad: float
-    v_mps: float
-    w_radps: float
 
 
 def first_metadata(path: Path) -> dict[str, str]:
@@ -176,17 +174,16 @@ class Recording:
                 except (ValueError, KeyError, TypeError):
                     raise RecordingError(f"{path}: a line of the log can't be read") from None
 
-    def maybe_place(self) -> Place | None:
-        """Where the robot first was; None: that was never known. Raises RecordingError, OSError."""
+    def places(self) -> Iterator[Place]:
+        """Where the robot was, now and then. Raises RecordingError, OSError."""
         for path, topic, _, content in self._messages():
             if topic == HEALTH:
                 try:
                     told = json.loads(content)
                     if "x_m" in told:
-                        return Place(*(float(told[name]) for name in Place._fields))
+                        yield Place(*(float(told[name]) for name in Place._fields))
                 except (ValueError, KeyError, TypeError):
                     raise RecordingError(f"{path}: a state can't be read") from None
-        return None
 
     def _messages(self) -> Iterator[tuple[Path, str, int, bytes]]:
         """File, topic, number and content of each message of all files."""

@@ -12,7 +12,7 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from recording.flight import KEPT_S, FlightRecorder
 from recording.openings import Openings
@@ -29,6 +29,14 @@ SYNC_S = 1.0
 READ_BYTES = 1 << 20
 
 
+class Wanted(NamedTuple):
+    """A flight that is to be saved."""
+
+    due_s: float  # the run's clock: what comes until then belongs to it
+    cause: str
+    message: str
+
+
 class Writer:
     """What is done with the records of one run."""
 
@@ -37,6 +45,7 @@ class Writer:
         self._out, self._flight_s = out, flight_s
         self._series: Series | None = None
         self._flight: FlightRecorder | None = None
+        self._wanted: Wanted | None = None
         self._openings = Openings([])
         self._sequence = 0  # of the records that move the app
         self.is_over = False  # the app has said so
@@ -53,7 +62,11 @@ class Writer:
             return
         if kind == FLIGHT:
             why = json.loads(data)
-            self.save_flight(why["cause"], why["message"])
+            self._save_wanted()
+            self._wanted = Wanted(t_s + why.get("after_s", 0.0), why["cause"], why["message"])
+        if self._wanted is not None and t_s >= self._wanted.due_s:
+            self._save_wanted()
+        if kind == FLIGHT:
             return
         if kind == BYE:
             self.is_over = True
@@ -78,6 +91,8 @@ class Writer:
                 self._give_up(error)
 
     def save_flight(self, cause: str, message: str) -> None:
+        """Now; what one was to be saved for soon is in it."""
+        self._wanted = None
         if self._flight is not None:
             try:
                 path = self._flight.save(cause, message, {"cause": message})
@@ -86,6 +101,7 @@ class Writer:
                 self._report("flight_not_saved", False, reason=str(error))
 
     def end(self, end: Mapping[str, str]) -> None:
+        self._save_wanted()
         if self._series is not None:
             series, self._series = self._series, None
             try:
@@ -94,6 +110,10 @@ class Writer:
             except OSError as error:
                 series.abandon()
                 self._report("recording_ended", False, reason=str(error))
+
+    def _save_wanted(self) -> None:
+        if self._wanted is not None:
+            self.save_flight(self._wanted.cause, self._wanted.message)
 
     def _begin(self, run: Mapping[str, Any]) -> None:
         self._openings = Openings(json.loads(run["metadata"]["ports"]))

@@ -6,13 +6,9 @@ is set up. The time between is left out, so that no device has been silent. Noth
 yet, so that clocks and counters begin with the file's own bytes, as after a start.
 """
 
-import math
 from typing import Any
 
-import numpy as np
-
 from core.config import Config
-from core.mapping.mapper import Mapper
 from hw.ax3500.session import Ax3500Options
 from recording.reader import Recording
 from recording.records import CHANGED, IN, OUT, Record, RecordingError
@@ -42,7 +38,7 @@ def opened_devices(
     """
     records = recording.opening()
     first = next(recording.records(), None)
-    if not records:
+    if recording.metadata.get("opening", "0") == "0":
         raise RecordingError(f"{recording.path}: {NOT_PLAYABLE}")
     if first is None:
         raise RecordingError(f"{recording.path} was cut off before all that could be played")
@@ -57,20 +53,6 @@ def opened_devices(
             own = rest
         become(port, own)
     return devices, [UNKNOWN_BEFORE]
-
-
-def stand_where_it_stood(recording: Recording, mapper: Mapper, begin_s: float) -> None:
-    """The map frame is the run's own, to a few centimetres; at height 0.
-
-    The run's start lies elsewhere: what the settings say of its ground counts no more.
-    """
-    x_m = y_m = yaw_rad = 0.0
-    if (place := recording.maybe_place()) is not None:
-        passed_s = max(0.0, place.t_s - begin_s)
-        yaw_rad = place.yaw_rad - place.w_radps * passed_s
-        x_m = place.x_m - place.v_mps * passed_s * math.cos(yaw_rad)
-        y_m = place.y_m - place.v_mps * passed_s * math.sin(yaw_rad)
-    mapper.go_on_from(np.array([x_m, y_m, 0.0]), yaw_rad, 0.0)
 
 
 def devices_of(ports: list[PlayedPort], config: Config) -> Devices:

@@ -6,7 +6,10 @@ its data are old nor by whom it is called, so that it must write to its planners
 beside it that runs as it ran, whose devices it follows.
 """
 
+import math
 import time
+
+import numpy as np
 
 from app import App, Ports
 from config_file import load_config
@@ -29,10 +32,12 @@ from recording.records import (
 )
 from tools.replay.followers import followers, leads_of
 from tools.replay.identity import PlannerCheck
-from tools.replay.opening import opened_devices, stand_where_it_stood
+from tools.replay.opening import opened_devices
 from tools.replay.ports import DEVICES, PlayedPort, became_from_bytes, played_ports
 from wiring import Devices, devices_on
 
+PLACED_S = 5.0  # for so long it is looked for where the body stood
+BodyPlace = tuple[float, float, float]  # x and y (m), yaw (rad)
 PLAYED_CALLS = {STEP, TURN, STOP, ASK, RESTORED}
 
 
@@ -42,6 +47,8 @@ class Player:
     Args:
         key: of the planner link, which no recording keeps.
         replayed: the app is to say so in its frames (mode 4): for who sends them on.
+        begins_at: where the body stands first, if it begins in the middle of a run; None: where it
+            stood then. What the settings say of the ground of the run's start does not count there.
 
     Raises:
         ConfigError: the recorded settings are none.
@@ -61,6 +68,7 @@ class Player:
         *,
         key: bytes | None = None,
         replayed: bool = False,
+        begins_at: BodyPlace | None = None,
     ) -> None:
         self.recording, recorded = recording, load_config(recording.config)
         self.config = recorded if config is None else config
@@ -84,7 +92,8 @@ class Player:
         self._call = self._read_on()  # the next one
         self.begin_s = self.now_s = self._call.t_s if self._call else 0.0
         if not recording.from_start:
-            stand_where_it_stood(recording, self.app.mapper, self.begin_s)
+            x_m, y_m, yaw_rad = begins_at or begin_of(recording)
+            self.app.mapper.go_on_from(np.array([x_m, y_m, 0.0]), yaw_rad, 0.0)
 
     @property
     def next_s(self) -> float:
@@ -186,6 +195,25 @@ class Player:
             restore(self.app.mapper, arrays, self.config, t_s)
         except StateError as error:
             self.remarks.append(f"the run went on from a saved map, the replay does not: {error}")
+
+
+def begin_of(recording: Recording) -> BodyPlace:
+    """Where the body stood when a recording began that begins in the middle of a run.
+
+    From the first place that is told, and the way there as it is played: so that cells, poses and
+    the log of that run are in one frame with its replay.
+    """
+    scout = Player(recording, begins_at=(0.0, 0.0, 0.0))
+    for place in recording.places():
+        if place.t_s > scout.begin_s + PLACED_S:
+            break
+        scout.play_until(place.t_s)
+        if (way := scout.app.mapper.maybe_pose(place.t_s)) is not None:
+            yaw_rad = place.yaw_rad - way.yaw_rad
+            cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+            x_m = place.x_m - cos * way.x_m + sin * way.y_m
+            return x_m, place.y_m - sin * way.x_m - cos * way.y_m, yaw_rad
+    return 0.0, 0.0, 0.0
 
 
 def checks_of(planners: list[PlayedPort]) -> list[PlannerCheck]:

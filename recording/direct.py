@@ -24,7 +24,7 @@ class DirectTap:
 
     def begin(self, first: Mapping[str, Any]) -> None:
         more = {"part": "1", "continues": ""}
-        self._file = RunFile(self._path, first, more, Openings([]))
+        self._file = RunFile(self._path, first, more, Openings([], 0.0))
 
     def note(
         self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"", more: bytes = b""

@@ -14,7 +14,7 @@ import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from recording.flight import KEPT_S, FlightRecorder
+from recording.flight import BLOCK_S, KEPT_S, FlightRecorder
 from recording.openings import Openings
 from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_PORTS, OF_WIRES
 
@@ -46,7 +46,7 @@ class Writer:
         self._series: Series | None = None
         self._flight: FlightRecorder | None = None
         self._wanted: Wanted | None = None
-        self._openings = Openings([])
+        self._openings = Openings([], 0.0)
         self._sequence = 0  # of the records that move the app
         self.is_over = False  # the app has said so
 
@@ -116,7 +116,8 @@ class Writer:
             self.save_flight(self._wanted.cause, self._wanted.message)
 
     def _begin(self, run: Mapping[str, Any]) -> None:
-        self._openings = Openings(json.loads(run["metadata"]["ports"]))
+        names = json.loads(run["metadata"]["ports"])
+        self._openings = Openings(names, self._flight_s + 2 * BLOCK_S)
         if run["path"]:
             from recording.series import Series  # and all that files take, where there is one
 

@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
 from logs import LOG, set_up_logging
 from recorder import Recorder
+from recording.mcap_file import RecordingFile
 from recording.reader import Recording
-from recording.records import BYE, FIRST, IN, LINE, OPENED, OUT
+from recording.records import BYE, CHECK, FIRST, IN, LINE, OF_CALLS, OPENED, OUT
 from recording.writer import Writer
 from tests import Capsys
 from tests.support.shipped import FLOOR, shipped
@@ -84,7 +86,11 @@ class RecordedRun(Loop):
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedRun, Path]:
-    """To the box, and its folder. The scanner's wire was off for a while, long before the stop."""
+    """To the box, and its folder.
+
+    The scanner's wire was off for a while, long before the stop; that of the attitude sensor is
+    cut long after it.
+    """
     folder = tmp_path_factory.mktemp("run")
     loop = RecordedRun(folder)
     with (folder / "log").open("w") as log:
@@ -95,6 +101,11 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedRun, Path]:
         loop.wires["scanner"].cut = False
         loop.run(READY_S - 2.3)
         loop.drive(16.0)
+        loop.run(9.0)
+        loop.wires["ahrs"].cut = True
+        loop.run(0.4)
+        loop.wires["ahrs"].cut = False
+        loop.run(1.5)
         loop.recorder.close()
         LOG.close()
         writer.close()
@@ -118,7 +129,6 @@ def cells_at(app: App, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 def test_a_flight_stops_where_and_why_the_robot_stopped(
     run: tuple[RecordedRun, Path], flight: Path
 ) -> None:
-    loop, _ = run
     recording = Recording(flight)
     assert not recording.from_start
     told = [line.keys for line in recording.logs() if line.event == "drive_changed"]
@@ -147,8 +157,7 @@ def test_a_flight_stops_where_and_why_the_robot_stopped(
     for name, status in app.states.statuses.items():
         assert (status.state, status.losses) == ("running", 0), name
     assert app.mapper.counts.erased == 0
-    wheels = app.devices.drive.measured()
-    assert wheels == loop.app.devices.drive.measured() | {"amps_1": wheels["amps_1"]}
+    assert app.devices.drive.measured() == whole.app.devices.drive.measured()
 
 
 def test_it_is_played_and_asked_by_the_commands(flight: Path, capsys: Capsys) -> None:
@@ -170,6 +179,46 @@ def test_it_is_played_and_asked_by_the_commands(flight: Path, capsys: Capsys) ->
     assert "stands: an obstacle is in the way" in said
     assert "obstacle (stands)" in said
     assert UNKNOWN in said
+
+
+def test_a_device_is_lost_again_for_the_same_cause_and_comes_back(
+    run: tuple[RecordedRun, Path],
+) -> None:
+    *_, path = sorted((run[1] / "flight").glob("*-fault.mcap"))
+    recording = Recording(path)
+    assert not recording.from_start
+    keys = "state", "cause"
+    recorded = [
+        tuple(line.keys[key] for key in keys)
+        for line in recording.logs()
+        if line.event == "device_changed" and line.keys["device"] == "ahrs"
+    ]
+    assert recorded[0][0] != "running"
+    player, played = Player(recording), [("running", "")]
+    while not player.done:
+        player.step()
+        status = player.app.states.statuses["ahrs"]
+        if player.now_s > player.begin_s + 1.0 and played[-1] != (status.state, status.cause):
+            played.append((status.state, status.cause))
+    assert played[1:] == recorded
+
+
+def test_a_flight_of_an_older_version_is_refused_in_one_line(
+    flight: Path, tmp_path: Path, capsys: Capsys
+) -> None:
+    recording = Recording(flight)
+    left_out = (CHECK, "opening")
+    said = {key: text for key, text in recording.metadata.items() if key not in left_out}
+    file = RecordingFile(tmp_path / "old.mcap", said, recording.ports)
+    for number, record in enumerate(islice(recording.records(), 1000)):
+        port = 0 if record.kind in OF_CALLS else record.port
+        file.wire(record.t_s, record.kind, port, record.data, number + 10_000)
+    file.finish({})
+    assert replay.main([str(tmp_path / "old.mcap")]) == 2
+    assert why.main([str(tmp_path / "old.mcap"), "--at", "1"]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 2
+    assert all("what its devices had answered before is not in it" in line for line in lines)
 
 
 def test_a_flight_that_is_cut_is_played_up_to_there_or_refused_in_one_line(

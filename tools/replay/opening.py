@@ -17,6 +17,7 @@ from tools.replay.ports import DEVICES, PlayedPort, became_from_bytes, played_po
 from wiring import Devices, Ports, devices_on
 
 TICK_S = 0.005  # a device that starts is stepped so often
+LONGEST_S = 20.0  # between two records: then its connection would have been dropped as dead
 UNKNOWN_BEFORE = (
     "it begins in the middle of a run: the map is unknown at its begin, so that what planners got "
     "is not compared"
@@ -82,6 +83,7 @@ def played(device: Any, port: PlayedPort, records: list[Record], shift_s: float)
     now_s = records[0].t_s + shift_s if records else 0.0
     for k, record in enumerate(records):
         t_s = record.t_s + shift_s
+        now_s = max(now_s, t_s - LONGEST_S)
         while now_s + TICK_S < t_s:
             now_s += TICK_S
             if device.step(now_s):

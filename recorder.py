@@ -37,6 +37,7 @@ from recording.taker import StateTaker
 from recording.tap import AnyTap, Tap
 
 REPORTS_S = 1.0  # the writer's reports are read so often
+FLIGHT_AFTER_S = 1.0  # of what follows is in it, too: the robot comes to rest
 FLIGHT_PAUSE_S = 10.0  # from one flight that is kept by itself to the next
 
 
@@ -166,9 +167,9 @@ class Recorder:
         """The loaded map was taken over at this instant."""
         self._tap.note(now_s, RESTORED)
 
-    def flight(self, now_s: float, cause: str, message: str) -> None:
-        """Have the last seconds kept."""
-        why = json.dumps({"cause": cause, "message": message}).encode()
+    def flight(self, now_s: float, cause: str, message: str, after_s: float = 0.0) -> None:
+        """Have the last seconds kept, and the next ones up to `after_s`."""
+        why = json.dumps({"cause": cause, "message": message, "after_s": after_s}).encode()
         self._tap.note(now_s, FLIGHT, 0, why)
 
     def close(self) -> None:
@@ -189,7 +190,7 @@ class Recorder:
         found = self._troubles.newest(now_s)
         if found and now_s - self._flight_s >= FLIGHT_PAUSE_S:
             self._flight_s = now_s
-            self.flight(now_s, *found)
+            self.flight(now_s, *found, FLIGHT_AFTER_S)
         if now_s - self._reported_s >= REPORTS_S:
             self._reported_s = now_s
             self._read_reports()

@@ -109,13 +109,19 @@ def open_ports(config: Config) -> Ports:
     )
 
 
-def devices_on(ports: Ports, config: Config) -> Devices:
-    robot, scanner, ahrs, drive = config.robot, config.scanner, config.ahrs, config.drive
+def full_counts_per_s(config: Config) -> float:
+    """Of a wheel's encoder, at the robot's greatest speed."""
+    robot = config.robot
     turns_per_s = robot.max_speed_mps / (2 * math.pi * robot.wheel_radius_m) * robot.gear_ratio
-    counts_per_s = turns_per_s * 4 * robot.encoder_ppr
+    return turns_per_s * 4 * robot.encoder_ppr
+
+
+def devices_on(ports: Ports, config: Config) -> Devices:
+    scanner, ahrs, drive = config.scanner, config.ahrs, config.drive
+    counts_per_s, may_move = full_counts_per_s(config), config.robot.enable_motors
 
     def around(url: str) -> Surroundings:
-        return Surroundings(url, counts_per_s, robot.enable_motors)
+        return Surroundings(url, counts_per_s, may_move)
 
     return Devices(
         ATTITUDE_SENSORS[ahrs.driver].make(ports.ahrs, ahrs.options, around(ahrs.port)),

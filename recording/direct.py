@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from recording.openings import Openings
 from recording.records import OF_WIRES
 from recording.run_file import RunFile
 
@@ -22,8 +23,8 @@ class DirectTap:
         self._synced_s = -math.inf
 
     def begin(self, first: Mapping[str, Any]) -> None:
-        more = {"part": "1", "continues": "", "from_start": "true"}
-        self._file = RunFile(self._path, first, more)
+        more = {"part": "1", "continues": ""}
+        self._file = RunFile(self._path, first, more, Openings([], 0.0))
 
     def note(
         self, t_s: float, kind: bytes, port: int = 0, data: bytes = b"", more: bytes = b""

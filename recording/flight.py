@@ -10,6 +10,7 @@ from typing import Any
 
 import zstandard
 
+from recording.openings import Openings
 from recording.records import HEAD, OF_WIRES
 
 KEPT_S = 30.0
@@ -27,10 +28,15 @@ class Block:
 
 
 class FlightRecorder:
-    """Keeps the newest records, packed; `save` may raise OSError."""
+    """Keeps the newest records, packed; `save` may raise OSError.
 
-    def __init__(self, run: Mapping[str, Any]) -> None:
+    Args:
+        openings: of the same run, for files that begin in the middle of it.
+    """
+
+    def __init__(self, run: Mapping[str, Any], openings: Openings, kept_s: float) -> None:
         self._run, self._folder, self._keep = run, Path(run["flight"]), int(run["flight_keep"])
+        self._openings, self._kept_s = openings, kept_s
         self._blocks: deque[Block] = deque()
         self._new, self._begun_s, self._sequence = bytearray(), 0.0, 0
         self._folder.mkdir(parents=True, exist_ok=True)
@@ -46,7 +52,7 @@ class FlightRecorder:
             packed = zstandard.ZstdCompressor(LEVEL).compress(bytes(self._new))
             self._blocks.append(Block(self._begun_s, self._sequence, packed))
             self._new.clear()
-            while t_s - self._blocks[0].begun_s > KEPT_S + BLOCK_S:
+            while t_s - self._blocks[0].begun_s > self._kept_s + BLOCK_S:
                 self._blocks.popleft()
 
     def save(self, cause: str, message: str, end: Mapping[str, str]) -> Path:
@@ -55,14 +61,17 @@ class FlightRecorder:
 
         now = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
         path = self._folder / f"{now}-{slug(cause)}.mcap"
-        sequence = self._blocks[0].sequence if self._blocks else self._sequence
+        begun_s, sequence = self._begun_s, self._sequence
+        if self._blocks:
+            begun_s, sequence = self._blocks[0].begun_s, self._blocks[0].sequence
         more = {"part": "1", "continues": "", "flight": cause, "message": message}
-        more["from_start"] = "true" if sequence == 0 else "false"
-        file = RunFile(path, self._run, more)
+        file = RunFile(path, self._run, more, self._openings, sequence, begun_s)
         try:
-            for t_s, kind, port, data in self._records():
-                file.take(t_s, kind, port, data, sequence)
-                sequence += kind in OF_WIRES
+            for block in self._unpacked():
+                for t_s, kind, port, data in records_in(block):
+                    file.take(t_s, kind, port, data, sequence)
+                    sequence += kind in OF_WIRES
+                file.end_chunk()
             file.finish(end)
         except OSError:
             file.abandon()
@@ -72,11 +81,12 @@ class FlightRecorder:
             old.unlink()
         return path
 
-    def _records(self) -> Iterator[tuple[float, bytes, int, bytes]]:
+    def _unpacked(self) -> Iterator[bytes]:
+        """The blocks' records."""
         unpack = zstandard.ZstdDecompressor()
         for block in self._blocks:
-            yield from records_in(unpack.decompress(block.packed))
-        yield from records_in(bytes(self._new))
+            yield unpack.decompress(block.packed)
+        yield bytes(self._new)
 
 
 def records_in(data: bytes) -> Iterator[tuple[float, bytes, int, bytes]]:

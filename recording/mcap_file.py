@@ -54,12 +54,25 @@ class RecordingFile:
         """Bytes on disk by now."""
         return self._file.tell()
 
-    def wire(self, t_s: float, kind: bytes, port: int, data: bytes, sequence: int) -> None:
-        """A record of a port, or of a call of the app."""
+    def wire(
+        self,
+        t_s: float,
+        kind: bytes,
+        port: int,
+        data: bytes,
+        sequence: int,
+        logged_s: float | None = None,
+    ) -> None:
+        """A record of a port, or of a call of the app.
+
+        Args:
+            logged_s: where it stands for who draws the file, if not at its own time.
+        """
         channel = self._calls if kind in OF_CALLS else self._ports[port]
         t_ns = nanoseconds(t_s, self._offset_s)
+        logged_ns = t_ns if logged_s is None else nanoseconds(logged_s, self._offset_s)
         message = STAMP.pack(t_s, kind) + data
-        self._writer.add_message(channel, t_ns, message, t_ns, sequence & 0xFFFFFFFF)
+        self._writer.add_message(channel, logged_ns, message, t_ns, sequence & 0xFFFFFFFF)
 
     def message(self, topic: str, schema: str, text: str, t_s: float, data: bytes) -> None:
         """A message in JSON.
@@ -82,9 +95,13 @@ class RecordingFile:
         """Something else about the run, under a name of its own."""
         self._writer.add_metadata(name, with_check(entries))
 
+    def end_chunk(self) -> None:
+        """What was written can be read once the system has it on the disk."""
+        self._writer.flush()
+
     def sync(self) -> None:
         """What was written is on the disk afterwards, and can be read whatever comes."""
-        self._writer.flush()
+        self.end_chunk()
         os.fsync(self._file.fileno())
 
     def finish(self, end: Mapping[str, str]) -> None:

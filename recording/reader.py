@@ -9,11 +9,12 @@ import binascii
 import json
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from recording.mcap_stream import (
     HEADER,
@@ -28,6 +29,7 @@ from recording.records import (
     CHANGED,
     FORM,
     GAP,
+    HEALTH,
     LOGS,
     OF_WIRES,
     PORT_STATE,
@@ -54,6 +56,15 @@ class LogLine:
     level: str
     event: str
     keys: dict[str, Any]
+
+
+class Place(NamedTuple):
+    """Where the robot was at an instant, by the names of the topic of health."""
+
+    t_s: float
+    x_m: float
+    y_m: float
+    yaw_rad: float
 
 
 def first_metadata(path: Path) -> dict[str, str]:
@@ -95,6 +106,7 @@ class Recording:
             self.session = int(self.metadata["session"])
             self.utc_offset_s = float(self.metadata["utc_offset_s"])
             self.from_start = self.metadata["from_start"] == "true"
+            self._openings = {part: opening_of(first_metadata(part)) for part in self.parts}
         except (KeyError, ValueError, TypeError):
             raise RecordingError(f"{self.parts[0]} is not a recording of mapod") from None
         self.is_cut = False  # known after reading: the newest file has no end
@@ -115,10 +127,30 @@ class Recording:
         Raises:
             RecordingError: the recording is damaged there. OSError.
         """
+        for record in islice(self._wires(), self._openings[self.parts[0]], None):
+            if record.kind == GAP:
+                missing = record.data.decode(errors="replace")
+                self.gap = f"the disk was too slow: {missing} are missing"
+                return
+            yield record
+
+    def opening(self) -> list[Record]:
+        """Of a file that begins in the middle of a run: how its ports were opened before.
+
+        Raises:
+            RecordingError: the recording is damaged there. OSError.
+        """
+        return list(islice(self._wires(), self._openings[self.parts[0]]))
+
+    def _wires(self) -> Iterator[Record]:
         places = {f"/wire/{k}/{name}": k for k, name in enumerate(self.ports)} | {CALLS: 0}
+        further = self._openings | {self.parts[0]: 0}
         expected: int | None = None  # the records of all files are numbered through
         for stream in self._streams():
             for topic, sequence, content in stream.messages(places):
+                if further[stream.path] > 0:  # it repeats how the ports were opened
+                    further[stream.path] -= 1
+                    continue
                 if expected not in (None, sequence):
                     raise RecordingError(
                         f"{stream.path}: records are missing before number {sequence}"
@@ -129,10 +161,6 @@ class Recording:
                     raise RecordingError(
                         f"{stream.path}: a record of no known kind, number {sequence}"
                     )
-                if record.kind == GAP:
-                    missing = record.data.decode(errors="replace")
-                    self.gap = f"the disk was too slow: {missing} are missing"
-                    return
                 yield record
 
     def logs(self) -> Iterator[LogLine]:
@@ -144,6 +172,17 @@ class Recording:
                     yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
                 except (ValueError, KeyError, TypeError):
                     raise RecordingError(f"{stream.path}: a log line can't be read") from None
+
+    def places(self) -> Iterator[Place]:
+        """Where the robot was, now and then. Raises RecordingError, OSError."""
+        for stream in self._streams():
+            for _, _, content in stream.messages((HEALTH,)):
+                try:
+                    told = json.loads(content)
+                    if "x_m" in told:
+                        yield Place(*(float(told[name]) for name in Place._fields))
+                except (ValueError, KeyError, TypeError):
+                    raise RecordingError(f"{stream.path}: a state can't be read") from None
 
     def _streams(self) -> Iterator[McapStream]:
         """All files, each to be read to its end."""
@@ -186,6 +225,11 @@ def parts_of(path: Path) -> list[Path]:
             break
         files.append(following)
     return files
+
+
+def opening_of(metadata: Mapping[str, str]) -> int:
+    """How many records at a file's begin tell of what was before it."""
+    return max(0, int(metadata.get("opening", "0")))
 
 
 def number_of(path: Path) -> int:

@@ -14,7 +14,7 @@ from msgspec import Struct
 FORM = "3"
 PROFILE = "mapod"
 METADATA, END = "mapod", "mapod.end"  # names of metadata: of the run, and of how the file ends
-CALLS, LOGS = "/mapod/calls", "/log"  # topics
+CALLS, LOGS, HEALTH = "/mapod/calls", "/log", "/health"  # topics
 WIRE_SCHEMA = "mapod.Wire"
 CHECK = "check"  # the key of the metadata that guards all others
 

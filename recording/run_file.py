@@ -7,6 +7,7 @@ from typing import Any
 
 from recording.foxglove import Messages, RobotShape, encoded
 from recording.mcap_file import RecordingFile
+from recording.openings import Openings
 from recording.packing import Heights, scan_from, state_from
 from recording.records import HEIGHTS, LINE, OF_WIRES, SCAN, STATE
 from recording.schemas import SCHEMAS
@@ -15,13 +16,32 @@ from recording.schemas import SCHEMAS
 class RunFile:
     """One file. All of it may raise OSError: then it is whole up to the newest `sync`."""
 
-    def __init__(self, path: Path, run: Mapping[str, Any], more: Mapping[str, str]) -> None:
-        """`run`: what the app said first; `more`: of this very file."""
-        metadata = {**run["metadata"], **more}
+    def __init__(
+        self,
+        path: Path,
+        run: Mapping[str, Any],
+        more: Mapping[str, str],
+        openings: Openings,
+        sequence: int = 0,
+        begun_s: float = 0.0,
+    ) -> None:
+        """What stands at its head.
+
+        Args:
+            run: what the app said first; `more`: of this very file.
+            openings: of the run so far, for a file that begins in the middle of it.
+            sequence: number of its first record; `begun_s`: about when that is.
+        """
+        opening = openings.before(sequence)
+        about = {"from_start": "false" if sequence else "true", "opening": str(len(opening))}
+        metadata = {**run["metadata"], **more, **about}
         self.path = path
         self._file = RecordingFile(path, metadata, json.loads(metadata["ports"]))
         self._messages = Messages(RobotShape(**run["shape"]), float(metadata["utc_offset_s"]))
         self._heights = Heights()
+        for number, record in enumerate(opening, sequence - len(opening)):
+            of = record.t_s, record.kind, record.port, record.data
+            self._file.wire(*of, number, logged_s=begun_s)
 
     @property
     def size(self) -> int:
@@ -49,6 +69,9 @@ class RunFile:
 
     def metadata(self, name: str, entries: Mapping[str, str]) -> None:
         self._file.metadata(name, entries)
+
+    def end_chunk(self) -> None:
+        self._file.end_chunk()
 
     def sync(self) -> None:
         self._file.sync()

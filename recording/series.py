@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from recording.flight import age_of
+from recording.openings import Openings
+from recording.records import OF_WIRES
 from recording.run_file import RunFile
 
 OWN = "mapod-*.mcap"  # in a folder: recordings of ours, of any run
@@ -12,10 +14,15 @@ MB = 1_000_000
 
 
 class Series:
-    """A recording on disk. All of it may raise OSError: then it is whole up to that second."""
+    """A recording on disk. All of it may raise OSError: then it is whole up to that second.
 
-    def __init__(self, run: Mapping[str, Any]) -> None:
+    Args:
+        openings: of the same run, for files whose first ones are gone.
+    """
+
+    def __init__(self, run: Mapping[str, Any], openings: Openings) -> None:
         self._run, given = run, str(run["path"])
+        self._openings, self._next, self._taken_s = openings, 0, 0.0  # number, time
         self._is_folder = given.endswith("/")
         self.first = Path(given)
         if self._is_folder:
@@ -32,6 +39,7 @@ class Series:
 
     def take(self, t_s: float, kind: bytes, port: int, data: bytes, sequence: int) -> None:
         self._file.take(t_s, kind, port, data, sequence)
+        self._next, self._taken_s = sequence + (kind in OF_WIRES), t_s
 
     def sync(self) -> None:
         """All of it is on disk; where the file has become large, the next one begins."""
@@ -52,12 +60,8 @@ class Series:
         self._file.abandon()
 
     def _begun(self, path: Path, before: str) -> RunFile:
-        from_start = "false" if before else "true"
-        return RunFile(
-            path,
-            self._run,
-            {"part": str(self._number), "continues": before, "from_start": from_start},
-        )
+        more = {"part": str(self._number), "continues": before}
+        return RunFile(path, self._run, more, self._openings, self._next, self._taken_s)
 
     def _make_room(self) -> None:
         """The oldest go: of this run, or in a folder of any."""

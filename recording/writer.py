@@ -12,10 +12,11 @@ import signal
 import sys
 import time
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from recording.flight import FlightRecorder
-from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_WIRES
+from recording.flight import BLOCK_S, KEPT_S, FlightRecorder
+from recording.openings import Openings
+from recording.records import BYE, FIRST, FLIGHT, HEAD, OF_PORTS, OF_WIRES
 
 if TYPE_CHECKING:
     from recording.series import Series
@@ -28,14 +29,24 @@ SYNC_S = 1.0
 READ_BYTES = 1 << 20
 
 
+class Wanted(NamedTuple):
+    """A flight that is to be saved."""
+
+    due_s: float  # the run's clock: what comes until then belongs to it
+    cause: str
+    message: str
+
+
 class Writer:
     """What is done with the records of one run."""
 
-    def __init__(self, out: int) -> None:
-        """`out`: a descriptor for reports, a line of JSON each."""
-        self._out = out
+    def __init__(self, out: int, flight_s: float = KEPT_S) -> None:
+        """`out`: a descriptor for reports, a line of JSON each; `flight_s`: what a flight holds."""
+        self._out, self._flight_s = out, flight_s
         self._series: Series | None = None
         self._flight: FlightRecorder | None = None
+        self._wanted: Wanted | None = None
+        self._openings = Openings([], 0.0)
         self._sequence = 0  # of the records that move the app
         self.is_over = False  # the app has said so
 
@@ -51,7 +62,11 @@ class Writer:
             return
         if kind == FLIGHT:
             why = json.loads(data)
-            self.save_flight(why["cause"], why["message"])
+            self._save_wanted()
+            self._wanted = Wanted(t_s + why.get("after_s", 0.0), why["cause"], why["message"])
+        if self._wanted is not None and t_s >= self._wanted.due_s:
+            self._save_wanted()
+        if kind == FLIGHT:
             return
         if kind == BYE:
             self.is_over = True
@@ -64,6 +79,8 @@ class Writer:
                 self._give_up(error)
         if self._flight is not None:
             self._flight.take(t_s, kind, port, data, self._sequence)
+        if kind in OF_PORTS:
+            self._openings.take(t_s, kind, port, data, self._sequence)
         self._sequence += kind in OF_WIRES
 
     def sync(self) -> None:
@@ -74,6 +91,8 @@ class Writer:
                 self._give_up(error)
 
     def save_flight(self, cause: str, message: str) -> None:
+        """Now; what one was to be saved for soon is in it."""
+        self._wanted = None
         if self._flight is not None:
             try:
                 path = self._flight.save(cause, message, {"cause": message})
@@ -82,6 +101,7 @@ class Writer:
                 self._report("flight_not_saved", False, reason=str(error))
 
     def end(self, end: Mapping[str, str]) -> None:
+        self._save_wanted()
         if self._series is not None:
             series, self._series = self._series, None
             try:
@@ -91,18 +111,24 @@ class Writer:
                 series.abandon()
                 self._report("recording_ended", False, reason=str(error))
 
+    def _save_wanted(self) -> None:
+        if self._wanted is not None:
+            self.save_flight(self._wanted.cause, self._wanted.message)
+
     def _begin(self, run: Mapping[str, Any]) -> None:
+        names = json.loads(run["metadata"]["ports"])
+        self._openings = Openings(names, self._flight_s + 2 * BLOCK_S)
         if run["path"]:
             from recording.series import Series  # and all that files take, where there is one
 
             try:
-                self._series = Series(run)
+                self._series = Series(run, self._openings)
                 self._report("recording_begun", file=self._series.name)
             except OSError as error:
                 self._report("recording_ended", False, reason=str(error))
         if run["flight"]:
             try:
-                self._flight = FlightRecorder(run)
+                self._flight = FlightRecorder(run, self._openings, self._flight_s)
             except OSError as error:
                 self._report("flight_not_kept", False, reason=str(error))
 

@@ -22,6 +22,7 @@ Source: AX3500 sheet, sections 1, 3, 10 and 12.
 import enum
 import math
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta, Struct
@@ -308,8 +309,15 @@ class Ax3500(Device[WheelCounts]):
     """The two wheel encoders and, where enabled, the two motors behind an AX3500."""
 
     def __init__(
-        self, port: Port, options: Ax3500Options, *, max_counts_per_s: float, enable_motors: bool
+        self,
+        port: Port,
+        options: Ax3500Options,
+        *,
+        max_counts_per_s: float,
+        enable_motors: bool,
+        listen: Callable[[DeviceStatus, CounterStream], Session] | None = None,
     ) -> None:
+        """`listen`: a session in place of its own, where somebody else asks the controller."""
         self.stream = CounterStream()
         left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
         self.motors = Motors(enable_motors, left, right, options.invert)
@@ -319,6 +327,8 @@ class Ax3500(Device[WheelCounts]):
         status = DeviceStatus("ax3500")
 
         def new_session() -> Session:
+            if listen is not None:
+                return listen(status, self.stream)
             may_enter = options.enter_rs232
             return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 

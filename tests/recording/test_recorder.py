@@ -74,7 +74,9 @@ def test_a_stop_before_an_obstacle_is_worth_a_flight_and_standing_there_is_none(
         loop.planner.drive(loop.now_s, 0.9, 0.0, 0.2)
         loop.run(0.05)
     assert loop.app.pilot.control.blocked_by == "an obstacle is in the way"
-    assert flights(loop) == [{"cause": "stop", "message": "an obstacle is in the way"}]
+    [flight] = flights(loop)
+    why = "an obstacle is in the way"
+    assert flight == {"cause": "stop", "message": why, "after_s": 1.0}
 
 
 def test_a_device_that_is_lost_is_worth_one_flight_in_ten_seconds() -> None:

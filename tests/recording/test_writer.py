@@ -11,12 +11,26 @@ from typing import Any
 import pytest
 
 from recording.reader import Recording
-from recording.records import BYE, FIRST, FLIGHT, GAP, IN, OUT, STEP, Record, RecordingError
+from recording.records import (
+    BYE,
+    CHANGED,
+    FIRST,
+    FLIGHT,
+    GAP,
+    IN,
+    LOST,
+    OPENED,
+    OUT,
+    STEP,
+    Record,
+    RecordingError,
+)
 from recording.writer import Writer
 from tests.support.recorded import ListTap, RecordedLoop
 from tests.support.shipped import shipped
 
 MB = 1_000_000
+PLANNER = 3  # its port
 
 
 class Told:
@@ -145,6 +159,43 @@ def test_a_flight_is_the_last_half_minute_and_the_newest_are_kept(tmp_path: Path
     assert not recording.from_start
     assert records == late[-len(records) :]
     assert 30.0 <= records[-1].t_s - records[0].t_s <= 33.0
+
+
+def test_a_flight_may_wait_for_what_follows_but_not_longer_than_the_run(tmp_path: Path) -> None:
+    told = Told(flight=str(tmp_path))
+    early = told.run(0.0, 5.0, 10)
+    told.take(5.0, FLIGHT, 0, b'{"cause": "stop", "message": "", "after_s": 1.0}')
+    assert list(tmp_path.iterdir()) == []
+    late = told.run(5.0, 7.0, 10)
+    [path] = tmp_path.iterdir()
+    assert list(Recording(path).records()) == early + late[:100]
+    told.take(7.0, FLIGHT, 0, b'{"cause": "fault", "message": "", "after_s": 1.0}')
+    told.take(7.0, BYE, 0, b"{}")
+    [path] = tmp_path.glob("*-fault.mcap")
+    assert list(Recording(path).records()) == early + late
+
+
+def test_a_file_from_the_middle_has_how_its_ports_were_opened_at_its_head(tmp_path: Path) -> None:
+    told = Told(flight=f"{tmp_path}/flight", path=f"{tmp_path}/hall.mcap", file_mb=0.2)
+    for kind in (OPENED, CHANGED, OUT, LOST, OPENED, CHANGED, OUT, IN):
+        told.take(0.0, kind, 0, bytes(12))
+    made = [Record(0.0, kind, 0, bytes(12)) for kind in (OPENED, CHANGED, OUT, IN)]
+    told.run(0.0, 40.0)
+    told.take(40.0, CHANGED, 2, bytes(12))  # whose first bytes fill all that is kept
+    told.run(40.0, 80.0)
+    told.take(80.0, FLIGHT, 0, b'{"cause": "asked", "message": ""}')
+    told.take(80.0, BYE, 0, b"{}")
+    [flight] = (tmp_path / "flight").iterdir()
+    opening = Recording(flight).opening()
+    assert [record for record in opening if record.port == 0] == made
+    kept = [record for record in opening if record.port == 2]
+    assert 50 < len(kept) < 70
+    assert kept[-1] == Record(40.0, CHANGED, 2, bytes(12))
+    assert [record for record in opening if record.port == PLANNER] == []
+    assert opening[0].t_s == 0.0 < 49.0 < next(Recording(flight).records()).t_s
+    third = Recording(tmp_path / "hall.3.mcap")
+    assert third.opening()[:4] == made
+    assert next(third.records()).t_s > third.opening()[-1].t_s
 
 
 def test_where_no_flight_can_be_kept_it_is_said_once(tmp_path: Path) -> None:

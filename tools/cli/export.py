@@ -110,8 +110,6 @@ def export(options: argparse.Namespace) -> int:
 def remarks_on(player: Player, recording: Recording) -> list[str]:
     """What a reader of the files should know of the recording and its replay."""
     remarks = list(player.remarks)
-    if not recording.from_start:
-        remarks.append("the recording begins in the middle of a run: its map begins there")
     if recording.is_cut:
         remarks.append("the recording was cut off: this is all that it holds")
     if recording.gap:

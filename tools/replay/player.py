@@ -6,7 +6,10 @@ its data are old nor by whom it is called, so that it must write to its planners
 beside it that runs as it ran, whose devices it follows.
 """
 
+import math
 import time
+
+import numpy as np
 
 from app import App, Ports
 from config_file import load_config
@@ -29,10 +32,12 @@ from recording.records import (
 )
 from tools.replay.followers import followers, leads_of
 from tools.replay.identity import PlannerCheck
-from tools.replay.ports import PlayedPort, ReopeningPlayedPort, became_from_bytes
+from tools.replay.opening import opened_devices
+from tools.replay.ports import DEVICES, PlayedPort, became_from_bytes, played_ports
 from wiring import Devices, devices_on
 
-DEVICES = 3  # ports before the first planner's
+PLACED_S = 5.0  # for so long it is looked for where the body stood
+BodyPlace = tuple[float, float, float]  # x and y (m), yaw (rad)
 PLAYED_CALLS = {STEP, TURN, STOP, ASK, RESTORED}
 
 
@@ -42,9 +47,12 @@ class Player:
     Args:
         key: of the planner link, which no recording keeps.
         replayed: the app is to say so in its frames (mode 4): for who sends them on.
+        begins_at: where the body stands first, if it begins in the middle of a run; None: where it
+            stood then. What the settings say of the ground of the run's start does not count there.
 
     Raises:
         ConfigError: the recorded settings are none.
+        RecordingError: it begins in the middle of a run and does not say how; or it is damaged.
 
     Attributes:
         lead: the app that runs as it ran; None: it is this one, for no settings are others.
@@ -60,11 +68,12 @@ class Player:
         *,
         key: bytes | None = None,
         replayed: bool = False,
+        begins_at: BodyPlace | None = None,
     ) -> None:
         self.recording, recorded = recording, load_config(recording.config)
         self.config = recorded if config is None else config
         self.lead = Player(recording, key=key) if self.config != recorded else None
-        self._ports = played_ports(recording, self.config)
+        self._ports, self.remarks = played_ports(recording, self.config), list[str]()
         planners = self._ports[DEVICES : DEVICES + len(self.config.planner.ports)]
         scanner, ahrs, drive = self._ports[:DEVICES]
         ports = Ports(scanner, ahrs, drive, planners[0], tuple(planners[1:]))
@@ -72,11 +81,8 @@ class Player:
         self.app = App(
             self.config, ports, session=session, key=key, replayed=replayed, devices=devices
         )
-        names = planner_names(len(planners))
-        self.checks = [
-            PlannerCheck(name, port.datagrams) for name, port in zip(names, planners, strict=True)
-        ]
-        self.now_s, self.done, self.remarks = 0.0, False, list[str]()
+        self.checks = checks_of(planners)
+        self.now_s, self.done = 0.0, False
         self.lead_cpu_s = 0.0  # of the app beside it
         self.scanner_bytes = 0
         self.frames: list[bytes] = []  # what the newest call wrote to the first planner
@@ -85,6 +91,9 @@ class Player:
         self._records = recording.records()
         self._call = self._read_on()  # the next one
         self.begin_s = self.now_s = self._call.t_s if self._call else 0.0
+        if not recording.from_start:
+            x_m, y_m, yaw_rad = begins_at or begin_of(recording)
+            self.app.mapper.go_on_from(np.array([x_m, y_m, 0.0]), yaw_rad, 0.0)
 
     @property
     def next_s(self) -> float:
@@ -125,12 +134,16 @@ class Player:
         self.done = following is None
 
     def _devices(self, ports: Ports) -> Devices | None:
-        """Those of an app that does not run as it ran."""
+        """Those of an app that does not run as it ran, or did not begin to run here."""
+        own = None
+        if not self.recording.from_start:
+            own, self.remarks = opened_devices(self.recording, self._ports, self.config)
         if self.lead is None:
-            return None
+            return own
         app = self.lead.app
         app.devices = leads_of(app.devices)
-        return followers(app.devices, devices_on(ports, self.config), app.config, self.config)
+        own = own or devices_on(ports, self.config)
+        return followers(app.devices, own, app.config, self.config)
 
     def _read_on(self) -> Record | None:
         """Hand to the ports what the present call got; the call behind it, None: it was the last.
@@ -146,6 +159,8 @@ class Player:
             elif kind == OUT:
                 if number >= DEVICES:
                     recorded[number].append(record.data)
+                else:
+                    ports[number].asked.append((record.t_s, record.data))
             elif kind in PLAYED_CALLS:
                 return record
             elif kind == READ_ENDED:
@@ -182,17 +197,25 @@ class Player:
             self.remarks.append(f"the run went on from a saved map, the replay does not: {error}")
 
 
-def planner_names(count: int) -> list[str]:
-    return ["planner"] + [f"planner {number}" for number in range(2, count + 1)]
+def begin_of(recording: Recording) -> BodyPlace:
+    """Where the body stood when a recording began that begins in the middle of a run.
+
+    From the first place that is told, and the way there as it is played: so that cells, poses and
+    the log of that run are in one frame with its replay.
+    """
+    scout = Player(recording, begins_at=(0.0, 0.0, 0.0))
+    for place in recording.places():
+        if place.t_s > scout.begin_s + PLACED_S:
+            break
+        scout.play_until(place.t_s)
+        if (way := scout.app.mapper.maybe_pose(place.t_s)) is not None:
+            yaw_rad = place.yaw_rad - way.yaw_rad
+            cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+            x_m = place.x_m - cos * way.x_m + sin * way.y_m
+            return x_m, place.y_m - sin * way.x_m - cos * way.y_m, yaw_rad
+    return 0.0, 0.0, 0.0
 
 
-def played_ports(recording: Recording, config: Config) -> list[PlayedPort]:
-    """The ports of a recording, and one that stays closed for each planner that it has not."""
-    count = max(DEVICES + len(config.planner.ports), len(recording.ports))
-    absent = [{"datagrams": True, "silence_s": None}] * (count - len(recording.ports))
-    return [
-        PlayedPort(bool(wire["datagrams"]))
-        if wire["silence_s"] is None
-        else ReopeningPlayedPort(bool(wire["datagrams"]), float(wire["silence_s"]))
-        for wire in [*recording.wires, *absent]
-    ]
+def checks_of(planners: list[PlayedPort]) -> list[PlannerCheck]:
+    names = ["planner"] + [f"planner {number}" for number in range(2, len(planners) + 1)]
+    return [PlannerCheck(name, port.datagrams) for name, port in zip(names, planners, strict=True)]

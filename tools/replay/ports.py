@@ -9,7 +9,12 @@ is known by the reads that ended before it (N).
 from collections import deque
 from dataclasses import dataclass
 
+from core.config import Config
+from recording.reader import Recording
 from recording.records import PORT_STATE
+
+DEVICES = 3  # ports of a recording before the first planner's
+ASKED_KEPT = 64  # writes, of which one at most waits for its answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +40,7 @@ class PlayedPort:
     def __init__(self, datagrams: bool) -> None:
         self.datagrams, self.cause, self.opened, self.backlog = datagrams, "not opened yet", 0, 0
         self.written: list[bytes] = []  # in the newest call
+        self.asked: deque[tuple[float, bytes]] = deque(maxlen=ASKED_KEPT)  # by the recorded app
         self._is_open = False
         self._uses = 0
         self._states: deque[Became] = deque()
@@ -113,3 +119,15 @@ class ReopeningPlayedPort(PlayedPort):
 
     def gather(self, size: int) -> None:
         """Nothing: how pieces were cut is recorded. A serial line has this."""
+
+
+def played_ports(recording: Recording, config: Config) -> list[PlayedPort]:
+    """The ports of a recording, and one that stays closed for each planner that it has not."""
+    count = max(DEVICES + len(config.planner.ports), len(recording.ports))
+    absent = [{"datagrams": True, "silence_s": None}] * (count - len(recording.ports))
+    return [
+        PlayedPort(bool(wire["datagrams"]))
+        if wire["silence_s"] is None
+        else ReopeningPlayedPort(bool(wire["datagrams"]), float(wire["silence_s"]))
+        for wire in [*recording.wires, *absent]
+    ]

@@ -17,10 +17,6 @@ from tools.replay.span import timeline_of
 from tools.replay.streams import chosen, describe_end, stream_of
 
 SIGNED = "its frames are signed: without --key-file they can't be compared, nor requests obeyed"
-IN_THE_MIDDLE = (
-    "it begins in the middle of a run: what its devices had answered before is not in it, so it "
-    "can't be played; its maps are in it for Foxglove, see docs/recording.md"
-)
 
 
 class Source(Protocol):
@@ -60,8 +56,6 @@ class OfRecording:
     ) -> None:
         self.name, self._version = path.name, version
         self.recording = recording = Recording(path)
-        if not recording.from_start:
-            raise RecordingError(f"{path}: {IN_THE_MIDDLE}")
         try:
             recorded = load_config(recording.config)
         except ConfigError as error:
@@ -78,7 +72,7 @@ class OfRecording:
     @property
     def _is_judged(self) -> bool:
         is_open = not self._is_signed or self._key is not None
-        return is_open and not self._is_what_if
+        return is_open and self.recording.from_start and not self._is_what_if
 
     @property
     def is_as_recorded(self) -> bool:
@@ -89,9 +83,12 @@ class OfRecording:
         began = line.utc(line.begin_s).strftime("%Y-%m-%d %H:%M:%S")
         seconds = line.end_s - line.begin_s
         files = f", {len(recording.parts)} files" if len(recording.parts) > 1 else ""
-        return [
+        lines = [
             f"{self.name}: {seconds:.1f} s from {began} UTC on, mapod {recording.version}{files}"
         ]
+        if message := recording.metadata.get("message"):
+            lines.append(f"saved because: {message}")
+        return lines
 
     def verdict(self) -> list[str]:
         lines, recording = list(self._player.remarks), self.recording
@@ -101,10 +98,10 @@ class OfRecording:
             lines.append(f"{recording.gap}: it was played up to there")
         if self._is_what_if:
             lines += self._what_if()
+        elif self._is_judged:
+            lines += self._judged()
         elif self._is_signed and self._key is None:
             lines.append(SIGNED)
-        else:
-            lines += self._judged()
         return lines
 
     def _judged(self) -> list[str]:

@@ -172,17 +172,6 @@ def test_what_is_damaged_is_one_line(
     assert len(err.splitlines()) == 1
 
 
-def test_what_begins_in_the_middle_is_refused_in_one_line(
-    drive: Path, told: Told, tmp_path: Path
-) -> None:
-    said = Recording(drive).metadata | {"from_start": "false"}
-    del said[CHECK]
-    RecordingFile(tmp_path / "flight.mcap", said, Recording(drive).ports).finish({})
-    status, _, err = told(tmp_path / "flight.mcap")
-    assert (status, len(err.splitlines())) == (2, 1)
-    assert "begins in the middle of a run" in err
-
-
 def test_a_recording_that_was_broken_off_is_played_to_its_end(
     drive: Path, told: Told, tmp_path: Path
 ) -> None:

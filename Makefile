@@ -33,7 +33,12 @@ $(VENV)/.warm: $(VENV)/.ready-sim $(wildcard *.py) $(shell find core hw fakes -n
 	@$(BIN)/python -m tools.warm
 	@touch $@
 
-setup: $(VENV)/.warm ## virtual environment in .venv, libraries, compiled kernels
+# the command in a checkout, from whatever folder
+$(BIN)/mapod: Makefile | $(BIN)/python
+	@printf '#!/bin/sh\nPYTHONPATH="%s" exec "%s/python" -P -m mapod "$$@"\n' "$(CURDIR)" "$(CURDIR)/$(BIN)" > $@
+	@chmod +x $@
+
+setup: $(VENV)/.warm $(BIN)/mapod ## virtual environment in .venv, libraries, compiled kernels
 
 run: setup ## simulated robot, the app, and a live picture of the map [SECONDS=20 SEED=1]
 	@$(BIN)/python -m mapod demo --scene $(SCENE) --seed $(SEED) $(if $(SECONDS),--seconds $(SECONDS))

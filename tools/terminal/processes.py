@@ -214,7 +214,7 @@ def folder_kept_on_failure(wanted: Path | None = None) -> Iterator[Path]:
     """For logs: the wanted one, or one that stays if this fails. Raises OSError."""
     if wanted is not None:
         wanted.mkdir(parents=True, exist_ok=True)
-        yield wanted
+        yield wanted.resolve()  # our processes run in another folder
         return
     folder = Path(tempfile.mkdtemp(prefix="mapod-run-"))
     yield folder

@@ -25,6 +25,7 @@ from tools.cli import demo
 from tools.cli.view import PAGE_AT
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
+from tools.terminal.processes import folder_kept_on_failure
 
 pytestmark = pytest.mark.usefixtures("temporary")
 PORTS = '{"scanner": "tcp://127.0.0.1:1", "ahrs": "serial:///a?baud=1", "drive": "serial:///d"}'
@@ -108,6 +109,12 @@ def test_only_the_named_keys_of_the_shipped_configuration_change_and_others_are_
     assert (robot["enable_motors"], robot["start_clear_m"]) == (True, 9.0)
     with pytest.raises(NotThereError, match=r"no b\.port"):
         rewritten('[a]\nport = "x"  # y\n[b]\nporter = "x"\n', {"a.port": "z", "b.port": "z"})
+
+
+def test_a_folder_counts_from_where_one_stands(temporary: Path) -> None:
+    with contextlib.chdir(temporary), folder_kept_on_failure(Path("kept")) as folder:
+        pass
+    assert folder == temporary.resolve() / "kept"  # our processes run in another folder
 
 
 def test_a_run_ends_by_itself_with_a_summary(capsys: Capsys, temporary: Path) -> None:

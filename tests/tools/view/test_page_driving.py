@@ -134,7 +134,7 @@ def test_where_it_may_not_it_says_why_and_asks_for_nothing(page: Page) -> None:
     page.script.refusal = "[robot] enable_motors is false"
     page.open()
     page.live()
-    page.click("#arm")
+    page.browser.wait("document.getElementById('arm').disabled")
     page.browser.key("keyDown", "ShiftLeft", "Shift")
     page.browser.key("keyDown", "KeyW", "W")
     page.browser.wait("document.getElementById('who').innerText.includes('enable_motors is false')")

@@ -221,7 +221,8 @@ class Page {
     showWay(world.state, is_stale);
     showInputs(world.state, is_stale);
     showLink(world.state, this.link.damaged);
-    showDriver(driver, this.live.state, this.refusal());
+    const may = this.hello?.drive?.allowed !== false;
+    showDriver(driver, this.live.state, this.refusal(), may);
     readout.show(world, this.hello, { is_past, is_stale });
   }
 

@@ -193,8 +193,8 @@ export function showGraphs(past, end_s, colours) {
   }
 }
 
-/** Who drives, and why not. */
-export function showDriver(driver, state, refusal) {
+/** Who drives, and why not. `may`: whether the robot lets anybody. */
+export function showDriver(driver, state, refusal, may) {
   const told = state?.driving ?? {},
     mine = driver.is_driving;
   const speed = (told.v ?? null) === null ? "" : ` ${signed(told.v, 2, "m/s")}`;
@@ -217,6 +217,7 @@ export function showDriver(driver, state, refusal) {
   );
   const arm = by("arm");
   arm.setAttribute("aria-pressed", driver.is_armed);
+  arm.disabled = !may && !driver.is_armed;
   setText(arm, driver.is_armed ? "Let go of the wheel" : "Take the wheel");
   by("pad").hidden = !driver.is_armed;
   by("drive").classList.toggle("armed", driver.is_armed);

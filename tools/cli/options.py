@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package whe
 SHIPPED_CONFIG = ROOT / "mapod.toml"
 USAGE = 2  # exit status
 ROOMS = __package__.removesuffix("tools.cli")  # "mapod." where it is installed
-IN_THE_SOURCES = "needs the simulation, which only a checkout has: `make setup` there, then .venv/bin/mapod"
+IN_THE_SOURCES = "needs the simulation, which a checkout has: `make setup`, then .venv/bin/mapod"
 NOT_INSTALLED = "needs the simulation's libraries: pip install -e '.[sim]'"
 
 

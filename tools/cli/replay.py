@@ -172,7 +172,7 @@ def parser() -> Parser:
         __doc__,
         "mapod replay drive.mcap",
         "mapod replay drive.mcap --from 12:03:05 --speed 1",
-        "mapod replay drive.mcap --set map.cell_m=0.1 --picture finer.png",
+        "mapod replay drive.mcap --set obstacle.h_pos_m=0.2 --picture higher.png",
         "mapod replay scanner.pcapng --stream 0",
     )
     shipped = SHIPPED_RECORDING if SHIPPED_RECORDING.exists() else None

@@ -7,6 +7,7 @@ import pytest
 
 from hw.lms1xx.session import Lms111
 from tests import ROOT
+from tests.support.shipped import shipped
 from tools.cli.replay import SHIPPED_RECORDING, config_for_recording
 from tools.replay.laser import LaserReplay
 from tools.replay.outcome import Outcome, Tally
@@ -16,7 +17,7 @@ STORED = ROOT / "tests" / "replays" / "lms111_session.json"
 
 def replayed() -> tuple[LaserReplay, Outcome]:
     """The recorded LMS111 session, from its first command to its last scan."""
-    config = config_for_recording(ROOT / "mapod.toml", 50, 0.5)
+    config = config_for_recording(shipped(), 50, 0.5)
     replay, tally = LaserReplay(SHIPPED_RECORDING, config), Tally()
     while not replay.done:
         replay.step()

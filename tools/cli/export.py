@@ -94,9 +94,9 @@ def export_map(job: Job) -> list[Path]:
 def export(options: argparse.Namespace) -> int:
     """Raises OSError, RecordingError, ConfigError, InstantError, NothingToExportError."""
     recording = Recording(options.recording)
-    player, until_s = Player(recording), math.inf
-    if options.at is not None:
-        until_s = timeline_of(recording, player.begin_s).instant("--at", options.at)
+    player = Player(recording)
+    line = timeline_of(recording, player.begin_s)
+    until_s = math.inf if options.at is None else line.instant("--at", options.at)
     options.out.mkdir(parents=True, exist_ok=True)
     how = {"csv": export_tables, "parquet": export_tables, "pcd": export_points}
     job = Job(player, recording.utc_offset_s, until_s, options)
@@ -129,7 +129,7 @@ def main(arguments: list[str] | None = None) -> int:
         "mapod export drive.mcap --to png --layer height --at 12:03:05 --out pictures",
     )
     add = parser.add_argument
-    add("recording", type=Path, help="the file")
+    add("recording", type=Path, help="the file, or the folder of its files")
     add("--to", choices=KINDS, required=True, help="what to write")
     add("--out", type=Path, default=Path("export"), help="the folder for it (default: export)")
     add("--at", metavar="T", help=f"up to then: {FORMS}")

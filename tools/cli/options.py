@@ -5,12 +5,13 @@ use ends with status 2 and one line.
 """
 
 import argparse
+import contextlib
 import importlib.util
 import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 
 from config_file import load_config
 from core.config import Config, ConfigError
@@ -18,6 +19,7 @@ from core.config import Config, ConfigError
 ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
 SHIPPED_CONFIG = ROOT / "mapod.toml"
 USAGE = 2  # exit status
+Value = TypeVar("Value")
 ROOMS = __package__.removesuffix("tools.cli")  # "mapod." where it is installed
 IN_THE_SOURCES = "needs the simulation, which a checkout has: `make setup`, then .venv/bin/mapod"
 NOT_INSTALLED = "needs the simulation's libraries: pip install -e '.[sim]'"
@@ -77,38 +79,48 @@ def parser_of(name: str, about: str | None, *examples: str) -> Parser:
     )
 
 
+def value_of(
+    text: str, convert: Callable[[str], Value], is_allowed: Callable[[Value], bool], allowed: str
+) -> Value:
+    """Raises ArgumentTypeError: what was given, and what is allowed."""
+    with contextlib.suppress(ValueError):
+        value = convert(text)
+        if is_allowed(value):
+            return value
+    raise argparse.ArgumentTypeError(f"must be {allowed}, is {text!r}")
+
+
 def number_in(low: float, high: float) -> Callable[[str], float]:
     def number(text: str) -> float:
-        value = float(text)
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"must be from {low:g} to {high:g}, is {text}")
-        return value
+        allowed = f"from {low:g} to {high:g}"
+        return value_of(text, float, lambda value: low <= value <= high, allowed)
 
     return number
 
 
 def a_span(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"must be above 0, is {text}")
-    return value
+    return value_of(text, float, lambda value: 0.0 < value < math.inf, "above 0")
 
 
 def a_seed(text: str) -> int:
-    value = int(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"must be 0 or more, is {text}")
-    return value
+    return value_of(text, int, lambda value: value >= 0, "a whole number, 0 or more")
 
 
-def configured(path: Path) -> Config:
-    """The settings in a file. Raises ConfigError: what is wrong with it, with its name."""
+def settings_text(path: Path) -> str:
+    """A settings file's text. Raises ConfigError: what is wrong with it, with its name."""
     try:
-        return load_config(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        load_config(text)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}; mapod init writes one") from None
     except (ConfigError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: {error}") from None
+    return text
+
+
+def configured(path: Path) -> Config:
+    """The settings in a file. Raises ConfigError: what is wrong with it, with its name."""
+    return load_config(settings_text(path))
 
 
 def lacks_simulation() -> str:

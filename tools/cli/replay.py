@@ -14,12 +14,22 @@ from pathlib import Path
 
 from rich.console import Console
 
-from config_file import load_config, read_key, with_changes
+from config_file import read_key, with_changes
 from core.config import Config, ConfigError
 from recording.mcap_stream import MAGIC
 from recording.reader import OLDER
 from recording.records import RecordingError
-from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, lacks_simulation, parser_of
+from tools.cli.options import (
+    ROOT,
+    SHIPPED_CONFIG,
+    Parser,
+    configured,
+    fail,
+    lacks_simulation,
+    parser_of,
+    settings_text,
+    value_of,
+)
 from tools.replay.capture import MARKS, CaptureError
 from tools.replay.changes import changed
 from tools.replay.instants import FORMS, InstantError
@@ -42,14 +52,11 @@ class NoReplayError(Exception):
 def a_speed(text: str) -> float:
     if text == "max":
         return math.inf
-    value = float(text)
-    if not 0.01 <= value <= 1000:
-        raise argparse.ArgumentTypeError(f"must be max, or from 0.01 to 1000, is {text}")
-    return value
+    allowed = "max, or from 0.01 to 1000"
+    return value_of(text, float, lambda value: 0.01 <= value <= 1000, allowed)
 
 
-def config_for_recording(path: Path, rate_hz: int, step_deg: float) -> Config:
-    config = load_config(path.read_text(encoding="utf-8"))
+def config_for_recording(config: Config, rate_hz: int, step_deg: float) -> Config:
     scanner = {"scan_rate_hz": rate_hz, "angular_step_deg": step_deg}
     return with_changes(config, scanner=scanner)
 
@@ -61,19 +68,22 @@ def source_of(options: argparse.Namespace) -> Source:
         raise NoReplayError("name a recording: there is none here to show")
     first = b"" if path.is_dir() else _first_bytes(path)
     if path.is_dir() or first.startswith(MAGIC) or OLDER.match(first):
-        given = options.config.read_text("utf-8") if options.config else None
+        given = settings_text(options.config) if options.config else None
         key = read_key(options.key_file)
         return OfRecording(path, given, options.set, key, app_version())
-    given_path = options.config or SHIPPED_CONFIG
+    settings = configured(options.config or SHIPPED_CONFIG)
     if first[:4] in MARKS:
-        config = changed(load_config(given_path.read_text(encoding="utf-8")), options.set)
+        config = changed(settings, options.set)
         return OfCapture(path, config, options.stream)
     if why := lacks_simulation():
         raise NoReplayError(
             f"{path} is neither a recording of mapod nor a capture; a scanner's bytes alone: {why}"
         )
-    config = config_for_recording(given_path, options.scan_rate_hz, options.step_deg)
-    return OfScanner(path, changed(config, options.set))
+    config = config_for_recording(settings, options.scan_rate_hz, options.step_deg)
+    source = OfScanner(path, changed(config, options.set))
+    if why := source.replay.lacks:
+        raise NoReplayError(f"{path} is neither a recording of mapod nor a capture: {why}")
+    return source
 
 
 def _first_bytes(path: Path) -> bytes:
@@ -90,6 +100,8 @@ def play(source: Source, playing: Playing, options: argparse.Namespace, console:
     if begin_s > end_s:
         raise InstantError(f"--from {options.begin} is behind --to {options.end}")
     picture_s = at.get("--at", end_s)
+    if picture_s > end_s:
+        raise InstantError(f"--at {options.at} is behind --to {options.end}")
     with shown(source, options.speed, options.video, console) as show:
         for until_s in sorted({begin_s, min(picture_s, end_s), end_s}):
             if until_s <= begin_s:
@@ -138,13 +150,29 @@ def lacks_libraries(options: argparse.Namespace) -> str:
     return ""
 
 
+def cannot_be_written(options: argparse.Namespace) -> str:
+    """Which of the files that are asked for can't be, before anything is played; or ""."""
+    for option, path, ending in (
+        ("--picture", options.picture, ".png"),
+        ("--video", options.video, ".mp4"),
+        ("--out", options.out, ""),
+    ):
+        if path is None:
+            continue
+        if ending and path.suffix.lower() != ending:
+            return f"{option} {path}: must end with {ending}"
+        if path.is_dir() or not path.parent.is_dir():
+            return f"{option} {path}: must be a file in a folder that is there"
+    return ""
+
+
 def parser() -> Parser:
     own = parser_of(
         "replay",
         __doc__,
         "mapod replay drive.mcap",
         "mapod replay drive.mcap --from 12:03:05 --speed 1",
-        "mapod replay drive.mcap --set map.cell_m=0.1 --picture finer.png",
+        "mapod replay drive.mcap --set obstacle.h_pos_m=0.2 --picture higher.png",
         "mapod replay scanner.pcapng --stream 0",
     )
     shipped = SHIPPED_RECORDING if SHIPPED_RECORDING.exists() else None
@@ -172,7 +200,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     if options.at is not None and not options.picture:
         return fail("replay", "--at says when --picture is taken: name one")
-    if why := lacks_libraries(options):
+    if why := cannot_be_written(options) or lacks_libraries(options):
         return fail("replay", why)
     try:
         source = source_of(options)
@@ -186,5 +214,5 @@ def main(arguments: list[str] | None = None) -> int:
         return tell(source, playing, options.out)
     except (NoReplayError, RecordingError, CaptureError, InstantError, ConfigError) as error:
         return fail("replay", error)
-    except (UnicodeDecodeError, OSError) as error:
+    except OSError as error:
         return fail("replay", error)

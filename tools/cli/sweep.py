@@ -18,7 +18,7 @@ from rich.table import Table
 
 from core.config import ConfigError
 from recording.records import RecordingError
-from tools.cli.options import a_seed, fail, parser_of
+from tools.cli.options import a_seed, fail, parser_of, settings_text, value_of
 from tools.sweep.cluster import DaskCluster
 from tools.sweep.code import digest_of
 from tools.sweep.engine import Done, done_before, run_missing
@@ -36,10 +36,7 @@ WIDE = 160  # columns, without a screen
 
 
 def a_count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be 1 or more, is {text}")
-    return value
+    return value_of(text, int, lambda value: value >= 1, "a whole number, 1 or more")
 
 
 def arguments_of(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -148,7 +145,7 @@ def main(arguments: list[str] | None = None) -> int:
     ended: list[Done] = []
     try:
         all_settings = settings_of(options.texts, options.sample, options.seed)
-        text = options.config.read_text(encoding="utf-8") if options.config else None
+        text = settings_text(options.config) if options.config else None
         jobs = planned(options.drives, all_settings, text)
         with kept_rows(options, text) as rows:
             try:
@@ -162,5 +159,5 @@ def main(arguments: list[str] | None = None) -> int:
             return tell(options.out, console, table, all_settings, len(jobs))
     except (SpaceError, PlanError, ConfigError, RecordingError, FolderError) as error:
         return fail(NAME, error)
-    except (SchedulerError, UnicodeDecodeError, OSError) as error:
+    except (SchedulerError, OSError) as error:
         return fail(NAME, error)

@@ -9,6 +9,7 @@ passed it last, and when it changed.
 import argparse
 import json
 import math
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from core.config import ConfigError
 from recording.reader import Recording
 from recording.records import RecordingError
 from tools.cli.export import remarks_on
-from tools.cli.options import fail, parser_of
+from tools.cli.options import fail, parser_of, value_of
 from tools.replay.instants import FORMS, InstantError
 from tools.replay.player import Player
 from tools.replay.span import timeline_of
@@ -37,19 +38,31 @@ class NoMomentError(Exception):
 
 
 def a_pair(text: str) -> tuple[float, float]:
-    first, _, second = text.partition(",")
-    pair = float(first), float(second)
-    if not all(map(math.isfinite, pair)):
-        raise argparse.ArgumentTypeError(f"must be two numbers, is {text}")
-    return pair
+    def pair(text: str) -> tuple[float, float]:
+        first, _, second = text.partition(",")
+        return float(first), float(second)
+
+    return value_of(text, pair, lambda xy: all(map(math.isfinite, xy)), "two numbers, X,Y")
 
 
 def a_cell(text: str) -> Cell:
-    first, _, second = text.partition(",")
-    cell = int(first), int(second)
-    if max(map(abs, cell)) > MOST_CELL:
-        raise argparse.ArgumentTypeError(f"must be within {MOST_CELL} either way, is {text}")
-    return cell
+    def cell(text: str) -> Cell:
+        first, _, second = text.partition(",")
+        return int(first), int(second)
+
+    allowed = f"two whole numbers, I,J, within {MOST_CELL} either way"
+    return value_of(text, cell, lambda ij: max(map(abs, ij)) <= MOST_CELL, allowed)
+
+
+def with_places_joined(words: list[str]) -> list[str]:
+    """`--xy -1,2` as `--xy=-1,2`: argparse takes what begins with a minus for an option."""
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1] in ("--cell", "--xy") and word.startswith("-") and "," in word:
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def clock(t_s: float, utc_offset_s: float) -> str:
@@ -143,7 +156,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_out("a file for the picture of the map, PNG")
     parser.add_key()
     add("--json", action="store_true", help="all of it as JSON")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(
+        with_places_joined(sys.argv[1:] if arguments is None else arguments)
+    )
     try:
         return why(options)
     except (OSError, ConfigError, InstantError) as error:

@@ -6,6 +6,7 @@ from typing import BinaryIO
 
 from recording.mcap_stream import CHUNK, CHUNK_HEAD, MAGIC, RECORD
 from recording.reader import Recording
+from recording.records import RecordingError
 from tools.replay.instants import Timeline
 
 
@@ -18,8 +19,15 @@ def end_of(recording: Recording) -> float | None:
 
 
 def timeline_of(recording: Recording, begin_s: float) -> Timeline:
-    """From its first call, which a player knows, to its end."""
-    return Timeline(begin_s, max(begin_s, end_of(recording) or begin_s), recording.utc_offset_s)
+    """From its first call, which a player knows, to its end.
+
+    Raises:
+        RecordingError: it has neither.
+    """
+    end_s = end_of(recording)
+    if end_s is None and not begin_s:
+        raise RecordingError(f"{recording.parts[0]} was cut off before its first second ended")
+    return Timeline(begin_s, max(begin_s, end_s or begin_s), recording.utc_offset_s)
 
 
 def newest_in(path: Path) -> int:

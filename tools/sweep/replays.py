@@ -54,10 +54,9 @@ def drive_of(path: Path, name: str, text: str | None) -> Drive:
     """Raises RecordingError, ConfigError, OSError: it cannot be played."""
     recording = Recording(path)
     try:
-        load_config(recording.config if text is None else text)
+        load_config(used := recording.config if text is None else text)
     except ConfigError as error:
         raise ConfigError(f"{path}: its settings are none of this version: {error}") from None
-    used = recording.config if text is None else text
     return Drive(name, str(path.resolve()), recording_digest(path), used)
 
 

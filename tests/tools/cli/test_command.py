@@ -36,6 +36,9 @@ def test_help_ends_with_an_example(name: str, capsys: Capsys) -> None:
         ["demo", "--seconds", "0"],
         ["demo", "--seconds", "soon"],
         ["demo", "--seed", "-1"],
+        ["replay", "--speed", "quick"],
+        ["why", "x.mcap", "--at", "3", "--cell", "1.5,2"],
+        ["sweep", "x.mcap", "--jobs", "many"],
         ["scanner"],
         ["scanner", "dance"],
         ["attitude", "baud", "12"],
@@ -62,6 +65,7 @@ def test_wrong_use_is_told_in_one_line(words: list[str], capsys: Capsys) -> None
     told = capsys.readouterr()
     assert status == 2
     assert len(told.err.splitlines()) == 1, told.err
+    assert "invalid a_" not in told.err  # no name of ours, but what is allowed
     assert told.out == ""
 
 

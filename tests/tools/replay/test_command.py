@@ -15,6 +15,7 @@ from tests.support.shipped import shipped
 from tools.cli import replay as tool
 from tools.replay import laser
 
+ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of what a chunk holds
 PLANNER = 3  # its port in a recording
 CAPTURE = ROOT / "tests" / "vectors" / "tim781_1s.pcapng"
 Told = Callable[..., tuple[int, str, str]]
@@ -206,13 +207,55 @@ def test_a_capture_of_a_scanner_is_mapped_without_the_simulation(
     assert "--stream 7" in err
 
 
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("--picture", "map.txt"), "--picture map.txt: must end with .png"),
+        (("--picture", "no/such/map.png"), "--picture no/such/map.png: must be a file in a folder"),
+        (("--video", "no/such/map.mp4"), "--video no/such/map.mp4: must be a file in a folder"),
+        (("--out", "no/such/o.json"), "--out no/such/o.json: must be a file in a folder"),
+        (("--config", "broken.toml"), "broken.toml: not valid TOML: "),
+    ],
+)
+def test_a_file_that_cannot_be_is_named_before_anything_is_played(
+    drive: Path,
+    told: Told,
+    tmp_path: Path,
+    monkeypatch: Patch,
+    words: tuple[str, ...],
+    line: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("broken.toml").write_text("x = [", encoding="utf-8")
+    status, out, err = told(drive, *words)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"mapod replay: {line}")
+
+
+def test_a_picture_of_behind_the_end_is_refused(drive: Path, told: Told, tmp_path: Path) -> None:
+    status, _, err = told(drive, "--to", "1", "--at", "2", "--picture", tmp_path / "map.png")
+    assert (status, err) == (2, "mapod replay: --at 2 is behind --to 1\n")
+
+
+def test_a_recording_cut_before_its_first_chunk_says_so(
+    drive: Path, told: Told, tmp_path: Path
+) -> None:
+    """Its settings are there, and no time is known: none is told."""
+    cut = tmp_path / "cut.mcap"
+    whole = drive.read_bytes()
+    cut.write_bytes(whole[: whole.index(ZSTD) + 100])
+    status, out, err = told(cut)
+    assert (status, out) == (2, "")
+    assert err == f"mapod replay: {cut} was cut off before its first second ended\n"
+
+
 def test_bytes_that_no_session_takes_are_told_so(
     tmp_path: Path, told: Told, monkeypatch: Patch
 ) -> None:
     (tmp_path / "junk_d2h.bin").write_bytes(bytes(1000))
-    status, _, err = told(tmp_path / "junk_d2h.bin")
-    assert status == 1
-    assert "no scan was mapped: the file holds no scan" in err
+    status, out, err = told(tmp_path / "junk_d2h.bin")
+    assert (status, out) == (2, "")
+    assert "is neither a recording of mapod nor a capture: the file holds no scan" in err
     monkeypatch.setattr(laser, "LONGEST_START_S", 5.0)
     data = tool.SHIPPED_RECORDING.read_bytes()
     first = data.index(b"sSN LMDscandata") - 8  # all answers of the start-up are lost

@@ -131,7 +131,7 @@ def test_the_page_of_many_drives_draws_boxes_and_names_what_has_no_scores() -> N
         (["--config", "nowhere.toml"], "nowhere.toml"),
         (["--config", "{letter}"], "not valid TOML"),
         (["--out", "{other}"], "holds other things (letter.txt)"),
-        (["--sample", "0"], "must be 1 or more"),
+        (["--sample", "0"], "must be a whole number, 1 or more"),
         (["--scheduler", "nowhere"], "no scheduler answers at nowhere"),
     ],
     ids=lambda given: given if isinstance(given, str) else " ".join(given),

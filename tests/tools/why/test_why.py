@@ -181,6 +181,8 @@ def test_the_cause_of_each_cell_is_of_its_state_at_every_moment(
     [
         (("--at", "99"), "--at: 99 is not within the recording, which is "),
         (("--at", "noon"), "--at: must be seconds from the begin, "),
+        (("--at", "3", "--cell", "-9000,2"), "cell -9000,2 is outside of the map, which is -"),
+        (("--at", "3", "--xy", "-1e300,0"), "--xy -1e+300,0 lies beyond any map"),
         (("--at", "3", "--cell", "9000,2"), "cell 9000,2 is outside of the map, which is -"),
         (("--at", "3", "--xy", "1e300,0"), "--xy 1e+300,0 lies beyond any map"),
     ],

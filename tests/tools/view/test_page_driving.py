@@ -135,6 +135,7 @@ def test_where_it_may_not_it_says_why_and_asks_for_nothing(page: Page) -> None:
     page.open()
     page.live()
     page.browser.wait("document.getElementById('arm').disabled")
+    assert "only looks on" in page.browser.text("#advice span")
     page.browser.key("keyDown", "ShiftLeft", "Shift")
     page.browser.key("keyDown", "KeyW", "W")
     page.browser.wait("document.getElementById('who').innerText.includes('enable_motors is false')")

@@ -218,10 +218,10 @@ class Page {
     layers.show(layer, look);
     timeline.show();
     showCondition(this.condition, timeline, this.link);
-    showWay(world.state, is_stale);
+    const may = this.hello?.drive?.allowed !== false;
+    showWay(world.state, is_stale, may);
     showInputs(world.state, is_stale);
     showLink(world.state, this.link.damaged);
-    const may = this.hello?.drive?.allowed !== false;
     showDriver(driver, this.live.state, this.refusal(), may);
     readout.show(world, this.hello, { is_past, is_stale });
   }

@@ -25,12 +25,14 @@ const AGE_GRAPH_S = 0.1,
 
 const by = (id) => document.getElementById(id);
 
-export function showWay(state, is_stale) {
+/** What mapod advises. `may`: whether it moves the robot, or only looks on while others do. */
+export function showWay(state, is_stale, may) {
   const [word, why] = is_stale || !state ? ["stop", "the picture is not current"] : adviceOf(state);
   const advice = by("advice");
   advice.dataset.level = ADVICE_LEVELS[word] ?? "bad";
   setText(advice.querySelector("strong"), word.toUpperCase());
-  setText(advice.querySelector("span"), why ?? "");
+  const looks_on = may || is_stale ? "" : "Advice: mapod only looks on. ";
+  setText(advice.querySelector("span"), looks_on + (why ?? ""));
   showZone(is_stale ? null : state?.zone);
   const pose = state?.pose;
   setPairs(by("pose"), [

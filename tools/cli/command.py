@@ -5,6 +5,8 @@ when its command is called, so that `mapod version` needs none of the libraries.
 """
 
 import importlib
+import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -50,7 +52,19 @@ def help_text() -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Exit status: that of the command; 2 if there is no such command."""
-    name, *rest = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    try:
+        status = _run(list(sys.argv[1:] if arguments is None else arguments) or ["--help"])
+        sys.stdout.flush()
+        return status
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    except BrokenPipeError:  # who reads what is said has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+
+
+def _run(arguments: Sequence[str]) -> int:
+    name, *rest = arguments
     if name in ("-h", "--help", "help"):
         print(help_text())
         return 0
@@ -58,9 +72,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if name not in COMMANDS:
         print(f"mapod: there is no command {name!r}; mapod --help lists them", file=sys.stderr)
         return USAGE
-    try:
-        file, _, function = COMMANDS[name][0].partition(":")
-        module = importlib.import_module(f"{__package__}.{file}")
-        return int(getattr(module, function or "main")(rest))
-    except KeyboardInterrupt:
-        return 130
+    file, _, function = COMMANDS[name][0].partition(":")
+    module = importlib.import_module(f"{__package__}.{file}")
+    return int(getattr(module, function or "main")(rest))

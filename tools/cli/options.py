@@ -131,5 +131,7 @@ def lacks_simulation() -> str:
 
 
 def fail(command: str, reason: object, status: int = USAGE) -> int:
+    if isinstance(reason, BrokenPipeError):  # nobody reads on: for `command.main`
+        raise reason
     print(f"mapod {command}: {reason}", file=sys.stderr, flush=True)
     return status

@@ -103,7 +103,9 @@ class Player:
     @property
     def lacks(self) -> str:
         """Why no scan can have been mapped, as far as the recording itself says; or ""."""
-        return "" if self.scanner_bytes else "the recording holds no byte of the scanner"
+        if self.scanner_bytes:
+            return ""
+        return f"the recording holds no byte of the scanner{'' if self.done else ' up to there'}"
 
     def play_until(self, t_s: float) -> None:
         """All calls up to this instant, by the recording's host clock. Raises RecordingError."""

@@ -1,7 +1,11 @@
 """`mapod`: which commands there are, their help, and what wrong use is answered with."""
 
 import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
@@ -15,6 +19,16 @@ def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
     files = {path.stem for path in (ROOT / "tools" / "cli").glob("*.py")} - parts
     assert files == {file.partition(":")[0] for file, _ in COMMANDS.values()}
     assert all(re.search(rf"^  {name} ", help_text(), re.MULTILINE) for name in COMMANDS)
+
+
+def test_who_stops_reading_ends_a_command_without_a_word() -> None:
+    command = [sys.executable, "-m", "mapod", "--help"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=PIPE, stderr=PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.stderr is not None
+        assert process.stderr.read() == b""
+    assert process.returncode == 128 + signal.SIGPIPE
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -83,7 +83,7 @@ def export_map(job: Job) -> list[Path]:
     player.play_until(job.until_s)
     if not player.app.mapper.counts.scans_added:
         raise NothingToExportError("no sweep was mapped until then")
-    name = "state" if options.to == "ros" else options.layer
+    name = options.layer or "state"
     view = trusted_layer(player, name)
     if view is None:
         method = player.config.map.method
@@ -133,9 +133,15 @@ def main(arguments: list[str] | None = None) -> int:
     add("--to", choices=KINDS, required=True, help="what to write")
     add("--out", type=Path, default=Path("export"), help="the folder for it (default: export)")
     add("--at", metavar="T", help=f"up to then: {FORMS}")
-    add("--layer", choices=tuple(UNITS), default="state", help="of png (default: state)")
+    add("--layer", choices=tuple(UNITS), help="of png (default: state)")
     add("--ascii", action="store_true", help="pcd as text")
     options = parser.parse_args(arguments)
+    for option, given, kind in (
+        ("--layer", options.layer, "png"),
+        ("--ascii", options.ascii, "pcd"),
+    ):
+        if given and options.to != kind:
+            parser.error(f"{option} is of --to {kind}, not of {options.to}")
     if options.to == "parquet" and importlib.util.find_spec("pyarrow") is None:
         return fail("export", NO_PARQUET)
     try:

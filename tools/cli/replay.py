@@ -68,6 +68,8 @@ def source_of(options: argparse.Namespace) -> Source:
         raise NoReplayError("name a recording: there is none here to show")
     first = b"" if path.is_dir() else _first_bytes(path)
     if path.is_dir() or first.startswith(MAGIC) or OLDER.match(first):
+        if options.stream is not None:
+            raise NoReplayError(f"--stream is of a capture; {path} is a recording of mapod")
         given = settings_text(options.config) if options.config else None
         key = read_key(options.key_file)
         return OfRecording(path, given, options.set, key, app_version())

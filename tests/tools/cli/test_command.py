@@ -53,6 +53,8 @@ def test_help_ends_with_an_example(name: str, capsys: Capsys) -> None:
         ["replay", "--speed", "quick"],
         ["why", "x.mcap", "--at", "3", "--cell", "1.5,2"],
         ["sweep", "x.mcap", "--jobs", "many"],
+        ["export", "x.mcap", "--to", "csv", "--ascii"],
+        ["export", "x.mcap", "--to", "ros", "--layer", "slope"],
         ["scanner"],
         ["scanner", "dance"],
         ["attitude", "baud", "12"],

@@ -237,6 +237,12 @@ def test_a_picture_of_behind_the_end_is_refused(drive: Path, told: Told, tmp_pat
     assert (status, err) == (2, "mapod replay: --at 2 is behind --to 1\n")
 
 
+def test_a_capture_s_option_is_refused_for_a_recording(drive: Path, told: Told) -> None:
+    status, _, err = told(drive, "--stream", "0")
+    line = f"mapod replay: --stream is of a capture; {drive} is a recording of mapod\n"
+    assert (status, err) == (2, line)
+
+
 def test_a_recording_cut_before_its_first_chunk_says_so(
     drive: Path, told: Told, tmp_path: Path
 ) -> None:

@@ -1,5 +1,6 @@
 """`mapod`: which commands there are, their help, and what wrong use is answered with."""
 
+import os
 import re
 import signal
 import subprocess
@@ -22,13 +23,14 @@ def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
 
 
 def test_who_stops_reading_ends_a_command_without_a_word() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
     command = [sys.executable, "-m", "mapod", "--help"]
-    with subprocess.Popen(command, cwd=ROOT, stdout=PIPE, stderr=PIPE) as process:
-        assert process.stdout is not None
-        process.stdout.close()
-        assert process.stderr is not None
-        assert process.stderr.read() == b""
-    assert process.returncode == 128 + signal.SIGPIPE
+    try:
+        ended = subprocess.run(command, cwd=ROOT, stdout=writing, stderr=PIPE, check=False)
+    finally:
+        os.close(writing)
+    assert (ended.returncode, ended.stderr) == (128 + signal.SIGPIPE, b"")
 
 
 @pytest.mark.parametrize("name", COMMANDS)

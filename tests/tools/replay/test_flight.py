@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -10,21 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app import App, Ports
+from app import App
 from core.records import FREE, OBSTACLE
-from fakes.planner_mcu.receiver import FakePlanner
-from fakes.scenes.scene import Scene, Solid
 from logs import LOG, set_up_logging
-from recorder import Recorder
 from recording.mcap_file import RecordingFile
 from recording.reader import Recording
-from recording.records import BYE, CHECK, FIRST, IN, LINE, OF_CALLS, OPENED, OUT
+from recording.records import BYE, CHECK, FIRST, IN, OF_CALLS, OPENED, OUT
 from recording.writer import Writer
 from tests import Capsys
-from tests.support.shipped import FLOOR, shipped
+from tests.support.recorded import DriveToBox, note_line
 from tools.cli import replay, why
 from tools.replay.player import Player
-from tools.rig.loop import SESSION, START_S, Loop
+from tools.rig.loop import START_S
 
 BOX_X_M, READY_S, FLIGHT_S = 12.33, 3.0, 13.0
 UNKNOWN = "it begins in the middle of a run: the map is unknown at its begin"
@@ -47,8 +45,7 @@ class WriterTap:
         self._writer.take(t_s, kind, port, data + more)
 
     def line(self, t_s: float, level: str, event: str, keys: Mapping[str, Any]) -> None:
-        said = {"level": level, "event": event, "keys": dict(keys)}
-        self.note(t_s, LINE, 0, json.dumps(said, default=str).encode())
+        note_line(self, t_s, level, event, keys)
 
     def flush(self, now_s: float) -> None:
         if now_s - self._synced_s >= 1.0:
@@ -59,40 +56,21 @@ class WriterTap:
         self.note(self.clock(), BYE, 0, b"{}")
 
 
-class RecordedRun(Loop):
-    """A robot that is asked on and on to go ahead, in a hall with a box far away."""
-
-    def __init__(self, folder: Path) -> None:
-        self.planner, self.now_s = FakePlanner(), START_S
-        config = shipped(robot={"enable_motors": True, "start_clear_m": 20.0})
-        wanted = {"path": f"{folder}/all.mcap", "file_mb": 0.2, "flight": f"{folder}/flight"}
-        tap = WriterTap(lambda: self.now_s, **wanted)
-        self.recorder = Recorder(config, "0.1", tap)
-        box = Solid("box", (BOX_X_M, BOX_X_M + 0.5), (-0.83, 0.87), (0.0, 0.93))
-        super().__init__(Scene("hall", (FLOOR, box)), 1, config, self.planner)
-
-    def _new_app(self, key: bytes | None) -> App:
-        scanner, ahrs, drive = self.ports.values()
-        ports = self.recorder.ports(Ports(scanner, ahrs, drive, self.link_port))
-        app = App(self.config, ports, session=SESSION)
-        return self.recorder.begin(app, key is not None, None)
-
-    def drive(self, seconds: float) -> None:
-        for _ in range(round(seconds * 200)):
-            if self.ticks % 10 == 0:
-                self.planner.drive(self.now_s, 0.9, 0.0, 0.3)
-            self.step()
-
-
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedRun, Path]:
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[DriveToBox, Path]:
     """To the box, and its folder.
 
     The scanner's wire was off for a while, long before the stop; that of the attitude sensor is
     cut long after it.
     """
     folder = tmp_path_factory.mktemp("run")
-    loop = RecordedRun(folder)
+    wanted: dict[str, Any] = {
+        "path": f"{folder}/all.mcap",
+        "file_mb": 0.2,
+        "flight": f"{folder}/flight",
+    }
+    tap_with = partial(WriterTap, **wanted)
+    loop = DriveToBox(tap_with, BOX_X_M, start_clear_m=20.0, asked_mps=0.9)
     with (folder / "log").open("w") as log:
         writer = set_up_logging(loop.config, log.fileno())
         loop.run(2.0)
@@ -113,7 +91,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[RecordedRun, Path]:
 
 
 @pytest.fixture(scope="module")
-def flight(run: tuple[RecordedRun, Path]) -> Path:
+def flight(run: tuple[DriveToBox, Path]) -> Path:
     [path] = (run[1] / "flight").glob("*-stop.mcap")
     return path
 
@@ -127,7 +105,7 @@ def cells_at(app: App, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 def test_a_flight_stops_where_and_why_the_robot_stopped(
-    run: tuple[RecordedRun, Path], flight: Path
+    run: tuple[DriveToBox, Path], flight: Path
 ) -> None:
     recording = Recording(flight)
     assert not recording.from_start
@@ -182,7 +160,7 @@ def test_it_is_played_and_asked_by_the_commands(flight: Path, capsys: Capsys) ->
 
 
 def test_a_device_is_lost_again_for_the_same_cause_and_comes_back(
-    run: tuple[RecordedRun, Path],
+    run: tuple[DriveToBox, Path],
 ) -> None:
     *_, path = sorted((run[1] / "flight").glob("*-fault.mcap"))
     recording = Recording(path)
@@ -237,7 +215,7 @@ def test_a_flight_that_is_cut_is_played_up_to_there_or_refused_in_one_line(
 
 
 def test_a_recording_whose_first_file_is_gone_is_played_from_its_next_one(
-    run: tuple[RecordedRun, Path],
+    run: tuple[DriveToBox, Path],
 ) -> None:
     second = Recording(run[1] / "all.2.mcap")
     assert not second.from_start

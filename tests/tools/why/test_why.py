@@ -2,27 +2,22 @@
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from app import App, Ports
 from core.mapping.causes import CAUSES, FIRST_DOUBT, STANDS, TOO_HIGH
-from fakes.planner_mcu.receiver import FakePlanner
-from fakes.scenes.scene import Scene, Solid
 from logs import LOG, set_up_logging
 from mapod_link.frames import DRIVE, bytes_from_frame
-from recorder import Recorder
 from recording.direct import DirectTap
 from recording.reader import Recording
-from recording.records import LINE
 from tests import Capsys
-from tests.support.shipped import FLOOR, shipped
+from tests.support.recorded import DriveToBox, note_line
 from tools.cli import why
 from tools.replay.player import Player
-from tools.rig.loop import SESSION, START_S, Loop
 from tools.why.beams import ranges_in
 from tools.why.moment import Watch, cell_facts, moment_of
 from tools.why.picture import OBSTACLE_RGB
@@ -36,38 +31,13 @@ class LoggingTap(DirectTap):
     """It keeps the log's lines as well, as that of a robot does."""
 
     def line(self, t_s: float, level: str, event: str, keys: Mapping[str, Any]) -> None:
-        said = {"level": level, "event": event, "keys": dict(keys)}
-        self.note(t_s, LINE, 0, json.dumps(said, default=str).encode())
-
-
-class DriveToBox(Loop):
-    """A robot that is asked on and on to go ahead, with a box in its way."""
-
-    def __init__(self, path: Path) -> None:
-        self.planner = FakePlanner()
-        config = shipped(robot={"enable_motors": True, "start_clear_m": 12.0})
-        self.now_s = START_S
-        self.recorder = Recorder(config, "0.1", LoggingTap(path, lambda: self.now_s))
-        box = Solid("box", (BOX_X_M, BOX_X_M + 0.5), (-0.83, 0.87), (0.0, 0.93))
-        super().__init__(Scene("hall", (FLOOR, box)), 1, config, self.planner)
-
-    def _new_app(self, key: bytes | None) -> App:
-        scanner, ahrs, drive = self.ports.values()
-        ports = self.recorder.ports(Ports(scanner, ahrs, drive, self.link_port))
-        app = App(self.config, ports, session=SESSION)
-        return self.recorder.begin(app, key is not None, None)
-
-    def drive(self, seconds: float) -> None:
-        for _ in range(round(seconds * 200)):
-            if self.ticks % 10 == 0:
-                self.planner.drive(self.now_s, 0.4, 0.0, 0.3)
-            self.step()
+        note_line(self, t_s, level, event, keys)
 
 
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[DriveToBox, Path]:
     path = tmp_path_factory.mktemp("why") / "drive.mcap"
-    loop = DriveToBox(path)
+    loop = DriveToBox(partial(LoggingTap, path), BOX_X_M, start_clear_m=12.0, asked_mps=0.4)
     with path.with_suffix(".log").open("w") as log:
         writer = set_up_logging(loop.config, log.fileno())
         loop.run(READY_S)

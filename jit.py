@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType
-from typing import Any, ParamSpec, TypeVar, cast, get_args, get_type_hints
+from typing import Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
 import numpy as np
@@ -38,25 +38,43 @@ LOAD_GLOBAL = dis.opmap["LOAD_GLOBAL"]
 VALUES = (bool, int, float, complex, str, type(None), np.generic, np.dtype)
 
 
+ALLOCATING = set[FunctionType]()
+
+
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile with Numba to machine code, kept on disk; strict IEEE arithmetic.
 
-    No fast-math and no threads: the same input gives the same bits.
+    No fast-math and no threads: the same input gives the same bits. It changes arrays that it is
+    given, and makes none: the compiler refuses one that does. So nobody need count who uses an
+    array, which took a quarter of the time of a scan. It gives none back either, nor does what it
+    calls, for nobody would free that.
     """
-    compiled = numba.njit(no_cfunc_wrapper=True)(function)  # no callbacks for C
+    return _compiled(function)
+
+
+def allocating_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel that makes arrays, for itself or to give them back."""
+    ALLOCATING.add(cast(FunctionType, function))
+    return _compiled(function)
+
+
+def _compiled(function: Callable[P, R]) -> Callable[P, R]:
+    counts = function in ALLOCATING
+    compiled = numba.njit(no_cfunc_wrapper=True, _nrt=counts)(function)  # no callbacks for C
     if isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
         compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
         compiled._cache = _OnDisk(cast(FunctionType, function))
     return cast(Callable[P, R], compiled)
 
 
-def records(of: np.dtype[Any]) -> Records:
-    """One record (1,) for kernels to change, all zero; they are given it, or `[0]` of it.
+def records(of: np.dtype[Any], count: int = 1) -> Records:
+    """Records (count,) for kernels to change, all zero; of one they get it, or `[0]` of it."""
+    return with_fields(np.zeros(count, of))
 
-    Compiled code finds its fields as attributes; so does Python in a `recarray`.
-    """
-    made = np.zeros(1, of)
-    return made if COMPILED else made.view(np.recarray)
+
+def with_fields(array: Records) -> Records:
+    """Records as kernels want them: their fields are attributes, in Python by a `recarray`."""
+    return array if COMPILED else array.view(np.recarray)
 
 
 def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, Any]) -> Any:
@@ -83,13 +101,17 @@ def digest(function: FunctionType) -> str:
 
 def _parts(function: FunctionType) -> Iterator[str]:
     yield f"{np.__version__} {numba.config.BOUNDSCHECK} {function.__module__}"
+    yield f"allocates: {function in ALLOCATING}"
     codes = list(_codes(function.__code__))
     for code in codes:
         consts = [const for const in code.co_consts if not isinstance(const, CodeType)]
         yield repr([getattr(code, name) for name in OF_CODE])
         yield repr([None if const == function.__doc__ else const for const in consts])
     yield repr((function.__defaults__, function.__kwdefaults__))
-    yield from (_shape(of) for of in get_type_hints(function).values())
+    hints = get_type_hints(function)
+    if function not in ALLOCATING and _has_array(hints.get("return")):
+        raise TypeError(f"{function.__qualname__} gives an array back: it is an allocating kernel")
+    yield from (_shape(of) for of in hints.values())
     used = {name for code in codes for name in _globals_of(code)}
     for name in sorted(used - {function.__name__}):
         if name in function.__globals__:
@@ -120,6 +142,11 @@ def _globals_of(code: CodeType) -> Iterator[str]:
 
 def _value(value: object, user: FunctionType) -> str:
     if isinstance(value, Dispatcher):
+        if user not in ALLOCATING and _has_array(get_type_hints(value.py_func).get("return")):
+            raise TypeError(
+                f"{user.__qualname__} is given an array by {value.py_func.__qualname__}:"
+                " it is an allocating kernel"
+            )
         return digest(value.py_func)
     if isinstance(value, tuple):
         return repr([_value(part, user) for part in value])
@@ -133,6 +160,12 @@ def _value(value: object, user: FunctionType) -> str:
         f"{user.__qualname__} uses {value!r}: a kernel may use numbers, tuples of them,"
         " kernels, named tuples, math and np"
     )
+
+
+def _has_array(of: Any) -> bool:
+    """Whether a type is that of an array, or has one as its part."""
+    parts = get_type_hints(of).values() if hasattr(of, "_fields") else get_args(of)
+    return get_origin(of) is np.ndarray or any(_has_array(part) for part in parts)
 
 
 def _shape(of: Any) -> str:

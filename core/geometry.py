@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from core.records import F64
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 Rpy = tuple[float, float, float]
 Rates = tuple[float, float, float]  # of turn about x, y, z, rad/s; NaN where not delivered
@@ -60,7 +60,7 @@ def q_from_R(R: F64) -> F64:
     return np.array(q)
 
 
-@kernel
+@allocating_kernel
 def q_product(a: F64, b: F64) -> F64:
     """Quaternion (4,) of rotation b followed by rotation a."""
     return np.array(
@@ -73,7 +73,7 @@ def q_product(a: F64, b: F64) -> F64:
     )
 
 
-@kernel
+@allocating_kernel
 def q_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
     """Unit quaternion (4,) of roll about x, then pitch about y, then yaw about z.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from numba.core.errors import TypingError
 
 from tests import Patch
 from tests.support.plain_user import as_plain_user
@@ -134,6 +135,45 @@ def test_what_can_t_be_followed_is_refused(
 ) -> None:
     with pytest.raises((NameError, TypeError), match=error):
         tried(tmp_path, LOW.replace(before, after))
+
+
+GIVING = """
+import numpy as np
+import numpy.typing as npt
+from jit import allocating_kernel, kernel
+
+@allocating_kernel
+def pair_of(x: float) -> npt.NDArray[np.float64]:
+    return np.array([x, x])
+
+@allocating_kernel
+def scaled(x: float, times: int) -> float:
+    return pair_of(x).sum() * 3 * times / 2
+"""
+USES = "def scaled(x: float, times: int) -> float:\n    return pair_of"
+
+
+def test_a_kernel_that_makes_arrays_says_so(tmp_path: Path) -> None:
+    low = LOW.replace("@kernel\ndef aside", GIVING + "\n@kernel\ndef aside")
+    assert tried(tmp_path, low) == (161.0, 2)
+    silent = low.replace(f"@allocating_kernel\n{USES}", f"@kernel\n{USES}")
+    with pytest.raises(TypeError, match="scaled is given an array by pair_of: it is an allocating"):
+        tried(tmp_path, silent)
+    with pytest.raises(TypeError, match="pair_of gives an array back: it is an allocating kernel"):
+        tried(tmp_path, low.replace("@allocating_kernel\ndef pair_of", "@kernel\ndef pair_of"))
+    making = LOW.replace("x * GAIN * times", "np.zeros(1)[0] + x").replace(
+        "GAIN", "import numpy as np\nGAIN", 1
+    )
+    with pytest.raises(TypingError, match="zeros"):
+        tried(tmp_path, making)
+
+
+def test_saying_that_it_makes_arrays_compiles_it_anew(copied: Path) -> None:
+    low = LOW.replace("@kernel\ndef scaled", "@allocating_kernel\ndef scaled")
+    assert tried(copied, low.replace("import kernel", "import allocating_kernel, kernel")) == (
+        161.0,
+        2,
+    )
 
 
 def test_code_that_lies_where_nobody_may_write_is_used_and_what_can_t_be_kept_is_compiled_again(

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from jit import kernel
+from jit import allocating_kernel
 
 F64 = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -14,7 +14,7 @@ BOUND_M = 0.0995  # a step of 0.10 m is an obstacle,
 DANGER_M = 0.1495  # and of one of 0.15 m none may be missed
 
 
-@kernel
+@allocating_kernel
 def _reach(
     heights: F64, begin: tuple[int, int], bound: float, reached: npt.NDArray[np.int8]
 ) -> None:

@@ -25,7 +25,7 @@ from core.driving.stop_zone import (
 )
 from core.grid.ring import cells_about
 from core.records import F64, I8, OBSTACLE, UNKNOWN
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 SECTORS = 8
 NEAR_M = 3.0  # beside the robot, obstacles are looked for first
@@ -75,7 +75,7 @@ def _where(low: float, high: float, slope: float, span: tuple[float, float]) -> 
     return max(span[0], min(one, other)), min(span[1], max(one, other))
 
 
-@kernel
+@allocating_kernel
 def free_path(
     cells: I8,
     window: Window,

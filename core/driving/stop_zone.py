@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from core.grid.ring import RingGrid, cells_about
 from core.records import F64, FREE, I8, I32, UNKNOWN
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 STEP_CELLS = 0.5  # of the sweep
 STRIDE_M = 0.2  # of its way, for which cells that are near are looked for once
@@ -131,7 +131,7 @@ def leaves(
     return outward > 1e-9 if to_front <= to_rear else outward < -1e-9
 
 
-@kernel
+@allocating_kernel
 def cells_near(
     cells: I8,
     window: Window,
@@ -160,7 +160,7 @@ def cells_near(
     return found[:used]
 
 
-@kernel
+@allocating_kernel
 def clearance(
     cells: I8,
     window: Window,
@@ -242,7 +242,7 @@ def _free_path(
     return rate * _first(cx, cy, half, place, rect, motion, span, 0.0) - margin
 
 
-@kernel
+@allocating_kernel
 def _gaps(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) -> F64:
     """Gaps (n,) of listed cells at the start; -inf of those under the footprint that end no motion.
 
@@ -259,7 +259,7 @@ def _gaps(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) ->
     return gaps
 
 
-@kernel
+@allocating_kernel
 def _sweep(
     cells: I8,
     window: Window,

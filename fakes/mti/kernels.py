@@ -5,12 +5,12 @@ import math
 import numpy as np
 
 from fakes.rays.kernels import F64
-from jit import kernel
+from jit import allocating_kernel
 
 Sigmas = tuple[float, float, float, float]  # of angle, acceleration, rate of turn, field
 
 
-@kernel
+@allocating_kernel
 def times(A: F64, B: F64) -> F64:
     """Product (3, 3) of two matrices."""
     C = np.zeros((3, 3))
@@ -20,7 +20,7 @@ def times(A: F64, B: F64) -> F64:
     return C
 
 
-@kernel
+@allocating_kernel
 def turn_about(x: float, y: float, z: float) -> F64:
     """The turn (3, 3) about a vector by its length, rad."""
     angle = math.sqrt(x * x + y * y + z * z)
@@ -35,7 +35,7 @@ def turn_about(x: float, y: float, z: float) -> F64:
     return R
 
 
-@kernel
+@allocating_kernel
 def told(
     R_true: F64, R_believed: F64, accel: F64, rate: F64, field: F64, yaw_rad: float,
     sigmas: Sigmas, noise: F64, accel_off: F64, rate_off: F64, full: F64, earth: F64, case: F64,
@@ -80,7 +80,7 @@ def told(
     return R, vectors, clipped
 
 
-@kernel
+@allocating_kernel
 def go_on(
     gone_s: float, R_earth_sensor: F64, accel: F64, lean_s: float, lean_rad: F64,
     times_s: F64, wander: F64, noise: F64,
@@ -99,7 +99,7 @@ def go_on(
         wander[k] = kept * wander[k] + math.sqrt(1.0 - kept * kept) * noise[k]
 
 
-@kernel
+@allocating_kernel
 def believed(R_earth_sensor: F64, lean_rad: F64, wander: F64, sigmas: F64, R_case: F64) -> F64:
     """An orientation (3, 3) with a false vertical, a false heading, and in a case set askew.
 

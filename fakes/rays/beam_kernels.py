@@ -18,7 +18,7 @@ from fakes.rays.kernels import (
     spans_of_passers,
     spans_of_targets,
 )
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 Vector = tuple[float, float, float]
 FAR_M = 30.0  # a beam returns nothing from beyond
@@ -65,7 +65,7 @@ def _way_of(beams: Beams, i: int, x: float, y: float, z: float) -> Vector:
     return _turned(beams.R_map_body[i], x, y, z)
 
 
-@kernel
+@allocating_kernel
 def aims_of(beams: Beams) -> F64:
     """Where the beams begin, and their ways ahead, aside and up of unit length: (4, 3, n)."""
     n = len(beams.bearings)
@@ -79,7 +79,7 @@ def aims_of(beams: Beams) -> F64:
     return aims
 
 
-@kernel
+@allocating_kernel
 def horizon_of(beams: Beams, aims: F64) -> Horizon:
     """Where the beams look."""
     aside_m = 0.0
@@ -117,7 +117,7 @@ def _put_in(aims: F64, offsets: F64, pencil: Pencil) -> None:
     invert(pencil)
 
 
-@kernel
+@allocating_kernel
 def echoes_from_rays(ranges_m: F64, mixes: bool) -> F64:
     """First and second echo (2, n) of beams of rays (subs, n); inf where nothing is.
 
@@ -162,7 +162,7 @@ def echoes_from_rays(ranges_m: F64, mixes: bool) -> F64:
     return echoes
 
 
-@kernel
+@allocating_kernel
 def echoes_of_beams(
     beams: Beams, since_begin_s: F64, targets: Targets, passers: Passers, glass_cos: float,
     mixes: bool,

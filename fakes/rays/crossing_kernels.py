@@ -19,7 +19,7 @@ from fakes.rays.kernels import (
     Pencil,
     Targets,
 )
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 # One ray across one body: scalars, which cost a fifth of what rows of arrays do. A ray is its begin
 # x, y, z, and one over its direction. Each gives the ways to where it enters, behind its begin
@@ -161,7 +161,7 @@ def _meet_other(
     found[i], met[i] = near, j
 
 
-@kernel
+@allocating_kernel
 def meet_targets(
     pencil: Pencil, spans: I64, targets: Targets, glass_cos: float, far_m: float,
     found: F64, met: I64,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
@@ -118,7 +118,7 @@ def spans_of_beams(horizon: Horizon, low: F64, high: F64, spans: I64) -> None:
         )
 
 
-@kernel
+@allocating_kernel
 def spans_of_targets(horizon: Horizon, targets: Targets) -> I64:
     """Which beams can meet each of them: (m, 3, 2) as of `spans_of_beams`."""
     spans = np.empty((len(targets.kinds), 3, 2), dtype=np.int64)
@@ -127,7 +127,7 @@ def spans_of_targets(horizon: Horizon, targets: Targets) -> I64:
     return spans
 
 
-@kernel
+@allocating_kernel
 def spans_of_passers(horizon: Horizon, passers: Passers) -> I64:
     """The same of what moves, wherever it is during the sweep."""
     spans = np.empty((len(passers.radii_m), 3, 2), dtype=np.int64)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fakes.rays.kernels import F64
 from fakes.world.error_models import ErrorModels
-from jit import kernel
+from jit import allocating_kernel
 
 RING = 6  # rays around the one in a beam's middle,
 RING_SHARE = 0.65  # so far out, of the beam's half-width
@@ -35,7 +35,7 @@ def pattern_of(errors: ErrorModels) -> F64:
     return np.concatenate([middle, np.column_stack([aside, around * errors.beam_rad / 2])])
 
 
-@kernel
+@allocating_kernel
 def shares(key: int, n: int, what: int) -> F64:
     """Numbers of chance (n,), 0 up to 1: the same again for the same key, sort and place."""
     drawn = np.empty(n)
@@ -47,7 +47,7 @@ def shares(key: int, n: int, what: int) -> F64:
     return drawn
 
 
-@kernel
+@allocating_kernel
 def through_air(key: int, dust_per_m: float, rain_per_m: float, echoes_m: F64) -> None:
     """Put grains of dust and drops of rain into echoes (2, n), before what would be met."""
     n = echoes_m.shape[1]
@@ -64,7 +64,7 @@ def through_air(key: int, dust_per_m: float, rain_per_m: float, echoes_m: F64) -
             echoes_m[0, k] = met_m
 
 
-@kernel
+@allocating_kernel
 def in_sunlight(
     key: int, rate: float, sun_rad: float, half_rad: float, azimuths_rad: F64, echoes_m: F64
 ) -> None:

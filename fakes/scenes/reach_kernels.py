@@ -8,7 +8,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 F64 = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -19,7 +19,7 @@ WIDEST_COS = math.cos(math.radians(58.0))  # of the beams that are used, with 2 
 WINDOW_M = 9.9  # the map reaches so far from the robot, along both axes
 
 
-@kernel
+@allocating_kernel
 def flood(heights: F64, row: int, column: int, step_m: float) -> Flags:
     """Cells that are reached from one over height steps of at most `step_m` a cell."""
     rows, columns = heights.shape
@@ -42,7 +42,7 @@ def flood(heights: F64, row: int, column: int, step_m: float) -> Flags:
     return reached
 
 
-@kernel
+@allocating_kernel
 def grown(flags: Flags, radius: float) -> Flags:
     """Cells whose middles lie within a radius of the middle of one that is set."""
     rows, columns = flags.shape
@@ -64,7 +64,7 @@ def grown(flags: Flags, radius: float) -> Flags:
     return result
 
 
-@kernel
+@allocating_kernel
 def ways_to(closed: Flags, row: int, column: int) -> F64:
     """Length of the shortest way to a cell from all others, in cells; inf where none leads."""
     rows, columns = closed.shape
@@ -134,7 +134,7 @@ def _sees(
     return True
 
 
-@kernel
+@allocating_kernel
 def seen(
     tops_m: F64,
     corner: tuple[float, float, float],

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fakes.rays.kernels import F64
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 FRONT_M, REAR_M, HALF_WIDTH_M = 0.52, 0.20, 0.30  # the robot's footprint, from its axle
 PERSONAL_M = 0.37  # from a body to the robot's footprint: nobody goes nearer by himself
@@ -53,7 +53,7 @@ def walk(
         gone_m[k] += speed * span_s
 
 
-@kernel
+@allocating_kernel
 def parts_at(rows: F64, asides_m: F64, swings_m: F64, stride_m: float) -> F64:
     """Middles (t, n * parts, 2) of the parts of walkers, by rows (t, n, 6) of `Crowd`.
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from fakes.rays.kernels import F64
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 
 @kernel
@@ -22,7 +22,7 @@ def _neighbours(kept: int, steps: int, step: float) -> tuple[int, int, float]:
     return before % kept, min(before + 1, steps) % kept, step - before
 
 
-@kernel
+@allocating_kernel
 def row_at(ring: F64, steps: int, step: float) -> F64:
     """The row (m,) at an instant, interpolated."""
     before, after, share = _neighbours(len(ring), steps, step)
@@ -45,7 +45,7 @@ def _rotation_from(row: F64, R: F64) -> None:
     R[1, 2], R[2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
 
 
-@kernel
+@allocating_kernel
 def pose_at(row: F64) -> tuple[float, float, float, float, float]:
     """(x, y, yaw, pitch, roll) of a row: nose down and right side down are positive."""
     R = np.empty((3, 3))
@@ -54,7 +54,7 @@ def pose_at(row: F64) -> tuple[float, float, float, float, float]:
     return row[0], row[1], math.atan2(R[1, 0], R[0, 0]), pitch, math.atan2(R[2, 1], R[2, 2])
 
 
-@kernel
+@allocating_kernel
 def motion_at(ring: F64, steps: int, step: float, R_earth_map: F64) -> tuple[F64, F64, F64]:
     """R_earth_body (3, 3), and columns 9..11 and 12..14 (3,) of the row, at an instant."""
     row, R, R_earth_body = row_at(ring, steps, step), np.empty((3, 3)), np.zeros((3, 3))
@@ -66,7 +66,7 @@ def motion_at(ring: F64, steps: int, step: float, R_earth_map: F64) -> tuple[F64
     return R_earth_body, row[9:12].copy(), row[12:15].copy()
 
 
-@kernel
+@allocating_kernel
 def rows_at(ring: F64, known_s: F64, steps: int, times_s: F64) -> F64:
     """Rows (n, k, m) of a ring (KEPT, k, m) at instants (n,), interpolated.
 
@@ -89,7 +89,7 @@ def rows_at(ring: F64, known_s: F64, steps: int, times_s: F64) -> F64:
     return rows
 
 
-@kernel
+@allocating_kernel
 def poses_at(ring: F64, steps: int, at_steps: F64) -> tuple[F64, F64]:
     """t_map_body (n, 3) and R_map_body (n, 3, 3) at instants (n,), interpolated."""
     n = len(at_steps)

@@ -240,6 +240,9 @@ def slow_way(
 @settings(max_examples=examples(200))
 @given(PLACES, RECTS, MARKS)
 @example((0.0, 0.0, 0.0), RECT, {(5, 3): OBSTACLE})
+@example(  # one touches its side; of two ahead, the nearer one is looked at later
+    (0.0, 0.0, 0.0), RECT, {(0, 3): OBSTACLE, (8, -2): OBSTACLE, (7, 2): OBSTACLE}
+)
 def test_the_way_ahead_is_that_of_the_slow_model(
     place: Place, rect: Rect, marks: dict[tuple[int, int], int]
 ) -> None:

@@ -6,8 +6,10 @@ It decides nothing: a method puts states in, the link takes changes out.
 import numpy as np
 
 from core.grid.ring import RingGrid
-from core.records import I8, I32, UNKNOWN
+from core.records import I8, I32, OBSTACLE, UNKNOWN
 from jit import kernel
+
+NO_CELLS = np.zeros(0, dtype=np.int32)
 
 
 @kernel
@@ -50,6 +52,29 @@ class ObstacleWindow:
     def follow(self, x_m: float, y_m: float) -> bool:
         """Keep a point of the map frame near the middle; True if the window moved."""
         return self.grid.follow(x_m, y_m)
+
+    def follow_in(self, source: RingGrid, x_m: float, y_m: float) -> I32:
+        """Follow, and tell which cells came in: flat indices (k,) of a source that holds them.
+
+        The source must have moved before. One as large as the window knows nothing of them.
+        """
+        grid, size = self.grid, source.size
+        old_i, old_j = grid.corner_i, grid.corner_j
+        if not self.follow(x_m, y_m) or grid.size == size:
+            return NO_CELLS
+        i = np.arange(grid.corner_i, grid.corner_i + grid.size)
+        j = np.arange(grid.corner_j, grid.corner_j + grid.size)
+        new_i = i[(i < old_i) | (i >= old_i + grid.size)]
+        new_j = j[(j < old_j) | (j >= old_j + grid.size)]
+        columns = (j[:, None] % size) * size + new_i[None, :] % size
+        rows = (new_j[:, None] % size) * size + i[None, :] % size
+        return np.concatenate([columns.ravel(), rows.ravel()]).astype(np.int32)
+
+    def is_obstacle(self, i: int, j: int) -> bool:
+        """Whether it tells a world cell to be an obstacle."""
+        grid = self.grid
+        inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
+        return inside and int(self.cells[j % grid.size, i % grid.size]) == OBSTACLE
 
     def erase(self) -> None:
         """Everything unknown, and nothing told before holds."""

@@ -16,7 +16,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
 from core.mapping.freshness import Freshness
-from core.mapping.terrain import F32, JUDGED, terrain_at
+from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.records import F64, I64, UNKNOWN
 from jit import kernel
 
@@ -94,11 +94,19 @@ def _soft(cells: Cells, out: F64) -> None:
         out[at] = 1.0 if is_soft(cells, at) else 0.0
 
 
+def _terrain_at(cells: CellGrid, at: I64) -> F32:
+    """Slope, step and roughness (3, n) of the cells of method `beams` by flat index (n,)."""
+    near, flat = around(cells.grid, at), cells.flat
+    z_m = np.where((near >= 0) & (flat["count"][near] > 0), flat["z_m"][near], np.nan)
+    relief_m = flat["z_high_m"][at] - flat["z_low_m"][at]
+    return terrain_of(z_m, relief_m, cells.grid.cell_m)
+
+
 def maybe_beams_layer(name: str, cells: CellGrid, window: ObstacleWindow) -> LayerView | None:
     if name == "state":
         return state_view(window)
     if name in JUDGED:
-        judged = terrain_at(cells, np.arange(cells.flat.size))[JUDGED.index(name)]
+        judged = _terrain_at(cells, np.arange(cells.flat.size))[JUDGED.index(name)]
         return view_of(name, cells.grid, judged.reshape(cells.cells.shape))
     if name == "soft":
         ring = np.empty(cells.cells.shape)
@@ -118,7 +126,7 @@ def maybe_beams_values(
         return states_at(window, i, j)
     if name == "slope":
         size = cells.grid.size
-        slopes_rad = terrain_at(cells, j % size * size + i % size)[JUDGED.index(name)]
+        slopes_rad = _terrain_at(cells, j % size * size + i % size)[JUDGED.index(name)]
         return _only_inside(cells.grid, i, j, slopes_rad)
     if name not in RECORDED:
         return None

@@ -16,7 +16,7 @@ from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
 from core.records import F64, PointSweep, Scan
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 MIN_RANGE_M = 0.15  # nearer is a scanner's own housing, or the robot's body
 
@@ -47,7 +47,7 @@ def _times(t_s: float, step_s: float, times_s: F64) -> None:
         times_s[i] = t_s + i * step_s
 
 
-@kernel
+@allocating_kernel
 def _cast(
     fan: tuple[F64, F64, F64],
     attitude_t_s: F64,

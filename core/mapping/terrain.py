@@ -13,54 +13,56 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from core.mapping.beams.cells import CellGrid, Cells
-from core.records import I32, I64
+from core.grid.ring import RingGrid
+from core.records import F64, I64
 from jit import kernel
 
 F32 = npt.NDArray[np.float32]
-Windowed = tuple[int, int, int, float]  # corner i, corner j, size, edge of a cell in metres
 
 JUDGED = ("slope", "step", "roughness")  # slope 0: level, of whatever heading; roughness: rms
 EVENLY = 1.0 / math.sqrt(12.0)  # rms about the middle of what lies evenly between two bounds
+OWN = 4  # a cell among the nine of its surroundings, row by row
 
 
 @kernel
-def _find_around(at: int, window: Windowed, around: I32) -> None:
-    """Put the flat indices of a cell and its neighbours into `around` (9,), row by row.
+def _find_around(listed: I64, corner: tuple[int, int], size: int, around: I64) -> None:
+    """Fill `around` (n, 9) with the flat indices of cells (n,) and their neighbours, row by row.
 
     -1 for those outside of the window.
     """
-    size = window[2]
-    column, row = at % size, at // size
-    i, j, k = (column - window[0]) % size, (row - window[1]) % size, 0
-    for dj in range(-1, 2):
-        beside_row = row + dj
-        beside_row += size if beside_row < 0 else (-size if beside_row >= size else 0)
-        for di in range(-1, 2):
-            beside = column + di
-            beside += size if beside < 0 else (-size if beside >= size else 0)
+    for k in range(listed.size):
+        column, row = listed[k] % size, listed[k] // size
+        i, j = (column - corner[0]) % size, (row - corner[1]) % size
+        for n in range(9):
+            di, dj = n % 3 - 1, n // 3 - 1
             inside = 0 <= i + di < size and 0 <= j + dj < size
-            around[k] = beside_row * size + beside if inside else -1
-            k += 1
+            near = (row + dj) % size * size + (column + di) % size
+            around[k, n] = near if inside else -1
+
+
+def around(grid: RingGrid, at: I64) -> I64:
+    """Flat indices (n, 9) of cells (n,) and their neighbours; -1: outside of the window."""
+    found = np.empty((at.size, 9), dtype=np.int64)
+    _find_around(at, (grid.corner_i, grid.corner_j), grid.size, found)
+    return found
 
 
 @kernel
-def _plane(at: int, cells: Cells, window: Windowed, around: I32) -> tuple[float, float, float]:
+def _plane(z_m: F64, cell_m: float) -> tuple[float, float, float]:
     """Of the plane through a cell and its known neighbours: slopes along x and y, mean square off.
 
     NaN where they are fewer than three or lie in a line.
     """
     n = sx = sy = sxx = sxy = syy = 0
     sz = sxz = syz = szz = 0.0
-    for dj in range(-1, 2):
-        for di in range(-1, 2):
-            near = around[3 * (dj + 1) + di + 1]
-            if near < 0 or cells[near].count == 0:
-                continue
-            z = cells[near].z_m - cells[at].z_m
-            n, sx, sy = n + 1, sx + di, sy + dj
-            sxx, sxy, syy = sxx + di * di, sxy + di * dj, syy + dj * dj
-            sz, sxz, syz, szz = sz + z, sxz + di * z, syz + dj * z, szz + z * z
+    for k in range(9):
+        z = z_m[k] - z_m[OWN]
+        if math.isnan(z):
+            continue
+        di, dj = k % 3 - 1, k // 3 - 1
+        n, sx, sy = n + 1, sx + di, sy + dj
+        sxx, sxy, syy = sxx + di * di, sxy + di * dj, syy + dj * dj
+        sz, sxz, syz, szz = sz + z, sxz + di * z, syz + dj * z, szz + z * z
     vxx, vxy, vyy = n * sxx - sx * sx, n * sxy - sx * sy, n * syy - sy * sy
     det = vxx * vyy - vxy * vxy  # whole numbers: 0 exactly where all lie in a line
     if det == 0:
@@ -69,42 +71,43 @@ def _plane(at: int, cells: Cells, window: Windowed, around: I32) -> tuple[float,
     a = (vxz * vyy - vyz * vxy) / det
     b = (vyz * vxx - vxz * vxy) / det
     off = (n * szz - sz * sz - a * vxz - b * vyz) / (n * n)
-    return a / window[3], b / window[3], max(0.0, off)
+    return a / cell_m, b / cell_m, max(0.0, off)
 
 
 @kernel
-def _step(at: int, cells: Cells, around: I32) -> float:
+def _step(z_m: F64, relief_m: float) -> float:
     """Largest height difference within a known cell and from it to a known neighbour."""
-    most = cells[at].z_high_m - cells[at].z_low_m
-    for near in around:
-        if near >= 0 and cells[near].count > 0:
-            most = max(most, abs(cells[near].z_m - cells[at].z_m))
+    most = relief_m
+    for near_m in z_m:
+        if not math.isnan(near_m):
+            most = max(most, abs(near_m - z_m[OWN]))
     return float(most)
 
 
 @kernel
-def _judge(listed: I64, cells: Cells, window: Windowed, judged: F32) -> None:
-    """Fill `judged` (3, n) for the n listed cells."""
-    around = np.empty(9, dtype=np.int32)
-    for k in range(listed.size):
-        at = listed[k]
-        cell = cells[at]
+def _judge(z_m: F64, relief_m: F64, cell_m: float, judged: F32) -> None:
+    """Fill `judged` (3, n) for n cells."""
+    for k in range(relief_m.size):
         judged[0, k] = judged[1, k] = judged[2, k] = np.nan
-        if cell.count == 0:
+        if math.isnan(z_m[k, OWN]):
             continue
-        _find_around(at, window, around)
-        judged[1, k] = _step(at, cells, around)
-        a, b, off = _plane(at, cells, window, around)
+        judged[1, k] = _step(z_m[k], relief_m[k])
+        a, b, off = _plane(z_m[k], cell_m)
         if math.isnan(a):
             continue
         judged[0, k] = math.atan(math.hypot(a, b))
-        rise = window[3] * (abs(a) + abs(b))  # of the plane itself, within the cell
-        own = EVENLY * max(0.0, cell.z_high_m - cell.z_low_m - rise)
+        rise = cell_m * (abs(a) + abs(b))  # of the plane itself, within the cell
+        own = EVENLY * max(0.0, relief_m[k] - rise)
         judged[2, k] = math.sqrt(off + own * own)
 
 
-def terrain_at(cells: CellGrid, at: I64) -> F32:
-    """Slope (rad), step and roughness (m) as `JUDGED`: (3, n), of cells by flat index (n,)."""
-    judged = np.empty((len(JUDGED), at.size), dtype=np.float32)
-    _judge(at, cells.flat, cells.window, judged)
+def terrain_of(z_m: F64, relief_m: F64, cell_m: float) -> F32:
+    """Slope (rad), step and roughness (m) as `JUDGED`: (3, n).
+
+    Args:
+        z_m: (n, 9) heights of `around`, map frame; NaN: not known.
+        relief_m: (n,) between the lowest and the highest in each cell.
+    """
+    judged = np.empty((len(JUDGED), relief_m.size), dtype=np.float32)
+    _judge(z_m, relief_m, cell_m, judged)
     return judged

@@ -25,7 +25,7 @@ from core.motion.heading import HEADING, HeadingFilter, heading_step
 from core.motion.magnetic import FIELD, Quaternion, Vector
 from core.motion.tilt import TILT, TiltFilter, tilt_step
 from core.records import F64, Attitude
-from jit import Record, Records, kernel, records
+from jit import Record, Records, allocating_kernel, kernel, records
 
 KEPT = 512  # samples: 4 s and more at 120 Hz
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
@@ -82,7 +82,7 @@ def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> Non
         out[n] /= np.sqrt(norm)
 
 
-@kernel
+@allocating_kernel
 def _rpy_at(t_s: F64, q: F64, start: int, count: int, at_s: float) -> Rpy:
     """(roll, pitch, yaw) of the orientation at a covered instant."""
     at = np.empty(4)
@@ -90,7 +90,7 @@ def _rpy_at(t_s: F64, q: F64, start: int, count: int, at_s: float) -> Rpy:
     return rpy_of(at[0], at[1], at[2], at[3])
 
 
-@kernel
+@allocating_kernel
 def _body_from_sensor(
     q_earth_sensor: Quaternion, q_sensor_body: F64, rate_radps: Rates, R_body_sensor: F64
 ) -> tuple[float, Rpy, Rates]:
@@ -123,7 +123,7 @@ def _put(q: F64, place: F64) -> None:
         place[k] = q[k]
 
 
-@kernel
+@allocating_kernel
 def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
     """Put a sample into its place of `q` (KEPT, 4), and what it turns to in the one behind it.
 
@@ -186,7 +186,7 @@ def _take(
     return 2, told_rad, rates
 
 
-@kernel
+@allocating_kernel
 def _turn_all(q_earth_body: F64, start: int, count: int, turn_rad: float) -> None:
     """Turn so many kept orientations about the vertical."""
     turn = np.array([math.cos(0.5 * turn_rad), 0.0, 0.0, math.sin(0.5 * turn_rad)])

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from core.records import F64
-from jit import Records, kernel, records
+from jit import Records, allocating_kernel, kernel, records
 
 SIZE = 10
 X, Y, YAW = 0, 1, 2  # m, m, rad: what the told pose is to be corrected by; map frame
@@ -73,7 +73,7 @@ def travel(P: F64, dx_m: float, dy_m: float, along_var: float, across_var: float
     P[Y, X] = P[X, Y]
 
 
-@kernel
+@allocating_kernel
 def correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> None:
     """One scalar measurement: innovation, measured minus expected, = h (10,) . error + noise.
 

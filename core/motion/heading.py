@@ -25,7 +25,7 @@ from core.motion.error_state import (
     turn,
 )
 from core.motion.magnetic import Quaternion, Vector, adopt_field, is_plain
-from jit import Record, Records, kernel
+from jit import Record, Records, allocating_kernel, kernel
 
 SENSOR_RAD = math.radians(0.3)  # noise of the sensor's own yaw,
 SENSOR_S = 0.1  # of which samples nearer than that share most
@@ -161,7 +161,7 @@ def yaw_rate(roll_rad: float, pitch_rad: float, rates: Rates) -> float:
     return (rates[1] * math.sin(roll_rad) + rates[2] * math.cos(roll_rad)) / cos_pitch
 
 
-@kernel
+@allocating_kernel
 def _correct_bias(errors: Record, off_radps: float) -> None:
     """While it stands, the gyro tells its bias."""
     h = np.zeros(SIZE)
@@ -169,7 +169,7 @@ def _correct_bias(errors: Record, off_radps: float) -> None:
     correct(errors.P, errors.value, h, off_radps, RATE_RADPS**2)
 
 
-@kernel
+@allocating_kernel
 def _correct_yaw(errors: Record, off_rad: float, variance: float) -> None:
     """The sensor's own yaw tells that of the body and its offset."""
     h = np.zeros(SIZE)

@@ -1,7 +1,7 @@
 """Slip of both wheels alike: the place runs ahead of what stands still, evenly with the travel.
 
 No gyro sees such slip. Something that matches scans to the map tells how far off the place seems
-(`core.mapping.beams.slip`). What was corrected meanwhile is added back: else each correction would
+(`core.mapping.slip`). What was corrected meanwhile is added back: else each correction would
 look like slip the other way. Only what has grown evenly over a stretch, by a few hundredths of it,
 is slip: the top of a table moves as fast as the robot, and a thing that stands does not move.
 """

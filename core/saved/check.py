@@ -12,20 +12,22 @@ import numpy.typing as npt
 from core.config import Config
 from core.mapping.beams.cells import CELL
 from core.records import FREE, OBSTACLE, UNKNOWN
+from core.saved import surface
+from core.saved.bounds import (
+    MOST_CELLS,
+    MOST_M,
+    MOST_S,
+    MOST_SCANS,
+    check_places,
+    check_within,
+)
 from core.saved.encoding import Arrays, StateError
 
 FORMAT, VERSION = "mapod map state", 2
 I64, I32, I8, FLOAT = np.dtype(np.int64), np.dtype(np.int32), np.dtype(np.int8), np.dtype(float)
 UNSEEN = -1  # `looks` of a cell of a loaded map in which nothing was seen since
-MOST_M = 1e6  # no place and no height is farther off
-MOST_S = 1e9  # nor anything longer ago
-MOST_CELLS = 100_000_000  # nor a cell's index
-MOST_SCANS = 2**31 - 2  # as many as a record can number
 # fields that begin anew with each run, and those that are saved
-OF_THIS_RUN = (
-    *("far_sides", "floor_run", "through", "outliers", "face_n", "face_segment"),
-    "gone",
-)
+OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers", "gone")
 KEPT = tuple(name for name in CELL.names or () if name not in OF_THIS_RUN)
 UNBOUNDED = ("low_m", "top_m")  # +inf and -inf while nothing rises
 COUNTED_IN = ("hit_scan", "stamp", "above_scan", "below_scan", "miss_scan", "through_scan")
@@ -62,6 +64,8 @@ def shapes_of(config: Config) -> Shapes:
         shapes["plane.count"] = (I32, (cells, cells))
         shapes["plane.states"] = (I8, (cells, cells))
         return shapes
+    if config.map.method == "surface":
+        return shapes | surface.shapes()
     shapes["ground.line"] = (FLOAT, (None, 6))  # none, or x, y, z, slopes along x and y, travel
     shapes["cells.corner"] = (I64, (2,))
     shapes["cells.scan"] = (I64, ())
@@ -83,6 +87,8 @@ def check_state(arrays: Arrays, config: Config) -> None:
     _check_window(arrays)
     if config.map.method == "reference_plane":
         _check_plane(arrays)
+    elif config.map.method == "surface":
+        surface.check_surface(arrays, config)
     else:
         _check_cells(arrays, config)
 
@@ -120,20 +126,14 @@ def _check_shape(
         raise StateError(f"{name}: must have the shape {shape}, has {array.shape}")
 
 
-def _check_within(name: str, array: npt.NDArray[Any], least: float, most: float) -> None:
-    """NaN is within nothing."""
-    if array.size and not (array.min() >= least and array.max() <= most):
-        raise StateError(f"{name}: holds what can't be; it must lie within {least:g}..{most:g}")
-
-
 def _check_window(arrays: Arrays) -> None:
-    _check_within("pose", arrays["pose"][:3], -MOST_M, MOST_M)
-    _check_within("pose", arrays["pose"][3:], -2 * math.pi, 2 * math.pi)
-    _check_within("travel_m", arrays["travel_m"], -MOST_M, MOST_M)
-    _check_within("motion", arrays["motion"], -100.0, 100.0)
-    _check_within("window.corner", arrays["window.corner"], -MOST_CELLS, MOST_CELLS)
-    _check_within("window.epoch", arrays["window.epoch"], 0, MOST_SCANS)
-    _check_within("window.cells", arrays["window.cells"], FREE, OBSTACLE)
+    check_within("pose", arrays["pose"][:3], -MOST_M, MOST_M)
+    check_within("pose", arrays["pose"][3:], -2 * math.pi, 2 * math.pi)
+    check_within("travel_m", arrays["travel_m"], -MOST_M, MOST_M)
+    check_within("motion", arrays["motion"], -100.0, 100.0)
+    check_within("window.corner", arrays["window.corner"], -MOST_CELLS, MOST_CELLS)
+    check_within("window.epoch", arrays["window.epoch"], 0, MOST_SCANS)
+    check_within("window.cells", arrays["window.cells"], FREE, OBSTACLE)
 
 
 def _check_plane(arrays: Arrays) -> None:
@@ -141,9 +141,9 @@ def _check_plane(arrays: Arrays) -> None:
     average_m, count, states = (
         arrays[f"plane.{name}"] for name in ("average_m", "count", "states")
     )
-    _check_within("plane.count", count, 0, MOST_SCANS)
-    _check_within("plane.states", states, FREE, OBSTACLE)
-    _check_within("plane.average_m", average_m[count > 0], -MOST_M, MOST_M)
+    check_within("plane.count", count, 0, MOST_SCANS)
+    check_within("plane.states", states, FREE, OBSTACLE)
+    check_within("plane.average_m", average_m[count > 0], -MOST_M, MOST_M)
     if not np.isnan(average_m[count == 0]).all() or (states[count == 0] != UNKNOWN).any():
         raise StateError("plane.average_m: knows of cells in which nothing was counted")
 
@@ -157,24 +157,18 @@ def _bounds_of(name: str, newest_scan: int) -> tuple[float, float]:
 
 
 def _check_cells(arrays: Arrays, config: Config) -> None:
-    size, at = config.map.cells, arrays["cells.at"]
     line = arrays["ground.line"]
-    _check_within("ground.line", line, -MOST_M, MOST_M)
+    check_within("ground.line", line, -MOST_M, MOST_M)
     if len(line) > 1:
         raise StateError(f"ground.line: there can be one, there are {len(line)}")
-    _check_within("cells.corner", arrays["cells.corner"], -MOST_CELLS, MOST_CELLS)
-    _check_within("cells.scan", arrays["cells.scan"], 0, MOST_SCANS)
-    _check_within("cells.at", at, 0, size**2 - 1)
-    if (np.diff(at) <= 0).any():
-        raise StateError("cells.at: holds a cell twice, or out of order")
+    check_within("cells.scan", arrays["cells.scan"], 0, MOST_SCANS)
+    check_places(arrays, KEPT, config)
     newest = int(arrays["cells.scan"])
     for name in KEPT:
         field = arrays[f"cells.{name}"]
-        if field.shape != at.shape:
-            raise StateError(f"cells.{name}: has {len(field)} cells, cells.at has {len(at)}")
         if name in UNBOUNDED:
             field = np.where(np.isinf(field), 0.0, field)
-        _check_within(f"cells.{name}", field, *_bounds_of(name, newest))
+        check_within(f"cells.{name}", field, *_bounds_of(name, newest))
     seen = arrays["cells.count"] > 0
     if (arrays["cells.z_low_m"] > arrays["cells.z_high_m"])[seen].any():
         raise StateError("cells.z_low_m: lies above cells.z_high_m")

@@ -29,9 +29,6 @@ EQUIVALENT: dict[str, str] = {
     f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,
     f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
     f"{CLASSIFIER} _goes_on: 8 -> 9": "no side has a ninth bit",
-    f"{CLASSIFIER} CellClassifier.follow: "
-    "..ot self._window.follow(x_m, y_m) or grid.size == source.size -> "
-    "..t self._window.follow(x_m, y_m) and grid.size == source.size": "nothing known comes in then",
     f"{NEGATIVE} missed: 1 -> 2 (4)": NO_CELL,
     f"{NEGATIVE} missed: 1 -> 2 (10)": NO_CELL,
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "

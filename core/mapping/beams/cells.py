@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.records import I32
-from jit import COMPILED, kernel
+from jit import kernel, with_fields
 
 Cells = npt.NDArray[Any]  # flat, of CELL
 
@@ -30,10 +30,6 @@ CELL = np.dtype(
         ("span_low_m", np.float64),  # lowest and highest return of the newest scan that hit it
         ("span_high_m", np.float64),
         ("t_s", np.float64),  # when it was last hit
-        ("face_x_m", np.float64),  # middle of what made a face across the way known, map frame,
-        ("face_y_m", np.float64),
-        ("face_n", np.int32),  # of so many returns,
-        ("face_segment", np.int32),  # on this segment of the path
         ("count", np.int32),  # returns
         ("floor_count", np.int32),
         ("looks", np.int32),  # scans of which a return fell in; -1: of a loaded map, none yet
@@ -137,7 +133,6 @@ def forget(cells: Cells, at: int, gone: int) -> None:
     cell.gone = gone
     cell.above, cell.high_bits, cell.rising, cell.through = 0, 0, 0, 0
     cell.soft, cell.hard, cell.doubles, cell.outliers = 0, 0, 0, 0
-    cell.face_n = 0
     cell.low_m, cell.top_m = math.inf, -math.inf
     cell.mean_m, cell.count = cell.floor_m, cell.floor_count
     cell.z_high_m = cell.z_low_m
@@ -150,8 +145,7 @@ class CellGrid:
     def __init__(self, size: int, cell_m: float) -> None:
         self.grid = RingGrid(size, cell_m)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
-        flat = self.cells.reshape(-1)
-        self.flat: Cells = flat if COMPILED else flat.view(np.recarray)  # fields as attributes
+        self.flat: Cells = with_fields(self.cells.reshape(-1))
         self.sub = parts_of(cell_m)
         self.touched: I32 = np.full(size**2, 0, dtype=np.int32)
         self.used = 0  # of `touched`

@@ -301,14 +301,4 @@ class CellClassifier:
 
         The source must have moved before.
         """
-        grid, source = self._window.grid, self._source.grid
-        old_i, old_j = grid.corner_i, grid.corner_j
-        if not self._window.follow(x_m, y_m) or grid.size == source.size:
-            return
-        i = np.arange(grid.corner_i, grid.corner_i + grid.size)
-        j = np.arange(grid.corner_j, grid.corner_j + grid.size)
-        new_i = i[(i < old_i) | (i >= old_i + grid.size)]
-        new_j = j[(j < old_j) | (j >= old_j + grid.size)]
-        columns = (j[:, None] % source.size) * source.size + new_i[None, :] % source.size
-        rows = (new_j[:, None] % source.size) * source.size + i[None, :] % source.size
-        self.decide(np.concatenate([columns.ravel(), rows.ravel()]).astype(np.int32))
+        self.decide(self._window.follow_in(self._source.grid, x_m, y_m))

@@ -19,7 +19,6 @@ from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground_memory import GroundMemory, Turning
 from core.mapping.beams.ground_plane import (
     LEVEL,
-    BodyPose,
     Ground,
     GroundPlane,
     fit,
@@ -28,6 +27,7 @@ from core.mapping.beams.ground_plane import (
     seek,
     turned,
 )
+from core.mapping.body import BodyPose
 from core.mapping.rays import Sweep
 
 KEPT_M, KEPT_SLOPE = 0.05, 0.003  # a line so far off the plane is another one

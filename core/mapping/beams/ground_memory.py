@@ -8,7 +8,8 @@ Source: design, section 7 (ground).
 
 import math
 
-from core.mapping.beams.ground_plane import BodyPose, GroundPlane
+from core.mapping.beams.ground_plane import GroundPlane
+from core.mapping.body import BodyPose
 
 SECTORS = 24  # of the circle
 NEAR_M = 2.0  # from the place where a line was found, it may be tried again,

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from core.mapping.beams.cells import Cells, flat_index
+from core.mapping.body import BodyPose
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64
-from jit import kernel
+from jit import allocating_kernel, kernel
 
 DUE_M = 12.0  # farther off, a dark floor need not give a return
 GATE_M = 0.10  # returns so near to the expected ground, and
@@ -56,6 +57,15 @@ def ground_m(ground: Ground, x: float, y: float) -> float:
 
 
 @kernel
+def heights_over(origins: F64, rays: F64, ranges_m: F64, ground: Ground, heights_m: F64) -> None:
+    """Fill how high over the ground first returns (n,) lie; NaN where there is none."""
+    for b in range(rays.shape[0]):
+        r = ranges_m[0, b]
+        x, y, z = origins[b, 0] + r * rays[b, 0], origins[b, 1] + r * rays[b, 1], origins[b, 2]
+        heights_m[b] = z + r * rays[b, 2] - ground_m(ground, x, y)
+
+
+@kernel
 def due_m(origin: F64, ray: F64, ground: Ground) -> float:
     """Range at which a beam should meet the ground at the line; inf where it does not go down."""
     above = origin[2] - (ground.far_m + ground.far_x * origin[0] + ground.far_y * origin[1])
@@ -74,7 +84,7 @@ def _is_steep(x: float, y: float, window: tuple[int, int, int, float], cells: Ce
     return bool(cells[at].z_high_m - cells[at].z_low_m > STEEP * window[3] + STEEP_M)
 
 
-@kernel
+@allocating_kernel
 def _peak(found: F64, n: int, over_m: float, bin_m: float) -> float:
     """Where most of n heights lie close together: floor does, the foot of a wall does not.
 
@@ -180,18 +190,6 @@ def nearest_due(origins: F64, rays: F64, ground: Ground, anchor: F64) -> bool:
             anchor[0] = origins[i, 0] + due * rays[i, 0]
             anchor[1] = origins[i, 1] + due * rays[i, 1]
     return least < DUE_M
-
-
-@dataclass(frozen=True, slots=True)
-class BodyPose:
-    """Where the robot stands, map frame: the body's origin, its heading, and its own plane."""
-
-    x_m: float
-    y_m: float
-    z_m: float
-    heading: tuple[float, float]  # unit vector
-    slopes: tuple[float, float]  # of the body's x-y plane along map x and y
-    travel_m: float  # since the start, signed
 
 
 @dataclass(frozen=True, slots=True)

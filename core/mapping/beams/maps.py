@@ -3,8 +3,6 @@
 Source: design, section 7.
 """
 
-import math
-
 import numpy as np
 
 from core.config import Config
@@ -14,19 +12,19 @@ from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.classifier import CellClassifier, lacks_floor
 from core.mapping.beams.elevation import Elevation
 from core.mapping.beams.ground import GroundTracker
-from core.mapping.beams.ground_plane import BodyPose
-from core.mapping.beams.slip import FaceMatcher
+from core.mapping.beams.ground_plane import heights_over
+from core.mapping.body import BodyPose, body_pose_at
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, ages_at, maybe_beams_layer, maybe_beams_values
 from core.mapping.rays import BeamGeometry
+from core.mapping.slip import FaceMatcher
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I64, OBSTACLE, PointSweep, Scan
+from core.records import F64, I64, PointSweep, Scan
 
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
 STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
 LINE_M, MOST_SWEPT = 8.0, 3.0  # how far off it is, and how much more it may be swept aside
-STRAIGHT_RADPS = 0.1  # a robot that turns faster does not see how far it offsets along its way
 
 
 class BeamMaps:
@@ -46,7 +44,8 @@ class BeamMaps:
         self.fresh = Freshness(self.cells.grid, obstacle.free_max_age_s, footprint)
         self.carver = FreeSpaceCarver(self.cells, self.fresh)
         self.ground = GroundTracker(self.cells, beams)
-        self.face_matcher = FaceMatcher(self.cells, beams)
+        self.face_matcher = FaceMatcher(self.cells.grid, beams)
+        self._heights_m = np.zeros(beams)  # of a sweep's first returns, over the ground
         period_s = config.scanner.options.spec.period_s
         self._classifier = CellClassifier(self.cells, self.window, self.fresh, obstacle, period_s)
         self._h_neg_m = obstacle.h_neg_m
@@ -58,7 +57,6 @@ class BeamMaps:
         self.elevation.judge_again(self.ground.model, self.ground.model, 0.0)
         self.window.put(np.zeros(0, dtype=np.int32), np.zeros(0, dtype=np.int8))
         lacks_floor(self.cells.flat, 0, self.cells.sub)
-        self.face_matcher.warm()
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had.
@@ -80,11 +78,9 @@ class BeamMaps:
             ground = self.ground
             self.elevation.judge_again(ground.model, ground.before, ground.lost_s)
         returns = self.elevation.add(sweep, self.ground.model, trust)
-        corrected_m = odometry.corrected_m
-        slipped_m = self.face_matcher.maybe_slipped_m(sweep, self.ground.model, body, corrected_m)
-        turns = abs(odometry.w_radps) >= STRAIGHT_RADPS
-        if slipped_m is not None and not turns and self.ground.found and is_calm:
-            odometry.correct_slip(body.heading, slipped_m)
+        heights_over(sweep.origins, sweep.rays, sweep.ranges_m, self.ground.model, self._heights_m)
+        is_sure = self.ground.found and is_calm
+        self.face_matcher.set_right(sweep, self._heights_m, body, odometry, is_sure=is_sure)
         clears = known and self.ground.is_even(body) and not self.ground.jitters
         self.carver.add(sweep, self.ground.model, clears=clears, stood=stood)
         self._classifier.decide(self.cells.touched[: self.cells.used])
@@ -126,10 +122,8 @@ class BeamMaps:
 
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell lies low, or is a place where floor was due and did not show."""
-        grid, window = self.cells.grid, self.window
-        inside = 0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size
-        shown = window.cells[j % window.grid.size, i % window.grid.size]
-        if not inside or int(shown) != OBSTACLE:
+        grid = self.cells.grid
+        if not self.window.is_obstacle(i, j):
             return False
         at = (j % grid.size) * grid.size + i % grid.size
         cell = self.cells.flat[at]
@@ -141,14 +135,3 @@ class BeamMaps:
                 and (cell["below"] > 0 or lacks_floor(self.cells.flat, at, self.cells.sub))
             )
         )
-
-
-def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> BodyPose:
-    """Where and how the robot stands at a covered instant, map frame."""
-    roll, pitch, yaw = attitudes.rpy_at(t_s)
-    yaw -= odometry.yaw_start_rad
-    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    nx, ny, nz = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr  # the body's z axis
-    x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
-    return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), odometry.travel_at(t_s))

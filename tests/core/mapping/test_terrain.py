@@ -12,7 +12,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.classifier import SOFT_LEAST
 from core.mapping.layers import UNITS, LayerView, maybe_beams_layer
-from core.mapping.terrain import F32, terrain_at
+from core.mapping.terrain import F32, JUDGED
 from core.records import OBSTACLE
 from tests.support.cases import examples
 
@@ -47,7 +47,10 @@ def surface(slope_x: float, slope_y: float) -> CellGrid:
 
 def judged(cells: CellGrid) -> F32:
     """Slope, step and roughness of every cell: (3, SIZE, SIZE), a ring as the cells."""
-    return terrain_at(cells, np.arange(SIZE * SIZE)).reshape(3, SIZE, SIZE)
+    window = ObstacleWindow(SIZE, CELL_M)
+    views = [maybe_beams_layer(name, cells, window) for name in JUDGED]
+    shift = cells.grid.corner_j % SIZE, cells.grid.corner_i % SIZE
+    return np.array([np.roll(view.values, shift, (0, 1)) for view in views if view is not None])
 
 
 def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> list[float]:
@@ -104,13 +107,14 @@ def test_a_smooth_ramp_has_its_slope_and_no_roughness(slope_deg: float, heading_
 def test_a_change_reaches_the_neighbours_and_what_is_forgotten_is_unknown_again() -> None:
     cells = surface(0.0, 0.0)
     middle = put(cells, 0, 0, 0.3)
+    assert middle == 0
     _, steps_m, roughness_m = judged(cells)
     around = np.ix_([-1, 0, 1], [-1, 0, 1])
     np.testing.assert_allclose(steps_m[around], 0.3, atol=1e-6)
     assert (roughness_m[around] > 0.05).all()
     assert np.count_nonzero(steps_m) == 9
     cells.flat[middle]["count"] = 0
-    assert np.isnan(terrain_at(cells, np.array([middle]))).all()
+    assert np.isnan(judged(cells)[:, 0, 0]).all()
 
 
 def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground import STEEPEST, GroundTracker
-from core.mapping.beams.ground_plane import DUE_M, LEVEL, BodyPose, due_m, ground_m
+from core.mapping.beams.ground_plane import DUE_M, LEVEL, due_m, ground_m
+from core.mapping.body import BodyPose
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few

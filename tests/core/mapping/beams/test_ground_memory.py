@@ -4,7 +4,8 @@ import math
 import random
 
 from core.mapping.beams.ground_memory import AWAY_RAD, NEAR_M, GroundMemory, Turning
-from core.mapping.beams.ground_plane import BodyPose, GroundPlane
+from core.mapping.beams.ground_plane import GroundPlane
+from core.mapping.body import BodyPose
 
 
 def stand(yaw_deg: float, x_m: float = 0.0) -> BodyPose:

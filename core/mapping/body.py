@@ -1,0 +1,30 @@
+"""Where the robot stands, and on which plane, at the instant of a scan: map frame."""
+
+import math
+from dataclasses import dataclass
+
+from core.motion.attitude import AttitudeRing
+from core.motion.odometry import Odometry
+
+
+@dataclass(frozen=True, slots=True)
+class BodyPose:
+    """Where the robot stands, map frame: the body's origin, its heading, and its own plane."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    heading: tuple[float, float]  # unit vector
+    slopes: tuple[float, float]  # of the body's x-y plane along map x and y
+    travel_m: float  # since the start, signed
+
+
+def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> BodyPose:
+    """Where and how the robot stands at a covered instant, map frame."""
+    roll, pitch, yaw = attitudes.rpy_at(t_s)
+    yaw -= odometry.yaw_start_rad
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    nx, ny, nz = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr  # the body's z axis
+    x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
+    return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), odometry.travel_at(t_s))

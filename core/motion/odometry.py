@@ -244,6 +244,7 @@ class Odometry:
         self._path.append(counts.t_s, *place_m, driven_m + travel_m)
         self.v_mps = travel_m * self.scale / dt_s
         self.w_radps = wheels_rad / dt_s
+        self._attitudes.tilt.note_wheels(dt_s, self.v_mps, turned_rad / dt_s)
 
     def _lay_down(
         self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float

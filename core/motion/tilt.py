@@ -2,8 +2,9 @@
 
 An attitude sensor takes the mean of what it feels for the vertical, so it leans by a degree when
 the robot brakes or drives a curve, and comes back within seconds. At the floor line, eight metres
-ahead, that is an obstacle of 15 cm that is not there. Its gyro does not lean. Where the gyro and
-the sensor's own angles stay far apart, one of them is wrong, and the sensor's angles count alone.
+ahead, that is an obstacle of 15 cm that is not there. Its gyro does not lean, and what the wheels
+explain of it (`lean`) is taken out. Where the gyro and the sensor's own angles stay far apart, one
+of them is wrong, and the sensor's angles count alone.
 Source: complementary filter of angles and rates; MTi sheet, section 7 (2 deg rms while it moves).
 """
 
@@ -12,6 +13,7 @@ import math
 import numpy as np
 
 from core.geometry import Rates
+from core.motion.lean import LEAN, lean_of, lean_step, note_wheels, start
 from jit import Record, Records, kernel, records
 
 FOLLOW_S = 8.0  # in which the sensor's angles are followed
@@ -53,6 +55,7 @@ TILT = np.dtype(
         ("felt_radps", np.float64, (FELT, 2)),  # a ring of rates that are to teach it
         ("felt_first", np.int64),
         ("felt_count", np.int64),
+        ("lean", LEAN),
     ],
     align=True,
 )
@@ -67,6 +70,11 @@ class TiltFilter:
             record[time] = -math.inf
         for rate in ("x_radps", "y_radps", "z_radps"):
             record[rate] = math.nan
+        start(record["lean"])
+
+    def note_wheels(self, dt_s: float, v_mps: float, w_radps: float) -> None:
+        """The wheels went at such a speed, and turned at such a rate, for so long."""
+        note_wheels(self.record[0]["lean"], dt_s, v_mps, w_radps)
 
     @property
     def doubted(self) -> int:
@@ -139,6 +147,8 @@ def _turn(tilt: Record, dt_s: float, p: float, q: float, r: float) -> None:
 def _towards(tilt: Record, t_s: float, dt_s: float, roll_rad: float, pitch_rad: float) -> None:
     """Follow the sensor's angles slowly; go over to them where they stay far off."""
     off_roll, off_pitch = roll_rad - tilt.roll_rad, pitch_rad - tilt.pitch_rad
+    lean_roll, lean_pitch = lean_step(tilt.lean, dt_s, (off_roll, off_pitch))
+    off_roll, off_pitch = off_roll - lean_roll, off_pitch - lean_pitch
     share = min(1.0, dt_s / APART_S)
     tilt.apart_roll_rad += share * (off_roll - tilt.apart_roll_rad)
     tilt.apart_pitch_rad += share * (off_pitch - tilt.apart_pitch_rad)
@@ -189,6 +199,8 @@ def tilt_step(
         _doubt_noise(tilt, t_s, dt_s, max(abs(x - before_x), abs(y - before_y)))
     steep = max(abs(roll_rad), abs(pitch_rad)) > STEEP_RAD
     if not known or steep or t_s < tilt.alone_until_s:
+        lean_roll, lean_pitch = lean_of(tilt.lean)
+        roll_rad, pitch_rad = roll_rad - lean_roll, pitch_rad - lean_pitch
         tilt.apart_roll_rad = tilt.apart_pitch_rad = 0.0
         tilt.since_s = t_s
         tilt.offset_roll_rad, tilt.offset_pitch_rad = _if_small(roll_rad), _if_small(pitch_rad)

@@ -109,7 +109,7 @@ class Drive(Struct, frozen=True):
 class Map(Struct, frozen=True, forbid_unknown_fields=True):
     """The elevation map."""
 
-    method: Literal["beams", "reference_plane"]
+    method: Literal["beams", "surface", "reference_plane"]
     cells: Annotated[int, Meta(ge=3, le=2001)]
     cell_m: Annotated[float, Meta(ge=0.01, le=1)]
     cell_value: Literal["mean", "kalman"]
@@ -365,9 +365,9 @@ def _check_together(config: Config) -> None:
             f"for beams echo twice in soft things; is {config.obstacle.soft_free_below_m}, and "
             f"{config.scanner.driver!r} as set tells one"
         )
-    if config.map.method == "reference_plane" and not spec.is_plane:
+    if config.map.method != "beams" and not spec.is_plane:
         raise ConfigError(
-            'map.method: "reference_plane" needs a scanner of one plane, which '
+            f'map.method: "{config.map.method}" needs a scanner of one plane, which '
             f"{config.scanner.driver!r} is not"
         )
     if config.record.path and not config.record.path.endswith(("/", ".mcap")):

@@ -15,6 +15,7 @@ from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.rays import check_sweep, span_s
+from core.mapping.surface.maps import SurfaceMaps
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry, Pose
 from core.records import F64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
@@ -54,7 +55,12 @@ class Mapper:
             robot.gear_ratio,
             robot.track_width_m,
         )
-        self.maps: Maps = ReferencePlaneMaps(config) if is_paper else BeamMaps(config)
+        if is_paper:
+            self.maps: Maps = ReferencePlaneMaps(config)
+        elif config.map.method == "surface":
+            self.maps = SurfaceMaps(config)
+        else:
+            self.maps = BeamMaps(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped

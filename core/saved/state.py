@@ -20,9 +20,11 @@ from core.mapping.beams.ground_plane import GroundPlane
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved.check import FORMAT, KEPT, UNSEEN, VERSION, check_state, settings_of
 from core.saved.encoding import Arrays, StateError
+from core.saved.surface import into_surface, of_surface
 
 STILL = 0.02  # m/s and rad/s
 AWAY_VAR_M2 = 0.05**2  # what a filtered height is less sure of after a time that nobody saw
@@ -53,6 +55,8 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
     }
     if isinstance(maps, BeamMaps):
         arrays |= _of_beams(maps, now_s)
+    elif isinstance(maps, SurfaceMaps):
+        arrays |= of_surface(maps, now_s)
     elif isinstance(maps, ReferencePlaneMaps):
         grid = maps.plane.grid
         arrays["plane.average_m"] = grid.average_m.copy()
@@ -105,6 +109,8 @@ def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> Non
     if isinstance(maps, BeamMaps):
         filters = config.map.cell_value == "kalman"
         _into_beams(maps, arrays, now_s, AWAY_VAR_M2 if filters else 0.0)
+    elif isinstance(maps, SurfaceMaps):
+        into_surface(maps, arrays, now_s)
     elif isinstance(maps, ReferencePlaneMaps):
         grid, states = maps.plane.grid, arrays["plane.states"]
         grid.average_m[...] = arrays["plane.average_m"]

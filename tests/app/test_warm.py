@@ -10,7 +10,7 @@ from app import warm_kernels
 from tests import ROOT
 from tests.support.shipped import shipped
 
-OTHER = "core.mapping.paper"  # another method
+METHODS = {name: f"core.mapping.{name}" for name in ("paper", "beams", "surface")}
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
 
@@ -27,15 +27,16 @@ def called_from_python(path: Path) -> set[str]:
     return {call.func.id for call in calls if isinstance(call.func, ast.Name)}
 
 
-def cold_kernels() -> set[str]:
-    """Those of the app that Python calls, and that are not loaded."""
+def cold_kernels(method: str = "beams") -> set[str]:
+    """Those of the app with a method that Python calls, and that are not loaded."""
+    others = tuple(room for name, room in METHODS.items() if name != method)
     cold, seen = set(), 0
     for path in sorted([*ROOT.glob("core/**/*.py"), *ROOT.glob("hw/**/*.py")]):
         name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         module = importlib.import_module(name)
         for called in called_from_python(path):
             kernel = getattr(module, called, None)
-            if isinstance(kernel, Dispatcher) and not name.startswith(OTHER):
+            if isinstance(kernel, Dispatcher) and not name.startswith(others):
                 seen += 1
                 cold |= set() if kernel.signatures else {f"{name}: {called}"}
     assert seen > 20
@@ -47,3 +48,9 @@ def test_every_kernel_that_the_settings_can_come_to_is_warm() -> None:
     assert {name for name in cold_kernels() if not name.startswith("hw.modbus")} <= SERVED
     warm_kernels(shipped(modbus=MODBUS))
     assert cold_kernels() == set()
+
+
+def test_every_kernel_of_another_method_is_warm_where_that_is_set() -> None:
+    warm_kernels(shipped(map={"method": "surface"}))
+    room = METHODS["surface"]
+    assert not [name for name in cold_kernels("surface") if name.startswith(room)]

@@ -112,14 +112,18 @@ class Rig:
         if not COMPILED:
             pytest.skip("a ride through kernels as Python takes minutes")
         self.mapper = Mapper(config)
-        maps = self.mapper.maps
-        assert isinstance(maps, BeamMaps)
-        self.maps = maps
         self.world, self.ride, self.seconds = world, ride, seconds
         self.path = Path3(ride, world.ground, seconds)
         self.now_s = 0.0
         self._config, self._counts = config, 0  # told so far
         self._attitudes = self._measured_attitudes(np.random.default_rng(seed))
+
+    @property
+    def maps(self) -> BeamMaps:
+        """Those of method `beams`."""
+        maps = self.mapper.maps
+        assert isinstance(maps, BeamMaps)
+        return maps
 
     def drive(self) -> Iterator[float]:
         """Scan by scan, each on the map when its time is yielded."""
@@ -192,16 +196,18 @@ class Rig:
 
 def places_where(rig: Rig, state: int) -> npt.NDArray[np.float64]:
     """Middles (k, 2) of the window's cells that mean `state`."""
-    grid = rig.maps.window.grid
-    rows, columns = np.nonzero(rig.maps.window.cells == state)
+    window = rig.mapper.maps.window
+    grid = window.grid
+    rows, columns = np.nonzero(window.cells == state)
     i = grid.corner_i + (columns - grid.corner_i) % grid.size
     j = grid.corner_j + (rows - grid.corner_j) % grid.size
     return np.column_stack([(i + 0.5) * grid.cell_m, (j + 0.5) * grid.cell_m])
 
 
 def state_at(rig: Rig, x: float, y: float) -> int:
-    grid = rig.maps.window.grid
+    window = rig.mapper.maps.window
+    grid = window.grid
     i, j = grid.cell_of(x, y)
     assert 0 <= i - grid.corner_i < grid.size
     assert 0 <= j - grid.corner_j < grid.size
-    return int(rig.maps.window.cells[j % grid.size, i % grid.size])
+    return int(window.cells[j % grid.size, i % grid.size])

@@ -16,6 +16,7 @@ from core.grid.ring import RingGrid
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import I8
 
 F64 = npt.NDArray[np.float64]
@@ -67,9 +68,13 @@ def view_of(name: str, app: App) -> MapView:
 def _heights_m(maps: Maps) -> F64:
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
-    assert isinstance(maps, BeamMaps)
-    grid, window = maps.elevation.grid, maps.window.grid
-    seen = np.where(maps.elevation.count > 0, maps.elevation.mean_m, np.nan)
+    if isinstance(maps, SurfaceMaps):
+        grid, seen = maps.grid, maps.heights_m()
+    else:
+        assert isinstance(maps, BeamMaps)
+        grid = maps.elevation.grid
+        seen = np.where(maps.elevation.count > 0, maps.elevation.mean_m, np.nan)
+    window = maps.window.grid
     wide = np.pad(straightened(grid, seen), window.size, constant_values=np.nan)
     j, i = (
         window.size + at - begin

@@ -20,7 +20,7 @@ from tests.support.cell_rig import NEW_LOOKS
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 END_S, LATER_S = 2.0, 5000.0
-METHODS = ("beams", "reference_plane")
+METHODS = ("beams", "reference_plane")  # of `surface`: test_surface.py
 
 
 def config_of(method: str = "beams", cell_value: str = "mean") -> Config:
@@ -182,17 +182,6 @@ def test_a_filtered_height_is_less_sure_after_a_time_that_nobody_saw() -> None:
     hit = arrays["cells.count"] > 0
     ages_s = LATER_S - again.maps.cells.flat["t_s"][at][hit]
     assert ((ages_s > 0) & (ages_s < END_S)).all()
-
-
-def test_faces_and_segments_of_an_earlier_run_are_not_taken_for_those_of_this_one() -> None:
-    mapper = stand(Mapper(config_of()), 0.0)
-    assert isinstance(mapper.maps, BeamMaps)
-    seen = mapper.maps.cells.flat["stamp"] > 0
-    mapper.maps.cells.flat["face_n"][seen], mapper.maps.cells.flat["face_segment"][seen] = 40, 2
-    again = loaded(state_of(mapper, config_of(), END_S))
-    assert isinstance(again.maps, BeamMaps)
-    assert not again.maps.cells.flat["face_n"].any()
-    assert not again.maps.cells.flat["face_segment"].any()
 
 
 def test_without_a_pose_nothing_is_saved_and_a_run_that_has_begun_goes_on_from_nothing() -> None:

@@ -1,0 +1,1 @@
+"""Method `surface`: a map of the ground and of what stands on it, by one model of terrain."""

@@ -1,0 +1,214 @@
+"""What a cell means, by what is known of it: the only place that decides.
+
+    missing ground   a beam passed under - GATE sigma of where the ground should be; it is an
+                     obstacle once it is too deep, or the ground beyond shows a hole or an edge
+    obstacle         log-odds that something stands >= LIKELY, and it is higher than the ground
+    free             log-odds <= CLEAR, floor was seen, lately, and it can be reached without a step
+    unknown          else
+
+Source: docs/method.md, section 5.
+"""
+
+import math
+
+import numpy as np
+
+from core.grid.ring import RingGrid
+from core.grid.window import ObstacleWindow, put_state
+from core.mapping import causes
+from core.mapping.causes import (
+    AGED,
+    BEYOND_STEP,
+    EARLIER_RUN,
+    FEW,
+    FLOOR,
+    GUESSED,
+    NO_FLOOR,
+    OUTSIDE,
+    SOFT,
+    STANDS,
+    UNREACHED,
+    UNSEEN,
+    UNSHOWN,
+)
+from core.mapping.freshness import Freshness
+from core.mapping.surface.cells import APART, TIED, Surface, index_of
+from core.mapping.surface.error import GATE
+from core.mapping.surface.evidence import CLEAR
+from core.mapping.surface.touched import Limits
+from core.records import F64, I8, I32, I64, OBSTACLE, U8
+from jit import Record, kernel
+
+LIKELY = 3.0  # log-odds: something stands here
+HIGHER = 2.0  # sigmas that it is higher than the ground
+
+_state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
+
+
+@kernel
+def _missing(cell: Record, h_neg: float, noise: float) -> int:
+    """NO_FLOOR for a hole or an edge down, UNSHOWN where there may be one, else 0.
+
+    Before the ground beyond has been seen, a little is only "perhaps". It may lie lower: then the
+    ground is lower here too, and that is no hole; but too much of it is an edge.
+    """
+    if cell.under_m == math.inf:
+        return 0
+    if cell.looks == 0 and cell.far_m <= h_neg:
+        return NO_FLOOR
+    doubt = GATE * math.sqrt(cell.var_m2 + noise)
+    if -cell.under_m <= doubt:
+        return UNSHOWN if cell.under_m <= h_neg else 0
+    if cell.under_m <= h_neg:
+        return NO_FLOOR
+    far = 0.0 if cell.looks > 0 else cell.far_m
+    if far == math.inf:
+        return UNSHOWN
+    return NO_FLOOR if far <= h_neg or far - cell.under_m > doubt else 0
+
+
+@kernel
+def _ones(bits: int) -> int:
+    count = 0
+    while bits:
+        bits, count = bits & (bits - 1), count + 1
+    return count
+
+
+@kernel
+def _is_whole(cell: Record, parts: int) -> bool:
+    """Whether floor was seen in more than a row of a cell's parts, and where beams were under it.
+
+    Else it is the edge of a ditch: floor on one side of the cell says nothing of the other.
+    """
+    return bool(
+        _ones(cell.floor_parts) > min(parts, parts * parts - 1)
+        and _ones(cell.under_parts & ~cell.floor_parts) < max(2, parts // 2)
+    )
+
+
+@kernel
+def rule_of(
+    cell: Record, shown: int, seen_s: float, oldest_s: float, limits: Limits, noise: float,
+    passable: bool = False,
+) -> int:  # fmt: skip
+    """Which rule decides a cell: a cause. What was told as obstacle stays so until it is gone.
+
+    Args:
+        noise: variance of a return's height where the ground is met.
+        passable: what stands in it is soft and low, and nothing hard beside it.
+    """
+    if cell.var_m2 == math.inf:
+        return UNSEEN
+    missing = _missing(cell, limits.h_neg_m, noise)
+    if missing > 0:
+        return missing
+    stands = cell.stands >= LIKELY or (shown == OBSTACLE and cell.stands > 0.0)
+    if stands and not passable:
+        return STANDS if cell.top_m > HIGHER * math.sqrt(cell.var_m2 + noise) else GUESSED
+    if cell.looks == 0:
+        return UNSHOWN
+    if cell.tied != TIED:
+        return BEYOND_STEP if cell.tied == APART else UNREACHED
+    if cell.stands > CLEAR and not passable:
+        return FEW
+    if not _is_whole(cell, limits.parts):
+        return UNSHOWN
+    if seen_s < oldest_s:
+        return AGED if seen_s > -math.inf else EARLIER_RUN
+    return SOFT if passable else FLOOR
+
+
+@kernel
+def is_passable(at: int, i: int, j: int, limits: Limits, surface: Surface) -> bool:
+    """Whether what stands in a cell is soft, as low as the settings say, and so all beside it."""
+    cells, cell = surface.cells, surface.cells[at]
+    if limits.soft_m == 0.0 or cell.top_m > limits.soft_m:
+        return False
+    if cell.stands <= CLEAR or cell.soft < LIKELY:
+        return False
+    for n in range(9):
+        near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface)
+        if near >= 0 and cells[near].stands > 0.0 and cells[near].soft < LIKELY:
+            return False
+    return True
+
+
+@kernel
+def _rule_at(
+    at: int, i: int, j: int, shown: int, seen_s: F64, oldest_s: float, limits: Limits,
+    noise: float, surface: Surface,
+) -> int:  # fmt: skip
+    """Which rule decides the cell of a surface that is world cell i, j."""
+    passable = is_passable(at, i, j, limits, surface)
+    return rule_of(surface.cells[at], shown, seen_s[at], oldest_s, limits, noise, passable)
+
+
+@kernel
+def _decide(
+    touched: I32, surface: Surface, limits: Limits, noise: float, seen_s: F64, oldest_s: float,
+    to: tuple[int, int, int], shown: I8, marked: I8, changed: I32, used: int,
+) -> int:  # fmt: skip
+    """Decide cells again into the planner's window; how many of it have changed."""
+    size, out = surface.size, to[2]
+    for at in touched:
+        i = surface.corner_i + (at % size - surface.corner_i) % size
+        j = surface.corner_j + (at // size - surface.corner_j) % size
+        if 0 <= i - to[0] < out and 0 <= j - to[1] < out:
+            into = (j % out) * out + i % out
+            cause = _rule_at(at, i, j, shown[into], seen_s, oldest_s, limits, noise, surface)
+            used = put_state(into, _state_of(cause), shown, marked, changed, used)
+    return used
+
+
+@kernel
+def _list_causes(
+    i: I64, j: I64, surface: Surface, limits: Limits, noise: float, seen_s: F64, oldest_s: float,
+    to: tuple[int, int, int], shown: I8, out: U8,
+) -> None:  # fmt: skip
+    """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
+    size = to[2]
+    for k in range(i.size):
+        out[k] = OUTSIDE
+        if not (0 <= i[k] - to[0] < size and 0 <= j[k] - to[1] < size):
+            continue
+        state, cause = shown[(j[k] % size) * size + i[k] % size], UNSEEN
+        at = index_of(i[k], j[k], surface)
+        if at >= 0:
+            cause = _rule_at(at, i[k], j[k], state, seen_s, oldest_s, limits, noise, surface)
+        out[k] = _shown_cause(cause, _state_of(cause), state)
+
+
+class Decision:
+    """Decides the cells of a surface into a window, which may be smaller."""
+
+    def __init__(
+        self, window: ObstacleWindow, fresh: Freshness, limits: Limits, noise_m2: float
+    ) -> None:
+        self._window, self._fresh, self._limits, self._noise_m2 = window, fresh, limits, noise_m2
+
+    @property
+    def _to(self) -> tuple[int, int, int]:
+        grid = self._window.grid
+        return grid.corner_i, grid.corner_j, grid.size
+
+    def decide(self, touched: I32, surface: Surface) -> None:
+        """Decide cells again (flat indices of the surface)."""
+        window, fresh = self._window, self._fresh
+        window.used = _decide(
+            touched, surface, self._limits, self._noise_m2, fresh.seen_s, fresh.oldest_s, self._to,
+            window.cells.ravel(), window.marked, window.changed, window.used,
+        )  # fmt: skip
+
+    def causes(self, i: I64, j: I64, surface: Surface) -> U8:
+        """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
+        fresh, found = self._fresh, np.zeros(i.size, dtype=np.uint8)
+        _list_causes(
+            i, j, surface, self._limits, self._noise_m2, fresh.seen_s, fresh.oldest_s, self._to,
+            self._window.cells.ravel(), found,
+        )  # fmt: skip
+        return found
+
+    def follow(self, x_m: float, y_m: float, source: RingGrid, surface: Surface) -> None:
+        """Move the window with the robot; what enters and is known in the surface is decided."""
+        self.decide(self._window.follow_in(source, x_m, y_m), surface)

@@ -1,0 +1,196 @@
+"""What the beams of a sweep pass on their way: nothing stands there, or no ground is there.
+
+Source: docs/method.md, section 4.
+"""
+
+import math
+
+from core.mapping.rays import MIN_RANGE_M
+from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of, part_of, predict
+from core.mapping.surface.error import GATE, seen_again_m2
+from core.mapping.surface.evidence import CLEAR, expect, lower, stay, vote
+from core.mapping.surface.sweep import (
+    BELOW,
+    FLOOR,
+    GUESS_M,
+    HIGH,
+    NONE,
+    Beams,
+    Stand,
+    in_body,
+    noise_m2,
+    reach,
+    set_upright,
+)
+from core.mapping.surface.touched import Limits, Touched, touch
+from core.records import F64
+from jit import Record, kernel
+
+PASS_LOW, PASS_THROUGH = -1.0, -0.5  # votes, in log-odds
+GRAZES_M = 0.3  # before its end, a beam proves nothing of what stands there
+STEP_M, REACH_M = 0.2, 15.0  # along a beam, at other places in each scan
+LONGEST_M = 6.0  # of a hole, along a beam
+DARK, DUE_M = 3, 12.0  # beams in a row that do not come back, from floor so near
+GOLDEN = 0.6180339887498949
+
+
+@kernel
+def _expects(
+    at: int, x: float, y: float, r: float, ray: F64, stand: Stand, surface: Surface
+) -> bool:
+    """Whether ground is due in a cell, seen or told by what lies before it."""
+    cell = surface.cells[at]
+    if cell.var_m2 < math.inf:
+        return True
+    plane = reach(x, y, r, ray, stand, surface)
+    if plane.var_m2 > GUESS_M * GUESS_M:
+        return False
+    ahead, aside = in_body(x, y, stand)
+    expect(cell, plane.z_m, plane.var_m2, ahead, aside, stand, surface.own)
+    cell.slope_x, cell.slope_y, cell.floor_s = plane.slope_x, plane.slope_y, plane.seen_s
+    return True
+
+
+@kernel
+def _expect_again(at: int, x: float, y: float, stand: Stand, surface: Surface) -> None:
+    """Ground that was not seen is due where the ground around tells it better by now."""
+    cell, cell_m = surface.cells[at], surface.cell_m
+    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
+    plane = predict(i, j, stand.x_m, stand.y_m, surface)
+    if plane.var_m2 < cell.var_m2:
+        move = plane.z_m - ground_of(cell, surface.own)
+        ahead, aside = in_body(x, y, stand)
+        expect(cell, plane.z_m, plane.var_m2, ahead, aside, stand, surface.own)
+        cell.slope_x, cell.slope_y, cell.floor_s = plane.slope_x, plane.slope_y, plane.seen_s
+        stay(cell, move)
+
+
+@kernel
+def _pass_low(
+    b: int, beams: Beams, stand: Stand, limits: Limits, surface: Surface, P: F64,
+    touched: Touched,
+) -> None:  # fmt: skip
+    """Back from a return along its beam, while it is low: nothing stands, or no ground is there."""
+    one, lens, ray, end = beams.returns[b], beams.lenses[b], beams.rays[b], beams.ranges_m[0, b]
+    cells, cell_m, own = surface.cells, surface.cell_m, surface.own
+    if one.height_m > limits.h_pos_m:
+        return  # nor is it low before
+    is_below = one.kind == BELOW
+    is_low = one.height_m <= -GATE * math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
+    step = (0.25 if is_below else 0.5) * cell_m / math.hypot(ray[0], ray[1])
+    last, r = -1 if is_below else one.at, end
+    while r - step > MIN_RANGE_M and end - r < LONGEST_M:
+        r -= step
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        at = cell_at(x, y, surface)
+        if at < 0 or (at == last and not is_below):
+            continue
+        last, cell = at, cells[at]
+        if cell.var_m2 == math.inf and not (is_low and _expects(at, x, y, r, ray, stand, surface)):
+            continue
+        if cell.looks == 0:
+            _expect_again(at, x, y, stand, surface)
+        ahead, aside = in_body(x, y, stand)
+        h = set_upright(lens[2] + r * ray[2], ahead, aside, stand, own) - ground_of(cell, own)
+        h -= cell.slope_x * from_centre(x, cell_m) + cell.slope_y * from_centre(y, cell_m)
+        if h > limits.h_pos_m:
+            return
+        slot = touch(at, surface, touched)
+        if cell.stands <= 0.0:
+            vote(cell, slot, PASS_LOW, touched)
+        if h < 0.0:
+            var = noise_m2(r, ray[2], beams.lens_m2) + cell.var_m2
+            age_s = stand.t_s - cell.floor_s
+            var += seen_again_m2(ahead, aside, stand.travel_m, age_s, cell, P)
+            if h * h > GATE * GATE * var:
+                lower(cell, slot, part_of(x, y, cell_m), h, touched)
+        if cell.under_m < math.inf and cell.looks == 0:
+            _see_beyond(cell, one, limits, surface)
+
+
+@kernel
+def _see_beyond(cell: Record, one: Record, limits: Limits, surface: Surface) -> None:
+    """Where a beam landed that was under the ground of a cell."""
+    own = surface.own
+    if one.kind == FLOOR:
+        cell.far_m = ground_of(surface.cells[one.at], own) - ground_of(cell, own)
+    elif one.height_m <= limits.h_neg_m:
+        cell.far_m = min(cell.far_m, one.z_m - ground_of(cell, own))
+
+
+@kernel
+def _pass_through(b: int, beams: Beams, stand: Stand, surface: Surface, touched: Touched) -> None:
+    """Along a beam: where something stood at its height, and does not stop it, it may be gone."""
+    lens, ray, end = beams.lenses[b], beams.rays[b], beams.ranges_m[0, b]
+    phase = (b * GOLDEN + touched.serial * GOLDEN * GOLDEN) % 1.0
+    size, per_m, tall = surface.size, 1.0 / surface.cell_m, touched.tall
+    first_i, first_j = surface.corner_i % size, surface.corner_j % size
+    r, stop = MIN_RANGE_M + phase * STEP_M, min(end - GRAZES_M, REACH_M)
+    falls, seen_s, oldest_s = ray[2] < 0.0, touched.seen_s, touched.oldest_s
+    while r < stop:
+        i = math.floor((lens[0] + r * ray[0]) * per_m) - surface.corner_i
+        j = math.floor((lens[1] + r * ray[1]) * per_m) - surface.corner_j
+        if 0 <= i < size and 0 <= j < size:
+            i, j = i + first_i, j + first_j
+            at = (j - size if j >= size else j) * size + (i - size if i >= size else i)
+            if falls and seen_s[at] >= oldest_s:  # what comes in would stop the beam
+                seen_s[at] = stand.t_s
+            if tall[at]:
+                cell = surface.cells[at]
+                doubt = math.sqrt(noise_m2(r, ray[2], beams.lens_m2))
+                ahead, aside = in_body(lens[0] + r * ray[0], lens[1] + r * ray[1], stand)
+                z = set_upright(lens[2] + r * ray[2], ahead, aside, stand, surface.own)
+                z -= ground_of(cell, surface.own)
+                if cell.low_m - doubt <= z <= cell.top_m + doubt:
+                    vote(cell, touch(at, surface, touched), PASS_THROUGH, touched)
+                    tall[at] = cell.stands > CLEAR
+        r += STEP_M
+
+
+@kernel
+def _is_dark(ranges_m: F64, b: int) -> bool:
+    """Whether a beam is one of several in a row that did not come back."""
+    run = 0
+    for k in range(max(0, b - DARK + 1), min(ranges_m.shape[1], b + DARK)):
+        run = 0 if ranges_m[0, k] >= MIN_RANGE_M else run + 1
+        if run >= DARK:
+            return True
+    return False
+
+
+@kernel
+def _miss(
+    lens: F64, ray: F64, stand: Stand, limits: Limits, surface: Surface, touched: Touched
+) -> None:
+    """A beam did not come back: where it should have met the ground there is none, or black one."""
+    if ray[2] > -1e-3:
+        return
+    lens_m = set_upright(lens[2], 0.0, 0.0, stand, surface.own)
+    z, at, x, y = stand.z_m, -1, 0.0, 0.0
+    for _ in range(2):
+        r = (z - lens_m) / ray[2]
+        if not MIN_RANGE_M < r < DUE_M:
+            return
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        at = cell_at(x, y, surface)
+        if at < 0 or not _expects(at, x, y, r, ray, stand, surface):
+            return
+        z = ground_of(surface.cells[at], surface.own)
+    slot, part = touch(at, surface, touched), part_of(x, y, surface.cell_m)
+    lower(surface.cells[at], slot, part, 2.0 * limits.h_neg_m, touched)
+
+
+@kernel
+def follow_beams(
+    beams: Beams, stand: Stand, limits: Limits, surface: Surface, P: F64, touched: Touched
+) -> None:
+    """What all beams pass on their way to their ends. P: covariance of the sweep's error."""
+    for b in range(beams.returns.size):
+        kind = beams.returns[b].kind
+        if not beams.ranges_m[0, b] >= MIN_RANGE_M:
+            if _is_dark(beams.ranges_m, b):
+                _miss(beams.lenses[b], beams.rays[b], stand, limits, surface, touched)
+            continue
+        if kind not in (HIGH, NONE):
+            _pass_low(b, beams, stand, limits, surface, P, touched)
+        _pass_through(b, beams, stand, surface, touched)

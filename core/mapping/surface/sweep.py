@@ -1,0 +1,345 @@
+"""One sweep against the ground: what each return is held against, and what tells how far it is off.
+
+A return at range r, whose ray has the slope f (its z), is off in height by
+
+    sigma^2 = (SIGMA_RANGE_M f)^2 + (SIGMA_ANGLE_RAD r)^2 (1 - f^2) + lens^2
+
+lens^2 is by how much the lens is lifted where the wheels roll over what is uneven.
+
+Source: docs/method.md, section 3.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from core.mapping.rays import MIN_RANGE_M
+from core.mapping.surface.cells import (
+    LOOSE,
+    NOWHERE,
+    STEEP,
+    STEEPEST,
+    TIED,
+    Plane,
+    Surface,
+    cell_at,
+    from_centre,
+    ground_of,
+    grown,
+    index_of,
+    predict,
+)
+from core.mapping.surface.error import GATE
+from core.records import F64
+from jit import Record, Records, allocating_kernel, kernel
+
+RETURN = np.dtype(
+    [
+        ("at", np.int64),  # flat index of its cell; -1: no return, or outside
+        ("kind", np.int64),
+        ("x_m", np.float64),  # place, map frame
+        ("y_m", np.float64),
+        ("z_m", np.float64),
+        ("ahead_m", np.float64),  # the same in the robot's frame
+        ("aside_m", np.float64),
+        ("height_m", np.float64),  # over the ground there
+        ("var_m2", np.float64),  # of that ground
+        ("slope_x", np.float64),
+        ("slope_y", np.float64),
+        ("age_s", np.float64),  # of what tells that ground
+        ("wander_m2", np.float64),  # variance of what the attitude wandered since
+        ("tied", np.int64),  # what that ground is
+        ("near_m", np.float64),  # over the ground before it on its own beam,
+        ("near_var_m2", np.float64),  # and the variance of that
+        ("noise_m2", np.float64),  # of its own height
+        ("is_face", np.int64),  # the sweep climbs it sideways steeper than ground can be
+        ("is_lone", np.int64),  # no return beside it
+        ("is_before", np.int64),  # whether ground nearer to the robot was measured
+        ("witness", np.int64),  # cell that tells how far the sweep is off; -1: none,
+        ("off_m", np.float64),  # by how much its beam lies over that,
+        ("witness_ahead_m", np.float64),  # and where, in the robot's frame
+        ("witness_aside_m", np.float64),
+    ],
+    align=True,
+)
+NONE, FLOOR, ABOVE, BELOW, HIGH = 0, 1, 2, 3, 4  # what a return is
+
+SIGMA_RANGE_M = 0.012  # of a range (sheet)
+SIGMA_ANGLE_RAD = math.radians(0.03)  # of the attitude, from scan to scan: below its resolution
+KNOWN = -2.5  # log-odds: floor beyond which floor was seen
+BACK = 4  # cells
+BESIDE, BESIDE_M = 2, 0.3  # beams; and how near returns of one thing lie
+BACK_M, CARRY_M = 0.3, 1.0  # steps along a beam to known ground; how far its slope carries
+SIGMA_LENS_M = 0.003  # of the lens' height over the wheels: tyres,
+ARM_M = 0.3  # and unevenness under them: a wheel that lifts the lens tips the body by this lever
+SWAY_S = 1.0  # a robot that leant otherwise so long ago, sways
+AHEAD_M = 4.0  # so far beyond a point it is looked for
+GUESS_M = 0.04  # 1 sigma: ground less sure is a guess: a step of h_pos is 2.5 of them
+BIN_M, BINS, WIDE = 0.01, 80, 5  # in which returns over unknown ground agree
+LEAST, SHARE = 15, 0.3  # so many of them, and so large a share, are floor
+LOST = 9  # so many times more returns over a guess than over known ground
+
+
+class Stand(NamedTuple):
+    """Where and how the robot stands at a sweep: on which plane."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    slope_x: float
+    slope_y: float
+    heading_x: float
+    heading_y: float
+    t_s: float
+    travel_m: float
+
+
+class Beams(NamedTuple):
+    """A sweep's beams, as kernels are given them."""
+
+    lenses: F64  # (n, 3)
+    rays: F64  # (n, 3)
+    ranges_m: F64  # (echoes, n)
+    returns: Records  # (n,) of RETURN
+    lens_m2: float  # variance of the height of the lens
+
+
+class Sway:
+    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that."""
+
+    def __init__(self) -> None:
+        self.slopes, self._off = (math.nan, math.nan), 0.0
+
+    def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
+        """The body's own slopes now; variance of the height of the lens by what it sways over."""
+        share = 1.0 - math.exp(-passed_s / SWAY_S)
+        (ax, ay), (bx, by) = self.slopes, slopes
+        if math.isnan(ax):
+            ax, ay = bx, by
+        self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
+        off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
+        self._off = max(off, (1.0 - share) * self._off)
+        return SIGMA_LENS_M**2 + (ARM_M * self._off) ** 2
+
+
+@kernel
+def noise_m2(r: float, fall: float, lens_m2: float) -> float:
+    """Variance of a return's height: range along the beam, attitude across it, the lens."""
+    across = SIGMA_ANGLE_RAD * r
+    return (SIGMA_RANGE_M * fall) ** 2 + across * across * (1.0 - fall * fall) + lens_m2
+
+
+@kernel
+def in_body(x: float, y: float, stand: Stand) -> tuple[float, float]:
+    """How far a point lies ahead and aside of the robot."""
+    dx, dy = x - stand.x_m, y - stand.y_m
+    hx, hy = stand.heading_x, stand.heading_y
+    return dx * hx + dy * hy, dy * hx - dx * hy
+
+
+@kernel
+def set_upright(z: float, ahead: float, aside: float, stand: Stand, own: F64) -> float:
+    """A height without the sweep's error, as far as that is known."""
+    fast = own[0] + own[1] * ahead + own[2] * aside
+    return float(z - fast - own[3] * (ahead + stand.travel_m) - own[4] * aside)
+
+
+@kernel
+def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surface) -> Plane:
+    """Ground extended to a point of a beam from the nearest seen before (-1) or behind it (1)."""
+    away, cell_m = BACK_M, surface.cell_m
+    while away < far_m:
+        bx, by = x + side * away * ray[0], y + side * away * ray[1]
+        at = cell_at(bx, by, surface)
+        if at >= 0 and surface.cells[at].looks > 0:
+            cell = surface.cells[at]
+            kept = 1.0 / (1.0 + away / CARRY_M)
+            a, b = kept * cell.slope_x, kept * cell.slope_y
+            dx = x - bx + from_centre(bx, cell_m)
+            dy = y - by + from_centre(by, cell_m)
+            var = grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
+            z = ground_of(cell, surface.own) + a * dx + b * dy
+            tied = cell.tied
+            return Plane(z, cell.slope_x, cell.slope_y, var, cell.floor_s, tied, side < 0.0)
+        away += BACK_M
+    return NOWHERE
+
+
+@kernel
+def reach(x: float, y: float, r: float, ray: F64, stand: Stand, surface: Surface) -> Plane:
+    """Ground at a point of a beam, r away, by what was seen towards the robot, or its wheels."""
+    plane = _find(x, y, ray, -1.0, r, surface)
+    if plane.var_m2 < math.inf:
+        return plane
+    dx, dy = x - stand.x_m, y - stand.y_m
+    z = stand.z_m + stand.slope_x * dx + stand.slope_y * dy
+    var = (0.5 * STEEP) ** 2 * (dx * dx + dy * dy)
+    return Plane(z, stand.slope_x, stand.slope_y, var, stand.t_s, TIED, False)
+
+
+@kernel
+def _ground_at(at: int, i: int, j: int, stand: Stand, surface: Surface) -> Plane:
+    """Ground at the centre of a cell, measured or by its neighbours."""
+    cell = surface.cells[at]
+    if cell.looks == 0:
+        return predict(i, j, stand.x_m, stand.y_m, surface)
+    z, a, b = ground_of(cell, surface.own), cell.slope_x, cell.slope_y
+    return Plane(z, a, b, cell.var_m2, cell.floor_s, cell.tied, True)
+
+
+@kernel
+def _between(near: Plane, far: Plane) -> Plane:
+    """Ground where none is measured around: between that before and that behind, by variances."""
+    if far.var_m2 == math.inf:
+        return near
+    share = near.var_m2 / (near.var_m2 + far.var_m2)
+    z, tied = near.z_m + share * (far.z_m - near.z_m), near.tied if far.tied == near.tied else LOOSE
+    var, is_before = share * far.var_m2, near.is_before
+    return Plane(z, near.slope_x, near.slope_y, var, near.seen_s, tied, is_before)
+
+
+@kernel
+def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
+    """Each first return against the ground where it lies, into its RETURN; how many there are."""
+    last, count, cell_m, plane, near = -2, 0, surface.cell_m, NOWHERE, NOWHERE
+    for b in range(beams.returns.size):
+        one, r = beams.returns[b], beams.ranges_m[0, b]
+        one.at, one.kind = -1, NONE
+        if not r >= MIN_RANGE_M:
+            continue
+        count += 1
+        lens, ray = beams.lenses[b], beams.rays[b]
+        x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+        i, j = math.floor(x / cell_m), math.floor(y / cell_m)
+        at = index_of(i, j, surface)
+        one.x_m, one.y_m, one.at = x, y, at
+        one.noise_m2 = noise_m2(r, ray[2], beams.lens_m2)
+        one.ahead_m, one.aside_m = in_body(x, y, stand)
+        z = set_upright(lens[2] + r * ray[2], one.ahead_m, one.aside_m, stand, surface.own)
+        one.z_m = z
+        if at < 0:
+            continue
+        cx, cy = from_centre(x, cell_m), from_centre(y, cell_m)
+        if at != last:  # what is due in a cell, at its centre
+            last, plane = at, _ground_at(at, i, j, stand, surface)
+            near = plane
+            if surface.cells[at].looks == 0:
+                near = reach(x - cx, y - cy, r, ray, stand, surface)
+                if plane.var_m2 == math.inf:
+                    far = _find(x - cx, y - cy, ray, 1.0, AHEAD_M, surface)
+                    plane = _between(near, far)
+        one.slope_x, one.slope_y, one.var_m2 = plane.slope_x, plane.slope_y, plane.var_m2
+        one.is_before, one.tied = plane.is_before, plane.tied
+        one.height_m = z - plane.z_m - plane.slope_x * cx - plane.slope_y * cy
+        one.age_s = stand.t_s - plane.seen_s
+        one.near_m = z - near.z_m - near.slope_x * cx - near.slope_y * cy
+        one.near_var_m2 = near.var_m2
+    return count
+
+
+@kernel
+def _is_near(one: Record, other: Record) -> bool:
+    """Whether two returns may be of one thing."""
+    return bool(other.at >= 0 and math.hypot(other.x_m - one.x_m, other.y_m - one.y_m) < BESIDE_M)
+
+
+@kernel
+def find_faces(returns: Records) -> None:
+    """Which returns lie on what rises to the side, too steeply for ground.
+
+    A sweep meets level ground along a line across the way: one that climbs, or falls, while it
+    hardly goes aside runs along a wall.
+    """
+    n = returns.size
+    for b in range(n):
+        returns[b].is_face = 0
+        before, after = returns[max(0, b - 1)], returns[min(n - 1, b + 1)]
+        beside = (b > 0 and _is_near(returns[b], before)) or (
+            b < n - 1 and _is_near(returns[b], after)
+        )
+        returns[b].is_lone = not beside
+        one, other = returns[max(0, b - BESIDE)], returns[min(n - 1, b + BESIDE)]
+        if returns[b].at < 0 or one.at < 0 or other.at < 0:
+            continue
+        rise, aside = abs(other.z_m - one.z_m), abs(other.aside_m - one.aside_m)
+        doubt = GATE * math.sqrt(one.noise_m2 + other.noise_m2)
+        returns[b].is_face = rise - doubt > STEEPEST * aside
+
+
+@kernel
+def find_witnesses(beams: Beams, stand: Stand, surface: Surface) -> None:
+    """Where each beam meets ground that is known, and beyond which floor was seen as well.
+
+    The front of what is mapped tells nothing of the sweep. A beam that ends below the ground has
+    passed under such ground before.
+    """
+    cells, cell_m, own = surface.cells, surface.cell_m, surface.own
+    for b in range(beams.returns.size):
+        one, lens, ray = beams.returns[b], beams.lenses[b], beams.rays[b]
+        one.witness = -1
+        if one.at < 0:
+            continue
+        r, step = beams.ranges_m[0, b], cell_m / math.hypot(ray[0], ray[1])
+        for k in range(BACK):
+            x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+            at = cell_at(x, y, surface)
+            if at >= 0 and cells[at].looks > 0 and cells[at].stands <= KNOWN:
+                cell = cells[at]
+                ahead, aside = in_body(x, y, stand)
+                off = set_upright(lens[2] + r * ray[2], ahead, aside, stand, own)
+                off -= ground_of(cell, own)
+                off -= cell.slope_x * from_centre(x, cell_m) + cell.slope_y * from_centre(y, cell_m)
+                if k > 0 and off >= 0.0:
+                    break  # it passes over it
+                one.witness, one.off_m = at, off
+                one.witness_ahead_m, one.witness_aside_m = ahead, aside
+                break
+            if one.height_m >= 0.0:
+                break
+            r -= step
+
+
+@kernel
+def _agreed_m(unsure: int, bins: F64) -> float:
+    """The height over a guess at which enough of the unsure returns agree; inf: none."""
+    best, most = 0, 0.0
+    for k in range(BINS - WIDE):
+        total = 0.0
+        for m in range(WIDE):
+            total += bins[k + m]
+        if total > most:
+            best, most = k, total
+    if most < LEAST or most < SHARE * unsure:
+        return math.inf
+    return (best + 0.5 * WIDE - BINS // 2) * BIN_M
+
+
+@allocating_kernel
+def agree(returns: Records, tied: int) -> None:
+    """Where ground is a guess for most returns, those are floor of which most lie at one height."""
+    bins, unsure, sure, guessed = np.zeros(BINS), 0, 0, 0
+    for b in range(returns.size):
+        one = returns[b]
+        if one.at < 0:
+            continue
+        if one.var_m2 <= GUESS_M * GUESS_M:
+            sure += 1
+            continue
+        guessed += 1
+        k = math.floor(one.height_m / BIN_M) + BINS // 2
+        if 0 <= k < BINS and one.height_m**2 < 4.0 * one.var_m2:
+            unsure += 1
+            bins[k] += 1.0
+    if guessed <= LOST * sure:
+        return
+    offset = _agreed_m(unsure, bins)
+    if offset == math.inf:
+        return
+    for b in range(returns.size):
+        one = returns[b]
+        if one.at >= 0 and one.var_m2 > GUESS_M * GUESS_M:
+            one.height_m -= offset
+            one.near_m -= offset
+            one.var_m2 = one.near_var_m2 = (0.25 * WIDE * BIN_M) ** 2
+            one.tied = tied

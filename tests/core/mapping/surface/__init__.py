@@ -1,0 +1,1 @@
+"""Tests of `core/mapping/surface`, and of its paper."""

@@ -1,0 +1,14 @@
+"""What one return says of the cell where it lies."""
+
+from core.mapping.surface.sweep import FLOOR
+from tests.support.ground_cells import GroundCells, met
+
+
+def test_floor_seen_lower_by_another_attitude_makes_no_face_of_it_later() -> None:
+    """From afar it was laid 6 cm too high: when it is met anew the ground goes down, all of it."""
+    ground = GroundCells()
+    at = ground.lay(2, 0, 0.06, var_m2=1e-3, floor_s=0.0, looks=1, floor_parts=1)
+    assert met(ground, 20.0, 0.41, 0.0)["kind"][0] == FLOOR
+    for k, x_m in enumerate((0.46, 0.51, 0.56)):
+        assert met(ground, 20.0 + 0.04 * k, x_m, 0.03)["kind"][0] == FLOOR
+    assert bin(ground.cells["floor_parts"][at]).count("1") == 5

@@ -1,0 +1,73 @@
+"""A saved map of method `surface` goes on, and believes nothing that it can't know."""
+
+import numpy as np
+import pytest
+
+from core.mapping.causes import EARLIER_RUN
+from core.mapping.mapper import Mapper
+from core.mapping.surface.maps import SurfaceMaps
+from core.records import FREE, OBSTACLE, UNKNOWN
+from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
+from core.saved.state import restore, state_of
+from core.saved.surface import KEPT
+from tests.support.flat_ride import Ride, Rig, config_of
+from tests.support.flat_world import Box, World
+
+CONFIG = config_of(map={"method": "surface"})
+LATER_S = 5000.0
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    """It has driven towards a box and stands."""
+    world = World(solids=(Box((9.0, -0.5, 0.0), (9.6, 0.5, 0.5)),))
+    return Rig(CONFIG, world, Ride(v_mps=1.0), 4.0).run()
+
+
+@pytest.fixture
+def arrays(rig: Rig) -> Arrays:
+    return arrays_from_bytes(bytes_from_arrays(state_of(rig.mapper, CONFIG, rig.now_s)))
+
+
+def loaded(arrays: Arrays) -> tuple[Mapper, SurfaceMaps]:
+    mapper = Mapper(CONFIG)
+    restore(mapper, arrays, CONFIG, LATER_S)
+    assert isinstance(mapper.maps, SurfaceMaps)
+    return mapper, mapper.maps
+
+
+def test_obstacles_are_kept_and_what_was_free_is_unknown_until_its_floor_is_met(
+    rig: Rig, arrays: Arrays
+) -> None:
+    before = arrays["window.cells"]
+    assert (before == OBSTACLE).sum() > 5
+    assert (before == FREE).sum() > 500
+    _, maps = loaded(arrays)
+    expected = np.where(before == OBSTACLE, OBSTACLE, UNKNOWN)
+    np.testing.assert_array_equal(maps.window.cells, expected)
+    was = rig.mapper.maps
+    assert isinstance(was, SurfaceMaps)
+    np.testing.assert_allclose(maps.heights_m(), was.heights_m(), atol=1e-12)
+    size, grid = before.shape[0], maps.window.grid
+    row, column = np.argwhere(before == FREE)[0]
+    i = grid.corner_i + (column - grid.corner_i) % size
+    j = grid.corner_j + (row - grid.corner_j) % size
+    maps.fresh.follow(LATER_S, 0.0, 0.0, (1.0, 0.0))
+    assert maps.causes(np.array([i]), np.array([j])) == EARLIER_RUN
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_what_can_not_be_is_refused(arrays: Arrays, name: str) -> None:
+    field = arrays[f"cells.{name}"]
+    wrong = field.copy()
+    wrong[0] = np.nan if field.dtype.kind == "f" else -1
+    for bad, words in ((wrong, "can't be"), (field[:-1], "has")):
+        with pytest.raises(StateError, match=rf"cells\.{name}.*{words}"):
+            loaded({**arrays, f"cells.{name}": bad})
+
+
+def test_cells_out_of_order_and_an_attitude_off_by_far_are_refused(arrays: Arrays) -> None:
+    with pytest.raises(StateError, match=r"cells\.at: holds a cell twice"):
+        loaded({**arrays, "cells.at": arrays["cells.at"][::-1].copy()})
+    with pytest.raises(StateError, match=r"error\.static"):
+        loaded({**arrays, "error.static": np.array([0.2, 0.0])})

@@ -7,6 +7,7 @@ not listed as equivalent.
 BEAMS = "tests/core/mapping/beams/test_"
 DRIVING = "tests/core/driving/test_"
 TESTS_OF = {
+    "core/mapping/along.py": ("tests/core/mapping/test_along.py", f"{BEAMS}carving_model.py"),
     "core/mapping/beams/carving.py": (f"{BEAMS}carving_model.py",),
     "core/mapping/beams/classifier.py": (f"{BEAMS}classifier.py",),
     "core/mapping/beams/negative.py": (f"{BEAMS}negative.py",),

@@ -17,6 +17,7 @@ import math
 
 import numpy as np
 
+from core.mapping.along import MOST_PLACES, REACH_M, STEP_M, first_place_m, places_along
 from core.mapping.beams.cells import (
     GONE_FLOOR_AGAIN,
     GONE_PASSED,
@@ -34,16 +35,13 @@ from core.records import F64, I32, U8
 from jit import kernel
 
 THROUGH = 8  # scans in a row
-STEP_M = 0.2
 FINER = 5  # places in each step, where something stood
-REACH_M = 15.0  # from the lens
 BEFORE_M = 0.3  # of a return, a beam proves nothing: it may graze what it hits
 MARGIN_M, MARGIN_SLOPE = 0.02, 0.004  # below the highest and above the lowest return, by range
 MARGIN_SHARE = 0.3  # or this share of what is between: who stands sees a thing at one height only
 LEAST_HALF_M = 0.005
 CLEAR_M = 0.7  # so far behind it, at least, the beam went on: it does not graze an edge
 JUST_M = 0.008  # below where it was seen last: who came nearer saw things ever higher up
-GOLDEN = 0.6180339887498949  # spreads the places evenly over scans and beams
 FLOOR_AGAIN = 4  # scans in a row that see floor alone end what a wrong one has said,
 FLOOR_FOR_LONG, LOW_M = 8, 0.20  # and so many that something so low stood where they see floor
 
@@ -172,39 +170,33 @@ def _clear(
     seen_s: F64,
     touched: I32,
     used: int,
+    places: I32,
 ) -> tuple[int, int]:
     """How many cells `touched` lists, and how many were cleared.
 
     times: of the scan, and the oldest that is fresh. What beams pass over on their way down, and
     was fresh, stays so.
     """
-    size, per_m, cleared = window[2], 1.0 / window[3], 0
-    first_column, first_row = window[0] % size, window[1] % size
+    cleared = 0
     for i in range(rays.shape[0]):
         nearest = _nearest_m(ranges_m, i)
         if math.isinf(nearest):  # black, glass, or nothing: it proves nothing
             continue
-        phase = (i * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0
-        end = min(nearest - BEFORE_M, REACH_M)
-        r = MIN_RANGE_M + phase * STEP_M
-        origin_x, origin_y, ray_x, ray_y = origins[i, 0], origins[i, 1], rays[i, 0], rays[i, 1]
-        falls = rays[i, 2] < 0.0
-        while r < end:
-            column = math.floor((origin_x + r * ray_x) * per_m) - window[0]
-            row = math.floor((origin_y + r * ray_y) * per_m) - window[1]
-            if 0 <= column < size and 0 <= row < size:  # flat_index() without its divisions
-                column, row = column + first_column, row + first_row
-                column -= size if column >= size else 0
-                row -= size if row >= size else 0
-                at = row * size + column
-                if falls and seen_s[at] >= times[1]:
-                    seen_s[at] = times[0]
-                if clears and stands[at] and _goes_through(
-                    origins[i], rays[i], r, end, at, ground, window, sub, cells, stood, serial
-                ):  # fmt: skip
-                    cleared += _was_gone_through(cells, at, serial, stands)
-                    used = touch(at, cells, serial, touched, used)
-            r += STEP_M
+        first, end = first_place_m(i, serial), nearest - BEFORE_M
+        count = places_along(origins[i], rays[i], first, end, window, places)
+        end, oldest_s = min(end, REACH_M), times[1] if rays[i, 2] < 0.0 else math.inf
+        for k in range(count):
+            at = places[k]
+            if at < 0:
+                continue
+            if seen_s[at] >= oldest_s:
+                seen_s[at] = times[0]
+            if clears and stands[at] and _goes_through(
+                origins[i], rays[i], first + k * STEP_M, end, at, ground, window, sub, cells, stood,
+                serial,
+            ):  # fmt: skip
+                cleared += _was_gone_through(cells, at, serial, stands)
+                used = touch(at, cells, serial, touched, used)
     return used, cleared
 
 
@@ -214,6 +206,7 @@ class FreeSpaceCarver:
     def __init__(self, cells: CellGrid, fresh: Freshness) -> None:
         self._cells, self._fresh = cells, fresh
         self._stands: U8 = cells.grid.layer(np.uint8, 0).reshape(-1)  # 1: something stands there
+        self._places: I32 = np.zeros(MOST_PLACES, dtype=np.int32)
         self._is_new = True
         self.cleared = 0  # cells so far
 
@@ -248,5 +241,6 @@ class FreeSpaceCarver:
             seen_s,
             cells.touched,
             cells.used,
+            self._places,
         )
         self.cleared += int(cleared)

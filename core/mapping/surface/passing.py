@@ -5,6 +5,7 @@ Source: docs/method.md, section 4.
 
 import math
 
+from core.mapping.along import STEP_M, first_place_m, places_along
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of, part_of, predict
 from core.mapping.surface.error import GATE, seen_again_m2
@@ -28,10 +29,8 @@ from jit import Record, kernel
 
 PASS_LOW, PASS_THROUGH = -1.0, -0.5  # votes, in log-odds
 GRAZES_M = 0.3  # before its end, a beam proves nothing of what stands there
-STEP_M, REACH_M = 0.2, 15.0  # along a beam, at other places in each scan
 LONGEST_M = 6.0  # of a hole, along a beam
 DARK, DUE_M = 3, 12.0  # beams in a row that do not come back, from floor so near
-GOLDEN = 0.6180339887498949
 
 
 @kernel
@@ -122,29 +121,27 @@ def _see_beyond(cell: Record, one: Record, limits: Limits, surface: Surface) -> 
 def _pass_through(b: int, beams: Beams, stand: Stand, surface: Surface, touched: Touched) -> None:
     """Along a beam: where something stood at its height, and does not stop it, it may be gone."""
     lens, ray, end = beams.lenses[b], beams.rays[b], beams.ranges_m[0, b]
-    phase = (b * GOLDEN + touched.serial * GOLDEN * GOLDEN) % 1.0
-    size, per_m, tall = surface.size, 1.0 / surface.cell_m, touched.tall
-    first_i, first_j = surface.corner_i % size, surface.corner_j % size
-    r, stop = MIN_RANGE_M + phase * STEP_M, min(end - GRAZES_M, REACH_M)
-    falls, seen_s, oldest_s = ray[2] < 0.0, touched.seen_s, touched.oldest_s
-    while r < stop:
-        i = math.floor((lens[0] + r * ray[0]) * per_m) - surface.corner_i
-        j = math.floor((lens[1] + r * ray[1]) * per_m) - surface.corner_j
-        if 0 <= i < size and 0 <= j < size:
-            i, j = i + first_i, j + first_j
-            at = (j - size if j >= size else j) * size + (i - size if i >= size else i)
-            if falls and seen_s[at] >= oldest_s:  # what comes in would stop the beam
-                seen_s[at] = stand.t_s
-            if tall[at]:
-                cell = surface.cells[at]
-                doubt = math.sqrt(noise_m2(r, ray[2], beams.lens_m2))
-                ahead, aside = in_body(lens[0] + r * ray[0], lens[1] + r * ray[1], stand)
-                z = set_upright(lens[2] + r * ray[2], ahead, aside, stand, surface.own)
-                z -= ground_of(cell, surface.own)
-                if cell.low_m - doubt <= z <= cell.top_m + doubt:
-                    vote(cell, touch(at, surface, touched), PASS_THROUGH, touched)
-                    tall[at] = cell.stands > CLEAR
-        r += STEP_M
+    window = (surface.corner_i, surface.corner_j, surface.size, surface.cell_m)
+    first_m, tall, seen_s, places = (
+        first_place_m(b, touched.serial), touched.tall, touched.seen_s, touched.places,
+    )  # fmt: skip
+    # on its way up, what comes in would stop the beam as little
+    oldest_s = touched.oldest_s if ray[2] < 0.0 else math.inf
+    for k in range(places_along(lens, ray, first_m, end - GRAZES_M, window, places)):
+        at = places[k]
+        if at < 0:
+            continue
+        if seen_s[at] >= oldest_s:
+            seen_s[at] = stand.t_s
+        if tall[at]:
+            cell, r = surface.cells[at], first_m + k * STEP_M
+            doubt = math.sqrt(noise_m2(r, ray[2], beams.lens_m2))
+            ahead, aside = in_body(lens[0] + r * ray[0], lens[1] + r * ray[1], stand)
+            z = set_upright(lens[2] + r * ray[2], ahead, aside, stand, surface.own)
+            z -= ground_of(cell, surface.own)
+            if cell.low_m - doubt <= z <= cell.top_m + doubt:
+                vote(cell, touch(at, surface, touched), PASS_THROUGH, touched)
+                tall[at] = cell.stands > CLEAR
 
 
 @kernel

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from core.mapping.along import MOST_PLACES
 from core.mapping.surface.cells import Surface
 from core.records import F64, I8, I32, U8
 from jit import kernel
@@ -31,6 +32,7 @@ class Touched(NamedTuple):
     used: I32  # (1,) so many of them
     tall: U8  # (cells,) whether something stands in a cell: few bytes for beams to look at
     seen_s: F64  # (cells,) when a beam met or passed one last
+    places: I32  # (MOST_PLACES,) room for those of a beam
     oldest_s: float  # what was seen before is too old to be passed: floor must be met again
     serial: int  # of the scan
 
@@ -42,7 +44,8 @@ def none_touched(tall: U8, seen_s: F64) -> Touched:
         np.zeros(tall.size, np.int8),
         np.zeros(tall.size),
     )
-    return Touched(at, bits, said, np.zeros(1, np.int32), tall, seen_s, -math.inf, 0)
+    used, places = np.zeros(1, np.int32), np.zeros(MOST_PLACES, np.int32)
+    return Touched(at, bits, said, used, tall, seen_s, places, -math.inf, 0)
 
 
 @kernel

@@ -9,20 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from core.mapping.along import GOLDEN, REACH_M, STEP_M
 from core.mapping.beams.carving import (
     BEFORE_M,
     CLEAR_M,
     FINER,
     FLOOR_FOR_LONG,
-    GOLDEN,
     JUST_M,
     LEAST_HALF_M,
     LOW_M,
     MARGIN_M,
     MARGIN_SHARE,
     MARGIN_SLOPE,
-    REACH_M,
-    STEP_M,
     THROUGH,
     FreeSpaceCarver,
     see_floor_again,
@@ -110,10 +108,8 @@ def test_floor_again_ends_a_lack_and_in_the_long_run_what_is_low_in_parts_that_s
 
 def ranges_of(beam: int, scan: int, end: float) -> list[float]:
     """At which ranges a beam of a scan is looked at."""
-    ranges = [MIN_RANGE_M + (beam * GOLDEN + scan * GOLDEN * GOLDEN) % 1.0 * STEP_M]
-    while ranges[-1] < end:
-        ranges.append(ranges[-1] + STEP_M)
-    return ranges[:-1]
+    first = MIN_RANGE_M + (beam * GOLDEN + scan * GOLDEN * GOLDEN) % 1.0 * STEP_M
+    return [first + k * STEP_M for k in range(math.ceil((end - first) / STEP_M))]
 
 
 def some_sweep(draw: random.Random, scan: int, is_level: bool) -> Sweep:

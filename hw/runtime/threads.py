@@ -45,13 +45,19 @@ def stay_on_core() -> None:
     """
     core = ctypes.CDLL(None).sched_getcpu()
     if core in CORES:
-        os.sched_setaffinity(0, {core})
+        with contextlib.suppress(OSError):  # a filter of system calls
+            os.sched_setaffinity(0, {core})
 
 
 def leave_real_time() -> None:
-    """The thread that calls this works on only when nothing else is due, on any core."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    os.sched_setaffinity(0, CORES)
+    """The thread that calls this works on only when nothing else is due, on any core.
+
+    As far as permitted: it works in any case.
+    """
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with contextlib.suppress(OSError):
+        os.sched_setaffinity(0, CORES)
 
 
 class Worker:

@@ -193,7 +193,11 @@ def test_a_crash_and_a_loop_that_hangs_are_over_by_themselves(robot: Robot) -> N
     assert robot.unit("NRestarts") == "1"
     hung_s = robot.maps_anew(lambda: robot.signal("STOP"))
     assert robot.unit("NRestarts") == "2"
-    assert "Watchdog timeout" in robot.root.said("journalctl --unit mapod --output cat")
+    log = robot.root.said("journalctl --unit mapod --output cat")
+    assert "Watchdog timeout" in log
+    assert log.count("app_started") == 3
+    assert log.count("state=running") >= 9  # three devices, three times
+    assert "Traceback" not in log
     tell(
         f"the planner has a map again {crashed_s:.1f} s after a crash, {hung_s:.1f} s after a hang"
     )

@@ -150,12 +150,16 @@ class Mti(Device[Attitude]):
 
         self._maybe_gathers = port if isinstance(port, Gathers) else None
         self._gathered, self._gathered_s = (0, 0), -math.inf  # bytes, of which connection; when
-        self._hears_s, self._is_drained = -math.inf, False  # nothing lies in the line any more
+        self._hears_s, self._stamped_s = -math.inf, 0.0  # listened to from then; read as it arrived
         super().__init__(status, port, new_parser, new_session)
 
     def step(self, now_s: float) -> list[Attitude]:
         attitudes = super().step(now_s)
         self._gather(now_s)
+        if self._gives_frames:  # all that had come is read: the next one is read as it arrives
+            passed_s, period_s = now_s - self._stamped_s, self.stream.period_s
+            next_s = self._stamped_s + math.ceil(passed_s / period_s) * period_s
+            self._hears_s = next_s - EARLY_S if passed_s >= STAMPED_S else math.inf
         self.status.hears_s = self._hears_s
         return attitudes
 
@@ -168,17 +172,21 @@ class Mti(Device[Attitude]):
         super().keep(now_s)
         self._listen_later(now_s)
 
+    @property
+    def _gives_frames(self) -> bool:
+        """Whether the line is readable when a whole sample has come, and not before."""
+        return self._gathered[0] > 1
+
     def _listen_later(self, now_s: float) -> None:
         """A sample is read; when the next one is worth a turn of its own.
 
         Samples that steps read are stamped late. The clock, which goes by the least delayed, needs
-        some whose stamps are true. After a pause a sample may have lain there: what comes behind it
-        has just arrived.
+        some whose stamps are true. While it starts, nobody knows how often they will come.
         """
-        period_s = self.stream.period_s
-        samples = max(1, round(STAMPED_S / period_s)) if self._gathered[0] > 1 else 1
-        self._is_drained = samples > 1 and not self._is_drained
-        self._hears_s = now_s if self._is_drained else now_s + samples * period_s - EARLY_S
+        self._hears_s = self._stamped_s = now_s
+        if self.status.state == "running":
+            next_s = math.inf if self._gives_frames else now_s + self.stream.period_s
+            self._hears_s = next_s - EARLY_S
         self.status.hears_s = self._hears_s
 
     def _gather(self, now_s: float) -> None:

@@ -53,6 +53,18 @@ def test_the_conversation_is_that_of_the_sheet(
     assert bench.mti.status.rejected == bench.mti.status.missed == 0
 
 
+@pytest.mark.parametrize("heard_at", [0, 1, 3])
+def test_what_is_heard_while_it_starts_does_not_end_the_listening(heard_at: int) -> None:
+    """Between two steps, when nobody knows yet how often samples will come."""
+    bench = Bench(Scripted(LEGACY))
+    for _ in range(heard_at):
+        bench.run(TICK_S)
+    bench.mti.hear(bench.now_s)
+    assert bench.mti.status.hears_s <= bench.now_s
+    assert bench.run_until("running", 3.0), bench.cause()
+    assert bench.mti.status.hears_s <= bench.now_s
+
+
 def test_go_to_config_is_repeated_by_time_however_much_data_comes_first() -> None:
     device = Scripted()
     device.deaf = True

@@ -169,6 +169,9 @@ class Recorder:
 
     def flight(self, now_s: float, cause: str, message: str, after_s: float = 0.0) -> None:
         """Have the last seconds kept, and the next ones up to `after_s`."""
+        if self._tap.trouble:
+            LOG.warning("flight_not_saved", cause=cause, reason=self._tap.trouble)
+            return
         why = json.dumps({"cause": cause, "message": message, "after_s": after_s}).encode()
         self._tap.note(now_s, FLIGHT, 0, why)
 

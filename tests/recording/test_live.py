@@ -81,6 +81,9 @@ def test_a_writer_that_is_killed_ends_the_recording_alone(house: House, tmp_path
     house.until(lambda: "recording_ended" in events(house))
     [line] = [line for line in house.log if line["event"] == "recording_ended"]
     assert line["reason"] == "its writer has ended"
+    assert house.process is not None
+    house.process.send_signal(signal.SIGUSR2)
+    house.until(lambda: "flight_not_saved" in events(house))
     house.seen.clear()
     house.until(lambda: len(house.seen) > 50)
     house.until(house.all_run)

@@ -103,7 +103,7 @@ def test_the_pose_is_that_of_the_run(path: Path, told: Told) -> None:
 def test_the_points_are_those_that_were_mapped(path: Path, told: Told) -> None:
     sweeps: list[F64] = []
     player = Player(Recording(path))
-    collect_points(player, lambda t_s, places: sweeps.append(places), math.inf)
+    collect_points(player, player.steps_until(math.inf), lambda t_s, places: sweeps.append(places))
     for _, message in told["/points"]:
         points = np.frombuffer(base64.b64decode(message["data"]), "<f4").reshape(-1, 3)
         offs_m = [np.abs(one - points).max() for one in sweeps if len(one) == len(points)]

@@ -10,6 +10,7 @@ import argparse
 import importlib.util
 import math
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,8 +26,10 @@ from tools.export.collect import collect_points, collect_tables, trusted_layer
 from tools.export.pcd import points_from, write_pcd
 from tools.export.raster import write_png, write_ros
 from tools.export.tables import Tables
-from tools.replay.instants import FORMS, InstantError
+from tools.replay.instants import FORMS, InstantError, Timeline
 from tools.replay.player import Player
+from tools.replay.showing import steps_shown
+from tools.replay.sources import drive_in
 from tools.replay.span import timeline_of
 
 KINDS = ("csv", "parquet", "pcd", "png", "ros")
@@ -38,9 +41,14 @@ class Job:
     """A recording that is about to be played, and what is wanted of it."""
 
     player: Player
-    utc_offset_s: float
+    line: Timeline
     until_s: float  # host clock of the recording; inf: all of it
     options: argparse.Namespace
+
+    def steps(self) -> Iterator[float]:
+        """Its calls, each once it is played, and a bar."""
+        steps = self.player.steps_until(self.until_s)
+        return steps_shown(steps, self.options.recording.name, self.line, self.until_s)
 
 
 class NothingToExportError(Exception):
@@ -50,7 +58,7 @@ class NothingToExportError(Exception):
 def export_tables(job: Job) -> list[Path]:
     tables = Tables(job.options.out, job.options.to)
     try:
-        collect_tables(job.player, tables, job.utc_offset_s, job.until_s)
+        collect_tables(job.player, job.steps(), tables, job.line.utc_offset_s)
     finally:
         tables.close()
     print(", ".join(f"{name} {count}" for name, count in tables.rows.items()), "rows")
@@ -67,7 +75,7 @@ def export_points(job: Job) -> list[Path]:
             sweeps.clear()
         sweeps.append((t_s - job.player.begin_s, places))
 
-    collect_points(job.player, take, job.until_s)
+    collect_points(job.player, job.steps(), take)
     if not sweeps:
         raise NothingToExportError("no sweep was mapped until then")
     points = np.concatenate([points_from(places, t_s) for t_s, places in sweeps])
@@ -80,7 +88,8 @@ def export_points(job: Job) -> list[Path]:
 def export_map(job: Job) -> list[Path]:
     """A layer as a picture, or the map for ROS."""
     player, options = job.player, job.options
-    player.play_until(job.until_s)
+    for _ in job.steps():
+        pass
     if not player.app.mapper.counts.scans_added:
         raise NothingToExportError("no sweep was mapped until then")
     name = options.layer or "state"
@@ -93,13 +102,13 @@ def export_map(job: Job) -> list[Path]:
 
 def export(options: argparse.Namespace) -> int:
     """Raises OSError, RecordingError, ConfigError, InstantError, NothingToExportError."""
-    recording = Recording(options.recording)
+    recording = drive_in(options.recording)
     player = Player(recording)
     line = timeline_of(recording, player.begin_s)
     until_s = math.inf if options.at is None else line.instant("--at", options.at)
     options.out.mkdir(parents=True, exist_ok=True)
     how = {"csv": export_tables, "parquet": export_tables, "pcd": export_points}
-    job = Job(player, recording.utc_offset_s, until_s, options)
+    job = Job(player, line, until_s, options)
     for path in how.get(options.to, export_map)(job):
         print(path)
     for remark in remarks_on(player, recording):

@@ -22,6 +22,8 @@ from tools.cli.export import remarks_on
 from tools.cli.options import fail, parser_of, value_of
 from tools.replay.instants import FORMS, InstantError
 from tools.replay.player import Player
+from tools.replay.showing import steps_shown
+from tools.replay.sources import drive_in
 from tools.replay.span import timeline_of
 from tools.why.beams import Cell
 from tools.why.moment import Watch, cell_facts, moment_of
@@ -88,10 +90,9 @@ def log_before(recording: Recording, t_s: float) -> list[dict[str, Any]]:
     ]
 
 
-def story_of(recording: Recording, watch: Watch, at_s: float) -> dict[str, Any]:
-    """Raises NoMomentError, RecordingError."""
+def story_of(recording: Recording, watch: Watch) -> dict[str, Any]:
+    """What is to be told of the moment up to which it was played. Raises NoMomentError."""
     player, offset_s = watch.player, recording.utc_offset_s
-    watch.play_until(at_s)
     told_cell = None
     if watch.cell is not None:
         i, j = watch.cell.cell
@@ -114,15 +115,18 @@ def story_of(recording: Recording, watch: Watch, at_s: float) -> dict[str, Any]:
 
 def why(options: argparse.Namespace) -> int:
     """Raises OSError, RecordingError, ConfigError, InstantError, NoMomentError."""
-    recording = Recording(options.recording)
+    recording = drive_in(options.recording)
     key = read_key(options.key_file)
     player = Player(recording, key=key)
     if recording.metadata.get("has_key") == "true" and key is None:
         player.remarks.append("the link had a key: without --key-file no planner's frame counts")
-    at_s = timeline_of(recording, player.begin_s).instant("--at", options.at)
+    timeline = timeline_of(recording, player.begin_s)
+    at_s = timeline.instant("--at", options.at)
     asked = cell_of(options, player.config.map.cell_m)
     watch = Watch(player, asked)
-    story = story_of(recording, watch, at_s)
+    for _ in steps_shown(watch.steps_until(at_s), recording.parts[0].name, timeline, at_s):
+        pass
+    story = story_of(recording, watch)
     if options.out is not None:
         options.out.write_bytes(picture_of(player.app, player.now_s, story["moment"], asked))
     if options.json:

@@ -5,7 +5,7 @@ poses and maps that it made of them.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, cast
 
 import numpy as np
@@ -104,17 +104,18 @@ class ListeningMaps:
         return self._maps.add(scan, attitudes, odometry)
 
 
-def collect_tables(player: Player, tables: Tables, utc_offset_s: float, until_s: float) -> None:
-    """Play up to an instant of the recording, and write down what the app hears and says."""
+def collect_tables(
+    player: Player, steps: Iterable[float], tables: Tables, utc_offset_s: float
+) -> None:
+    """Play these steps of the recording, and write down what the app hears and says."""
     app = player.app
     listening = ListeningMapper(app.mapper, tables, utc_offset_s)
     app.mapper = cast(Mapper, listening)
     told_s = -math.inf
-    while not player.done and player.next_s <= until_s:
-        player.step()
-        if player.now_s - told_s < STATE_PERIOD_S:
+    for now_s in steps:
+        if now_s - told_s < STATE_PERIOD_S:
             continue
-        told_s = player.now_s
+        told_s = now_s
         _, pose = app.report(told_s)
         listening.row("health", told_s, **_values(pose, "health"))
         if app.mapper.maybe_pose(told_s) is not None:
@@ -126,11 +127,12 @@ def _values(pose: PoseReport, table: str) -> dict[str, float]:
     return {name: getattr(pose, name) for name in TABLES[table].keys() - TIMES.keys()}
 
 
-def collect_points(player: Player, take: Points, until_s: float) -> None:
-    """Play up to an instant, and hand over the returns of each sweep that is mapped."""
+def collect_points(player: Player, steps: Iterable[float], take: Points) -> None:
+    """Play these steps, and hand over the returns of each sweep that is mapped."""
     mapper = player.app.mapper
     mapper.maps = cast(Maps, ListeningMaps(mapper.maps, player.config, take))
-    player.play_until(until_s)
+    for _ in steps:
+        pass
 
 
 def trusted_layer(player: Player, name: str) -> LayerView | None:

@@ -8,6 +8,7 @@ beside it that runs as it ran, whose devices it follows.
 
 import math
 import time
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -109,8 +110,14 @@ class Player:
 
     def play_until(self, t_s: float) -> None:
         """All calls up to this instant, by the recording's host clock. Raises RecordingError."""
+        for _ in self.steps_until(t_s):
+            pass
+
+    def steps_until(self, t_s: float) -> Iterator[float]:
+        """The same, call by call: the instant of each once it is played."""
         while not self.done and self.next_s <= t_s:
             self.step()
+            yield self.now_s
 
     def step(self) -> None:
         """The next call. Raises RecordingError: the recording is damaged behind it."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.live import Live
 
+from tools.replay.instants import Timeline
 from tools.replay.moment import Moment, moment_of
 from tools.replay.playing import Playing
 from tools.replay.sources import Source
@@ -60,6 +61,17 @@ class Show:
         """How far it has come."""
         line, now_s = self._source.timeline, playing.replay.now_s
         self.advance(now_s - line.begin_s, line.clock(now_s))
+
+
+def steps_shown(steps: Iterator[float], what: str, line: Timeline, end_s: float) -> Iterator[float]:
+    """The same steps; a bar tells how far they have come."""
+    begin_s, told_s = line.begin_s, -math.inf
+    with advancing(what, min(end_s, line.end_s) - begin_s) as advance:
+        for now_s in steps:
+            if now_s - told_s >= BAR_S:
+                told_s = now_s
+                advance(now_s - begin_s, line.clock(now_s))
+            yield now_s
 
 
 @contextlib.contextmanager

@@ -7,7 +7,7 @@ from config_file import load_config
 from core.config import Config, ConfigError
 from recording.reader import Recording
 from recording.records import RecordingError
-from tools.replay.capture import Capture, CaptureError
+from tools.replay.capture import MARKS, Capture, CaptureError
 from tools.replay.changes import changed
 from tools.replay.heard import HeardReplay
 from tools.replay.instants import Timeline
@@ -17,6 +17,18 @@ from tools.replay.span import timeline_of
 from tools.replay.streams import chosen, describe_end, stream_of
 
 SIGNED = "its frames are signed: without --key-file they can't be compared, nor requests obeyed"
+
+
+def drive_in(path: Path) -> Recording:
+    """A recording of mapod. Raises RecordingError: it is none; OSError."""
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(4) in MARKS:
+                raise RecordingError(
+                    f"{path} is a capture of a scanner's network traffic, which tells of no drive: "
+                    "only mapod replay plays it"
+                )
+    return Recording(path)
 
 
 class Source(Protocol):

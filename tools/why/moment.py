@@ -6,6 +6,7 @@ and keeps what a moment can't tell by itself: when things became as they are, an
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -47,12 +48,11 @@ class Watch:
         self._states: dict[str, tuple[str, str]] = {}
         self._begun = (0, self.app.planners.session)
 
-    def play_until(self, t_s: float) -> None:
-        """Raises RecordingError."""
-        player = self.player
-        while not player.done and player.next_s <= t_s:
-            player.step()
-            self._look(player.now_s)
+    def steps_until(self, t_s: float) -> Iterator[float]:
+        """Play up to then, call by call: the instant of each. Raises RecordingError."""
+        for now_s in self.player.steps_until(t_s):
+            self._look(now_s)
+            yield now_s
 
     def _look(self, now_s: float) -> None:
         app = self.app

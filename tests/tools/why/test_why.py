@@ -1,7 +1,7 @@
 """A drive to a box, asked why: at the box, on the way, and where there is nothing to ask."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,9 +14,9 @@ from logs import LOG, set_up_logging
 from mapod_link.frames import DRIVE, bytes_from_frame
 from recording.direct import DirectTap
 from recording.reader import Recording
-from tests import Capsys
+from tests import ROOT, Capsys
 from tests.support.recorded import DriveToBox, note_line
-from tools.cli import why
+from tools.cli import export, why
 from tools.replay.player import Player
 from tools.why.beams import ranges_in
 from tools.why.moment import Watch, cell_facts, moment_of
@@ -134,7 +134,8 @@ def test_the_cause_of_each_cell_is_of_its_state_at_every_moment(
 ) -> None:
     watch = Watch(Player(Recording(drive[1])), None)
     for after_s in (0.5, 1.8, 3.0, 5.0):
-        watch.play_until(watch.player.begin_s + after_s)
+        for _ in watch.steps_until(watch.player.begin_s + after_s):
+            pass
         moment = moment_of(watch)
         if after_s < 1.0:
             assert moment["mode"] == "booting"
@@ -164,6 +165,19 @@ def test_what_cannot_be_asked_is_one_line(
     said = capsys.readouterr().err
     assert said.startswith(f"mapod why: {line}")
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("ask", [(why.main, "--at", "3"), (export.main, "--to", "csv")])
+def test_of_a_capture_it_is_said_what_plays_it(
+    ask: tuple[Callable[[list[str]], int], str, str], capsys: Capsys, tmp_path: Path
+) -> None:
+    main, *words = ask
+    out = ["--out", str(tmp_path / "out")]
+    assert main([str(ROOT / "tests/vectors/tim781_1s.pcapng"), *words, *out]) == 1
+    said = capsys.readouterr().err
+    assert "is a capture of a scanner's network traffic" in said
+    assert said.endswith("only mapod replay plays it\n")
+    assert not (tmp_path / "out").exists()
 
 
 def test_beams_are_found_by_the_column_of_the_cell() -> None:

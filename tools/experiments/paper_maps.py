@@ -9,6 +9,7 @@ from core.config import Config
 from core.mapping.beams.maps import BeamMaps
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import OBSTACLE
 from fakes.world.trajectory import Way, stand, straight
 from tools.experiments import metrics
@@ -83,8 +84,9 @@ def memory_kb(maps: Maps) -> tuple[float, float]:
         grid = maps.plane.grid
         elevation = grid.average_m.nbytes + grid.count.nbytes
         return 2 * elevation / 1000.0, 2 * grid.states.nbytes / 1000.0  # turning needs a copy
-    assert isinstance(maps, BeamMaps)
-    return maps.cells.cells.nbytes / 1000.0, maps.window.cells.nbytes / 1000.0
+    assert isinstance(maps, BeamMaps | SurfaceMaps)
+    cells = maps.cells if isinstance(maps, SurfaceMaps) else maps.cells.cells
+    return cells.nbytes / 1000.0, maps.window.cells.nbytes / 1000.0
 
 
 def draw_ms(view: MapView) -> float:

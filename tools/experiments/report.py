@@ -13,7 +13,7 @@ from tools.experiments.views import MapView
 Span = tuple[float, float]
 Aim = Literal["less", "more", "none"]
 SAME = 0.02  # figures that differ by less than this share count as the same
-METHODS = ("reference_plane", "beams", "kalman")
+METHODS = ("reference_plane", "beams", "kalman", "surface")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +49,9 @@ class Outcome:
         self.pictures.append((path.name, caption))
 
 
-def verdict(row: Row) -> str:
-    """`better`, `same` or `worse`: beams against reference_plane; "" where that is not judged."""
-    ours, theirs = row.values.get("beams", math.nan), row.values.get("reference_plane", math.nan)
+def verdict(row: Row, method: str = "beams", other: str = "reference_plane") -> str:
+    """`better`, `same` or `worse`: one method against another; "" where that is not judged."""
+    ours, theirs = row.values.get(method, math.nan), row.values.get(other, math.nan)
     if row.aim == "none" or math.isnan(ours) or math.isnan(theirs):
         return ""
     if math.isinf(ours) or math.isinf(theirs):
@@ -81,15 +81,15 @@ MARKS = {"better": "better", "same": "same", "worse": "**worse**", "": ""}
 
 def table(rows: Sequence[Row]) -> list[str]:
     lines = [
-        "| experiment | quantity | paper | reference_plane | beams | | beams, kalman |",
-        "|---|---|---|---|---|---|---|",
+        "| experiment | quantity | paper | reference_plane | beams | | beams, kalman | surface |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     before = ""
     for row in rows:
         name = row.experiment if row.experiment != before else ""
         before = row.experiment
         told = [_told(row, method) for method in METHODS]
-        cells = [name, row.quantity, row.paper, told[0], told[1], MARKS[verdict(row)], told[2]]
+        cells = [name, row.quantity, row.paper, *told[:2], MARKS[verdict(row)], *told[2:]]
         lines.append("| " + " | ".join(cells) + " |")
     return lines
 
@@ -107,6 +107,16 @@ def _not_better(rows: Sequence[Row]) -> list[str]:
         elif judged == "same":
             alike.append(f"- the same: {told}")
     return [*lines, *alike, "", f"In {faultless} more rows neither method has any fault to tell."]
+
+
+def _behind(rows: Sequence[Row]) -> list[str]:
+    """Figures in which the method that may follow is worse than the one that is shipped."""
+    lines = []
+    for row in rows:
+        if verdict(row, "surface", "beams") == "worse":
+            told = f"{_told(row, 'surface')} against {_told(row, 'beams')}"
+            lines.append(f"- {row.experiment}, {row.quantity}: {told}")
+    return lines or ["Nowhere."]
 
 
 def _is_faultless(row: Row) -> bool:
@@ -135,10 +145,11 @@ and prints its figures.
 
 One robot drives in a simulated place. Its devices' bytes go to several instances of the app at the
 same instants, which differ in `map.method` and `map.cell_value` only: `reference_plane` is the
-paper's method to the letter, `beams` is ours, `beams, kalman` is ours with filtered cells. The
-body moves on order, without physics, so that what is measured is the maps; sensors have the noise
-of their sheets. All is seeded: the figures come out the same again, but those marked `~`, which are
-times on the machine that ran them.
+paper's method to the letter, `beams` is ours as shipped, `beams, kalman` is ours with filtered
+cells, `surface` is the one that may follow it ([method.md](method.md)). The body moves on order,
+without physics, so that what is measured is the maps; sensors have the noise of their sheets. All
+is seeded: the figures come out the same again, but those marked `~`, which are times on the machine
+that ran them.
 
 What is measured, always in the window that the planner gets, held against the world:
 
@@ -154,7 +165,7 @@ What is measured, always in the window that the planner gets, held against the w
   within two cells on all four sides.
 - *Position error of walls*: from each obstacle cell to the nearest true one, centre to centre.
 
-The paper's column has its figures where it gives any. The last column but one says whether beams
+The paper's column has its figures where it gives any. The column behind beams says whether beams
 is better than reference_plane, the same (within 2 %, times within 25 %), or worse.
 """
 
@@ -179,6 +190,7 @@ def document(outcomes: Sequence[Outcome]) -> str:
         f"{counts[0]}, in {counts[1]}, in {counts[2]}.",
         "",
     ]
+    lines += ["## Where surface is not as good as beams", "", *_behind(rows), ""]
     lines += ["## Where beams is not better", "", *_not_better(rows), "", "## Pictures", ""]
     for outcome in outcomes:
         for file, caption in outcome.pictures:

@@ -86,15 +86,16 @@ def shipped() -> Config:
 
 
 def methods(quick: bool, **sections: dict[str, Any]) -> dict[str, Config]:
-    """Settings of both methods, otherwise alike; and, but for quick runs, of Kalman cells."""
+    """Settings of both methods, alike but for it; not of a quick run: Kalman cells, surface."""
     base = with_changes(shipped(), **sections) if sections else shipped()
     kinds = {
         "reference_plane": {"method": "reference_plane"},
         "beams": {"method": "beams"},
         "kalman": {"method": "beams", "cell_value": "kalman"},
+        "surface": {"method": "surface"},
     }
     if quick:
-        kinds.pop("kalman")
+        kinds = {name: kinds[name] for name in BOTH}
     return {name: with_changes(base, map=keys) for name, keys in kinds.items()}
 
 

@@ -193,13 +193,15 @@ def test_the_document_has_the_table_what_does_not_hold_and_the_pictures() -> Non
     worse = Row("5.9 test", "cells", {"reference_plane": 1.0, "beams": 2.0}, digits=0, paper="7")
     perfect = Row("5.9 test", "holes", {"reference_plane": 0.0, "beams": 0.0})
     part = Outcome("5.9 test", "", [Row("5.9 test", "more", {"beams": float("inf")}), perfect])
+    part.tell("edges", {"beams": 4.0, "surface": 5.0}, digits=0)
     part.tell("nothing", {"beams": float("nan")})
     whole = Outcome("5.9 test", "Done.", [worse], [("a.png", "first")])
     text = document(merged([whole, part]))
     assert "- **5.9 test**: Done." in text
-    assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** | - |" in text
+    assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** | - | - |" in text
     assert "- worse: 5.9 test, cells: 2 against 1" in text
     assert "In 1 more rows" in text
+    assert "- 5.9 test, edges: 5 against 4" in text
     assert "![first](pictures/a.png)" in text
     assert "| never |" in text
     assert "| nothing" not in text

@@ -8,10 +8,12 @@ from pathlib import Path
 import pytest
 
 from recording.reader import Recording
+from recording.records import READABLE, TURN
 from tests.support.house import House
 from tools.replay.player import Player
 
 pytestmark = pytest.mark.real_time
+AHRS = 1 << 1  # among the ports of a turn
 
 
 @pytest.fixture
@@ -43,6 +45,14 @@ def events(house: House) -> list[str]:
     return [str(line["event"]) for line in house.log]
 
 
+def arrivals_heard(recording: Recording, seconds: float) -> int:
+    """How often a turn was taken for a sample of the attitude sensor, at its end."""
+    turns = [record for record in recording.records() if record.kind == TURN]
+    since_s = turns[-1].t_s - seconds
+    bits = [READABLE.unpack(turn.data)[0] for turn in turns if turn.t_s > since_s]
+    return sum(bool(readable & AHRS) for readable in bits)
+
+
 def assert_plays_the_same(path: Path) -> Recording:
     recording = Recording(path)
     player = Player(recording)
@@ -71,6 +81,7 @@ def test_a_writer_that_is_held_up_misses_nothing_and_the_app_does_not_wait(
     assert house.close() == 0
     recording = assert_plays_the_same(tmp_path / "run.mcap")
     assert not recording.is_cut
+    assert arrivals_heard(recording, 2.0) >= 10  # else no stamp is true to its arrival
     assert "flight_saved" in {line.event for line in recording.logs()}
     [flight] = (tmp_path / "flight").glob("*-asked.mcap")
     assert assert_plays_the_same(flight).from_start

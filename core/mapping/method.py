@@ -36,5 +36,8 @@ class Maps(Protocol):
         Besides those of UNITS there are `core.mapping.layers.ON_ASKING`.
         """
 
+    def evidence(self, i: int, j: int) -> dict[str, float]:
+        """What was counted in a world cell inside of the window, by what it counts."""
+
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell (world cell indices) is a drop, not something that stands."""

@@ -25,14 +25,6 @@ MODES = ("booting", "running", "degraded", "fault", "replayed")
 EVENTS_KEPT = 12
 NEAREST_TOLD = 5
 LAYERS = ("height", "variance", "age", "z", "slope")
-SEEN_IN = {  # fields of a cell's record, by what they count
-    "returns": "count",
-    "scans that met it": "looks",
-    "scans at the upper bound or above": "above",
-    "scans at the lower bound or below": "below",
-    "scans that missed floor": "miss",
-    "scans in a row that passed through": "through",
-}
 
 
 class Watch:
@@ -151,10 +143,8 @@ def cell_facts(app: App, cell: Cell | None) -> dict[str, Any] | None:
     }
     if app.tiles.doubt and facts["state"] == STATES[FREE]:
         facts["told"] = f"unknown ({CAUSES[app.tiles.doubt].sentence})"
-    cells = getattr(maps, "cells", None)
-    if cells is not None and cause != OUTSIDE:
-        record = cells.cells[cell[1] % cells.grid.size, cell[0] % cells.grid.size]
-        facts["counts"] = {about: int(record[field]) for about, field in SEEN_IN.items()}
+    if cause != OUTSIDE:
+        facts["counts"] = maps.evidence(*cell)
     return facts
 
 

@@ -104,7 +104,7 @@ def _of_cell(cell: Facts, now_s: float) -> Iterator[str]:
         yield f"  told to planners as {cell['told']}"
     known = [f"{name} {cell[name]:.3f}" for name in ("z", "slope") if cell[name] is not None]
     if "counts" in cell:
-        known += [f"{count} {about}" for about, count in cell["counts"].items() if count]
+        known += [f"{count:g} {about}" for about, count in cell["counts"].items() if count]
     if known:
         yield f"  {', '.join(known)}"
     for change in cell["changes"]:

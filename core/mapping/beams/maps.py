@@ -25,6 +25,14 @@ from core.records import F64, I64, PointSweep, Scan
 LEAST_MOVED_M = 0.002  # between two scans, for the line to move on
 STOOD_M, STOOD_SWEPT_M = 0.0005, 0.01  # less is standing
 LINE_M, MOST_SWEPT = 8.0, 3.0  # how far off it is, and how much more it may be swept aside
+EVIDENCE = {  # fields of a cell, by what they count
+    "returns": "count",
+    "scans that met it": "looks",
+    "scans at the upper bound or above": "above",
+    "scans at the lower bound or below": "below",
+    "scans that missed floor": "miss",
+    "scans in a row that passed through": "through",
+}
 
 
 class BeamMaps:
@@ -112,6 +120,12 @@ class BeamMaps:
         if name == "age":
             return ages_at(self.fresh, self.cells.grid, i, j)
         return maybe_beams_values(name, self.cells, self.window, i, j)
+
+    def evidence(self, i: int, j: int) -> dict[str, float]:
+        """What was counted in a world cell, by what it counts."""
+        size = self.cells.grid.size
+        record = self.cells.cells[j % size, i % size]
+        return {about: int(record[field]) for about, field in EVIDENCE.items()}
 
     def erase(self) -> None:
         """Forget everything."""

@@ -226,6 +226,10 @@ class ReferencePlaneMaps:
         averages_m = self.plane.elevation_m.ravel()
         return np.where(known, averages_m[np.where(known, sources, 0).astype(int)], np.nan)
 
+    def evidence(self, i: int, j: int) -> dict[str, float]:
+        """Nothing that is not in its layers."""
+        return {}
+
     def _cells(self, i: I64, j: I64) -> I32:
         """Flat indices (n,) in the window of world cells; -1 outside."""
         size = self.window.grid.size

@@ -46,6 +46,11 @@ from core.records import F64, I32, I64, PointSweep, Scan
 from jit import records, with_fields
 
 LEAST_TILT_DEG = 2.0  # a flatter scanner sees no floor
+EVIDENCE = {  # fields of a cell, by what they tell
+    "scans that saw its floor": "looks",
+    "log-odds that something stands in it": "stands",
+    "log-odds that this lets beams in": "soft",
+}
 ANCHOR = 30  # cells seen twice on the ground of the wheels: from then on it is not looked for
 
 
@@ -217,6 +222,11 @@ class SurfaceMaps:
             return ages_at(self.fresh, self.grid, i, j)
         ring = self._maybe_ring(name)
         return None if ring is None else at_cells(self.grid, i, j, ring)
+
+    def evidence(self, i: int, j: int) -> dict[str, float]:
+        """What was counted in a world cell, by what it counts."""
+        record = self.cells[j % self.grid.size, i % self.grid.size]
+        return {about: round(float(record[field]), 1) for about, field in EVIDENCE.items()}
 
     @property
     def static_rad(self) -> F64:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from config_file import load_config
 from core.mapping.causes import CAUSES, FIRST_DOUBT, STANDS, TOO_HIGH
 from logs import LOG, set_up_logging
 from mapod_link.frames import DRIVE, bytes_from_frame
@@ -17,10 +18,12 @@ from recording.reader import Recording
 from tests import ROOT, Capsys
 from tests.support.recorded import DriveToBox, note_line
 from tools.cli import export, why
+from tools.replay.changes import changed
 from tools.replay.player import Player
 from tools.why.beams import ranges_in
 from tools.why.moment import Watch, cell_facts, moment_of
 from tools.why.picture import OBSTACLE_RGB
+from tools.why.text import lines_of
 from tools.why.words import describe_cell
 
 BOX_X_M, READY_S, DRIVEN_S = 2.33, 1.7, 6.0
@@ -165,6 +168,19 @@ def test_what_cannot_be_asked_is_one_line(
     said = capsys.readouterr().err
     assert said.startswith(f"mapod why: {line}")
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("method", ["beams", "surface", "reference_plane"])
+def test_every_method_is_asked(drive: tuple[DriveToBox, Path], method: str) -> None:
+    recording = Recording(drive[1])
+    config = changed(load_config(recording.config), [f'map.method="{method}"'])
+    watch = Watch(Player(recording, config), (1, 1))
+    for _ in watch.steps_until(watch.player.begin_s + 5.0):
+        pass
+    story = why.story_of(recording, watch)
+    assert story["cell"]["counts"].keys() == watch.app.mapper.maps.evidence(1, 1).keys()
+    assert list(lines_of(story))
+    json.dumps(story, allow_nan=False)
 
 
 @pytest.mark.parametrize("ask", [(why.main, "--at", "3"), (export.main, "--to", "csv")])

@@ -139,6 +139,21 @@ def part_of(x: float, y: float, cell_m: float) -> int:
 
 
 @kernel
+def ones(bits: int) -> int:
+    """How many of them are set."""
+    count = 0
+    while bits:
+        bits, count = bits & (bits - 1), count + 1
+    return count
+
+
+@kernel
+def row_of(parts: int) -> int:
+    """Parts of a cell, parts along its edge, in which floor may be on one side of a ditch alone."""
+    return min(parts, parts * parts - 1)
+
+
+@kernel
 def ground_of(cell: Record, own: F64) -> float:
     """Height of the ground at a cell's centre."""
     return float(cell.ground_m - own[3] * cell.arm_m - own[4] * cell.aside_m)

@@ -32,7 +32,7 @@ from core.mapping.causes import (
     UNSHOWN,
 )
 from core.mapping.freshness import Freshness
-from core.mapping.surface.cells import APART, TIED, Surface, index_of
+from core.mapping.surface.cells import APART, TIED, Surface, index_of, ones, row_of
 from core.mapping.surface.error import GATE
 from core.mapping.surface.evidence import CLEAR
 from core.mapping.surface.touched import Limits
@@ -68,35 +68,58 @@ def _missing(cell: Record, h_neg: float, noise: float) -> int:
 
 
 @kernel
-def _ones(bits: int) -> int:
-    count = 0
-    while bits:
-        bits, count = bits & (bits - 1), count + 1
-    return count
+def _is_whole(cell: Record, parts: int, is_framed: bool) -> bool:
+    """Whether floor was seen in more than a row of a cell's parts, and where beams were under it.
+
+    Else it is the edge of a ditch: floor on one side of the cell says nothing of the other, but
+    where it is framed.
+    """
+    return bool(
+        ones(cell.floor_parts) > (0 if is_framed else row_of(parts))
+        and ones(cell.under_parts & ~cell.floor_parts) < max(2, parts // 2)
+    )
 
 
 @kernel
-def _is_whole(cell: Record, parts: int) -> bool:
-    """Whether floor was seen in more than a row of a cell's parts, and where beams were under it.
+def _is_seen(cell: Record, k: int, along: int, parts: int) -> bool:
+    """Whether floor was seen in any of the k-th parts of a cell along x (0) or y (1)."""
+    for n in range(parts):
+        if cell.floor_parts >> (n * parts + k if along == 0 else k * parts + n) & 1:
+            return True
+    return False
 
-    Else it is the edge of a ditch: floor on one side of the cell says nothing of the other.
+
+@kernel
+def is_framed(i: int, j: int, limits: Limits, surface: Surface) -> bool:
+    """Whether what lacks of a world cell's floor, along x and y, is no wider than half a cell.
+
+    As where the laser's line jumps on: so narrow a gap, with floor on both sides, is no ditch.
     """
-    return bool(
-        _ones(cell.floor_parts) > min(parts, parts * parts - 1)
-        and _ones(cell.under_parts & ~cell.floor_parts) < max(2, parts // 2)
-    )
+    cells, parts = surface.cells, limits.parts
+    for along in range(2):
+        run = 0
+        for k in range(-parts, 2 * parts):
+            n = k // parts
+            near = index_of(i + n * (1 - along), j + n * along, surface)
+            seen = near >= 0 and cells[near].looks > 0
+            seen = seen and _is_seen(cells[near], k - n * parts, along, parts)
+            run = 0 if seen else run + 1
+            if run > parts // 2 and k >= 0 and k - run < parts - 1:  # some of it is in the cell
+                return False
+    return True
 
 
 @kernel
 def rule_of(
     cell: Record, shown: int, seen_s: float, oldest_s: float, limits: Limits, noise: float,
-    passable: bool = False,
+    passable: bool = False, framed: bool = False,
 ) -> int:  # fmt: skip
     """Which rule decides a cell: a cause. What was told as obstacle stays so until it is gone.
 
     Args:
         noise: variance of a return's height where the ground is met.
         passable: what stands in it is soft and low, and nothing hard beside it.
+        framed: what lacks of its floor is narrow.
     """
     if cell.var_m2 == math.inf:
         return UNSEEN
@@ -112,7 +135,7 @@ def rule_of(
         return BEYOND_STEP if cell.tied == APART else UNREACHED
     if cell.stands > CLEAR and not passable:
         return FEW
-    if not _is_whole(cell, limits.parts):
+    if not _is_whole(cell, limits.parts, framed):
         return UNSHOWN
     if seen_s < oldest_s:
         return AGED if seen_s > -math.inf else EARLIER_RUN
@@ -141,7 +164,9 @@ def _rule_at(
 ) -> int:  # fmt: skip
     """Which rule decides the cell of a surface that is world cell i, j."""
     passable = is_passable(at, i, j, limits, surface)
-    return rule_of(surface.cells[at], shown, seen_s[at], oldest_s, limits, noise, passable)
+    cell = surface.cells[at]
+    framed = ones(cell.floor_parts) <= row_of(limits.parts) and is_framed(i, j, limits, surface)
+    return rule_of(cell, shown, seen_s[at], oldest_s, limits, noise, passable, framed)
 
 
 @kernel

@@ -21,8 +21,10 @@ from core.mapping.surface.cells import (
     from_centre,
     ground_of,
     index_of,
+    ones,
     part_of,
     predict,
+    row_of,
 )
 from core.mapping.surface.error import GATE, parted_m2
 from core.mapping.surface.soft import softness
@@ -145,6 +147,21 @@ def _see_floor(
 
 
 @kernel
+def _see_part(at: int, one: Record, limits: Limits, surface: Surface, touched: Touched) -> None:
+    """Floor in a part of a cell, which may frame the cells beside it."""
+    cells, cell_m = surface.cells, surface.cell_m
+    part = part_of(one.x_m, one.y_m, cell_m)
+    if cells[at].floor_parts & part:
+        return
+    cells[at].floor_parts |= part
+    i, j = math.floor(one.x_m / cell_m), math.floor(one.y_m / cell_m)
+    for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+        near = index_of(i + di, j + dj, surface)
+        if near >= 0 and 0 < ones(cells[near].floor_parts) <= row_of(limits.parts):
+            touch(near, surface, touched)
+
+
+@kernel
 def _end_on_floor(
     at: int, slot: int, one: Record, z: float, is_step: bool, stand: Stand, limits: Limits,
     surface: Surface, touched: Touched,
@@ -160,7 +177,7 @@ def _end_on_floor(
         _see_floor(at, slot, one, z, stand, limits, surface, touched)
     touched.seen_s[at] = stand.t_s
     cell.least_m = min(cell.least_m, z - ground_of(cell, surface.own))
-    cell.floor_parts |= part_of(one.x_m, one.y_m, surface.cell_m)
+    _see_part(at, one, limits, surface, touched)
     if cell.under_m < math.inf and cell.under_parts & ~cell.floor_parts == 0:
         cell.under_parts, cell.under_m, cell.far_m = 0, math.inf, math.inf
     rests = cell.low_m < limits.h_pos_m

@@ -1,5 +1,6 @@
 """Which rule decides a cell: each by a cell made for it, and what free always means."""
 
+import itertools
 import math
 from typing import Any
 
@@ -24,12 +25,12 @@ from core.mapping.causes import (
     state_of,
 )
 from core.mapping.surface.cells import APART, BLANK, CELL, LOOSE, TIED
-from core.mapping.surface.decision import LIKELY, rule_of
+from core.mapping.surface.decision import LIKELY, is_framed, rule_of
 from core.mapping.surface.error import GATE
 from core.mapping.surface.evidence import CLEAR
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import Record, records
-from tests.support.ground_cells import LIMITS
+from tests.support.ground_cells import LIMITS, GroundCells
 
 NOISE_M2, OLDEST_S = 1e-4, 100.0  # 1 cm; 3 sigma with a cell's own: 3.1 cm
 ALL = 0xFFFF  # parts of a cell
@@ -97,6 +98,64 @@ def test_an_obstacle_stays_one_until_nothing_speaks_for_it() -> None:
     assert cause_of(cell_of(**rises | {"stands": 0.1}), FREE) == FEW
     assert cause_of(cell_of(**rises | {"stands": 0.0}), OBSTACLE) == FEW
     assert cause_of(cell_of(**rises | {"stands": CLEAR}), OBSTACLE) == FLOOR
+
+
+FRAMED = [  # floor by parts along x, of three cells; the same for all y
+    ("xxxx x... xxxx", False),
+    ("xxxx xx.. xxxx", True),
+    ("xxxx ..xx xxxx", True),
+    ("xxx. .xx. xxxx", True),
+    ("xx.. .xxx xxxx", False),
+    ("xxxx xxx. ..xx", False),
+    ("xxxx xx.. .xxx", False),
+    ("x... xxxx ...x", True),  # what lacks beside it is not its own
+    ("xxxx .... xxxx", False),
+]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(("seen", "is_narrow"), FRAMED)
+def test_floor_may_lack_in_a_narrow_gap(seen: str, is_narrow: bool, turned: bool) -> None:
+    ground = GroundCells(size=5)
+    for n, parts in enumerate(seen.split()):
+        bits = sum(1 << (4 * row + k) for k in range(4) for row in range(4) if parts[k] == "x")
+        if turned:
+            bits = sum(1 << (4 * k + row) for k in range(4) for row in range(4) if parts[k] == "x")
+        for beside in (-1, 0, 1):
+            i, j = (beside, n - 1) if turned else (n - 1, beside)
+            ground.lay(i, j, 0.0, floor_parts=bits)
+    assert is_framed(0, 0, LIMITS, ground.surface) is is_narrow
+
+
+def test_a_ditch_that_runs_aslant_frames_nothing() -> None:
+    """30 cm wide, its middle at any place: no cell with its own middle in it is framed."""
+    for shift in np.linspace(0.0, 0.28, 15):
+        ground, part = GroundCells(size=9), 0.05
+        for i, j in itertools.product(range(-3, 4), repeat=2):
+            xs = [(i * 4 + k + 0.5) * part for k in range(4)]
+            ys = [(j * 4 + k + 0.5) * part for k in range(4)]
+            bits = sum(
+                1 << (4 * row + k)
+                for (k, x), (row, y) in itertools.product(enumerate(xs), enumerate(ys))
+                if abs(x + y - shift) / math.sqrt(2.0) > 0.15
+            )
+            ground.lay(i, j, 0.0, floor_parts=bits, looks=int(bits > 0))
+            if abs((i + j + 1) * 0.2 - shift) / math.sqrt(2.0) < 0.15:
+                assert not is_framed(i, j, LIMITS, ground.surface)
+
+
+def test_beside_what_is_not_known_nothing_is_framed() -> None:
+    ground = GroundCells(size=5)
+    ground.lay(0, 0, 0.0, floor_parts=0x0FFF)
+    assert not is_framed(0, 0, LIMITS, ground.surface)
+
+
+def test_a_framed_cell_is_free_with_floor_in_some_part_of_it() -> None:
+    for fields, cause in (({"floor_parts": 0x1}, FLOOR), ({"floor_parts": 0}, UNSHOWN)):
+        cell = cell_of(**GOOD | fields)
+        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, NOISE_M2, False, True) == cause
+    under = cell_of(**GOOD | {"floor_parts": 0x1, "under_parts": 0x6})
+    assert rule_of(under, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, NOISE_M2, False, True) == UNSHOWN
 
 
 HEIGHTS = st.one_of(st.just(math.inf), st.just(-math.inf), st.floats(-0.5, 0.5))

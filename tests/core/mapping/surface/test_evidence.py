@@ -12,3 +12,13 @@ def test_floor_seen_lower_by_another_attitude_makes_no_face_of_it_later() -> Non
     for k, x_m in enumerate((0.46, 0.51, 0.56)):
         assert met(ground, 20.0 + 0.04 * k, x_m, 0.03)["kind"][0] == FLOOR
     assert bin(ground.cells["floor_parts"][at]).count("1") == 5
+
+
+def test_floor_in_a_part_has_the_cells_beside_it_decided_again_that_lack_some() -> None:
+    ground = GroundCells()
+    for i, parts in ((1, 0x1), (2, 0x0), (3, 0xFFFF)):
+        ground.lay(i, 0, 0.0, floor_parts=parts)
+    for lacking in ({ground.at(1, 0)}, set()):  # the second time, the part was known
+        met(ground, 20.0, 0.46, 0.0)
+        touched = ground.touched.at[: ground.touched.used[0]].tolist()
+        assert set(touched) == {ground.at(2, 0)} | lacking

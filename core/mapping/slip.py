@@ -13,6 +13,7 @@ from bisect import bisect
 
 import numpy as np
 
+from core.grid.places import flat_index
 from core.grid.ring import RingGrid
 from core.mapping.body import BodyPose
 from core.mapping.rays import MIN_RANGE_M, Sweep
@@ -67,15 +68,6 @@ def _normal(
 
 
 @kernel
-def _face_at(x: float, y: float, window: tuple[int, int, int, float]) -> int:
-    """Flat index of the cell of a point; -1 outside of the window."""
-    i, j, size = math.floor(x / window[3]), math.floor(y / window[3]), window[2]
-    if not (0 <= i - window[0] < size and 0 <= j - window[1] < size):
-        return -1
-    return (j % size) * size + i % size
-
-
-@kernel
 def _off(
     x: float, y: float, normal: tuple[float, float], segment: int,
     window: tuple[int, int, int, float], faces: Records,
@@ -84,7 +76,9 @@ def _off(
     best = math.inf
     for step in range(-1, 2):
         away = step * window[3]
-        at = _face_at(x + away * normal[0], y + away * normal[1], window)
+        at = flat_index(
+            x + away * normal[0], y + away * normal[1], window[3], (window[0], window[1]), window[2]
+        )
         if at < 0 or faces[at].segment != segment or faces[at].n < KNOWN:
             continue
         face = faces[at]
@@ -106,7 +100,7 @@ def _offsets_of(
         if not r >= MIN_RANGE_M:
             continue
         x, y = origins[b, 0] + r * rays[b, 0], origins[b, 1] + r * rays[b, 1]
-        at, height = _face_at(x, y, window), heights_m[b]
+        at, height = flat_index(x, y, window[3], (window[0], window[1]), window[2]), heights_m[b]
         if at < 0:
             continue
         face = faces[at]

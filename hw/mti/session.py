@@ -34,7 +34,7 @@ from hw.mti.setup import identify, set_up
 from hw.mti.stream import DATA_MIDS, MtStream, StreamReader
 
 EARLY_S = 0.002  # before a sample is due: adapters and drivers jitter by a millisecond
-STAMPED_S = 0.05  # a stamp true to its arrival, then late ones: some eight true in half a second
+STAMPED_S = 0.05  # between two samples read as they arrive, at least: the clock needs some
 MOST_GATHERED = 255  # bytes, of VMIN
 GATHER_AGAIN_S = 1.0
 SILENCE_S, SILENCE_SAMPLES = 0.5, 3  # the longer

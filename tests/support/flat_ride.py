@@ -23,7 +23,7 @@ from core.records import Attitude, Scan, WheelCounts
 from hw.lms1xx.options import Lms1xxOptions
 from jit import COMPILED
 from tests import ROOT
-from tests.support.flat_world import F64, Profile, World
+from tests.support.flat_world import F64, Box, Profile, World
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 CASTOR_M = 0.4
@@ -202,6 +202,13 @@ def places_where(rig: Rig, state: int) -> npt.NDArray[np.float64]:
     i = grid.corner_i + (columns - grid.corner_i) % grid.size
     j = grid.corner_j + (rows - grid.corner_j) % grid.size
     return np.column_stack([(i + 0.5) * grid.cell_m, (j + 0.5) * grid.cell_m])
+
+
+def cells_over(rig: Rig, state: int, box: Box) -> int:
+    """How many of the window's cells of a state have their middle over a box."""
+    found = places_where(rig, state)
+    over = [(found[:, k] >= box.low[k]) & (found[:, k] <= box.high[k]) for k in (0, 1)]
+    return int(np.sum(over[0] & over[1]))
 
 
 def state_at(rig: Rig, x: float, y: float) -> int:

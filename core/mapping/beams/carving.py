@@ -17,17 +17,9 @@ import math
 
 import numpy as np
 
+from core.grid.places import flat_index, part_bit
 from core.mapping.along import MOST_PLACES, REACH_M, STEP_M, first_place_m, places_along
-from core.mapping.beams.cells import (
-    GONE_FLOOR_AGAIN,
-    GONE_PASSED,
-    CellGrid,
-    Cells,
-    flat_index,
-    forget,
-    part_bit,
-    touch,
-)
+from core.mapping.beams.cells import GONE_FLOOR_AGAIN, GONE_PASSED, CellGrid, Cells, forget, touch
 from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep

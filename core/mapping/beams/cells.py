@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from core.grid.places import parts_of
 from core.grid.ring import RingGrid
 from core.records import I32
 from jit import kernel, with_fields
@@ -61,13 +62,6 @@ CELL = np.dtype(
 )
 BLANK = np.zeros((), dtype=CELL)
 GONE_PASSED, GONE_FLOOR_AGAIN, GONE_JUDGED = 1, 2, 3
-PART_M = 0.05  # edge of a part of a cell, about
-MAX_SUB = 4
-
-
-def parts_of(cell_m: float) -> int:
-    """Into how many parts along an edge a cell is divided, 1 to 4: each some 5 cm."""
-    return max(1, min(MAX_SUB, round(cell_m / PART_M)))
 
 
 @kernel
@@ -75,34 +69,6 @@ def known(cells: Cells, at: int) -> bool:
     """Whether anything at all was seen of a cell; of a loaded map's, in this run."""
     cell = cells[at]
     return bool((cell.count > 0 and cell.looks >= 0) or cell.miss > 0)
-
-
-@kernel
-def flat_index(x: float, y: float, cell_m: float, corner: tuple[int, int], size: int) -> int:
-    """Flat index of the cell of a point, -1 outside of the window."""
-    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
-    if not (0 <= i - corner[0] < size and 0 <= j - corner[1] < size):
-        return -1
-    return int((j % size) * size + i % size)
-
-
-@kernel
-def part_bit(x: float, y: float, cell_m: float, sub: int) -> int:
-    """The bit of the part of its cell in which a point lies."""
-    u, v = x / cell_m, y / cell_m
-    column = min(sub - 1, int((u - math.floor(u)) * sub))
-    row = min(sub - 1, int((v - math.floor(v)) * sub))
-    return 1 << (row * sub + column)
-
-
-@kernel
-def ones(bits: int) -> int:
-    """How many bits are set."""
-    n = 0
-    while bits:
-        bits &= bits - 1
-        n += 1
-    return n
 
 
 @kernel

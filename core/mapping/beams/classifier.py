@@ -16,9 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from core.config import Obstacle
+from core.grid.places import ones
 from core.grid.window import ObstacleWindow, put_state
 from core.mapping import causes
-from core.mapping.beams.cells import GONE_JUDGED, GONE_PASSED, CellGrid, Cells, known, ones
+from core.mapping.beams.cells import GONE_JUDGED, GONE_PASSED, CellGrid, Cells, known
 from core.mapping.causes import (
     AGED,
     CONTRADICTED,

@@ -12,17 +12,9 @@ Source: the paper, section 4.2.2 (average); design, section 7.
 
 import math
 
+from core.grid.places import flat_index, part_bit
 from core.mapping.beams.carving import FLOOR_AGAIN, see_floor_again
-from core.mapping.beams.cells import (
-    GONE_JUDGED,
-    CellGrid,
-    Cells,
-    flat_index,
-    known,
-    part_bit,
-    touch,
-    touch_around,
-)
+from core.mapping.beams.cells import GONE_JUDGED, CellGrid, Cells, known, touch, touch_around
 from core.mapping.beams.ground_plane import DUE_M, Ground, due_m, ground_m
 from core.mapping.beams.isolated import IsolatedReturns
 from core.mapping.beams.negative import MAX_EVIDENCE, missed, missing

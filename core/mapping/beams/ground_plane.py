@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.mapping.beams.cells import Cells, flat_index
+from core.grid.places import flat_index
+from core.mapping.beams.cells import Cells
 from core.mapping.body import BodyPose
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64

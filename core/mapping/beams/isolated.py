@@ -8,7 +8,8 @@ Source: design, section 7 (what was seen once is looked at again).
 
 import numpy as np
 
-from core.mapping.beams.cells import CellGrid, flat_index
+from core.grid.places import flat_index
+from core.mapping.beams.cells import CellGrid
 from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.records import F64, U8

@@ -8,7 +8,8 @@ Source: design, section 7.
 
 import math
 
-from core.mapping.beams.cells import Cells, flat_index, known, part_bit, touch, touch_around
+from core.grid.places import flat_index, part_bit
+from core.mapping.beams.cells import Cells, known, touch, touch_around
 from core.mapping.beams.ground_plane import Ground, ground_m
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64, I32

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from core.grid.places import index_in
 from core.records import F64
 from jit import Record, kernel
 
@@ -72,7 +73,6 @@ STEEP = 0.07  # 1 sigma of slopes: 4 deg
 STEEPEST = 0.2  # most of them that a wheel climbs
 RISES = 0.06  # half the tilt of the scan plane: ground that rises more towards the robot is none
 REACH, REACH_M = 3, 0.2  # neighbours looked at: 7 x 7 places, 0.2 m apart or a cell
-PART_M, MOST_PARTS = 0.05, 4  # edge of a part of a cell, about, and parts along an edge at most
 
 
 class Surface(NamedTuple):
@@ -104,10 +104,16 @@ NOWHERE = Plane(0.0, 0.0, 0.0, math.inf, -math.inf, LOOSE, False)
 @kernel
 def index_of(i: int, j: int, surface: Surface) -> int:
     """Flat index of a world cell; -1 outside of the window."""
+    return index_in(i, j, (surface.corner_i, surface.corner_j), surface.size)
+
+
+@kernel
+def world_cell(at: int, surface: Surface) -> tuple[int, int]:
+    """The world cell of a flat index."""
     size = surface.size
-    if not (0 <= i - surface.corner_i < size and 0 <= j - surface.corner_j < size):
-        return -1
-    return (j % size) * size + i % size
+    i = surface.corner_i + (at % size - surface.corner_i) % size
+    j = surface.corner_j + (at // size - surface.corner_j) % size
+    return i, j
 
 
 @kernel
@@ -120,31 +126,6 @@ def cell_at(x: float, y: float, surface: Surface) -> int:
 def from_centre(x: float, cell_m: float) -> float:
     """How far a point lies from the middle of its cell along an axis."""
     return x - (math.floor(x / cell_m) + 0.5) * cell_m
-
-
-@kernel
-def parts_of(cell_m: float) -> int:
-    """Parts of a cell along its edge."""
-    return max(1, min(MOST_PARTS, round(cell_m / PART_M)))
-
-
-@kernel
-def part_of(x: float, y: float, cell_m: float) -> int:
-    """The bit of the part of its cell in which a point lies."""
-    sub = parts_of(cell_m)
-    u, v = x / cell_m, y / cell_m
-    column = min(sub - 1, int((u - math.floor(u)) * sub))
-    row = min(sub - 1, int((v - math.floor(v)) * sub))
-    return 1 << (row * sub + column)
-
-
-@kernel
-def ones(bits: int) -> int:
-    """How many of them are set."""
-    count = 0
-    while bits:
-        bits, count = bits & (bits - 1), count + 1
-    return count
 
 
 @kernel

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from core.grid.places import ones
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow, put_state
 from core.mapping import causes
@@ -32,7 +33,7 @@ from core.mapping.causes import (
     UNSHOWN,
 )
 from core.mapping.freshness import Freshness
-from core.mapping.surface.cells import APART, TIED, Surface, index_of, ones, row_of
+from core.mapping.surface.cells import APART, TIED, Surface, index_of, row_of, world_cell
 from core.mapping.surface.error import GATE
 from core.mapping.surface.evidence import CLEAR
 from core.mapping.surface.touched import Limits
@@ -175,10 +176,9 @@ def _decide(
     to: tuple[int, int, int], shown: I8, marked: I8, changed: I32, used: int,
 ) -> int:  # fmt: skip
     """Decide cells again into the planner's window; how many of it have changed."""
-    size, out = surface.size, to[2]
+    out = to[2]
     for at in touched:
-        i = surface.corner_i + (at % size - surface.corner_i) % size
-        j = surface.corner_j + (at // size - surface.corner_j) % size
+        i, j = world_cell(at, surface)
         if 0 <= i - to[0] < out and 0 <= j - to[1] < out:
             into = (j % out) * out + i % out
             cause = _rule_at(at, i, j, shown[into], seen_s, oldest_s, limits, noise, surface)

@@ -10,6 +10,7 @@ Source: docs/method.md, section 4.
 
 import math
 
+from core.grid.places import ones, part_bit
 from core.mapping.surface.cells import (
     APART,
     FLAT_M,
@@ -21,8 +22,6 @@ from core.mapping.surface.cells import (
     from_centre,
     ground_of,
     index_of,
-    ones,
-    part_of,
     predict,
     row_of,
 )
@@ -150,7 +149,7 @@ def _see_floor(
 def _see_part(at: int, one: Record, limits: Limits, surface: Surface, touched: Touched) -> None:
     """Floor in a part of a cell, which may frame the cells beside it."""
     cells, cell_m = surface.cells, surface.cell_m
-    part = part_of(one.x_m, one.y_m, cell_m)
+    part = part_bit(one.x_m, one.y_m, cell_m, limits.parts)
     if cells[at].floor_parts & part:
         return
     cells[at].floor_parts |= part
@@ -248,7 +247,7 @@ def _end(
     if is_guess:
         _rise(at, one, surface, touched)
         return
-    slot, part = touch(at, surface, touched), part_of(one.x_m, one.y_m, cell_m)
+    slot, part = touch(at, surface, touched), part_bit(one.x_m, one.y_m, cell_m, limits.parts)
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
     drift = 0.0
     if cell.looks > 0:

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from core.config import Config
+from core.grid.places import parts_of
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.body import body_pose_at
@@ -20,7 +21,7 @@ from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states_at, view_of
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
-from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Surface, parts_of
+from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Surface
 from core.mapping.surface.decision import LIKELY, Decision
 from core.mapping.surface.error import SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import CLEAR, end_beams

@@ -5,9 +5,10 @@ Source: docs/method.md, section 4.
 
 import math
 
+from core.grid.places import part_bit
 from core.mapping.along import STEP_M, first_place_m, places_along
 from core.mapping.rays import MIN_RANGE_M
-from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of, part_of, predict
+from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of, predict
 from core.mapping.surface.error import GATE, seen_again_m2
 from core.mapping.surface.evidence import CLEAR, expect, lower, stay, vote
 from core.mapping.surface.sweep import (
@@ -102,7 +103,7 @@ def _pass_low(
             age_s = stand.t_s - cell.floor_s
             var += seen_again_m2(ahead, aside, stand.travel_m, age_s, cell, P)
             if h * h > GATE * GATE * var:
-                lower(cell, slot, part_of(x, y, cell_m), h, touched)
+                lower(cell, slot, part_bit(x, y, cell_m, limits.parts), h, touched)
         if cell.under_m < math.inf and cell.looks == 0:
             _see_beyond(cell, one, limits, surface)
 
@@ -173,7 +174,7 @@ def _miss(
         if at < 0 or not _expects(at, x, y, r, ray, stand, surface):
             return
         z = ground_of(surface.cells[at], surface.own)
-    slot, part = touch(at, surface, touched), part_of(x, y, surface.cell_m)
+    slot, part = touch(at, surface, touched), part_bit(x, y, surface.cell_m, limits.parts)
     lower(surface.cells[at], slot, part, 2.0 * limits.h_neg_m, touched)
 
 

@@ -6,7 +6,7 @@ along a front as wide as a robot. Where ground is tied, loose ground around it m
 Source: docs/method.md, section 4.
 """
 
-from core.mapping.surface.cells import APART, TIED, Surface, ground_of, index_of
+from core.mapping.surface.cells import APART, TIED, Surface, ground_of, index_of, world_cell
 from core.mapping.surface.touched import NEWLY_TIED, Limits, Touched, touch
 from jit import kernel
 
@@ -51,12 +51,11 @@ def tie(at: int, i: int, j: int, limits: Limits, surface: Surface, touched: Touc
 @kernel
 def spread_ties(limits: Limits, surface: Surface, touched: Touched) -> None:
     """Ground that was seen before is reached over what has been tied now."""
-    cells, size, k = surface.cells, surface.size, 0
+    cells, k = surface.cells, 0
     while k < touched.used[0]:  # grows as cells are tied
         at = touched.at[k]
         if touched.bits[k] & NEWLY_TIED:
-            i = surface.corner_i + (at % size - surface.corner_i) % size
-            j = surface.corner_j + (at // size - surface.corner_j) % size
+            i, j = world_cell(at, surface)
             for n in range(9):
                 ni, nj = i + n % 3 - 1, j + n // 3 - 1
                 near = index_of(ni, nj, surface)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from core.grid.places import flat_index, part_bit
 from core.mapping.along import GOLDEN, REACH_M, STEP_M
 from core.mapping.beams.carving import (
     BEFORE_M,
@@ -25,14 +26,7 @@ from core.mapping.beams.carving import (
     FreeSpaceCarver,
     see_floor_again,
 )
-from core.mapping.beams.cells import (
-    GONE_FLOOR_AGAIN,
-    GONE_PASSED,
-    CellGrid,
-    flat_index,
-    forget,
-    part_bit,
-)
+from core.mapping.beams.cells import GONE_FLOOR_AGAIN, GONE_PASSED, CellGrid, forget
 from core.mapping.beams.ground_plane import LEVEL, Ground, ground_m
 from core.mapping.freshness import Freshness
 from core.mapping.rays import MIN_RANGE_M, Sweep

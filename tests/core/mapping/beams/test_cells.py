@@ -1,49 +1,10 @@
-"""Cells of method `beams`: their places, their parts, and the list of those that a scan touched."""
-
-import math
+"""Cells of method `beams`: their parts, and the list of those that a scan touched."""
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from core.mapping.beams.cells import (
-    CELL,
-    MAX_SUB,
-    CellGrid,
-    flat_index,
-    ones,
-    part_bit,
-    parts_of,
-    touch,
-    touch_around,
-)
-
-COORDINATE = st.floats(-30, 30)
-
-
-@given(x=COORDINATE, y=COORDINATE, corner=st.tuples(st.integers(-50, 50), st.integers(-50, 50)))
-def test_a_flat_index_is_that_of_the_ring_or_none(
-    x: float, y: float, corner: tuple[int, int]
-) -> None:
-    size, cell_m = 21, 0.25
-    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
-    inside = all(0 <= a - b < size for a, b in zip((i, j), corner, strict=True))
-    at = flat_index(x, y, cell_m, corner, size)
-    assert at == ((j % size) * size + i % size if inside else -1)
-
-
-@given(x=COORDINATE, y=COORDINATE, sub=st.integers(1, MAX_SUB))
-def test_a_part_is_where_its_place_lies_in_the_cell(x: float, y: float, sub: int) -> None:
-    bit = part_bit(x, y, 0.25, sub)
-    assert ones(bit) == bit.bit_count() == 1
-    assert ones(0xFFFF) == 16
-    assert ones(0x8009) == 3
-    row, column = divmod(bit.bit_length() - 1, sub)
-    for place, part in ((x, column), (y, row)):
-        within = place / 0.25 - math.floor(place / 0.25)
-        assert 0 <= part < sub
-        assert part / sub - 1e-9 <= within <= (part + 1) / sub + 1e-9
+from core.grid.places import parts_of
+from core.mapping.beams.cells import CELL, CellGrid, touch, touch_around
 
 
 @pytest.mark.parametrize(

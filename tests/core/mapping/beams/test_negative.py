@@ -9,7 +9,8 @@ import random
 import numpy as np
 import pytest
 
-from core.mapping.beams.cells import CellGrid, Cells, flat_index, known, part_bit
+from core.grid.places import flat_index, part_bit
+from core.mapping.beams.cells import CellGrid, Cells, known
 from core.mapping.beams.ground_plane import LEVEL, Ground, ground_m
 from core.mapping.beams.negative import (
     BEFORE_M,

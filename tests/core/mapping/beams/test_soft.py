@@ -10,7 +10,7 @@ from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few
 from tests.support.cell_rig import CellRig, floor_around, sweep_to
-from tests.support.flat_ride import Ride, Rig, config_of, places_where
+from tests.support.flat_ride import Ride, Rig, cells_over, config_of
 from tests.support.flat_world import Box, Cylinder, Grass, World
 
 MEADOW = Grass(Box((9.0, -1.5, 0.0), (11.0, 1.5, 0.3)), 0.25, 0.7)
@@ -27,21 +27,14 @@ def soft_cells(rig: Rig) -> int:
     return sum(bool(is_soft(cells, int(at))) for at in np.flatnonzero(cells["above"] > 0))
 
 
-def obstacles_in(rig: Rig, box: Box) -> int:
-    """Obstacle cells whose middle lies over a box."""
-    found = places_where(rig, OBSTACLE)
-    inside = [(found[:, k] >= box.low[k]) & (found[:, k] <= box.high[k]) for k in (0, 1)]
-    return int(np.sum(inside[0] & inside[1]))
-
-
 def test_soft_grass_lower_than_the_settings_say_is_free_and_a_stone_in_it_is_not() -> None:
     stone = Box((9.8, -0.2, 0.0), (10.2, 0.2, 0.28))
     low = drive(World(solids=(stone,), grass=(MEADOW,)), free_below_m=0.45)
     high = drive(World(grass=(MEADOW,)), free_below_m=0.15)
     assert soft_cells(high) > 20
-    assert obstacles_in(high, MEADOW.box) > 30
-    assert obstacles_in(low, MEADOW.box) < 0.6 * obstacles_in(high, MEADOW.box)
-    assert obstacles_in(low, Box((9.6, -0.4, 0), (10.4, 0.4, 1))) > 0
+    assert cells_over(high, OBSTACLE, MEADOW.box) > 30
+    assert cells_over(low, OBSTACLE, MEADOW.box) < 0.6 * cells_over(high, OBSTACLE, MEADOW.box)
+    assert cells_over(low, OBSTACLE, Box((9.6, -0.4, 0), (10.4, 0.4, 1))) > 0
 
 
 @pytest.mark.parametrize("free_below_m", few([0.45, 0.0], 1))
@@ -55,7 +48,7 @@ def test_edges_at_which_beams_split_are_not_soft(free_below_m: float) -> None:
     rig = drive(World(solids=things), free_below_m=free_below_m)
     assert soft_cells(rig) == 0
     for x, y in ((9.1, 0.7), (9.6, -0.6), (10.6, 2.0), (8.9, 0.0)):
-        assert obstacles_in(rig, Box((x - 0.35, y - 0.35, 0), (x + 0.35, y + 0.35, 1))) > 0
+        assert cells_over(rig, OBSTACLE, Box((x - 0.35, y - 0.35, 0), (x + 0.35, y + 0.35, 1))) > 0
 
 
 # Cell by cell

@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 from core.grid.ring import RingGrid
 from core.mapping.surface.cells import (
     APART,
-    MOST_PARTS,
     RISES,
     STEEPEST,
     cell_at,
     ground_of,
     index_of,
-    part_of,
     predict,
+    world_cell,
 )
 from tests.support.ground_cells import GroundCells
 
@@ -123,9 +122,7 @@ def test_just_outside_of_the_window_there_is_no_cell(edge: int) -> None:
     assert index_of(-7 + 40, 11 + 40, surface) >= 0
 
 
-@pytest.mark.parametrize(("cell_m", "along"), [(0.2, 4), (0.1, 2), (0.05, 1), (0.5, MOST_PARTS)])
-@pytest.mark.parametrize("cell", [0, -3, 17])
-def test_each_part_of_a_cell_has_a_bit_of_its_own(cell_m: float, along: int, cell: int) -> None:
-    middles = [(cell + (k + 0.5) / along) * cell_m for k in range(along)]
-    bits = [part_of(x, y, cell_m) for y in middles for x in middles]
-    assert bits == [1 << k for k in range(along * along)]
+def test_an_index_is_that_of_one_world_cell() -> None:
+    surface = GroundCells(41, CELL_M, (-7, 11)).surface
+    for i, j in ((-7, 11), (0, 11), (33, 51), (5, 40)):
+        assert world_cell(index_of(i, j, surface), surface) == (i, j)

@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 from tests import ROOT
 
-BESIDE = [ROOT / "core" / "mapping" / "along.py", ROOT / "core" / "motion" / "lean.py"]
+BESIDE = [
+    ROOT / "core" / place for place in ("grid/places.py", "mapping/along.py", "motion/lean.py")
+]
 FILES = sorted([*ROOT.glob("core/mapping/surface/*.py"), *BESIDE])
 EXEMPT = {  # numbers that tell kinds or bits apart, or count what is written out beside them
     "along.py": {"MOST_PLACES"},

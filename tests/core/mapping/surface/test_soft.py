@@ -15,7 +15,7 @@ from core.mapping.surface.soft import HARD, LET_IN, STOPPED, softness
 from core.mapping.surface.touched import touch
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few
-from tests.support.flat_ride import Ride, Rig, config_of, places_where
+from tests.support.flat_ride import Ride, Rig, cells_over, config_of
 from tests.support.flat_world import Box, Cylinder, Grass, World
 from tests.support.ground_cells import LIMITS, GroundCells, met
 
@@ -43,27 +43,20 @@ def soft_cells(rig: Rig) -> int:
     return int(((cells["stands"] > 0.0) & (cells["soft"] >= LIKELY)).sum())
 
 
-def inside(rig: Rig, state: int, box: Box) -> int:
-    """Cells of a state whose middle lies over a box."""
-    found = places_where(rig, state)
-    over = [(found[:, k] >= box.low[k]) & (found[:, k] <= box.high[k]) for k in (0, 1)]
-    return int(np.sum(over[0] & over[1]))
-
-
 def test_grass_lower_than_the_settings_say_is_free_and_a_stone_in_it_is_not() -> None:
     stone = Box((9.8, -0.2, 0.0), (10.2, 0.2, 0.28))
     with_stone = drive(World(solids=(stone,), grass=(MEADOW,)), free_below_m=0.45)
-    assert inside(with_stone, FREE, MEADOW.box) > 30
-    assert inside(with_stone, FREE, stone) == 0
-    assert inside(with_stone, OBSTACLE, stone) == 4
+    assert cells_over(with_stone, FREE, MEADOW.box) > 30
+    assert cells_over(with_stone, FREE, stone) == 0
+    assert cells_over(with_stone, OBSTACLE, stone) == 4
 
 
 @pytest.mark.parametrize("free_below_m", [0.0, 0.15])
 def test_grass_that_is_too_high_is_soft_and_an_obstacle(free_below_m: float) -> None:
     rig = drive(World(grass=(MEADOW,)), free_below_m)
     assert soft_cells(rig) > 50
-    assert inside(rig, FREE, MEADOW.box) == 0
-    assert inside(rig, OBSTACLE, MEADOW.box) > 100
+    assert cells_over(rig, FREE, MEADOW.box) == 0
+    assert cells_over(rig, OBSTACLE, MEADOW.box) > 100
 
 
 @pytest.mark.parametrize(("x_m", "radius_m"), few([(9.5, 0.03), (9.1, 0.03), (10.1, 0.05)], 2))
@@ -78,7 +71,7 @@ def test_a_post_as_high_as_the_grass_around_it_is_never_free(x_m: float, radius_
     i, j = np.array([grid.cell_of(x_m, y) for y in y_m]).T
     for _ in rig.drive():
         assert SOFT not in maps_of(rig).causes(i, j)
-    assert inside(rig, FREE, MEADOW.box) > 15
+    assert cells_over(rig, FREE, MEADOW.box) > 15
 
 
 def test_what_lies_down_in_grass_that_was_soft_for_long_is_an_obstacle_at_once() -> None:
@@ -91,9 +84,9 @@ def test_what_lies_down_in_grass_that_was_soft_for_long_is_an_obstacle_at_once()
     front, were_free = Box((9.4, -0.4, 0.0), (9.6, 0.4, 0.0)), 0
     for now_s in rig.drive():
         if now_s < down_s:
-            were_free = inside(rig, FREE, front)
+            were_free = cells_over(rig, FREE, front)
         elif now_s > down_s + 0.3:
-            assert inside(rig, FREE, front) == 0
+            assert cells_over(rig, FREE, front) == 0
     assert were_free > 0
 
 
@@ -108,7 +101,7 @@ def test_edges_at_which_beams_split_are_not_soft(free_below_m: float) -> None:
     rig = drive(World(solids=things), free_below_m)
     assert soft_cells(rig) == 0
     for x, y in ((9.1, 0.7), (9.6, -0.6), (10.6, 2.0), (8.9, 0.0)):
-        assert inside(rig, OBSTACLE, Box((x - 0.35, y - 0.35, 0), (x + 0.35, y + 0.35, 1))) > 0
+        assert cells_over(rig, OBSTACLE, Box((x - 0.35, y - 0.35, 0), (x + 0.35, y + 0.35, 1))) > 0
 
 
 # Beam by beam

@@ -1,0 +1,43 @@
+"""The cell of a ring in which a place lies, and the part of that."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.grid.places import MOST_PARTS, flat_index, ones, part_bit, parts_of
+
+COORDINATE = st.floats(-30, 30)
+
+
+@given(x=COORDINATE, y=COORDINATE, corner=st.tuples(st.integers(-50, 50), st.integers(-50, 50)))
+def test_a_flat_index_is_that_of_the_ring_or_none(
+    x: float, y: float, corner: tuple[int, int]
+) -> None:
+    size, cell_m = 21, 0.25
+    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
+    inside = all(0 <= a - b < size for a, b in zip((i, j), corner, strict=True))
+    at = flat_index(x, y, cell_m, corner, size)
+    assert at == ((j % size) * size + i % size if inside else -1)
+
+
+@given(x=COORDINATE, y=COORDINATE, sub=st.integers(1, MOST_PARTS))
+def test_a_part_is_where_its_place_lies_in_the_cell(x: float, y: float, sub: int) -> None:
+    bit = part_bit(x, y, 0.25, sub)
+    assert ones(bit) == bit.bit_count() == 1
+    assert ones(0xFFFF) == 16
+    assert ones(0x8009) == 3
+    row, column = divmod(bit.bit_length() - 1, sub)
+    for place, part in ((x, column), (y, row)):
+        within = place / 0.25 - math.floor(place / 0.25)
+        assert 0 <= part < sub
+        assert part / sub - 1e-9 <= within <= (part + 1) / sub + 1e-9
+
+
+@pytest.mark.parametrize(("cell_m", "along"), [(0.2, 4), (0.1, 2), (0.05, 1), (0.5, MOST_PARTS)])
+@pytest.mark.parametrize("cell", [0, -3, 17])
+def test_each_part_of_a_cell_has_a_bit_of_its_own(cell_m: float, along: int, cell: int) -> None:
+    middles = [(cell + (k + 0.5) / along) * cell_m for k in range(along)]
+    bits = [part_bit(x, y, cell_m, parts_of(cell_m)) for y in middles for x in middles]
+    assert bits == [1 << k for k in range(along * along)]

@@ -13,6 +13,7 @@ from recording.reader import Recording, parts_of
 from recording.records import RecordingError
 from tools.replay.outcome import why_nothing_was_mapped
 from tools.replay.player import Player
+from tools.replay.sources import drive_in
 from tools.sweep.code import code_digest, digest_of
 from tools.sweep.look import maybe_look
 from tools.sweep.rows import FAILED, Row
@@ -52,7 +53,7 @@ class ReplayTask:
 
 def drive_of(path: Path, name: str, text: str | None) -> Drive:
     """Raises RecordingError, ConfigError, OSError: it cannot be played."""
-    recording = Recording(path)
+    recording = drive_in(path)
     try:
         load_config(used := recording.config if text is None else text)
     except ConfigError as error:

@@ -57,11 +57,11 @@ class Loop(asyncio.SelectorEventLoop):
         return self._due_s[0] - self.time() if self._due_s else float("inf")
 
     def run_once(self) -> None:
-        """Whatever is ready, and no wait."""
-        self._has_more = False
+        """Whatever is ready, and no wait. A timer that falls due meanwhile has its turn next."""
+        now_s, self._has_more = self.time(), False
         self.stop()
         self.run_forever()
-        while self._due_s and self._due_s[0] <= self.time():
+        while self._due_s and self._due_s[0] <= now_s:
             heapq.heappop(self._due_s)
 
 

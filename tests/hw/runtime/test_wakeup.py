@@ -11,7 +11,7 @@ from contextlib import ExitStack
 import pytest
 
 from hw.device import DeviceStatus, NoPort, Port
-from hw.runtime.servers import ROUNDS, Servers
+from hw.runtime.servers import ROUNDS, Loop, Servers
 from hw.runtime.wakeup import Nothing, WakeUp
 
 
@@ -125,6 +125,27 @@ def test_an_end_of_a_connection_wakes_too_and_a_closed_port_never(stack: ExitSta
 def test_what_is_past_is_due_at_once(due_s: float, stack: ExitStack) -> None:
     wake_up, ports = wires(stack, 1)
     assert wake_up.wait(due_s, ports, [-math.inf]) == []
+
+
+def test_a_timer_that_falls_due_while_others_run_is_not_forgotten() -> None:
+    class Slow(Loop):
+        now_s = 0.0
+
+        def time(self) -> float:
+            return self.now_s
+
+        def take_long(self) -> None:
+            self.now_s = 2.0
+
+    loop, rung = Slow(), list[str]()
+    loop.call_at(1.0, rung.append, "timer")
+    loop.call_soon(loop.take_long)
+    loop.run_once()
+    assert loop.wait_s < 0.0
+    loop.run_once()
+    assert rung == ["timer"]
+    assert loop.wait_s == math.inf
+    loop.close()
 
 
 def test_servers_run_while_the_loop_waits_and_their_timers_wake_it() -> None:

@@ -65,13 +65,13 @@ class StepTimes:
     """What steps have been for, and whether they came in time."""
 
     period_s: float
-    stepped_s: float = math.nan
+    stepped_s: float = math.inf
     looked_s: float = -math.inf
     overrun_s: float = -math.inf  # newest step that began too late
     turns: int = 0  # without a step, since the newest one
 
     def begin(self, now_s: float, due_s: float) -> None:
-        """A step begins. NaN: the first one is never late."""
+        """A step begins. The first one is never late."""
         if now_s - max(due_s, self.stepped_s + self.period_s) > LOOP_S:
             self.overrun_s = now_s
         self.stepped_s = now_s

@@ -21,8 +21,9 @@ BUCKET_S = 0.5  # of arrivals; each bucket keeps its least delayed sample
 BUCKETS = 20  # the window
 SLOPE_AFTER_S = 4.0  # a shorter window's slope is mostly noise
 MAX_DRIFT = 1e-3
-LOCK_S, LOCK_SAMPLES = 1.0, 20
+LOCK_S, LOCK_SAMPLES = 0.8, 20  # as many as a scanner of 25 Hz has in that time
 UNLOCKED_S = 0.02  # uncertainty until then
+NOT_COVERED = 0.05  # share of errors beyond the uncertainty
 LEAST_UNCERTAINTY_S = 1e-4
 USUAL_DRIFT = 200e-6  # of a quartz, at most: taken for uncertain until the slope is known
 LOCK_BELOW_S = 0.005  # of uncertainty; at 1 rad/s it moves what is 10 m away by one cell
@@ -134,10 +135,14 @@ class DeviceClock:
         heights = [offset_s - slope * (t_s - at_s) for t_s, offset_s in self._least]
         offset_s = min(heights)
         self._line = (offset_s, at_s, slope)
+        others = len(heights) - 1
+        if not others:
+            self._uncertainty_s = UNLOCKED_S
+            return
         spread_s = sum(heights) / len(heights) - offset_s
-        few = len(heights)  # a spread of two or three tells little: it may be far too small
-        spread_s *= (few + 2) / max(few - 1, 0.5)
-        self._uncertainty_s = max(spread_s + drifted_s, LEAST_UNCERTAINTY_S)
+        # exponential delays: P(the least > k spreads) = (1 + k)^-others; one spread more for slope
+        doubt_s = spread_s * NOT_COVERED ** (-1 / others)
+        self._uncertainty_s = max(doubt_s + drifted_s, LEAST_UNCERTAINTY_S)
 
 
 def _slope_under(samples: list[Sample]) -> float:

@@ -6,9 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app import TURNS, LinkPace
+from app import TURNS, App, LinkPace
+from core.driving.control import LOOP_S
+from core.driving.health import NO_OVERRUN
 from tests.support.closed_loop import ClosedLoop
 from tests.support.shipped import shipped
+from wiring import no_ports
 
 FINE_HZ = 1000  # steps of the simulated world
 MOTORS = {"enable_motors": True, "unknown_stops": False}
@@ -56,7 +59,16 @@ def test_all_is_heard_and_mapped_though_only_what_is_due_or_readable_is_looked_a
     assert app.loop.ticks - ticks <= 110  # of 1000: the link's, one for each query on its way
     assert sum("drive" in heard for heard in live.turns) <= 80  # not for each of 500 characters
     assert live.planner.pose is not None
-    assert not live.planner.pose.health & 1 << 10  # no overrun, though steps are rare
+    assert live.planner.pose.health & NO_OVERRUN  # though steps are rare
+
+
+def test_the_first_turn_is_never_late() -> None:
+    app = App(shipped(), no_ports(shipped()), session=0)
+    for now_s in (100.0, 100.02):
+        app.turn(now_s)
+        assert app.report(now_s)[1].health & NO_OVERRUN
+    app.turn(100.02 + 1.1 * LOOP_S)
+    assert not app.report(100.2)[1].health & NO_OVERRUN
 
 
 def test_a_wire_that_never_falls_silent_does_not_keep_the_app_from_its_ticks(

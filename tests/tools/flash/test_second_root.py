@@ -76,9 +76,9 @@ class Robot:
     def all_runs(self) -> bool:
         return bool(ALL_RUN.fullmatch(self.unit("StatusText")))
 
-    def signal(self, name: str) -> None:
-        """To the app, as the kernel does: systemd has not asked for it."""
-        self.root.said(f"kill -{name} {self.unit('MainPID')}")
+    def signal(self, name: str) -> float:
+        """To the app, as the kernel does: systemd has not asked for it. When, since the epoch."""
+        return float(self.root.said(f"date +%s.%N; kill -{name} {self.unit('MainPID')}"))
 
     def maps(self) -> bool:
         """Whether the planner has a map that is worth something."""
@@ -91,14 +91,13 @@ class Robot:
         geom = self.planner.receiver.geom
         return geom.session if geom else 0
 
-    def maps_anew(self, begin: Callable[[], None]) -> float:
+    def maps_anew(self, begin: Callable[[], float]) -> float:
         """Seconds from what ends the app to the first good map of another run of it."""
         assert self.planner.wait_for(lambda _: self.maps(), PATIENCE_S)
         before = self.session()
-        begun_s = time.monotonic()
-        begin()
+        begun_s = begin()
         assert self.planner.wait_for(lambda _: self.session() != before and self.maps(), PATIENCE_S)
-        return time.monotonic() - begun_s
+        return time.time() - begun_s
 
 
 def tell(text: str) -> None:

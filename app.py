@@ -65,7 +65,7 @@ class StepTimes:
     """What steps have been for, and whether they came in time."""
 
     period_s: float
-    stepped_s: float = math.inf
+    stepped_s: float = math.inf  # begin of the newest step; inf: none yet
     looked_s: float = -math.inf
     overrun_s: float = -math.inf  # newest step that began too late
     turns: int = 0  # without a step, since the newest one

@@ -5,9 +5,9 @@ tell the offset between both clocks, and the line under them tells the drift: no
 it. A constant part of the delay can't be seen, and is left in.
 
 Measured with exponential jitter of 5 ms in the mean and drift up to 200 ppm, changing slowly: from
-the lock on, 99 of 100 times are right within 0.8 ms at 10 Hz, 0.6 ms at 25 Hz and above; 12 s later
-within 0.75, 0.4, 0.15, 0.1 ms at 10, 25, 50, 100 Hz. What is read only at ticks is late by up to
-one tick more, evenly, which no filter can see.
+the lock on, 99 of 100 times are right within 0.8 ms at 10 Hz, 0.65 ms at 25 Hz and above; 12 s
+later within 0.75, 0.4, 0.15, 0.1 ms at 10, 25, 50, 100 Hz. What is read only at ticks is late by
+up to one tick more, evenly, which no filter can see.
 
 Refuses to smooth: times of successive samples may step by what a new sample has taught.
 Source: design, section 4.

@@ -70,6 +70,19 @@ def test_another_stamp_of_the_same_counter_is_placed_beside_the_newest_across_th
     assert clock.host_s_near(4_000) == pytest.approx(50.003)
 
 
+def test_one_least_delay_tells_nothing_of_its_own_error() -> None:
+    clock = DeviceClock(MICROSECOND, WRAP_32)
+    for k in range(100):
+        clock.host_s(k * 20_000, 1000.0 + k * 0.02)
+    assert clock.locked
+    window_s = device_clock.BUCKETS * device_clock.BUCKET_S
+    after_s = 99 * 0.02 + window_s - 0.1  # a gap within the window, of which nothing kept is left
+    clock.host_s(round(after_s * 1e6), 1000.0 + after_s)
+    assert clock.restarts == 0
+    assert clock.uncertainty_s == device_clock.UNLOCKED_S
+    assert not clock.locked
+
+
 PROMISED = [(10, 0.8e-3, 0.8e-3), (25, 0.75e-3, 0.45e-3), (50, 0.75e-3, 0.2e-3)]
 PROMISED += [(100, 0.75e-3, 0.15e-3)]
 DRIFTS = [(0.0, 0.0), (200e-6, 0.0), (-200e-6, 0.0), (100e-6, 100e-6)]

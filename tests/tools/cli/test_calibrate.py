@@ -120,7 +120,9 @@ def test_the_report_has_values_errors_and_effect(
     printed = capsys.readouterr()
     assert printed.err == ""
     assert "[scanner]\nmount_z_m = 1.080\nmount_roll_deg = " in printed.out
-    assert "mount_tilt_deg        8.2   7.5" in printed.out
+    found = re.search(r"mount_tilt_deg        8\.2   (\S+) \+- 0\.0", printed.out)
+    assert found
+    assert float(found[1]) == pytest.approx(7.5, abs=0.015)
     assert "mm rms in height, 95 % within" in printed.out
     straight_mm = 1000 * (8.0 - 0.25) * math.tan(math.radians(-0.7))
     said_mm = re.search(r"8 m ahead: (\S+) mm straight", printed.out)
@@ -149,7 +151,8 @@ def test_writing_changes_three_numbers_and_notes_the_day(
         keys = [line.split()[0] for line in changed]
         assert set(keys) >= {"mount_z_m", "mount_tilt_deg"}
         assert set(keys) <= {"mount_z_m", "mount_roll_deg", "mount_tilt_deg"}
-        assert re.search(r"mount_tilt_deg = 7\.5\d +# looking down is positive\r?\n", after)
+        assert re.search(r"mount_tilt_deg = \d\.\d\d +# looking down is positive\r?\n", after)
+        assert load_config(after).scanner.mount_tilt_deg == pytest.approx(7.5, abs=0.015)
         assert load_config(after).scanner.mount_z_m == 1.08
         assert path.stat().st_mode & 0o777 == 0o640
         assert list(tmp_path.iterdir()) == [path]

@@ -83,19 +83,19 @@ def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool], notifier: 
 
     So stamps are true to the instant of reading. Missed slots are counted and never made up.
     """
-    period_s = 1.0 / app.config.loop.rate_hz
+    period_s, loop = 1.0 / app.config.loop.rate_hz, app.loop
     while not is_over():
-        plan, ticks = app.plan, app.loop.ticks
+        plan, ticks = app.plan, loop.ticks
         due_s = plan.due_s
         readable = wake_up.wait(due_s, plan.ports, plan.hears_s)
         now_s = time.monotonic()
         if now_s >= due_s > -math.inf:
             late_s = now_s - due_s
-            app.loop.late_s.append(late_s)
+            loop.late_s.append(late_s)
             if late_s > period_s / 2:
-                app.loop.slots_missed += slots_missed(late_s, period_s)
+                loop.slots_missed += slots_missed(late_s, period_s)
         app.turn(now_s, readable)
-        if app.loop.ticks != ticks:  # a step: every input was looked at
+        if loop.ticks != ticks:  # a step: every input was looked at
             notifier.turn_over(now_s)
 
 

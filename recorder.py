@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Mapping
 from datetime import UTC, datetime
 from typing import Any, cast
 
-from app import App, Ports
+from app import App, Plan, Ports
 from config_file import text_from
 from core.config import Config
 from core.driving.control import NOT_ENABLED
@@ -75,12 +75,18 @@ class RecordedApp:
     def __init__(self, app: App, tap: AnyTap, look: Callable[[float], None]) -> None:
         """`look` is called after each step, until the app is told to stop."""
         self._app, self._tap, self._look = app, tap, look
+        self._ports = (*app.ports.of_devices, app.ports.planner, *app.ports.receivers)
         self._ticks, self._stops = 0, False
         if app.image is not None and app.image.drive is not None:
             self._ask, app.image.drive.ask = app.image.drive.ask, self._asked
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._app, name)
+
+    @property
+    def plan(self) -> Plan:
+        """Asked for before each turn: found sooner than by `__getattr__`."""
+        return self._app.plan
 
     def step(self, now_s: float) -> None:
         self._tap.calls += 1
@@ -90,11 +96,7 @@ class RecordedApp:
 
     def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
         self._tap.calls += 1
-        bits = 0
-        if readable:
-            ports = self._app.ports
-            known = (*ports.of_devices, ports.planner, *ports.receivers)
-            bits = sum(1 << k for k, port in enumerate(known) if port in readable)
+        bits = sum(1 << self._ports.index(port) for port in readable) if readable else 0
         self._tap.note(now_s, TURN, 0, READABLE.pack(bits))
         self._app.turn(now_s, readable)
         self._done(now_s)

@@ -19,7 +19,7 @@ from recording.records import (
 )
 
 MOST_BACKLOG, MOST_USES = 2**32 - 1, 2**16 - 1
-CLOSED = (False, 0, "not opened yet", 0)  # is open, opened, cause, backlog: before its first use
+NOT_OPENED = "not opened yet"  # the cause before a port's first use
 
 
 class Notes(Protocol):
@@ -34,35 +34,28 @@ class Notes(Protocol):
 
 
 class RecordedPort:
-    """A port, and a record of each connection, loss, piece and change of its state."""
+    """A port, and a record of each connection, loss, piece and change of its state.
+
+    What a port says of itself changes only with a use of it, so it is copied after each.
+    """
 
     def __init__(self, port: Port, number: int, notes: Notes, clock: Callable[[], float]) -> None:
         self.datagrams = port.datagrams
+        self.opened, self.cause, self.backlog = 0, NOT_OPENED, 0  # as told last
         self._port, self._number, self._notes, self._clock = port, number, notes, clock
-        self._state = CLOSED
-        self._is_open = False  # as poll said last
+        self._is_open = self._told_open = False  # as poll said last, as told last
         self._has_number = False  # a descriptor's, on this connection
         self._call = self._uses = self._reads = self._ended_reads = 0
-
-    @property
-    def cause(self) -> str:
-        return self._port.cause
-
-    @property
-    def opened(self) -> int:
-        return self._port.opened
-
-    @property
-    def backlog(self) -> int:
-        return self._port.backlog
 
     def fileno(self) -> int:
         return self._port.fileno()
 
     def poll(self, now_s: float) -> bool:
         self._use()
-        is_open = self._is_open = self._port.poll(now_s)
-        self._has_number = is_open and self._port.fileno() >= 0
+        is_open = self._port.poll(now_s)
+        if is_open is not self._is_open or self._port.opened != self.opened:
+            self._is_open = is_open
+            self._has_number = is_open and self._port.fileno() >= 0
         self._tell_state(now_s)
         return is_open
 
@@ -84,6 +77,7 @@ class RecordedPort:
 
     def close(self) -> None:
         self._port.close()
+        self.cause, self.backlog = self._port.cause, self._port.backlog
 
     def _use(self) -> None:
         if self._call != self._notes.calls:
@@ -101,29 +95,32 @@ class RecordedPort:
             self._notes.note(now_s, IN, self._number, piece)
 
     def _tell_state(self, now_s: float | None = None) -> None:
+        """Of nearly all uses there is nothing to tell."""
         port = self._port
-        if self._has_number and self._is_open and port.fileno() < 0:
+        opened, cause, backlog = port.opened, port.cause, port.backlog
+        has_new_cause, is_new_connection = cause != self.cause, opened != self.opened
+        if has_new_cause and self._has_number and port.fileno() < 0:
             self._is_open = False  # its end was found by reading or writing
-        state = (self._is_open, port.opened, port.cause, port.backlog)
-        if state == self._state:
+        is_open, has_turned = self._is_open, self._is_open is not self._told_open
+        if not (has_turned or has_new_cause or is_new_connection or backlog != self.backlog):
             return
-        before, self._state = self._state, state
+        self.opened, self.cause, self.backlog, self._told_open = opened, cause, backlog, is_open
         now_s = self._clock() if now_s is None else now_s
-        if state[1] != before[1]:
+        if is_new_connection:
             self._notes.note(now_s, OPENED, self._number)
-        if not state[0] and state[:3] != before[:3]:
-            self._notes.note(now_s, LOST, self._number, port.cause.encode())
+        if not is_open and (has_turned or has_new_cause or is_new_connection):
+            self._notes.note(now_s, LOST, self._number, cause.encode())
         use = min(self._uses, MOST_USES)
-        told = PORT_STATE.pack(use, state[0], state[1], min(state[3], MOST_BACKLOG))
-        self._notes.note(now_s, CHANGED, self._number, told + port.cause.encode())
+        told = PORT_STATE.pack(use, is_open, opened, min(backlog, MOST_BACKLOG))
+        self._notes.note(now_s, CHANGED, self._number, told + cause.encode())
 
 
 class RecordedConnection(RecordedPort):
     """Of a port that can get a fresh connection."""
 
-    @property
-    def silence_s(self) -> float:
-        return cast(Reopens, self._port).silence_s
+    def __init__(self, port: Port, number: int, notes: Notes, clock: Callable[[], float]) -> None:
+        super().__init__(port, number, notes, clock)
+        self.silence_s = cast(Reopens, port).silence_s
 
     def reopen(self, cause: str) -> None:
         self._use()

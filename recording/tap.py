@@ -78,7 +78,8 @@ class Tap:
         """One record, for the loop's thread alone."""
         length = len(data) + len(more)
         size = HEAD.size + length
-        if self.trouble or not self._has_room(t_s, kind, size):
+        is_roomy = self._held_bytes + size <= HELD_BYTES // 2 and not self._has_gap  # as ever
+        if self.trouble or not (is_roomy or self._has_room(t_s, kind, size)):
             self.dropped[kind.decode()] += 1
             return
         self._new.append(HEAD.pack(t_s, kind, port, length) + data)

@@ -3,6 +3,7 @@
 Source: AX3500 sheet, sections 1, 2, 10 and 12.
 """
 
+import math
 import re
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,6 +18,7 @@ CR_EVERY_S, CR_COUNT = 0.04, 20
 ECHO_S, EXCHANGE_S = 0.1, 0.2
 QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each failure: late answers
 FORGET = 0.98  # of the controller's delay, an exchange
+LEARNT_S = 1.0  # for so long it is known what an exchange that was looked at in time has taught
 STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
@@ -44,6 +46,7 @@ class AnswerTimes:
     """
 
     def __init__(self) -> None:
+        self.learnt_s = -math.inf  # host clock, when an answer was last looked at in time
         self._line_s: dict[str, float] = {}  # characters' time, query and its newest answer
         self._delay_s = 0.0  # beyond the characters' own time, as seen
 
@@ -51,13 +54,25 @@ class AnswerTimes:
         """From the writing of a query to the last character of its answer, at the soonest."""
         return self._line_s.get(query, (len(query) + 2) * CHARACTER_S) + self._delay_s
 
-    def learn(self, query: str, texts: list[str], took_s: float, is_late: bool) -> None:
-        """An exchange that went well. Where it was whole at the first look, look sooner again."""
+    def began_s(self, query: str) -> float:
+        """From the writing of a query to the first character of its answer: CR, echo, itself."""
+        return (len(query) + 3) * CHARACTER_S + self._delay_s
+
+    def fit(self, query: str, texts: list[str]) -> float:
+        """An exchange that went well: what its characters took, for this is how long they are."""
         # a CR behind each line, and the echo of the last one comes a character behind it
         characters = len(query) + 2 + len("".join(texts)) + len(texts)
         self._line_s[query] = line_s = characters * CHARACTER_S
-        delay_s = took_s - line_s if is_late else FORGET * self._delay_s
-        self._delay_s = min(max(0.0, delay_s), ECHO_S / 2)
+        return line_s
+
+    def learn(self, now_s: float, beyond_s: float, is_late: bool) -> None:
+        """One that was looked at in time. Where it was whole at once, look sooner again.
+
+        Args:
+            beyond_s: how long it took beyond its characters' own time.
+        """
+        delay_s = beyond_s if is_late else FORGET * self._delay_s
+        self._delay_s, self.learnt_s = min(max(0.0, delay_s), ECHO_S / 2), now_s
 
 
 class Conversation:
@@ -68,6 +83,7 @@ class Conversation:
         self.expects_restart = True  # lines of a controller that starts up are no surprise now
         self.fault = ""  # of the last exchange
         self.failures = 0  # exchanges in a row
+        self.took_s = 0.0  # the last good exchange, without what its answer lay in the line
         self.entered = False  # RS-232 mode by our CRs: that switches the watchdog on
         self._stream, self._motors = stream, motors
         self._times = AnswerTimes()
@@ -115,19 +131,31 @@ class Conversation:
         self.expects_restart = before
 
     def maybe_answer(
-        self, query: str, out: bytes, legal: re.Pattern[str], lines: int = 1
+        self,
+        query: str,
+        out: bytes,
+        legal: re.Pattern[str],
+        lines: int = 1,
+        look_by_s: float = -math.inf,
     ) -> Steps[tuple[float, list[str]] | None]:
         """One exchange: when the controller took its values, and these (or "-"); or None.
 
         A value counts only after the echo of its own query: prompts look like values.
+
+        Args:
+            look_by_s: until then the answer may lie in the line, for a step that comes by itself.
+                Its time follows then from how long exchanges take, which those teach that are
+                looked at in time.
         """
-        written_s, until_s = self.exchange.now_s, self.exchange.now_s + ECHO_S
-        whole_s = written_s + self._times.whole_s(query)
+        times, written_s = self._times, self.exchange.now_s
+        until_s, whole_s = written_s + ECHO_S, written_s + times.whole_s(query)
+        is_patient = look_by_s > whole_s and written_s - times.learnt_s < LEARNT_S
+        look_s = look_by_s if is_patient else whole_s
         echoed, fault, texts, began_s, is_late = False, None, list[str](), 0.0, False
         while fault is None and self.exchange.now_s < until_s:
             is_late = self.exchange.now_s >= whole_s  # we have looked, and it was not whole
-            due_s = until_s if is_late else min(whole_s, until_s)
-            events = yield from self.exchange.turn(out, due_s, whole_s)
+            due_s, hears_s = (until_s, whole_s) if is_late else (min(look_s, until_s), look_s)
+            events = yield from self.exchange.turn(out, due_s, hears_s)
             out = b""
             for event in events:
                 if not echoed:
@@ -145,7 +173,13 @@ class Conversation:
                 if fault is not None:
                     break
         if fault == "":
-            self._times.learn(query, texts, self.exchange.now_s - written_s, is_late)
+            now_s, line_s = self.exchange.now_s, times.fit(query, texts)
+            if is_late or not is_patient:
+                times.learn(now_s, now_s - written_s - line_s, is_late)
+                self.took_s = now_s - written_s
+            else:
+                began_s = min(began_s, written_s + times.began_s(query))
+                self.took_s = min(now_s - written_s, times.whole_s(query))
             self.failures, self.fault = 0, "refused"
             taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
             return taken_s, ["-"] if "-" in texts else texts

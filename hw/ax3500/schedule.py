@@ -21,6 +21,7 @@ import math
 from hw.ax3500.lines import CHARACTER_S, READ_COUNTER
 
 SLOW_S = {"^89": 1.0, "?I": 1.0, "?E": 2.0, "?A": 2.0, "?M": 2.0}  # query: its period
+SLOW_HZ = sum(1.0 / period_s for period_s in SLOW_S.values())
 MAY, MUST = 0.6, 0.85  # of its period: fills a gap from then on, goes first from then on
 REFUSED_S = 30.0  # to the next try of what the controller refuses
 SMOOTHING = 0.05
@@ -95,6 +96,16 @@ class Schedule:
         """The controller does not know a slow query: seldom again."""
         self._have_asked(query, now_s + REFUSED_S)
 
+    @property
+    def look_by_s(self) -> float:
+        """Until when the answer of a counter may lie in the line, and the pace is kept.
+
+        There must be time for the pair's second one then, before the next pair is due.
+        """
+        if self._second:
+            return self._pair_due_s - self._pair_s / 2.0
+        return self._pair_due_s + self._play_s
+
     def counter_took(self, took_s: float) -> None:
         self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
 
@@ -117,5 +128,4 @@ class Schedule:
         """Pairs a second beside slow values and motors, as long as exchanges really take."""
         exchange_s = self._pair_s / 2.0  # a slow one takes about as long as one counter's
         exchanges = max(0.0, 1.0 / exchange_s - 2.0 * motors_hz)  # a second, beside the motors'
-        slow_hz = sum(1.0 / period_s for period_s in SLOW_S.values())
-        return max((exchanges - slow_hz) / 2.0, exchanges / 3.0)  # the second: one slow each pair
+        return max((exchanges - SLOW_HZ) / 2.0, exchanges / 3.0)  # the second: one slow each pair

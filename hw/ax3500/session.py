@@ -250,19 +250,22 @@ class Ax3500Session:
             self._motors.acknowledged(channel, power)
 
     def _ask_counter(self, channel: int) -> Steps[None]:
-        query, began_s = READ_COUNTER[channel], self._exchange.now_s
+        query, talk = READ_COUNTER[channel], self._talk
         if channel == 0:  # ends a pair
             self._commands = 0
-        answer = yield from self._talk.maybe_answer(query, encode_query(query), COUNTER)
+        look_by_s = -math.inf if self._motors.enabled else self._schedule.look_by_s
+        answer = yield from talk.maybe_answer(
+            query, encode_query(query), COUNTER, look_by_s=look_by_s
+        )
         raw = maybe_counter(answer[1][0]) if answer else None
         if answer is None or raw is None:
-            self._counter_faults[channel] = self._talk.fault
-            self._status.reject(BadFrame(f"{query}: {self._talk.fault}", b""))
-            if self._talk.failures == FAILURES_TO_ENTER and self._may_enter:
+            self._counter_faults[channel] = talk.fault
+            self._status.reject(BadFrame(f"{query}: {talk.fault}", b""))
+            if talk.failures == FAILURES_TO_ENTER and self._may_enter:
                 yield from self._enter()
             return
         now_s = self._exchange.now_s
-        self._schedule.counter_took(now_s - began_s)
+        self._schedule.counter_took(talk.took_s)
         self._stream.readings.append((channel, answer[0], raw))
         self._good_s[channel] = now_s
         self._heard.add(channel)

@@ -149,9 +149,7 @@ class FakeBench:
     ) -> list[WheelCounts]:
         """One tick, and before it the looks in between."""
         for look in range(self._looks):
-            self.now_s += self.tick_s / self._looks
-            self.wheels.turn(self.tick_s / self._looks, acceleration)
-            self.wire.step(self.now_s)
+            self.elapse(self.tick_s / self._looks, acceleration)
             if look < self._looks - 1:
                 self.ax.hear(self.now_s)
                 self.wire.step(self.now_s)
@@ -160,6 +158,12 @@ class FakeBench:
         measured = self.ax.step(self.now_s)
         self.wire.step(self.now_s)
         return measured
+
+    def elapse(self, seconds: float, acceleration: float = 0.0) -> None:
+        """Let time pass in which nobody looks."""
+        self.now_s += seconds
+        self.wheels.turn(seconds, acceleration)
+        self.wire.step(self.now_s)
 
     def start(self, wish: tuple[float, float] | None = None, seconds: float = 2.0) -> None:
         """Until it runs, zero asked for; then a wish until the wheels have it."""

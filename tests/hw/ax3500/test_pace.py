@@ -119,3 +119,27 @@ def test_counts_are_true_at_their_instant_when_heard_between_ticks() -> None:
     for counts in measured:
         assert counts.left - zero == pytest.approx(1500.0 * counts.t_s, abs=4)
         assert counts.right == pytest.approx(counts.left, abs=4)
+
+
+@pytest.mark.parametrize("delay_s", few([0.004, 0.0], 1))
+def test_an_answer_that_lies_in_the_line_for_a_step_has_its_true_time(delay_s: float) -> None:
+    """Steps come each 20 ms, and turns when one is due: hardly any, and no pair too few."""
+    bench = FakeBench(poll_hz=20.0, look_s=LOOK_S)
+    bench.fake.reply_delay_s = delay_s
+    bench.start()
+    bench.wheels.counts_per_s = [1500.0, 1500.0]
+    measured, own_turns = [], 0
+    for k in range(12_000):
+        bench.elapse(LOOK_S)
+        if k % 40 == 0:
+            measured += bench.ax.step(bench.now_s)
+        elif bench.now_s >= bench.ax.due_s > -math.inf:
+            own_turns += 1
+            bench.ax.hear(bench.now_s)
+        bench.wire.step(bench.now_s)
+    assert len(measured) == pytest.approx(120, abs=2)
+    assert own_turns < 60  # of 240 answers; slow values, which are looked at in time, are 21
+    zero = measured[10].left - 1500.0 * measured[10].t_s
+    for counts in measured[10:]:
+        assert counts.left - zero == pytest.approx(1500.0 * counts.t_s, abs=2)
+        assert counts.right == pytest.approx(counts.left, abs=2)

@@ -96,14 +96,19 @@ class RecordedPort:
 
     def _tell_state(self, now_s: float | None = None) -> None:
         """Of nearly all uses there is nothing to tell."""
-        port = self._port
+        port, is_open = self._port, self._is_open
         opened, cause, backlog = port.opened, port.cause, port.backlog
+        if (
+            opened == self.opened
+            and cause == self.cause
+            and backlog == self.backlog
+            and is_open is self._told_open
+        ):
+            return
         has_new_cause, is_new_connection = cause != self.cause, opened != self.opened
         if has_new_cause and self._has_number and port.fileno() < 0:
-            self._is_open = False  # its end was found by reading or writing
-        is_open, has_turned = self._is_open, self._is_open is not self._told_open
-        if not (has_turned or has_new_cause or is_new_connection or backlog != self.backlog):
-            return
+            is_open = self._is_open = False  # its end was found by reading or writing
+        has_turned = is_open is not self._told_open
         self.opened, self.cause, self.backlog, self._told_open = opened, cause, backlog, is_open
         now_s = self._clock() if now_s is None else now_s
         if is_new_connection:

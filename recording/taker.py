@@ -17,7 +17,7 @@ from recording.ports import Notes
 from recording.records import HEIGHTS, SCAN, STATE
 
 HEIGHTS_S = 2.0  # from one gathering of all heights to the next, at least,
-CELLS_PER_S = 20_000  # and of no more cells than this
+CELLS_PER_S = 10_000  # and of no more cells than this
 CELLS = 1500  # of which heights are gathered in one step
 
 Report = Callable[[float], tuple[bool, PoseReport]]  # now: whether free may be told, and the pose

@@ -126,7 +126,10 @@ class App:
         self._pace = LinkPace(1.0 / config.planner.rate_hz)
         self._times = StepTimes(1.0 / config.loop.rate_hz)
         self._scan_stale_s = stale_s(config.scanner.options.spec.period_s)
-        self._stops = False
+        self._may_move, self._stops = config.robot.enable_motors, False
+        listened = [device.port for device in self.devices]  # and whoever may drive or stop
+        listened += [ports.planner, *ports.receivers] if self._may_move else []
+        self._listened = tuple(listened)
 
     def step(self, now_s: float) -> None:
         """One tick: read, map, write. Never waits."""
@@ -160,7 +163,8 @@ class App:
             self.tell(now_s, told, window_trusted)
             self._pace.told(now_s)
             self.pilot.look_ahead(now_s, told, self.planners.requests.newest)
-        self._drive(now_s, told)
+        if self._may_move:
+            self._drive(now_s, told)
         self.states.step(now_s, self.loop)
 
     def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
@@ -182,9 +186,7 @@ class App:
             )
 
     def _drive(self, now_s: float, told: PoseReport) -> None:
-        """Wheel power until the next tick, where it may move; none while the program ends."""
-        if not self.config.robot.enable_motors:
-            return
+        """Wheel power until the next tick; none while the program ends."""
         if self._stops:
             self.devices.drive.drive(*self.pilot.control.halt("mapod ends"))
             return
@@ -232,25 +234,17 @@ class App:
 
     def _planned(self) -> Plan:
         """What the next turn waits for. While anything starts, is held up, or ends: for a tick."""
-        times, may_move = self._times, self.config.robot.enable_motors
-        step_s, look_s = self._pace.due_s, times.looked_s + LOOK_S
-        step_s = min(step_s, look_s) if may_move else step_s
-        devices_s, ports, hears_s = list[float](), list[Port](), list[float]()
-        waits = self.mapper.waits  # for the next attitude
-        for device in self.devices:
-            devices_s.append(device.due_s)
-            ports.append(device.port)
-            hears_s.append(-math.inf if waits else device.status.hears_s)
-        if may_move:
-            ports += [self.ports.planner, *self.ports.receivers]
-            hears_s += [-math.inf] * (len(ports) - len(hears_s))
-        is_held_up = bool(self._stops or self.planners.backlog)
-        if times.turns >= TURNS:
-            is_held_up, ports = True, []
-        opened = [port.opened for port in ports]
-        if opened == self.plan.opened:
-            ports = self.plan.ports
-        if is_held_up or -math.inf in devices_s:
+        times, plan, step_s = self._times, self.plan, self._pace.due_s
+        if self._may_move:
+            step_s = min(step_s, times.looked_s + LOOK_S)
+        devices_s = [device.due_s for device in self.devices]
+        hears_s = [-math.inf] * len(self._listened)
+        if not self.mapper.waits:  # for the next attitude
+            hears_s[: len(devices_s)] = [device.status.hears_s for device in self.devices]
+        is_worn = times.turns >= TURNS
+        opened = [] if is_worn else [port.opened for port in self._listened]
+        ports = plan.ports if opened == plan.opened else list(self._listened)[: len(opened)]
+        if is_worn or self._stops or self.planners.backlog or -math.inf in devices_s:
             step_s = times.stepped_s + times.period_s
             devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
         return Plan(step_s, devices_s, ports, opened, hears_s)

@@ -75,7 +75,8 @@ class RecordedApp:
     def __init__(self, app: App, tap: AnyTap, look: Callable[[float], None]) -> None:
         """`look` is called after each step, until the app is told to stop."""
         self._app, self._tap, self._look = app, tap, look
-        self._ports = (*app.ports.of_devices, app.ports.planner, *app.ports.receivers)
+        ports = (*app.ports.of_devices, app.ports.planner, *app.ports.receivers)
+        self._bits = {port: 1 << number for number, port in enumerate(ports)}
         self._ticks, self._stops = 0, False
         if app.image is not None and app.image.drive is not None:
             self._ask, app.image.drive.ask = app.image.drive.ask, self._asked
@@ -96,7 +97,7 @@ class RecordedApp:
 
     def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
         self._tap.calls += 1
-        bits = sum(1 << self._ports.index(port) for port in readable) if readable else 0
+        bits = sum([self._bits[port] for port in readable])
         self._tap.note(now_s, TURN, 0, READABLE.pack(bits))
         self._app.turn(now_s, readable)
         self._done(now_s)

@@ -51,16 +51,21 @@ class RecordedPort:
         return self._port.fileno()
 
     def poll(self, now_s: float) -> bool:
-        self._use()
-        is_open = self._port.poll(now_s)
-        if is_open is not self._is_open or self._port.opened != self.opened:
+        if self._call != self._notes.calls:
+            self._begin_call()
+        self._uses += 1
+        port = self._port
+        is_open = port.poll(now_s)
+        if is_open is not self._is_open or port.opened != self.opened:
             self._is_open = is_open
-            self._has_number = is_open and self._port.fileno() >= 0
+            self._has_number = is_open and port.fileno() >= 0
         self._tell_state(now_s)
         return is_open
 
     def read(self) -> list[bytes]:
-        self._use()
+        if self._call != self._notes.calls:
+            self._begin_call()
+        self._uses += 1
         pieces = self._port.read()
         self._reads += 1
         if pieces:
@@ -69,7 +74,9 @@ class RecordedPort:
         return pieces
 
     def write(self, data: bytes) -> None:
-        self._use()
+        if self._call != self._notes.calls:
+            self._begin_call()
+        self._uses += 1
         if data:
             self._notes.note(self._clock(), OUT, self._number, data)
         self._port.write(data)
@@ -79,11 +86,10 @@ class RecordedPort:
         self._port.close()
         self.cause, self.backlog = self._port.cause, self._port.backlog
 
-    def _use(self) -> None:
-        if self._call != self._notes.calls:
-            self._call = self._notes.calls
-            self._uses = self._reads = self._ended_reads = 0
-        self._uses += 1
+    def _begin_call(self) -> None:
+        """The first use in this call of the app."""
+        self._call = self._notes.calls
+        self._uses = self._reads = self._ended_reads = 0
 
     def _tell_pieces(self, pieces: list[bytes]) -> None:
         """They came with this read, not with an earlier one of this call."""
@@ -128,7 +134,9 @@ class RecordedConnection(RecordedPort):
         self.silence_s = cast(Reopens, port).silence_s
 
     def reopen(self, cause: str) -> None:
-        self._use()
+        if self._call != self._notes.calls:
+            self._begin_call()
+        self._uses += 1
         cast(Reopens, self._port).reopen(cause)
         self._tell_state()
 

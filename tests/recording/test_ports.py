@@ -63,4 +63,4 @@ def test_a_recorded_port_can_neither_less_nor_more_than_the_port() -> None:
     for port, reopens, gathers in ((MemoryPort(), False, False), (line, True, True)):
         tapped: RecordedPort = recorded(port, 0, tap, tap.clock)
         assert (isinstance(tapped, Reopens), isinstance(tapped, Gathers)) == (reopens, gathers)
-        assert abilities(tapped) == abilities(port)  # type: ignore[arg-type]
+        assert abilities(tapped) == abilities(port)

@@ -77,11 +77,6 @@ class PublishedMap:
         return self._ring.published
 
     @property
-    def marked(self) -> int:
-        """Cells to publish."""
-        return int(self._ring.counts[ANY])
-
-    @property
     def urgent(self) -> bool:
         """Whether obstacles came or went, or cells of lost frames are to be sent again."""
         return bool(self._ring.counts[HOT] or self._ring.counts[MISSED])
@@ -154,10 +149,11 @@ class PublishedMap:
         )
         return start, self._ops[:used].tobytes(), next_cell, self._ring.cleared[:count].copy()
 
-    def mark_again(self) -> None:
-        """New obstacles published since the last call are to be published once more."""
+    def mark_again(self) -> int:
+        """New obstacles published since the last call are to be once more; all cells to publish."""
         if self._ring.once[0]:
             mark_again(self._cells, self._ring)
+        return int(self._ring.counts[ANY])
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """Send (k,) cells again, raster indices in the window at `origin` as `encode` gave them."""

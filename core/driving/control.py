@@ -31,6 +31,7 @@ SILENT = "the commander has fallen silent"
 LOOP_S = 0.1  # so late, at most, a tick may begin: later ones stop the robot
 ORDER_S = 0.2  # a zero goes out behind the exchange with the controller that is under way
 LONGEST_STEP_S = 0.05  # a late tick may not make the speed jump
+START_M = (0.0, 0.0)  # where the map begins
 MOVING_MPS = 0.05
 FASTER, FASTER_MPS = 1.15, 0.1  # than told: more than a robot that brakes lags behind
 SET_OUT_MPS = 0.1  # so much must be allowed before a standing robot moves: else it would inch ahead
@@ -101,12 +102,10 @@ class DriveControl:
             robot.brake_mps2,
             health.stale_s(config.scanner.options.spec.period_s) + LOOP_S + ORDER_S,
         )
-        # x, y and radius (m) of the ground where unknown counts as free, by whether the map still
-        # is that of the start, about which somebody vouches for it. Infinite: it is everywhere.
-        vouched, everywhere = (0.0, 0.0, robot.start_clear_m), (0.0, 0.0, math.inf)
-        self.clear: tuple[Place, Place] = (
-            ((0.0, 0.0, 0.0), vouched) if robot.unknown_stops else (everywhere, everywhere)
-        )
+        radii_m = (0.0, robot.start_clear_m) if robot.unknown_stops else (math.inf, math.inf)
+        # x, y and radius of the ground where unknown counts as free, by whether the map still is
+        # that of the start, about which the settings vouch for it; an infinite one is everywhere
+        self.clear: tuple[Place, Place] = (*START_M, radii_m[0]), (*START_M, radii_m[1])
         self.v_mps = self.w_radps = 0.0  # commanded now
         self.blocked_by = ""  # why it stands although somebody wants it to move, in words
         self._last_s = -math.inf

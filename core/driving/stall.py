@@ -28,8 +28,7 @@ class StallWatch:
         self._m_per_count = 2 * math.pi * robot.wheel_radius_m / counts_per_turn
         self._sent_m = [0.0, 0.0]  # left, right: since the newest counts
         self._unfollowed_m = [0.0, 0.0]  # sent before them, and not followed
-        # from the moment at which a counter has not followed until it moves again
-        self.stalled = False
+        self.stalled = False  # from when on a counter has not followed until it moves again
         self._last: WheelCounts | None = None
         self._now_s, self._speeds_mps = math.inf, (0.0, 0.0)  # of the newest call
 
@@ -46,9 +45,9 @@ class StallWatch:
         last, self._last = self._last, counts
         sent_m, self._sent_m = self._sent_m, [0.0, 0.0]
         if last is None or counts.restarts != last.restarts:
-            self._unfollowed_m, self.stalled = [0.0, 0.0], False
-            return
-        for k, moved in enumerate((counts.left - last.left, counts.right - last.right)):
-            followed_m = abs(moved) * self._m_per_count / LEAST_SHARE
-            self._unfollowed_m[k] = max(0.0, self._unfollowed_m[k] + sent_m[k] - followed_m)
+            self._unfollowed_m = [0.0, 0.0]
+        else:
+            for k, moved in enumerate((counts.left - last.left, counts.right - last.right)):
+                followed_m = abs(moved) * self._m_per_count / LEAST_SHARE
+                self._unfollowed_m[k] = max(0.0, self._unfollowed_m[k] + sent_m[k] - followed_m)
         self.stalled = max(self._unfollowed_m) >= UNFOLLOWED_M

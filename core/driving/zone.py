@@ -109,7 +109,7 @@ class ZoneReporter:
             return CLEAR, 0
         causes = UNSEEN
         if found.state == OBSTACLE:
-            causes = OBSTRUCTED | (DROP if control.is_drop(found) else 0)
+            causes = OBSTRUCTED | DROP if control.is_drop(found) else OBSTRUCTED
         stops = allowed_mps <= SET_OUT_MPS if rate_mps < MOVING_MPS else allowed_mps == 0.0
         fast = rate_mps > FASTER * allowed_mps + FASTER_MPS
         return (STOP if stops or fast else SLOW), causes

@@ -64,6 +64,8 @@ EQUIVALENT: dict[str, str] = {
     "found[0] <= NEAR_M - corner - cell_m": FLOATS,
     f"{STALL}__init__: 0.0 -> 1.0": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (2)": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (3)": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (4)": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (5)": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (6)": UNREAD,
     f"{STALL}counted: max(self._unfollowed_m) >= UNFOLLOWED_M -> "

@@ -8,6 +8,7 @@ Source: planner link, sections 3 (operations), 4 and 7.
 """
 
 import zlib
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from hw.planner_link.kernels import (
 )
 
 
-def _span_of(corners: list[tuple[int, int]]) -> Span:
+def _span_of(corners: Iterable[tuple[int, int]]) -> Span:
     i, j = zip(*corners, strict=True)
     return min(i), max(i), min(j), max(j)
 
@@ -165,9 +166,11 @@ class PublishedMap:
             at = (j[inside] + corner_j) % size * size + (i[inside] + corner_i) % size
             self._mark(at.astype(np.int32), CHANGED | AGAIN, LOST)
 
-    def note_seen(self, seen: tuple[int, int], since: list[tuple[int, int]]) -> None:
+    def note_seen(self, seen: tuple[int, int], since: Iterable[tuple[int, int]]) -> None:
         """The planner has had the window at `seen`, and perhaps at those corners since."""
-        if self.corner is not None:
+        low_i, high_i, low_j, high_j = self._span
+        has_moved = low_i < high_i or low_j < high_j
+        if has_moved and self.corner is not None:
             self._span = _span_of([seen, *since, self.corner])
 
     def digest(self) -> int:

@@ -87,6 +87,6 @@ class Repair:
                 self.frames_lost += 1
                 self._map.mark_lost(sent.cells, sent.origin)
         if seen is not None:
-            self._map.note_seen(seen, [sent.origin for sent in self._sent])
+            self._map.note_seen(seen, (sent.origin for sent in self._sent))
         self._covered = max(self._covered, newest)
         return True

@@ -115,15 +115,16 @@ class FrameScheduler:
     def write(self, now_s: float) -> None:
         if not self._queued:
             return
-        t_ms, first = round(now_s * 1000) % 2**32, self.seq - len(self._queued) + 1
-        lead = b"" if now_s - self._written_s <= IDLE_S or self.port.datagrams else b"\0"
+        port, t_ms, seq = self.port, round(now_s * 1000) % 2**32, self.seq - len(self._queued)
+        lead = b"" if now_s - self._written_s <= IDLE_S or port.datagrams else b"\0"
         self.budget.credit -= len(lead)
-        for k, (kind, flags, body) in enumerate(self._queued):
-            more = MORE if k + 1 < len(self._queued) else 0
-            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)
-            self.port.write(frame if self.port.datagrams else lead + encode_serial(frame))
+        for kind, flags, body in self._queued:
+            seq += 1
+            more = MORE if seq < self.seq else 0
+            frame = encode_frame(kind, flags | more, seq, t_ms, body, self.secret)
+            port.write(frame if port.datagrams else lead + encode_serial(frame))
             lead = b""
-            self._t_ms[(first + k) % 2**16] = t_ms
+            self._t_ms[seq % 2**16] = t_ms
         self.frames_sent += len(self._queued)
         self._queued.clear()
         self._written_s = now_s

@@ -55,15 +55,18 @@ class FrameScheduler:
         slice_body: int,
         first_seq: int,
     ) -> None:
-        self.port, self._tick_s = port, tick_s
-        self.secret = secret  # what frames are signed with: another one in time, or never one
+        self.port = port
+        self.secret = secret  # what frames are signed with: it may change, but not from or to None
         self._bare_bytes = HEAD.size + CRC.size + (TAG_BYTES if secret else 0)  # of a frame
         sizes = range(self._bare_bytes, MAX_FRAME + 1)
         # wire bytes of a frame, at most, by the bytes of its body
         self.costs = list(sizes if port.datagrams else map(serial_bytes, sizes))
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
         self.budget = Budget(self._bytes_per_s * tick_s)
+        self._longest_s = SAVED_TICKS * tick_s  # for which budget is earned
+        self._most_credit = self.budget.tick_bytes * SAVED_TICKS
         self._line_bytes = self.budget.tick_bytes / LINE_SHARE  # in one tick, used to the full
+        self._burst_bytes = LONGEST_BURST * self._line_bytes
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
         self.most_body = MAX_FRAME - self._bare_bytes  # bytes that the planner takes
         self._slice_cost = self.costs[slice_body]  # that the refresh's share is saved up for
@@ -82,16 +85,14 @@ class FrameScheduler:
 
         What the wire still holds of earlier ticks is part of what this one may fill.
         """
-        dt_s = max(0.0, min(now_s - self._earned_s, SAVED_TICKS * self._tick_s))
+        dt_s = max(0.0, min(now_s - self._earned_s, self._longest_s))
         self._earned_s = now_s
-        budget, line_bytes = self.budget, self._line_bytes
-        earned, most = self._bytes_per_s * dt_s, budget.tick_bytes * SAVED_TICKS
-        backlog = self.port.backlog
-        waiting = min(backlog, line_bytes)
-        longest = LONGEST_BURST * line_bytes - waiting
-        budget.credit = min(budget.credit + earned, most, longest)
+        budget, line_bytes, backlog = self.budget, self._line_bytes, self.port.backlog
+        earned, waiting = self._bytes_per_s * dt_s, min(backlog, line_bytes)
+        longest = self._burst_bytes - waiting
+        budget.credit = min(budget.credit + earned, self._most_credit, longest)
         share = REFRESH_SHARE * earned
-        budget.most_saved = max(REFRESH_SHARE * most, self._slice_cost + share)
+        budget.most_saved = max(REFRESH_SHARE * self._most_credit, self._slice_cost + share)
         budget.saved = min(budget.saved + share, budget.most_saved)
         budget.kept = budget.saved if budget.saved >= self._slice_cost else 0.0
         budget.line_left = line_bytes - waiting

@@ -102,7 +102,6 @@ class Peer:
         return was_refused
 
     def end_polling(self) -> bool:
-        """It acknowledges, as none does that only asks; whether it was taken for one."""
-        was_polled = self.polled
+        """It acknowledges, as none does that only asks; whether it is taken for one no longer."""
         self.polled = not self._push
-        return was_polled and not self.polled
+        return self._push

@@ -31,6 +31,7 @@ SILENT = "the commander has fallen silent"
 LOOP_S = 0.1  # so late, at most, a tick may begin: later ones stop the robot
 ORDER_S = 0.2  # a zero goes out behind the exchange with the controller that is under way
 LONGEST_STEP_S = 0.05  # a late tick may not make the speed jump
+START_M = (0.0, 0.0)  # where the map begins
 MOVING_MPS = 0.05
 FASTER, FASTER_MPS = 1.15, 0.1  # than told: more than a robot that brakes lags behind
 SET_OUT_MPS = 0.1  # so much must be allowed before a standing robot moves: else it would inch ahead
@@ -99,9 +100,12 @@ class DriveControl:
             robot.width_m,
             robot.stop_margin_m,
             robot.brake_mps2,
-            robot.unknown_stops,
             health.stale_s(config.scanner.options.spec.period_s) + LOOP_S + ORDER_S,
         )
+        radii_m = (0.0, robot.start_clear_m) if robot.unknown_stops else (math.inf, math.inf)
+        # x, y and radius of the ground where unknown counts as free, by whether the map still is
+        # that of the start, about which the settings vouch for it; an infinite one is everywhere
+        self.clear: tuple[Place, Place] = (*START_M, radii_m[0]), (*START_M, radii_m[1])
         self.v_mps = self.w_radps = 0.0  # commanded now
         self.blocked_by = ""  # why it stands although somebody wants it to move, in words
         self._last_s = -math.inf
@@ -170,8 +174,8 @@ class DriveControl:
         """Whether the way to a stop, as the robot moves or else is asked to, leads to a drop."""
         if pose is None:
             return False
-        motion = self.heading_for(moves, request)
-        return self.is_drop(self.look(pose, motion, 0.0, assumed_clear))
+        found = self.look(pose, self.heading_for(moves, request), 0.0, assumed_clear)
+        return found.state == OBSTACLE and self.is_drop(found)
 
     def heading_for(self, moves: Motion, request: DriveRequest | None) -> Motion:
         """As the robot moves, or else as it is asked to within the settings' limits; or zero."""
@@ -210,17 +214,13 @@ class DriveControl:
         """What a motion would meet on its way to a stop (`StopZone.look`)."""
         if not any(motion):
             return NOTHING
-        window, clear = self._maps.window, self.clear(assumed_clear)
+        window, clear = self._maps.window, self.clear[assumed_clear]
         place = (pose.x_m, pose.y_m, pose.yaw_rad)
         return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps, for_s)
 
-    def clear(self, assumed_clear: bool) -> Place:
-        """x, y and radius (m) of the ground of the start that the settings vouch for."""
-        return 0.0, 0.0, self._robot.start_clear_m if assumed_clear else 0.0
-
-    def is_drop(self, found: Obstruction) -> bool:
+    def is_drop(self, obstacle: Obstruction) -> bool:
         """Whether that is lower than the ground, or ground that did not show."""
-        return found.state == OBSTACLE and self._maps.is_low(found.i, found.j)
+        return self._maps.is_low(obstacle.i, obstacle.j)
 
     def _powers(self) -> Powers:
         rim_mps = 0.5 * self._robot.track_width_m * self.w_radps

@@ -22,6 +22,7 @@ class Pilot:
         self.control = DriveControl(config, mapper.maps)
         self.zone = NOT_TRUSTED
         self.drop_ahead = False  # on the way to a stop
+        self.stalled = False  # the wheels' counters do not follow what the wheels are told
         self._stall = StallWatch(config)
         self._zones = ZoneReporter(
             self.control,
@@ -31,13 +32,9 @@ class Pilot:
         )
         self._zone_s = float("-inf")
 
-    @property
-    def stalled(self) -> bool:
-        """Whether the wheels' counters do not follow what the wheels are told."""
-        return self._stall.stalled
-
     def counted(self, counts: WheelCounts) -> None:
         self._stall.counted(counts)
+        self.stalled = self._stall.stalled
 
     def look_around(
         self, now_s: float, told: PoseReport, trusted: bool, request: DriveRequest | None
@@ -79,7 +76,7 @@ class Pilot:
         """
         if not self._may_move:
             return self.control.halt(NOT_ENABLED)
-        others = (commander, STALLED if self._stall.stalled else "")
+        others = (commander, STALLED if self.stalled else "")
         powers = self.control.step(
             now_s,
             request,

@@ -26,26 +26,28 @@ def report(
     """Whether free may be told, and the pose and health for the planner."""
     pose = mapper.maybe_pose(now_s)
     roll_rad, pitch_rad, _ = mapper.attitudes.newest_rpy()
-    inputs = health.Inputs(
-        age_scan_s=now_s - mapper.newest_scan_s,
+    age_scan_s = now_s - mapper.newest_scan_s
+    age_ahrs_s = now_s - mapper.attitudes.newest_s
+    age_wheels_s = now_s - mapper.delivered_counts_s
+    word, mode = health.health_of(
+        age_scan_s=age_scan_s,
         age_scanner_s=now_s - mapper.delivered_scan_s,
-        age_ahrs_s=now_s - mapper.attitudes.newest_s,
-        age_wheels_s=now_s - mapper.delivered_counts_s,
+        age_ahrs_s=age_ahrs_s,
+        age_wheels_s=age_wheels_s,
+        scan_stale_s=scan_stale_s,
         clocks_locked=clocks_locked,
         pose_known=pose is not None,
         map_begun=mapper.counts.scans_added > 0,
         overrun=overrun,
         tilt_rad=max(abs(roll_rad), abs(pitch_rad)),
         replayed=replayed,
-        impaired=impaired,
-        scan_stale_s=scan_stale_s,
-        stop_asked=stop_asked,
         drop_ahead=drop_ahead,
+        impaired=impaired,
+        stop_asked=stop_asked,
         stalled=stalled,
     )
-    word = health.health_word(inputs)
     rate_z_radps = mapper.attitudes.rate_body_radps[2]
-    return health.trusted(word), PoseReport(
+    return bool(word & health.MAP_VALID), PoseReport(
         x_m=pose.x_m if pose else 0.0,
         y_m=pose.y_m if pose else 0.0,
         yaw_rad=pose.yaw_rad if pose else 0.0,
@@ -54,8 +56,8 @@ def report(
         v_mps=mapper.odometry.v_mps if pose else 0.0,
         w_radps=mapper.odometry.w_radps if math.isnan(rate_z_radps) else rate_z_radps,
         health=word,
-        age_scan_s=inputs.age_scan_s,
-        age_ahrs_s=inputs.age_ahrs_s,
-        age_enc_s=inputs.age_wheels_s,
-        mode=health.mode(word, inputs),
+        age_scan_s=age_scan_s,
+        age_ahrs_s=age_ahrs_s,
+        age_enc_s=age_wheels_s,
+        mode=mode,
     )

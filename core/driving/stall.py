@@ -28,13 +28,9 @@ class StallWatch:
         self._m_per_count = 2 * math.pi * robot.wheel_radius_m / counts_per_turn
         self._sent_m = [0.0, 0.0]  # left, right: since the newest counts
         self._unfollowed_m = [0.0, 0.0]  # sent before them, and not followed
+        self.stalled = False  # from when on a counter has not followed until it moves again
         self._last: WheelCounts | None = None
         self._now_s, self._speeds_mps = math.inf, (0.0, 0.0)  # of the newest call
-
-    @property
-    def stalled(self) -> bool:
-        """True from the moment at which a counter has not followed until it moves again."""
-        return max(self._unfollowed_m) >= UNFOLLOWED_M
 
     def told(self, now_s: float, left: float, right: float) -> None:
         """The power of both wheels, -1..1 of full, from now on until the next call."""
@@ -50,7 +46,8 @@ class StallWatch:
         sent_m, self._sent_m = self._sent_m, [0.0, 0.0]
         if last is None or counts.restarts != last.restarts:
             self._unfollowed_m = [0.0, 0.0]
-            return
-        for k, moved in enumerate((counts.left - last.left, counts.right - last.right)):
-            followed_m = abs(moved) * self._m_per_count / LEAST_SHARE
-            self._unfollowed_m[k] = max(0.0, self._unfollowed_m[k] + sent_m[k] - followed_m)
+        else:
+            for k, moved in enumerate((counts.left - last.left, counts.right - last.right)):
+                followed_m = abs(moved) * self._m_per_count / LEAST_SHARE
+                self._unfollowed_m[k] = max(0.0, self._unfollowed_m[k] + sent_m[k] - followed_m)
+        self.stalled = max(self._unfollowed_m) >= UNFOLLOWED_M

@@ -328,19 +328,13 @@ class StopZone:
         width_m: float,
         margin_m: float,
         brake_mps2: float,
-        unknown_stops: bool,
         reaction_s: float,
     ) -> None:
         """`reaction_s`: until motors have no power: a scan's age, a loop, an order."""
         self.rect: Rect = (front_m, rear_m, width_m / 2)
         self.margin_m, self._brake_mps2 = margin_m, brake_mps2
         self._reaction_s = reaction_s
-        self._unknown_stops = unknown_stops
         self._reach_m = math.hypot(max(front_m, rear_m), width_m / 2)
-
-    def clear_of(self, clear: Place) -> Place:
-        """Where unknown counts as free: x, y and radius; an infinite one is everywhere."""
-        return clear if self._unknown_stops else (0.0, 0.0, math.inf)
 
     def rate_mps(self, v_mps: float, w_radps: float) -> float:
         """Speed that no point of the footprint exceeds."""
@@ -370,7 +364,7 @@ class StopZone:
         """What the motion (v m/s, w rad/s) would meet on its way to a stop.
 
         Args:
-            clear: x, y and radius (m) of ground whose unknown cells somebody vouches for.
+            clear: as of `is_in_way`, in metres.
             from_mps: sweep the way to a stop from this rate, if it is more than the motion's own.
             for_s: sweep the way of so many seconds at least, and no farther than LONGEST_M.
         """
@@ -388,7 +382,7 @@ class StopZone:
             self.rect,
             motion,
             (length_m, rate_mps, self.margin_m),
-            self.clear_of(clear),
+            clear,
         )
         if math.isinf(free_m):  # nothing as far as we looked
             return NOTHING if wanted_m <= LONGEST_M else Obstruction(LONGEST_M, 0, 0, UNKNOWN)

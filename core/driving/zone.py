@@ -11,7 +11,7 @@ import numpy as np
 
 from core.driving.control import FASTER, FASTER_MPS, MOVING_MPS, SET_OUT_MPS, DriveControl
 from core.driving.corridor import SECTORS, free_path, nearest_in_sectors, nearest_obstacle
-from core.driving.stop_zone import LONGEST_M, Motion, Obstruction, Place, Rect
+from core.driving.stop_zone import LONGEST_M, Motion, Obstruction
 from core.grid.window import ObstacleWindow
 from core.motion.odometry import Pose
 from core.records import OBSTACLE, DriveRequest, StopZoneReport
@@ -54,45 +54,33 @@ class ZoneReporter:
         """
         if pose is None or not trusted:
             return NOT_TRUSTED
-        control = self._control
-        place, (front_m, rear_m, side_m) = (pose.x_m, pose.y_m, pose.yaw_rad), control.zone.rect
+        control, zone, grid = self._control, self._control.zone, self._window.grid
+        ground = self._window.cells, (grid.corner_i, grid.corner_j, grid.size), grid.cell_m
+        place, (front_m, rear_m, side_m) = (pose.x_m, pose.y_m, pose.yaw_rad), zone.rect
         turned = (pose.x_m, pose.y_m, pose.yaw_rad + math.pi)
-        ahead, hard_ahead_m = self._way(place, (front_m, rear_m, side_m), assumed_clear)
-        behind, hard_behind_m = self._way(turned, (rear_m, front_m, side_m), assumed_clear)
-        nearest_m, bearing_rad = nearest_obstacle(
-            self._window.cells, *self._frame, place, control.zone.rect
-        )
+        # of a way: the margin, metres to look, and the ground that is vouched for
+        way = zone.margin_m, LONGEST_M, control.clear[assumed_clear]
+        ahead_m, *cell, hard_ahead_m = free_path(*ground, place, zone.rect, *way)
+        behind_m, *_, hard_behind_m = free_path(*ground, turned, (rear_m, front_m, side_m), *way)
+        nearest_m, bearing_rad = nearest_obstacle(*ground, place, zone.rect)
         if self._sectors_m.size:
-            nearest_in_sectors(self._window.cells, *self._frame, place, self._sectors_m)
+            nearest_in_sectors(*ground, place, self._sectors_m)
+        ahead = Obstruction(ahead_m, *cell)
         state, causes = self._judge(pose, ahead, moves, request, assumed_clear)
         return StopZoneReport(
-            ahead.free_m,
+            ahead_m,
             hard_ahead_m,
-            behind.free_m,
+            behind_m,
             hard_behind_m,
             self._contact_s(pose, moves, assumed_clear),
-            min(self._max_mps, control.zone.allowed_mps(ahead.free_m)),
-            min(self._max_mps, control.zone.allowed_mps(behind.free_m)),
+            min(self._max_mps, zone.allowed_mps(ahead_m)),
+            min(self._max_mps, zone.allowed_mps(behind_m)),
             nearest_m,
             bearing_rad,
             tuple(self._sectors_m.tolist()),
             state,
             causes,
         )
-
-    @property
-    def _frame(self) -> tuple[tuple[int, int, int], float]:
-        grid = self._window.grid
-        return (grid.corner_i, grid.corner_j, grid.size), grid.cell_m
-
-    def _way(self, place: Place, rect: Rect, assumed_clear: bool) -> tuple[Obstruction, float]:
-        """What ends the way straight ahead, and metres to an obstacle there."""
-        control, cells = self._control, self._window.cells
-        clear, margin_m = control.zone.clear_of(control.clear(assumed_clear)), control.zone.margin_m
-        free_m, i, j, state, hard_m = free_path(
-            cells, *self._frame, place, rect, margin_m, LONGEST_M, clear
-        )
-        return Obstruction(free_m, i, j, state), hard_m
 
     def _contact_s(self, pose: Pose, moves: Motion, assumed_clear: bool) -> float:
         rate_mps = self._control.zone.rate_mps(*moves)
@@ -119,8 +107,9 @@ class ZoneReporter:
         allowed_mps = control.zone.allowed_mps(found.free_m)
         if allowed_mps >= full_mps:
             return CLEAR, 0
-        causes = OBSTRUCTED if found.state == OBSTACLE else UNSEEN
-        causes |= DROP if control.is_drop(found) else 0
+        causes = UNSEEN
+        if found.state == OBSTACLE:
+            causes = OBSTRUCTED | DROP if control.is_drop(found) else OBSTRUCTED
         stops = allowed_mps <= SET_OUT_MPS if rate_mps < MOVING_MPS else allowed_mps == 0.0
         fast = rate_mps > FASTER * allowed_mps + FASTER_MPS
         return (STOP if stops or fast else SLOW), causes

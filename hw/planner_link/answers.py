@@ -57,7 +57,7 @@ class ScanAnswer:
     def publish(self, budget: float, source: AnswerSource | None) -> None:
         """Pieces into the scheduler, under a budget of wire bytes."""
         scheduler = self._scheduler
-        floor, most = scheduler.budget.credit - budget, scheduler.most_room(SCAN_HEAD.size)
+        floor, most = scheduler.budget.credit - budget, scheduler.most_body - SCAN_HEAD.size
         if most < POINT_BYTES:  # no frame that this planner takes holds a point
             self.forget()
         while self.waiting:
@@ -98,21 +98,20 @@ class Answers:
     def __init__(self, scheduler: FrameScheduler, cell_mm: int) -> None:
         self._scheduler = scheduler
         self.tiles, self.scan = Tiles(scheduler, cell_mm), ScanAnswer(scheduler)
-
-    @property
-    def waiting(self) -> bool:
-        return self.scan.waiting or self.tiles.waiting
+        self.waiting = False
 
     def forget(self) -> None:
         """A planner has started: what its forerunner wanted is nobody's wish."""
         self.scan.forget()
         self.tiles.forget()
+        self.waiting = False
 
     def take(self, ask: Ask) -> None:
         if ask.wants & ASK_SCAN:
             self.scan.take(ask)
         if ask.wants & ASK_TILE:
             self.tiles.take(ask)
+        self.waiting = self.scan.waiting or self.tiles.waiting
 
     def publish(
         self, budget: float, window: ObstacleMap | None, geom_id: int, source: AnswerSource | None
@@ -122,3 +121,4 @@ class Answers:
         self.scan.publish(budget, source)
         spent = before - self._scheduler.budget.credit
         self.tiles.publish(budget - spent, window, geom_id, source)
+        self.waiting = self.scan.waiting or self.tiles.waiting

@@ -26,12 +26,11 @@ MAX_FRAME = 368
 TICK_BYTES = 2048  # looked at in one tick: a line of 921 600 baud brings 1843 in 20 ms
 HEAD, CRC, TAG_BYTES = struct.Struct("<BBHI"), struct.Struct("<I"), 8
 GEOM_BODY, POSE_BODY = struct.Struct("<BxHHHIHH"), struct.Struct("<iihhhhhHBBBB")
-MAP_HEAD, DIGEST_BODY = struct.Struct("<hhHB3s"), struct.Struct("<BxxxI")
+MAP_HEAD, DIGEST_BODY = struct.Struct("<HHHB3s"), struct.Struct("<BxxxI")
 STOP_ZONE_BODY = struct.Struct("<HHHHHHHHhBB")
 TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
 SCAN_HEAD = struct.Struct("<HBBHHHxxIiii")  # id, status, unit, count, first, returns, t, lens
-AGE_UNIT_S = 0.004
-MOST_AGE_S = 255 * AGE_UNIT_S
+AGE_UNIT_S, MOST_AGE = 0.004, 255.0  # the most also says: never
 MOST_I16, MOST_I32 = 2.0**15 - 1, 2.0**31 - 1
 NONE, MOST = 0xFFFF, 0xFFFE  # of a u16 that may say "none": that, and the greatest number
 
@@ -89,9 +88,9 @@ def encode_pose(pose: PoseReport) -> bytes:
         _int(pose.v_mps * 1000, MOST_I16),
         _int(pose.w_radps * 1000, MOST_I16),
         pose.health & 0xFFFF,
-        _age(pose.age_scan_s),
-        _age(pose.age_ahrs_s),
-        _age(pose.age_enc_s),
+        int(min(MOST_AGE, max(pose.age_scan_s, 0.0) / AGE_UNIT_S)),
+        int(min(MOST_AGE, max(pose.age_ahrs_s, 0.0) / AGE_UNIT_S)),
+        int(min(MOST_AGE, max(pose.age_enc_s, 0.0) / AGE_UNIT_S)),
         pose.mode,
     )
 
@@ -103,19 +102,12 @@ def _int(value: float, most: float) -> int:
     return 0 if math.isnan(value) else round(max(-most - 1, min(most, value)))
 
 
-def _age(age_s: float) -> int:
-    """Units of 4 ms; 255 is 1020 ms and more, and never."""
-    if 0.0 <= age_s < MOST_AGE_S:
-        return int(age_s / AGE_UNIT_S)
-    return 0 if age_s < 0.0 else 255
-
-
 def encode_map(
     origin: tuple[int, int], repaired: int, geom_id: int, start: int, ops: bytes
 ) -> bytes:
     """Body of a MAP frame; `origin` is the world cell (i, j) of the window's lowest corner."""
-    ox, oy = int16(origin[0]), int16(origin[1])
-    return MAP_HEAD.pack(ox, oy, repaired % 2**16, geom_id, start.to_bytes(3, "little")) + ops
+    ox, oy, repaired = origin[0] % 2**16, origin[1] % 2**16, repaired % 2**16
+    return MAP_HEAD.pack(ox, oy, repaired, geom_id, start.to_bytes(3, "little")) + ops
 
 
 def encode_digest(geom_id: int, window_crc: int) -> bytes:

@@ -12,7 +12,7 @@ from hw.planner_link import kernels
 from hw.planner_link.frames import MAP, MAP_HEAD, REFRESH, encode_map
 from hw.planner_link.kernels import EVERY, GONE, LONGEST_OP, MISSING, NEAR, NEW, URGENT
 from hw.planner_link.published import PublishedMap
-from hw.planner_link.recovery import Repair, SentMap
+from hw.planner_link.recovery import Repair
 from hw.planner_link.scheduler import FrameScheduler
 
 SLICE_OPS = 120  # bytes of operations that a refresh slice is saved up for
@@ -38,6 +38,8 @@ class MapPublisher:
         self._rest_cell = 0  # where to go on with what did not fit
         self._origin: tuple[int, int] | None = None  # of the newest MAP frame
         self._has_map = False  # a MAP frame goes out in this tick
+        self._slice_cost = scheduler.costs[SLICE_BODY]
+        self._least_cost = scheduler.costs[MAP_HEAD.size + LEAST_SLICE_OPS] + 2
         self.geom_id = geom_id
 
     def begin_epoch(self) -> None:
@@ -56,49 +58,46 @@ class MapPublisher:
     def publish_changes(self) -> None:
         """All marked cells in one raster pass if they fit; else what weighs most first."""
         self._has_map = False
-        self._map.mark_again()
-        if self._map.marked == 0:
+        marked = self._map.mark_again()
+        if marked == 0:
             return
-        if self._fit(EVERY):
-            self._publish(EVERY)
-        elif self._publish_urgent() and self._publish(EVERY | NEAR):
+        if self._fit(EVERY, marked):
+            self._publish_from(EVERY, 0, self._cells)
+        elif self._publish_urgent(marked) and self._publish(EVERY | NEAR):
             # what is left, from where the last tick had to stop: no corner waits for ever
             begun = self._rest_cell
             self._rest_cell = self._publish_from(EVERY, begun, self._cells)
             if self._rest_cell == self._cells:
                 self._rest_cell = self._publish_from(EVERY, 0, begun)
 
-    def _publish_urgent(self) -> bool:
+    def _publish_urgent(self, marked: int) -> bool:
         if not self._map.urgent:
             return True
-        if self._fit(URGENT):
+        if self._fit(URGENT, marked):
             return self._publish(URGENT)
         return all(self._publish(wanted) for wanted in MOST_URGENT_FIRST)
 
-    @property
-    def _budget(self) -> float:
-        """Wire bytes for changes: the refresh's share stays, once it is enough for a slice."""
-        scheduler = self._scheduler
-        is_due = scheduler.budget.saved >= scheduler.cost(SLICE_BODY)
-        return scheduler.budget.credit - (scheduler.budget.saved if is_due else 0.0)
+    def _fit(self, wanted: int, marked: int) -> bool:
+        """Whether one raster pass over the cells with such marks fits into this tick's budget.
 
-    def _fit(self, wanted: int) -> bool:
-        """Whether one raster pass over the cells with such marks fits into this tick's budget."""
-        budget, cell, scheduler = self._budget, 0, self._scheduler
-        most_bytes, most = self._map.marked * MOST_PER_CELL, scheduler.most_room(MAP_HEAD.size)
+        `marked`: cells with any.
+        """
+        scheduler, cell, most_bytes = self._scheduler, 0, marked * MOST_PER_CELL
+        budget = scheduler.budget.credit - scheduler.budget.kept
         room = scheduler.room(budget, MAP_HEAD.size)
         if most_bytes + LEAST_ROOM < room:
             return True
+        most = scheduler.most_body - MAP_HEAD.size
         if room == most and most > LEAST_ROOM:  # a frame ends when so little room is left
             frames = 1 + most_bytes // (most - LEAST_ROOM)
-            if frames * (scheduler.cost(MAP_HEAD.size + most) + 2) < budget:
+            if frames * (scheduler.costs[scheduler.most_body] + 2) < budget:
                 return True
         while cell < self._cells:
-            room = self._scheduler.room(budget, MAP_HEAD.size)
+            room = scheduler.room(budget, MAP_HEAD.size)
             if room < LEAST_ROOM:
                 return False
             _, ops, cell, _ = self._map.encode(wanted, cell, self._cells, room, for_good=False)
-            budget -= self._scheduler.cost(MAP_HEAD.size + len(ops)) if ops else 0
+            budget -= scheduler.costs[MAP_HEAD.size + len(ops)] if ops else 0
         return True
 
     def _publish(self, wanted: int) -> bool:
@@ -106,8 +105,9 @@ class MapPublisher:
 
     def _publish_from(self, wanted: int, cell: int, end: int) -> int:
         """MAP frames with those of cell..end; where to go on."""
+        scheduler, budget = self._scheduler, self._scheduler.budget
         while cell < end:
-            room = self._scheduler.room(self._budget, MAP_HEAD.size)
+            room = scheduler.room(budget.credit - budget.kept, MAP_HEAD.size)
             if room < LEAST_ROOM:
                 return cell
             start, ops, cell, marked = self._map.encode(wanted, cell, end, room)
@@ -120,43 +120,35 @@ class MapPublisher:
 
         A short slice at least goes out if no other MAP frame does.
         """
-        scheduler, budget = self._scheduler, self._scheduler.budget
-        slice_cost = scheduler.cost(SLICE_BODY)
-        least = scheduler.cost(MAP_HEAD.size + LEAST_SLICE_OPS) + 2
+        scheduler, budget, cursor = self._scheduler, self._scheduler.budget, self._cursor
         self._due_cells = min(self._due_cells + self._cells * dt_s / PASS_S, self._cells)
         floor = budget.credit - spare
         while True:
             left = max(budget.credit - floor, min(budget.saved, budget.credit))
             if budget.saved < budget.most_saved:  # else its share is due, whatever it delays
                 left = min(left, budget.line_left)
-            if self._has_map and (self._due_cells < 1 or left < slice_cost):
+            if self._has_map and (self._due_cells < 1 or left < self._slice_cost):
                 break
-            before = budget.credit
-            passed = self._publish_slice(scheduler.room(max(least, left), MAP_HEAD.size))
-            self._due_cells = max(0.0, self._due_cells - passed)
+            begun, before = cursor.cell, budget.credit
+            end = min(self._cells, begun + max(1, math.floor(self._due_cells)))
+            room = scheduler.room(max(self._least_cost, left), MAP_HEAD.size)
+            start, ops, cell, marked = self._map.encode(kernels.REFRESH, begun, end, room)
+            # of a whole round of the refresh, which this frame ends, the first frame
+            passed_seq = cursor.advance(scheduler.seq + 1, cell)
+            self._repair.repaired = max(self._repair.repaired, passed_seq - 1)
+            self._queue(REFRESH, start, ops, marked)
+            self._due_cells = max(0.0, self._due_cells - (cell - begun))
             budget.saved = max(0.0, budget.saved - (before - budget.credit))
         if self._due_cells < 1:
             budget.saved = 0.0  # it keeps its pace: what it leaves is free for all else
 
-    def _publish_slice(self, room: int) -> int:
-        begun, due = self._cursor.cell, max(1, math.floor(self._due_cells))
-        end = min(self._cells, begun + due)
-        self._cursor.note_slice(self._scheduler.seq + 1)
-        start, ops, cell, marked = self._map.encode(kernels.REFRESH, begun, end, room)
-        if seq := self._cursor.advance(cell):
-            self._repair.note_round(seq)
-        self._queue(REFRESH, start, ops, marked)
-        return cell - begun
-
     def _queue(self, flags: int, start: int, ops: bytes, marked: I32) -> None:
         """A frame with cells that were just encoded: it may say that it has repaired all."""
-        assert self._map.corner is not None
-        self._repair.settle()
-        self._origin, self._has_map = self._map.corner, True
-        repaired = self._repair.repaired
-        body = encode_map(self._origin, repaired, self.geom_id, start, ops)
-        self._scheduler.queue(MAP, body, flags)
-        self._repair.note_map(SentMap(self._scheduler.seq, marked, self._origin))
+        origin, scheduler = self._map.corner, self._scheduler
+        assert origin is not None
+        self._origin, self._has_map = origin, True
+        repaired = self._repair.note_map(scheduler.seq + 1, marked, origin)
+        scheduler.queue(MAP, encode_map(origin, repaired, self.geom_id, start, ops), flags)
 
 
 @dataclass(slots=True)
@@ -164,7 +156,7 @@ class Mark:
     """A slice of the refresh began here."""
 
     seq: int  # of its frame, unwrapped
-    lap: int
+    lap: int  # in which the refresh comes by again
     row: int  # of the window; may lie outside it
     column: int
 
@@ -187,26 +179,19 @@ class RefreshCursor:
         self.cell, self._lap, self._marked_cell = 0, 0, -1
         self._marks.clear()
 
-    def note_slice(self, seq: int) -> None:
-        apart = self.cell - self._marked_cell
-        if self._marked_cell < 0 or apart < 0 or apart >= self._size**2 // MARKS:
-            self._marks.append(Mark(seq, self._lap, *divmod(self.cell, self._size)))
+    def advance(self, seq: int, cell: int) -> int:
+        """Frame `seq` has the cells up to `cell`; the frame of the newest mark passed, or 0."""
+        size, marks, apart = self._size, self._marks, self.cell - self._marked_cell
+        if self._marked_cell < 0 or not 0 <= apart < size**2 // MARKS:
+            marks.append(Mark(seq, self._lap + 1, *divmod(self.cell, size)))
             self._marked_cell = self.cell
-
-    def advance(self, cell: int) -> int:
-        """Cells before `cell` have been sent; the frame of the newest mark passed again, or 0."""
         self.cell = cell
-        if cell >= self._size**2:
+        if cell >= size**2:
             self.cell, self._lap = 0, self._lap + 1
-        newest = 0
-        while self._marks and self._is_round(self._marks[0]):
-            newest = self._marks.popleft().seq
+        newest, (row, column) = 0, divmod(self.cell, size)
+        while marks and (self._lap, row, column) >= (marks[0].lap, marks[0].row, marks[0].column):
+            newest = marks.popleft().seq
         return newest
-
-    def _is_round(self, mark: Mark) -> bool:
-        row, column = divmod(self.cell, self._size)
-        at = (mark.row, mark.column) if mark.row >= 0 else (0, 0)
-        return self._lap > mark.lap + 1 or (self._lap == mark.lap + 1 and (row, column) >= at)
 
     def follow(self, di: int, dj: int) -> None:
         """The window moved by (di, dj) cells: all places stay where they are in the world."""

@@ -132,17 +132,17 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFra
     kind, end = first & 0x0F, len(frame) - CRC.size - (TAG_BYTES if flags & AUTH else 0)
     if end < HEAD.size:
         return BadFrame("bad length", frame)
-    tag = frame[end : -CRC.size]
-    if secret is not None and kind != HELLO and not _is_signed(frame[:end], tag, secret):
+    content, tag = frame[:end], frame[end : -CRC.size]
+    if secret is not None and kind != HELLO and not _is_signed(content, tag, secret):
         return BadFrame("no valid tag", frame)
     if kind not in BODIES:
         return BadFrame("unknown type", frame)
     name, layout, decode = BODIES[kind]
-    body = frame[HEAD.size : end]
+    body = content[HEAD.size :]
     answer = decode(seq, t_ms, *layout.unpack(body)) if len(body) == layout.size else None
     if isinstance(answer, Hello) and secret is not None:
         own = dataclasses.replace(secret, nonce=answer.nonce)
-        answer = replace(answer, signed=_is_signed(frame[:end], tag, own))
+        answer = replace(answer, signed=_is_signed(content, tag, own))
     return answer or BadFrame(f"{name} out of range", frame)
 
 
@@ -157,11 +157,6 @@ def is_kind(frame: bytes, kind: int) -> bool:
 
 
 # Bodies as their fields; None unless all of it is as section 3 wants it: nothing counts in part
-
-
-def _ack(seq: int, t_ms: int, *fields: int) -> Ack:
-    last_seq, mask, echo_t_ms, _hold, _bad_frames, status, geom_id = fields
-    return Ack(seq, t_ms, last_seq, mask, echo_t_ms, status, geom_id)
 
 
 def _hello(seq: int, t_ms: int, *fields: int) -> Hello:
@@ -200,7 +195,7 @@ def _maybe_external(seq: int, t_ms: int, *fields: int) -> External | None:
 
 
 BODIES: dict[int, tuple[str, struct.Struct, Callable[..., Answer | None]]] = {
-    ACK: ("ACK", struct.Struct("<HIIHHBB"), _ack),
+    ACK: ("ACK", struct.Struct("<HII4xBB"), Ack),  # 4x: hold, bad_frames
     HELLO: ("HELLO", struct.Struct("<IIHH"), _hello),
     DRIVE: ("DRIVE", struct.Struct("<IIhhHH"), _maybe_drive),
     ASK: ("ASK", struct.Struct("<HBBhhHH"), _maybe_ask),

@@ -23,7 +23,8 @@ class Peer:
 
     def __init__(self, *, cells: int, push: bool, has_key: bool) -> None:
         self._cells, self._push, self._has_key = cells, push, has_key
-        self._proven = False  # something with a valid tag has come with this nonce
+        # something with a valid tag has come with this nonce, or no key is set
+        self.proven = not has_key
         self.nonce = 0  # of its newest HELLO
         self.max_frame = MAX_FRAME
         self.polled = not push  # nothing is pushed: it asks
@@ -48,9 +49,9 @@ class Peer:
         """A planner has started, or says it again; whether all begins anew."""
         before = (self.nonce, self.refusal, self.polled)
         trusted = not self._has_key or (hello.signed and not self._is_replayed(hello))
-        if not trusted and self._proven and hello.nonce == self.nonce:
+        if not trusted and self.proven and hello.nonce == self.nonce:
             return False
-        self._proven, self.nonce = trusted and self._has_key, hello.nonce
+        self.proven, self.nonce = trusted, hello.nonce
         self.polled = (trusted and hello.polls) or not self._push
         self.max_frame = hello.max_frame if trusted else MAX_FRAME
         self.refusal = self._refusal_of(hello.max_cells)
@@ -93,17 +94,14 @@ class Peer:
         return ""
 
     def prove(self) -> bool:
-        """A frame with a valid tag has come; whether it shows that a refusal was forged.
+        """A first frame with a valid tag has come; whether it shows that a refusal was forged.
 
         Who signs has got the geometry: a planner that can't hold the window gets none.
         """
-        if not self._has_key or self._proven:
-            return False
-        self._proven, was_refused, self.refusal = True, bool(self.refusal), ""
+        was_refused, self.proven, self.refusal = bool(self.refusal), True, ""
         return was_refused
 
     def end_polling(self) -> bool:
-        """It acknowledges, as none does that only asks; whether it was taken for one."""
-        was_polled = self.polled
+        """It acknowledges, as none does that only asks; whether it is taken for one no longer."""
         self.polled = not self._push
-        return was_polled and not self.polled
+        return self._push

@@ -8,6 +8,7 @@ Source: planner link, sections 3 (operations), 4 and 7.
 """
 
 import zlib
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from hw.planner_link.kernels import (
 )
 
 
-def _span_of(corners: list[tuple[int, int]]) -> Span:
+def _span_of(corners: Iterable[tuple[int, int]]) -> Span:
     i, j = zip(*corners, strict=True)
     return min(i), max(i), min(j), max(j)
 
@@ -75,11 +76,6 @@ class PublishedMap:
     def published(self) -> U8:
         """What the planner holds if all frames have arrived: (size * size,) link codes."""
         return self._ring.published
-
-    @property
-    def marked(self) -> int:
-        """Cells to publish."""
-        return int(self._ring.counts[ANY])
 
     @property
     def urgent(self) -> bool:
@@ -154,10 +150,11 @@ class PublishedMap:
         )
         return start, self._ops[:used].tobytes(), next_cell, self._ring.cleared[:count].copy()
 
-    def mark_again(self) -> None:
-        """New obstacles published since the last call are to be published once more."""
+    def mark_again(self) -> int:
+        """New obstacles published since the last call are to be once more; all cells to publish."""
         if self._ring.once[0]:
             mark_again(self._cells, self._ring)
+        return int(self._ring.counts[ANY])
 
     def mark_lost(self, lost: I32, origin: tuple[int, int]) -> None:
         """Send (k,) cells again, raster indices in the window at `origin` as `encode` gave them."""
@@ -169,9 +166,11 @@ class PublishedMap:
             at = (j[inside] + corner_j) % size * size + (i[inside] + corner_i) % size
             self._mark(at.astype(np.int32), CHANGED | AGAIN, LOST)
 
-    def note_seen(self, seen: tuple[int, int], since: list[tuple[int, int]]) -> None:
+    def note_seen(self, seen: tuple[int, int], since: Iterable[tuple[int, int]]) -> None:
         """The planner has had the window at `seen`, and perhaps at those corners since."""
-        if self.corner is not None:
+        low_i, high_i, low_j, high_j = self._span
+        has_moved = low_i < high_i or low_j < high_j
+        if has_moved and self.corner is not None:
             self._span = _span_of([seen, *since, self.corner])
 
     def digest(self) -> int:

@@ -44,21 +44,18 @@ class Planners:
         tiles: AnswerSource | None,
     ) -> None:
         """One tick of all links; `window.changed` is what changed since the last one."""
-        self._renew(now_s)
+        era, before = round(now_s * 1000) // 2**32, self._era
+        self._era = era
+        if self._has_key and self._is_full:
+            self._renew("no further commander can be told from a replay")
+        elif before not in (-1, era):
+            self._renew("the clock of the frames wraps")
         for link in self.links:
             link.step(now_s, pose, window, zone, tiles)
 
-    def _renew(self, now_s: float) -> None:
+    def _renew(self, because: str) -> None:
         """A new session, for all: before the frames' clock wraps (49 days), or memory is full."""
-        era, before = round(now_s * 1000) // 2**32, self._era
-        self._era = era
-        if before in (-1, era) and not (self._has_key and self._is_full):
-            return
-        self.renewed_because = (
-            "no further commander can be told from a replay"
-            if self._is_full and self._has_key
-            else "the clock of the frames wraps"
-        )
+        self.renewed_because = because
         old = self.session.to_bytes(4, "little")
         self.session = int.from_bytes(hashlib.blake2s(old, digest_size=4).digest(), "little")
         self._guard.restart(self.session)

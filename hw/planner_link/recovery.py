@@ -13,7 +13,6 @@ from core.records import I32
 from hw.planner_link.messages import NEED_GEOM, Ack
 from hw.planner_link.published import PublishedMap
 
-ACK_WINDOW = 33  # frames that an ACK speaks of
 REMEMBERED = 512  # MAP frames without an ACK
 MOST_LAG = 2**14  # frames: half of what a receiver can tell from the future
 
@@ -51,57 +50,43 @@ class Repair:
         if seq == self.epoch_seq:
             self._geom_seq = seq
 
-    def note_map(self, sent: SentMap) -> None:
-        if not self.in_step:
-            return  # all is sent again as soon as ACKs come
-        self._sent.append(sent)
-        if len(self._sent) > REMEMBERED:
-            self._sent.clear()
-            self.in_step = False
+    def note_map(self, seq: int, cells: I32, origin: tuple[int, int]) -> int:
+        """MAP frame `seq` goes out, its cells as of `SentMap`; the `repaired` that it tells.
 
-    def note_round(self, first_seq: int) -> None:
-        """A whole round of the refresh, begun with that frame, is sent with the next one."""
-        self.repaired = max(self.repaired, first_seq - 1)
-
-    def settle(self) -> None:
-        """If nothing lost is left to be sent again, in frames up to the next, ACKs say how far."""
-        if self._map.lost == 0 and self.in_step:
-            self.repaired = max(self.repaired, self._covered)
-
-    def lags(self, seq: int) -> bool:
-        """Whether `repaired` is so far behind that a receiver might take it for the future."""
-        return seq - self.repaired > MOST_LAG
+        If nothing lost is left to be sent again, in frames up to this one, ACKs say how far.
+        """
+        if self.in_step:  # else all is sent again as soon as ACKs come
+            if self.repaired < self._covered and self._map.lost == 0:
+                self.repaired = self._covered
+            self._sent.append(SentMap(seq, cells, origin))
+            if len(self._sent) > REMEMBERED:
+                self._sent.clear()
+                self.in_step = False
+        return self.repaired
 
     def take(self, newest: int, ack: Ack, geom_id: int) -> bool:
         """An ACK of frames of this epoch, `newest` unwrapped; False if the planner lacks GEOM."""
         if ack.geom_id != geom_id or ack.status & NEED_GEOM:
             self.in_step = False
             return False
+        arrived = ack.mask << 1 | 1  # bit k: frame newest - k
         if 0 < self._geom_seq <= newest:
-            self.in_step &= _arrived(self._geom_seq, newest, ack.mask)
+            self.in_step &= bool(arrived >> newest - self._geom_seq & 1)
             self._geom_seq = 0
         if not self.in_step:
             # It ignored what came before the geometry, or was silent for long: all of it again
             self.in_step = True
             self._map.publish_again()
             self._sent.clear()
-        self._settle_frames(newest, ack.mask)
-        self._covered = max(self._covered, newest)
-        return True
-
-    def _settle_frames(self, newest: int, mask: int) -> None:
         seen: tuple[int, int] | None = None
         while self._sent and self._sent[0].seq <= newest:
             sent = self._sent.popleft()
-            if _arrived(sent.seq, newest, mask):
+            if arrived >> newest - sent.seq & 1:
                 seen = sent.origin
             else:
                 self.frames_lost += 1
                 self._map.mark_lost(sent.cells, sent.origin)
         if seen is not None:
-            self._map.note_seen(seen, [sent.origin for sent in self._sent])
-
-
-def _arrived(seq: int, newest: int, mask: int) -> bool:
-    age = newest - seq
-    return age == 0 or (age < ACK_WINDOW and bool(mask >> (age - 1) & 1))
+            self._map.note_seen(seen, (sent.origin for sent in self._sent))
+        self._covered = max(self._covered, newest)
+        return True

@@ -39,6 +39,7 @@ class Budget:
     credit: float = 0.0  # saved up so far
     saved: float = 0.0  # of that, the refresh's share
     most_saved: float = 0.0
+    kept: float = 0.0  # of the share, what this tick's changes leave: all, once it fills a slice
     line_left: float = 0.0  # that the line carries until the next tick, beside the queued
 
 
@@ -54,81 +55,77 @@ class FrameScheduler:
         slice_body: int,
         first_seq: int,
     ) -> None:
-        self.port, self._tick_s = port, tick_s
-        self.sign_with(secret)
+        self.port = port
+        self.secret = secret  # what frames are signed with: it may change, but not from or to None
+        self._bare_bytes = HEAD.size + CRC.size + (TAG_BYTES if secret else 0)  # of a frame
+        sizes = range(self._bare_bytes, MAX_FRAME + 1)
+        # wire bytes of a frame, at most, by the bytes of its body
+        self.costs = list(sizes if port.datagrams else map(serial_bytes, sizes))
         self._bytes_per_s = (line_baud or UDP_BAUD) / 10 * LINE_SHARE
         self.budget = Budget(self._bytes_per_s * tick_s)
+        self._longest_s = SAVED_TICKS * tick_s  # for which budget is earned
+        self._most_credit = self.budget.tick_bytes * SAVED_TICKS
         self._line_bytes = self.budget.tick_bytes / LINE_SHARE  # in one tick, used to the full
+        self._burst_bytes = LONGEST_BURST * self._line_bytes
         self._first_seq, self.seq = first_seq, first_seq - 1  # `seq`: newest frame, unwrapped
-        self.max_frame = MAX_FRAME
-        self._slice_body = slice_body  # bytes of the body that the share is saved up for
+        self.most_body = MAX_FRAME - self._bare_bytes  # bytes that the planner takes
+        self._slice_cost = self.costs[slice_body]  # that the refresh's share is saved up for
+        self.is_full = False  # the wire is more than a tick behind, or the budget overdrawn
         self._earned_s = self._written_s = -math.inf
         self._queued: list[tuple[int, int, bytes]] = []  # this tick: kind, flags, body
         self._t_ms = array("I", bytes(4 * 2**16))  # of the newest of a number
         self.frames_sent = 0
 
-    def sign_with(self, secret: Secret | None) -> None:
-        """What frames are signed with from now on, if they are."""
-        self.secret = secret
-        self._bare_bytes = HEAD.size + CRC.size + (TAG_BYTES if secret else 0)  # of a frame
+    def limit(self, max_frame: int) -> None:
+        """The planner takes frames of so many bytes."""
+        self.most_body = max_frame - self._bare_bytes
 
     def earn(self, now_s: float) -> float:
         """Budget for the time since the last tick, which is returned (s, bounded).
 
         What the wire still holds of earlier ticks is part of what this one may fill.
         """
-        dt_s = max(0.0, min(now_s - self._earned_s, SAVED_TICKS * self._tick_s))
+        dt_s = max(0.0, min(now_s - self._earned_s, self._longest_s))
         self._earned_s = now_s
-        budget, line_bytes = self.budget, self._line_bytes
-        earned, most = self._bytes_per_s * dt_s, budget.tick_bytes * SAVED_TICKS
-        waiting = min(float(self.port.backlog), line_bytes)
-        longest = LONGEST_BURST * line_bytes - waiting
-        budget.credit = min(budget.credit + earned, most, longest)
+        budget, line_bytes, backlog = self.budget, self._line_bytes, self.port.backlog
+        earned, waiting = self._bytes_per_s * dt_s, min(backlog, line_bytes)
+        longest = self._burst_bytes - waiting
+        budget.credit = min(budget.credit + earned, self._most_credit, longest)
         share = REFRESH_SHARE * earned
-        budget.most_saved = max(REFRESH_SHARE * most, self.cost(self._slice_body) + share)
+        budget.most_saved = max(REFRESH_SHARE * self._most_credit, self._slice_cost + share)
         budget.saved = min(budget.saved + share, budget.most_saved)
+        budget.kept = budget.saved if budget.saved >= self._slice_cost else 0.0
         budget.line_left = line_bytes - waiting
+        self.is_full = backlog > line_bytes or budget.credit < 0.0
         return dt_s
-
-    @property
-    def is_full(self) -> bool:
-        """Whether the wire is more than a tick behind, or the budget is overdrawn."""
-        return self.port.backlog > self._line_bytes or self.budget.credit < 0.0
-
-    def cost(self, body_bytes: int) -> int:
-        """Wire bytes of a frame with a body of so many, at most."""
-        frame_bytes = self._bare_bytes + body_bytes
-        return frame_bytes if self.port.datagrams else serial_bytes(frame_bytes)
 
     def room(self, budget: float, head_bytes: int) -> int:
         """Bytes that a body may have behind its head under a budget; may be negative."""
-        return min(self.most_room(head_bytes), math.floor(budget) - self.cost(head_bytes) - 2)
-
-    def most_room(self, head_bytes: int) -> int:
-        """Bytes that a body may have behind its head, whatever the budget."""
-        return self.max_frame - self._bare_bytes - head_bytes
+        left = math.floor(budget) - self.costs[head_bytes] - 2
+        return min(self.most_body - head_bytes, left)
 
     def queue(self, kind: int, body: bytes, flags: int = 0) -> None:
         """One more frame of this tick; left out if the planner can't take one so long."""
-        if self._bare_bytes + len(body) <= self.max_frame:
+        if len(body) <= self.most_body:
             self.seq += 1
             self._queued.append((kind, flags, body))
-            cost = self.cost(len(body))
-            self.budget.credit -= cost
-            self.budget.line_left -= cost
+            budget, cost = self.budget, self.costs[len(body)]
+            budget.credit -= cost
+            budget.line_left -= cost
 
     def write(self, now_s: float) -> None:
         if not self._queued:
             return
-        t_ms, first = round(now_s * 1000) % 2**32, self.seq - len(self._queued) + 1
-        lead = b"" if now_s - self._written_s <= IDLE_S or self.port.datagrams else b"\0"
+        port, t_ms, seq = self.port, round(now_s * 1000) % 2**32, self.seq - len(self._queued)
+        lead = b"" if now_s - self._written_s <= IDLE_S or port.datagrams else b"\0"
         self.budget.credit -= len(lead)
-        for k, (kind, flags, body) in enumerate(self._queued):
-            more = MORE if k + 1 < len(self._queued) else 0
-            frame = encode_frame(kind, flags | more, first + k, t_ms, body, self.secret)
-            self.port.write(frame if self.port.datagrams else lead + encode_serial(frame))
+        for kind, flags, body in self._queued:
+            seq += 1
+            more = MORE if seq < self.seq else 0
+            frame = encode_frame(kind, flags | more, seq, t_ms, body, self.secret)
+            port.write(frame if port.datagrams else lead + encode_serial(frame))
             lead = b""
-            self._t_ms[(first + k) % 2**16] = t_ms
+            self._t_ms[seq % 2**16] = t_ms
         self.frames_sent += len(self._queued)
         self._queued.clear()
         self._written_s = now_s

@@ -45,7 +45,7 @@ from hw.planner_link.messages import (
 )
 from hw.planner_link.peer import Peer
 from hw.planner_link.published import PublishedMap
-from hw.planner_link.recovery import Repair
+from hw.planner_link.recovery import MOST_LAG, Repair
 from hw.planner_link.requests import ExternalPoses, Requests
 from hw.planner_link.scheduler import FrameScheduler
 
@@ -53,6 +53,7 @@ GEOM_EVERY_S = 1.0
 DIGEST_EVERY_S = 1.0
 ZONE_EVERY_S = 0.1
 NEED_FULL_EVERY_S = 0.25
+ROUNDING_S = 1e-6  # by so much a period may seem too short
 UNHEARD_S = 5.0  # of a planner on datagrams that only asks: it may not know where we are
 
 
@@ -77,10 +78,6 @@ class LinkSettings:
     key: bytes | None = None
     push: bool = True  # False: nothing is sent but what is asked for
     first_seq: int = 1  # number of a link's first frame
-
-
-def _is_due(now_s: float, last_s: float, period_s: float) -> bool:
-    return now_s - last_s >= period_s - 1e-6  # of rounding
 
 
 @dataclass(slots=True)
@@ -161,7 +158,7 @@ class PlannerLink:
     def restart(self, session: int) -> None:
         """Go on as another run does, under a new session: also who only asks hears of it."""
         self.session = session
-        self._scheduler.sign_with(self._secret)
+        self._scheduler.secret = self._secret
         self.peer.begin_session()
         self._state.epoch_due = self._state.geom_due = True
 
@@ -194,7 +191,7 @@ class PlannerLink:
                     counted.refuse(answer.reason)
             return
         self._state.heard_s = now_s
-        if not isinstance(answer, Hello) and self.peer.prove():
+        if not self.peer.proven and not isinstance(answer, Hello) and self.peer.prove():
             self._state.epoch_due = True
         match answer:
             case Ack():
@@ -216,16 +213,16 @@ class PlannerLink:
     def _take_hello(self, hello: Hello) -> None:
         if self.peer.take_hello(hello):
             self._answers.forget()
-            self._scheduler.sign_with(self._secret)
+            self._scheduler.secret = self._secret
             self._state.epoch_due = True
-        self._scheduler.max_frame = self.peer.max_frame
+        self._scheduler.limit(self.peer.max_frame)
         self._state.geom_due = True
 
     def _take_ack(self, now_s: float, ack: Ack) -> None:
         if not self.peer.take_ack(ack):
             return
         self.counters.acks += 1
-        if self.peer.end_polling():
+        if self.peer.polled and self.peer.end_polling():
             self._state.epoch_due = True
         newest = self._scheduler.maybe_sent(ack.last_seq, ack.echo_t_ms)
         if newest is not None and newest < self._repair.epoch_seq:
@@ -262,43 +259,45 @@ class PlannerLink:
         tiles: AnswerSource | None = None,
     ) -> None:
         """One tick: take answers, if not taken yet, then write what the line has room for."""
-        is_open = self._state.is_open if now_s == self._state.polled_s else self.poll(now_s)
-        lags = not self.peer.polled and self._repair.lags(self._scheduler.seq)
-        if self._state.epoch_due or lags or window.epoch != self._state.epoch:
-            self._state.epoch = window.epoch
+        state, peer, scheduler = self._state, self.peer, self._scheduler
+        is_open = state.is_open if now_s == state.polled_s else self.poll(now_s)
+        lags = not peer.polled and scheduler.seq - self._repair.repaired > MOST_LAG
+        if state.epoch_due or lags or window.epoch != state.epoch:
+            state.epoch = window.epoch
             self._begin_epoch(now_s)
-        if not self.peer.polled:
+        if not peer.polled:
             self._publisher.follow(window)
-        dt_s = self._scheduler.earn(now_s)
-        if not is_open or self._scheduler.is_full:
+        dt_s = scheduler.earn(now_s)
+        if not is_open or scheduler.is_full:
             self.counters.ticks_held += 1
             return
         self._publish_state(now_s, pose, zone)
-        if self.peer.polled:
-            told = None if self.peer.refusal else window
-            self._answers.publish(self._scheduler.budget.credit, told, self.geom_id, tiles)
-        elif not self.peer.refusal:
+        if peer.polled:
+            told = None if peer.refusal else window
+            self._answers.publish(scheduler.budget.credit, told, self.geom_id, tiles)
+        elif not peer.refusal:
             self._publish_map(now_s, dt_s, window, tiles)
-        self._state.wanted = 0
-        self._scheduler.write(now_s)
+        state.wanted = 0
+        scheduler.write(now_s)
 
     def _publish_state(self, now_s: float, pose: PoseReport, zone: StopZoneReport | None) -> None:
-        settings, pushes, wanted = self._settings, not self.peer.polled, self._state.wanted
+        settings, state, peer = self._settings, self._state, self.peer
+        pushes, wanted = not peer.polled, state.wanted
         calls = not pushes and self._calls_out(now_s)
-        due = pushes and _is_due(now_s, self._state.geom_s, GEOM_EVERY_S)
-        if not self.peer.refusal and (self._state.geom_due or due or calls or wanted & ASK_GEOM):
-            self._state.geom_due, self._state.geom_s = False, now_s
+        due = pushes and now_s - state.geom_s >= GEOM_EVERY_S - ROUNDING_S
+        if (state.geom_due or due or calls or wanted & ASK_GEOM) and not peer.refusal:
+            state.geom_due, state.geom_s = False, now_s
             geom = (self.geom_id, settings.size, settings.cell_mm, self.session)
             self._scheduler.queue(GEOM, encode_geom(*geom, settings.tick_s, settings.stale_ms))
             self._repair.note_geom(self._scheduler.seq)
-        if pushes or wanted & ASK_POSE or (calls and self.peer.refusal):
+        if pushes or wanted & ASK_POSE or (calls and peer.refusal):
             self._scheduler.queue(POSE, encode_pose(pose))
         if zone is None:
             return
-        due = _is_due(now_s, self._state.zone_s, ZONE_EVERY_S)
-        new = self._state.zone != (zone.state, zone.causes)
+        due = now_s - state.zone_s >= ZONE_EVERY_S - ROUNDING_S
+        new = state.zone != (zone.state, zone.causes)
         if (pushes and (due or new)) or wanted & ASK_ZONE:
-            self._state.zone_s, self._state.zone = now_s, (zone.state, zone.causes)
+            state.zone_s, state.zone = now_s, (zone.state, zone.causes)
             self._scheduler.queue(STOP_ZONE, encode_stop_zone(zone))
 
     def _calls_out(self, now_s: float) -> bool:
@@ -306,8 +305,8 @@ class PlannerLink:
         state = self._state
         if not self.wire.port.datagrams or state.heard_s is None:
             return False
-        calls = _is_due(now_s, state.heard_s, UNHEARD_S)
-        calls &= _is_due(now_s, state.called_s, GEOM_EVERY_S)
+        calls = now_s - state.heard_s >= UNHEARD_S - ROUNDING_S
+        calls &= now_s - state.called_s >= GEOM_EVERY_S - ROUNDING_S
         state.called_s = now_s if calls else state.called_s
         return calls
 
@@ -322,8 +321,9 @@ class PlannerLink:
             self._answers.publish(left, window, self.geom_id, tiles)
             spare = 0.0
         self._publisher.refresh(dt_s, spare)
+        if now_s - self._state.digest_s < DIGEST_EVERY_S - ROUNDING_S:
+            return
         is_known = self._map.lost == 0 and self._repair.repaired >= self._repair.epoch_seq
-        due = _is_due(now_s, self._state.digest_s, DIGEST_EVERY_S)
-        if is_known and due and budget.credit >= scheduler.cost(DIGEST_BODY.size):
+        if is_known and budget.credit >= scheduler.costs[DIGEST_BODY.size]:
             self._state.digest_s = now_s
             scheduler.queue(DIGEST, encode_digest(self.geom_id, self._map.digest()))

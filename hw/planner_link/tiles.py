@@ -165,7 +165,7 @@ class Tiles:
         if tile.sent == 0:
             tile.begin(window)
         whole = bytes_of(ask.layer, tile.left)
-        enough = min(whole, PIECE_BYTES, self._scheduler.most_room(TILE_HEAD.size))
+        enough = min(whole, PIECE_BYTES, self._scheduler.most_body - TILE_HEAD.size)
         if room < max(2, enough):
             return False
         count = min(tile.left, cells_in(ask.layer, room))

@@ -64,9 +64,11 @@ EQUIVALENT: dict[str, str] = {
     "found[0] <= NEAR_M - corner - cell_m": FLOATS,
     f"{STALL}__init__: 0.0 -> 1.0": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (2)": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (3)": UNREAD,
+    f"{STALL}__init__: 0.0 -> 1.0 (4)": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (5)": UNREAD,
     f"{STALL}__init__: 0.0 -> 1.0 (6)": UNREAD,
-    f"{STALL}stalled: max(self._unfollowed_m) >= UNFOLLOWED_M -> "
+    f"{STALL}counted: max(self._unfollowed_m) >= UNFOLLOWED_M -> "
     "max(self._unfollowed_m) > UNFOLLOWED_M": FLOATS,
     f"{STOP_ZONE} _at: abs(turn) < 1e-06 -> abs(turn) <= 1e-06": FLOATS,
     f"{STOP_ZONE} _at: 0.5 -> 1.5": NEARLY_STRAIGHT,
@@ -82,7 +84,6 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _free_path: gap >= margin - TOUCH_M -> gap > margin - TOUCH_M": LATER,
     f"{STOP_ZONE} _free_path: margin - TOUCH_M -> margin + TOUCH_M": LATER,
     f"{STOP_ZONE} _free_path: before >= margin - TOUCH_M -> before > margin - TOUCH_M": FLOATS,
-    "core/driving/health.py Inputs: True -> False": NEVER_SET,
     f"{STOP_ZONE} Obstruction: True -> False": NEVER_SET,
     f"{STOP_ZONE} _free_path: gap >= kept - TOUCH_M -> gap > kept - TOUCH_M": FLOATS,
     f"{STOP_ZONE} _free_path: kept - TOUCH_M -> kept + TOUCH_M": FLOATS,
@@ -112,8 +113,6 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _sweep: max(0.0, (k - 1) * step - margin) -> "
     "min(0.0, (k - 1) * step - margin)": LONGER,
     f"{STOP_ZONE} _sweep: 1 -> 2 (3)": LONGER,
-    f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0": FREE_ALL_OVER,
-    f"{STOP_ZONE} StopZone.clear_of: 0.0 -> 1.0 (2)": FREE_ALL_OVER,
     f"{STOP_ZONE} StopZone.allowed_mps: rate_mps >= SLOWEST_MPS -> rate_mps > SLOWEST_MPS": FLOATS,
     f"{ZONE}report: pose.yaw_rad + math.pi -> pose.yaw_rad - math.pi": "it is the same direction",
     f"{ZONE}_contact_s: 0.0 -> 1.0": LONGER,

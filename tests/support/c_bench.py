@@ -156,7 +156,7 @@ class Bench:
     def is_safe(self, clear_m: float = 0.0) -> bool:
         """Whether the newest motion is one that the app's own stop zone lets pass, at full."""
         size = ROBOT.front_m, ROBOT.rear_m, ROBOT.width_m, ROBOT.stop_margin_m
-        zone = StopZone(*size, ROBOT.brake_mps2, True, 0.45)
+        zone = StopZone(*size, ROBOT.brake_mps2, 0.45)
         motion = self.newest
         rate_mps = zone.rate_mps(*motion)
         if rate_mps < 0.001:

@@ -106,7 +106,7 @@ def near_cells(app: App, now_s: float) -> list[Cell]:
         return []
     control, window = app.pilot.control, app.mapper.maps.window
     zone, grid = control.zone, window.grid
-    clear = zone.clear_of(control.clear(app.pilot.start_assumed_clear))
+    clear = control.clear[app.pilot.start_assumed_clear]
     place = (pose.x_m, pose.y_m, pose.yaw_rad)
     frame = (grid.corner_i, grid.corner_j, grid.size)
     near = cells_near(window.cells, frame, grid.cell_m, place, zone.rect, zone.margin_m, clear)

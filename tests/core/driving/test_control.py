@@ -350,9 +350,22 @@ def test_the_way_goes_as_the_robot_moves_or_else_as_it_is_asked_to() -> None:
     assert control.heading_for((0.05, 0.0), back) == (0.05, 0.0)
     assert control.heading_for((0.0499, 0.0), back) == (-0.5, 0.125)
     assert control.heading_for((0.0499, 0.0), None) == (0.0, 0.0)
-    assert control.clear(True) == (0.0, 0.0, Robot().config.robot.start_clear_m)
-    assert control.clear(False) == (0.0, 0.0, 0.0)
     assert control.look(HERE, (0.0, 0.0), 9.0, True) is NOTHING
+
+
+@pytest.mark.parametrize(
+    ("unknown_stops", "assumed_clear", "goes_m"),
+    [(True, False, 1.0), (True, True, 2.0), (False, False, math.inf), (False, True, math.inf)],
+)
+def test_unknown_ground_is_free_where_the_settings_say_so(
+    unknown_stops: bool, assumed_clear: bool, goes_m: float
+) -> None:
+    robot = Robot(unknown_stops=unknown_stops, start_clear_m=2.0)
+    size = robot.config.robot
+    for x_m in (1.0, 2.0, 3.0):
+        robot.mark(x_m + 0.1, 0.1, UNKNOWN)
+    found = robot.control.look(HERE, (0.1, 0.0), 1.6, assumed_clear)
+    assert found.free_m == pytest.approx(goes_m - size.front_m - size.stop_margin_m, abs=0.01)
 
 
 @pytest.mark.parametrize(("v", "w", "of"), [(-0.1, 0.1, (-0.8, 0.8)), (0.1, -0.8, (0.2, -1.6))])

@@ -6,30 +6,29 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from msgspec.structs import replace
 
 from core.driving import health
-from core.driving.health import Inputs, health_word, mode, trusted
+from core.driving.health import MAP_VALID, health_of
 from core.mapping import causes
 from core.mapping.method import MAX_SLOPE_RAD
 
-GOOD = Inputs(
-    age_scan_s=0.15,
-    age_scanner_s=0.15,
-    age_ahrs_s=0.15,
-    age_wheels_s=0.4,
-    clocks_locked=True,
-    pose_known=True,
-    map_begun=True,
-    overrun=False,
-    tilt_rad=MAX_SLOPE_RAD,
-    replayed=False,
-    drop_ahead=False,
-    impaired=False,
-    stop_asked=False,
-    scan_stale_s=0.15,
-    stalled=False,
-)  # each of them just well
+GOOD: dict[str, Any] = {
+    "age_scan_s": 0.15,
+    "age_scanner_s": 0.15,
+    "age_ahrs_s": 0.15,
+    "age_wheels_s": 0.4,
+    "clocks_locked": True,
+    "pose_known": True,
+    "map_begun": True,
+    "overrun": False,
+    "tilt_rad": MAX_SLOPE_RAD,
+    "replayed": False,
+    "drop_ahead": False,
+    "impaired": False,
+    "stop_asked": False,
+    "scan_stale_s": 0.15,
+    "stalled": False,
+}  # each of them just well
 BAD: dict[str, tuple[Any, int, int]] = {  # what one of them makes of the word; the mode then
     "age_scan_s": (math.nextafter(0.15, 1), 0b000_0101_1111, health.FAULT),
     "age_scanner_s": (math.nextafter(0.15, 1), 0b000_0111_1110, health.RUNNING),
@@ -50,32 +49,30 @@ BAD: dict[str, tuple[Any, int, int]] = {  # what one of them makes of the word; 
 
 
 def test_a_healthy_robot_runs_and_may_tell_free() -> None:
-    word = health_word(GOOD)
-    assert (word, mode(word, GOOD), trusted(word)) == (0x7F, health.RUNNING, True)
+    assert health_of(**GOOD) == (0x7F, health.RUNNING)
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_what_is_just_not_well_has_its_own_bits_and_mode(name: str) -> None:
     value, word, mode_ = BAD[name]
-    inputs = replace(GOOD, **{name: value})
-    assert (bin(health_word(inputs)), mode(word, inputs)) == (bin(word), mode_)
+    assert health_of(**GOOD | {name: value}) == (word, mode_)
 
 
 def test_where_nothing_is_well_no_bit_says_so() -> None:
-    bad = replace(GOOD, **{name: value for name, (value, _, _) in BAD.items()})
+    bad = {name: value for name, (value, _, _) in BAD.items()}
     warned = health.DROP_AHEAD | health.SIGHT_IMPAIRED | health.TOO_STEEP | health.STOP_ASKED
-    assert health_word(bad) == warned
+    assert health_of(**bad) == (warned, health.REPLAYED)
 
 
 @given(bad=st.sets(st.sampled_from(list(BAD))))
 def test_free_is_told_only_while_nothing_that_it_needs_is_bad(bad: set[str]) -> None:
-    inputs = replace(GOOD, **{name: BAD[name][0] for name in bad})
-    word = health_word(inputs)
+    word, mode = health_of(**GOOD | {name: BAD[name][0] for name in bad})
+    is_trusted = bool(word & MAP_VALID)
     needs = {name for name, (_, word, _) in BAD.items() if not word & health.MAP_VALID}
-    assert trusted(word) == (not bad & needs)
-    if mode(word, inputs) in (health.RUNNING, health.DEGRADED):
-        assert trusted(word)
-    assert (mode(word, inputs) == health.REPLAYED) == ("replayed" in bad)
+    assert is_trusted == (not bad & needs)
+    if mode in (health.RUNNING, health.DEGRADED):
+        assert is_trusted
+    assert (mode == health.REPLAYED) == ("replayed" in bad)
 
 
 def test_scans_are_stale_after_three_periods_but_no_sooner_than_the_links_time_out() -> None:
@@ -85,7 +82,7 @@ def test_scans_are_stale_after_three_periods_but_no_sooner_than_the_links_time_o
 def test_every_health_that_holds_free_back_has_a_cause_and_every_other_has_none() -> None:
     for word in range(1 << 16):
         cause = health.doubt(word)
-        assert (cause == 0) == health.trusted(word)
+        assert (cause == 0) == bool(word & MAP_VALID)
         assert cause == 0 or cause >= causes.FIRST_DOUBT
     well = 0x7F & ~health.MAP_VALID
     assert health.doubt(well) == causes.NOT_MAPPED

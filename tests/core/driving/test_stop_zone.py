@@ -41,9 +41,9 @@ NOWHERE = (0.0, 0.0, 0.0)
 PLACES = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-3.2, 3.2))
 
 
-def zone(unknown_stops: bool = True, rect: Rect = RECT) -> StopZone:
+def zone(rect: Rect = RECT) -> StopZone:
     front_m, rear_m, side_m = rect
-    return StopZone(front_m, rear_m, 2 * side_m, MARGIN_M, BRAKE_MPS2, unknown_stops, REACTION_S)
+    return StopZone(front_m, rear_m, 2 * side_m, MARGIN_M, BRAKE_MPS2, REACTION_S)
 
 
 def ground(
@@ -65,11 +65,10 @@ def look(
     *marks: tuple[float, float, int],
     place: Place = NOWHERE,
     clear: Place = NOWHERE,
-    unknown_stops: bool = True,
     from_mps: float = 1.6,
 ) -> Obstruction:
     grid, cells = ground(*marks)
-    return zone(unknown_stops).look(grid, cells, place, motion, clear, from_mps, 0.0)
+    return zone().look(grid, cells, place, motion, clear, from_mps, 0.0)
 
 
 # Cells
@@ -355,7 +354,7 @@ def test_the_free_way_is_that_of_the_slow_model(
         assert marks[found.i, found.j] == found.state
 
 
-SHARP = StopZone(0.5, 0.25, 0.5, 0.125, 0.8, True, REACTION_S)  # all of it in whole cells' halves
+SHARP = StopZone(0.5, 0.25, 0.5, 0.125, 0.8, REACTION_S)  # all of it in whole cells' halves
 
 
 @pytest.mark.parametrize(
@@ -428,7 +427,7 @@ def test_what_is_farther_than_the_way_to_stop_does_not_matter() -> None:
 def test_unknown_ground_stops_as_a_wall_does_unless_somebody_vouches_for_it() -> None:
     hole = (1.5, 0.1, UNKNOWN)
     assert look((0.5, 0.0), hole).state == UNKNOWN
-    assert look((0.5, 0.0), hole, unknown_stops=False) == NOTHING
+    assert look((0.5, 0.0), hole, clear=(0.0, 0.0, math.inf)) == NOTHING
     assert look((0.5, 0.0), hole, clear=(0.0, 0.0, 1.6)) == NOTHING
     assert look((0.5, 0.0), hole, clear=(0.0, 0.0, 1.4)).state == UNKNOWN
     assert look((0.5, 0.0), (1.5, 0.1, OBSTACLE), clear=(0.0, 0.0, 5.0)).state == OBSTACLE
@@ -508,7 +507,7 @@ def test_the_way_to_a_stop_is_reaction_and_braking() -> None:
 
 @pytest.mark.parametrize(("front_m", "rear_m"), [(0.3, 0.2), (0.2, 0.3)])
 def test_the_fastest_point_is_the_farthest_corner(front_m: float, rear_m: float) -> None:
-    of = StopZone(front_m, rear_m, 0.8, 0.1, 1.0, True, 0.1)
+    of = StopZone(front_m, rear_m, 0.8, 0.1, 1.0, 0.1)
     assert of.rate_mps(-0.7, -2.0) == pytest.approx(0.7 + 2.0 * 0.5)
 
 

@@ -122,12 +122,12 @@ def test_nothing_is_taken_of_the_scanner_while_nobody_asks() -> None:
 @pytest.mark.parametrize("longest", [48, 52, 60, 368])
 def test_short_frames_hold_as_many_points_as_fit_or_none(longest: int) -> None:
     line, _ = line_of(30, planner=FakePlanner(ack_every=1, key=bytes(32)), key=bytes(32))
-    line.link._scheduler.max_frame = longest
+    line.link._scheduler.limit(longest)
     line.planner.ask_scan()
     for _ in range(40):
         line.tick()
         assert all(len(frame) <= longest for frame in line.frames)
-        line.link._scheduler.max_frame = longest
+        line.link._scheduler.limit(longest)
     assert (line.planner.scan is not None) == (longest - 20 - 28 >= POINT_BYTES)
 
 

@@ -194,7 +194,7 @@ def test_a_planner_that_only_asks_gets_nothing_unasked_and_costs_no_memory() -> 
         sky.move(1, 0)
         line.tick()
         assert line.frames == []
-    assert line.link._map.marked == 0
+    assert line.link._map.mark_again() == 0
     assert not line.link._repair._sent
     assert planner.ask(line.now_s, geometry=True, pose=True, stop_zone=True)
     line.settle(0.3)

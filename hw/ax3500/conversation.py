@@ -155,7 +155,8 @@ class Conversation:
         while fault is None and self.exchange.now_s < until_s:
             is_late = self.exchange.now_s >= whole_s  # we have looked, and it was not whole
             due_s, hears_s = (until_s, whole_s) if is_late else (min(look_s, until_s), look_s)
-            events = yield from self.exchange.turn(out, due_s, hears_s)
+            # a wish may change with any step
+            events = yield from self.exchange.turn(out, due_s, hears_s, self._motors.enabled)
             out = b""
             for event in events:
                 if not echoed:

@@ -225,7 +225,7 @@ class Ax3500Session:
                 yield from self._command(*command)
                 continue
             if query is None:
-                yield from x.turn(due_s=self._schedule.due_s)
+                yield from x.turn(due_s=self._schedule.due_s, each_step=True)
             elif query in READ_COUNTER:
                 yield from self._ask_counter(READ_COUNTER.index(query))
             else:
@@ -327,7 +327,7 @@ class Ax3500(Device[WheelCounts]):
         signs = [-1.0 if channel in options.invert else 1.0 for channel in (1, 2)]
         self._left, self._right = ((k - 1, signs[k - 1]) for k in (left, right))
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
-        status = DeviceStatus("ax3500")
+        status = DeviceStatus("ax3500", each_step=listen is not None)
 
         def new_session() -> Session:
             if listen is not None:
@@ -336,11 +336,6 @@ class Ax3500(Device[WheelCounts]):
             return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
 
         super().__init__(status, port, LineParser, new_session)
-
-    @property
-    def _needs_ticks(self) -> bool:
-        """A wish may change with any step; a query goes with one, where none is under way."""
-        return self.motors.enabled or self.status.hears_s == -math.inf
 
     @property
     def trouble(self) -> str:

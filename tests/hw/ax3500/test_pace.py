@@ -133,7 +133,7 @@ def test_an_answer_that_lies_in_the_line_for_a_step_has_its_true_time(delay_s: f
         bench.elapse(LOOK_S)
         if k % 40 == 0:
             measured += bench.ax.step(bench.now_s)
-        elif bench.now_s >= bench.ax.due_s > -math.inf:
+        elif bench.now_s >= bench.ax.status.due_s > -math.inf:
             own_turns += 1
             bench.ax.hear(bench.now_s)
         bench.wire.step(bench.now_s)

@@ -215,8 +215,7 @@ class Ax3500Session:
         self._polling_s = x.now_s
         self._schedule.begin(x.now_s)
         while True:
-            blocked = self._why_blocked()
-            self._find_remark(blocked)
+            blocked = self._find_remark()
             command = self._motors.maybe_command(blocked) if self._motors.enabled else None
             query = None
             if command is None or (command[1] != 0 and self._commands >= len(READ_COUNTER)):
@@ -284,28 +283,34 @@ class Ax3500Session:
         if texts == ["-"] and query not in (READ_STATUS, READ_INPUTS):
             self._schedule.refused(query, self._exchange.now_s)
 
-    def _why_blocked(self) -> str:
-        """Why motors get zero only; what is not known is a reason too, where they are enabled."""
-        state = self._stream.controller
-        if (trouble := state.trouble) or not self._motors.enabled:
-            return trouble
-        since_s = max(self._polling_s, self._exchange.now_s - CONDITION_S)
+    def _find_remark(self) -> str:
+        """What keeps the motors from their wish, and the line from its pace.
+
+        Gives why motors get zero only; what is not known is a reason too, where they are enabled.
+        """
+        now_s, motors, schedule = self._exchange.now_s, self._motors, self._schedule
+        blocked = why = self._stream.controller.trouble
+        motors_hz = 0.0
+        if motors.enabled:
+            blocked = blocked or self._what_is_not_told()
+            why = motors.refusal or blocked or (motors.why_off if motors.turns_wish_down else "")
+            motors_hz = 1.0 / REFRESH_S if motors.usable else 0.0
+        if now_s >= schedule.judge_s:
+            schedule.judge(now_s, motors_hz)
+        remark = f"{why}; {schedule.remark}" if why and schedule.remark else why or schedule.remark
+        self._stream.remark = remark
+        if self._status.state == "running":
+            self._status.cause = remark
+        return blocked
+
+    def _what_is_not_told(self) -> str:
+        state, since_s = self._stream.controller, self._exchange.now_s - CONDITION_S
+        since_s = max(self._polling_s, since_s)
         if state.status is None or state.taken_s[READ_STATUS] < since_s:
             return NO_STATUS
         if state.emergency_stop is None or state.taken_s[READ_INPUTS] < since_s:
             return NO_STATUS
         return ""
-
-    def _find_remark(self, blocked: str) -> None:
-        """What keeps the motors from their wish, and the line from its pace."""
-        motors, motors_hz, why = self._motors, 0.0, blocked
-        if motors.enabled:
-            why = motors.refusal or blocked or (motors.why_off if motors.turns_wish_down else "")
-            motors_hz = 1.0 / REFRESH_S if motors.usable else 0.0
-        slow = self._schedule.remark(self._exchange.now_s, motors_hz)
-        self._stream.remark = f"{why}; {slow}" if why and slow else why or slow
-        if self._status.state == "running":
-            self._status.cause = self._stream.remark
 
 
 class Ax3500(Device[WheelCounts]):
@@ -387,8 +392,9 @@ class Ax3500(Device[WheelCounts]):
             taken = self._counters.take(*reading)
             if isinstance(taken, Pair):
                 travel = (taken.one, taken.two)
-                left, right = [sign * travel[k] for k, sign in (self._left, self._right)]
-                measured.append(WheelCounts(taken.t_s, left, right, self._counters.restarts))
+                (left, left_sign), (right, right_sign) = self._left, self._right
+                turned = left_sign * travel[left], right_sign * travel[right]
+                measured.append(WheelCounts(taken.t_s, *turned, self._counters.restarts))
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

@@ -144,9 +144,9 @@ class MtParser:
         buffer += data
         if data:
             self._arrivals.append((self._taken + len(buffer), now_s))
-        if len(buffer) < self._claimed and not self._junk:
-            if now_s - self._begun_s <= self._wait_s:  # it is on its way
-                return []
+        has_time = now_s - self._begun_s <= self._wait_s
+        if has_time and len(buffer) < self._claimed and not self._junk:  # it is on its way
+            return []
         events = self._events(now_s)
         if self._junk and now_s - self._junk_s > COMPLETION_S:
             events += self._told_junk()

@@ -81,6 +81,8 @@ class ReopeningPort:
         if self._is_open:
             try:
                 self._read_into(pieces)
+            except BlockingIOError:  # what has arrived was damaged, and is thrown away
+                pass
             except OSError as error:
                 self._lose(describe_loss(error, self._where))
         if pieces and not self._delivered:

@@ -327,6 +327,7 @@ class Ax3500(Device[WheelCounts]):
     ) -> None:
         """`listen`: a session in place of its own, where somebody else asks the controller."""
         self.stream = CounterStream()
+        self.emergency_stop = False  # it is pressed
         left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
         self.motors = Motors(enable_motors, left, right, options.invert)
         signs = [-1.0 if channel in options.invert else 1.0 for channel in (1, 2)]
@@ -348,10 +349,6 @@ class Ax3500(Device[WheelCounts]):
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
         return "; ".join(reason for reason in (self.stream.controller.trouble, off) if reason)
-
-    @property
-    def emergency_stop(self) -> bool:
-        return bool(self.stream.controller.emergency_stop)
 
     @property
     def identity(self) -> str:
@@ -385,6 +382,7 @@ class Ax3500(Device[WheelCounts]):
         if self.stream.zero_lost:
             self._counters.forget_zero()
             self.stream.zero_lost = False
+        self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
             return []
         measured: list[WheelCounts] = []

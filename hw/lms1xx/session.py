@@ -125,6 +125,8 @@ class Lms111(Device[Scan]):
     def __init__(self, port: Port, options: Lms1xxOptions) -> None:
         self._memory = Memory()
         self._maker = ScanMaker(options)
+        self.clock_locked = False
+        self.is_impaired = False  # its window is contaminated, be it as a warning
         super().__init__(
             DeviceStatus("lms111"),
             port,
@@ -147,20 +149,11 @@ class Lms111(Device[Scan]):
         return ", ".join(told)
 
     @property
-    def clock_locked(self) -> bool:
-        return self._maker.clock.locked
-
-    @property
     def clock_uncertainty_s(self) -> float:
         return self._maker.clock.uncertainty_s
 
     def measured(self) -> dict[str, float]:
         return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
-
-    @property
-    def is_impaired(self) -> bool:
-        """Whether its window is contaminated, be it as a warning."""
-        return bool(self._memory.contamination)
 
     @property
     def doubt(self) -> str:
@@ -176,4 +169,6 @@ class Lms111(Device[Scan]):
                 scans.append(scan)
             else:
                 self.status.reject(scan)
+        self.clock_locked = self._maker.clock.locked
+        self.is_impaired = bool(self._memory.contamination)
         return scans

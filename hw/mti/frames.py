@@ -147,16 +147,8 @@ class MtParser:
         has_time = now_s - self._begun_s <= self._wait_s
         if has_time and len(buffer) < self._claimed and not self._junk:  # it is on its way
             return []
-        events = self._events(now_s)
-        if self._junk and now_s - self._junk_s > COMPLETION_S:
-            events += self._told_junk()
-        return events
-
-    def _events(self, now_s: float) -> list[MtFrame | BadFrame]:
-        """What the buffer holds, but for a frame at its end that may still be completed."""
-        events: list[MtFrame | BadFrame] = []
-        buffer, at, self._claimed = self.kept, 0, 0
-        while at < len(buffer):
+        events, at, self._claimed = list[MtFrame | BadFrame](), 0, 0
+        while at < len(buffer):  # but for a frame at its end that may still be completed
             reason, head, size = self._claim(at)
             end = at + size
             if not reason and end > len(buffer):
@@ -185,6 +177,8 @@ class MtParser:
         self._taken += at
         if not buffer:
             self._arrivals.clear()
+        if self._junk and now_s - self._junk_s > COMPLETION_S:
+            events += self._told_junk()
         return events
 
     def _claim(self, at: int) -> tuple[str, int, int]:

@@ -140,6 +140,7 @@ class Mti(Device[Attitude]):
 
     def __init__(self, port: Port, *, rate_hz: float, baud: int) -> None:
         self.stream = MtStream()
+        self.clock_locked = False  # as of the newest step
         status = DeviceStatus("mti")
 
         def new_session() -> Session:
@@ -159,6 +160,8 @@ class Mti(Device[Attitude]):
     def step(self, now_s: float) -> list[Attitude]:
         attitudes = super().step(now_s)
         self._gather(now_s)
+        is_running = self.status.state == "running"
+        self.clock_locked = is_running and self.session.reader.times.locked
         if self._gives_frames:  # all that had come is read: the next one is read as it arrives
             passed_s, period_s = now_s - self._stamped_s, self.stream.period_s
             next_s = self._stamped_s + math.ceil(passed_s / period_s) * period_s
@@ -203,10 +206,6 @@ class Mti(Device[Attitude]):
             self._maybe_gathers.gather(wanted[0])
             self._gathered, self._gathered_s = wanted, now_s
             self._gives_frames = wanted[0] > 1
-
-    @property
-    def clock_locked(self) -> bool:
-        return self.status.state == "running" and self.session.reader.times.locked
 
     @property
     def clock_uncertainty_s(self) -> float:

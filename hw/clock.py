@@ -80,7 +80,18 @@ class DeviceClock:
             self._ticks, self._began_s = ticks, arrived_s
         self._arrived_s = arrived_s
         self.samples += 1
-        self._learn(arrived_s, arrived_s - self._ticks * self._tick_s)
+        # each bucket keeps its least delayed sample; where one comes or goes the line is drawn anew
+        offset_s, least, has_changed = arrived_s - self._ticks * self._tick_s, self._least, False
+        while least and least[0][0] < arrived_s - WINDOW_S:
+            least.popleft()
+            has_changed = True
+        if not least or self._bucket != arrived_s // BUCKET_S:
+            least.append((arrived_s, offset_s))
+            self._bucket, has_changed = arrived_s // BUCKET_S, True
+        elif offset_s - self._line[2] * (arrived_s - least[-1][0]) < least[-1][1]:
+            least[-1], has_changed = (arrived_s, offset_s), True
+        if has_changed:
+            self._draw()
         self._is_settled = self.samples >= LOCK_SAMPLES and arrived_s - self._began_s >= LOCK_S
         self.locked = self._is_settled and self._uncertainty_s < LOCK_BELOW_S
         return self._from_device(self._ticks)
@@ -98,22 +109,6 @@ class DeviceClock:
         device_s = ticks * self._tick_s
         offset_s, at_s, slope = self._line
         return device_s + offset_s + slope * (device_s + offset_s - at_s)
-
-    def _learn(self, arrived_s: float, offset_s: float) -> None:
-        """Keep the sample if it is the least delayed of its bucket, and draw the line anew."""
-        least, bucket = self._least, arrived_s // BUCKET_S
-        has_gone = False
-        while least and least[0][0] < arrived_s - WINDOW_S:
-            least.popleft()
-            has_gone = True
-        if not least or self._bucket != bucket:
-            least.append((arrived_s, offset_s))
-            self._bucket = bucket
-        elif offset_s - self._line[2] * (arrived_s - least[-1][0]) < least[-1][1]:
-            least[-1] = arrived_s, offset_s
-        elif not has_gone:
-            return
-        self._draw()
 
     def _draw(self) -> None:
         """The highest line under all kept samples, by its slope over the middle of the window."""

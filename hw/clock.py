@@ -18,7 +18,8 @@ from collections import deque
 from itertools import pairwise
 
 BUCKET_S = 0.5  # of arrivals; each bucket keeps its least delayed sample
-BUCKETS = 20  # the window
+BUCKETS = 20
+WINDOW_S = BUCKETS * BUCKET_S
 SLOPE_AFTER_S = 4.0  # a shorter window's slope is mostly noise
 MAX_DRIFT = 1e-3
 LOCK_S, LOCK_SAMPLES = 0.8, 20  # as many as a scanner of 25 Hz has in that time
@@ -53,77 +54,61 @@ class DeviceClock:
         self._line = (0.0, 0.0, 0.0)  # offset at an arrival time, that time, slope
         self._uncertainty_s = math.inf
         self.samples = 0
-
-    @property
-    def locked(self) -> bool:
-        """True once there were samples enough to trust the offset."""
-        return self._is_settled and self._uncertainty_s < LOCK_BELOW_S
+        self._is_settled = False  # they are enough to trust the offset,
+        self.locked = False  # and it is known well enough
 
     @property
     def uncertainty_s(self) -> float:
         """Not exceeded by 95 of 100 host times, beyond a constant delay; inf before the first."""
         return self._uncertainty_s if self._is_settled or not self.samples else UNLOCKED_S
 
-    @property
-    def _is_settled(self) -> bool:
-        return self.samples >= LOCK_SAMPLES and self._arrived_s - self._began_s >= LOCK_S
-
     def host_s(self, ticks: int, arrived_s: float) -> float:
         """Take in a sample stamped `ticks` that arrived then; the host time of its stamp."""
-        if not self._follows(ticks, arrived_s):
+        passed_s, follows = arrived_s - self._arrived_s, False
+        if self.samples:  # unwrapped by the time that passed, it may belong to this clock
+            unwrapped = self._nearest(ticks, self._ticks + round(passed_s / self._tick_s))
+            late_s, drifted_s = arrived_s - self._from_device(unwrapped), MAX_DRIFT * passed_s
+            is_near = -(MAX_EARLY_S + drifted_s) <= late_s <= MAX_LATE_S + drifted_s
+            follows = is_near and unwrapped >= self._ticks
+        if follows:
+            self._ticks = unwrapped
+            if passed_s > WINDOW_S:  # nothing of the window is left
+                self.samples, self._began_s = 0, arrived_s
+        else:
             self.restarts += bool(self.samples)
             self._begin()
             self._ticks, self._began_s = ticks, arrived_s
-        elif arrived_s - self._arrived_s > BUCKETS * BUCKET_S:  # nothing of the window is left
-            self.samples, self._began_s = 0, arrived_s
         self._arrived_s = arrived_s
         self.samples += 1
-        self._learn(arrived_s, arrived_s - self._ticks * self._tick_s)
+        # each bucket keeps its least delayed sample; where one comes or goes the line is drawn anew
+        offset_s, least, has_changed = arrived_s - self._ticks * self._tick_s, self._least, False
+        while least and least[0][0] < arrived_s - WINDOW_S:
+            least.popleft()
+            has_changed = True
+        if not least or self._bucket != arrived_s // BUCKET_S:
+            least.append((arrived_s, offset_s))
+            self._bucket, has_changed = arrived_s // BUCKET_S, True
+        elif offset_s - self._line[2] * (arrived_s - least[-1][0]) < least[-1][1]:
+            least[-1], has_changed = (arrived_s, offset_s), True
+        if has_changed:
+            self._draw()
+        self._is_settled = self.samples >= LOCK_SAMPLES and arrived_s - self._began_s >= LOCK_S
+        self.locked = self._is_settled and self._uncertainty_s < LOCK_BELOW_S
         return self._from_device(self._ticks)
 
     def host_s_near(self, ticks: int) -> float:
         """Host time of another stamp of the same counter, within half a wrap of the newest."""
-        return self._from_device(self._ticks + self._signed(ticks - self._ticks))
+        return self._from_device(self._nearest(ticks, self._ticks))
 
-    def _signed(self, ticks: int) -> int:
-        """A difference of stamps as the smallest that it can be."""
+    def _nearest(self, ticks: int, to: int) -> int:
+        """The stamp unwrapped so that it is as near as can be."""
         half = self._wrap_ticks // 2
-        return (ticks + half) % self._wrap_ticks - half
-
-    def _follows(self, ticks: int, arrived_s: float) -> bool:
-        """Unwrap `ticks` by the time that passed; False if it can't belong to this clock."""
-        if not self.samples:
-            return False
-        passed_s = arrived_s - self._arrived_s
-        expected = round(passed_s / self._tick_s)
-        step = expected + self._signed(ticks - self._ticks - expected)
-        late_s = arrived_s - self._from_device(self._ticks + step)
-        early_s = MAX_EARLY_S + MAX_DRIFT * passed_s
-        if step < 0 or not -early_s <= late_s <= MAX_LATE_S + MAX_DRIFT * passed_s:
-            return False
-        self._ticks += step
-        return True
+        return to + (ticks - to + half) % self._wrap_ticks - half
 
     def _from_device(self, ticks: int) -> float:
         device_s = ticks * self._tick_s
         offset_s, at_s, slope = self._line
         return device_s + offset_s + slope * (device_s + offset_s - at_s)
-
-    def _learn(self, arrived_s: float, offset_s: float) -> None:
-        """Keep the sample if it is the least delayed of its bucket, and draw the line anew."""
-        least, bucket = self._least, arrived_s // BUCKET_S
-        has_gone = False
-        while least and least[0][0] < arrived_s - BUCKETS * BUCKET_S:
-            least.popleft()
-            has_gone = True
-        if not least or self._bucket != bucket:
-            least.append((arrived_s, offset_s))
-            self._bucket = bucket
-        elif offset_s - self._line[2] * (arrived_s - least[-1][0]) < least[-1][1]:
-            least[-1] = arrived_s, offset_s
-        elif not has_gone:
-            return
-        self._draw()
 
     def _draw(self) -> None:
         """The highest line under all kept samples, by its slope over the middle of the window."""

@@ -130,6 +130,7 @@ class DeviceStatus:
     session: enum.Enum | None = None  # what its session is doing, for a person
     heard_s: float = float("-inf")  # host clock, last measurement
     due_s: float = -math.inf  # its session wants a Tick then, though no bytes come; -inf: the next
+    each_step: bool = False  # and at every step before
     hears_s: float = -math.inf  # what arrives sooner is not worth a turn of its own
     losses: int = 0  # times that running ended
     rejected: int = 0  # frames
@@ -168,17 +169,13 @@ class Intake:
     sender over TCP wait. Nothing is lost but what waits when its connection ends.
 
     Args:
-        bytes_per_s: of the fastest stream that the device can send.
         piece: bytes parsed at once.
     """
 
-    def __init__(
-        self, new_parser: Callable[[], Parser], bytes_per_s: float, piece: int = PIECE
-    ) -> None:
-        self._new_parser, self._bytes_per_s, self._piece = new_parser, bytes_per_s, piece
+    def __init__(self, new_parser: Callable[[], Parser], piece: int = PIECE) -> None:
+        self._new_parser, self._piece = new_parser, piece
         self._waiting: deque[tuple[float, bytes]] = deque()
-        self._allowance = 0.0  # bytes that may still be parsed in this step
-        self._stepped_s = float("inf")
+        self.allowance = 0.0  # bytes that may still be parsed in this step
         self.begin()
 
     def begin(self) -> None:
@@ -187,12 +184,6 @@ class Intake:
         self._waiting.clear()
         self.waits = False  # bytes do
 
-    def step(self, now_s: float) -> None:
-        """A step begins: what it may parse, more where the step before is long ago."""
-        passed_s = now_s - self._stepped_s
-        self._allowance = self._bytes_per_s * max(HELD_UP_S, 2 * passed_s)
-        self._stepped_s = now_s
-
     def events(self, now_s: float, pieces: list[bytes]) -> list[Any]:
         """Take what has arrived now; the events of what this step may parse, in order."""
         waiting, size = self._waiting, self._piece
@@ -200,47 +191,26 @@ class Intake:
             for at in range(0, len(piece) or 1, size):
                 waiting.append((now_s, piece[at : at + size]))
         events: list[Any] = []
-        while waiting and self._allowance > 0:
+        while waiting and self.allowance > 0:
             arrived_s, piece = waiting.popleft()
             found = self._parser.feed(arrived_s, piece)
-            self._allowance -= len(piece) + EVENT_BYTES * len(found)
+            self.allowance -= len(piece) + EVENT_BYTES * len(found)
             for event in found:
                 if isinstance(event, BadFrame):
-                    self._allowance -= JUNK_FACTOR * len(event.skipped)
+                    self.allowance -= JUNK_FACTOR * len(event.skipped)
             events += found
         self.waits = bool(waiting)
         return events
-
-
-class SilenceWatch:
-    """Drops a connection on which nothing comes any more, so that the port makes a fresh one."""
-
-    def __init__(self, port: Port) -> None:
-        self._maybe_port = port if isinstance(port, Reopens) else None
-        self._limit_s = NEVER_HEARD_S
-        self.ends_s = math.inf  # nothing may have come until then
-
-    def begin(self, now_s: float) -> None:
-        if self._maybe_port is not None:
-            self._limit_s, self.ends_s = NEVER_HEARD_S, now_s + NEVER_HEARD_S
-
-    def heard(self, now_s: float) -> None:
-        if self._maybe_port is not None:
-            self._limit_s = self._maybe_port.silence_s
-            self.ends_s = now_s + self._limit_s
-
-    def drop(self) -> str:
-        """The time is over: the cause for which the connection is dropped."""
-        cause = f"nothing heard for {self._limit_s:g} s"
-        if self._maybe_port is not None:
-            self._maybe_port.reopen(cause)
-        return cause
 
 
 class Device(Generic[Measurement]):
     """One device on its port: bytes in, measurements out, its session's bytes back.
 
     A session runs from one connection to the next: a new connection starts parser and session anew.
+
+    Args:
+        bytes_per_s: of the fastest stream that the device can send.
+        piece: bytes parsed at once.
     """
 
     def __init__(
@@ -253,13 +223,17 @@ class Device(Generic[Measurement]):
         piece: int = PIECE,
     ) -> None:
         self.status, self.port = status, port
-        self._intake, self._silence = Intake(new_parser, bytes_per_s, piece), SilenceWatch(port)
+        self.due_s = -math.inf  # when to look at it if nothing arrives; -inf: at every tick
+        self._intake, self._bytes_per_s = Intake(new_parser, piece), bytes_per_s
         self._new_session = new_session
         self._session = self._begun_session()
         self._fingerprint = Fingerprint(status.name)
         self._opened = 0
         self._kept: list[tuple[float, bytes]] = []  # read since the last step, not taken yet
         self._held: list[Measurement] = []  # heard since the last step
+        self._stepped_s, self._read_s = math.inf, -math.inf  # the newest step; the port's last use
+        self._maybe_reopens = port if isinstance(port, Reopens) else None
+        self._patience_s = self._silent_s = math.inf  # without a byte; when that will be over
         self._given_up = ""  # the cause for which we have dropped the connection
 
     def _begun_session(self) -> Session:
@@ -272,15 +246,16 @@ class Device(Generic[Measurement]):
         if self.port.poll(now_s):
             if self.port.opened != self._opened:
                 self._start_anew(now_s)
-            self._intake.step(now_s)
+            passed_s, self._stepped_s = now_s - self._stepped_s, now_s
+            self._intake.allowance = self._bytes_per_s * max(HELD_UP_S, 2 * passed_s)
             self._take(now_s)
-            if now_s > self._silence.ends_s and self.port.fileno() >= 0:  # not found at its end
+            if now_s > self._silent_s and self.port.fileno() >= 0:  # not found at its end
                 self._drop()
         elif self.port.cause != self._given_up and (
             self.status.state != "closed" or self.status.cause != self.port.cause
         ):
             self.status.fall_back("closed", self.port.cause)
-            self._given_up = ""
+            self._given_up, self.due_s = "", -math.inf
         measurements, self._held = self._held, []
         return measurements
 
@@ -301,19 +276,9 @@ class Device(Generic[Measurement]):
         if self.status.state != "running" or len(self._kept) >= MOST_KEPT:
             self.hear(now_s)
         elif self.port.opened == self._opened and not self._intake.waits:
-            self._kept += [(now_s, piece) for piece in self.port.read()]
-
-    @property
-    def _needs_ticks(self) -> bool:
-        """Its session is told of each step now, though nothing is due."""
-        return False
-
-    @property
-    def due_s(self) -> float:
-        """When it must be looked at if nothing arrives: -inf at every tick, as while it starts."""
-        if self.status.state != "running" or self._intake.waits or self.port.backlog:
-            return -math.inf
-        return self.status.due_s
+            self._read_s = now_s
+            for piece in self.port.read():
+                self._kept.append((now_s, piece))
 
     def stop(self) -> None: ...
 
@@ -335,7 +300,8 @@ class Device(Generic[Measurement]):
     def _start_anew(self, now_s: float) -> None:
         """On a new connection. The same device after mere silence is no change of state."""
         self._opened = self.port.opened
-        self._silence.begin(now_s)
+        if self._maybe_reopens is not None:
+            self._patience_s, self._silent_s = NEVER_HEARD_S, now_s + NEVER_HEARD_S
         if not self._given_up:
             self.status.fall_back("starting", "waiting for the first answer")
             self._fingerprint.forget()
@@ -345,36 +311,42 @@ class Device(Generic[Measurement]):
         self._session = self._begun_session()
 
     def _take(self, now_s: float) -> None:
-        """What has arrived, for the session; while it runs, only what it may have waited for."""
+        """What has arrived, for the session; while it runs, only what it may have waited for.
+
+        What it measured is held for the step.
+        """
         intake, status, events = self._intake, self.status, list[Any]()
         has_come = bool(self._kept) or intake.waits
         for arrived_s, piece in self._kept:
             events += intake.events(arrived_s, [piece])
         self._kept.clear()
-        pieces = [] if intake.waits else self.port.read()
-        if pieces or intake.waits:
+        pieces: list[bytes] = []
+        if intake.waits:
             events += intake.events(now_s, pieces)
-        if has_come or any(pieces):
-            self._silence.heard(now_s)
+        elif now_s > self._read_s:  # else nothing can have come since
+            self._read_s = now_s
+            if pieces := self.port.read():
+                events += intake.events(now_s, pieces)
+        if (has_come or any(pieces)) and self._maybe_reopens is not None:
+            self._patience_s = self._maybe_reopens.silence_s
+            self._silent_s = now_s + self._patience_s
         for event in events:
             if isinstance(event, BadFrame):
                 status.reject(event)
-        if events or status.state != "running" or status.due_s <= now_s or self._needs_ticks:
-            self._advance(now_s, pieces, events)
-
-    def _advance(self, now_s: float, pieces: list[bytes], events: list[Any]) -> None:
-        """The session up to now; what it measured is held for the step."""
-        was_running = self.status.state == "running"
-        out = self._session.send(Tick(now_s, events))
-        if out:
-            self.port.write(out)
-        if self.status.state != "running":
-            self._name_who_answers(now_s, pieces, out)
-        elif not was_running:
-            self._fingerprint.forget()
-        if measurements := self._measure(now_s, events):
-            self._held += measurements
-            self.status.heard_s = now_s
+        was_running = status.state == "running"
+        if events or status.each_step or status.due_s <= now_s or not was_running:
+            out = self._session.send(Tick(now_s, events))
+            if out:
+                self.port.write(out)
+            if status.state != "running":
+                self._name_who_answers(now_s, pieces, out)
+            elif not was_running:
+                self._fingerprint.forget()
+            if measurements := self._measure(now_s, events):
+                self._held += measurements
+                status.heard_s = now_s
+        is_held_up = intake.waits or self.port.backlog or status.state != "running"
+        self.due_s = -math.inf if is_held_up else status.due_s
 
     def _name_who_answers(self, now_s: float, pieces: list[bytes], out: bytes) -> None:
         message, cause = self._fingerprint.message(now_s, pieces, out), self.status.cause
@@ -383,8 +355,11 @@ class Device(Generic[Measurement]):
             self.status.cause = f"{cause}: {message}"
 
     def _drop(self) -> None:
-        """Nothing has come for too long."""
-        cause = self._silence.drop()
+        """Nothing has come for too long: the port makes a fresh connection."""
+        cause = f"nothing heard for {self._patience_s:g} s"
+        assert self._maybe_reopens is not None  # else its time is never over
+        self._maybe_reopens.reopen(cause)
+        self.due_s = -math.inf
         if self.status.state == "running":
             self.status.fall_back("starting", cause)
         self._given_up = self.port.cause

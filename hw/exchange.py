@@ -63,15 +63,21 @@ class Exchange:
     # --- one exchange
 
     def turn(
-        self, out: bytes = b"", due_s: float = -math.inf, hears_s: float = -math.inf
+        self,
+        out: bytes = b"",
+        due_s: float = -math.inf,
+        hears_s: float = -math.inf,
+        each_step: bool = False,
     ) -> Steps[list[Any]]:
         """Write; the events of the next turn, which comes with bytes, or when it is due.
 
         Args:
             due_s: -inf: at the next tick.
             hears_s: bytes that arrive sooner may wait until then.
+            each_step: it comes with the next step even if that is sooner.
         """
-        self._status.due_s, self._status.hears_s = due_s, hears_s
+        status = self._status
+        status.due_s, status.hears_s, status.each_step = due_s, hears_s, each_step
         out, self._reply = self._reply + out, b""
         tick = yield out
         self.now_s = tick.now_s

@@ -24,6 +24,8 @@ MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is 
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
 NO_VALUE = "no value after the echo"
 NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
+# a line that comes only from a controller that starts up, or is in R/C or analog mode
+is_start_up = re.compile(rf"OK\Z|:|.{{{MAX_ANSWER + 1}}}", re.DOTALL).match
 KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 
 
@@ -48,15 +50,11 @@ class AnswerTimes:
     def __init__(self) -> None:
         self.learnt_s = -math.inf  # host clock, when an answer was last looked at in time
         self._line_s: dict[str, float] = {}  # characters' time, query and its newest answer
-        self._delay_s = 0.0  # beyond the characters' own time, as seen
+        self.delay_s = 0.0  # beyond the characters' own time, as seen
 
     def whole_s(self, query: str) -> float:
         """From the writing of a query to the last character of its answer, at the soonest."""
-        return self._line_s.get(query, (len(query) + 2) * CHARACTER_S) + self._delay_s
-
-    def began_s(self, query: str) -> float:
-        """From the writing of a query to the first character of its answer: CR, echo, itself."""
-        return (len(query) + 3) * CHARACTER_S + self._delay_s
+        return self._line_s.get(query, (len(query) + 2) * CHARACTER_S) + self.delay_s
 
     def fit(self, query: str, texts: list[str]) -> float:
         """An exchange that went well: what its characters took, for this is how long they are."""
@@ -71,8 +69,8 @@ class AnswerTimes:
         Args:
             beyond_s: how long it took beyond its characters' own time.
         """
-        delay_s = beyond_s if is_late else FORGET * self._delay_s
-        self._delay_s, self.learnt_s = min(max(0.0, delay_s), ECHO_S / 2), now_s
+        delay_s = beyond_s if is_late else FORGET * self.delay_s
+        self.delay_s, self.learnt_s = min(max(0.0, delay_s), ECHO_S / 2), now_s
 
 
 class Conversation:
@@ -155,7 +153,8 @@ class Conversation:
         while fault is None and self.exchange.now_s < until_s:
             is_late = self.exchange.now_s >= whole_s  # we have looked, and it was not whole
             due_s, hears_s = (until_s, whole_s) if is_late else (min(look_s, until_s), look_s)
-            events = yield from self.exchange.turn(out, due_s, hears_s)
+            # a wish may change with any step
+            events = yield from self.exchange.turn(out, due_s, hears_s, self._motors.enabled)
             out = b""
             for event in events:
                 if not echoed:
@@ -178,8 +177,10 @@ class Conversation:
                 times.learn(now_s, now_s - written_s - line_s, is_late)
                 self.took_s = now_s - written_s
             else:
-                began_s = min(began_s, written_s + times.began_s(query))
-                self.took_s = min(now_s - written_s, times.whole_s(query))
+                # the first character of the answer comes behind a CR, the echo and itself
+                sent_s = (len(query) + 3) * CHARACTER_S + times.delay_s
+                began_s = min(began_s, written_s + sent_s)
+                self.took_s = min(now_s - written_s, line_s + times.delay_s)
             self.failures, self.fault = 0, "refused"
             taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
             return taken_s, ["-"] if "-" in texts else texts
@@ -206,8 +207,3 @@ class Conversation:
         out = self._motors.stop_bytes() if self._motors.may_move else b""
         self._motors.doubt()
         return out
-
-
-def is_start_up(text: str) -> bool:
-    """A line that comes only from a controller that starts up, or is in R/C or analog mode."""
-    return text == "OK" or text[0] == ":" or len(text) > MAX_ANSWER

@@ -71,7 +71,11 @@ class WheelCounters:
         self._refused[channel].clear()
         reading = _Reading(t_s, raw, last.total + travel)
         self._last[channel] = reading
-        return None if channel else _maybe_pair(last, reading, two)
+        if channel or not last.t_s <= two.t_s < t_s:
+            return None
+        # channel 0 interpolated to the instant of the other's reading between its own two
+        share = (two.t_s - last.t_s) / (t_s - last.t_s)
+        return Pair(two.t_s, last.total + share * (reading.total - last.total), two.total)
 
     def _maybe_travel(self, last: _Reading, t_s: float, raw: int) -> int | None:
         """Counts since the last reading, if the robot can have made them."""
@@ -151,11 +155,3 @@ class WheelCounters:
             away = raw * last.raw >= 0 and abs(raw) + STILL >= abs(last.raw)
             onward.append(away and t_s - last.t_s <= 2.0 * NEAR_ZERO_S)
         return not all(onward)
-
-
-def _maybe_pair(before: _Reading, now: _Reading, other: _Reading) -> Pair | None:
-    """Channel 0 interpolated to the instant of the other's reading between its own two."""
-    if not before.t_s <= other.t_s < now.t_s:
-        return None
-    share = (other.t_s - before.t_s) / (now.t_s - before.t_s)
-    return Pair(other.t_s, before.total + share * (now.total - before.total), other.total)

@@ -16,6 +16,7 @@ CHARACTER_S = 10 / 9600  # start, 7 bits, parity, stop
 MAX_LINE = 64  # no line of the device is longer
 SEVEN_BITS = bytes(byte & 0x7F for byte in range(256))  # a pty passes the bit that was the parity's
 LEFT_OUT = b"\0\x80\n\x8a"  # NUL and LF
+PARTS = re.compile(r"[^\rW]+|\r|W")  # of what has come
 READ_COUNTER = ("?Q0", "?Q1")  # absolute, channel 1 and 2: a lost reply loses no travel
 READ_IDENTITY = "^8A"
 ENCODER_BIT = 0x20  # of the identity
@@ -58,37 +59,26 @@ class LineParser:
     def feed(self, now_s: float, data: bytes) -> list[Line | WatchdogStop | BadFrame]:
         events: list[Line | WatchdogStop | BadFrame] = []
         text = data.translate(SEVEN_BITS, LEFT_OUT).decode("ascii")
-        for stretch in text.split("W"):
-            *ends, rest = stretch.split("\r")
-            for end in ends:
-                self._add(now_s, end, events)
-                self._end(now_s, events)
-            if rest:
-                self._add(now_s, rest, events)
-            events.append(WATCHDOG_STOP)
-        events.pop()  # no W stood behind the last stretch
+        for part in PARTS.findall(text):
+            if part == "W":
+                events.append(WATCHDOG_STOP)
+            elif part == "\r":
+                line, is_rest, self._text, self._too_long = self._text, self._too_long, "", False
+                if line and is_rest:
+                    events.append(BadFrame("end of a line that was too long", line.encode("ascii")))
+                elif line and line.isprintable():
+                    began_s = min(self._began_s, now_s - len(line) * CHARACTER_S)
+                    events.append(Line(line, began_s))
+                elif line:
+                    events.append(BadFrame("line with control characters", line.encode("ascii")))
+            else:
+                self._began_s = self._began_s if self._text else now_s
+                self._text += part
+                while len(self._text) > MAX_LINE:
+                    head, self._text = self._text[: MAX_LINE + 1], self._text[MAX_LINE + 1 :]
+                    events.append(BadFrame("line without an end", head.encode("ascii")))
+                    self._too_long = True
         return events
-
-    def _add(self, now_s: float, part: str, events: list[Line | WatchdogStop | BadFrame]) -> None:
-        if not self._text:
-            self._began_s = now_s
-        self._text += part
-        while len(self._text) > MAX_LINE:
-            head, self._text = self._text[: MAX_LINE + 1], self._text[MAX_LINE + 1 :]
-            events.append(BadFrame("line without an end", head.encode("ascii")))
-            self._too_long = True
-
-    def _end(self, now_s: float, events: list[Line | WatchdogStop | BadFrame]) -> None:
-        text, rest_of_long = self._text, self._too_long
-        self._text, self._too_long = "", False
-        if not text:
-            return
-        if rest_of_long:
-            events.append(BadFrame("end of a line that was too long", text.encode("ascii")))
-        elif not text.isprintable():
-            events.append(BadFrame("line with control characters", text.encode("ascii")))
-        else:
-            events.append(Line(text, min(self._began_s, now_s - len(text) * CHARACTER_S)))
 
 
 @cache  # some 270 are legal, the others are not kept

@@ -40,8 +40,9 @@ class Schedule:
         self._pair_due_s = 0.0
         self._second = False  # of a pair is next
         self._slow_went = False  # since the last pair
-        self._judge_s, self._told_fits = 0.0, math.inf  # pairs/s in the remark; inf: none
-        self._remark = ""
+        self.judge_s, self._told_fits = 0.0, math.inf  # pairs/s in the remark; inf: none
+        self.remark = ""  # where less fits than is asked
+        self.look_by_s = -math.inf  # see `maybe_next`
         self._asked_s: dict[str, float] = {}
         self._slow_due_s = 0.0  # when the first of the slow ones may fill a gap
         self._pair_s = 2 * 12 * CHARACTER_S  # smoothed
@@ -49,14 +50,18 @@ class Schedule:
     def begin(self, now_s: float) -> None:
         """Counters first; slow values are spread over their first period."""
         self._pair_due_s, self._second, self._slow_went = now_s, False, False
-        self._judge_s, self._told_fits, self._remark = now_s + JUDGE_S, math.inf, ""
+        self.judge_s, self._told_fits, self.remark = now_s + JUDGE_S, math.inf, ""
         for k, (query, period_s) in enumerate(SLOW_S.items()):
             self._have_asked(query, now_s - period_s * MAY + 0.1 + 0.05 * k)
 
     def maybe_next(self, now_s: float) -> str | None:
-        """The query that is due; None: wait."""
+        """The query that is due; None: wait.
+
+        With a counter `look_by_s` is set: until when its answer may lie in the line, and the pace
+        is kept. There must be time for the pair's second one then, before the next pair is due.
+        """
         if self._second:
-            self._second = False
+            self._second, self.look_by_s = False, self._pair_due_s + self._play_s
             return READ_COUNTER[0]
         is_due = now_s >= self._pair_due_s - self._play_s
         slow, age = self._oldest(now_s) if now_s >= self._slow_due_s else ("", 0.0)
@@ -66,6 +71,7 @@ class Schedule:
             period_s = 1.0 / self._poll_hz
             self._pair_due_s = max(self._pair_due_s + period_s, now_s - period_s)
             self._second, self._slow_went = True, False
+            self.look_by_s = self._pair_due_s - self._pair_s / 2.0
             return READ_COUNTER[1]
         gap_s = self._pair_due_s - now_s
         if age >= MAY and gap_s > 0.5 * self._pair_s:
@@ -96,33 +102,20 @@ class Schedule:
         """The controller does not know a slow query: seldom again."""
         self._have_asked(query, now_s + REFUSED_S)
 
-    @property
-    def look_by_s(self) -> float:
-        """Until when the answer of a counter may lie in the line, and the pace is kept.
-
-        There must be time for the pair's second one then, before the next pair is due.
-        """
-        if self._second:
-            return self._pair_due_s - self._pair_s / 2.0
-        return self._pair_due_s + self._play_s
-
     def counter_took(self, took_s: float) -> None:
         self._pair_s += SMOOTHING * (2.0 * took_s - self._pair_s)
 
-    def remark(self, now_s: float, motors_hz: float) -> str:
-        """Where less fits than is asked; motors_hz: commands of both channels.
+    def judge(self, now_s: float, motors_hz: float) -> None:
+        """From `judge_s` on: find the remark; motors_hz: commands of both channels.
 
         Judged when the measure has settled and seldom afterwards, so that it stays readable.
         """
-        if now_s < self._judge_s:
-            return self._remark
-        self._judge_s, fits = now_s + REJUDGE_S, self.fits_per_s(motors_hz)
-        if fits >= (ENOUGH_AGAIN if self._remark else ENOUGH) * self._poll_hz:
-            self._told_fits, self._remark = math.inf, ""
+        self.judge_s, fits = now_s + REJUDGE_S, self.fits_per_s(motors_hz)
+        if fits >= (ENOUGH_AGAIN if self.remark else ENOUGH) * self._poll_hz:
+            self._told_fits, self.remark = math.inf, ""
         elif abs(fits - self._told_fits) > NEWS * fits:
             self._told_fits = fits
-            self._remark = f"{self._poll_hz:g} pairs/s asked, {fits:.0f} fit"
-        return self._remark
+            self.remark = f"{self._poll_hz:g} pairs/s asked, {fits:.0f} fit"
 
     def fits_per_s(self, motors_hz: float) -> float:
         """Pairs a second beside slow values and motors, as long as exchanges really take."""

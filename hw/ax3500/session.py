@@ -215,8 +215,7 @@ class Ax3500Session:
         self._polling_s = x.now_s
         self._schedule.begin(x.now_s)
         while True:
-            blocked = self._why_blocked()
-            self._find_remark(blocked)
+            blocked = self._find_remark()
             command = self._motors.maybe_command(blocked) if self._motors.enabled else None
             query = None
             if command is None or (command[1] != 0 and self._commands >= len(READ_COUNTER)):
@@ -225,7 +224,7 @@ class Ax3500Session:
                 yield from self._command(*command)
                 continue
             if query is None:
-                yield from x.turn(due_s=self._schedule.due_s)
+                yield from x.turn(due_s=self._schedule.due_s, each_step=True)
             elif query in READ_COUNTER:
                 yield from self._ask_counter(READ_COUNTER.index(query))
             else:
@@ -284,28 +283,34 @@ class Ax3500Session:
         if texts == ["-"] and query not in (READ_STATUS, READ_INPUTS):
             self._schedule.refused(query, self._exchange.now_s)
 
-    def _why_blocked(self) -> str:
-        """Why motors get zero only; what is not known is a reason too, where they are enabled."""
-        state = self._stream.controller
-        if (trouble := state.trouble) or not self._motors.enabled:
-            return trouble
-        since_s = max(self._polling_s, self._exchange.now_s - CONDITION_S)
+    def _find_remark(self) -> str:
+        """What keeps the motors from their wish, and the line from its pace.
+
+        Gives why motors get zero only; what is not known is a reason too, where they are enabled.
+        """
+        now_s, motors, schedule = self._exchange.now_s, self._motors, self._schedule
+        blocked = why = self._stream.controller.trouble
+        motors_hz = 0.0
+        if motors.enabled:
+            blocked = blocked or self._what_is_not_told()
+            why = motors.refusal or blocked or (motors.why_off if motors.turns_wish_down else "")
+            motors_hz = 1.0 / REFRESH_S if motors.usable else 0.0
+        if now_s >= schedule.judge_s:
+            schedule.judge(now_s, motors_hz)
+        remark = f"{why}; {schedule.remark}" if why and schedule.remark else why or schedule.remark
+        self._stream.remark = remark
+        if self._status.state == "running":
+            self._status.cause = remark
+        return blocked
+
+    def _what_is_not_told(self) -> str:
+        state, since_s = self._stream.controller, self._exchange.now_s - CONDITION_S
+        since_s = max(self._polling_s, since_s)
         if state.status is None or state.taken_s[READ_STATUS] < since_s:
             return NO_STATUS
         if state.emergency_stop is None or state.taken_s[READ_INPUTS] < since_s:
             return NO_STATUS
         return ""
-
-    def _find_remark(self, blocked: str) -> None:
-        """What keeps the motors from their wish, and the line from its pace."""
-        motors, motors_hz, why = self._motors, 0.0, blocked
-        if motors.enabled:
-            why = motors.refusal or blocked or (motors.why_off if motors.turns_wish_down else "")
-            motors_hz = 1.0 / REFRESH_S if motors.usable else 0.0
-        slow = self._schedule.remark(self._exchange.now_s, motors_hz)
-        self._stream.remark = f"{why}; {slow}" if why and slow else why or slow
-        if self._status.state == "running":
-            self._status.cause = self._stream.remark
 
 
 class Ax3500(Device[WheelCounts]):
@@ -322,12 +327,13 @@ class Ax3500(Device[WheelCounts]):
     ) -> None:
         """`listen`: a session in place of its own, where somebody else asks the controller."""
         self.stream = CounterStream()
+        self.emergency_stop = False  # it is pressed
         left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
         self.motors = Motors(enable_motors, left, right, options.invert)
         signs = [-1.0 if channel in options.invert else 1.0 for channel in (1, 2)]
         self._left, self._right = ((k - 1, signs[k - 1]) for k in (left, right))
         self._counters = WheelCounters(max_counts_per_s, max(OUTAGE_S, OUTAGE_PAIRS / poll_hz))
-        status = DeviceStatus("ax3500")
+        status = DeviceStatus("ax3500", each_step=listen is not None)
 
         def new_session() -> Session:
             if listen is not None:
@@ -338,20 +344,11 @@ class Ax3500(Device[WheelCounts]):
         super().__init__(status, port, LineParser, new_session)
 
     @property
-    def _needs_ticks(self) -> bool:
-        """A wish may change with any step; a query goes with one, where none is under way."""
-        return self.motors.enabled or self.status.hears_s == -math.inf
-
-    @property
     def trouble(self) -> str:
         off = self.motors.why_off
         if self.motors.enabled and self.status.state == "closed":
             off = self.status.cause
         return "; ".join(reason for reason in (self.stream.controller.trouble, off) if reason)
-
-    @property
-    def emergency_stop(self) -> bool:
-        return bool(self.stream.controller.emergency_stop)
 
     @property
     def identity(self) -> str:
@@ -385,6 +382,7 @@ class Ax3500(Device[WheelCounts]):
         if self.stream.zero_lost:
             self._counters.forget_zero()
             self.stream.zero_lost = False
+        self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
             return []
         measured: list[WheelCounts] = []
@@ -392,8 +390,9 @@ class Ax3500(Device[WheelCounts]):
             taken = self._counters.take(*reading)
             if isinstance(taken, Pair):
                 travel = (taken.one, taken.two)
-                left, right = [sign * travel[k] for k, sign in (self._left, self._right)]
-                measured.append(WheelCounts(taken.t_s, left, right, self._counters.restarts))
+                (left, left_sign), (right, right_sign) = self._left, self._right
+                turned = left_sign * travel[left], right_sign * travel[right]
+                measured.append(WheelCounts(taken.t_s, *turned, self._counters.restarts))
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

@@ -36,16 +36,7 @@ class ControllerState(Struct, frozen=True):
     emergency_stop: bool | None = None  # True: pressed
     status: int | None = None  # bits of ^89
     taken_s: dict[str, float] = {}  # host clock, by query
-
-    @property
-    def trouble(self) -> str:
-        """Why the motors get nothing; "" where nothing is known against them."""
-        if not (self.status or self.emergency_stop):
-            return ""
-        reasons = [f"the controller reports {bit}" for bit in describe_status(self.status or 0)]
-        if self.emergency_stop:
-            reasons.append("the emergency stop is pressed")
-        return "; ".join(reasons)
+    trouble: str = ""  # why the motors get nothing; "" where nothing is known against them
 
     def measured(self) -> dict[str, float]:
         numbers = {"battery_v": self.battery_v, "internal_v": self.internal_v}
@@ -79,7 +70,11 @@ def state_after_answer(
         if query == READ_INPUTS and not set(numbers) <= {0, 1}:
             return None
         changes = _decoded(query, numbers, identity)
-    return replace(state, **changes, taken_s=state.taken_s | {query: taken_s})
+    changes["taken_s"] = state.taken_s | {query: taken_s}
+    new = replace(state, **changes)
+    reasons = [f"the controller reports {bit}" for bit in describe_status(new.status or 0)]
+    reasons += ["the emergency stop is pressed"] if new.emergency_stop else []
+    return replace(new, trouble="; ".join(reasons))
 
 
 def _decoded(query: str, numbers: list[int], identity: int | None) -> dict[str, Any]:

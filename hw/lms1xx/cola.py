@@ -45,16 +45,13 @@ class PayloadError(Exception):
 
 def encode_frame(payload: bytes) -> bytes:
     """A payload with start, length and checksum around it: CoLa-B."""
-    return START + len(payload).to_bytes(4, "big") + payload + bytes([_xor(payload)])
+    checksum = _xor_of(np.frombuffer(payload, np.uint8))
+    return START + len(payload).to_bytes(4, "big") + payload + bytes([checksum])
 
 
 def encode_text(payload: bytes) -> bytes:
     """A payload between its marks: CoLa-A."""
     return TEXT_START + payload + TEXT_END
-
-
-def _xor(payload: bytes) -> int:
-    return int(_xor_of(np.frombuffer(payload, np.uint8)))
 
 
 class ColaParser(Generic[Event]):
@@ -122,10 +119,9 @@ class ColaParser(Generic[Event]):
         end = at + HEAD_SIZE + size + 1
         if end > len(self._buffer):
             return None
-        payload = self._buffer[at + HEAD_SIZE : end - 1]
-        if _xor(payload) != self._buffer[end - 1]:
-            raise PayloadError("wrong checksum")
-        return end, self._decode(now_s, payload, "binary")
+        if _xor_of(np.frombuffer(self._buffer, np.uint8, size + 1, at + HEAD_SIZE)):
+            raise PayloadError("wrong checksum")  # over payload and checksum it is 0
+        return end, self._decode(now_s, self._buffer[at + HEAD_SIZE : end - 1], "binary")
 
     def _check_patience(self, now_s: float) -> None:
         """For the rest of the telegram at the front, but not for ever."""

@@ -160,7 +160,7 @@ def number(token: bytes, code: str) -> int:
 
 
 Fields = BinaryFields | TextFields
-
-
-def new_fields(payload: bytes, dialect: Dialect, at: int = 0) -> Fields:
-    return BinaryFields(payload, at) if dialect == "binary" else TextFields(payload, at)
+READERS: dict[Dialect, type[BinaryFields] | type[TextFields]] = {
+    "binary": BinaryFields,
+    "ascii": TextFields,
+}

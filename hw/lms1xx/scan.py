@@ -83,18 +83,16 @@ class ScanMaker:
 
     def _ranges_m(self, telegram: ScanTelegram, like: Channel, part: slice) -> F64:
         """(echoes, n); NaN where nothing was measured, and for an echo not sent."""
-
-        def echo_m(content: str) -> F64:
-            """(1, n) of a channel whose beams are those of `like`."""
+        echo, echoes_m = self._options.echo, list[F64]()  # each (1, n)
+        for content in ("DIST1",) if echo == "first" else ("DIST1", "DIST2"):
             channel = telegram.channels.get(content)
-            if channel is like or (channel is not None and channel.layout == like.layout):
-                return ranges_m_from_channel(channel, (None, part))
-            return np.full((1, part.stop - part.start), math.nan)
-
-        first_m = echo_m("DIST1")
-        if self._options.echo == "first":
-            return first_m
-        second_m = echo_m("DIST2")
-        if self._options.echo == "both":
-            return np.concatenate([first_m, second_m])
+            if channel is not None and channel.layout == like.layout:  # the same beams
+                echoes_m.append(ranges_m_from_channel(channel, (None, part)))
+            else:
+                echoes_m.append(np.full((1, part.stop - part.start), math.nan))
+        if echo == "first":
+            return echoes_m[0]
+        if echo == "both":
+            return np.concatenate(echoes_m)
+        first_m, second_m = echoes_m
         return np.where(np.isnan(second_m), first_m, second_m)  # one echo is the last, too

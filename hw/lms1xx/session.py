@@ -68,7 +68,8 @@ class Lms111Session:
         yield from self._exchange.turn()
         while True:
             try:
-                yield from self._attempt()
+                yield from self._begin()
+                yield from self._deliver()
             except StartAgainError as why:
                 self._status.session = State.WAITING
                 self._exchange.fail(why)
@@ -76,7 +77,7 @@ class Lms111Session:
                     yield from self._setup.run_at_last()
                 yield from self._exchange.back_off()
 
-    def _attempt(self) -> Steps[None]:
+    def _begin(self) -> Steps[None]:
         status = self._status
         status.session = State.GREETING
         yield from self._cola.greet()
@@ -91,26 +92,24 @@ class Lms111Session:
             raise StartAgainError(
                 f"the scanner {refusal}: without it there is no scan; is it an LMS1xx?"
             )
-        status.session = State.MEASURING
-        yield from self._deliver()
 
     def _deliver(self) -> Steps[None]:
+        self._status.session = State.MEASURING
         exchange, memory = self._exchange, self._memory
         begun_s = heard_s = exchange.now_s
         patience_s, complaint = FIRST_SCAN_S, ""
         checkup, watch = Checkup(self._cola), TelegramWatch(self._cola, self._options)
         while exchange.now_s - heard_s <= patience_s:
-            out = checkup.out(exchange.now_s)
-            due_s = min(heard_s + patience_s, checkup.due_s)
-            for event in (yield from exchange.turn(out, due_s)):
+            out, check_s = b"", checkup.due_s
+            if exchange.now_s >= check_s:
+                out, check_s = checkup.out(exchange.now_s), checkup.due_s
+            for event in (yield from exchange.turn(out, min(heard_s + patience_s, check_s))):
                 if isinstance(event, BadFrame):
                     complaint = complaint or event.reason
                 elif not isinstance(event, ScanTelegram):
                     checkup.hear(event)
-                elif not event.polled and watch.is_new(event):
+                elif not event.polled and watch.take(exchange.now_s, event):
                     heard_s, patience_s = exchange.now_s, SILENCE_S
-                    if watch.take(heard_s, event):
-                        exchange.succeed()
             if exchange.now_s - begun_s >= PEACE_S:
                 memory.rest_s = REST_S
         self._cola.is_unsure, memory.ran_s = True, heard_s
@@ -126,6 +125,8 @@ class Lms111(Device[Scan]):
     def __init__(self, port: Port, options: Lms1xxOptions) -> None:
         self._memory = Memory()
         self._maker = ScanMaker(options)
+        self.clock_locked = False
+        self.is_impaired = False  # its window is contaminated, be it as a warning
         super().__init__(
             DeviceStatus("lms111"),
             port,
@@ -148,20 +149,11 @@ class Lms111(Device[Scan]):
         return ", ".join(told)
 
     @property
-    def clock_locked(self) -> bool:
-        return self._maker.clock.locked
-
-    @property
     def clock_uncertainty_s(self) -> float:
         return self._maker.clock.uncertainty_s
 
     def measured(self) -> dict[str, float]:
         return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6)}
-
-    @property
-    def is_impaired(self) -> bool:
-        """Whether its window is contaminated, be it as a warning."""
-        return bool(self._memory.contamination)
 
     @property
     def doubt(self) -> str:
@@ -177,4 +169,6 @@ class Lms111(Device[Scan]):
                 scans.append(scan)
             else:
                 self.status.reject(scan)
+        self.clock_locked = self._maker.clock.locked
+        self.is_impaired = bool(self._memory.contamination)
         return scans

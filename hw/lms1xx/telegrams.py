@@ -8,15 +8,16 @@ units end in `ranges_m_from_channel`. Source: lms111 sheet, sections 2 and 5.
 
 import math
 import re
+from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from msgspec import Struct
 
 from core.records import F64
 from hw.lms1xx.cola import ColaParser, Dialect, DialectSetting, PayloadError
-from hw.lms1xx.cola_fields import Fields, Raw, TextFields, new_fields
+from hw.lms1xx.cola_fields import READERS, Fields, Raw, TextFields
 
 Echo = Literal["first", "last", "both"]
 
@@ -34,6 +35,14 @@ DISTANCES, STRENGTHS = np.dtype(">u2"), np.dtype("u1")
 # layer, scan and measurement frequency, number of encoders.
 _FIXED = "HHI2BHHII2B2BHIIH"
 _CHANNEL = "5sffiHH"  # content, scale, offset, first angle, step, points
+# What may follow the channels, each behind a flag. The layout of an event is not known.
+_OPTIONS: dict[str, Callable[[Fields], Any]] = {
+    "position": lambda fields: fields.fields("6fB"),
+    "name": lambda fields: fields.text("B"),
+    "comment": lambda fields: fields.text("B"),
+    "time": lambda fields: fields.fields("H5BI"),
+    "event": lambda fields: fields.rest(),
+}
 
 REFUSALS = {  # those that a host may meet; the sheet has them all
     0x01: "access denied",
@@ -62,14 +71,16 @@ class Channel(Struct, frozen=True, eq=False):
     content: str  # DIST1, DIST2, RSSI1, RSSI2, ...
     scale: float
     offset: float
-    first_deg: float  # device angle of value 0
-    step_deg: float
+    layout: tuple[float, float, int]  # device angle of value 0, step, in degrees; number of values
     raw: Raw  # (n,)
 
     @property
-    def layout(self) -> tuple[float, float, int]:
-        """First angle, step, and number of values."""
-        return self.first_deg, self.step_deg, len(self.raw)
+    def first_deg(self) -> float:
+        return self.layout[0]
+
+    @property
+    def step_deg(self) -> float:
+        return self.layout[1]
 
 
 class ScanTelegram(Struct, frozen=True, eq=False):
@@ -107,7 +118,7 @@ class Answer(Struct, frozen=True):
     dialect: Dialect = "binary"
 
     def fields(self) -> Fields:
-        return new_fields(self.values, self.dialect)
+        return READERS[self.dialect](self.values)
 
 
 class Refusal(Struct, frozen=True):
@@ -156,7 +167,7 @@ def _refusal(payload: bytes, dialect: Dialect) -> Refusal:
 
 
 def _scan_telegram(now_s: float, payload: bytes, dialect: Dialect, max_beams: int) -> ScanTelegram:
-    fields = new_fields(payload, dialect, len(STREAMED))
+    fields = READERS[dialect](payload, len(STREAMED))
     (
         version, _, serial, s1, s2, telegrams, scans, scan_us, sent_us,
         i1, i2, o1, o2, _, centihertz, hectohertz, encoders,
@@ -165,6 +176,9 @@ def _scan_telegram(now_s: float, payload: bytes, dialect: Dialect, max_beams: in
         raise PayloadError("scan frequency is 0")
     if encoders > MAX_ENCODERS:
         raise PayloadError(f"{encoders} encoders")
+    speeds = tuple([fields.fields("Ih") for _ in range(encoders)]) if encoders else ()
+    channels = _channels(fields, max_beams)
+    position, name, comment, clock, event = _options(fields)
     return ScanTelegram(
         arrived_s=now_s,
         polled=payload.startswith(POLLED),
@@ -179,13 +193,13 @@ def _scan_telegram(now_s: float, payload: bytes, dialect: Dialect, max_beams: in
         outputs=(o1, o2),
         scan_hz=centihertz / 100,
         measurement_hz=hectohertz * 100.0,
-        encoders=tuple([fields.fields("Ih") for _ in range(encoders)]) if encoders else (),
-        channels=_channels(fields, max_beams),
-        position=fields.fields("6fB") if _flag(fields, "position") else None,
-        name=fields.text("B") if _flag(fields, "name") else None,
-        comment=fields.text("B") if _flag(fields, "comment") else None,
-        clock=fields.fields("H5BI") if _flag(fields, "time") else None,
-        event=_maybe_event(fields),
+        encoders=speeds,
+        channels=channels,
+        position=position,
+        name=name,
+        comment=comment,
+        clock=clock,
+        event=event,
         dialect=dialect,
     )
 
@@ -206,7 +220,8 @@ def _channels(fields: Fields, max_beams: int) -> dict[str, Channel]:
             if not (0 < scale <= 1000 and abs(offset) <= 1e6):  # false for NaN, too
                 raise PayloadError(f"scale {scale}, offset {offset}")
             raw = fields.array(kind, points)
-            channels[name] = Channel(name, scale, offset, first / 10_000, step / 10_000, raw)
+            layout = first / 10_000, step / 10_000, points
+            channels[name] = Channel(name, scale, offset, layout, raw)
     return channels
 
 
@@ -219,20 +234,17 @@ def _name(content: bytes) -> str:
     return name
 
 
-def _maybe_event(fields: Fields) -> bytes | None:
-    """The last of what may follow the channels; its layout is not known."""
-    has_event = _flag(fields, "event")
-    rest = fields.rest()
-    if rest and not has_event:
+def _options(fields: Fields) -> list[Any]:
+    """What follows the channels; None for what does not."""
+    told = []
+    for what, read in _OPTIONS.items():
+        (flag,) = fields.fields("H")
+        if flag > 1:
+            raise PayloadError(f"{what} flag is {flag}")
+        told.append(read(fields) if flag else None)
+    if fields.rest():
         raise PayloadError("scan telegram goes on after its end")
-    return rest if has_event else None
-
-
-def _flag(fields: Fields, what: str) -> bool:
-    (value,) = fields.fields("H")
-    if value > 1:
-        raise PayloadError(f"{what} flag is {value}")
-    return bool(value)
+    return told
 
 
 def ranges_m_from_channel(channel: Channel, part: slice | tuple[None, slice]) -> F64:

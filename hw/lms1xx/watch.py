@@ -5,6 +5,7 @@ documented as good, a window too dirty to see through. Source: lms111 sheet, sec
 """
 
 import math
+from operator import attrgetter
 from typing import Any
 
 from hw.device import BadFrame
@@ -20,6 +21,7 @@ UNUSABLE_S = 0.5  # without a scan that may be believed, after which it runs no 
 CHECK_EVERY_S = 2.5  # by turns: each question every 5 s
 CHECK_ANSWER_S = 2.0
 GIVE_UP = 2
+_layout_of = attrgetter("layout")
 
 
 class Checkup:
@@ -81,49 +83,51 @@ class TelegramWatch:
 
     def __init__(self, cola: ColaExchange, options: Lms1xxOptions) -> None:
         self._cola, self._options = cola, options
+        self._accepted = frozenset((0, *options.accepted_status))
         self._status, self._memory = cola.status, cola.memory
         self._last: ScanTelegram | None = None
         self._usable_s = -math.inf  # host clock, last telegram that may be believed
         self._told: tuple[object, ...] = ()  # what the cause was last made of
 
-    def is_new(self, telegram: ScanTelegram) -> bool:
-        """False for a telegram that was there before; counts those that never came."""
-        last, self._last = self._last, telegram
-        if last is None:
-            return True
-        if (telegram.telegram_counter, telegram.sent_us) == (last.telegram_counter, last.sent_us):
-            self._status.reject(BadFrame("scan telegram repeated", b""))
-            return False
-        gap = (telegram.scan_counter - last.scan_counter - 1) % 2**16
-        passed_s = (telegram.scan_us - last.scan_us) % 2**32 * 1e-6
-        if gap <= 1.5 * passed_s * telegram.scan_hz + 1:  # else the counter began anew
-            self._status.missed += gap
-        return True
-
     def take(self, now_s: float, telegram: ScanTelegram) -> bool:
-        """Hand it to the side that measures, if it may be believed; whether it was."""
-        memory = self._memory
-        memory.serial_number = telegram.serial_number
-        if doubt := self._doubt(telegram):
-            if now_s - self._usable_s >= UNUSABLE_S:
-                self._status.fall_back("starting", f"the scanner {doubt}")
-                self._told = ()
-            return False
+        """Hand it to the side that measures, if it may be believed; counts those that never came.
+
+        Gives False for a telegram that was there before.
+        """
+        last, self._last = self._last, telegram
+        if last is not None:
+            here = telegram.telegram_counter, telegram.sent_us
+            if here == (last.telegram_counter, last.sent_us):
+                self._status.reject(BadFrame("scan telegram repeated", b""))
+                return False
+            gap = (telegram.scan_counter - last.scan_counter - 1) % 2**16
+            passed_s = (telegram.scan_us - last.scan_us) % 2**32 * 1e-6
+            if gap <= 1.5 * passed_s * telegram.scan_hz + 1:  # else the counter began anew
+                self._status.missed += gap
+        memory, status = self._memory, telegram.status
+        memory.serial_number, dirt = telegram.serial_number, memory.contamination or 0
+        # which byte of its status says what is not documented
+        if status[0] | status[1] not in self._accepted:
+            self._refuse(now_s, describe_status(status))
+            return True
+        if dirt >= TOO_DIRTY and dirt in CONTAMINATIONS:
+            self._refuse(now_s, CONTAMINATIONS[dirt])
+            return True
         self._usable_s = now_s
         memory.telegrams.append(telegram)
-        layouts = [channel.layout for channel in telegram.channels.values()]
-        health = memory.contamination, memory.temperature_ok, telegram.status
-        if self._told != (told := (telegram.scan_hz, health, layouts)):
+        layouts = tuple(map(_layout_of, telegram.channels.values()))
+        told = telegram.scan_hz, memory.contamination, memory.temperature_ok, status, layouts
+        if self._told != told:
             self._told = told
             self._status.state, self._status.cause = "running", self._remark(telegram)
+            self._cola.exchange.succeed()
         return True
 
-    def _doubt(self, telegram: ScanTelegram) -> str:
-        value = telegram.status[0] | telegram.status[1]  # which byte says what is not documented
-        if value and value not in self._options.accepted_status:
-            return describe_status(telegram.status)
-        dirt = self._memory.contamination or 0
-        return CONTAMINATIONS.get(dirt, "") if dirt >= TOO_DIRTY else ""
+    def _refuse(self, now_s: float, doubt: str) -> None:
+        """It is not believed; when that goes on, the scanner runs no longer."""
+        if now_s - self._usable_s >= UNUSABLE_S:
+            self._status.fall_back("starting", f"the scanner {doubt}")
+            self._told = ()
 
     def _remark(self, telegram: ScanTelegram) -> str:
         options, channels = self._options, telegram.channels

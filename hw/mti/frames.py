@@ -135,6 +135,7 @@ class MtParser:
         self._taken = 0  # bytes of the stream before the buffer
         self._arrivals: deque[tuple[int, float]] = deque()  # end of a piece in the stream, when
         self._claimed, self._begun_s = 0, 0.0  # bytes of the frame at the front, its begin; or 0
+        self._wait_s = 0.0  # from then until it must be whole
         self._junk = bytearray()  # not told yet
         self._junk_reason, self._junk_s = "", 0.0
 
@@ -143,29 +144,25 @@ class MtParser:
         buffer += data
         if data:
             self._arrivals.append((self._taken + len(buffer), now_s))
-        is_on_its_way = len(buffer) < self._claimed and self._has_time(self._claimed, now_s)
-        if is_on_its_way and not self._junk:
+        has_time = now_s - self._begun_s <= self._wait_s
+        if has_time and len(buffer) < self._claimed and not self._junk:  # it is on its way
             return []
-        events = self._events(now_s)
-        if self._junk and now_s - self._junk_s > COMPLETION_S:
-            events += self._told_junk()
-        return events
-
-    def _events(self, now_s: float) -> list[MtFrame | BadFrame]:
-        """What the buffer holds, but for a frame at its end that may still be completed."""
-        events: list[MtFrame | BadFrame] = []
-        buffer, at, self._claimed = self.kept, 0, 0
-        while at < len(buffer):
+        events, at, self._claimed = list[MtFrame | BadFrame](), 0, 0
+        while at < len(buffer):  # but for a frame at its end that may still be completed
             reason, head, size = self._claim(at)
             end = at + size
             if not reason and end > len(buffer):
                 self._begun_s = self._arrived_s(at + 1)
-                if self._has_time(size, now_s):
+                self._wait_s = COMPLETION_S + size * self._byte_s
+                if now_s - self._begun_s <= self._wait_s:
                     self._claimed = size if len(buffer) - at >= head else 0
                     break
                 reason = "frame not completed in time"
-            elif not reason and not _adds_up(buffer[at:end]):
-                reason = "bad checksum"
+            elif not reason:  # long claims of junk are summed quickly, too
+                claim = buffer[at:end]
+                is_long = size > MIN_EXTENDED
+                total = int(np.frombuffer(claim, np.uint8).sum()) if is_long else sum(claim)
+                reason = "" if total & 0xFF == PREAMBLE else "bad checksum"
             if reason:
                 start = START.search(buffer, at + 1)
                 end = start.start() if start else len(buffer)
@@ -180,11 +177,9 @@ class MtParser:
         self._taken += at
         if not buffer:
             self._arrivals.clear()
+        if self._junk and now_s - self._junk_s > COMPLETION_S:
+            events += self._told_junk()
         return events
-
-    def _has_time(self, size: int, now_s: float) -> bool:
-        """Whether a frame of so many bytes that has begun may still be completed."""
-        return now_s - self._begun_s <= COMPLETION_S + size * self._byte_s
 
     def _claim(self, at: int) -> tuple[str, int, int]:
         """Why no frame begins there, or "", its head and its size as far as they are known."""
@@ -221,12 +216,6 @@ class MtParser:
         while self._arrivals[0][0] < self._taken + end:
             self._arrivals.popleft()
         return self._arrivals[0][1]
-
-
-def _adds_up(frame: bytearray) -> bool:
-    """Whether the sum of all bytes after FA is 0 modulo 256; quick for long claims of junk, too."""
-    total = int(np.frombuffer(frame, np.uint8).sum()) if len(frame) > MIN_EXTENDED else sum(frame)
-    return total & 0xFF == PREAMBLE
 
 
 class MtConfiguration(Struct, frozen=True):

@@ -19,10 +19,12 @@ from hw.mti.sample import (
     ORIENTATION_NUMBERS,
     QUATERNION,
     Decoded,
+    Field,
     Reader,
+    Turn,
     integer_reader,
     number_reader,
-    orientation_reader,
+    orientation_turn,
     sample_of,
 )
 
@@ -57,16 +59,16 @@ class MtDataDecoder:
     """MTData of one output mode and settings."""
 
     def __init__(self, mode: int, settings: int) -> None:
-        self._fields: list[tuple[str, int, Reader]] = []  # name, place in the data, reader
+        self._fields: list[Field] = []
         self.size = 0  # data bytes of a frame
         for name, size in _blocks(mode, settings):
             if read := _maybe_reader(name, size, settings):
-                self._fields.append((name, self.size, read))
+                self._fields.append((name, self.size, *read))
             self.size += size
 
     def __contains__(self, field: str) -> bool:
         """Whether the messages carry a field of this name: "rate_radps", "counter" ..."""
-        return any(name == field for name, _, _ in self._fields)
+        return any(name == field for name, *_ in self._fields)
 
     def decode(self, data: bytes) -> Decoded:
         if len(data) != self.size:
@@ -75,14 +77,15 @@ class MtDataDecoder:
         return sample_of(self._fields, data)
 
 
-def _maybe_reader(name: str, size: int, settings: int) -> Reader | None:
+def _maybe_reader(name: str, size: int, settings: int) -> tuple[Reader, Turn | None] | None:
     """Of a block of MTData; None where nobody has use for it."""
     number_format, kind = settings >> 8 & 3, settings >> 2 & 3
     if name in FIELDS:
-        return number_reader(FIELDS[name], number_format)
+        return number_reader(FIELDS[name], number_format), None
     if name == "q_earth_sensor" and kind <= EULER:
-        return orientation_reader(kind, number_format, NED if settings & IN_NED else NWU)
-    return integer_reader(size) if name in ("counter", "status") else None
+        read = number_reader(ORIENTATION_NUMBERS[kind], number_format)
+        return read, orientation_turn(kind, NED if settings & IN_NED else NWU)
+    return (integer_reader(size), None) if name in ("counter", "status") else None
 
 
 def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
@@ -112,7 +115,7 @@ def _blocks(mode: int, settings: int) -> Iterator[tuple[str, int]]:
 
 def decode_mtdata2(data: bytes) -> Decoded:
     """The packets of one MTData2 message, in any order."""
-    wrong, fields = "", list[tuple[str, int, Reader]]()
+    wrong, fields = "", list[Field]()
     start, end = 0, len(data)
     while start < end:
         begin = start + PACKET.size
@@ -121,26 +124,24 @@ def decode_mtdata2(data: bytes) -> Decoded:
         identifier, size = PACKET.unpack_from(data, start)
         start = begin + size
         if layout := _maybe_layout(identifier):
-            name, due, read = layout
+            name, due, read, turn = layout
             if size == due:
-                fields.append((name, begin, read))
+                fields.append((name, begin, read, turn))
             else:
                 wrong = wrong or f"packet {identifier:04X} has {size} bytes"
     return BadFrame(wrong, data) if wrong else sample_of(fields, data)
 
 
 @lru_cache(maxsize=256)  # a device sends a dozen; what seems to be one may send them all
-def _maybe_layout(identifier: int) -> tuple[str, int, Reader] | None:
-    """Field, bytes and reader of a packet; None where nobody has use for it."""
+def _maybe_layout(identifier: int) -> Field | None:
+    """Of a packet, with its size in the place of its place; None where nobody has use for it."""
     kind, frame, number_format = identifier & 0xFFF0, identifier >> 2 & 3, identifier & 3
     if kind in INTEGERS:
         name, size = INTEGERS[kind]
-        return name, size, integer_reader(size)
+        return name, size, integer_reader(size), None
     if kind not in NUMBERS:
         return None
     name, count = NUMBERS[kind]
-    if kind in ORIENTATIONS:
-        read = orientation_reader(ORIENTATIONS[kind], number_format, frame)
-    else:
-        read = number_reader(count, number_format)
-    return name, count * NUMBER_SIZES[number_format], read
+    turn = orientation_turn(ORIENTATIONS[kind], frame) if kind in ORIENTATIONS else None
+    read = number_reader(count, number_format)
+    return name, count * NUMBER_SIZES[number_format], read, turn

@@ -23,7 +23,9 @@ from hw.device import BadFrame
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # w x y z
-Reader = Callable[[bytes, int], Any]  # of a field, from a place on: a tuple of numbers, or None
+Reader = Callable[[bytes, int], Any]  # of a field, from a place on: a tuple of numbers
+Turn = Callable[..., "Quaternion | None"]  # of such numbers; None: they are no rotation
+Field = tuple[str, int, Reader, Turn | None]  # name, place in the data, how it is read
 
 NUMBER_SIZES = (4, 4, 6, 8)  # float32, fixed 12.20, fixed 16.32, float64
 QUATERNION, EULER = 0, 1  # bits 3-2 of the output settings
@@ -50,17 +52,12 @@ class MtSample(Struct, frozen=True):
 Decoded = MtSample | BadFrame
 
 
-def sample_of(fields: Sequence[tuple[str, int, Reader]], data: bytes) -> Decoded:
-    """The fields of a message, or why it is worth nothing.
-
-    Args:
-        fields: each with its place in the data, and its reader.
-        data: of the message.
-    """
+def sample_of(fields: Sequence[Field], data: bytes) -> Decoded:
+    """The fields of a message, or why it is worth nothing."""
     found = {}
-    for name, start, read in fields:
+    for name, start, read, maybe_turn in fields:
         values = read(data, start)
-        if values is None:
+        if maybe_turn is not None and (values := maybe_turn(*values)) is None:
             return BadFrame("orientation is not a rotation", data)
         if not math.isfinite(sum(values)):
             return BadFrame(f"{name} is not finite", data)
@@ -90,13 +87,11 @@ def number_reader(count: int, number_format: int) -> Reader:
     return read_halves if number_format == 2 else read
 
 
-def orientation_reader(kind: int, number_format: int, frame: int) -> Reader:
-    """Reads a quaternion or Euler angles as the quaternion of `maybe_orientation`, or None."""
-    read = number_reader(ORIENTATION_NUMBERS[kind], number_format)
+def orientation_turn(kind: int, frame: int) -> Turn:
+    """Of a quaternion or Euler angles, the quaternion of `maybe_orientation`, or None."""
     if frame == NWU:  # nothing to turn
-        maybe_q = maybe_unit if kind == QUATERNION else maybe_from_euler_deg
-        return lambda data, start: maybe_q(*read(data, start))
-    return lambda data, start: maybe_orientation(kind, read(data, start), frame)
+        return maybe_unit if kind == QUATERNION else maybe_from_euler_deg
+    return lambda *values: maybe_orientation(kind, values, frame)
 
 
 @cache

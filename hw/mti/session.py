@@ -127,8 +127,10 @@ class MtiSession:
             self.attitudes = reader.take(frames, exchange.now_s)
             if self.attitudes:
                 heard_s = exchange.now_s
-                self._status.state, self._status.cause = "running", reader.remark(heard_s)
-                exchange.succeed()
+                if self._status.state != "running":
+                    self._status.state = "running"
+                    exchange.succeed()
+                self._status.cause = reader.remark
         reason = f": {reader.complaint}" if reader.complaint else ""
         raise StartAgainError(f"no orientation from the MTi for {silence_s:.1f} s{reason}")
 
@@ -138,6 +140,7 @@ class Mti(Device[Attitude]):
 
     def __init__(self, port: Port, *, rate_hz: float, baud: int) -> None:
         self.stream = MtStream()
+        self.clock_locked = False  # as of the newest step
         status = DeviceStatus("mti")
 
         def new_session() -> Session:
@@ -150,12 +153,15 @@ class Mti(Device[Attitude]):
 
         self._maybe_gathers = port if isinstance(port, Gathers) else None
         self._gathered, self._gathered_s = (0, 0), -math.inf  # bytes, of which connection; when
+        self._gives_frames = False  # the line is readable when a whole sample has come, not before
         self._hears_s, self._stamped_s = -math.inf, 0.0  # listened to from then; read as it arrived
         super().__init__(status, port, new_parser, new_session)
 
     def step(self, now_s: float) -> list[Attitude]:
         attitudes = super().step(now_s)
         self._gather(now_s)
+        is_running = self.status.state == "running"
+        self.clock_locked = is_running and self.session.reader.times.locked
         if self._gives_frames:  # all that had come is read: the next one is read as it arrives
             passed_s, period_s = now_s - self._stamped_s, self.stream.period_s
             next_s = self._stamped_s + math.ceil(passed_s / period_s) * period_s
@@ -171,11 +177,6 @@ class Mti(Device[Attitude]):
     def keep(self, now_s: float) -> None:
         super().keep(now_s)
         self._listen_later(now_s)
-
-    @property
-    def _gives_frames(self) -> bool:
-        """Whether the line is readable when a whole sample has come, and not before."""
-        return self._gathered[0] > 1
 
     def _listen_later(self, now_s: float) -> None:
         """A sample is read; when the next one is worth a turn of its own.
@@ -204,10 +205,7 @@ class Mti(Device[Attitude]):
         if wanted[0] == 1 or now_s - self._gathered_s >= GATHER_AGAIN_S:
             self._maybe_gathers.gather(wanted[0])
             self._gathered, self._gathered_s = wanted, now_s
-
-    @property
-    def clock_locked(self) -> bool:
-        return self.status.state == "running" and self.session.reader.times.locked
+            self._gives_frames = wanted[0] > 1
 
     @property
     def clock_uncertainty_s(self) -> float:

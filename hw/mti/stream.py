@@ -122,8 +122,9 @@ class StreamReader:
     ) -> None:
         self.times = SampleTimes(stream.period_s, byte_s)
         self.frame_bytes = 0  # of each data message; 0 while they differ
-        self._newest_bytes = 0
+        self._newest_size = -1  # of its data
         self.complaint = ""  # the last thing that was wrong with a data message
+        self.remark = ""  # what a person should know while it runs; "" if all is as configured
         self.newest = newest
         self._status, self._stream = status, stream
         joins = stream.legacy is None and stream.with_rate  # else nothing waits for its rate
@@ -136,8 +137,10 @@ class StreamReader:
     def take(self, frames: list[MtFrame], now_s: float) -> list[Attitude]:
         complete, merger = list[Received](), self._maybe_merger
         for frame in frames:
-            before, self._newest_bytes = self._newest_bytes, frame.wire_bytes
-            self.frame_bytes = before if self._newest_bytes == before else 0
+            if self._newest_size != len(frame.data):
+                self._newest_size, self.frame_bytes = len(frame.data), 0
+            elif not self.frame_bytes:
+                self.frame_bytes = frame.wire_bytes
             if frame.mid not in DATA_MIDS:
                 self._note(frame)
                 continue
@@ -156,13 +159,9 @@ class StreamReader:
                 t_s = self.times.t_s(sample, frame.arrived_s, frame.wire_bytes)
                 rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
                 attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
+        is_error_new = now_s - self._error_s < ERROR_SHOWN_S
+        self.remark = self._error if is_error_new else self._stream.remark or self._watch.remark
         return attitudes
-
-    def remark(self, now_s: float) -> str:
-        """What a person should know while it runs; "" if all is as configured."""
-        if now_s - self._error_s < ERROR_SHOWN_S:
-            return self._error
-        return self._stream.remark or self._watch.remark
 
     def _refuse(self, bad: BadFrame) -> None:
         self._status.reject(bad)
@@ -179,34 +178,33 @@ class StreamReader:
             self._error_s = frame.arrived_s
 
     def _checked(self, frame: MtFrame) -> MtSample | BadFrame:
-        legacy = self._stream.legacy
+        """What it says, if it was not there before; counts those that never came."""
+        legacy, data, arrived_s = self._stream.legacy, frame.data, frame.arrived_s
         if (frame.mid == MTDATA) is (legacy is None):
             self._foreign += 1
-            return BadFrame(f"{Mid(frame.mid).name}, which was not asked for", frame.data)
+            return BadFrame(f"{Mid(frame.mid).name}, which was not asked for", data)
         if legacy is None:
             self._foreign = 0
-            sample = decode_mtdata2(frame.data)
+            sample = decode_mtdata2(data)
         else:
-            self._foreign = self._foreign + 1 if len(frame.data) != legacy.size else 0
-            sample = legacy.decode(frame.data)
-        if isinstance(sample, MtSample) and not self._is_next(sample, frame.arrived_s):
-            return BadFrame("sample counter stands still", frame.data)
-        return sample
-
-    def _is_next(self, sample: MtSample, arrived_s: float) -> bool:
-        """False for a sample that was there before; counts those that never came."""
+            self._foreign = self._foreign + 1 if len(data) != legacy.size else 0
+            sample = legacy.decode(data)
+        if isinstance(sample, BadFrame):
+            return sample
         newest, passed_s = self.newest, arrived_s - self._newest_s
         self.newest, self._newest_s = sample, arrived_s
         merger = self._maybe_merger
         if newest is None or (merger is not None and merger.continues(sample)):
-            return True
+            return sample
         before, now = newest.fine_ticks, sample.fine_ticks
-        ticks_moved = before is not None and now is not None and before != now
+        is_next = before is not None and now is not None and before != now
         if newest.counter is None or sample.counter is None:
-            return ticks_moved or sample.fine_ticks is None
-        step = (sample.counter - newest.counter) % COUNTER_WRAP
-        follows = step * self._stream.period_s <= passed_s + MAX_GAP_S  # else it began anew
-        self._status.missed += max(0, step - 1) if follows else 0
-        if self._stream.legacy is not None:  # a newer device's messages may be split
-            self._watch.count(step if follows else 0, arrived_s)
-        return step > 0 or ticks_moved or sample.q_earth_sensor is None  # a third part of one
+            is_next = is_next or now is None
+        else:
+            step = (sample.counter - newest.counter) % COUNTER_WRAP
+            follows = step * self._stream.period_s <= passed_s + MAX_GAP_S  # else it began anew
+            self._status.missed += max(0, step - 1) if follows else 0
+            if legacy is not None:  # a newer device's messages may be split
+                self._watch.count(step if follows else 0, arrived_s)
+            is_next = is_next or step > 0 or sample.q_earth_sensor is None  # a third part of one
+        return sample if is_next else BadFrame("sample counter stands still", data)

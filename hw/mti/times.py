@@ -29,12 +29,8 @@ class SampleTimes:
         self._by_counter = DeviceClock(period_s, COUNTER_WRAP)
         self._by_stamp = DeviceClock(FINE_TICK_S, FINE_WRAP)
         self._newest: DeviceClock | None = None  # that told the last time; None: its arrival did
+        self.locked = False  # the device's clock is known well enough
         self._days, self._last_ticks = 0, 0
-
-    @property
-    def locked(self) -> bool:
-        """True while the device's clock is known well enough."""
-        return self._newest is not None and self._newest.locked
 
     @property
     def uncertainty_s(self) -> float:
@@ -45,13 +41,15 @@ class SampleTimes:
         """When it was taken; `arrived_s`: its frame's last byte, both host clock."""
         sent_s = arrived_s - LATENCY_S - wire_bytes * self._byte_s
         if sample.fine_ticks is not None:
-            self._newest = self._by_stamp
-            return self._by_stamp.host_s(self._without_day_wrap(sample.fine_ticks), sent_s)
-        if sample.counter is not None:
-            self._newest = self._by_counter
-            return self._by_counter.host_s(sample.counter, sent_s)
-        self._newest = None
-        return sent_s
+            clock, ticks = self._by_stamp, self._without_day_wrap(sample.fine_ticks)
+        elif sample.counter is not None:
+            clock, ticks = self._by_counter, sample.counter
+        else:
+            self._newest, self.locked = None, False
+            return sent_s
+        t_s = clock.host_s(ticks, sent_s)
+        self._newest, self.locked = clock, clock.locked
+        return t_s
 
     def _without_day_wrap(self, ticks: int) -> int:
         """Some devices count up to a day, others to 2^32: made one."""

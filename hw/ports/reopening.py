@@ -53,11 +53,12 @@ class ReopeningPort:
         self._out = bytearray()
         self._is_open = self._finished = False
         self._delivered = False  # bytes, since it was opened
+        self._is_polled = False  # since it was read
         self._now_s = self._retry_s = float("-inf")
         self._backoff_s = RETRY_FIRST_S
 
     def poll(self, now_s: float) -> bool:
-        self._now_s = now_s
+        self._now_s, self._is_polled = now_s, True
         if self._finished:
             return False
         if self._is_open and not self._out:  # as nearly always
@@ -81,8 +82,11 @@ class ReopeningPort:
         if self._is_open:
             try:
                 self._read_into(pieces)
+            except BlockingIOError:  # nothing
+                pass
             except OSError as error:
                 self._lose(describe_loss(error, self._where))
+        self._is_polled = False
         if pieces and not self._delivered:
             self._delivered, self._backoff_s = True, RETRY_FIRST_S
         return pieces

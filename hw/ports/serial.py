@@ -22,6 +22,7 @@ from hw.runtime.threads import Worker
 
 SILENCE_S = 10.0  # a restarting device is silent for seconds, and its wire is not dead
 CONTROL_CHARACTERS = 6  # their place among a line's settings
+NO_COUNT = bytes(4)  # of bytes that wait: an int of the system's
 DRAIN_S = 0.5  # for the last bytes on closing: 480 of them at 9600 baud
 
 OPEN_LINE: Any = Serial  # pyserial has no types
@@ -145,18 +146,15 @@ class SerialPort(ReopeningPort):
         # nothing lies ready both wait for a worker of the kernel's, an ordinary process, which on a
         # busy machine comes tens of milliseconds later, whatever our priority.
         if self._arrivals is not None and self._arrivals.poll(0):
-            size = self._gathered_size() if self._gathers > 1 else READ_SIZE
+            size = READ_SIZE
+            if self._gathers > 1:  # whole gatherings; none: it has hung up, which reading tells
+                waiting = fcntl.ioctl(self._fd, termios.FIONREAD, NO_COUNT)
+                count = int.from_bytes(waiting, sys.byteorder)
+                size = count - count % self._gathers or READ_SIZE
             data = os.read(self._fd, size)
             if not data:  # it has hung up
                 raise OSError(errno.EIO, os.strerror(errno.EIO))
             pieces.append(data)
-
-    def _gathered_size(self) -> int:
-        """How many bytes to read: whole gatherings of them, if there are any."""
-        waiting = bytearray(4)
-        fcntl.ioctl(self._fd, termios.FIONREAD, waiting)
-        count = int.from_bytes(waiting, sys.byteorder)
-        return count - count % self._gathers or READ_SIZE  # none: it has hung up, reading tells
 
     def _send(self, data: bytes) -> int:
         return os.write(self._fd, data)

@@ -177,15 +177,15 @@ FLOOD = 65_536  # bytes that one read may bring
     ids=["good", "events", "junk", "long"],
 )
 def test_a_flood_is_parsed_over_many_steps_in_order(data: bytes, per_step: int, piece: int) -> None:
-    intake = Intake(Pieces, 50_000.0, piece)  # 10 kB in the 0.2 s of an ordinary delay
+    intake = Intake(Pieces, piece)
     parser, events, now_s = intake._parser, [], 1.0
     assert isinstance(parser, Pieces)
-    intake.step(now_s)
+    intake.allowance = 10_000
     events += intake.events(now_s, [data, b"end"])
     steps = 1
     while intake.waits:
         before, now_s = len(parser.fed), now_s + 0.005
-        intake.step(now_s)
+        intake.allowance = 10_000
         events += intake.events(now_s, [])
         assert sum(len(piece) for _, piece in parser.fed[before:]) <= per_step
         steps += 1

@@ -87,13 +87,19 @@ def test_a_stick_that_moves_all_the_time_leaves_the_counters_their_turn(delay_s:
     assert bench.wheels.power() == (0.0, 0.0)
 
 
+def remark_at(schedule: Schedule, now_s: float) -> str:
+    if now_s >= schedule.judge_s:
+        schedule.judge(now_s, 0.0)
+    return schedule.remark
+
+
 def test_a_controller_that_turns_slow_and_quick_again_is_told_and_no_longer_told() -> None:
     schedule = Schedule(20.0)
     schedule.begin(0.0)
     told = []
     for k in range(600):
         schedule.counter_took(0.08 if 100 <= k < 300 else 0.015)
-        told.append(schedule.remark(0.1 * k, 0.0))
+        told.append(remark_at(schedule, 0.1 * k))
     assert told[0] == told[-1] == ""
     assert "20 pairs/s asked, 5 fit" in told
     assert sum(a != b for a, b in itertools.pairwise(told)) == 2
@@ -105,8 +111,8 @@ def test_nearly_all_the_pairs_that_are_asked_are_no_complaint() -> None:
         schedule.begin(0.0)
         for _ in range(200):
             schedule.counter_took(exchange_s)
-        assert schedule.remark(4.9, 0.0) == ""
-        assert schedule.remark(6.0, 0.0) == remark
+        assert remark_at(schedule, 4.9) == ""
+        assert remark_at(schedule, 6.0) == remark
 
 
 def test_counts_are_true_at_their_instant_when_heard_between_ticks() -> None:
@@ -133,7 +139,7 @@ def test_an_answer_that_lies_in_the_line_for_a_step_has_its_true_time(delay_s: f
         bench.elapse(LOOK_S)
         if k % 40 == 0:
             measured += bench.ax.step(bench.now_s)
-        elif bench.now_s >= bench.ax.due_s > -math.inf:
+        elif bench.now_s >= bench.ax.status.due_s > -math.inf:
             own_turns += 1
             bench.ax.hear(bench.now_s)
         bench.wire.step(bench.now_s)

@@ -188,6 +188,16 @@ def test_a_port_reopens_after_the_shortest_pause(listener: socket.socket, port: 
         now_s += RETRY_FIRST_S + 1e-6
 
 
+def test_reading_in_vain_is_no_loss(listener: socket.socket, port: Port) -> None:
+    with connected(listener, port) as device:
+        assert port.poll(START_S)
+        for _ in range(3):  # in a step, and between two
+            assert port.read() == []
+        assert port.poll(START_S)
+        device.sendall(b"there")
+        assert read_all(port, 5) == b"there"
+
+
 def test_a_host_without_an_address_is_an_error() -> None:
     with pytest.raises(PortUrlError, match="has no known address"):
         open_port(f"tcp://{'x' * 70}.invalid:1")

@@ -28,38 +28,42 @@ from core.mapping.surface.cells import (
     ground_of,
     grown,
     index_of,
-    predict,
+    plane_at,
+    real,
+    whole,
 )
 from core.mapping.surface.error import GATE
 from core.records import F64
-from jit import Record, Records, allocating_kernel, kernel
+from jit import Record, Records, kernel
 
 RETURN = np.dtype(
     [
-        ("at", np.int64),  # flat index of its cell; -1: no return, or outside
-        ("kind", np.int64),
         ("x_m", np.float64),  # place, map frame
         ("y_m", np.float64),
-        ("z_m", np.float64),
-        ("ahead_m", np.float64),  # the same in the robot's frame
-        ("aside_m", np.float64),
-        ("height_m", np.float64),  # over the ground there
-        ("var_m2", np.float64),  # of that ground
-        ("slope_x", np.float64),
-        ("slope_y", np.float64),
-        ("age_s", np.float64),  # of what tells that ground
-        ("wander_m2", np.float64),  # variance of what the attitude wandered since
-        ("tied", np.int64),  # what that ground is
-        ("near_m", np.float64),  # over the ground before it on its own beam,
-        ("near_var_m2", np.float64),  # and the variance of that
-        ("noise_m2", np.float64),  # of its own height
-        ("is_face", np.int64),  # the sweep climbs it sideways steeper than ground can be
-        ("is_lone", np.int64),  # no return beside it
-        ("is_before", np.int64),  # whether ground nearer to the robot was measured
-        ("witness", np.int64),  # cell that tells how far the sweep is off; -1: none,
-        ("off_m", np.float64),  # by how much its beam lies over that,
-        ("witness_ahead_m", np.float64),  # and where, in the robot's frame
-        ("witness_aside_m", np.float64),
+        ("from_x", np.float32),  # the same from the middle of its cell
+        ("from_y", np.float32),
+        ("z_m", np.float32),
+        ("ahead_m", np.float32),  # the same in the robot's frame
+        ("aside_m", np.float32),
+        ("height_m", np.float32),  # over the ground there
+        ("var_m2", np.float32),  # of that ground
+        ("slope_x", np.float32),
+        ("slope_y", np.float32),
+        ("age_s", np.float32),  # of what tells that ground
+        ("wander_m2", np.float32),  # variance of what the attitude wandered since
+        ("near_m", np.float32),  # over the ground before it on its own beam,
+        ("near_var_m2", np.float32),  # and the variance of that
+        ("noise_m2", np.float32),  # of its own height
+        ("off_m", np.float32),  # by how much its beam lies over what `witness` tells,
+        ("witness_ahead_m", np.float32),  # and where, in the robot's frame
+        ("witness_aside_m", np.float32),
+        ("at", np.int32),  # flat index of its cell; -1: no return, or outside
+        ("witness", np.int32),  # cell that tells how far the sweep is off; -1: none
+        ("kind", np.int8),
+        ("tied", np.int8),  # what that ground is
+        ("is_face", np.int8),  # the sweep climbs it sideways steeper than ground can be
+        ("is_lone", np.int8),  # no return beside it
+        ("is_before", np.int8),  # whether ground nearer to the robot was measured
     ],
     align=True,
 )
@@ -146,6 +150,23 @@ def set_upright(z: float, ahead: float, aside: float, stand: Stand, own: F64) ->
 
 
 @kernel
+def upright_line(lens: F64, ray: F64, stand: Stand, own: F64) -> tuple[float, float]:
+    """The same along a beam: the height of its lens, and by how much it rises a metre."""
+    ahead, aside = in_body(lens[0], lens[1], stand)
+    goes_ahead = ray[0] * stand.heading_x + ray[1] * stand.heading_y
+    goes_aside = ray[1] * stand.heading_x - ray[0] * stand.heading_y
+    rise = ray[2] - (own[1] + own[3]) * goes_ahead - (own[2] + own[4]) * goes_aside
+    return set_upright(lens[2], ahead, aside, stand, own), rise
+
+
+@kernel
+def _plane_of(cell: Record, z: float, var: float, is_before: bool) -> Plane:
+    """Ground that has the slopes, the age and the ties of a cell."""
+    a, b, tied = real(cell.slope_x), real(cell.slope_y), whole(cell.tied)
+    return Plane(z, a, b, var, cell.floor_s, tied, is_before)
+
+
+@kernel
 def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surface) -> Plane:
     """Ground extended to a point of a beam from the nearest seen before (-1) or behind it (1)."""
     away, cell_m = BACK_M, surface.cell_m
@@ -160,8 +181,7 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             dy = y - by + from_centre(by, cell_m)
             var = grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
             z = ground_of(cell, surface.own) + a * dx + b * dy
-            tied = cell.tied
-            return Plane(z, cell.slope_x, cell.slope_y, var, cell.floor_s, tied, side < 0.0)
+            return _plane_of(cell, z, var, side < 0.0)
         away += BACK_M
     return NOWHERE
 
@@ -183,9 +203,8 @@ def _ground_at(at: int, i: int, j: int, stand: Stand, surface: Surface) -> Plane
     """Ground at the centre of a cell, measured or by its neighbours."""
     cell = surface.cells[at]
     if cell.looks == 0:
-        return predict(i, j, stand.x_m, stand.y_m, surface)
-    z, a, b = ground_of(cell, surface.own), cell.slope_x, cell.slope_y
-    return Plane(z, a, b, cell.var_m2, cell.floor_s, cell.tied, True)
+        return plane_at(i, j, stand.x_m, stand.y_m, surface)
+    return _plane_of(cell, ground_of(cell, surface.own), real(cell.var_m2), True)
 
 
 @kernel
@@ -200,9 +219,10 @@ def _between(near: Plane, far: Plane) -> Plane:
 
 
 @kernel
-def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
+def hold(beams: Beams, stand: Stand, h_pos_m: float, surface: Surface) -> int:
     """Each first return against the ground where it lies, into its RETURN; how many there are."""
     last, count, cell_m, plane, near = -2, 0, surface.cell_m, NOWHERE, NOWHERE
+    surface.scan[0] += 1
     for b in range(beams.returns.size):
         one, r = beams.returns[b], beams.ranges_m[0, b]
         one.at, one.kind = -1, NONE
@@ -220,15 +240,15 @@ def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
         one.z_m = z
         if at < 0:
             continue
-        cx, cy = from_centre(x, cell_m), from_centre(y, cell_m)
+        cx, cy = x - (i + 0.5) * cell_m, y - (j + 0.5) * cell_m
+        one.from_x, one.from_y = cx, cy
         if at != last:  # what is due in a cell, at its centre
             last, plane = at, _ground_at(at, i, j, stand, surface)
-            near = plane
-            if surface.cells[at].looks == 0:
+            near, is_known = plane, plane.var_m2 < math.inf
+            if surface.cells[at].looks == 0 and not (is_known and z > plane.z_m + h_pos_m):
                 near = reach(x - cx, y - cy, r, ray, stand, surface)
-                if plane.var_m2 == math.inf:
-                    far = _find(x - cx, y - cy, ray, 1.0, AHEAD_M, surface)
-                    plane = _between(near, far)
+            if not is_known:
+                plane = _between(near, _find(x - cx, y - cy, ray, 1.0, AHEAD_M, surface))
         one.slope_x, one.slope_y, one.var_m2 = plane.slope_x, plane.slope_y, plane.var_m2
         one.is_before, one.tied = plane.is_before, plane.tied
         one.height_m = z - plane.z_m - plane.slope_x * cx - plane.slope_y * cy
@@ -241,7 +261,8 @@ def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
 @kernel
 def _is_near(one: Record, other: Record) -> bool:
     """Whether two returns may be of one thing."""
-    return bool(other.at >= 0 and math.hypot(other.x_m - one.x_m, other.y_m - one.y_m) < BESIDE_M)
+    dx, dy = other.x_m - one.x_m, other.y_m - one.y_m
+    return bool(other.at >= 0 and dx * dx + dy * dy < BESIDE_M * BESIDE_M)
 
 
 @kernel
@@ -315,10 +336,11 @@ def _agreed_m(unsure: int, bins: F64) -> float:
     return (best + 0.5 * WIDE - BINS // 2) * BIN_M
 
 
-@allocating_kernel
-def agree(returns: Records, tied: int) -> None:
+@kernel
+def agree(returns: Records, tied: int, bins: F64) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height."""
-    bins, unsure, sure, guessed = np.zeros(BINS), 0, 0, 0
+    unsure, sure, guessed = 0, 0, 0
+    bins[:] = 0.0
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:

@@ -45,7 +45,7 @@ def tie(at: int, i: int, j: int, limits: Limits, surface: Surface, touched: Touc
     before = cell.tied
     cell.tied = tie_of(at, i, j, limits, surface)
     if cell.tied == TIED and before != TIED:
-        touched.bits[touch(at, surface, touched)] |= NEWLY_TIED
+        touched.bits[touch(at, touched)] |= NEWLY_TIED
 
 
 @kernel

@@ -71,7 +71,7 @@ def test_a_post_as_high_as_the_grass_around_it_is_never_free(x_m: float, radius_
     i, j = np.array([grid.cell_of(x_m, y) for y in y_m]).T
     for _ in rig.drive():
         assert SOFT not in maps_of(rig).causes(i, j)
-    assert cells_over(rig, FREE, MEADOW.box) > 15
+    assert cells_over(rig, FREE, MEADOW.box) > 10
 
 
 def test_what_lies_down_in_grass_that_was_soft_for_long_is_an_obstacle_at_once() -> None:
@@ -203,6 +203,6 @@ def test_a_hard_thing_has_the_soft_cells_around_it_decided_again() -> None:
 def test_what_has_gone_leaves_nothing_of_its_softness() -> None:
     ground = GroundCells()
     at = ground.lay(2, 0, 0.0, stands=CLEAR + 0.1, soft=-50.0, low_m=0.2, top_m=0.3)
-    slot = touch(at, ground.surface, ground.touched)
+    slot = touch(at, ground.touched)
     vote(ground.cells[at], slot, PASS_THROUGH, ground.touched)
     assert ground.cells["soft"][at] == 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.config import Config
 from core.mapping.surface.cells import APART, CELL, MOST_LOOKS
-from core.mapping.surface.evidence import LEAST, MOST
+from core.mapping.surface.constants import LEAST, MOST
 from core.mapping.surface.maps import SurfaceMaps
 from core.saved.bounds import MOST_M, MOST_S, MOST_SCANS, check_places, check_within
 from core.saved.encoding import Arrays

@@ -12,7 +12,8 @@ from core.mapping.surface.touched import Limits, none_touched
 from core.records import F64
 from jit import Records, records
 
-LIMITS = Limits(0.10, -0.10, 1.30, 4)
+LIMITS = Limits(0.10, -0.10, 1.30, 0.04**2, 11.6, 4)
+RISES = 0.06  # half the tilt of the scan plane
 NOISE_M2 = 1e-4  # of a return
 
 
@@ -33,7 +34,9 @@ class GroundCells:
         self.cells[:] = BLANK
         self.own: F64 = np.zeros(5)
         low_i, low_j = corner or (-(size // 2), -(size // 2))
-        self.surface: Surface = Ground(self.cells, size, cell_m, self.own).surface(low_i, low_j)
+        self.surface: Surface = Ground(self.cells, size, cell_m, RISES, self.own).surface(
+            low_i, low_j
+        )
         count = size * size
         self.touched = none_touched(np.zeros(count, np.uint8), np.full(count, -math.inf))
 

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from core.mapping.surface.constants import BEND, CARRY_M, FLAT_M, REACH, REACH_M, STEEP, STEEPEST
 from core.records import F64, I64
 from jit import Record, Records, kernel, records
 
@@ -62,14 +63,8 @@ for _name, _value in (
 ):
     BLANK[_name] = _value
 
-BEND = 0.02  # 1 sigma: terrain departs so much from its tangent in a metre; beyond, by the root
-FLAT_M = 0.004  # roughness of floor within a cell
-STEEP = 0.07  # 1 sigma of slopes: 4 deg
-STEEPEST = 0.2  # most of them that a wheel climbs
-RISES = 0.06  # half the tilt of the scan plane: ground that rises more towards the robot is none
 MOST_LOOKS = 0xFFFF  # more are not counted
 PART_BITS, ALL_PARTS = 16, 0xFFFF  # of floor, below those of beams under it
-REACH, REACH_M = 2, 0.2  # neighbours looked at: 5 x 5 places, 0.2 m apart or a cell
 
 
 PLANE = np.dtype(  # ground about a block of cells, as a scan has worked it out
@@ -102,6 +97,7 @@ class Surface(NamedTuple):
     turn_j: int
     size: int
     cell_m: float
+    rises: float  # ground that rises more towards the robot is none
     block: int  # cells along the edge of a block, whose ground is worked out at once
     own: F64  # (5,) error of the newest sweep: height, pitch, roll; pitch and roll always
     planes: Records  # (PLANES * PLANES,)
@@ -111,8 +107,9 @@ class Surface(NamedTuple):
 class Ground:
     """What of a surface does not change from scan to scan."""
 
-    def __init__(self, cells: Cells, size: int, cell_m: float, own: F64) -> None:
+    def __init__(self, cells: Cells, size: int, cell_m: float, rises: float, own: F64) -> None:
         self._cells, self._size, self._cell_m, self._own = cells, size, cell_m, own
+        self._rises = rises
         self._block = max(1, round(REACH_M / cell_m))
         self._planes, self._scan = records(PLANE, PLANES * PLANES), np.zeros(1, np.int64)
 
@@ -121,7 +118,7 @@ class Ground:
         size = self._size
         return Surface(
             self._cells, corner_i, corner_j, corner_i % size, corner_j % size, size, self._cell_m,
-            self._block, self._own, self._planes, self._scan,
+            self._rises, self._block, self._own, self._planes, self._scan,
         )  # fmt: skip
 
 
@@ -213,7 +210,7 @@ def ground_of(cell: Record, own: F64) -> float:
 @kernel
 def grown(var: float, far_m: float) -> float:
     """Variance of ground so far from where it is known."""
-    return var + BEND * BEND * far_m * min(1.0, far_m)
+    return var + BEND * BEND * far_m * min(CARRY_M, far_m)
 
 
 @kernel
@@ -266,7 +263,7 @@ def predict(i: int, j: int, x_m: float, y_m: float, surface: Surface) -> Plane:
             is_nearer = u * dx + v * dy <= 0.0
             is_before = is_before or is_nearer
             # towards the robot, a wall looks like a ramp
-            most = min(most, ground + (STEEPEST if is_nearer else RISES) * away)
+            most = min(most, ground + (STEEPEST if is_nearer else surface.rises) * away)
             if var < best:
                 best, tied, seen_s = var, whole(cell.tied), cell.floor_s
             z = ground - z0

@@ -44,14 +44,10 @@ from core.mapping.surface.cells import (
     under_parts,
     world_cell,
 )
-from core.mapping.surface.error import GATE
-from core.mapping.surface.evidence import CLEAR
+from core.mapping.surface.constants import CLEAR, GATE, HIT, LIKELY
 from core.mapping.surface.touched import Limits
 from core.records import F64, I8, I32, I64, OBSTACLE, U8
 from jit import Record, kernel
-
-LIKELY = 3.0  # log-odds: something stands here
-HIGHER = 2.0  # sigmas that it is higher than the ground
 
 _state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
 
@@ -139,7 +135,7 @@ def rule_of(
         return missing
     stands = cell.stands >= LIKELY or (shown == OBSTACLE and cell.stands > 0.0)
     if stands and not passable:
-        return STANDS if cell.top_m > HIGHER * math.sqrt(cell.var_m2 + noise) else GUESSED
+        return STANDS if cell.top_m > HIT * math.sqrt(cell.var_m2 + noise) else GUESSED
     if cell.looks == 0:
         return UNSHOWN
     if cell.tied != TIED:

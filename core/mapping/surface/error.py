@@ -23,19 +23,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.mapping.surface.cells import FLAT_M, Surface, cell_at, from_centre, ground_of
+from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    FAST_S,
+    FLAT_M,
+    GATE,
+    ROUNDS,
+    SIGMA_FAST_RAD,
+    SIGMA_JUMP_RAD,
+    SIGMA_STATIC_RAD,
+    WITNESSES,
+)
 from core.motion.tilt import TiltFilter
 from core.records import F64
 from jit import Record, Records, kernel
 
-SIGMA_FAST_RAD, FAST_S = math.radians(0.15), 10.0  # what the tilt filter leaves, and how slowly
-SIGMA_JUMP_RAD = math.radians(1.0)  # where it goes over to other angles (sheet: 2 deg is two)
-SIGMA_STATIC_RAD = math.radians(0.25)  # of an attitude sensor for always (sheet: 0.5 deg is two)
-GATE = 3.0  # sigmas: what is farther off belongs to something else
-ROUNDS = 3  # of reweighting
-WITNESSES = 15  # so many at least: fewer may lie on one thing
 STATES = 5
-ALIKE_S = 1.0  # so long, witnesses are the same, and err by the same
 
 
 class Room(NamedTuple):

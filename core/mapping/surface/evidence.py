@@ -13,11 +13,9 @@ import math
 from core.grid.places import ones, part_bit
 from core.mapping.surface.cells import (
     APART,
-    FLAT_M,
     LOOSE,
     MOST_LOOKS,
     PART_BITS,
-    STEEPEST,
     TIED,
     Surface,
     cell_at,
@@ -29,15 +27,27 @@ from core.mapping.surface.cells import (
     under_parts,
     world_cell,
 )
-from core.mapping.surface.error import GATE, parted_m2
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    CLEAR,
+    FLAT_M,
+    GATE,
+    HIT,
+    LEAST,
+    LOWERED,
+    MOST,
+    PASS_THROUGH,
+    SIGMA_RANGE_M,
+    STEEPEST,
+    THING_M,
+)
+from core.mapping.surface.error import parted_m2
 from core.mapping.surface.soft import softness
 from core.mapping.surface.sweep import (
     ABOVE,
     BELOW,
     FLOOR,
-    GUESS_M,
     HIGH,
-    SIGMA_RANGE_M,
     Beams,
     Stand,
 )
@@ -53,14 +63,6 @@ from core.mapping.surface.touched import (
 )
 from core.records import F64
 from jit import Record, kernel
-
-HIT, SEEN_FLOOR = 2.0, -0.25  # votes, in log-odds
-CLEAR = -1.5  # log-odds: nothing stands here
-MOST, LEAST = 4.5, CLEAR - HIT  # they are never surer: one scan alone does not end what is clear
-BAND_M = 0.2  # between returns of one thing
-LOWERED = 0.5  # how far one scan moves what is known of ground that was not met
-SURE_M2 = 1e-6  # a cell's ground is never surer: 1 mm
-LATELY_S = 1.0  # in which an attitude wanders little
 
 
 @kernel
@@ -128,9 +130,9 @@ def _see_floor(
         aged += parted_m2(one.ahead_m, one.aside_m, since_s)
     gain = aged / (aged + one.noise_m2)
     move = _lay(cell, z, gain, one, stand, own)
-    if since_s < LATELY_S:  # else all of it was seen by another attitude
+    if since_s < ALIKE_S:  # else all of it was seen by another attitude
         stay(cell, move)
-    cell.var_m2 = max(SURE_M2, (1.0 - gain) * aged)
+    cell.var_m2 = (1.0 - gain) * aged
     cell.floor_s = stand.t_s
     if cell.looks == 0:  # until then it was that of ground beyond it
         cell.floor_m = math.inf
@@ -183,7 +185,7 @@ def _end_on_floor(
     if cell.under_m < math.inf and under_parts(cell) & ~floor_parts(cell) == 0:
         cell.parts, cell.under_m = floor_parts(cell), math.inf
     rests = cell.low_m < limits.h_pos_m
-    vote(cell, slot, SEEN_FLOOR if cell.stands > 0.0 and rests else 0.0, touched)
+    vote(cell, slot, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, touched)
 
 
 @kernel
@@ -212,9 +214,9 @@ def _stand(at: int, h: float, one: Record, surface: Surface, touched: Touched) -
     """
     cell = surface.cells[at]
     is_point = cell.top_m - cell.low_m < FLAT_M
-    if cell.top_m == -math.inf or (is_point and h < cell.low_m - BAND_M):
+    if cell.top_m == -math.inf or (is_point and h < cell.low_m - THING_M):
         cell.low_m = cell.top_m = h
-    elif one.is_lone == 0 or cell.low_m - BAND_M <= h <= cell.top_m + BAND_M:
+    elif one.is_lone == 0 or cell.low_m - THING_M <= h <= cell.top_m + THING_M:
         cell.low_m, cell.top_m = min(cell.low_m, h), max(cell.top_m, h)
     touched.tall[at] = cell.stands > CLEAR
 
@@ -240,7 +242,7 @@ def _end(
     slope = one.slope_x * one.from_x + one.slope_y * one.from_y
     z, sigma = one.z_m - slope, math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
     higher = limits.h_pos_m + (0.0 if one.is_face else GATE * sigma)
-    is_guess = one.var_m2 > GUESS_M * GUESS_M and h < higher
+    is_guess = one.var_m2 > limits.guess_m2 and h < higher
     if is_guess and h < 0.0:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:

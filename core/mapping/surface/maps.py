@@ -15,6 +15,7 @@ from core.config import Config
 from core.grid.places import parts_of
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
+from core.mapping.along import REACH_M
 from core.mapping.body import body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.freshness import Freshness
@@ -22,14 +23,13 @@ from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Ground, Surface
-from core.mapping.surface.decision import LIKELY, Decision, Shown, decide_cells
+from core.mapping.surface.constants import BINS, CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
+from core.mapping.surface.decision import Decision, Shown, decide_cells
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
-from core.mapping.surface.evidence import CLEAR, end_beams
+from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import (
-    BINS,
     RETURN,
-    SIGMA_LENS_M,
     Beams,
     Stand,
     Sway,
@@ -47,13 +47,11 @@ from core.motion.odometry import Odometry
 from core.records import F64, I32, I64, PointSweep, Scan
 from jit import kernel, records, with_fields
 
-LEAST_TILT_DEG = 2.0  # a flatter scanner sees no floor
 EVIDENCE = {  # fields of a cell, by what they tell
     "scans that saw its floor": "looks",
     "log-odds that something stands in it": "stands",
     "log-odds that this lets beams in": "soft",
 }
-ANCHOR = 30  # cells seen twice on the ground of the wheels: from then on it is not looked for
 
 
 @kernel
@@ -73,7 +71,7 @@ def take_sweep(
     touched.used[0] = 0
     count = hold(first, stand, limits.h_pos_m, surface)
     find_faces(first.returns)
-    agree(first.returns, guess, bins)
+    agree(first.returns, guess, limits, bins)
     find_witnesses(first, stand, surface)
     set_right(first.returns, stand.t_s, passed_s, stand.travel_m, surface, P, room)
     end_beams(first, stand, limits, surface, touched)
@@ -93,8 +91,9 @@ class SurfaceMaps:
     def __init__(self, config: Config) -> None:
         scanner, obstacle, robot = config.scanner, config.obstacle, config.robot
         spec = scanner.options.spec
-        tilt_rad = math.radians(max(scanner.mount_tilt_deg, LEAST_TILT_DEG))
-        fall = math.sin(tilt_rad)
+        tilt_rad = math.radians(max(0.0, scanner.mount_tilt_deg))
+        far_m = scanner.mount_z_m / max(math.tan(tilt_rad), scanner.mount_z_m / REACH_M)
+        rises, away_m = 0.5 * scanner.mount_z_m / far_m, math.hypot(scanner.mount_z_m, far_m)
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
@@ -104,13 +103,14 @@ class SurfaceMaps:
         self.fresh = Freshness(self.grid, obstacle.free_max_age_s, footprint)
         parts = parts_of(config.map.cell_m)
         self._limits = Limits(
-            obstacle.h_pos_m, obstacle.h_neg_m, robot.height_m, parts, obstacle.soft_free_below_m
-        )
-        noise = noise_m2(scanner.mount_z_m / fall, fall, SIGMA_LENS_M**2)
+            obstacle.h_pos_m, obstacle.h_neg_m, robot.height_m, (GUESS * obstacle.h_pos_m) ** 2,
+            math.sqrt(2.0) * far_m, parts, obstacle.soft_free_below_m,
+        )  # fmt: skip
+        noise = noise_m2(away_m, scanner.mount_z_m / away_m, FLAT_M**2)
         self._decision = Decision(self.window, self.fresh, self._limits, noise)
-        self._error = SweepFilter(scanner.mount_z_m / math.tan(tilt_rad))
-        self._ground = Ground(self._flat, self.grid.size, self.grid.cell_m, self._error.own)
-        self._sway = Sway()
+        self._error = SweepFilter(far_m)
+        self._ground = Ground(self._flat, self.grid.size, self.grid.cell_m, rises, self._error.own)
+        self._sway = Sway(scanner.mount_x_m)
         tall = self.grid.layer(np.uint8, 0).reshape(-1)
         self._touched = none_touched(tall, self.fresh.seen_s)
         self._returns = [records(RETURN, spec.max_beams) for _ in range(2)]
@@ -170,7 +170,7 @@ class SurfaceMaps:
         )  # fmt: skip
         if not self._anchored:
             seen = surface.cells[self._touched.at[: self._touched.used[0]]]
-            self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > ANCHOR
+            self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES
         self._faces.set_right(sweep, first.returns["height_m"], body, odometry, is_sure=True)
         self.fresh.expire(self.window)
         return count

@@ -6,15 +6,24 @@ Source: docs/method.md, section 4.
 import math
 
 from core.grid.places import part_bit
-from core.mapping.along import STEP_M, first_place_m, places_along, share_of
+from core.mapping.along import REACH_M, STEP_M, first_place_m, places_along, share_of
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface.cells import Surface, cell_at, ground_of, index_of, plane_at
-from core.mapping.surface.error import GATE, seen_again_m2
-from core.mapping.surface.evidence import CLEAR, LEAST, expect, lower, stay, vote
+from core.mapping.surface.constants import (
+    CLEAR,
+    DARK,
+    GATE,
+    LEAST,
+    LOWERED,
+    PASS_LOW,
+    PASS_THROUGH,
+    THING_M,
+)
+from core.mapping.surface.error import seen_again_m2
+from core.mapping.surface.evidence import expect, lower, stay, vote
 from core.mapping.surface.sweep import (
     BELOW,
     FLOOR,
-    GUESS_M,
     HIGH,
     NONE,
     Beams,
@@ -29,22 +38,17 @@ from core.mapping.surface.touched import Limits, Touched, touch
 from core.records import F64
 from jit import Record, kernel
 
-PASS_LOW, PASS_THROUGH = -1.0, -0.5  # votes, in log-odds
-GRAZES_M = 0.3  # before its end, a beam proves nothing of what stands there
-LONGEST_M = 6.0  # of a hole, along a beam
-DARK, DUE_M = 3, 12.0  # beams in a row that do not come back, from floor so near
-
 
 @kernel
 def _expects(
-    at: int, x: float, y: float, r: float, ray: F64, stand: Stand, surface: Surface
+    at: int, x: float, y: float, r: float, ray: F64, stand: Stand, limits: Limits, surface: Surface
 ) -> bool:
     """Whether ground is due in a cell, seen or told by what lies before it."""
     cell = surface.cells[at]
     if cell.var_m2 < math.inf:
         return True
     plane = reach(x, y, r, ray, stand, surface)
-    if plane.var_m2 > GUESS_M * GUESS_M:
+    if plane.var_m2 > limits.guess_m2:
         return False
     ahead, aside = in_body(x, y, stand)
     expect(cell, plane.z_m, plane.var_m2, ahead, aside, stand, surface.own)
@@ -85,7 +89,7 @@ def _pass_low(
         step, last = max(step, STEP_M), one.at
         r = end + (1.0 - share_of(b, surface.scan[0])) * step
     lens_z, fall = upright_line(lens, ray, stand, own)
-    while r - step > MIN_RANGE_M and end - r < LONGEST_M:
+    while r - step > MIN_RANGE_M and end - r < REACH_M:
         r -= step
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         i, j = math.floor(x / cell_m), math.floor(y / cell_m)
@@ -93,7 +97,9 @@ def _pass_low(
         if at < 0 or (at == last and not is_below):
             continue
         last, cell = at, cells[at]
-        if cell.var_m2 == math.inf and not (is_low and _expects(at, x, y, r, ray, stand, surface)):
+        if cell.var_m2 == math.inf and not (
+            is_low and _expects(at, x, y, r, ray, stand, limits, surface)
+        ):
             continue
         if cell.looks == 0:
             _expect_again(at, x, y, stand, surface)
@@ -138,7 +144,7 @@ def _pass_through(b: int, beams: Beams, stand: Stand, surface: Surface, touched:
     # on its way up, what comes in would stop the beam as little
     oldest_s = touched.oldest_s if ray[2] < 0.0 else math.inf
     lens_z, rise = upright_line(lens, ray, stand, surface.own)
-    for k in range(places_along(lens, ray, first_m, end - GRAZES_M, window, places)):
+    for k in range(places_along(lens, ray, first_m, end - THING_M, window, places)):
         at = places[k]
         if at < 0:
             continue
@@ -166,21 +172,21 @@ def _miss(
     lens: F64, ray: F64, stand: Stand, limits: Limits, surface: Surface, touched: Touched
 ) -> None:
     """A beam did not come back: where it should have met the ground there is none, or black one."""
-    if ray[2] > -1e-3:
+    if ray[2] >= 0.0:
         return
     lens_m = set_upright(lens[2], 0.0, 0.0, stand, surface.own)
     z, at, x, y = stand.z_m, -1, 0.0, 0.0
     for _ in range(2):
         r = (z - lens_m) / ray[2]
-        if not MIN_RANGE_M < r < DUE_M:
+        if not MIN_RANGE_M < r < limits.due_m:
             return
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         at = cell_at(x, y, surface)
-        if at < 0 or not _expects(at, x, y, r, ray, stand, surface):
+        if at < 0 or not _expects(at, x, y, r, ray, stand, limits, surface):
             return
         z = ground_of(surface.cells[at], surface.own)
     slot, part = touch(at, touched), part_bit(x, y, surface.cell_m, limits.parts)
-    lower(surface.cells[at], slot, part, 2.0 * limits.h_neg_m, touched)
+    lower(surface.cells[at], slot, part, limits.h_neg_m / LOWERED, touched)
 
 
 @kernel

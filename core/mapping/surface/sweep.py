@@ -14,12 +14,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from core.mapping.along import REACH_M
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface.cells import (
     LOOSE,
     NOWHERE,
-    STEEP,
-    STEEPEST,
     TIED,
     Plane,
     Surface,
@@ -32,7 +31,25 @@ from core.mapping.surface.cells import (
     real,
     whole,
 )
-from core.mapping.surface.error import GATE
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    BESIDE,
+    BINS,
+    CARRY_M,
+    FLAT_M,
+    GATE,
+    KNOWN,
+    REACH,
+    SHARE,
+    SIGMA_ANGLE_RAD,
+    SIGMA_RANGE_M,
+    STEEP,
+    STEEPEST,
+    THING_M,
+    WIDE,
+    WITNESSES,
+)
+from core.mapping.surface.touched import Limits
 from core.records import F64
 from jit import Record, Records, kernel
 
@@ -69,21 +86,6 @@ RETURN = np.dtype(
 )
 NONE, FLOOR, ABOVE, BELOW, HIGH = 0, 1, 2, 3, 4  # what a return is
 
-SIGMA_RANGE_M = 0.012  # of a range (sheet)
-SIGMA_ANGLE_RAD = math.radians(0.03)  # of the attitude, from scan to scan: below its resolution
-KNOWN = -2.5  # log-odds: floor beyond which floor was seen
-BACK = 4  # cells
-BESIDE, BESIDE_M = 2, 0.3  # beams; and how near returns of one thing lie
-BACK_M, CARRY_M = 0.3, 1.0  # steps along a beam to known ground; how far its slope carries
-SIGMA_LENS_M = 0.003  # of the lens' height over the wheels: tyres,
-ARM_M = 0.3  # and unevenness under them: a wheel that lifts the lens tips the body by this lever
-SWAY_S = 1.0  # a robot that leant otherwise so long ago, sways
-AHEAD_M = 4.0  # so far beyond a point it is looked for
-GUESS_M = 0.04  # 1 sigma: ground less sure is a guess: a step of h_pos is 2.5 of them
-BIN_M, BINS, WIDE = 0.01, 80, 5  # in which returns over unknown ground agree
-LEAST, SHARE = 15, 0.3  # so many of them, and so large a share, are floor
-LOST = 9  # so many times more returns over a guess than over known ground
-
 
 class Stand(NamedTuple):
     """Where and how the robot stands at a sweep: on which plane."""
@@ -110,21 +112,24 @@ class Beams(NamedTuple):
 
 
 class Sway:
-    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that."""
+    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that.
 
-    def __init__(self) -> None:
-        self.slopes, self._off = (math.nan, math.nan), 0.0
+    arm_m: lever by which a wheel that lifts the lens tips the body: from the axle to the lens.
+    """
+
+    def __init__(self, arm_m: float) -> None:
+        self.slopes, self._off, self._arm_m = (math.nan, math.nan), 0.0, arm_m
 
     def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
         """The body's own slopes now; variance of the height of the lens by what it sways over."""
-        share = 1.0 - math.exp(-passed_s / SWAY_S)
+        share = 1.0 - math.exp(-passed_s / ALIKE_S)
         (ax, ay), (bx, by) = self.slopes, slopes
         if math.isnan(ax):
             ax, ay = bx, by
         self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
         off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
         self._off = max(off, (1.0 - share) * self._off)
-        return SIGMA_LENS_M**2 + (ARM_M * self._off) ** 2
+        return FLAT_M**2 + (self._arm_m * self._off) ** 2
 
 
 @kernel
@@ -169,7 +174,7 @@ def _plane_of(cell: Record, z: float, var: float, is_before: bool) -> Plane:
 @kernel
 def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surface) -> Plane:
     """Ground extended to a point of a beam from the nearest seen before (-1) or behind it (1)."""
-    away, cell_m = BACK_M, surface.cell_m
+    away, cell_m = THING_M, surface.cell_m
     while away < far_m:
         bx, by = x + side * away * ray[0], y + side * away * ray[1]
         at = cell_at(bx, by, surface)
@@ -182,7 +187,7 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             var = grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
             z = ground_of(cell, surface.own) + a * dx + b * dy
             return _plane_of(cell, z, var, side < 0.0)
-        away += BACK_M
+        away += THING_M
     return NOWHERE
 
 
@@ -248,7 +253,7 @@ def hold(beams: Beams, stand: Stand, h_pos_m: float, surface: Surface) -> int:
             if surface.cells[at].looks == 0 and not (is_known and z > plane.z_m + h_pos_m):
                 near = reach(x - cx, y - cy, r, ray, stand, surface)
             if not is_known:
-                plane = _between(near, _find(x - cx, y - cy, ray, 1.0, AHEAD_M, surface))
+                plane = _between(near, _find(x - cx, y - cy, ray, 1.0, REACH_M, surface))
         one.slope_x, one.slope_y, one.var_m2 = plane.slope_x, plane.slope_y, plane.var_m2
         one.is_before, one.tied = plane.is_before, plane.tied
         one.height_m = z - plane.z_m - plane.slope_x * cx - plane.slope_y * cy
@@ -262,7 +267,7 @@ def hold(beams: Beams, stand: Stand, h_pos_m: float, surface: Surface) -> int:
 def _is_near(one: Record, other: Record) -> bool:
     """Whether two returns may be of one thing."""
     dx, dy = other.x_m - one.x_m, other.y_m - one.y_m
-    return bool(other.at >= 0 and dx * dx + dy * dy < BESIDE_M * BESIDE_M)
+    return bool(other.at >= 0 and dx * dx + dy * dy < THING_M * THING_M)
 
 
 @kernel
@@ -302,7 +307,7 @@ def find_witnesses(beams: Beams, stand: Stand, surface: Surface) -> None:
         if one.at < 0:
             continue
         r, step = beams.ranges_m[0, b], cell_m / math.hypot(ray[0], ray[1])
-        for k in range(BACK):
+        for k in range(1 + REACH):
             x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
             at = cell_at(x, y, surface)
             if at >= 0 and cells[at].looks > 0 and cells[at].stands <= KNOWN:
@@ -322,8 +327,8 @@ def find_witnesses(beams: Beams, stand: Stand, surface: Surface) -> None:
 
 
 @kernel
-def _agreed_m(unsure: int, bins: F64) -> float:
-    """The height over a guess at which enough of the unsure returns agree; inf: none."""
+def _agreed(unsure: int, bins: F64) -> float:
+    """The bin about which enough of the unsure returns agree; inf: none."""
     best, most = 0, 0.0
     for k in range(BINS - WIDE):
         total = 0.0
@@ -331,37 +336,33 @@ def _agreed_m(unsure: int, bins: F64) -> float:
             total += bins[k + m]
         if total > most:
             best, most = k, total
-    if most < LEAST or most < SHARE * unsure:
-        return math.inf
-    return (best + 0.5 * WIDE - BINS // 2) * BIN_M
+    return best + 0.5 * WIDE if most >= WITNESSES and most >= SHARE * unsure else math.inf
 
 
 @kernel
-def agree(returns: Records, tied: int, bins: F64) -> None:
+def agree(returns: Records, tied: int, limits: Limits, bins: F64) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height."""
-    unsure, sure, guessed = 0, 0, 0
+    unsure, sure, edge = 0, 0, 0.1 * limits.h_pos_m
     bins[:] = 0.0
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:
             continue
-        if one.var_m2 <= GUESS_M * GUESS_M:
+        if one.var_m2 <= limits.guess_m2:
             sure += 1
             continue
-        guessed += 1
-        k = math.floor(one.height_m / BIN_M) + BINS // 2
-        if 0 <= k < BINS and one.height_m**2 < 4.0 * one.var_m2:
+        k = math.floor(one.height_m / edge) + BINS // 2
+        if 0 <= k < BINS and one.height_m**2 < GATE * GATE * one.var_m2:
             unsure += 1
             bins[k] += 1.0
-    if guessed <= LOST * sure:
+    agreed = _agreed(unsure, bins)
+    if sure > WITNESSES or agreed == math.inf:
         return
-    offset = _agreed_m(unsure, bins)
-    if offset == math.inf:
-        return
+    offset = (agreed - BINS // 2) * edge
     for b in range(returns.size):
         one = returns[b]
-        if one.at >= 0 and one.var_m2 > GUESS_M * GUESS_M:
+        if one.at >= 0 and one.var_m2 > limits.guess_m2:
             one.height_m -= offset
             one.near_m -= offset
-            one.var_m2 = one.near_var_m2 = (0.25 * WIDE * BIN_M) ** 2
+            one.var_m2 = one.near_var_m2 = (0.25 * WIDE * edge) ** 2
             one.tied = tied

@@ -18,6 +18,8 @@ class Limits(NamedTuple):
     h_pos_m: float
     h_neg_m: float
     height_m: float  # of the robot
+    guess_m2: float  # variance of ground that is a guess
+    due_m: float  # from level ground so near a beam comes back
     parts: int  # of a cell, along its edge
     soft_m: float = 0.0  # so high, soft things may be free; 0: never
 

@@ -9,16 +9,14 @@ from hypothesis import strategies as st
 from core.grid.ring import RingGrid
 from core.mapping.surface.cells import (
     APART,
-    REACH,
-    RISES,
-    STEEPEST,
     cell_at,
     ground_of,
     index_of,
     predict,
     world_cell,
 )
-from tests.support.ground_cells import GroundCells
+from core.mapping.surface.constants import REACH, STEEPEST
+from tests.support.ground_cells import RISES, GroundCells
 
 CELL_M, FAR_AWAY_M = 0.2, -50.0
 SLOPES = st.floats(-0.1, 0.1)

@@ -25,9 +25,8 @@ from core.mapping.causes import (
     state_of,
 )
 from core.mapping.surface.cells import APART, BLANK, CELL, LOOSE, TIED
-from core.mapping.surface.decision import LIKELY, is_framed, rule_of
-from core.mapping.surface.error import GATE
-from core.mapping.surface.evidence import CLEAR
+from core.mapping.surface.constants import CLEAR, GATE, LIKELY
+from core.mapping.surface.decision import is_framed, rule_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import Record, records
 from tests.support.ground_cells import LIMITS, GroundCells, packed

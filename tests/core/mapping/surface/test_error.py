@@ -9,19 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.mapping.surface.cells import BLANK, TIED
-from core.mapping.surface.error import (
-    FAST_S,
-    SIGMA_STATIC_RAD,
-    STATES,
-    SweepFilter,
-    forget,
-    jump,
-    roll_on,
-    set_right,
-)
+from core.mapping.surface.constants import BINS, FAST_S, SIGMA_STATIC_RAD
+from core.mapping.surface.error import STATES, SweepFilter, forget, jump, roll_on, set_right
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
-from core.mapping.surface.sweep import BINS, RETURN, Beams, Stand, agree, find_witnesses, hold
+from core.mapping.surface.sweep import RETURN, Beams, Stand, agree, find_witnesses, hold
 from core.records import F64
 from jit import COMPILED, Records, records
 from tests.support.ground_cells import LIMITS, GroundCells
@@ -168,7 +160,7 @@ def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
         stand = stand._replace(t_s=k * passed_s)
         forget(passed_s, 0.0, off.own, off.P)
         hold(beams, stand, LIMITS.h_pos_m, surface)
-        agree(beams.returns, TIED, bins)
+        agree(beams.returns, TIED, LIMITS, bins)
         find_witnesses(beams, stand, surface)
         set_right(beams.returns, stand.t_s, passed_s, 0.0, surface, off.P, off.room)
         touched.used[0] = 0

@@ -7,11 +7,11 @@ import pytest
 
 from core.mapping.causes import NO_FLOOR, SOFT, UNREACHED, UNSHOWN
 from core.mapping.surface.cells import LOOSE, TIED
-from core.mapping.surface.decision import LIKELY, is_passable, rule_of
-from core.mapping.surface.evidence import CLEAR, vote
+from core.mapping.surface.constants import CLEAR, HARD, LET_IN, LIKELY, PASS_THROUGH, STOPPED
+from core.mapping.surface.decision import is_passable, rule_of
+from core.mapping.surface.evidence import vote
 from core.mapping.surface.maps import SurfaceMaps
-from core.mapping.surface.passing import PASS_THROUGH
-from core.mapping.surface.soft import HARD, LET_IN, STOPPED, softness
+from core.mapping.surface.soft import softness
 from core.mapping.surface.touched import touch
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few

@@ -3,7 +3,8 @@
 import pytest
 
 from core.mapping.surface.cells import APART, LOOSE, TIED
-from core.mapping.surface.ties import FRONT, spread_ties, tie_of
+from core.mapping.surface.constants import FRONT
+from core.mapping.surface.ties import spread_ties, tie_of
 from core.mapping.surface.touched import NEWLY_TIED, touch
 from tests.support.ground_cells import LIMITS, GroundCells
 

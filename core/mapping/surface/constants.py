@@ -46,4 +46,6 @@ LET_IN, STOPPED, HARD = (
 LOWERED = 0.5  # how far one scan moves what is known of ground that was not met
 THING_M = 0.3  # so near lie returns of one thing
 BESIDE, DARK = 2, 3  # beams: by which a face shows; in a row that do not come back
-BINS, WIDE, SHARE = 80, 5, 0.3  # a tenth of h_pos each, in which returns over a guess agree
+GAP_M = 5.0  # longest along a beam, from one ground to the next
+WIDE, SHARE = 5, 0.3  # bins, half of h_pos, in which returns over a guess agree; of all of them
+BINS = 16 * WIDE  # four h_pos up and down

@@ -26,6 +26,7 @@ import numpy as np
 from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of
 from core.mapping.surface.constants import (
     ALIKE_S,
+    BINS,
     FAST_S,
     FLAT_M,
     GATE,
@@ -53,11 +54,13 @@ class Room(NamedTuple):
     gone: F64  # (5,) how far it has moved since the returns were held against the ground
     h: F64  # (5,)
     Ph: F64  # (5,)
+    bins: F64  # (BINS,) in which returns over a guess are counted
 
 
 def new_room() -> Room:
     square, line = (STATES, STATES), STATES
-    return Room(*(np.zeros(shape) for shape in (square, line, square, line, square, *[line] * 3)))
+    shapes = (square, line, square, line, square, line, line, line, BINS)
+    return Room(*(np.zeros(shape) for shape in shapes))
 
 
 @kernel

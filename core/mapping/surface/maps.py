@@ -23,7 +23,7 @@ from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Ground, Surface
-from core.mapping.surface.constants import BINS, CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
+from core.mapping.surface.constants import CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
 from core.mapping.surface.decision import Decision, Shown, decide_cells
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams
@@ -57,7 +57,7 @@ EVIDENCE = {  # fields of a cell, by what they tell
 @kernel
 def take_sweep(
     first: Beams, behind: Beams, stand: Stand, passed_s: float, guess: int, limits: Limits,
-    surface: Surface, P: F64, room: Room, bins: F64, touched: Touched, shown: Shown, used: int,
+    surface: Surface, P: F64, room: Room, touched: Touched, shown: Shown, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
 
@@ -71,7 +71,7 @@ def take_sweep(
     touched.used[0] = 0
     count = hold(first, stand, limits.h_pos_m, surface)
     find_faces(first.returns)
-    agree(first.returns, guess, limits, bins)
+    agree(first.returns, guess, limits, room.bins)
     find_witnesses(first, stand, surface)
     set_right(first.returns, stand.t_s, passed_s, stand.travel_m, surface, P, room)
     end_beams(first, stand, limits, surface, touched)
@@ -114,7 +114,6 @@ class SurfaceMaps:
         tall = self.grid.layer(np.uint8, 0).reshape(-1)
         self._touched = none_touched(tall, self.fresh.seen_s)
         self._returns = [records(RETURN, spec.max_beams) for _ in range(2)]
-        self._bins = np.zeros(BINS)
         for echo in self._returns:
             echo["witness"] = -1
         self._faces = FaceMatcher(self.grid, spec.max_beams)
@@ -165,7 +164,7 @@ class SurfaceMaps:
         self._touched = self._touched._replace(oldest_s=self.fresh.oldest_s)
         count, self.window.used = take_sweep(
             first, behind, stand, passed_s, LOOSE if self._anchored else TIED, self._limits,
-            surface, P, self._error.room, self._bins, self._touched, self._decision.shown,
+            surface, P, self._error.room, self._touched, self._decision.shown,
             self.window.used,
         )  # fmt: skip
         if not self._anchored:

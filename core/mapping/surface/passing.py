@@ -6,12 +6,13 @@ Source: docs/method.md, section 4.
 import math
 
 from core.grid.places import part_bit
-from core.mapping.along import REACH_M, STEP_M, first_place_m, places_along, share_of
+from core.mapping.along import STEP_M, first_place_m, places_along, share_of
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface.cells import Surface, cell_at, ground_of, index_of, plane_at
 from core.mapping.surface.constants import (
     CLEAR,
     DARK,
+    GAP_M,
     GATE,
     LEAST,
     LOWERED,
@@ -89,7 +90,7 @@ def _pass_low(
         step, last = max(step, STEP_M), one.at
         r = end + (1.0 - share_of(b, surface.scan[0])) * step
     lens_z, fall = upright_line(lens, ray, stand, own)
-    while r - step > MIN_RANGE_M and end - r < REACH_M:
+    while r - step > MIN_RANGE_M and end - r < GAP_M:
         r -= step
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         i, j = math.floor(x / cell_m), math.floor(y / cell_m)

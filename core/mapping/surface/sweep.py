@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.mapping.along import REACH_M
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface.cells import (
     LOOSE,
@@ -37,8 +36,11 @@ from core.mapping.surface.constants import (
     BINS,
     CARRY_M,
     FLAT_M,
+    GAP_M,
     GATE,
+    HIT,
     KNOWN,
+    RARE,
     REACH,
     SHARE,
     SIGMA_ANGLE_RAD,
@@ -253,7 +255,7 @@ def hold(beams: Beams, stand: Stand, h_pos_m: float, surface: Surface) -> int:
             if surface.cells[at].looks == 0 and not (is_known and z > plane.z_m + h_pos_m):
                 near = reach(x - cx, y - cy, r, ray, stand, surface)
             if not is_known:
-                plane = _between(near, _find(x - cx, y - cy, ray, 1.0, REACH_M, surface))
+                plane = _between(near, _find(x - cx, y - cy, ray, 1.0, GAP_M, surface))
         one.slope_x, one.slope_y, one.var_m2 = plane.slope_x, plane.slope_y, plane.var_m2
         one.is_before, one.tied = plane.is_before, plane.tied
         one.height_m = z - plane.z_m - plane.slope_x * cx - plane.slope_y * cy
@@ -342,7 +344,7 @@ def _agreed(unsure: int, bins: F64) -> float:
 @kernel
 def agree(returns: Records, tied: int, limits: Limits, bins: F64) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height."""
-    unsure, sure, edge = 0, 0, 0.1 * limits.h_pos_m
+    unsure, sure, guessed, edge = 0, 0, 0, 0.5 * limits.h_pos_m / WIDE
     bins[:] = 0.0
     for b in range(returns.size):
         one = returns[b]
@@ -351,12 +353,15 @@ def agree(returns: Records, tied: int, limits: Limits, bins: F64) -> None:
         if one.var_m2 <= limits.guess_m2:
             sure += 1
             continue
+        guessed += 1
         k = math.floor(one.height_m / edge) + BINS // 2
-        if 0 <= k < BINS and one.height_m**2 < GATE * GATE * one.var_m2:
+        if 0 <= k < BINS and one.height_m**2 < HIT * HIT * one.var_m2:
             unsure += 1
             bins[k] += 1.0
+    if sure >= RARE * (sure + guessed):
+        return
     agreed = _agreed(unsure, bins)
-    if sure > WITNESSES or agreed == math.inf:
+    if agreed == math.inf:
         return
     offset = (agreed - BINS // 2) * edge
     for b in range(returns.size):

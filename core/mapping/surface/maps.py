@@ -154,6 +154,7 @@ class SurfaceMaps:
         stand = Stand(
             body.x_m, body.y_m, z_m, *self._sway.slopes, *body.heading, sweep.t_s, body.travel_m
         )
+        self._sway.stand = stand
         n, ranges_m = len(sweep.rays), sweep.ranges_m
         first, behind = (
             Beams(
@@ -184,6 +185,18 @@ class SurfaceMaps:
         ground = cells["ground_m"] - own[3] * cells["arm_m"] - own[4] * cells["aside_m"]
         heights_m: F64 = ground + self._over_ground_m()
         return heights_m
+
+    def heights_over_plane_m(self) -> F64:
+        """The same over the plane on which the robot stands: what is always wrong tilts both."""
+        stand, grid = self._sway.stand, self.grid
+        if stand is None:
+            return self.heights_m()
+        places = np.arange(grid.size)
+        x_m = grid.corner_i + (places - grid.corner_i) % grid.size + 0.5
+        y_m = grid.corner_j + (places - grid.corner_j) % grid.size + 0.5
+        dx_m, dy_m = x_m * grid.cell_m - stand.x_m, y_m * grid.cell_m - stand.y_m
+        along = stand.slope_x * dx_m[None, :] + stand.slope_y * dy_m[:, None]
+        return np.asarray(self.heights_m() - stand.z_m - along)
 
     def _over_ground_m(self) -> F64:
         """How high what stands is, 0 where floor was seen, NaN elsewhere: (size, size)."""

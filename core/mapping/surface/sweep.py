@@ -121,6 +121,7 @@ class Sway:
 
     def __init__(self, arm_m: float) -> None:
         self.slopes, self._off, self._arm_m = (math.nan, math.nan), 0.0, arm_m
+        self.stand: Stand | None = None  # at the newest sweep
 
     def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
         """The body's own slopes now; variance of the height of the lens by what it sways over."""
